@@ -1,0 +1,55 @@
+"""Torque-controlled planar redundant arms: closed-form dynamics as fast Gymnasium environments."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from redundant_envs.envs import registration as _registration
+
+if TYPE_CHECKING:
+    from redundant_envs import effects, evaluators
+    from redundant_envs.envs.check import check_vec_env
+    from redundant_envs.envs.sb3 import make_sb3
+    from redundant_envs.model.arms import RPRP, FourR
+    from redundant_envs.model.batch import BatchSimulator, Numerics
+    from redundant_envs.model.trajectory import simulate
+    from redundant_envs.scene import Scene, load_scene
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "RPRP": "model.arms",
+    "FourR": "model.arms",
+    "Scene": "scene",
+    "load_scene": "scene",
+    "BatchSimulator": "model.batch",
+    "Numerics": "model.batch",
+    "simulate": "model.trajectory",
+    "make_sb3": "envs.sb3",
+    "check_vec_env": "envs.check",
+    "effects": "",
+    "evaluators": "",
+}
+__all__ = [
+    "RPRP", "BatchSimulator", "FourR", "Numerics", "Scene", "check_vec_env", "effects",
+    "evaluators", "load_scene", "make_sb3", "simulate",
+]  # fmt: skip
+
+_registration.register()
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is first used: importing the package stays fast."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'redundant_envs' has no attribute {name!r}")
+    from importlib import import_module
+
+    import_module("redundant_envs.model.arms")
+    home = _HOMES[name]
+    if not home:
+        return import_module(f"redundant_envs.{name}")
+    return getattr(import_module(f"redundant_envs.{home}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_HOMES])

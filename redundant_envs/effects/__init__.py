@@ -1,0 +1,16 @@
+"""Effects a scene may name. A new effect is one file here and one line below."""
+
+from redundant_envs.effects.centring_spring import CentringSpring
+from redundant_envs.effects.effort_limits import EffortLimits
+from redundant_envs.effects.gravity import Gravity
+from redundant_envs.effects.hooks import Effect
+from redundant_envs.effects.limit_spring import LimitSpring
+from redundant_envs.effects.viscous_friction import ViscousFriction
+
+__all__ = ["CentringSpring", "EffortLimits", "Gravity", "LimitSpring", "ViscousFriction"]
+
+REGISTRY: dict[str, type[Effect]] = {
+    effect.__name__: effect
+    for effect in (CentringSpring, EffortLimits, Gravity, LimitSpring, ViscousFriction)
+}
+"""Effects by their name in scene files."""

@@ -1,0 +1,56 @@
+"""Gravity in a plane of any tilt."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from redundant_envs.algebra import physics
+from redundant_envs.effects.hooks import Effect, Field, Hook
+from redundant_envs.robots.parameters import Arm, number, numbers
+
+
+@physics(gives="ax ay")
+def field(g, down_x, down_y):
+    """Minus the gravity vector: an arm at rest in the field is an arm accelerated upwards."""
+    return -g * down_x, -g * down_y
+
+
+@dataclass(frozen=True)
+class Gravity(Effect):
+    """Uniform gravity.
+
+    Parameters
+    ----------
+    g : float
+        Strength, m/s^2.
+    down : (float, float)
+        The unit vector that points down, projected on the plane of the arm; its length is at most
+        1. (0, -1) is a vertical plane; :meth:`on_plane` gives it for a tilted one.
+    """
+
+    g: float = 9.81
+    down: tuple[float, float] = (0.0, -1.0)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "g", number("Gravity.g", self.g))
+        object.__setattr__(self, "down", numbers("Gravity.down", self.down, 2))
+        if math.hypot(*self.down) > 1.0 + 1e-12:
+            raise ValueError(
+                f"Gravity.down is {self.down}, of length {math.hypot(*self.down):.6g}; at most 1 "
+                "is possible for the projection of a unit vector: scale g instead"
+            )
+
+    @classmethod
+    def on_plane(cls, g: float = 9.81, tilt: float = 0.0, roll: float = 0.0) -> Gravity:
+        """Gravity in a plane tilted by ``tilt`` [rad] away from vertical and rolled by ``roll``.
+
+        A horizontal plane (tilt = pi/2) has none; ``roll`` turns the direction of steepest
+        descent counter-clockwise from -y.
+        """
+        tilt, roll = number("tilt", tilt), number("roll", roll)
+        down = math.cos(tilt)
+        return cls(g, (down * math.sin(roll), -down * math.cos(roll)))
+
+    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
+        return (Field(field, {"g": ".g", "down_x": ".down[0]", "down_y": ".down[1]"}),)

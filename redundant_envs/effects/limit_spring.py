@@ -1,0 +1,87 @@
+"""A one-sided spring and damper at the ends of a joint's travel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from redundant_envs.algebra import clamp, maximum, physics, where
+from redundant_envs.effects.hooks import Effect, Force, Hook
+from redundant_envs.robots.parameters import Arm, number
+
+
+@physics
+def spring(position, lower, upper, stiffness):
+    return -stiffness * (position - clamp(position, lower, upper))
+
+
+@physics
+def spring_energy(position, lower, upper, stiffness):
+    return 0.5 * stiffness * (position - clamp(position, lower, upper)) ** 2
+
+
+@physics
+def force(position, rate, lower, upper, stiffness, damping):
+    """Spring and damper: the damper grows with depth, so the force is continuous at the limit,
+    and the stop pushes, never pulls."""
+    depth = position - clamp(position, lower, upper)
+    speed_in = where(depth > 0.0, rate, -rate)
+    return -depth * maximum(stiffness + damping * speed_in, 0.0)
+
+
+@dataclass(frozen=True)
+class LimitSpring(Effect):
+    """Limited travel of one joint: the compliant form of the stop the report describes.
+
+    Inside the limits there is no force. At depth d beyond one, the force back is
+    d max(k + c d', 0).
+
+    Parameters
+    ----------
+    coordinate : str
+        Joint: "r1" or "r2" (travel, m), or "joint1", "joint2", ... (relative angle, rad).
+    lower, upper : float
+        Limits of the travel, m or rad.
+    stiffness : float
+        k, N/m or N m/rad, positive.
+    damping : float
+        c, N s/m^2 or N m s/rad^2, not negative.
+    """
+
+    coordinate: str
+    lower: float
+    upper: float
+    stiffness: float = 5000.0
+    damping: float = 0.0
+
+    static = ("coordinate",)
+
+    def __post_init__(self) -> None:
+        for name in ("lower", "upper", "stiffness", "damping"):
+            object.__setattr__(self, name, number(f"LimitSpring.{name}", getattr(self, name)))
+        if self.lower >= self.upper:
+            raise ValueError(
+                f"LimitSpring.lower is {self.lower}, upper is {self.upper}; lower must be below"
+            )
+        if self.stiffness <= 0.0:
+            raise ValueError(f"LimitSpring.stiffness is {self.stiffness}; it must be positive")
+        if self.damping < 0.0:
+            raise ValueError(f"LimitSpring.damping is {self.damping}; it must not be negative")
+
+    @property
+    def key(self) -> str:
+        return f"limit_spring.{self.coordinate}"
+
+    def travel(self, arm: Arm) -> dict[int, tuple[str, str]]:
+        return {arm.joint_index(self.coordinate): ("lower", "upper")}
+
+    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
+        k = arm.joint_index(self.coordinate)
+        bind = {
+            "position": f"phi{k + 1}",
+            "rate": f"phid{k + 1}",
+            "lower": ".lower",
+            "upper": ".upper",
+            "stiffness": ".stiffness",
+            "damping": ".damping",
+        }
+        return (Force(k, force, bind, potential=spring_energy, conservative=spring),)

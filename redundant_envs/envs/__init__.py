@@ -1,0 +1,1 @@
+"""Gymnasium and stable-baselines3 faces of the reach task."""

@@ -1,0 +1,144 @@
+"""One environment: the one-lane view of the same core."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from redundant_envs.envs.core import Core, check_action, refuse_bad_action
+from redundant_envs.envs.vector_env import (
+    ON_BAD_ACTION,
+    info_columns,
+    make_task,
+    observation_space,
+)
+from redundant_envs.scene import Scene
+
+RENDER_MODES = (None, "rgb_array")
+
+
+class ReachEnv(gym.Env[Any, Any]):
+    """A torque-controlled arm that brings its tip to a goal; made by ``gymnasium.make``."""
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 50}
+    goal = False
+
+    def __init__(
+        self,
+        scene: str | Mapping[str, Any] | Scene,
+        render_mode: str | None = None,
+        on_bad_action: str = "raise",
+        task: Mapping[str, Any] | None = None,
+    ) -> None:
+        if render_mode not in RENDER_MODES:
+            raise ValueError(f"render_mode is {render_mode!r}; choose None, 'rgb_array' or 'human'")
+        if on_bad_action not in ON_BAD_ACTION:
+            raise ValueError(f"on_bad_action is {on_bad_action!r}; choose {', '.join(ON_BAD_ACTION)}")
+        self.core = Core(scene, 1, make_task(task))
+        self.on_bad_action = on_bad_action
+        self.render_mode = render_mode
+        self.metadata = {**self.metadata, "render_fps": round(1.0 / self.core.scene.control_dt)}
+        self.observation_space = observation_space(self.core, self.goal)
+        self.action_space = spaces.Box(-1.0, 1.0, (4,), np.float32)
+        self._columns = info_columns(self.core)
+        self._renderer: Any = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Begin a new episode.
+
+        Parameters
+        ----------
+        seed : int, optional
+        options : dict, optional
+            "q", "qd": (4,), "goal": (2,) [m], "parameters": {name: numbers}.
+        """
+        super().reset(seed=seed)
+        self.core.generators[0] = self.np_random
+        self.core.reset(np.ones(1, dtype=np.bool_))
+        if options:
+            if "reset_mask" in options:
+                raise ValueError("options['reset_mask'] belongs to vector environments")
+            self.core.apply(options, np.zeros(1, dtype=np.int64))
+        obs, out = self.core.observe()
+        if self._renderer is not None:
+            self._renderer.clear()
+        return self._observation(obs), self._info(out[0].tolist())
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """One control step; the action is (4,) in [-1, 1], in units of the effort limits."""
+        if self.core.generators[0] is None:
+            raise ValueError("step was called before reset; call reset() first")
+        action = check_action(action, (4,))
+        if self.on_bad_action == "raise":
+            refuse_bad_action(action)
+        obs, out, _, _ = self.core.step(action.reshape(1, 4), 0)
+        values = out[0].tolist()
+        return self._observation(obs), values[0], values[1] > 0.0, False, self._info(values)
+
+    def _observation(self, obs: NDArray[np.float32]) -> Any:
+        return obs[0]
+
+    def _info(self, values: list[float]) -> dict[str, Any]:
+        info: dict[str, Any] = {}
+        for name, column, kind in self._columns:
+            value = values[column]
+            if kind == "bool":
+                info[name] = value > 0.0
+            elif kind == "int":
+                info[name] = int(value)
+            else:
+                info[name] = value
+        return info
+
+    def get_state(self) -> dict[str, Any]:
+        """Snapshot of the environment, generator included."""
+        return self.core.get_state()
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Return to a snapshot; the continuation is the same to the last bit."""
+        self.core.set_state(state)
+        generator = self.core.generators[0]
+        if generator is not None:
+            self._np_random = generator
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """A picture, (height, width, 3) uint8, or None without a render mode."""
+        if self.render_mode is None:
+            gym.logger.warn("render was called without a render_mode; make(..., render_mode='rgb_array')")
+            return None
+        from redundant_envs.envs.rendering import Renderer
+
+        if self._renderer is None:
+            self._renderer = Renderer(self.core)
+        return self._renderer.draw(0)  # type: ignore[no-any-return]
+
+
+class ReachGoalEnv(ReachEnv):
+    """The goal-conditioned form: Dict observations and a reward of the two goals alone, for HER."""
+
+    goal = True
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """One control step; the reward is 0 at the goal and -1 elsewhere."""
+        obs, _, terminated, truncated, info = super().step(action)
+        reward = self.compute_reward(obs["achieved_goal"], obs["desired_goal"], info)
+        return obs, reward, terminated, truncated, info
+
+    def _observation(self, obs: NDArray[np.float32]) -> Any:
+        return {
+            "observation": obs[0],
+            "achieved_goal": self.core.tips()[0],
+            "desired_goal": self.core.goals()[0],
+        }
+
+    def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:
+        """The compiled reward of one pair (2,) or of many (n, 2) of achieved and desired goals."""
+        reward = self.core.goal_reward(achieved_goal, desired_goal)
+        return float(reward[0]) if np.ndim(achieved_goal) == 1 else reward

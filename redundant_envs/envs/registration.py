@@ -1,0 +1,30 @@
+"""Ids of the environments. Imported by ``import redundant_envs``; imports no numerics itself."""
+
+from __future__ import annotations
+
+import gymnasium as gym
+
+NAMESPACE = "redundant_envs"
+MAX_EPISODE_STEPS = 100
+SCENES = {"RPRP": "rprp_reach", "FourR": "four_r_reach"}
+
+
+def ids() -> list[str]:
+    """All registered ids."""
+    return [f"{NAMESPACE}/{arm}{kind}-v0" for arm in SCENES for kind in ("Reach", "GoalReach")]
+
+
+def register() -> None:
+    """Register all ids with Gymnasium; registering twice does nothing."""
+    for arm, scene in SCENES.items():
+        for kind, goal in (("Reach", False), ("GoalReach", True)):
+            name = f"{NAMESPACE}/{arm}{kind}-v0"
+            if name in gym.registry:
+                continue
+            gym.register(
+                id=name,
+                entry_point=f"redundant_envs.envs.named:{arm}{kind}Env",
+                vector_entry_point=f"redundant_envs.envs.named:{arm}{kind}VectorEnv",
+                max_episode_steps=MAX_EPISODE_STEPS,
+                kwargs={"scene": scene},
+            )

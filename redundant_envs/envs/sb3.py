@@ -1,0 +1,227 @@
+"""A stable-baselines3 VecEnv over the same core: no copies of copies, no subprocesses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
+
+from redundant_envs.envs.core import Core, check_action, refuse_bad_action
+from redundant_envs.envs.registration import ids
+from redundant_envs.envs.vector_env import (
+    ON_BAD_ACTION,
+    info_columns,
+    make_task,
+    observation_space,
+)
+from redundant_envs.scene import Scene
+
+SAME_STEP = 2
+
+
+class SB3VecEnv(VecEnv):
+    """Lanes of a reach scene as a VecEnv; use :func:`make_sb3`.
+
+    A done environment begins its next episode in the same step; the last observation is in
+    ``infos[i]["terminal_observation"]``.
+    """
+
+    def __init__(
+        self,
+        scene: str | Mapping[str, Any] | Scene,
+        num_envs: int,
+        max_episode_steps: int,
+        goal: bool = False,
+        on_bad_action: str = "terminate",
+        task: Mapping[str, Any] | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        if on_bad_action not in ON_BAD_ACTION:
+            raise ValueError(f"on_bad_action is {on_bad_action!r}; choose {', '.join(ON_BAD_ACTION)}")
+        if render_mode not in (None, "rgb_array"):
+            raise ValueError(f"render_mode is {render_mode!r}; choose None or 'rgb_array'")
+        limit = float("inf") if max_episode_steps == -1 else float(max_episode_steps)
+        self.core = Core(scene, num_envs, make_task(task), limit)
+        self.goal = goal
+        self.on_bad_action = on_bad_action
+        self.render_mode = render_mode
+        self.metadata = {
+            "render_modes": ["rgb_array"],
+            "render_fps": round(1.0 / self.core.scene.control_dt),
+        }
+        self._columns = info_columns(self.core)
+        self._success = self.core.columns["is_success"]
+        self._renderers: list[Any] = []
+        super().__init__(
+            num_envs,
+            observation_space(self.core, goal),
+            gym.spaces.Box(-1.0, 1.0, (4,), np.float32),
+        )
+
+    def reset(self) -> Any:
+        """Begin new episodes everywhere; seeds and options set before are used up."""
+        for lane, seed in enumerate(self._seeds):
+            if seed is not None:
+                self.core.seed(lane, seed)
+        self.core.reset(np.ones(self.num_envs, dtype=np.bool_))
+        for lane, options in enumerate(self._options):
+            if options:
+                self.core.apply(options, np.array([lane]))
+        obs, out = self.core.observe()
+        self._reset_seeds()
+        self._reset_options()
+        self.reset_infos = [self._info(row) for row in out.tolist()]
+        return self._observation(obs)
+
+    def step_async(self, actions: NDArray[Any]) -> None:
+        """Keep the actions for :meth:`step_wait`."""
+        self._actions = check_action(actions, (self.num_envs, 4))
+        if self.on_bad_action == "raise":
+            refuse_bad_action(self._actions)
+
+    def step_wait(
+        self,
+    ) -> tuple[Any, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+        """One control step of all environments."""
+        core = self.core
+        if self.goal:
+            return self._goal_step()
+        obs, out, last_obs, last_out = core.step(self._actions, SAME_STEP)
+        dones = (out[:, 1] + out[:, 2]) > 0.0
+        success = (out[:, self._success] > 0.0).tolist()
+        infos = [{"TimeLimit.truncated": False, "is_success": s} for s in success]
+        if dones.any():
+            lanes = np.flatnonzero(dones)
+            core.draw_keys(lanes)
+            core.mask[lanes] = 0
+            for n in lanes.tolist():
+                self._end(infos, n, last_out[n].tolist(), last_obs[n], out[n].tolist())
+        return obs, out[:, 0].astype(np.float32), dones, infos
+
+    def _goal_step(
+        self,
+    ) -> tuple[Any, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+        """The same with goals, which must be read before the next episode begins."""
+        core = self.core
+        obs, out, _, _ = core.step(self._actions, 0)
+        observation = self._observation(obs)
+        reward = core.goal_reward(observation["achieved_goal"], observation["desired_goal"])
+        dones = (out[:, 1] + out[:, 2]) > 0.0
+        infos = [
+            {"TimeLimit.truncated": False, "is_success": s > 0.0}
+            for s in out[:, self._success].tolist()
+        ]
+        if dones.any():
+            core.reset(dones)
+            fresh_obs, fresh_out = core.observe()
+            fresh = self._observation(fresh_obs)
+            for n in np.flatnonzero(dones).tolist():
+                last = {key: value[n].copy() for key, value in observation.items()}
+                self._end(infos, n, out[n].tolist(), last, fresh_out[n].tolist())
+            observation = fresh
+        return observation, reward.astype(np.float32), dones, infos
+
+    def _end(
+        self, infos: list[dict[str, Any]], n: int, row: list[float], last: Any, fresh: list[float]
+    ) -> None:
+        """The info of an environment whose episode ended."""
+        infos[n] = self._info(row)
+        infos[n]["terminal_observation"] = last
+        infos[n]["TimeLimit.truncated"] = row[2] > 0.0 and not row[1] > 0.0
+        self.reset_infos[n] = self._info(fresh)
+
+    def _observation(self, obs: NDArray[np.float32]) -> Any:
+        if not self.goal:
+            return obs
+        return {
+            "observation": obs,
+            "achieved_goal": self.core.tips(),
+            "desired_goal": self.core.goals(),
+        }
+
+    def _info(self, row: list[float]) -> dict[str, Any]:
+        cast = {"bool": lambda x: x > 0.0, "int": int, "float": float}
+        return {name: cast[kind](row[k]) for name, k, kind in self._columns}
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+    def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> NDArray[np.float64]:
+        """The compiled reward of (n, 2) pairs of goals (goal environments)."""
+        if not self.goal:
+            raise ValueError("compute_reward belongs to the goal environments (…GoalReach-v0)")
+        return self.core.goal_reward(achieved_goal, desired_goal)
+
+    def get_state(self) -> dict[str, Any]:
+        """Snapshot of all environments, generators included."""
+        return self.core.get_state()
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Return to a snapshot."""
+        self.core.set_state(state)
+
+    def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
+        """One picture per environment."""
+        if self.render_mode is None:
+            return [None] * self.num_envs
+        from redundant_envs.envs.rendering import Renderer
+
+        if not self._renderers:
+            self._renderers = [Renderer(self.core) for _ in range(self.num_envs)]
+        return [r.draw(i) for i, r in enumerate(self._renderers)]
+
+    # ---- attributes and methods as SB3 reaches them ----------------------------------------------
+
+    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
+        """An attribute, once per environment asked for."""
+        return [getattr(self, attr_name)] * len(list(self._get_indices(indices)))
+
+    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+        """Set an attribute; it is shared, so only for all environments at once."""
+        if len(list(self._get_indices(indices))) != self.num_envs:
+            raise ValueError(
+                f"set_attr({attr_name!r}) was asked for some environments; attributes are shared: "
+                "use set_options(...) with 'parameters' for single ones"
+            )
+        setattr(self, attr_name, value)
+
+    def env_method(
+        self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
+    ) -> list[Any]:
+        """Call a method of this object; the result is repeated per environment asked for."""
+        result = getattr(self, method_name)(*method_args, **method_kwargs)
+        return [result] * len(list(self._get_indices(indices)))
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: VecEnvIndices = None) -> list[bool]:
+        """No environment is wrapped inside."""
+        return [False] * len(list(self._get_indices(indices)))
+
+
+def make_sb3(env_id: str, num_envs: int = 256, **kwargs: Any) -> SB3VecEnv:
+    """A native stable-baselines3 VecEnv of a registered id.
+
+    Parameters
+    ----------
+    env_id : str
+        A registered id, with or without the namespace.
+    num_envs : int
+    **kwargs
+        Those of ``gymnasium.make``: scene, task, on_bad_action, render_mode, max_episode_steps.
+    """
+    full = env_id if "/" in env_id else f"redundant_envs/{env_id}"
+    if full not in ids():
+        raise ValueError(f"env_id is {env_id!r}; valid: {', '.join(ids())}")
+    if isinstance(num_envs, bool) or not isinstance(num_envs, int) or num_envs < 1:
+        raise ValueError(f"num_envs is {num_envs!r}; give a whole number of at least 1")
+    spec = gym.spec(full)
+    arguments = {"max_episode_steps": spec.max_episode_steps, **spec.kwargs, **kwargs}
+    valid = ("scene", "task", "on_bad_action", "render_mode", "max_episode_steps")
+    for key in arguments:
+        if key not in valid:
+            raise ValueError(f"make_sb3 has no argument {key!r}; valid: {', '.join(valid)}")
+    return SB3VecEnv(num_envs=num_envs, goal="Goal" in full, **arguments)

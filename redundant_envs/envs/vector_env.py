@@ -1,0 +1,285 @@
+"""The environment: many lanes in one compiled call, as a Gymnasium VectorEnv."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from redundant_envs.envs.core import Core, check_action, refuse_bad_action
+from redundant_envs.scene import Scene
+from redundant_envs.tasks.reach import ReachTask
+
+KERNEL_MODE = {
+    AutoresetMode.DISABLED: 0,
+    AutoresetMode.NEXT_STEP: 1,
+    AutoresetMode.SAME_STEP: 2,
+}
+ON_BAD_ACTION = ("raise", "terminate")
+BOOLEAN = ("is_success", "touched_new")
+WHOLE = ("numerics", "saturated", "steps")
+INFO_NAMES = {"touched_new": "touch_success", "saturated": "saturated_actions", "steps": "episode_steps"}
+
+
+def info_name(column: str) -> str:
+    """Name of an output column in ``info``."""
+    if column.endswith("_term_sum"):
+        return f"return_{column.removesuffix('_term_sum')}"
+    return INFO_NAMES.get(column, column)
+
+
+def info_columns(core: Core) -> list[tuple[str, int, str]]:
+    """What ``info`` shows: (name, column, kind)."""
+    kinds = {**dict.fromkeys(BOOLEAN, "bool"), **dict.fromkeys(WHOLE, "int")}
+    return [
+        (info_name(c), k, kinds.get(c, "float")) for c, k in core.columns.items() if k >= 3
+    ]
+
+
+def observation_space(core: Core, goal: bool) -> spaces.Space[Any]:
+    """Space of one environment's observation."""
+    box = spaces.Box(-1.0, 1.0, (core.obs_size,), np.float32)
+    if not goal:
+        return box
+    place = spaces.Box(-2.0 * core.reach, 2.0 * core.reach, (2,), np.float64)
+    return spaces.Dict({"observation": box, "achieved_goal": place, "desired_goal": place})
+
+
+class ReachVectorEnv(VectorEnv[Any, Any, Any]):
+    """Native vector environment of a reach task; made by ``gymnasium.make_vec``.
+
+    Parameters
+    ----------
+    scene : str or mapping
+        Scene by name, path of a YAML file, or plain data.
+    num_envs : int
+    max_episode_steps : int
+        Truncate after so many control steps; -1 never does.
+    autoreset_mode : AutoresetMode or str
+        "next_step", "same_step" or "disabled".
+    on_bad_action : {"terminate", "raise"}
+        What a non-finite action does to its lane.
+    goal : bool
+        Dict observations and the sparse reward of the goal environments.
+    task : mapping
+        Numbers of :class:`~redundant_envs.tasks.reach.ReachTask` other than the defaults.
+    render_mode : {None, "rgb_array"}
+    """
+
+    def __init__(
+        self,
+        scene: str | Mapping[str, Any] | Scene,
+        num_envs: int = 1,
+        max_episode_steps: int = 100,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        on_bad_action: str = "terminate",
+        goal: bool = False,
+        task: Mapping[str, Any] | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        if isinstance(num_envs, bool) or not isinstance(num_envs, int) or num_envs < 1:
+            raise ValueError(f"num_envs is {num_envs!r}; give a whole number of at least 1")
+        self.autoreset_mode = autoreset(autoreset_mode)
+        if on_bad_action not in ON_BAD_ACTION:
+            raise ValueError(f"on_bad_action is {on_bad_action!r}; choose {', '.join(ON_BAD_ACTION)}")
+        if render_mode not in (None, "rgb_array"):
+            raise ValueError(f"render_mode is {render_mode!r}; a vector has None or 'rgb_array'")
+        limit = float("inf") if max_episode_steps in (None, -1) else float(max_episode_steps)
+        self.core = Core(scene, num_envs, make_task(task), limit)
+        self.num_envs = num_envs
+        self.goal = goal
+        self.on_bad_action = on_bad_action
+        self.render_mode = render_mode
+        self.metadata = {
+            "render_modes": ["rgb_array"],
+            "render_fps": round(1.0 / self.core.scene.control_dt),
+            "autoreset_mode": self.autoreset_mode,
+        }
+        self.single_observation_space = observation_space(self.core, goal)
+        self.single_action_space = spaces.Box(-1.0, 1.0, (4,), np.float32)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._columns = info_columns(self.core)
+        self._ended = np.zeros(num_envs, dtype=np.bool_)
+        self._ready = False
+        self._renderers: list[Any] = []
+
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[Any, dict[str, Any]]:
+        """Begin new episodes.
+
+        Parameters
+        ----------
+        seed : int, sequence of ints, optional
+            Environment i gets ``seed + i``, or its entry of the sequence.
+        options : dict, optional
+            "reset_mask": (num_envs,) bool, the environments to reset; "q", "qd": (4,) or (n, 4);
+            "goal": (2,) or (n, 2) [m]; "parameters": {name: numbers}; n counts those reset.
+        """
+        options = dict(options or {})
+        mask = options.pop("reset_mask", None)
+        if mask is None:
+            mask = np.ones(self.num_envs, dtype=np.bool_)
+        mask = np.asarray(mask)
+        if mask.dtype != np.bool_ or mask.shape != (self.num_envs,) or not mask.any():
+            raise ValueError(
+                f"options['reset_mask'] has shape {mask.shape} and dtype {mask.dtype}; "
+                f"give ({self.num_envs},) bool with at least one True"
+            )
+        if not self._ready and not mask.all():
+            raise ValueError("options['reset_mask'] leaves environments out of the first reset")
+        for lane, value in enumerate(lane_seeds(seed, self.num_envs)):
+            if value is not None and mask[lane]:
+                self.core.seed(lane, value)
+        self.core.reset(mask)
+        if options:
+            self.core.apply(options, np.flatnonzero(mask))
+        obs, out = self.core.observe()
+        self._ended[mask] = False
+        self._ready = True
+        infos = self._infos(out, mask)
+        return self._observation(obs), infos
+
+    def step(
+        self, actions: Any
+    ) -> tuple[Any, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+        """One control step of all environments; actions are (num_envs, 4) in [-1, 1]."""
+        if not self._ready:
+            raise ValueError("step was called before reset; call reset() first")
+        actions = check_action(actions, (self.num_envs, 4))
+        if self.on_bad_action == "raise":
+            refuse_bad_action(actions)
+        core, mode = self.core, self.autoreset_mode
+        if mode is AutoresetMode.DISABLED and self._ended.any():
+            raise ValueError(
+                f"environments {np.flatnonzero(self._ended).tolist()[:8]} have ended; call "
+                "reset(options={'reset_mask': mask}) for them first (autoreset_mode is disabled)"
+            )
+        obs, out, last_obs, last_out = core.step(actions, KERNEL_MODE[mode])
+        terminated = out[:, 1] > 0.0
+        truncated = out[:, 2] > 0.0
+        reward = out[:, 0].copy()
+        ended = terminated | truncated
+        if mode is AutoresetMode.NEXT_STEP:
+            if core.mask.any():
+                begun = core.mask == 2
+                core.draw_keys(np.flatnonzero(begun))
+                core.mask[begun] = 0
+                core.draw_keys(())
+        infos = self._infos(out, None)
+        if mode is AutoresetMode.SAME_STEP and ended.any():
+            lanes = np.flatnonzero(ended)
+            core.draw_keys(lanes)
+            core.mask[lanes] = 0
+            final = np.full(self.num_envs, None, dtype=object)
+            for n in lanes:
+                final[n] = self._single_observation(last_obs, int(n))
+            infos["final_obs"], infos["_final_obs"] = final, ended.copy()
+            infos["final_info"] = self._infos(last_out, ended)
+            infos["_final_info"] = ended.copy()
+        if mode is AutoresetMode.DISABLED:
+            self._ended = ended.copy()
+        if self.goal:
+            observation = self._observation(obs)
+            reward = core.goal_reward(observation["achieved_goal"], observation["desired_goal"])
+            return observation, reward, terminated, truncated, infos
+        return obs, reward, terminated, truncated, infos
+
+    def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:
+        """Goal environments only: the compiled reward of (n, 2) pairs of goals."""
+        if not self.goal:
+            raise ValueError("compute_reward belongs to the goal environments (…GoalReach-v0)")
+        return self.core.goal_reward(achieved_goal, desired_goal)
+
+    def get_state(self) -> dict[str, Any]:
+        """Snapshot of all environments, generators included."""
+        return {**self.core.get_state(), "ended": self._ended.copy()}
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Return to a snapshot; the continuation is the same to the last bit."""
+        self.core.set_state(state)
+        self._ended = np.array(state["ended"])
+        self._ready = True
+
+    def render(self) -> tuple[NDArray[np.uint8], ...]:
+        """One picture per environment, (height, width, 3) uint8."""
+        if self.render_mode is None:
+            raise ValueError("render needs render_mode='rgb_array' at make")
+        from redundant_envs.envs.rendering import Renderer
+
+        if not self._renderers:
+            self._renderers = [Renderer(self.core) for _ in range(self.num_envs)]
+        return tuple(r.draw(i) for i, r in enumerate(self._renderers))
+
+    # ---- shapes of what is returned --------------------------------------------------------------
+
+    def _observation(self, obs: NDArray[np.float32]) -> Any:
+        if not self.goal:
+            return obs
+        return {
+            "observation": obs,
+            "achieved_goal": self.core.tips(),
+            "desired_goal": self.core.goals(),
+        }
+
+    def _single_observation(self, obs: NDArray[np.float32], lane: int) -> Any:
+        if not self.goal:
+            return obs[lane]
+        raise ValueError("goal environments have no same_step autoreset; use next_step or disabled")
+
+    def _infos(self, out: NDArray[np.float64], mask: NDArray[np.bool_] | None) -> dict[str, Any]:
+        if mask is None:
+            mask = np.ones(self.num_envs, dtype=np.bool_)
+        infos: dict[str, Any] = {}
+        for name, column, kind in self._columns:
+            values = out[:, column]
+            if kind == "bool":
+                values = values > 0.0
+            elif kind == "int":
+                values = values.astype(np.int64)
+            infos[name] = values
+            infos[f"_{name}"] = mask
+        return infos
+
+
+def make_task(task: Mapping[str, Any] | None) -> ReachTask:
+    """The task from its keyword argument."""
+    if task is None:
+        return ReachTask()
+    valid = list(ReachTask.__dataclass_fields__)
+    for key in task:
+        if key not in valid:
+            raise ValueError(f"task has the unknown key {key!r}; valid: {', '.join(valid)}")
+    return ReachTask(**task)
+
+
+def autoreset(mode: AutoresetMode | str) -> AutoresetMode:
+    """An autoreset mode from itself or its name."""
+    names = {m.name.lower(): m for m in AutoresetMode}
+    if isinstance(mode, AutoresetMode):
+        return mode
+    key = str(mode).lower().replace("-", "_")
+    if key not in names:
+        raise ValueError(f"autoreset_mode is {mode!r}; choose {', '.join(names)}")
+    return names[key]
+
+
+def lane_seeds(seed: Any, count: int) -> list[int | None]:
+    """One seed per lane from Gymnasium's seed argument."""
+    if seed is None:
+        return [None] * count
+    if isinstance(seed, int | np.integer):
+        return [int(seed) + i for i in range(count)]
+    seeds = list(seed)
+    if len(seeds) != count:
+        raise ValueError(f"seed has {len(seeds)} entries; give one per environment, {count}")
+    return [None if s is None else int(s) for s in seeds]

@@ -1,0 +1,30 @@
+"""The dialect on NumPy arrays, elementwise over any batch shape."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from redundant_envs.evaluators.binding import run
+from redundant_envs.evaluators.quantities import calls
+from redundant_envs.robots.parameters import Arm
+
+PRIMITIVES: dict[str, Any] = {
+    "sqrt": np.sqrt,
+    "exp": np.exp,
+    "minimum": np.minimum,
+    "maximum": np.maximum,
+    "where": np.where,
+    "floor": np.floor,
+    "sincos": lambda x: (np.sin(x), np.cos(x)),
+}
+
+
+def evaluate(arm: Arm, wanted: Iterable[str], values: dict[str, Any]) -> list[Any]:
+    """Quantities of an arm from known ones (arrays that broadcast), in the order wanted."""
+    names = list(wanted)
+    order = calls(names, values, arm.functions, arm.sincos)
+    result = run(order, dict(values), PRIMITIVES)
+    return [result[name] for name in names]

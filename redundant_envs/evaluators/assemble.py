@@ -1,0 +1,414 @@
+"""Write the simulator of one scene as one module of text, straight from the physics files.
+
+Bodies are copied unchanged, names prefixed by their file; what is generated here is only the order
+of calls, the step of the tableau and the loops over lanes. An effect the scene does not name is
+not in the text. ``assemble(scene).text`` is the whole simulator on one page.
+
+Memory of a batch: one float64 array of blocks, each ``rows`` rows of 16 lanes. All offsets inside
+a block are constants of the text, which is what lets the compiler vectorise over the lanes.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from redundant_envs.algebra import arguments_of, gives_of, is_physics, physics, sqrt, where
+from redundant_envs.effects.hooks import Actuation, Effect, Field, Force
+from redundant_envs.evaluators.binding import helpers
+from redundant_envs.evaluators.quantities import Call, calls
+from redundant_envs.integrators.fixed_step import step_lines
+from redundant_envs.integrators.tableaus import METHODS
+from redundant_envs.scene import Scene, identifier
+from redundant_envs.tasks.reach import ReachTask
+
+LANES = 16
+NO_FIELD = "-0.0"
+"""The additive identity: x + (-0.0) is x for every x, so the compiler drops an absent field."""
+
+NON_FINITE, BAD_ACTION, SPEED_BOUND = 1.0, 2.0, 4.0
+
+
+@physics(gives="tip_error")
+def tip_error(e5, e3):
+    """Hairer's blend of the two embedded estimates of DOP853, in metres at the tip."""
+    return where(e5 > 0.0, e5 * e5 / sqrt(e5 * e5 + 0.01 * e3 * e3), e5)
+
+
+def prefixed(function: Callable[..., Any]) -> str:
+    """Name of a dialect function in assembled text."""
+    return f"{function.__module__.rsplit('.', 1)[-1]}__{function.__name__}"
+
+
+def function_text(function: Callable[..., Any]) -> str:
+    """Source of a dialect function under its prefixed name, its body unchanged."""
+    source: Any = function
+    text = inspect.getsource(function)
+    text = text[text.index("def ") :]
+    text = text.replace(f"def {function.__name__}(", f"def {prefixed(function)}(", 1)
+    for name in source.__code__.co_names:
+        called = source.__globals__.get(name)
+        if is_physics(called):
+            text = re.sub(rf"\b{name}\(", f"{prefixed(called)}(", text)
+    return text
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """The text of a scene's simulator, and where its numbers live in memory."""
+
+    scene: Scene
+    task: ReachTask | None = None
+    track_work: bool = False
+
+    # ---- what the scene reaches ------------------------------------------------------------------
+
+    @cached_property
+    def states(self) -> tuple[str, ...]:
+        """Integrated states: coordinates, velocities, and the work if it is tracked."""
+        arm = self.scene.robot
+        return (*arm.coordinates, *arm.rates, *(("work",) if self.track_work else ()))
+
+    @cached_property
+    def parameters(self) -> dict[str, float]:
+        """Numbers per environment: identifier -> nominal value."""
+        values = {identifier(k): v for k, v in self.scene.parameters().items()}
+        if self.task is not None:
+            values.update(self.task.parameters())
+            values.update(self.task.constants(self.scene))
+        return values
+
+    @cached_property
+    def prepared(self) -> list[Call]:
+        """Statements that follow from the parameters alone; run when a parameter is set."""
+        functions = self.scene.robot.prepared
+        wanted = [name for f in functions for name in gives_of(f)]
+        return calls(wanted, self.parameters, functions, {})
+
+    @cached_property
+    def numbers(self) -> tuple[str, ...]:
+        """Everything that is constant in a step: parameters and what is prepared from them."""
+        return (*self.parameters, *(name for call in self.prepared for name in call.names))
+
+    @cached_property
+    def aliases(self) -> dict[str, str]:
+        """Quantities the task names otherwise than the scene."""
+        if self.task is None:
+            return {}
+        return {k: identifier(v) for k, v in self.task.aliases(self.scene).items()}
+
+    def _bound(self, effect: Effect, hook: Field | Force | Actuation, function: Any) -> list[str]:
+        """Arguments of a hook's function as identifiers."""
+        names = []
+        for a in arguments_of(function):
+            source = hook.bind.get(a, a)
+            names.append(identifier(f"{effect.key}{source}") if source.startswith(".") else source)
+        return names
+
+    @cached_property
+    def _hooks(self) -> list[tuple[Effect, Field | Force | Actuation]]:
+        return [(e, h) for e in self.scene.effects for h in e.hooks(self.scene.robot)]
+
+    # ---- the right-hand side ---------------------------------------------------------------------
+
+    @cached_property
+    def _rhs(self) -> tuple[list[str], list[str], list[Callable[..., Any]]]:
+        """Arguments beside the states, body lines, and dialect functions of the right-hand side."""
+        arm, scene = self.scene.robot, self.scene
+        lines: list[str] = []
+        used: list[Callable[..., Any]] = []
+        known = set(self.states) | set(self.numbers) | {f"command{k}" for k in range(1, 5)}
+
+        def statement(names: Iterable[str], function: Callable[..., Any], arguments: Sequence[str]) -> None:
+            used.append(function)
+            lines.append(f"{', '.join(names)} = {prefixed(function)}({', '.join(arguments)})")
+
+        def require(names: Iterable[str]) -> None:
+            for call in calls(names, known, arm.functions, arm.sincos):
+                emit(call, lines, used)
+                known.update(call.names)
+
+        effort = {k: f"command{k + 1}" for k in range(4)}
+        field = {"ax": NO_FIELD, "ay": NO_FIELD}
+        for effect, hook in self._hooks:
+            arguments = self._bound(effect, hook, hook.function)
+            require(a for a in arguments if a not in known)
+            if isinstance(hook, Field):
+                statement(("ax", "ay"), hook.function, arguments)
+                known.update(("ax", "ay"))
+                field = {}
+            elif isinstance(hook, Actuation):
+                statement((f"motor{hook.joint + 1}",), hook.function, arguments)
+                effort[hook.joint] = f"motor{hook.joint + 1}"
+        for name, value in field.items():
+            lines.append(f"{name} = {value}")
+            known.add(name)
+
+        joint: dict[int, list[str]] = {k: [] for k in range(4)}
+        working: dict[int, list[str]] = {k: [] for k in range(4)}
+        if scene.actuation == "joint":
+            for k in range(4):
+                joint[k].append(effort[k])
+                working[k].append(effort[k])
+        for i, (effect, hook) in enumerate(self._hooks):
+            if isinstance(hook, Force):
+                name = f"force{i}"
+                statement((name,), hook.function, self._bound(effect, hook, hook.function))
+                joint[hook.joint].append(name)
+                if hook.conservative is hook.function:
+                    continue
+                working[hook.joint].append(name)
+                if hook.conservative is not None and self.track_work:
+                    booked = f"booked{i}"
+                    arguments = self._bound(effect, hook, hook.conservative)
+                    statement((booked,), hook.conservative, arguments)
+                    working[hook.joint].append(f"(-{booked})")
+        if any(joint.values()):
+            for k in range(4):
+                lines.append(f"t{k + 1} = {' + '.join(joint[k]) or '0.0'}")
+                known.add(f"t{k + 1}")
+            require(("Q1", "Q2", "Q3", "Q4"))
+            if scene.actuation == "generalized":
+                lines += [f"Q{k + 1} = Q{k + 1} + {effort[k]}" for k in range(4)]
+        else:
+            lines += [f"Q{k + 1} = {effort[k]}" for k in range(4)]
+            known.update(f"Q{k + 1}" for k in range(4))
+        require(("qdd1", "qdd2", "qdd3", "qdd4"))
+        results = ["qdd1", "qdd2", "qdd3", "qdd4"]
+        if self.track_work:
+            power = [
+                f"({' + '.join(working[k])}) * phid{k + 1}" for k in range(4) if working[k]
+            ]
+            if power:
+                require(f"phid{k + 1}" for k in range(4))
+            if scene.actuation == "generalized":
+                power += [f"{effort[k]} * {v}" for k, v in enumerate(arm.rates)]
+            lines.append(f"power = {' + '.join(power) or '0.0'}")
+            results.append("power")
+        lines.append(f"return {', '.join(results)}")
+        text = "\n".join(lines)
+        arguments = [
+            n
+            for n in (*(f"command{k}" for k in range(1, 5)), *self.numbers)
+            if re.search(rf"\b{n}\b", text)
+        ]
+        return arguments, lines, used
+
+    # ---- memory ----------------------------------------------------------------------------------
+
+    @cached_property
+    def actions(self) -> tuple[str, ...]:
+        return ("action1", "action2", "action3", "action4") if self.task else ()
+
+    @cached_property
+    def memory(self) -> tuple[str, ...]:
+        """What a lane remembers beside its state, in the order of its rows."""
+        if self.task is None:
+            return ()
+        terms = tuple(f"{t}_sum" for t in self.task.reward_terms())
+        return (*self.task.memory, *terms, "steps", "saturated", "numerics")
+
+    @cached_property
+    def draws(self) -> tuple[str, ...]:
+        """Uniform draws of an episode."""
+        return tuple(f"u{k + 1}" for k in range(self.task.draws)) if self.task else ()
+
+    @cached_property
+    def outputs(self) -> tuple[str, ...]:
+        """Columns of the table that a step of an environment fills."""
+        if self.task is None:
+            return ()
+        terms = tuple(f"{t}_sum" for t in self.task.reward_terms())
+        return (
+            "reward", "terminated", "truncated", *self.task.measures, "numerics", "saturated",
+            "steps", *terms,
+        )  # fmt: skip
+
+    @cached_property
+    def observed(self) -> tuple[str, ...]:
+        """Observed quantities in order."""
+        return tuple(self.task.observation(self.scene)) if self.task else ()
+
+    @cached_property
+    def rows(self) -> dict[str, int]:
+        """Row of every number in a block."""
+        names = [
+            *self.states, "h", "interval", "error_sum", *(f"command{k}" for k in range(1, 5)), *self.numbers,
+            *self.actions, *self.memory, *(f"out_{n}" for n in self.outputs),
+            *(f"obs_{i}" for i in range(len(self.observed))),
+            *((*(f"{s}_before" for s in self.states), "limit") if self.task else ()),
+            *self.draws,
+        ]  # fmt: skip
+        return {name: i for i, name in enumerate(names)}
+
+    @property
+    def stride(self) -> int:
+        """Numbers in a block."""
+        return len(self.rows) * LANES
+
+    def at(self, name: str) -> str:
+        """Where a number of lane i lives, as text."""
+        return f"W[o + {self.rows[name] * LANES} + i]"
+
+    def lane_function(self, name: str, doc: str, lines: list[str], writes: Mapping[str, str]) -> str:
+        """A function of one lane: rows it names are its arguments, ``writes`` maps rows to results."""
+        text = "\n".join([*lines, *writes.values()])
+        reads = [r for r in self.rows if re.search(rf"(?<![\w.]){r}\b", text)]
+        body = [f'"""{doc}"""', *lines, f"return {', '.join(writes.values())}"]
+        return (
+            f"def {name}({', '.join(reads)}):\n{indent(body, 1)}\n\n\n"
+            f"{name} = straight_line({name}, reads={tuple(self.rows[r] for r in reads)}, "
+            f"writes={tuple(self.rows[w] for w in writes)})"
+        )
+
+    @staticmethod
+    def over_lanes(name: str) -> list[str]:
+        """The loop over the lanes of a block."""
+        return [f"for i in range({LANES}):", f"    {name}(W, o + i)"]
+
+    # ---- text ------------------------------------------------------------------------------------
+
+    @cached_property
+    def text(self) -> str:
+        """The whole module."""
+        functions = self._step[2]
+        if self.task is not None:
+            from redundant_envs.evaluators.assemble_task import task_kernels
+
+            kernels, task_functions = task_kernels(self)
+            functions = [*functions, *task_functions]
+        else:
+            kernels = [self._advance_text()]
+        data = json.dumps(self.scene.to_dict())
+        parts = [
+            f'"""Assembled for one scene; not to be edited.\n\n{data}\n"""',
+            (Path(__file__).parent / "prelude.py").read_text(encoding="utf-8"),
+            f"STRIDE = {self.stride}",
+            *(function_text(f) for f in helpers(functions)),
+            self.rhs_text,
+            self._step_text,
+            *kernels,
+        ]
+        return "\n\n".join(parts) + "\n"
+
+    @cached_property
+    def _step_text(self) -> str:
+        writes = {s: f"{s}_new" for s in self.states}
+        text = ""
+        if self.estimates:
+            writes["error_sum"] = "error_sum + error"
+            text = self.lane_function("clear", "Before an interval.", [], {"error_sum": "0.0"})
+            text += "\n\n\n"
+        return text + self.lane_function("step", "One step of a lane.", self._step[1], writes)
+
+    @cached_property
+    def _step(self) -> tuple[list[str], list[str], list[Callable[..., Any]]]:
+        """Numbers a step needs, its straight lines, and the dialect functions it calls."""
+        arm, method = self.scene.robot, METHODS[self.scene.integrator]
+        arguments, _, functions = self._rhs
+        call = f"rhs({{}}, {', '.join(arguments)})"
+        lines = step_lines(method, arm.coordinates, arm.rates, self.states[8:], call)
+        used = list(functions)
+        if self.estimates:
+            wanted = ["n1", "n2", "n3", "n4"]
+            known = {*self.states, *self.numbers}
+            for c in calls(wanted, known, (*arm.functions, arm.column_norms), arm.sincos):
+                emit(c, lines, used)
+            pairs = list(zip(wanted, arm.coordinates, arm.rates, strict=True))
+            for e in ("e5", "e3"):
+                terms = (f"{n} * (abs({q}_{e}) + interval * abs({v}_{e}))" for n, q, v in pairs)
+                lines.append(f"{e} = {' + '.join(terms)}")
+            lines.append(f"error = {prefixed(tip_error)}(e5, e3)")
+            used.append(tip_error)
+        text = "\n".join(lines)
+        commands = tuple(f"command{k}" for k in range(1, 5))
+        needs = [n for n in (*commands, *self.numbers) if re.search(rf"\b{n}\b", text)]
+        return needs, lines, used
+
+    @cached_property
+    def rhs_text(self) -> str:
+        """The right-hand side as one function of a lane."""
+        arguments, lines, _ = self._rhs
+        head = f"def rhs({', '.join(self.states)}, {', '.join(arguments)}):\n"
+        return head + indent(lines, 1)
+
+    @cached_property
+    def scalar_text(self) -> str:
+        """Dialect functions, right-hand side and one ``step`` of a lane, for any evaluator."""
+        needs, lines, functions = self._step
+        arguments = ", ".join((*self.states, "h", "interval", *needs))
+        new = ", ".join(f"{s}_new" for s in self.states)
+        step = f"def step({arguments}):\n" + indent([*lines, f"return {new}"], 1)
+        return "\n\n".join([*(function_text(f) for f in helpers(functions)), self.rhs_text, step])
+
+    def substep_loop(self) -> list[str]:
+        """Lines that advance all lanes of a block by its substeps."""
+        clear = self.over_lanes("clear") if self.estimates else []
+        steps = [f"    {line}" for line in self.over_lanes("step")]
+        return [*clear, "for _ in range(substeps):", *steps]
+
+    @property
+    def estimates(self) -> bool:
+        """Whether the method has an embedded error estimate."""
+        return bool(METHODS[self.scene.integrator].error5)
+
+    def _advance_text(self) -> str:
+        finite = " + ".join(f"({self.at(s)} - {self.at(s)})" for s in self.states[:8])
+        error = self.at("error_sum") if self.estimates else "np.nan"
+        return "\n".join(
+            [
+                "SIGNATURES = {",
+                '    "advance": "void(float64[::1], float64[:, ::1], float64[::1], boolean[::1], "',
+                '    "int64)"',
+                "}",
+                "",
+                "",
+                "def advance(W, efforts, errors, finites, substeps):",
+                '    """Advance all lanes by one control interval."""',
+                "    wide_vectors()",
+                "    count = errors.size",
+                f"    for b in range((count + {LANES - 1}) // {LANES}):",
+                "        o = b * STRIDE",
+                f"        lanes = min({LANES}, count - b * {LANES})",
+                "        for i in range(lanes):",
+                *(
+                    f"            {self.at(f'command{k + 1}')} = efforts[b * {LANES} + i, {k}]"
+                    for k in range(4)
+                ),
+                indent(self.substep_loop(), 2),
+                "        for i in range(lanes):",
+                f"            finites[b * {LANES} + i] = {finite} == 0.0",
+                f"            errors[b * {LANES} + i] = {error}",
+            ]
+        )
+
+
+def emit(call: Call, lines: list[str], used: list[Callable[..., Any]]) -> None:
+    """Append one statement."""
+    if call.function is None:
+        lines.append(f"{', '.join(call.names)} = sincos({call.arguments[0]})")
+    else:
+        used.append(call.function)
+        arguments = ", ".join(call.arguments)
+        lines.append(f"{', '.join(call.names)} = {prefixed(call.function)}({arguments})")
+
+
+def indent(lines: Iterable[str], levels: int) -> str:
+    """Lines as indented text."""
+    return "\n".join("    " * levels + line for line in lines)
+
+
+def assemble(scene: Scene, task: ReachTask | None = None, track_work: bool = False) -> Assembly:
+    """The assembly of a scene, with the task of an environment or the book of the work."""
+    return Assembly(scene, task, track_work)
+
+
+def source(scene: Scene) -> str:
+    """The assembled module of a scene as text: its whole simulator."""
+    return assemble(scene).text

@@ -1,0 +1,242 @@
+"""The loops of an environment around the step: actions, task, reset and observation, as text."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from redundant_envs.algebra import gives_of
+from redundant_envs.evaluators.assemble import (
+    BAD_ACTION,
+    LANES,
+    NON_FINITE,
+    SPEED_BOUND,
+    Assembly,
+    emit,
+    indent,
+    prefixed,
+)
+from redundant_envs.evaluators.quantities import calls
+from redundant_envs.tasks.reach import ReachTask, goal_error
+
+STEP, RESET, OBSERVE = 0, 1, 2
+"""What a call of the kernel does."""
+DISABLED, NEXT_STEP, SAME_STEP = 0, 1, 2
+"""Autoreset modes of the kernel."""
+
+SIGNATURES = {
+    "environment": (
+        "void(float64[::1], float32[:, ::1], float32[:, ::1], float64[:, ::1], float32[:, ::1], "
+        "float64[:, ::1], uint32[:, ::1], uint8[::1], int64, int64, int64)"
+    ),
+    "goal_reward": "void(float64[:, ::1], float64[:, ::1], float64, float64, float64[::1])",
+}
+ENDS = ("reward", "terminated", "truncated")
+
+
+def task_kernels(assembly: Assembly) -> tuple[list[str], list[Callable[..., Any]]]:
+    """Text of the environment's kernels, and the dialect functions they call."""
+    task = assembly.task
+    assert task is not None
+    used: list[Callable[..., Any]] = []
+    blocks = [
+        _command(assembly),
+        _settle(assembly, task, used),
+        _begin(assembly, task, used),
+        _observe(assembly, task, used),
+        _store(assembly),
+        _environment(assembly),
+        _goal_reward(task, used),
+        f"SIGNATURES = {SIGNATURES!r}",
+    ]
+    return blocks, used
+
+
+def _statements(
+    a: Assembly, task: ReachTask, wanted: Iterable[str], known: Iterable[str], used: list[Any],
+    functions: Iterable[Callable[..., Any]] | None = None,
+) -> list[str]:  # fmt: skip
+    """Lines that compute quantities of the arm and the task."""
+    if functions is None:
+        functions = (*a.scene.robot.functions, *task.functions(a.scene))
+    angles = {**a.scene.robot.sincos, **task.angles}
+    lines: list[str] = []
+    for call in calls(wanted, known, tuple(functions), angles, a.aliases):
+        emit(call, lines, used)
+    return lines
+
+
+def _command(a: Assembly) -> str:
+    """Actions to efforts: saturate and count; a bad one is noted and commands nothing."""
+    lines = ["count = 0.0", "defect = 0.0"]
+    writes = {f"{s}_before": s for s in a.states}
+    for k in range(1, 5):
+        lines += [
+            f"clipped{k} = minimum(maximum(action{k}, -1.0), 1.0)",
+            f"count = count + where(clipped{k} != action{k}, 1.0, 0.0)",
+            f"defect = defect + (action{k} - action{k})",
+            f"action{k}_used = where(action{k} - action{k} == 0.0, clipped{k}, 0.0)",
+        ]
+        writes[f"action{k}"] = f"action{k}_used"
+        writes[f"command{k}"] = f"action{k}_used * effort_limits_limits_{k - 1}"
+    writes["numerics"] = f"where(defect == 0.0, 0.0, {BAD_ACTION})"
+    writes["saturated"] = "saturated + where(defect == 0.0, count, 0.0)"
+    return a.lane_function("command", "Efforts from actions.", lines, writes)
+
+
+def _settle(a: Assembly, task: ReachTask, used: list[Any]) -> str:
+    """After the step: trouble, task memory, reward and the ends of episodes."""
+    lines = [
+        f"defect = {' + '.join(f'({s} - {s})' for s in a.states)}",
+        f"code = numerics + where(defect == 0.0, 0.0, {NON_FINITE})",
+        # A lane in trouble goes back to its last finite state; its neighbours do not notice.
+        *(f"{s} = where(code > 0.0, {s}_before, {s})" for s in a.states),
+    ]
+    terms = task.reward_terms()
+    known = {*a.states, *a.numbers, *task.memory, *a.actions}
+    wanted = [*terms, *task.renewed.values(), *task.measures, *(f"phid{k}" for k in range(1, 5))]
+    lines += _statements(a, task, wanted, known, used)
+    fastest = "maximum(maximum(abs(phid1), abs(phid2)), maximum(abs(phid3), abs(phid4)))"
+    lines += [
+        f"fast = where({fastest} > speed_bound, {SPEED_BOUND}, 0.0)",
+        "code = where(code > 0.0, code, fast)",
+    ]
+    writes = {
+        **{s: s for s in a.states},
+        **task.renewed,
+        **{f"{t}_sum": f"{t}_sum + {t}" for t in terms},
+        "numerics": "code",
+        "steps": "steps + 1.0",
+        "out_reward": " + ".join(terms),
+        "out_terminated": "where(code > 0.0, 1.0, 0.0)",
+        "out_truncated": "where(steps + 1.0 >= limit, 1.0, 0.0)",
+        "out_is_success": "is_success",
+        "out_touched_new": "touched_new",
+    }
+    return a.lane_function("settle", "Reward, success and trouble.", lines, writes)
+
+
+def _begin(a: Assembly, task: ReachTask, used: list[Any]) -> str:
+    """A new episode of one lane, all from the counter-based draws of its key."""
+    arm = a.scene.robot
+    given = [f for f in arm.functions if "phi1" not in gives_of(f)]
+    functions = (
+        *given, *task.functions(a.scene), *task.begin_functions, arm.coordinates_of_joints,
+    )  # fmt: skip
+    drawn = [m for m in task.memory if m not in task.renewed]
+    wanted = [*arm.coordinates, *drawn]
+    lines = _statements(a, task, wanted, {*a.draws, *a.numbers}, used, functions)
+    zero = [*arm.rates, *(m for m in a.memory if m not in drawn)]
+    zero += [f"out_{n}" for n in (*ENDS, "is_success", "touched_new")]
+    writes = {**{w: w for w in wanted}, **dict.fromkeys(zero, "0.0")}
+    place = a.lane_function("place", "Start and goal from draws.", lines, writes)
+    body = ['"""A new episode of lane i, environment n, from its key."""']
+    for g in range((task.draws + 3) // 4):
+        words = ", ".join(f"word{4 * g + k}" for k in range(4))
+        body.append(
+            f"{words} = philox(np.uint64(keys[n, 0]), np.uint64(keys[n, 1]), "
+            f"np.uint64({g}), np.uint64(0), np.uint64(keys[n, 2]), np.uint64(keys[n, 3]))"
+        )
+    body += [f"{a.at(u)} = uniform(word{k})" for k, u in enumerate(a.draws)]
+    body.append("place(W, o + i)")
+    return f"{place}\n\n\n@njit(**OPTIONS)\ndef begin(W, o, i, keys, n):\n{indent(body, 1)}"
+
+
+def _observe(a: Assembly, task: ReachTask, used: list[Any]) -> str:
+    """What lanes observe: a function of the state and the goal alone."""
+    pure = [m for m in task.measures if m not in ("is_success", "touched_new")]
+    known = {*a.states, *a.numbers, *task.memory}
+    lines = _statements(a, task, [*a.observed, *pure], known, used)
+    writes = {
+        **{f"obs_{k}": name for k, name in enumerate(a.observed)},
+        **{f"out_{m}": m for m in pure},
+        **{f"out_{m}": m for m in a.memory if m in a.outputs},
+    }
+    return a.lane_function("observe", "Observation and measures.", lines, writes)
+
+
+def _store(a: Assembly) -> str:
+    body = [
+        '"""Copy what lane i shows to row n of the tables."""',
+        f"for k in range({len(a.observed)}):",
+        f"    obs[n, k] = W[o + ({a.rows['obs_0']} + k) * {LANES} + i]",
+        f"for k in range({len(a.outputs)}):",
+        f"    out[n, k] = W[o + ({a.rows['out_reward']} + k) * {LANES} + i]",
+    ]
+    return f"@njit(**OPTIONS)\ndef store(W, o, i, n, obs, out):\n{indent(body, 1)}"
+
+
+def _environment(a: Assembly) -> str:
+    """One call for all lanes: step, reset or observe, with autoreset."""
+    done = f"{a.at('out_terminated')} + {a.at('out_truncated')} > 0.0"
+    body = [
+        '"""Step, reset (where mask is set) or observe all environments."""',
+        "wide_vectors()",
+        "count = obs.shape[0]",
+        f"for b in range((count + {LANES - 1}) // {LANES}):",
+        "    o = b * STRIDE",
+        f"    first = b * {LANES}",
+        f"    lanes = min({LANES}, count - first)",
+        f"    if op == {STEP}:",
+        "        for i in range(lanes):",
+        *(f"            {a.at(f'action{k + 1}')} = actions[first + i, {k}]" for k in range(4)),
+        *(f"        {line}" for line in a.over_lanes("command")),
+        *(f"        {line}" for line in a.substep_loop()),
+        *(f"        {line}" for line in a.over_lanes("settle")),
+        f"        if autoreset == {NEXT_STEP}:",
+        "            for i in range(lanes):",
+        "                if mask[first + i]:",
+        "                    begin(W, o, i, keys, first + i)",
+        "                    mask[first + i] = 2",
+        f"                elif {done}:",
+        "                    mask[first + i] = 1",
+        f"    elif op == {RESET}:",
+        "        for i in range(lanes):",
+        "            if mask[first + i]:",
+        "                begin(W, o, i, keys, first + i)",
+        *(f"    {line}" for line in a.over_lanes("observe")),
+        f"    if op == {STEP} and autoreset == {SAME_STEP}:",
+        "        again = False",
+        "        for i in range(lanes):",
+        f"            if {done}:",
+        "                store(W, o, i, first + i, last_obs, last_out)",
+        "                begin(W, o, i, keys, first + i)",
+        "                mask[first + i] = 1",
+        "                again = True",
+        "        if again:",
+        *(f"            {line}" for line in a.over_lanes("observe")),
+        "    for i in range(lanes):",
+        "        store(W, o, i, first + i, obs, out)",
+        f"        if op == {STEP} and autoreset == {SAME_STEP} and mask[first + i]:",
+        f"            for k in range({len(ENDS)}):",
+        "                out[first + i, k] = last_out[first + i, k]",
+    ]
+    return (
+        "def environment(W, actions, obs, out, last_obs, last_out, keys, mask, op, autoreset, "
+        "substeps):\n" + indent(body, 1)
+    )
+
+
+def _goal_reward(task: ReachTask, used: list[Any]) -> str:
+    """The reward of the goal environments, from achieved and desired goals alone."""
+    used += [goal_error, task.goal_reward]
+    return (
+        "def goal_reward_of(achieved_x, achieved_y, desired_x, desired_y, reach, "
+        "goal_tolerance):\n"
+        f"    _, _, distance = {prefixed(goal_error)}("
+        "achieved_x, achieved_y, desired_x, desired_y)\n"
+        f"    return {prefixed(task.goal_reward)}(distance, reach, goal_tolerance)\n\n\n"
+        "goal_reward_lane = straight_line(goal_reward_of, reads=range(6), writes=(6,))\n\n\n"
+        "def goal_reward(achieved, desired, reach, goal_tolerance, reward):\n"
+        '    """Reward of pairs of achieved and desired goals, metres."""\n'
+        f"    row = np.zeros(7 * {LANES})\n"
+        "    for n in range(reward.size):\n"
+        "        row[0] = achieved[n, 0]\n"
+        f"        row[{LANES}] = achieved[n, 1]\n"
+        f"        row[{2 * LANES}] = desired[n, 0]\n"
+        f"        row[{3 * LANES}] = desired[n, 1]\n"
+        f"        row[{4 * LANES}] = reach\n"
+        f"        row[{5 * LANES}] = goal_tolerance\n"
+        "        goal_reward_lane(row, 0)\n"
+        f"        reward[n] = row[{6 * LANES}]"
+    )

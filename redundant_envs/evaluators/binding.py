@@ -1,0 +1,75 @@
+"""Give dialect functions another meaning of the primitives: NumPy, sympy, mpmath, ..."""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+from redundant_envs.algebra import PRIMITIVES, is_physics
+from redundant_envs.evaluators.quantities import Call
+
+
+def bind(function: Callable[..., Any], primitives: Mapping[str, Any]) -> Callable[..., Any]:
+    """A copy of a dialect function, and of all it calls, that uses the given primitives."""
+    return _bind(function, primitives, {})
+
+
+def _bind(
+    function: Callable[..., Any], primitives: Mapping[str, Any], done: dict[Any, Callable[..., Any]]
+) -> Callable[..., Any]:
+    if function in done:
+        return done[function]
+    source: Any = function
+    names = {}
+    for name in source.__code__.co_names:
+        value = source.__globals__.get(name)
+        if name in PRIMITIVES:
+            names[name] = primitives[name]
+        elif is_physics(value):
+            names[name] = _bind(value, primitives, done)
+        elif name == "abs":
+            names[name] = abs
+        elif isinstance(value, float | int):
+            names[name] = value
+    bound = types.FunctionType(source.__code__, names, source.__name__)
+    done[function] = bound
+    return bound
+
+
+def run(
+    order: Sequence[Call], values: dict[str, Any], primitives: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Evaluate statements; ``values`` is extended in place and returned.
+
+    ``primitives`` also holds "sincos", which returns a pair.
+    """
+    for call in order:
+        arguments = [values[a] for a in call.arguments]
+        if call.function is None:
+            results = primitives["sincos"](*arguments)
+        else:
+            results = bind(call.function, primitives)(*arguments)
+            if len(call.names) == 1:
+                results = (results,)
+        values.update(zip(call.names, results, strict=True))
+    return values
+
+
+def helpers(functions: Iterable[Callable[..., Any]]) -> list[Callable[..., Any]]:
+    """The functions and all dialect functions they call, callees first."""
+    order: list[Callable[..., Any]] = []
+
+    def visit(function: Callable[..., Any]) -> None:
+        if function in order:
+            return
+        source: Any = function
+        for name in source.__code__.co_names:
+            value = source.__globals__.get(name)
+            if is_physics(value):
+                visit(value)
+        order.append(function)
+
+    for f in functions:
+        visit(f)
+    return order

@@ -1,0 +1,1 @@
+"""Integration methods: data and the text of one step."""

@@ -1,0 +1,228 @@
+"""Many copies of a scene, stepped together by the compiled core."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from redundant_envs.evaluators import cpu
+from redundant_envs.evaluators.assemble import LANES, assemble
+from redundant_envs.integrators.tableaus import METHODS
+from redundant_envs.scene import Scene, identifier
+
+
+class Numerics(enum.IntFlag):
+    """Trouble of a lane; the one place where it is reported (``info["numerics"]``)."""
+
+    NON_FINITE = 1
+    BAD_ACTION = 2
+    SPEED_BOUND = 4
+
+
+@dataclass(frozen=True)
+class Status:
+    """What happened in one control interval, per lane.
+
+    Attributes
+    ----------
+    finite : (num_envs,) bool
+        Whether all states are finite.
+    evaluations : (num_envs,) int
+        Evaluations of the right-hand side.
+    error_estimate : (num_envs,) float
+        Estimated tip error of the interval [m]; NaN for methods without an estimate.
+    events : (num_envs,) int
+        Located events.
+    numerics : (num_envs,) int
+        :class:`Numerics` flags.
+    """
+
+    finite: NDArray[np.bool_]
+    evaluations: NDArray[np.int64]
+    error_estimate: NDArray[np.float64]
+    events: NDArray[np.int64]
+    numerics: NDArray[np.int64]
+
+
+class BatchSimulator:
+    """``num_envs`` copies of a scene with their own states and parameters.
+
+    A lane's result does not depend on ``num_envs``, on its place, on ``threads`` or on its
+    neighbours, to the last bit.
+
+    Parameters
+    ----------
+    scene : Scene
+    num_envs : int
+    threads : int
+        Threads over blocks of lanes.
+    track_work : bool
+        Also integrate the work of motors and of forces without a potential (``work``, J).
+    """
+
+    def __init__(
+        self, scene: Scene, num_envs: int = 1, threads: int = 1, track_work: bool = False
+    ) -> None:
+        for name, value in (("num_envs", num_envs), ("threads", threads)):
+            if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+                raise ValueError(f"{name} is {value!r}; give a whole number of at least 1")
+        self.scene = scene
+        self.num_envs = int(num_envs)
+        self.threads = int(threads)
+        self._assembly = assemble(scene, track_work=track_work)
+        self._kernel = cpu.compiled(self._assembly)["advance"]
+        self._memory = cpu.Memory(self._assembly, self.num_envs)
+        blocks = self._memory.blocks.shape[0]
+        cuts = np.linspace(0, blocks, min(self.threads, blocks) + 1).astype(int)
+        stride = self._assembly.stride
+        self._parts = [
+            (self._memory.flat[a * stride : b * stride], slice(a * LANES, b * LANES))
+            for a, b in zip(cuts, cuts[1:], strict=False)
+        ]
+        self._pool = ThreadPoolExecutor(len(self._parts)) if len(self._parts) > 1 else None
+        method = METHODS[scene.integrator]
+        self._evaluations = np.int64(scene.substeps * method.stages)
+
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """Generalized coordinates, (num_envs, 4): rad and m. A copy."""
+        return self._memory.read(self.scene.robot.coordinates)
+
+    @property
+    def qd(self) -> NDArray[np.float64]:
+        """Generalized velocities, (num_envs, 4). A copy."""
+        return self._memory.read(self.scene.robot.rates)
+
+    @property
+    def work(self) -> NDArray[np.float64]:
+        """Work done since the state was set, (num_envs,), J; needs ``track_work``."""
+        if "work" not in self._memory.rows:
+            raise ValueError("the work is not tracked; build BatchSimulator with track_work=True")
+        return self._memory.read(("work",))[:, 0]
+
+    def set_state(self, q: ArrayLike, qd: ArrayLike, index: ArrayLike | None = None) -> None:
+        """Set coordinates and velocities, (..., 4), of all lanes or of those in ``index``."""
+        lanes = self._lanes(index)
+        arm = self.scene.robot
+        for name, values, rows in (("q", q, arm.coordinates), ("qd", qd, arm.rates)):
+            self._memory.write(rows, self._table(name, values, len(lanes), 4), lanes)
+        if "work" in self._memory.rows:
+            self._memory.write(("work",), 0.0, lanes)
+
+    def set_parameters(self, values: Mapping[str, ArrayLike], index: ArrayLike | None = None) -> None:
+        """Set physical parameters of lanes.
+
+        Parameters
+        ----------
+        values : mapping
+            "masses", "lengths", or an effect's number such as "gravity.g" or
+            "limit_spring.r1.upper" -> array that broadcasts to (lanes,) or (lanes, entries).
+        """
+        lanes = self._lanes(index)
+        parameters = self.scene.parameters()
+        checked = []
+        for name, value in values.items():
+            names = cpu.identifiers(parameters, name)
+            if not names:
+                raise ValueError(unknown_parameter(name, parameters))
+            table = self._parameter_table(name, value, len(lanes), len(names))
+            if name in ("masses", "lengths") and not (table > 0.0).all():
+                raise ValueError(f"{name} has the entry {table.min()}; it must be positive")
+            checked.append((names, table))
+        for names, table in checked:
+            self._memory.write(tuple(identifier(n) for n in names), table, lanes)
+        self._memory.prepare()
+
+    def save(self) -> NDArray[np.float64]:
+        """A snapshot of everything: states, parameters, modes."""
+        return self._memory.flat.copy()
+
+    def restore(self, snapshot: NDArray[np.float64]) -> None:
+        """Return to a snapshot of :meth:`save`; the continuation is the same to the last bit."""
+        if np.shape(snapshot) != self._memory.flat.shape:
+            raise ValueError(
+                f"snapshot has shape {np.shape(snapshot)}; this simulator's have "
+                f"{self._memory.flat.shape}: it is of another scene or num_envs"
+            )
+        self._memory.flat[:] = snapshot
+
+    def advance(self, efforts: ArrayLike | None = None) -> Status:
+        """Advance all lanes by one control interval under constant efforts.
+
+        Parameters
+        ----------
+        efforts : (num_envs, 4) array, optional
+            N m and N at the joints (``Scene.actuation``); none is zero.
+        """
+        if efforts is None:
+            table = np.zeros((self.num_envs, 4))
+        else:
+            given = self._table("efforts", efforts, self.num_envs, 4)
+            table = np.require(given, requirements=("C", "W"))
+        n = self.num_envs
+        error = np.empty(n)
+        finite = np.empty(n, dtype=np.bool_)
+        substeps = self.scene.substeps
+        if self._pool is None:
+            self._kernel(self._memory.flat, table, error, finite, substeps)
+        else:
+            jobs = [
+                self._pool.submit(self._kernel, part, table[s], error[s], finite[s], substeps)
+                for part, s in self._parts
+            ]
+            for job in jobs:
+                job.result()
+        return Status(
+            finite=finite,
+            evaluations=np.broadcast_to(self._evaluations, n),
+            error_estimate=error,
+            events=np.broadcast_to(np.int64(0), n),
+            numerics=np.multiply(~finite, np.int64(Numerics.NON_FINITE)),
+        )
+
+    def _lanes(self, index: ArrayLike | None) -> NDArray[np.int64]:
+        if index is None:
+            return self._memory.index
+        lanes = np.asarray(index)
+        if lanes.dtype == bool:
+            if lanes.shape != (self.num_envs,):
+                raise ValueError(f"index has shape {lanes.shape}; a mask has ({self.num_envs},)")
+            return np.flatnonzero(lanes)
+        lanes = np.atleast_1d(lanes.astype(np.int64))
+        if lanes.size and (lanes.min() < 0 or lanes.max() >= self.num_envs):
+            raise ValueError(f"index has {lanes.min()}..{lanes.max()}; lanes are 0..{self.num_envs - 1}")
+        return lanes
+
+    @staticmethod
+    def _table(name: str, values: ArrayLike, lanes: int, width: int) -> NDArray[np.float64]:
+        table = np.asarray(values, dtype=np.float64)
+        if table.shape not in ((width,), (lanes, width)):
+            raise ValueError(f"{name} has shape {table.shape}; give ({width},) or ({lanes}, {width})")
+        return np.broadcast_to(table, (lanes, width))
+
+    @staticmethod
+    def _parameter_table(name: str, value: Any, lanes: int, width: int) -> NDArray[np.float64]:
+        table = np.asarray(value, dtype=np.float64)
+        if not np.isfinite(table).all():
+            raise ValueError(f"{name} has non-finite entries; give finite numbers")
+        if width == 1 and table.ndim <= 1:
+            table = table.reshape(-1, 1)
+        try:
+            return np.broadcast_to(table, (lanes, width))
+        except ValueError:
+            raise ValueError(
+                f"{name} has shape {np.shape(value)}; give one that broadcasts to ({lanes}, {width})"
+            ) from None
+
+
+def unknown_parameter(name: str, parameters: Mapping[str, float]) -> str:
+    """Message for a parameter the scene does not have."""
+    names = ["masses", "lengths"]
+    names += sorted({p.split("[")[0] for p in parameters if "." in p})
+    return f"parameter is {name!r}; this scene has {', '.join(names)}"

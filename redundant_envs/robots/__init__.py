@@ -1,0 +1,1 @@
+"""The arms: parameters and equations, no numerics."""

@@ -1,0 +1,108 @@
+"""What every arm has: validated masses and lengths, and the names its equations use."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+LARGEST_RATIO = 1e12
+"""Largest allowed ratio of two masses or two lengths: beyond it float64 loses the small one."""
+
+
+def number(field: str, value: Any) -> float:
+    """A finite float, or a ValueError that names the field."""
+    if isinstance(value, bool) or isinstance(value, str):
+        raise ValueError(f"{field} is {value!r}; give a finite number")
+    try:
+        x = float(value)
+    except (TypeError, ValueError):
+        raise ValueError(f"{field} is {value!r}; give a finite number") from None
+    if not math.isfinite(x):
+        raise ValueError(f"{field} is {x}; give a finite number")
+    return x
+
+
+def numbers(field: str, values: Any, count: int) -> tuple[float, ...]:
+    """A tuple of ``count`` finite floats, or a ValueError that names the field."""
+    if isinstance(values, str) or not hasattr(values, "__len__"):
+        raise ValueError(f"{field} is {values!r}; give a sequence of {count} numbers")
+    if len(values) != count:
+        raise ValueError(f"{field} has {len(values)} entries; give {count}")
+    return tuple(number(f"{field}[{i}]", v) for i, v in enumerate(values))
+
+
+def positive_numbers(field: str, values: Any, count: int, unit: str) -> tuple[float, ...]:
+    """Positive numbers within a ratio of 1e12 of each other."""
+    xs = numbers(field, values, count)
+    for i, x in enumerate(xs):
+        if x <= 0.0:
+            raise ValueError(
+                f"{field}[{i}] is {x} {unit}; it must be positive "
+                "(a vanishing value makes the mass matrix singular in some pose)"
+            )
+    if max(xs) > LARGEST_RATIO * min(xs):
+        raise ValueError(
+            f"{field} spans a ratio of {max(xs) / min(xs):.1e}; at most {LARGEST_RATIO:.0e} "
+            "is supported in float64: raise the smallest or lower the largest"
+        )
+    return xs
+
+
+@dataclass(frozen=True)
+class Arm:
+    """Masses [kg] and lengths [m] of a planar arm, with the names of its coordinates.
+
+    Parameters
+    ----------
+    masses : sequence of 4 floats
+        Point masses at the four link ends, kg, positive.
+    lengths : sequence of floats
+        Link lengths, m, positive.
+    """
+
+    masses: tuple[float, ...]
+    lengths: tuple[float, ...]
+
+    kind: ClassVar[str]
+    num_lengths: ClassVar[int]
+    coordinates: ClassVar[tuple[str, ...]]
+    """Names of the four generalized coordinates in the equations."""
+    rates: ClassVar[tuple[str, ...]]
+    """Names of the four generalized velocities."""
+    joints: ClassVar[tuple[str, ...]]
+    """Names of the four joints, as users write them (``LimitSpring("r1", ...)``)."""
+    prismatic: ClassVar[tuple[bool, ...]]
+    sincos: ClassVar[dict[str, tuple[str, str]]]
+    """Angle quantity -> names of its sine and cosine."""
+    functions: ClassVar[tuple[Callable[..., Any], ...]]
+    """The quantities of the model: dialect functions found by what they give."""
+
+    prepared: ClassVar[tuple[Callable[..., Any], ...]]
+    """Functions of the parameters alone, evaluated when a parameter is set, not in the step."""
+    column_norms: ClassVar[Callable[..., Any]]
+    coordinates_of_joints: ClassVar[Callable[..., Any]]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "masses", positive_numbers("masses", self.masses, 4, "kg"))
+        object.__setattr__(
+            self, "lengths", positive_numbers("lengths", self.lengths, self.num_lengths, "m")
+        )
+
+    def joint_index(self, name: str) -> int:
+        """Position of a joint by its name; an unknown name lists the valid ones."""
+        if name not in self.joints:
+            raise ValueError(f"coordinate is {name!r}; {self.kind} has {', '.join(self.joints)}")
+        return self.joints.index(name)
+
+    def parameter_values(self) -> dict[str, float]:
+        """Values of the parameters m1..m4 and l1.. that the equations name."""
+        values = {f"m{i + 1}": m for i, m in enumerate(self.masses)}
+        values.update({f"l{i + 1}": length for i, length in enumerate(self.lengths)})
+        return values
+
+
+def joined(names: Sequence[str]) -> str:
+    """Names as a comma-separated list for messages."""
+    return ", ".join(names)

@@ -1,0 +1,282 @@
+"""RPRP: q = (theta1, r1, theta2, r2); absolute angles from +x; point masses at the link ends.
+
+Places in the report are marked "report 1.x". Its misprints are corrected (docs/errata.md). With
+a = l1 + r1, b = l2 + r2, s12, c12 = sin, cos(theta1 - theta2), mu2 = m2 + m3 + m4,
+sigma = m3 l2 + m4 b, I = m3 l2^2 + m4 b^2. Rates: w1, w2 are theta1', theta2'; v1, v2 are r1', r2'.
+(ax, ay) is the acceleration that stands for the uniform field: minus the gravity vector, m/s^2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from redundant_envs.algebra import physics, sqrt
+from redundant_envs.robots.parameters import Arm
+
+
+@physics(gives="theta12")
+def angle_difference(theta1, theta2):
+    return theta1 - theta2
+
+
+@physics(gives="s2 c2")
+def second_direction(s1, c1, s12, c12):
+    return s1 * c12 - c1 * s12, c1 * c12 + s1 * s12
+
+
+@physics(gives="phi1 phi2 phi3 phi4")
+def joint_positions(theta1, r1, theta2, r2):
+    """B^T q: what the joint encoders read."""
+    return theta1, r1, theta2 - theta1, r2
+
+
+@physics(gives="phid1 phid2 phid3 phid4")
+def joint_rates(w1, v1, w2, v2):
+    """B^T qd."""
+    return w1, v1, w2 - w1, v2
+
+
+@physics(gives="theta1 r1 theta2 r2")
+def coordinates_of_joints(phi1, phi2, phi3, phi4):
+    return phi1, phi2, phi1 + phi3, phi4
+
+
+@physics(gives="Q1 Q2 Q3 Q4")
+def motor_map(t1, t2, t3, t4):
+    """Q = B t: motor 2 of the second link sits on the slider, which turns with theta1."""
+    return t1 - t3, t2, t3, t4
+
+
+@physics(gives="x1 y1 x2 y2 x3 y3 x4 y4")
+def points(l1, l2, r1, r2, s1, c1, s2, c2):
+    a = l1 + r1
+    b = l2 + r2
+    return (
+        l1 * c1,  # report 1.1, x1
+        l1 * s1,  # report 1.1, y1
+        a * c1,  # report 1.1, x2
+        a * s1,  # report 1.1, y2
+        a * c1 + l2 * c2,  # report 1.1, x3
+        a * s1 + l2 * s2,  # report 1.1, y3
+        a * c1 + b * c2,  # report 1.1, x4
+        a * s1 + b * s2,  # report 1.1, y4
+    )
+
+
+@physics(gives="tip_x tip_y")
+def forward_kinematics(l1, l2, r1, r2, s1, c1, s2, c2):
+    a = l1 + r1
+    b = l2 + r2
+    return a * c1 + b * c2, a * s1 + b * s2  # report 1.2.1
+
+
+@physics(gives="J11 J12 J13 J14 J21 J22 J23 J24")
+def jacobian(l1, l2, r1, r2, s1, c1, s2, c2):
+    a = l1 + r1
+    b = l2 + r2
+    return -a * s1, c1, -b * s2, c2, a * c1, s1, b * c2, s2  # report eq. (1)
+
+
+@physics(gives="tip_vx tip_vy")
+def tip_velocity(J11, J12, J13, J14, J21, J22, J23, J24, w1, v1, w2, v2):
+    return (
+        J11 * w1 + J12 * v1 + J13 * w2 + J14 * v2,  # report eq. (2), first row
+        J21 * w1 + J22 * v1 + J23 * w2 + J24 * v2,  # report eq. (2), second row
+    )
+
+
+@physics(gives="Jdqd1 Jdqd2")
+def jacobian_dot_qd(l1, l2, r1, r2, s1, c1, s2, c2, w1, v1, w2, v2):
+    a = l1 + r1
+    b = l2 + r2
+    return (
+        -2.0 * v1 * w1 * s1 - a * w1 * w1 * c1 - 2.0 * v2 * w2 * s2 - b * w2 * w2 * c2,
+        2.0 * v1 * w1 * c1 - a * w1 * w1 * s1 + 2.0 * v2 * w2 * c2 - b * w2 * w2 * s2,
+    )
+
+
+@physics(gives="M11 M12 M13 M14 M21 M22 M23 M24 M31 M32 M33 M34 M41 M42 M43 M44")
+def mass_matrix(m1, m2, m3, m4, l1, l2, r1, r2, s12, c12):
+    a = l1 + r1
+    b = l2 + r2
+    mu2 = m2 + m3 + m4
+    sigma = m3 * l2 + m4 * b
+    M11 = m1 * l1 * l1 + mu2 * a * a  # report 1.3, M11
+    M13 = a * sigma * c12  # report 1.3, M13 = M31
+    M14 = -m4 * a * s12  # report 1.3, M14 = M41
+    M23 = sigma * s12  # report 1.3, M23 = M32
+    M24 = m4 * c12  # report 1.3, M24 = M42
+    M33 = m3 * l2 * l2 + m4 * b * b  # report 1.3, M33
+    return (
+        M11, 0.0, M13, M14,
+        0.0, mu2, M23, M24,  # report 1.3, M22
+        M13, M23, M33, 0.0,
+        M14, M24, 0.0, m4,  # report 1.3, M44
+    )  # fmt: skip
+
+
+@physics(gives="h1 h2 h3 h4")
+def bias_forces(m2, m3, m4, l1, l2, r1, r2, s12, c12, w1, v1, w2, v2):
+    a = l1 + r1
+    b = l2 + r2
+    mu2 = m2 + m3 + m4
+    sigma = m3 * l2 + m4 * b
+    return (
+        # report 1.3, H1 (its last term corrected: r2, not its rate)
+        a * (2.0 * mu2 * v1 * w1 + sigma * s12 * w2 * w2 + 2.0 * m4 * v2 * w2 * c12),
+        -mu2 * a * w1 * w1 - sigma * c12 * w2 * w2 + 2.0 * m4 * v2 * w2 * s12,  # report 1.3, H2
+        # report 1.3, H3 (a term printed twice, and a factor 2 lost, corrected)
+        sigma * (2.0 * v1 * w1 * c12 - a * w1 * w1 * s12) + 2.0 * m4 * b * v2 * w2,
+        -m4 * (a * w1 * w1 * c12 + 2.0 * v1 * w1 * s12 + b * w2 * w2),  # report 1.3, H4
+    )
+
+
+@physics(gives="C11 C12 C13 C14 C21 C22 C23 C24 C31 C32 C33 C34 C41 C42 C43 C44")
+def coriolis_matrix(m2, m3, m4, l1, l2, r1, r2, s12, c12, w1, v1, w2, v2):
+    """Christoffel form: C qd = h and M' = C + C^T."""
+    a = l1 + r1
+    b = l2 + r2
+    mu2 = m2 + m3 + m4
+    sigma = m3 * l2 + m4 * b
+    return (
+        mu2 * a * v1, mu2 * a * w1, a * (sigma * w2 * s12 + m4 * v2 * c12), m4 * a * w2 * c12,
+        -mu2 * a * w1, 0.0, -sigma * w2 * c12 + m4 * v2 * s12, m4 * w2 * s12,
+        sigma * (v1 * c12 - a * w1 * s12), sigma * w1 * c12, m4 * b * v2, m4 * b * w2,
+        -m4 * (v1 * s12 + a * w1 * c12), -m4 * w1 * s12, -m4 * b * w2, 0.0,
+    )  # fmt: skip
+
+
+@physics(gives="G1 G2 G3 G4")
+def gravity_forces(m1, m2, m3, m4, l1, l2, r1, r2, s1, c1, s2, c2, ax, ay):
+    """dU/dq in the uniform field; the report's G_i at (ax, ay) = (0, g)."""
+    a = l1 + r1
+    b = l2 + r2
+    mu2 = m2 + m3 + m4
+    sigma = m3 * l2 + m4 * b
+    return (
+        (m1 * l1 + mu2 * a) * (ay * c1 - ax * s1),  # report 1.3, G1
+        mu2 * (ay * s1 + ax * c1),  # report 1.3, G2
+        sigma * (ay * c2 - ax * s2),  # report 1.3, G3
+        m4 * (ay * s2 + ax * c2),  # report 1.3, G4
+    )
+
+
+@physics(gives="U")
+def potential_energy(m1, m2, m3, m4, x1, y1, x2, y2, x3, y3, x4, y4, ax, ay):
+    return (  # report 1.1, PE
+        m1 * (ax * x1 + ay * y1)
+        + m2 * (ax * x2 + ay * y2)
+        + m3 * (ax * x3 + ay * y3)
+        + m4 * (ax * x4 + ay * y4)
+    )
+
+
+@physics(gives="T")
+def kinetic_energy(m1, m2, m3, m4, l1, l2, r1, r2, s12, c12, w1, v1, w2, v2):
+    """Half of sum m |velocity|^2 (report 1.1, KE), in the frame of each link's direction."""
+    a = l1 + r1
+    b = l2 + r2
+    e = v1 + l2 * w2 * s12  # mass 3, along link 1
+    n = a * w1 + l2 * w2 * c12  # mass 3, across link 1
+    p = v1 + b * w2 * s12 + v2 * c12
+    q = a * w1 + b * w2 * c12 - v2 * s12
+    return 0.5 * (
+        m1 * (l1 * w1) ** 2
+        + m2 * ((a * w1) ** 2 + v1 * v1)
+        + m3 * (e * e + n * n)
+        + m4 * (p * p + q * q)
+    )
+
+
+@physics(gives="Lz")
+def angular_momentum(m1, m2, m3, m4, l1, l2, r1, r2, s12, c12, w1, v1, w2, v2):
+    """About the base: the sum of the momenta conjugate to theta1 and theta2."""
+    a = l1 + r1
+    b = l2 + r2
+    mu2 = m2 + m3 + m4
+    sigma = m3 * l2 + m4 * b
+    I = m3 * l2 * l2 + m4 * b * b
+    return (
+        (m1 * l1 * l1 + mu2 * a * a) * w1
+        + I * w2
+        + a * sigma * c12 * (w1 + w2)
+        + sigma * s12 * v1
+        - m4 * a * s12 * v2
+    )
+
+
+@physics(gives="manipulability")
+def manipulability(l1, l2, r1, r2, s12, c12):
+    """sqrt(det J J^T), with r in metres (the columns of J mix units)."""
+    a = l1 + r1
+    b = l2 + r2
+    return sqrt((a * a + b * b) * (1.0 + c12 * c12) + (1.0 + a * a * b * b) * s12 * s12)
+
+
+@physics(gives="inverse_m4")
+def reciprocals(m4):
+    return 1.0 / m4
+
+
+@physics(gives="qdd1 qdd2 qdd3 qdd4")
+def forward_dynamics(
+    m1, m2, m3, m4, l1, l2, inverse_m4, r1, r2, s1, c1, s12, c12, w1, v1, w2, v2,
+    Q1, Q2, Q3, Q4, ax, ay,
+):  # fmt: skip
+    """O(n) elimination of the second link, then a 2 x 2 system: no mass matrix is formed.
+
+    Vectors stand in the frame of link 1 (components e along it, n across it). Every pivot (I, Kee,
+    D1) is a sum of positive numbers, so nothing cancels at extreme mass ratios or in line.
+    """
+    a = l1 + r1
+    b = l2 + r2
+    sigma = m3 * l2 + m4 * b
+    inverse_I = 1.0 / (m3 * l2 * l2 + m4 * b * b)
+    kappa = m3 * m4 * r2 * r2 * inverse_I
+    # What the second link adds at the slider: A = m2 1 + m3 e2 e2^T + kappa n2 n2^T.
+    inverse_Kee = 1.0 / (m2 + m3 * c12 * c12 + kappa * s12 * s12)
+    Ken = (kappa - m3) * c12 * s12
+    Kd = (m2 + m3) * (m2 + kappa) * inverse_Kee
+    D1 = m1 * l1 * l1 + a * a * Kd
+    pe = Q4 - m3 * l2 * w2 * w2
+    pn = (sigma * Q3 - 2.0 * m3 * m4 * l2 * r2 * v2 * w2) * inverse_I
+    fe = Q2 - (pe * c12 + pn * s12)
+    fn = pn * c12 - pe * s12
+    gn = ay * c1 - ax * s1
+    be = ax * c1 + ay * s1 - a * w1 * w1
+    bn = gn + 2.0 * v1 * w1
+    qdd1 = (Q1 - m1 * l1 * gn - a * (Kd * bn + Ken * inverse_Kee * fe + fn)) / D1
+    y = a * qdd1 + bn  # acceleration of the slider across and along link 1
+    x = (fe - Ken * y) * inverse_Kee
+    qdd2 = x - be
+    qdd3 = (Q3 - 2.0 * m4 * b * v2 * w2 - sigma * (x * s12 + y * c12)) * inverse_I
+    qdd4 = Q4 * inverse_m4 + b * w2 * w2 - (x * c12 - y * s12)
+    return qdd1, qdd2, qdd3, qdd4
+
+
+@physics(gives="n1 n2 n3 n4")
+def column_norms(l1, l2, r1, r2):
+    """Norms of the columns of J: metres at the tip per unit of each coordinate."""
+    return abs(l1 + r1), 1.0, abs(l2 + r2), 1.0
+
+
+@dataclass(frozen=True)
+class RPRPArm(Arm):
+    """Revolute-prismatic-revolute-prismatic arm: masses (4) [kg], lengths (l1, l2) [m]."""
+
+    kind = "RPRP"
+    num_lengths = 2
+    coordinates = ("theta1", "r1", "theta2", "r2")
+    rates = ("w1", "v1", "w2", "v2")
+    joints = ("joint1", "r1", "joint2", "r2")
+    prismatic = (False, True, False, True)
+    sincos = {"theta1": ("s1", "c1"), "theta12": ("s12", "c12")}
+    functions = (
+        angle_difference, second_direction, joint_positions, joint_rates, motor_map,
+        points, forward_kinematics, jacobian, tip_velocity, jacobian_dot_qd, mass_matrix,
+        bias_forces, coriolis_matrix, gravity_forces, potential_energy, kinetic_energy,
+        angular_momentum, manipulability, reciprocals, forward_dynamics,
+    )  # fmt: skip
+    prepared = (reciprocals,)
+    column_norms = staticmethod(column_norms)
+    coordinates_of_joints = staticmethod(coordinates_of_joints)

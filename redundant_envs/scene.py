@@ -1,0 +1,207 @@
+"""A scene: an arm and only the effects it needs, with how it is stepped. Plain, frozen data."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from redundant_envs import effects as effects_package
+from redundant_envs.effects.hooks import Actuation, Effect, Field
+from redundant_envs.integrators.tableaus import METHODS
+from redundant_envs.robots.parameters import Arm, number
+
+ARMS: dict[str, type[Arm]] = {}
+"""Arms by their name in scene files; filled by ``redundant_envs.model``."""
+
+ACTUATIONS = ("joint", "generalized")
+
+
+@dataclass(frozen=True)
+class Scene:
+    """An arm, its effects, and how it is stepped.
+
+    Parameters
+    ----------
+    robot : RPRP or FourR
+    effects : sequence of effects
+        Only these are simulated. Two effects may not have the same key.
+    integrator : {"euler", "rk4", "rk8"}
+    control_dt : float
+        Control interval [s]; efforts are constant over it.
+    substeps : int
+        Equal steps per control interval.
+    actuation : {"joint", "generalized"}
+        "joint": efforts act at the joints, Q = B t. "generalized": the report's convention,
+        efforts conjugate to the absolute angles.
+    """
+
+    robot: Arm
+    effects: tuple[Effect, ...] = ()
+    integrator: str = "rk8"
+    control_dt: float = 0.02
+    substeps: int = 1
+    actuation: str = "joint"
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.robot, Arm):
+            raise ValueError(f"robot is {self.robot!r}; give an arm: {', '.join(sorted(ARMS))}")
+        object.__setattr__(self, "effects", tuple(self.effects))
+        seen: dict[str, Effect] = {}
+        for i, effect in enumerate(self.effects):
+            if not isinstance(effect, Effect):
+                raise ValueError(
+                    f"effects[{i}] is {effect!r}; give an effect: "
+                    f"{', '.join(sorted(effects_package.REGISTRY))}"
+                )
+            if effect.key in seen:
+                raise ValueError(
+                    f"effects[{i}] is a second {effect.key!r}; combine the two into one"
+                )
+            seen[effect.key] = effect
+        hooks = [h for e in self.effects for h in e.hooks(self.robot)]
+        if sum(isinstance(h, Field) for h in hooks) > 1:
+            raise ValueError("effects has two uniform fields; combine them into one Gravity")
+        joints = [h.joint for h in hooks if isinstance(h, Actuation)]
+        if len(set(joints)) < len(joints):
+            raise ValueError("effects has two effects on the same motor; combine them into one")
+        if self.integrator not in METHODS:
+            raise ValueError(f"integrator is {self.integrator!r}; choose {', '.join(METHODS)}")
+        dt = number("control_dt", self.control_dt)
+        if dt <= 0.0:
+            raise ValueError(f"control_dt is {dt} s; it must be positive")
+        object.__setattr__(self, "control_dt", dt)
+        if isinstance(self.substeps, bool) or not isinstance(self.substeps, int):
+            raise ValueError(f"substeps is {self.substeps!r}; give a whole number")
+        if self.substeps < 1:
+            raise ValueError(f"substeps is {self.substeps}; it must be at least 1")
+        if self.actuation not in ACTUATIONS:
+            raise ValueError(f"actuation is {self.actuation!r}; choose {', '.join(ACTUATIONS)}")
+
+    def parameters(self) -> dict[str, float]:
+        """All numbers of the scene by parameter name: "m1", "gravity.g", "limit_spring.r1.upper"."""
+        values = dict(self.robot.parameter_values())
+        for effect in self.effects:
+            values.update({f"{effect.key}.{k}": v for k, v in effect.parameters().items()})
+        return values
+
+    def travel(self) -> dict[int, tuple[str, str]]:
+        """Limited joints: joint index -> parameter names of its lower and upper limit."""
+        limits: dict[int, tuple[str, str]] = {}
+        for effect in self.effects:
+            for joint, (low, high) in effect.travel(self.robot).items():
+                limits[joint] = (f"{effect.key}.{low}", f"{effect.key}.{high}")
+        return limits
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON data that :meth:`from_dict` turns back into an equal scene."""
+        robot = {
+            "type": self.robot.kind,
+            "masses": list(self.robot.masses),
+            "lengths": list(self.robot.lengths),
+        }
+        return {
+            "robot": robot,
+            "effects": [effect_to_dict(e) for e in self.effects],
+            "integrator": self.integrator,
+            "control_dt": self.control_dt,
+            "substeps": self.substeps,
+            "actuation": self.actuation,
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Scene:
+        """A scene from plain data; unknown names are errors that list the valid ones."""
+        if not isinstance(data, Mapping):
+            raise ValueError(f"scene is {data!r}; give a mapping")
+        fields = [f.name for f in dataclasses.fields(cls)]
+        check_keys("scene", data, fields)
+        if "robot" not in data:
+            raise ValueError("scene has no 'robot'; give its type, masses and lengths")
+        robot = typed("robot", data["robot"], ARMS)
+        effects = data.get("effects", ())
+        if isinstance(effects, str) or not hasattr(effects, "__iter__"):
+            raise ValueError(f"effects is {effects!r}; give a list of mappings with a 'type'")
+        built = tuple(
+            typed(f"effects[{i}]", e, effects_package.REGISTRY) for i, e in enumerate(effects)
+        )
+        rest = {k: v for k, v in data.items() if k not in ("robot", "effects")}
+        return cls(robot, built, **rest)
+
+
+def effect_to_dict(effect: Effect) -> dict[str, Any]:
+    """An effect as plain data."""
+    data: dict[str, Any] = {"type": type(effect).__name__}
+    for f in dataclasses.fields(effect):
+        value = getattr(effect, f.name)
+        data[f.name] = list(value) if isinstance(value, tuple) else value
+    return data
+
+
+def check_keys(where: str, data: Mapping[str, Any], valid: list[str]) -> None:
+    """Refuse keys that are not valid, naming the valid ones."""
+    for key in data:
+        if key not in valid:
+            raise ValueError(f"{where} has the unknown key {key!r}; valid: {', '.join(valid)}")
+
+
+def typed(where: str, data: Any, registry: Mapping[str, type[Any]]) -> Any:
+    """Build the class that ``data["type"]`` names in a registry."""
+    if not isinstance(data, Mapping) or "type" not in data:
+        raise ValueError(f"{where} is {data!r}; give a mapping with a 'type'")
+    kind = data["type"]
+    if kind not in registry:
+        raise ValueError(f"{where}.type is {kind!r}; valid: {', '.join(sorted(registry))}")
+    target = registry[kind]
+    arguments = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items() if k != "type"}
+    fields = dataclasses.fields(target)
+    check_keys(where, arguments, [f.name for f in fields])
+    for f in fields:
+        required = f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
+        if required and f.name not in arguments:
+            raise ValueError(f"{where} ({kind}) lacks {f.name!r}")
+    return target(**arguments)
+
+
+def scene_folder() -> Path:
+    """The folder of named scenes: package data in a wheel, configs/scenes in a checkout."""
+    installed = Path(__file__).parent / "configs" / "scenes"
+    return installed if installed.is_dir() else Path(__file__).parents[1] / "configs" / "scenes"
+
+
+def scene_names() -> list[str]:
+    """Names of the scenes that come with the package."""
+    return sorted(p.stem for p in scene_folder().glob("*.yaml"))
+
+
+def load_scene(scene: str | Path | Mapping[str, Any] | Scene) -> Scene:
+    """A scene by its name, the path of a YAML file, or as plain data."""
+    if isinstance(scene, Scene):
+        return scene
+    if isinstance(scene, Mapping):
+        return Scene.from_dict(scene)
+    if not isinstance(scene, str | Path):
+        raise ValueError(
+            f"scene is {type(scene).__name__}; give a name, a path or a mapping "
+            "(Scene.to_dict() makes one)"
+        )
+    path = scene_folder() / f"{scene}.yaml"
+    if isinstance(scene, Path) or scene.endswith((".yaml", ".yml")):
+        path = Path(scene)
+    if not path.is_file():
+        raise ValueError(
+            f"scene is {str(scene)!r}; there is no such file and no such name: "
+            f"{', '.join(scene_names())}"
+        )
+    return Scene.from_dict(yaml.safe_load(path.read_text(encoding="utf-8")))
+
+
+def identifier(parameter: str) -> str:
+    """A parameter name as an identifier of generated text: "gravity.down[0]" -> gravity_down_0."""
+    return parameter.replace(".", "_").replace("[", "_").replace("]", "")
+
+

@@ -1,0 +1,1 @@
+"""What an arm is asked to do: dialect text, compiled into the step."""

@@ -1,0 +1,293 @@
+"""Reach a goal with the tip and hold it there: goal, start, observation, reward and success."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from redundant_envs.algebra import physics, sqrt, squash, tolerance, where
+from redundant_envs.robots.parameters import number
+from redundant_envs.scene import Scene
+
+# ---- goal and start, from uniform draws u1.. in (0, 1) -------------------------------------------
+
+
+@physics(gives="phi1 phi2 phi3 phi4")
+def start_joints(
+    u1, u2, u3, u4, low1, low2, low3, low4, high1, high2, high3, high4
+):  # fmt: skip
+    return (
+        low1 + u1 * (high1 - low1),
+        low2 + u2 * (high2 - low2),
+        low3 + u3 * (high3 - low3),
+        low4 + u4 * (high4 - low4),
+    )
+
+
+@physics(gives="goal_radius goal_angle")
+def goal_polar(u5, u6, reach, inner, outer):
+    """Uniform over the area of the annulus from inner to outer times the full reach."""
+    return reach * sqrt(inner * inner + u5 * (outer * outer - inner * inner)), 6.283185307179586 * u6
+
+
+@physics(gives="goal_x goal_y")
+def goal_position(goal_radius, goal_s, goal_c):
+    return goal_radius * goal_c, goal_radius * goal_s
+
+
+@physics(gives="reach")
+def reach_four_r(l1, l2, l3, l4):
+    return l1 + l2 + l3 + l4
+
+
+@physics(gives="reach")
+def reach_rprp(l1, l2, high2, high4):
+    return l1 + high2 + l2 + high4
+
+
+# ---- measures ------------------------------------------------------------------------------------
+
+
+@physics(gives="error_x error_y distance")
+def goal_error(tip_x, tip_y, goal_x, goal_y):
+    error_x = goal_x - tip_x
+    error_y = goal_y - tip_y
+    return error_x, error_y, sqrt(error_x * error_x + error_y * error_y)
+
+
+@physics(gives="speed")
+def tip_speed(tip_vx, tip_vy):
+    return sqrt(tip_vx * tip_vx + tip_vy * tip_vy)
+
+
+@physics(gives="hold_new touched_new")
+def hold_counter(hold, touched, distance, speed, reach, goal_tolerance, hold_speed):
+    """Steps in a row at the goal and slow; whether the goal was ever touched."""
+    at_goal = where(distance <= goal_tolerance * reach, 1.0, 0.0)
+    slow = where(speed <= hold_speed * reach, 1.0, 0.0)
+    return at_goal * slow * (hold + 1.0), where(touched + at_goal > 0.0, 1.0, 0.0)
+
+
+@physics(gives="is_success")
+def success(hold_new, hold_steps):
+    return where(hold_new >= hold_steps, 1.0, 0.0)
+
+
+# ---- reward: named terms, each from the one tolerance shape or a plain cost ----------------------
+
+
+@physics(gives="near_term")
+def near_term(distance, reach):
+    return 0.5 * tolerance(distance, 0.15 * reach)
+
+
+@physics(gives="precise_term")
+def precise_term(distance, reach, goal_tolerance):
+    return 0.5 * tolerance(distance, goal_tolerance * reach)
+
+
+@physics(gives="distance_term")
+def distance_term(distance, reach):
+    return -0.3 * distance / reach
+
+
+@physics(gives="effort_term")
+def effort_term(action1, action2, action3, action4):
+    return -0.01 * (action1**2 + action2**2 + action3**2 + action4**2)
+
+
+@physics(gives="settle_term")
+def settle_term(distance, speed, reach):
+    return -0.05 * (speed / reach) * tolerance(distance, 0.1 * reach)
+
+
+@physics(gives="rate_term")
+def rate_term(phid1, phid2, phid3, phid4):
+    return -0.0005 * (abs(phid1) + abs(phid2) + abs(phid3) + abs(phid4))
+
+
+@physics(gives="goal_reward")
+def goal_reward(distance, reach, goal_tolerance):
+    """0 at the goal, -1 elsewhere: a function of the two goals alone, as HER needs."""
+    return where(distance <= goal_tolerance * reach, 0.0, -1.0)
+
+
+REWARD_TERMS = (
+    near_term, precise_term, distance_term, effort_term, settle_term, rate_term,
+)  # fmt: skip
+
+# ---- observation: bounded by construction --------------------------------------------------------
+
+
+@physics(gives="rate1_obs rate2_obs rate3_obs rate4_obs")
+def observed_rates(phid1, phid2, phid3, phid4, rate_scale):
+    return (
+        squash(phid1 / rate_scale),
+        squash(phid2 / rate_scale),
+        squash(phid3 / rate_scale),
+        squash(phid4 / rate_scale),
+    )
+
+
+@physics(gives="travel2_obs travel4_obs")
+def observed_travel(phi2, phi4, low2, low4, high2, high4):
+    return (
+        squash((2.0 * phi2 - low2 - high2) / (high2 - low2)),
+        squash((2.0 * phi4 - low4 - high4) / (high4 - low4)),
+    )
+
+
+@physics(gives="tip_x_obs tip_y_obs tip_vx_obs tip_vy_obs")
+def observed_tip(tip_x, tip_y, tip_vx, tip_vy, reach):
+    return (
+        squash(tip_x / reach),
+        squash(tip_y / reach),
+        squash(tip_vx / (0.5 * reach)),
+        squash(tip_vy / (0.5 * reach)),
+    )
+
+
+@physics(gives="goal_x_obs goal_y_obs error_x_obs error_y_obs")
+def observed_goal(goal_x, goal_y, error_x, error_y, reach):
+    return (
+        squash(goal_x / reach),
+        squash(goal_y / reach),
+        squash(error_x / (0.05 * reach)),
+        squash(error_y / (0.05 * reach)),
+    )
+
+
+POSTURE = {
+    "FourR": {
+        "s1": "sine of joint angle 1", "c1": "cosine of joint angle 1",
+        "s21": "sine of joint angle 2", "c21": "cosine of joint angle 2",
+        "s32": "sine of joint angle 3", "c32": "cosine of joint angle 3",
+        "s43": "sine of joint angle 4", "c43": "cosine of joint angle 4",
+    },
+    "RPRP": {
+        "s1": "sine of theta1", "c1": "cosine of theta1",
+        "s12": "sine of theta1 - theta2", "c12": "cosine of theta1 - theta2",
+        "travel2_obs": "squash(r1 from mid-travel / half travel)",
+        "travel4_obs": "squash(r2 from mid-travel / half travel)",
+    },
+}  # fmt: skip
+
+COMMON = {
+    "rate1_obs": "squash(joint rate 1 / rate_scale)",
+    "rate2_obs": "squash(joint rate 2 / rate_scale)",
+    "rate3_obs": "squash(joint rate 3 / rate_scale)",
+    "rate4_obs": "squash(joint rate 4 / rate_scale)",
+    "tip_x_obs": "squash(tip x / reach)",
+    "tip_y_obs": "squash(tip y / reach)",
+    "tip_vx_obs": "squash(tip velocity x / (0.5 reach per s))",
+    "tip_vy_obs": "squash(tip velocity y / (0.5 reach per s))",
+    "goal_x_obs": "squash(goal x / reach)",
+    "goal_y_obs": "squash(goal y / reach)",
+    "error_x_obs": "squash((goal x - tip x) / (0.05 reach))",
+    "error_y_obs": "squash((goal y - tip y) / (0.05 reach))",
+}
+
+
+@dataclass(frozen=True)
+class ReachTask:
+    """Bring the tip to a random goal and hold it there.
+
+    Parameters
+    ----------
+    goal_tolerance : float
+        Largest distance from the goal that counts as there, in units of the full reach.
+    hold_speed : float
+        Largest tip speed that counts as held, full reaches per second.
+    hold_steps : int
+        Control steps in a row for hold success.
+    inner, outer : float
+        Radii of the annulus of goals, in units of the full reach.
+    start_angle : float
+        Start angles of the revolute joints are uniform in +- this, rad.
+    rate_scale : float
+        Joint rate observed as 0.707, rad/s or m/s.
+    speed_bound : float
+        Joint rate beyond which a lane ends, rad/s or m/s.
+    """
+
+    goal_tolerance: float = 0.02
+    hold_speed: float = 0.1
+    hold_steps: int = 10
+    inner: float = 0.1
+    outer: float = 0.95
+    start_angle: float = 2.0
+    rate_scale: float = 4.0
+    speed_bound: float = 200.0
+
+    draws = 6
+    memory = ("goal_x", "goal_y", "hold", "touched")
+    renewed = {"hold": "hold_new", "touched": "touched_new"}
+    """Memory that each step renews, and from which quantity."""
+    measures = ("is_success", "touched_new", "distance", "manipulability")
+    angles = {"goal_angle": ("goal_s", "goal_c")}
+    begin_functions = (start_joints, goal_polar, goal_position)
+    goal_reward = staticmethod(goal_reward)
+
+    def __post_init__(self) -> None:
+        for name in self.__dataclass_fields__:
+            value = number(f"ReachTask.{name}", getattr(self, name))
+            if value <= 0.0:
+                raise ValueError(f"ReachTask.{name} is {value}; it must be positive")
+        if not self.inner < self.outer <= 1.0:
+            raise ValueError(
+                f"ReachTask.inner is {self.inner}, outer is {self.outer}; "
+                "inner must be below outer, and outer at most 1"
+            )
+
+    def functions(self, scene: Scene) -> tuple[Callable[..., Any], ...]:
+        """The task's quantities for the arm of a scene."""
+        full_reach = reach_rprp if scene.robot.kind == "RPRP" else reach_four_r
+        return (
+            full_reach, goal_error, tip_speed, hold_counter, success, *REWARD_TERMS,
+            observed_rates, observed_travel, observed_tip, observed_goal, goal_reward,
+        )  # fmt: skip
+
+    def observation(self, scene: Scene) -> dict[str, str]:
+        """Observed quantities in order, with what they mean."""
+        return {**POSTURE[scene.robot.kind], **COMMON}
+
+    def reward_terms(self) -> tuple[str, ...]:
+        """Names of the reward terms; their sum is the reward."""
+        return tuple(name for f in REWARD_TERMS for name in f.physics_gives)  # type: ignore[attr-defined]
+
+    def parameters(self) -> dict[str, float]:
+        """Numbers of the task, per environment."""
+        return {
+            "goal_tolerance": self.goal_tolerance,
+            "hold_speed": self.hold_speed,
+            "hold_steps": float(self.hold_steps),
+            "inner": self.inner,
+            "outer": self.outer,
+            "rate_scale": self.rate_scale,
+            "speed_bound": self.speed_bound,
+        }
+
+    def aliases(self, scene: Scene) -> dict[str, str]:
+        """low<k>, high<k> of the joints: limits of the scene, or the range of start angles."""
+        travel = scene.travel()
+        names: dict[str, str] = {}
+        for k in range(4):
+            if scene.robot.prismatic[k]:
+                if k not in travel:
+                    raise ValueError(
+                        f"the reach task needs limited travel of {scene.robot.joints[k]!r}; "
+                        "add a LimitSpring for it to the scene's effects"
+                    )
+                names[f"low{k + 1}"], names[f"high{k + 1}"] = travel[k]
+        return names
+
+    def constants(self, scene: Scene) -> dict[str, float]:
+        """low<k>, high<k> that are not limits of the scene."""
+        given = self.aliases(scene)
+        values = {}
+        for k in range(4):
+            if f"low{k + 1}" not in given:
+                values[f"low{k + 1}"] = -self.start_angle
+                values[f"high{k + 1}"] = self.start_angle
+        return values
