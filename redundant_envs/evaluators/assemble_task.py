@@ -86,21 +86,18 @@ def _command(a: Assembly) -> str:
 
 def _settle(a: Assembly, task: ReachTask, used: list[Any]) -> str:
     """After the step: trouble, task memory, reward and the ends of episodes."""
+    first, second, third, fourth = (f"abs({v})" for v in a.scene.robot.rates)
+    fastest = f"maximum(maximum({first}, {second}), maximum({third}, {fourth}))"
     lines = [
         f"defect = {' + '.join(f'({s} - {s})' for s in a.states)}",
         f"code = numerics + where(defect == 0.0, 0.0, {NON_FINITE})",
-        # A lane in trouble goes back to its last finite state; its neighbours do not notice.
+        f"code = where(code > 0.0, code, where({fastest} > speed_bound, {SPEED_BOUND}, 0.0))",
+        # A lane in trouble goes back to its last good state; its neighbours do not notice.
         *(f"{s} = where(code > 0.0, {s}_before, {s})" for s in a.states),
     ]
     terms = task.reward_terms()
     known = {*a.states, *a.numbers, *task.memory, *a.actions}
-    wanted = [*terms, *task.renewed.values(), *task.measures, *(f"phid{k}" for k in range(1, 5))]
-    lines += _statements(a, task, wanted, known, used)
-    fastest = "maximum(maximum(abs(phid1), abs(phid2)), maximum(abs(phid3), abs(phid4)))"
-    lines += [
-        f"fast = where({fastest} > speed_bound, {SPEED_BOUND}, 0.0)",
-        "code = where(code > 0.0, code, fast)",
-    ]
+    lines += _statements(a, task, [*terms, *task.renewed.values(), *task.measures], known, used)
     writes = {
         **{s: s for s in a.states},
         **task.renewed,

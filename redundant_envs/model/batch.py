@@ -186,6 +186,17 @@ class BatchSimulator:
             numerics=np.multiply(~finite, np.int64(Numerics.NON_FINITE)),
         )
 
+    def advance_partly(self, efforts: ArrayLike | None, duration: float) -> Status:
+        """Advance by ``duration`` [s] instead of a control interval, in as many substeps."""
+        rows = self._memory.rows
+        h = self._memory.blocks[:, [rows["h"], rows["interval"]]].copy()
+        self._memory.blocks[:, rows["h"]] = duration / self.scene.substeps
+        self._memory.blocks[:, rows["interval"]] = duration
+        try:
+            return self.advance(efforts)
+        finally:
+            self._memory.blocks[:, [rows["h"], rows["interval"]]] = h
+
     def _lanes(self, index: ArrayLike | None) -> NDArray[np.int64]:
         if index is None:
             return self._memory.index

@@ -77,19 +77,19 @@ def success(hold_new, hold_steps):
 # ---- reward: named terms, each from the one tolerance shape or a plain cost ----------------------
 
 
+@physics(gives="far_term")
+def far_term(distance, reach):
+    return 0.3 * tolerance(distance, 0.5 * reach)
+
+
 @physics(gives="near_term")
 def near_term(distance, reach):
-    return 0.5 * tolerance(distance, 0.15 * reach)
+    return 0.3 * tolerance(distance, 0.1 * reach)
 
 
 @physics(gives="precise_term")
 def precise_term(distance, reach, goal_tolerance):
-    return 0.5 * tolerance(distance, goal_tolerance * reach)
-
-
-@physics(gives="distance_term")
-def distance_term(distance, reach):
-    return -0.3 * distance / reach
+    return 0.4 * tolerance(distance, goal_tolerance * reach)
 
 
 @physics(gives="effort_term")
@@ -114,7 +114,7 @@ def goal_reward(distance, reach, goal_tolerance):
 
 
 REWARD_TERMS = (
-    near_term, precise_term, distance_term, effort_term, settle_term, rate_term,
+    far_term, near_term, precise_term, effort_term, settle_term, rate_term,
 )  # fmt: skip
 
 # ---- observation: bounded by construction --------------------------------------------------------
@@ -208,7 +208,8 @@ class ReachTask:
     rate_scale : float
         Joint rate observed as 0.707, rad/s or m/s.
     speed_bound : float
-        Joint rate beyond which a lane ends, rad/s or m/s.
+        Generalized velocity beyond which a lane ends, rad/s or m/s: at 50 rad/s a control
+        interval of 20 ms is a whole radian.
     """
 
     goal_tolerance: float = 0.02
@@ -218,7 +219,7 @@ class ReachTask:
     outer: float = 0.95
     start_angle: float = 2.0
     rate_scale: float = 4.0
-    speed_bound: float = 200.0
+    speed_bound: float = 50.0
 
     draws = 6
     memory = ("goal_x", "goal_y", "hold", "touched")

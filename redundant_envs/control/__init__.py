@@ -1,0 +1,1 @@
+"""Model-based controllers, the baseline of every table."""

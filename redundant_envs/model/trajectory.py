@@ -1,0 +1,121 @@
+"""One motion of a scene, or a batch of them, at requested times."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from redundant_envs.model.batch import BatchSimulator
+from redundant_envs.model.energy import kinetic_energy, potential_energy
+from redundant_envs.scene import Scene
+
+Array = NDArray[np.float64]
+Efforts = None | ArrayLike | Callable[[float, Array, Array], ArrayLike]
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """States and energies at the requested times.
+
+    Attributes
+    ----------
+    t : (T,) s
+    q, qd : (T, ..., 4)
+    kinetic_energy, potential_energy : (T, ...) J
+    work : (T, ...) J
+        Work of the motors and of forces without a potential since the start:
+        kinetic + potential - work stays constant.
+    events : list
+        Located events; none of the present effects has any.
+    """
+
+    t: Array
+    q: Array
+    qd: Array
+    kinetic_energy: Array
+    potential_energy: Array
+    work: Array
+    events: list[Any] = field(default_factory=list)
+
+
+def simulate(
+    scene: Scene, q: ArrayLike, qd: ArrayLike, times: ArrayLike, efforts: Efforts = None
+) -> Trajectory:
+    """Simulate a scene from t = 0.
+
+    Parameters
+    ----------
+    scene : Scene
+    q, qd : (..., 4) arrays
+        State at t = 0.
+    times : (T,) array
+        Increasing, not negative, s; hit exactly. Asking for more times does not change the motion.
+    efforts : None, (4,) array, or callable(t, q, qd)
+        Joint efforts, N m and N; a callable is asked once per control instant.
+
+    Returns
+    -------
+    Trajectory
+    """
+    t = np.atleast_1d(np.asarray(times, dtype=np.float64))
+    if t.ndim != 1 or not np.isfinite(t).all() or (t < 0.0).any() or (np.diff(t) <= 0.0).any():
+        raise ValueError("times must be finite, not negative and strictly increasing")
+    q0, qd0 = np.broadcast_arrays(np.asarray(q, float), np.asarray(qd, float))
+    if q0.shape[-1:] != (4,):
+        raise ValueError(f"q has shape {q0.shape}; the last axis must have 4 entries")
+    shape, count = q0.shape[:-1], int(np.prod(q0.shape[:-1], dtype=int))
+    batch = BatchSimulator(scene, count, track_work=True)
+    batch.set_state(q0.reshape(count, 4), qd0.reshape(count, 4))
+    dt = scene.control_dt
+    qs, qds, works = [], [], []
+    step, command = 0, np.zeros((count, 4))
+    commanded = -1
+    for time in t:
+        target = int(np.floor(time / dt + 1e-9))
+        while step < target:
+            command, commanded = _command(efforts, step, dt, batch, shape, command, commanded)
+            batch.advance(command)
+            step += 1
+        rest = time - step * dt
+        if rest > 1e-12 * max(1.0, time):
+            command, commanded = _command(efforts, step, dt, batch, shape, command, commanded)
+            here = batch.save()
+            batch.advance_partly(command, rest)
+            state = batch.q, batch.qd, batch.work
+            batch.restore(here)
+        else:
+            state = batch.q, batch.qd, batch.work
+        for store, value in zip((qs, qds, works), state, strict=True):
+            store.append(value)
+    q_all = np.array(qs).reshape(len(t), *shape, 4)
+    qd_all = np.array(qds).reshape(len(t), *shape, 4)
+    return Trajectory(
+        t=t,
+        q=q_all,
+        qd=qd_all,
+        kinetic_energy=kinetic_energy(scene, q_all, qd_all),
+        potential_energy=potential_energy(scene, q_all),
+        work=np.array(works).reshape(len(t), *shape),
+    )
+
+
+def _command(
+    efforts: Efforts, step: int, dt: float, batch: BatchSimulator, shape: tuple[int, ...],
+    last: Array, commanded: int,
+) -> tuple[Array, int]:  # fmt: skip
+    """Efforts of the control interval ``step``; a callable is asked once for each."""
+    if commanded == step:
+        return last, commanded
+    if efforts is None:
+        return np.zeros((batch.num_envs, 4)), step
+    value = efforts
+    if callable(efforts):
+        value = efforts(step * dt, batch.q.reshape(*shape, 4), batch.qd.reshape(*shape, 4))
+    table = np.asarray(value, dtype=np.float64)
+    if table.shape != (4,) and table.shape != (*shape, 4):
+        raise ValueError(f"efforts has shape {table.shape}; give (4,) or {(*shape, 4)}")
+    return np.broadcast_to(table, (*shape, 4)).reshape(batch.num_envs, 4), step
