@@ -1,0 +1,130 @@
+"""Computed torque along a planned joint motion: the expert beside every learner.
+
+The plan goes from the start pose to a pose at the goal along a minimum-jerk profile; the torque is
+inverse dynamics of the plan's acceleration plus proportional-derivative feedback. Effects it
+compensates: the field and viscous friction of the nominal scene.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from redundant_envs.effects import EffortLimits, Gravity, ViscousFriction
+from redundant_envs.scene import Scene
+
+Array = NDArray[np.float64]
+
+MARGIN = 0.02
+"""Share of the travel kept free at its ends by the plan."""
+
+
+def pose_at(scene: Scene, start: Array, goal: Array, iterations: int = 60) -> Array:
+    """A pose with the tip at the goal, near the start: damped Gauss-Newton in joint coordinates.
+
+    Parameters
+    ----------
+    start : (n, 4) generalized coordinates
+    goal : (n, 2) m
+
+    Returns
+    -------
+    (n, 4) generalized coordinates; where the iteration does not arrive, the nearest it came.
+    """
+    robot: Any = scene.robot
+    b = robot.motor_map
+    inverse = np.linalg.inv(b)  # q = B^-T phi
+    phi = start @ b
+    best, best_error = phi.copy(), np.full(len(phi), np.inf)
+    travel = _travel(scene)
+    for _ in range(iterations):
+        q = phi @ inverse
+        error = goal - robot.forward_kinematics(q)
+        size = np.linalg.norm(error, axis=-1)
+        better = size < best_error
+        best[better], best_error[better] = phi[better], size[better]
+        jacobian = robot.jacobian(q) @ inverse.T  # with respect to phi
+        free = np.ones_like(phi)
+        for _ in range(3):  # joints at the end of their travel are held, the others do the rest
+            step = _damped(jacobian * free[:, None, :], error)
+            for joint, (low, high) in travel.items():
+                inward = (phi[:, joint] > low) | (step[:, joint] > 0.0)
+                inward &= (phi[:, joint] < high) | (step[:, joint] < 0.0)
+                free[:, joint] *= inward
+        largest = np.abs(step).max(axis=-1, keepdims=True)
+        phi = phi + step * np.minimum(1.0, 0.3 / np.maximum(largest, 1e-12))
+        for joint, (low, high) in travel.items():
+            phi[:, joint] = np.clip(phi[:, joint], low, high)
+    return best @ inverse
+
+
+def _damped(jacobian: Array, error: Array, damping: float = 1e-4) -> Array:
+    """Damped least-squares step, (n, 4)."""
+    transposed = jacobian.transpose(0, 2, 1)
+    gram = jacobian @ transposed + damping * np.eye(2)
+    return (transposed @ np.linalg.solve(gram, error[..., None]))[..., 0]  # type: ignore[no-any-return]
+
+
+def _travel(scene: Scene) -> dict[int, tuple[float, float]]:
+    values = scene.parameters()
+    ranges = {}
+    for joint, (low, high) in scene.travel().items():
+        margin = MARGIN * (values[high] - values[low])
+        ranges[joint] = (values[low] + margin, values[high] - margin)
+    return ranges
+
+
+class ComputedTorque:
+    """Computed-torque controller for a batch of episodes.
+
+    Parameters
+    ----------
+    scene : Scene
+    duration : float
+        Time of the planned motion, s.
+    frequency : float
+        Of the critically damped error dynamics, rad/s.
+    """
+
+    def __init__(self, scene: Scene, duration: float = 1.3, frequency: float = 12.0) -> None:
+        self.scene = scene
+        self.duration = duration
+        self.frequency = frequency
+        limits = [e for e in scene.effects if isinstance(e, EffortLimits)]
+        if not limits:
+            raise ValueError("scene has no EffortLimits; the expert returns actions in their units")
+        self.limits = np.array(limits[0].limits)
+        friction = [e for e in scene.effects if isinstance(e, ViscousFriction)]
+        self.friction = np.array(friction[0].coefficients) if friction else np.zeros(4)
+        gravity = [e for e in scene.effects if isinstance(e, Gravity)]
+        if gravity and gravity[0].down[0] != 0.0:
+            raise ValueError("scene has gravity along x; the expert handles gravity along -y")
+        self.g = -gravity[0].g * gravity[0].down[1] if gravity else 0.0
+        self._start: Array = np.zeros((0, 4))
+        self._end: Array = np.zeros((0, 4))
+
+    def begin(self, q: Array, goal: Array, index: Array | None = None) -> None:
+        """Plan new episodes from poses (n, 4) to goals (n, 2), of all lanes or those in ``index``."""
+        end = pose_at(self.scene, q, goal)
+        if index is None:
+            self._start, self._end = q.copy(), end
+        else:
+            self._start[index], self._end[index] = q, end
+
+    def action(self, t: Array | float, q: Array, qd: Array) -> NDArray[np.float32]:
+        """Actions (n, 4) in [-1, 1] at times ``t`` [s] since each episode began."""
+        s = np.clip(np.asarray(t, dtype=np.float64) / self.duration, 0.0, 1.0)
+        s = np.broadcast_to(s, len(q))[:, None]
+        distance = self._end - self._start
+        place = self._start + distance * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+        rate = distance * 30.0 * s**2 * (1.0 - s) ** 2 / self.duration
+        wanted = distance * 60.0 * s * (1.0 - 3.0 * s + 2.0 * s**2) / self.duration**2
+        w = self.frequency
+        qdd = wanted + 2.0 * w * (rate - qd) + w * w * (place - q)
+        robot: Any = self.scene.robot
+        forces = robot.inverse_dynamics(q, qd, qdd, g=self.g)
+        b = robot.motor_map
+        efforts = np.linalg.solve(b, forces.T).T + self.friction * (qd @ b)
+        return np.clip(efforts / self.limits, -1.0, 1.0).astype(np.float32)
