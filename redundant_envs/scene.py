@@ -59,9 +59,7 @@ class Scene:
                     f"{', '.join(sorted(effects_package.REGISTRY))}"
                 )
             if effect.key in seen:
-                raise ValueError(
-                    f"effects[{i}] is a second {effect.key!r}; combine the two into one"
-                )
+                raise ValueError(f"effects[{i}] is a second {effect.key!r}; combine the two into one")
             seen[effect.key] = effect
         hooks = [h for e in self.effects for h in e.hooks(self.robot)]
         if sum(isinstance(h, Field) for h in hooks) > 1:
@@ -126,9 +124,7 @@ class Scene:
         effects = data.get("effects", ())
         if isinstance(effects, str) or not hasattr(effects, "__iter__"):
             raise ValueError(f"effects is {effects!r}; give a list of mappings with a 'type'")
-        built = tuple(
-            typed(f"effects[{i}]", e, effects_package.REGISTRY) for i, e in enumerate(effects)
-        )
+        built = tuple(typed(f"effects[{i}]", e, effects_package.REGISTRY) for i, e in enumerate(effects))
         rest = {k: v for k, v in data.items() if k not in ("robot", "effects")}
         return cls(robot, built, **rest)
 
@@ -186,16 +182,14 @@ def load_scene(scene: str | Path | Mapping[str, Any] | Scene) -> Scene:
         return Scene.from_dict(scene)
     if not isinstance(scene, str | Path):
         raise ValueError(
-            f"scene is {type(scene).__name__}; give a name, a path or a mapping "
-            "(Scene.to_dict() makes one)"
+            f"scene is {type(scene).__name__}; give a name, a path or a mapping (Scene.to_dict() makes one)"
         )
     path = scene_folder() / f"{scene}.yaml"
     if isinstance(scene, Path) or scene.endswith((".yaml", ".yml")):
         path = Path(scene)
     if not path.is_file():
         raise ValueError(
-            f"scene is {str(scene)!r}; there is no such file and no such name: "
-            f"{', '.join(scene_names())}"
+            f"scene is {str(scene)!r}; there is no such file and no such name: {', '.join(scene_names())}"
         )
     return Scene.from_dict(yaml.safe_load(path.read_text(encoding="utf-8")))
 
@@ -203,5 +197,3 @@ def load_scene(scene: str | Path | Mapping[str, Any] | Scene) -> Scene:
 def identifier(parameter: str) -> str:
     """A parameter name as an identifier of generated text: "gravity.down[0]" -> gravity_down_0."""
     return parameter.replace(".", "_").replace("[", "_").replace("]", "")
-
-

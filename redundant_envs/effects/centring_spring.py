@@ -46,8 +46,7 @@ class CentringSpring(Effect):
         for i in range(2):
             if self.stiffness[i] < 0.0:
                 raise ValueError(
-                    f"CentringSpring.stiffness[{i}] is {self.stiffness[i]}; "
-                    "it must not be negative"
+                    f"CentringSpring.stiffness[{i}] is {self.stiffness[i]}; it must not be negative"
                 )
             if self.lower[i] >= self.upper[i]:
                 raise ValueError(
@@ -59,8 +58,7 @@ class CentringSpring(Effect):
         joints = [k for k in range(4) if arm.prismatic[k]]
         if len(joints) != 2:
             raise ValueError(
-                f"CentringSpring acts on the two prismatic joints of RPRP; {arm.kind} has "
-                f"{len(joints)}"
+                f"CentringSpring acts on the two prismatic joints of RPRP; {arm.kind} has {len(joints)}"
             )
         return tuple(
             Force(

@@ -32,6 +32,5 @@ class EffortLimits(Effect):
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(
-            Actuation(k, saturate, {"command": f"command{k + 1}", "limit": f".limits[{k}]"})
-            for k in range(4)
+            Actuation(k, saturate, {"command": f"command{k + 1}", "limit": f".limits[{k}]"}) for k in range(4)
         )

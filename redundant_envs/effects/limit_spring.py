@@ -59,9 +59,7 @@ class LimitSpring(Effect):
         for name in ("lower", "upper", "stiffness", "damping"):
             object.__setattr__(self, name, number(f"LimitSpring.{name}", getattr(self, name)))
         if self.lower >= self.upper:
-            raise ValueError(
-                f"LimitSpring.lower is {self.lower}, upper is {self.upper}; lower must be below"
-            )
+            raise ValueError(f"LimitSpring.lower is {self.lower}, upper is {self.upper}; lower must be below")
         if self.stiffness <= 0.0:
             raise ValueError(f"LimitSpring.stiffness is {self.stiffness}; it must be positive")
         if self.damping < 0.0:

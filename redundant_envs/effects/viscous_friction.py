@@ -37,8 +37,7 @@ class ViscousFriction(Effect):
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(
-            Force(k, force, {"rate": f"phid{k + 1}", "coefficient": f".coefficients[{k}]"})
-            for k in range(4)
+            Force(k, force, {"rate": f"phid{k + 1}", "coefficient": f".coefficients[{k}]"}) for k in range(4)
         )
 
 

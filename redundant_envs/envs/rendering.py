@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import deque
 
 import numpy as np
@@ -122,7 +123,7 @@ class Renderer:
         canvas.disc(goal, radius + 9.0, GOAL, alpha=0.18)
         canvas.disc(goal, max(radius, 3.0), GOAL)
         trail = list(self.trail)
-        for i, (a, b) in enumerate(zip(trail, trail[1:], strict=False)):
+        for i, (a, b) in enumerate(itertools.pairwise(trail)):
             canvas.capsule(a, b, 3.0, TRAIL, alpha=0.15 + 0.75 * (i + 1) / len(trail))
         if arm.kind == "RPRP":
             self._sliders(canvas, q, points, base)

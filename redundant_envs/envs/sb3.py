@@ -113,8 +113,7 @@ class SB3VecEnv(VecEnv):
         reward = core.goal_reward(observation["achieved_goal"], observation["desired_goal"])
         dones = (out[:, 1] + out[:, 2]) > 0.0
         infos = [
-            {"TimeLimit.truncated": False, "is_success": s > 0.0}
-            for s in out[:, self._success].tolist()
+            {"TimeLimit.truncated": False, "is_success": s > 0.0} for s in out[:, self._success].tolist()
         ]
         if dones.any():
             core.reset(dones)

@@ -36,9 +36,7 @@ def info_name(column: str) -> str:
 def info_columns(core: Core) -> list[tuple[str, int, str]]:
     """What ``info`` shows: (name, column, kind)."""
     kinds = {**dict.fromkeys(BOOLEAN, "bool"), **dict.fromkeys(WHOLE, "int")}
-    return [
-        (info_name(c), k, kinds.get(c, "float")) for c, k in core.columns.items() if k >= 3
-    ]
+    return [(info_name(c), k, kinds.get(c, "float")) for c, k in core.columns.items() if k >= 3]
 
 
 def observation_space(core: Core, goal: bool) -> spaces.Space[Any]:
@@ -169,12 +167,10 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
         truncated = out[:, 2] > 0.0
         reward = out[:, 0].copy()
         ended = terminated | truncated
-        if mode is AutoresetMode.NEXT_STEP:
-            if core.mask.any():
-                begun = core.mask == 2
-                core.draw_keys(np.flatnonzero(begun))
-                core.mask[begun] = 0
-                core.draw_keys(())
+        if mode is AutoresetMode.NEXT_STEP and core.mask.any():
+            begun = core.mask == 2
+            core.draw_keys(np.flatnonzero(begun))
+            core.mask[begun] = 0
         infos = self._infos(out, None)
         if mode is AutoresetMode.SAME_STEP and ended.any():
             lanes = np.flatnonzero(ended)

@@ -182,9 +182,7 @@ class Assembly:
         require(("qdd1", "qdd2", "qdd3", "qdd4"))
         results = ["qdd1", "qdd2", "qdd3", "qdd4"]
         if self.track_work:
-            power = [
-                f"({' + '.join(working[k])}) * phid{k + 1}" for k in range(4) if working[k]
-            ]
+            power = [f"({' + '.join(working[k])}) * phid{k + 1}" for k in range(4) if working[k]]
             if power:
                 require(f"phid{k + 1}" for k in range(4))
             if scene.actuation == "generalized":
@@ -194,9 +192,7 @@ class Assembly:
         lines.append(f"return {', '.join(results)}")
         text = "\n".join(lines)
         arguments = [
-            n
-            for n in (*(f"command{k}" for k in range(1, 5)), *self.numbers)
-            if re.search(rf"\b{n}\b", text)
+            n for n in (*(f"command{k}" for k in range(1, 5)), *self.numbers) if re.search(rf"\b{n}\b", text)
         ]
         return arguments, lines, used
 

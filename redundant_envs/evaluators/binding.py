@@ -37,9 +37,7 @@ def _bind(
     return bound
 
 
-def run(
-    order: Sequence[Call], values: dict[str, Any], primitives: Mapping[str, Any]
-) -> dict[str, Any]:
+def run(order: Sequence[Call], values: dict[str, Any], primitives: Mapping[str, Any]) -> dict[str, Any]:
     """Evaluate statements; ``values`` is extended in place and returned.
 
     ``primitives`` also holds "sincos", which returns a pair.

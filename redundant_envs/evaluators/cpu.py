@@ -32,12 +32,12 @@ _loaded: dict[str, dict[str, Callable[..., Any]]] = {}
 _lock = threading.Lock()
 _warned: set[str] = set()
 
-KERNELS = '''
+KERNELS = """
 
 OPTIONS_KERNEL = dict(OPTIONS, nogil=True, cache=CACHE, boundscheck=False)
 for _name, _signature in SIGNATURES.items():
     globals()[_name] = njit(_signature, **OPTIONS_KERNEL)(globals()[_name])
-'''
+"""
 
 
 def cache_folder() -> Path | None:
@@ -132,7 +132,8 @@ def _write_once(path: Path, text: str) -> None:
 def _import(path: Path, key: str) -> dict[str, Callable[..., Any]]:
     name = f"redundant_envs_compiled_{key}"
     spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None and spec.loader is not None
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     module.__dict__["CACHE"] = True
     sys.modules[name] = module
@@ -208,9 +209,7 @@ class Memory:
 
     def prepare(self) -> None:
         """Renew what follows from the parameters alone; to be called after they are set."""
-        values: dict[str, Any] = {
-            n: self.blocks[:, self.rows[n]] for n in self.assembly.parameters
-        }
+        values: dict[str, Any] = {n: self.blocks[:, self.rows[n]] for n in self.assembly.parameters}
         run(self.assembly.prepared, values, PRIMITIVES)
         for call in self.assembly.prepared:
             for name in call.names:

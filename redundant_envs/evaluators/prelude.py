@@ -165,20 +165,14 @@ def sincos(x):
     r = fma(-k, 1.5707963267948966, x)
     r = fma(-k, 6.123233995736766e-17, r)
     z = r * r
-    s = 2.75573137070700676789e-06 + z * (
-        -2.50507602534068634195e-08 + z * 1.58969099521155010221e-10
-    )
+    s = 2.75573137070700676789e-06 + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)
     s = 8.33333333332248946124e-03 + z * (-1.98412698298579493134e-04 + z * s)
     s = r + r * z * (-1.66666666666666324348e-01 + z * s)
-    c = -2.75573143513906633035e-07 + z * (
-        2.08757232129817482790e-09 + z * -1.13596475577881948265e-11
-    )
+    c = -2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11)
     c = -1.38888888888741095749e-03 + z * (2.48015872894767294178e-05 + z * c)
     c = (1.0 - 0.5 * z) + z * z * (4.16666666666666019037e-02 + z * c)
     one = ir.Constant(INT64, 1)
-    odd = Condition(
-        builder, builder.icmp_signed("!=", builder.and_(quadrant, one), ir.Constant(INT64, 0))
-    )
+    odd = Condition(builder, builder.icmp_signed("!=", builder.and_(quadrant, one), ir.Constant(INT64, 0)))
     return (
         _signed(where(odd, c, s), quadrant),
         _signed(where(odd, s, c), builder.add(quadrant, one)),

@@ -12,7 +12,7 @@ from redundant_envs.integrators.tableaus import Tableau
 
 
 def weighted_sum(weights: Sequence[float], term: str) -> str:
-    """"w0*term0 + w1*term1 + ..." without the zero weights; ``term`` has {} for the stage."""
+    """ "w0*term0 + w1*term1 + ..." without the zero weights; ``term`` has {} for the stage."""
     return " + ".join(f"{w!r} * {term.format(j)}" for j, w in enumerate(weights) if w != 0.0)
 
 
@@ -31,10 +31,7 @@ def step_lines(
         return [
             f"{', '.join(rates)}, = {call.format(', '.join(states))}",
             *(f"{s}_new = {s} + h * {s}_k" for s in (*velocities, *extra)),
-            *(
-                f"{p}_new = {p} + h * {v}_new"
-                for p, v in zip(positions, velocities, strict=True)
-            ),
+            *(f"{p}_new = {p} + h * {v}_new" for p, v in zip(positions, velocities, strict=True)),
         ]
     slope = {p: f"{v}_s{{}}" for p, v in zip(positions, velocities, strict=True)}
     slope.update({s: f"{s}_k{{}}" for s in (*velocities, *extra)})

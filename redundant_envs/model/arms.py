@@ -64,9 +64,7 @@ class ModelFunctions(Arm):
         """qdd from generalized forces Q, (..., 4), by the O(n) elimination."""
         return self._vector("qdd1 qdd2 qdd3 qdd4", g, q=q, qd=qd, Q=Q)
 
-    def inverse_dynamics(
-        self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, g: float = 9.81
-    ) -> Array:
+    def inverse_dynamics(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, g: float = 9.81) -> Array:
         """Q = M qdd + h + G, (..., 4), N m or N."""
         acceleration = np.asarray(qdd, dtype=np.float64)
         if acceleration.shape[-1:] != (4,):

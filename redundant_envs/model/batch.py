@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import itertools
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -66,9 +67,7 @@ class BatchSimulator:
         Also integrate the work of motors and of forces without a potential (``work``, J).
     """
 
-    def __init__(
-        self, scene: Scene, num_envs: int = 1, threads: int = 1, track_work: bool = False
-    ) -> None:
+    def __init__(self, scene: Scene, num_envs: int = 1, threads: int = 1, track_work: bool = False) -> None:
         for name, value in (("num_envs", num_envs), ("threads", threads)):
             if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
                 raise ValueError(f"{name} is {value!r}; give a whole number of at least 1")
@@ -83,7 +82,7 @@ class BatchSimulator:
         stride = self._assembly.stride
         self._parts = [
             (self._memory.flat[a * stride : b * stride], slice(a * LANES, b * LANES))
-            for a, b in zip(cuts, cuts[1:], strict=False)
+            for a, b in itertools.pairwise(cuts)
         ]
         self._pool = ThreadPoolExecutor(len(self._parts)) if len(self._parts) > 1 else None
         method = METHODS[scene.integrator]

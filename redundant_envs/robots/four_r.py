@@ -205,10 +205,7 @@ def kinetic_energy(m1, m2, m3, m4, l1, l2, l3, l4, s21, c21, s32, c32, s43, c43,
     e4 = e3 * c43 + n3 * s43
     n4 = n3 * c43 - e3 * s43 + l4 * w4
     return 0.5 * (
-        m1 * n1 * n1
-        + m2 * (e2 * e2 + n2 * n2)
-        + m3 * (e3 * e3 + n3 * n3)
-        + m4 * (e4 * e4 + n4 * n4)
+        m1 * n1 * n1 + m2 * (e2 * e2 + n2 * n2) + m3 * (e3 * e3 + n3 * n3) + m4 * (e4 * e4 + n4 * n4)
     )
 
 
@@ -268,7 +265,7 @@ def forward_dynamics(
     b4 = -l4 * w4 * w4
     i3, k3, u3, d3, p3 = inward(m3, m4, c43, s43, f3, b3, m4 * b4, f4)
     i2, k2, u2, d2, p2 = inward(m2, d3, c32, s32, f2, b2, p3, f3)
-    i1, k1, u1, d1, p1 = inward(m1, d2, c21, s21, f1, b1, p2, f2)
+    i1, k1, u1, _d1, _p1 = inward(m1, d2, c21, s21, f1, b1, p2, f2)
     # Base to tip: (e, n) is the acceleration of a link's near end, y across the link at its far end.
     n1 = ay * c1 - ax * s1
     e1 = ax * c1 + ay * s1 + b1

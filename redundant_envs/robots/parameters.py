@@ -13,7 +13,7 @@ LARGEST_RATIO = 1e12
 
 def number(field: str, value: Any) -> float:
     """A finite float, or a ValueError that names the field."""
-    if isinstance(value, bool) or isinstance(value, str):
+    if isinstance(value, (bool, str)):
         raise ValueError(f"{field} is {value!r}; give a finite number")
     try:
         x = float(value)
@@ -86,9 +86,7 @@ class Arm:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "masses", positive_numbers("masses", self.masses, 4, "kg"))
-        object.__setattr__(
-            self, "lengths", positive_numbers("lengths", self.lengths, self.num_lengths, "m")
-        )
+        object.__setattr__(self, "lengths", positive_numbers("lengths", self.lengths, self.num_lengths, "m"))
 
     def joint_index(self, name: str) -> int:
         """Position of a joint by its name; an unknown name lists the valid ones."""

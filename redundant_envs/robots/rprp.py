@@ -181,10 +181,7 @@ def kinetic_energy(m1, m2, m3, m4, l1, l2, r1, r2, s12, c12, w1, v1, w2, v2):
     p = v1 + b * w2 * s12 + v2 * c12
     q = a * w1 + b * w2 * c12 - v2 * s12
     return 0.5 * (
-        m1 * (l1 * w1) ** 2
-        + m2 * ((a * w1) ** 2 + v1 * v1)
-        + m3 * (e * e + n * n)
-        + m4 * (p * p + q * q)
+        m1 * (l1 * w1) ** 2 + m2 * ((a * w1) ** 2 + v1 * v1) + m3 * (e * e + n * n) + m4 * (p * p + q * q)
     )
 
 

@@ -1,0 +1,80 @@
+"""Command line: python -m agents train | evaluate | play | report."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one command; mistakes in the input end with a message and status 2."""
+    parser = argparse.ArgumentParser(prog="python -m agents", description=__doc__)
+    commands = parser.add_subparsers(dest="command", required=True)
+    p = commands.add_parser("train", help="train, evaluate and report")
+    p.add_argument("config", help="YAML file, such as configs/training/rprp_reach_ppo.yaml")
+    p.add_argument("overrides", nargs="*", help="key=value, such as seed=3 ppo.gamma=0.98")
+    p.add_argument("--out", type=Path, help="run folder (default runs/<config>_seed<seed>_<time>)")
+    p = commands.add_parser("evaluate", help="evaluate the policy of a run folder again")
+    p.add_argument("folder", type=Path)
+    p = commands.add_parser("report", help="draw plots, clip and report.md of a run folder again")
+    p.add_argument("folder", type=Path)
+    p = commands.add_parser("play", help="watch a run folder's policy, or an id without one")
+    p.add_argument("target", help="run folder, or id such as RPRPReach-v0")
+    p.add_argument("--actions", default="expert", choices=("zero", "random", "expert"),
+                   help="actions for an id (default expert)")  # fmt: skip
+    p.add_argument("--clip", type=Path, help="write a GIF instead of opening a window")
+    p.add_argument("--episodes", type=int, default=3)
+    p.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args(arguments)
+    try:
+        return {"train": _train, "evaluate": _evaluate, "report": _report, "play": _play}[options.command](
+            options
+        )
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+
+
+def _train(options: argparse.Namespace) -> int:
+    from agents.config import load
+    from agents.evaluate import evaluate, summary
+    from agents.report import report
+    from agents.train import train
+
+    config = load(options.config, options.overrides)
+    name = f"{Path(options.config).stem}_seed{config.seed}_{time.strftime('%Y%m%d-%H%M%S')}"
+    folder = options.out or Path("runs") / name
+    facts = train(config, folder)
+    result = evaluate(config, folder, facts)
+    print(summary(result))
+    print(f"{facts['env_steps']} environment steps in {facts['train_seconds']:.0f} s")
+    print(f"report: {report(folder)}")
+    return 0
+
+
+def _evaluate(options: argparse.Namespace) -> int:
+    from agents.evaluate import evaluate, summary
+    from agents.report import read_config
+
+    print(summary(evaluate(read_config(options.folder), options.folder)))
+    return 0
+
+
+def _report(options: argparse.Namespace) -> int:
+    from agents.report import report
+
+    print(f"report: {report(options.folder)}")
+    return 0
+
+
+def _play(options: argparse.Namespace) -> int:
+    from agents.play import play
+
+    play(options.target, options.actions, options.clip, options.episodes, options.seed)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,185 @@
+"""Training configurations: typed, from YAML, with dotted overrides; unknown keys are errors."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+ALGORITHMS = ("ppo", "sac")
+
+
+@dataclass(frozen=True)
+class PPOSettings:
+    """Settings of PPO; learning rate falls linearly to 0."""
+
+    n_steps: int = 32
+    batch_size: int = 4096
+    n_epochs: int = 4
+    learning_rate: float = 2e-3
+    gamma: float = 0.97
+    gae_lambda: float = 0.9
+    clip_range: float = 0.2
+    ent_coef: float = 0.0
+    log_std_init: float = -0.5
+    net_arch: tuple[int, ...] = (64, 64)
+
+
+@dataclass(frozen=True)
+class SACSettings:
+    """Settings of SAC."""
+
+    buffer_size: int = 1_000_000
+    learning_starts: int = 10_000
+    batch_size: int = 512
+    learning_rate: float = 1e-3
+    gamma: float = 0.95
+    tau: float = 0.01
+    train_freq: int = 1
+    gradient_steps: int = 8
+    net_arch: tuple[int, ...] = (64, 64)
+
+
+@dataclass(frozen=True)
+class Config:
+    """One training run.
+
+    Attributes
+    ----------
+    env : registered id; ``env_kwargs`` are those of ``redundant_envs.make_sb3``
+    algo : "ppo" or "sac"
+    seed : of the learner and, times 10 000, of the environments (below 100)
+    num_envs, total_steps : environments in parallel; environment steps in all
+    max_seconds : stop earlier after so much training time
+    torch_threads : threads of PyTorch
+    selection_every, selection_episodes : the policy kept is the best on goals of their own
+    evaluation_episodes : on frozen goals that are used for nothing else
+    """
+
+    env: str
+    algo: str = "ppo"
+    seed: int = 0
+    num_envs: int = 512
+    total_steps: int = 8_000_000
+    max_seconds: float = 600.0
+    torch_threads: int = 1
+    selection_every: int = 400_000
+    selection_episodes: int = 500
+    evaluation_episodes: int = 1000
+    env_kwargs: Mapping[str, Any] = field(default_factory=dict)
+    ppo: PPOSettings = field(default_factory=PPOSettings)
+    sac: SACSettings = field(default_factory=SACSettings)
+
+    def __post_init__(self) -> None:
+        if self.algo not in ALGORITHMS:
+            raise ValueError(f"algo is {self.algo!r}; choose {', '.join(ALGORITHMS)}")
+        if not 0 <= self.seed < 100:
+            raise ValueError(
+                f"seed is {self.seed}; choose 0..99: higher ones would meet the evaluation goals"
+            )
+        for name in ("num_envs", "total_steps", "torch_threads", "selection_every",
+                     "selection_episodes", "evaluation_episodes"):  # fmt: skip
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} is {getattr(self, name)}; it must be at least 1")
+        if self.algo == "ppo" and (self.num_envs * self.ppo.n_steps) % self.ppo.batch_size:
+            total = self.num_envs * self.ppo.n_steps
+            raise ValueError(
+                f"ppo.batch_size is {self.ppo.batch_size}; it must divide num_envs * ppo.n_steps "
+                f"= {total}, such as {total // max(1, round(total / self.ppo.batch_size))}"
+            )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data, with the settings of the chosen algorithm only."""
+        data = dataclasses.asdict(self)
+        for name in ALGORITHMS:
+            if name != self.algo:
+                del data[name]
+            else:
+                data[name]["net_arch"] = list(data[name]["net_arch"])
+        data["env_kwargs"] = dict(self.env_kwargs)
+        return data
+
+
+def build(kind: type[Any], data: Mapping[str, Any], where: str) -> Any:
+    """A dataclass from plain data; unknown keys and wrong types are errors that name the field."""
+    fields = {f.name: f for f in dataclasses.fields(kind)}
+    values: dict[str, Any] = {}
+    for key, value in data.items():
+        if key not in fields:
+            raise ValueError(f"{where}{key} is unknown; valid: {', '.join(where + f for f in fields)}")
+        values[key] = convert(fields[key].type, value, f"{where}{key}")
+    missing = [
+        name for name, f in fields.items()
+        if name not in values
+        and f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
+    ]  # fmt: skip
+    if missing:
+        raise ValueError(f"{where}{missing[0]} is missing")
+    return kind(**values)
+
+
+def convert(annotation: Any, value: Any, name: str) -> Any:
+    """A value as its field's type."""
+    text = str(annotation)
+    if text == "PPOSettings":
+        return build(PPOSettings, value, f"{name}.")
+    if text == "SACSettings":
+        return build(SACSettings, value, f"{name}.")
+    if text == "int":
+        if isinstance(value, bool) or not isinstance(value, int | float) or value != int(value):
+            raise ValueError(f"{name} is {value!r}; give a whole number")
+        return int(value)
+    if text == "float":
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise ValueError(f"{name} is {value!r}; give a number")
+        return float(value)
+    if text == "str":
+        if not isinstance(value, str):
+            raise ValueError(f"{name} is {value!r}; give a text")
+        return value
+    if text.startswith("tuple"):
+        if not isinstance(value, list | tuple):
+            raise ValueError(f"{name} is {value!r}; give a list of whole numbers")
+        return tuple(convert("int", v, f"{name}[{i}]") for i, v in enumerate(value))
+    if not isinstance(value, Mapping):
+        raise ValueError(f"{name} is {value!r}; give a mapping")
+    return dict(value)
+
+
+def load(path: str | Path, overrides: Sequence[str] = ()) -> Config:
+    """A configuration from a YAML file and overrides such as ``seed=3 ppo.gamma=0.98``."""
+    file = Path(path)
+    if not file.is_file():
+        available = sorted(str(p) for p in Path("configs/training").glob("*.yaml"))
+        raise ValueError(f"config is {str(path)!r}; there is no such file. Found: {', '.join(available)}")
+    data = yaml.safe_load(file.read_text(encoding="utf-8"))
+    if not isinstance(data, dict):
+        raise ValueError(f"{file} holds no mapping; give 'key: value' lines")
+    for override in overrides:
+        key, separator, text = override.partition("=")
+        if not separator:
+            raise ValueError(f"override is {override!r}; write key=value, such as seed=3")
+        place = data
+        *parents, last = key.split(".")
+        for parent in parents:
+            place = place.setdefault(parent, {})
+            if not isinstance(place, dict):
+                raise ValueError(f"override {key!r}: {parent!r} has no keys inside")
+        place[last] = number_or_text(text)
+    config: Config = build(Config, data, "")
+    return config
+
+
+def number_or_text(text: str) -> Any:
+    """YAML's reading of a value, and 1e-3 as a number too."""
+    value = yaml.safe_load(text)
+    if isinstance(value, str):
+        try:
+            return float(value)
+        except ValueError:
+            return value
+    return value

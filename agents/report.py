@@ -1,0 +1,121 @@
+"""Pictures, clip and report.md of a run folder."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import imageio.v2 as imageio
+import matplotlib
+import numpy as np
+import yaml
+
+from agents.config import Config, build
+from agents.evaluate import summary
+from agents.rollout import EVALUATION_SEED, Act, policy_act
+from agents.train import load_policy
+
+matplotlib.use("Agg")
+CLIP_EPISODES = 4
+
+
+def read_config(folder: Path) -> Config:
+    """The configuration of a run folder."""
+    path = folder / "config.yaml"
+    if not path.is_file():
+        raise ValueError(f"run folder {folder} has no config.yaml; give a folder that train wrote")
+    config: Config = build(Config, yaml.safe_load(path.read_text()), "")
+    return config
+
+
+def plots(folder: Path, config: Config) -> list[Path]:
+    """Learning curve and final distances as pictures."""
+    import matplotlib.pyplot as plt
+
+    target = folder / "plots"
+    target.mkdir(exist_ok=True)
+    curve = np.loadtxt(folder / "selection.csv", delimiter=",", skiprows=1, ndmin=2)
+    episodes = np.loadtxt(folder / "episodes.csv", delimiter=",", skiprows=1, ndmin=2)
+    figure, axes = plt.subplots(figsize=(6.4, 3.8), layout="constrained")
+    axes.plot(curve[:, 1], 100 * curve[:, 2], marker="o", markersize=3)
+    axes.axhline(98, color="0.7", linewidth=1, linestyle="--")
+    axes.set(xlabel="training time, s", ylabel="hold success on selection goals, %", ylim=(0, 101))
+    steps = axes.secondary_xaxis(
+        "top",
+        functions=(
+            lambda t: np.interp(t, curve[:, 1], curve[:, 0] / 1e6),
+            lambda s: np.interp(s, curve[:, 0] / 1e6, curve[:, 1]),
+        ),
+    )
+    steps.set_xlabel("environment steps, millions")
+    figure.savefig(target / "learning_curve.png", dpi=120)
+    plt.close(figure)
+
+    figure, axes = plt.subplots(figsize=(6.4, 3.8), layout="constrained")
+    for column, label in ((3, config.algo.upper()), (6, "computed-torque expert")):
+        distance = np.sort(1000 * episodes[:, column])
+        axes.plot(distance, 100 * np.arange(1, len(distance) + 1) / len(distance), label=label)
+    axes.set(
+        xscale="log", xlabel="final distance of the tip from the goal, mm", ylabel="share of episodes, %"
+    )
+    axes.axvline(20, color="0.7", linewidth=1, linestyle="--")
+    axes.text(20, 2, " goal tolerance", color="0.4", fontsize=8)
+    axes.legend(loc="upper left")
+    figure.savefig(target / "final_distance.png", dpi=120)
+    plt.close(figure)
+    return [target / "learning_curve.png", target / "final_distance.png"]
+
+
+def clip(path: Path, env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any) -> None:
+    """A GIF of whole episodes."""
+    env = gym.make(env_id, render_mode="rgb_array", **kwargs)
+    core = env.unwrapped.core  # type: ignore[attr-defined]
+    frames = []
+    for episode in range(episodes):
+        obs, _ = env.reset(seed=seed + episode)
+        done, step = False, 0
+        while not done:
+            obs, _, terminated, truncated, _ = env.step(act(batched(obs), core, step)[0])
+            done = terminated or truncated
+            step += 1
+            if step % 2 == 0:
+                frames.append(np.asarray(env.render())[::1])
+    env.close()
+    imageio.mimsave(path, frames, duration=40, loop=0, palettesize=64)  # type: ignore[arg-type]
+
+
+def batched(obs: Any) -> Any:
+    """One observation as a batch of one."""
+    if isinstance(obs, dict):
+        return {k: v[None] for k, v in obs.items()}
+    return obs[None]
+
+
+def report(folder: Path) -> Path:
+    """Write plots, clip and report.md of an evaluated run."""
+    config = read_config(folder)
+    path = folder / "evaluation.json"
+    if not path.is_file():
+        raise ValueError(
+            f"run folder {folder} has no evaluation.json; run: python -m agents evaluate {folder}"
+        )
+    result = json.loads(path.read_text())
+    pictures = plots(folder, config)
+    act = policy_act(load_policy(folder, config.algo))
+    clip(folder / "clip.gif", config.env, act, CLIP_EPISODES, EVALUATION_SEED, **config.env_kwargs)
+    rows = [(k, v) for k, v in result.items() if k != "versions"]
+    rows += [(f"version of {k}", v) for k, v in result["versions"].items()]
+    lines = [
+        f"# {config.algo.upper()} on {config.env}, seed {config.seed}", "", summary(result), "",
+        "![clip](clip.gif)", "", *(f"![{p.stem}](plots/{p.name})" for p in pictures), "",
+        "| | |", "|---|---|", *(f"| {k} | {v} |" for k, v in rows), "",
+        "`config.yaml` is what was run, `scene.py` the whole simulator it ran on, `policy.zip` the "
+        "policy (best on the selection goals), `monitor.csv` every training episode, "
+        "`selection.csv` the learning curve, `episodes.csv` the evaluation.", "",
+        f"Again: `python -m agents train {folder}/config.yaml`", "",
+    ]  # fmt: skip
+    target = folder / "report.md"
+    target.write_text("\n".join(lines))
+    return target

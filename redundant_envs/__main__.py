@@ -1,0 +1,1 @@
+"""Command line: python -m redundant_envs simulate | study | scene | list."""
