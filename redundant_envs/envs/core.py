@@ -199,6 +199,17 @@ class Core:
                     f"[{values[low]:.6g}, {values[high]:.6g}]: start inside it"
                 )
 
+    def observation(self, obs: NDArray[np.float32], out: NDArray[np.float64], goal: bool) -> Any:
+        """Observations as their space has them, from the tables of a step."""
+        if not goal:
+            return obs
+        places = out[:, -4:]
+        return {
+            "observation": obs,
+            "achieved_goal": places[:, :2].copy(),
+            "desired_goal": places[:, 2:].copy(),
+        }
+
     # ---- goals and snapshots ---------------------------------------------------------------------
 
     def goal_reward(self, achieved: ArrayLike, desired: ArrayLike) -> NDArray[np.float64]:
@@ -208,11 +219,6 @@ class Core:
         reward = np.empty(len(a))
         self._goal_reward(a, d, self.reach, self.task.goal_tolerance, reward)
         return reward
-
-    def tips(self) -> NDArray[np.float64]:
-        """Tip positions, (num_envs, 2), m."""
-        q = self.memory.read(self.scene.robot.coordinates)
-        return self.scene.robot.forward_kinematics(q)  # type: ignore[attr-defined,no-any-return]
 
     def goals(self) -> NDArray[np.float64]:
         """Goals, (num_envs, 2), m."""

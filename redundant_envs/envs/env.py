@@ -69,7 +69,7 @@ class ReachEnv(gym.Env[Any, Any]):
         obs, out = self.core.observe()
         if self._renderer is not None:
             self._renderer.clear()
-        return self._observation(obs), self._info(out[0].tolist())
+        return self._observation(obs, out), self._info(out[0].tolist())
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One control step; the action is (4,) in [-1, 1], in units of the effort limits."""
@@ -80,9 +80,9 @@ class ReachEnv(gym.Env[Any, Any]):
             refuse_bad_action(action)
         obs, out, _, _ = self.core.step(action.reshape(1, 4), 0)
         values = out[0].tolist()
-        return self._observation(obs), values[0], values[1] > 0.0, False, self._info(values)
+        return self._observation(obs, out), values[0], values[1] > 0.0, False, self._info(values)
 
-    def _observation(self, obs: NDArray[np.float32]) -> Any:
+    def _observation(self, obs: NDArray[np.float32], out: NDArray[np.float64]) -> Any:
         return obs[0]
 
     def _info(self, values: list[float]) -> dict[str, Any]:
@@ -131,12 +131,8 @@ class ReachGoalEnv(ReachEnv):
         reward = self.compute_reward(obs["achieved_goal"], obs["desired_goal"], info)
         return obs, reward, terminated, truncated, info
 
-    def _observation(self, obs: NDArray[np.float32]) -> Any:
-        return {
-            "observation": obs[0],
-            "achieved_goal": self.core.tips()[0],
-            "desired_goal": self.core.goals()[0],
-        }
+    def _observation(self, obs: NDArray[np.float32], out: NDArray[np.float64]) -> Any:
+        return {k: v[0] for k, v in self.core.observation(obs, out, True).items()}
 
     def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:
         """The compiled reward of one pair (2,) or of many (n, 2) of achieved and desired goals."""

@@ -8,28 +8,40 @@ from redundant_envs.envs.env import ReachEnv, ReachGoalEnv
 from redundant_envs.envs.vector_env import ReachVectorEnv
 
 
+class _Page:
+    """A docstring written when it is read: building a page costs nothing at import."""
+
+    def __init__(self, arm: str, scene: str) -> None:
+        self.arm, self.scene = arm, scene
+
+    def __get__(self, instance: Any, owner: type[Any]) -> str:
+        from redundant_envs.envs.pages import page
+
+        return page(owner, self.arm, self.scene)
+
+
 class RPRPReachEnv(ReachEnv):
-    pass
+    __doc__ = _Page("RPRP", "rprp_reach")  # type: ignore[assignment]
 
 
 class FourRReachEnv(ReachEnv):
-    pass
+    __doc__ = _Page("FourR", "four_r_reach")  # type: ignore[assignment]
 
 
 class RPRPGoalReachEnv(ReachGoalEnv):
-    pass
+    __doc__ = _Page("RPRP", "rprp_reach")  # type: ignore[assignment]
 
 
 class FourRGoalReachEnv(ReachGoalEnv):
-    pass
+    __doc__ = _Page("FourR", "four_r_reach")  # type: ignore[assignment]
 
 
 class RPRPReachVectorEnv(ReachVectorEnv):
-    pass
+    """Native vector form of RPRPReach."""
 
 
 class FourRReachVectorEnv(ReachVectorEnv):
-    pass
+    """Native vector form of FourRReach."""
 
 
 class GoalVectorEnv(ReachVectorEnv):
@@ -40,8 +52,8 @@ class GoalVectorEnv(ReachVectorEnv):
 
 
 class RPRPGoalReachVectorEnv(GoalVectorEnv):
-    pass
+    """Native vector form of RPRPGoalReach."""
 
 
 class FourRGoalReachVectorEnv(GoalVectorEnv):
-    pass
+    """Native vector form of FourRGoalReach."""

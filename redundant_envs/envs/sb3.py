@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -22,6 +22,7 @@ from redundant_envs.envs.vector_env import (
 from redundant_envs.scene import Scene
 
 SAME_STEP = 2
+CAST: dict[str, Callable[[float], Any]] = {"bool": lambda x: x > 0.0, "int": int, "float": float}
 
 
 class SB3VecEnv(VecEnv):
@@ -76,7 +77,7 @@ class SB3VecEnv(VecEnv):
         self._reset_seeds()
         self._reset_options()
         self.reset_infos = [self._info(row) for row in out.tolist()]
-        return self._observation(obs)
+        return self.core.observation(obs, out, self.goal)
 
     def step_async(self, actions: NDArray[Any]) -> None:
         """Keep the actions for :meth:`step_wait`."""
@@ -89,63 +90,33 @@ class SB3VecEnv(VecEnv):
     ) -> tuple[Any, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """One control step of all environments."""
         core = self.core
-        if self.goal:
-            return self._goal_step()
         obs, out, last_obs, last_out = core.step(self._actions, SAME_STEP)
         dones = (out[:, 1] + out[:, 2]) > 0.0
         success = (out[:, self._success] > 0.0).tolist()
-        infos = [{"TimeLimit.truncated": False, "is_success": s} for s in success]
+        infos: list[dict[str, Any]] = [{"TimeLimit.truncated": False, "is_success": s} for s in success]
+        observation = core.observation(obs, out, self.goal)
+        reward = out[:, 0]
+        if self.goal:
+            reward = core.goal_reward(observation["achieved_goal"], observation["desired_goal"])
         if dones.any():
             lanes = np.flatnonzero(dones)
             core.draw_keys(lanes)
             core.mask[lanes] = 0
+            last = core.observation(last_obs, last_out, self.goal)
+            if self.goal:
+                reward[lanes] = core.goal_reward(last["achieved_goal"][lanes], last["desired_goal"][lanes])
             for n in lanes.tolist():
-                self._end(infos, n, last_out[n].tolist(), last_obs[n], out[n].tolist())
-        return obs, out[:, 0].astype(np.float32), dones, infos
-
-    def _goal_step(
-        self,
-    ) -> tuple[Any, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
-        """The same with goals, which must be read before the next episode begins."""
-        core = self.core
-        obs, out, _, _ = core.step(self._actions, 0)
-        observation = self._observation(obs)
-        reward = core.goal_reward(observation["achieved_goal"], observation["desired_goal"])
-        dones = (out[:, 1] + out[:, 2]) > 0.0
-        infos = [
-            {"TimeLimit.truncated": False, "is_success": s > 0.0} for s in out[:, self._success].tolist()
-        ]
-        if dones.any():
-            core.reset(dones)
-            fresh_obs, fresh_out = core.observe()
-            fresh = self._observation(fresh_obs)
-            for n in np.flatnonzero(dones).tolist():
-                last = {key: value[n].copy() for key, value in observation.items()}
-                self._end(infos, n, out[n].tolist(), last, fresh_out[n].tolist())
-            observation = fresh
+                row = last_out[n].tolist()
+                infos[n] = self._info(row)
+                infos[n]["terminal_observation"] = (
+                    {k: v[n] for k, v in last.items()} if self.goal else last[n]
+                )
+                infos[n]["TimeLimit.truncated"] = row[2] > 0.0 and not row[1] > 0.0
+                self.reset_infos[n] = self._info(out[n].tolist())
         return observation, reward.astype(np.float32), dones, infos
 
-    def _end(
-        self, infos: list[dict[str, Any]], n: int, row: list[float], last: Any, fresh: list[float]
-    ) -> None:
-        """The info of an environment whose episode ended."""
-        infos[n] = self._info(row)
-        infos[n]["terminal_observation"] = last
-        infos[n]["TimeLimit.truncated"] = row[2] > 0.0 and not row[1] > 0.0
-        self.reset_infos[n] = self._info(fresh)
-
-    def _observation(self, obs: NDArray[np.float32]) -> Any:
-        if not self.goal:
-            return obs
-        return {
-            "observation": obs,
-            "achieved_goal": self.core.tips(),
-            "desired_goal": self.core.goals(),
-        }
-
     def _info(self, row: list[float]) -> dict[str, Any]:
-        cast = {"bool": lambda x: x > 0.0, "int": int, "float": float}
-        return {name: cast[kind](row[k]) for name, k, kind in self._columns}
+        return {name: CAST[kind](row[k]) for name, k, kind in self._columns}
 
     def close(self) -> None:
         """Nothing to release."""

@@ -12,6 +12,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from redundant_envs.envs.core import Core, check_action, refuse_bad_action
+from redundant_envs.evaluators.assemble import PLACES
 from redundant_envs.scene import Scene
 from redundant_envs.tasks.reach import ReachTask
 
@@ -36,7 +37,11 @@ def info_name(column: str) -> str:
 def info_columns(core: Core) -> list[tuple[str, int, str]]:
     """What ``info`` shows: (name, column, kind)."""
     kinds = {**dict.fromkeys(BOOLEAN, "bool"), **dict.fromkeys(WHOLE, "int")}
-    return [(info_name(c), k, kinds.get(c, "float")) for c, k in core.columns.items() if k >= 3]
+    return [
+        (info_name(c), k, kinds.get(c, "float"))
+        for c, k in core.columns.items()
+        if k >= 3 and c not in PLACES
+    ]
 
 
 def observation_space(core: Core, goal: bool) -> spaces.Space[Any]:
@@ -145,7 +150,7 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
         self._ended[mask] = False
         self._ready = True
         infos = self._infos(out, mask)
-        return self._observation(obs), infos
+        return self.core.observation(obs, out, self.goal), infos
 
     def step(
         self, actions: Any
@@ -165,30 +170,33 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
         obs, out, last_obs, last_out = core.step(actions, KERNEL_MODE[mode])
         terminated = out[:, 1] > 0.0
         truncated = out[:, 2] > 0.0
-        reward = out[:, 0].copy()
         ended = terminated | truncated
+        observation = core.observation(obs, out, self.goal)
+        reward = out[:, 0].copy()
+        if self.goal:
+            reward = core.goal_reward(observation["achieved_goal"], observation["desired_goal"])
+        infos = self._infos(out, None)
         if mode is AutoresetMode.NEXT_STEP and core.mask.any():
             begun = core.mask == 2
             core.draw_keys(np.flatnonzero(begun))
             core.mask[begun] = 0
-        infos = self._infos(out, None)
-        if mode is AutoresetMode.SAME_STEP and ended.any():
+            reward[begun] = 0.0
+        elif mode is AutoresetMode.SAME_STEP and ended.any():
             lanes = np.flatnonzero(ended)
             core.draw_keys(lanes)
             core.mask[lanes] = 0
+            last = core.observation(last_obs, last_out, self.goal)
             final = np.full(self.num_envs, None, dtype=object)
-            for n in lanes:
-                final[n] = self._single_observation(last_obs, int(n))
+            for n in lanes.tolist():
+                final[n] = {k: v[n] for k, v in last.items()} if self.goal else last[n]
+            if self.goal:
+                reward[lanes] = core.goal_reward(last["achieved_goal"][lanes], last["desired_goal"][lanes])
             infos["final_obs"], infos["_final_obs"] = final, ended.copy()
             infos["final_info"] = self._infos(last_out, ended)
             infos["_final_info"] = ended.copy()
-        if mode is AutoresetMode.DISABLED:
+        elif mode is AutoresetMode.DISABLED:
             self._ended = ended.copy()
-        if self.goal:
-            observation = self._observation(obs)
-            reward = core.goal_reward(observation["achieved_goal"], observation["desired_goal"])
-            return observation, reward, terminated, truncated, infos
-        return obs, reward, terminated, truncated, infos
+        return observation, reward, terminated, truncated, infos
 
     def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:
         """Goal environments only: the compiled reward of (n, 2) pairs of goals."""
@@ -217,20 +225,6 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
         return tuple(r.draw(i) for i, r in enumerate(self._renderers))
 
     # ---- shapes of what is returned --------------------------------------------------------------
-
-    def _observation(self, obs: NDArray[np.float32]) -> Any:
-        if not self.goal:
-            return obs
-        return {
-            "observation": obs,
-            "achieved_goal": self.core.tips(),
-            "desired_goal": self.core.goals(),
-        }
-
-    def _single_observation(self, obs: NDArray[np.float32], lane: int) -> Any:
-        if not self.goal:
-            return obs[lane]
-        raise ValueError("goal environments have no same_step autoreset; use next_step or disabled")
 
     def _infos(self, out: NDArray[np.float64], mask: NDArray[np.bool_] | None) -> dict[str, Any]:
         if mask is None:

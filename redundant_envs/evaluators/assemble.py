@@ -32,6 +32,9 @@ LANES = 16
 NO_FIELD = "-0.0"
 """The additive identity: x + (-0.0) is x for every x, so the compiler drops an absent field."""
 
+PLACES = ("tip_x", "tip_y", "goal_x", "goal_y")
+"""Achieved and desired goal, the last columns of the outputs."""
+
 NON_FINITE, BAD_ACTION, SPEED_BOUND = 1.0, 2.0, 4.0
 
 
@@ -223,7 +226,7 @@ class Assembly:
         terms = tuple(f"{t}_sum" for t in self.task.reward_terms())
         return (
             "reward", "terminated", "truncated", *self.task.measures, "numerics", "saturated",
-            "steps", *terms,
+            "steps", *terms, *PLACES,
         )  # fmt: skip
 
     @cached_property

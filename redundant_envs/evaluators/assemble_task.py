@@ -10,6 +10,7 @@ from redundant_envs.evaluators.assemble import (
     BAD_ACTION,
     LANES,
     NON_FINITE,
+    PLACES,
     SPEED_BOUND,
     Assembly,
     emit,
@@ -143,10 +144,10 @@ def _observe(a: Assembly, task: ReachTask, used: list[Any]) -> str:
     """What lanes observe: a function of the state and the goal alone."""
     pure = [m for m in task.measures if m not in ("is_success", "touched_new")]
     known = {*a.states, *a.numbers, *task.memory}
-    lines = _statements(a, task, [*a.observed, *pure], known, used)
+    lines = _statements(a, task, [*a.observed, *pure, *PLACES], known, used)
     writes = {
         **{f"obs_{k}": name for k, name in enumerate(a.observed)},
-        **{f"out_{m}": m for m in pure},
+        **{f"out_{m}": m for m in (*pure, *PLACES)},
         **{f"out_{m}": m for m in a.memory if m in a.outputs},
     }
     return a.lane_function("observe", "Observation and measures.", lines, writes)

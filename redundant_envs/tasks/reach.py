@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from redundant_envs.algebra import physics, sqrt, squash, tolerance, where
+from redundant_envs.algebra import gives_of, physics, sqrt, squash, tolerance, where
 from redundant_envs.robots.parameters import number
 from redundant_envs.scene import Scene
 
@@ -255,7 +255,11 @@ class ReachTask:
 
     def reward_terms(self) -> tuple[str, ...]:
         """Names of the reward terms; their sum is the reward."""
-        return tuple(name for f in REWARD_TERMS for name in f.physics_gives)  # type: ignore[attr-defined]
+        return tuple(name for f in REWARD_TERMS for name in gives_of(f))
+
+    def reward_functions(self) -> tuple[Callable[..., Any], ...]:
+        """The functions of the reward terms."""
+        return REWARD_TERMS
 
     def parameters(self) -> dict[str, float]:
         """Numbers of the task, per environment."""

@@ -1,0 +1,142 @@
+"""Pages of the environments, written from the code: the tables cannot disagree with it."""
+
+from __future__ import annotations
+
+import inspect
+from typing import Any
+
+from redundant_envs.effects import EffortLimits
+from redundant_envs.scene import Scene, load_scene
+from redundant_envs.tasks.reach import ReachTask
+
+DESCRIPTIONS = {
+    "RPRP": "A planar revolute-prismatic-revolute-prismatic arm in a vertical plane",
+    "FourR": "A planar arm of four revolute joints in a vertical plane",
+}
+UNITS = {False: "N m", True: "N"}
+
+
+def table(head: tuple[str, ...], rows: list[tuple[Any, ...]]) -> str:
+    """A Markdown table."""
+    lines = [head, tuple("---" for _ in head), *rows]
+    return "\n".join("| " + " | ".join(str(c) for c in line) + " |" for line in lines)
+
+
+def action_table(scene: Scene) -> str:
+    """Actions with their limits."""
+    limits = next(e for e in scene.effects if isinstance(e, EffortLimits)).limits
+    rows = [
+        (k, f"effort at {joint} / {limits[k]:g} {UNITS[prismatic]}", -1, 1, joint, UNITS[prismatic])
+        for k, (joint, prismatic) in enumerate(zip(scene.robot.joints, scene.robot.prismatic, strict=True))
+    ]
+    return table(("Num", "Action", "Control Min", "Control Max", "Joint", "Unit of the effort"), rows)
+
+
+def observation_table(scene: Scene, task: ReachTask) -> str:
+    """Observed quantities in order."""
+    rows = [(k, text, -1, 1) for k, text in enumerate(task.observation(scene).values())]
+    return table(("Num", "Observation", "Min", "Max"), rows)
+
+
+def reward_table(task: ReachTask) -> str:
+    """Reward terms with their expressions as written in the code."""
+    rows = []
+    for function in task.reward_functions():
+        source = inspect.getsource(function)
+        expression = source.split("return", 1)[1].strip()
+        name = function.__name__.removesuffix("_term")
+        rows.append((name, f"`{' '.join(expression.split())}`", f"`return_{name}`"))
+    return table(("Term", "Value per step", "Sum over the episode in info"), rows)
+
+
+def argument_table(kind: type[Any]) -> str:
+    """Keyword arguments of the constructor with their defaults."""
+    rows = []
+    for name, parameter in inspect.signature(kind.__init__).parameters.items():
+        if name != "self":
+            default = "of the id" if name == "scene" else f"`{parameter.default!r}`"
+            rows.append((f"`{name}`", default, ARGUMENTS[name]))
+    return table(("Parameter", "Default", "Description"), rows)
+
+
+ARGUMENTS = {
+    "scene": "Scene by name, path of a YAML file, or mapping (`Scene.to_dict()`).",
+    "render_mode": "`None`, `'rgb_array'`, or `'human'` (through Gymnasium's wrapper).",
+    "on_bad_action": "`'raise'` or `'terminate'`: what a non-finite action does.",
+    "task": "Mapping of the task's numbers, listed under Task.",
+}
+
+
+def task_table(task: ReachTask) -> str:
+    """Numbers of the task."""
+    rows = [(f"`{name}`", getattr(task, name)) for name in task.__dataclass_fields__]
+    return table(("Number", "Default"), rows)
+
+
+def page(kind: type[Any], arm: str, scene_name: str) -> str:
+    """The docstring of an environment under Gymnasium's headings."""
+    scene, task = load_scene(scene_name), ReachTask()
+    goal = bool(kind.goal)
+    masses = ", ".join(f"{m:g}" for m in scene.robot.masses)
+    lengths = ", ".join(f"{length:g}" for length in scene.robot.lengths)
+    dt, rate = f"{scene.control_dt:g}", f"{1 / scene.control_dt:g}"
+    percent, held = f"{100 * task.goal_tolerance:g}", task.hold_steps
+    observation = (
+        "A dictionary: `observation` below, `achieved_goal` the tip and `desired_goal` the goal "
+        "(2 numbers each, m, float64).\n\n"
+        if goal
+        else ""
+    )
+    reward = (
+        "0 when the tip is within the goal tolerance, -1 otherwise: a function of the two goals "
+        "alone, `compute_reward(achieved_goal, desired_goal, info)`, for hindsight replay."
+        if goal
+        else "The sum of the terms; `tolerance(x, margin)` is 1 / (1 + (x / margin)^2).\n\n"
+        + reward_table(task)
+    )
+    travel = "; prismatic joints uniform over their travel" if arm == "RPRP" else ""
+    return f"""{DESCRIPTIONS[arm]} brings its tip to a goal and holds it there.
+
+## Description
+Point masses of {masses} kg, link lengths {lengths} m, joint friction and gravity. Efforts act at
+the joints and are constant over a control interval of {dt} s ({rate} Hz), which the
+integrator `{scene.integrator}` crosses in {scene.substeps} step(s). The reach is redundant: four
+joints place a tip in two dimensions.
+
+## Action Space
+`Box(-1.0, 1.0, (4,), float32)`. Finite actions outside saturate and are counted in
+`info["saturated_actions"]`.
+
+{action_table(scene)}
+
+## Observation Space
+{observation}`Box(-1.0, 1.0, ({len(task.observation(scene))},), float32)`, where
+squash(x) is x / sqrt(1 + x^2).
+
+{observation_table(scene, task)}
+
+## Rewards
+{reward}
+
+`info["is_success"]` is hold success, at every step: the tip was within {percent} % of the
+full reach of the goal and slower than {task.hold_speed:g} reaches per second for the last {held} steps.
+`info["touch_success"]` says whether the goal was ever touched.
+
+## Starting State
+At rest; joint angles uniform in +-{task.start_angle:g} rad{travel}. The goal is uniform over the area of the
+annulus from {task.inner:g} to {task.outer:g} of the full reach.
+`reset(options=...)` sets `q`, `qd`, `goal` and `parameters` exactly.
+
+## Episode End
+Termination: only numerical trouble, named in `info["numerics"]` (1 non-finite state, 2 non-finite
+action, 4 a velocity beyond {task.speed_bound:g} rad/s or m/s). Truncation: after 100 steps.
+
+## Arguments
+{argument_table(kind)}
+
+## Task
+{task_table(task)}
+
+## Version History
+* v0: initial version; dynamics, observation and reward may change until the first release.
+"""
