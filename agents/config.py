@@ -31,16 +31,17 @@ class PPOSettings:
 
 @dataclass(frozen=True)
 class SACSettings:
-    """Settings of SAC."""
+    """Settings of SAC. A small fixed ent_coef: holding still needs a policy that is nearly sure."""
 
     buffer_size: int = 1_000_000
     learning_starts: int = 10_000
-    batch_size: int = 512
+    batch_size: int = 256
     learning_rate: float = 1e-3
-    gamma: float = 0.95
+    gamma: float = 0.97
     tau: float = 0.01
     train_freq: int = 1
     gradient_steps: int = 8
+    ent_coef: float = 0.001
     net_arch: tuple[int, ...] = (64, 64)
 
 

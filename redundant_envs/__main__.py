@@ -1,1 +1,177 @@
 """Command line: python -m redundant_envs simulate | study | scene | list."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+# Only argparse here: each command imports what it needs, so that --help is instant.
+
+STUDIES = ("throughput", "environments")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command; returns 0, or 2 after a message about a mistake in what was asked for."""
+    options = parser().parse_args(arguments)
+    try:
+        options.handler(options)
+    except (ValueError, ImportError) as error:
+        print(f"redundant_envs: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def parser() -> argparse.ArgumentParser:
+    """All commands and their options."""
+    top = argparse.ArgumentParser(prog="python -m redundant_envs", description="Planar redundant arms.")
+    commands = top.add_subparsers(dest="command", required=True)
+
+    p = commands.add_parser("simulate", help="let an arm go; record and plot its energies")
+    p.add_argument(
+        "--scene", nargs="+", default=None, metavar="NAME_OR_PATH", help="default: the report's runs"
+    )
+    p.add_argument("--seconds", type=float, default=5.0)
+    p.add_argument("--q", nargs=4, type=float, metavar="Q", help="coordinates at the start, rad and m")
+    p.add_argument("--qd", nargs=4, type=float, metavar="QD", default=(0.0,) * 4, help="velocities, 1/s, m/s")
+    p.add_argument("--out", type=Path, default=Path("runs/simulate"), metavar="FOLDER")
+    p.add_argument("--clip", type=Path, metavar="GIF", help="also draw the motion; needs exactly one --scene")
+    p.set_defaults(handler=simulate)
+
+    studies = commands.add_parser("study", help="measure the library").add_subparsers(
+        dest="study", required=True
+    )
+    p = studies.add_parser("throughput", help="nanoseconds per step of the compiled core")
+    p.add_argument("--config", type=Path, metavar="YAML", help="default: configs/studies/throughput.yaml")
+    p.set_defaults(handler=throughput)
+    _add_study_out(p)
+    p = studies.add_parser("environments", help="speed of the Gymnasium environments")
+    p.add_argument("--lanes", type=int, default=4096)
+    p.add_argument("--rounds", type=int, default=10)
+    p.set_defaults(handler=environments)
+    _add_study_out(p)
+
+    p = commands.add_parser("scene", help="print a scene")
+    p.add_argument("scene", metavar="NAME_OR_PATH")
+    p.add_argument("--source", action="store_true", help="print its assembled simulator instead")
+    p.set_defaults(handler=show_scene)
+
+    p = commands.add_parser("list", help="ids, scenes, effects, integrators, studies")
+    p.set_defaults(handler=show_list)
+    return top
+
+
+def _add_study_out(p: argparse.ArgumentParser) -> None:
+    p.add_argument(
+        "--out", type=Path, default=Path("runs/studies"), metavar="FOLDER", help="folder, or a .csv file"
+    )
+
+
+def simulate(options: argparse.Namespace) -> None:
+    """Write CSV and figures of one or more scenes."""
+    from redundant_envs import load_scene
+    from redundant_envs.studies import energy
+
+    asked: list[str] = options.scene or list(energy.STARTS)
+    if options.clip is not None and len(asked) != 1:
+        raise ValueError(f"--clip draws one scene, but {len(asked)} are asked for; give exactly one --scene")
+    scenes = [(Path(name).stem, load_scene(name)) for name in asked]
+    names = [name for name, _ in scenes]
+    if len(set(names)) < len(names):
+        raise ValueError(f"--scene gives the same name twice: {', '.join(names)}; their files would collide")
+    for i, (name, scene) in enumerate(scenes):
+        print(f"simulate {i + 1}/{len(scenes)}: {name}, {options.seconds:g} s ...", file=sys.stderr)
+        q = options.q if options.q is not None else energy.default_start(name, scene)
+        run = energy.energy_run(name, scene, options.seconds, q, options.qd)
+        path = options.out / f"{name}.csv"
+        energy.write_csv(run, path)
+        print(
+            f"{name}: largest kinetic energy {run.trajectory.kinetic_energy.max():.4g} J, total "
+            f"{run.total[0]:.6g} J at the start and {run.total[-1]:.6g} J at the end, relative drift "
+            f"{run.drift:.1e}"
+        )
+        # After the numbers: those are kept where matplotlib is missing.
+        from redundant_envs.studies import plots
+
+        for written in (path, *plots.save_figures(run, options.out)):
+            print(f"  {written}")
+        if options.clip is not None:
+            plots.save_clip(run, options.clip)
+            print(f"  {options.clip}")
+
+
+def throughput(options: argparse.Namespace) -> None:
+    """Time the compiled core."""
+    from redundant_envs.studies import throughput as study
+
+    config = study.load_config(options.config or study.study_path("throughput"))
+    _report(study.run(config), study.COLUMNS, "dgemm_gflops", options.out, "throughput")
+
+
+def environments(options: argparse.Namespace) -> None:
+    """Time the environments."""
+    from redundant_envs.studies import environments as study
+
+    rows = study.run(options.lanes, options.rounds)
+    _report(rows, study.COLUMNS, "env", options.out, "environments")
+
+
+def _report(rows: list[dict[str, Any]], columns: Sequence[str], first: str, out: Path, name: str) -> None:
+    """Write a study's rows as CSV and print them; what is the same in all rows goes on one line."""
+    from redundant_envs.studies.throughput import table, write_rows
+
+    path = out if out.suffix == ".csv" else out / f"{name}.csv"
+    write_rows(rows, columns, path)
+    start = columns.index(first)
+    if rows:
+        print(", ".join(f"{c} {rows[0][c]}" for c in columns[:start] if rows[0][c]))
+    print(table(rows, columns[start:]))
+    print(path)
+
+
+def show_scene(options: argparse.Namespace) -> None:
+    """Print a scene as YAML, or the text of its simulator."""
+    from redundant_envs import evaluators, load_scene
+
+    scene = load_scene(options.scene)
+    if options.source:
+        print(evaluators.source(scene), end="")
+        return
+    import yaml
+
+    print(yaml.safe_dump(scene.to_dict(), sort_keys=False, default_flow_style=None), end="")
+
+
+def show_list(options: argparse.Namespace) -> None:
+    """Print every name that the other commands and gymnasium.make take."""
+    import dataclasses
+
+    from redundant_envs import effects
+    from redundant_envs.envs.registration import ids
+    from redundant_envs.integrators.tableaus import METHODS
+    from redundant_envs.scene import scene_names
+
+    def signature(effect: type[Any]) -> str:
+        parts = []
+        for f in dataclasses.fields(effect):
+            required = f.default is dataclasses.MISSING
+            parts.append(f.name if required else f"{f.name}={f.default}")
+        return f"{effect.__name__}({', '.join(parts)})"
+
+    groups = {
+        "environments": ids(),
+        "scenes": scene_names(),
+        "effects": [signature(e) for _, e in sorted(effects.REGISTRY.items())],
+        "integrators": list(METHODS),
+        "studies": list(STUDIES),
+    }
+    print(
+        "\n".join(f"{title}\n" + "".join(f"  {n}\n" for n in names) for title, names in groups.items()),
+        end="",
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from redundant_envs.effects import EffortLimits
 from redundant_envs.evaluators import cpu
 from redundant_envs.evaluators.assemble import assemble
-from redundant_envs.evaluators.assemble_task import OBSERVE, RESET, STEP
+from redundant_envs.evaluators.assemble_task import DISABLED, NEXT_STEP, OBSERVE, RESET, SAME_STEP, STEP
 from redundant_envs.model.batch import BatchSimulator, Numerics, unknown_parameter
 from redundant_envs.scene import Scene, identifier, load_scene
 from redundant_envs.tasks.reach import ReachTask
@@ -59,9 +59,12 @@ class Core:
             arm.coordinates_of_joints(**named), (4, 1)
         )
         self.limit = limit
+        self.begun: NDArray[np.bool_] | None = None
+        """Lanes that began a new episode in the last step, if any did."""
         self.columns = {name: k for k, name in enumerate(self.assembly.outputs)}
         self.generators: list[np.random.Generator | None] = [None] * num_envs
         self.keys = np.zeros((num_envs, 4), dtype=np.uint32)
+        self.waiting = np.zeros(num_envs, dtype=np.bool_)  # keys drawn and not yet used
         self.mask = np.zeros(num_envs, dtype=np.uint8)
         self._no_actions = np.zeros((num_envs, 4), dtype=np.float32)
         self.memory.blocks[:, self.memory.rows["limit"]] = limit
@@ -88,17 +91,19 @@ class Core:
     def seed(self, lane: int, seed: int | None) -> int:
         """Give a lane a new generator; returns the seed used."""
         self.generators[lane], used = seeding.np_random(seed)
+        self.waiting[lane] = False
         return used
 
-    def draw_keys(self, lanes: Sequence[int] | NDArray[np.int64]) -> None:
-        """Draw the key of the next episode of some lanes."""
-        for lane in lanes:
+    def provide_keys(self, lanes: NDArray[np.int64]) -> None:
+        """Draw the key of the next episode for those of some lanes that have none waiting."""
+        for lane in lanes[~self.waiting[lanes]].tolist():
             generator = self.generators[lane]
             if generator is None:
                 self.seed(lane, None)
                 generator = self.generators[lane]
                 assert generator is not None
             self.keys[lane] = generator.integers(0, 2**32, size=4, dtype=np.uint32)
+            self.waiting[lane] = True
 
     # ---- stepping --------------------------------------------------------------------------------
 
@@ -113,21 +118,34 @@ class Core:
     def step(
         self, actions: NDArray[np.float32], autoreset: int
     ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.float32], NDArray[np.float64]]:
-        """One control step of all lanes: observations, outputs, and those before an autoreset."""
+        """One control step of all lanes: observations, outputs, and those before an autoreset.
+
+        With autoreset NEXT_STEP the rows of lanes that began anew have no reward and no flags.
+        """
+        if autoreset == SAME_STEP and not self.waiting.all():
+            self.provide_keys(np.flatnonzero(~self.waiting))
         obs, out = self.tables()
-        last_obs, last_out = self.tables() if autoreset == 2 else (_EMPTY_OBS, _EMPTY_OUT)
+        last_obs, last_out = self.tables() if autoreset == SAME_STEP else (_EMPTY_OBS, _EMPTY_OUT)
         self._kernel(
             self.memory.flat, actions, obs, out, last_obs, last_out, self.keys, self.mask,
             STEP, autoreset, self.scene.substeps,
         )  # fmt: skip
+        if autoreset != DISABLED and self.mask.any():
+            self.begun = self.mask == (2 if autoreset == NEXT_STEP else 1)
+            self.waiting[self.begun] = False
+            self.mask[self.begun] = 0
+            self.provide_keys(np.flatnonzero(self.mask))
+        else:
+            self.begun = None
         return obs, out, last_obs, last_out
 
     def reset(self, lanes: NDArray[np.bool_]) -> None:
         """Begin new episodes in the lanes of a mask; their keys are drawn here."""
-        self.draw_keys(np.flatnonzero(lanes))
+        self.provide_keys(np.flatnonzero(lanes))
         self.mask[:] = lanes
         self._call(RESET)
         self.mask[:] = 0
+        self.waiting[lanes] = False
 
     def observe(self) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
         """Observations and outputs of the present states."""
@@ -230,12 +248,13 @@ class Core:
             "numbers": self.memory.flat.copy(),
             "keys": self.keys.copy(),
             "mask": self.mask.copy(),
+            "waiting": self.waiting.copy(),
             "generators": copy.deepcopy(self.generators),
         }
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Return to a state of :meth:`get_state`; the continuation is the same to the last bit."""
-        missing = [k for k in ("numbers", "keys", "mask", "generators") if k not in state]
+        missing = [k for k in ("numbers", "keys", "mask", "waiting", "generators") if k not in state]
         if missing:
             raise ValueError(f"state lacks {', '.join(missing)}; use what get_state returned")
         if state["numbers"].shape != self.memory.flat.shape:
@@ -243,6 +262,7 @@ class Core:
         self.memory.flat[:] = state["numbers"]
         self.keys[:] = state["keys"]
         self.mask[:] = state["mask"]
+        self.waiting[:] = state["waiting"]
         self.generators = copy.deepcopy(state["generators"])
 
 

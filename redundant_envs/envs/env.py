@@ -60,7 +60,9 @@ class ReachEnv(gym.Env[Any, Any]):
             "q", "qd": (4,), "goal": (2,) [m], "parameters": {name: numbers}.
         """
         super().reset(seed=seed)
-        self.core.generators[0] = self.np_random
+        if self.core.generators[0] is not self.np_random:
+            self.core.generators[0] = self.np_random
+            self.core.waiting[0] = False
         self.core.reset(np.ones(1, dtype=np.bool_))
         if options:
             if "reset_mask" in options:

@@ -100,8 +100,6 @@ class SB3VecEnv(VecEnv):
             reward = core.goal_reward(observation["achieved_goal"], observation["desired_goal"])
         if dones.any():
             lanes = np.flatnonzero(dones)
-            core.draw_keys(lanes)
-            core.mask[lanes] = 0
             last = core.observation(last_obs, last_out, self.goal)
             if self.goal:
                 reward[lanes] = core.goal_reward(last["achieved_goal"][lanes], last["desired_goal"][lanes])

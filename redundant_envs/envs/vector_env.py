@@ -176,15 +176,10 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
         if self.goal:
             reward = core.goal_reward(observation["achieved_goal"], observation["desired_goal"])
         infos = self._infos(out, None)
-        if mode is AutoresetMode.NEXT_STEP and core.mask.any():
-            begun = core.mask == 2
-            core.draw_keys(np.flatnonzero(begun))
-            core.mask[begun] = 0
-            reward[begun] = 0.0
+        if mode is AutoresetMode.NEXT_STEP and core.begun is not None:
+            reward[core.begun] = 0.0
         elif mode is AutoresetMode.SAME_STEP and ended.any():
             lanes = np.flatnonzero(ended)
-            core.draw_keys(lanes)
-            core.mask[lanes] = 0
             last = core.observation(last_obs, last_out, self.goal)
             final = np.full(self.num_envs, None, dtype=object)
             for n in lanes.tolist():

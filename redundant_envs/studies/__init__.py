@@ -1,0 +1,1 @@
+"""Measurements of the library: speed, energy, and the figures they give."""

@@ -1,0 +1,141 @@
+"""Energies of an arm over time: what figures 1 and 2 of the report show."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from redundant_envs.effects import CentringSpring
+from redundant_envs.model.trajectory import Trajectory, simulate
+from redundant_envs.scene import Scene
+
+Array = NDArray[np.float64]
+
+STARTS: dict[str, tuple[float, float, float, float]] = {
+    "rprp_report_spring": (1.2, 0.25, 0.4, 0.2),
+    "rprp_limit_springs": (1.2, 0.25, 0.4, 0.2),
+    "four_r_free": (0.0, -0.3, -0.6, -0.9),
+}
+"""Scenes of the report's experiment and where the arm is let go: rad, and m for sliders. The
+report states neither parameters nor a start; these are ours."""
+
+SAMPLE_INTERVAL = 0.005
+"""Longest time between rows of a recorded motion, s."""
+
+
+@dataclass(frozen=True)
+class EnergyRun:
+    """A motion and its energies.
+
+    Attributes
+    ----------
+    name : str
+    scene : Scene
+    trajectory : Trajectory
+    """
+
+    name: str
+    scene: Scene
+    trajectory: Trajectory
+
+    @property
+    def total(self) -> Array:
+        """Kinetic plus potential energy, (T,), J."""
+        return self.trajectory.kinetic_energy + self.trajectory.potential_energy
+
+    @property
+    def balance(self) -> Array:
+        """Total energy minus the work done on the arm, (T,), J: constant but for integration error."""
+        return self.total - self.trajectory.work
+
+    @property
+    def scale(self) -> float:
+        """What a drift is compared with, J: the energy that was exchanged."""
+        potential = self.trajectory.potential_energy
+        return float(max(self.trajectory.kinetic_energy.max(), np.ptp(potential), 1e-300))
+
+    @property
+    def relative_error(self) -> Array:
+        """Departure of the balance from its start, (T,), relative to ``scale``."""
+        return (self.balance - self.balance[0]) / self.scale
+
+    @property
+    def drift(self) -> float:
+        """Largest relative error."""
+        return float(np.abs(self.relative_error).max())
+
+
+def default_start(name: str, scene: Scene) -> tuple[float, ...]:
+    """Where a scene is let go unless told: a known start, else level, sliders in mid travel."""
+    if name in STARTS:
+        return STARTS[name]
+    values, travel = scene.parameters(), scene.travel()
+    q = []
+    for k in range(4):
+        middle = 0.0
+        if scene.robot.prismatic[k] and k in travel:
+            low, high = travel[k]
+            middle = 0.5 * (values[low] + values[high])
+        q.append(middle)
+    return tuple(q)
+
+
+def stated_limits(scene: Scene) -> dict[int, tuple[float, float]]:
+    """Travel that the scene states for its sliders: joint -> (lower, upper), m.
+
+    The report's centring spring names limits too, although it does not enforce them.
+    """
+    values = scene.parameters()
+    limits = {k: (values[a], values[b]) for k, (a, b) in scene.travel().items() if scene.robot.prismatic[k]}
+    for effect in scene.effects:
+        if isinstance(effect, CentringSpring):
+            joints = [k for k in range(4) if scene.robot.prismatic[k]]
+            limits.update(zip(joints, zip(effect.lower, effect.upper, strict=True), strict=True))
+    return limits
+
+
+def energy_run(
+    name: str, scene: Scene, seconds: float, q: ArrayLike, qd: ArrayLike = (0.0,) * 4
+) -> EnergyRun:
+    """Let the arm go without motor efforts and record states and energies.
+
+    Parameters
+    ----------
+    seconds : float
+        Length of the motion, positive, s.
+    q, qd : (4,) arrays
+        State at the start.
+    """
+    if not np.isfinite(seconds) or seconds <= 0.0:
+        raise ValueError(f"seconds is {seconds}; it must be positive and finite")
+    for field, value in (("q", q), ("qd", qd)):
+        if np.shape(value) != (4,) or not np.isfinite(value).all():
+            raise ValueError(f"{field} is {value}; give four finite numbers")
+    # Whole fractions of the control interval, so that no row falls between two substeps twice.
+    rows = max(1, round(seconds / min(scene.control_dt, SAMPLE_INTERVAL)))
+    trajectory = simulate(scene, q, qd, np.linspace(0.0, seconds, rows + 1))
+    finite = np.isfinite(trajectory.q).all(axis=1) & np.isfinite(trajectory.qd).all(axis=1)
+    if not finite.all():
+        at = trajectory.t[np.argmin(finite)]
+        raise ValueError(
+            f"control_dt is {scene.control_dt} s with substeps {scene.substeps}; the state of {name} is "
+            f"not finite at t = {at:.4g} s: take more substeps"
+        )
+    return EnergyRun(name, scene, trajectory)
+
+
+def write_csv(run: EnergyRun, path: Path) -> None:
+    """Write t [s], states and energies [J], one row per recorded time."""
+    arm, motion = run.scene.robot, run.trajectory
+    header = ["t", *arm.coordinates, *arm.rates, "kinetic", "potential", "work", "total"]
+    columns = (motion.t, motion.q, motion.qd, motion.kinetic_energy, motion.potential_energy, motion.work)
+    table = np.column_stack([*columns, run.total])
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(header)
+        writer.writerows([repr(float(x)) for x in row] for row in table)

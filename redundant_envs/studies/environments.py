@@ -1,0 +1,125 @@
+"""Speed of the environments: vector steps per second, one step of one, and import to first step."""
+
+from __future__ import annotations
+
+import statistics
+import subprocess
+import sys
+import time
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from redundant_envs.envs.registration import NAMESPACE, SCENES
+from redundant_envs.studies.throughput import one_core, versions
+
+COLUMNS = (
+    "machine", "date", "python", "numba", "numpy", "gymnasium", "commit", "env", "lanes",
+    "vector_steps_per_s_best", "vector_steps_per_s_median", "single_us_per_step",
+    "cartpole_us_per_step", "single_over_cartpole", "import_to_first_step_s",
+)  # fmt: skip
+BASELINE = "CartPole-v1"
+IDS = tuple(f"{NAMESPACE}/{arm}Reach-v0" for arm in SCENES)
+VECTOR_STEPS = 101
+"""Steps per round: one whole episode and its reset, so that resets take their share."""
+FIRST_STEP = """
+import time
+start = time.perf_counter()
+import gymnasium as gym
+import redundant_envs
+env = gym.make({name!r})
+env.reset(seed=0)
+env.step(env.action_space.sample())
+print(time.perf_counter() - start)
+"""
+
+
+def vector_rates(name: str, lanes: int, rounds: int) -> list[float]:
+    """Environment steps per second of the native vector environment, one number per round."""
+    env = gym.make_vec(name, num_envs=lanes)
+    env.reset(seed=0)
+    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (lanes, 4)).astype(np.float32)
+    env.step(actions)
+    rates = []
+    for _ in range(rounds):
+        start = time.perf_counter()
+        for _ in range(VECTOR_STEPS):
+            env.step(actions)
+        rates.append(lanes * VECTOR_STEPS / (time.perf_counter() - start))
+    env.close()
+    return rates
+
+
+def step_seconds(env: gym.Env[Any, Any], actions: list[Any]) -> float:
+    """Mean time of one step, s; resets are not counted."""
+    env.reset(seed=0)
+    spent = 0.0
+    for action in actions:
+        start = time.perf_counter()
+        _, _, terminated, truncated, _ = env.step(action)
+        spent += time.perf_counter() - start
+        if terminated or truncated:
+            env.reset()
+    return spent / len(actions)
+
+
+def single_against_baseline(name: str, rounds: int, steps: int) -> tuple[float, float]:
+    """Microseconds per step of an environment and of CartPole, the best of alternating rounds."""
+    best = {name: np.inf, BASELINE: np.inf}
+    pairs = []
+    for key in best:
+        env = gym.make(key)
+        env.action_space.seed(0)
+        pairs.append((key, env, [env.action_space.sample() for _ in range(steps)]))
+    for _ in range(rounds):
+        for key, env, actions in pairs:
+            best[key] = min(best[key], 1e6 * step_seconds(env, actions))
+    for _, env, _ in pairs:
+        env.close()
+    return best[name], best[BASELINE]
+
+
+def first_step_seconds(name: str, tries: int = 3) -> float:
+    """Seconds from before the imports to after the first step in a new process, the best of a few.
+
+    One process goes first, unmeasured, so that the compiled module is on disk.
+    """
+    command = [sys.executable, "-c", FIRST_STEP.format(name=name)]
+    times = []
+    for _ in range(1 + tries):
+        result = subprocess.run(command, capture_output=True, text=True, check=True)
+        times.append(float(result.stdout.split()[-1]))
+    return min(times[1:])
+
+
+def run(lanes: int = 4096, rounds: int = 10, steps: int = 2000) -> list[dict[str, Any]]:
+    """Time both reach environments; one row of ``COLUMNS`` for each."""
+    for field, value in (("lanes", lanes), ("rounds", rounds), ("steps", steps)):
+        if value < 1:
+            raise ValueError(f"{field} is {value}; give a whole number of at least 1")
+    rows, about = [], versions()
+    with one_core():
+        for i, name in enumerate(IDS):
+            rates = vector_rates(name, lanes, rounds)
+            single, baseline = single_against_baseline(name, rounds, steps)
+            rows.append(
+                {
+                    **about,
+                    "gymnasium": gym.__version__,
+                    "env": name,
+                    "lanes": lanes,
+                    "vector_steps_per_s_best": round(max(rates)),
+                    "vector_steps_per_s_median": round(statistics.median(rates)),
+                    "single_us_per_step": round(single, 2),
+                    "cartpole_us_per_step": round(baseline, 2),
+                    "single_over_cartpole": round(single / baseline, 2),
+                    "import_to_first_step_s": round(first_step_seconds(name), 3),
+                }
+            )
+            print(
+                f"environments {i + 1}/{len(IDS)}: {name} {max(rates) / 1e6:.2f} million steps/s, "
+                f"single {single:.1f} us",
+                file=sys.stderr,
+            )
+    return rows

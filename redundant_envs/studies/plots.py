@@ -1,0 +1,155 @@
+"""Figures and clips of recorded motions. Drawing packages are imported when a picture is made."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from redundant_envs.envs.rendering import BACKGROUND, JOINT, LINKS, RAIL, REACH, TRAIL, Canvas
+from redundant_envs.studies.energy import EnergyRun, stated_limits
+
+KINETIC, POTENTIAL, TOTAL, ERROR = "#34496e", "#d9822b", "#2e8b66", "#8c3b3b"
+SLIDERS = ("#34496e", "#7c9dcd")
+FRAMES_PER_SECOND = 25
+TRAIL_FRAMES = 50
+
+
+def new_figure(height: float) -> Any:
+    """An empty figure, 7 inches wide, drawn without any window system."""
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise ImportError(
+            "figures need matplotlib, which is not installed: pip install redundant-envs[plot]"
+        ) from error
+    return Figure(figsize=(7.0, height), dpi=110, layout="constrained")
+
+
+def energies_figure(run: EnergyRun) -> Any:
+    """Figure 1: kinetic and potential energy; below, the travel of the sliders if there are any."""
+    motion = run.trajectory
+    sliders = [k for k in range(4) if run.scene.robot.prismatic[k]]
+    figure = new_figure(5.4 if sliders else 3.6)
+    panels = figure.subplots(
+        2 if sliders else 1, sharex=True, squeeze=False, height_ratios=[3, 2][: 1 + bool(sliders)]
+    )[:, 0]
+    energy = panels[0]
+    energy.plot(motion.t, motion.kinetic_energy, color=KINETIC, lw=1.4, label="kinetic")
+    energy.plot(motion.t, motion.potential_energy, color=POTENTIAL, lw=1.4, label="potential")
+    energy.set_ylabel("energy [J]")
+    energy.set_title(f"{run.name}: kinetic and potential energy", loc="left")
+    limits = stated_limits(run.scene)
+    for k, color in zip(sliders, SLIDERS, strict=True) if sliders else ():
+        name = run.scene.robot.coordinates[k]
+        panels[1].plot(motion.t, motion.q[:, k], color=color, lw=1.4, label=name)
+        for i, limit in enumerate(limits.get(k, ())):
+            label = f"limits of {name}" if i == 0 else None
+            panels[1].axhline(limit, color=color, lw=1.0, ls=(0, (2 + 3 * (k > 1), 2)), label=label)
+    if sliders:
+        panels[1].set_ylabel("travel [m]")
+    _finish(panels, motion.t)
+    return figure
+
+
+def total_figure(run: EnergyRun) -> Any:
+    """Figure 2: total energy on the scale of its parts; below, its relative departure."""
+    motion = run.trajectory
+    figure = new_figure(5.0)
+    energy, error = figure.subplots(2, sharex=True, height_ratios=[3, 2])
+    energy.plot(motion.t, run.total, color=TOTAL, lw=2.0, label="total")
+    worked = float(np.abs(motion.work).max()) > 1e-12 * run.scale
+    if worked:
+        energy.plot(motion.t, run.balance, color=ERROR, lw=1.4, ls="--", label="total minus work")
+    low = min(motion.potential_energy.min(), run.balance.min())
+    high = max(motion.kinetic_energy.max(), run.balance.max(), run.total.max())
+    margin = 0.05 * (high - low)
+    energy.set_ylim(low - margin, high + margin)
+    energy.set_ylabel("energy [J]")
+    energy.set_title(f"{run.name}: total energy, relative drift {run.drift:.1e}", loc="left")
+    error.plot(motion.t, run.relative_error, color=ERROR, lw=1.2, label="relative error of the total")
+    error.set_ylabel("error / largest\nenergy exchanged [1]")
+    error.ticklabel_format(axis="y", style="sci", scilimits=(0, 0), useMathText=True)
+    _finish((energy, error), motion.t)
+    return figure
+
+
+def _finish(panels: Any, t: NDArray[np.float64]) -> None:
+    for panel in panels:
+        panel.set_xlim(t[0], t[-1])
+        panel.grid(color="0.9", lw=0.7)
+        panel.set_axisbelow(True)
+        panel.spines[["top", "right"]].set_visible(False)
+        # Outside, so that a legend never covers a curve.
+        panel.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
+    panels[-1].set_xlabel("time [s]")
+
+
+def save_figures(run: EnergyRun, folder: Path) -> list[Path]:
+    """Write both figures of a run as PNG; returns their paths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for kind, figure in (("energies", energies_figure(run)), ("total", total_figure(run))):
+        path = folder / f"{run.name}_{kind}.png"
+        figure.savefig(path)
+        written.append(path)
+    return written
+
+
+def arm_picture(
+    run: EnergyRun, q: NDArray[np.float64], trail: NDArray[np.float64], half_width: float
+) -> NDArray[np.uint8]:
+    """One frame, (480, 480, 3) uint8: the arm at q (4,), and where its tip has been (n, 2), m."""
+    arm = run.scene.robot
+    points = arm.points(q)  # type: ignore[attr-defined]
+    base = np.zeros(2)
+    canvas = Canvas(half_width)
+    for i, (a, b) in enumerate(itertools.pairwise(trail)):
+        canvas.capsule(a, b, 3.0, TRAIL, alpha=0.1 + 0.7 * (i + 1) / len(trail))
+    if arm.kind == "RPRP":
+        limits = stated_limits(run.scene)
+        for k, root, fixed, end in ((0, base, points[0], points[1]), (1, points[1], points[2], points[3])):
+            along = np.array([np.cos(q[2 * k]), np.sin(q[2 * k])])
+            if 2 * k + 1 in limits:
+                stops = [root + (arm.lengths[k] + limit) * along for limit in limits[2 * k + 1]]
+                canvas.capsule(stops[0], stops[1], 7.0, RAIL)
+                across = 9.0 / canvas.scale * np.array([-along[1], along[0]])
+                for stop in stops:
+                    canvas.capsule(stop - across, stop + across, 3.0, RAIL)
+            canvas.capsule(root, fixed, 15.0 - 4.0 * k, LINKS[2 * k])
+            canvas.capsule(fixed, end, 8.0 - 2.0 * k, LINKS[2 * k + 1])
+    else:
+        for k, (a, b) in enumerate(itertools.pairwise([base, *points])):
+            canvas.capsule(a, b, 15.0 - 2.5 * k, LINKS[k])
+    for mass, point in zip(arm.masses, points, strict=True):
+        # The area of a disc shows the mass of the point.
+        canvas.disc(point, 9.0 * np.sqrt(mass / max(arm.masses)), JOINT)
+    canvas.disc(base, 8.0, JOINT)
+    canvas.disc(base, 4.0, BACKGROUND)
+    canvas.disc(base, canvas.scale * half_width / 1.08, REACH, ring=2.0)
+    return canvas.pixels.round().astype(np.uint8)
+
+
+def save_clip(run: EnergyRun, path: Path) -> None:
+    """Write the motion as an animated GIF in real time, 25 frames per second."""
+    try:
+        import imageio.v3 as imageio
+    except ImportError as error:
+        raise ImportError(
+            "clips need imageio, which is not installed: pip install redundant-envs[plot]"
+        ) from error
+    motion = run.trajectory
+    points = run.scene.robot.points(motion.q)  # type: ignore[attr-defined]
+    half_width = 1.08 * float(np.hypot(points[..., 0], points[..., 1]).max())
+    times = np.arange(0.0, motion.t[-1] + 1e-9, 1.0 / FRAMES_PER_SECOND)
+    rows = np.searchsorted(motion.t, times - 1e-9).clip(max=len(motion.t) - 1)
+    tips = points[:, 3]
+    frames = [
+        arm_picture(run, motion.q[row], tips[max(0, row - 4 * TRAIL_FRAMES) : row + 1 : 4], half_width)
+        for row in rows
+    ]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    imageio.imwrite(path, np.stack(frames), duration=1000 // FRAMES_PER_SECOND, loop=0)

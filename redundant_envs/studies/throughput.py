@@ -1,0 +1,256 @@
+"""Speed of the compiled core: nanoseconds per step of one lane, on one core, beside its dgemm rate."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import datetime
+import importlib.metadata
+import os
+import platform
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from redundant_envs import scene as scene_module
+from redundant_envs.effects import Gravity, LimitSpring, ViscousFriction
+from redundant_envs.evaluators import cpu
+from redundant_envs.evaluators.assemble import assemble
+from redundant_envs.model.arms import RPRP, FourR
+from redundant_envs.model.batch import BatchSimulator
+from redundant_envs.scene import Scene, check_keys
+
+COLUMNS = (
+    "machine", "date", "python", "numba", "numpy", "commit", "dgemm_gflops", "arm", "integrator",
+    "lanes", "ns_per_step_best", "ns_per_step_median", "bar_ns", "scaled_bar_ns", "within_bar",
+    "packed_instructions", "vector_register",
+)  # fmt: skip
+MATRIX = 1024
+PACKED = re.compile(r"^\s+v?[a-z0-9]+pd\s.*?%?\b([xyz])mm\d", re.MULTILINE)
+REGISTERS = {"z": "zmm", "y": "ymm", "x": "xmm"}
+"""Vector registers, widest first."""
+
+
+def study_path(name: str) -> Path:
+    """The file of a named study: package data in a wheel, configs/studies in a checkout."""
+    package = Path(scene_module.__file__).parent
+    installed = package / "configs" / "studies"
+    folder = installed if installed.is_dir() else package.parent / "configs" / "studies"
+    return folder / f"{name}.yaml"
+
+
+def load_config(path: Path) -> dict[str, Any]:
+    """Numbers of the study, checked: lanes, repeats, bar_gflops [1e9/s], cases."""
+    if not path.is_file():
+        raise ValueError(f"config is {str(path)!r}; there is no such file")
+    data = yaml.safe_load(path.read_text(encoding="utf-8"))
+    if not isinstance(data, Mapping):
+        raise ValueError(f"config is {data!r}; give a mapping with lanes, repeats, bar_gflops and cases")
+    names = ["lanes", "repeats", "cases", "bar_gflops"]
+    check_keys("config", data, names)
+    for name in names:
+        if name not in data:
+            raise ValueError(f"config lacks {name!r}; give all of {', '.join(names)}")
+    for name in ("lanes", "repeats"):
+        if isinstance(data[name], bool) or not isinstance(data[name], int) or data[name] < 1:
+            raise ValueError(f"config.{name} is {data[name]!r}; give a whole number of at least 1")
+    for i, case in enumerate(data["cases"]):
+        check_keys(f"config.cases[{i}]", case, ["arm", "integrator", "bar_ns"])
+        for name in ("arm", "integrator", "bar_ns"):
+            if name not in case:
+                raise ValueError(f"config.cases[{i}] lacks {name!r}; give arm, integrator and bar_ns")
+    return dict(data)
+
+
+def study_scene(arm: str, integrator: str) -> Scene:
+    """The scene that is timed: an arm with gravity, friction and limit springs, one step of 1 ms."""
+    masses = (0.5,) * 4
+    robot: RPRP | FourR
+    if arm == "FourR":
+        robot = FourR(masses, (0.25,) * 4)
+        springs = [LimitSpring(joint, -2.5, 2.5) for joint in ("joint2", "joint3")]
+    elif arm == "RPRP":
+        robot = RPRP(masses, (0.25,) * 2)
+        springs = [LimitSpring(joint, 0.0, 0.25) for joint in ("r1", "r2")]
+    else:
+        raise ValueError(f"arm is {arm!r}; choose FourR, RPRP")
+    effects = (Gravity(), ViscousFriction(0.1), *springs)  # type: ignore[arg-type]
+    return Scene(robot, effects, integrator=integrator, control_dt=0.001, substeps=1)
+
+
+def filled_batch(scene: Scene, lanes: int, seed: int = 0) -> BatchSimulator:
+    """A batch with random states, and masses and lengths of each lane within 10 % of the scene's."""
+    rng = np.random.default_rng(seed)
+    batch = BatchSimulator(scene, lanes)
+    arm = scene.robot
+    batch.set_parameters(
+        {
+            "masses": np.multiply(arm.masses, rng.uniform(0.9, 1.1, (lanes, 4))),
+            "lengths": np.multiply(arm.lengths, rng.uniform(0.9, 1.1, (lanes, len(arm.lengths)))),
+        }
+    )
+    q = rng.uniform(-np.pi, np.pi, (lanes, 4))
+    for k in range(4):
+        if arm.prismatic[k]:
+            q[:, k] = rng.uniform(0.0, 0.25, lanes)
+    batch.set_state(q, rng.uniform(-1.0, 1.0, (lanes, 4)))
+    return batch
+
+
+def advance_times(batch: BatchSimulator, repeats: int, seed: int = 0) -> NDArray[np.float64]:
+    """Seconds of each of ``repeats`` calls of advance from the same snapshot, (repeats,)."""
+    efforts = np.random.default_rng(seed).uniform(-1.0, 1.0, (batch.num_envs, 4))
+    snapshot = batch.save()
+    batch.advance(efforts)
+    times = np.empty(repeats)
+    for i in range(repeats):
+        batch.restore(snapshot)
+        start = time.perf_counter()
+        batch.advance(efforts)
+        times[i] = time.perf_counter() - start
+    batch.restore(snapshot)
+    return times
+
+
+def dgemm_rate(repeats: int = 8, size: int = MATRIX) -> float:
+    """Best rate of a product of two square matrices, 1e9 floating point operations per second."""
+    a = np.random.default_rng(0).standard_normal((size, size))
+    out = np.empty_like(a)
+    best = np.inf
+    for _ in range(repeats):
+        start = time.perf_counter()
+        np.matmul(a, a, out=out)
+        best = min(best, time.perf_counter() - start)
+    return 2.0 * size**3 / best / 1e9
+
+
+def packed_instructions(scene: Scene) -> tuple[int | None, str]:
+    """Packed double instructions in the assembly of ``advance``, and the widest register among them.
+
+    Returns (None, "") where the processor is not x86.
+    """
+    if platform.machine().lower() not in ("x86_64", "amd64"):
+        return None, ""
+    # Compiled anew: numba cannot show the assembly of what it loads from the cache on disk.
+    assembly = assemble(scene)
+    kernel: Any = cpu._compile_in_memory(assembly.text, f"{scene.robot.kind} {scene.integrator} to count")[
+        "advance"
+    ]
+    found = PACKED.findall("\n".join(kernel.inspect_asm().values()))
+    return len(found), next((REGISTERS[r] for r in "zyx" if r in found), "")
+
+
+@contextlib.contextmanager
+def one_core() -> Iterator[None]:
+    """Keep the calling thread on one core and BLAS in the calling thread, as far as possible."""
+    allowed = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else None
+    with contextlib.ExitStack() as stack:
+        try:
+            from threadpoolctl import threadpool_limits
+        except ImportError:
+            if os.environ.get("OPENBLAS_NUM_THREADS") != "1":
+                print(
+                    "threadpoolctl is not installed: set OPENBLAS_NUM_THREADS=1 for the rate of one core",
+                    file=sys.stderr,
+                )
+        else:
+            stack.enter_context(threadpool_limits(limits=1, user_api="blas"))
+        if allowed is not None:
+            os.sched_setaffinity(0, {min(allowed)})
+            stack.callback(os.sched_setaffinity, 0, allowed)
+        yield
+
+
+def machine_name() -> str:
+    """Model of the processor."""
+    with contextlib.suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()
+
+
+def commit() -> str:
+    """Short commit of the checkout this runs from; empty elsewhere."""
+    root = Path(scene_module.__file__).parents[1]
+    if not (root / ".git").exists():
+        return ""
+    with contextlib.suppress(OSError, subprocess.CalledProcessError):
+        command = ["git", "-C", str(root), "rev-parse", "--short", "HEAD"]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    return ""
+
+
+def versions() -> dict[str, str]:
+    """Where and with what a figure was measured."""
+    return {
+        "machine": machine_name(),
+        "date": datetime.date.today().isoformat(),
+        "python": platform.python_version(),
+        "numba": importlib.metadata.version("numba"),
+        "numpy": np.__version__,
+        "commit": commit(),
+    }
+
+
+def run(config: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Time every case of the study; one row of ``COLUMNS`` for each."""
+    rows, about = [], versions()
+    with one_core():
+        rate_before = dgemm_rate()
+        for i, case in enumerate(config["cases"]):
+            scene = study_scene(case["arm"], case["integrator"])
+            batch = filled_batch(scene, config["lanes"])
+            nanoseconds = 1e9 * advance_times(batch, config["repeats"]) / (config["lanes"] * scene.substeps)
+            rate_after = dgemm_rate()
+            rate = max(rate_before, rate_after)
+            rate_before = rate_after
+            best = float(nanoseconds.min())
+            scaled = case["bar_ns"] * config["bar_gflops"] / rate
+            count, register = packed_instructions(scene)
+            rows.append(
+                {
+                    **about,
+                    "dgemm_gflops": round(rate, 2),
+                    "arm": case["arm"],
+                    "integrator": case["integrator"],
+                    "lanes": config["lanes"],
+                    "ns_per_step_best": round(best, 2),
+                    "ns_per_step_median": round(float(np.median(nanoseconds)), 2),
+                    "bar_ns": case["bar_ns"],
+                    "scaled_bar_ns": round(scaled, 2),
+                    "within_bar": best <= scaled,
+                    "packed_instructions": "" if count is None else count,
+                    "vector_register": register,
+                }
+            )
+            print(
+                f"throughput {i + 1}/{len(config['cases'])}: {case['arm']} {case['integrator']} {best:.1f} ns",
+                file=sys.stderr,
+            )
+    return rows
+
+
+def write_rows(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], path: Path) -> None:
+    """Write rows as CSV."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, columns)
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> str:
+    """Rows as text in aligned columns."""
+    lines = [list(columns), *([str(row[c]) for c in columns] for row in rows)]
+    widths = [max(len(line[k]) for line in lines) for k in range(len(columns))]
+    padded = (" ".join(f"{c:>{w}}" for c, w in zip(line, widths, strict=True)) for line in lines)
+    return "\n".join(padded)

@@ -1,0 +1,157 @@
+"""Errors name the field, the value and what is allowed."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import redundant_envs as rde
+
+ID = "redundant_envs/RPRPReach-v0"
+
+
+def made():
+    env = gym.make(ID, disable_env_checker=True).unwrapped
+    env.reset(seed=0)
+    return env
+
+
+@pytest.mark.filterwarnings("ignore:.*render_mode")  # Gymnasium warns before our error
+@pytest.mark.parametrize(
+    ("kwargs", "words"),
+    [
+        ({"scene": "nowhere"}, ["scene", "nowhere", "rprp_reach"]),
+        ({"scene": 5}, ["scene", "int"]),
+        ({"scene": {"robot": {"type": "Delta"}}}, ["robot.type", "Delta", "RPRP"]),
+        ({"scene": {"robt": {}}}, ["robt", "robot"]),
+        ({"render_mode": "ansi"}, ["render_mode", "ansi"]),
+        ({"on_bad_action": "ignore"}, ["on_bad_action", "ignore", "terminate"]),
+        ({"task": {"goal_tolerence": 1}}, ["goal_tolerence", "goal_tolerance"]),
+        ({"task": {"goal_tolerance": -1}}, ["goal_tolerance", "-1", "positive"]),
+    ],
+)
+def test_bad_keyword_at_make(kwargs, words):
+    with pytest.raises(ValueError) as error:
+        gym.make(ID, **kwargs)
+    for word in words:
+        assert word in str(error.value)
+
+
+def test_unknown_keyword_is_refused():
+    with pytest.raises(TypeError, match="efect"):
+        gym.make(ID, efects=1)
+    with pytest.raises(ValueError, match=r"make_sb3 has no argument 'efects'; valid: scene"):
+        rde.make_sb3(ID, 2, efects=1)
+
+
+def scene_with(**robot):
+    data = rde.load_scene("rprp_reach").to_dict()
+    data["robot"].update(robot)
+    return data
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf")])
+def test_bad_mass_or_length(value):
+    with pytest.raises(ValueError, match=r"masses\[1\] is"):
+        rde.Scene.from_dict(scene_with(masses=[1, value, 1, 1]))
+    with pytest.raises(ValueError, match=r"lengths\[0\] is"):
+        rde.Scene.from_dict(scene_with(lengths=[value, 1]))
+
+
+def test_unknown_effect_and_effect_field_list_the_valid_ones():
+    data = rde.load_scene("rprp_reach").to_dict()
+    data["effects"][0] = {"type": "Gravitas"}
+    with pytest.raises(ValueError, match=r"effects\[0\].type is 'Gravitas'; valid: .*Gravity"):
+        rde.Scene.from_dict(data)
+    data["effects"][0] = {"type": "Gravity", "gee": 1}
+    with pytest.raises(ValueError, match=r"unknown key 'gee'; valid: g, down"):
+        rde.Scene.from_dict(data)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"pose": 1}, ["pose", "valid: q, qd, goal"]),
+        ({"q": (0, 0.3, 0, 0)}, ["r1", "0.3", "0.25"]),
+        ({"q": (0, 0.1, 0)}, ["q", "(3,)", "(4,)"]),
+        ({"q": (0, np.nan, 0, 0)}, ["q", "non-finite"]),
+        ({"goal": (3.0, 0.0)}, ["goal", "3 m", "reaches 1 m"]),
+        ({"parameters": {"mass": 1}}, ["mass", "masses"]),
+        ({"parameters": {"gravity.h": 1}}, ["gravity.h", "gravity.g"]),
+        ({"parameters": {"masses": (1, 1, 0, 1)}}, ["masses", "0.0", "positive"]),
+        ({"parameters": {"masses": (1, 1)}}, ["masses", "(2,)"]),
+        ({"reset_mask": [True]}, ["reset_mask", "vector"]),
+    ],
+)
+def test_bad_reset_options(options, words):
+    env = made()
+    with pytest.raises(ValueError) as error:
+        env.reset(options=options)
+    for word in words:
+        assert word in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("action", "word"),
+    [
+        (np.zeros(3, np.float32), r"\(3,\)"),
+        (np.zeros((1, 4), np.float32), r"\(1, 4\)"),
+        (np.array(["a"] * 4), "dtype"),
+        (np.array([0, 0, np.nan, 0], np.float32), "non-finite"),
+        (np.array([np.inf, 0, 0, 0], np.float32), "non-finite"),
+    ],
+)
+def test_bad_action_raises_in_a_single_environment(action, word):
+    with pytest.raises(ValueError, match=word):
+        made().step(action)
+
+
+def test_bad_action_ends_the_episode_when_asked():
+    env = gym.make(ID, on_bad_action="terminate", disable_env_checker=True).unwrapped
+    before, _ = env.reset(seed=0)
+    obs, _, terminated, _, info = env.step(np.array([np.nan, 0, 0, 0], np.float32))
+    assert terminated
+    assert info["numerics"] == rde.Numerics.BAD_ACTION
+    np.testing.assert_array_equal(obs, before)
+
+
+def test_bad_action_raises_in_a_vector_when_asked():
+    env = gym.make_vec(ID, num_envs=2, on_bad_action="raise")
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match="non-finite"):
+        env.step(np.full((2, 4), np.nan, np.float32))
+    with pytest.raises(ValueError, match=r"\(3, 4\)"):
+        env.step(np.zeros((3, 4), np.float32))
+
+
+def test_step_before_reset_and_after_the_end():
+    env = gym.make_vec(ID, num_envs=2, autoreset_mode="disabled")
+    with pytest.raises(ValueError, match="before reset"):
+        env.step(np.zeros((2, 4), np.float32))
+    env.reset(seed=0)
+    for _ in range(100):
+        env.step(np.zeros((2, 4), np.float32))
+    with pytest.raises(ValueError, match="reset_mask"):
+        env.step(np.zeros((2, 4), np.float32))
+    obs, _ = env.reset(options={"reset_mask": np.array([True, True])})
+    assert np.isfinite(obs).all()
+
+
+@pytest.mark.parametrize("kwargs", [{"num_envs": 0}, {"num_envs": 2, "autoreset_mode": "sometimes"}])
+def test_bad_vector_arguments(kwargs):
+    with pytest.raises(ValueError, match="is"):
+        gym.make_vec(ID, **kwargs)
+
+
+def test_seed_list_must_fit():
+    env = gym.make_vec(ID, num_envs=3)
+    with pytest.raises(ValueError, match="one per environment, 3"):
+        env.reset(seed=[1, 2])
+
+
+def test_scene_that_is_no_environment():
+    with pytest.raises(ValueError, match="EffortLimits"):
+        gym.make(ID, scene={"robot": {"type": "FourR", "masses": [1] * 4, "lengths": [1] * 4}})
+    data = rde.load_scene("rprp_reach").to_dict()
+    data["effects"] = [e for e in data["effects"] if e["type"] != "LimitSpring"]
+    with pytest.raises(ValueError, match=r"'r1'; add a LimitSpring"):
+        gym.make(ID, scene=data)

@@ -1,0 +1,153 @@
+"""One implementation, four faces: the same seed gives the same bits in all of them."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import redundant_envs as rde
+from redundant_envs.envs.registration import ids
+
+every_id = pytest.mark.parametrize("env_id", ids())
+plain_id = pytest.mark.parametrize("env_id", [i for i in ids() if "Goal" not in i])
+
+
+def flat(obs):
+    if isinstance(obs, dict):
+        return np.concatenate([np.asarray(obs[k], float) for k in sorted(obs)], axis=-1)
+    return np.asarray(obs, float)
+
+
+def actions(steps, n):
+    return np.random.default_rng(5).uniform(-1.2, 1.2, (steps, n, 4)).astype(np.float32)
+
+
+def trajectory(env, table, seed=7):
+    obs, _ = env.reset(seed=seed)
+    rows = [(flat(obs),)]
+    for action in table:
+        obs, reward, terminated, truncated, info = env.step(action)
+        rows.append((flat(obs), reward, terminated, truncated, info))
+    return rows
+
+
+@every_id
+def test_native_equals_sync_bitwise_with_infos(env_id):
+    table = actions(230, 3)
+    native = trajectory(gym.make_vec(env_id, num_envs=3), table)
+    sync = trajectory(gym.make_vec(env_id, num_envs=3, vectorization_mode="sync"), table)
+    for a, b in zip(native, sync, strict=True):
+        for x, y in zip(a[:4], b[:4], strict=True):
+            np.testing.assert_array_equal(x, y)
+        if len(a) == 5:
+            assert set(a[4]) == set(b[4])
+            for key, value in a[4].items():
+                np.testing.assert_array_equal(value, b[4][key], err_msg=key)
+
+
+@every_id
+def test_single_equals_lane_of_vector(env_id):
+    table = actions(60, 5)
+    vector = trajectory(gym.make_vec(env_id, num_envs=5), table)
+    for lane in range(5):
+        single = trajectory(gym.make(env_id), table[:, lane], seed=7 + lane)
+        for a, b in zip(vector, single, strict=True):
+            np.testing.assert_array_equal(a[0][lane], b[0])
+            if len(a) == 5:
+                assert a[1][lane] == b[1]
+
+
+@plain_id
+def test_lane_does_not_depend_on_the_number_of_environments(env_id):
+    table = actions(120, 40)
+    few = trajectory(gym.make_vec(env_id, num_envs=3), table[:, :3])
+    many = trajectory(gym.make_vec(env_id, num_envs=40), table)
+    for a, b in zip(few, many, strict=True):
+        np.testing.assert_array_equal(a[0], b[0][:3])
+
+
+@every_id
+def test_autoreset_modes_follow_the_same_episodes(env_id):
+    table = actions(99, 3)
+    envs = [
+        gym.make_vec(env_id, num_envs=3, autoreset_mode=m) for m in ("next_step", "same_step", "disabled")
+    ]
+    rows = [trajectory(env, table) for env in envs]
+    for a, b, c in zip(*rows, strict=True):
+        np.testing.assert_array_equal(a[0], b[0])
+        np.testing.assert_array_equal(a[0], c[0])
+    # the last step of the first episode, then the first observation of the second one
+    last = actions(1, 3)[0]
+    ends = [env.step(last) for env in envs]
+    for end in ends:
+        assert end[3].all()
+        np.testing.assert_array_equal(end[1], ends[0][1])
+    np.testing.assert_array_equal(flat(ends[1][4]["final_obs"][1]), flat(ends[0][0])[1])
+    second = flat(envs[0].step(last)[0])
+    np.testing.assert_array_equal(second, flat(ends[1][0]))
+    np.testing.assert_array_equal(second, flat(envs[2].reset(options={"reset_mask": np.ones(3, bool)})[0]))
+
+
+@plain_id
+def test_sb3_equals_native_same_step(env_id):
+    table = np.clip(actions(150, 4), -1, 1)
+    native = gym.make_vec(env_id, num_envs=4, autoreset_mode="same_step")
+    sb3 = rde.make_sb3(env_id, 4)
+    sb3.seed(11)
+    np.testing.assert_array_equal(native.reset(seed=11)[0], sb3.reset())
+    for action in table:
+        obs, reward, _, truncated, infos = native.step(action)
+        obs3, reward3, dones, infos3 = sb3.step(action)
+        np.testing.assert_array_equal(obs, obs3)
+        np.testing.assert_array_equal(reward.astype(np.float32), reward3)
+        np.testing.assert_array_equal(truncated, dones)
+        for n in np.flatnonzero(dones):
+            np.testing.assert_array_equal(infos["final_obs"][n], infos3[n]["terminal_observation"])
+            assert infos3[n]["TimeLimit.truncated"] is True
+            assert infos3[n]["is_success"] == infos["final_info"]["is_success"][n]
+
+
+@every_id
+def test_neighbour_with_a_bad_action_changes_nothing(env_id):
+    table = actions(30, 6)
+    clean = trajectory(gym.make_vec(env_id, num_envs=6), table)
+    table[10, 2] = np.nan
+    dirty = trajectory(gym.make_vec(env_id, num_envs=6), table)
+    others = [0, 1, 3, 4, 5]
+    for a, b in zip(clean, dirty, strict=True):
+        np.testing.assert_array_equal(a[0][others], b[0][others])
+    assert dirty[11][2][2]
+    assert dirty[11][4]["numerics"][2] == rde.Numerics.BAD_ACTION
+    assert np.isfinite(dirty[11][0]).all()
+
+
+@every_id
+def test_snapshot_continues_to_the_last_bit(env_id):
+    env = gym.make_vec(env_id, num_envs=4)
+    env.reset(seed=3)
+    table = actions(160, 4)
+    for action in table[:50]:
+        env.step(action)
+    state = env.get_state()
+    one = [flat(env.step(a)[0]) for a in table[50:]]
+    env.set_state(state)
+    two = [flat(env.step(a)[0]) for a in table[50:]]
+    np.testing.assert_array_equal(one, two)
+
+
+@every_id
+def test_snapshot_of_a_single_environment(env_id):
+    env = gym.make(env_id).unwrapped
+    env.reset(seed=3)
+    state = env.get_state()
+    one = [flat(env.step(a)[0]) for a in actions(20, 1)[:, 0]] + [flat(env.reset()[0])]
+    env.set_state(state)
+    two = [flat(env.step(a)[0]) for a in actions(20, 1)[:, 0]] + [flat(env.reset()[0])]
+    np.testing.assert_array_equal(one, two)
+
+
+@every_id
+def test_reset_without_a_seed_goes_on_and_with_one_starts_again(env_id):
+    env = gym.make(env_id)
+    first = flat(env.reset(seed=9)[0])
+    assert (flat(env.reset()[0]) != first).any()
+    np.testing.assert_array_equal(flat(env.reset(seed=9)[0]), first)
