@@ -42,14 +42,16 @@ def plots(folder: Path, config: Config) -> list[Path]:
     axes.plot(curve[:, 1], 100 * curve[:, 2], marker="o", markersize=3)
     axes.axhline(98, color="0.7", linewidth=1, linestyle="--")
     axes.set(xlabel="training time, s", ylabel="hold success on selection goals, %", ylim=(0, 101))
-    steps = axes.secondary_xaxis(
-        "top",
-        functions=(
-            lambda t: np.interp(t, curve[:, 1], curve[:, 0] / 1e6),
-            lambda s: np.interp(s, curve[:, 0] / 1e6, curve[:, 1]),
-        ),
-    )
-    steps.set_xlabel("environment steps, millions")
+    if len(curve) > 1:
+        seconds, steps = curve[:, 1], curve[:, 0] / 1e6
+        top = axes.secondary_xaxis(
+            "top",
+            functions=(
+                lambda t: np.interp(np.asarray(t, float), seconds, steps),
+                lambda s: np.interp(np.asarray(s, float), steps, seconds),
+            ),
+        )
+        top.set_xlabel("environment steps, millions")
     figure.savefig(target / "learning_curve.png", dpi=120)
     plt.close(figure)
 

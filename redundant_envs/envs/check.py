@@ -187,7 +187,7 @@ def _check_ends(env: Any, mode: AutoresetMode, seed: int, need: Callable[..., No
         inside = env.single_observation_space.contains(final[lane])
         need("same_step", inside, lambda: _describe(final[lane]))
     else:
-        mask = ended.copy()
+        mask = np.arange(env.num_envs) == lane
         before = copy.deepcopy(obs)
         after, _ = env.reset(seed=seed + 1, options={"reset_mask": mask})
         kept = [same(_lane(before, i), _lane(after, i)) for i in range(env.num_envs)]
@@ -221,7 +221,8 @@ def _check_sb3(env: Any, seed: int) -> None:
     def begin() -> Any:
         env.seed(seed)
         obs = env.reset()
-        need("reset", batched.contains(obs), lambda: _describe(obs))
+        alone = isinstance(obs, np.ndarray | dict)
+        need("reset", alone and batched.contains(obs), lambda: _describe(obs))
         infos = env.reset_infos
         good = isinstance(infos, list) and len(infos) == n and all(isinstance(i, dict) for i in infos)
         need("reset_infos", good, lambda: type(infos).__name__)

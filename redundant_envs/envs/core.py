@@ -268,12 +268,19 @@ class Core:
 
 def check_action(actions: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
     """Actions as float32, or a ValueError about their shape or dtype."""
-    array = np.asarray(actions)
-    if array.dtype.kind not in "fiu":
-        raise ValueError(f"action has dtype {array.dtype}; give numbers")
-    if array.shape != shape:
-        raise ValueError(f"action has shape {array.shape}; give {shape}")
-    return np.ascontiguousarray(array, dtype=np.float32)
+    if not (
+        type(actions) is np.ndarray
+        and actions.dtype == np.float32
+        and actions.shape == shape
+        and actions.flags.c_contiguous
+    ):
+        array = np.asarray(actions)
+        if array.dtype.kind not in "fiu":
+            raise ValueError(f"action has dtype {array.dtype}; give numbers")
+        if array.shape != shape:
+            raise ValueError(f"action has shape {array.shape}; give {shape}")
+        return np.ascontiguousarray(array, dtype=np.float32)
+    return actions if actions.flags.writeable else actions.copy()
 
 
 def refuse_bad_action(actions: NDArray[np.float32]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -45,7 +46,10 @@ class ReachEnv(gym.Env[Any, Any]):
         self.metadata = {**self.metadata, "render_fps": round(1.0 / self.core.scene.control_dt)}
         self.observation_space = observation_space(self.core, self.goal)
         self.action_space = spaces.Box(-1.0, 1.0, (4,), np.float32)
-        self._columns = info_columns(self.core)
+        columns = info_columns(self.core)
+        self._names = [name for name, _, _ in columns]
+        self._flags = [name for name, _, kind in columns if kind == "bool"]
+        self._counts = [name for name, _, kind in columns if kind == "int"]
         self._renderer: Any = None
 
     def reset(
@@ -78,7 +82,7 @@ class ReachEnv(gym.Env[Any, Any]):
         if self.core.generators[0] is None:
             raise ValueError("step was called before reset; call reset() first")
         action = check_action(action, (4,))
-        if self.on_bad_action == "raise":
+        if self.on_bad_action == "raise" and not math.isfinite(sum(action.tolist())):
             refuse_bad_action(action)
         obs, out, _, _ = self.core.step(action.reshape(1, 4), 0)
         values = out[0].tolist()
@@ -88,15 +92,11 @@ class ReachEnv(gym.Env[Any, Any]):
         return obs[0]
 
     def _info(self, values: list[float]) -> dict[str, Any]:
-        info: dict[str, Any] = {}
-        for name, column, kind in self._columns:
-            value = values[column]
-            if kind == "bool":
-                info[name] = value > 0.0
-            elif kind == "int":
-                info[name] = int(value)
-            else:
-                info[name] = value
+        info: dict[str, Any] = dict(zip(self._names, values[3:], strict=False))
+        for name in self._flags:
+            info[name] = info[name] > 0.0
+        for name in self._counts:
+            info[name] = int(info[name])
         return info
 
     def get_state(self) -> dict[str, Any]:

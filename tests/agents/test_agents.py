@@ -1,0 +1,128 @@
+"""Configurations, statistics, and one small run from YAML to report."""
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+
+from agents.__main__ import main
+from agents.config import load
+from agents.statistics import wilson
+
+CONFIG = "configs/training/rprp_reach_ppo.yaml"
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"),
+    [
+        (["sed=3"], ["sed", "valid:", "seed"]),
+        (["ppo.gama=0.9"], ["ppo.gama", "ppo.gamma"]),
+        (["seed=1.5"], ["seed", "1.5", "whole"]),
+        (["seed=200"], ["seed", "200", "0..99"]),
+        (["algo=dqn"], ["algo", "dqn", "ppo"]),
+        (["ppo.batch_size=1000"], ["ppo.batch_size", "1000", "16384"]),
+        (["ppo.learning_rate=fast"], ["ppo.learning_rate", "fast"]),
+        (["seed"], ["seed", "key=value"]),
+        (["num_envs=0"], ["num_envs", "0"]),
+    ],
+)
+def test_bad_overrides_name_the_key_and_the_valid_ones(overrides, words):
+    with pytest.raises(ValueError) as error:
+        load(CONFIG, overrides)
+    for word in words:
+        assert word in str(error.value)
+
+
+def test_overrides_reach_their_place():
+    config = load(CONFIG, ["seed=3", "ppo.learning_rate=1e-3", "ppo.net_arch=[32, 32]"])
+    assert (config.seed, config.ppo.learning_rate, config.ppo.net_arch) == (3, 1e-3, (32, 32))
+
+
+@pytest.mark.parametrize("arm", ["rprp", "four_r"])
+@pytest.mark.parametrize("algo", ["ppo", "sac"])
+def test_shipped_configurations_load(arm, algo):
+    assert load(f"configs/training/{arm}_reach_{algo}.yaml").algo == algo
+
+
+def test_a_missing_configuration_lists_what_there_is():
+    with pytest.raises(ValueError, match="rprp_reach_ppo"):
+        load("configs/training/nothing.yaml")
+
+
+@pytest.mark.parametrize(
+    ("successes", "trials", "low", "high"),
+    [  # Newcombe 1998, table I: Wilson's score method without continuity correction
+        (81, 263, 0.2553, 0.3662),
+        (15, 148, 0.0624, 0.1605),
+        (0, 20, 0.0, 0.1611),
+        (1, 29, 0.0061, 0.1718),
+    ],
+)
+def test_wilson_interval(successes, trials, low, high):
+    assert wilson(successes, trials) == pytest.approx((low, high), abs=6e-5)
+
+
+def test_wilson_refuses_nonsense():
+    with pytest.raises(ValueError, match="5 of 3"):
+        wilson(5, 3)
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        ["num_envs=64", "ppo.n_steps=16", "ppo.batch_size=512", "total_steps=4096"],
+        [
+            "algo=sac", "num_envs=16", "total_steps=600", "sac.learning_starts=200",
+            "sac.gradient_steps=1", "sac.batch_size=64",
+        ],
+    ],
+)  # fmt: skip
+def test_a_run_explains_itself(tmp_path, overrides, capsys):
+    folder = tmp_path / "run"
+    small = ["selection_every=2000", "selection_episodes=10", "evaluation_episodes=20", "seed=1"]
+    assert main(["train", CONFIG, *overrides, *small, "--out", str(folder)]) == 0
+    result = json.loads((folder / "evaluation.json").read_text())
+    promised = {
+        "env", "algo", "seed", "episodes", "hold_success", "interval", "touch_success",
+        "expert_hold_success", "env_steps", "train_seconds", "versions",
+    }  # fmt: skip
+    assert promised <= set(result)
+    assert result["episodes"] == 20
+    assert result["expert_hold_success"] == 1.0
+    for name in ("config.yaml", "scene.py", "policy.zip", "monitor.csv", "clip.gif", "report.md"):
+        assert (folder / name).stat().st_size > 0
+    assert len(list((folder / "plots").glob("*.png"))) == 2
+    assert "The learner loses to the expert." in (folder / "report.md").read_text()
+    assert "95 % interval" in capsys.readouterr().out
+    again = load(folder / "config.yaml")
+    assert yaml.safe_load((folder / "config.yaml").read_text()) == again.to_dict()
+    before = np.loadtxt(folder / "episodes.csv", delimiter=",", skiprows=1)
+    assert main(["evaluate", str(folder)]) == 0
+    np.testing.assert_array_equal(np.loadtxt(folder / "episodes.csv", delimiter=",", skiprows=1), before)
+    assert main(["play", str(folder), "--clip", str(folder / "again.gif"), "--episodes", "1"]) == 0
+    assert (folder / "again.gif").stat().st_size > 10_000
+    assert main(["train", CONFIG, "--out", str(folder)]) == 2
+
+
+@pytest.mark.parametrize("actions", ["zero", "random", "expert"])
+@pytest.mark.filterwarnings("ignore:.*HumanRendering wrapper")
+def test_play_works_without_a_policy(actions, tmp_path, capsys):
+    clip = tmp_path / "play.gif"
+    command = ["play", "FourRReach-v0", "--actions", actions, "--episodes", "1"]
+    assert main([*command, "--clip", str(clip)]) == 0
+    assert clip.stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("command", "word"),
+    [
+        (["play", "Nothing-v0"], "RPRPReach-v0"),
+        (["report", "configs"], "config.yaml"),
+        (["train", "nothing.yaml"], "nothing.yaml"),
+    ],
+)
+def test_mistakes_end_with_a_message(command, word, capsys):
+    assert main(command) == 2
+    assert word in capsys.readouterr().err

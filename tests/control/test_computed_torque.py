@@ -1,0 +1,41 @@
+"""The expert: it holds nearly every goal, or expert or goals are wrong."""
+
+import numpy as np
+import pytest
+
+import redundant_envs as rde
+from agents.rollout import expert_act, run_episodes
+from redundant_envs.control.computed_torque import ComputedTorque, pose_at
+
+
+@pytest.mark.parametrize("env_id", ["RPRPReach-v0", "FourRReach-v0"])
+def test_the_expert_holds_the_goals(env_id):
+    outcome = run_episodes(env_id, expert_act(), 1000, seed=3_000_000)
+    assert outcome.hold.mean() >= 0.995
+    assert np.median(outcome.distance) < 1e-4
+
+
+@pytest.mark.parametrize("name", ["rprp_reach", "four_r_reach"])
+def test_poses_are_at_the_goal_and_inside_the_travel(name):
+    scene = rde.load_scene(name)
+    rng = np.random.default_rng(0)
+    start = rng.uniform(-1, 1, (500, 4))
+    start[:, [k for k in range(4) if scene.robot.prismatic[k]]] = 0.1
+    angle, radius = rng.uniform(-np.pi, np.pi, 500), np.sqrt(rng.uniform(0.01, 0.9, 500))
+    goal = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+    pose = pose_at(scene, start, goal)
+    np.testing.assert_allclose(scene.robot.forward_kinematics(pose), goal, atol=1e-6)
+    for joint, (low, high) in scene.travel().items():
+        values = scene.parameters()
+        joints = pose @ scene.robot.motor_map
+        assert (joints[:, joint] >= values[low]).all()
+        assert (joints[:, joint] <= values[high]).all()
+
+
+def test_scenes_it_cannot_handle_are_refused():
+    arm = rde.FourR((1,) * 4, (1,) * 4)
+    with pytest.raises(ValueError, match="EffortLimits"):
+        ComputedTorque(rde.Scene(arm))
+    e = rde.effects
+    with pytest.raises(ValueError, match="along x"):
+        ComputedTorque(rde.Scene(arm, (e.EffortLimits(1.0), e.Gravity(9.81, (0.5, -0.5)))))
