@@ -42,7 +42,8 @@ def make_model(config: Config, env: Any) -> Any:
     return SAC(
         policy, env, buffer_size=s.buffer_size, learning_starts=s.learning_starts,
         batch_size=s.batch_size, learning_rate=s.learning_rate, gamma=s.gamma, tau=s.tau,
-        train_freq=s.train_freq, gradient_steps=s.gradient_steps, ent_coef=s.ent_coef, seed=config.seed, device="cpu",
+        train_freq=s.train_freq, gradient_steps=s.gradient_steps, ent_coef=s.ent_coef,
+        seed=config.seed, device="cpu",
         policy_kwargs={"net_arch": list(s.net_arch)},
     )  # fmt: skip
 
@@ -104,7 +105,7 @@ def train(config: Config, folder: Path) -> dict[str, Any]:
     base = make_sb3(config.env, config.num_envs, **config.env_kwargs)
     (folder / "scene.py").write_text(base.core.assembly.text)
     base.seed(config.seed * SEEDS_PER_RUN)
-    env = VecMonitor(base, filename=str(folder / "monitor.csv"))
+    env = VecMonitor(base, filename=str(folder / "monitor.csv"), info_keywords=("is_success",))
     model = make_model(config, env)
     outputs = ["tensorboard"] if _has_tensorboard() else ["csv"]
     model.set_logger(configure(str(folder / "tensorboard"), outputs))
@@ -136,5 +137,5 @@ def _has_tensorboard() -> bool:
 
 def load_policy(folder: Path, algo: str) -> Any:
     """The policy of a run folder."""
-    kind = {"ppo": PPO, "sac": SAC}[algo]
+    kind: Any = {"ppo": PPO, "sac": SAC}[algo]
     return kind.load(folder / "policy.zip", device="cpu")

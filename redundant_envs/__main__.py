@@ -18,7 +18,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser().parse_args(arguments)
     try:
         options.handler(options)
-    except (ValueError, ImportError) as error:
+    except ValueError as error:
         print(f"redundant_envs: {error}", file=sys.stderr)
         return 2
     return 0
@@ -95,11 +95,14 @@ def simulate(options: argparse.Namespace) -> None:
         # After the numbers: those are kept where matplotlib is missing.
         from redundant_envs.studies import plots
 
-        for written in (path, *plots.save_figures(run, options.out)):
-            print(f"  {written}")
-        if options.clip is not None:
-            plots.save_clip(run, options.clip)
-            print(f"  {options.clip}")
+        try:
+            pictures = plots.save_figures(run, options.out)
+            if options.clip is not None:
+                plots.save_clip(run, options.clip)
+                pictures.append(options.clip)
+        except ImportError as error:
+            raise ValueError(f"{error} ({path} is written)") from error
+        print("\n".join(f"  {p}" for p in (path, *pictures)))
 
 
 def throughput(options: argparse.Namespace) -> None:

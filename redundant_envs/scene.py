@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from redundant_envs import effects as effects_package
+from redundant_envs.effects import REGISTRY as EFFECTS
 from redundant_envs.effects.hooks import Actuation, Effect, Field
 from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.robots.parameters import Arm, number
@@ -54,10 +54,7 @@ class Scene:
         seen: dict[str, Effect] = {}
         for i, effect in enumerate(self.effects):
             if not isinstance(effect, Effect):
-                raise ValueError(
-                    f"effects[{i}] is {effect!r}; give an effect: "
-                    f"{', '.join(sorted(effects_package.REGISTRY))}"
-                )
+                raise ValueError(f"effects[{i}] is {effect!r}; give an effect: {', '.join(sorted(EFFECTS))}")
             if effect.key in seen:
                 raise ValueError(f"effects[{i}] is a second {effect.key!r}; combine the two into one")
             seen[effect.key] = effect
@@ -124,7 +121,7 @@ class Scene:
         effects = data.get("effects", ())
         if isinstance(effects, str) or not hasattr(effects, "__iter__"):
             raise ValueError(f"effects is {effects!r}; give a list of mappings with a 'type'")
-        built = tuple(typed(f"effects[{i}]", e, effects_package.REGISTRY) for i, e in enumerate(effects))
+        built = tuple(typed(f"effects[{i}]", e, EFFECTS) for i, e in enumerate(effects))
         rest = {k: v for k, v in data.items() if k not in ("robot", "effects")}
         return cls(robot, built, **rest)
 

@@ -105,7 +105,7 @@ class ComputedTorque:
         self._start: Array = np.zeros((0, 4))
         self._end: Array = np.zeros((0, 4))
 
-    def begin(self, q: Array, goal: Array, index: Array | None = None) -> None:
+    def begin(self, q: Array, goal: Array, index: NDArray[np.intp] | None = None) -> None:
         """Plan new episodes from poses (n, 4) to goals (n, 2), of all lanes or those in ``index``."""
         end = pose_at(self.scene, q, goal)
         if index is None:

@@ -90,7 +90,7 @@ def same(a: Any, b: Any) -> bool:
     return bool(np.array_equal(a, b))
 
 
-def _check_vector_env(env: VectorEnv[Any, Any, Any], seed: int) -> None:
+def _check_vector_env(env: Any, seed: int) -> None:
     def need(rule: str, holds: Any, found: Callable[[], str]) -> None:
         _need(VECTOR_RULES, rule, holds, found)
 
@@ -165,7 +165,7 @@ def _check_infos(need: Callable[..., None], infos: Any, n: int) -> None:
             need("infos", good, lambda: f"no mask for {key!r}")  # noqa: B023
 
 
-def _check_ends(env: Any, mode: AutoresetMode, seed: int, need: Callable[..., None]) -> None:
+def _check_ends(env: Any, mode: Any, seed: int, need: Callable[..., None]) -> None:
     env.reset(seed=seed)
     for _ in range(MOST_STEPS):
         obs, reward, terminated, truncated, infos = env.step(env.action_space.sample())

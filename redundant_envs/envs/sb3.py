@@ -51,7 +51,7 @@ class SB3VecEnv(VecEnv):
         self.goal = goal
         self.on_bad_action = on_bad_action
         self.render_mode = render_mode
-        self.metadata = {
+        self.metadata: dict[str, Any] = {
             "render_modes": ["rgb_array"],
             "render_fps": round(1.0 / self.core.scene.control_dt),
         }

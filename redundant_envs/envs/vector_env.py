@@ -226,7 +226,7 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
             mask = np.ones(self.num_envs, dtype=np.bool_)
         infos: dict[str, Any] = {}
         for name, column, kind in self._columns:
-            values = out[:, column]
+            values: NDArray[Any] = out[:, column]
             if kind == "bool":
                 values = values > 0.0
             elif kind == "int":

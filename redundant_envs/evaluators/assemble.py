@@ -11,7 +11,6 @@ a block are constants of the text, which is what lets the compiler vectorise ove
 from __future__ import annotations
 
 import inspect
-import json
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -284,9 +283,11 @@ class Assembly:
             functions = [*functions, *task_functions]
         else:
             kernels = [self._advance_text()]
-        data = json.dumps(self.scene.to_dict())
+        effects = ", ".join(e.key for e in self.scene.effects) or "no effects"
         parts = [
-            f'"""Assembled for one scene; not to be edited.\n\n{data}\n"""',
+            # No number of the scene stands here: changing numbers never compiles anew.
+            f'"""{self.scene.robot.kind}, {self.scene.integrator}: {effects}.\n\n'
+            'Assembled from the physics files; not to be edited.\n"""',
             (Path(__file__).parent / "prelude.py").read_text(encoding="utf-8"),
             f"STRIDE = {self.stride}",
             *(function_text(f) for f in helpers(functions)),

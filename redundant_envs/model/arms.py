@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +21,7 @@ Array = NDArray[np.float64]
 class ModelFunctions(Arm):
     """Numerical faces of the equations; ``...`` is any batch shape, arguments broadcast."""
 
-    def _values(self, g: float = 0.0, **vectors: ArrayLike) -> dict[str, Any]:
+    def _values(self, g: float, vectors: Mapping[str, ArrayLike]) -> dict[str, Any]:
         names = {
             "q": self.coordinates,
             "qd": self.rates,
@@ -35,13 +36,13 @@ class ModelFunctions(Arm):
         return values
 
     def _vector(self, names: str, g: float = 0.0, **vectors: ArrayLike) -> Array:
-        parts = arrays.evaluate(self, names.split(), self._values(g, **vectors))
+        parts = arrays.evaluate(self, names.split(), self._values(g, vectors))
         shape = np.broadcast_shapes(*(np.shape(v)[:-1] for v in vectors.values()))
         return np.stack([np.broadcast_to(p, shape) for p in parts], axis=-1)
 
     def _matrix(self, letter: str, rows: int, **vectors: ArrayLike) -> Array:
         names = " ".join(f"{letter}{i}{j}" for i in range(1, rows + 1) for j in range(1, 5))
-        flat = self._vector(names, **vectors)
+        flat = self._vector(names, 0.0, **vectors)
         return flat.reshape(*flat.shape[:-1], rows, 4)
 
     def mass_matrix(self, q: ArrayLike) -> Array:

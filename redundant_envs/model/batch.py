@@ -48,7 +48,7 @@ class Status:
     evaluations: NDArray[np.int64]
     error_estimate: NDArray[np.float64]
     events: NDArray[np.int64]
-    numerics: NDArray[np.int64]
+    numerics: NDArray[np.int8]
 
 
 class BatchSimulator:
@@ -86,7 +86,9 @@ class BatchSimulator:
         ]
         self._pool = ThreadPoolExecutor(len(self._parts)) if len(self._parts) > 1 else None
         method = METHODS[scene.integrator]
-        self._evaluations = np.int64(scene.substeps * method.stages)
+        # The same in every interval; read-only, so one array serves all calls.
+        self._evaluations = np.broadcast_to(np.int64(scene.substeps * method.stages), num_envs)
+        self._no_events = np.broadcast_to(np.int64(0), num_envs)
 
     @property
     def q(self) -> NDArray[np.float64]:
@@ -159,12 +161,15 @@ class BatchSimulator:
         efforts : (num_envs, 4) array, optional
             N m and N at the joints (``Scene.actuation``); none is zero.
         """
-        if efforts is None:
-            table = np.zeros((self.num_envs, 4))
-        else:
-            given = self._table("efforts", efforts, self.num_envs, 4)
-            table = np.require(given, requirements=("C", "W"))
         n = self.num_envs
+        if efforts is None:
+            table = np.zeros((n, 4))
+        else:
+            table = np.asarray(efforts, dtype=np.float64)
+            if table.shape != (n, 4):
+                table = self._table("efforts", efforts, n, 4)
+            if not (table.flags.c_contiguous and table.flags.writeable):
+                table = table.copy(order="C")
         error = np.empty(n)
         finite = np.empty(n, dtype=np.bool_)
         substeps = self.scene.substeps
@@ -179,10 +184,10 @@ class BatchSimulator:
                 job.result()
         return Status(
             finite=finite,
-            evaluations=np.broadcast_to(self._evaluations, n),
+            evaluations=self._evaluations,
             error_estimate=error,
-            events=np.broadcast_to(np.int64(0), n),
-            numerics=np.multiply(~finite, np.int64(Numerics.NON_FINITE)),
+            events=self._no_events,
+            numerics=np.logical_not(finite).view(np.int8),  # NON_FINITE is 1
         )
 
     def advance_partly(self, efforts: ArrayLike | None, duration: float) -> Status:

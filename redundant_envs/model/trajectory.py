@@ -71,7 +71,9 @@ def simulate(
     batch = BatchSimulator(scene, count, track_work=True)
     batch.set_state(q0.reshape(count, 4), qd0.reshape(count, 4))
     dt = scene.control_dt
-    qs, qds, works = [], [], []
+    qs: list[Array] = []
+    qds: list[Array] = []
+    works: list[Array] = []
     step, command = 0, np.zeros((count, 4))
     commanded = -1
     for time in t:

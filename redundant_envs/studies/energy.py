@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from redundant_envs.effects import CentringSpring
+from redundant_envs.effects import CentringSpring, Gravity
+from redundant_envs.model.energy import potential_energy
 from redundant_envs.model.trajectory import Trajectory, simulate
 from redundant_envs.scene import Scene
 
@@ -51,6 +53,14 @@ class EnergyRun:
     def balance(self) -> Array:
         """Total energy minus the work done on the arm, (T,), J: constant but for integration error."""
         return self.total - self.trajectory.work
+
+    @property
+    def without_springs(self) -> Array | None:
+        """Kinetic energy plus that of gravity alone, (T,), J; None where that is the total."""
+        field = tuple(e for e in self.scene.effects if isinstance(e, Gravity))
+        gravity = potential_energy(dataclasses.replace(self.scene, effects=field), self.trajectory.q)
+        same = np.array_equal(gravity, self.trajectory.potential_energy)
+        return None if same else self.trajectory.kinetic_energy + gravity
 
     @property
     def scale(self) -> float:
@@ -114,8 +124,7 @@ def energy_run(
         raise ValueError(f"seconds is {seconds}; it must be positive and finite")
     for field, value in (("q", q), ("qd", qd)):
         if np.shape(value) != (4,) or not np.isfinite(value).all():
-            raise ValueError(f"{field} is {value}; give four finite numbers")
-    # Whole fractions of the control interval, so that no row falls between two substeps twice.
+            raise ValueError(f"{field} is {value!r}; give four finite numbers")
     rows = max(1, round(seconds / min(scene.control_dt, SAMPLE_INTERVAL)))
     trajectory = simulate(scene, q, qd, np.linspace(0.0, seconds, rows + 1))
     finite = np.isfinite(trajectory.q).all(axis=1) & np.isfinite(trajectory.qd).all(axis=1)

@@ -15,7 +15,7 @@ from redundant_envs.envs.registration import NAMESPACE, SCENES
 from redundant_envs.studies.throughput import one_core, versions
 
 COLUMNS = (
-    "machine", "date", "python", "numba", "numpy", "gymnasium", "commit", "env", "lanes",
+    "machine", "date", "python", "numba", "numpy", "commit", "gymnasium", "env", "lanes",
     "vector_steps_per_s_best", "vector_steps_per_s_median", "single_us_per_step",
     "cartpole_us_per_step", "single_over_cartpole", "import_to_first_step_s",
 )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import itertools
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from redundant_envs.envs.rendering import BACKGROUND, JOINT, LINKS, RAIL, REACH, TRAIL, Canvas
 from redundant_envs.studies.energy import EnergyRun, stated_limits
 
-KINETIC, POTENTIAL, TOTAL, ERROR = "#34496e", "#d9822b", "#2e8b66", "#8c3b3b"
+KINETIC, POTENTIAL, TOTAL, ERROR, LEFT_OUT = "#34496e", "#d9822b", "#2e8b66", "#8c3b3b", "#a9adb5"
 SLIDERS = ("#34496e", "#7c9dcd")
 FRAMES_PER_SECOND = 25
 TRAIL_FRAMES = 50
@@ -26,7 +27,7 @@ def new_figure(height: float) -> Any:
         raise ImportError(
             "figures need matplotlib, which is not installed: pip install redundant-envs[plot]"
         ) from error
-    return Figure(figsize=(7.0, height), dpi=110, layout="constrained")
+    return Figure(figsize=(7.0, height), dpi=100, layout="constrained")
 
 
 def energies_figure(run: EnergyRun) -> Any:
@@ -60,18 +61,23 @@ def total_figure(run: EnergyRun) -> Any:
     motion = run.trajectory
     figure = new_figure(5.0)
     energy, error = figure.subplots(2, sharex=True, height_ratios=[3, 2])
+    book = run.without_springs
+    if book is not None:
+        energy.plot(motion.t, book, color=LEFT_OUT, lw=1.0, label="springs left out")
     energy.plot(motion.t, run.total, color=TOTAL, lw=2.0, label="total")
     worked = float(np.abs(motion.work).max()) > 1e-12 * run.scale
     if worked:
         energy.plot(motion.t, run.balance, color=ERROR, lw=1.4, ls="--", label="total minus work")
     low = min(motion.potential_energy.min(), run.balance.min())
     high = max(motion.kinetic_energy.max(), run.balance.max(), run.total.max())
+    if book is not None:
+        low, high = min(low, book.min()), max(high, book.max())
     margin = 0.05 * (high - low)
     energy.set_ylim(low - margin, high + margin)
     energy.set_ylabel("energy [J]")
     energy.set_title(f"{run.name}: total energy, relative drift {run.drift:.1e}", loc="left")
-    error.plot(motion.t, run.relative_error, color=ERROR, lw=1.2, label="relative error of the total")
-    error.set_ylabel("error / largest\nenergy exchanged [1]")
+    error.plot(motion.t, run.relative_error, color=ERROR, lw=1.2, label="relative error")
+    error.set_ylabel("error / energy\nexchanged [1]")
     error.ticklabel_format(axis="y", style="sci", scilimits=(0, 0), useMathText=True)
     _finish((energy, error), motion.t)
     return figure
@@ -90,11 +96,17 @@ def _finish(panels: Any, t: NDArray[np.float64]) -> None:
 
 def save_figures(run: EnergyRun, folder: Path) -> list[Path]:
     """Write both figures of a run as PNG; returns their paths."""
+    first, second = energies_figure(run), total_figure(run)
+    from PIL import Image  # comes with matplotlib
+
     folder.mkdir(parents=True, exist_ok=True)
     written = []
-    for kind, figure in (("energies", energies_figure(run)), ("total", total_figure(run))):
+    for kind, figure in (("energies", first), ("total", second)):
         path = folder / f"{run.name}_{kind}.png"
-        figure.savefig(path)
+        memory = io.BytesIO()
+        figure.savefig(memory, format="png")
+        # A palette makes the file a third as large; line drawings have few colours.
+        Image.open(memory).convert("RGB").quantize(64).save(path, optimize=True)
         written.append(path)
     return written
 

@@ -20,13 +20,12 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from redundant_envs import scene as scene_module
 from redundant_envs.effects import Gravity, LimitSpring, ViscousFriction
 from redundant_envs.evaluators import cpu
 from redundant_envs.evaluators.assemble import assemble
 from redundant_envs.model.arms import RPRP, FourR
 from redundant_envs.model.batch import BatchSimulator
-from redundant_envs.scene import Scene, check_keys
+from redundant_envs.scene import Scene, check_keys, scene_folder
 
 COLUMNS = (
     "machine", "date", "python", "numba", "numpy", "commit", "dgemm_gflops", "arm", "integrator",
@@ -41,10 +40,7 @@ REGISTERS = {"z": "zmm", "y": "ymm", "x": "xmm"}
 
 def study_path(name: str) -> Path:
     """The file of a named study: package data in a wheel, configs/studies in a checkout."""
-    package = Path(scene_module.__file__).parent
-    installed = package / "configs" / "studies"
-    folder = installed if installed.is_dir() else package.parent / "configs" / "studies"
-    return folder / f"{name}.yaml"
+    return scene_folder().parent / "studies" / f"{name}.yaml"
 
 
 def load_config(path: Path) -> dict[str, Any]:
@@ -120,7 +116,7 @@ def advance_times(batch: BatchSimulator, repeats: int, seed: int = 0) -> NDArray
     return times
 
 
-def dgemm_rate(repeats: int = 8, size: int = MATRIX) -> float:
+def dgemm_rate(repeats: int = 4, size: int = MATRIX) -> float:
     """Best rate of a product of two square matrices, 1e9 floating point operations per second."""
     a = np.random.default_rng(0).standard_normal((size, size))
     out = np.empty_like(a)
@@ -130,6 +126,18 @@ def dgemm_rate(repeats: int = 8, size: int = MATRIX) -> float:
         np.matmul(a, a, out=out)
         best = min(best, time.perf_counter() - start)
     return 2.0 * size**3 / best / 1e9
+
+
+def interleaved(batch: BatchSimulator, repeats: int, parts: int = 4) -> tuple[NDArray[np.float64], float]:
+    """Seconds of each call of advance, (repeats,), and the best dgemm rate before, between and after.
+
+    In turns, because a machine shared with others changes its speed within seconds.
+    """
+    rates, times = [dgemm_rate()], []
+    for part in np.array_split(np.arange(repeats), min(parts, repeats)):
+        times.append(advance_times(batch, len(part)))
+        rates.append(dgemm_rate())
+    return np.concatenate(times), max(rates)
 
 
 def packed_instructions(scene: Scene) -> tuple[int | None, str]:
@@ -180,7 +188,7 @@ def machine_name() -> str:
 
 def commit() -> str:
     """Short commit of the checkout this runs from; empty elsewhere."""
-    root = Path(scene_module.__file__).parents[1]
+    root = scene_folder().parents[1]
     if not (root / ".git").exists():
         return ""
     with contextlib.suppress(OSError, subprocess.CalledProcessError):
@@ -205,14 +213,11 @@ def run(config: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Time every case of the study; one row of ``COLUMNS`` for each."""
     rows, about = [], versions()
     with one_core():
-        rate_before = dgemm_rate()
         for i, case in enumerate(config["cases"]):
             scene = study_scene(case["arm"], case["integrator"])
             batch = filled_batch(scene, config["lanes"])
-            nanoseconds = 1e9 * advance_times(batch, config["repeats"]) / (config["lanes"] * scene.substeps)
-            rate_after = dgemm_rate()
-            rate = max(rate_before, rate_after)
-            rate_before = rate_after
+            seconds, rate = interleaved(batch, config["repeats"])
+            nanoseconds = 1e9 * seconds / (config["lanes"] * scene.substeps)
             best = float(nanoseconds.min())
             scaled = case["bar_ns"] * config["bar_gflops"] / rate
             count, register = packed_instructions(scene)
@@ -233,7 +238,8 @@ def run(config: Mapping[str, Any]) -> list[dict[str, Any]]:
                 }
             )
             print(
-                f"throughput {i + 1}/{len(config['cases'])}: {case['arm']} {case['integrator']} {best:.1f} ns",
+                f"throughput {i + 1}/{len(config['cases'])}: {case['arm']} {case['integrator']} "
+                f"{best:.1f} ns",
                 file=sys.stderr,
             )
     return rows

@@ -1,0 +1,163 @@
+"""The Runge-Kutta tables: nodes, weights and every order condition, from rooted trees."""
+
+import math
+from functools import cache
+from itertools import combinations_with_replacement
+
+import pytest
+
+from redundant_envs.integrators.tableaus import METHODS, RK8
+
+NAMES = sorted(METHODS)
+
+
+@cache
+def trees(order):
+    """Rooted trees with ``order`` nodes; a tree is the sorted tuple of its subtrees."""
+    if order == 1:
+        return ((),)
+    return tuple(sorted({t for parts in partitions(order - 1) for t in forests(parts)}))
+
+
+def partitions(n, largest=None):
+    """Ways to write n as a sum, parts falling."""
+    if n == 0:
+        yield ()
+        return
+    for k in range(min(n, largest or n), 0, -1):
+        for rest in partitions(n - k, k):
+            yield (k, *rest)
+
+
+def forests(parts):
+    """Sets of trees with the given numbers of nodes."""
+    if not parts:
+        yield ()
+        return
+    count = parts.count(parts[0])
+    for some in combinations_with_replacement(trees(parts[0]), count):
+        for rest in forests(parts[count:]):
+            yield tuple(sorted((*some, *rest)))
+
+
+def size(tree):
+    return 1 + sum(size(t) for t in tree)
+
+
+def density(tree):
+    """gamma of the tree."""
+    return size(tree) * math.prod(density(t) for t in tree)
+
+
+def stage_weights(method, tree, magnitude=False):
+    """Weight of a tree at every stage, or the sum of magnitudes behind it."""
+    result = [1.0] * method.stages
+    for sub in tree:
+        inner = stage_weights(method, sub, magnitude)
+        for i, row in enumerate(method.a):
+            products = [a * w for a, w in zip(row, inner, strict=False)]
+            result[i] *= math.fsum(abs(p) for p in products) if magnitude else math.fsum(products)
+    return result
+
+
+def weight(method, weights, tree):
+    """Elementary weight and the round-off that it may carry."""
+    parts = stage_weights(method, tree)
+    sizes = stage_weights(method, tree, magnitude=True)
+    value = math.fsum(b * w for b, w in zip(weights, parts, strict=True))
+    scale = math.fsum(abs(b) * w for b, w in zip(weights, sizes, strict=True))
+    return value, 1.2e-16 * size(tree) * scale
+
+
+def test_numbers_of_trees():
+    """1, 1, 2, 4, 9, 20, 48, 115, 286 (Hairer, Norsett, Wanner, table II.2.2)."""
+    assert [len(trees(n)) for n in range(1, 10)] == [1, 1, 2, 4, 9, 20, 48, 115, 286]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_shape(name):
+    """Explicit: row i has i entries; one node and one weight per stage."""
+    method = METHODS[name]
+    assert method.name == name
+    assert [len(row) for row in method.a] == list(range(method.stages)) or name == "rk8"
+    assert all(len(row) <= i for i, row in enumerate(method.a))
+    assert len(method.a) == len(method.c) == method.stages
+    assert METHODS["rk8"].stages == 12
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_rows_sum_to_the_nodes(name):
+    """To the round-off of the largest coefficient of the row."""
+    method = METHODS[name]
+    for row, c in zip(method.a, method.c, strict=True):
+        largest = max((abs(a) for a in row), default=0.0)
+        assert abs(math.fsum(row) - c) <= 1e-16 + 2.3e-16 * largest
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_weights_sum_to_one(name):
+    """To 1e-15."""
+    assert abs(math.fsum(METHODS[name].b) - 1.0) <= 1e-15
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("order", [2, 3, 4])
+def test_quadrature_conditions(name, order):
+    """sum b c^(k-1) = 1/k for every order the method has, to 1e-15."""
+    method = METHODS[name]
+    value = math.fsum(b * c ** (order - 1) for b, c in zip(method.b, method.c, strict=True))
+    if order <= method.order:
+        assert abs(value - 1 / order) <= 1e-15
+    else:
+        assert abs(value - 1 / order) > 0.1
+
+
+@pytest.mark.parametrize(("name", "order"), [(n, k) for n in NAMES for k in range(1, METHODS[n].order + 1)])
+def test_order_conditions(name, order):
+    """Every rooted tree up to the order that the method claims."""
+    method = METHODS[name]
+    for tree in trees(order):
+        value, noise = weight(method, method.b, tree)
+        assert abs(value - 1 / density(tree)) <= 1e-15 + noise, tree
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_order_is_not_higher(name):
+    """Some tree of the next order is missed, far above round-off."""
+    method = METHODS[name]
+    missed = [abs(weight(method, method.b, t)[0] - 1 / density(t)) for t in trees(method.order + 1)]
+    assert max(missed) > 1e-6
+
+
+@pytest.mark.parametrize(("weights", "order"), [("error5", 5), ("error3", 3)])
+def test_error_weights(weights, order):
+    """The estimates vanish on every tree through their order and not on the next one."""
+    e = getattr(RK8, weights)
+    assert len(e) == 12
+    assert abs(math.fsum(e)) <= 1e-15
+    for k in range(1, order + 1):
+        for tree in trees(k):
+            value, noise = weight(RK8, e, tree)
+            assert abs(value) <= 1e-15 + noise, tree
+    assert max(abs(weight(RK8, e, t)[0]) for t in trees(order + 1)) > 1e-6
+
+
+def test_only_rk8_has_an_estimate():
+    """euler and rk4 come without."""
+    assert [n for n in NAMES if METHODS[n].error5] == ["rk8"]
+    assert [n for n in NAMES if METHODS[n].error3] == ["rk8"]
+
+
+def test_a_wrong_digit_is_seen():
+    """One coefficient changed in the 12th digit breaks the conditions."""
+    from dataclasses import replace
+
+    a = [list(row) for row in RK8.a]
+    a[8][5] *= 1.0 + 1e-12
+    broken = replace(RK8, a=tuple(tuple(row) for row in a))
+    assert any(
+        abs(value - 1 / density(t)) > 1e-15 + noise
+        for k in range(1, 9)
+        for t in trees(k)
+        for value, noise in [weight(broken, broken.b, t)]
+    )

@@ -1,0 +1,218 @@
+"""Whole motions against 12 trajectories known to 7 to 14 decimals, and how simulate keeps time."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import redundant_envs as rde
+from redundant_envs.effects import Gravity, ViscousFriction
+
+FOLDER = Path(__file__).parents[1] / "oracles"
+ARMS = {"rprp": rde.RPRP, "four_r": rde.FourR}
+RUNS = {
+    arm: json.loads((FOLDER / f"traj_{arm}.json").read_text(encoding="utf-8"))["trajectories"] for arm in ARMS
+}
+EVERY_RUN = [(arm, run["id"]) for arm in ARMS for run in RUNS[arm]]
+TIMES = [0.1, 0.5, 1.0, 2.0, 5.0]
+
+
+def scene_of(arm, run):
+    """The scene of a run: steps of 2 ms, efforts conjugate to the coordinates."""
+    robot = ARMS[arm](tuple(run["m"]), tuple(run["l"]))
+    return rde.Scene(robot, (Gravity(run["g"]),), "rk8", 0.002, actuation="generalized")
+
+
+@pytest.fixture(scope="module")
+def lanes():
+    """All runs of an arm as lanes of one simulator: q, qd and work at every time of the files."""
+    found = {}
+    for arm, runs in RUNS.items():
+        batch = rde.BatchSimulator(scene_of(arm, runs[0]), len(runs), track_work=True)
+        batch.set_parameters(
+            {
+                "masses": [r["m"] for r in runs],
+                "lengths": [r["l"] for r in runs],
+                "gravity.g": [r["g"] for r in runs],
+            }
+        )
+        batch.set_state([r["q0"] for r in runs], [r["qd0"] for r in runs])
+        efforts = np.array([r["Q"] for r in runs])
+        step, stored = 0, []
+        for t in TIMES:
+            while step < round(t / 0.002):
+                assert batch.advance(efforts).finite.all()
+                step += 1
+            stored.append((batch.q, batch.qd, batch.work))
+        found[arm] = [np.array(x) for x in zip(*stored, strict=True)]
+    return found
+
+
+def check_states(run, q, qd):
+    """Every state of the file, to round-off and its growth."""
+    for i, state in enumerate(run["states"]):
+        reference = np.array([*state["q"], *state["qd"]])
+        error = np.abs(np.concatenate([q[i], qd[i]]) - reference).max()
+        # ``decimals`` tells how fast neighbouring motions part: two solutions agree to so many.
+        tolerance = 100.0 * 10.0 ** -state["decimals"] + 1e-13 * np.abs(reference).max()
+        assert error <= tolerance, (state["t"], error, tolerance)
+        assert error <= 1e-9 or state["t"] > 1.0
+
+
+@pytest.mark.parametrize(("arm", "number"), EVERY_RUN)
+def test_oracle(lanes, arm, number):
+    """States, energy and work of every run."""
+    run = RUNS[arm][number]
+    assert [s["t"] for s in run["states"]] == TIMES
+    q, qd, work = (x[:, number] for x in lanes[arm])
+    check_states(run, q, qd)
+    robot = scene_of(arm, run).robot
+    kinetic = robot.kinetic_energy(q, qd)
+    energy = kinetic + robot.potential_energy(q, run["g"])
+    scale = kinetic.max() + abs(run["E0"])
+    assert np.abs(energy - work - run["E0"]).max() <= 1e-9 * scale
+    assert np.abs(work - (q - np.array(run["q0"])) @ np.array(run["Q"])).max() <= 1e-9 * scale
+
+
+@pytest.mark.parametrize(("arm", "number"), [("rprp", 3), ("four_r", 4)])
+def test_simulate_follows_the_oracle(arm, number):
+    """The same through simulate, in one call."""
+    run = RUNS[arm][number]
+    found = rde.simulate(scene_of(arm, run), run["q0"], run["qd0"], TIMES, run["Q"])
+    assert found.t.tolist() == TIMES
+    check_states(run, found.q, found.qd)
+    book = found.kinetic_energy + found.potential_energy - found.work
+    assert np.abs(book - run["E0"]).max() <= 1e-9 * (found.kinetic_energy.max() + abs(run["E0"]))
+    assert found.events == []
+
+
+ARM = rde.FourR((2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35))
+SCENE = rde.Scene(ARM, (Gravity(9.81), ViscousFriction(0.1)), "rk8", 0.02, substeps=2)
+Q0, QD0 = np.array([-1.2, -0.9, -1.8, -0.4]), np.array([0.5, -0.3, 0.2, 0.4])
+
+
+def feedback(t, q, qd):
+    """Efforts that depend on everything, and not smoothly."""
+    return np.sign(np.sin(40.0 * t)) - 0.5 * q - 0.2 * qd
+
+
+@pytest.mark.parametrize(
+    "efforts", [None, (1.0, -0.5, 0.2, 0.1), feedback], ids=["none", "constant", "called"]
+)
+def test_more_times_do_not_change_the_motion(efforts):
+    """Common times have the same bits, whether on the grid of control intervals or between."""
+    few = np.array([0.1, 0.2035, 0.5])
+    many = np.unique(np.concatenate([few, [0.0], np.arange(1, 60) * 0.0091, [0.203, 0.2039, 0.499999]]))
+    a = rde.simulate(SCENE, Q0, QD0, few, efforts)
+    b = rde.simulate(SCENE, Q0, QD0, many, efforts)
+    at = np.searchsorted(many, few)
+    assert (many[at] == few).all()
+    for name in ("q", "qd", "work", "kinetic_energy", "potential_energy"):
+        assert (getattr(a, name) == getattr(b, name)[at]).all()
+
+
+def test_times_are_hit_exactly():
+    """A time inside an interval is reached by a part of the interval, not by rounding to its ends."""
+    times = [0.0, 0.013, 0.02, 0.033, 0.0601]
+    trajectory = rde.simulate(SCENE, Q0, QD0, times)
+    assert trajectory.t.tolist() == times
+    assert (trajectory.q[0] == Q0).all()
+    assert (trajectory.qd[0] == QD0).all()
+    assert trajectory.work[0] == 0.0
+    fine = rde.Scene(ARM, SCENE.effects, "rk8", 0.0001)
+    reference = rde.simulate(fine, Q0, QD0, times)
+    assert np.abs(trajectory.q - reference.q).max() <= 1e-12
+    assert np.abs(trajectory.qd - reference.qd).max() <= 1e-11
+
+
+def test_grid_is_the_batch_simulator():
+    """On the grid of control intervals the states are those of BatchSimulator, bitwise."""
+    batch = rde.BatchSimulator(SCENE, 1, track_work=True)
+    batch.set_state(Q0, QD0)
+    times = np.arange(1, 31) * 0.02
+    trajectory = rde.simulate(SCENE, Q0, QD0, times, (1.0, -0.5, 0.2, 0.1))
+    for k in range(30):
+        batch.advance((1.0, -0.5, 0.2, 0.1))
+        assert (batch.q[0] == trajectory.q[k]).all()
+        assert (batch.qd[0] == trajectory.qd[k]).all()
+        assert batch.work[0] == trajectory.work[k]
+
+
+def test_efforts_are_asked_once_per_control_instant():
+    """At 0, dt, 2 dt, ...; however many times are wanted, with the state of that instant."""
+    asked = []
+
+    def efforts(t, q, qd):
+        asked.append((t, q.copy(), qd.copy()))
+        return (0.3, 0.2, 0.1, 0.0)
+
+    times = [0.001, 0.002, 0.0199, 0.02, 0.021, 0.05, 0.0599, 0.1]
+    trajectory = rde.simulate(SCENE, Q0, QD0, times, efforts)
+    assert [t for t, _, _ in asked] == pytest.approx([0.0, 0.02, 0.04, 0.06, 0.08], abs=1e-15)
+    assert (asked[0][1] == Q0).all()
+    assert (asked[0][2] == QD0).all()
+    assert (asked[1][1] == trajectory.q[3]).all()
+    assert (asked[1][2] == trajectory.qd[3]).all()
+
+
+@pytest.mark.parametrize("shape", [(), (1,), (3,), (2, 5), (17,)])
+def test_batch_shapes(shape):
+    """(T, ..., 4) from (..., 4); every copy moves like the single one, bitwise."""
+    rng = np.random.default_rng(3)
+    q = Q0 + rng.uniform(-0.1, 0.1, (*shape, 4))
+    efforts = rng.uniform(-1.0, 1.0, (*shape, 4))
+    trajectory = rde.simulate(SCENE, q, QD0, [0.05, 0.1], efforts)
+    assert trajectory.q.shape == trajectory.qd.shape == (2, *shape, 4)
+    for name in ("kinetic_energy", "potential_energy", "work"):
+        assert getattr(trajectory, name).shape == (2, *shape)
+    for i in list(np.ndindex(*shape))[:6]:
+        one = rde.simulate(SCENE, q[i], QD0, [0.05, 0.1], efforts[i])
+        assert (one.q == trajectory.q[(slice(None), *i)]).all()
+        assert (one.qd == trajectory.qd[(slice(None), *i)]).all()
+        assert (one.work == trajectory.work[(slice(None), *i)]).all()
+
+
+def test_callable_gets_the_batch_shape():
+    """q, qd and the answer have the leading axes of the state."""
+    seen = []
+
+    def efforts(t, q, qd):
+        seen.append((q.shape, qd.shape))
+        return -q
+
+    rde.simulate(SCENE, np.broadcast_to(Q0, (2, 3, 4)), QD0, [0.05], efforts)
+    assert set(seen) == {((2, 3, 4), (2, 3, 4))}
+
+
+def test_joint_and_generalized_actuation():
+    """Joint efforts t are the generalized forces B t."""
+    t = np.array([1.0, -0.5, 0.3, 0.2])
+    joint = rde.simulate(SCENE, Q0, QD0, [0.3], t)
+    general = rde.Scene(ARM, SCENE.effects, "rk8", 0.02, 2, "generalized")
+    other = rde.simulate(general, Q0, QD0, [0.3], ARM.motor_map @ t)
+    assert np.abs(joint.q - other.q).max() <= 1e-12
+    assert np.abs(joint.work - other.work).max() <= 1e-12
+    plain = rde.simulate(general, Q0, QD0, [0.3], t)
+    assert np.abs(joint.q - plain.q).max() > 1e-3
+
+
+@pytest.mark.parametrize(
+    "times", [[-0.1, 0.1], [0.1, 0.1], [0.2, 0.1], [np.nan], [np.inf], [[0.1, 0.2]]], ids=str
+)
+def test_bad_times(times):
+    """Negative, not increasing, not finite, not a list."""
+    with pytest.raises(ValueError, match="times must be"):
+        rde.simulate(SCENE, Q0, QD0, times)
+
+
+def test_bad_states_and_efforts():
+    """The message names what is wrong and its shape."""
+    with pytest.raises(ValueError, match=r"q has shape \(3,\).*4 entries"):
+        rde.simulate(SCENE, np.zeros(3), np.zeros(3), [0.1])
+    with pytest.raises(ValueError, match="broadcast"):
+        rde.simulate(SCENE, np.zeros((2, 4)), np.zeros((3, 4)), [0.1])
+    with pytest.raises(ValueError, match=r"efforts has shape \(3,\)"):
+        rde.simulate(SCENE, Q0, QD0, [0.1], np.zeros(3))
+    with pytest.raises(ValueError, match=r"efforts has shape \(2,\).*\(3, 4\)"):
+        rde.simulate(SCENE, np.zeros((3, 4)), QD0, [0.1], lambda t, q, qd: np.zeros(2))

@@ -1,0 +1,94 @@
+"""Masses and lengths that are refused, with the field and its value in the message."""
+
+import re
+
+import pytest
+
+import redundant_envs as rde
+
+MASSES = (2.0, 1.5, 1.0, 0.5)
+LENGTHS = {rde.RPRP: (1.0, 0.8), rde.FourR: (1.0, 0.8, 0.6, 0.4)}
+ARMS = pytest.mark.parametrize("arm", [rde.RPRP, rde.FourR], ids=["RPRP", "FourR"])
+
+
+def says(*parts):
+    """A pattern with these parts in order."""
+    return ".*".join(re.escape(p) for p in parts)
+
+
+@ARMS
+def test_good_parameters_become_floats(arm):
+    """Whole numbers, lists and arrays are taken; the stored values are tuples of floats."""
+    import numpy as np
+
+    robot = arm(np.array([2, 1, 3, 1]), [int(i + 1) for i in range(len(LENGTHS[arm]))])
+    assert robot.masses == (2.0, 1.0, 3.0, 1.0)
+    assert all(type(x) is float for x in robot.masses + robot.lengths)
+    assert robot == arm((2, 1, 3, 1), robot.lengths)
+
+
+@ARMS
+@pytest.mark.parametrize("field", ["masses", "lengths"])
+@pytest.mark.parametrize("i", [0, 1])
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [
+        (0.0, "is 0.0"),
+        (-0.5, "is -0.5"),
+        (float("nan"), "is nan"),
+        (float("inf"), "is inf"),
+        ("1", "is '1'"),
+        (True, "is True"),
+        (None, "is None"),
+        ([1.0], "is [1.0]"),
+        (1j, "is 1j"),
+    ],
+)
+def test_bad_entry(arm, field, i, value, shown):
+    """An entry that is not a positive number is named with its place and value."""
+    values = {"masses": list(MASSES), "lengths": list(LENGTHS[arm])}
+    values[field][i] = value
+    with pytest.raises(ValueError, match=says(f"{field}[{i}]", shown)):
+        arm(**values)
+
+
+@ARMS
+@pytest.mark.parametrize("field", ["masses", "lengths"])
+def test_bad_count(arm, field):
+    """Too few, too many, none, and not a sequence."""
+    good = {"masses": MASSES, "lengths": LENGTHS[arm]}
+    needed = len(good[field])
+    for count in (0, needed - 1, needed + 1):
+        with pytest.raises(ValueError, match=says(f"{field} has {count} entries", f"give {needed}")):
+            arm(**{**good, field: (1.0,) * count})
+    for value, shown in ((1.0, "1.0"), ("1111", "'1111'"), (None, "None")):
+        with pytest.raises(ValueError, match=says(f"{field} is {shown}", f"{needed} numbers")):
+            arm(**{**good, field: value})
+
+
+@ARMS
+@pytest.mark.parametrize("field", ["masses", "lengths"])
+def test_bad_ratio(arm, field):
+    """A ratio of 1e12 is the largest; beyond it the message says what to change."""
+    good = {"masses": MASSES, "lengths": LENGTHS[arm]}
+    rest = (1.0,) * (len(good[field]) - 1)
+    arm(**{**good, field: (1e-12, *rest)})
+    with pytest.raises(ValueError, match=says(f"{field} spans a ratio of 2.0e+12", "1e+12")):
+        arm(**{**good, field: (*rest, 0.5e-12)})
+
+
+@ARMS
+def test_frozen(arm):
+    """Parameters cannot be changed after validation."""
+    robot = arm(MASSES, LENGTHS[arm])
+    with pytest.raises(AttributeError):
+        robot.masses = (1.0, 1.0, 1.0, 1.0)
+
+
+@ARMS
+def test_joint_names(arm):
+    """An unknown joint lists the valid ones."""
+    robot = arm(MASSES, LENGTHS[arm])
+    assert [robot.joint_index(n) for n in robot.joints] == [0, 1, 2, 3]
+    with pytest.raises(ValueError, match=says("'elbow'", robot.kind, *robot.joints)):
+        robot.joint_index("elbow")

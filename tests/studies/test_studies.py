@@ -1,0 +1,145 @@
+"""The studies on tiny inputs: their columns, their energies, their refusals. No speed is asserted."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import os
+
+import numpy as np
+import pytest
+import yaml
+
+from redundant_envs import load_scene
+from redundant_envs.studies import energy, environments, plots, throughput
+
+
+@pytest.mark.parametrize("name", sorted(energy.STARTS))
+def test_total_energy_is_constant(name):
+    run = energy.energy_run(name, load_scene(name), 0.6, energy.STARTS[name])
+    assert run.drift < 1e-6
+    assert np.abs(run.trajectory.work).max() < 1e-12 * run.scale
+
+
+def test_sliders_reach_their_limit_springs():
+    name = "rprp_limit_springs"
+    run = energy.energy_run(name, load_scene(name), 1.0, energy.STARTS[name])
+    for joint, (low, high) in energy.stated_limits(run.scene).items():
+        assert run.trajectory.q[:, joint].min() < low
+        assert run.trajectory.q[:, joint].max() > high
+
+
+def test_balance_closes_where_energy_is_lost():
+    scene = dataclasses.replace(load_scene("rprp_reach"), substeps=100)
+    run = energy.energy_run("reach", scene, 0.5, (0.5, 0.1, 0.0, 0.1))
+    assert run.total[-1] < run.total[0] - 0.01
+    assert run.drift < 1e-5
+
+
+def test_springs_left_out_is_not_constant():
+    name = "rprp_report_spring"
+    run = energy.energy_run(name, load_scene(name), 1.5, energy.STARTS[name])
+    assert np.ptp(run.without_springs) > 0.1 * run.scale
+    free = energy.energy_run("free", load_scene("four_r_free"), 0.1, energy.STARTS["four_r_free"])
+    assert free.without_springs is None
+
+
+def test_default_start_is_in_mid_travel():
+    assert energy.default_start("mine", load_scene("rprp_reach")) == (0.0, 0.125, 0.0, 0.125)
+    assert energy.default_start("mine", load_scene("four_r_reach")) == (0.0,) * 4
+
+
+@pytest.mark.parametrize(
+    ("seconds", "q", "field"),
+    [(0.0, (0.0,) * 4, "seconds"), (np.nan, (0.0,) * 4, "seconds"), (1.0, (0.0,) * 3, "q"),
+     (1.0, (0.0, np.inf, 0.0, 0.0), "q")],
+)  # fmt: skip
+def test_energy_refuses(seconds, q, field):
+    with pytest.raises(ValueError, match=f"^{field} is"):
+        energy.energy_run("free", load_scene("four_r_free"), seconds, q)
+
+
+def test_figures(tmp_path):
+    pytest.importorskip("matplotlib")
+    name = "rprp_report_spring"
+    run = energy.energy_run(name, load_scene(name), 0.1, energy.STARTS[name])
+    for path in plots.save_figures(run, tmp_path):
+        assert path.read_bytes().startswith(b"\x89PNG")
+    assert "relative drift" in plots.total_figure(run).axes[0].get_title(loc="left")
+    for figure in (plots.energies_figure(run), plots.total_figure(run)):
+        assert all("[" in axes.get_ylabel() for axes in figure.axes)
+        assert figure.axes[-1].get_xlabel() == "time [s]"
+
+
+@pytest.mark.parametrize("name", ["rprp_limit_springs", "four_r_free"])
+def test_arm_picture(name):
+    run = energy.energy_run(name, load_scene(name), 0.05, energy.STARTS[name])
+    picture = plots.arm_picture(run, run.trajectory.q[-1], np.zeros((2, 2)), 3.0)
+    assert picture.shape == (480, 480, 3)
+    assert picture.dtype == np.uint8
+    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 10
+
+
+def test_throughput_columns_and_numbers():
+    cases = [{"arm": "RPRP", "integrator": "rk4", "bar_ns": 28}]
+    allowed = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else None
+    rows = throughput.run({"lanes": 32, "repeats": 3, "bar_gflops": 53, "cases": cases})
+    if allowed is not None:
+        assert os.sched_getaffinity(0) == allowed
+    assert [tuple(row) for row in rows] == [throughput.COLUMNS]
+    row = rows[0]
+    assert 0.0 < row["ns_per_step_best"] <= row["ns_per_step_median"]
+    assert row["scaled_bar_ns"] == pytest.approx(28 * 53 / row["dgemm_gflops"], rel=1e-2)
+    assert row["within_bar"] == (row["ns_per_step_best"] <= row["scaled_bar_ns"])
+
+
+def test_kernel_is_vectorised_on_x86():
+    count, register = throughput.packed_instructions(throughput.study_scene("RPRP", "rk4"))
+    if count is None:
+        pytest.skip("no x86 assembly here")
+    assert count > 100
+    assert register in ("zmm", "ymm", "xmm")
+
+
+def test_filled_batch_differs_by_lane_within_ten_percent():
+    scene = throughput.study_scene("FourR", "rk4")
+    batch = throughput.filled_batch(scene, 20)
+    masses = batch._memory.read(("m1", "m2", "m3", "m4"))
+    assert np.ptp(masses[:, 0]) > 0.0
+    assert np.abs(masses / 0.5 - 1.0).max() <= 0.1
+
+
+def test_shipped_config_loads():
+    config = throughput.load_config(throughput.study_path("throughput"))
+    assert {c["arm"] for c in config["cases"]} == {"FourR", "RPRP"}
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [({"lanes": 0}, "config.lanes is 0"), ({"wrong": 1}, "unknown key 'wrong'"),
+     ({"cases": [{"arm": "RPRP"}]}, "lacks 'integrator'")],
+)  # fmt: skip
+def test_config_refuses(tmp_path, change, message):
+    path = tmp_path / "c.yaml"
+    data = {"lanes": 16, "repeats": 1, "bar_gflops": 53, "cases": [], **change}
+    path.write_text(yaml.safe_dump(data), encoding="utf-8")
+    with pytest.raises(ValueError, match=message):
+        throughput.load_config(path)
+
+
+def test_unknown_arm_lists_the_arms():
+    with pytest.raises(ValueError, match="choose FourR, RPRP"):
+        throughput.study_scene("SCARA", "rk4")
+
+
+def test_environment_columns(monkeypatch, tmp_path):
+    # The subprocess of the import time takes seconds; it is the study's own business.
+    monkeypatch.setattr(environments, "first_step_seconds", lambda name: 0.5)
+    rows = environments.run(lanes=4, rounds=1, steps=120)
+    assert [tuple(row) for row in rows] == [environments.COLUMNS] * 2
+    assert all(row["vector_steps_per_s_best"] > 0 for row in rows)
+    assert all(row["single_us_per_step"] > 0 and row["cartpole_us_per_step"] > 0 for row in rows)
+    path = tmp_path / "rows.csv"
+    throughput.write_rows(rows, environments.COLUMNS, path)
+    with path.open(encoding="utf-8") as file:
+        assert [r["env"] for r in csv.DictReader(file)] == list(environments.IDS)
