@@ -169,6 +169,7 @@ class Assembly:
                 if hook.conservative is not None and self.track_work:
                     booked = f"booked{i}"
                     arguments = self._bound(effect, hook, hook.conservative)
+                    require(a for a in arguments if a not in known)
                     statement((booked,), hook.conservative, arguments)
                     working[hook.joint].append(f"(-{booked})")
         if any(joint.values()):

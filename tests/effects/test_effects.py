@@ -518,3 +518,34 @@ def test_effects_that_do_not_fit(robot, found, message):
     """A scene refuses what cannot act, and says why."""
     with pytest.raises((ValueError, NotImplementedError), match=re.escape(message)):
         rde.Scene(robot, found)
+
+
+@physics
+def _pull_to_zero(position):
+    return -position
+
+
+@physics
+def _pull_energy(position):
+    return 0.5 * position**2
+
+
+@physics
+def _pull_and_drag(gap, rate):
+    return -gap - rate
+
+
+@dataclass(frozen=True)
+class OwnNames(Effect):
+    """Its conservative part needs a quantity that the force itself does not ask for."""
+
+    def hooks(self, arm):
+        bind = {"gap": "theta32", "rate": "phid3", "position": "phi3"}
+        return (Force(2, _pull_and_drag, bind, _pull_energy, _pull_to_zero),)
+
+
+def test_the_conservative_part_may_need_quantities_of_its_own():
+    scene = rde.Scene(rde.FourR((2, 1.5, 1, 0.5), (1, 0.8, 0.6, 0.4)), (OwnNames(),))
+    motion = rde.simulate(scene, (0.1, 0.2, 0.5, 0.4), (0, 0, 0, 0), np.linspace(0, 1, 11))
+    book = motion.kinetic_energy + motion.potential_energy - motion.work
+    np.testing.assert_allclose(book, book[0], atol=1e-9)

@@ -104,6 +104,20 @@ def test_derivatives_by_complex_step(robot):
 
 
 @EVERY
+def test_gravity_forces_in_a_field_of_any_direction(robot):
+    """G is the slope of U with both components of the field, as the simulator's text has it."""
+    q = states(robot)[0]
+    field = {**robot.parameter_values(), "ax": 3.1, "ay": -2.3}
+    names = robot.coordinates
+    forces = arrays.evaluate(robot, ["G1", "G2", "G3", "G4"], {**field, **dict(zip(names, q.T, strict=True))})
+    scale = np.abs(forces).max(0)
+    for k in range(4):
+        shifted = dict(zip(names, (q + 1e-30j * np.eye(4)[k]).T, strict=True))
+        slope = np.imag(arrays.evaluate(robot, ["U"], {**field, **shifted})[0]) / 1e-30
+        assert (np.abs(slope - forces[k]) <= 1e-14 * scale).all()
+
+
+@EVERY
 def test_tip_velocity(robot):
     """J qd is the rate of the tip."""
     q, qd, _ = states(robot)
@@ -286,6 +300,9 @@ def hard_cases():
     yield "4R light chain", rde.FourR(light, (1.0,) * 4), (0.3, 1.2, -2.0, 0.8), rates, tenth
     yield "4R light chain, lengths", rde.FourR(light, four), (0.3, 1.2, -2.0, 0.8), rates, tenth
     yield "4R light tip", rde.FourR(light[::-1], four), (0.3, 1.2, -2.0, 0.8), rates, (1.0, 1.0, 0.0, 0.0)
+    near = (0.3, 0.3 + 1e-6, 0.3 + 3e-6, 0.3 + 2e-6)
+    yield "4R light chain, nearly straight", rde.FourR(light, four), near, rates, tenth
+    yield "4R light chain, straight", rde.FourR(light, four), (0.3,) * 4, rates, tenth
     yield "4R straight", rde.FourR(masses, four), (0.7,) * 4, rates, forces
     yield "4R nearly straight", rde.FourR(masses, four), (0.7, 0.7 + 1e-9, 0.7, 0.7 - 1e-8), rates, forces
     yield "4R folded", rde.FourR(masses, four), (0.7, 0.7 + pi, 0.7, 0.7 + pi), rates, forces
