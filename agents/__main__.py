@@ -1,4 +1,4 @@
-"""Command line: python -m agents train | evaluate | play | report."""
+"""Command line: python -m agents train | evaluate | report | table | play."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ def main(arguments: list[str] | None = None) -> int:
     p.add_argument("folder", type=Path)
     p = commands.add_parser("report", help="draw plots, clip and report.md of a run folder again")
     p.add_argument("folder", type=Path)
+    p = commands.add_parser("table", help="print evaluated runs as a Markdown table")
+    p.add_argument("folders", type=Path, nargs="+")
     p = commands.add_parser("play", help="watch a run folder's policy, or an id without one")
     p.add_argument("target", help="run folder, or id such as RPRPReach-v0")
     p.add_argument("--actions", default="expert", choices=("zero", "random", "expert"),
@@ -29,9 +31,14 @@ def main(arguments: list[str] | None = None) -> int:
     p.add_argument("--seed", type=int, default=0)
     options = parser.parse_args(arguments)
     try:
-        return {"train": _train, "evaluate": _evaluate, "report": _report, "play": _play}[options.command](
-            options
-        )
+        run = {
+            "train": _train,
+            "evaluate": _evaluate,
+            "report": _report,
+            "table": _table,
+            "play": _play,
+        }[options.command]
+        return run(options)
     except ValueError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
@@ -66,6 +73,13 @@ def _report(options: argparse.Namespace) -> int:
     from agents.report import report
 
     print(f"report: {report(options.folder)}")
+    return 0
+
+
+def _table(options: argparse.Namespace) -> int:
+    from agents.report import table
+
+    print(table(options.folders))
     return 0
 
 

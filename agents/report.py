@@ -95,6 +95,40 @@ def batched(obs: Any) -> Any:
     return obs[None]
 
 
+def table(folders: list[Path]) -> str:
+    """Markdown table of evaluated runs, one row per environment and algorithm."""
+    results = []
+    for folder in folders:
+        path = folder / "evaluation.json"
+        if not path.is_file():
+            raise ValueError(f"run folder {folder} has no evaluation.json; evaluate it first")
+        results.append(json.loads(path.read_text()))
+    groups: dict[tuple[str, str], list[dict[str, Any]]] = {}
+    for result in results:
+        groups.setdefault((result["env"], result["algo"]), []).append(result)
+    lines = [
+        "| environment | learner | seeds | hold success, median (worst) | 95 % interval, worst seed "
+        "| touch, median | expert, hold | steps | train seconds, median |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for (env, algo), runs in sorted(groups.items()):
+        runs.sort(key=lambda r: r["hold_success"])
+        worst = runs[0]
+        median = {k: float(np.median([r[k] for r in runs])) for k in
+                  ("hold_success", "touch_success", "train_seconds", "env_steps")}  # fmt: skip
+        low, high = worst["interval"]
+        lines.append(
+            f"| {env.split('/')[-1]} | {algo.upper()} | {len(runs)} "
+            f"| {100 * median['hold_success']:.1f} % ({100 * worst['hold_success']:.1f} %) "
+            f"| {100 * low:.1f} to {100 * high:.1f} % | {100 * median['touch_success']:.1f} % "
+            f"| {100 * worst['expert_hold_success']:.1f} % | {median['env_steps'] / 1e6:.2f} M "
+            f"| {median['train_seconds']:.0f} |"
+        )
+    machines = sorted({r["versions"]["machine"] for r in results})
+    lines += ["", f"{results[0]['episodes']} frozen goals each. Machine: {', '.join(machines)}."]
+    return "\n".join(lines)
+
+
 def report(folder: Path) -> Path:
     """Write plots, clip and report.md of an evaluated run."""
     config = read_config(folder)

@@ -41,8 +41,9 @@ def make_model(config: Config, env: Any) -> Any:
     policy = "MultiInputPolicy" if "Goal" in config.env else "MlpPolicy"
     return SAC(
         policy, env, buffer_size=s.buffer_size, learning_starts=s.learning_starts,
-        batch_size=s.batch_size, learning_rate=lambda remaining: s.learning_rate * remaining, gamma=s.gamma, tau=s.tau,
-        train_freq=s.train_freq, gradient_steps=s.gradient_steps, ent_coef=s.ent_coef,
+        batch_size=s.batch_size, learning_rate=lambda remaining: s.learning_rate * remaining,
+        gamma=s.gamma, tau=s.tau, train_freq=s.train_freq, gradient_steps=s.gradient_steps,
+        ent_coef=s.ent_coef,
         seed=config.seed, device="cpu",
         policy_kwargs={"net_arch": list(s.net_arch)},
     )  # fmt: skip

@@ -257,8 +257,8 @@ class Assembly:
 
     def lane_function(self, name: str, doc: str, lines: list[str], writes: Mapping[str, str]) -> str:
         """A function of one lane: rows it names are its arguments, ``writes`` maps rows to results."""
-        text = "\n".join([*lines, *writes.values()])
-        reads = [r for r in self.rows if re.search(rf"(?<![\w.]){r}\b", text)]
+        named = words([*lines, *writes.values()])
+        reads = [r for r in self.rows if r in named]
         body = [f'"""{doc}"""', *lines, f"return {', '.join(writes.values())}"]
         return (
             f"def {name}({', '.join(reads)}):\n{indent(body, 1)}\n\n\n"
@@ -327,9 +327,9 @@ class Assembly:
                 lines.append(f"{e} = {' + '.join(terms)}")
             lines.append(f"error = {prefixed(tip_error)}(e5, e3)")
             used.append(tip_error)
-        text = "\n".join(lines)
+        named = words(lines)
         commands = tuple(f"command{k}" for k in range(1, 5))
-        needs = [n for n in (*commands, *self.numbers) if re.search(rf"\b{n}\b", text)]
+        needs = [n for n in (*commands, *self.numbers) if n in named]
         return needs, lines, used
 
     @cached_property
@@ -388,6 +388,11 @@ class Assembly:
                 f"            errors[b * {LANES} + i] = {error}",
             ]
         )
+
+
+def words(lines: Iterable[str]) -> set[str]:
+    """All identifiers in some lines."""
+    return set(re.findall(r"[A-Za-z_]\w*", "\n".join(lines)))
 
 
 def emit(call: Call, lines: list[str], used: list[Callable[..., Any]]) -> None:
