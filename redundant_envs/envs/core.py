@@ -14,12 +14,11 @@ from redundant_envs.effects import EffortLimits
 from redundant_envs.evaluators import cpu
 from redundant_envs.evaluators.assemble import assemble
 from redundant_envs.evaluators.assemble_task import DISABLED, NEXT_STEP, OBSERVE, RESET, SAME_STEP, STEP
-from redundant_envs.model.batch import BatchSimulator, Numerics, unknown_parameter
-from redundant_envs.scene import Scene, identifier, load_scene
+from redundant_envs.model import parameters
+from redundant_envs.scene import Scene, load_scene
 from redundant_envs.tasks.reach import ReachTask
 
-OPTION_KEYS = ("q", "qd", "goal", "parameters", "reset_mask")
-NO_LIMIT = float("inf")
+OPTION_KEYS = ("q", "qd", "goal", "parameters")
 _EMPTY_OBS = np.empty((0, 0), dtype=np.float32)
 _EMPTY_OUT = np.empty((0, 0))
 
@@ -36,7 +35,8 @@ class Core:
         scene: str | Mapping[str, Any] | Scene,
         num_envs: int,
         task: ReachTask | None = None,
-        limit: float = NO_LIMIT,
+        max_episode_steps: int | None = None,
+        fixed_geometry: bool = False,
     ) -> None:
         self.scene = load_scene(scene)
         self.task = task or ReachTask()
@@ -58,7 +58,7 @@ class Core:
         self.memory.blocks[:, [self.memory.rows[q] for q in arm.coordinates]] = np.reshape(
             arm.coordinates_of_joints(**named), (4, 1)
         )
-        self.limit = limit
+        self.fixed_geometry = fixed_geometry
         self.begun: NDArray[np.bool_] | None = None
         """Lanes that began a new episode in the last step, if any did."""
         self.columns = {name: k for k, name in enumerate(self.assembly.outputs)}
@@ -67,8 +67,11 @@ class Core:
         self.waiting = np.zeros(num_envs, dtype=np.bool_)  # keys drawn and not yet used
         self.mask = np.zeros(num_envs, dtype=np.uint8)
         self._no_actions = np.zeros((num_envs, 4), dtype=np.float32)
-        self.memory.blocks[:, self.memory.rows["limit"]] = limit
+        self.memory.blocks[:, self.memory.rows["limit"]] = episode_limit(max_episode_steps)
         self.obs_size = len(self.assembly.observed)
+        self._width = len(self.columns)
+        self._flat = self.memory.flat
+        self._substeps = self.scene.substeps
         self.reach = float(sum(arm.lengths)) + sum(
             self.scene.parameters()[high] for _, high in self.scene.travel().values()
         ) * (arm.kind == "RPRP")
@@ -107,14 +110,6 @@ class Core:
 
     # ---- stepping --------------------------------------------------------------------------------
 
-    def tables(self) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """Fresh tables for observations and outputs."""
-        n = self.num_envs
-        return (
-            np.empty((n, self.obs_size), dtype=np.float32),
-            np.empty((n, len(self.columns))),
-        )
-
     def step(
         self, actions: NDArray[np.float32], autoreset: int
     ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.float32], NDArray[np.float64]]:
@@ -124,98 +119,118 @@ class Core:
         """
         if autoreset == SAME_STEP and not self.waiting.all():
             self.provide_keys(np.flatnonzero(~self.waiting))
-        obs, out = self.tables()
-        last_obs, last_out = self.tables() if autoreset == SAME_STEP else (_EMPTY_OBS, _EMPTY_OUT)
+        n = self.num_envs
+        obs = np.empty((n, self.obs_size), np.float32)
+        out = np.empty((n, self._width))
+        last_obs, last_out = _EMPTY_OBS, _EMPTY_OUT
+        if autoreset == SAME_STEP:
+            last_obs, last_out = np.zeros_like(obs), np.zeros_like(out)
         self._kernel(
-            self.memory.flat, actions, obs, out, last_obs, last_out, self.keys, self.mask,
-            STEP, autoreset, self.scene.substeps,
+            self._flat, actions, obs, out, last_obs, last_out, self.keys, self.mask,
+            STEP, autoreset, self._substeps,
         )  # fmt: skip
+        self.begun = None
         if autoreset != DISABLED and self.mask.any():
             self.begun = self.mask == (2 if autoreset == NEXT_STEP else 1)
             self.waiting[self.begun] = False
             self.mask[self.begun] = 0
             self.provide_keys(np.flatnonzero(self.mask))
-        else:
-            self.begun = None
         return obs, out, last_obs, last_out
 
-    def reset(self, lanes: NDArray[np.bool_]) -> None:
-        """Begin new episodes in the lanes of a mask; their keys are drawn here."""
-        self.provide_keys(np.flatnonzero(lanes))
-        self.mask[:] = lanes
-        self._call(RESET)
-        self.mask[:] = 0
+    def begin(self, lanes: NDArray[np.bool_], options: Mapping[str, Any]) -> None:
+        """Begin new episodes in the lanes of a mask.
+
+        Options are checked first, so a refused reset changes nothing. Parameters are set before
+        start and goal are drawn: equal seeds and options give equal episodes.
+        """
+        index = np.flatnonzero(lanes)
+        values, writes = self._checked(options, index)
+        if values is not None:
+            parameters.write(self.scene, self.memory, index, values)
+        self.provide_keys(index)
+        self._call(RESET, lanes.astype(np.uint8))
+        self.mask[lanes] = 0
         self.waiting[lanes] = False
+        for rows, numbers in writes:
+            self.memory.write(rows, numbers, index)
 
     def observe(self) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
         """Observations and outputs of the present states."""
-        return self._call(OBSERVE)
+        return self._call(OBSERVE, self.mask)
 
-    def _call(self, op: int) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        obs, out = self.tables()
+    def _call(self, op: int, mask: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+        obs = np.empty((self.num_envs, self.obs_size), np.float32)
+        out = np.empty((self.num_envs, self._width))
         self._kernel(
-            self.memory.flat, self._no_actions, obs, out, _EMPTY_OBS, _EMPTY_OUT, self.keys,
-            self.mask, op, 0, self.scene.substeps,
+            self._flat, self._no_actions, obs, out, _EMPTY_OBS, _EMPTY_OUT, self.keys,
+            mask, op, DISABLED, self._substeps,
         )  # fmt: skip
         return obs, out
 
     # ---- options ---------------------------------------------------------------------------------
 
-    def apply(self, options: Mapping[str, Any], lanes: NDArray[np.int64]) -> None:
-        """Set pose, rates, goal and parameters of lanes after a reset."""
+    def _checked(
+        self, options: Mapping[str, Any], lanes: NDArray[np.intp]
+    ) -> tuple[parameters.Table | None, list[tuple[tuple[str, ...], NDArray[np.float64]]]]:
+        """Parameters and rows that options set, all valid."""
         for key in options:
             if key not in OPTION_KEYS:
                 raise ValueError(f"options has the unknown key {key!r}; valid: {', '.join(OPTION_KEYS)}")
-        arm, n = self.scene.robot, len(lanes)
+        given = options.get("parameters")
+        if self.fixed_geometry and isinstance(given, Mapping):
+            moved = [n for n in given if n == "lengths" or n.startswith("limit_spring.")]
+            if moved:
+                raise ValueError(
+                    f"parameter is {moved[0]!r}; goal environments keep lengths and travel, because "
+                    "compute_reward is a function of the two goals alone"
+                )
+        values = None
+        if given is not None:
+            values = parameters.lane_values(self.scene, self.memory, lanes, given, fresh=True)
+        present = values or parameters.lane_values(self.scene, self.memory, lanes, {}, fresh=False)
+        arm = self.scene.robot
         writes: list[tuple[tuple[str, ...], NDArray[np.float64]]] = []
-        parameters = self.scene.parameters()
-        given = options.get("parameters") or {}
-        if not isinstance(given, Mapping):
-            raise ValueError(f"options['parameters'] is {given!r}; give a mapping of names to numbers")
-        for name, value in given.items():
-            names = cpu.identifiers(parameters, name)
-            if not names:
-                raise ValueError(unknown_parameter(name, parameters))
-            table = BatchSimulator._parameter_table(name, value, n, len(names))
-            if name in ("masses", "lengths") and not (table > 0.0).all():
-                raise ValueError(f"{name} has the entry {table.min()}; it must be positive")
-            writes.append((tuple(identifier(p) for p in names), table))
         for key, rows, width in (
             ("q", arm.coordinates, 4),
             ("qd", arm.rates, 4),
             ("goal", ("goal_x", "goal_y"), 2),
         ):
             if options.get(key) is not None:
-                table = BatchSimulator._table(f"options[{key!r}]", options[key], n, width)
-                if not np.isfinite(table).all():
-                    raise ValueError(f"options[{key!r}] has non-finite entries; give finite numbers")
-                writes.append((rows, table))
-        if options.get("q") is not None:
-            self._check_travel(np.asarray(options["q"], dtype=np.float64))
-        if options.get("goal") is not None:
-            radius = float(np.linalg.norm(np.asarray(options["goal"], float), axis=-1).max())
-            if radius > self.reach:
-                raise ValueError(
-                    f"options['goal'] is {radius:.6g} m from the base; the arm reaches "
-                    f"{self.reach:.6g} m: choose a goal within it"
-                )
-        for rows, table in writes:
-            self.memory.write(rows, table, lanes)
-        if given:
-            self.memory.prepare()
+                numbers = parameters.table(f"options[{key!r}]", options[key], len(lanes), width)
+                writes.append((rows, numbers))
+                if key == "q":
+                    self._check_travel(numbers, present)
+                elif key == "goal":
+                    self._check_goal(numbers, present)
+        return values, writes
 
-    def _check_travel(self, q: NDArray[np.float64]) -> None:
+    def _check_goal(self, goal: NDArray[np.float64], values: parameters.Table) -> None:
+        highs = [high for _, high in self.scene.travel().values()] if any(self.scene.robot.prismatic) else []
+        lengths = [p for p in values if p[0] == "l" and p[1:].isdigit()]
+        reach = np.sum([values[p] for p in (*lengths, *highs)], axis=0)
+        radius = np.linalg.norm(goal, axis=1)
+        if (radius > reach).any():
+            lane = int(np.argmax(radius - reach))
+            raise ValueError(
+                f"options['goal'] is {radius[lane]:.6g} m from the base; the arm reaches "
+                f"{reach[lane]:.6g} m: choose a goal within it"
+            )
+
+    def _check_travel(self, q: NDArray[np.float64], values: parameters.Table) -> None:
         """A start beyond a limit would put energy into the arm: refuse it."""
-        arm, values = self.scene.robot, self.scene.parameters()
+        arm = self.scene.robot
         positions = q @ np.asarray(arm.motor_map)  # type: ignore[attr-defined]
         for joint, (low, high) in self.scene.travel().items():
-            x = positions[..., joint]
-            if np.any(x < values[low]) or np.any(x > values[high]):
-                worst = float(np.ravel(x)[np.argmax(np.abs(np.ravel(x) - (values[low] + values[high]) / 2))])
+            x = positions[:, joint]
+            outside = (x < values[low]) | (x > values[high])
+            if outside.any():
+                lane = int(np.flatnonzero(outside)[0])
                 raise ValueError(
-                    f"options['q'] puts {arm.joints[joint]} at {worst:.6g}; its travel is "
-                    f"[{values[low]:.6g}, {values[high]:.6g}]: start inside it"
+                    f"options['q'] puts {arm.joints[joint]} at {x[lane]:.6g}; its travel is "
+                    f"[{values[low][lane]:.6g}, {values[high][lane]:.6g}]: start inside it"
                 )
+
+    # ---- goals and snapshots ---------------------------------------------------------------------
 
     def observation(self, obs: NDArray[np.float32], out: NDArray[np.float64], goal: bool) -> Any:
         """Observations as their space has them, from the tables of a step."""
@@ -228,12 +243,20 @@ class Core:
             "desired_goal": places[:, 2:].copy(),
         }
 
-    # ---- goals and snapshots ---------------------------------------------------------------------
-
     def goal_reward(self, achieved: ArrayLike, desired: ArrayLike) -> NDArray[np.float64]:
         """The compiled reward of goal pairs, (n, 2) each."""
-        a = np.ascontiguousarray(np.atleast_2d(np.asarray(achieved, dtype=np.float64)))
-        d = np.ascontiguousarray(np.atleast_2d(np.asarray(desired, dtype=np.float64)))
+        a, d = np.atleast_2d(np.asarray(achieved, float)), np.atleast_2d(np.asarray(desired, float))
+        if (
+            a.ndim != 2
+            or d.ndim != 2
+            or a.shape[1] != 2
+            or d.shape[1] != 2
+            or (a.shape != d.shape and 1 not in (len(a), len(d)))
+        ):
+            raise ValueError(
+                f"goals have shapes {np.shape(achieved)} and {np.shape(desired)}; give (2,) or (n, 2)"
+            )
+        a, d = (np.array(x, order="C") for x in np.broadcast_arrays(a, d))
         reward = np.empty(len(a))
         self._goal_reward(a, d, self.reach, self.task.goal_tolerance, reward)
         return reward
@@ -250,14 +273,18 @@ class Core:
             "mask": self.mask.copy(),
             "waiting": self.waiting.copy(),
             "generators": copy.deepcopy(self.generators),
+            "simulator": cpu.module_key(self.assembly.text),
         }
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Return to a state of :meth:`get_state`; the continuation is the same to the last bit."""
-        missing = [k for k in ("numbers", "keys", "mask", "waiting", "generators") if k not in state]
+        missing = [
+            k for k in ("numbers", "keys", "mask", "waiting", "generators", "simulator") if k not in state
+        ]
         if missing:
             raise ValueError(f"state lacks {', '.join(missing)}; use what get_state returned")
-        if state["numbers"].shape != self.memory.flat.shape:
+        same = state["simulator"] == cpu.module_key(self.assembly.text)
+        if not same or state["numbers"].shape != self.memory.flat.shape:
             raise ValueError("state is of another scene or num_envs; use one of this environment")
         self.memory.flat[:] = state["numbers"]
         self.keys[:] = state["keys"]
@@ -275,6 +302,8 @@ def check_action(actions: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
         and actions.flags.c_contiguous
     ):
         array = np.asarray(actions)
+        if array.dtype == np.float64:  # a finite action must stay finite as float32
+            array = np.where(np.isfinite(array), np.clip(array, -1e30, 1e30), array)
         if array.dtype.kind not in "fiu":
             raise ValueError(f"action has dtype {array.dtype}; give numbers")
         if array.shape != shape:
@@ -292,6 +321,21 @@ def refuse_bad_action(actions: NDArray[np.float32]) -> None:
         )
 
 
-def numerics_name(code: int) -> str:
-    """Readable names of numerics flags."""
-    return "|".join(f.name or "" for f in Numerics(code)) or "ok"
+def episode_limit(max_episode_steps: int | None) -> float:
+    """Control steps until truncation; None and -1 mean never."""
+    if max_episode_steps is None or max_episode_steps == -1:
+        return float("inf")
+    if (
+        isinstance(max_episode_steps, bool)
+        or max_episode_steps != int(max_episode_steps)
+        or max_episode_steps < 1
+    ):
+        raise ValueError(f"max_episode_steps is {max_episode_steps!r}; give at least 1, or -1 for no limit")
+    return float(max_episode_steps)
+
+
+def plain_scene(scene: Any) -> Any:
+    """A scene as the spec of an environment can hold it."""
+    if isinstance(scene, Scene):
+        raise ValueError("scene is a Scene, which a spec cannot hold; pass scene.to_dict()")
+    return scene

@@ -11,14 +11,13 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from redundant_envs.envs.core import Core, check_action, refuse_bad_action
+from redundant_envs.envs.core import Core, check_action, plain_scene, refuse_bad_action
 from redundant_envs.envs.vector_env import (
     ON_BAD_ACTION,
     info_columns,
     make_task,
     observation_space,
 )
-from redundant_envs.scene import Scene
 
 RENDER_MODES = (None, "rgb_array")
 
@@ -31,7 +30,7 @@ class ReachEnv(gym.Env[Any, Any]):
 
     def __init__(
         self,
-        scene: str | Mapping[str, Any] | Scene,
+        scene: str | Mapping[str, Any],
         render_mode: str | None = None,
         on_bad_action: str = "raise",
         task: Mapping[str, Any] | None = None,
@@ -40,7 +39,7 @@ class ReachEnv(gym.Env[Any, Any]):
             raise ValueError(f"render_mode is {render_mode!r}; choose None, 'rgb_array' or 'human'")
         if on_bad_action not in ON_BAD_ACTION:
             raise ValueError(f"on_bad_action is {on_bad_action!r}; choose {', '.join(ON_BAD_ACTION)}")
-        self.core = Core(scene, 1, make_task(task))
+        self.core = Core(plain_scene(scene), 1, make_task(task), fixed_geometry=self.goal)
         self.on_bad_action = on_bad_action
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": round(1.0 / self.core.scene.control_dt)}
@@ -61,17 +60,17 @@ class ReachEnv(gym.Env[Any, Any]):
         ----------
         seed : int, optional
         options : dict, optional
-            "q", "qd": (4,), "goal": (2,) [m], "parameters": {name: numbers}.
+            "q", "qd": (4,); "goal": (2,) [m]; "parameters": {name: numbers}, set on top of the
+            scene's own and kept until a reset gives "parameters" again ({} returns to the scene's).
         """
+        options = dict(options or {})
+        if "reset_mask" in options:
+            raise ValueError("options['reset_mask'] belongs to vector environments")
         super().reset(seed=seed)
         if self.core.generators[0] is not self.np_random:
             self.core.generators[0] = self.np_random
             self.core.waiting[0] = False
-        self.core.reset(np.ones(1, dtype=np.bool_))
-        if options:
-            if "reset_mask" in options:
-                raise ValueError("options['reset_mask'] belongs to vector environments")
-            self.core.apply(options, np.zeros(1, dtype=np.int64))
+        self.core.begin(np.ones(1, dtype=np.bool_), options)
         obs, out = self.core.observe()
         if self._renderer is not None:
             self._renderer.clear()
@@ -100,7 +99,7 @@ class ReachEnv(gym.Env[Any, Any]):
         return info
 
     def get_state(self) -> dict[str, Any]:
-        """Snapshot of the environment, generator included."""
+        """Snapshot of the environment, generator included; wrappers (TimeLimit) count for themselves."""
         return self.core.get_state()
 
     def set_state(self, state: Mapping[str, Any]) -> None:

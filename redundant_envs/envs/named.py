@@ -47,8 +47,7 @@ class FourRReachVectorEnv(ReachVectorEnv):
 class GoalVectorEnv(ReachVectorEnv):
     """Native vector environment with Dict observations and the sparse goal reward."""
 
-    def __init__(self, scene: Any, **kwargs: Any) -> None:
-        super().__init__(scene, goal=True, **kwargs)
+    goal = True
 
 
 class RPRPGoalReachVectorEnv(GoalVectorEnv):

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import itertools
 from collections import deque
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.envs.core import Core
+from redundant_envs.scene import identifier
 
 SIZE = 480
 BACKGROUND = (250, 250, 248)
@@ -91,6 +93,14 @@ class Canvas:
         self.pixels[top - 1 : top + height + 1, middle] = JOINT
 
 
+def lane_arm(core: Core, lane: NDArray[np.intp]) -> Any:
+    """The arm with a lane's own masses and lengths."""
+    arm = core.scene.robot
+    names = tuple(arm.parameter_values())
+    numbers = core.memory.read(names, lane)[0].tolist()
+    return type(arm)(tuple(numbers[:4]), tuple(numbers[4:]))
+
+
 class Renderer:
     """Draws one lane of a core and remembers the trail of its tip."""
 
@@ -110,7 +120,7 @@ class Renderer:
         q = core.memory.read(arm.coordinates, index)[0]
         goal = core.memory.read(("goal_x", "goal_y"), index)[0]
         steps, *efforts = core.memory.read(("steps", *core.assembly.actions), index)[0]
-        points = arm.points(q)  # type: ignore[attr-defined]
+        points = lane_arm(core, index).points(q)
         if steps < self._last_step:
             self.clear()
         self._last_step = float(steps)
@@ -126,7 +136,7 @@ class Renderer:
         for i, (a, b) in enumerate(itertools.pairwise(trail)):
             canvas.capsule(a, b, 3.0, TRAIL, alpha=0.15 + 0.75 * (i + 1) / len(trail))
         if arm.kind == "RPRP":
-            self._sliders(canvas, q, points, base)
+            self._sliders(canvas, q, points, base, index)
         else:
             joints = [base, *points]
             for k, width in enumerate((17.0, 14.0, 11.0, 9.0)):
@@ -140,12 +150,17 @@ class Renderer:
             canvas.bar(k, effort)
         return canvas.pixels.round().astype(np.uint8)
 
+    def _limits(self, lane: NDArray[np.intp]) -> dict[str, float]:
+        names = [name for pair in self.core.scene.travel().values() for name in pair]
+        numbers = self.core.memory.read(tuple(identifier(n) for n in names), lane)[0].tolist()
+        return dict(zip(names, numbers, strict=True))
+
     def _sliders(
         self, canvas: Canvas, q: NDArray[np.float64], points: NDArray[np.float64],
-        base: NDArray[np.float64],
+        base: NDArray[np.float64], lane: NDArray[np.intp],
     ) -> None:  # fmt: skip
         """Both links with their rails: the rail spans the whole travel, the slider rides on it."""
-        arm, values = self.core.scene.robot, self.core.scene.parameters()
+        arm, values = lane_arm(self.core, lane), self._limits(lane)
         travel = self.core.scene.travel()
         for k, (root, fixed, end) in enumerate(
             ((base, points[0], points[1]), (points[1], points[2], points[3]))

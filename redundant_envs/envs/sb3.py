@@ -36,7 +36,7 @@ class SB3VecEnv(VecEnv):
         self,
         scene: str | Mapping[str, Any] | Scene,
         num_envs: int,
-        max_episode_steps: int,
+        max_episode_steps: int | None,
         goal: bool = False,
         on_bad_action: str = "terminate",
         task: Mapping[str, Any] | None = None,
@@ -46,8 +46,7 @@ class SB3VecEnv(VecEnv):
             raise ValueError(f"on_bad_action is {on_bad_action!r}; choose {', '.join(ON_BAD_ACTION)}")
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode is {render_mode!r}; choose None or 'rgb_array'")
-        limit = float("inf") if max_episode_steps == -1 else float(max_episode_steps)
-        self.core = Core(scene, num_envs, make_task(task), limit)
+        self.core = Core(scene, num_envs, make_task(task), max_episode_steps, goal)
         self.goal = goal
         self.on_bad_action = on_bad_action
         self.render_mode = render_mode
@@ -58,6 +57,7 @@ class SB3VecEnv(VecEnv):
         self._columns = info_columns(self.core)
         self._success = self.core.columns["is_success"]
         self._renderers: list[Any] = []
+        self._ready = False
         super().__init__(
             num_envs,
             observation_space(self.core, goal),
@@ -69,18 +69,25 @@ class SB3VecEnv(VecEnv):
         for lane, seed in enumerate(self._seeds):
             if seed is not None:
                 self.core.seed(lane, seed)
-        self.core.reset(np.ones(self.num_envs, dtype=np.bool_))
-        for lane, options in enumerate(self._options):
-            if options:
-                self.core.apply(options, np.array([lane]))
+        try:
+            for lane, options in enumerate(self._options):
+                if options:
+                    self.core.begin(np.arange(self.num_envs) == lane, options)
+            rest = np.array([not options for options in self._options])
+            if rest.any():
+                self.core.begin(rest, {})
+        finally:
+            self._reset_seeds()
+            self._reset_options()
         obs, out = self.core.observe()
-        self._reset_seeds()
-        self._reset_options()
+        self._ready = True
         self.reset_infos = [self._info(row) for row in out.tolist()]
         return self.core.observation(obs, out, self.goal)
 
     def step_async(self, actions: NDArray[Any]) -> None:
         """Keep the actions for :meth:`step_wait`."""
+        if not self._ready:
+            raise ValueError("step was called before reset; call reset() first")
         self._actions = check_action(actions, (self.num_envs, 4))
         if self.on_bad_action == "raise":
             refuse_bad_action(self._actions)

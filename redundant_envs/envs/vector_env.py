@@ -11,9 +11,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from redundant_envs.envs.core import Core, check_action, refuse_bad_action
+from redundant_envs.envs.core import Core, check_action, plain_scene, refuse_bad_action
 from redundant_envs.evaluators.assemble import PLACES
-from redundant_envs.scene import Scene
 from redundant_envs.tasks.reach import ReachTask
 
 KERNEL_MODE = {
@@ -67,21 +66,21 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
         "next_step", "same_step" or "disabled".
     on_bad_action : {"terminate", "raise"}
         What a non-finite action does to its lane.
-    goal : bool
-        Dict observations and the sparse reward of the goal environments.
     task : mapping
         Numbers of :class:`~redundant_envs.tasks.reach.ReachTask` other than the defaults.
     render_mode : {None, "rgb_array"}
     """
 
+    goal = False
+    """Whether observations are goal dictionaries and the reward is that of the goals."""
+
     def __init__(
         self,
-        scene: str | Mapping[str, Any] | Scene,
+        scene: str | Mapping[str, Any],
         num_envs: int = 1,
-        max_episode_steps: int = 100,
+        max_episode_steps: int | None = 100,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         on_bad_action: str = "terminate",
-        goal: bool = False,
         task: Mapping[str, Any] | None = None,
         render_mode: str | None = None,
     ) -> None:
@@ -92,10 +91,8 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
             raise ValueError(f"on_bad_action is {on_bad_action!r}; choose {', '.join(ON_BAD_ACTION)}")
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode is {render_mode!r}; a vector has None or 'rgb_array'")
-        limit = float("inf") if max_episode_steps in (None, -1) else float(max_episode_steps)
-        self.core = Core(scene, num_envs, make_task(task), limit)
+        self.core = Core(plain_scene(scene), num_envs, make_task(task), max_episode_steps, self.goal)
         self.num_envs = num_envs
-        self.goal = goal
         self.on_bad_action = on_bad_action
         self.render_mode = render_mode
         self.metadata = {
@@ -103,7 +100,7 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
             "render_fps": round(1.0 / self.core.scene.control_dt),
             "autoreset_mode": self.autoreset_mode,
         }
-        self.single_observation_space = observation_space(self.core, goal)
+        self.single_observation_space = observation_space(self.core, self.goal)
         self.single_action_space = spaces.Box(-1.0, 1.0, (4,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -127,12 +124,14 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
         options : dict, optional
             "reset_mask": (num_envs,) bool, the environments to reset; "q", "qd": (4,) or (n, 4);
             "goal": (2,) or (n, 2) [m]; "parameters": {name: numbers}; n counts those reset.
+            Parameters are set on top of the scene's own and stay, through autoresets too, until
+            a reset of the environment gives "parameters" again ({} returns to the scene's).
         """
         options = dict(options or {})
         mask = options.pop("reset_mask", None)
         if mask is None:
             mask = np.ones(self.num_envs, dtype=np.bool_)
-        mask = np.asarray(mask)
+        mask = np.array(mask)
         if mask.dtype != np.bool_ or mask.shape != (self.num_envs,) or not mask.any():
             raise ValueError(
                 f"options['reset_mask'] has shape {mask.shape} and dtype {mask.dtype}; "
@@ -143,9 +142,7 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
         for lane, value in enumerate(lane_seeds(seed, self.num_envs)):
             if value is not None and mask[lane]:
                 self.core.seed(lane, value)
-        self.core.reset(mask)
-        if options:
-            self.core.apply(options, np.flatnonzero(mask))
+        self.core.begin(mask, options)
         obs, out = self.core.observe()
         self._ended[mask] = False
         self._ready = True
@@ -160,7 +157,7 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
             raise ValueError("step was called before reset; call reset() first")
         actions = check_action(actions, (self.num_envs, 4))
         if self.on_bad_action == "raise":
-            refuse_bad_action(actions)
+            refuse_bad_action(actions[self.core.mask == 0])  # the others begin anew and ignore theirs
         core, mode = self.core, self.autoreset_mode
         if mode is AutoresetMode.DISABLED and self._ended.any():
             raise ValueError(
@@ -205,6 +202,8 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Return to a snapshot; the continuation is the same to the last bit."""
+        if "ended" not in state:
+            raise ValueError("state lacks ended; use what get_state of a vector environment returned")
         self.core.set_state(state)
         self._ended = np.array(state["ended"])
         self._ready = True
@@ -222,8 +221,6 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
     # ---- shapes of what is returned --------------------------------------------------------------
 
     def _infos(self, out: NDArray[np.float64], mask: NDArray[np.bool_] | None) -> dict[str, Any]:
-        if mask is None:
-            mask = np.ones(self.num_envs, dtype=np.bool_)
         infos: dict[str, Any] = {}
         for name, column, kind in self._columns:
             values: NDArray[Any] = out[:, column]
@@ -232,7 +229,7 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
             elif kind == "int":
                 values = values.astype(np.int64)
             infos[name] = values
-            infos[f"_{name}"] = mask
+            infos[f"_{name}"] = np.ones(self.num_envs, np.bool_) if mask is None else mask.copy()
         return infos
 
 

@@ -193,10 +193,8 @@ class Assembly:
             lines.append(f"power = {' + '.join(power) or '0.0'}")
             results.append("power")
         lines.append(f"return {', '.join(results)}")
-        text = "\n".join(lines)
-        arguments = [
-            n for n in (*(f"command{k}" for k in range(1, 5)), *self.numbers) if re.search(rf"\b{n}\b", text)
-        ]
+        named = words(lines)
+        arguments = [n for n in (*(f"command{k}" for k in range(1, 5)), *self.numbers) if n in named]
         return arguments, lines, used
 
     # ---- memory ----------------------------------------------------------------------------------

@@ -7,6 +7,7 @@ import hashlib
 import importlib.util
 import os
 import platform
+import re
 import shutil
 import sys
 import tempfile
@@ -14,7 +15,7 @@ import threading
 import time
 import types
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -174,13 +175,13 @@ def _file_lock(path: Path) -> Iterator[None]:
 
 def _prune(base: Path) -> None:
     """Delete the modules not used for longest beyond the number kept."""
-    folders = [p for p in base.iterdir() if p.is_dir()]
+    own = re.compile(r"[0-9a-f]{32}")  # never anything else that may lie in a folder of the user's
+    folders = [p for p in base.iterdir() if own.fullmatch(p.name) and (p / MODULE).is_file()]
     if len(folders) <= KEPT_MODULES:
         return
     folders.sort(key=lambda p: p.stat().st_mtime)
     for folder in folders[:-KEPT_MODULES]:
         shutil.rmtree(folder, ignore_errors=True)
-        (base / f"{folder.name}.lock").unlink(missing_ok=True)
 
 
 class Memory:
@@ -229,12 +230,3 @@ class Memory:
         rows = [self.rows[n] for n in names]
         lanes = self.index if index is None else np.asarray(index)
         self.blocks[lanes[:, None] // LANES, rows, lanes[:, None] % LANES] = values
-
-
-def identifiers(parameters: Mapping[str, float], name: str) -> list[str]:
-    """Scalar parameters behind a user's name: "masses" -> m1..m4, "a.b" -> a.b or a.b[0].. ."""
-    if name in ("masses", "lengths"):
-        return [p for p in parameters if p[0] == name[0] and p[1:].isdigit()]
-    if name in parameters:
-        return [name]
-    return [p for p in parameters if p.startswith(f"{name}[")]

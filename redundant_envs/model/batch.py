@@ -7,7 +7,6 @@ import itertools
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from redundant_envs.evaluators import cpu
 from redundant_envs.evaluators.assemble import LANES, assemble
 from redundant_envs.integrators.tableaus import METHODS
-from redundant_envs.scene import Scene, identifier
+from redundant_envs.model import parameters
+from redundant_envs.scene import Scene
 
 
 class Numerics(enum.IntFlag):
@@ -126,19 +126,8 @@ class BatchSimulator:
             "limit_spring.r1.upper" -> array that broadcasts to (lanes,) or (lanes, entries).
         """
         lanes = self._lanes(index)
-        parameters = self.scene.parameters()
-        checked = []
-        for name, value in values.items():
-            names = cpu.identifiers(parameters, name)
-            if not names:
-                raise ValueError(unknown_parameter(name, parameters))
-            table = self._parameter_table(name, value, len(lanes), len(names))
-            if name in ("masses", "lengths") and not (table > 0.0).all():
-                raise ValueError(f"{name} has the entry {table.min()}; it must be positive")
-            checked.append((names, table))
-        for names, table in checked:
-            self._memory.write(tuple(identifier(n) for n in names), table, lanes)
-        self._memory.prepare()
+        given = parameters.lane_values(self.scene, self._memory, lanes, values, fresh=False)
+        parameters.write(self.scene, self._memory, lanes, given)
 
     def save(self) -> NDArray[np.float64]:
         """A snapshot of everything: states, parameters, modes."""
@@ -220,24 +209,3 @@ class BatchSimulator:
         if table.shape not in ((width,), (lanes, width)):
             raise ValueError(f"{name} has shape {table.shape}; give ({width},) or ({lanes}, {width})")
         return np.broadcast_to(table, (lanes, width))
-
-    @staticmethod
-    def _parameter_table(name: str, value: Any, lanes: int, width: int) -> NDArray[np.float64]:
-        table = np.asarray(value, dtype=np.float64)
-        if not np.isfinite(table).all():
-            raise ValueError(f"{name} has non-finite entries; give finite numbers")
-        if width == 1 and table.ndim <= 1:
-            table = table.reshape(-1, 1)
-        try:
-            return np.broadcast_to(table, (lanes, width))
-        except ValueError:
-            raise ValueError(
-                f"{name} has shape {np.shape(value)}; give one that broadcasts to ({lanes}, {width})"
-            ) from None
-
-
-def unknown_parameter(name: str, parameters: Mapping[str, float]) -> str:
-    """Message for a parameter the scene does not have."""
-    names = ["masses", "lengths"]
-    names += sorted({p.split("[")[0] for p in parameters if "." in p})
-    return f"parameter is {name!r}; this scene has {', '.join(names)}"

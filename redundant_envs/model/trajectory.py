@@ -67,6 +67,8 @@ def simulate(
     q0, qd0 = np.broadcast_arrays(np.asarray(q, float), np.asarray(qd, float))
     if q0.shape[-1:] != (4,):
         raise ValueError(f"q has shape {q0.shape}; the last axis must have 4 entries")
+    if not (np.isfinite(q0).all() and np.isfinite(qd0).all()):
+        raise ValueError("q or qd has non-finite entries; give finite numbers")
     shape, count = q0.shape[:-1], int(np.prod(q0.shape[:-1], dtype=int))
     batch = BatchSimulator(scene, count, track_work=True)
     batch.set_state(q0.reshape(count, 4), qd0.reshape(count, 4))
@@ -91,6 +93,11 @@ def simulate(
             batch.restore(here)
         else:
             state = batch.q, batch.qd, batch.work
+        if not (np.isfinite(state[0]).all() and np.isfinite(state[1]).all()):
+            raise ValueError(
+                f"the motion is not finite at t = {time:.6g} s; take a shorter control_dt, more "
+                "substeps, or a softer scene"
+            )
         for store, value in zip((qs, qds, works), state, strict=True):
             store.append(value)
     q_all = np.array(qs).reshape(len(t), *shape, 4)
@@ -120,4 +127,6 @@ def _command(
     table = np.asarray(value, dtype=np.float64)
     if table.shape != (4,) and table.shape != (*shape, 4):
         raise ValueError(f"efforts has shape {table.shape}; give (4,) or {(*shape, 4)}")
+    if not np.isfinite(table).all():
+        raise ValueError(f"efforts has non-finite entries at t = {step * dt:.6g} s; give finite numbers")
     return np.broadcast_to(table, (*shape, 4)).reshape(batch.num_envs, 4), step

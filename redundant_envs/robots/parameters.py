@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -99,8 +99,3 @@ class Arm:
         values = {f"m{i + 1}": m for i, m in enumerate(self.masses)}
         values.update({f"l{i + 1}": length for i, length in enumerate(self.lengths)})
         return values
-
-
-def joined(names: Sequence[str]) -> str:
-    """Names as a comma-separated list for messages."""
-    return ", ".join(names)

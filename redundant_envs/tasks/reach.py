@@ -289,10 +289,12 @@ class ReachTask:
 
     def constants(self, scene: Scene) -> dict[str, float]:
         """low<k>, high<k> that are not limits of the scene."""
-        given = self.aliases(scene)
+        given, travel, numbers = self.aliases(scene), scene.travel(), scene.parameters()
         values = {}
         for k in range(4):
             if f"low{k + 1}" not in given:
-                values[f"low{k + 1}"] = -self.start_angle
-                values[f"high{k + 1}"] = self.start_angle
+                low, high = -self.start_angle, self.start_angle
+                if k in travel:  # a revolute joint with limits starts inside them
+                    low, high = max(low, numbers[travel[k][0]]), min(high, numbers[travel[k][1]])
+                values[f"low{k + 1}"], values[f"high{k + 1}"] = low, high
         return values

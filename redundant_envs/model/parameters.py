@@ -1,0 +1,102 @@
+"""Physical parameters of lanes: names, shapes and validity, for batches and environments alike."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from redundant_envs.evaluators import cpu
+from redundant_envs.robots.parameters import LARGEST_RATIO
+from redundant_envs.scene import Scene, identifier
+
+Table = dict[str, NDArray[np.float64]]
+"""Parameter name -> values of some lanes."""
+
+
+def names_of(scene: Scene, name: str) -> list[str]:
+    """Scalar parameters behind a user's name: "masses" -> m1..m4, "gravity.down" -> down[0], down[1]."""
+    parameters = scene.parameters()
+    if name in ("masses", "lengths"):
+        return [p for p in parameters if p[0] == name[0] and p[1:].isdigit()]
+    if "." in name:
+        found = [p for p in parameters if p == name or p.startswith(f"{name}[")]
+        if found:
+            return found
+    valid = ["masses", "lengths", *sorted({p.split("[")[0] for p in parameters if "." in p})]
+    raise ValueError(f"parameter is {name!r}; this scene has {', '.join(valid)}")
+
+
+def table(name: str, values: ArrayLike, lanes: int, width: int) -> NDArray[np.float64]:
+    """Finite numbers of shape (lanes, width), from (width,) or (lanes, width)."""
+    array = np.asarray(values, dtype=np.float64)
+    if width == 1 and array.ndim <= 1:
+        array = array.reshape(-1, 1)
+    if array.ndim > 2 or array.shape[-1:] != (width,) or array.shape[0] not in (1, lanes, width):
+        raise ValueError(f"{name} has shape {np.shape(values)}; give ({width},) or ({lanes}, {width})")
+    if array.ndim == 2 and array.shape[0] not in (1, lanes):
+        raise ValueError(f"{name} has shape {np.shape(values)}; give ({width},) or ({lanes}, {width})")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} has non-finite entries; give finite numbers")
+    return np.broadcast_to(array, (lanes, width))
+
+
+def lane_values(
+    scene: Scene, memory: cpu.Memory, lanes: NDArray[np.intp], given: Mapping[str, Any], fresh: bool
+) -> Table:
+    """All parameters of some lanes once the given ones are set; ValueError if one is not valid.
+
+    ``fresh`` starts from the scene's own numbers instead of the present ones.
+    """
+    nominal = scene.parameters()
+    if not isinstance(given, Mapping):
+        raise ValueError(f"parameters is {given!r}; give a mapping of names to numbers")
+    if fresh:
+        values = {p: np.full(len(lanes), v) for p, v in nominal.items()}
+    else:
+        present = memory.read(tuple(identifier(p) for p in nominal), lanes)
+        values = {p: present[:, k] for k, p in enumerate(nominal)}
+    changed: list[str] = []
+    for name, value in given.items():
+        names = names_of(scene, name)
+        columns = table(name, value, len(lanes), len(names))
+        for k, p in enumerate(names):
+            values[p] = columns[:, k].copy()
+        changed += names
+        if name in ("masses", "lengths"):
+            _check_positive(name, columns)
+    for effect in scene.effects:
+        if any(p.startswith(f"{effect.key}.") for p in changed):
+            _check_effect(effect, values)
+    return values
+
+
+def _check_positive(name: str, columns: NDArray[np.float64]) -> None:
+    if not (columns > 0.0).all():
+        raise ValueError(f"{name} has the entry {columns.min()}; it must be positive")
+    ratio = float((columns.max(axis=1) / columns.min(axis=1)).max())
+    if ratio > LARGEST_RATIO:
+        raise ValueError(f"{name} spans a ratio of {ratio:.1e}; at most {LARGEST_RATIO:.0e} is supported")
+
+
+def _check_effect(effect: Any, values: Table) -> None:
+    """Build the effect with each lane's numbers: its own checks decide."""
+    names = [p for p in values if p.startswith(f"{effect.key}.")]
+    for row in np.unique(np.stack([values[p] for p in names], axis=1), axis=0):
+        numbers = {p[len(effect.key) + 1 :]: float(v) for p, v in zip(names, row, strict=True)}
+        fields: dict[str, Any] = {}
+        for f in dataclasses.fields(effect):
+            parts = [v for p, v in numbers.items() if p.split("[")[0] == f.name]
+            own = getattr(effect, f.name)
+            fields[f.name] = own if not parts else tuple(parts) if isinstance(own, tuple) else parts[0]
+        type(effect)(**fields)
+
+
+def write(scene: Scene, memory: cpu.Memory, lanes: NDArray[np.intp], values: Table) -> None:
+    """Set parameters of lanes, and what follows from them."""
+    columns = np.stack([values[p] for p in values], axis=1)
+    memory.write(tuple(identifier(p) for p in values), columns, lanes)
+    memory.prepare()
