@@ -79,6 +79,14 @@ def test_unknown_effect_and_effect_field_list_the_valid_ones():
         ({"parameters": {"gravity.h": 1}}, ["gravity.h", "gravity.g"]),
         ({"parameters": {"masses": (1, 1, 0, 1)}}, ["masses", "0.0", "positive"]),
         ({"parameters": {"masses": (1, 1)}}, ["masses", "(2,)"]),
+        ({"parameters": {"m1": -5.0}}, ["m1", "masses"]),
+        ({"parameters": {"masses": (1, 1, 1, 1e-13)}}, ["masses", "ratio"]),
+        ({"parameters": {"effort_limits.limits": (1, 1, -1, 1)}}, ["EffortLimits.limits[2]", "-1"]),
+        ({"parameters": {"limit_spring.r1.upper": -3}}, ["LimitSpring", "upper", "-3"]),
+        ({"parameters": {"limit_spring.r1.stiffness": 0}}, ["stiffness", "positive"]),
+        ({"parameters": {"gravity.down": (1, 1)}}, ["Gravity.down", "length"]),
+        ({"parameters": 3}, ["parameters", "mapping"]),
+        ({"q": (0, 0.24, 0, 0), "parameters": {"limit_spring.r1.upper": 0.05}}, ["r1", "0.24", "0.05"]),
         ({"reset_mask": [True]}, ["reset_mask", "vector"]),
     ],
 )
@@ -138,7 +146,7 @@ def test_step_before_reset_and_after_the_end():
 
 @pytest.mark.parametrize("kwargs", [{"num_envs": 0}, {"num_envs": 2, "autoreset_mode": "sometimes"}])
 def test_bad_vector_arguments(kwargs):
-    with pytest.raises(ValueError, match="is"):
+    with pytest.raises(ValueError, match=r"(num_envs|autoreset_mode) is"):
         gym.make_vec(ID, **kwargs)
 
 
@@ -155,3 +163,84 @@ def test_scene_that_is_no_environment():
     data["effects"] = [e for e in data["effects"] if e["type"] != "LimitSpring"]
     with pytest.raises(ValueError, match=r"'r1'; add a LimitSpring"):
         gym.make(ID, scene=data)
+
+
+def test_a_scene_object_is_refused_with_the_fix():
+    scene = rde.load_scene("rprp_reach")
+    with pytest.raises(ValueError, match="to_dict"):
+        gym.make(ID, scene=scene)
+    with pytest.raises(ValueError, match="to_dict"):
+        gym.make_vec(ID, num_envs=2, scene=scene)
+
+
+@pytest.mark.parametrize(
+    ("achieved", "desired"),
+    [(np.zeros((5, 2)), np.zeros((4, 2))), (np.zeros((5, 3)), np.zeros((5, 3))), (np.zeros(3), np.zeros(2))],
+)
+def test_goals_of_the_wrong_shape(achieved, desired):
+    env = gym.make("redundant_envs/FourRGoalReach-v0").unwrapped
+    with pytest.raises(ValueError, match="goals have shapes"):
+        env.compute_reward(achieved, desired, {})
+    assert (env.compute_reward(np.zeros((50_000, 2)), np.zeros(2), {}) == 0.0).all()
+
+
+def test_goal_environments_keep_their_geometry():
+    env = gym.make("redundant_envs/RPRPGoalReach-v0").unwrapped
+    for name, value in (("lengths", (0.4, 0.4)), ("limit_spring.r1.upper", 0.2)):
+        with pytest.raises(ValueError, match="keep lengths and travel"):
+            env.reset(options={"parameters": {name: value}})
+
+
+@pytest.mark.parametrize("value", [0, -2, 2.5, True])
+def test_bad_episode_limits(value):
+    with pytest.raises(ValueError, match="max_episode_steps is"):
+        rde.make_sb3(ID, 2, max_episode_steps=value)
+
+
+def test_large_finite_actions_saturate():
+    rows = []
+    for size in (1.0, 1e300):
+        env = made()
+        rows.append(env.step(np.full(4, size))[0])
+    np.testing.assert_array_equal(rows[0], rows[1])
+
+
+def test_the_action_of_a_lane_that_begins_anew_is_ignored():
+    env = gym.make_vec(ID, num_envs=2, on_bad_action="raise", max_episode_steps=3)
+    env.reset(seed=0)
+    for _ in range(3):
+        env.step(np.zeros((2, 4), np.float32))
+    env.step(np.full((2, 4), np.nan, np.float32))
+    with pytest.raises(ValueError, match="non-finite"):
+        env.step(np.full((2, 4), np.nan, np.float32))
+
+
+def test_snapshots_of_another_face_or_scene_are_refused():
+    vector = gym.make_vec(ID, num_envs=1)
+    vector.reset(seed=0)
+    env = made()
+    with pytest.raises(ValueError, match="state lacks ended"):
+        vector.set_state(env.get_state())
+    data = rde.load_scene("rprp_reach").to_dict()
+    other = gym.make(ID, scene={**data, "integrator": "rk4"}).unwrapped
+    other.reset(seed=0)
+    with pytest.raises(ValueError, match="another scene"):
+        env.set_state(other.get_state())
+
+
+def test_sb3_steps_only_after_reset_and_forgets_bad_options():
+    env = rde.make_sb3(ID, 2)
+    with pytest.raises(ValueError, match="before reset"):
+        env.step(np.zeros((2, 4), np.float32))
+    env.set_options({"reset_mask": 5})
+    with pytest.raises(ValueError, match="reset_mask"):
+        env.reset()
+    assert np.isfinite(env.reset()).all()
+
+
+def test_simulate_refuses_what_is_not_finite():
+    scene = rde.load_scene("four_r_free")
+    with pytest.raises(ValueError, match="q or qd has non-finite"):
+        rde.simulate(scene, (0, np.nan, 0, 0), (0, 0, 0, 0), [1.0])
+    with pytest.raises(ValueError, match="efforts has non-finite"):
+        rde.simulate(scene, (0, 0, 0, 0), (0, 0, 0, 0), [1.0], efforts=(np.inf, 0, 0, 0))

@@ -238,3 +238,25 @@ def test_pages_agree_with_the_code(env_id):
     terms = [k.removeprefix("return_") for k in env.reset(seed=0)[1] if k.startswith("return_")]
     rewards = page.split("## Rewards")[1].split("## Starting")[0]
     assert [line.split("|")[1].strip() for line in rewards.splitlines() if line.startswith("| ")][2:] == terms
+
+
+def test_limited_revolute_joints_start_inside_their_limits():
+    data = rde.load_scene("four_r_reach").to_dict()
+    data["effects"].append({"type": "LimitSpring", "coordinate": "joint2", "lower": -1.0, "upper": 0.5})
+    env = gym.make_vec("redundant_envs/FourRReach-v0", num_envs=2048, scene=data)
+    env.reset(seed=0)
+    arm = env.core.scene.robot
+    joint = (env.core.memory.read(arm.coordinates) @ arm.motor_map)[:, 1]
+    assert joint.min() >= -1.0
+    assert joint.max() <= 0.5
+    assert joint.max() - joint.min() > 1.4
+
+
+def test_the_picture_shows_the_lanes_own_lengths():
+    env = gym.make("redundant_envs/FourRReach-v0", render_mode="rgb_array")
+    q = (0.3, 0.6, 0.2, -0.3)
+    env.reset(seed=0, options={"q": q})
+    first = env.render()
+    env.reset(seed=0, options={"q": q, "parameters": {"lengths": (0.1, 0.1, 0.1, 0.1)}})
+    env.unwrapped._renderer.clear()
+    assert (env.render() != first).any()

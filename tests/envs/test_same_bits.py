@@ -151,3 +151,73 @@ def test_reset_without_a_seed_goes_on_and_with_one_starts_again(env_id):
     first = flat(env.reset(seed=9)[0])
     assert (flat(env.reset()[0]) != first).any()
     np.testing.assert_array_equal(flat(env.reset(seed=9)[0]), first)
+
+
+@every_id
+@pytest.mark.parametrize("mode", ["next_step", "same_step"])
+def test_partial_resets_equal_sync_bitwise_in_every_autoreset_mode(env_id, mode):
+    from gymnasium.vector import AutoresetMode
+
+    native = gym.make_vec(env_id, num_envs=3, autoreset_mode=mode, max_episode_steps=7)
+    sync = gym.vector.SyncVectorEnv(
+        [lambda: gym.make(env_id, max_episode_steps=7)] * 3,
+        autoreset_mode=AutoresetMode[mode.upper()],
+    )
+    rng = np.random.default_rng(0)
+    np.testing.assert_array_equal(flat(native.reset(seed=3)[0]), flat(sync.reset(seed=3)[0]))
+    for action in actions(60, 3):
+        a, b = native.step(action), sync.step(action)
+        for x, y in zip((flat(a[0]), *a[1:4]), (flat(b[0]), *b[1:4]), strict=True):
+            np.testing.assert_array_equal(x, y)
+        if rng.uniform() < 0.2:
+            mask = rng.uniform(size=3) < 0.5
+            if mask.any():
+                a, b = (env.reset(options={"reset_mask": mask.copy()}) for env in (native, sync))
+                # Sync keeps its last row of an environment it did not reset
+                np.testing.assert_array_equal(flat(a[0])[mask], flat(b[0])[mask])
+
+
+@every_id
+def test_final_info_of_lanes_that_did_not_end_is_zero(env_id):
+    env = gym.make_vec(env_id, num_envs=16, autoreset_mode="same_step", max_episode_steps=6)
+    env.reset(seed=0)
+    for _ in range(3):
+        env.step(env.action_space.sample())
+    env.reset(options={"reset_mask": np.arange(16) % 2 == 0})
+    for _ in range(3):
+        *_, infos = env.step(env.action_space.sample())
+    assert infos["_final_info"].sum() == 8
+    assert (infos["final_info"]["distance"][::2] == 0.0).all()
+    assert (infos["final_info"]["distance"][1::2] > 0.0).all()
+
+
+@every_id
+def test_equal_seed_and_options_give_equal_episodes(env_id):
+    env = gym.make(env_id)
+    options = {"parameters": {"masses": (1, 2, 3, 4), "gravity.g": 1.6}}
+    first = flat(env.reset(seed=0)[0])
+    rows = []
+    for _ in range(2):
+        obs, _ = env.reset(seed=0, options=options)
+        rows.append([flat(obs), *(flat(env.step(np.ones(4, np.float32))[0]) for _ in range(5))])
+    np.testing.assert_array_equal(rows[0], rows[1])
+    obs, _ = env.reset(seed=0)  # parameters stay ...
+    np.testing.assert_array_equal([flat(obs), flat(env.step(np.ones(4, np.float32))[0])], rows[0][:2])
+    env.reset(seed=0, options={"parameters": {}})  # ... until given again
+    plain = gym.make(env_id)
+    np.testing.assert_array_equal(flat(plain.reset(seed=0)[0]), first)
+    action = np.ones(4, np.float32)
+    np.testing.assert_array_equal(flat(env.step(action)[0]), flat(plain.step(action)[0]))
+
+
+@every_id
+def test_a_refused_reset_changes_nothing(env_id):
+    env, other = gym.make(env_id).unwrapped, gym.make(env_id).unwrapped
+    env.reset(seed=0)
+    other.reset(seed=0)
+    for bad in ({"goal": (9, 9)}, {"parameters": {"masses": (1, 1, 1, -1)}}, {"reset_mask": 1}):
+        with pytest.raises(ValueError, match=r"is|has|belongs"):
+            env.reset(options=bad)
+    action = np.full(4, 0.3, np.float32)
+    np.testing.assert_array_equal(flat(env.step(action)[0]), flat(other.step(action)[0]))
+    np.testing.assert_array_equal(flat(env.reset()[0]), flat(other.reset()[0]))

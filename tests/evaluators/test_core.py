@@ -303,13 +303,27 @@ def test_eight_processes_starting_at_once(copied, tmp_path):
     assert all(p.returncode == 0 for p in processes)
 
 
-def test_only_the_newest_modules_are_kept(tmp_path, monkeypatch):
+def test_only_the_newest_modules_are_kept_and_nothing_else_is_touched(tmp_path, monkeypatch):
     monkeypatch.setattr(cpu, "KEPT_MODULES", 2)
-    for i, name in enumerate(("a", "b", "c", "d")):
+    names = [c * 32 for c in "abcd"]
+    for i, name in enumerate(names):
         (tmp_path / name).mkdir()
+        (tmp_path / name / cpu.MODULE).write_text("")
         os.utime(tmp_path / name, (i, i))
+    for i in range(5):
+        (tmp_path / f"project_{i}").mkdir()
+        os.utime(tmp_path / f"project_{i}", (0, 0))
+    (tmp_path / ("e" * 32)).mkdir()  # named like a module, but not one
     cpu._prune(tmp_path)
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["c", "d"]
+    left = sorted(p.name for p in tmp_path.iterdir())
+    assert left == sorted([*names[2:], "e" * 32, *(f"project_{i}" for i in range(5))])
+
+
+def test_changing_numbers_compiles_nothing():
+    one = rde.Scene(FOUR_R, (e.Gravity(9.81),), control_dt=0.01, substeps=2)
+    other = rde.Scene(rde.FourR((1,) * 4, (1,) * 4), (e.Gravity(1.6),), control_dt=0.02, substeps=5)
+    assert assemble(one).text == assemble(other).text
+    assert assemble(one).text != assemble(rde.Scene(FOUR_R, ())).text
 
 
 def test_one_rk8_step_of_a_control_interval_is_far_below_a_micrometre():
