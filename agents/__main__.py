@@ -24,7 +24,7 @@ def main(arguments: list[str] | None = None) -> int:
     p.add_argument("folders", type=Path, nargs="+")
     p = commands.add_parser("play", help="watch a run folder's policy, or an id without one")
     p.add_argument("target", help="run folder, or id such as RPRPReach-v0")
-    p.add_argument("--actions", default="expert", choices=("zero", "random", "expert"),
+    p.add_argument("--actions", choices=("zero", "random", "expert"),
                    help="actions for an id (default expert)")  # fmt: skip
     p.add_argument("--clip", type=Path, help="write a GIF instead of opening a window")
     p.add_argument("--episodes", type=int, default=3)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,7 +11,11 @@ from typing import Any
 
 import yaml
 
+from redundant_envs.envs.registration import ids
+
 ALGORITHMS = ("ppo", "sac")
+SEEDS_PER_RUN = 10_000
+"""Environment seeds of a run: seed * 10 000 and up, one per environment."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +87,8 @@ class Config:
     def __post_init__(self) -> None:
         if self.algo not in ALGORITHMS:
             raise ValueError(f"algo is {self.algo!r}; choose {', '.join(ALGORITHMS)}")
+        if self.env not in ids():
+            raise ValueError(f"env is {self.env!r}; choose {', '.join(ids())}")
         if not 0 <= self.seed < 100:
             raise ValueError(
                 f"seed is {self.seed}; choose 0..99: higher ones would meet the evaluation goals"
@@ -90,6 +97,20 @@ class Config:
                      "selection_episodes", "evaluation_episodes"):  # fmt: skip
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be at least 1")
+        if not self.max_seconds > 0.0:
+            raise ValueError(f"max_seconds is {self.max_seconds}; it must be positive")
+        for name, most in (("num_envs", SEEDS_PER_RUN), ("evaluation_episodes", 1_000_000)):
+            if getattr(self, name) > most:
+                raise ValueError(
+                    f"{name} is {getattr(self, name)}; at most {most}, or goals of training, "
+                    "selection and evaluation would meet"
+                )
+        for name in ("n_steps", "batch_size", "n_epochs", "learning_rate"):
+            if getattr(self.ppo, name) <= 0:
+                raise ValueError(f"ppo.{name} is {getattr(self.ppo, name)}; it must be positive")
+        for name in ("buffer_size", "batch_size", "learning_rate", "train_freq"):
+            if getattr(self.sac, name) <= 0:
+                raise ValueError(f"sac.{name} is {getattr(self.sac, name)}; it must be positive")
         if self.algo == "ppo" and (self.num_envs * self.ppo.n_steps) % self.ppo.batch_size:
             total = self.num_envs * self.ppo.n_steps
             raise ValueError(
@@ -111,6 +132,8 @@ class Config:
 
 def build(kind: type[Any], data: Mapping[str, Any], where: str) -> Any:
     """A dataclass from plain data; unknown keys and wrong types are errors that name the field."""
+    if not isinstance(data, Mapping):
+        raise ValueError(f"{where.rstrip('.')} is {data!r}; give a mapping")
     fields = {f.name: f for f in dataclasses.fields(kind)}
     values: dict[str, Any] = {}
     for key, value in data.items():
@@ -135,7 +158,12 @@ def convert(annotation: Any, value: Any, name: str) -> Any:
     if text == "SACSettings":
         return build(SACSettings, value, f"{name}.")
     if text == "int":
-        if isinstance(value, bool) or not isinstance(value, int | float) or value != int(value):
+        if (
+            isinstance(value, bool)
+            or not isinstance(value, int | float)
+            or not math.isfinite(value)
+            or value != int(value)
+        ):
             raise ValueError(f"{name} is {value!r}; give a whole number")
         return int(value)
     if text == "float":

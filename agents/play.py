@@ -13,12 +13,14 @@ from agents.rollout import Act, expert_act, policy_act, random_act, zero_act
 from redundant_envs.envs.registration import NAMESPACE, ids
 
 
-def play(target: str, actions: str, path: Path | None, episodes: int, seed: int) -> None:
+def play(target: str, actions: str | None, path: Path | None, episodes: int, seed: int) -> None:
     """Show episodes in a window, or write them to a GIF, and print how each one ended."""
     kwargs: dict[str, Any] = {}
     if Path(target).is_dir():
         from agents.train import load_policy
 
+        if actions is not None:
+            raise ValueError(f"--actions is {actions!r}; a run folder plays its policy: give an id")
         config = read_config(Path(target))
         env_id, kwargs = config.env, dict(config.env_kwargs)
         act = policy_act(load_policy(Path(target), config.algo))
@@ -26,7 +28,9 @@ def play(target: str, actions: str, path: Path | None, episodes: int, seed: int)
         env_id = target if "/" in target else f"{NAMESPACE}/{target}"
         if env_id not in ids():
             raise ValueError(f"target is {target!r}; give a run folder or one of {', '.join(ids())}")
-        act = {"zero": zero_act, "random": lambda: random_act(seed), "expert": expert_act}[actions]()
+        act = {"zero": zero_act, "random": lambda: random_act(seed), "expert": expert_act}[
+            actions or "expert"
+        ]()
     if path is not None:
         clip(path, env_id, act, episodes, seed, **kwargs)
         print(f"clip: {path}")

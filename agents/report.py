@@ -16,6 +16,7 @@ from agents.config import Config, build
 from agents.evaluate import summary
 from agents.rollout import EVALUATION_SEED, Act, policy_act
 from agents.train import load_policy
+from redundant_envs.envs.sb3 import make_sb3
 
 matplotlib.use("Agg")
 CLIP_EPISODES = 4
@@ -62,8 +63,10 @@ def plots(folder: Path, config: Config) -> list[Path]:
     axes.set(
         xscale="log", xlabel="final distance of the tip from the goal, mm", ylabel="share of episodes, %"
     )
-    axes.axvline(20, color="0.7", linewidth=1, linestyle="--")
-    axes.text(20, 2, " goal tolerance", color="0.4", fontsize=8)
+    core = make_sb3(config.env, 1, **config.env_kwargs).core
+    tolerance = 1000 * core.task.goal_tolerance * core.reach
+    axes.axvline(tolerance, color="0.7", linewidth=1, linestyle="--")
+    axes.text(tolerance, 2, " goal tolerance", color="0.4", fontsize=8)
     axes.legend(loc="upper left")
     figure.savefig(target / "final_distance.png", dpi=120)
     plt.close(figure)
@@ -72,6 +75,7 @@ def plots(folder: Path, config: Config) -> list[Path]:
 
 def clip(path: Path, env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any) -> None:
     """A GIF of whole episodes."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     env = gym.make(env_id, render_mode="rgb_array", **kwargs)
     core = env.unwrapped.core  # type: ignore[attr-defined]
     frames = []
@@ -83,7 +87,7 @@ def clip(path: Path, env_id: str, act: Act, episodes: int, seed: int, **kwargs: 
             done = terminated or truncated
             step += 1
             if step % 2 == 0:
-                frames.append(np.asarray(env.render())[::1])
+                frames.append(np.asarray(env.render()))
     env.close()
     imageio.mimsave(path, frames, duration=40, loop=0, palettesize=64)  # type: ignore[arg-type]
 

@@ -15,19 +15,18 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.vec_env import VecMonitor
 
-from agents.config import Config
+from agents.config import SEEDS_PER_RUN, Config
 from agents.rollout import SELECTION_SEED, policy_act, run_episodes
 from redundant_envs.envs.sb3 import make_sb3
-
-SEEDS_PER_RUN = 10_000
 
 
 def make_model(config: Config, env: Any) -> Any:
     """The learner of a configuration."""
+    policy = "MultiInputPolicy" if "Goal" in config.env else "MlpPolicy"
     if config.algo == "ppo":
         p = config.ppo
         return PPO(
-            "MlpPolicy", env, n_steps=p.n_steps, batch_size=p.batch_size, n_epochs=p.n_epochs,
+            policy, env, n_steps=p.n_steps, batch_size=p.batch_size, n_epochs=p.n_epochs,
             learning_rate=lambda remaining: p.learning_rate * remaining, gamma=p.gamma,
             gae_lambda=p.gae_lambda, clip_range=p.clip_range, ent_coef=p.ent_coef,
             seed=config.seed, device="cpu",
@@ -38,7 +37,6 @@ def make_model(config: Config, env: Any) -> Any:
             },
         )  # fmt: skip
     s = config.sac
-    policy = "MultiInputPolicy" if "Goal" in config.env else "MlpPolicy"
     return SAC(
         policy, env, buffer_size=s.buffer_size, learning_starts=s.learning_starts,
         batch_size=s.batch_size, learning_rate=lambda remaining: s.learning_rate * remaining,
@@ -73,7 +71,11 @@ class Watch(BaseCallback):
             self._bar = self.num_timesteps
             buffer = self.model.ep_success_buffer
             recent = f"{100 * np.mean(buffer):.1f} %" if buffer else "-"
-            self.progress.update(self.task, completed=self.num_timesteps, success=recent)
+            # the run ends with the steps or with the seconds, whichever comes first
+            share = max(
+                self.num_timesteps / self.config.total_steps, self.seconds() / self.config.max_seconds
+            )
+            self.progress.update(self.task, completed=share * self.config.total_steps, success=recent)
         if self.num_timesteps >= self._next:
             self._next += self.config.selection_every
             self.select()
@@ -100,10 +102,10 @@ def train(config: Config, folder: Path) -> dict[str, Any]:
     """Train, keep the best policy in ``folder``; returns steps and seconds."""
     if folder.exists() and any(folder.iterdir()):
         raise ValueError(f"run folder {folder} is not empty; choose another --out or delete it")
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "config.yaml").write_text(yaml.safe_dump(config.to_dict(), sort_keys=False))
     torch.set_num_threads(config.torch_threads)
     base = make_sb3(config.env, config.num_envs, **config.env_kwargs)
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "config.yaml").write_text(yaml.safe_dump(config.to_dict(), sort_keys=False))
     (folder / "scene.py").write_text(base.core.assembly.text)
     base.seed(config.seed * SEEDS_PER_RUN)
     env = VecMonitor(base, filename=str(folder / "monitor.csv"), info_keywords=("is_success",))

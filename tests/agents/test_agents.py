@@ -25,6 +25,12 @@ CONFIG = "configs/training/rprp_reach_ppo.yaml"
         (["ppo.learning_rate=fast"], ["ppo.learning_rate", "fast"]),
         (["seed"], ["seed", "key=value"]),
         (["num_envs=0"], ["num_envs", "0"]),
+        (["num_envs=20480"], ["num_envs", "20480", "10000"]),
+        (["env=nope"], ["env", "nope", "RPRPReach-v0"]),
+        (["ppo.batch_size=0"], ["ppo.batch_size", "0", "positive"]),
+        (["ppo=3"], ["ppo", "3", "mapping"]),
+        (["total_steps=.inf"], ["total_steps", "inf", "whole"]),
+        (["max_seconds=-1"], ["max_seconds", "-1"]),
     ],
 )
 def test_bad_overrides_name_the_key_and_the_valid_ones(overrides, words):
