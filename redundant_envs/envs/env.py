@@ -47,9 +47,10 @@ class ReachEnv(gym.Env[Any, Any]):
         self.action_space = spaces.Box(-1.0, 1.0, (4,), np.float32)
         columns = info_columns(self.core)
         self._names = [name for name, _, _ in columns]
-        self._flags = [name for name, _, kind in columns if kind == "bool"]
-        self._counts = [name for name, _, kind in columns if kind == "int"]
+        self._flags = [k for _, k, kind in columns if kind == "bool"]
+        self._counts = [k for _, k, kind in columns if kind == "int"]
         self._renderer: Any = None
+        self._strict: bool | None = None  # whether bad actions raise; None before the first reset
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -72,31 +73,32 @@ class ReachEnv(gym.Env[Any, Any]):
             self.core.waiting[0] = False
         self.core.begin(np.ones(1, dtype=np.bool_), options)
         obs, out = self.core.observe()
+        self._strict = self.on_bad_action == "raise"
         if self._renderer is not None:
             self._renderer.clear()
-        return self._observation(obs, out), self._info(out[0].tolist())
+        values = out[0].tolist()
+        return self._observation(obs, values), self._info(values)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One control step; the action is (4,) in [-1, 1], in units of the effort limits."""
-        if self.core.generators[0] is None:
+        if self._strict is None:
             raise ValueError("step was called before reset; call reset() first")
         action = check_action(action, (4,))
-        if self.on_bad_action == "raise" and not math.isfinite(sum(action.tolist())):
+        if self._strict and not math.isfinite(sum(action.tolist())):
             refuse_bad_action(action)
-        obs, out, _, _ = self.core.step(action.reshape(1, 4), 0)
-        values = out[0].tolist()
-        return self._observation(obs, out), values[0], values[1] > 0.0, False, self._info(values)
+        obs, values = self.core.step_one(action)
+        reward, terminated = values[0], values[1] > 0.0
+        return self._observation(obs, values), reward, terminated, False, self._info(values)
 
-    def _observation(self, obs: NDArray[np.float32], out: NDArray[np.float64]) -> Any:
+    def _observation(self, obs: NDArray[np.float32], values: list[float]) -> Any:
         return obs[0]
 
     def _info(self, values: list[float]) -> dict[str, Any]:
-        info: dict[str, Any] = dict(zip(self._names, values[3:], strict=False))
-        for name in self._flags:
-            info[name] = info[name] > 0.0
-        for name in self._counts:
-            info[name] = int(info[name])
-        return info
+        for k in self._flags:
+            values[k] = values[k] > 0.0
+        for k in self._counts:
+            values[k] = int(values[k])
+        return dict(zip(self._names, values[3:], strict=False))
 
     def get_state(self) -> dict[str, Any]:
         """Snapshot of the environment, generator included; wrappers (TimeLimit) count for themselves."""
@@ -105,6 +107,7 @@ class ReachEnv(gym.Env[Any, Any]):
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Return to a snapshot; the continuation is the same to the last bit."""
         self.core.set_state(state)
+        self._strict = self.on_bad_action == "raise"
         generator = self.core.generators[0]
         if generator is not None:
             self._np_random = generator
@@ -132,8 +135,9 @@ class ReachGoalEnv(ReachEnv):
         reward = self.compute_reward(obs["achieved_goal"], obs["desired_goal"], info)
         return obs, reward, terminated, truncated, info
 
-    def _observation(self, obs: NDArray[np.float32], out: NDArray[np.float64]) -> Any:
-        return {k: v[0] for k, v in self.core.observation(obs, out, True).items()}
+    def _observation(self, obs: NDArray[np.float32], values: list[float]) -> Any:
+        places = np.array(values[-4:])
+        return {"observation": obs[0], "achieved_goal": places[:2], "desired_goal": places[2:]}
 
     def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:
         """The compiled reward of one pair (2,) or of many (n, 2) of achieved and desired goals."""
