@@ -71,7 +71,7 @@ def evaluate(config: Config, folder: Path, facts: dict[str, Any] | None = None) 
     np.savetxt(
         folder / "episodes.csv", episode_table(policy, expert), delimiter=",", comments="",
         header="seed,hold,touch,distance,return,expert_hold,expert_distance",
-        fmt=["%d", "%d", "%d", "%.6f", "%.4f", "%d", "%.6f"],
+        fmt=["%d", "%d", "%d", "%.9f", "%.4f", "%d", "%.9f"],
     )  # fmt: skip
     return result
 

@@ -67,7 +67,7 @@ def plots(folder: Path, config: Config) -> list[Path]:
     tolerance = 1000 * core.task.goal_tolerance * core.reach
     axes.axvline(tolerance, color="0.7", linewidth=1, linestyle="--")
     axes.text(tolerance, 2, " goal tolerance", color="0.4", fontsize=8)
-    axes.legend(loc="upper left")
+    axes.legend(loc="center left")
     figure.savefig(target / "final_distance.png", dpi=120)
     plt.close(figure)
     return [target / "learning_curve.png", target / "final_distance.png"]

@@ -72,7 +72,9 @@ class Core:
         self.obs_size = len(self.assembly.observed)
         self._width = len(self.columns)
         self._flat = self.memory.flat
+        self._one = (1, self.obs_size)
         self._out = np.empty((1, self._width))
+        self._row = self._out[0]
         self._substeps = self.scene.substeps
         self.reach = float(sum(arm.lengths)) + sum(
             self.scene.parameters()[high] for _, high in self.scene.travel().values()
@@ -144,12 +146,12 @@ class Core:
 
         The same kernel; only the observation is a new array, for a microsecond less.
         """
-        obs = np.empty((1, self.obs_size), np.float32)
+        obs = np.empty(self._one, FLOAT32)
         self._kernel(
             self._flat, action.reshape(1, 4), obs, self._out, _EMPTY_OBS, _EMPTY_OUT,
             self.keys, self.mask, STEP, DISABLED, self._substeps,
         )  # fmt: skip
-        return obs, self._out.tolist()[0]
+        return obs, self._row.tolist()
 
     def begin(self, lanes: NDArray[np.bool_], options: Mapping[str, Any]) -> None:
         """Begin new episodes in the lanes of a mask.

@@ -98,7 +98,7 @@ class ReachEnv(gym.Env[Any, Any]):
             values[k] = values[k] > 0.0
         for k in self._counts:
             values[k] = int(values[k])
-        return dict(zip(self._names, values[3:], strict=False))
+        return dict(zip(self._names, values[3:]))  # noqa: B905  (places follow the names; strict costs)
 
     def get_state(self) -> dict[str, Any]:
         """Snapshot of the environment, generator included; wrappers (TimeLimit) count for themselves."""
