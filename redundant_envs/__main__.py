@@ -1,4 +1,4 @@
-"""Command line: python -m redundant_envs simulate | study | scene | list."""
+"""Command line: python -m redundant_envs simulate | verify | study | scene | list."""
 
 from __future__ import annotations
 
@@ -24,6 +24,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
+def verify(options: argparse.Namespace) -> None:
+    """Print the errors of scenes at their own step."""
+    from redundant_envs.scene import load_scene, scene_names
+    from redundant_envs.studies.verification import verify as measure
+
+    print(
+        "Errors of one control interval from 1024 random states, against 32 times as many steps:\n"
+        f"{'scene':24} {'step':>16} {'tip error, mm: median':>22} {'99 %':>9} {'max':>9} "
+        f"{'references':>11} {'energy, J':>10} {'inverse':>9}"
+    )
+    for name in options.scene or scene_names():
+        scene = load_scene(name)
+        result = measure(scene)
+        step = f"{scene.integrator} {1000 * scene.control_dt / scene.substeps:.3g} ms"
+        median, high, most = (f"{1000 * e:.1e}" for e in result.tip_error)
+        print(
+            f"{name:24} {step:>16} {median:>22} {high:>9} {most:>9} {1000 * result.reference:>11.1e} "
+            f"{result.energy:>10.1e} {result.inverse:>9.1e}"
+        )
+        if not result.good:
+            print(f"  {name}: more than 1 mm at the 99th percentile: take more substeps")
+
+
 def parser() -> argparse.ArgumentParser:
     """All commands and their options."""
     top = argparse.ArgumentParser(prog="python -m redundant_envs", description="Planar redundant arms.")
@@ -39,6 +62,10 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--out", type=Path, default=Path("runs/simulate"), metavar="FOLDER")
     p.add_argument("--clip", type=Path, metavar="GIF", help="also draw the motion; needs exactly one --scene")
     p.set_defaults(handler=simulate)
+
+    p = commands.add_parser("verify", help="measure whether a scene's own step is fine enough for it")
+    p.add_argument("scene", nargs="*", metavar="NAME_OR_PATH", help="default: all named scenes")
+    p.set_defaults(handler=verify)
 
     studies = commands.add_parser("study", help="measure the library").add_subparsers(
         dest="study", required=True

@@ -111,3 +111,17 @@ def test_throughput_writes_csv(tmp_path, capsys):
     with (tmp_path / "throughput.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [(r["arm"], r["integrator"], r["lanes"]) for r in rows] == [("FourR", "rk4", "16")]
+
+
+def test_verify_measures_a_scenes_own_step(capsys, tmp_path):
+    assert main(["verify", "four_r_reach"]) == 0
+    fine = capsys.readouterr().out
+    assert "four_r_reach" in fine
+    assert "more substeps" not in fine
+    coarse = tmp_path / "coarse.yaml"
+    coarse.write_text(
+        "robot: {type: FourR, masses: [1, 1, 1, 1], lengths: [0.2, 0.2, 0.2, 0.2]}\n"
+        "effects: [{type: Gravity}]\nintegrator: euler\ncontrol_dt: 0.1\n"
+    )
+    assert main(["verify", str(coarse)]) == 0
+    assert "take more substeps" in capsys.readouterr().out
