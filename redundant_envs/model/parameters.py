@@ -31,13 +31,16 @@ def names_of(scene: Scene, name: str) -> list[str]:
 
 
 def table(name: str, values: ArrayLike, lanes: int, width: int) -> NDArray[np.float64]:
-    """Finite numbers of shape (lanes, width), from (width,) or (lanes, width)."""
+    """Finite numbers of shape (lanes, width), from one number, (width,) or (lanes, width).
+
+    A parameter that is a single number also takes (lanes,).
+    """
     array = np.asarray(values, dtype=np.float64)
-    if width == 1 and array.ndim <= 1:
-        array = array.reshape(-1, 1)
-    if array.ndim > 2 or array.shape[-1:] != (width,) or array.shape[0] not in (1, lanes, width):
-        raise ValueError(f"{name} has shape {np.shape(values)}; give ({width},) or ({lanes}, {width})")
-    if array.ndim == 2 and array.shape[0] not in (1, lanes):
+    if array.ndim == 0:
+        array = np.full(width, array)
+    elif width == 1 and array.shape == (lanes,):
+        array = array[:, None]
+    if array.shape not in ((width,), (1, width), (lanes, width)):
         raise ValueError(f"{name} has shape {np.shape(values)}; give ({width},) or ({lanes}, {width})")
     if not np.isfinite(array).all():
         raise ValueError(f"{name} has non-finite entries; give finite numbers")

@@ -133,6 +133,24 @@ def test_a_lanes_own_parameters_equal_those_of_its_own_scene(scene):
     np.testing.assert_array_equal(np.concatenate([batch.q, batch.qd], 1)[[0, 2]], plain[[0, 2]])
 
 
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [
+        (2.0, [[2, 2, 2, 2]] * 3),
+        ((1, 2, 3, 4), [[1, 2, 3, 4]] * 3),
+        (np.arange(1, 13).reshape(3, 4), np.arange(1, 13).reshape(3, 4)),
+    ],
+)
+def test_shapes_of_parameters(value, expected):
+    batch = rde.BatchSimulator(SCENES["FourR-rk4"], 3)
+    batch.set_parameters({"effort_limits.limits": value, "masses": value})
+    names = tuple(f"effort_limits_limits_{k}" for k in range(4))
+    np.testing.assert_array_equal(batch._memory.read(names), expected)
+    np.testing.assert_array_equal(batch._memory.read(("m1", "m2", "m3", "m4")), expected)
+    batch.set_parameters({"gravity.g": (1.0, 2.0, 3.0)})
+    np.testing.assert_array_equal(batch._memory.read(("gravity_g",))[:, 0], (1, 2, 3))
+
+
 def test_status_of_each_method():
     q, qd, u = states(4)
     for scene in SCENES.values():
