@@ -17,7 +17,7 @@ def ids() -> list[str]:
 def register() -> None:
     """Register all ids with Gymnasium; registering twice does nothing."""
     for arm, scene in SCENES.items():
-        for kind, _goal in (("Reach", False), ("GoalReach", True)):
+        for kind in ("Reach", "GoalReach"):
             name = f"{NAMESPACE}/{arm}{kind}-v0"
             if name in gym.registry:
                 continue
