@@ -42,8 +42,11 @@ def make_model(config: Config, env: Any) -> Any:
         batch_size=s.batch_size, learning_rate=lambda remaining: s.learning_rate * remaining,
         gamma=s.gamma, tau=s.tau, train_freq=s.train_freq, gradient_steps=s.gradient_steps,
         ent_coef=s.ent_coef,
-        seed=config.seed, device="cpu",
-        policy_kwargs={"net_arch": list(s.net_arch)},
+        n_steps=s.n_steps, seed=config.seed, device="cpu",
+        policy_kwargs={
+            "net_arch": list(s.net_arch),
+            "optimizer_kwargs": {"fused": True},  # a third of a gradient step's time otherwise
+        },
     )  # fmt: skip
 
 

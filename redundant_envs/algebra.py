@@ -42,13 +42,13 @@ def where(condition: bool, a: float, b: float) -> float:
 
 
 def minimum(a: float, b: float) -> float:
-    """The smaller of two numbers; a NaN in either comes through."""
-    return a if a < b or a != a else b
+    """The smaller of two numbers, ``a`` if they are equal or one is NaN."""
+    return b if a > b else a
 
 
 def maximum(a: float, b: float) -> float:
-    """The larger of two numbers; a NaN in either comes through."""
-    return a if a > b or a != a else b
+    """The larger of two numbers, ``a`` if they are equal or one is NaN."""
+    return b if a < b else a
 
 
 @overload

@@ -14,8 +14,8 @@ from redundant_envs.robots.parameters import Arm
 PRIMITIVES: dict[str, Any] = {
     "sqrt": np.sqrt,
     "exp": np.exp,
-    "minimum": np.minimum,
-    "maximum": np.maximum,
+    "minimum": lambda a, b: np.where(np.greater(a, b), b, a),
+    "maximum": lambda a, b: np.where(np.less(a, b), b, a),
     "where": np.where,
     "floor": np.floor,
     "sincos": lambda x: (np.sin(x), np.cos(x)),

@@ -4,8 +4,8 @@ Bodies are copied unchanged, names prefixed by their file; what is generated her
 of calls, the step of the tableau and the loops over lanes. An effect the scene does not name is
 not in the text. ``assemble(scene).text`` is the whole simulator on one page.
 
-Memory of a batch: one float64 array of blocks, each ``rows`` rows of 16 lanes. All offsets inside
-a block are constants of the text, which is what lets the compiler vectorise over the lanes.
+Memory of a batch: one float64 array of blocks, each ``rows`` rows of 8 lanes. A row is one vector
+of the compiled code, and all offsets inside a block are constants of the text.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.scene import Scene, identifier
 from redundant_envs.tasks.reach import ReachTask
 
-LANES = 16
+LANES = 8
 NO_FIELD = "-0.0"
 """The additive identity: x + (-0.0) is x for every x, so the compiler drops an absent field."""
 
@@ -236,7 +236,7 @@ class Assembly:
     def rows(self) -> dict[str, int]:
         """Row of every number in a block."""
         names = [
-            *self.states, "h", "interval", "error_sum", *(f"command{k}" for k in range(1, 5)), *self.numbers,
+            *self.states, "h", "interval", "error_sum", "defect", *(f"command{k}" for k in range(1, 5)), *self.numbers,
             *self.actions, *self.memory, *(f"out_{n}" for n in self.outputs),
             *(f"obs_{i}" for i in range(len(self.observed))),
             *((*(f"{s}_before" for s in self.states), "limit") if self.task else ()),
@@ -253,21 +253,21 @@ class Assembly:
         """Where a number of lane i lives, as text."""
         return f"W[o + {self.rows[name] * LANES} + i]"
 
-    def lane_function(self, name: str, doc: str, lines: list[str], writes: Mapping[str, str]) -> str:
-        """A function of one lane: rows it names are its arguments, ``writes`` maps rows to results."""
+    def lane_function(
+        self, name: str, doc: str, lines: list[str], writes: Mapping[str, str], lanes: int = LANES
+    ) -> str:
+        """A function of every lane of a block, or of one: rows it names are its arguments.
+
+        ``writes`` maps rows to results.
+        """
         named = words([*lines, *writes.values()])
         reads = [r for r in self.rows if r in named]
         body = [f'"""{doc}"""', *lines, f"return {', '.join(writes.values())}"]
         return (
             f"def {name}({', '.join(reads)}):\n{indent(body, 1)}\n\n\n"
             f"{name} = straight_line({name}, reads={tuple(self.rows[r] for r in reads)}, "
-            f"writes={tuple(self.rows[w] for w in writes)})"
+            f"writes={tuple(self.rows[w] for w in writes)}{'' if lanes == LANES else f', lanes={lanes}'})"
         )
-
-    @staticmethod
-    def over_lanes(name: str) -> list[str]:
-        """The loop over the lanes of a block."""
-        return [f"for i in range({LANES}):", f"    {name}(W, o + i)"]
 
     # ---- text ------------------------------------------------------------------------------------
 
@@ -348,9 +348,8 @@ class Assembly:
 
     def substep_loop(self) -> list[str]:
         """Lines that advance all lanes of a block by its substeps."""
-        clear = self.over_lanes("clear") if self.estimates else []
-        steps = [f"    {line}" for line in self.over_lanes("step")]
-        return [*clear, "for _ in range(substeps):", *steps]
+        clear = ["clear(W, o)"] if self.estimates else []
+        return [*clear, "for _ in range(substeps):", "    step(W, o)"]
 
     @property
     def estimates(self) -> bool:
@@ -358,34 +357,38 @@ class Assembly:
         return bool(METHODS[self.scene.integrator].error5)
 
     def _advance_text(self) -> str:
-        finite = " + ".join(f"({self.at(s)} - {self.at(s)})" for s in self.states[:8])
-        error = self.at("error_sum") if self.estimates else "np.nan"
-        return "\n".join(
-            [
-                "SIGNATURES = {",
-                '    "advance": "void(float64[::1], float64[:, ::1], float64[::1], boolean[::1], "',
-                '    "int64)"',
-                "}",
-                "",
-                "",
-                "def advance(W, efforts, errors, finites, substeps):",
-                '    """Advance all lanes by one control interval."""',
-                "    wide_vectors()",
-                "    count = errors.size",
-                f"    for b in range((count + {LANES - 1}) // {LANES}):",
-                "        o = b * STRIDE",
-                f"        lanes = min({LANES}, count - b * {LANES})",
-                "        for i in range(lanes):",
-                *(
-                    f"            {self.at(f'command{k + 1}')} = efforts[b * {LANES} + i, {k}]"
-                    for k in range(4)
-                ),
-                indent(self.substep_loop(), 2),
-                "        for i in range(lanes):",
-                f"            finites[b * {LANES} + i] = {finite} == 0.0",
-                f"            errors[b * {LANES} + i] = {error}",
-            ]
-        )
+        defect = " + ".join(f"({s} - {s})" for s in self.states[:8])
+        commands = [self.rows[f"command{k}"] for k in range(1, 5)]
+        give_error = ["give_error(W, o, errors, first)"] if self.estimates else []
+        body = [
+            '"""Advance all lanes by one control interval; errors and finites are of whole blocks."""',
+            "wide_vectors()",
+            "count = efforts.shape[0]",
+            f"for b in range((count + {LANES - 1}) // {LANES}):",
+            "    o = b * STRIDE",
+            f"    first = b * {LANES}",
+            f"    if first + {LANES} <= count:",
+            "        take_efforts(efforts, first, W, o)",
+            "    else:",
+            "        for i in range(count - first):",
+            *(f"            {self.at(f'command{k + 1}')} = efforts[first + i, {k}]" for k in range(4)),
+            *(f"    {line}" for line in self.substep_loop()),
+            "    inspect(W, o)",
+            "    give_finite(W, o, finites, first)",
+            *(f"    {line}" for line in give_error),
+        ]
+        parts = [
+            self.lane_function("inspect", "NaN where a state is not finite, else 0.", [], {"defect": defect}),
+            f"take_efforts = take({commands})\n"
+            f"give_finite = give({self.rows['defect']})\n"
+            + (f"give_error = give({self.rows['error_sum']})\n" if self.estimates else "")
+            + "SIGNATURES = {\n"
+            '    "advance": "void(float64[::1], float64[:, ::1], float64[::1], boolean[::1], "\n'
+            '    "int64)"\n'
+            "}",
+            "def advance(W, efforts, errors, finites, substeps):\n" + indent(body, 1),
+        ]
+        return "\n\n\n".join(parts)
 
 
 def words(lines: Iterable[str]) -> set[str]:

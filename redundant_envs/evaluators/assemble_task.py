@@ -127,7 +127,7 @@ def _begin(a: Assembly, task: ReachTask, used: list[Any]) -> str:
     zero = [*arm.rates, *(m for m in a.memory if m not in drawn)]
     zero += [f"out_{n}" for n in (*ENDS, "is_success", "touched_new")]
     writes = {**{w: w for w in wanted}, **dict.fromkeys(zero, "0.0")}
-    place = a.lane_function("place", "Start and goal from draws.", lines, writes)
+    place = a.lane_function("place", "Start and goal from draws.", lines, writes, lanes=1)
     body = ['"""A new episode of lane i, environment n, from its key."""']
     for g in range((task.draws + 3) // 4):
         words = ", ".join(f"word{4 * g + k}" for k in range(4))
@@ -176,11 +176,14 @@ def _environment(a: Assembly) -> str:
         f"    first = b * {LANES}",
         f"    lanes = min({LANES}, count - first)",
         f"    if op == {STEP}:",
-        "        for i in range(lanes):",
-        *(f"            {a.at(f'action{k + 1}')} = actions[first + i, {k}]" for k in range(4)),
-        *(f"        {line}" for line in a.over_lanes("command")),
+        f"        if lanes == {LANES}:",
+        "            take_actions(actions, first, W, o)",
+        "        else:",
+        "            for i in range(lanes):",
+        *(f"                {a.at(f'action{k + 1}')} = actions[first + i, {k}]" for k in range(4)),
+        "        command(W, o)",
         *(f"        {line}" for line in a.substep_loop()),
-        *(f"        {line}" for line in a.over_lanes("settle")),
+        "        settle(W, o)",
         f"        if autoreset == {NEXT_STEP}:",
         "            for i in range(lanes):",
         "                if mask[first + i]:",
@@ -192,7 +195,7 @@ def _environment(a: Assembly) -> str:
         "        for i in range(lanes):",
         "            if mask[first + i]:",
         "                begin(W, o, i, keys, first + i)",
-        *(f"    {line}" for line in a.over_lanes("observe")),
+        "    observe(W, o)",
         f"    if op == {STEP} and autoreset == {SAME_STEP}:",
         "        again = False",
         "        for i in range(lanes):",
@@ -202,14 +205,16 @@ def _environment(a: Assembly) -> str:
         "                mask[first + i] = 1",
         "                again = True",
         "        if again:",
-        *(f"            {line}" for line in a.over_lanes("observe")),
+        "            observe(W, o)",
         "    for i in range(lanes):",
         "        store(W, o, i, first + i, obs, out)",
         f"        if op == {STEP} and autoreset == {SAME_STEP} and mask[first + i]:",
         f"            for k in range({len(ENDS)}):",
         "                out[first + i, k] = last_out[first + i, k]",
     ]
+    actions = [a.rows[f"action{k}"] for k in range(1, 5)]
     return (
+        f"take_actions = take({actions})\n\n\n"
         "def environment(W, actions, obs, out, last_obs, last_out, keys, mask, op, autoreset, "
         "substeps):\n" + indent(body, 1)
     )
@@ -224,7 +229,7 @@ def _goal_reward(task: ReachTask, used: list[Any]) -> str:
         f"    _, _, distance = {prefixed(goal_error)}("
         "achieved_x, achieved_y, desired_x, desired_y)\n"
         f"    return {prefixed(task.goal_reward)}(distance, reach, goal_tolerance)\n\n\n"
-        "goal_reward_lane = straight_line(goal_reward_of, reads=range(6), writes=(6,))\n\n\n"
+        "goal_reward_lane = straight_line(goal_reward_of, reads=range(6), writes=(6,), lanes=1)\n\n\n"
         "def goal_reward(achieved, desired, reach, goal_tolerance, reward):\n"
         '    """Reward of pairs of achieved and desired goals, metres."""\n'
         f"    row = np.zeros(7 * {LANES})\n"

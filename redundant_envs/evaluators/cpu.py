@@ -185,7 +185,7 @@ def _prune(base: Path) -> None:
 
 
 class Memory:
-    """The numbers of all lanes of an assembly: blocks of 16 lanes, 64-byte aligned.
+    """The numbers of all lanes of an assembly: blocks of 8 lanes, 64-byte aligned.
 
     Lanes beyond ``count`` pad the last block; they hold the nominal scene at rest.
     """

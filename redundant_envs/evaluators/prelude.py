@@ -1,9 +1,9 @@
 """What compiled modules begin with: the dialect on LLVM values, and the counter-based draws.
 
 A lane function is plain straight-line Python. ``straight_line`` runs it once, at compile time, on
-:class:`Number` objects, each operation leaving its instruction behind: no typing, no call, no
-branch is left for the compiler to remove. The text of this file is copied to the head of every
-assembled module, so that one hash covers it.
+:class:`Number` objects, each operation leaving its vector instruction behind: no typing, no call,
+no branch and no loop over lanes is left for the compiler to remove. The text of this file is
+copied to the head of every assembled module, so that one hash covers it.
 """
 
 import numpy as np
@@ -11,7 +11,7 @@ from llvmlite import ir
 from numba import njit, types
 from numba.extending import intrinsic
 
-LANES = 16
+LANES = 8
 OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}}
 FLAGS = ("contract",)
 DOUBLE = ir.DoubleType()
@@ -19,7 +19,7 @@ INT64 = ir.IntType(64)
 
 
 class Number:
-    """A float64 of one lane, as the LLVM value that will hold it."""
+    """A float64 of each lane, as the LLVM value that will hold them: a vector, or one double."""
 
     __slots__ = ("builder", "value")
 
@@ -28,7 +28,7 @@ class Number:
         self.value = value
 
     def _with(self, operation, other, swapped=False):
-        a, b = self.value, _value(other)
+        a, b = self.value, _value(other, self.value.type)
         if swapped:
             a, b = b, a
         return Number(self.builder, getattr(self.builder, operation)(a, b, flags=FLAGS))
@@ -70,7 +70,7 @@ class Number:
         return _call("llvm.fabs", self)
 
     def _compare(self, how, other):
-        return Condition(self.builder, self.builder.fcmp_ordered(how, self.value, _value(other)))
+        return Condition(self.builder, self.builder.fcmp_ordered(how, self.value, _value(other, self.value.type)))
 
     def __lt__(self, other):
         return self._compare("<", other)
@@ -88,14 +88,14 @@ class Number:
         return self._compare("==", other)
 
     def __ne__(self, other):
-        value = self.builder.fcmp_unordered("!=", self.value, _value(other))
+        value = self.builder.fcmp_unordered("!=", self.value, _value(other, self.value.type))
         return Condition(self.builder, value)
 
     __hash__ = None
 
 
 class Condition:
-    """A truth value of one lane."""
+    """A truth value of each lane."""
 
     __slots__ = ("builder", "value")
 
@@ -110,14 +110,32 @@ class Condition:
         return Condition(self.builder, self.builder.or_(self.value, other.value))
 
 
-def _value(x):
-    return x.value if isinstance(x, Number) else ir.Constant(DOUBLE, float(x))
+def _value(x, type_):
+    return x.value if isinstance(x, Number) else _constant(type_, float(x))
+
+
+def _constant(type_, x):
+    """The same number in every lane of a vector, or one number."""
+    if isinstance(type_, ir.VectorType):
+        return ir.Constant(type_, [x] * type_.count)
+    return ir.Constant(type_, x)
+
+
+def _like(type_, scalar):
+    """The type of as many lanes as ``type_`` has, of another scalar type."""
+    return ir.VectorType(scalar, type_.count) if isinstance(type_, ir.VectorType) else scalar
 
 
 def _call(name, *numbers):
-    builder = next(n.builder for n in numbers if isinstance(n, Number))
-    function = builder.module.declare_intrinsic(name, [DOUBLE])
-    return Number(builder, builder.call(function, [_value(n) for n in numbers]))
+    first = next(n for n in numbers if isinstance(n, Number))
+    type_ = first.value.type
+    suffix = f"v{type_.count}f64" if isinstance(type_, ir.VectorType) else "f64"
+    module = first.builder.module
+    function = module.globals.get(f"{name}.{suffix}")
+    if function is None:
+        signature = ir.FunctionType(type_, [type_] * len(numbers))
+        function = ir.Function(module, signature, f"{name}.{suffix}")
+    return Number(first.builder, first.builder.call(function, [_value(n, type_) for n in numbers]))
 
 
 def sqrt(x):
@@ -133,23 +151,22 @@ def floor(x):
 
 
 def where(condition, a, b):
-    builder = condition.builder
-    return Number(builder, builder.select(condition.value, _value(a), _value(b)))
+    type_ = _like(condition.value.type, DOUBLE)
+    value = condition.builder.select(condition.value, _value(a, type_), _value(b, type_))
+    return Number(condition.builder, value)
 
 
 def minimum(a, b):
-    a = a if isinstance(a, Number) else Number(b.builder, _value(a))
-    return where((a < b) | (a != a), a, b)
+    return where(a > b, b, a)
 
 
 def maximum(a, b):
-    a = a if isinstance(a, Number) else Number(b.builder, _value(a))
-    return where((a > b) | (a != a), a, b)
+    return where(a < b, b, a)
 
 
 def fma(a, b, c):
     """a b + c with one rounding, on every processor."""
-    return Number(a.builder, a.builder.fma(a.value, _value(b), _value(c)))
+    return _call("llvm.fma", a, b, c)
 
 
 def sincos(x):
@@ -159,8 +176,9 @@ def sincos(x):
     fdlibm (k_sin.c, k_cos.c) on [-pi/4, pi/4]; the quadrant swaps them and sets the signs.
     """
     builder = x.builder
+    bits = _like(x.value.type, INT64)
     shifted = fma(x, 0.6366197723675814, 6755399441055744.0)  # 2/pi, 1.5 * 2^52
-    quadrant = builder.bitcast(shifted.value, INT64)
+    quadrant = builder.bitcast(shifted.value, bits)
     k = shifted - 6755399441055744.0
     r = fma(-k, 1.5707963267948966, x)
     r = fma(-k, 6.123233995736766e-17, r)
@@ -171,8 +189,9 @@ def sincos(x):
     c = -2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11)
     c = -1.38888888888741095749e-03 + z * (2.48015872894767294178e-05 + z * c)
     c = (1.0 - 0.5 * z) + z * z * (4.16666666666666019037e-02 + z * c)
-    one = ir.Constant(INT64, 1)
-    odd = Condition(builder, builder.icmp_signed("!=", builder.and_(quadrant, one), ir.Constant(INT64, 0)))
+    one = _constant(bits, 1)
+    odd = builder.icmp_signed("!=", builder.and_(quadrant, one), _constant(bits, 0))
+    odd = Condition(builder, odd)
     return (
         _signed(where(odd, c, s), quadrant),
         _signed(where(odd, s, c), builder.add(quadrant, one)),
@@ -181,37 +200,97 @@ def sincos(x):
 
 def _signed(x, quadrant):
     """x with its sign flipped if bit 1 of the quadrant is set."""
-    builder = x.builder
-    sign = builder.shl(quadrant, ir.Constant(INT64, 62))
-    sign = builder.and_(sign, ir.Constant(INT64, -(2**63)))
-    bits = builder.xor(builder.bitcast(x.value, INT64), sign)
-    return Number(builder, builder.bitcast(bits, DOUBLE))
+    builder, bits = x.builder, quadrant.type
+    sign = builder.and_(builder.shl(quadrant, _constant(bits, 62)), _constant(bits, -(2**63)))
+    flipped = builder.xor(builder.bitcast(x.value, bits), sign)
+    return Number(builder, builder.bitcast(flipped, x.value.type))
 
 
-def straight_line(function, reads, writes):
+def straight_line(function, reads, writes, lanes=LANES):
     """Compile a lane function: its arguments are read from rows, its results written to rows.
 
-    The compiled form takes the memory and the index of the lane in row 0 of its block.
+    The compiled form takes the memory and the index of a block's first number, or with
+    ``lanes=1`` of one lane's place in row 0, and treats that many lanes.
     """
 
     @intrinsic
-    def lane(typing_context, memory, index):
+    def step(typing_context, memory, index):
         def code(context, builder, signature, arguments):
             array = context.make_array(signature.args[0])(context, builder, arguments[0])
             base = builder.gep(array.data, [arguments[1]])
+            type_ = DOUBLE if lanes == 1 else ir.VectorType(DOUBLE, lanes)
 
             def place(row):
-                return builder.gep(base, [ir.Constant(INT64, row * LANES)])
+                return _pointer(builder, base, row * LANES, type_)
 
-            results = function(*(Number(builder, builder.load(place(row))) for row in reads))
+            loaded = (builder.load(place(row), align=8) for row in reads)
+            results = function(*(Number(builder, value) for value in loaded))
             results = results if isinstance(results, tuple) else (results,)
             for row, result in zip(writes, results, strict=True):
-                builder.store(_value(result), place(row))
+                builder.store(_value(result, type_), place(row), align=8)
             return context.get_dummy_value()
 
         return types.void(memory, index), code
 
-    return lane
+    return step
+
+
+def _pointer(builder, base, offset, type_):
+    """Where ``offset`` numbers after ``base`` a value of ``type_`` lives."""
+    return builder.bitcast(builder.gep(base, [ir.Constant(INT64, offset)]), type_.as_pointer())
+
+
+def take(rows):
+    """Copy a block's lines of a table with as many columns into rows of the memory."""
+
+    @intrinsic
+    def copy(typing_context, table, first, memory, index):
+        def code(context, builder, signature, arguments):
+            source = context.make_array(signature.args[0])(context, builder, arguments[0])
+            array = context.make_array(signature.args[2])(context, builder, arguments[2])
+            item = source.data.type.pointee
+            columns = len(rows)
+            start = builder.mul(arguments[1], ir.Constant(INT64, columns))
+            block = ir.VectorType(item, LANES * columns)
+            place = _pointer(builder, builder.gep(source.data, [start]), 0, block)
+            values = builder.load(place, align=4)
+            base = builder.gep(array.data, [arguments[3]])
+            type_ = ir.VectorType(DOUBLE, LANES)
+            for k, row in enumerate(rows):
+                chosen = [columns * i + k for i in range(LANES)]
+                mask = ir.Constant(ir.VectorType(ir.IntType(32), LANES), chosen)
+                column = builder.shuffle_vector(values, values, mask)
+                if item != DOUBLE:
+                    column = builder.fpext(column, type_)
+                builder.store(column, _pointer(builder, base, row * LANES, type_), align=8)
+            return context.get_dummy_value()
+
+        return types.void(table, first, memory, index), code
+
+    return copy
+
+
+def give(row):
+    """Copy a row of the memory to a block's part of an array; to booleans: whether it is 0."""
+
+    @intrinsic
+    def copy(typing_context, memory, index, column, first):
+        def code(context, builder, signature, arguments):
+            array = context.make_array(signature.args[0])(context, builder, arguments[0])
+            target = context.make_array(signature.args[2])(context, builder, arguments[2])
+            type_ = ir.VectorType(DOUBLE, LANES)
+            base = builder.gep(array.data, [arguments[1]])
+            values = builder.load(_pointer(builder, base, row * LANES, type_), align=8)
+            if signature.args[2].dtype == types.boolean:
+                values = builder.fcmp_ordered("==", values, _constant(type_, 0.0))
+                values = builder.zext(values, ir.VectorType(ir.IntType(8), LANES))
+            base = builder.gep(target.data, [arguments[3]])
+            builder.store(values, _pointer(builder, base, 0, values.type), align=1)
+            return context.get_dummy_value()
+
+        return types.void(memory, index, column, first), code
+
+    return copy
 
 
 @intrinsic

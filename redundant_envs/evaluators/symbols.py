@@ -17,8 +17,8 @@ def primitives() -> dict[str, Any]:
     return {
         "sqrt": sp.sqrt,
         "exp": sp.exp,
-        "minimum": lambda a, b: sp.Piecewise((a, a < b), (b, True)),
-        "maximum": lambda a, b: sp.Piecewise((a, a > b), (b, True)),
+        "minimum": lambda a, b: sp.Piecewise((b, a > b), (a, True)),
+        "maximum": lambda a, b: sp.Piecewise((b, a < b), (a, True)),
         "where": lambda condition, a, b: sp.Piecewise((a, condition), (b, True)),
         "floor": sp.floor,
         "sincos": lambda x: (sp.sin(x), sp.cos(x)),

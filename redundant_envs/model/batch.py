@@ -159,8 +159,9 @@ class BatchSimulator:
                 table = self._table("efforts", efforts, n, 4)
             if not (table.flags.c_contiguous and table.flags.writeable):
                 table = table.copy(order="C")
-        error = np.empty(n)
-        finite = np.empty(n, dtype=np.bool_)
+        lanes = self._memory.blocks.shape[0] * LANES
+        error = np.empty(lanes) if self._assembly.estimates else np.full(lanes, np.nan)
+        finite = np.empty(lanes, dtype=np.bool_)
         substeps = self.scene.substeps
         if self._pool is None:
             self._kernel(self._memory.flat, table, error, finite, substeps)
@@ -172,11 +173,11 @@ class BatchSimulator:
             for job in jobs:
                 job.result()
         return Status(
-            finite=finite,
+            finite=finite[:n],
             evaluations=self._evaluations,
-            error_estimate=error,
+            error_estimate=error[:n],
             events=self._no_events,
-            numerics=np.logical_not(finite).view(np.int8),  # NON_FINITE is 1
+            numerics=np.logical_not(finite[:n]).view(np.int8),  # NON_FINITE is 1
         )
 
     def advance_partly(self, efforts: ArrayLike | None, duration: float) -> Status:

@@ -230,20 +230,6 @@ def manipulability(l1, l2, l3, l4, s21, s31, s41, s32, s42, s43):
     )  # fmt: skip
 
 
-@physics
-def inward(m, c, cd, sd, f, b, pe, pn):
-    """One link of the tip-to-base sweep, in the frame of the link.
-
-    c is the inertia that the outer links show along the next link, (pe, pn) their bias force in
-    the next link's frame, f = Q/l, b = -l w^2. The pivot m + c s^2 is a sum of positive numbers.
-    """
-    inverse = 1.0 / (m + c * sd * sd)
-    coupling = c * cd * sd
-    u = f - (sd * pe + cd * pn)
-    p = m * (m + c) * inverse * b + coupling * (inverse * u) + (cd * pe - sd * pn)
-    return inverse, coupling, u, m * (m + c) * inverse, p
-
-
 @physics(gives="inverse_l1 inverse_l2 inverse_l3 inverse_l4 inverse_m4")
 def reciprocals(l1, l2, l3, l4, m4):
     return 1.0 / l1, 1.0 / l2, 1.0 / l3, 1.0 / l4, 1.0 / m4
@@ -254,7 +240,12 @@ def forward_dynamics(
     m1, m2, m3, m4, l1, l2, l3, l4, inverse_l1, inverse_l2, inverse_l3, inverse_l4, inverse_m4,
     s1, c1, s21, c21, s32, c32, s43, c43, w1, w2, w3, w4, Q1, Q2, Q3, Q4, ax, ay,
 ):  # fmt: skip
-    """O(n) elimination, tip to base and back, in the frame of each link: no mass matrix is formed."""
+    """O(n) elimination, tip to base and back, in the frame of each link: no mass matrix is formed.
+
+    d is the inertia that a link and all beyond it show along the link, m + d' s^2 the pivot across
+    it, with d' that of the next link: sums of positive numbers. Numerators N and denominators D of
+    d = N/D and of the pivots D/D' are formed first, so that no division waits for another.
+    """
     f1 = Q1 * inverse_l1
     f2 = Q2 * inverse_l2
     f3 = Q3 * inverse_l3
@@ -263,19 +254,38 @@ def forward_dynamics(
     b2 = -l2 * w2 * w2
     b3 = -l3 * w3 * w3
     b4 = -l4 * w4 * w4
-    i3, k3, u3, d3, p3 = inward(m3, m4, c43, s43, f3, b3, m4 * b4, f4)
-    i2, k2, u2, d2, p2 = inward(m2, d3, c32, s32, f2, b2, p3, f3)
-    i1, k1, u1, _d1, _p1 = inward(m1, d2, c21, s21, f1, b1, p2, f2)
+    N3 = m3 * (m3 + m4)
+    D3 = m3 + m4 * (s43 * s43)
+    N2 = m2 * (m2 * D3 + N3)
+    D2 = m2 * D3 + N3 * (s32 * s32)
+    D1 = m1 * D2 + N2 * (s21 * s21)
+    i3 = 1.0 / D3
+    inverse_D2 = 1.0 / D2
+    i2 = D3 * inverse_D2
+    i1 = D2 / D1
+    d3 = N3 * i3
+    d2 = N2 * inverse_D2
+    k3 = m4 * (c43 * s43)
+    k2 = d3 * (c32 * s32)
+    k1 = d2 * (c21 * s21)
+    # Tip to base: (p, f) is the bias force of all beyond a link, along and across that link; u
+    # the force across the link before it, and g = u over the pivot.
+    p4 = m4 * b4
+    g3 = i3 * (f3 - c43 * f4 - s43 * p4)
+    p3 = d3 * b3 + k3 * g3 + (c43 * p4 - s43 * f4)
+    g2 = i2 * (f2 - c32 * f3 - s32 * p3)
+    p2 = d2 * b2 + k2 * g2 + (c32 * p3 - s32 * f3)
+    u1 = f1 - c21 * f2 - s21 * p2
     # Base to tip: (e, n) is the acceleration of a link's near end, y across the link at its far end.
     n1 = ay * c1 - ax * s1
     e1 = ax * c1 + ay * s1 + b1
     y1 = i1 * (u1 - k1 * e1)
     n2 = c21 * y1 - s21 * e1
-    e2 = c21 * e1 + s21 * y1 + b2
-    y2 = i2 * (u2 - k2 * e2)
+    e2 = c21 * e1 + b2 + s21 * y1
+    y2 = g2 - (i2 * k2) * e2
     n3 = c32 * y2 - s32 * e2
-    e3 = c32 * e2 + s32 * y2 + b3
-    y3 = i3 * (u3 - k3 * e3)
+    e3 = c32 * e2 + b3 + s32 * y2
+    y3 = g3 - (i3 * k3) * e3
     n4 = c43 * y3 - s43 * e3
     return (
         (y1 - n1) * inverse_l1,

@@ -223,18 +223,21 @@ def forward_dynamics(
     """O(n) elimination of the second link, then a 2 x 2 system: no mass matrix is formed.
 
     Vectors stand in the frame of link 1 (components e along it, n across it). Every pivot (I, Kee,
-    D1) is a sum of positive numbers, so nothing cancels at extreme mass ratios or in line.
+    D1) is a sum of positive numbers, so nothing cancels at extreme mass ratios or in line. All are
+    multiplied by I, and D1 by Kee too, so that no division waits for another.
     """
     a = l1 + r1
     b = l2 + r2
     sigma = m3 * l2 + m4 * b
-    inverse_I = 1.0 / (m3 * l2 * l2 + m4 * b * b)
-    kappa = m3 * m4 * r2 * r2 * inverse_I
-    # What the second link adds at the slider: A = m2 1 + m3 e2 e2^T + kappa n2 n2^T.
-    inverse_Kee = 1.0 / (m2 + m3 * c12 * c12 + kappa * s12 * s12)
-    Ken = (kappa - m3) * c12 * s12
-    Kd = (m2 + m3) * (m2 + kappa) * inverse_Kee
-    D1 = m1 * l1 * l1 + a * a * Kd
+    I = m3 * l2 * l2 + m4 * b * b
+    inverse_I = 1.0 / I
+    # What the second link adds at the slider: m2 1 + m3 e2 e2^T + kappa n2 n2^T, kappa I here.
+    kappa = m3 * m4 * r2 * r2
+    Kee = m2 * I + m3 * I * (c12 * c12) + kappa * (s12 * s12)
+    Ken = (kappa - m3 * I) * (c12 * s12)
+    Kd = (m2 + m3) * (m2 * I + kappa)
+    inverse_Kee = 1.0 / Kee
+    inverse_D1 = 1.0 / (m1 * l1 * l1 * Kee + a * a * Kd)
     pe = Q4 - m3 * l2 * w2 * w2
     pn = (sigma * Q3 - 2.0 * m3 * m4 * l2 * r2 * v2 * w2) * inverse_I
     fe = Q2 - (pe * c12 + pn * s12)
@@ -242,9 +245,9 @@ def forward_dynamics(
     gn = ay * c1 - ax * s1
     be = ax * c1 + ay * s1 - a * w1 * w1
     bn = gn + 2.0 * v1 * w1
-    qdd1 = (Q1 - m1 * l1 * gn - a * (Kd * bn + Ken * inverse_Kee * fe + fn)) / D1
+    qdd1 = ((Q1 - m1 * l1 * gn - a * fn) * Kee - a * (Kd * bn + Ken * fe)) * inverse_D1
     y = a * qdd1 + bn  # acceleration of the slider across and along link 1
-    x = (fe - Ken * y) * inverse_Kee
+    x = (fe * I - Ken * y) * inverse_Kee
     qdd2 = x - be
     qdd3 = (Q3 - 2.0 * m4 * b * v2 * w2 - sigma * (x * s12 + y * c12)) * inverse_I
     qdd4 = Q4 * inverse_m4 + b * w2 * w2 - (x * c12 - y * s12)

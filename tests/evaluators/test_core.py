@@ -202,12 +202,12 @@ def test_sines_and_cosines_to_the_last_places():
     code = """
 
 def table(x, s, c):
-    row = np.zeros(48)
+    row = np.zeros(3 * LANES)
     for n in range(x.size):
-        row[0] = x[n]
+        row[n % LANES] = x[n]
         pair(row, 0)
-        s[n] = row[16]
-        c[n] = row[32]
+        s[n] = row[LANES + n % LANES]
+        c[n] = row[2 * LANES + n % LANES]
 
 pair = straight_line(lambda x: sincos(x), reads=(0,), writes=(1, 2))
 SIGNATURES = {"table": "void(float64[::1], float64[::1], float64[::1])"}
