@@ -236,7 +236,8 @@ class Assembly:
     def rows(self) -> dict[str, int]:
         """Row of every number in a block."""
         names = [
-            *self.states, "h", "interval", "error_sum", "defect", *(f"command{k}" for k in range(1, 5)), *self.numbers,
+            *self.states, "h", "interval", "error_sum", "defect",
+            *(f"command{k}" for k in range(1, 5)), *self.numbers,
             *self.actions, *self.memory, *(f"out_{n}" for n in self.outputs),
             *(f"obs_{i}" for i in range(len(self.observed))),
             *((*(f"{s}_before" for s in self.states), "limit") if self.task else ()),

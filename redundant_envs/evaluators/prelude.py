@@ -70,7 +70,8 @@ class Number:
         return _call("llvm.fabs", self)
 
     def _compare(self, how, other):
-        return Condition(self.builder, self.builder.fcmp_ordered(how, self.value, _value(other, self.value.type)))
+        other = _value(other, self.value.type)
+        return Condition(self.builder, self.builder.fcmp_ordered(how, self.value, other))
 
     def __lt__(self, other):
         return self._compare("<", other)

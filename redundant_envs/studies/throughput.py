@@ -102,13 +102,17 @@ def filled_batch(scene: Scene, lanes: int, seed: int = 0) -> BatchSimulator:
 
 
 def advance_times(batch: BatchSimulator, repeats: int, seed: int = 0) -> NDArray[np.float64]:
-    """Seconds of each of ``repeats`` calls of advance from the same snapshot, (repeats,)."""
+    """Seconds of each of ``repeats`` calls of advance, (repeats,).
+
+    Each is the second of two calls from the same snapshot: in use calls follow each other, while
+    a snapshot put back has just gone through the caches.
+    """
     efforts = np.random.default_rng(seed).uniform(-1.0, 1.0, (batch.num_envs, 4))
     snapshot = batch.save()
-    batch.advance(efforts)
     times = np.empty(repeats)
     for i in range(repeats):
         batch.restore(snapshot)
+        batch.advance(efforts)
         start = time.perf_counter()
         batch.advance(efforts)
         times[i] = time.perf_counter() - start

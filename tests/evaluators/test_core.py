@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.evaluators import cpu
+from redundant_envs import algebra
+from redundant_envs.evaluators import arrays, cpu
 from redundant_envs.evaluators.assemble import assemble, source
 
 FOUR_R = rde.FourR(masses=(2, 1.5, 1, 0.5), lengths=(0.3, 0.5, 0.4, 0.6))
@@ -223,6 +224,37 @@ SIGNATURES = {"table": "void(float64[::1], float64[::1], float64[::1])"}
     assert np.abs(c - np.cos(x)).max() <= 2.3e-16
     namespace["table"](np.array([np.nan, np.inf]), s[:2], c[:2])
     assert np.isnan(s[:2]).all()
+
+
+def test_primitives_agree_in_every_evaluator_on_ties_zeros_and_nan():
+    """minimum, maximum: the first of two equal numbers and of a pair with a NaN, bit for bit."""
+    cases = [0.0, -0.0, 1.0, -2.5, np.inf, -np.inf, np.nan]
+    pairs = np.array([(a, b) for a in cases for b in cases])
+    code = """
+both = straight_line(lambda a, b: (minimum(a, b), maximum(a, b)), reads=(0, 1), writes=(2, 3))
+
+
+def table(rows):
+    both(rows, 0)
+
+
+SIGNATURES = {"table": "void(float64[::1])"}
+"""
+    text = assemble(rde.Scene(FOUR_R, (), integrator="euler")).text
+    namespace = {"CACHE": False}
+    exec(compile(text.split("SIGNATURES")[0] + code + cpu.KERNELS, "probe", "exec"), namespace)
+    lanes = namespace["LANES"]
+    for first in range(0, len(pairs), lanes):
+        some = pairs[first : first + lanes]
+        rows = np.zeros((4, lanes))
+        rows[:2, : len(some)] = some.T
+        namespace["table"](rows.reshape(-1))
+        for row, name in ((2, "minimum"), (3, "maximum")):
+            plain = np.array([getattr(algebra, name)(*pair) for pair in some])
+            vector = arrays.PRIMITIVES[name](some[:, 0], some[:, 1])
+            for got in (rows[row, : len(some)], vector):
+                np.testing.assert_array_equal(got, plain)
+                np.testing.assert_array_equal(np.signbit(got), np.signbit(plain))
 
 
 @pytest.mark.parametrize(
