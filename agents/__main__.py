@@ -29,7 +29,12 @@ def main(arguments: list[str] | None = None) -> int:
     p.add_argument("--clip", type=Path, help="write a GIF instead of opening a window")
     p.add_argument("--episodes", type=int, default=3)
     p.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args(arguments)
+    # argparse takes positional arguments in one place only: overrides after --out are left over.
+    options, rest = parser.parse_known_args(arguments)
+    if options.command == "train" and all("=" in word and word[0] != "-" for word in rest):
+        options.overrides += rest
+    elif rest:
+        parser.error(f"unrecognized arguments: {' '.join(rest)}")
     try:
         run = {
             "train": _train,

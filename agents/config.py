@@ -47,7 +47,6 @@ class SACSettings:
     batch_size: int = 1024
     learning_rate: float = 3e-3
     gamma: float = 0.9
-    n_steps: int = 1
     tau: float = 0.02
     train_freq: int = 1
     gradient_steps: int = 8
@@ -109,7 +108,7 @@ class Config:
         for name in ("n_steps", "batch_size", "n_epochs", "learning_rate"):
             if getattr(self.ppo, name) <= 0:
                 raise ValueError(f"ppo.{name} is {getattr(self.ppo, name)}; it must be positive")
-        for name in ("buffer_size", "batch_size", "learning_rate", "n_steps", "train_freq"):
+        for name in ("buffer_size", "batch_size", "learning_rate", "train_freq"):
             if getattr(self.sac, name) <= 0:
                 raise ValueError(f"sac.{name} is {getattr(self.sac, name)}; it must be positive")
         if self.algo == "ppo" and (self.num_envs * self.ppo.n_steps) % self.ppo.batch_size:

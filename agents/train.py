@@ -42,9 +42,10 @@ def make_model(config: Config, env: Any) -> Any:
         batch_size=s.batch_size, learning_rate=lambda remaining: s.learning_rate * remaining,
         gamma=s.gamma, tau=s.tau, train_freq=s.train_freq, gradient_steps=s.gradient_steps,
         ent_coef=s.ent_coef,
-        n_steps=s.n_steps, seed=config.seed, device="cpu",
+        seed=config.seed, device="cpu",
         policy_kwargs={
             "net_arch": list(s.net_arch),
+            "activation_fn": torch.nn.Tanh,  # a critic with kinks makes the arm chatter at the goal
             "optimizer_kwargs": {"fused": True},  # a third of a gradient step's time otherwise
         },
     )  # fmt: skip

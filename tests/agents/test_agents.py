@@ -88,7 +88,7 @@ def test_wilson_refuses_nonsense():
 def test_a_run_explains_itself(tmp_path, overrides, capsys):
     folder = tmp_path / "run"
     small = ["selection_every=2000", "selection_episodes=10", "evaluation_episodes=20", "seed=1"]
-    assert main(["train", CONFIG, *overrides, *small, "--out", str(folder)]) == 0
+    assert main(["train", CONFIG, *overrides, "--out", str(folder), *small]) == 0
     result = json.loads((folder / "evaluation.json").read_text())
     promised = {
         "env", "algo", "seed", "episodes", "hold_success", "interval", "touch_success",
@@ -132,3 +132,10 @@ def test_play_works_without_a_policy(actions, tmp_path, capsys):
 def test_mistakes_end_with_a_message(command, word, capsys):
     assert main(command) == 2
     assert word in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", [["report", "runs/x", "seed=3"], ["train", CONFIG, "--outt", "x"]])
+def test_unknown_arguments_are_refused(command, capsys):
+    with pytest.raises(SystemExit):
+        main(command)
+    assert "unrecognized arguments" in capsys.readouterr().err
