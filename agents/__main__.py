@@ -31,9 +31,11 @@ def main(arguments: list[str] | None = None) -> int:
     p.add_argument("--seed", type=int, default=0)
     # argparse takes positional arguments in one place only: overrides after --out are left over.
     options, rest = parser.parse_known_args(arguments)
-    if options.command == "train" and all("=" in word and word[0] != "-" for word in rest):
-        options.overrides += rest
-    elif rest:
+    late = [word for word in rest if "=" in word and not word.startswith("-")]
+    if options.command == "train":
+        options.overrides += late
+        rest = [word for word in rest if word not in late]
+    if rest:
         parser.error(f"unrecognized arguments: {' '.join(rest)}")
     try:
         run = {

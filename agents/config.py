@@ -45,9 +45,9 @@ class SACSettings:
     buffer_size: int = 1_000_000
     learning_starts: int = 10_000
     batch_size: int = 1024
-    learning_rate: float = 3e-3
+    learning_rate: float = 6e-3
     gamma: float = 0.9
-    tau: float = 0.02
+    tau: float = 0.04
     train_freq: int = 1
     gradient_steps: int = 8
     ent_coef: float = 0.001

@@ -42,12 +42,18 @@ def where(condition: bool, a: float, b: float) -> float:
 
 
 def minimum(a: float, b: float) -> float:
-    """The smaller of two numbers, ``a`` if they are equal or one is NaN."""
+    """The smaller of two numbers, ``a`` if they are equal or one is NaN.
+
+    Put the quantity first and the constant second: then a NaN comes through.
+    """
     return b if a > b else a
 
 
 def maximum(a: float, b: float) -> float:
-    """The larger of two numbers, ``a`` if they are equal or one is NaN."""
+    """The larger of two numbers, ``a`` if they are equal or one is NaN.
+
+    Put the quantity first and the constant second: then a NaN comes through.
+    """
     return b if a < b else a
 
 

@@ -300,8 +300,12 @@ class Core:
         if missing:
             raise ValueError(f"state lacks {', '.join(missing)}; use what get_state returned")
         same = state["simulator"] == cpu.module_key(self.assembly.text)
-        if not same or state["numbers"].shape != self.memory.flat.shape:
-            raise ValueError("state is of another scene or num_envs; use one of this environment")
+        lanes = len(state["generators"])
+        if not same or lanes != self.num_envs:
+            raise ValueError(
+                f"state is of {lanes} environments of {'this' if same else 'another'} scene; this one "
+                f"has {self.num_envs}: use what its own get_state returned"
+            )
         self.memory.flat[:] = state["numbers"]
         self.keys[:] = state["keys"]
         self.mask[:] = state["mask"]

@@ -11,11 +11,20 @@ from redundant_envs.evaluators.binding import run
 from redundant_envs.evaluators.quantities import calls
 from redundant_envs.robots.parameters import Arm
 
+
+def _minimum(a: Any, b: Any) -> Any:
+    return np.where(np.greater(a, b), b, a)[()]
+
+
+def _maximum(a: Any, b: Any) -> Any:
+    return np.where(np.less(a, b), b, a)[()]
+
+
 PRIMITIVES: dict[str, Any] = {
     "sqrt": np.sqrt,
     "exp": np.exp,
-    "minimum": lambda a, b: np.where(np.greater(a, b), b, a),
-    "maximum": lambda a, b: np.where(np.less(a, b), b, a),
+    "minimum": _minimum,
+    "maximum": _maximum,
     "where": np.where,
     "floor": np.floor,
     "sincos": lambda x: (np.sin(x), np.cos(x)),

@@ -1,7 +1,7 @@
 """Write the simulator of one scene as one module of text, straight from the physics files.
 
 Bodies are copied unchanged, names prefixed by their file; what is generated here is only the order
-of calls, the step of the tableau and the loops over lanes. An effect the scene does not name is
+of calls, the step of the tableau and the loops over blocks. An effect the scene does not name is
 not in the text. ``assemble(scene).text`` is the whole simulator on one page.
 
 Memory of a batch: one float64 array of blocks, each ``rows`` rows of 8 lanes. A row is one vector
@@ -236,7 +236,8 @@ class Assembly:
     def rows(self) -> dict[str, int]:
         """Row of every number in a block."""
         names = [
-            *self.states, "h", "interval", "error_sum", "defect",
+            *self.states, "h", "interval", "error_sum",
+            *(() if self.task else ("state_defect",)),
             *(f"command{k}" for k in range(1, 5)), *self.numbers,
             *self.actions, *self.memory, *(f"out_{n}" for n in self.outputs),
             *(f"obs_{i}" for i in range(len(self.observed))),
@@ -289,7 +290,7 @@ class Assembly:
             f'"""{self.scene.robot.kind}, {self.scene.integrator}: {effects}.\n\n'
             'Assembled from the physics files; not to be edited.\n"""',
             (Path(__file__).parent / "prelude.py").read_text(encoding="utf-8"),
-            f"STRIDE = {self.stride}",
+            f"assert LANES == {LANES}\nSTRIDE = {self.stride}",
             *(function_text(f) for f in helpers(functions)),
             self.rhs_text,
             self._step_text,
@@ -305,7 +306,7 @@ class Assembly:
             writes["error_sum"] = "error_sum + error"
             text = self.lane_function("clear", "Before an interval.", [], {"error_sum": "0.0"})
             text += "\n\n\n"
-        return text + self.lane_function("step", "One step of a lane.", self._step[1], writes)
+        return text + self.lane_function("step", "One step of every lane of a block.", self._step[1], writes)
 
     @cached_property
     def _step(self) -> tuple[list[str], list[str], list[Callable[..., Any]]]:
@@ -379,9 +380,11 @@ class Assembly:
             *(f"    {line}" for line in give_error),
         ]
         parts = [
-            self.lane_function("inspect", "NaN where a state is not finite, else 0.", [], {"defect": defect}),
+            self.lane_function(
+                "inspect", "NaN where a state is not finite, else 0.", [], {"state_defect": defect}
+            ),
             f"take_efforts = take({commands})\n"
-            f"give_finite = give({self.rows['defect']})\n"
+            f"give_finite = give({self.rows['state_defect']})\n"
             + (f"give_error = give({self.rows['error_sum']})\n" if self.estimates else "")
             + "SIGNATURES = {\n"
             '    "advance": "void(float64[::1], float64[:, ::1], float64[::1], boolean[::1], "\n'

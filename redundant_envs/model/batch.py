@@ -130,17 +130,20 @@ class BatchSimulator:
         parameters.write(self.scene, self._memory, lanes, given)
 
     def save(self) -> NDArray[np.float64]:
-        """A snapshot of everything: states, parameters, modes."""
-        return self._memory.flat.copy()
+        """A snapshot of everything: states, parameters, modes; the last entry is ``num_envs``."""
+        return np.append(self._memory.flat, self.num_envs)
 
     def restore(self, snapshot: NDArray[np.float64]) -> None:
         """Return to a snapshot of :meth:`save`; the continuation is the same to the last bit."""
-        if np.shape(snapshot) != self._memory.flat.shape:
+        numbers = np.asarray(snapshot)
+        size = self._memory.flat.size + 1
+        if numbers.shape != (size,) or numbers.dtype != np.float64 or numbers[-1] != self.num_envs:
             raise ValueError(
-                f"snapshot has shape {np.shape(snapshot)}; this simulator's have "
-                f"{self._memory.flat.shape}: it is of another scene or num_envs"
+                f"snapshot has shape {numbers.shape} and dtype {numbers.dtype}; this simulator's have "
+                f"({size},) and float64, with num_envs {self.num_envs} as the last entry: it is of "
+                "another scene or num_envs"
             )
-        self._memory.flat[:] = snapshot
+        self._memory.flat[:] = numbers[:-1]
 
     def advance(self, efforts: ArrayLike | None = None) -> Status:
         """Advance all lanes by one control interval under constant efforts.

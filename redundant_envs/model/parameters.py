@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.evaluators import cpu
-from redundant_envs.robots.parameters import LARGEST_RATIO
+from redundant_envs.robots.parameters import LARGEST, LARGEST_RATIO, SMALLEST
 from redundant_envs.scene import Scene, identifier
 
 Table = dict[str, NDArray[np.float64]]
@@ -80,6 +80,11 @@ def lane_values(
 def _check_positive(name: str, columns: NDArray[np.float64]) -> None:
     if not (columns > 0.0).all():
         raise ValueError(f"{name} has the entry {columns.min()}; it must be positive")
+    if columns.min() < SMALLEST or columns.max() > LARGEST:
+        raise ValueError(
+            f"{name} has entries from {columns.min()} to {columns.max()}; they must lie in "
+            f"{SMALLEST} to {LARGEST}: choose units in which they do"
+        )
     ratio = float((columns.max(axis=1) / columns.min(axis=1)).max())
     if ratio > LARGEST_RATIO:
         raise ValueError(f"{name} spans a ratio of {ratio:.1e}; at most {LARGEST_RATIO:.0e} is supported")

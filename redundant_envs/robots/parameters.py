@@ -10,6 +10,9 @@ from typing import Any, ClassVar
 LARGEST_RATIO = 1e12
 """Largest allowed ratio of two masses or two lengths: beyond it float64 loses the small one."""
 
+SMALLEST, LARGEST = 1e-30, 1e30
+"""Allowed masses and lengths: products of several of them must neither overflow nor vanish."""
+
 
 def number(field: str, value: Any) -> float:
     """A finite float, or a ValueError that names the field."""
@@ -41,6 +44,11 @@ def positive_numbers(field: str, values: Any, count: int, unit: str) -> tuple[fl
             raise ValueError(
                 f"{field}[{i}] is {x} {unit}; it must be positive "
                 "(a vanishing value makes the mass matrix singular in some pose)"
+            )
+        if not SMALLEST <= x <= LARGEST:
+            raise ValueError(
+                f"{field}[{i}] is {x} {unit}; it must lie in {SMALLEST} to {LARGEST}: choose units "
+                "in which it does"
             )
     if max(xs) > LARGEST_RATIO * min(xs):
         raise ValueError(

@@ -81,6 +81,7 @@ def test_unknown_effect_and_effect_field_list_the_valid_ones():
         ({"parameters": {"masses": (1, 1)}}, ["masses", "(2,)"]),
         ({"parameters": {"m1": -5.0}}, ["m1", "masses"]),
         ({"parameters": {"masses": (1, 1, 1, 1e-13)}}, ["masses", "ratio"]),
+        ({"parameters": {"masses": 1e-31}}, ["masses", "1e-31", "1e-30"]),
         ({"parameters": {"effort_limits.limits": (1, 1, -1, 1)}}, ["EffortLimits.limits[2]", "-1"]),
         ({"parameters": {"limit_spring.r1.upper": -3}}, ["LimitSpring", "upper", "-3"]),
         ({"parameters": {"limit_spring.r1.stiffness": 0}}, ["stiffness", "positive"]),
@@ -226,6 +227,17 @@ def test_snapshots_of_another_face_or_scene_are_refused():
     other.reset(seed=0)
     with pytest.raises(ValueError, match="another scene"):
         env.set_state(other.get_state())
+
+
+@pytest.mark.parametrize("count", [1, 3, 9])
+def test_snapshots_of_another_number_of_environments_change_nothing(count):
+    vector, other = gym.make_vec(ID, num_envs=8), gym.make_vec(ID, num_envs=count)
+    vector.reset(seed=0)
+    other.reset(seed=1)
+    before = vector.core.memory.flat.copy()
+    with pytest.raises(ValueError, match=f"{count} environments.* 8"):
+        vector.set_state(other.get_state())
+    np.testing.assert_array_equal(vector.core.memory.flat, before)
 
 
 def test_sb3_steps_only_after_reset_and_forgets_bad_options():

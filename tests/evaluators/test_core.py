@@ -152,6 +152,20 @@ def test_shapes_of_parameters(value, expected):
     np.testing.assert_array_equal(batch._memory.read(("gravity_g",))[:, 0], (1, 2, 3))
 
 
+@every_scene
+@pytest.mark.parametrize(("count", "threads"), [(1, 1), (7, 1), (9, 2), (17, 3)])
+def test_status_of_a_partly_filled_block(scene, count, threads):
+    q, qd, u = states(24)
+    qd[count - 1, 2] = np.nan
+    _, whole = run(scene, q, qd, u, steps=1)
+    _, part = run(scene, q[:count], qd[:count], u[:count], steps=1, threads=threads)
+    for name in ("finite", "numerics", "error_estimate", "evaluations"):
+        assert getattr(part, name).shape == (count,)
+        np.testing.assert_array_equal(getattr(part, name), getattr(whole, name)[:count])
+    assert not part.finite[-1]
+    assert part.finite[:-1].all()
+
+
 def test_status_of_each_method():
     q, qd, u = states(4)
     for scene in SCENES.values():
@@ -185,6 +199,8 @@ def test_error_estimate_follows_the_error():
         (lambda b: b.set_parameters({"gravity.g": np.nan}), ["gravity.g", "finite"]),
         (lambda b: b.advance(np.zeros((4, 3))), ["efforts", "(4, 3)"]),
         (lambda b: b.restore(np.zeros(5)), ["snapshot", "(5,)"]),
+        (lambda b: b.restore(b.save().astype(np.float32)), ["snapshot", "float32"]),
+        (lambda b: b.restore(rde.BatchSimulator(b.scene, 5).save()), ["snapshot", "num_envs 4"]),
         (lambda b: b.work, ["track_work"]),
     ],
 )

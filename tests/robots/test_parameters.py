@@ -2,6 +2,7 @@
 
 import re
 
+import numpy as np
 import pytest
 
 import redundant_envs as rde
@@ -19,7 +20,6 @@ def says(*parts):
 @ARMS
 def test_good_parameters_become_floats(arm):
     """Whole numbers, lists and arrays are taken; the stored values are tuples of floats."""
-    import numpy as np
 
     robot = arm(np.array([2, 1, 3, 1]), [int(i + 1) for i in range(len(LENGTHS[arm]))])
     assert robot.masses == (2.0, 1.0, 3.0, 1.0)
@@ -64,6 +64,24 @@ def test_bad_count(arm, field):
     for value, shown in ((1.0, "1.0"), ("1111", "'1111'"), (None, "None")):
         with pytest.raises(ValueError, match=says(f"{field} is {shown}", f"{needed} numbers")):
             arm(**{**good, field: value})
+
+
+@ARMS
+@pytest.mark.parametrize("field", ["masses", "lengths"])
+@pytest.mark.parametrize("scale", [1e-30, 1.0, 1e30])
+def test_scale(arm, field, scale):
+    """Every allowed scale gives the accelerations of scale 1; one beyond is refused."""
+    good = {"masses": MASSES, "lengths": LENGTHS[arm]}
+    q, qd, Q = np.array([0.3, 0.0, -0.4, 0.0]), np.array([1.0, 0.0, -2.0, 0.0]), np.zeros(4)
+    robot = arm(**{**good, field: (scale,) * len(good[field])})
+    assert np.isfinite(robot.forward_dynamics(q, qd, Q)).all()
+    if field == "masses":
+        usual = arm(**{**good, field: (1.0,) * 4}).forward_dynamics(q, qd, Q)
+        np.testing.assert_allclose(robot.forward_dynamics(q, qd, Q), usual, rtol=1e-13)
+    if scale != 1.0:
+        beyond = scale * (10.0 if scale > 1.0 else 0.1)
+        with pytest.raises(ValueError, match=says(f"{field}[0] is {beyond}", "1e-30 to 1e+30")):
+            arm(**{**good, field: (beyond,) * len(good[field])})
 
 
 @ARMS
