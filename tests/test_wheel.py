@@ -1,5 +1,6 @@
 """The wheel, in an empty environment with core dependencies only, makes every id and every scene."""
 
+import os
 import subprocess
 import sys
 import venv
@@ -43,6 +44,9 @@ def test_wheel_with_core_dependencies_only(tmp_path):
     subprocess.run(
         [python, "-m", "pip", "--quiet", "install", "--constraint", constraints, wheel], check=True
     )
-    done = subprocess.run([python, "-c", PROGRAM], check=False, capture_output=True, text=True, cwd=tmp_path)
+    clean = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+    done = subprocess.run(
+        [python, "-c", PROGRAM], check=False, capture_output=True, text=True, cwd=tmp_path, env=clean
+    )
     assert done.returncode == 0, done.stderr
     assert done.stdout.split()[0] == "4"
