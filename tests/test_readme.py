@@ -23,3 +23,13 @@ def test_programs_run(capsys):
     for block in blocks:
         exec(compile(block, "README.md", "exec"), namespace)
     assert "def four_r__forward_dynamics" in capsys.readouterr().out
+
+
+def test_the_table_of_learners_is_made_from_the_shipped_evaluations():
+    from agents.report import table
+
+    runs = sorted((ROOT / "docs" / "results" / "runs").iterdir())
+    rows = [line for line in table(runs).splitlines() if line.startswith("| ")]
+    assert len(rows) == 5
+    for row in rows:
+        assert row in (ROOT / "README.md").read_text(encoding="utf-8")
