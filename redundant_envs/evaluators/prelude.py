@@ -9,6 +9,7 @@ copied to the head of every assembled module, so that one hash covers it.
 import numpy as np
 from llvmlite import ir
 from numba import njit, types
+from numba.core import cgutils
 from numba.extending import intrinsic
 
 LANES = 8
@@ -217,8 +218,7 @@ def straight_line(function, reads, writes, lanes=LANES):
     @intrinsic
     def step(typing_context, memory, index):
         def code(context, builder, signature, arguments):
-            array = context.make_array(signature.args[0])(context, builder, arguments[0])
-            base = builder.gep(array.data, [arguments[1]])
+            base = _entry(context, builder, signature, arguments, 0)
             type_ = DOUBLE if lanes == 1 else ir.VectorType(DOUBLE, lanes)
 
             def place(row):
@@ -236,6 +236,15 @@ def straight_line(function, reads, writes, lanes=LANES):
     return step
 
 
+def _entry(context, builder, signature, arguments, k):
+    """Where the entry of array ``k`` lives whose index is the next argument."""
+    array = context.make_array(signature.args[k])(context, builder, arguments[k])
+    index = arguments[k + 1]
+    if signature.args[k].ndim == 2:  # the index is a line's
+        index = builder.mul(index, cgutils.unpack_tuple(builder, array.shape)[1])
+    return builder.gep(array.data, [index])
+
+
 def _pointer(builder, base, offset, type_):
     """Where ``offset`` numbers after ``base`` a value of ``type_`` lives."""
     return builder.bitcast(builder.gep(base, [ir.Constant(INT64, offset)]), type_.as_pointer())
@@ -247,15 +256,12 @@ def take(rows):
     @intrinsic
     def copy(typing_context, table, first, memory, index):
         def code(context, builder, signature, arguments):
-            source = context.make_array(signature.args[0])(context, builder, arguments[0])
-            array = context.make_array(signature.args[2])(context, builder, arguments[2])
-            item = source.data.type.pointee
+            source = _entry(context, builder, signature, arguments, 0)
+            base = _entry(context, builder, signature, arguments, 2)
+            item = source.type.pointee
             columns = len(rows)
-            start = builder.mul(arguments[1], ir.Constant(INT64, columns))
             block = ir.VectorType(item, LANES * columns)
-            place = _pointer(builder, builder.gep(source.data, [start]), 0, block)
-            values = builder.load(place, align=4)
-            base = builder.gep(array.data, [arguments[3]])
+            values = builder.load(_pointer(builder, source, 0, block), align=4)
             type_ = ir.VectorType(DOUBLE, LANES)
             for k, row in enumerate(rows):
                 chosen = [columns * i + k for i in range(LANES)]
@@ -277,16 +283,14 @@ def give(row):
     @intrinsic
     def copy(typing_context, memory, index, column, first):
         def code(context, builder, signature, arguments):
-            array = context.make_array(signature.args[0])(context, builder, arguments[0])
-            target = context.make_array(signature.args[2])(context, builder, arguments[2])
+            base = _entry(context, builder, signature, arguments, 0)
+            target = _entry(context, builder, signature, arguments, 2)
             type_ = ir.VectorType(DOUBLE, LANES)
-            base = builder.gep(array.data, [arguments[1]])
             values = builder.load(_pointer(builder, base, row * LANES, type_), align=8)
             if signature.args[2].dtype == types.boolean:
                 values = builder.fcmp_ordered("==", values, _constant(type_, 0.0))
                 values = builder.zext(values, ir.VectorType(ir.IntType(8), LANES))
-            base = builder.gep(target.data, [arguments[3]])
-            builder.store(values, _pointer(builder, base, 0, values.type), align=1)
+            builder.store(values, _pointer(builder, target, 0, values.type), align=1)
             return context.get_dummy_value()
 
         return types.void(memory, index, column, first), code
