@@ -20,6 +20,12 @@ ARMS: dict[str, type[Arm]] = {}
 
 ACTUATIONS = ("joint", "generalized")
 
+SMALLEST_TOLERANCE, LARGEST_TOLERANCE = 1e-13, 1e-2
+"""Allowed tip errors per control interval, m."""
+
+ACCURACIES = {"standard": 1e-6, "exact": 1e-12}
+"""Named tolerances: tip error per control interval, m."""
+
 
 @dataclass(frozen=True)
 class Scene:
@@ -35,6 +41,9 @@ class Scene:
         Control interval [s]; efforts are constant over it.
     substeps : int
         Equal steps per control interval.
+    tolerance : float, optional
+        Largest estimated tip error of a control interval [m]: every lane takes as many rk8 steps
+        as that needs, 1, 2, 4, ... 256. None is the fixed step.
     actuation : {"joint", "generalized"}
         "joint": efforts act at the joints, Q = B t. "generalized": the report's convention,
         efforts conjugate to the absolute angles.
@@ -45,6 +54,7 @@ class Scene:
     integrator: str = "rk8"
     control_dt: float = 0.02
     substeps: int = 1
+    tolerance: float | None = None
     actuation: str = "joint"
 
     def __post_init__(self) -> None:
@@ -74,8 +84,30 @@ class Scene:
             raise ValueError(f"substeps is {self.substeps!r}; give a whole number")
         if self.substeps < 1:
             raise ValueError(f"substeps is {self.substeps}; it must be at least 1")
+        self._check_tolerance()
         if self.actuation not in ACTUATIONS:
             raise ValueError(f"actuation is {self.actuation!r}; choose {', '.join(ACTUATIONS)}")
+
+    def _check_tolerance(self) -> None:
+        if self.tolerance is None:
+            return
+        tolerance = number("tolerance", self.tolerance)
+        if not SMALLEST_TOLERANCE <= tolerance <= LARGEST_TOLERANCE:
+            raise ValueError(
+                f"tolerance is {tolerance} m; it must lie in {SMALLEST_TOLERANCE:g} to {LARGEST_TOLERANCE:g}"
+                " (rounding forbids less, and more says nothing)"
+            )
+        if self.integrator != "rk8":
+            raise ValueError(
+                f"tolerance is {tolerance} m with integrator {self.integrator!r}; only 'rk8' has the "
+                "error estimate it needs"
+            )
+        if self.substeps != 1:
+            raise ValueError(
+                f"tolerance is {tolerance} m with {self.substeps} substeps; error control chooses the "
+                "steps itself: leave substeps at 1"
+            )
+        object.__setattr__(self, "tolerance", tolerance)
 
     def parameters(self) -> dict[str, float]:
         """All numbers of the scene by parameter name: "m1", "gravity.g", "limit_spring.r1.upper"."""
@@ -105,6 +137,7 @@ class Scene:
             "integrator": self.integrator,
             "control_dt": self.control_dt,
             "substeps": self.substeps,
+            "tolerance": self.tolerance,
             "actuation": self.actuation,
         }
 
@@ -177,6 +210,11 @@ def load_scene(scene: str | Path | Mapping[str, Any] | Scene) -> Scene:
         return scene
     if isinstance(scene, Mapping):
         return Scene.from_dict(scene)
+    return Scene.from_dict(scene_data(scene))
+
+
+def scene_data(scene: str | Path) -> Any:
+    """What the file of a scene holds."""
     if not isinstance(scene, str | Path):
         raise ValueError(
             f"scene is {type(scene).__name__}; give a name, a path or a mapping (Scene.to_dict() makes one)"
@@ -188,7 +226,39 @@ def load_scene(scene: str | Path | Mapping[str, Any] | Scene) -> Scene:
         raise ValueError(
             f"scene is {str(scene)!r}; there is no such file and no such name: {', '.join(scene_names())}"
         )
-    return Scene.from_dict(yaml.safe_load(path.read_text(encoding="utf-8")))
+    return yaml.safe_load(path.read_text(encoding="utf-8"))
+
+
+def scene_at(scene: str | Path | Mapping[str, Any] | Scene, accuracy: str | float | None) -> Scene:
+    """A scene at an accuracy of :data:`ACCURACIES`, or at a tip error per control interval [m].
+
+    With None a scene keeps its own integrator, substeps and tolerance, and "standard" serves one
+    that gives none of them.
+    """
+    named = isinstance(scene, str) and not scene.endswith((".yaml", ".yml"))
+    if named or isinstance(scene, Scene):
+        own: tuple[str, ...] = ()
+    else:
+        data = scene if isinstance(scene, Mapping) else scene_data(scene)
+        own = tuple(k for k in ("integrator", "substeps", "tolerance") if k in data)
+    built = load_scene(scene)
+    if accuracy is None:
+        if own or named or isinstance(scene, Scene):
+            return built
+        accuracy = "standard"
+    if own:
+        raise ValueError(
+            f"accuracy is {accuracy!r} and the scene gives {', '.join(own)}; accuracy stands for "
+            "integrator, substeps and tolerance: give one or the other"
+        )
+    if isinstance(accuracy, str):
+        if accuracy not in ACCURACIES:
+            raise ValueError(
+                f"accuracy is {accuracy!r}; choose {', '.join(ACCURACIES)} or a tip error in metres"
+            )
+        accuracy = ACCURACIES[accuracy]
+    tolerance = number("accuracy", accuracy)
+    return dataclasses.replace(built, integrator="rk8", substeps=1, tolerance=tolerance)
 
 
 def identifier(parameter: str) -> str:

@@ -21,6 +21,11 @@ def energy(position, lower, upper, stiffness):
     return 0.5 * stiffness * (upper - position) ** 2 + 0.5 * stiffness * (lower - position) ** 2
 
 
+@physics
+def steepness(stiffness):
+    return 2.0 * stiffness
+
+
 @dataclass(frozen=True)
 class CentringSpring(Effect):
     """k/2 (r_max - r)^2 + k/2 (r_min - r)^2 on both prismatic joints of the RPRP arm, always on.
@@ -72,6 +77,7 @@ class CentringSpring(Effect):
                 },
                 potential=energy,
                 conservative=force,
+                stiffness=steepness,
             )
             for i, k in enumerate(joints)
         )

@@ -31,6 +31,10 @@ class Force:
     ``conservative`` is the part of it that is minus the derivative of ``potential`` [J] with respect
     to ``position``: it is booked in the potential energy, the power of the rest as work. A force
     without a potential is all booked as work.
+
+    ``stiffness`` [N/m or N m/rad] and ``damping`` [N s/m or N m s/rad] give the largest that the
+    force can have, from the parameters alone: error control takes steps short enough for a spring
+    before an estimate could have seen it.
     """
 
     joint: int
@@ -38,6 +42,8 @@ class Force:
     bind: Mapping[str, str] = field(default_factory=dict)
     potential: Callable[..., Any] | None = None
     conservative: Callable[..., Any] | None = None
+    stiffness: Callable[..., Any] | None = None
+    damping: Callable[..., Any] | None = None
 
 
 @dataclass(frozen=True)

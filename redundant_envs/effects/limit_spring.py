@@ -28,6 +28,11 @@ def force(position, rate, lower, upper, stiffness, damping):
     return -depth * maximum(stiffness + damping * speed_in, 0.0)
 
 
+@physics
+def steepness(stiffness):
+    return stiffness
+
+
 @dataclass(frozen=True)
 class LimitSpring(Effect):
     """Limited travel of one joint: the compliant form of the stop the report describes.
@@ -82,4 +87,4 @@ class LimitSpring(Effect):
             "stiffness": ".stiffness",
             "damping": ".damping",
         }
-        return (Force(k, force, bind, potential=spring_energy, conservative=spring),)
+        return (Force(k, force, bind, potential=spring_energy, conservative=spring, stiffness=steepness),)

@@ -16,6 +16,11 @@ def force(rate, coefficient):
     return -coefficient * rate
 
 
+@physics
+def slope(coefficient):
+    return coefficient
+
+
 @dataclass(frozen=True)
 class ViscousFriction(Effect):
     """Friction proportional to the joint rates.
@@ -37,7 +42,13 @@ class ViscousFriction(Effect):
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(
-            Force(k, force, {"rate": f"phid{k + 1}", "coefficient": f".coefficients[{k}]"}) for k in range(4)
+            Force(
+                k,
+                force,
+                {"rate": f"phid{k + 1}", "coefficient": f".coefficients[{k}]"},
+                damping=slope,
+            )
+            for k in range(4)
         )
 
 

@@ -15,7 +15,7 @@ from redundant_envs.evaluators import cpu
 from redundant_envs.evaluators.assemble import assemble
 from redundant_envs.evaluators.assemble_task import DISABLED, NEXT_STEP, OBSERVE, RESET, SAME_STEP, STEP
 from redundant_envs.model import parameters
-from redundant_envs.scene import Scene, load_scene
+from redundant_envs.scene import Scene, scene_at
 from redundant_envs.tasks.reach import ReachTask
 
 OPTION_KEYS = ("q", "qd", "goal", "parameters")
@@ -38,8 +38,9 @@ class Core:
         task: ReachTask | None = None,
         max_episode_steps: int | None = None,
         fixed_geometry: bool = False,
+        accuracy: str | float | None = None,
     ) -> None:
-        self.scene = load_scene(scene)
+        self.scene = scene_at(scene, accuracy)
         self.task = task or ReachTask()
         limits = [e for e in self.scene.effects if isinstance(e, EffortLimits)]
         if not limits or self.scene.actuation != "joint":

@@ -31,6 +31,7 @@ class ReachEnv(gym.Env[Any, Any]):
     def __init__(
         self,
         scene: str | Mapping[str, Any],
+        accuracy: str | float | None = None,
         render_mode: str | None = None,
         on_bad_action: str = "raise",
         task: Mapping[str, Any] | None = None,
@@ -39,7 +40,7 @@ class ReachEnv(gym.Env[Any, Any]):
             raise ValueError(f"render_mode is {render_mode!r}; choose None, 'rgb_array' or 'human'")
         if on_bad_action not in ON_BAD_ACTION:
             raise ValueError(f"on_bad_action is {on_bad_action!r}; choose {', '.join(ON_BAD_ACTION)}")
-        self.core = Core(plain_scene(scene), 1, make_task(task), fixed_geometry=self.goal)
+        self.core = Core(plain_scene(scene), 1, make_task(task), fixed_geometry=self.goal, accuracy=accuracy)
         self.on_bad_action = on_bad_action
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": round(1.0 / self.core.scene.control_dt)}

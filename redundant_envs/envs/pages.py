@@ -61,6 +61,8 @@ def argument_table(kind: type[Any]) -> str:
 
 ARGUMENTS = {
     "scene": "Scene by name, path of a YAML file, or mapping (`Scene.to_dict()`).",
+    "accuracy": "`'standard'`, `'exact'`, or the tip error per control interval in metres; `None` "
+    "keeps what the scene gives.",
     "render_mode": "`None`, `'rgb_array'`, or `'human'` (through Gymnasium's wrapper).",
     "on_bad_action": "`'raise'` or `'terminate'`: what a non-finite action does.",
     "task": "Mapping of the task's numbers, listed under Task.",
@@ -99,9 +101,9 @@ def page(kind: type[Any], arm: str, scene_name: str) -> str:
 
 ## Description
 Point masses of {masses} kg, link lengths {lengths} m, joint friction and gravity. Efforts act at
-the joints and are constant over a control interval of {dt} s ({rate} Hz), which the
-integrator `{scene.integrator}` crosses in {scene.substeps} step(s). The reach is redundant: four
-joints place a tip in two dimensions.
+the joints and are constant over a control interval of {dt} s ({rate} Hz), which is simulated to a
+tip error of {scene.tolerance:g} m; `accuracy` chooses another. The reach is redundant: four joints place
+a tip in two dimensions.
 
 ## Action Space
 `Box(-1.0, 1.0, (4,), float32)`. Finite actions outside saturate and are counted in
@@ -129,7 +131,9 @@ annulus from {task.inner:g} to {task.outer:g} of the full reach.
 
 ## Episode End
 Termination: only numerical trouble, named in `info["numerics"]` (1 non-finite state, 2 non-finite
-action, 4 a velocity beyond {task.speed_bound:g} rad/s or m/s). Truncation: after 100 steps.
+action, 4 a velocity beyond {task.speed_bound:g} rad/s or m/s; 8, a tolerance not reached, does not end
+the episode). Truncation: after 100 steps. `info["evaluations"]` counts the evaluations of the equations
+of motion in the episode, `info["error_estimate"]` is its largest estimated tip error of a step, m.
 
 ## Arguments
 {argument_table(kind)}

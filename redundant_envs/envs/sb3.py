@@ -41,12 +41,13 @@ class SB3VecEnv(VecEnv):
         on_bad_action: str = "terminate",
         task: Mapping[str, Any] | None = None,
         render_mode: str | None = None,
+        accuracy: str | float | None = None,
     ) -> None:
         if on_bad_action not in ON_BAD_ACTION:
             raise ValueError(f"on_bad_action is {on_bad_action!r}; choose {', '.join(ON_BAD_ACTION)}")
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode is {render_mode!r}; choose None or 'rgb_array'")
-        self.core = Core(scene, num_envs, make_task(task), max_episode_steps, goal)
+        self.core = Core(scene, num_envs, make_task(task), max_episode_steps, goal, accuracy)
         self.goal = goal
         self.on_bad_action = on_bad_action
         self.render_mode = render_mode
@@ -186,7 +187,8 @@ def make_sb3(env_id: str, num_envs: int = 256, **kwargs: Any) -> SB3VecEnv:
         A registered id, with or without the namespace.
     num_envs : int
     **kwargs
-        Those of ``gymnasium.make``: scene, task, on_bad_action, render_mode, max_episode_steps.
+        Those of ``gymnasium.make``: scene, accuracy, task, on_bad_action, render_mode,
+        max_episode_steps.
     """
     full = env_id if "/" in env_id else f"redundant_envs/{env_id}"
     if full not in ids():
@@ -195,7 +197,7 @@ def make_sb3(env_id: str, num_envs: int = 256, **kwargs: Any) -> SB3VecEnv:
         raise ValueError(f"num_envs is {num_envs!r}; give a whole number of at least 1")
     spec = gym.spec(full)
     arguments = {"max_episode_steps": spec.max_episode_steps, **spec.kwargs, **kwargs}
-    valid = ("scene", "task", "on_bad_action", "render_mode", "max_episode_steps")
+    valid = ("scene", "accuracy", "task", "on_bad_action", "render_mode", "max_episode_steps")
     for key in arguments:
         if key not in valid:
             raise ValueError(f"make_sb3 has no argument {key!r}; valid: {', '.join(valid)}")

@@ -22,8 +22,14 @@ KERNEL_MODE = {
 }
 ON_BAD_ACTION = ("raise", "terminate")
 BOOLEAN = ("is_success", "touched_new")
-WHOLE = ("numerics", "saturated", "steps")
-INFO_NAMES = {"touched_new": "touch_success", "saturated": "saturated_actions", "steps": "episode_steps"}
+WHOLE = ("numerics", "saturated", "steps", "evaluations_sum")
+INFO_NAMES = {
+    "touched_new": "touch_success",
+    "saturated": "saturated_actions",
+    "steps": "episode_steps",
+    "evaluations_sum": "evaluations",
+    "error_most": "error_estimate",
+}
 
 
 def info_name(column: str) -> str:
@@ -69,6 +75,9 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
     task : mapping
         Numbers of :class:`~redundant_envs.tasks.reach.ReachTask` other than the defaults.
     render_mode : {None, "rgb_array"}
+    accuracy : {"standard", "exact"} or float, optional
+        Tip error per control interval [m] of the simulation: 1e-6, 1e-12 or the number given. None
+        keeps what the scene gives; "standard" where it gives nothing.
     """
 
     goal = False
@@ -83,6 +92,7 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
         on_bad_action: str = "terminate",
         task: Mapping[str, Any] | None = None,
         render_mode: str | None = None,
+        accuracy: str | float | None = None,
     ) -> None:
         if isinstance(num_envs, bool) or not isinstance(num_envs, int) or num_envs < 1:
             raise ValueError(f"num_envs is {num_envs!r}; give a whole number of at least 1")
@@ -91,7 +101,9 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
             raise ValueError(f"on_bad_action is {on_bad_action!r}; choose {', '.join(ON_BAD_ACTION)}")
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode is {render_mode!r}; a vector has None or 'rgb_array'")
-        self.core = Core(plain_scene(scene), num_envs, make_task(task), max_episode_steps, self.goal)
+        self.core = Core(
+            plain_scene(scene), num_envs, make_task(task), max_episode_steps, self.goal, accuracy
+        )
         self.num_envs = num_envs
         self.on_bad_action = on_bad_action
         self.render_mode = render_mode

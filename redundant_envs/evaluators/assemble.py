@@ -18,10 +18,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from redundant_envs.algebra import arguments_of, gives_of, is_physics, physics, sqrt, where
+from redundant_envs.algebra import arguments_of, gives_of, is_physics
 from redundant_envs.effects.hooks import Actuation, Effect, Field, Force
 from redundant_envs.evaluators.binding import helpers
 from redundant_envs.evaluators.quantities import Call, calls
+from redundant_envs.integrators.error_control import tip_error
 from redundant_envs.integrators.fixed_step import step_lines
 from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.scene import Scene, identifier
@@ -34,13 +35,20 @@ NO_FIELD = "-0.0"
 PLACES = ("tip_x", "tip_y", "goal_x", "goal_y")
 """Achieved and desired goal, the last columns of the outputs."""
 
-NON_FINITE, BAD_ACTION, SPEED_BOUND = 1.0, 2.0, 4.0
+RESULTS = ("evaluations", "trouble")
+"""What a lane with steps of its own tells of its interval, beside the state and the error."""
+PLAN = ("floor", "marked", "steps_of_lane", "steps_left")
+"""Steps it needs at least, whether one step does not do, and how many it takes instead."""
+GROUP = 16
+"""Blocks that go through an interval together where lanes take steps of their own."""
 
+SIGNATURES = {
+    "advance": (
+        "void(float64[::1], float64[:, ::1], float64[::1], boolean[::1], int64[::1], int8[::1], int64)"
+    )
+}
 
-@physics(gives="tip_error")
-def tip_error(e5, e3):
-    """Hairer's blend of the two embedded estimates of DOP853, in metres at the tip."""
-    return where(e5 > 0.0, e5 * e5 / sqrt(e5 * e5 + 0.01 * e3 * e3), e5)
+NON_FINITE, BAD_ACTION, SPEED_BOUND, TOLERANCE_NOT_REACHED = 1.0, 2.0, 4.0, 8.0
 
 
 def prefixed(function: Callable[..., Any]) -> str:
@@ -84,6 +92,8 @@ class Assembly:
         if self.task is not None:
             values.update(self.task.parameters())
             values.update(self.task.constants(self.scene))
+        if self.scene.tolerance is not None:
+            values["tip_tolerance"] = self.scene.tolerance
         return values
 
     @cached_property
@@ -91,7 +101,12 @@ class Assembly:
         """Statements that follow from the parameters alone; run when a parameter is set."""
         functions = self.scene.robot.prepared
         wanted = [name for f in functions for name in gives_of(f)]
-        return calls(wanted, self.parameters, functions, {})
+        order = calls(wanted, self.parameters, functions, {})
+        if self.controlled:
+            from redundant_envs.evaluators.assemble_lanes import steady_steps
+
+            order += steady_steps(self)
+        return order
 
     @cached_property
     def numbers(self) -> tuple[str, ...]:
@@ -105,7 +120,7 @@ class Assembly:
             return {}
         return {k: identifier(v) for k, v in self.task.aliases(self.scene).items()}
 
-    def _bound(self, effect: Effect, hook: Field | Force | Actuation, function: Any) -> list[str]:
+    def bound(self, effect: Effect, hook: Field | Force | Actuation, function: Any) -> list[str]:
         """Arguments of a hook's function as identifiers."""
         names = []
         for a in arguments_of(function):
@@ -114,7 +129,8 @@ class Assembly:
         return names
 
     @cached_property
-    def _hooks(self) -> list[tuple[Effect, Field | Force | Actuation]]:
+    def hooks(self) -> list[tuple[Effect, Field | Force | Actuation]]:
+        """Where the scene's effects attach."""
         return [(e, h) for e in self.scene.effects for h in e.hooks(self.scene.robot)]
 
     # ---- the right-hand side ---------------------------------------------------------------------
@@ -138,8 +154,8 @@ class Assembly:
 
         effort = {k: f"command{k + 1}" for k in range(4)}
         field = {"ax": NO_FIELD, "ay": NO_FIELD}
-        for effect, hook in self._hooks:
-            arguments = self._bound(effect, hook, hook.function)
+        for effect, hook in self.hooks:
+            arguments = self.bound(effect, hook, hook.function)
             require(a for a in arguments if a not in known)
             if isinstance(hook, Field):
                 statement(("ax", "ay"), hook.function, arguments)
@@ -158,17 +174,17 @@ class Assembly:
             for k in range(4):
                 joint[k].append(effort[k])
                 working[k].append(effort[k])
-        for i, (effect, hook) in enumerate(self._hooks):
+        for i, (effect, hook) in enumerate(self.hooks):
             if isinstance(hook, Force):
                 name = f"force{i}"
-                statement((name,), hook.function, self._bound(effect, hook, hook.function))
+                statement((name,), hook.function, self.bound(effect, hook, hook.function))
                 joint[hook.joint].append(name)
                 if hook.conservative is hook.function:
                     continue
                 working[hook.joint].append(name)
                 if hook.conservative is not None and self.track_work:
                     booked = f"booked{i}"
-                    arguments = self._bound(effect, hook, hook.conservative)
+                    arguments = self.bound(effect, hook, hook.conservative)
                     require(a for a in arguments if a not in known)
                     statement((booked,), hook.conservative, arguments)
                     working[hook.joint].append(f"(-{booked})")
@@ -209,7 +225,12 @@ class Assembly:
         if self.task is None:
             return ()
         terms = tuple(f"{t}_sum" for t in self.task.reward_terms())
-        return (*self.task.memory, *terms, "steps", "saturated", "numerics")
+        return (*self.task.memory, *terms, *self.spent, "steps", "saturated", "numerics")
+
+    @cached_property
+    def spent(self) -> tuple[str, ...]:
+        """What an episode has cost so far: evaluations, and the largest error of an interval."""
+        return ("evaluations_sum", "error_most") if self.controlled else ()
 
     @cached_property
     def draws(self) -> tuple[str, ...]:
@@ -224,7 +245,7 @@ class Assembly:
         terms = tuple(f"{t}_sum" for t in self.task.reward_terms())
         return (
             "reward", "terminated", "truncated", *self.task.measures, "numerics", "saturated",
-            "steps", *terms, *PLACES,
+            "steps", *self.spent, *terms, *PLACES,
         )  # fmt: skip
 
     @cached_property
@@ -235,14 +256,14 @@ class Assembly:
     @cached_property
     def rows(self) -> dict[str, int]:
         """Row of every number in a block."""
+        before = tuple(f"{s}_before" for s in self.states)
         names = [
-            *self.states, "h", "interval", "error_sum",
-            *(() if self.task else ("state_defect",)),
+            *self.states, "error_sum", *(RESULTS if self.controlled else ()), "h", "interval",
             *(f"command{k}" for k in range(1, 5)), *self.numbers,
+            *((*before, *PLAN) if self.controlled else before if self.task else ()),
+            *(("limit",) if self.task else ("state_defect", "numerics")),
             *self.actions, *self.memory, *(f"out_{n}" for n in self.outputs),
-            *(f"obs_{i}" for i in range(len(self.observed))),
-            *((*(f"{s}_before" for s in self.states), "limit") if self.task else ()),
-            *self.draws,
+            *(f"obs_{i}" for i in range(len(self.observed))), *self.draws,
         ]  # fmt: skip
         return {name: i for i, name in enumerate(names)}
 
@@ -284,6 +305,10 @@ class Assembly:
             functions = [*functions, *task_functions]
         else:
             kernels = [self._advance_text()]
+        if self.controlled:
+            from redundant_envs.evaluators.assemble_lanes import controlled_interval
+
+            kernels = [controlled_interval(self, functions), *kernels]
         effects = ", ".join(e.key for e in self.scene.effects) or "no effects"
         parts = [
             # No number of the scene stands here: changing numbers never compiles anew.
@@ -348,10 +373,33 @@ class Assembly:
         step = f"def step({arguments}):\n" + indent([*lines, f"return {new}"], 1)
         return "\n\n".join([*(function_text(f) for f in helpers(functions)), self.rhs_text, step])
 
-    def substep_loop(self) -> list[str]:
-        """Lines that advance all lanes of a block by its substeps."""
-        clear = ["clear(W, o)"] if self.estimates else []
-        return [*clear, "for _ in range(substeps):", "    step(W, o)"]
+    @property
+    def controlled(self) -> bool:
+        """Whether each lane takes steps of its own, chosen by its error."""
+        return self.scene.tolerance is not None
+
+    def block_loop(self, first: list[str], then: list[str]) -> list[str]:
+        """Lines that advance all lanes by a control interval.
+
+        ``first`` and ``then`` are lines for the block of number ``b`` at ``o``, with ``first_lane``
+        and the number of ``lanes`` that count. Where lanes take steps of their own, the blocks
+        go through in groups, so that those lanes can fill blocks together.
+        """
+        head = ["o = b * STRIDE", f"first_lane = b * {LANES}", f"lanes = min({LANES}, count - first_lane)"]
+        blocks = f"(count + {LANES - 1}) // {LANES}"
+        if not self.controlled:
+            clear = ["clear(W, o)"] if self.estimates else []
+            steps = [*clear, "for _ in range(substeps):", "    step(W, o)"]
+            return [f"for b in range({blocks}):", *block([*head, *first, *steps, *then])]
+        return [
+            f"for begin_block in range(0, {blocks}, {GROUP}):",
+            f"    end_block = min({blocks}, begin_block + {GROUP})",
+            "    for b in range(begin_block, end_block):",
+            *block([*head, *first], 2),
+            f"    cross_interval(W, begin_block, end_block, min(count, end_block * {LANES}))",
+            "    for b in range(begin_block, end_block):",
+            *block([*head, *then], 2),
+        ]
 
     @property
     def estimates(self) -> bool:
@@ -360,37 +408,40 @@ class Assembly:
 
     def _advance_text(self) -> str:
         defect = " + ".join(f"({s} - {s})" for s in self.states[:8])
+        trouble = " + trouble" if self.controlled else ""
         commands = [self.rows[f"command{k}"] for k in range(1, 5)]
-        give_error = ["give_error(W, o, errors, first)"] if self.estimates else []
+        given = {"finite": "state_defect"}
+        if self.estimates:
+            given["error"] = "error_sum"
+        if self.controlled:
+            given |= {"evaluations": "evaluations", "numerics": "numerics"}
+        first = [
+            f"if lanes == {LANES}:",
+            "    take_efforts(efforts, first_lane, W, o)",
+            "else:",
+            "    for i in range(lanes):",
+            *(f"        {self.at(f'command{k + 1}')} = efforts[first_lane + i, {k}]" for k in range(4)),
+        ]
+        then = ["inspect(W, o)", *(f"give_{name}(W, o, {name}, first_lane)" for name in given)]
         body = [
-            '"""Advance all lanes by one control interval; errors and finites are of whole blocks."""',
+            '"""Advance all lanes by one control interval; what is given back has whole blocks."""',
             "wide_vectors()",
             "count = efforts.shape[0]",
-            f"for b in range((count + {LANES - 1}) // {LANES}):",
-            "    o = b * STRIDE",
-            f"    first = b * {LANES}",
-            f"    if first + {LANES} <= count:",
-            "        take_efforts(efforts, first, W, o)",
-            "    else:",
-            "        for i in range(count - first):",
-            *(f"            {self.at(f'command{k + 1}')} = efforts[first + i, {k}]" for k in range(4)),
-            *(f"    {line}" for line in self.substep_loop()),
-            "    inspect(W, o)",
-            "    give_finite(W, o, finites, first)",
-            *(f"    {line}" for line in give_error),
+            *self.block_loop(first, then),
         ]
+        writes = {"state_defect": "defect", "numerics": f"where(defect == 0.0, 0.0, {NON_FINITE}){trouble}"}
         parts = [
             self.lane_function(
-                "inspect", "NaN where a state is not finite, else 0.", [], {"state_defect": defect}
+                "inspect", "Whether a state is not finite, and all trouble.", [f"defect = {defect}"], writes
             ),
-            f"take_efforts = take({commands})\n"
-            f"give_finite = give({self.rows['state_defect']})\n"
-            + (f"give_error = give({self.rows['error_sum']})\n" if self.estimates else "")
-            + "SIGNATURES = {\n"
-            '    "advance": "void(float64[::1], float64[:, ::1], float64[::1], boolean[::1], "\n'
-            '    "int64)"\n'
-            "}",
-            "def advance(W, efforts, errors, finites, substeps):\n" + indent(body, 1),
+            "\n".join(
+                [
+                    f"take_efforts = take({commands})",
+                    *(f"give_{name} = give({self.rows[row]})" for name, row in given.items()),
+                    f"SIGNATURES = {SIGNATURES}",
+                ]
+            ),
+            "def advance(W, efforts, error, finite, evaluations, numerics, substeps):\n" + indent(body, 1),
         ]
         return "\n\n\n".join(parts)
 
@@ -410,9 +461,14 @@ def emit(call: Call, lines: list[str], used: list[Callable[..., Any]]) -> None:
         lines.append(f"{', '.join(call.names)} = {prefixed(call.function)}({arguments})")
 
 
+def block(lines: Iterable[str], levels: int = 1) -> list[str]:
+    """Lines one or more levels deeper."""
+    return ["    " * levels + line for line in lines]
+
+
 def indent(lines: Iterable[str], levels: int) -> str:
     """Lines as indented text."""
-    return "\n".join("    " * levels + line for line in lines)
+    return "\n".join(block(lines, levels))
 
 
 def assemble(scene: Scene, task: ReachTask | None = None, track_work: bool = False) -> Assembly:

@@ -13,6 +13,7 @@ from redundant_envs.evaluators.assemble import (
     PLACES,
     SPEED_BOUND,
     Assembly,
+    block,
     emit,
     indent,
     prefixed,
@@ -103,7 +104,7 @@ def _settle(a: Assembly, task: ReachTask, used: list[Any]) -> str:
         **{s: s for s in a.states},
         **task.renewed,
         **{f"{t}_sum": f"{t}_sum + {t}" for t in terms},
-        "numerics": "code",
+        "numerics": "code + trouble" if a.controlled else "code",
         "steps": "steps + 1.0",
         "out_reward": " + ".join(terms),
         "out_terminated": "where(code > 0.0, 1.0, 0.0)",
@@ -111,6 +112,9 @@ def _settle(a: Assembly, task: ReachTask, used: list[Any]) -> str:
         "out_is_success": "is_success",
         "out_touched_new": "touched_new",
     }
+    if a.controlled:
+        writes["evaluations_sum"] = "evaluations_sum + evaluations"
+        writes["error_most"] = "maximum(error_most, error_sum)"
     return a.lane_function("settle", "Reward, success and trouble.", lines, writes)
 
 
@@ -161,56 +165,71 @@ def _store(a: Assembly) -> str:
         f"for k in range({len(a.outputs)}):",
         f"    out[n, k] = W[o + ({a.rows['out_reward']} + k) * {LANES} + i]",
     ]
-    return f"@njit(**OPTIONS)\ndef store(W, o, i, n, obs, out):\n{indent(body, 1)}"
+    show = [
+        '"""Observe a block and copy what its lanes show to the tables."""',
+        "wide_vectors()",
+        "observe(W, o)",
+        "for i in range(lanes):",
+        "    store(W, o, i, first_lane + i, obs, out)",
+    ]
+    return (
+        f"@njit(**OPTIONS)\ndef store(W, o, i, n, obs, out):\n{indent(body, 1)}\n\n\n"
+        f"@njit(inline='always', **OPTIONS)\ndef show(W, o, first_lane, lanes, obs, out):\n{indent(show, 1)}"
+    )
 
 
 def _environment(a: Assembly) -> str:
     """One call for all lanes: step, reset or observe, with autoreset."""
     done = f"{a.at('out_terminated')} + {a.at('out_truncated')} > 0.0"
+    take = [
+        f"if lanes == {LANES}:",
+        "    take_actions(actions, first_lane, W, o)",
+        "else:",
+        "    for i in range(lanes):",
+        *(f"        {a.at(f'action{k + 1}')} = actions[first_lane + i, {k}]" for k in range(4)),
+        "command(W, o)",
+    ]
+    settle = [
+        "settle(W, o)",
+        f"if autoreset == {NEXT_STEP}:",
+        "    for i in range(lanes):",
+        "        if mask[first_lane + i]:",
+        "            begin(W, o, i, keys, first_lane + i)",
+        "            mask[first_lane + i] = 2",
+        f"        elif {done}:",
+        "            mask[first_lane + i] = 1",
+        "show(W, o, first_lane, lanes, obs, out)",
+        f"if autoreset == {SAME_STEP}:",
+        "    again = False",
+        "    for i in range(lanes):",
+        f"        if {done}:",
+        "            store(W, o, i, first_lane + i, last_obs, last_out)",
+        "            begin(W, o, i, keys, first_lane + i)",
+        "            mask[first_lane + i] = 1",
+        "            again = True",
+        "    if again:",
+        "        show(W, o, first_lane, lanes, obs, out)",
+        "        for i in range(lanes):",
+        "            if mask[first_lane + i]:",
+        f"                for k in range({len(ENDS)}):",
+        "                    out[first_lane + i, k] = last_out[first_lane + i, k]",
+    ]
     body = [
         '"""Step, reset (where mask is set) or observe all environments."""',
         "wide_vectors()",
         "count = obs.shape[0]",
-        f"for b in range((count + {LANES - 1}) // {LANES}):",
-        "    o = b * STRIDE",
-        f"    first = b * {LANES}",
-        f"    lanes = min({LANES}, count - first)",
-        f"    if op == {STEP}:",
-        f"        if lanes == {LANES}:",
-        "            take_actions(actions, first, W, o)",
-        "        else:",
+        f"if op == {STEP}:",
+        *block(a.block_loop(take, settle)),
+        "else:",
+        f"    for b in range((count + {LANES - 1}) // {LANES}):",
+        "        o = b * STRIDE",
+        f"        first_lane = b * {LANES}",
+        f"        lanes = min({LANES}, count - first_lane)",
+        f"        if op == {RESET}:",
         "            for i in range(lanes):",
-        *(f"                {a.at(f'action{k + 1}')} = actions[first + i, {k}]" for k in range(4)),
-        "        command(W, o)",
-        *(f"        {line}" for line in a.substep_loop()),
-        "        settle(W, o)",
-        f"        if autoreset == {NEXT_STEP}:",
-        "            for i in range(lanes):",
-        "                if mask[first + i]:",
-        "                    begin(W, o, i, keys, first + i)",
-        "                    mask[first + i] = 2",
-        f"                elif {done}:",
-        "                    mask[first + i] = 1",
-        f"    elif op == {RESET}:",
-        "        for i in range(lanes):",
-        "            if mask[first + i]:",
-        "                begin(W, o, i, keys, first + i)",
-        "    observe(W, o)",
-        f"    if op == {STEP} and autoreset == {SAME_STEP}:",
-        "        again = False",
-        "        for i in range(lanes):",
-        f"            if {done}:",
-        "                store(W, o, i, first + i, last_obs, last_out)",
-        "                begin(W, o, i, keys, first + i)",
-        "                mask[first + i] = 1",
-        "                again = True",
-        "        if again:",
-        "            observe(W, o)",
-        "    for i in range(lanes):",
-        "        store(W, o, i, first + i, obs, out)",
-        f"        if op == {STEP} and autoreset == {SAME_STEP} and mask[first + i]:",
-        f"            for k in range({len(ENDS)}):",
-        "                out[first + i, k] = last_out[first + i, k]",
+        "                if mask[first_lane + i]:",
+        "                    begin(W, o, i, keys, first_lane + i)",
+        "        show(W, o, first_lane, lanes, obs, out)",
     ]
     actions = [a.rows[f"action{k}"] for k in range(1, 5)]
     return (

@@ -215,20 +215,32 @@ def straight_line(function, reads, writes, lanes=LANES):
     ``lanes=1`` of one lane's place in row 0, and treats that many lanes.
     """
 
+    type_ = DOUBLE if lanes == 1 else ir.VectorType(DOUBLE, lanes)
+
+    def body(builder, base):
+        def place(row):
+            return _pointer(builder, base, row * LANES, type_)
+
+        loaded = (builder.load(place(row), align=8) for row in reads)
+        results = function(*(Number(builder, value) for value in loaded))
+        results = results if isinstance(results, tuple) else (results,)
+        for row, result in zip(writes, results, strict=True):
+            builder.store(_value(result, type_), place(row), align=8)
+
     @intrinsic
     def step(typing_context, memory, index):
         def code(context, builder, signature, arguments):
             base = _entry(context, builder, signature, arguments, 0)
-            type_ = DOUBLE if lanes == 1 else ir.VectorType(DOUBLE, lanes)
-
-            def place(row):
-                return _pointer(builder, base, row * LANES, type_)
-
-            loaded = (builder.load(place(row), align=8) for row in reads)
-            results = function(*(Number(builder, value) for value in loaded))
-            results = results if isinstance(results, tuple) else (results,)
-            for row, result in zip(writes, results, strict=True):
-                builder.store(_value(result, type_), place(row), align=8)
+            name = f"lane_function_{function.__name__}"
+            callee = builder.module.globals.get(name)
+            if callee is None:  # the first of its calls in this module
+                callee = ir.Function(builder.module, ir.FunctionType(ir.VoidType(), [base.type]), name)
+                callee.linkage = "internal"
+                _widen(callee)
+                inner = ir.IRBuilder(callee.append_basic_block())
+                body(inner, callee.args[0])
+                inner.ret_void()
+            builder.call(callee, [base])
             return context.get_dummy_value()
 
         return types.void(memory, index), code
@@ -278,7 +290,10 @@ def take(rows):
 
 
 def give(row):
-    """Copy a row of the memory to a block's part of an array; to booleans: whether it is 0."""
+    """Copy a row of the memory to a block's part of an array; to booleans: whether it is 0.
+
+    To whole numbers it goes as it is: it must hold whole numbers.
+    """
 
     @intrinsic
     def copy(typing_context, memory, index, column, first):
@@ -290,6 +305,9 @@ def give(row):
             if signature.args[2].dtype == types.boolean:
                 values = builder.fcmp_ordered("==", values, _constant(type_, 0.0))
                 values = builder.zext(values, ir.VectorType(ir.IntType(8), LANES))
+            elif isinstance(signature.args[2].dtype, types.Integer):
+                whole = ir.VectorType(target.type.pointee, LANES)
+                values = builder.fptosi(values, whole)
             builder.store(values, _pointer(builder, target, 0, values.type), align=1)
             return context.get_dummy_value()
 
@@ -298,13 +316,34 @@ def give(row):
     return copy
 
 
+def any_set(row):
+    """Which lanes of a block have a row that is not 0, as the bits of a number."""
+
+    @intrinsic
+    def look(typing_context, memory, index):
+        def code(context, builder, signature, arguments):
+            base = _entry(context, builder, signature, arguments, 0)
+            type_ = ir.VectorType(DOUBLE, LANES)
+            values = builder.load(_pointer(builder, base, row * LANES, type_), align=8)
+            bits = builder.fcmp_unordered("!=", values, _constant(type_, 0.0))
+            return builder.zext(builder.bitcast(bits, ir.IntType(LANES)), INT64)
+
+        return types.int64(memory, index), code
+
+    return look
+
+
+def _widen(function):
+    for attribute in ('"prefer-vector-width"="512"', '"stackrealign"'):
+        set.add(function.attributes, attribute)
+
+
 @intrinsic
 def wide_vectors(typing_context):
     """Ask LLVM for full-width vectors, and for an aligned stack to spill them to."""
 
     def code(context, builder, signature, arguments):
-        for attribute in ('"prefer-vector-width"="512"', '"stackrealign"'):
-            set.add(builder.function.attributes, attribute)
+        _widen(builder.function)
         return context.get_constant(types.int64, 0)
 
     return types.int64(), code

@@ -17,6 +17,8 @@ from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.model import parameters
 from redundant_envs.scene import Scene
 
+_NO_NUMERICS = np.zeros(0, dtype=np.int8)
+
 
 class Numerics(enum.IntFlag):
     """Trouble of a lane; the one place where it is reported (``info["numerics"]``)."""
@@ -24,6 +26,7 @@ class Numerics(enum.IntFlag):
     NON_FINITE = 1
     BAD_ACTION = 2
     SPEED_BOUND = 4
+    TOLERANCE_NOT_REACHED = 8
 
 
 @dataclass(frozen=True)
@@ -86,8 +89,9 @@ class BatchSimulator:
         ]
         self._pool = ThreadPoolExecutor(len(self._parts)) if len(self._parts) > 1 else None
         method = METHODS[scene.integrator]
-        # The same in every interval; read-only, so one array serves all calls.
-        self._evaluations = np.broadcast_to(np.int64(scene.substeps * method.stages), num_envs)
+        # The same in every interval of a fixed step, so one array serves all calls.
+        self._evaluations = np.full(blocks * LANES, scene.substeps * method.stages)
+
         self._no_events = np.broadcast_to(np.int64(0), num_envs)
 
     @property
@@ -165,22 +169,29 @@ class BatchSimulator:
         lanes = self._memory.blocks.shape[0] * LANES
         error = np.empty(lanes) if self._assembly.estimates else np.full(lanes, np.nan)
         finite = np.empty(lanes, dtype=np.bool_)
+        evaluations, numerics = self._evaluations, _NO_NUMERICS
+        if self._assembly.controlled:
+            evaluations, numerics = np.empty(lanes, np.int64), np.empty(lanes, np.int8)
         substeps = self.scene.substeps
         if self._pool is None:
-            self._kernel(self._memory.flat, table, error, finite, substeps)
+            self._kernel(self._memory.flat, table, error, finite, evaluations, numerics, substeps)
         else:
             jobs = [
-                self._pool.submit(self._kernel, part, table[s], error[s], finite[s], substeps)
+                self._pool.submit(
+                    self._kernel, part, table[s], error[s], finite[s], evaluations[s], numerics[s], substeps
+                )
                 for part, s in self._parts
             ]
             for job in jobs:
                 job.result()
+        if not self._assembly.controlled:
+            numerics = np.logical_not(finite).view(np.int8)  # NON_FINITE is 1
         return Status(
             finite=finite[:n],
-            evaluations=self._evaluations,
+            evaluations=evaluations[:n],
             error_estimate=error[:n],
             events=self._no_events,
-            numerics=np.logical_not(finite[:n]).view(np.int8),  # NON_FINITE is 1
+            numerics=numerics[:n],
         )
 
     def advance_partly(self, efforts: ArrayLike | None, duration: float) -> Status:

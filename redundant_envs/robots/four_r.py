@@ -301,6 +301,22 @@ def column_norms(l1, l2, l3, l4):
     return l1, l2, l3, l4
 
 
+@physics(gives="W1 W2 W3 W4")
+def mobility_bounds(m1, m2, m3, m4, l1, l2, l3, l4):
+    """Upper bounds of the joint mobilities, diag(B^T M^-1 B), in every pose; 1/(kg m^2).
+
+    A mobility is 1 over the least sum m |a|^2 with which its joint accelerates by 1 while the
+    other joints do as they like. Each bound keeps the two links of the joint, as bars that are
+    free but for the base, and halves the mass they share.
+    """
+    return (
+        1.0 / (m1 * l1 * l1),
+        (2.0 / m1 + 1.0 / m2) / (l2 * l2) + 2.0 / (m1 * l1 * l1),
+        (2.0 / m2 + 1.0 / m3) / (l3 * l3) + (1.0 / m1 + 2.0 / m2) / (l2 * l2),
+        (2.0 / m3 + 1.0 / m4) / (l4 * l4) + (1.0 / m2 + 2.0 / m3) / (l3 * l3),
+    )
+
+
 @dataclass(frozen=True)
 class FourRArm(Arm):
     """Arm of four revolute joints: masses (4) [kg], lengths (4) [m]."""
@@ -325,4 +341,5 @@ class FourRArm(Arm):
     )  # fmt: skip
     prepared = (reciprocals,)
     column_norms = staticmethod(column_norms)
+    mobility_bounds = staticmethod(mobility_bounds)
     coordinates_of_joints = staticmethod(coordinates_of_joints)

@@ -90,6 +90,7 @@ class Arm:
     prepared: ClassVar[tuple[Callable[..., Any], ...]]
     """Functions of the parameters alone, evaluated when a parameter is set, not in the step."""
     column_norms: ClassVar[Callable[..., Any]]
+    mobility_bounds: ClassVar[Callable[..., Any]]
     coordinates_of_joints: ClassVar[Callable[..., Any]]
 
     def __post_init__(self) -> None:

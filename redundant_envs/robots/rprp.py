@@ -260,6 +260,21 @@ def column_norms(l1, l2, r1, r2):
     return abs(l1 + r1), 1.0, abs(l2 + r2), 1.0
 
 
+@physics(gives="W1 W2 W3 W4")
+def mobility_bounds(m1, m2, m3, m4, l1, l2):
+    """Upper bounds of the joint mobilities, diag(B^T M^-1 B), in every pose; 1/(kg m^2) or 1/kg.
+
+    A mobility is 1 over the least sum m |a|^2 with which its joint accelerates by 1 while the
+    other joints do as they like; each bound leaves out masses or lets them move more freely.
+    """
+    return (
+        1.0 / (m1 * l1 * l1),
+        1.0 / m2,
+        1.0 / (m1 * l1 * l1) + (1.0 / m2 + 1.0 / m3) / (l2 * l2),
+        1.0 / m4 + 1.0 / (m2 + m3),
+    )
+
+
 @dataclass(frozen=True)
 class RPRPArm(Arm):
     """Revolute-prismatic-revolute-prismatic arm: masses (4) [kg], lengths (l1, l2) [m]."""
@@ -279,4 +294,5 @@ class RPRPArm(Arm):
     )  # fmt: skip
     prepared = (reciprocals,)
     column_norms = staticmethod(column_norms)
+    mobility_bounds = staticmethod(mobility_bounds)
     coordinates_of_joints = staticmethod(coordinates_of_joints)

@@ -189,7 +189,7 @@ def test_joint_and_generalized_actuation():
     """Joint efforts t are the generalized forces B t."""
     t = np.array([1.0, -0.5, 0.3, 0.2])
     joint = rde.simulate(SCENE, Q0, QD0, [0.3], t)
-    general = rde.Scene(ARM, SCENE.effects, "rk8", 0.02, 2, "generalized")
+    general = rde.Scene(ARM, SCENE.effects, "rk8", 0.02, 2, actuation="generalized")
     other = rde.simulate(general, Q0, QD0, [0.3], ARM.motor_map @ t)
     assert np.abs(joint.q - other.q).max() <= 1e-12
     assert np.abs(joint.work - other.work).max() <= 1e-12

@@ -1,0 +1,202 @@
+"""Steps of its own for every lane: enough for the tolerance, and decided by that lane alone."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import redundant_envs as rde
+from redundant_envs.evaluators import arrays, cpu
+from redundant_envs.evaluators.assemble import assemble
+from redundant_envs.evaluators.binding import run
+
+e = rde.effects
+LAB = rde.FourR((1.0,) * 4, (0.5,) * 4)
+RPRP = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
+FREE = (e.Gravity(), e.ViscousFriction(0.1))
+
+
+def lab_states(n=4096, seed=0):
+    """Angles uniform, rates normal with 4 rad/s, half of the lanes with random efforts."""
+    rng = np.random.default_rng(seed)
+    q, qd = rng.uniform(-np.pi, np.pi, (n, 4)), rng.normal(0.0, 4.0, (n, 4))
+    efforts = rng.uniform(-1.0, 1.0, (n, 4)) * (20.0, 12.0, 8.0, 4.0)
+    efforts[::2] = 0.0
+    return q, qd, efforts
+
+
+def advance(scene, q, qd, efforts=None, **kwargs):
+    batch = rde.BatchSimulator(scene, len(q), **kwargs)
+    batch.set_state(q, qd)
+    status = batch.advance(efforts)
+    return np.concatenate([batch.q, batch.qd], axis=1), status
+
+
+def tip_errors(arm, states, reference):
+    return np.linalg.norm(
+        arm.forward_kinematics(states[:, :4]) - arm.forward_kinematics(reference[:, :4]), axis=1
+    )
+
+
+@pytest.mark.parametrize(("tolerance", "most"), [(1e-6, 13), (1e-12, 50)])
+def test_true_error_is_within_the_tolerance(tolerance, most):
+    q, qd, efforts = lab_states()
+    got, status = advance(rde.Scene(LAB, FREE, tolerance=tolerance), q, qd, efforts)
+    reference, _ = advance(rde.Scene(LAB, FREE, substeps=64), q, qd, efforts)
+    assert np.mean(tip_errors(LAB, got, reference) < tolerance) >= 0.999
+    assert status.evaluations.mean() <= most
+    assert (status.error_estimate <= tolerance).all()
+    assert not status.numerics.any()
+
+
+@pytest.mark.parametrize("arm", [LAB, RPRP], ids=["FourR", "RPRP"])
+def test_a_lane_is_that_many_fixed_steps_bit_for_bit(arm):
+    q, qd, efforts = lab_states(200, 1)
+    q[:, [k for k in range(4) if arm.prismatic[k]]] *= 0.05
+    got, status = advance(rde.Scene(arm, FREE, tolerance=1e-11), q, qd, efforts)
+    used = np.zeros(200)
+    for n in (1, 2, 4, 8, 16, 32, 64):
+        fixed, _ = advance(rde.Scene(arm, FREE, substeps=n), q, qd, efforts)
+        used[(got == fixed).all(axis=1)] = n
+    assert (used > 0).all()
+    assert len(np.unique(used)) >= 3
+    assert (status.evaluations >= 12 * used).all()
+
+
+def test_bits_depend_on_the_lane_alone():
+    q, qd, efforts = lab_states(333, 2)
+    qd[5], q[40, 2] = np.nan, np.inf
+    scene = rde.Scene(LAB, FREE, tolerance=1e-10)
+    whole, status = advance(scene, q, qd, efforts)
+    threaded, _ = advance(scene, q, qd, efforts, threads=3)
+    np.testing.assert_array_equal(whole, threaded)
+    order = np.random.default_rng(0).permutation(333)
+    shuffled, other = advance(scene, q[order], qd[order], efforts[order])
+    np.testing.assert_array_equal(shuffled, whole[order])
+    np.testing.assert_array_equal(other.evaluations, status.evaluations[order])
+    np.testing.assert_array_equal(other.error_estimate, status.error_estimate[order])
+    for lane in (0, 7, 8, 130, 332):
+        alone, _ = advance(scene, q[[lane]], qd[[lane]], efforts[[lane]])
+        np.testing.assert_array_equal(alone[0], whole[lane])
+
+
+def test_a_lane_that_is_not_finite_costs_one_step():
+    q, qd, efforts = lab_states(24, 3)
+    qd[3, 1] = np.nan
+    efforts[9, 0] = np.inf
+    _, status = advance(rde.Scene(LAB, FREE, tolerance=1e-12), q, qd, efforts)
+    bad = np.isin(np.arange(24), (3, 9))
+    np.testing.assert_array_equal(status.finite, ~bad)
+    np.testing.assert_array_equal(status.numerics, bad * rde.Numerics.NON_FINITE)
+    assert (status.evaluations[bad] == 12).all()
+
+
+def test_fast_links_get_their_steps_before_any_estimate():
+    """Half a radian in a step: a straight arm that spins freely has no error to see."""
+    scene = rde.Scene(LAB, (), tolerance=1e-2)
+    qd = np.array([[1.0], [24.0], [26.0], [99.0], [101.0]]) * np.ones(4)
+    _, status = advance(scene, np.zeros((5, 4)), qd)
+    np.testing.assert_array_equal(status.evaluations, 12 + 12 * np.array([0, 0, 2, 4, 8]))
+
+
+def test_stiff_springs_get_their_steps_before_they_are_touched():
+    q, qd = np.zeros((1, 4)), np.zeros((1, 4))
+    for stiffness, steps in ((1e2, 0), (1e3, 2), (1e5, 16), (1e6, 64)):
+        scene = rde.Scene(LAB, (e.LimitSpring("joint2", -2.0, 2.0, stiffness),), tolerance=1e-6)
+        _, status = advance(scene, q, qd)
+        mobility = (2.0 / 1.0 + 1.0) / 0.25 + 2.0 / 0.25
+        floor = 0.02 * np.sqrt(stiffness * mobility) / 2.0
+        assert floor <= max(steps, 1) < 2.0 * max(floor, 1.0) + 1e-9
+        assert status.evaluations[0] == 12 + 12 * steps
+    dampers = rde.Scene(LAB, (e.ViscousFriction((0.0, 60.0, 0.0, 0.0)),), tolerance=1e-6)
+    _, status = advance(dampers, q, qd)
+    assert status.evaluations[0] == 12 + 12 * 16  # 0.02 * 60 * 20 / 2 = 12
+
+
+def test_a_tolerance_out_of_reach_is_flagged_not_hidden():
+    scene = rde.Scene(LAB, (e.LimitSpring("joint2", -2.0, 2.0, 1e9),), tolerance=1e-6)
+    _, status = advance(scene, np.zeros((1, 4)), np.zeros((1, 4)))
+    assert status.numerics[0] == rde.Numerics.TOLERANCE_NOT_REACHED
+    assert status.finite[0]
+    hit = rde.Scene(LAB, (e.LimitSpring("joint2", -0.5, 0.5, 1e5),), tolerance=1e-13)
+    _, status = advance(hit, [[0.0, 0.499, 0.0, 0.0]], [[0.0, 5.0, 0.0, 0.0]])
+    assert status.numerics[0] == rde.Numerics.TOLERANCE_NOT_REACHED
+    assert status.error_estimate[0] > 1e-13
+    assert status.evaluations[0] > 12 * 256
+
+
+@pytest.mark.parametrize("arm", [LAB, rde.FourR((2, 1.5, 1, 0.5), (0.3, 0.5, 0.4, 0.6)), RPRP])
+def test_mobility_bounds_hold_in_every_pose_and_are_near(arm):
+    rng = np.random.default_rng(4)
+    q = rng.uniform(-np.pi, np.pi, (20000, 4))
+    B = np.asarray(arm.motor_map)
+    inverse = np.linalg.inv(arm.mass_matrix(q))
+    mobility = np.einsum("ki,nkl,li->ni", B, inverse, B)
+    order = [f"W{k}" for k in range(1, 5)]
+    from redundant_envs.evaluators.quantities import calls
+
+    values = {k: float(v) for k, v in arm.parameter_values().items()}
+    run(calls(order, values, (arm.mobility_bounds,), {}), values, arrays.PRIMITIVES)
+    bounds = np.array([values[name] for name in order])
+    assert (mobility <= bounds * (1.0 + 1e-12)).all()
+    assert (mobility.max(axis=0) >= 0.5 * bounds).all()
+
+
+def test_bang_bang_efforts_leave_no_lane_without_numbers():
+    """+-60 N m at 50 Hz for 4 s: a fixed step of 20 ms loses most lanes."""
+    rng = np.random.default_rng(5)
+    scene = rde.Scene(LAB, (e.Gravity(),), actuation="generalized")
+    batches = [rde.BatchSimulator(dataclasses.replace(scene, tolerance=t), 200) for t in (None, 1e-6)]
+    cost = 0.0
+    for _ in range(200):
+        efforts = rng.choice((-60.0, 60.0), (200, 4))
+        lost, kept = (batch.advance(efforts) for batch in batches)
+        cost += kept.evaluations.mean() / 200
+    assert lost.finite.mean() < 0.2
+    assert kept.finite.all()
+    assert cost <= 20 * 12
+
+
+@pytest.mark.parametrize("b", [0.1, 0.01, 0.001])
+def test_polar_fly_by_is_a_straight_line(b):
+    """A free particle passes the base at a distance b: its angle turns half around within b / v."""
+    arm = rde.RPRP((1e-12, 1.0, 1e-12, 1e-12), (0.5, 0.5))
+    batch = rde.BatchSimulator(rde.Scene(arm, (), tolerance=1e-6), 1)
+    radius, angle = np.hypot(1.0, b), np.arctan2(b, -1.0)
+    batch.set_state(
+        [angle, radius - 0.5, 0.0, 0.0],
+        [-b / radius**2, -1.0 / radius, 0.0, 0.0],
+    )
+    for _ in range(100):
+        assert not batch.advance().numerics.any()
+    x, y = np.asarray(arm.points(batch.q))[0, 1]
+    assert abs(x - 1.0) < 1e-6
+    assert abs(y - b) < 1e-6
+
+
+def test_the_tolerance_is_a_number_of_the_lane_not_of_the_code():
+    texts = [assemble(rde.Scene(LAB, FREE, tolerance=t)).text for t in (1e-6, 1e-12)]
+    assert cpu.module_key(texts[0]) == cpu.module_key(texts[1])
+    assert "redo" not in assemble(rde.Scene(LAB, FREE)).text
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"tolerance": 1e-15}, ("tolerance", "1e-15", "1e-13")),
+        ({"tolerance": 1.0}, ("tolerance", "1.0", "0.01")),
+        ({"tolerance": float("nan")}, ("tolerance", "nan")),
+        ({"tolerance": "exact"}, ("tolerance", "'exact'")),
+        ({"tolerance": 1e-6, "integrator": "rk4"}, ("tolerance", "rk4", "rk8")),
+        ({"tolerance": 1e-6, "substeps": 2}, ("tolerance", "2 substeps", "1")),
+    ],
+)
+def test_a_tolerance_that_cannot_be_is_refused(changes, words):
+    with pytest.raises(ValueError, match="tolerance") as error:
+        dataclasses.replace(rde.Scene(LAB, FREE), **changes)
+    assert all(w in str(error.value) for w in words)
+
+
+def test_a_scene_with_a_tolerance_survives_its_file():
+    scene = rde.Scene(LAB, FREE, tolerance=1e-9)
+    assert rde.Scene.from_dict(scene.to_dict()) == scene
