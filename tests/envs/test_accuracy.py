@@ -70,7 +70,7 @@ def test_what_accuracy_cannot_be(accuracy, scene, words):
         data = rde.load_scene("four_r_reach").to_dict()
         bare = {k: v for k, v in data.items() if k not in ("integrator", "substeps", "tolerance")}
         arguments["scene"] = {**bare, **scene}
-    with pytest.raises(ValueError, match="accuracy|tolerance") as error:
+    with pytest.raises(ValueError, match=r"accuracy|tolerance") as error:
         gym.make(ENVIRONMENT, **arguments)
     assert all(w in str(error.value) for w in words)
 

@@ -1,0 +1,263 @@
+"""What MuJoCo and SciPy reach on the same arm, and what it costs: the peers of a work-precision study.
+
+Both take a scene's gravity, viscous friction and centring springs, and the efforts of the joints. What
+has no exact counterpart in a peer is refused, never left out.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import importlib
+import math
+import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from redundant_envs.effects import CentringSpring, Gravity, ViscousFriction
+from redundant_envs.scene import Scene
+
+Array = NDArray[np.float64]
+Limits = Mapping[int, tuple[float, float]]
+
+MUJOCO_INTEGRATORS = ("Euler", "implicitfast", "implicit", "RK4")
+INERTIA = 1e-14
+"""Moment of inertia of MuJoCo's bodies, kg m^2: it wants one above zero."""
+ELASTIC = (-1e5, 0.0)
+"""MuJoCo's solref of a stop: minus its stiffness, 1/s^2, and minus its damping, 1/s."""
+IDLE = ("CONTACT", "EQUALITY", "FRICTIONLOSS", "SENSOR", "MIDPHASE", "ACTUATION", "AUTORESET")
+"""Stages of a MuJoCo step that no scene needs."""
+
+
+def _forces(scene: Scene, limits: Limits | None = None) -> tuple[Array, Array, Array, Array]:
+    """Gravity (2,), m/s^2; of each joint its damping, spring stiffness and rest position, (4,)."""
+    if scene.actuation != "joint":
+        raise ValueError(f"scene.actuation is {scene.actuation!r}; the peers take efforts of the joints")
+    gravity, damping, stiffness, rest = np.zeros(2), np.zeros(4), np.zeros(4), np.zeros(4)
+    slides = np.array(scene.robot.prismatic)
+    for effect in scene.effects:
+        if isinstance(effect, Gravity):
+            gravity = np.multiply(effect.g, effect.down)
+        elif isinstance(effect, ViscousFriction):
+            damping = np.array(effect.coefficients)
+        elif isinstance(effect, CentringSpring):
+            stiffness[slides] = np.multiply(2.0, effect.stiffness)
+            rest[slides] = np.add(effect.lower, effect.upper) / 2.0
+        elif effect.key != "prismatic_stop" or not limits:
+            raise ValueError(
+                f"scene has the effect {type(effect).__name__}, which the peer cannot express; it knows "
+                "Gravity, ViscousFriction and CentringSpring, and MuJoCo a PrismaticStop whose travel is "
+                "given as limits"
+            )
+    return gravity, damping, stiffness, rest
+
+
+def _package(name: str) -> Any:
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        raise ImportError(
+            f"{name} is not installed; it is in the extra 'verify': pip install 'redundant-envs[verify]'"
+        ) from None
+
+
+def mujoco_model(
+    scene: Scene, integrator: str, dt: float, limits: Limits | None = None,
+    solref: tuple[float, float] = ELASTIC,
+) -> Any:  # fmt: skip
+    """MuJoCo's model of a scene: a chain of four bodies, and no stage that the scene does not need.
+
+    Parameters
+    ----------
+    scene : Scene
+    integrator : {"Euler", "implicitfast", "implicit", "RK4"}
+        "Euler" is MuJoCo's own: semi-implicit, and implicit in the friction.
+    dt : float
+        Step [s].
+    limits : mapping, optional
+        Joint (0 to 3) -> ends of its travel, rad or m.
+    solref : (float, float)
+        Of the limits, in MuJoCo's direct form.
+
+    Returns
+    -------
+    mujoco.MjModel
+        In joint coordinates, B^T q. It has no motors: efforts go in as ``qfrc_applied``, which costs
+        less.
+    """
+    mujoco = _package("mujoco")
+    if integrator not in MUJOCO_INTEGRATORS:
+        raise ValueError(f"integrator is {integrator!r}; choose {', '.join(MUJOCO_INTEGRATORS)}")
+    gravity, damping, stiffness, rest = _forces(scene, limits)
+    arm = scene.robot
+    # Where each joint sits on the link before it, and each mass point on its own.
+    at, mass_at = (0.0, *arm.lengths[:-1]), arm.lengths
+    if arm.kind == "RPRP":
+        l1, l2 = arm.lengths
+        at, mass_at = (0.0, l1, 0.0, l2), (l1, 0.0, l2, 0.0)
+    chain = ""
+    for k in range(4):
+        kind = 'type="slide" axis="1 0 0"' if arm.prismatic[k] else 'type="hinge" axis="0 0 1"'
+        inertia = f'mass="{arm.masses[k]!r}" diaginertia="{INERTIA} {INERTIA} {INERTIA}"'
+        chain += f'<body pos="{at[k]!r} 0 0"><joint {kind}/><inertial pos="{mass_at[k]!r} 0 0" {inertia}/>'
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><compiler inertiafromgeom="false" boundinertia="0"/>'
+        f"<worldbody>{chain}{'</body>' * 4}</worldbody></mujoco>"
+    )
+    model.opt.timestep = dt
+    model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
+    model.opt.gravity[:] = (*gravity, 0.0)
+    model.dof_damping[:], model.jnt_stiffness[:], model.qpos_spring[:] = damping, stiffness, rest
+    for joint, travel in (limits or {}).items():
+        if joint not in range(4):
+            raise ValueError(f"limits has the joint {joint!r}; joints are 0 to 3")
+        model.jnt_limited[joint], model.jnt_range[joint], model.jnt_solref[joint] = True, travel, solref
+    idle = [*IDLE, *(() if limits else ("CONSTRAINT", "LIMIT", "WARMSTART"))]
+    idle += [name for name, of in (("DAMPER", damping), ("SPRING", stiffness)) if not of.any()]
+    for name in idle:
+        # A release that does not know a stage cannot skip it.
+        model.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}", 0))
+    return model
+
+
+@contextlib.contextmanager
+def bare_mujoco() -> Iterator[Any]:
+    """MuJoCo as a C program has it: without the clock of its Python bindings, and without their log.
+
+    The bindings install a clock that times the stages of every step: in MuJoCo 4.0, 28 readings in an
+    Euler step and 98 in RK4, nearly half the cost of an arm this small. ``mujoco.set_mjcb_time(None)``
+    leaves it in place, so the pointer in the library is cleared here, and put back afterwards. A motion
+    that diverges is not logged: its state tells.
+    """
+    mujoco = _package("mujoco")
+    folder = Path(mujoco.__file__).parent
+    library = next((p for n in ("libmujoco.*", "mujoco.dll") for p in folder.glob(n)), None)
+    if library is None:
+        raise ImportError(f"{folder} has no libmujoco.*; reinstall MuJoCo (extra 'verify')")
+    clock = ctypes.c_void_p.in_dll(ctypes.CDLL(str(library)), "mjcb_time")
+    installed, warn = clock.value, mujoco.get_mju_user_warning()
+    clock.value = None
+    mujoco.set_mju_user_warning(lambda message: None)
+    try:
+        yield mujoco
+    finally:
+        clock.value = installed
+        mujoco.set_mju_user_warning(warn)
+
+
+def _states(q: ArrayLike, qd: ArrayLike, efforts: ArrayLike) -> Array:
+    """The three tables as one, (3, n, 4)."""
+    shapes = [np.shape(x) for x in (q, qd, efforts)]
+    if len(set(shapes)) > 1 or len(shapes[0]) != 2 or shapes[0][1] != 4:
+        raise ValueError(f"q, qd, efforts have shapes {shapes}; give (n, 4) for each, a row per state")
+    return np.array([q, qd, efforts], dtype=np.float64)
+
+
+def _mujoco(scene: Scene, model: Any, start: Array, duration: float) -> tuple[Array, Array, Array]:
+    """q and qd after the duration, (n, 4), and the CPU seconds of each state, (n,)."""
+    steps = round(duration / model.opt.timestep)
+    if steps < 1 or abs(steps * model.opt.timestep - duration) > 1e-9 * duration:
+        raise ValueError(f"duration is {duration} s; give a whole number of steps of {model.opt.timestep} s")
+    arm: Any = scene.robot
+    B = arm.motor_map
+    count = start.shape[1]
+    ends, spent = np.empty((2, count, 4)), np.empty(count)
+    with bare_mujoco() as mujoco:
+        data = mujoco.MjData(model)
+        for i, (q, qd, efforts) in enumerate(start.swapaxes(0, 1)):
+            mujoco.mj_resetData(model, data)
+            data.qpos[:], data.qvel[:], data.qfrc_applied[:] = q @ B, qd @ B, efforts
+            before = time.process_time()
+            mujoco.mj_step(model, data, steps)
+            spent[i] = time.process_time() - before
+            ends[:, i] = data.qpos, data.qvel
+    q_end, qd_end = ends @ np.linalg.inv(B)
+    return q_end, qd_end, spent
+
+
+def mujoco_interval(
+    scene: Scene, integrator: str, dt: float, q: ArrayLike, qd: ArrayLike, efforts: ArrayLike,
+    duration: float, limits: Limits | None = None, solref: tuple[float, float] = ELASTIC,
+) -> tuple[Array, Array]:  # fmt: skip
+    """States (n, 4) after a ``duration`` [s] under constant joint efforts (n, 4) [N m, N], by MuJoCo.
+
+    The duration is a whole number of steps. A motion that diverges comes back huge or not finite. The
+    other arguments are those of :func:`mujoco_model`.
+    """
+    model = mujoco_model(scene, integrator, dt, limits, solref)
+    return _mujoco(scene, model, _states(q, qd, efforts), duration)[:2]
+
+
+def mujoco_cost(
+    scene: Scene, integrator: str, dt: float, q: ArrayLike, qd: ArrayLike, seconds: float = 1.0,
+    repeats: int = 5, limits: Limits | None = None, solref: tuple[float, float] = ELASTIC,
+) -> float:  # fmt: skip
+    """Nanoseconds of one core per simulated second of one arm, by MuJoCo without its Python clock.
+
+    From each state (n, 4) a motion of ``seconds`` without efforts, in one call; the best of ``repeats``
+    for each state, and the mean over the states. Take seconds of many steps: a call itself costs about
+    a microsecond.
+    """
+    model = mujoco_model(scene, integrator, dt, limits, solref)
+    start = _states(q, qd, np.zeros(np.shape(q)))
+    spent = [_mujoco(scene, model, start, seconds)[2] for _ in range(repeats)]
+    return 1e9 * float(np.min(spent, axis=0).mean()) / seconds
+
+
+def _scipy(
+    scene: Scene, method: str, rtol: float, atol: float, start: Array, duration: float, together: bool
+) -> tuple[Array, Array, NDArray[np.int64], float]:
+    """q and qd after the duration, (n, 4), evaluations for each state, (n,), and the CPU seconds of all."""
+    solve_ivp = _package("scipy.integrate").solve_ivp
+    (gx, gy), damping, stiffness, rest = _forces(scene)
+    arm: Any = scene.robot
+    B = arm.motor_map
+    # The model's gravity points along -y: a field turned by an angle is an arm turned back by it.
+    g, turn = math.hypot(gx, gy), np.where(arm.prismatic, 0.0, math.atan2(gx, -gy))
+
+    def slope(t: float, y: Array, efforts: Array) -> Array:
+        q, qd = y.reshape(2, -1, 4)
+        joint = efforts - damping * (qd @ B) - stiffness * (q @ B - rest)
+        return np.concatenate([qd, arm.forward_dynamics(q - turn, qd, joint @ B.T, g)]).ravel()
+
+    count = start.shape[1]
+    ends, evaluations = np.empty((2, count, 4)), np.empty(count, dtype=np.int64)
+    before = time.process_time()
+    for rows in [slice(None)] if together else [slice(i, i + 1) for i in range(count)]:
+        state, efforts = start[:2, rows].ravel(), start[2, rows]
+        motion = solve_ivp(slope, (0.0, duration), state, method, args=(efforts,), rtol=rtol, atol=atol)
+        if not motion.success:
+            raise ValueError(f"{method} with rtol {rtol}, atol {atol} stopped: {motion.message}")
+        ends[:, rows], evaluations[rows] = motion.y[:, -1].reshape(2, -1, 4), motion.nfev
+    return ends[0], ends[1], evaluations, time.process_time() - before
+
+
+def scipy_interval(
+    scene: Scene, method: str, rtol: float, atol: float, q: ArrayLike, qd: ArrayLike,
+    efforts: ArrayLike, duration: float, together: bool = False,
+) -> tuple[Array, Array, NDArray[np.int64]]:  # fmt: skip
+    """States (n, 4) after a ``duration`` [s] under constant joint efforts (n, 4) [N m, N], by SciPy.
+
+    Returned with the evaluations of the right-hand side for each state, (n,). The method and its
+    tolerances are those of ``solve_ivp``; atol is in rad, m, rad/s and m/s alike. ``together`` makes one
+    system of all states: common steps, SciPy controls a mean of their errors, and each costs far less
+    Python. It is for explicit methods.
+    """
+    return _scipy(scene, method, rtol, atol, _states(q, qd, efforts), duration, together)[:3]
+
+
+def scipy_cost(
+    scene: Scene, method: str, rtol: float, atol: float, q: ArrayLike, qd: ArrayLike,
+    seconds: float = 1.0, repeats: int = 5, together: bool = False,
+) -> float:  # fmt: skip
+    """Nanoseconds of one core per simulated second of one arm, by SciPy.
+
+    As :func:`mujoco_cost`, but the best of ``repeats`` is that of all states together.
+    """
+    start = _states(q, qd, np.zeros(np.shape(q)))
+    spent = [_scipy(scene, method, rtol, atol, start, seconds, together)[3] for _ in range(repeats)]
+    return 1e9 * min(spent) / (start.shape[1] * seconds)

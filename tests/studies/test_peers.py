@@ -1,0 +1,165 @@
+"""The peers simulate the same arm as the package, at their own order, and their costs are numbers."""
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+import redundant_envs as rde
+from redundant_envs.effects.hooks import Effect
+from redundant_envs.studies import peers
+
+mujoco = pytest.importorskip("mujoco", reason="MuJoCo is in the extra 'verify'")
+pytest.importorskip("scipy", reason="SciPy is in the extra 'verify'")
+
+e = rde.effects
+ROBOTS = {
+    "RPRP": rde.RPRP((2.3, 0.7, 1.9, 0.4), (1.1, 0.6)),
+    "FourR": rde.FourR((2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35)),
+}
+TILTED = e.Gravity.on_plane(9.81, tilt=0.4, roll=0.9)
+FRICTION = e.ViscousFriction((0.3, 0.8, 0.2, 0.5))
+SPRING = e.CentringSpring((30.0, 50.0), (0.1, 0.0), (0.4, 0.6))
+DURATION = 0.08
+
+
+def scene_of(name):
+    effects = (TILTED, FRICTION, SPRING) if name == "RPRP" else (TILTED, FRICTION)
+    return rde.Scene(ROBOTS[name], effects, control_dt=DURATION, substeps=80)
+
+
+def states(robot, count=12):
+    rng = np.random.default_rng(5)
+    q = rng.uniform(-3.0, 3.0, (count, 4))
+    q[:, list(robot.prismatic)] = rng.uniform(0.1, 0.4, (count, sum(robot.prismatic)))
+    return q, rng.uniform(-1.0, 1.0, (count, 4)), rng.uniform(-4.0, 4.0, (count, 4))
+
+
+def ours(scene, q, qd, efforts):
+    batch = rde.BatchSimulator(scene, len(q))
+    batch.set_state(q, qd)
+    batch.advance(efforts)
+    return np.stack([batch.q, batch.qd])
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_mujoco_is_the_same_arm(name):
+    scene, start = scene_of(name), states(ROBOTS[name])
+    theirs = peers.mujoco_interval(scene, "RK4", 2e-4, *start, DURATION)
+    assert np.abs(theirs - ours(scene, *start)).max() < 1e-10
+
+
+@pytest.mark.parametrize("together", [False, True])
+@pytest.mark.parametrize("name", ROBOTS)
+def test_scipy_is_the_same_arm(name, together):
+    scene, start = scene_of(name), states(ROBOTS[name], 4)
+    *theirs, evaluations = peers.scipy_interval(
+        scene, "DOP853", 1e-12, 1e-12, *start, DURATION, together=together
+    )
+    assert np.abs(theirs - ours(scene, *start)).max() < 1e-10
+    assert evaluations.shape == (4,)
+    assert (evaluations >= 24).all()
+
+
+@pytest.mark.parametrize(("integrator", "order"), [("Euler", 1), ("implicitfast", 1), ("RK4", 4)])
+@pytest.mark.parametrize("name", ROBOTS)
+def test_order(name, integrator, order):
+    scene, start = scene_of(name), states(ROBOTS[name])
+    reference = ours(scene, *start)
+    errors = [
+        np.abs(peers.mujoco_interval(scene, integrator, dt, *start, DURATION) - reference).max(axis=(0, 2))
+        for dt in (0.004, 0.002)
+    ]
+    assert abs(np.median(np.log2(errors[0] / errors[1])) - order) < 0.15
+
+
+def test_elastic_stop():
+    """The last mass hits its stop, alone in a straight arm at rest: its relative speed turns round."""
+    q, qd = np.array([[0.0, 0.2, 0.0, 0.2]]), np.array([[0.0, 0.0, 0.0, 1.0]])
+    free, limits = rde.Scene(ROBOTS["RPRP"]), {3: (0.0, 0.4)}
+    m2, m3, m4 = free.robot.masses[1:]
+    q_end, qd_end = peers.mujoco_interval(free, "RK4", 1e-4, q, qd, 0.0 * q, 0.4, limits=limits)
+    slider = 2.0 * m4 / (m2 + m3 + m4)
+    np.testing.assert_allclose(qd_end[0], [0.0, slider, 0.0, -1.0], atol=1e-4)
+    assert 0.2 < q_end[0, 3] < 0.22  # 0.2 from a rigid stop
+
+
+@dataclass(frozen=True)
+class PrismaticStop(Effect):
+    """Stands for any effect whose key says that it is a stop."""
+
+
+def test_stop_is_given_as_limits():
+    scene = rde.Scene(ROBOTS["RPRP"])
+    object.__setattr__(scene, "effects", (PrismaticStop(),))
+    model = peers.mujoco_model(scene, "RK4", 1e-3, limits={1: (0.0, 0.4), 3: (0.1, 0.5)})
+    assert list(model.jnt_limited) == [0, 1, 0, 1]
+    with pytest.raises(ValueError, match="PrismaticStop"):
+        peers.mujoco_model(scene, "RK4", 1e-3)
+
+
+def test_clock_is_away_and_comes_back():
+    model = peers.mujoco_model(scene_of("FourR"), "RK4", 1e-3)
+    data, readings = mujoco.MjData(model), []
+    mujoco.set_mjcb_time(lambda: float(readings.append(0) or 0))
+    try:
+        mujoco.mj_step(model, data)
+        before = len(readings)
+        with peers.bare_mujoco():
+            mujoco.mj_step(model, data)
+        assert len(readings) == before > 0
+        mujoco.mj_step(model, data)
+        assert len(readings) > before
+    finally:
+        mujoco.set_mjcb_time(None)
+
+
+def test_divergence_is_in_the_state_and_nowhere_else(tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    q, qd, efforts = states(ROBOTS["RPRP"])
+    end = peers.mujoco_interval(scene_of("RPRP"), "RK4", 0.5, q, 1e3 * qd, efforts, 20.0)
+    assert (~(np.abs(end) < 1e6)).any()
+    assert not list(tmp_path.iterdir())
+    assert capfd.readouterr().err == ""
+
+
+def test_costs():
+    scene = scene_of("FourR")
+    q, qd, _ = states(scene.robot, 2)
+    costs = [peers.mujoco_cost(scene, i, 1e-3, q, qd, 0.02) for i in peers.MUJOCO_INTEGRATORS]
+    costs.append(peers.scipy_cost(scene, "RK45", 1e-3, 1e-3, q, qd, 0.02, repeats=1))
+    assert np.isfinite(costs).all()
+    assert min(costs) > 0.0
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [({"effects": (e.LimitSpring("joint2", -2.0, 2.0),)}, "LimitSpring"),
+     ({"effects": (e.EffortLimits((1.0,) * 4),)}, "EffortLimits"),
+     ({"actuation": "generalized"}, "actuation")],
+)  # fmt: skip
+def test_refuses_what_a_peer_cannot_express(change, said):
+    scene = dataclasses.replace(scene_of("FourR"), **change)
+    start = states(scene.robot)
+    with pytest.raises(ValueError, match=said):
+        peers.mujoco_interval(scene, "RK4", 1e-3, *start, DURATION)
+    with pytest.raises(ValueError, match=said):
+        peers.scipy_interval(scene, "RK45", 1e-3, 1e-3, *start, DURATION)
+
+
+def test_refuses_bad_input():
+    scene, (q, qd, efforts) = scene_of("FourR"), states(ROBOTS["FourR"])
+    with pytest.raises(ValueError, match="integrator is 'rk4'; choose Euler"):
+        peers.mujoco_model(scene, "rk4", 1e-3)
+    with pytest.raises(ValueError, match="limits has the joint 4"):
+        peers.mujoco_model(scene, "RK4", 1e-3, limits={4: (0.0, 1.0)})
+    with pytest.raises(ValueError, match="whole number of steps"):
+        peers.mujoco_interval(scene, "RK4", 0.03, q, qd, efforts, DURATION)
+    with pytest.raises(ValueError, match="have shapes"):
+        peers.mujoco_interval(scene, "RK4", 1e-3, q, qd, efforts[0], DURATION)
+
+
+def test_absent_package_names_the_extra():
+    with pytest.raises(ImportError, match="extra 'verify'"):
+        peers._package("no_such_package")
