@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from redundant_envs.envs.check import check_vec_env
     from redundant_envs.envs.sb3 import make_sb3
     from redundant_envs.model.arms import RPRP, FourR
-    from redundant_envs.model.batch import BatchSimulator, Numerics
+    from redundant_envs.model.batch import BatchSimulator, Event, Numerics
     from redundant_envs.model.trajectory import simulate
     from redundant_envs.scene import Scene, load_scene
 
@@ -23,6 +23,7 @@ _HOMES = {
     "Scene": "scene",
     "load_scene": "scene",
     "BatchSimulator": "model.batch",
+    "Event": "model.batch",
     "Numerics": "model.batch",
     "simulate": "model.trajectory",
     "make_sb3": "envs.sb3",
@@ -31,7 +32,7 @@ _HOMES = {
     "evaluators": "",
 }
 __all__ = [
-    "RPRP", "BatchSimulator", "FourR", "Numerics", "Scene", "check_vec_env", "effects",
+    "RPRP", "BatchSimulator", "Event", "FourR", "Numerics", "Scene", "check_vec_env", "effects",
     "evaluators", "load_scene", "make_sb3", "simulate",
 ]  # fmt: skip
 

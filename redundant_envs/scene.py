@@ -36,7 +36,8 @@ class Scene:
     robot : RPRP or FourR
     effects : sequence of effects
         Only these are simulated. Two effects may not have the same key.
-    integrator : {"euler", "rk4", "rk8"}
+    integrator : {"euler", "rk4", "rk8", "dop853"}
+        "dop853" takes steps of any length, so short that their error stays near rounding.
     control_dt : float
         Control interval [s]; efforts are constant over it.
     substeps : int
@@ -84,6 +85,8 @@ class Scene:
             raise ValueError(f"substeps is {self.substeps!r}; give a whole number")
         if self.substeps < 1:
             raise ValueError(f"substeps is {self.substeps}; it must be at least 1")
+        if self.integrator == "dop853" and self.substeps != 1:
+            raise ValueError(f"substeps is {self.substeps}; dop853 chooses its steps itself: leave it at 1")
         self._check_tolerance()
         if self.actuation not in ACTUATIONS:
             raise ValueError(f"actuation is {self.actuation!r}; choose {', '.join(ACTUATIONS)}")

@@ -5,12 +5,13 @@ from redundant_envs.effects.effort_limits import EffortLimits
 from redundant_envs.effects.gravity import Gravity
 from redundant_envs.effects.hooks import Effect
 from redundant_envs.effects.limit_spring import LimitSpring
+from redundant_envs.effects.prismatic_stop import PrismaticStop
 from redundant_envs.effects.viscous_friction import ViscousFriction
 
-__all__ = ["CentringSpring", "EffortLimits", "Gravity", "LimitSpring", "ViscousFriction"]
+__all__ = ["CentringSpring", "EffortLimits", "Gravity", "LimitSpring", "PrismaticStop", "ViscousFriction"]
 
 REGISTRY: dict[str, type[Effect]] = {
     effect.__name__: effect
-    for effect in (CentringSpring, EffortLimits, Gravity, LimitSpring, ViscousFriction)
+    for effect in (CentringSpring, EffortLimits, Gravity, LimitSpring, PrismaticStop, ViscousFriction)
 }
 """Effects by their name in scene files."""

@@ -55,7 +55,21 @@ class Actuation:
     bind: Mapping[str, str] = field(default_factory=dict)
 
 
-Hook = Field | Force | Actuation
+@dataclass(frozen=True)
+class Impact:
+    """Hard ends of the travel of a prismatic joint; their numbers are own fields (".lower[0]").
+
+    ``function`` tells from both ends of a step how it meets them.
+    """
+
+    joint: int
+    lower: str
+    upper: str
+    restitution: str
+    function: Callable[..., Any]
+
+
+Hook = Field | Force | Actuation | Impact
 
 
 @dataclass(frozen=True)

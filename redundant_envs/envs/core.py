@@ -195,7 +195,7 @@ class Core:
                 raise ValueError(f"options has the unknown key {key!r}; valid: {', '.join(OPTION_KEYS)}")
         given = options.get("parameters")
         if self.fixed_geometry and isinstance(given, Mapping):
-            moved = [n for n in given if n == "lengths" or n.startswith("limit_spring.")]
+            moved = [n for n in given if n == "lengths" or n.startswith(("limit_spring.", "prismatic_stop."))]
             if moved:
                 raise ValueError(
                     f"parameter is {moved[0]!r}; goal environments keep lengths and travel, because "

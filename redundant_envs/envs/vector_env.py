@@ -22,12 +22,13 @@ KERNEL_MODE = {
 }
 ON_BAD_ACTION = ("raise", "terminate")
 BOOLEAN = ("is_success", "touched_new")
-WHOLE = ("numerics", "saturated", "steps", "evaluations_sum")
+WHOLE = ("numerics", "saturated", "steps", "evaluations_sum", "events_sum")
 INFO_NAMES = {
     "touched_new": "touch_success",
     "saturated": "saturated_actions",
     "steps": "episode_steps",
     "evaluations_sum": "evaluations",
+    "events_sum": "events",
     "error_most": "error_estimate",
 }
 

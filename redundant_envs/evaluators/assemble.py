@@ -16,17 +16,23 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from redundant_envs.algebra import arguments_of, gives_of, is_physics
-from redundant_envs.effects.hooks import Actuation, Effect, Field, Force
+from redundant_envs.effects.hooks import Actuation, Effect, Field, Force, Impact
 from redundant_envs.evaluators.binding import helpers
 from redundant_envs.evaluators.quantities import Call, calls
-from redundant_envs.integrators.error_control import tip_error
+from redundant_envs.integrators.error_control import scale, tip_error
 from redundant_envs.integrators.fixed_step import step_lines
 from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.scene import Scene, identifier
 from redundant_envs.tasks.reach import ReachTask
+
+if TYPE_CHECKING:
+    from redundant_envs.evaluators.assemble_lanes import LaneSteps
+
+RightHandSide = tuple[list[str], list[str], list[Callable[..., Any]]]
+"""Arguments beside the states, lines of the body, dialect functions that it calls."""
 
 LANES = 8
 NO_FIELD = "-0.0"
@@ -35,20 +41,17 @@ NO_FIELD = "-0.0"
 PLACES = ("tip_x", "tip_y", "goal_x", "goal_y")
 """Achieved and desired goal, the last columns of the outputs."""
 
-RESULTS = ("evaluations", "trouble")
-"""What a lane with steps of its own tells of its interval, beside the state and the error."""
-PLAN = ("floor", "marked", "steps_of_lane", "steps_left")
-"""Steps it needs at least, whether one step does not do, and how many it takes instead."""
-GROUP = 16
+GROUP = 64
 """Blocks that go through an interval together where lanes take steps of their own."""
 
 SIGNATURES = {
     "advance": (
-        "void(float64[::1], float64[:, ::1], float64[::1], boolean[::1], int64[::1], int8[::1], int64)"
+        "void(float64[::1], float64[:, ::1], float64[::1], boolean[::1], int64[::1], int64[::1], "
+        "int8[::1], int64)"
     )
 }
 
-NON_FINITE, BAD_ACTION, SPEED_BOUND, TOLERANCE_NOT_REACHED = 1.0, 2.0, 4.0, 8.0
+NON_FINITE, BAD_ACTION, SPEED_BOUND, TOLERANCE_NOT_REACHED, EVENT_BUDGET = 1.0, 2.0, 4.0, 8.0, 16.0
 
 
 def prefixed(function: Callable[..., Any]) -> str:
@@ -102,11 +105,7 @@ class Assembly:
         functions = self.scene.robot.prepared
         wanted = [name for f in functions for name in gives_of(f)]
         order = calls(wanted, self.parameters, functions, {})
-        if self.controlled:
-            from redundant_envs.evaluators.assemble_lanes import steady_steps
-
-            order += steady_steps(self)
-        return order
+        return order + self.lanes.steady_steps() if self.lanes else order
 
     @cached_property
     def numbers(self) -> tuple[str, ...]:
@@ -129,32 +128,50 @@ class Assembly:
         return names
 
     @cached_property
-    def hooks(self) -> list[tuple[Effect, Field | Force | Actuation]]:
+    def hooks(self) -> list[tuple[Effect, Any]]:
         """Where the scene's effects attach."""
         return [(e, h) for e in self.scene.effects for h in e.hooks(self.scene.robot)]
+
+    @cached_property
+    def lanes(self) -> LaneSteps | None:
+        """What makes each lane take steps of its own, in scenes that need it."""
+        from redundant_envs.evaluators.assemble_lanes import LaneSteps
+
+        return LaneSteps.of(self)
 
     # ---- the right-hand side ---------------------------------------------------------------------
 
     @cached_property
-    def _rhs(self) -> tuple[list[str], list[str], list[Callable[..., Any]]]:
-        """Arguments beside the states, body lines, and dialect functions of the right-hand side."""
+    def _rhs(self) -> RightHandSide:
+        return self.right_hand_side(self.scene.robot.functions)
+
+    def right_hand_side(
+        self, functions: Sequence[Callable[..., Any]], more: Iterable[str] = ()
+    ) -> RightHandSide:
+        """Arguments beside the states, body lines, and dialect functions of the right-hand side.
+
+        ``functions`` give the quantities, ``qdd1`` to ``qdd4`` among them; ``more`` are names that
+        are known beside the states and numbers.
+        """
         arm, scene = self.scene.robot, self.scene
         lines: list[str] = []
         used: list[Callable[..., Any]] = []
-        known = set(self.states) | set(self.numbers) | {f"command{k}" for k in range(1, 5)}
+        known = {*self.states, *self.numbers, *more, *(f"command{k}" for k in range(1, 5))}
 
         def statement(names: Iterable[str], function: Callable[..., Any], arguments: Sequence[str]) -> None:
             used.append(function)
             lines.append(f"{', '.join(names)} = {prefixed(function)}({', '.join(arguments)})")
 
         def require(names: Iterable[str]) -> None:
-            for call in calls(names, known, arm.functions, arm.sincos):
+            for call in calls(names, known, functions, arm.sincos):
                 emit(call, lines, used)
                 known.update(call.names)
 
         effort = {k: f"command{k + 1}" for k in range(4)}
         field = {"ax": NO_FIELD, "ay": NO_FIELD}
         for effect, hook in self.hooks:
+            if isinstance(hook, Impact):
+                continue  # it acts between steps
             arguments = self.bound(effect, hook, hook.function)
             require(a for a in arguments if a not in known)
             if isinstance(hook, Field):
@@ -210,8 +227,8 @@ class Assembly:
             results.append("power")
         lines.append(f"return {', '.join(results)}")
         named = words(lines)
-        arguments = [n for n in (*(f"command{k}" for k in range(1, 5)), *self.numbers) if n in named]
-        return arguments, lines, used
+        given = (*(f"command{k}" for k in range(1, 5)), *self.numbers, *more)
+        return [n for n in given if n in named], lines, used
 
     # ---- memory ----------------------------------------------------------------------------------
 
@@ -229,8 +246,11 @@ class Assembly:
 
     @cached_property
     def spent(self) -> tuple[str, ...]:
-        """What an episode has cost so far: evaluations, and the largest error of an interval."""
-        return ("evaluations_sum", "error_most") if self.controlled else ()
+        """Of an episode so far: evaluations, located events, and the largest error of an interval."""
+        if self.lanes is None:
+            return ()
+        counts = ("evaluations_sum", "events_sum") if self.lanes.stops else ("evaluations_sum",)
+        return (*counts, "error_most") if self.scene.tolerance is not None else counts
 
     @cached_property
     def draws(self) -> tuple[str, ...]:
@@ -257,15 +277,23 @@ class Assembly:
     def rows(self) -> dict[str, int]:
         """Row of every number in a block."""
         before = tuple(f"{s}_before" for s in self.states)
+        lanes = self.lanes
         names = [
-            *self.states, "error_sum", *(RESULTS if self.controlled else ()), "h", "interval",
+            *self.states, "error_sum", *(lanes.results if lanes else ()), "h", "interval",
             *(f"command{k}" for k in range(1, 5)), *self.numbers,
-            *((*before, *PLAN) if self.controlled else before if self.task else ()),
+            *((*before, *lanes.plan) if lanes else before if self.task else ()),
             *(("limit",) if self.task else ("state_defect", "numerics")),
             *self.actions, *self.memory, *(f"out_{n}" for n in self.outputs),
             *(f"obs_{i}" for i in range(len(self.observed))), *self.draws,
+            *(lanes.log if lanes else ()),
         ]  # fmt: skip
         return {name: i for i, name in enumerate(names)}
+
+    @cached_property
+    def every_row(self) -> dict[str, int]:
+        """The rows, and after them those of the scratch block alone."""
+        scratch = self.lanes.scratch if self.lanes else ()
+        return {**self.rows, **{name: len(self.rows) + i for i, name in enumerate(scratch)}}
 
     @property
     def stride(self) -> int:
@@ -284,12 +312,13 @@ class Assembly:
         ``writes`` maps rows to results.
         """
         named = words([*lines, *writes.values()])
-        reads = [r for r in self.rows if r in named]
+        rows = self.every_row
+        reads = [r for r in rows if r in named]
         body = [f'"""{doc}"""', *lines, f"return {', '.join(writes.values())}"]
         return (
             f"def {name}({', '.join(reads)}):\n{indent(body, 1)}\n\n\n"
-            f"{name} = straight_line({name}, reads={tuple(self.rows[r] for r in reads)}, "
-            f"writes={tuple(self.rows[w] for w in writes)}{'' if lanes == LANES else f', lanes={lanes}'})"
+            f"{name} = straight_line({name}, reads={tuple(rows[r] for r in reads)}, "
+            f"writes={tuple(rows[w] for w in writes)}{'' if lanes == LANES else f', lanes={lanes}'})"
         )
 
     # ---- text ------------------------------------------------------------------------------------
@@ -305,10 +334,9 @@ class Assembly:
             functions = [*functions, *task_functions]
         else:
             kernels = [self._advance_text()]
-        if self.controlled:
-            from redundant_envs.evaluators.assemble_lanes import controlled_interval
-
-            kernels = [controlled_interval(self, functions), *kernels]
+        if self.lanes:
+            lanes, lane_functions = self.lanes.kernels()
+            kernels, functions = [*lanes, *kernels], [*functions, *lane_functions]
         effects = ", ".join(e.key for e in self.scene.effects) or "no effects"
         parts = [
             # No number of the scene stands here: changing numbers never compiles anew.
@@ -325,24 +353,54 @@ class Assembly:
 
     @cached_property
     def _step_text(self) -> str:
-        writes = {s: f"{s}_new" for s in self.states}
         text = ""
-        if self.estimates:
-            writes["error_sum"] = "error_sum + error"
+        if self.estimates and not self.lanes:
             text = self.lane_function("clear", "Before an interval.", [], {"error_sum": "0.0"})
             text += "\n\n\n"
-        return text + self.lane_function("step", "One step of every lane of a block.", self._step[1], writes)
+        return text + self.step_function("step", self._step[1])
+
+    def step_function(self, name: str, lines: list[str]) -> str:
+        """A step of every lane of a block."""
+        writes = {s: f"{s}_new" for s in self.states}
+        if self.estimates:
+            # The error of an adaptive step decides on that step, all others are summed up.
+            writes["error_sum"] = "error" if self.scene.integrator == "dop853" else "error_sum + error"
+        return self.lane_function(name, "One step of every lane of a block.", lines, writes)
 
     @cached_property
     def _step(self) -> tuple[list[str], list[str], list[Callable[..., Any]]]:
         """Numbers a step needs, its straight lines, and the dialect functions it calls."""
+        lines, functions = self.step_of("rhs", self._rhs)
+        named = words(lines)
+        commands = tuple(f"command{k}" for k in range(1, 5))
+        needs = [n for n in (*commands, *self.numbers) if n in named]
+        return needs, lines, functions
+
+    def step_of(self, name: str, rhs: RightHandSide) -> tuple[list[str], list[Callable[..., Any]]]:
+        """Straight lines of a step with the right-hand side of a name, and dialect functions."""
         arm, method = self.scene.robot, METHODS[self.scene.integrator]
-        arguments, _, functions = self._rhs
-        call = f"rhs({{}}, {', '.join(arguments)})"
+        arguments, _, functions = rhs
+        call = f"{name}({{}}, {', '.join(arguments)})"
         lines = step_lines(method, arm.coordinates, arm.rates, self.states[8:], call)
         used = list(functions)
         if self.estimates:
+            lines += self._error_lines(used)
+        return lines, used
+
+    def _error_lines(self, used: list[Callable[..., Any]]) -> list[str]:
+        """Lines for ``error``: in metres at the tip, or for dop853 in units of its tolerance."""
+        arm = self.scene.robot
+        lines: list[str] = []
+        if self.scene.integrator == "dop853":
+            used += [scale, tip_error]
+            for s in self.states[:8]:
+                lines.append(f"{s}_scale = {prefixed(scale)}({s}, {s}_new)")
+            for e in ("e5", "e3"):
+                squares = " + ".join(f"({s}_{e} * {s}_scale) ** 2" for s in self.states[:8])
+                lines.append(f"{e} = sqrt(({squares}) * 0.125)")
+        else:
             wanted = ["n1", "n2", "n3", "n4"]
+            used.append(tip_error)
             known = {*self.states, *self.numbers}
             for c in calls(wanted, known, (*arm.functions, arm.column_norms), arm.sincos):
                 emit(c, lines, used)
@@ -350,19 +408,18 @@ class Assembly:
             for e in ("e5", "e3"):
                 terms = (f"{n} * (abs({q}_{e}) + interval * abs({v}_{e}))" for n, q, v in pairs)
                 lines.append(f"{e} = {' + '.join(terms)}")
-            lines.append(f"error = {prefixed(tip_error)}(e5, e3)")
-            used.append(tip_error)
-        named = words(lines)
-        commands = tuple(f"command{k}" for k in range(1, 5))
-        needs = [n for n in (*commands, *self.numbers) if n in named]
-        return needs, lines, used
+        lines.append(f"error = {prefixed(tip_error)}(e5, e3)")
+        return lines
 
     @cached_property
     def rhs_text(self) -> str:
         """The right-hand side as one function of a lane."""
-        arguments, lines, _ = self._rhs
-        head = f"def rhs({', '.join(self.states)}, {', '.join(arguments)}):\n"
-        return head + indent(lines, 1)
+        return self.rhs_function("rhs", self._rhs)
+
+    def rhs_function(self, name: str, rhs: RightHandSide) -> str:
+        """A right-hand side as a function of a lane."""
+        arguments, lines, _ = rhs
+        return f"def {name}({', '.join((*self.states, *arguments))}):\n{indent(lines, 1)}"
 
     @cached_property
     def scalar_text(self) -> str:
@@ -373,11 +430,6 @@ class Assembly:
         step = f"def step({arguments}):\n" + indent([*lines, f"return {new}"], 1)
         return "\n\n".join([*(function_text(f) for f in helpers(functions)), self.rhs_text, step])
 
-    @property
-    def controlled(self) -> bool:
-        """Whether each lane takes steps of its own, chosen by its error."""
-        return self.scene.tolerance is not None
-
     def block_loop(self, first: list[str], then: list[str]) -> list[str]:
         """Lines that advance all lanes by a control interval.
 
@@ -387,7 +439,7 @@ class Assembly:
         """
         head = ["o = b * STRIDE", f"first_lane = b * {LANES}", f"lanes = min({LANES}, count - first_lane)"]
         blocks = f"(count + {LANES - 1}) // {LANES}"
-        if not self.controlled:
+        if not self.lanes:
             clear = ["clear(W, o)"] if self.estimates else []
             steps = [*clear, "for _ in range(substeps):", "    step(W, o)"]
             return [f"for b in range({blocks}):", *block([*head, *first, *steps, *then])]
@@ -396,7 +448,7 @@ class Assembly:
             f"    end_block = min({blocks}, begin_block + {GROUP})",
             "    for b in range(begin_block, end_block):",
             *block([*head, *first], 2),
-            f"    cross_interval(W, begin_block, end_block, min(count, end_block * {LANES}))",
+            f"    cross_interval(W, begin_block, end_block, min(count, end_block * {LANES}), substeps)",
             "    for b in range(begin_block, end_block):",
             *block([*head, *then], 2),
         ]
@@ -408,13 +460,15 @@ class Assembly:
 
     def _advance_text(self) -> str:
         defect = " + ".join(f"({s} - {s})" for s in self.states[:8])
-        trouble = " + trouble" if self.controlled else ""
+        trouble = " + trouble" if self.lanes else ""
         commands = [self.rows[f"command{k}"] for k in range(1, 5)]
         given = {"finite": "state_defect"}
         if self.estimates:
             given["error"] = "error_sum"
-        if self.controlled:
+        if self.lanes:
             given |= {"evaluations": "evaluations", "numerics": "numerics"}
+            if "events" in self.rows:
+                given["events"] = "events"
         first = [
             f"if lanes == {LANES}:",
             "    take_efforts(efforts, first_lane, W, o)",
@@ -441,7 +495,8 @@ class Assembly:
                     f"SIGNATURES = {SIGNATURES}",
                 ]
             ),
-            "def advance(W, efforts, error, finite, evaluations, numerics, substeps):\n" + indent(body, 1),
+            "def advance(W, efforts, error, finite, evaluations, events, numerics, substeps):\n"
+            + indent(body, 1),
         ]
         return "\n\n\n".join(parts)
 

@@ -8,6 +8,7 @@ from typing import Any
 from redundant_envs.algebra import gives_of
 from redundant_envs.evaluators.assemble import (
     BAD_ACTION,
+    EVENT_BUDGET,
     LANES,
     NON_FINITE,
     PLACES,
@@ -93,6 +94,7 @@ def _settle(a: Assembly, task: ReachTask, used: list[Any]) -> str:
     lines = [
         f"defect = {' + '.join(f'({s} - {s})' for s in a.states)}",
         f"code = numerics + where(defect == 0.0, 0.0, {NON_FINITE})",
+        *([f"code = code + where(trouble >= {EVENT_BUDGET}, trouble, 0.0)"] if a.lanes else []),
         f"code = where(code > 0.0, code, where({fastest} > speed_bound, {SPEED_BOUND}, 0.0))",
         # A lane in trouble goes back to its last good state; its neighbours do not notice.
         *(f"{s} = where(code > 0.0, {s}_before, {s})" for s in a.states),
@@ -100,11 +102,13 @@ def _settle(a: Assembly, task: ReachTask, used: list[Any]) -> str:
     terms = task.reward_terms()
     known = {*a.states, *a.numbers, *task.memory, *a.actions}
     lines += _statements(a, task, [*terms, *task.renewed.values(), *task.measures], known, used)
+    modes = a.lanes.modes if a.lanes else ()
     writes = {
         **{s: s for s in a.states},
+        **{m: f"where(code > 0.0, {m}_before, {m})" for m in modes},
         **task.renewed,
         **{f"{t}_sum": f"{t}_sum + {t}" for t in terms},
-        "numerics": "code + trouble" if a.controlled else "code",
+        "numerics": f"code + where(trouble < {EVENT_BUDGET}, trouble, 0.0)" if a.lanes else "code",
         "steps": "steps + 1.0",
         "out_reward": " + ".join(terms),
         "out_terminated": "where(code > 0.0, 1.0, 0.0)",
@@ -112,9 +116,12 @@ def _settle(a: Assembly, task: ReachTask, used: list[Any]) -> str:
         "out_is_success": "is_success",
         "out_touched_new": "touched_new",
     }
-    if a.controlled:
-        writes["evaluations_sum"] = "evaluations_sum + evaluations"
-        writes["error_most"] = "maximum(error_most, error_sum)"
+    rules = {
+        "evaluations_sum": "evaluations_sum + evaluations",
+        "events_sum": "events_sum + events",
+        "error_most": "maximum(error_most, error_sum)",
+    }
+    writes |= {name: rules[name] for name in a.spent}
     return a.lane_function("settle", "Reward, success and trouble.", lines, writes)
 
 
@@ -129,6 +136,7 @@ def _begin(a: Assembly, task: ReachTask, used: list[Any]) -> str:
     wanted = [*arm.coordinates, *drawn]
     lines = _statements(a, task, wanted, {*a.draws, *a.numbers}, used, functions)
     zero = [*arm.rates, *(m for m in a.memory if m not in drawn)]
+    zero += [*a.lanes.modes, "next_step"] if a.lanes else []
     zero += [f"out_{n}" for n in (*ENDS, "is_success", "touched_new")]
     writes = {**{w: w for w in wanted}, **dict.fromkeys(zero, "0.0")}
     place = a.lane_function("place", "Start and goal from draws.", lines, writes, lanes=1)

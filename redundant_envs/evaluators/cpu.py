@@ -216,6 +216,12 @@ class Memory:
             for name in call.names:
                 self.blocks[:, self.rows[name]] = values[name]
 
+    def forget(self, index: np.ndarray) -> None:
+        """Lanes that a stop holds are let go, and their steps chosen anew: a new motion begins."""
+        lanes = self.assembly.lanes
+        if lanes:
+            self.write((*lanes.modes, "next_step"), 0.0, index)
+
     def read(self, names: tuple[str, ...], index: np.ndarray | None = None) -> np.ndarray:
         """Numbers of some lanes as a new array (lanes, names)."""
         rows = [self.rows[n] for n in names]

@@ -153,6 +153,8 @@ def floor(x):
 
 
 def where(condition, a, b):
+    if isinstance(condition, bool):  # of two numbers that are known now
+        return a if condition else b
     type_ = _like(condition.value.type, DOUBLE)
     value = condition.builder.select(condition.value, _value(a, type_), _value(b, type_))
     return Number(condition.builder, value)

@@ -1,17 +1,20 @@
-"""Error control: what an estimate is in metres at the tip, and how many steps a lane needs at least."""
+"""Error control: what an estimate is in metres at the tip, and what steps a lane takes for it."""
 
 from __future__ import annotations
 
-from redundant_envs.algebra import maximum, physics, sqrt, where
-
-MOST_STEPS = 256
-"""Most equal steps of a control interval; a lane that needs more is flagged."""
+from redundant_envs.algebra import maximum, minimum, physics, sqrt, where
 
 
 @physics
 def tip_error(e5, e3):
     """Hairer's blend of the two embedded estimates of DOP853, in metres at the tip."""
     return where(e5 > 0.0, e5 * e5 / sqrt(e5 * e5 + 0.01 * e3 * e3), e5)
+
+
+@physics
+def scale(before, after):
+    """One over the error that dop853 allows a coordinate or velocity in a step: near rounding."""
+    return 1.0 / (1e-14 + 1e-13 * maximum(abs(before), abs(after)))
 
 
 @physics
@@ -36,3 +39,77 @@ def least_steps(fastest, steady, interval):
     """Steps of an interval before any estimate is asked: half a radian of the fastest link in each,
     and what springs and dampers need, since an estimate cannot see one it has not touched."""
     return interval * maximum(2.0 * fastest, steady)
+
+
+# ---- the plan of a tolerance: 1, 2, 4, ... 256 equal steps, until the sum of their errors passes ---
+
+
+@physics
+def more_steps(n, least, failed, error, tip_tolerance):
+    """Twice the steps if n is too few, or would fail by far: the error falls like n^-7."""
+    hopeless = failed * where(error > 4.0 * tip_tolerance * n**4 * n**3, 1.0, 0.0)
+    return where(n < 256.0, where(n < least, 2.0 * n, where(hopeless > 0.0, 2.0 * n, n)), n)
+
+
+@physics(gives="left_first void steps_first")
+def begin_doubling(marked, floor, error_sum, tip_tolerance, interval):
+    """The first number of steps; whether the single step that all lanes make is of no use."""
+    failed = where(marked == 1.0, 1.0, 0.0)
+    least = maximum(floor, 1.0 + failed)
+    n = more_steps(1.0, least, failed, error_sum, tip_tolerance)
+    n = more_steps(n, least, failed, error_sum, tip_tolerance)
+    n = more_steps(n, least, failed, error_sum, tip_tolerance)
+    n = more_steps(n, least, failed, error_sum, tip_tolerance)
+    n = more_steps(n, least, failed, error_sum, tip_tolerance)
+    n = more_steps(n, least, failed, error_sum, tip_tolerance)
+    n = more_steps(n, least, failed, error_sum, tip_tolerance)
+    n = more_steps(n, least, failed, error_sum, tip_tolerance)
+    return interval / n, failed, n
+
+
+@physics(gives="good left_retry steps_retry")
+def judge_doubling(error_sum, tip_tolerance, steps_of_lane, interval):
+    """Whether the errors so far pass, or cannot; else the interval is begun anew with twice the steps."""
+    good = where(error_sum <= tip_tolerance, 1.0, where(steps_of_lane >= 256.0, 1.0, 0.0))
+    return good, interval / (2.0 * steps_of_lane), 2.0 * steps_of_lane
+
+
+@physics(gives="last left_again steps_left_again flagged")
+def end_doubling(steps_left, steps_of_lane, interval, error_sum, tip_tolerance, floor):
+    """At the end of a step: whether it was the last; whether more than 256 were needed."""
+    passed = where(error_sum <= tip_tolerance, where(floor <= 256.0, 1.0, 0.0), 0.0)
+    left = steps_left - 1.0
+    return where(left > 0.0, 0.0, 1.0), interval / steps_of_lane, left, 1.0 - passed
+
+
+# ---- the plan of dop853: each step as long as its error allows (Hairer, Norsett, Wanner I, II.4) ----
+
+
+@physics(gives="left_first void next_first")
+def begin_adaptive(next_step, floor, interval):
+    """A first step as long as the last one before, if there was one and it is not too long."""
+    longest = interval / maximum(floor, 1.0)
+    first = where(next_step > 0.0, where(next_step <= longest, next_step, longest), longest)
+    return first, 1.0, first
+
+
+@physics(gives="good left_retry next_new")
+def judge_adaptive(error_sum, h, next_step, floor, interval):
+    """Whether the error of a step, in units of the tolerance, is at most 1; the next step to try."""
+    eighth = sqrt(sqrt(sqrt(maximum(error_sum, 1e-12))))
+    factor = where(eighth > 0.0, minimum(maximum(0.9 / eighth, 1.0 / 3.0), 6.0), 1.0 / 3.0)
+    passed = where(error_sum <= 1.0, 1.0, 0.0)
+    grown = minimum(h * factor, interval / maximum(floor, 1.0))
+    grown = where(h < next_step, maximum(grown, next_step), grown)  # the end cut that step short
+    shorter = h * minimum(factor, 0.9)
+    hopeless = where(shorter < 1e-13 * interval, 1.0, 0.0)
+    return maximum(passed, hopeless), shorter, where(passed > 0.0, grown, shorter)
+
+
+@physics(gives="last left_again flagged")
+def end_adaptive(interval, elapsed_new, next_new, error_sum):
+    """At the end of a step: whether the interval is crossed; the last two steps share the rest."""
+    rest = interval - elapsed_new
+    half = minimum(next_new, 0.5 * rest)
+    left = where(rest <= next_new, rest, where(rest < 2.0 * next_new, half, next_new))
+    return where(rest <= 1e-14 * interval, 1.0, 0.0), left, where(error_sum <= 1.0, 0.0, 1.0)

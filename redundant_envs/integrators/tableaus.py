@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 
@@ -167,5 +168,8 @@ RK8 = Tableau(
     ),
 )
 
-METHODS: dict[str, Tableau] = {t.name: t for t in (EULER, RK4, RK8)}
+DOP853 = dataclasses.replace(RK8, name="dop853")
+"""The same stages; each lane chooses its steps so that their error stays near rounding."""
+
+METHODS: dict[str, Tableau] = {t.name: t for t in (EULER, RK4, RK8, DOP853)}
 """Fixed-step methods by their name in scenes."""

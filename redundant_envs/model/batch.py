@@ -17,6 +17,7 @@ from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.model import parameters
 from redundant_envs.scene import Scene
 
+EVENT_KINDS = {1: "upper impact", 2: "lower impact", 3: "rest", 4: "release"}
 _NO_NUMERICS = np.zeros(0, dtype=np.int8)
 
 
@@ -27,6 +28,32 @@ class Numerics(enum.IntFlag):
     BAD_ACTION = 2
     SPEED_BOUND = 4
     TOLERANCE_NOT_REACHED = 8
+    EVENT_BUDGET = 16
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened at a stop of a slider.
+
+    Attributes
+    ----------
+    time : float
+        s.
+    kind : str
+        "upper impact", "lower impact", "rest" or "release".
+    joint : str
+        "r1" or "r2".
+    speed : float
+        Before an impact, towards the stop, m/s; else 0.
+    lane : int
+        Which motion of a batch.
+    """
+
+    time: float
+    kind: str
+    joint: str
+    speed: float
+    lane: int = 0
 
 
 @dataclass(frozen=True)
@@ -92,7 +119,7 @@ class BatchSimulator:
         # The same in every interval of a fixed step, so one array serves all calls.
         self._evaluations = np.full(blocks * LANES, scene.substeps * method.stages)
 
-        self._no_events = np.broadcast_to(np.int64(0), num_envs)
+        self._no_events = np.zeros(blocks * LANES, dtype=np.int64)
 
     @property
     def q(self) -> NDArray[np.float64]:
@@ -111,14 +138,33 @@ class BatchSimulator:
             raise ValueError("the work is not tracked; build BatchSimulator with track_work=True")
         return self._memory.read(("work",))[:, 0]
 
+    def events(self, start: float = 0.0) -> list[Event]:
+        """What happened at stops in the last interval, which began at ``start`` [s]; needs ``track_work``."""
+        lanes = self._assembly.lanes
+        if lanes is None or not lanes.stops:
+            return []
+        if not lanes.log:
+            raise ValueError("events are not kept; build BatchSimulator with track_work=True")
+        entries = self._memory.read(lanes.log)
+        happened = []
+        for lane, row in enumerate(entries):
+            for time, code, speed in row[1 : 1 + 3 * int(row[0])].reshape(-1, 3).tolist():
+                slider, kind = divmod(int(code), 10)
+                joint = self.scene.robot.joints[lanes.stops[slider][1].joint]
+                happened.append(Event(start + time, EVENT_KINDS[kind], joint, speed, lane))
+        return happened
+
     def set_state(self, q: ArrayLike, qd: ArrayLike, index: ArrayLike | None = None) -> None:
         """Set coordinates and velocities, (..., 4), of all lanes or of those in ``index``."""
         lanes = self._lanes(index)
         arm = self.scene.robot
-        for name, values, rows in (("q", q, arm.coordinates), ("qd", qd, arm.rates)):
-            self._memory.write(rows, self._table(name, values, len(lanes), 4), lanes)
+        tables = [self._table(name, values, len(lanes), 4) for name, values in (("q", q), ("qd", qd))]
+        parameters.check_stops(self.scene, self._memory, lanes, tables[0], None)
+        for values, rows in zip(tables, (arm.coordinates, arm.rates), strict=True):
+            self._memory.write(rows, values, lanes)
         if "work" in self._memory.rows:
             self._memory.write(("work",), 0.0, lanes)
+        self._memory.forget(lanes)
 
     def set_parameters(self, values: Mapping[str, ArrayLike], index: ArrayLike | None = None) -> None:
         """Set physical parameters of lanes.
@@ -131,6 +177,8 @@ class BatchSimulator:
         """
         lanes = self._lanes(index)
         given = parameters.lane_values(self.scene, self._memory, lanes, values, fresh=False)
+        present = self._memory.read(self.scene.robot.coordinates, lanes)
+        parameters.check_stops(self.scene, self._memory, lanes, present, given)
         parameters.write(self.scene, self._memory, lanes, given)
 
     def save(self) -> NDArray[np.float64]:
@@ -169,28 +217,29 @@ class BatchSimulator:
         lanes = self._memory.blocks.shape[0] * LANES
         error = np.empty(lanes) if self._assembly.estimates else np.full(lanes, np.nan)
         finite = np.empty(lanes, dtype=np.bool_)
-        evaluations, numerics = self._evaluations, _NO_NUMERICS
-        if self._assembly.controlled:
+        evaluations, events, numerics = self._evaluations, self._no_events, _NO_NUMERICS
+        if self._assembly.lanes:
             evaluations, numerics = np.empty(lanes, np.int64), np.empty(lanes, np.int8)
+            if self._assembly.lanes.stops:
+                events = np.empty(lanes, np.int64)
+        outputs = (error, finite, evaluations, events, numerics)
         substeps = self.scene.substeps
         if self._pool is None:
-            self._kernel(self._memory.flat, table, error, finite, evaluations, numerics, substeps)
+            self._kernel(self._memory.flat, table, *outputs, substeps)
         else:
             jobs = [
-                self._pool.submit(
-                    self._kernel, part, table[s], error[s], finite[s], evaluations[s], numerics[s], substeps
-                )
+                self._pool.submit(self._kernel, part, table[s], *(x[s] for x in outputs), substeps)
                 for part, s in self._parts
             ]
             for job in jobs:
                 job.result()
-        if not self._assembly.controlled:
+        if not self._assembly.lanes:
             numerics = np.logical_not(finite).view(np.int8)  # NON_FINITE is 1
         return Status(
             finite=finite[:n],
             evaluations=evaluations[:n],
             error_estimate=error[:n],
-            events=self._no_events,
+            events=events[:n],
             numerics=numerics[:n],
         )
 

@@ -30,9 +30,12 @@ def potential_energy(scene: Scene, q: Array) -> Array:
     for effect in scene.effects:
         own = effect.parameters()
         for hook in effect.hooks(arm):
-            function = hook.potential if isinstance(hook, Force) else None
-            if isinstance(hook, Field):
+            if isinstance(hook, Force):
+                function = hook.potential
+            elif isinstance(hook, Field):
                 function = hook.function
+            else:
+                continue
             if function is None:
                 continue
             arguments = []

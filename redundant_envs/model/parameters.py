@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from redundant_envs.effects.hooks import Impact
 from redundant_envs.evaluators import cpu
 from redundant_envs.robots.parameters import LARGEST, LARGEST_RATIO, SMALLEST
 from redundant_envs.scene import Scene, identifier
@@ -75,6 +76,31 @@ def lane_values(
         if any(p.startswith(f"{effect.key}.") for p in changed):
             _check_effect(effect, values)
     return values
+
+
+def check_stops(
+    scene: Scene, memory: cpu.Memory, lanes: NDArray[np.intp], q: NDArray[np.float64], values: Table | None
+) -> None:
+    """ValueError if a slider stands beyond a hard end of its travel: no motion leads there.
+
+    ``values`` are all parameters of the lanes, or None for the present ones.
+    """
+    for effect in scene.effects:
+        for hook in effect.hooks(scene.robot):
+            if not isinstance(hook, Impact):
+                continue
+            names = [f"{effect.key}{end}" for end in (hook.lower, hook.upper)]
+            ends = memory.read(tuple(identifier(n) for n in names), lanes).T
+            if values is not None:
+                ends = np.array([values[n] for n in names])
+            x = q[:, hook.joint]
+            outside = (x < ends[0]) | (x > ends[1])
+            if outside.any():
+                lane = int(np.flatnonzero(outside)[0])
+                raise ValueError(
+                    f"{scene.robot.joints[hook.joint]} is {x[lane]:.6g} m; its stops are at "
+                    f"{ends[0][lane]:.6g} and {ends[1][lane]:.6g} m: place it between them"
+                )
 
 
 def _check_positive(name: str, columns: NDArray[np.float64]) -> None:

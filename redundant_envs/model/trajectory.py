@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from redundant_envs.model.batch import BatchSimulator
+from redundant_envs.model.batch import BatchSimulator, Event
 from redundant_envs.model.energy import kinetic_energy, potential_energy
 from redundant_envs.scene import Scene
 
@@ -29,8 +28,8 @@ class Trajectory:
     work : (T, ...) J
         Work of the motors and of forces without a potential since the start:
         kinetic + potential - work stays constant.
-    events : list
-        Located events; none of the present effects has any.
+    events : list of Event
+        What happened at the stops of the sliders, in the order of time.
     """
 
     t: Array
@@ -39,7 +38,7 @@ class Trajectory:
     kinetic_energy: Array
     potential_energy: Array
     work: Array
-    events: list[Any] = field(default_factory=list)
+    events: list[Event] = field(default_factory=list)
 
 
 def simulate(
@@ -76,6 +75,7 @@ def simulate(
     qs: list[Array] = []
     qds: list[Array] = []
     works: list[Array] = []
+    events: list[Event] = []
     step, command = 0, np.zeros((count, 4))
     commanded = -1
     for time in t:
@@ -83,6 +83,7 @@ def simulate(
         while step < target:
             command, commanded = _command(efforts, step, dt, batch, shape, command, commanded)
             batch.advance(command)
+            events += batch.events(step * dt)
             step += 1
         rest = time - step * dt
         if rest > 1e-12 * max(1.0, time):
@@ -90,6 +91,8 @@ def simulate(
             here = batch.save()
             batch.advance_partly(command, rest)
             state = batch.q, batch.qd, batch.work
+            if time == t[-1]:
+                events += batch.events(step * dt)
             batch.restore(here)
         else:
             state = batch.q, batch.qd, batch.work
@@ -109,6 +112,7 @@ def simulate(
         kinetic_energy=kinetic_energy(scene, q_all, qd_all),
         potential_energy=potential_energy(scene, q_all),
         work=np.array(works).reshape(len(t), *shape),
+        events=sorted(events, key=lambda e: e.time),
     )
 
 

@@ -91,6 +91,9 @@ class Arm:
     """Functions of the parameters alone, evaluated when a parameter is set, not in the step."""
     column_norms: ClassVar[Callable[..., Any]]
     mobility_bounds: ClassVar[Callable[..., Any]]
+    held_dynamics: ClassVar[Callable[..., Any] | None] = None
+    """Dynamics with sliders at rest, and columns of M^-1; None for an arm without sliders."""
+    slider_mobility: ClassVar[Callable[..., Any] | None] = None
     coordinates_of_joints: ClassVar[Callable[..., Any]]
 
     def __post_init__(self) -> None:

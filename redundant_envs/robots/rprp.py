@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from redundant_envs.algebra import physics, sqrt
+from redundant_envs.algebra import physics, sqrt, where
 from redundant_envs.robots.parameters import Arm
 
 
@@ -215,43 +215,95 @@ def reciprocals(m4):
     return 1.0 / m4
 
 
-@physics(gives="qdd1 qdd2 qdd3 qdd4")
-def forward_dynamics(
+@physics
+def elimination(
     m1, m2, m3, m4, l1, l2, inverse_m4, r1, r2, s1, c1, s12, c12, w1, v1, w2, v2,
-    Q1, Q2, Q3, Q4, ax, ay,
+    Q1, Q2, Q3, Q4, ax, ay, held2, held4,
 ):  # fmt: skip
     """O(n) elimination of the second link, then a 2 x 2 system: no mass matrix is formed.
 
     Vectors stand in the frame of link 1 (components e along it, n across it). Every pivot (I, Kee,
     D1) is a sum of positive numbers, so nothing cancels at extreme mass ratios or in line. All are
     multiplied by I, and D1 by Kee too, so that no division waits for another.
+
+    A slider with held > 0 stands still on its link (its rate is 0). The last two results are the
+    forces along the sliders that hold them.
     """
     a = l1 + r1
     b = l2 + r2
     sigma = m3 * l2 + m4 * b
     I = m3 * l2 * l2 + m4 * b * b
     inverse_I = 1.0 / I
-    # What the second link adds at the slider: m2 1 + m3 e2 e2^T + kappa n2 n2^T, kappa I here.
+    # What the second link adds at the slider: m2 1 + along e2 e2^T + kappa n2 n2^T, kappa I here.
+    along = where(held4 > 0.0, m3 + m4, m3)
     kappa = m3 * m4 * r2 * r2
-    Kee = m2 * I + m3 * I * (c12 * c12) + kappa * (s12 * s12)
-    Ken = (kappa - m3 * I) * (c12 * s12)
-    Kd = (m2 + m3) * (m2 * I + kappa)
-    inverse_Kee = 1.0 / Kee
-    inverse_D1 = 1.0 / (m1 * l1 * l1 * Kee + a * a * Kd)
-    pe = Q4 - m3 * l2 * w2 * w2
+    Kee = m2 * I + along * I * (c12 * c12) + kappa * (s12 * s12)
+    Ken = (kappa - along * I) * (c12 * s12)
+    Kd = (m2 + along) * (m2 * I + kappa)
+    pe = where(held4 > 0.0, -sigma * w2 * w2, Q4 - m3 * l2 * w2 * w2)
     pn = (sigma * Q3 - 2.0 * m3 * m4 * l2 * r2 * v2 * w2) * inverse_I
     fe = Q2 - (pe * c12 + pn * s12)
     fn = pn * c12 - pe * s12
     gn = ay * c1 - ax * s1
     be = ax * c1 + ay * s1 - a * w1 * w1
     bn = gn + 2.0 * v1 * w1
-    qdd1 = ((Q1 - m1 * l1 * gn - a * fn) * Kee - a * (Kd * bn + Ken * fe)) * inverse_D1
+    # Slider 1 takes its share of the second link's pull along link 1, unless it is held.
+    Knn = m2 * I + along * I * (s12 * s12) + kappa * (c12 * c12)
+    turn = Q1 - m1 * l1 * gn - a * fn
+    D1 = where(held2 > 0.0, m1 * l1 * l1 * I + a * a * Knn, m1 * l1 * l1 * Kee + a * a * Kd)
+    inverse_D1 = 1.0 / D1
+    inverse_Kee = 1.0 / Kee
+    qdd1 = (
+        where(held2 > 0.0, turn * I - a * (Knn * bn + Ken * be), turn * Kee - a * (Kd * bn + Ken * fe))
+        * inverse_D1
+    )
     y = a * qdd1 + bn  # acceleration of the slider across and along link 1
-    x = (fe * I - Ken * y) * inverse_Kee
-    qdd2 = x - be
+    x = where(held2 > 0.0, be, (fe * I - Ken * y) * inverse_Kee)
+    qdd2 = where(held2 > 0.0, 0.0, x - be)
     qdd3 = (Q3 - 2.0 * m4 * b * v2 * w2 - sigma * (x * s12 + y * c12)) * inverse_I
-    qdd4 = Q4 * inverse_m4 + b * w2 * w2 - (x * c12 - y * s12)
+    along_2 = x * c12 - y * s12
+    qdd4 = where(held4 > 0.0, 0.0, Q4 * inverse_m4 + b * w2 * w2 - along_2)
+    hold2 = (Kee * x + Ken * y) * inverse_I - fe
+    hold4 = m4 * (along_2 - b * w2 * w2) - Q4
+    return qdd1, qdd2, qdd3, qdd4, hold2, hold4
+
+
+@physics(gives="qdd1 qdd2 qdd3 qdd4")
+def forward_dynamics(
+    m1, m2, m3, m4, l1, l2, inverse_m4, r1, r2, s1, c1, s12, c12, w1, v1, w2, v2,
+    Q1, Q2, Q3, Q4, ax, ay,
+):  # fmt: skip
+    qdd1, qdd2, qdd3, qdd4, _, _ = elimination(
+        m1, m2, m3, m4, l1, l2, inverse_m4, r1, r2, s1, c1, s12, c12, w1, v1, w2, v2,
+        Q1, Q2, Q3, Q4, ax, ay, 0.0, 0.0,
+    )  # fmt: skip
     return qdd1, qdd2, qdd3, qdd4
+
+
+@physics(gives="qdd1 qdd2 qdd3 qdd4 hold2 hold4")
+def held_dynamics(
+    m1, m2, m3, m4, l1, l2, inverse_m4, r1, r2, s1, c1, s12, c12, w1, v1, w2, v2,
+    Q1, Q2, Q3, Q4, ax, ay, held2, held4,
+):  # fmt: skip
+    """Accelerations while sliders with held > 0 rest on their links, and the forces that hold them [N]."""
+    return elimination(
+        m1, m2, m3, m4, l1, l2, inverse_m4, r1, r2, s1, c1, s12, c12, w1, v1, w2, v2,
+        Q1, Q2, Q3, Q4, ax, ay, held2, held4,
+    )  # fmt: skip
+
+
+@physics(gives="W12 W22 W32 W42 W14 W24 W34 W44")
+def slider_mobility(m1, m2, m3, m4, l1, l2, inverse_m4, r1, r2, s1, c1, s12, c12):
+    """Columns 2 and 4 of M^-1: what a unit impulse along each slider does to the velocities."""
+    W12, W22, W32, W42, _, _ = elimination(
+        m1, m2, m3, m4, l1, l2, inverse_m4, r1, r2, s1, c1, s12, c12, 0.0, 0.0, 0.0, 0.0,
+        0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+    )  # fmt: skip
+    W14, W24, W34, W44, _, _ = elimination(
+        m1, m2, m3, m4, l1, l2, inverse_m4, r1, r2, s1, c1, s12, c12, 0.0, 0.0, 0.0, 0.0,
+        0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0,
+    )  # fmt: skip
+    return W12, W22, W32, W42, W14, W24, W34, W44
 
 
 @physics(gives="n1 n2 n3 n4")
@@ -295,4 +347,6 @@ class RPRPArm(Arm):
     prepared = (reciprocals,)
     column_norms = staticmethod(column_norms)
     mobility_bounds = staticmethod(mobility_bounds)
+    held_dynamics = staticmethod(held_dynamics)
+    slider_mobility = staticmethod(slider_mobility)
     coordinates_of_joints = staticmethod(coordinates_of_joints)

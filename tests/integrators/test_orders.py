@@ -108,7 +108,7 @@ def test_rk8_has_order_8_in_mpmath():
     assert max(measured) <= 9.5
 
 
-@pytest.mark.parametrize("method", sorted(METHODS))
+@pytest.mark.parametrize("method", sorted(set(METHODS) - {"dop853"}))
 @pytest.mark.parametrize("robot", [FOUR_R, RPRP], ids=["FourR", "RPRP"])
 def test_compiled_step_is_the_scalar_text(method, robot):
     """The kernel's step is the text on plain floats to a few roundings."""

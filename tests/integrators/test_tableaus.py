@@ -8,7 +8,7 @@ import pytest
 
 from redundant_envs.integrators.tableaus import METHODS, RK8
 
-NAMES = sorted(METHODS)
+NAMES = sorted(set(METHODS) - {"dop853"})  # its stages are rk8's
 
 
 @cache

@@ -1,0 +1,48 @@
+"""Lanes that one step does not serve, gathered eight at a time: text, copied where it is needed.
+
+The names it uses without defining them (rows of the memory, compiled lane functions) are those of
+the assembled module.
+"""
+
+# ---- copied from here ----------------------------------------------------------------------------
+
+
+@njit(inline="always", **OPTIONS)
+def redo(W, first, last):
+    """Advance the marked ones of the lanes first to last, each with steps of its own.
+
+    A slot of the scratch block S that falls free takes the next marked lane, so no lane waits for
+    its neighbours; and since each slot has its own h, none knows of them.
+    """
+    S = np.zeros(SCRATCH)
+    home = np.full(LANES, -1)  # where the lane in a slot lives in W
+    upcoming = first
+    busy = 0
+    while True:
+        for i in range(LANES):
+            while home[i] < 0 and upcoming < last:
+                w = upcoming // LANES * STRIDE + upcoming % LANES
+                upcoming += 1
+                if W[w + MARKED] > 0.0:
+                    move(W, w, S, i, LIVE)
+                    S[i + NEWLY] = 1.0
+                    home[i] = w
+                    busy += 1
+        if busy == 0:
+            break
+        another_piece(S)
+        for i in range(LANES):
+            if home[i] >= 0 and S[i + PHASE] == COMPLETE:
+                move(S, i, W, home[i], RESULTS)
+                S[i + PHASE] = 0.0
+                home[i] = -1
+                busy -= 1
+
+
+@njit(**OPTIONS)
+def move(A, a, B, b, rows):
+    """Copy the first rows of a lane, and its log."""
+    for row in range(rows):
+        B[b + row * LANES] = A[a + row * LANES]
+    for row in range(LOG, LOG + LOG_ROWS):
+        B[b + row * LANES] = A[a + row * LANES]

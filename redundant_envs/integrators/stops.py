@@ -1,0 +1,377 @@
+"""What becomes of a lane that meets a stop: one decision after every piece of its motion.
+
+A piece is tried to the end of the planned step. If it meets a stop, pieces from the same start end
+ever nearer to the event: an extension of the method's own order, no interpolation. Then the arm is
+struck or held, and the motion goes on from there. All of it is arithmetic without branches, for
+eight lanes at once; what holds is 1.0, what does not 0.0.
+
+``phase`` of a lane: 0 none, 1 its contacts come next, 2 a piece to the end of the step, 3 to where
+a slider turns, 4 to the end of the step though one turns near a stop, 5 towards an event, 6 complete.
+Sliders are a and b; sides are 1 at the upper stop, -1 at the lower one, 0 at none.
+"""
+
+from __future__ import annotations
+
+from redundant_envs.algebra import maximum, minimum, physics, where
+
+
+@physics
+def equal(x, value):
+    return where(x == value, 1.0, 0.0)
+
+
+@physics
+def positive(x):
+    return where(x > 0.0, 1.0, 0.0)
+
+
+@physics
+def either(x, y):
+    return maximum(x, y)
+
+
+@physics
+def no(x):
+    return 1.0 - x
+
+
+@physics
+def pick(chosen, a, b):
+    return where(chosen > 0.0, b, a)
+
+
+@physics
+def closeness(q, lower, upper):
+    """Positions nearer than this to a stop are at it: four units in the last place, m."""
+    low = where(abs(lower) < 1e300, abs(lower), 0.0)
+    high = where(abs(upper) < 1e300, abs(upper), 0.0)
+    return 8.881784197001252e-16 * maximum(maximum(low, high), abs(q))
+
+
+@physics
+def beyond(q, mode, lower, upper):
+    """Side of the stop that a slider is beyond."""
+    return where(mode == 0.0, where(q > upper, 1.0, where(q < lower, -1.0, 0.0)), 0.0)
+
+
+@physics
+def at_stop(q, mode, lower, upper):
+    """Side of the stop that a slider touches."""
+    return where(mode == 0.0, where(q >= upper, 1.0, where(q <= lower, -1.0, 0.0)), mode)
+
+
+# ---- contacts ------------------------------------------------------------------------------------
+
+
+@physics
+def impulses(ua, ub, at_a, at_b, waa, wab, wbb, e):
+    """Impulses at the stops: u+ = -e u where it moved out, u+ <= 0 else, and no stop pulls.
+
+    u are outward speeds, at_a and at_b say whether the slider is at a stop. The 2 x 2 problem has
+    one answer, since the mobility w is positive definite: of the sets of struck stops the one that
+    fits.
+    """
+    da = ua + e * maximum(ua, 0.0)
+    db = ub + e * maximum(ub, 0.0)
+    only_a = da / waa
+    only_b = db / wbb
+    det = waa * wbb - wab * wab
+    fits_a = at_a * where(only_a >= 0.0, 1.0, 0.0) * where(at_b * (db - wab * only_a) <= 0.0, 1.0, 0.0)
+    fits_b = at_b * where(only_b >= 0.0, 1.0, 0.0) * where(at_a * (da - wab * only_b) <= 0.0, 1.0, 0.0)
+    pa = where(fits_a > 0.0, only_a, where(fits_b > 0.0, 0.0, (wbb * da - wab * db) / det))
+    pb = where(fits_a > 0.0, 0.0, where(fits_b > 0.0, only_b, (waa * db - wab * da) / det))
+    return pa, pb
+
+
+@physics
+def halting(va, vb, still_a, still_b, waa, wab, wbb):
+    """Impulses that stop slider a, b or both; 0 for one that need not stand still."""
+    det = waa * wbb - wab * wab
+    both = still_a * still_b
+    ja = where(both > 0.0, (wab * vb - wbb * va) / det, where(still_a > 0.0, -va / waa, 0.0))
+    jb = where(both > 0.0, (wab * va - waa * vb) / det, where(still_b > 0.0, -vb / wbb, 0.0))
+    return ja, jb
+
+
+@physics
+def would_rest(side, u, press, mode, let_go, e, limit):
+    """Whether a slider at a stop, pressed onto it, bounces less than 1e-9 m; an elastic one rests
+    only if its bounce is lost in rounding."""
+    height = where(e < 1.0, 1e-9, 8.881784197001252e-16 * maximum(abs(limit), 1.0))
+    low = where(u * u <= 2.0 * press * height, 1.0, 0.0)
+    new = equal(mode, 0.0) * no(equal(side, 0.0)) * no(let_go)
+    return positive(press) * low * where(u <= 0.0, 1.0, 0.0) * new
+
+
+@physics(
+    gives="touches over_budget strikes going_on impulse_a impulse_b struck_a struck_b mode_a_new mode_b_new "
+    "events_new changes_new phase_new let_go_a_new let_go_b_new "
+    "told_now_a told_now_b told_speed_now_a told_speed_now_b"
+)
+def touch(
+    phase, changes, events, events_before, place_a, place_b, rate_a, rate_b, mode_a, mode_b,
+    lower_a, lower_b, upper_a, upper_b, restitution, let_go_a, let_go_b,
+    accel_a, accel_b, hold_a, hold_b, waa, wab, wbb,
+):  # fmt: skip
+    """With accelerations, holding forces and mobilities at hand: strike, let go, rest, or go on."""
+    on = equal(phase, 1.0)
+    sa = at_stop(place_a, mode_a, lower_a, upper_a)
+    sb = at_stop(place_b, mode_b, lower_b, upper_b)
+    ua = sa * rate_a
+    ub = sb * rate_b
+    spent = either(where(changes >= 512.0, 1.0, 0.0), where(events - events_before > 256.0, 1.0, 0.0))
+    strikes = either(positive(ua), positive(ub))
+    pa, pb = impulses(ua, ub, abs(sa), abs(sb), waa, sa * sb * wab, wbb, restitution)
+    hit_a = strikes * positive(pa)
+    hit_b = strikes * positive(pb)
+    free_a = no(strikes) * positive(mode_a * hold_a)  # the stop would have to pull
+    free_b = no(strikes) * no(free_a) * positive(mode_b * hold_b)
+    calm = no(strikes) * no(free_a) * no(free_b)
+    limit_a = where(sa > 0.0, upper_a, lower_a)
+    limit_b = where(sb > 0.0, upper_b, lower_b)
+    rest_a = calm * would_rest(sa, ua, sa * accel_a, mode_a, let_go_a, restitution, limit_a)
+    rest_b = calm * would_rest(sb, ub, sb * accel_b, mode_b, let_go_b, restitution, limit_b)
+    going = calm * no(rest_a) * no(rest_b)
+    # The impulses along the sliders, and the rates they have then. One that comes to rest must not
+    # set off the other, if that rests or comes to rest too.
+    rests = either(rest_a, rest_b)
+    still_a = either(rest_a, rests * abs(mode_a))
+    still_b = either(rest_b, rests * abs(mode_b))
+    halt_a, halt_b = halting(rate_a, rate_b, still_a, still_b, waa, wab, wbb)
+    ja = where(strikes > 0.0, -sa * pa, halt_a)
+    jb = where(strikes > 0.0, -sb * pb, halt_b)
+    va = rate_a + ja * waa + jb * wab
+    vb = rate_b + ja * wab + jb * wbb
+    va = where(hit_a > 0.0, -sa * restitution * maximum(ua, 0.0), where(still_a > 0.0, 0.0, va))
+    vb = where(hit_b > 0.0, -sb * restitution * maximum(ub, 0.0), where(still_b > 0.0, 0.0, vb))
+    mode_a_new = where(
+        rest_a > 0.0, sa, where(either(free_a, strikes * positive(-sa * va)) > 0.0, 0.0, mode_a)
+    )
+    mode_b_new = where(
+        rest_b > 0.0, sb, where(either(free_b, strikes * positive(-sb * vb)) > 0.0, 0.0, mode_b)
+    )
+    impact_a = hit_a * positive(ua)
+    impact_b = hit_b * positive(ub)
+    acts = on * no(spent)
+    return (
+        on,
+        on * spent,
+        acts * either(strikes, rests),
+        acts * going,
+        ja,
+        jb,
+        va,
+        vb,
+        where(acts > 0.0, mode_a_new, mode_a),
+        where(acts > 0.0, mode_b_new, mode_b),
+        events + acts * (impact_a + impact_b),
+        changes + on,
+        where(on * spent > 0.0, 6.0, where(acts * going > 0.0, 2.0, phase)),
+        where(acts > 0.0, either(free_a, let_go_a) * no(going), let_go_a),
+        where(acts > 0.0, either(free_b, let_go_b) * no(going), let_go_b),
+        # Of the event of each slider: 1 and 2 impacts at the upper and lower stop, 3 rest, 4 let go.
+        acts * (impact_a * where(sa > 0.0, 1.0, 2.0) + 3.0 * rest_a + 4.0 * free_a),
+        acts * (impact_b * where(sb > 0.0, 1.0, 2.0) + 3.0 * rest_b + 4.0 * free_b),
+        acts * impact_a * ua,
+        acts * impact_b * ub,
+    )
+
+
+# ---- events --------------------------------------------------------------------------------------
+
+
+@physics
+def nearer_root(low, high, s, side, gap, s0, c2, c3):
+    """A bracketed Newton step towards a zero of the cubic side (gap + s0 s + c2 s^2 + c3 s^3)."""
+    g = side * (gap + s * (s0 + s * (c2 + s * c3)))
+    slope = side * (s0 + s * (2.0 * c2 + 3.0 * s * c3))
+    low = where(g > 0.0, low, s)
+    high = where(g > 0.0, s, high)
+    new = s - g / slope
+    middle = 0.5 * (low + high)
+    return low, high, where(slope > 0.0, where(new > low, where(new < high, new, middle), middle), middle)
+
+
+@physics
+def crossing(q0, v0, q1, v1, h, side, lower, upper, turns):
+    """When the cubic through both ends of a piece goes beyond the stop, s: a first guess."""
+    limit = where(side > 0.0, upper, lower)
+    d = q1 - q0
+    s0 = h * v0
+    c2 = 3.0 * d - h * (2.0 * v0 + v1)
+    c3 = h * (v0 + v1) - 2.0 * d
+    gap = q0 - limit
+    low = where(side * v0 < 0.0, minimum(turns / h, 1.0), 0.0)  # it may first move inward
+    high = 1.0
+    s = minimum(maximum(1.0 - (q1 - limit) / d, low), 1.0)
+    low, high, s = nearer_root(low, high, s, side, gap, s0, c2, c3)
+    low, high, s = nearer_root(low, high, s, side, gap, s0, c2, c3)
+    low, high, s = nearer_root(low, high, s, side, gap, s0, c2, c3)
+    low, high, s = nearer_root(low, high, s, side, gap, s0, c2, c3)
+    low, high, s = nearer_root(low, high, s, side, gap, s0, c2, c3)
+    return h * s
+
+
+@physics
+def first_event(q0, v0, q1, v1, h, mode, hold_from, hold, met, turns, lower, upper, phase):
+    """After a tried piece: when a slider has an event, h + 1 for never; its side; whether it only
+    turns near the stop."""
+    side = beyond(q1, mode, lower, upper)
+    pull = mode * hold
+    push = maximum(-mode * hold_from, 0.0)
+    peak = equal(side, 0.0) * equal(abs(met), 2.0) * equal(phase, 2.0) * equal(mode, 0.0)
+    at = where(peak > 0.0, turns, h + 1.0)
+    at = where(side == 0.0, at, crossing(q0, v0, q1, v1, h, side, lower, upper, turns))
+    at = where(pull > 0.0, h * push / (push + pull), at)
+    return at, where(side == 0.0, where(met > 0.0, 1.0, -1.0), side), peak
+
+
+@physics
+def arrived(there, sought, limit, place, rate, mode, close, lower, upper):
+    """Where a slider is at an event: at its stop exactly, if it has come there."""
+    up = where(place >= upper - close, where(rate > 0.0, 1.0, 0.0), 0.0)
+    down = where(place <= lower + close, where(rate < 0.0, 1.0, 0.0), 0.0)
+    at = where(sought > 0.0, limit, where(up > 0.0, upper, where(down > 0.0, lower, place)))
+    return where(there * equal(mode, 0.0) > 0.0, at, place)
+
+
+@physics(
+    gives="hit accepted there again phase_next h_next_piece target_new side_new low_new high_new "
+    "gap_low_new gap_high_new tries_new place_a_new place_b_new"
+)
+def decide(
+    due, phase, h, left, good, target, side, low, high, gap_low, gap_high, tries,
+    place_a, place_b, rate_a, rate_b, place_a_from, place_b_from, rate_a_from, rate_b_from,
+    mode_a, mode_b, met_a, met_b, turns_a, turns_b, lower_a, lower_b, upper_a, upper_b,
+    hold_a, hold_b, hold_a_from, hold_b_from,
+):  # fmt: skip
+    """After a piece: its earliest event, how to come nearer to the one looked for, or its end."""
+    tried = due * good * either(equal(phase, 2.0), equal(phase, 4.0))
+    at_a, side_a, peak_a = first_event(
+        place_a_from, rate_a_from, place_a, rate_a, h, mode_a, hold_a_from, hold_a, met_a, turns_a,
+        lower_a, upper_a, phase,
+    )  # fmt: skip
+    at_b, side_b, peak_b = first_event(
+        place_b_from, rate_b_from, place_b, rate_b, h, mode_b, hold_b_from, hold_b, met_b, turns_b,
+        lower_b, upper_b, phase,
+    )  # fmt: skip
+    close_a = closeness(place_a_from, lower_a, upper_a)
+    close_b = closeness(place_b_from, lower_b, upper_b)
+
+    # A tried piece: its first event, if it has one.
+    first = where(at_b < at_a, 1.0, 0.0)
+    at = minimum(at_a, at_b)
+    hit = tried * where(at <= h, 1.0, 0.0)
+    held = pick(first, mode_a, mode_b)
+    pull_from = pick(first, mode_a * hold_a_from, mode_b * hold_b_from)
+    pull = pick(first, mode_a * hold_a, mode_b * hold_b)
+    peak = pick(first, peak_a, peak_b) * equal(held, 0.0)
+
+    # The slider whose event is looked for (b if target is 1), and the other one.
+    q = pick(target, place_a, place_b)
+    v = pick(target, rate_a, rate_b)
+    mode = pick(target, mode_a, mode_b)
+    close = pick(target, close_a, close_b)
+    limit = where(side > 0.0, pick(target, upper_a, upper_b), pick(target, lower_a, lower_b))
+    gap = where(mode == 0.0, side * (q - limit), pick(target, mode_a * hold_a, mode_b * hold_b))
+    other = no(target)
+    other_mode = pick(other, mode_a, mode_b)
+    other_side = pick(
+        other, beyond(place_a, mode_a, lower_a, upper_a), beyond(place_b, mode_b, lower_b, upper_b)
+    )
+    other_limit = where(other_side > 0.0, pick(other, upper_a, upper_b), pick(other, lower_a, lower_b))
+    other_gap = where(other_side == 0.0, 0.0, other_side * (pick(other, place_a, place_b) - other_limit))
+    other_pull = pick(other, mode_a * hold_a, mode_b * hold_b)
+    other_late = where(
+        other_mode == 0.0,
+        where(other_gap > pick(other, close_a, close_b), 1.0, 0.0),
+        positive(other_pull) * where(h - low > 8.881784197001252e-16 * left, 1.0, 0.0),
+    )
+
+    # Towards an event: the other slider's, if that came before; else a smaller bracket.
+    locating = due * equal(phase, 5.0)
+    sooner = locating * other_late
+    over = positive(gap)
+    high_in = where(over > 0.0, h, high)
+    low_in = where(over > 0.0, low, h)
+    # Of a release, side tells on which side the last piece ended. An end that stays for the second
+    # time counts half (Illinois).
+    last_over = positive(side)
+    pull_high = where(over > 0.0, gap, where(last_over > 0.0, gap_high, 0.5 * gap_high))
+    pull_low = where(over > 0.0, where(last_over > 0.0, 0.5 * gap_low, gap_low), gap)
+    narrow = either(
+        where(high_in - low_in <= 8.881784197001252e-16 * left, 1.0, 0.0), where(tries >= 100.0, 1.0, 0.0)
+    )
+    near = where(
+        mode == 0.0,
+        either(where(abs(gap) <= close, 1.0, 0.0), narrow),
+        # Let go where the stop would pull, not just before, to 1e-10 of the step.
+        either(narrow, where(gap * (h - low) <= 1e-10 * left * (gap - gap_low), 1.0, 0.0)) * over,
+    )
+    speed = side * v
+    middle = 0.5 * (low_in + high_in)
+    newton = where(speed > 0.0, h - gap / speed, middle)
+    chord = low_in - (high_in - low_in) * pull_low / (pull_high - pull_low) + 5e-11 * left
+    nearer = where(mode == 0.0, newton, chord)
+    nearer = where(nearer > low_in, where(nearer < high_in, nearer, middle), middle)
+    nearer = where(no(equal(mode, 0.0)) * narrow > 0.0, high_in, nearer)
+    there = locating * no(sooner) * near
+    closer = locating * no(sooner) * no(near)
+
+    # Where a slider turns: beyond its stop, or not.
+    probing = due * equal(phase, 3.0)
+    found = probing * where(gap > close, 1.0, 0.0)
+    outward = positive(speed)
+    low_turn = where(outward > 0.0, h, low)
+    high_turn = where(outward > 0.0, high, h)
+    fast_low = where(outward > 0.0, speed, gap_low)
+    fast_high = where(outward > 0.0, gap_high, -speed)
+    turn = low_turn + (high_turn - low_turn) * fast_low / (fast_low + fast_high)
+    turn = where(turn > low_turn, where(turn < high_turn, turn, low_turn), 0.5 * (low_turn + high_turn))
+    missed = (
+        probing
+        * no(found)
+        * either(where(abs(speed * (turn - h)) <= close, 1.0, 0.0), where(tries >= 60.0, 1.0, 0.0))
+    )
+    searching = probing * no(found) * no(missed)
+
+    again = hit + closer + sooner + probing
+    phase_next = where(hit > 0.0, where(peak > 0.0, 3.0, 5.0), where(missed > 0.0, 4.0, 5.0))
+    phase_next = where(searching > 0.0, 3.0, phase_next)
+    guess = where(other_mode == 0.0, pick(other, at_a, at_b), 0.5 * h)
+    h_next = where(hit > 0.0, minimum(maximum(at, 0.0), h), where(sooner > 0.0, guess, nearer))
+    h_next = where(found > 0.0, pick(target, at_a, at_b), where(missed > 0.0, left, h_next))
+    h_next = where(searching > 0.0, turn, h_next)
+    begins = either(hit, either(sooner, found))
+    aimed_pull_low = where(hit > 0.0, pull_from, pick(other, mode_a * hold_a_from, mode_b * hold_b_from))
+    low_gap = where(
+        peak * hit > 0.0, abs(pick(first, rate_a_from, rate_b_from)), minimum(aimed_pull_low, 0.0)
+    )
+    high_gap = where(hit > 0.0, where(peak > 0.0, abs(pick(first, rate_a, rate_b)), pull), other_pull)
+    return (
+        hit,
+        tried * no(hit),
+        there,
+        again,
+        phase_next,
+        h_next,
+        where(hit > 0.0, first, where(sooner > 0.0, other, target)),
+        where(
+            hit > 0.0,
+            pick(first, side_a, side_b),
+            where(sooner > 0.0, other_side, where(mode == 0.0, side, where(over > 0.0, 1.0, -1.0))),
+        ),
+        where(begins > 0.0, 0.0, where(closer > 0.0, low_in, where(searching > 0.0, low_turn, low))),
+        where(begins > 0.0, h, where(closer > 0.0, high_in, where(searching > 0.0, high_turn, high))),
+        where(
+            begins > 0.0, low_gap, where(closer > 0.0, pull_low, where(searching > 0.0, fast_low, gap_low))
+        ),
+        where(
+            begins > 0.0,
+            high_gap,
+            where(closer > 0.0, pull_high, where(searching > 0.0, fast_high, gap_high)),
+        ),
+        where(begins > 0.0, 0.0, tries + locating + probing),
+        arrived(there, no(target), limit, place_a, rate_a, mode_a, close_a, lower_a, upper_a),
+        arrived(there, target, limit, place_b, rate_b, mode_b, close_b, lower_b, upper_b),
+    )
