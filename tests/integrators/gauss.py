@@ -1,0 +1,113 @@
+"""Gauss-Legendre collocation of 8 stages (order 16) in mpmath: motions by another family of methods.
+
+In each step the velocity is the polynomial of degree 8 whose derivative at the 8 Gauss points is the
+acceleration there. Accelerations come from the assembled text, or from M, h and G solved densely.
+"""
+
+import functools
+import inspect
+
+import mpmath
+
+from redundant_envs.effects import Gravity, ViscousFriction
+from redundant_envs.evaluators.assemble import assemble
+from redundant_envs.evaluators.binding import run
+from redundant_envs.evaluators.quantities import calls
+
+STAGES = 8
+GUARD = 6  # decimal digits carried beyond those asked for
+PRIMITIVES = {
+    "sqrt": mpmath.sqrt,
+    "exp": mpmath.exp,
+    "minimum": min,
+    "maximum": max,
+    "where": lambda condition, a, b: a if condition else b,
+    "floor": mpmath.floor,
+    "sincos": lambda x: mpmath.cos_sin(x)[::-1],
+}
+
+
+@functools.cache
+def tableau(digits, n=STAGES):
+    """Nodes c, weights b, matrix a, and the matrix that continues stage values into the next step.
+
+    With p_k the Legendre polynomials on [0, 1], Lagrange's are l_j = b_j sum_k (2k + 1) p_k(c_j) p_k,
+    and the integral of (2k + 1) p_k from 0 is (p_{k+1} - p_{k-1}) / 2, with p_{-1} = -1.
+    """
+    with mpmath.workdps(digits + GUARD):
+        x = [-mpmath.cos(mpmath.pi * (i + 0.75) / (n + 0.5)) for i in range(n)]
+        for _ in range(digits.bit_length() + 2):  # Newton doubles the digits
+            p = [[mpmath.legendre(k, z) for k in range(n + 1)] for z in x]
+            slopes = [n * (y[n - 1] - z * y[n]) / (1 - z * z) for z, y in zip(x, p, strict=True)]
+            x = [z - y[n] / slope for z, y, slope in zip(x, p, slopes, strict=True)]
+        b = [1 / (1 - z * z) / slope**2 for z, slope in zip(x, slopes, strict=True)]
+        integrals = [[(y[k + 1] - (y[k - 1] if k else -1)) / 2 for k in range(n)] for y in p]
+        a = [[w * mpmath.fdot(y[:n], row) for w, y in zip(b, p, strict=True)] for row in integrals]
+        ahead = [[mpmath.fprod((y + 2 - w) / (z - w) for w in x if w != z) for z in x] for y in x]
+        return [(1 + z) / 2 for z in x], b, a, ahead
+
+
+def eliminated(scene, efforts):
+    """qdd(q, qd) by the right-hand side of the scene's assembled text, which takes (q, qd, numbers)."""
+    assembly, names = assemble(scene), dict(PRIMITIVES)
+    exec(assembly.scalar_text, names)
+    values = {name: mpmath.mpf(v) for name, v in assembly.parameters.items()}
+    run(assembly.prepared, values, PRIMITIVES)
+    values.update((f"command{k + 1}", e) for k, e in enumerate(efforts))
+    rest = [values[name] for name in inspect.signature(names["rhs"]).parameters if name in values]
+    return lambda q, qd: names["rhs"](*q, *qd, *rest)
+
+
+def dense(scene, efforts):
+    """qdd(q, qd) from M qdd = Q - h - G, for scenes of gravity and viscous friction."""
+    arm, field, friction = scene.robot, {"ax": mpmath.mpf(0), "ay": mpmath.mpf(0)}, mpmath.zeros(4)
+    B = mpmath.matrix(arm.motor_map.tolist())  # +-1: joint efforts to generalized forces
+    Q = (B if scene.actuation == "joint" else 1) * mpmath.matrix(efforts)
+    for effect in scene.effects:
+        if isinstance(effect, Gravity):
+            field = {k: -mpmath.mpf(effect.g) * x for k, x in zip(field, effect.down, strict=True)}
+        elif isinstance(effect, ViscousFriction):
+            friction = B * mpmath.diag(effect.coefficients) * B.T
+        else:
+            raise ValueError(f"scene has {effect}; give gravity and viscous friction only")
+    states = (*arm.coordinates, *arm.rates)
+    constants = {name: mpmath.mpf(v) for name, v in arm.parameter_values().items()} | field
+    rows = range(1, 5)
+    wanted = [*(f"M{i}{j}" for i in rows for j in rows), *(f"{x}{i}" for x in "hG" for i in rows)]
+    order = calls(wanted, {*states, *constants}, arm.functions, arm.sincos)
+
+    def acceleration(q, qd):
+        values = dict(zip(states, (*q, *qd), strict=True)) | constants
+        run(order, values, PRIMITIVES)
+        mass = mpmath.matrix([[values[f"M{i}{j}"] for j in rows] for i in rows])
+        bias = mpmath.matrix([values[f"h{i}"] + values[f"G{i}"] for i in rows])
+        return list(mpmath.lu_solve(mass, Q - friction * mpmath.matrix(qd) - bias))
+
+    return acceleration
+
+
+def solve(scene, q, qd, duration, steps, efforts=None, digits=34, dynamics=eliminated):
+    """q and qd after ``duration`` [s] of constant efforts in equal steps, solved to ``digits``."""
+
+    def advanced(x, weights, rates):
+        return [y + step * mpmath.fdot(weights, r) for y, r in zip(x, zip(*rates, strict=True), strict=True)]
+
+    _, b, a, ahead = tableau(digits)
+    with mpmath.workdps(digits + GUARD):
+        given = q, qd, (0,) * 4 if efforts is None else efforts
+        q, qd, efforts = ([mpmath.mpf(x) for x in vector] for vector in given)
+        acceleration, step = dynamics(scene, efforts), mpmath.mpf(duration) / steps
+        forces = [acceleration(q, qd)] * STAGES
+        for _ in range(steps):
+            for tries in range(61):  # fixed-point iteration: one or two digits each
+                before, rates = forces, [advanced(qd, row, forces) for row in a]
+                forces = [acceleration(advanced(q, row, rates), v) for row, v in zip(a, rates, strict=True)]
+                pairs = [xy for stage in zip(before, forces, strict=True) for xy in zip(*stage, strict=True)]
+                change = max(abs(x - y) for x, y in pairs)
+                if change <= max(abs(y) for _, y in pairs) / 10**digits:
+                    break
+                if tries == 60 or not change * step**2 < 1e6:
+                    raise ArithmeticError(f"steps is {steps}; the stages do not converge: take more")
+            q, qd = advanced(q, b, rates), advanced(qd, b, forces)
+            forces = [[mpmath.fdot(row, f) for f in zip(*forces, strict=True)] for row in ahead]
+        return q, qd
