@@ -41,8 +41,9 @@ NO_FIELD = "-0.0"
 PLACES = ("tip_x", "tip_y", "goal_x", "goal_y")
 """Achieved and desired goal, the last columns of the outputs."""
 
-GROUP = 64
-"""Blocks that go through an interval together where lanes take steps of their own."""
+BLOCKS = f"(count + {LANES - 1}) // {LANES}"
+HEAD = ("o = b * STRIDE", f"first_lane = b * {LANES}", f"lanes = min({LANES}, count - first_lane)")
+"""Text: the number of blocks of ``count`` lanes, and where block b is."""
 
 SIGNATURES = {
     "advance": (
@@ -359,9 +360,9 @@ class Assembly:
             text += "\n\n\n"
         return text + self.step_function("step", self._step[1])
 
-    def step_function(self, name: str, lines: list[str]) -> str:
-        """A step of every lane of a block."""
-        writes = {s: f"{s}_new" for s in self.states}
+    def step_function(self, name: str, lines: list[str], only: str = "") -> str:
+        """A step of every lane of a block, or of those for which the number ``only`` is positive."""
+        writes = {s: f"where({only} > 0.0, {s}_new, {s})" if only else f"{s}_new" for s in self.states}
         if self.estimates:
             # The error of an adaptive step decides on that step, all others are summed up.
             writes["error_sum"] = "error" if self.scene.integrator == "dop853" else "error_sum + error"
@@ -434,24 +435,13 @@ class Assembly:
         """Lines that advance all lanes by a control interval.
 
         ``first`` and ``then`` are lines for the block of number ``b`` at ``o``, with ``first_lane``
-        and the number of ``lanes`` that count. Where lanes take steps of their own, the blocks
-        go through in groups, so that those lanes can fill blocks together.
+        and the number of ``lanes`` that count.
         """
-        head = ["o = b * STRIDE", f"first_lane = b * {LANES}", f"lanes = min({LANES}, count - first_lane)"]
-        blocks = f"(count + {LANES - 1}) // {LANES}"
-        if not self.lanes:
-            clear = ["clear(W, o)"] if self.estimates else []
-            steps = [*clear, "for _ in range(substeps):", "    step(W, o)"]
-            return [f"for b in range({blocks}):", *block([*head, *first, *steps, *then])]
-        return [
-            f"for begin_block in range(0, {blocks}, {GROUP}):",
-            f"    end_block = min({blocks}, begin_block + {GROUP})",
-            "    for b in range(begin_block, end_block):",
-            *block([*head, *first], 2),
-            f"    cross_interval(W, begin_block, end_block, min(count, end_block * {LANES}), substeps)",
-            "    for b in range(begin_block, end_block):",
-            *block([*head, *then], 2),
-        ]
+        if self.lanes:
+            return self.lanes.block_loop(first, then)
+        clear = ["clear(W, o)"] if self.estimates else []
+        steps = [*clear, "for _ in range(substeps):", "    step(W, o)"]
+        return [f"for b in range({BLOCKS}):", *block([*HEAD, *first, *steps, *then])]
 
     @property
     def estimates(self) -> bool:

@@ -15,10 +15,13 @@ from typing import Any
 from redundant_envs.algebra import arguments_of, gives_of
 from redundant_envs.effects.hooks import Force, Impact
 from redundant_envs.evaluators.assemble import (
+    BLOCKS,
     EVENT_BUDGET,
+    HEAD,
     LANES,
     TOLERANCE_NOT_REACHED,
     Assembly,
+    block,
     emit,
     indent,
     prefixed,
@@ -29,6 +32,8 @@ from redundant_envs.integrators import error_control, stops
 from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.scene import identifier
 
+GROUP = 64
+"""Blocks that go through equal steps together: few enough to stay in the cache."""
 MARK = "# ---- copied from here"
 MOST_LOGGED = 256
 """Events of an interval that a scene with the book of the work keeps."""
@@ -53,6 +58,7 @@ class LaneSteps:
     plan_of_steps: str
     stops: tuple[tuple[str, Impact], ...]
     used: list[Callable[..., Any]] = field(default_factory=list, compare=False)
+    _texts: list[str] = field(default_factory=list, compare=False)
 
     @classmethod
     def of(cls, assembly: Assembly) -> LaneSteps | None:
@@ -183,16 +189,18 @@ class LaneSteps:
     # ---- text ------------------------------------------------------------------------------------
 
     def kernels(self) -> tuple[list[str], list[Callable[..., Any]]]:
-        """Text that defines ``cross_interval``, and the dialect functions it calls."""
+        """Text of all that :meth:`block_loop` calls, and the dialect functions in it."""
+        a = self.assembly
         self.used.clear()
         parts = [self._clear(), self._start(), self._judge()]
         if self.stops:
             parts += self._held()
             parts.append(self._touch())
-        parts += [self._begin(), self._look(), self._decide(), self._constants(), self._another_piece()]
+        parts += [self._begin(), self._look(), self._decide()]
+        self._texts[:] = [*parts[3:], a._step_text, a.rhs_text]
+        parts += [self._constants(), self._another_piece()]
         text = (Path(__file__).parent / "redo.py").read_text(encoding="utf-8")
         parts.append(text.split(MARK, 1)[1].split("\n", 1)[1].strip())
-        parts.append(self._cross_interval())
         return parts, self.used
 
     def _clear(self) -> str:
@@ -260,6 +268,7 @@ class LaneSteps:
         at_rest = [f"held{k} = abs({m})" for k, m in zip(joints, self.modes, strict=True)]
         rhs = a.right_hand_side(functions, [f"held{k}" for k in joints])
         lines, step_functions = a.step_of("rhs_held", rhs)
+        lines.append("moving = where(phase >= 2.0, where(phase <= 5.0, 1.0, 0.0), 0.0)")
         self.used.extend(step_functions)
         contact = [*at_rest, *rhs[1][:-1]]
         known = {*a.states, *a.numbers, *words(line.split(" = ")[0] for line in contact)}
@@ -272,7 +281,7 @@ class LaneSteps:
         holds = {f"hold_{x}": f"hold{k}" for x, k in zip("ab", joints, strict=True)}
         return [
             a.rhs_function("rhs_held", rhs),
-            a.step_function("step_held", [*at_rest, *lines]),
+            a.step_function("step_held", [*at_rest, *lines], only="moving"),
             a.lane_function(
                 "contact",
                 "Accelerations, the forces that hold, and mobilities, of the present state.",
@@ -486,19 +495,18 @@ class LaneSteps:
 
     def _constants(self) -> str:
         a, rows = self.assembly, self.assembly.every_row
-        last = max(rows[n] for n in (*a.states, "error_sum", *self.results))
+        own = set(self.scratch)
+        named = words(self._texts)
+        entering = [r for r in a.rows if r in named and r not in own and not r.startswith(("obs_", "out_"))]
+        leaving = [*a.states, "error_sum", *self.results]
+        asked = ["marked", "newly", *(("due", "touching", "held") if self.stops else ())]
         lines = [
-            f"RESULTS = {last + 1}",
-            f"LIVE = {max(rows[n] for n in self.plan) + 1}",
             f"SCRATCH = {len(rows) * LANES}",
-            f"LOG = {rows['logged'] if self.log else 0}",
-            f"LOG_ROWS = {len(self.log)}",
             *(f"{n.upper()} = {rows[n] * LANES}" for n in ("marked", "newly", "phase")),
             "COMPLETE = 6.0",
-            *(
-                f"any_{n} = any_set({rows[n]})"
-                for n in ("marked", "newly", *(("due", "touching", "held") if self.stops else ()))
-            ),
+            f"enter = move({[rows[r] for r in [*entering, *self.log]]})",
+            f"leave = move({[rows[r] for r in [*leaving, *self.log]]})",
+            *(f"any_{n} = any_set({rows[n]})" for n in asked),
         ]
         return "\n".join(lines)
 
@@ -541,33 +549,61 @@ class LaneSteps:
             n: rows[n] * LANES
             for n in ("told_a", "told_b", "told_speed_a", "told_speed_b", "elapsed", "span_start")
         }
+        log = rows["logged"] * LANES
         body = [
             '"""Write the events of the sliders into the log of their lane."""',
             f"for i in range({LANES}):",
             f"    for told, speed, slider in (({row['told_a']}, {row['told_speed_a']}, 0.0), "
             f"({row['told_b']}, {row['told_speed_b']}, 10.0)):",
-            f"        n = int(S[i + LOG * {LANES}])",
+            f"        n = int(S[i + {log}])",
             f"        if S[i + told] > 0.0 and n < {MOST_LOGGED}:",
-            f"            at = i + (LOG + 1 + n * {len(LOGGED)}) * {LANES}",
+            f"            at = i + {log + LANES} + n * {len(LOGGED) * LANES}",
             f"            S[at] = S[i + {row['span_start']}] + S[i + {row['elapsed']}]",
             f"            S[at + {LANES}] = S[i + told] + slider",
             f"            S[at + {2 * LANES}] = S[i + speed]",
-            f"            S[i + LOG * {LANES}] += 1.0",
+            f"            S[i + {log}] += 1.0",
         ]
         return f"@njit(**OPTIONS)\ndef tell(S):\n{indent(body, 1)}"
 
-    def _cross_interval(self) -> str:
-        spans = "substeps" if self.plan_of_steps == "fixed" else "1"
+    def block_loop(self, first: list[str], then: list[str]) -> list[str]:
+        """Lines of :meth:`Assembly.block_loop` where lanes take steps of their own.
+
+        All blocks go through the common step; those with a lane that it does not serve wait, so
+        that such lanes of the whole batch fill the scratch block together.
+        """
         common = [] if self.plan_of_steps == "adaptive" else ["step(W, o)"]
-        each = ["o = b * STRIDE", "start(W, o)", *common, "judge(W, o)", "marked |= any_marked(W, o)"]
-        return f'''@njit(inline="always", **OPTIONS)
-def cross_interval(W, begin_block, end_block, count, substeps):
-    """Advance some blocks by their interval; ``count`` is the number of lanes up to their end."""
-    for b in range(begin_block, end_block):
-        clear(W, b * STRIDE)
-    for _ in range({spans}):
-        marked = 0
-        for b in range(begin_block, end_block):
-{indent(each, 3)}
-        if marked:
-            redo(W, begin_block * LANES, count)'''
+        if self.plan_of_steps != "fixed":
+            return [
+                "waiting = False",
+                "for sweep in range(2):",
+                "    if sweep == 1:",
+                "        if not waiting:",
+                "            break",
+                "        redo(W, 0, count)",
+                f"    for b in range({BLOCKS}):",
+                *block(HEAD, 2),
+                "        if sweep == 0:",
+                *block([*first, "clear(W, o)", "start(W, o)", *common, "judge(W, o)"], 3),
+                "            if any_marked(W, o):",
+                "                waiting = True",
+                "                continue",
+                "        elif not any_marked(W, o):",
+                "            continue",
+                *block(then, 2),
+            ]
+        return [
+            f"for begin_block in range(0, {BLOCKS}, {GROUP}):",
+            f"    end_block = min({BLOCKS}, begin_block + {GROUP})",
+            "    for b in range(begin_block, end_block):",
+            *block([*HEAD, *first, "clear(W, o)"], 2),
+            "    for _ in range(substeps):",
+            "        waiting = False",
+            "        for b in range(begin_block, end_block):",
+            *block(["o = b * STRIDE", "start(W, o)", "step(W, o)", "judge(W, o)"], 3),
+            "            if any_marked(W, o):",
+            "                waiting = True",
+            "        if waiting:",
+            f"            redo(W, begin_block * {LANES}, min(count, end_block * {LANES}))",
+            "    for b in range(begin_block, end_block):",
+            *block([*HEAD, *then], 2),
+        ]

@@ -318,6 +318,24 @@ def give(row):
     return copy
 
 
+def move(rows):
+    """Copy some rows of one lane from a place in one memory to a place in another."""
+
+    @intrinsic
+    def copy(typing_context, memory, index, target, place):
+        def code(context, builder, signature, arguments):
+            source = _entry(context, builder, signature, arguments, 0)
+            goal = _entry(context, builder, signature, arguments, 2)
+            for row in rows:
+                value = builder.load(_pointer(builder, source, row * LANES, DOUBLE))
+                builder.store(value, _pointer(builder, goal, row * LANES, DOUBLE))
+            return context.get_dummy_value()
+
+        return types.void(memory, index, target, place), code
+
+    return copy
+
+
 def any_set(row):
     """Which lanes of a block have a row that is not 0, as the bits of a number."""
 

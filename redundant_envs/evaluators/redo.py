@@ -24,7 +24,7 @@ def redo(W, first, last):
                 w = upcoming // LANES * STRIDE + upcoming % LANES
                 upcoming += 1
                 if W[w + MARKED] > 0.0:
-                    move(W, w, S, i, LIVE)
+                    enter(W, w, S, i)
                     S[i + NEWLY] = 1.0
                     home[i] = w
                     busy += 1
@@ -33,16 +33,7 @@ def redo(W, first, last):
         another_piece(S)
         for i in range(LANES):
             if home[i] >= 0 and S[i + PHASE] == COMPLETE:
-                move(S, i, W, home[i], RESULTS)
+                leave(S, i, W, home[i])
                 S[i + PHASE] = 0.0
                 home[i] = -1
                 busy -= 1
-
-
-@njit(**OPTIONS)
-def move(A, a, B, b, rows):
-    """Copy the first rows of a lane, and its log."""
-    for row in range(rows):
-        B[b + row * LANES] = A[a + row * LANES]
-    for row in range(LOG, LOG + LOG_ROWS):
-        B[b + row * LANES] = A[a + row * LANES]

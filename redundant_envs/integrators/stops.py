@@ -228,9 +228,10 @@ def first_event(q0, v0, q1, v1, h, mode, hold_from, hold, met, turns, lower, upp
 
 @physics
 def arrived(there, sought, limit, place, rate, mode, close, lower, upper):
-    """Where a slider is at an event: at its stop exactly, if it has come there."""
-    up = where(place >= upper - close, where(rate > 0.0, 1.0, 0.0), 0.0)
-    down = where(place <= lower + close, where(rate < 0.0, 1.0, 0.0), 0.0)
+    """Where a slider is at an event: at its stop exactly, if it comes there within 1e-14 s."""
+    near = close + 1e-14 * abs(rate)
+    up = where(place >= upper - near, where(rate > 0.0, 1.0, 0.0), 0.0)
+    down = where(place <= lower + near, where(rate < 0.0, 1.0, 0.0), 0.0)
     at = where(sought > 0.0, limit, where(up > 0.0, upper, where(down > 0.0, lower, place)))
     return where(there * equal(mode, 0.0) > 0.0, at, place)
 

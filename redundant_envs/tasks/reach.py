@@ -282,7 +282,7 @@ class ReachTask:
                 if k not in travel:
                     raise ValueError(
                         f"the reach task needs limited travel of {scene.robot.joints[k]!r}; "
-                        "add a LimitSpring for it to the scene's effects"
+                        "add a PrismaticStop or a LimitSpring for it to the scene's effects"
                     )
                 names[f"low{k + 1}"], names[f"high{k + 1}"] = travel[k]
         return names

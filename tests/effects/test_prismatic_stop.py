@@ -1,0 +1,514 @@
+"""Hard stops: impacts where and when they happen, rest, release, and never beyond an end."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+import redundant_envs as rde
+from redundant_envs import algebra
+from redundant_envs.evaluators.binding import bind
+from redundant_envs.evaluators.quantities import calls
+from redundant_envs.integrators import stops
+
+e = rde.effects
+ARM = rde.RPRP((1.0,) * 4, (0.5, 0.5))
+UNEQUAL = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
+START = ((0.3, 0.1, -0.4, 0.2), (1.0, 0.8, -2.0, -0.6))
+"""Five impacts in half a second, with travel 0 to 0.3 m."""
+
+
+def scene(arm=ARM, restitution=1.0, lower=(0.0, 0.0), upper=(0.3, 0.3), gravity=9.81, **kwargs):
+    effects = (e.Gravity(gravity), e.PrismaticStop(lower, upper, restitution))
+    return rde.Scene(arm, effects, **{"control_dt": 0.02, **kwargs})
+
+
+def energy(arm, q, qd, g=9.81):
+    return arm.kinetic_energy(q, qd) + arm.potential_energy(q, g)
+
+
+def motion(made, q, qd, seconds):
+    """End state, evaluations and impacts of one motion; its sliders never leave their travel."""
+    batch = rde.BatchSimulator(made, 1)
+    batch.set_state(q, qd)
+    evaluations = impacts = 0
+    stop = made.effects[-1]
+    for _ in range(round(seconds / made.control_dt)):
+        status = batch.advance()
+        evaluations += status.evaluations[0]
+        impacts += status.events[0]
+        assert not status.numerics[0]
+        assert (batch.q[0, [1, 3]] >= stop.lower).all()
+        assert (batch.q[0, [1, 3]] <= stop.upper).all()
+    return batch.q[0], batch.qd[0], evaluations, impacts
+
+
+# ---- the equations -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("held", [(0, 0), (1, 0), (0, 1), (1, 1)])
+def test_held_dynamics_is_the_constrained_system(held):
+    """M qdd + h + G = Q + hold, with qdd = 0 of the held sliders: solved as a dense system."""
+    rng = np.random.default_rng(0)
+    arm = UNEQUAL
+    order = calls(
+        ["qdd1", "hold2"],
+        {
+            *arm.coordinates,
+            *arm.rates,
+            *arm.parameter_values(),
+            "ax",
+            "ay",
+            "Q1",
+            "Q2",
+            "Q3",
+            "Q4",
+            "held2",
+            "held4",
+        },
+        (*(f for f in arm.functions if f.__name__ != "forward_dynamics"), arm.held_dynamics),
+        arm.sincos,
+    )
+    from redundant_envs.evaluators import arrays
+    from redundant_envs.evaluators.binding import run
+
+    for _ in range(50):
+        q, qd, Q = rng.uniform(-3, 3, 4), rng.uniform(-4, 4, 4), rng.uniform(-20, 20, 4)
+        qd[[1, 3]] *= 1 - np.array(held)
+        values = {**arm.parameter_values(), "ax": 0.0, "ay": 9.81, "held2": held[0], "held4": held[1]}
+        values |= dict(zip((*arm.coordinates, *arm.rates), (*q, *qd), strict=True))
+        values |= {f"Q{k + 1}": Q[k] for k in range(4)}
+        run(order, values, arrays.PRIMITIVES)
+        free = arm.bias_forces(q, qd) + arm.gravity_forces(q) - Q
+        system = np.zeros((6, 6))
+        system[:4, :4] = arm.mass_matrix(q)
+        right = np.zeros(6)
+        right[:4] = -free
+        for k, joint in enumerate((1, 3)):
+            if held[k]:
+                system[4 + k, joint] = 1.0
+                system[joint, 4 + k] = -1.0
+            else:
+                system[4 + k, 4 + k] = 1.0
+        expected = np.linalg.solve(system, right)
+        got = [values[f"qdd{k}"] for k in range(1, 5)]
+        np.testing.assert_allclose(got, expected[:4], rtol=0, atol=1e-12 * np.abs(expected).max())
+        for k, name in enumerate(("hold2", "hold4")):
+            if held[k]:
+                assert values[name] == pytest.approx(expected[4 + k], abs=1e-12 * np.abs(expected).max())
+
+
+def test_slider_mobility_is_two_columns_of_the_inverse():
+    from redundant_envs.evaluators import arrays
+    from redundant_envs.evaluators.binding import run
+
+    arm = UNEQUAL
+    q = np.random.default_rng(1).uniform(-3, 3, (50, 4))
+    names = [f"W{i}{k}" for k in (2, 4) for i in range(1, 5)]
+    values = {**arm.parameter_values(), **{c: q[:, k] for k, c in enumerate(arm.coordinates)}}
+    run(calls(names, values, (*arm.functions, arm.slider_mobility), arm.sincos), values, arrays.PRIMITIVES)
+    inverse = np.linalg.inv(arm.mass_matrix(q))
+    got = np.stack([values[n] for n in names], axis=1).reshape(-1, 2, 4)
+    expected = np.stack([inverse[:, :, 1], inverse[:, :, 3]], axis=1)
+    np.testing.assert_allclose(got, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+
+
+def test_impulses_solve_the_complementarity_problem():
+    """p >= 0, residual >= 0, p residual = 0, and the answer does not know which slider comes first."""
+    impulses = bind(stops.impulses, {p: getattr(algebra, p) for p in algebra.PRIMITIVES})
+    rng = np.random.default_rng(2)
+    both = 0
+    for _ in range(2000):
+        A = rng.normal(size=(2, 2))
+        W = A @ A.T + 0.01 * np.eye(2)
+        u, restitution = rng.normal(size=2), rng.uniform(0, 1)
+        if (u <= 0).all():
+            continue
+        p = np.array(impulses(u[0], u[1], 1.0, 1.0, W[0, 0], W[0, 1], W[1, 1], restitution))
+        residual = W @ p - (u + restitution * np.maximum(u, 0.0))
+        assert (p >= -1e-12).all()
+        assert (residual >= -1e-9).all()
+        assert abs(p @ residual) < 1e-9
+        swapped = impulses(u[1], u[0], 1.0, 1.0, W[1, 1], W[0, 1], W[0, 0], restitution)
+        np.testing.assert_allclose(p, swapped[::-1], rtol=1e-9, atol=1e-12)
+        both += (p > 0).all()
+    assert both > 100
+
+
+# ---- impacts -------------------------------------------------------------------------------------
+
+
+def test_rk4_keeps_its_order_across_five_impacts():
+    reference, _, _, impacts = motion(scene(integrator="dop853"), *START, 0.5)
+    assert impacts == 5
+    errors = []
+    for h in (1e-2, 5e-3, 2.5e-3, 1e-3):
+        q, _, _, impacts = motion(scene(integrator="rk4", control_dt=h), *START, 0.5)
+        assert impacts == 5
+        errors.append(np.linalg.norm(ARM.forward_kinematics(q) - ARM.forward_kinematics(reference)))
+    orders = [math.log2(a / b) for a, b in zip(errors[:2], errors[1:3], strict=True)]
+    orders.append(math.log(errors[2] / errors[3]) / math.log(2.5))
+    assert min(orders) >= 3.9
+    assert errors[-1] <= 1e-9
+
+
+def test_five_impacts_cost_few_evaluations_and_no_energy():
+    made = scene(integrator="rk4", control_dt=1e-3)
+    q, qd, with_stops, _ = motion(made, *START, 0.5)
+    assert with_stops <= 1.05 * 4 * 500
+    before = energy(ARM, np.array(START[0]), np.array(START[1]))
+    assert abs(energy(ARM, q, qd) - before) <= 1e-8
+    q, qd, _, _ = motion(scene(tolerance=1e-12), *START, 0.5)
+    assert abs(energy(ARM, q, qd) - before) <= 1e-10
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-9])
+def test_impact_times_are_those_of_exact(tolerance):
+    q, qd = START
+    exact = rde.simulate(scene(tolerance=1e-12), q, qd, [0.5]).events
+    got = rde.simulate(scene(tolerance=tolerance), q, qd, [0.5]).events
+    finest = rde.simulate(scene(integrator="dop853"), q, qd, [0.5]).events
+    assert [x.kind for x in got] == [x.kind for x in exact] == [x.kind for x in finest]
+    for a, b, c in zip(got, exact, finest, strict=True):
+        assert a.joint == b.joint
+        if b.speed > 0.1:
+            assert abs(a.time - b.time) <= 1e-10
+            assert abs(b.time - c.time) <= 1e-12
+
+
+def test_an_impact_loses_what_restitution_says_and_moves_the_whole_arm():
+    """The energy lost is (1 - e^2) v_j^2 / (2 W_jj); all of M qd but component j is unchanged."""
+    rng = np.random.default_rng(3)
+    count = 1000
+    q = np.column_stack(
+        [
+            rng.uniform(-3, 3, count),
+            np.full(count, 0.3),
+            rng.uniform(-3, 3, count),
+            rng.uniform(0.05, 0.25, count),
+        ]
+    )
+    qd = rng.normal(0, 2, (count, 4))
+    qd[:, 1] = np.abs(qd[:, 1]) + 0.05
+    for restitution in (0.0, 0.5, 1.0):
+        made = scene(UNEQUAL, restitution, gravity=0.0, control_dt=1e-9, integrator="rk4")
+        batch = rde.BatchSimulator(made, count)
+        batch.set_state(q, qd)
+        status = batch.advance()
+        assert (status.events == 1).all()
+        M = UNEQUAL.mass_matrix(q)
+        Wjj = np.linalg.inv(M)[:, 1, 1]
+        lost = (1.0 - restitution**2) * qd[:, 1] ** 2 / (2.0 * Wjj)
+        before = UNEQUAL.kinetic_energy(q, qd)
+        after = UNEQUAL.kinetic_energy(q, batch.qd)
+        # Over 1e-9 s the motion itself changes the velocities by some 1e-7.
+        np.testing.assert_allclose(before - after, lost, atol=1e-6 * before.max())
+        jump = np.einsum("nij,nj->ni", M, batch.qd - qd)
+        assert np.abs(jump[:, [0, 2, 3]]).max() <= 1e-5
+        np.testing.assert_allclose(batch.qd[:, 1], -restitution * qd[:, 1], atol=1e-6)
+
+
+def test_the_energy_of_an_impact_to_rounding():
+    """The same on the equation itself, without any motion."""
+    rng = np.random.default_rng(4)
+    plain = bind(stops.touch, {p: getattr(algebra, p) for p in algebra.PRIMITIVES})
+    names = algebra.gives_of(stops.touch)
+    for _ in range(1000):
+        q, qd, restitution = rng.uniform(-3, 3, 4), rng.normal(0, 2, 4), rng.uniform(0, 1)
+        qd[1] = abs(qd[1]) + 0.01
+        M = UNEQUAL.mass_matrix(q)
+        W = np.linalg.inv(M)
+        got = dict(
+            zip(
+                names,
+                plain(
+                    1.0, 0.0, 0.0, 0.0, 0.3, 0.1, qd[1], qd[3], 0.0, 0.0, 0.0, 0.0, 0.3, 0.3, restitution,
+                    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, W[1, 1], W[1, 3], W[3, 3],
+                ),
+                strict=True,
+            )
+        )  # fmt: skip
+        after = qd + W[:, 1] * got["impulse_a"] + W[:, 3] * got["impulse_b"]
+        assert got["struck_a"] == pytest.approx(after[1], abs=1e-12 * np.abs(qd).max())
+        before = 0.5 * qd @ M @ qd
+        lost = (1.0 - restitution**2) * qd[1] ** 2 / (2.0 * W[1, 1])
+        assert abs(before - 0.5 * after @ M @ after - lost) <= 1e-12 * before
+
+
+def test_work_books_what_impacts_take():
+    trajectory = rde.simulate(scene(restitution=0.4, tolerance=1e-10), *START, np.linspace(0.02, 1.0, 50))
+    balance = trajectory.kinetic_energy + trajectory.potential_energy - trajectory.work
+    assert sum("impact" in x.kind for x in trajectory.events) >= 5
+    assert trajectory.work[-1] < -0.1
+    assert np.ptp(balance) <= 1e-8
+
+
+def test_grazing_in_and_out_within_one_step():
+    """2 mm from the stop at 1 m/s, turned back at 200 m/s^2: after the step it is far away again."""
+    arm = rde.RPRP((1e6, 1.0, 1e-6, 1e-6), (1.0, 1.0))
+    made = scene(arm, 1.0, gravity=0.0)
+    for integrator, tolerance in (("rk4", None), ("rk8", None), ("rk8", 1e-6), ("dop853", None)):
+        batch = rde.BatchSimulator(scene(arm, gravity=0.0, integrator=integrator, tolerance=tolerance), 1)
+        batch.set_state([0.0, 0.298, 0.0, 0.1], [0.0, 1.0, 0.0, 0.0])
+        force = -200.0 * (1.0 + 1e-6)
+        status = batch.advance([[0.0, force, 0.0, 0.0]])
+        assert status.events[0] == 1
+        # It meets the stop after t, v = sqrt(1 - 2 200 0.002), and comes back with -v.
+        v = math.sqrt(1.0 - 2.0 * 200.0 * 0.002)
+        t = (1.0 - v) / 200.0
+        expected = 0.3 - v * (0.02 - t) - 100.0 * (0.02 - t) ** 2
+        if expected >= 0.0:
+            assert batch.q[0, 1] == pytest.approx(expected, abs=1e-7)
+    assert made.effects[-1].restitution == 1.0
+
+
+def test_an_apex_at_the_stop_changes_no_energy():
+    arm = rde.RPRP((1e6, 1.0, 1e-6, 1e-6), (1.0, 1.0))
+    for gap in (0.0025, 0.0025 * (1 + 1e-14), 0.0025 * (1 - 1e-14), 0.0025 + 1e-9, 0.0025 - 1e-9):
+        batch = rde.BatchSimulator(scene(arm, gravity=0.0, tolerance=1e-6), 1)
+        batch.set_state([0.0, 0.3 - gap, 0.0, 0.1], [0.0, 1.0, 0.0, 0.0])
+        status = batch.advance([[0.0, -200.0 * (1.0 + 1e-6), 0.0, 0.0]])
+        assert status.events[0] in (0, 1)
+        # v^2 / 2 + a x is conserved.
+        x, v = batch.q[0, 1], batch.qd[0, 1]
+        if x > 0.0 and status.events[0] == 0:
+            assert 0.5 * v * v + 200.0 * x == pytest.approx(0.5 + 200.0 * (0.3 - gap), abs=1e-9)
+
+
+def test_both_sliders_at_once_do_not_know_their_order():
+    """th1 = th2, both 1e-15 s from their stops: no penetration, no gain of energy, symmetric."""
+    arm = rde.RPRP((1.0,) * 4, (0.5, 0.5))
+    made = scene(arm, 0.7, gravity=0.0, tolerance=1e-9)
+    results = []
+    for early in (0, 1):
+        batch = rde.BatchSimulator(made, 1)
+        q = np.array([0.4, 0.299, 0.4, 0.299])
+        q[1 if early == 0 else 3] += 1e-15
+        batch.set_state(q, [0.0, 1.0, 0.0, 1.0])
+        before = arm.kinetic_energy(batch.q, batch.qd)
+        status = batch.advance()
+        assert not status.numerics[0]
+        assert status.events[0] >= 2
+        assert (batch.q[0, [1, 3]] <= 0.3).all()
+        assert (batch.qd[0, [1, 3]] < 0.0).all()
+        assert arm.kinetic_energy(batch.q, batch.qd) <= before
+        results.append(np.r_[batch.q[0], batch.qd[0]])
+    np.testing.assert_allclose(results[0], results[1], atol=1e-9)
+
+
+def test_many_bounces_in_one_step():
+    """50 m/s between stops 0.3 m apart: three bounces and more in 20 ms, no energy lost."""
+    for integrator, tolerance in (("rk4", None), ("rk8", None), ("rk8", 1e-6)):
+        arm = rde.RPRP((1.0,) * 4, (0.5, 0.5))
+        made = scene(arm, 1.0, gravity=0.0, integrator=integrator, tolerance=tolerance)
+        batch = rde.BatchSimulator(made, 1)
+        batch.set_state([0.3, 0.1, 0.3, 0.1], [0.0, 50.0, 0.0, 0.0])
+        before = arm.kinetic_energy(batch.q, batch.qd)[0]
+        status = batch.advance()
+        assert not status.numerics[0]
+        assert status.events[0] >= 3
+        assert arm.kinetic_energy(batch.q, batch.qd)[0] == pytest.approx(before, rel=1e-9)
+        assert (np.abs(batch.q[0, [1, 3]] - 0.15) <= 0.15).all()
+
+
+def test_too_many_impacts_end_the_lane_and_leave_its_neighbours():
+    arm = rde.RPRP((1.0,) * 4, (0.5, 0.5))
+    made = scene(arm, 1.0, gravity=0.0, tolerance=1e-6)
+    batch = rde.BatchSimulator(made, 3)
+    q = np.tile([0.3, 0.1, 0.3, 0.1], (3, 1))
+    qd = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 1e5, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]])
+    batch.set_state(q, qd)
+    status = batch.advance()
+    np.testing.assert_array_equal(status.numerics, [0, rde.Numerics.EVENT_BUDGET, 0])
+    np.testing.assert_array_equal(batch.q[1], q[1])  # back where its interval began
+    np.testing.assert_array_equal(batch.qd[1], qd[1])
+    np.testing.assert_array_equal(batch.q[0], batch.q[2])
+
+
+# ---- rest and release ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("restitution", "end"), [(0.5, 0.741929), (0.9, 4.6989)])
+def test_bounces_come_to_rest_when_they_should(restitution, end):
+    """A ball of 1e-12 kg falls 0.3 m: rest at sqrt(2 h / g) (1 + e) / (1 - e)."""
+    arm = rde.RPRP((1.0, 1.0, 1.0, 1e-12), (0.5, 0.5))
+    stop = e.PrismaticStop((None, None), (None, 0.3), restitution)
+    made = rde.Scene(arm, (e.Gravity(9.81), stop), control_dt=0.02, tolerance=1e-9)
+    start = [-math.pi / 2, 0.1, -math.pi / 2, 0.0]
+    # The slider of link 1 falls with its link's end; keep it where it is: it hangs on its own stop.
+    stop = e.PrismaticStop((None, None), (0.1, 0.3), restitution)
+    made = rde.Scene(arm, (e.Gravity(9.81), stop), control_dt=0.02, tolerance=1e-9)
+    trajectory = rde.simulate(made, start, [0.0] * 4, [end + 0.3, end + 10.0])
+    rests = [x for x in trajectory.events if x.kind == "rest" and x.joint == "r2"]
+    impacts = [x for x in trajectory.events if x.kind == "upper impact" and x.joint == "r2"]
+    assert len(rests) == 1
+    last = impacts[-1]
+    recorded = last.time + 2.0 * restitution * last.speed / (9.81 * (1.0 - restitution))
+    exact = math.sqrt(2.0 * 0.3 / 9.81) * (1.0 + restitution) / (1.0 - restitution)
+    assert exact == pytest.approx(end, abs=1e-4)
+    assert recorded == pytest.approx(exact, abs=1e-6)
+    assert trajectory.q[-1, 3] == trajectory.q[0, 3] == 0.3
+    assert trajectory.qd[-1, 3] == 0.0
+
+
+def test_an_elastic_slider_rests_only_where_it_does_not_bounce():
+    made = scene(restitution=1.0, upper=(0.3, 0.3), tolerance=1e-9)
+    hanging = [-math.pi / 2, 0.3, -math.pi / 2, 0.3]
+    trajectory = rde.simulate(made, hanging, [0.0] * 4, [1.0])
+    assert {x.kind for x in trajectory.events} == {"rest"}
+    np.testing.assert_allclose(trajectory.q[0], hanging, atol=1e-15)
+    dropped = rde.simulate(made, [-math.pi / 2, 0.29, -math.pi / 2, 0.3], [0.0] * 4, [1.0])
+    assert sum("impact" in x.kind and x.joint == "r1" for x in dropped.events) > 5
+
+
+def test_pressed_held_and_let_go_within_an_interval():
+    """The arm turns and gravity pulls them back: let go when the force that holds vanishes."""
+    arm, q = UNEQUAL, [-1.2, 0.3, -1.2, 0.3]
+    times = []
+    for accuracy in (1e-6, 1e-12):
+        made = scene(arm, 0.0, tolerance=accuracy)
+        times_asked, efforts = np.linspace(0.02, 0.6, 30), [30.0, -20.0, 8.0, -3.0]
+        trajectory = rde.simulate(made, q, [0.0] * 4, times_asked, efforts)
+        released = [x for x in trajectory.events if x.kind == "release" and x.time > 0.0]
+        times.append([x.time for x in released])
+        held = trajectory.t < (released[0].time if released else 1.0)
+        assert (trajectory.q[held, 1] <= 0.3).all()
+    assert len(times[0]) == len(times[1]) >= 1
+    assert abs(times[0][0] - times[1][0]) <= 1e-7
+
+
+def test_a_force_reversed_at_an_instant_lets_go_at_once():
+    arm = rde.RPRP((1.0,) * 4, (0.5, 0.5))
+    made = scene(arm, 0.3, gravity=0.0, tolerance=1e-9)
+    batch = rde.BatchSimulator(made, 1, track_work=True)
+    batch.set_state([0.0, 0.0, 0.0, 0.1], np.zeros(4))
+    for _ in range(250):
+        batch.advance([[0.0, -10.0, 0.0, 0.0]])
+    assert batch.q[0, 1] == 0.0
+    assert batch.qd[0, 1] == 0.0
+    batch.advance([[0.0, 10.0, 0.0, 0.0]])
+    (event,) = batch.events(5.0)
+    assert event.kind == "release"
+    assert event.time == 5.0
+    assert batch.q[0, 1] > 0.0
+
+
+# ---- bits, snapshots, refusals -------------------------------------------------------------------
+
+
+def random_batch(count, seed=5):
+    rng = np.random.default_rng(seed)
+    q = np.column_stack([rng.uniform(-3, 3, count), rng.uniform(0, 0.3, count)] * 2)
+    q[::7, 1] = 0.3
+    return q, rng.normal(0, 2, (count, 4)), rng.uniform(-20, 20, (count, 4))
+
+
+@pytest.mark.parametrize(
+    "kwargs",
+    [{"integrator": "rk4", "substeps": 5}, {"integrator": "euler", "substeps": 20}, {"tolerance": 1e-6},
+     {"integrator": "dop853"}],
+    ids=str,
+)  # fmt: skip
+def test_bits_depend_on_the_lane_alone(kwargs):
+    made = scene(UNEQUAL, 0.5, **kwargs)
+    q, qd, efforts = random_batch(150)
+
+    def run(index, **more):
+        batch = rde.BatchSimulator(made, len(index), **more)
+        batch.set_state(q[index], qd[index])
+        events = np.zeros(len(index), dtype=int)
+        for _ in range(8):
+            status = batch.advance(efforts[index])
+            events += status.events
+            assert not status.numerics.any()
+        assert (batch.q[:, [1, 3]] >= 0.0).all()
+        assert (batch.q[:, [1, 3]] <= 0.3).all()
+        return np.concatenate([batch.q, batch.qd], axis=1), events
+
+    whole, events = run(np.arange(150))
+    assert events.sum() > 100
+    threaded, _ = run(np.arange(150), threads=3)
+    np.testing.assert_array_equal(threaded, whole)
+    order = np.random.default_rng(1).permutation(150)
+    np.testing.assert_array_equal(run(order)[0], whole[order])
+    for lane in (0, 7, 149):
+        np.testing.assert_array_equal(run(np.array([lane]))[0][0], whole[lane])
+
+
+def test_two_substeps_are_two_intervals_bit_for_bit():
+    q, qd, efforts = random_batch(64, 6)
+    batches = [
+        rde.BatchSimulator(scene(UNEQUAL, 0.5, integrator="rk4", substeps=s, control_dt=0.01 * s), 64)
+        for s in (2, 1)
+    ]
+    for batch in batches:
+        batch.set_state(q, qd)
+    for _ in range(10):
+        batches[0].advance(efforts)
+        batches[1].advance(efforts)
+        batches[1].advance(efforts)
+    np.testing.assert_array_equal(batches[0].q, batches[1].q)
+    np.testing.assert_array_equal(batches[0].qd, batches[1].qd)
+
+
+def test_a_snapshot_holds_who_rests():
+    made = scene(UNEQUAL, 0.0, tolerance=1e-6)
+    q, qd, efforts = random_batch(40, 7)
+    batch = rde.BatchSimulator(made, 40)
+    batch.set_state(q, qd)
+    for _ in range(20):
+        batch.advance(efforts)
+    snapshot = batch.save()
+    ends = []
+    for _ in range(2):
+        batch.restore(snapshot)
+        for _ in range(10):
+            batch.advance(efforts)
+        ends.append(batch.q)
+    np.testing.assert_array_equal(*ends)
+
+
+def test_a_slider_beyond_its_stop_is_refused():
+    batch = rde.BatchSimulator(scene(), 3)
+    q = np.tile([0.0, 0.1, 0.0, 0.1], (3, 1))
+    batch.set_state(q, np.zeros(4))
+    q[1, 3] = 0.31
+    with pytest.raises(ValueError, match=r"r2 is 0.31 m; its stops are at 0 and 0.3 m"):
+        batch.set_state(q, np.zeros(4))
+    with pytest.raises(ValueError, match=r"r1 is 0.1 m; its stops are at 0 and 0.05"):
+        batch.set_parameters({"prismatic_stop.upper": [0.05, 0.3]}, index=[2])
+    np.testing.assert_array_equal(batch.q[:, [1, 3]], 0.1)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (((0.3, 0.0), (0.0, 0.3)), ("lower[0]", "0.3", "below")),
+        (((0.0, 0.0), (0.3, math.nan)), ("upper[1]", "nan", "finite")),
+        (((0.0,), (0.3, 0.3)), ("lower", "two")),
+        (((0.0, 0.0), (0.3, 0.3), 1.5), ("restitution", "1.5", "0 to 1")),
+    ],
+)
+def test_stops_that_cannot_be(arguments, words):
+    with pytest.raises(ValueError, match="PrismaticStop") as error:
+        e.PrismaticStop(*arguments)
+    assert all(w in str(error.value) for w in words)
+
+
+def test_stops_are_for_the_sliders_of_rprp():
+    with pytest.raises(ValueError, match="FourR has 0"):
+        rde.Scene(rde.FourR((1,) * 4, (1,) * 4), (e.PrismaticStop((0, 0), (1, 1)),))
+
+
+def test_stops_survive_their_file():
+    made = rde.Scene(ARM, (e.PrismaticStop((None, 0.0), (0.3, None), 0.5),))
+    assert rde.Scene.from_dict(json.loads(json.dumps(made.to_dict()))) == made
+    assert made.travel() == {}
+    assert scene().travel()[1] == ("prismatic_stop.lower[0]", "prismatic_stop.upper[0]")
+
+
+def test_a_scene_without_stops_has_no_trace_of_them():
+    from redundant_envs.evaluators.assemble import assemble
+
+    assert "stop" not in assemble(rde.Scene(ARM, (e.Gravity(),), tolerance=1e-6)).text

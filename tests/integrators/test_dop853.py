@@ -1,0 +1,99 @@
+"""dop853: near rounding, at any requested time, and no slower than SciPy in evaluations."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import redundant_envs as rde
+
+e = rde.effects
+ORACLES = Path(__file__).parents[1] / "oracles"
+ARMS = {"four_r": rde.FourR, "rprp": rde.RPRP}
+RUNS = [
+    (kind, run)
+    for kind in ARMS
+    for run in json.loads((ORACLES / f"traj_{kind}.json").read_text(encoding="utf-8"))["trajectories"]
+]
+
+
+def scene_of(kind, run, **kwargs):
+    arm = ARMS[kind](run["m"], run["l"])
+    return rde.Scene(arm, (e.Gravity(run["g"]),), integrator="dop853", actuation="generalized", **kwargs)
+
+
+@pytest.mark.parametrize(("kind", "run"), RUNS, ids=[f"{k}-{r['id']}" for k, r in RUNS])
+def test_oracle_trajectories(kind, run):
+    """Within 100 units of the last given place, at all five times."""
+    times = [s["t"] for s in run["states"]]
+    got = rde.simulate(scene_of(kind, run, control_dt=0.1), run["q0"], run["qd0"], times, run["Q"])
+    assert got.t.tolist() == times
+    for k, state in enumerate(run["states"]):
+        unit = 10.0 ** -state["decimals"]
+        difference = np.abs(np.r_[got.q[k], got.qd[k]] - np.r_[state["q"], state["qd"]]).max()
+        assert difference <= 100 * unit
+
+
+@pytest.mark.parametrize(("kind", "run"), [RUNS[0], RUNS[6]], ids=["four_r", "rprp"])
+def test_scipy_agrees(kind, run):
+    integrate = pytest.importorskip("scipy.integrate", reason="SciPy is in the extra verify")
+    arm = ARMS[kind](run["m"], run["l"])
+
+    def slope(t, y):
+        return np.r_[y[4:], arm.forward_dynamics(y[:4], y[4:], run["Q"], run["g"])]
+
+    peer = integrate.solve_ivp(
+        slope, (0, 1), [*run["q0"], *run["qd0"]], "DOP853", rtol=1e-13, atol=1e-14, t_eval=[0.3, 1.0]
+    )
+    got = rde.simulate(scene_of(kind, run, control_dt=1.0), run["q0"], run["qd0"], [0.3, 1.0], run["Q"])
+    np.testing.assert_allclose(np.c_[got.q, got.qd], peer.y.T, rtol=0, atol=1e-10)
+    batch = rde.BatchSimulator(scene_of(kind, run, control_dt=1.0), 1)
+    batch.set_state(run["q0"], run["qd0"])
+    status = batch.advance([run["Q"]])
+    assert status.evaluations[0] <= 1.2 * peer.nfev
+
+
+def test_more_times_do_not_change_the_motion():
+    kind, run = RUNS[0]
+    made = scene_of(kind, run, control_dt=0.1)
+    few = rde.simulate(made, run["q0"], run["qd0"], [1.0])
+    many = rde.simulate(made, run["q0"], run["qd0"], np.linspace(0.037, 1.0, 28))
+    np.testing.assert_array_equal(few.q[-1], many.q[-1])
+
+
+def test_bits_depend_on_the_lane_alone():
+    rng = np.random.default_rng(0)
+    made = rde.Scene(rde.FourR((1,) * 4, (0.5,) * 4), (e.Gravity(),), integrator="dop853")
+    q, qd = rng.uniform(-3, 3, (21, 4)), rng.normal(0, 3, (21, 4))
+
+    def run(index):
+        batch = rde.BatchSimulator(made, len(index))
+        batch.set_state(q[index], qd[index])
+        for _ in range(5):
+            status = batch.advance()
+        return np.c_[batch.q, batch.qd], status.evaluations
+
+    whole, evaluations = run(np.arange(21))
+    assert len(np.unique(evaluations)) > 1
+    for lane in (0, 8, 20):
+        alone, count = run(np.array([lane]))
+        np.testing.assert_array_equal(alone[0], whole[lane])
+        assert count[0] == evaluations[lane]
+
+
+def test_a_rough_force_takes_shorter_steps():
+    arm = rde.FourR((1.0,) * 4, (0.5,) * 4)
+    made = rde.Scene(arm, (e.LimitSpring("joint2", -0.5, 0.5, 2e4),), integrator="dop853")
+    reference = rde.Scene(arm, made.effects, integrator="rk8", substeps=40000)
+    q, qd = [0.0, 0.45, 0.0, 0.0], [0.0, 5.0, 0.0, 0.0]
+    ends = [rde.simulate(s, q, qd, [0.04]).q[0] for s in (made, reference)]
+    np.testing.assert_allclose(*ends, rtol=0, atol=1e-9)
+
+
+def test_substeps_and_tolerance_are_not_for_it():
+    arm = rde.FourR((1,) * 4, (1,) * 4)
+    with pytest.raises(ValueError, match="substeps is 3"):
+        rde.Scene(arm, integrator="dop853", substeps=3)
+    with pytest.raises(ValueError, match="tolerance is 1e-06"):
+        rde.Scene(arm, integrator="dop853", tolerance=1e-6)
