@@ -1,4 +1,4 @@
-"""Command line: python -m agents train | evaluate | report | table | play."""
+"""Command line: python -m agents train | evaluate | report | table | play | study."""
 
 from __future__ import annotations
 
@@ -29,10 +29,18 @@ def main(arguments: list[str] | None = None) -> int:
     p.add_argument("--clip", type=Path, help="write a GIF instead of opening a window")
     p.add_argument("--episodes", type=int, default=3)
     p.add_argument("--seed", type=int, default=0)
+    p = commands.add_parser("study", help="measure what policies depend on")
+    p = p.add_subparsers(dest="study", required=True).add_parser(
+        "policy", help="what the physics costs a policy, and training under the cheapest"
+    )
+    p.add_argument("overrides", nargs="*", help="key=value, such as train_seeds=0")
+    p.add_argument("--config", type=Path, help="YAML file (default configs/studies/policy.yaml)")
+    p.add_argument("--out", type=Path, default=Path("runs/studies/policy"),
+                   help="folder; a study that was stopped goes on in it")  # fmt: skip
     # argparse takes positional arguments in one place only: overrides after --out are left over.
     options, rest = parser.parse_known_args(arguments)
     late = [word for word in rest if "=" in word and not word.startswith("-")]
-    if options.command == "train":
+    if options.command in ("train", "study"):
         options.overrides += late
         rest = [word for word in rest if word not in late]
     if rest:
@@ -44,6 +52,7 @@ def main(arguments: list[str] | None = None) -> int:
             "report": _report,
             "table": _table,
             "play": _play,
+            "study": _study,
         }[options.command]
         return run(options)
     except ValueError as error:
@@ -94,6 +103,18 @@ def _play(options: argparse.Namespace) -> int:
     from agents.play import play
 
     play(options.target, options.actions, options.clip, options.episodes, options.seed)
+    return 0
+
+
+def _study(options: argparse.Namespace) -> int:
+    from agents.policy_report import write_report
+    from agents.policy_study import load_study, run_study
+    from redundant_envs.studies.throughput import study_path
+
+    study = load_study(options.config or study_path("policy"), options.overrides)
+    path = write_report(study, run_study(study, options.out), options.out)
+    print(path.read_text(encoding="utf-8"))
+    print(f"report: {path}")
     return 0
 
 

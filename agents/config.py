@@ -99,7 +99,11 @@ class Config:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be at least 1")
         if not self.max_seconds > 0.0:
             raise ValueError(f"max_seconds is {self.max_seconds}; it must be positive")
-        for name, most in (("num_envs", SEEDS_PER_RUN), ("evaluation_episodes", 1_000_000)):
+        for name, most in (
+            ("num_envs", SEEDS_PER_RUN),
+            ("evaluation_episodes", 1_000_000),
+            ("selection_episodes", 1_000_000),
+        ):
             if getattr(self, name) > most:
                 raise ValueError(
                     f"{name} is {getattr(self, name)}; at most {most}, or goals of training, "
@@ -174,10 +178,15 @@ def convert(annotation: Any, value: Any, name: str) -> Any:
         if not isinstance(value, str):
             raise ValueError(f"{name} is {value!r}; give a text")
         return value
+    if text == "str | float | None":
+        if isinstance(value, str):
+            value = number_or_text(value)
+        return value if value is None or isinstance(value, str) else convert("float", value, name)
     if text.startswith("tuple"):
+        kind, noun = ("str", "texts") if "str" in text else ("int", "whole numbers")
         if not isinstance(value, list | tuple):
-            raise ValueError(f"{name} is {value!r}; give a list of whole numbers")
-        return tuple(convert("int", v, f"{name}[{i}]") for i, v in enumerate(value))
+            raise ValueError(f"{name} is {value!r}; give a list of {noun}")
+        return tuple(convert(kind, v, f"{name}[{i}]") for i, v in enumerate(value))
     if not isinstance(value, Mapping):
         raise ValueError(f"{name} is {value!r}; give a mapping")
     return dict(value)
@@ -185,9 +194,15 @@ def convert(annotation: Any, value: Any, name: str) -> Any:
 
 def load(path: str | Path, overrides: Sequence[str] = ()) -> Config:
     """A configuration from a YAML file and overrides such as ``seed=3 ppo.gamma=0.98``."""
+    config: Config = build(Config, read(path, overrides, "configs/training"), "")
+    return config
+
+
+def read(path: str | Path, overrides: Sequence[str], folder: str) -> dict[str, Any]:
+    """What a YAML file holds, with overrides; where it is missing, the error lists the folder's files."""
     file = Path(path)
     if not file.is_file():
-        available = sorted(str(p) for p in Path("configs/training").glob("*.yaml"))
+        available = sorted(str(p) for p in Path(folder).glob("*.yaml"))
         raise ValueError(f"config is {str(path)!r}; there is no such file. Found: {', '.join(available)}")
     data = yaml.safe_load(file.read_text(encoding="utf-8"))
     if not isinstance(data, dict):
@@ -203,8 +218,7 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Config:
             if not isinstance(place, dict):
                 raise ValueError(f"override {key!r}: {parent!r} has no keys inside")
         place[last] = number_or_text(text)
-    config: Config = build(Config, data, "")
-    return config
+    return data
 
 
 def number_or_text(text: str) -> Any:

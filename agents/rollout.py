@@ -12,11 +12,14 @@ from numpy.typing import NDArray
 from redundant_envs.control.computed_torque import ComputedTorque
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.sb3 import make_sb3
+from redundant_envs.integrators.tableaus import METHODS
 
 EVALUATION_SEED = 1_000_000
 """Goals of the evaluation: seeds from here on; training stays below."""
 SELECTION_SEED = 2_000_000
 """Goals on which checkpoints are chosen."""
+STUDY_SEED = 3_000_000
+"""Goals of the policy study."""
 
 Act = Callable[[Any, Core, int], NDArray[np.float32]]
 """(observations, core, step) -> actions (n, 4)."""
@@ -31,6 +34,12 @@ class Outcome:
     distance: NDArray[np.float64]
     returns: NDArray[np.float64]
     numerics: NDArray[np.int64]
+    ended: NDArray[np.bool_]
+    """Whether numerics ended the episode before its time."""
+    steps: NDArray[np.int64]
+    """Control steps."""
+    evaluations: NDArray[np.int64]
+    """Evaluations of the equations of motion."""
 
 
 def run_episodes(env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any) -> Outcome:
@@ -49,12 +58,20 @@ def run_episodes(env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any)
             ends[lane] = infos[lane]
         open_lanes &= ~dones
         step += 1
+    scene = env.core.scene
+    per_step = scene.substeps * METHODS[scene.integrator].stages  # told where it varies
+    steps = np.array([e["episode_steps"] for e in ends])
     return Outcome(
         hold=np.array([e["is_success"] for e in ends]),
         touch=np.array([e["touch_success"] for e in ends]),
         distance=np.array([e["distance"] for e in ends]),
         returns=returns,
         numerics=np.array([e["numerics"] for e in ends]),
+        ended=np.array([not e["TimeLimit.truncated"] for e in ends]),
+        steps=steps,
+        evaluations=np.array(
+            [e.get("evaluations", n * per_step) for e, n in zip(ends, steps.tolist(), strict=True)]
+        ),
     )
 
 

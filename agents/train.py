@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -52,14 +53,16 @@ def make_model(config: Config, env: Any) -> Any:
 
 
 class Watch(BaseCallback):
-    """Progress bar, time limit, and the choice of the best policy on goals of their own."""
+    """Its line of the progress bars, time limit, and choice of the best policy on goals of their own."""
 
     def __init__(self, config: Config, folder: Path, progress: Progress) -> None:
         super().__init__()
         self.config = config
         self.folder = folder
         self.progress = progress
-        self.task = progress.add_task("train", total=config.total_steps, success="-", best="-")
+        name = f"{config.algo.upper()} {config.env.split('/')[-1]}"
+        self.task = progress.add_task(name, total=config.total_steps, note="")
+        self.recent = "-"
         self.best = (-1.0, -np.inf)
         self.curve: list[tuple[int, float, float, float]] = []
         self.start = time.perf_counter()
@@ -74,12 +77,12 @@ class Watch(BaseCallback):
         if self.num_timesteps - self._bar >= self.config.total_steps // 400:
             self._bar = self.num_timesteps
             buffer = self.model.ep_success_buffer
-            recent = f"{100 * np.mean(buffer):.1f} %" if buffer else "-"
+            self.recent = f"{100 * np.mean(buffer):.1f} %" if buffer else "-"
             # the run ends with the steps or with the seconds, whichever comes first
             share = max(
                 self.num_timesteps / self.config.total_steps, self.seconds() / self.config.max_seconds
             )
-            self.progress.update(self.task, completed=share * self.config.total_steps, success=recent)
+            self.progress.update(self.task, completed=share * self.config.total_steps, note=self.note())
         if self.num_timesteps >= self._next:
             self._next += self.config.selection_every
             self.select()
@@ -99,11 +102,27 @@ class Watch(BaseCallback):
         if score > self.best:
             self.best = score
             self.model.save(self.folder / "policy.zip")
-        self.progress.update(self.task, best=f"{100 * self.best[0]:.1f} %")
+        self.progress.update(self.task, note=self.note())
+
+    def note(self) -> str:
+        """Hold success of recent training episodes, and of the best policy so far."""
+        best = f"{100 * self.best[0]:.1f} %" if self.best[0] >= 0.0 else "-"
+        return f"success {self.recent} best {best}"
 
 
-def train(config: Config, folder: Path) -> dict[str, Any]:
-    """Train, keep the best policy in ``folder``; returns steps and seconds."""
+def progress_bars() -> Progress:
+    """Lines of progress; every task has a ``note``."""
+    return Progress(
+        TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"),
+        TextColumn("{task.fields[note]}"), TimeElapsedColumn(), TimeRemainingColumn(),
+    )  # fmt: skip
+
+
+def train(config: Config, folder: Path, progress: Progress | None = None) -> dict[str, Any]:
+    """Train, keep the best policy in ``folder``; returns steps and seconds.
+
+    ``progress`` are the bars of a caller, which get a line while the training runs.
+    """
     if folder.exists() and any(folder.iterdir()):
         raise ValueError(f"run folder {folder} is not empty; choose another --out or delete it")
     torch.set_num_threads(config.torch_threads)
@@ -116,15 +135,12 @@ def train(config: Config, folder: Path) -> dict[str, Any]:
     model = make_model(config, env)
     outputs = ["tensorboard"] if _has_tensorboard() else ["csv"]
     model.set_logger(configure(str(folder / "tensorboard"), outputs))
-    columns = (
-        TextColumn(f"{config.algo.upper()} {config.env.split('/')[-1]}"), BarColumn(),
-        TextColumn("{task.percentage:3.0f} %"), TextColumn("success {task.fields[success]}"),
-        TextColumn("best {task.fields[best]}"), TimeElapsedColumn(), TimeRemainingColumn(),
-    )  # fmt: skip
-    with Progress(*columns) as progress:
-        watch = Watch(config, folder, progress)
+    with progress_bars() if progress is None else nullcontext(progress) as bars:
+        watch = Watch(config, folder, bars)
         model.learn(config.total_steps, callback=watch, log_interval=20)
         watch.select()
+        if progress is not None:
+            bars.remove_task(watch.task)
     seconds = watch.seconds()
     env.close()
     np.savetxt(

@@ -38,6 +38,10 @@ def verify(options: argparse.Namespace) -> None:
         scene = load_scene(name)
         result = measure(scene)
         step = f"{scene.integrator} {1000 * scene.control_dt / scene.substeps:.3g} ms"
+        if scene.tolerance is not None:
+            step = f"{scene.integrator} to {scene.tolerance:g} m"
+        elif scene.integrator == "dop853":
+            step = "dop853"
         median, high, most = (f"{1000 * e:.1e}" for e in result.tip_error)
         print(
             f"{name:24} {step:>16} {median:>22} {high:>9} {most:>9} {1000 * result.reference:>11.1e} "

@@ -261,7 +261,8 @@ class LaneSteps:
 
     def _held(self) -> list[str]:
         """The step with sliders at rest, and the contacts."""
-        a, arm = self.assembly, self.assembly.scene.robot
+        a = self.assembly
+        arm: Any = a.scene.robot
         functions: list[Any] = [f for f in arm.functions if "qdd1" not in gives_of(f)]
         functions.append(arm.held_dynamics)
         joints = [hook.joint + 1 for _, hook in self.stops]
@@ -381,7 +382,8 @@ class LaneSteps:
 
     def _look(self) -> str:
         """After a piece: count it, and how it meets the stops."""
-        lines, writes = ["moved = where(phase >= 2.0, where(phase <= 5.0, 1.0, 0.0), 0.0)"], {}
+        writes: dict[str, str] = {}
+        lines = ["moved = where(phase >= 2.0, where(phase <= 5.0, 1.0, 0.0), 0.0)"]
         if self.stops:
             lines += self._meetings("from")
             writes |= {**_MEETINGS, "held": "abs(mode_a) + abs(mode_b)"}
@@ -471,7 +473,8 @@ class LaneSteps:
         if self.plan_of_steps == "doubling":
             writes |= {
                 "steps_of_lane": "where(back > 0.0, steps_retry, steps_of_lane)",
-                "steps_left": "where(back > 0.0, steps_retry, where(ended > 0.0, steps_left_again, steps_left))",
+                "steps_left": "where(back > 0.0, steps_retry, "
+                "where(ended > 0.0, steps_left_again, steps_left))",
             }
         if self.plan_of_steps == "adaptive":
             writes["next_step"] = "where(accepted + failed > 0.0, next_new, next_step)"

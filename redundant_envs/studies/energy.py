@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 
 STARTS: dict[str, tuple[float, float, float, float]] = {
     "rprp_report_spring": (1.2, 0.25, 0.4, 0.2),
+    "rprp_stops": (1.2, 0.25, 0.4, 0.2),
     "rprp_limit_springs": (1.2, 0.25, 0.4, 0.2),
     "four_r_free": (0.0, -0.3, -0.6, -0.9),
 }

@@ -83,11 +83,11 @@ def test_unknown_effect_and_effect_field_list_the_valid_ones():
         ({"parameters": {"masses": (1, 1, 1, 1e-13)}}, ["masses", "ratio"]),
         ({"parameters": {"masses": 1e-31}}, ["masses", "1e-31", "1e-30"]),
         ({"parameters": {"effort_limits.limits": (1, 1, -1, 1)}}, ["EffortLimits.limits[2]", "-1"]),
-        ({"parameters": {"limit_spring.r1.upper": -3}}, ["LimitSpring", "upper", "-3"]),
-        ({"parameters": {"limit_spring.r1.stiffness": 0}}, ["stiffness", "positive"]),
+        ({"parameters": {"prismatic_stop.upper": (-3, 1)}}, ["PrismaticStop", "upper", "-3"]),
+        ({"parameters": {"prismatic_stop.restitution": 2}}, ["restitution", "0 to 1"]),
         ({"parameters": {"gravity.down": (1, 1)}}, ["Gravity.down", "length"]),
         ({"parameters": 3}, ["parameters", "mapping"]),
-        ({"q": (0, 0.24, 0, 0), "parameters": {"limit_spring.r1.upper": 0.05}}, ["r1", "0.24", "0.05"]),
+        ({"q": (0, 0.24, 0, 0), "parameters": {"prismatic_stop.upper": (0.05, 0.2)}}, ["r1", "0.24", "0.05"]),
         ({"reset_mask": [True]}, ["reset_mask", "vector"]),
     ],
 )
@@ -161,8 +161,8 @@ def test_scene_that_is_no_environment():
     with pytest.raises(ValueError, match="EffortLimits"):
         gym.make(ID, scene={"robot": {"type": "FourR", "masses": [1] * 4, "lengths": [1] * 4}})
     data = rde.load_scene("rprp_reach").to_dict()
-    data["effects"] = [e for e in data["effects"] if e["type"] != "LimitSpring"]
-    with pytest.raises(ValueError, match=r"'r1'; add a LimitSpring"):
+    data["effects"] = [e for e in data["effects"] if e["type"] != "PrismaticStop"]
+    with pytest.raises(ValueError, match=r"'r1'; add a PrismaticStop"):
         gym.make(ID, scene=data)
 
 
@@ -187,7 +187,7 @@ def test_goals_of_the_wrong_shape(achieved, desired):
 
 def test_goal_environments_keep_their_geometry():
     env = gym.make("redundant_envs/RPRPGoalReach-v0").unwrapped
-    for name, value in (("lengths", (0.4, 0.4)), ("limit_spring.r1.upper", 0.2)):
+    for name, value in (("lengths", (0.4, 0.4)), ("prismatic_stop.upper", 0.2)):
         with pytest.raises(ValueError, match="keep lengths and travel"):
             env.reset(options={"parameters": {name: value}})
 
