@@ -10,20 +10,18 @@ of the compiled code, and all offsets inside a block are constants of the text.
 
 from __future__ import annotations
 
-import inspect
-import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from redundant_envs.algebra import arguments_of, gives_of, is_physics
-from redundant_envs.effects.hooks import Actuation, Effect, Field, Force, Impact
+from redundant_envs.algebra import arguments_of, gives_of
+from redundant_envs.effects.hooks import Actuation, Effect, Field, Force
+from redundant_envs.evaluators.assemble_step import RightHandSide, right_hand_side, step_of
 from redundant_envs.evaluators.binding import helpers
 from redundant_envs.evaluators.quantities import Call, calls
-from redundant_envs.integrators.error_control import scale, tip_error
-from redundant_envs.integrators.fixed_step import step_lines
+from redundant_envs.evaluators.text import block, function_text, indent, words
 from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.scene import Scene, identifier
 from redundant_envs.tasks.reach import ReachTask
@@ -31,13 +29,7 @@ from redundant_envs.tasks.reach import ReachTask
 if TYPE_CHECKING:
     from redundant_envs.evaluators.assemble_lanes import LaneSteps
 
-RightHandSide = tuple[list[str], list[str], list[Callable[..., Any]]]
-"""Arguments beside the states, lines of the body, dialect functions that it calls."""
-
 LANES = 8
-NO_FIELD = "-0.0"
-"""The additive identity: x + (-0.0) is x for every x, so the compiler drops an absent field."""
-
 PLACES = ("tip_x", "tip_y", "goal_x", "goal_y")
 """Achieved and desired goal, the last columns of the outputs."""
 
@@ -53,24 +45,6 @@ SIGNATURES = {
 }
 
 NON_FINITE, BAD_ACTION, SPEED_BOUND, TOLERANCE_NOT_REACHED, EVENT_BUDGET = 1.0, 2.0, 4.0, 8.0, 16.0
-
-
-def prefixed(function: Callable[..., Any]) -> str:
-    """Name of a dialect function in assembled text."""
-    return f"{function.__module__.rsplit('.', 1)[-1]}__{function.__name__}"
-
-
-def function_text(function: Callable[..., Any]) -> str:
-    """Source of a dialect function under its prefixed name, its body unchanged."""
-    source: Any = function
-    text = inspect.getsource(function)
-    text = text[text.index("def ") :]
-    text = text.replace(f"def {function.__name__}(", f"def {prefixed(function)}(", 1)
-    for name in source.__code__.co_names:
-        called = source.__globals__.get(name)
-        if is_physics(called):
-            text = re.sub(rf"\b{name}\(", f"{prefixed(called)}(", text)
-    return text
 
 
 @dataclass(frozen=True)
@@ -144,92 +118,7 @@ class Assembly:
 
     @cached_property
     def _rhs(self) -> RightHandSide:
-        return self.right_hand_side(self.scene.robot.functions)
-
-    def right_hand_side(
-        self, functions: Sequence[Callable[..., Any]], more: Iterable[str] = ()
-    ) -> RightHandSide:
-        """Arguments beside the states, body lines, and dialect functions of the right-hand side.
-
-        ``functions`` give the quantities, ``qdd1`` to ``qdd4`` among them; ``more`` are names that
-        are known beside the states and numbers.
-        """
-        arm, scene = self.scene.robot, self.scene
-        lines: list[str] = []
-        used: list[Callable[..., Any]] = []
-        known = {*self.states, *self.numbers, *more, *(f"command{k}" for k in range(1, 5))}
-
-        def statement(names: Iterable[str], function: Callable[..., Any], arguments: Sequence[str]) -> None:
-            used.append(function)
-            lines.append(f"{', '.join(names)} = {prefixed(function)}({', '.join(arguments)})")
-
-        def require(names: Iterable[str]) -> None:
-            for call in calls(names, known, functions, arm.sincos):
-                emit(call, lines, used)
-                known.update(call.names)
-
-        effort = {k: f"command{k + 1}" for k in range(4)}
-        field = {"ax": NO_FIELD, "ay": NO_FIELD}
-        for effect, hook in self.hooks:
-            if isinstance(hook, Impact):
-                continue  # it acts between steps
-            arguments = self.bound(effect, hook, hook.function)
-            require(a for a in arguments if a not in known)
-            if isinstance(hook, Field):
-                statement(("ax", "ay"), hook.function, arguments)
-                known.update(("ax", "ay"))
-                field = {}
-            elif isinstance(hook, Actuation):
-                statement((f"motor{hook.joint + 1}",), hook.function, arguments)
-                effort[hook.joint] = f"motor{hook.joint + 1}"
-        for name, value in field.items():
-            lines.append(f"{name} = {value}")
-            known.add(name)
-
-        joint: dict[int, list[str]] = {k: [] for k in range(4)}
-        working: dict[int, list[str]] = {k: [] for k in range(4)}
-        if scene.actuation == "joint":
-            for k in range(4):
-                joint[k].append(effort[k])
-                working[k].append(effort[k])
-        for i, (effect, hook) in enumerate(self.hooks):
-            if isinstance(hook, Force):
-                name = f"force{i}"
-                statement((name,), hook.function, self.bound(effect, hook, hook.function))
-                joint[hook.joint].append(name)
-                if hook.conservative is hook.function:
-                    continue
-                working[hook.joint].append(name)
-                if hook.conservative is not None and self.track_work:
-                    booked = f"booked{i}"
-                    arguments = self.bound(effect, hook, hook.conservative)
-                    require(a for a in arguments if a not in known)
-                    statement((booked,), hook.conservative, arguments)
-                    working[hook.joint].append(f"(-{booked})")
-        if any(joint.values()):
-            for k in range(4):
-                lines.append(f"t{k + 1} = {' + '.join(joint[k]) or '0.0'}")
-                known.add(f"t{k + 1}")
-            require(("Q1", "Q2", "Q3", "Q4"))
-            if scene.actuation == "generalized":
-                lines += [f"Q{k + 1} = Q{k + 1} + {effort[k]}" for k in range(4)]
-        else:
-            lines += [f"Q{k + 1} = {effort[k]}" for k in range(4)]
-            known.update(f"Q{k + 1}" for k in range(4))
-        require(("qdd1", "qdd2", "qdd3", "qdd4"))
-        results = ["qdd1", "qdd2", "qdd3", "qdd4"]
-        if self.track_work:
-            power = [f"({' + '.join(working[k])}) * phid{k + 1}" for k in range(4) if working[k]]
-            if power:
-                require(f"phid{k + 1}" for k in range(4))
-            if scene.actuation == "generalized":
-                power += [f"{effort[k]} * {v}" for k, v in enumerate(arm.rates)]
-            lines.append(f"power = {' + '.join(power) or '0.0'}")
-            results.append("power")
-        lines.append(f"return {', '.join(results)}")
-        named = words(lines)
-        given = (*(f"command{k}" for k in range(1, 5)), *self.numbers, *more)
-        return [n for n in given if n in named], lines, used
+        return right_hand_side(self, self.scene.robot.functions)
 
     # ---- memory ----------------------------------------------------------------------------------
 
@@ -371,46 +260,11 @@ class Assembly:
     @cached_property
     def _step(self) -> tuple[list[str], list[str], list[Callable[..., Any]]]:
         """Numbers a step needs, its straight lines, and the dialect functions it calls."""
-        lines, functions = self.step_of("rhs", self._rhs)
+        lines, functions = step_of(self, "rhs", self._rhs)
         named = words(lines)
         commands = tuple(f"command{k}" for k in range(1, 5))
         needs = [n for n in (*commands, *self.numbers) if n in named]
         return needs, lines, functions
-
-    def step_of(self, name: str, rhs: RightHandSide) -> tuple[list[str], list[Callable[..., Any]]]:
-        """Straight lines of a step with the right-hand side of a name, and dialect functions."""
-        arm, method = self.scene.robot, METHODS[self.scene.integrator]
-        arguments, _, functions = rhs
-        call = f"{name}({{}}, {', '.join(arguments)})"
-        lines = step_lines(method, arm.coordinates, arm.rates, self.states[8:], call)
-        used = list(functions)
-        if self.estimates:
-            lines += self._error_lines(used)
-        return lines, used
-
-    def _error_lines(self, used: list[Callable[..., Any]]) -> list[str]:
-        """Lines for ``error``: in metres at the tip, or for dop853 in units of its tolerance."""
-        arm = self.scene.robot
-        lines: list[str] = []
-        if self.scene.integrator == "dop853":
-            used += [scale, tip_error]
-            for s in self.states[:8]:
-                lines.append(f"{s}_scale = {prefixed(scale)}({s}, {s}_new)")
-            for e in ("e5", "e3"):
-                squares = " + ".join(f"({s}_{e} * {s}_scale) ** 2" for s in self.states[:8])
-                lines.append(f"{e} = sqrt(({squares}) * 0.125)")
-        else:
-            wanted = ["n1", "n2", "n3", "n4"]
-            used.append(tip_error)
-            known = {*self.states, *self.numbers}
-            for c in calls(wanted, known, (*arm.functions, arm.column_norms), arm.sincos):
-                emit(c, lines, used)
-            pairs = list(zip(wanted, arm.coordinates, arm.rates, strict=True))
-            for e in ("e5", "e3"):
-                terms = (f"{n} * (abs({q}_{e}) + interval * abs({v}_{e}))" for n, q, v in pairs)
-                lines.append(f"{e} = {' + '.join(terms)}")
-        lines.append(f"error = {prefixed(tip_error)}(e5, e3)")
-        return lines
 
     @cached_property
     def rhs_text(self) -> str:
@@ -489,31 +343,6 @@ class Assembly:
             + indent(body, 1),
         ]
         return "\n\n\n".join(parts)
-
-
-def words(lines: Iterable[str]) -> set[str]:
-    """All identifiers in some lines."""
-    return set(re.findall(r"[A-Za-z_]\w*", "\n".join(lines)))
-
-
-def emit(call: Call, lines: list[str], used: list[Callable[..., Any]]) -> None:
-    """Append one statement."""
-    if call.function is None:
-        lines.append(f"{', '.join(call.names)} = sincos({call.arguments[0]})")
-    else:
-        used.append(call.function)
-        arguments = ", ".join(call.arguments)
-        lines.append(f"{', '.join(call.names)} = {prefixed(call.function)}({arguments})")
-
-
-def block(lines: Iterable[str], levels: int = 1) -> list[str]:
-    """Lines one or more levels deeper."""
-    return ["    " * levels + line for line in lines]
-
-
-def indent(lines: Iterable[str], levels: int) -> str:
-    """Lines as indented text."""
-    return "\n".join(block(lines, levels))
 
 
 def assemble(scene: Scene, task: ReachTask | None = None, track_work: bool = False) -> Assembly:

@@ -14,33 +14,16 @@ from typing import Any
 
 from redundant_envs.algebra import arguments_of, gives_of
 from redundant_envs.effects.hooks import Force, Impact
-from redundant_envs.evaluators.assemble import (
-    BLOCKS,
-    EVENT_BUDGET,
-    HEAD,
-    LANES,
-    TOLERANCE_NOT_REACHED,
-    Assembly,
-    block,
-    emit,
-    indent,
-    prefixed,
-    words,
-)
+from redundant_envs.evaluators.assemble import BLOCKS, HEAD, LANES, TOLERANCE_NOT_REACHED, Assembly
+from redundant_envs.evaluators.assemble_stops import LOGGED, MEETINGS, MOST_LOGGED, StopLines
 from redundant_envs.evaluators.quantities import Call, calls
+from redundant_envs.evaluators.text import block, indent, prefixed, words
 from redundant_envs.integrators import error_control, stops
 from redundant_envs.integrators.tableaus import METHODS
-from redundant_envs.scene import identifier
 
 GROUP = 64
 """Blocks that go through equal steps together: few enough to stay in the cache."""
 MARK = "# ---- copied from here"
-MOST_LOGGED = 256
-"""Events of an interval that a scene with the book of the work keeps."""
-LOGGED = ("time", "kind", "speed")
-
-
-_MEETINGS = {f"{n}_{x}": f"{n}_{x}_now" for x in "ab" for n in ("met", "turns")}
 
 
 @dataclass(frozen=True)
@@ -72,6 +55,11 @@ class LaneSteps:
         return cls(assembly, "fixed", stops) if stops else None
 
     # ---- rows ------------------------------------------------------------------------------------
+
+    @cached_property
+    def at_stops(self) -> StopLines:
+        """The text about the stops."""
+        return StopLines(self, self.stops)
 
     @property
     def modes(self) -> tuple[str, ...]:
@@ -116,11 +104,6 @@ class LaneSteps:
             names += [f"mobility{i}_{x}" for x in "ab" for i in range(1, 5)]
         return tuple(names)
 
-    def _number(self, stop: int, field: str) -> str:
-        """Identifier of a stop's own number."""
-        key, hook = self.stops[stop]
-        return identifier(f"{key}{getattr(hook, field)}")
-
     # ---- statements ------------------------------------------------------------------------------
 
     def steady_steps(self) -> list[Call]:
@@ -148,43 +131,14 @@ class LaneSteps:
             order.append(Call((f"steady{n + 1}",), error_control.more, (f"steady{n}", rate)))
         return order
 
-    @cached_property
-    def _sliders(self) -> list[str]:
-        """Lines that give the sliders a and b the names that the equations of the stops use."""
-        arm, lines = self.assembly.scene.robot, []
-        for n, (x, (_, hook)) in enumerate(zip("ab", self.stops, strict=False)):
-            q, v = arm.coordinates[hook.joint], arm.rates[hook.joint]
-            lines += [
-                f"place_{x} = {q}", f"rate_{x} = {v}",
-                f"lower_{x} = {self._number(n, 'lower')}", f"upper_{x} = {self._number(n, 'upper')}",
-            ]  # fmt: skip
-        return [*lines, f"restitution = {self._number(0, 'restitution')}"]
-
-    def _begun(self, origin: str) -> list[str]:
-        """The same for where the sliders were."""
-        arm = self.assembly.scene.robot
-        return [
-            f"{name}_{x}_{origin} = {rows[hook.joint]}_{origin}"
-            for x, (_, hook) in zip("ab", self.stops, strict=False)
-            for name, rows in (("place", arm.coordinates), ("rate", arm.rates))
-        ]
-
-    def _meetings(self, origin: str) -> list[str]:
-        """Lines that tell how a step from ``origin`` meets the stops."""
-        lines = [*self._sliders, *self._begun(origin)]
-        for x, (_, hook) in zip("ab", self.stops, strict=False):
-            start = f"place_{x}_{origin}, rate_{x}_{origin}, place_{x}, rate_{x}, h, lower_{x}, upper_{x}"
-            lines.append(f"met_{x}_now, turns_{x}_now = {self._use(hook.function)}({start})")
-        return lines
-
-    def _use(self, function: Callable[..., Any]) -> str:
+    def use(self, function: Callable[..., Any]) -> str:
         """Name of a dialect function in the text, which it then is part of."""
         self.used.append(function)
         return prefixed(function)
 
-    def _call(self, function: Callable[..., Any]) -> str:
+    def call(self, function: Callable[..., Any]) -> str:
         """A statement that gives a dialect function the quantities of its arguments' names."""
-        return f"{', '.join(gives_of(function))} = {self._use(function)}({', '.join(arguments_of(function))})"
+        return f"{', '.join(gives_of(function))} = {self.use(function)}({', '.join(arguments_of(function))})"
 
     # ---- text ------------------------------------------------------------------------------------
 
@@ -194,8 +148,8 @@ class LaneSteps:
         self.used.clear()
         parts = [self._clear(), self._start(), self._judge()]
         if self.stops:
-            parts += self._held()
-            parts.append(self._touch())
+            parts += self.at_stops.held()
+            parts.append(self.at_stops.touch())
         parts += [self._begin(), self._look(), self._decide()]
         self._texts[:] = [*parts[3:], a._step_text, a.rhs_text]
         parts += [self._constants(), self._another_piece()]
@@ -236,15 +190,15 @@ class LaneSteps:
             for v in turning[1:]:
                 fastest = f"maximum({fastest}, abs({v}_before))"
             steady = [name for name in a.numbers if name.startswith("steady")]
-            rule = self._use(error_control.least_steps)
+            rule = self.use(error_control.least_steps)
             lines.append(f"steps = {rule}({fastest}, {steady[-1] if steady else '0.0'}, interval)")
             writes["floor"] = "steps"
         mark = "1.0" if self.plan_of_steps == "adaptive" else "0.0"
         if self.stops:
-            lines += self._meetings("before")
+            lines += self.at_stops.meetings("before")
             touched = "abs(met_a_now) + abs(met_b_now) + abs(mode_a) + abs(mode_b)"
             mark = f"where({touched} > 0.0, 2.0, {mark})"
-            writes |= _MEETINGS
+            writes |= MEETINGS
         if self.plan_of_steps == "doubling":
             lines.append("good = where(steps <= 1.0, where(error_sum <= tip_tolerance, 1.0, 0.0), 0.0)")
             mark = f"where(good == 0.0, 1.0, {mark})"
@@ -259,99 +213,18 @@ class LaneSteps:
     def _stages(self) -> str:
         return f"{METHODS[self.assembly.scene.integrator].stages}.0"
 
-    def _held(self) -> list[str]:
-        """The step with sliders at rest, and the contacts."""
-        a = self.assembly
-        arm: Any = a.scene.robot
-        functions: list[Any] = [f for f in arm.functions if "qdd1" not in gives_of(f)]
-        functions.append(arm.held_dynamics)
-        joints = [hook.joint + 1 for _, hook in self.stops]
-        at_rest = [f"held{k} = abs({m})" for k, m in zip(joints, self.modes, strict=True)]
-        rhs = a.right_hand_side(functions, [f"held{k}" for k in joints])
-        lines, step_functions = a.step_of("rhs_held", rhs)
-        lines.append("moving = where(phase >= 2.0, where(phase <= 5.0, 1.0, 0.0), 0.0)")
-        self.used.extend(step_functions)
-        contact = [*at_rest, *rhs[1][:-1]]
-        known = {*a.states, *a.numbers, *words(line.split(" = ")[0] for line in contact)}
-        mobility = {
-            f"mobility{i}_{x}": f"W{i}{k}" for x, k in zip("ab", joints, strict=True) for i in range(1, 5)
-        }
-        for call in calls(mobility.values(), known, (*functions, arm.slider_mobility), arm.sincos):
-            emit(call, contact, self.used)
-        accelerations = {f"accel_{x}": f"qdd{k}" for x, k in zip("ab", joints, strict=True)}
-        holds = {f"hold_{x}": f"hold{k}" for x, k in zip("ab", joints, strict=True)}
-        return [
-            a.rhs_function("rhs_held", rhs),
-            a.step_function("step_held", [*at_rest, *lines], only="moving"),
-            a.lane_function(
-                "contact",
-                "Accelerations, the forces that hold, and mobilities, of the present state.",
-                contact,
-                {**accelerations, **holds, **mobility},
-            ),
-        ]
-
-    def _touch(self) -> str:
-        """At a stop: impulses, rest and release, as :func:`stops.touch` decides."""
-        a, arm = self.assembly, self.assembly.scene.robot
-        sa, sb = (hook.joint for _, hook in self.stops)
-        lines = [
-            *self._sliders,
-            f"waa = mobility{sa + 1}_a", f"wab = mobility{sa + 1}_b", f"wbb = mobility{sb + 1}_b",
-            self._call(stops.touch),
-        ]  # fmt: skip
-        writes = {f"{m}": f"where(over_budget > 0.0, {m}_before, {m}_new)" for m in self.modes}
-        rates = {arm.rates[sa]: "struck_a", arm.rates[sb]: "struck_b"}
-        for k, v in enumerate(arm.rates):
-            moved = rates.get(v, f"{v} + (impulse_a * mobility{k + 1}_a + impulse_b * mobility{k + 1}_b)")
-            lines.append(f"{v}_struck = where(strikes > 0.0, {moved}, {v})")
-        if "work" in a.states:
-            lines.append(
-                "work_struck = where(strikes > 0.0, work + 0.5 * (impulse_a * (rate_a + struck_a) "
-                "+ impulse_b * (rate_b + struck_b)), work)"
-            )
-        for s in a.states:
-            struck = s if s in arm.coordinates else f"{s}_struck"
-            writes[s] = f"where(over_budget > 0.0, {s}_before, {struck})"
-            writes[f"{s}_from"] = f"where(going_on > 0.0, {struck}, {s}_from)"
-        writes |= {
-            "from_error": "where(going_on > 0.0, error_sum, from_error)",
-            "h": "where(going_on > 0.0, left, h)",
-            "events": "events_new", "changes": "changes_new", "phase": "phase_new",
-            "touching": "where(phase_new == 1.0, 1.0, 0.0)",
-            "trouble": f"where(over_budget > 0.0, {EVENT_BUDGET}, trouble)",
-        }  # fmt: skip
-        for x in "ab":
-            writes[f"let_go_{x}"] = f"let_go_{x}_new"
-            writes[f"hold_{x}_from"] = f"where(going_on > 0.0, hold_{x}, hold_{x}_from)"
-            if self.log:
-                writes |= {f"told_{x}": f"told_{x}_new", f"told_speed_{x}": f"told_speed_{x}_new"}
-                lines.append(f"told_{x}_new, told_speed_{x}_new = told_now_{x}, told_speed_now_{x}")
-        return a.lane_function("touch", "At a stop: strike, let go, rest, or go on.", lines, writes)
-
-    def _contact_needed(self, suffix: str = "") -> str:
-        """Whether a slider is at a stop, or held there: an expression, 0 if not."""
-        at = self._use(stops.at_stop)
-        return " + ".join(
-            f"abs({at}(place_{x}{suffix}, mode_{x}{suffix}, lower_{x}, upper_{x}))" for x in "ab"
-        )
-
     def _begin(self) -> str:
         """Lanes that have just come from the common step."""
         a = self.assembly
         plan = {
             "fixed": ["left_first, void = h, 0.0"],
-            "doubling": [self._call(error_control.begin_doubling)]
-            if self.plan_of_steps == "doubling"
-            else [],
-            "adaptive": [self._call(error_control.begin_adaptive)]
-            if self.plan_of_steps == "adaptive"
-            else [],
+            "doubling": [self.call(error_control.begin_doubling)] if self.plan_of_steps == "doubling" else [],
+            "adaptive": [self.call(error_control.begin_adaptive)] if self.plan_of_steps == "adaptive" else [],
         }[self.plan_of_steps]
         lines, fresh = [*plan], "0.0"
         if self.stops:
-            lines += [*self._sliders, *self._begun("before")]
-            lines.append(f"contacts = {self._contact_needed('_before')}")
+            lines += [*self.at_stops.sliders, *self.at_stops.begun("before")]
+            lines.append(f"contacts = {self.at_stops.contact_needed('_before')}")
             # What is known of the common step saves trying it again.
             lines.append("begun_at_stop = where(met_a == 3.0, 1.0, where(met_b == 3.0, 1.0, 0.0))")
             fresh = "where(void + begun_at_stop + abs(mode_a) + abs(mode_b) > 0.0, 0.0, 1.0)"
@@ -385,8 +258,8 @@ class LaneSteps:
         writes: dict[str, str] = {}
         lines = ["moved = where(phase >= 2.0, where(phase <= 5.0, 1.0, 0.0), 0.0)"]
         if self.stops:
-            lines += self._meetings("from")
-            writes |= {**_MEETINGS, "held": "abs(mode_a) + abs(mode_b)"}
+            lines += self.at_stops.meetings("from")
+            writes |= {**MEETINGS, "held": "abs(mode_a) + abs(mode_b)"}
         writes |= {"due": "moved", "evaluations": f"evaluations + moved * {self._stages}"}
         return self.assembly.lane_function("look", "After a piece of motion.", lines, writes)
 
@@ -396,21 +269,22 @@ class LaneSteps:
         tried = "where(phase == 2.0, 1.0, where(phase == 4.0, 1.0, 0.0))"
         judge = {
             "fixed": ["good, left_retry = 1.0, left"],
-            "doubling": [self._call(error_control.judge_doubling)]
-            if self.plan_of_steps == "doubling"
-            else [],
-            "adaptive": [self._call(error_control.judge_adaptive)]
-            if self.plan_of_steps == "adaptive"
-            else [],
+            "doubling": [self.call(error_control.judge_doubling)] if self.plan_of_steps == "doubling" else [],
+            "adaptive": [self.call(error_control.judge_adaptive)] if self.plan_of_steps == "adaptive" else [],
         }[self.plan_of_steps]
         end = {
             "fixed": ["last, left_again = 1.0, left"],
-            "doubling": [self._call(error_control.end_doubling)] if self.plan_of_steps == "doubling" else [],
-            "adaptive": [self._call(error_control.end_adaptive)] if self.plan_of_steps == "adaptive" else [],
+            "doubling": [self.call(error_control.end_doubling)] if self.plan_of_steps == "doubling" else [],
+            "adaptive": [self.call(error_control.end_adaptive)] if self.plan_of_steps == "adaptive" else [],
         }[self.plan_of_steps]
         lines = [*judge]
         if self.stops:
-            lines += [*self._sliders, *self._begun("from"), *self._begun("before"), self._call(stops.decide)]
+            lines += [
+                *self.at_stops.sliders,
+                *self.at_stops.begun("from"),
+                *self.at_stops.begun("before"),
+                self.call(stops.decide),
+            ]
         else:
             lines += ["again, there, accepted = 0.0, 0.0, due * good"]
         doubling = self.plan_of_steps == "doubling"
@@ -430,14 +304,14 @@ class LaneSteps:
         ]  # fmt: skip
         if self.stops:
             # A held slider has just shown that it stays; a free one at its stop must be looked at.
-            at = self._use(stops.at_stop)
+            at = self.use(stops.at_stop)
             free = " + ".join(
                 f"where(mode_{x} == 0.0, abs({at}(place_{x}, mode_{x}, lower_{x}, upper_{x})), 0.0)"
                 for x in "ab"
             )
             lines += [
                 f"contacts = where({free} > 0.0, 1.0, 0.0)",
-                f"contacts_before = where({self._contact_needed('_before')} > 0.0, 1.0, 0.0)",
+                f"contacts_before = where({self.at_stops.contact_needed('_before')} > 0.0, 1.0, 0.0)",
             ]
         else:
             lines += ["contacts, contacts_before = 0.0, 0.0"]
@@ -543,30 +417,7 @@ class LaneSteps:
             "@njit(inline='always', **OPTIONS)\ndef another_piece(S):\n"
             f'    """Another piece of motion of every slot."""\n{indent(body, 1)}'
         )
-        return f"{self._tell()}\n\n\n{text}" if self.log else text
-
-    def _tell(self) -> str:
-        """The log of events, where it is kept."""
-        rows = self.assembly.every_row
-        row = {
-            n: rows[n] * LANES
-            for n in ("told_a", "told_b", "told_speed_a", "told_speed_b", "elapsed", "span_start")
-        }
-        log = rows["logged"] * LANES
-        body = [
-            '"""Write the events of the sliders into the log of their lane."""',
-            f"for i in range({LANES}):",
-            f"    for told, speed, slider in (({row['told_a']}, {row['told_speed_a']}, 0.0), "
-            f"({row['told_b']}, {row['told_speed_b']}, 10.0)):",
-            f"        n = int(S[i + {log}])",
-            f"        if S[i + told] > 0.0 and n < {MOST_LOGGED}:",
-            f"            at = i + {log + LANES} + n * {len(LOGGED) * LANES}",
-            f"            S[at] = S[i + {row['span_start']}] + S[i + {row['elapsed']}]",
-            f"            S[at + {LANES}] = S[i + told] + slider",
-            f"            S[at + {2 * LANES}] = S[i + speed]",
-            f"            S[i + {log}] += 1.0",
-        ]
-        return f"@njit(**OPTIONS)\ndef tell(S):\n{indent(body, 1)}"
+        return f"{self.at_stops.tell()}\n\n\n{text}" if self.log else text
 
     def block_loop(self, first: list[str], then: list[str]) -> list[str]:
         """Lines of :meth:`Assembly.block_loop` where lanes take steps of their own.

@@ -14,12 +14,9 @@ from redundant_envs.evaluators.assemble import (
     PLACES,
     SPEED_BOUND,
     Assembly,
-    block,
-    emit,
-    indent,
-    prefixed,
 )
 from redundant_envs.evaluators.quantities import calls
+from redundant_envs.evaluators.text import block, emit, indent, prefixed
 from redundant_envs.tasks.reach import ReachTask, goal_error
 
 STEP, RESET, OBSERVE = 0, 1, 2

@@ -1,0 +1,186 @@
+"""What stops add to lanes with steps of their own, as text: contacts, impulses, the log of events."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from redundant_envs.algebra import gives_of
+from redundant_envs.effects.hooks import Impact
+from redundant_envs.evaluators.assemble import EVENT_BUDGET, LANES, Assembly
+from redundant_envs.evaluators.assemble_step import right_hand_side, step_of
+from redundant_envs.evaluators.quantities import calls
+from redundant_envs.evaluators.text import emit, indent, words
+from redundant_envs.integrators import stops
+from redundant_envs.scene import identifier
+
+if TYPE_CHECKING:
+    from redundant_envs.evaluators.assemble_lanes import LaneSteps
+
+MOST_LOGGED = 256
+"""Events of an interval that a scene with the book of the work keeps."""
+LOGGED = ("time", "kind", "speed")
+MEETINGS = {f"{n}_{x}": f"{n}_{x}_now" for x in "ab" for n in ("met", "turns")}
+
+
+@dataclass(frozen=True)
+class StopLines:
+    """Text about the sliders a and b of a scene with stops.
+
+    Attributes
+    ----------
+    lanes : LaneSteps
+    stops : tuple of (effect key, Impact)
+    """
+
+    lanes: LaneSteps
+    stops: tuple[tuple[str, Impact], ...]
+
+    @property
+    def assembly(self) -> Assembly:
+        """The scene's assembly."""
+        return self.lanes.assembly
+
+    def use(self, function: Callable[..., Any]) -> str:
+        """Name of a dialect function in the text, which it then is part of."""
+        return self.lanes.use(function)
+
+    def call(self, function: Callable[..., Any]) -> str:
+        """A statement that gives a dialect function the quantities of its arguments' names."""
+        return self.lanes.call(function)
+
+    def _number(self, stop: int, field: str) -> str:
+        """Identifier of a stop's own number."""
+        key, hook = self.stops[stop]
+        return identifier(f"{key}{getattr(hook, field)}")
+
+    @cached_property
+    def sliders(self) -> list[str]:
+        """Lines that give the sliders a and b the names that the equations of the stops use."""
+        arm, lines = self.assembly.scene.robot, []
+        for n, (x, (_, hook)) in enumerate(zip("ab", self.stops, strict=False)):
+            q, v = arm.coordinates[hook.joint], arm.rates[hook.joint]
+            lines += [
+                f"place_{x} = {q}", f"rate_{x} = {v}",
+                f"lower_{x} = {self._number(n, 'lower')}", f"upper_{x} = {self._number(n, 'upper')}",
+            ]  # fmt: skip
+        return [*lines, f"restitution = {self._number(0, 'restitution')}"]
+
+    def begun(self, origin: str) -> list[str]:
+        """The same for where the sliders were."""
+        arm = self.assembly.scene.robot
+        return [
+            f"{name}_{x}_{origin} = {rows[hook.joint]}_{origin}"
+            for x, (_, hook) in zip("ab", self.stops, strict=False)
+            for name, rows in (("place", arm.coordinates), ("rate", arm.rates))
+        ]
+
+    def meetings(self, origin: str) -> list[str]:
+        """Lines that tell how a step from ``origin`` meets the stops."""
+        lines = [*self.sliders, *self.begun(origin)]
+        for x, (_, hook) in zip("ab", self.stops, strict=False):
+            start = f"place_{x}_{origin}, rate_{x}_{origin}, place_{x}, rate_{x}, h, lower_{x}, upper_{x}"
+            lines.append(f"met_{x}_now, turns_{x}_now = {self.use(hook.function)}({start})")
+        return lines
+
+    def held(self) -> list[str]:
+        """The step with sliders at rest, and the contacts."""
+        a = self.assembly
+        arm: Any = a.scene.robot
+        functions: list[Any] = [f for f in arm.functions if "qdd1" not in gives_of(f)]
+        functions.append(arm.held_dynamics)
+        joints = [hook.joint + 1 for _, hook in self.stops]
+        at_rest = [f"held{k} = abs({m})" for k, m in zip(joints, self.lanes.modes, strict=True)]
+        rhs = right_hand_side(a, functions, [f"held{k}" for k in joints])
+        lines, step_functions = step_of(a, "rhs_held", rhs)
+        lines.append("moving = where(phase >= 2.0, where(phase <= 5.0, 1.0, 0.0), 0.0)")
+        self.lanes.used.extend(step_functions)
+        contact = [*at_rest, *rhs[1][:-1]]
+        known = {*a.states, *a.numbers, *words(line.split(" = ")[0] for line in contact)}
+        mobility = {
+            f"mobility{i}_{x}": f"W{i}{k}" for x, k in zip("ab", joints, strict=True) for i in range(1, 5)
+        }
+        for call in calls(mobility.values(), known, (*functions, arm.slider_mobility), arm.sincos):
+            emit(call, contact, self.lanes.used)
+        accelerations = {f"accel_{x}": f"qdd{k}" for x, k in zip("ab", joints, strict=True)}
+        holds = {f"hold_{x}": f"hold{k}" for x, k in zip("ab", joints, strict=True)}
+        return [
+            a.rhs_function("rhs_held", rhs),
+            a.step_function("step_held", [*at_rest, *lines], only="moving"),
+            a.lane_function(
+                "contact",
+                "Accelerations, the forces that hold, and mobilities, of the present state.",
+                contact,
+                {**accelerations, **holds, **mobility},
+            ),
+        ]
+
+    def touch(self) -> str:
+        """At a stop: impulses, rest and release, as :func:`stops.touch` decides."""
+        a, arm = self.assembly, self.assembly.scene.robot
+        sa, sb = (hook.joint for _, hook in self.stops)
+        lines = [
+            *self.sliders,
+            f"waa = mobility{sa + 1}_a", f"wab = mobility{sa + 1}_b", f"wbb = mobility{sb + 1}_b",
+            self.call(stops.touch),
+        ]  # fmt: skip
+        writes = {f"{m}": f"where(over_budget > 0.0, {m}_before, {m}_new)" for m in self.lanes.modes}
+        rates = {arm.rates[sa]: "struck_a", arm.rates[sb]: "struck_b"}
+        for k, v in enumerate(arm.rates):
+            moved = rates.get(v, f"{v} + (impulse_a * mobility{k + 1}_a + impulse_b * mobility{k + 1}_b)")
+            lines.append(f"{v}_struck = where(strikes > 0.0, {moved}, {v})")
+        if "work" in a.states:
+            lines.append(
+                "work_struck = where(strikes > 0.0, work + 0.5 * (impulse_a * (rate_a + struck_a) "
+                "+ impulse_b * (rate_b + struck_b)), work)"
+            )
+        for s in a.states:
+            struck = s if s in arm.coordinates else f"{s}_struck"
+            writes[s] = f"where(over_budget > 0.0, {s}_before, {struck})"
+            writes[f"{s}_from"] = f"where(going_on > 0.0, {struck}, {s}_from)"
+        writes |= {
+            "from_error": "where(going_on > 0.0, error_sum, from_error)",
+            "h": "where(going_on > 0.0, left, h)",
+            "events": "events_new", "changes": "changes_new", "phase": "phase_new",
+            "touching": "where(phase_new == 1.0, 1.0, 0.0)",
+            "trouble": f"where(over_budget > 0.0, {EVENT_BUDGET}, trouble)",
+        }  # fmt: skip
+        for x in "ab":
+            writes[f"let_go_{x}"] = f"let_go_{x}_new"
+            writes[f"hold_{x}_from"] = f"where(going_on > 0.0, hold_{x}, hold_{x}_from)"
+            if self.lanes.log:
+                writes |= {f"told_{x}": f"told_{x}_new", f"told_speed_{x}": f"told_speed_{x}_new"}
+                lines.append(f"told_{x}_new, told_speed_{x}_new = told_now_{x}, told_speed_now_{x}")
+        return a.lane_function("touch", "At a stop: strike, let go, rest, or go on.", lines, writes)
+
+    def contact_needed(self, suffix: str = "") -> str:
+        """Whether a slider is at a stop, or held there: an expression, 0 if not."""
+        at = self.use(stops.at_stop)
+        return " + ".join(
+            f"abs({at}(place_{x}{suffix}, mode_{x}{suffix}, lower_{x}, upper_{x}))" for x in "ab"
+        )
+
+    def tell(self) -> str:
+        """The log of events, where it is kept."""
+        rows = self.assembly.every_row
+        row = {
+            n: rows[n] * LANES
+            for n in ("told_a", "told_b", "told_speed_a", "told_speed_b", "elapsed", "span_start")
+        }
+        log = rows["logged"] * LANES
+        body = [
+            '"""Write the events of the sliders into the log of their lane."""',
+            f"for i in range({LANES}):",
+            f"    for told, speed, slider in (({row['told_a']}, {row['told_speed_a']}, 0.0), "
+            f"({row['told_b']}, {row['told_speed_b']}, 10.0)):",
+            f"        n = int(S[i + {log}])",
+            f"        if S[i + told] > 0.0 and n < {MOST_LOGGED}:",
+            f"            at = i + {log + LANES} + n * {len(LOGGED) * LANES}",
+            f"            S[at] = S[i + {row['span_start']}] + S[i + {row['elapsed']}]",
+            f"            S[at + {LANES}] = S[i + told] + slider",
+            f"            S[at + {2 * LANES}] = S[i + speed]",
+            f"            S[i + {log}] += 1.0",
+        ]
+        return f"@njit(**OPTIONS)\ndef tell(S):\n{indent(body, 1)}"
