@@ -167,7 +167,7 @@ def trouble(row: Mapping[str, Any]) -> list[str]:
     if row["ended"]:
         parts.append(f"Numerics end {row['ended']} episodes early, which then count as not held.")
     if row["numerics"]:
-        parts.append(f"Flags in {row['control_steps']} control steps: {row['numerics']}.")
+        parts.append(f"Flags of numerics in {row['control_steps']} control steps: {row['numerics']}.")
     return parts
 
 
@@ -418,7 +418,7 @@ def _arm_text(result: ArmResult, study: Study) -> list[str]:
         *(f"* {physics_sentence(row, reference, study)}" for row in rows if row is not reference), "",
     ]  # fmt: skip
     if trouble(reference):
-        lines += [f"The reference itself: {' '.join(trouble(reference))}", ""]
+        lines += [f"**{study.reference}** itself: {' '.join(trouble(reference))}", ""]
     if result.trained:
         cheap = study.arms[result.name].cheap
         changed = f", with {', '.join(study.train_overrides)}" if study.train_overrides else ""

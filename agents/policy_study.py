@@ -559,11 +559,14 @@ def curve(folder: Path) -> Array:
 def describe(folder: Path) -> str:
     """A run folder's policy in words."""
     config = read_config(folder)
-    scene = make_sb3(config.env, 1, **config.env_kwargs).core.scene
-    steps = ""
+    core = make_sb3(config.env, 1, **config.env_kwargs).core
+    words = f"{config.algo.upper()}, seed {config.seed}"
     if (folder / "selection.csv").is_file():
-        steps = f", {curve(folder)[-1, 0] / 1e6:.2f} million steps"
-    return f"{config.algo.upper()}, seed {config.seed}{steps}, trained under {stepping(scene)}"
+        words += f", {curve(folder)[-1, 0] / 1e6:.2f} million steps"
+    words += f", trained under {stepping(core.scene)}"
+    if (folder / "scene.py").is_file() and (folder / "scene.py").read_text() != core.assembly.text:
+        words += ", by an earlier simulator (its scene.py is not today's)"
+    return words
 
 
 def held(outcome: Outcome) -> NDArray[np.bool_]:

@@ -74,7 +74,7 @@ class LaneSteps:
     @cached_property
     def plan(self) -> tuple[str, ...]:
         """Rows of what the common step tells the lanes that leave it."""
-        names = ["error_before", "floor", "marked"]
+        names = ["error_before", "floor", "served", "marked"]
         if self.stops:
             names += ["events_before", *(f"{m}_before" for m in self.modes)]
             names += ["met_a", "turns_a", "met_b", "turns_b"]
@@ -168,46 +168,58 @@ class LaneSteps:
         return self.assembly.lane_function("clear", "Before an interval.", [], writes)
 
     def _start(self) -> str:
-        kept = {**{f"{s}_before": s for s in self.assembly.states}, "error_before": "error_sum"}
+        """Before a common step: keep the state, and see which lanes that step may serve."""
+        a, arm = self.assembly, self.assembly.scene.robot
+        kept = {**{f"{s}_before": s for s in a.states}, "error_before": "error_sum"}
+        lines, serves = [], "1.0"
         if self.stops:
             kept |= {"events_before": "events", **{f"{m}_before": m for m in self.modes}}
+            serves = "where(abs(mode_a) + abs(mode_b) > 0.0, 0.0, 1.0)"
+        if self.plan_of_steps != "fixed":
+            turning = [v for v, slides in zip(arm.rates, arm.prismatic, strict=True) if not slides]
+            fastest = f"abs({turning[0]})"
+            for v in turning[1:]:
+                fastest = f"maximum({fastest}, abs({v}))"
+            steady = [name for name in a.numbers if name.startswith("steady")]
+            rule = self.use(error_control.least_steps)
+            lines.append(f"steps = {rule}({fastest}, {steady[-1] if steady else '0.0'}, interval)")
+            serves = f"where(steps <= 1.0, {serves}, 0.0)"
+            kept["floor"] = "steps"
+        kept["served"] = serves
         if self.log:
             kept["logged_before"] = "logged"
             if self.plan_of_steps == "fixed":
                 kept["span_start"] = "span_start + h"
-        return self.assembly.lane_function("start", "Before a step.", [], kept)
+        return a.lane_function("start", "Before a common step.", lines, kept)
 
     def _judge(self) -> str:
-        """After a common step: which of the lanes it does not serve."""
-        a, arm = self.assembly, self.assembly.scene.robot
+        """After a common step: which of the lanes it does not serve.
+
+        What it did to a lane that it could not serve is never looked at: blocks without any lane
+        that it may serve skip it.
+        """
+        a = self.assembly
         numbers = (*(f"{s}_before" for s in a.states[:8]), *(f"command{k}" for k in range(1, 5)))
         # Steps of their own do not help lanes whose state or effort is not finite.
         lines = [f"defect = {' + '.join(f'({n} - {n})' for n in numbers)}"]
         writes = {"marked": "where(defect == 0.0, mark, 0.0)"}
-        if self.plan_of_steps != "fixed":
-            turning = [v for v, slides in zip(arm.rates, arm.prismatic, strict=True) if not slides]
-            fastest = f"abs({turning[0]}_before)"
-            for v in turning[1:]:
-                fastest = f"maximum({fastest}, abs({v}_before))"
-            steady = [name for name in a.numbers if name.startswith("steady")]
-            rule = self.use(error_control.least_steps)
-            lines.append(f"steps = {rule}({fastest}, {steady[-1] if steady else '0.0'}, interval)")
-            writes["floor"] = "steps"
-        mark = "1.0" if self.plan_of_steps == "adaptive" else "0.0"
+        mark, unserved = "0.0", "2.0"
         if self.stops:
             lines += self.at_stops.meetings("before")
-            touched = "abs(met_a_now) + abs(met_b_now) + abs(mode_a) + abs(mode_b)"
-            mark = f"where({touched} > 0.0, 2.0, {mark})"
+            mark = "where(abs(met_a_now) + abs(met_b_now) > 0.0, 2.0, 0.0)"
             writes |= MEETINGS
         if self.plan_of_steps == "doubling":
-            lines.append("good = where(steps <= 1.0, where(error_sum <= tip_tolerance, 1.0, 0.0), 0.0)")
-            mark = f"where(good == 0.0, 1.0, {mark})"
-        lines.append(f"mark = {mark}")
-        if self.plan_of_steps != "adaptive":
-            writes["evaluations"] = f"evaluations + {self._stages}"
-        return a.lane_function(
-            "judge", "After a common step: mark the lanes it does not serve.", lines, writes
-        )
+            mark = f"where(error_sum <= tip_tolerance, {mark}, 1.0)"
+            unserved = "where(floor <= 1.0, 2.0, 1.0)"
+        lines.append(f"mark = where(served > 0.0, {mark}, {unserved})")
+        if self.plan_of_steps == "adaptive":
+            lines[-1] = "mark = 1.0"
+        else:
+            writes["evaluations"] = f"evaluations + served * {self._stages}"
+            writes["error_sum"] = "where(served > 0.0, error_sum, error_before)"
+        if self.plan_of_steps != "adaptive" and not a.estimates:
+            del writes["error_sum"]
+        return a.lane_function("judge", "After a common step: mark the lanes it does not serve.", lines, writes)
 
     @property
     def _stages(self) -> str:
@@ -376,7 +388,7 @@ class LaneSteps:
         named = words(self._texts)
         entering = [r for r in a.rows if r in named and r not in own and not r.startswith(("obs_", "out_"))]
         leaving = [*a.states, "error_sum", *self.results]
-        asked = ["marked", "newly", *(("due", "touching", "held") if self.stops else ())]
+        asked = ["marked", "served", "newly", *(("due", "touching", "held") if self.stops else ())]
         lines = [
             f"SCRATCH = {len(rows) * LANES}",
             *(f"{n.upper()} = {rows[n] * LANES}" for n in ("marked", "newly", "phase")),
@@ -425,7 +437,9 @@ class LaneSteps:
         All blocks go through the common step; those with a lane that it does not serve wait, so
         that such lanes of the whole batch fill the scratch block together.
         """
-        common = [] if self.plan_of_steps == "adaptive" else ["step(W, o)"]
+        common = ["if any_served(W, o) & ((1 << lanes) - 1):", "    step(W, o)"]
+        if self.plan_of_steps == "adaptive":
+            common = []
         if self.plan_of_steps != "fixed":
             return [
                 "waiting = False",
@@ -453,7 +467,7 @@ class LaneSteps:
             "    for _ in range(substeps):",
             "        waiting = False",
             "        for b in range(begin_block, end_block):",
-            *block(["o = b * STRIDE", "start(W, o)", "step(W, o)", "judge(W, o)"], 3),
+            *block([*HEAD, "start(W, o)", *common, "judge(W, o)"], 3),
             "            if any_marked(W, o):",
             "                waiting = True",
             "        if waiting:",

@@ -24,6 +24,7 @@ from agents.policy_study import (
     Study,
     compare,
     compare_groups,
+    describe,
     evaluate_under,
     half_from,
     held,
@@ -420,6 +421,15 @@ def test_a_study_explains_itself(tmp_path, run, capsys):
     assert main(["study", "policy", "--config", str(out / "study.yaml"), "--out", str(again)]) == 0
     for name in ("episodes_rprp.csv", "figures/rprp.svg"):
         assert (again / name).read_bytes() == (out / name).read_bytes()
+
+
+def test_a_policy_of_an_earlier_simulator_is_called_so(run):
+    assert describe(run) == "PPO, seed 0, trained under rk8 to 1e-06 m"
+    (run / "scene.py").write_text("# older")
+    try:
+        assert "earlier simulator" in describe(run)
+    finally:
+        (run / "scene.py").unlink()
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
