@@ -10,7 +10,7 @@ from typing import Any
 
 # Only argparse here: each command imports what it needs, so that --help is instant.
 
-STUDIES = ("throughput", "environments")
+STUDIES = ("throughput", "environments", "stops")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -83,6 +83,10 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--rounds", type=int, default=10)
     p.set_defaults(handler=environments)
     _add_study_out(p)
+    p = studies.add_parser("stops", help="what the hard stops of the RPRP scene cost")
+    p.add_argument("--lanes", type=int, default=4096)
+    p.set_defaults(handler=stops)
+    _add_study_out(p)
 
     p = commands.add_parser("scene", help="print a scene")
     p.add_argument("scene", metavar="NAME_OR_PATH")
@@ -150,6 +154,16 @@ def environments(options: argparse.Namespace) -> None:
 
     rows = study.run(options.lanes, options.rounds)
     _report(rows, study.COLUMNS, "env", options.out, "environments")
+
+
+def stops(options: argparse.Namespace) -> None:
+    """Time intervals with and without stops, on states of random actions."""
+    from redundant_envs.studies import stops as study
+
+    if options.lanes < 8:
+        raise ValueError(f"lanes is {options.lanes}; give at least 8")
+    rows = study.run({"random actions": study.random_policy(0)}, options.lanes)
+    _report(rows, study.COLUMNS, "states", options.out, "stops")
 
 
 def _report(rows: list[dict[str, Any]], columns: Sequence[str], first: str, out: Path, name: str) -> None:

@@ -20,9 +20,9 @@ def test_simulate_writes_numbers_and_pictures(tmp_path, capsys):
     pytest.importorskip("matplotlib")
     assert main(["simulate", "--seconds", "0.2", "--out", str(tmp_path)]) == 0
     out, err = capsys.readouterr()
-    assert out.count("relative drift") == 3
-    assert err.count("simulate ") == 3
-    for name in ("rprp_report_spring", "rprp_limit_springs", "four_r_free"):
+    assert out.count("relative drift") == 4
+    assert err.count("simulate ") == 4
+    for name in ("rprp_report_spring", "rprp_stops", "rprp_limit_springs", "four_r_free"):
         for kind in ("energies", "total"):
             assert (tmp_path / f"{name}_{kind}.png").stat().st_size > 1000
         with (tmp_path / f"{name}.csv").open(encoding="utf-8") as file:
@@ -98,7 +98,7 @@ def test_list_names_everything(capsys):
     words = capsys.readouterr().out.split()
     assert set(ids()) <= set(words)
     assert {i for i in gym.registry if i.startswith("redundant_envs/")} <= set(words)
-    assert set(scene_names()) | set(METHODS) | {"throughput", "environments"} <= set(words)
+    assert set(scene_names()) | set(METHODS) | {"throughput", "environments", "stops"} <= set(words)
 
 
 def test_throughput_writes_csv(tmp_path, capsys):

@@ -20,8 +20,6 @@ from redundant_envs.tasks.reach import ReachTask
 
 OPTION_KEYS = ("q", "qd", "goal", "parameters")
 FLOAT32 = np.dtype(np.float32)  # a singleton: comparing by identity is quicker
-_EMPTY_OBS = np.empty((0, 0), dtype=np.float32)
-_EMPTY_OUT = np.empty((0, 0))
 
 
 class Core:
@@ -65,14 +63,14 @@ class Core:
         """Lanes that began a new episode in the last step, if any did."""
         self.columns = {name: k for k, name in enumerate(self.assembly.outputs)}
         self.generators: list[np.random.Generator | None] = [None] * num_envs
-        self.keys = np.zeros((num_envs, 4), dtype=np.uint32)
+        self._tickets = np.zeros((num_envs, 5), dtype=np.uint32)
+        self.keys, self.mask = self._tickets[:, :4], self._tickets[:, 4]
         self.waiting = np.zeros(num_envs, dtype=np.bool_)  # keys drawn and not yet used
-        self.mask = np.zeros(num_envs, dtype=np.uint8)
         self._no_actions = np.zeros((num_envs, 4), dtype=np.float32)
         self.memory.blocks[:, self.memory.rows["limit"]] = episode_limit(max_episode_steps)
         self.obs_size = len(self.assembly.observed)
         self._width = len(self.columns)
-        self._flat = self.memory.flat
+        self._memory = self.memory.with_scratch
         self._one = (1, self.obs_size)
         self._out = np.empty((1, self._width))
         self._row = self._out[0]
@@ -127,20 +125,16 @@ class Core:
         n = self.num_envs
         obs = np.empty((n, self.obs_size), np.float32)
         out = np.empty((n, self._width))
-        last_obs, last_out = _EMPTY_OBS, _EMPTY_OUT
         if autoreset == SAME_STEP:
-            last_obs, last_out = np.zeros_like(obs), np.zeros_like(out)
-        self._kernel(
-            self._flat, actions, obs, out, last_obs, last_out, self.keys, self.mask,
-            STEP, autoreset, self._substeps,
-        )  # fmt: skip
+            obs, out = np.zeros((2 * n, self.obs_size), np.float32), np.zeros((2 * n, self._width))
+        self._kernel(self._memory, actions, obs, out, self._tickets, STEP, autoreset, self._substeps)
         self.begun = None
         if autoreset != DISABLED and self.mask.any():
             self.begun = self.mask == (2 if autoreset == NEXT_STEP else 1)
             self.waiting[self.begun] = False
             self.mask[self.begun] = 0
             self.provide_keys(np.flatnonzero(self.mask))
-        return obs, out, last_obs, last_out
+        return obs[:n], out[:n], obs[n:], out[n:]
 
     def step_one(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], list[float]]:
         """:meth:`step` of a single lane without autoreset: its observations and its outputs.
@@ -149,9 +143,8 @@ class Core:
         """
         obs = np.empty(self._one, FLOAT32)
         self._kernel(
-            self._flat, action.reshape(1, 4), obs, self._out, _EMPTY_OBS, _EMPTY_OUT,
-            self.keys, self.mask, STEP, DISABLED, self._substeps,
-        )  # fmt: skip
+            self._memory, action.reshape(1, 4), obs, self._out, self._tickets, STEP, DISABLED, self._substeps
+        )
         return obs, self._row.tolist()
 
     def begin(self, lanes: NDArray[np.bool_], options: Mapping[str, Any]) -> None:
@@ -165,22 +158,23 @@ class Core:
         if values is not None:
             parameters.write(self.scene, self.memory, index, values)
         self.provide_keys(index)
-        self._call(RESET, lanes.astype(np.uint8))
-        self.mask[lanes] = 0
+        due = self.mask.copy()
+        self.mask[:] = lanes
+        self._call(RESET)
+        self.mask[:] = np.where(lanes, 0, due)
         self.waiting[lanes] = False
         for rows, numbers in writes:
             self.memory.write(rows, numbers, index)
 
     def observe(self) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
         """Observations and outputs of the present states."""
-        return self._call(OBSERVE, self.mask)
+        return self._call(OBSERVE)
 
-    def _call(self, op: int, mask: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+    def _call(self, op: int) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
         obs = np.empty((self.num_envs, self.obs_size), np.float32)
         out = np.empty((self.num_envs, self._width))
         self._kernel(
-            self._flat, self._no_actions, obs, out, _EMPTY_OBS, _EMPTY_OUT, self.keys,
-            mask, op, DISABLED, self._substeps,
+            self._memory, self._no_actions, obs, out, self._tickets, op, DISABLED, self._substeps
         )  # fmt: skip
         return obs, out
 

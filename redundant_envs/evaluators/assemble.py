@@ -39,8 +39,8 @@ HEAD = ("o = b * STRIDE", f"first_lane = b * {LANES}", f"lanes = min({LANES}, co
 
 SIGNATURES = {
     "advance": (
-        "void(float64[::1], float64[:, ::1], float64[::1], boolean[::1], int64[::1], int64[::1], "
-        "int8[::1], int64)"
+        "void(float64[::1], float64[::1], float64[:, ::1], float64[::1], boolean[::1], int64[::1], "
+        "int64[::1], int8[::1], int64)"
     )
 }
 
@@ -184,6 +184,11 @@ class Assembly:
         """The rows, and after them those of the scratch block alone."""
         scratch = self.lanes.scratch if self.lanes else ()
         return {**self.rows, **{name: len(self.rows) + i for i, name in enumerate(scratch)}}
+
+    @property
+    def scratch(self) -> int:
+        """Numbers in the scratch block of lanes with steps of their own; 0 without."""
+        return len(self.every_row) * LANES if self.lanes else 0
 
     @property
     def stride(self) -> int:
@@ -339,7 +344,7 @@ class Assembly:
                     f"SIGNATURES = {SIGNATURES}",
                 ]
             ),
-            "def advance(W, efforts, error, finite, evaluations, events, numerics, substeps):\n"
+            "def advance(W, S, efforts, error, finite, evaluations, events, numerics, substeps):\n"
             + indent(body, 1),
         ]
         return "\n\n\n".join(parts)

@@ -94,7 +94,7 @@ class LaneSteps:
     def scratch(self) -> tuple[str, ...]:
         """Rows of the scratch block alone."""
         names = [*(f"{s}_from" for s in self.assembly.states), "from_error", "elapsed", "left", "phase"]
-        names += ["newly", "due", "steps_of_lane", "steps_left"]
+        names += ["home", "newly", "due", "steps_of_lane", "steps_left"]
         if self.stops:
             names += ["touching", "held", "target", "side", "low", "high", "gap_low", "gap_high", "tries"]
             names += ["changes"]
@@ -219,7 +219,9 @@ class LaneSteps:
             writes["error_sum"] = "where(served > 0.0, error_sum, error_before)"
         if self.plan_of_steps != "adaptive" and not a.estimates:
             del writes["error_sum"]
-        return a.lane_function("judge", "After a common step: mark the lanes it does not serve.", lines, writes)
+        return a.lane_function(
+            "judge", "After a common step: mark the lanes it does not serve.", lines, writes
+        )
 
     @property
     def _stages(self) -> str:
@@ -390,8 +392,7 @@ class LaneSteps:
         leaving = [*a.states, "error_sum", *self.results]
         asked = ["marked", "served", "newly", *(("due", "touching", "held") if self.stops else ())]
         lines = [
-            f"SCRATCH = {len(rows) * LANES}",
-            *(f"{n.upper()} = {rows[n] * LANES}" for n in ("marked", "newly", "phase")),
+            *(f"{n.upper()} = {rows[n] * LANES}" for n in ("marked", "newly", "phase", "home")),
             "COMPLETE = 6.0",
             f"enter = move({[rows[r] for r in [*entering, *self.log]]})",
             f"leave = move({[rows[r] for r in [*leaving, *self.log]]})",
@@ -447,7 +448,7 @@ class LaneSteps:
                 "    if sweep == 1:",
                 "        if not waiting:",
                 "            break",
-                "        redo(W, 0, count)",
+                "        redo(W, S, 0, count)",
                 f"    for b in range({BLOCKS}):",
                 *block(HEAD, 2),
                 "        if sweep == 0:",
@@ -471,7 +472,7 @@ class LaneSteps:
             "            if any_marked(W, o):",
             "                waiting = True",
             "        if waiting:",
-            f"            redo(W, begin_block * {LANES}, min(count, end_block * {LANES}))",
+            f"            redo(W, S, begin_block * {LANES}, min(count, end_block * {LANES}))",
             "    for b in range(begin_block, end_block):",
             *block([*HEAD, *then], 2),
         ]

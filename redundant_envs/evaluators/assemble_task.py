@@ -8,6 +8,7 @@ from typing import Any
 from redundant_envs.algebra import gives_of
 from redundant_envs.evaluators.assemble import (
     BAD_ACTION,
+    BLOCKS,
     EVENT_BUDGET,
     LANES,
     NON_FINITE,
@@ -26,8 +27,8 @@ DISABLED, NEXT_STEP, SAME_STEP = 0, 1, 2
 
 SIGNATURES = {
     "environment": (
-        "void(float64[::1], float32[:, ::1], float32[:, ::1], float64[:, ::1], float32[:, ::1], "
-        "float64[:, ::1], uint32[:, ::1], uint8[::1], int64, int64, int64)"
+        "void(float64[::1], float32[:, ::1], float32[:, ::1], float64[:, ::1], uint32[:, ::1], "
+        "int64, int64, int64)"
     ),
     "goal_reward": "void(float64[:, ::1], float64[:, ::1], float64, float64, float64[::1])",
 }
@@ -141,12 +142,12 @@ def _begin(a: Assembly, task: ReachTask, used: list[Any]) -> str:
     for g in range((task.draws + 3) // 4):
         words = ", ".join(f"word{4 * g + k}" for k in range(4))
         body.append(
-            f"{words} = philox(np.uint64(keys[n, 0]), np.uint64(keys[n, 1]), "
-            f"np.uint64({g}), np.uint64(0), np.uint64(keys[n, 2]), np.uint64(keys[n, 3]))"
+            f"{words} = philox(np.uint64(tickets[n, 0]), np.uint64(tickets[n, 1]), "
+            f"np.uint64({g}), np.uint64(0), np.uint64(tickets[n, 2]), np.uint64(tickets[n, 3]))"
         )
     body += [f"{a.at(u)} = uniform(word{k})" for k, u in enumerate(a.draws)]
     body.append("place(W, o + i)")
-    return f"{place}\n\n\n@njit(**OPTIONS)\ndef begin(W, o, i, keys, n):\n{indent(body, 1)}"
+    return f"{place}\n\n\n@njit(**OPTIONS)\ndef begin(W, o, i, tickets, n):\n{indent(body, 1)}"
 
 
 def _observe(a: Assembly, task: ReachTask, used: list[Any]) -> str:
@@ -198,31 +199,37 @@ def _environment(a: Assembly) -> str:
         "settle(W, o)",
         f"if autoreset == {NEXT_STEP}:",
         "    for i in range(lanes):",
-        "        if mask[first_lane + i]:",
-        "            begin(W, o, i, keys, first_lane + i)",
-        "            mask[first_lane + i] = 2",
+        "        if tickets[first_lane + i, 4]:",
+        "            begin(W, o, i, tickets, first_lane + i)",
+        "            tickets[first_lane + i, 4] = 2",
         f"        elif {done}:",
-        "            mask[first_lane + i] = 1",
+        "            tickets[first_lane + i, 4] = 1",
         "show(W, o, first_lane, lanes, obs, out)",
         f"if autoreset == {SAME_STEP}:",
         "    again = False",
         "    for i in range(lanes):",
         f"        if {done}:",
-        "            store(W, o, i, first_lane + i, last_obs, last_out)",
-        "            begin(W, o, i, keys, first_lane + i)",
-        "            mask[first_lane + i] = 1",
+        "            store(W, o, i, count + first_lane + i, obs, out)",
+        "            begin(W, o, i, tickets, first_lane + i)",
+        "            tickets[first_lane + i, 4] = 1",
         "            again = True",
         "    if again:",
         "        show(W, o, first_lane, lanes, obs, out)",
         "        for i in range(lanes):",
-        "            if mask[first_lane + i]:",
+        "            if tickets[first_lane + i, 4]:",
         f"                for k in range({len(ENDS)}):",
-        "                    out[first_lane + i, k] = last_out[first_lane + i, k]",
+        "                    out[first_lane + i, k] = out[count + first_lane + i, k]",
     ]
     body = [
-        '"""Step, reset (where mask is set) or observe all environments."""',
+        '"""Step, reset or observe all environments.',
+        "",
+        "A ticket is the key of a lane's next episode and, as its last number, whether the lane is to",
+        "begin or has begun. After an autoreset in the same step the second half of obs and out holds",
+        "what was before it.",
+        '"""',
         "wide_vectors()",
-        "count = obs.shape[0]",
+        "count = actions.shape[0]",
+        *([f"S = W[{BLOCKS} * STRIDE :]"] if a.lanes else []),
         f"if op == {STEP}:",
         *block(a.block_loop(take, settle)),
         "else:",
@@ -232,15 +239,14 @@ def _environment(a: Assembly) -> str:
         f"        lanes = min({LANES}, count - first_lane)",
         f"        if op == {RESET}:",
         "            for i in range(lanes):",
-        "                if mask[first_lane + i]:",
-        "                    begin(W, o, i, keys, first_lane + i)",
+        "                if tickets[first_lane + i, 4]:",
+        "                    begin(W, o, i, tickets, first_lane + i)",
         "        show(W, o, first_lane, lanes, obs, out)",
     ]
     actions = [a.rows[f"action{k}"] for k in range(1, 5)]
     return (
         f"take_actions = take({actions})\n\n\n"
-        "def environment(W, actions, obs, out, last_obs, last_out, keys, mask, op, autoreset, "
-        "substeps):\n" + indent(body, 1)
+        "def environment(W, actions, obs, out, tickets, op, autoreset, substeps):\n" + indent(body, 1)
     )
 
 

@@ -196,9 +196,10 @@ class Memory:
         self.rows = assembly.rows
         blocks = -(-count // LANES)
         size = blocks * assembly.stride
-        raw = np.zeros(size + 8)
+        raw = np.zeros(size + assembly.scratch + 8)
         offset = (-raw.ctypes.data % 64) // 8
-        self.flat: np.ndarray = raw[offset : offset + size]
+        self.with_scratch: np.ndarray = raw[offset : offset + size + assembly.scratch]
+        self.flat = self.with_scratch[:size]
         self.blocks = self.flat.reshape(blocks, len(self.rows), LANES)
         self.index = np.arange(count)
         for name, value in assembly.parameters.items():

@@ -114,6 +114,7 @@ class BatchSimulator:
             (self._memory.flat[a * stride : b * stride], slice(a * LANES, b * LANES))
             for a, b in itertools.pairwise(cuts)
         ]
+        self._scratch = [np.zeros(self._assembly.scratch) for _ in self._parts]
         self._pool = ThreadPoolExecutor(len(self._parts)) if len(self._parts) > 1 else None
         method = METHODS[scene.integrator]
         # The same in every interval of a fixed step, so one array serves all calls.
@@ -225,11 +226,12 @@ class BatchSimulator:
         outputs = (error, finite, evaluations, events, numerics)
         substeps = self.scene.substeps
         if self._pool is None:
-            self._kernel(self._memory.flat, table, *outputs, substeps)
+            (scratch,) = self._scratch
+            self._kernel(self._memory.flat, scratch, table, *outputs, substeps)
         else:
             jobs = [
-                self._pool.submit(self._kernel, part, table[s], *(x[s] for x in outputs), substeps)
-                for part, s in self._parts
+                self._pool.submit(self._kernel, part, scratch, table[s], *(x[s] for x in outputs), substeps)
+                for (part, s), scratch in zip(self._parts, self._scratch, strict=True)
             ]
             for job in jobs:
                 job.result()

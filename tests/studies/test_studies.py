@@ -143,3 +143,25 @@ def test_environment_columns(monkeypatch, tmp_path):
     throughput.write_rows(rows, environments.COLUMNS, path)
     with path.open(encoding="utf-8") as file:
         assert [r["env"] for r in csv.DictReader(file)] == list(environments.IDS)
+
+
+def test_stops_study_times_both_scenes_at_the_shares_asked_for():
+    from redundant_envs.studies import stops
+
+    rows = stops.run({"random": stops.random_policy(0)}, lanes=200, repeats=2)
+    assert [r["touched_share"] for r in rows[:2]] == [0.01, 0.2]
+    assert rows[2]["touched_share"] > 0.05
+    for row in rows:
+        assert set(row) == set(stops.COLUMNS)
+        assert row["ratio"] == pytest.approx(row["ns_with"] / row["ns_without"], rel=0.02)
+        assert row["evaluations_with"] > row["evaluations_without"]
+
+
+def test_touching_lanes_are_those_that_a_stop_concerns():
+    from redundant_envs.studies import stops
+
+    scene = load_scene("rprp_reach")
+    q = np.array([[0.0, 0.1, 0.0, 0.1], [0.0, 0.25, 0.0, 0.1], [0.0, 0.249, 0.0, 0.1], [0.0, 0.2, 0.0, 0.0]])
+    qd = np.array([[0.0] * 4, [0.0] * 4, [0.0, 1.0, 0.0, 0.0], [0.0] * 4])
+    got = stops.touching(scene, q, qd, np.zeros((4, 4)))
+    np.testing.assert_array_equal(got, [False, True, True, True])

@@ -1,0 +1,136 @@
+"""What hard stops cost: time per control interval with and without them, by share of lanes at them."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from redundant_envs.effects import PrismaticStop
+from redundant_envs.model.batch import BatchSimulator
+from redundant_envs.scene import Scene, load_scene
+from redundant_envs.studies.throughput import one_core, versions
+
+COLUMNS = (
+    "machine", "date", "python", "numba", "numpy", "commit", "states", "lanes", "touched_share",
+    "ns_without", "ns_with", "ratio", "evaluations_without", "evaluations_with", "events_per_lane",
+)  # fmt: skip
+ENVIRONMENT = "redundant_envs/RPRPReach-v0"
+SHARES = (0.01, 0.2)
+STEPS = 50
+"""Control steps from the start of an episode to the states that are timed."""
+
+Array = NDArray[np.float64]
+Policy = Callable[[NDArray[np.float32]], NDArray[np.float32]]
+
+
+def random_policy(seed: int) -> Policy:
+    """Uniform actions."""
+    rng = np.random.default_rng(seed)
+    return lambda obs: rng.uniform(-1.0, 1.0, (len(obs), 4)).astype(np.float32)
+
+
+def visited_states(policy: Policy, count: int, seed: int = 0) -> tuple[Array, Array, Array]:
+    """States at random times of episodes, with the efforts of the next interval: (count, 4) each."""
+    env: Any = gym.make_vec(ENVIRONMENT, num_envs=count, autoreset_mode="same_step")
+    core, arm = env.core, env.core.scene.robot
+    limits = np.array([core.scene.parameters()[f"effort_limits.limits[{k}]"] for k in range(4)])
+    obs, _ = env.reset(seed=seed)
+    at = np.random.default_rng(seed).integers(0, STEPS, count)
+    kept = np.empty((3, count, 4))
+    for step in range(STEPS):
+        actions = policy(obs)
+        now = at == step
+        kept[0, now] = core.memory.read(arm.coordinates)[now]
+        kept[1, now] = core.memory.read(arm.rates)[now]
+        kept[2, now] = np.clip(actions[now], -1.0, 1.0) * limits
+        obs, *_ = env.step(actions)
+    env.close()
+    return kept[0], kept[1], kept[2]
+
+
+def touching(scene: Scene, q: Array, qd: Array, efforts: Array) -> NDArray[np.bool_]:
+    """Lanes that leave the common step because of a stop: they meet one, or are at one and stay."""
+    batch = BatchSimulator(scene, len(q))
+    batch.set_state(q, qd)
+    free = BatchSimulator(without_stops(scene), len(q))
+    free.set_state(q, qd)
+    different = batch.advance(efforts).evaluations != free.advance(efforts).evaluations
+    ends = [(scene.parameters()[a], scene.parameters()[b]) for a, b in scene.travel().values()]
+    at_end = [np.isin(q[:, k], end) for k, end in zip(scene.travel(), ends, strict=True)]
+    return different | np.any(at_end, axis=0)
+
+
+def without_stops(scene: Scene) -> Scene:
+    """The same scene with endless travel."""
+    effects = tuple(e for e in scene.effects if not isinstance(e, PrismaticStop))
+    return dataclasses.replace(scene, effects=effects)
+
+
+def paired_times(batches: list[BatchSimulator], efforts: Array, repeats: int) -> list[float]:
+    """Best time of an interval of each batch from its present state, s; in turns."""
+    snapshots = [batch.save() for batch in batches]
+    best = [np.inf] * len(batches)
+    for _ in range(repeats):
+        for i, (batch, snapshot) in enumerate(zip(batches, snapshots, strict=True)):
+            batch.restore(snapshot)
+            batch.advance(efforts)  # brings memory back into the caches
+            batch.restore(snapshot)
+            start = time.perf_counter()
+            batch.advance(efforts)
+            best[i] = min(best[i], time.perf_counter() - start)
+    return best
+
+
+def rows_of(name: str, policy: Policy, lanes: int, repeats: int) -> list[dict[str, Any]]:
+    """Rows of ``COLUMNS`` for the states that a policy visits: shares 1 % and 20 %, and its own."""
+    scene = load_scene("rprp_reach")
+    q, qd, efforts = visited_states(policy, 4 * lanes)
+    touched = touching(scene, q, qd, efforts)
+    rng = np.random.default_rng(0)
+    rows = []
+    for share in (*SHARES, float(touched.mean())):
+        count = min(round(share * lanes), int(touched.sum()))
+        chosen = np.concatenate(
+            [
+                rng.choice(np.flatnonzero(touched), count, replace=False),
+                rng.choice(np.flatnonzero(~touched), lanes - count, replace=lanes - count > (~touched).sum()),
+            ]
+        )
+        rng.shuffle(chosen)
+        batches = [BatchSimulator(s, lanes) for s in (without_stops(scene), scene)]
+        for batch in batches:
+            batch.set_state(q[chosen], qd[chosen])
+        snapshots = [batch.save() for batch in batches]
+        free, stopped = (batch.advance(efforts[chosen]) for batch in batches)
+        for batch, snapshot in zip(batches, snapshots, strict=True):
+            batch.restore(snapshot)
+        without, with_stops = paired_times(batches, efforts[chosen], repeats)
+        rows.append(
+            {
+                "states": name,
+                "lanes": lanes,
+                "touched_share": round(count / lanes, 4),
+                "ns_without": round(1e9 * without / lanes, 1),
+                "ns_with": round(1e9 * with_stops / lanes, 1),
+                "ratio": round(with_stops / without, 2),
+                "evaluations_without": round(float(free.evaluations.mean()), 2),
+                "evaluations_with": round(float(stopped.evaluations.mean()), 2),
+                "events_per_lane": round(float(stopped.events.mean()), 4),
+            }
+        )
+        print(f"stops: {name}, {100 * count / lanes:.1f} % touched: {rows[-1]['ratio']}", file=sys.stderr)
+    return rows
+
+
+def run(policies: dict[str, Policy], lanes: int = 4096, repeats: int = 60) -> list[dict[str, Any]]:
+    """Time the RPRP reach scene on the states of some policies; on one core."""
+    about = versions()
+    with one_core():
+        return [{**about, **row} for name, p in policies.items() for row in rows_of(name, p, lanes, repeats)]
