@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import dataclasses
 import datetime
 import importlib.metadata
 import os
@@ -30,8 +31,12 @@ from redundant_envs.scene import Scene, check_keys, scene_folder
 COLUMNS = (
     "machine", "date", "python", "numba", "numpy", "commit", "dgemm_gflops", "arm", "integrator",
     "lanes", "ns_per_step_best", "ns_per_step_median", "bar_ns", "scaled_bar_ns", "within_bar",
+    "tolerance", "evaluations_mean", "bar_evaluations", "share_below_tolerance",
     "packed_instructions", "vector_register",
 )  # fmt: skip
+CASE = ("arm", "integrator", "bar_ns")
+"""What every case of the study gives; one with error control also gives these."""
+CONTROLLED = ("tolerance", "bar_evaluations")
 MATRIX = 1024
 PACKED = re.compile(r"^\s+v?[a-z0-9]+pd\s.*?%?\b([xyz])mm\d", re.MULTILINE)
 REGISTERS = {"z": "zmm", "y": "ymm", "x": "xmm"}
@@ -59,10 +64,11 @@ def load_config(path: Path) -> dict[str, Any]:
         if isinstance(data[name], bool) or not isinstance(data[name], int) or data[name] < 1:
             raise ValueError(f"config.{name} is {data[name]!r}; give a whole number of at least 1")
     for i, case in enumerate(data["cases"]):
-        check_keys(f"config.cases[{i}]", case, ["arm", "integrator", "bar_ns"])
-        for name in ("arm", "integrator", "bar_ns"):
+        check_keys(f"config.cases[{i}]", case, [*CASE, *CONTROLLED])
+        needed = (*CASE, *(CONTROLLED if any(name in case for name in CONTROLLED) else ()))
+        for name in needed:
             if name not in case:
-                raise ValueError(f"config.cases[{i}] lacks {name!r}; give arm, integrator and bar_ns")
+                raise ValueError(f"config.cases[{i}] lacks {name!r}; give {', '.join(needed)}")
     return dict(data)
 
 
@@ -80,6 +86,37 @@ def study_scene(arm: str, integrator: str) -> Scene:
         raise ValueError(f"arm is {arm!r}; choose FourR, RPRP")
     effects = (Gravity(), ViscousFriction(0.1), *springs)  # type: ignore[arg-type]
     return Scene(robot, effects, integrator=integrator, control_dt=0.001, substeps=1)
+
+
+def controlled_scene(arm: str, tolerance: float) -> Scene:
+    """The scene whose error control is timed: 1 kg and 0.5 m links, gravity, friction, 20 ms."""
+    if arm != "FourR":
+        raise ValueError(f"arm is {arm!r}; error control is timed with FourR")
+    robot = FourR((1.0,) * 4, (0.5,) * 4)
+    return Scene(robot, (Gravity(), ViscousFriction(0.1)), tolerance=tolerance)  # type: ignore[arg-type]
+
+
+def lively_states(lanes: int, seed: int = 0) -> tuple[NDArray[np.float64], ...]:
+    """Angles uniform, rates normal with 4 rad/s, and efforts on every second lane: (lanes, 4) each."""
+    rng = np.random.default_rng(seed)
+    q, qd = rng.uniform(-np.pi, np.pi, (lanes, 4)), rng.normal(0.0, 4.0, (lanes, 4))
+    efforts = rng.uniform(-1.0, 1.0, (lanes, 4)) * (20.0, 12.0, 8.0, 4.0)
+    efforts[::2] = 0.0
+    return q, qd, efforts
+
+
+def control_figures(scene: Scene, lanes: int) -> tuple[float, float]:
+    """Mean evaluations of an interval, and the share of lanes whose true tip error is in tolerance."""
+    q, qd, efforts = lively_states(lanes)
+    fine = dataclasses.replace(scene, tolerance=None, substeps=64)
+    tips, evaluations = [], 0.0
+    for s in (fine, scene):
+        batch = BatchSimulator(s, lanes)
+        batch.set_state(q, qd)
+        evaluations = float(batch.advance(efforts).evaluations.mean())
+        tips.append(scene.robot.forward_kinematics(batch.q))  # type: ignore[attr-defined]
+    error = np.linalg.norm(tips[1] - tips[0], axis=1)
+    return evaluations, float(np.mean(error < scene.tolerance))
 
 
 def filled_batch(scene: Scene, lanes: int, seed: int = 0) -> BatchSimulator:
@@ -101,13 +138,16 @@ def filled_batch(scene: Scene, lanes: int, seed: int = 0) -> BatchSimulator:
     return batch
 
 
-def advance_times(batch: BatchSimulator, repeats: int, seed: int = 0) -> NDArray[np.float64]:
+def advance_times(
+    batch: BatchSimulator, repeats: int, efforts: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
     """Seconds of each of ``repeats`` calls of advance, (repeats,).
 
     Each is the second of two calls from the same snapshot: in use calls follow each other, while
     a snapshot put back has just gone through the caches.
     """
-    efforts = np.random.default_rng(seed).uniform(-1.0, 1.0, (batch.num_envs, 4))
+    if efforts is None:
+        efforts = np.random.default_rng(0).uniform(-1.0, 1.0, (batch.num_envs, 4))
     snapshot = batch.save()
     times = np.empty(repeats)
     for i in range(repeats):
@@ -132,14 +172,16 @@ def dgemm_rate(repeats: int = 4, size: int = MATRIX) -> float:
     return 2.0 * size**3 / best / 1e9
 
 
-def interleaved(batch: BatchSimulator, repeats: int, parts: int = 4) -> tuple[NDArray[np.float64], float]:
+def interleaved(
+    batch: BatchSimulator, repeats: int, efforts: NDArray[np.float64] | None = None, parts: int = 4
+) -> tuple[NDArray[np.float64], float]:
     """Seconds of each call of advance, (repeats,), and the best dgemm rate before, between and after.
 
     In turns, because a machine shared with others changes its speed within seconds.
     """
     rates, times = [dgemm_rate()], []
     for part in np.array_split(np.arange(repeats), min(parts, repeats)):
-        times.append(advance_times(batch, len(part)))
+        times.append(advance_times(batch, len(part), efforts))
         rates.append(dgemm_rate())
     return np.concatenate(times), max(rates)
 
@@ -218,9 +260,17 @@ def run(config: Mapping[str, Any]) -> list[dict[str, Any]]:
     rows, about = [], versions()
     with one_core():
         for i, case in enumerate(config["cases"]):
-            scene = study_scene(case["arm"], case["integrator"])
-            batch = filled_batch(scene, config["lanes"])
-            seconds, rate = interleaved(batch, config["repeats"])
+            lanes, efforts, figures = config["lanes"], None, None
+            if "tolerance" in case:
+                scene = controlled_scene(case["arm"], case["tolerance"])
+                figures = control_figures(scene, lanes)
+                q, qd, efforts = lively_states(lanes)
+                batch = BatchSimulator(scene, lanes)
+                batch.set_state(q, qd)
+            else:
+                scene = study_scene(case["arm"], case["integrator"])
+                batch = filled_batch(scene, lanes)
+            seconds, rate = interleaved(batch, config["repeats"], efforts)
             nanoseconds = 1e9 * seconds / (config["lanes"] * scene.substeps)
             best = float(nanoseconds.min())
             scaled = case["bar_ns"] * config["bar_gflops"] / rate
@@ -237,13 +287,17 @@ def run(config: Mapping[str, Any]) -> list[dict[str, Any]]:
                     "bar_ns": case["bar_ns"],
                     "scaled_bar_ns": round(scaled, 2),
                     "within_bar": best <= scaled,
+                    "tolerance": case.get("tolerance", ""),
+                    "evaluations_mean": round(figures[0], 2) if figures else "",
+                    "bar_evaluations": case.get("bar_evaluations", ""),
+                    "share_below_tolerance": round(figures[1], 5) if figures else "",
                     "packed_instructions": "" if count is None else count,
                     "vector_register": register,
                 }
             )
             print(
-                f"throughput {i + 1}/{len(config['cases'])}: {case['arm']} {case['integrator']} "
-                f"{best:.1f} ns",
+                f"throughput {i + 1}/{len(config['cases'])}: {case['arm']} {case['integrator']}"
+                f"{' to ' + str(case['tolerance']) + ' m' if figures else ''} {best:.1f} ns",
                 file=sys.stderr,
             )
     return rows

@@ -93,6 +93,14 @@ def test_throughput_columns_and_numbers():
     assert row["within_bar"] == (row["ns_per_step_best"] <= row["scaled_bar_ns"])
 
 
+def test_throughput_of_error_control_counts_evaluations_and_true_errors():
+    case = {"arm": "FourR", "integrator": "rk8", "tolerance": 1e-9, "bar_ns": 700, "bar_evaluations": 50}
+    (row,) = throughput.run({"lanes": 64, "repeats": 3, "bar_gflops": 53, "cases": [case]})
+    assert 12.0 < row["evaluations_mean"] < 50.0
+    assert row["share_below_tolerance"] >= 0.98
+    assert row["tolerance"] == 1e-9
+
+
 def test_kernel_is_vectorised_on_x86():
     count, register = throughput.packed_instructions(throughput.study_scene("RPRP", "rk4"))
     if count is None:
@@ -117,7 +125,8 @@ def test_shipped_config_loads():
 @pytest.mark.parametrize(
     ("change", "message"),
     [({"lanes": 0}, "config.lanes is 0"), ({"wrong": 1}, "unknown key 'wrong'"),
-     ({"cases": [{"arm": "RPRP"}]}, "lacks 'integrator'")],
+     ({"cases": [{"arm": "RPRP"}]}, "lacks 'integrator'"),
+     ({"cases": [{"arm": "FourR", "integrator": "rk8", "bar_ns": 1, "tolerance": 1e-6}]}, "bar_evaluations")],
 )  # fmt: skip
 def test_config_refuses(tmp_path, change, message):
     path = tmp_path / "c.yaml"
