@@ -12,6 +12,7 @@ Functions are connected by name: an argument named ``s1`` receives the quantity 
 
 from __future__ import annotations
 
+import functools
 import inspect
 import math
 from collections.abc import Callable
@@ -88,6 +89,7 @@ def gives_of(function: Callable[..., Any]) -> tuple[str, ...]:
     return function.physics_gives  # type: ignore[attr-defined,no-any-return]
 
 
+@functools.cache
 def arguments_of(function: Callable[..., Any]) -> tuple[str, ...]:
     """Names of a function's arguments, in order."""
     return tuple(inspect.signature(function).parameters)

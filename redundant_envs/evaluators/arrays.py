@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
 from redundant_envs.evaluators.binding import run
-from redundant_envs.evaluators.quantities import calls
+from redundant_envs.evaluators.quantities import Call, calls
 from redundant_envs.robots.parameters import Arm
 
 
@@ -33,7 +34,12 @@ PRIMITIVES: dict[str, Any] = {
 
 def evaluate(arm: Arm, wanted: Iterable[str], values: dict[str, Any]) -> list[Any]:
     """Quantities of an arm from known ones (arrays that broadcast), in the order wanted."""
-    names = list(wanted)
-    order = calls(names, values, arm.functions, arm.sincos)
-    result = run(order, dict(values), PRIMITIVES)
+    names = tuple(wanted)
+    result = run(_order(type(arm), names, frozenset(values)), dict(values), PRIMITIVES)
     return [result[name] for name in names]
+
+
+@functools.cache
+def _order(arm: type[Arm], names: tuple[str, ...], known: frozenset[str]) -> list[Call]:
+    """Statements for some quantities; a program asks for the same ones again and again."""
+    return calls(names, known, arm.functions, arm.sincos)

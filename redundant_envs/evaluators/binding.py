@@ -10,9 +10,16 @@ from redundant_envs.algebra import PRIMITIVES, is_physics
 from redundant_envs.evaluators.quantities import Call
 
 
+_bound: dict[tuple[Any, int], tuple[Mapping[str, Any], Callable[..., Any]]] = {}
+"""Copies already made, by function and identity of the primitives; these are kept, so it stays theirs."""
+
+
 def bind(function: Callable[..., Any], primitives: Mapping[str, Any]) -> Callable[..., Any]:
     """A copy of a dialect function, and of all it calls, that uses the given primitives."""
-    return _bind(function, primitives, {})
+    key = (function, id(primitives))
+    if key not in _bound:
+        _bound[key] = primitives, _bind(function, primitives, {})
+    return _bound[key][1]
 
 
 def _bind(

@@ -233,12 +233,12 @@ def machine_name() -> str:
 
 
 def commit() -> str:
-    """Short commit of the checkout this runs from; empty elsewhere."""
+    """Short commit of the checkout this runs from, "-dirty" if it is changed; empty elsewhere."""
     root = scene_folder().parents[1]
     if not (root / ".git").exists():
         return ""
     with contextlib.suppress(OSError, subprocess.CalledProcessError):
-        command = ["git", "-C", str(root), "rev-parse", "--short", "HEAD"]
+        command = ["git", "-C", str(root), "describe", "--always", "--dirty", "--exclude=*"]
         return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
     return ""
 
