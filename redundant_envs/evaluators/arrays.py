@@ -35,7 +35,8 @@ PRIMITIVES: dict[str, Any] = {
 def evaluate(arm: Arm, wanted: Iterable[str], values: dict[str, Any]) -> list[Any]:
     """Quantities of an arm from known ones (arrays that broadcast), in the order wanted."""
     names = tuple(wanted)
-    result = run(_order(type(arm), names, frozenset(values)), dict(values), PRIMITIVES)
+    kind: Any = type(arm)
+    result = run(_order(kind, names, frozenset(values)), dict(values), PRIMITIVES)
     return [result[name] for name in names]
 
 

@@ -9,7 +9,6 @@ from typing import Any
 from redundant_envs.algebra import PRIMITIVES, is_physics
 from redundant_envs.evaluators.quantities import Call
 
-
 _bound: dict[tuple[Any, int], tuple[Mapping[str, Any], Callable[..., Any]]] = {}
 """Copies already made, by function and identity of the primitives; these are kept, so it stays theirs."""
 
