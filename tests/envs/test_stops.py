@@ -1,0 +1,73 @@
+"""The RPRP environments between hard stops."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import redundant_envs  # noqa: F401  (registers the ids)
+
+ENVIRONMENT = "redundant_envs/RPRPReach-v0"
+
+
+def driven(env, steps, seed=0):
+    rng = np.random.default_rng(seed)
+    infos = None
+    for _ in range(steps):
+        *_, infos = env.step(rng.uniform(-1, 1, (env.num_envs, 4)).astype(np.float32))
+    return infos
+
+
+@pytest.mark.parametrize("mode", ["next_step", "same_step"])
+def test_sliders_stay_between_their_stops_and_impacts_are_counted(mode):
+    env = gym.make_vec(ENVIRONMENT, num_envs=60, autoreset_mode=mode)
+    env.reset(seed=1)
+    rng = np.random.default_rng(1)
+    for _ in range(130):
+        *_, infos = env.step(rng.uniform(-1, 1, (60, 4)).astype(np.float32))
+        q = env.unwrapped.core.memory.read(("r1", "r2"))
+        assert (q >= 0.0).all()
+        assert (q <= 0.25).all()
+        assert not infos["numerics"].any()
+    assert infos["events"].sum() > 20
+    assert (infos["evaluations"] >= infos["episode_steps"]).all()
+
+
+def test_a_reset_lets_go_of_sliders_that_rest():
+    env = gym.make_vec(ENVIRONMENT, num_envs=8)
+    env.reset(seed=2)
+    driven(env, 60)
+    core = env.unwrapped.core
+    resting = core.memory.read(("mode_a", "mode_b"))
+    assert (resting != 0.0).any()
+    mask = (resting != 0.0).any(axis=1)
+    env.reset(seed=2, options={"reset_mask": mask})
+    assert not core.memory.read(("mode_a", "mode_b"))[mask].any()
+
+
+def test_a_snapshot_continues_where_sliders_rest():
+    env = gym.make_vec(ENVIRONMENT, num_envs=16)
+    env.reset(seed=3)
+    driven(env, 50)
+    state = env.unwrapped.get_state()
+    assert (env.unwrapped.core.memory.read(("mode_a", "mode_b")) != 0.0).any()
+    first = driven(env, 20, seed=9)
+    env.unwrapped.set_state(state)
+    again = driven(env, 20, seed=9)
+    np.testing.assert_array_equal(first["distance"], again["distance"])
+    np.testing.assert_array_equal(first["evaluations"], again["evaluations"])
+
+
+def test_a_start_at_a_stop_is_allowed_and_one_beyond_it_is_not():
+    env = gym.make(ENVIRONMENT)
+    env.reset(seed=0, options={"q": (-1.5, 0.25, -1.5, 0.0)})
+    for _ in range(5):
+        *_, info = env.step(np.zeros(4, np.float32))
+    assert info["numerics"] == 0
+    with pytest.raises(ValueError, match=r"r1 at 0.2501; its travel is \[0, 0.25\]"):
+        env.reset(options={"q": (0.0, 0.2501, 0.0, 0.0)})
+    env.reset(options={"parameters": {"prismatic_stop.upper": (0.1, 0.2), "prismatic_stop.restitution": 0.5}})
+    for _ in range(50):
+        env.step(env.action_space.sample())
+        q = env.unwrapped.core.memory.read(("r1", "r2"))[0]
+        assert 0.0 <= q[0] <= 0.1
+        assert 0.0 <= q[1] <= 0.2
