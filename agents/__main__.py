@@ -30,9 +30,12 @@ def main(arguments: list[str] | None = None) -> int:
     p.add_argument("--episodes", type=int, default=3)
     p.add_argument("--seed", type=int, default=0)
     p = commands.add_parser("study", help="measure what policies depend on")
-    p = p.add_subparsers(dest="study", required=True).add_parser(
-        "policy", help="what the physics costs a policy, and training under the cheapest"
-    )
+    studies = p.add_subparsers(dest="study", required=True)
+    p = studies.add_parser("stops", help="what hard stops cost on the states of an RPRP policy")
+    p.add_argument("folder", type=Path, help="run folder")
+    p.add_argument("--lanes", type=int, default=4096)
+    p.add_argument("--out", type=Path, default=Path("runs/studies/stops.csv"), help="CSV file")
+    p = studies.add_parser("policy", help="what the physics costs a policy, and training under the cheapest")
     p.add_argument("overrides", nargs="*", help="key=value, such as train_seeds=0")
     p.add_argument("--config", type=Path, help="YAML file (default configs/studies/policy.yaml)")
     p.add_argument("--out", type=Path, default=Path("runs/studies/policy"),
@@ -40,7 +43,7 @@ def main(arguments: list[str] | None = None) -> int:
     # argparse takes positional arguments in one place only: overrides after --out are left over.
     options, rest = parser.parse_known_args(arguments)
     late = [word for word in rest if "=" in word and not word.startswith("-")]
-    if options.command in ("train", "study"):
+    if options.command == "train" or getattr(options, "study", "") == "policy":
         options.overrides += late
         rest = [word for word in rest if word not in late]
     if rest:
@@ -107,6 +110,8 @@ def _play(options: argparse.Namespace) -> int:
 
 
 def _study(options: argparse.Namespace) -> int:
+    if options.study == "stops":
+        return _study_stops(options)
     from agents.policy_report import write_report
     from agents.policy_study import load_study, run_study
     from redundant_envs.studies.throughput import study_path
@@ -115,6 +120,28 @@ def _study(options: argparse.Namespace) -> int:
     path = write_report(study, run_study(study, options.out), options.out)
     print(path.read_text(encoding="utf-8"))
     print(f"report: {path}")
+    return 0
+
+
+def _study_stops(options: argparse.Namespace) -> int:
+    from agents.report import read_config
+    from agents.train import load_policy
+    from redundant_envs.studies import stops, throughput
+
+    config = read_config(options.folder)
+    if options.lanes < 8:
+        raise ValueError(f"lanes is {options.lanes}; give at least 8")
+    if config.env != stops.ENVIRONMENT:
+        raise ValueError(f"folder is a run of {config.env}; the study is of {stops.ENVIRONMENT}")
+    model = load_policy(options.folder, config.algo)
+    policies = {
+        "policy": lambda obs: model.predict(obs, deterministic=True)[0],
+        "random actions": stops.random_policy(0),
+    }
+    rows = stops.run(policies, options.lanes)
+    throughput.write_rows(rows, stops.COLUMNS, options.out)
+    print(throughput.table(rows, stops.COLUMNS[stops.COLUMNS.index("states") :]))
+    print(options.out)
     return 0
 
 

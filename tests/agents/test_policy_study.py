@@ -374,6 +374,18 @@ def run(tmp_path_factory):
     return folder
 
 
+def test_stops_study_times_the_states_of_a_policy(tmp_path, run, capsys):
+    out = tmp_path / "stops.csv"
+    assert main(["study", "stops", str(run), "--lanes", "64", "--out", str(out)]) == 0
+    table = rows(out)
+    assert [r["states"] for r in table] == ["policy"] * 3 + ["random actions"] * 3
+    assert all(float(r["ratio"]) > 0.0 for r in table)
+    other = yaml.safe_load((run / "config.yaml").read_text())
+    (tmp_path / "config.yaml").write_text(yaml.safe_dump({**other, "env": "redundant_envs/FourRReach-v0"}))
+    assert main(["study", "stops", str(tmp_path), "--out", str(out)]) == 2
+    assert "the study is of redundant_envs/RPRPReach-v0" in capsys.readouterr().err
+
+
 def rows(path):
     with path.open(newline="") as file:
         return list(csv.DictReader(line for line in file if not line.startswith("#")))
