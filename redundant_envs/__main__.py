@@ -10,7 +10,7 @@ from typing import Any
 
 # Only argparse here: each command imports what it needs, so that --help is instant.
 
-STUDIES = ("throughput", "environments", "stops")
+STUDIES = ("throughput", "environments", "stops", "accuracy")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -87,6 +87,10 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--lanes", type=int, default=4096)
     p.set_defaults(handler=stops)
     _add_study_out(p)
+    p = studies.add_parser("accuracy", help="error against cost, beside MuJoCo and SciPy")
+    p.add_argument("--config", type=Path, metavar="YAML", help="default: configs/studies/accuracy.yaml")
+    p.add_argument("--out", type=Path, default=Path("runs/studies"), metavar="FOLDER")
+    p.set_defaults(handler=accuracy)
 
     p = commands.add_parser("scene", help="print a scene")
     p.add_argument("scene", metavar="NAME_OR_PATH")
@@ -164,6 +168,20 @@ def stops(options: argparse.Namespace) -> None:
         raise ValueError(f"lanes is {options.lanes}; give at least 8")
     rows = study.run({"random actions": study.random_policy(0)}, options.lanes)
     _report(rows, study.COLUMNS, "states", options.out, "stops")
+
+
+def accuracy(options: argparse.Namespace) -> None:
+    """Measure errors and costs; write tables, figures and a page."""
+    from redundant_envs.studies import accuracy_config, accuracy_report
+    from redundant_envs.studies.throughput import study_path
+
+    command = "python -m redundant_envs study accuracy"
+    if options.config:
+        command += f" --config {options.config}"
+    study = accuracy_config.load_study(options.config or study_path("accuracy"))
+    page, *others = accuracy_report.write(study, command, options.out)
+    print(page.read_text(encoding="utf-8"))
+    print("\n".join(str(path) for path in (page, *others)))
 
 
 def _report(rows: list[dict[str, Any]], columns: Sequence[str], first: str, out: Path, name: str) -> None:

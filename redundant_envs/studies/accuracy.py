@@ -1,0 +1,267 @@
+"""Accuracy against cost: every configuration on every panel, ours and the peers', in one run.
+
+The headline is the tip error after one control interval from thousands of random states, the only error of
+the state that chaos does not touch; with it goes the cost of that interval on one core.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from redundant_envs.scene import Scene
+from redundant_envs.studies import accuracy_metrics as metrics
+from redundant_envs.studies import peers
+from redundant_envs.studies.accuracy_config import Panel, States, Study, Timing
+from redundant_envs.studies.accuracy_long import (
+    Free,
+    error_names,
+    free_motions,
+    long_metrics,
+    second_reference,
+)
+from redundant_envs.studies.accuracy_methods import Method, installed, long_methods, panel_methods
+from redundant_envs.studies.impacts import impact_motion
+from redundant_envs.studies.progress import Progress
+from redundant_envs.studies.throughput import dgemm_rate, one_core, versions
+
+Array = NDArray[np.float64]
+Row = dict[str, Any]
+
+STAMP = ("machine", "date", "python", "numba", "numpy", "mujoco", "scipy", "commit", "dgemm_gflops")
+WHAT = ("panel", "peer", "method", "setting")
+COLUMNS = (
+    *STAMP, *WHAT, "ns_best", "ns_median", "evaluations", "tip_mm_median", "tip_mm_p99", "tip_mm_max",
+    "q_p99", "qd_p99", "floor_mm",
+)  # fmt: skip
+ROUNDS_PER_DGEMM = 10
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How far another method is from the reference after a control interval, at most.
+
+    Attributes
+    ----------
+    by : str
+    states : int
+    metres : float
+    digits : float
+        Decimal digits of the tip's position that agree.
+    """
+
+    by: str
+    states: int
+    metres: float
+    digits: float
+
+
+@dataclass(frozen=True)
+class PanelResult:
+    """What was measured on a panel.
+
+    Attributes
+    ----------
+    panel : Panel
+    agreements : list of Agreement
+        The reference against itself with twice the steps, then against others.
+    rows, long_rows : list of dict
+        Of ``COLUMNS`` and ``long_columns``, one for each configuration.
+    free : Free
+    """
+
+    panel: Panel
+    agreements: list[Agreement]
+    rows: list[Row]
+    long_rows: list[Row]
+    free: Free
+
+    @property
+    def floor(self) -> float:
+        """Below this error [m] the reference is not known."""
+        return max(a.metres for a in self.agreements)
+
+
+def long_columns(study: Study) -> tuple[str, ...]:
+    """Columns of the table of long motions."""
+    metric = [
+        *(f"tip_mm_{name}" for name in error_names(study)),
+        "energy_rate", "momentum", "penetration_mm", "impact_time_s",
+    ]  # fmt: skip
+    return (
+        *STAMP, *WHAT, "lyapunov_exponent", *(f"{m}_{x}" for m in metric for x in ("median", "95")),
+    )  # fmt: skip
+
+
+def run(study: Study) -> list[PanelResult]:
+    """The whole study; tells its progress on standard error."""
+    total = sum(2 + len(panel_methods(study, p)) + len(long_methods(study, p)) for p in study.panels)
+    progress = Progress("accuracy", total)
+    with one_core():
+        return [run_panel(study, panel, study.seed + i, progress) for i, panel in enumerate(study.panels)]
+
+
+def run_panel(study: Study, panel: Panel, seed: int, progress: Progress) -> PanelResult:
+    """Everything that is measured on one panel."""
+    scene = panel.scene(study.control_dt, **study.reference.scene)
+    start = panel.states(study.states, seed)
+    reference = metrics.end(scene, start, study.control_dt)
+    agreements = check_reference(study, panel, scene, start, reference[0])
+    progress.step(f"{panel.name}: reference")
+    free = free_motions(study, panel, start)
+    progress.step(f"{panel.name}: Lyapunov exponent {free.exponent:.3g} 1/s")
+    turns = Turns(study.timing)
+    for method in panel_methods(study, panel):
+        count = study.scipy_states if method.peer == "scipy" else study.states
+        some: States = (start[0][:count], start[1][:count], start[2][:count])
+        known = reference[0][:count], reference[1][:count]
+        turns.add(
+            {**name(panel, method), **interval_errors(method, scene, some, known)}, method.timer(scene, some)
+        )
+        progress.step(f"{panel.name}: error of {method.line}, {method.setting}")
+    long_rows, methods = [], long_methods(study, panel)
+    for i, method in enumerate(methods):
+        row = {**name(panel, method), "lyapunov_exponent": free.exponent, **long_metrics(method, free)}
+        long_rows.append(row)
+        # The rounds of timing are spread, since a machine changes its speed within seconds.
+        turns.until((i + 1) / len(methods))
+        progress.step(f"{panel.name}: {free.seconds:g} s of {method.line}, {method.setting}; timing")
+    rows = turns.timed()
+    result = PanelResult(panel, agreements, rows, long_rows, free)
+    stamp = {**about(), "dgemm_gflops": round(turns.rate, 2)}
+    for row in (*rows, *long_rows):
+        row.update(stamp)
+    for row in rows:
+        row["floor_mm"] = 1e3 * result.floor
+    return result
+
+
+def name(panel: Panel, method: Method) -> Row:
+    """Whose row it is."""
+    return {"panel": panel.name, "peer": method.peer, "method": method.line, "setting": method.setting}
+
+
+def check_reference(
+    study: Study, panel: Panel, scene: Scene, start: States, reference: Array
+) -> list[Agreement]:
+    """The reference against a finer one, and against others on the first states."""
+    count = study.reference.states
+    few: States = (start[0][:count], start[1][:count], start[2][:count])
+    arm: Any = scene.robot
+    reach = float(np.linalg.norm(arm.forward_kinematics(reference), axis=1).max())
+
+    def agreement(by: str, q: Array) -> Agreement:
+        metres = float(metrics.tip_error(scene, q, reference[: len(q)]).max())
+        return Agreement(by, len(q), metres, metrics.digits(metres, reach))
+
+    other, seconds = second_reference(panel, scene), scene.control_dt
+    found = [agreement(f"rk8, {other.substeps} steps", metrics.end(other, start, seconds)[0])]
+    rtol, stops = study.reference.scipy_rtol, metrics.stops(scene)
+    if stops is not None and installed("scipy"):
+        q = impact_motion(scene, few, seconds, rtol)[0][:, :4]
+        found.append(agreement(f"SciPy's DOP853 with events, rtol {rtol:.0e}", q))
+    elif "scipy" in panel.peers and installed("scipy"):
+        q = peers.scipy_interval(scene, "DOP853", rtol, rtol, *few, seconds)[0]
+        found.append(agreement(f"SciPy's DOP853, rtol {rtol:.0e}", q))
+    if stops is None and "mujoco" in panel.peers and installed("mujoco"):
+        dt = seconds / study.reference.mujoco_steps
+        q = peers.mujoco_interval(scene, "RK4", dt, *few, seconds)[0]
+        found.append(agreement(f"MuJoCo's RK4, {1e3 * dt:.3g} ms", q))
+    return found
+
+
+def interval_errors(method: Method, scene: Scene, start: States, reference: tuple[Array, Array]) -> Row:
+    """Errors after one control interval, and the evaluations it took."""
+    q, qd, evaluations = method.motion(scene, start, scene.control_dt)
+    tip = 1e3 * metrics.tip_error(scene, q, reference[0])
+    return {
+        "evaluations": round(evaluations, 2),
+        **{
+            f"tip_mm_{k}": metrics.quantile(tip, x) for k, x in (("median", 0.5), ("p99", 0.99), ("max", 1.0))
+        },
+        "q_p99": metrics.quantile(metrics.largest_error(q, reference[0]), 0.99),
+        "qd_p99": metrics.quantile(metrics.largest_error(qd, reference[1]), 0.99),
+    }
+
+
+class Turns:
+    """Timing in rounds, every configuration once in each, so that slow phases of a machine hit all alike.
+
+    Attributes
+    ----------
+    rate : float
+        Best dgemm rate seen, 1e9 floating point operations per second.
+    """
+
+    def __init__(self, timing: Timing) -> None:
+        self.rate = 0.0
+        self._timing, self._done = timing, 0
+        self._entries: list[tuple[Row, Callable[[], float], list[float]]] = []
+
+    def add(self, row: Row, timer: Callable[[], float]) -> None:
+        """A configuration, and what measures its cost."""
+        self._entries.append((row, timer, []))
+
+    def until(self, share: float) -> None:
+        """Go on until this share of the rounds is done."""
+        while self._done < round(share * self._timing.rounds):
+            if self._done % ROUNDS_PER_DGEMM == 0:
+                self.rate = max(self.rate, dgemm_rate())
+            for row, timer, samples in self._entries:
+                if row["peer"] != "scipy" or self._done < self._timing.scipy_rounds:
+                    samples.append(timer())
+            self._done += 1
+
+    def timed(self) -> list[Row]:
+        """The rows with their costs, ns of one core per control interval of one arm."""
+        for row, _, samples in self._entries:
+            row["ns_best"], row["ns_median"] = round(min(samples), 2), round(float(np.median(samples)), 2)
+        return [row for row, _, _ in self._entries]
+
+
+def about() -> dict[str, str]:
+    """Where and with what this was measured."""
+    found = versions()
+    for peer in ("mujoco", "scipy"):
+        found[peer] = importlib.metadata.version(peer) if installed(peer) else ""
+    return found
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What an error costs: the cheapest configurations whose 99th percentile is below it.
+
+    Attributes
+    ----------
+    threshold_mm : float
+    ours, mujoco : dict, optional
+        Their rows; None where no configuration reaches the error, or none was run.
+    """
+
+    threshold_mm: float
+    ours: Row | None
+    mujoco: Row | None
+
+    @property
+    def ratio(self) -> float:
+        """How many times cheaper than MuJoCo we are; NaN where one of us does not reach the error."""
+        if self.ours is None or self.mujoco is None:
+            return math.nan
+        return float(self.mujoco["ns_best"] / self.ours["ns_best"])
+
+
+def cheapest(rows: Sequence[Row], peer: str, threshold_mm: float) -> Row | None:
+    """The cheapest row whose 99th percentile of the tip error is below a threshold, or None."""
+    enough = [r for r in rows if r["peer"] == peer and r["tip_mm_p99"] < threshold_mm]
+    return min(enough, key=lambda r: float(r["ns_best"]), default=None)
+
+
+def answers(rows: Sequence[Row], thresholds_mm: Sequence[float]) -> list[Answer]:
+    """One for each threshold, from the rows of one panel."""
+    return [Answer(x, cheapest(rows, "", x), cheapest(rows, "mujoco", x)) for x in thresholds_mm]

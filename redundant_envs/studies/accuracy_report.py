@@ -1,0 +1,192 @@
+"""The accuracy study as files: tables, figures, and a page that says in a line each what an error costs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from redundant_envs.studies import accuracy
+from redundant_envs.studies.accuracy import Answer, PanelResult, Row
+from redundant_envs.studies.accuracy_config import PEERS, Study
+from redundant_envs.studies.accuracy_long import PATH_SECONDS, error_names
+from redundant_envs.studies.accuracy_methods import brief
+from redundant_envs.studies.throughput import write_rows
+
+LONG_HEADS = {
+    "energy_rate": "energy",
+    "momentum": "momentum",
+    "penetration_mm": "beyond a stop, mm",
+    "impact_time_s": "first impact, s",
+}
+"""Metric -> its heading; a metric that no row has is left out."""
+
+
+def duration(nanoseconds: float) -> str:
+    """Three digits with a fitting unit: "35.2 ns", "3.41 us", "1.36 ms"."""
+    for unit, size in (("ns", 1.0), ("us", 1e3)):
+        if nanoseconds < 999.5 * size:
+            return f"{nanoseconds / size:.3g} {unit}"
+    return f"{nanoseconds / 1e6:.3g} ms"
+
+
+def who(row: Row | None) -> list[str]:
+    """A configuration, its cost and its evaluations; "not reached" where there is none."""
+    if row is None:
+        return ["not reached", "", ""]
+    return [f"{row['method']}, {row['setting']}", duration(row["ns_best"]), f"{row['evaluations']:g}"]
+
+
+def advantage(answer: Answer, bar: float | None) -> str:
+    """How many times cheaper we are, and whether that is as much as was meant."""
+    if math.isnan(answer.ratio):
+        return ""
+    if bar is None:
+        return f"{answer.ratio:.0f} x"
+    return f"{answer.ratio:.0f} x ({'above' if answer.ratio >= bar else '**below**'} {bar:g})"
+
+
+def table(lines: Sequence[Sequence[str]]) -> list[str]:
+    """Lines of a Markdown table; the first is its head."""
+    rows = [lines[0], ["---"] * len(lines[0]), *lines[1:]]
+    return ["| " + " | ".join(row) + " |" for row in rows]
+
+
+def answer_table(study: Study, results: Sequence[PanelResult]) -> list[str]:
+    """An arm and an error in each line, and what they cost."""
+    cost = f"{1e3 * study.control_dt:g} ms cost"
+    head = ["arm", "99 % of states within", "our cheapest", cost, "evaluations"]
+    lines = [[*head, "MuJoCo's cheapest", cost, "evaluations", "we are cheaper by"]]
+    for result in results:
+        run = any(row["peer"] == "mujoco" for row in result.rows)
+        for answer in accuracy.answers(result.rows, study.thresholds_mm):
+            theirs = who(answer.mujoco) if run else ["not run", "", ""]
+            lines.append(
+                [
+                    result.panel.name,
+                    f"{brief(answer.threshold_mm)} mm",
+                    *who(answer.ours),
+                    *theirs,
+                    advantage(answer, result.panel.bar),
+                ]
+            )
+    return table(lines)
+
+
+def reference_table(results: Sequence[PanelResult]) -> list[str]:
+    """How well the reference is known, a line for each panel and check."""
+    lines = [["arm", "compared with", "states", "largest difference of the tips", "digits that agree"]]
+    for result in results:
+        lines += [
+            [result.panel.name, a.by, str(a.states), f"{1e3 * a.metres:.1e} mm", f"{a.digits:.1f}"]
+            for a in result.agreements
+        ]
+    return table(lines)
+
+
+def long_table(study: Study, results: Sequence[PanelResult]) -> list[str]:
+    """Long motions: all of MuJoCo's, and those of ours that an answer names."""
+    heads = {f"tip_mm_{name}": after(name) for name in error_names(study)}
+    found = {key for result in results for row in result.long_rows for key in row}
+    heads |= {name: head for name, head in LONG_HEADS.items() if f"{name}_median" in found}
+    lines = [["arm", "configuration", *heads.values()]]
+    for result in results:
+        cheapest = [a.ours for a in accuracy.answers(result.rows, study.thresholds_mm) if a.ours]
+        named = {(row["method"], row["setting"]) for row in cheapest}
+        for row in result.long_rows:
+            who = row["method"], row["setting"]
+            if row["peer"] or who in named:
+                values = (row.get(f"{name}_median") for name in heads)
+                cells = ("" if x is None else f"{x:.0e}" for x in values)
+                lines.append([result.panel.name, ", ".join(who), *cells])
+    return table(lines)
+
+
+def after(name: str) -> str:
+    """ "1_s" -> "tip, 1 s, mm"; "2_lyapunov" -> "2 Lyapunov times"."""
+    count, _, unit = name.partition("_")
+    text = "s" if unit == "s" else "Lyapunov time" + ("s" if count != "1" else "")
+    return f"tip after {count} {text}, mm"
+
+
+def markdown(study: Study, results: Sequence[PanelResult], command: str, figures: Sequence[Path]) -> str:
+    """The page.
+
+    Parameters
+    ----------
+    command : str
+        What was typed to get it.
+    figures : sequence of Path
+        Pictures that lie beside it.
+    """
+    stamp, long = results[0].rows[0], study.long_runs
+    names = ("python", "numba", "numpy", *PEERS)
+    packages = ", ".join(f"{name} {stamp[name]}" for name in names if stamp[name])
+    absent = [peer for peer in PEERS if not stamp[peer]]
+    exponents = ", ".join(f"{r.panel.name} {r.free.exponent:.2g}" for r in results)
+    doubt = 1e3 * max((x for r in results for x in r.free.doubt.values()), default=math.nan)
+    stepping = ", ".join(f"{name} {value}" for name, value in study.reference.scene.items())
+    lines = [
+        "# Accuracy against cost",
+        "",
+        f"`{command}` on {stamp['date']}, commit {stamp['commit'] or 'unknown'}. One core of "
+        f"{stamp['machine']}, NumPy's dgemm {stamp['dgemm_gflops']:g} GFLOP/s; {packages}.",
+        "",
+        *(f"![]({path.name})" for path in figures),
+        "",
+        "## What an error costs",
+        "",
+        f"Error: that of the tip's position after one control interval of {1e3 * study.control_dt:g} ms, "
+        f"from {study.states} random states. Cost: one core's time for that interval of one arm, the best of "
+        f"{study.timing.rounds} rounds in which all configurations took turns. MuJoCo makes "
+        f"{study.timing.mujoco_steps} steps in a call from C, without its clock and without the stages that "
+        "the arm does not need; its stops are springs without damping, as stiff as its step allows "
+        f"({brief(study.mujoco_stiffness)}/step^2). Its evaluations are those of a step, ours the mean.",
+        "",
+        *answer_table(study, results),
+        "",
+    ]
+    for peer in absent:
+        lines += [f"{peer} is not installed, so its lines are missing: it is in the extra `verify`.", ""]
+    lines += [
+        "## The reference",
+        "",
+        f"The reference is this package's own ({stepping}), on the same states. Errors below the largest "
+        "difference from another account of the same arm mean nothing; the figures shade them.",
+        "",
+        *reference_table(results),
+        "",
+        "## Beyond a control interval",
+        "",
+        f"{long.states} of the states, let go without efforts; medians of all. Lyapunov exponents "
+        f"(Benettin, {long.lyapunov_seconds:g} s, median), 1/s: {exponents}. The reference of these tip "
+        f"errors is itself known to {doubt:.0e} mm (median, the worst of the columns). Energy: its change "
+        f"after {long.seconds:g} s, per second, relative to what raises the stretched arm upright. Momentum: "
+        f"change of the angular momentum after {long.seconds:g} s at g = 0, relative to its median. Stops: "
+        f"how far a slider is beyond one at most within {PATH_SECONDS:g} s, and the error of the time of the "
+        "first impact.",
+        "",
+        *long_table(study, results),
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def write(study: Study, command: str, folder: Path) -> list[Path]:
+    """Run a study and write the page, both tables as CSV, and the figures; returns their paths."""
+    results = accuracy.run(study)
+    tables = folder / "accuracy.csv", folder / "accuracy_long.csv"
+    write_rows([row for r in results for row in r.rows], accuracy.COLUMNS, tables[0])
+    write_rows([row for r in results for row in r.long_rows], accuracy.long_columns(study), tables[1])
+    page = folder / "accuracy.md"
+    page.write_text(markdown(study, results, command, []), encoding="utf-8")
+    # After the numbers: those are kept where matplotlib is missing.
+    from redundant_envs.studies import accuracy_plots
+
+    try:
+        figures = accuracy_plots.save_figures(results, study.control_dt, folder)
+    except ImportError as error:
+        raise ValueError(f"{error} ({page} is written)") from error
+    shown = [path for path in figures if path.suffix == ".png"]
+    page.write_text(markdown(study, results, command, shown), encoding="utf-8")
+    return [page, *tables, *figures]
