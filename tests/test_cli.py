@@ -98,7 +98,9 @@ def test_list_names_everything(capsys):
     words = capsys.readouterr().out.split()
     assert set(ids()) <= set(words)
     assert {i for i in gym.registry if i.startswith("redundant_envs/")} <= set(words)
-    assert set(scene_names()) | set(METHODS) | {"throughput", "environments", "stops"} <= set(words)
+    assert set(scene_names()) | set(METHODS) | {"throughput", "environments", "stops", "accuracy"} <= set(
+        words
+    )
 
 
 def test_throughput_writes_csv(tmp_path, capsys):

@@ -390,6 +390,8 @@ class LaneSteps:
         named = words(self._texts)
         entering = [r for r in a.rows if r in named and r not in own and not r.startswith(("obs_", "out_"))]
         leaving = [*a.states, "error_sum", *self.results]
+        if self.log:
+            entering.append("span_start")  # named by its place only, where events are told
         asked = ["marked", "served", "newly", *(("due", "touching", "held") if self.stops else ())]
         lines = [
             *(f"{n.upper()} = {rows[n] * LANES}" for n in ("marked", "newly", "phase", "home")),

@@ -176,6 +176,16 @@ def test_impact_times_are_those_of_exact(tolerance):
             assert abs(b.time - c.time) <= 1e-12
 
 
+@pytest.mark.parametrize("substeps", [1, 2, 3, 4])
+@pytest.mark.parametrize("integrator", ["euler", "rk4", "rk8"])
+def test_the_time_of_an_impact_does_not_depend_on_the_substep_it_falls_in(integrator, substeps):
+    made = scene(upper=(0.4, 0.4), gravity=0.0, integrator=integrator, substeps=substeps)
+    speed = 1.003  # the arm lies still and straight: slider 2 glides alone
+    events = rde.simulate(made, [0.0, 0.2, 0.0, 0.2], [0.0, 0.0, 0.0, speed], [0.3]).events
+    assert events[0].joint == "r2"
+    assert events[0].time == pytest.approx(0.2 / speed, abs=1e-12)
+
+
 def test_an_impact_loses_what_restitution_says_and_moves_the_whole_arm():
     """The energy lost is (1 - e^2) v_j^2 / (2 W_jj); all of M qd but component j is unchanged."""
     rng = np.random.default_rng(3)
