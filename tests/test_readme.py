@@ -25,6 +25,17 @@ def test_programs_run(capsys):
     assert "def four_r__forward_dynamics" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("page", ["README.md", "docs/accuracy.md"])
+def test_what_an_error_costs_is_what_the_study_wrote(page):
+    written = (ROOT / "docs" / "results" / "accuracy" / "accuracy.md").read_text(encoding="utf-8")
+    lines = (ROOT / page).read_text(encoding="utf-8").splitlines()
+    start = next(i for i, line in enumerate(lines) if line.startswith("| arm | 99 %"))
+    rows = lines[start : lines.index("", start)]
+    assert len(rows) >= 10
+    for row in rows:
+        assert row in written
+
+
 def test_the_table_of_learners_is_made_from_the_shipped_evaluations():
     from agents.report import table
 
