@@ -84,6 +84,11 @@ def impulses(ua, ub, at_a, at_b, waa, wab, wbb, e):
 
 
 @physics
+def negligible(u):
+    return where(u > 0.0, where(u <= 1e-13, 1.0, 0.0), 0.0)
+
+
+@physics
 def halting(va, vb, still_a, still_b, waa, wab, wbb):
     """Impulses that stop slider a, b or both; 0 for one that need not stand still."""
     det = waa * wbb - wab * wab
@@ -117,6 +122,11 @@ def touch(
     on = equal(phase, 1.0)
     sa = at_stop(place_a, mode_a, lower_a, upper_a)
     sb = at_stop(place_b, mode_b, lower_b, upper_b)
+    # 1e-13 m/s into a stop is rounding: taken away, not struck back and forth.
+    still_a = negligible(sa * rate_a)
+    still_b = negligible(sb * rate_b)
+    rate_a = where(still_a > 0.0, 0.0, rate_a)
+    rate_b = where(still_b > 0.0, 0.0, rate_b)
     ua = sa * rate_a
     ub = sb * rate_b
     spent = either(where(changes >= 512.0, 1.0, 0.0), where(events - events_before > 256.0, 1.0, 0.0))
@@ -135,15 +145,15 @@ def touch(
     # The impulses along the sliders, and the rates they have then. One that comes to rest must not
     # set off the other, if that rests or comes to rest too.
     rests = either(rest_a, rest_b)
-    still_a = either(rest_a, rests * abs(mode_a))
-    still_b = either(rest_b, rests * abs(mode_b))
-    halt_a, halt_b = halting(rate_a, rate_b, still_a, still_b, waa, wab, wbb)
+    stop_a = either(rest_a, rests * abs(mode_a))
+    stop_b = either(rest_b, rests * abs(mode_b))
+    halt_a, halt_b = halting(rate_a, rate_b, stop_a, stop_b, waa, wab, wbb)
     ja = where(strikes > 0.0, -sa * pa, halt_a)
     jb = where(strikes > 0.0, -sb * pb, halt_b)
     va = rate_a + ja * waa + jb * wab
     vb = rate_b + ja * wab + jb * wbb
-    va = where(hit_a > 0.0, -sa * restitution * maximum(ua, 0.0), where(still_a > 0.0, 0.0, va))
-    vb = where(hit_b > 0.0, -sb * restitution * maximum(ub, 0.0), where(still_b > 0.0, 0.0, vb))
+    va = where(hit_a > 0.0, -sa * restitution * maximum(ua, 0.0), where(stop_a > 0.0, 0.0, va))
+    vb = where(hit_b > 0.0, -sb * restitution * maximum(ub, 0.0), where(stop_b > 0.0, 0.0, vb))
     mode_a_new = where(
         rest_a > 0.0, sa, where(either(free_a, strikes * positive(-sa * va)) > 0.0, 0.0, mode_a)
     )
@@ -156,7 +166,7 @@ def touch(
     return (
         on,
         on * spent,
-        acts * either(strikes, rests),
+        acts * either(either(strikes, rests), either(still_a, still_b)),
         acts * going,
         ja,
         jb,

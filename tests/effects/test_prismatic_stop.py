@@ -1,5 +1,6 @@
 """Hard stops: impacts where and when they happen, rest, release, and never beyond an end."""
 
+import itertools
 import json
 import math
 
@@ -333,6 +334,24 @@ def test_too_many_impacts_end_the_lane_and_leave_its_neighbours():
     np.testing.assert_array_equal(batch.q[1], q[1])  # back where its interval began
     np.testing.assert_array_equal(batch.qd[1], qd[1])
     np.testing.assert_array_equal(batch.q[0], batch.q[2])
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
+def test_every_start_at_both_stops_goes_on(restitution):
+    """All signs of speed and force, down to rounding: no lane bounces without end."""
+    made = scene(restitution=restitution, tolerance=1e-6)
+    choices = itertools.product(
+        (0.0, 0.3), (0.0, 0.3), (-1.0, -1e-12, -1e-15, 0.0, 1e-15, 1e-12, 1.0), (-1.0, 0.0, 1e-14, 1.0),
+        (-30.0, 0.0, 30.0), (-30.0, 0.0, 30.0),
+    )  # fmt: skip
+    a, b, va, vb, fa, fb = np.array(list(choices)).T
+    zero = np.zeros_like(a)
+    batch = rde.BatchSimulator(made, len(a))
+    batch.set_state(np.column_stack([zero + 0.7, a, zero - 0.4, b]), np.column_stack([zero, va, zero, vb]))
+    for _ in range(3):
+        status = batch.advance(np.column_stack([zero, fa, zero, fb]))
+        assert not status.numerics.any()
+        assert (np.abs(batch.q[:, [1, 3]] - 0.15) <= 0.15).all()
 
 
 # ---- rest and release ----------------------------------------------------------------------------
