@@ -14,7 +14,14 @@ from typing import Any
 
 from redundant_envs.algebra import arguments_of, gives_of
 from redundant_envs.effects.hooks import Force, Impact
-from redundant_envs.evaluators.assemble import BLOCKS, HEAD, LANES, TOLERANCE_NOT_REACHED, Assembly
+from redundant_envs.evaluators.assemble import (
+    BLOCKS,
+    EVENT_BUDGET,
+    HEAD,
+    LANES,
+    TOLERANCE_NOT_REACHED,
+    Assembly,
+)
 from redundant_envs.evaluators.assemble_stops import LOGGED, MEETINGS, MOST_LOGGED, StopLines
 from redundant_envs.evaluators.quantities import Call, calls
 from redundant_envs.evaluators.text import block, indent, prefixed, words
@@ -97,7 +104,7 @@ class LaneSteps:
         names += ["home", "newly", "due", "steps_of_lane", "steps_left"]
         if self.stops:
             names += ["touching", "held", "target", "side", "low", "high", "gap_low", "gap_high", "tries"]
-            names += ["changes"]
+            names += ["changes", "searched"]
             for x in "ab":
                 names += [f"accel_{x}", f"hold_{x}", f"hold_{x}_from", f"let_go_{x}"]
                 names += [f"told_{x}", f"told_speed_{x}"]
@@ -257,7 +264,7 @@ class LaneSteps:
             values["next_step"] = "next_first"
         if self.stops:
             values["phase"] = "where(fresh > 0.0, 2.0, where(contacts > 0.0, 1.0, 2.0))"
-            values |= dict.fromkeys(("changes", "tries", "let_go_a", "let_go_b"), "0.0")
+            values |= dict.fromkeys(("changes", "searched", "tries", "let_go_a", "let_go_b"), "0.0")
         writes = {name: f"where({now}, {value}, {name})" for name, value in values.items()}
         writes["newly"] = "0.0"
         if self.stops:
@@ -302,9 +309,12 @@ class LaneSteps:
         else:
             lines += ["again, there, accepted = 0.0, 0.0, due * good"]
         doubling = self.plan_of_steps == "doubling"
+        lost = "due * where(searched < 500.0, where(left - h == left - h, 0.0, 1.0), 1.0)"
         lines += [
             f"failed = due * {tried} * (1.0 - good)",
-            f"back = {'failed' if doubling else '0.0 * failed'}",
+            # No event is looked for without end, and no time that is not a number is waited for.
+            f"lost = {lost if self.stops else '0.0'}",
+            f"back = {'maximum(failed, lost)' if doubling else 'lost + 0.0 * failed'}",
             f"retry = {'0.0 * failed' if doubling else 'failed'}",
             "moved = accepted + there",
             "elapsed_new = where(back > 0.0, 0.0, elapsed + where(moved > 0.0, h, 0.0))",
@@ -331,7 +341,6 @@ class LaneSteps:
             lines += ["contacts, contacts_before = 0.0, 0.0"]
         lines += [
             "goes = continuing * (1.0 - contacts)",
-            "back_free = back * (1.0 - contacts_before)",
         ]
         piece = "h_next_piece" if self.stops else "h"
         writes: dict[str, str] = {}
@@ -356,6 +365,7 @@ class LaneSteps:
         phase = f"where(continuing > 0.0, where(contacts > 0.0, 1.0, 2.0), {phase})"
         if self.stops:
             phase = f"where(again > 0.0, phase_next, where(there > 0.0, 1.0, {phase}))"
+            phase = f"where(lost > 0.0, 6.0, {phase})"
         lines.append(f"phase_new = where(due > 0.0, where(done > 0.0, 6.0, {phase}), phase)")
         writes["phase"] = "phase_new"
         if self.plan_of_steps == "doubling":
@@ -369,6 +379,9 @@ class LaneSteps:
         if self.plan_of_steps != "fixed":
             writes["trouble"] = f"where(done * flagged > 0.0, {TOLERANCE_NOT_REACHED}, trouble)"
         if self.stops:
+            writes["searched"] = "where(again > 0.0, searched + 1.0, where(due > 0.0, 0.0, searched))"
+            ends = writes.get("trouble", "trouble")
+            writes["trouble"] = f"where(lost > 0.0, {EVENT_BUDGET}, {ends})"
             for name in ("target", "side", "low", "high", "gap_low", "gap_high", "tries"):
                 writes[name] = f"where(again > 0.0, {name}_new, {name})"
             for x in "ab":

@@ -22,7 +22,12 @@ _NO_NUMERICS = np.zeros(0, dtype=np.int8)
 
 
 class Numerics(enum.IntFlag):
-    """Trouble of a lane; the one place where it is reported (``info["numerics"]``)."""
+    """Trouble of a lane; the one place where it is reported (``info["numerics"]``).
+
+    NON_FINITE, BAD_ACTION, SPEED_BOUND and EVENT_BUDGET (more than 256 impacts in an interval, or one
+    that no search finds; the lane is back where its interval began) end a lane of an environment;
+    TOLERANCE_NOT_REACHED does not.
+    """
 
     NON_FINITE = 1
     BAD_ACTION = 2

@@ -354,6 +354,23 @@ def test_every_start_at_both_stops_goes_on(restitution):
         assert (np.abs(batch.q[:, [1, 3]] - 0.15) <= 0.15).all()
 
 
+@pytest.mark.parametrize(
+    "kwargs", [{"integrator": "rk8"}, {"integrator": "rk4"}, {"tolerance": 1e-6}], ids=str
+)
+@pytest.mark.parametrize("speed", [50.0, 1e3, 1e8])
+def test_steps_far_too_long_end_lanes_but_never_hang(kwargs, speed):
+    """Radians per step, impacts that no search finds: flagged, between the stops, and over."""
+    rng = np.random.default_rng(0)
+    q = np.column_stack([rng.uniform(-3, 3, 512), rng.uniform(0, 0.3, 512)] * 2)
+    batch = rde.BatchSimulator(scene(restitution=0.5, **kwargs), 512)
+    batch.set_state(q, rng.normal(0, speed, (512, 4)))
+    status = batch.advance(rng.normal(0, 20, (512, 4)))
+    assert (np.isfinite(batch.q).all(axis=1) == (status.numerics & rde.Numerics.NON_FINITE == 0)).all()
+    sliders = batch.q[status.finite][:, [1, 3]]
+    assert (sliders >= 0.0).all()
+    assert (sliders <= 0.3).all()
+
+
 # ---- rest and release ----------------------------------------------------------------------------
 
 
