@@ -11,7 +11,7 @@ from typing import Any
 import yaml
 
 from redundant_envs.effects import REGISTRY as EFFECTS
-from redundant_envs.effects.hooks import Actuation, Effect, Field
+from redundant_envs.effects.hooks import Actuation, Effect, Field, Impact
 from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.robots.parameters import Arm, number
 
@@ -122,7 +122,10 @@ class Scene:
     def travel(self) -> dict[int, tuple[str, str]]:
         """Limited joints: joint index -> parameter names of its lower and upper limit."""
         limits: dict[int, tuple[str, str]] = {}
-        for effect in self.effects:
+        # A hard stop is the end, whatever else acts near it.
+        for effect in sorted(
+            self.effects, key=lambda e: any(isinstance(h, Impact) for h in e.hooks(self.robot))
+        ):
             for joint, (low, high) in effect.travel(self.robot).items():
                 limits[joint] = (f"{effect.key}.{low}", f"{effect.key}.{high}")
         return limits

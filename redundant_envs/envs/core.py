@@ -211,6 +211,7 @@ class Core:
                 writes.append((rows, numbers))
                 if key == "q":
                     self._check_travel(numbers, present)
+                    parameters.check_stops(self.scene, self.memory, lanes, numbers, present)
                 elif key == "goal":
                     self._check_goal(numbers, present)
         return values, writes

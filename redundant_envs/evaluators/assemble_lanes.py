@@ -104,7 +104,7 @@ class LaneSteps:
         names += ["home", "newly", "due", "steps_of_lane", "steps_left"]
         if self.stops:
             names += ["touching", "held", "target", "side", "low", "high", "gap_low", "gap_high", "tries"]
-            names += ["changes", "searched"]
+            names += ["changes", "searched", "cleared_a", "cleared_b"]
             for x in "ab":
                 names += [f"accel_{x}", f"hold_{x}", f"hold_{x}_from", f"let_go_{x}"]
                 names += [f"told_{x}", f"told_speed_{x}"]
@@ -261,10 +261,11 @@ class LaneSteps:
         if self.plan_of_steps == "doubling":
             values |= {"steps_of_lane": "steps_first", "steps_left": "steps_first"}
         if self.plan_of_steps == "adaptive":
-            values["next_step"] = "next_first"
+            values |= {"next_step": "next_first", "steps_left": "0.0"}
         if self.stops:
             values["phase"] = "where(fresh > 0.0, 2.0, where(contacts > 0.0, 1.0, 2.0))"
-            values |= dict.fromkeys(("changes", "searched", "tries", "let_go_a", "let_go_b"), "0.0")
+            zero = ("changes", "searched", "tries", "let_go_a", "let_go_b", "cleared_a", "cleared_b")
+            values |= dict.fromkeys(zero, "0.0")
         writes = {name: f"where({now}, {value}, {name})" for name, value in values.items()}
         writes["newly"] = "0.0"
         if self.stops:
@@ -319,7 +320,7 @@ class LaneSteps:
             "moved = accepted + there",
             "elapsed_new = where(back > 0.0, 0.0, elapsed + where(moved > 0.0, h, 0.0))",
             "left_moved = left - h",
-            "ended = where(accepted > 0.0, where(left_moved <= 0.0, 1.0, 0.0), 0.0)",
+            "ended = where(accepted > 0.0, where(left_moved > 0.0, 0.0, 1.0), 0.0)",
             *end,
             "done = ended * last",
             "continuing = accepted * (1.0 - done)",
@@ -375,6 +376,7 @@ class LaneSteps:
                 "where(ended > 0.0, steps_left_again, steps_left))",
             }
         if self.plan_of_steps == "adaptive":
+            writes["steps_left"] = "steps_left + due"
             writes["next_step"] = "where(accepted + failed > 0.0, next_new, next_step)"
         if self.plan_of_steps != "fixed":
             writes["trouble"] = f"where(done * flagged > 0.0, {TOLERANCE_NOT_REACHED}, trouble)"
@@ -386,6 +388,9 @@ class LaneSteps:
                 writes[name] = f"where(again > 0.0, {name}_new, {name})"
             for x in "ab":
                 writes[f"mode_{x}"] = f"where(back > 0.0, mode_{x}_before, mode_{x})"
+                writes[f"cleared_{x}"] = (
+                    f"where(again > 0.0, cleared_{x}_new, where(due > 0.0, 0.0, cleared_{x}))"
+                )
                 writes[f"let_go_{x}"] = f"where(goes + back > 0.0, 0.0, let_go_{x})"
                 writes[f"hold_{x}_from"] = f"where(goes > 0.0, hold_{x}, hold_{x}_from)"
             writes |= {

@@ -143,7 +143,8 @@ class StopLines:
         writes |= {
             "from_error": "where(going_on > 0.0, error_sum, from_error)",
             "h": "where(going_on > 0.0, left, h)",
-            "events": "events_new", "changes": "changes_new", "phase": "phase_new",
+            "events": "where(over_budget > 0.0, events_before, events_new)",
+            "changes": "changes_new", "phase": "phase_new",
             "touching": "where(phase_new == 1.0, 1.0, 0.0)",
             "trouble": f"where(over_budget > 0.0, {EVENT_BUDGET}, trouble)",
         }  # fmt: skip
@@ -151,6 +152,7 @@ class StopLines:
             writes[f"let_go_{x}"] = f"let_go_{x}_new"
             writes[f"hold_{x}_from"] = f"where(going_on > 0.0, hold_{x}, hold_{x}_from)"
             if self.lanes.log:
+                writes["logged"] = "where(over_budget > 0.0, logged_before, logged)"
                 writes |= {f"told_{x}": f"told_{x}_new", f"told_speed_{x}": f"told_speed_{x}_new"}
                 lines.append(f"told_{x}_new, told_speed_{x}_new = told_now_{x}, told_speed_now_{x}")
         return a.lane_function("touch", "At a stop: strike, let go, rest, or go on.", lines, writes)

@@ -94,22 +94,28 @@ def begin_adaptive(next_step, floor, interval):
 
 
 @physics(gives="good left_retry next_new")
-def judge_adaptive(error_sum, h, next_step, floor, interval):
-    """Whether the error of a step, in units of the tolerance, is at most 1; the next step to try."""
+def judge_adaptive(error_sum, h, next_step, floor, interval, steps_left):
+    """Whether the error of a step, in units of the tolerance, is at most 1; the next step to try.
+
+    A lane that has made a million steps, or must make one of 1e-13 of the interval, has no next one.
+    """
     eighth = sqrt(sqrt(sqrt(maximum(error_sum, 1e-12))))
     factor = where(eighth > 0.0, minimum(maximum(0.9 / eighth, 1.0 / 3.0), 6.0), 1.0 / 3.0)
     passed = where(error_sum <= 1.0, 1.0, 0.0)
     grown = minimum(h * factor, interval / maximum(floor, 1.0))
     grown = where(h < next_step, maximum(grown, next_step), grown)  # the end cut that step short
     shorter = h * minimum(factor, 0.9)
-    hopeless = where(shorter < 1e-13 * interval, 1.0, 0.0)
-    return maximum(passed, hopeless), shorter, where(passed > 0.0, grown, shorter)
+    hopeless = where(steps_left > 1e6, 1.0, where(shorter < 1e-13 * interval, 1.0 - passed, 0.0))
+    following = where(hopeless > 0.0, 0.0, where(passed > 0.0, grown, shorter))
+    return maximum(passed, hopeless), shorter, following
 
 
 @physics(gives="last left_again flagged")
-def end_adaptive(interval, elapsed_new, next_new, error_sum):
+def end_adaptive(interval, elapsed_new, next_new):
     """At the end of a step: whether the interval is crossed; the last two steps share the rest."""
     rest = interval - elapsed_new
     half = minimum(next_new, 0.5 * rest)
     left = where(rest <= next_new, rest, where(rest < 2.0 * next_new, half, next_new))
-    return where(rest <= 1e-14 * interval, 1.0, 0.0), left, where(error_sum <= 1.0, 0.0, 1.0)
+    crossed = where(rest > 1e-14 * interval, 0.0, 1.0)
+    given_up = where(next_new > 0.0, 0.0, 1.0)
+    return maximum(crossed, given_up), left, given_up

@@ -211,7 +211,7 @@ def crossing(q0, v0, q1, v1, h, side, lower, upper, turns):
     c2 = 3.0 * d - h * (2.0 * v0 + v1)
     c3 = h * (v0 + v1) - 2.0 * d
     gap = q0 - limit
-    low = where(side * v0 < 0.0, minimum(turns / h, 1.0), 0.0)  # it may first move inward
+    low = where(side * v0 < 0.0, where(v0 * v1 < 0.0, minimum(turns / h, 1.0), 0.0), 0.0)  # inward first
     high = 1.0
     s = minimum(maximum(1.0 - (q1 - limit) / d, low), 1.0)
     low, high, s = nearer_root(low, high, s, side, gap, s0, c2, c3)
@@ -223,13 +223,13 @@ def crossing(q0, v0, q1, v1, h, side, lower, upper, turns):
 
 
 @physics
-def first_event(q0, v0, q1, v1, h, mode, hold_from, hold, met, turns, lower, upper, phase):
+def first_event(q0, v0, q1, v1, h, mode, hold_from, hold, met, turns, lower, upper, cleared):
     """After a tried piece: when a slider has an event, h + 1 for never; its side; whether it only
     turns near the stop."""
     side = beyond(q1, mode, lower, upper)
     pull = mode * hold
     push = maximum(-mode * hold_from, 0.0)
-    peak = equal(side, 0.0) * equal(abs(met), 2.0) * equal(phase, 2.0) * equal(mode, 0.0)
+    peak = equal(side, 0.0) * equal(abs(met), 2.0) * equal(cleared, 0.0) * equal(mode, 0.0)
     at = where(peak > 0.0, turns, h + 1.0)
     at = where(side == 0.0, at, crossing(q0, v0, q1, v1, h, side, lower, upper, turns))
     at = where(pull > 0.0, h * push / (push + pull), at)
@@ -248,23 +248,23 @@ def arrived(there, sought, limit, place, rate, mode, close, lower, upper):
 
 @physics(
     gives="hit accepted there again phase_next h_next_piece target_new side_new low_new high_new "
-    "gap_low_new gap_high_new tries_new place_a_new place_b_new"
+    "gap_low_new gap_high_new tries_new place_a_new place_b_new cleared_a_new cleared_b_new"
 )
 def decide(
     due, phase, h, left, good, target, side, low, high, gap_low, gap_high, tries,
     place_a, place_b, rate_a, rate_b, place_a_from, place_b_from, rate_a_from, rate_b_from,
     mode_a, mode_b, met_a, met_b, turns_a, turns_b, lower_a, lower_b, upper_a, upper_b,
-    hold_a, hold_b, hold_a_from, hold_b_from,
+    hold_a, hold_b, hold_a_from, hold_b_from, cleared_a, cleared_b,
 ):  # fmt: skip
     """After a piece: its earliest event, how to come nearer to the one looked for, or its end."""
     tried = due * good * either(equal(phase, 2.0), equal(phase, 4.0))
     at_a, side_a, peak_a = first_event(
         place_a_from, rate_a_from, place_a, rate_a, h, mode_a, hold_a_from, hold_a, met_a, turns_a,
-        lower_a, upper_a, phase,
+        lower_a, upper_a, cleared_a,
     )  # fmt: skip
     at_b, side_b, peak_b = first_event(
         place_b_from, rate_b_from, place_b, rate_b, h, mode_b, hold_b_from, hold_b, met_b, turns_b,
-        lower_b, upper_b, phase,
+        lower_b, upper_b, cleared_b,
     )  # fmt: skip
     close_a = closeness(place_a_from, lower_a, upper_a)
     close_b = closeness(place_b_from, lower_b, upper_b)
@@ -350,6 +350,7 @@ def decide(
     phase_next = where(hit > 0.0, where(peak > 0.0, 3.0, 5.0), where(missed > 0.0, 4.0, 5.0))
     phase_next = where(searching > 0.0, 3.0, phase_next)
     guess = where(other_mode == 0.0, pick(other, at_a, at_b), 0.5 * h)
+    guess = where(guess < h, guess, 0.5 * h)  # never the same piece again
     h_next = where(hit > 0.0, minimum(maximum(at, 0.0), h), where(sooner > 0.0, guess, nearer))
     h_next = where(found > 0.0, pick(target, at_a, at_b), where(missed > 0.0, left, h_next))
     h_next = where(searching > 0.0, turn, h_next)
@@ -385,4 +386,6 @@ def decide(
         where(begins > 0.0, 0.0, tries + locating + probing),
         arrived(there, no(target), limit, place_a, rate_a, mode_a, close_a, lower_a, upper_a),
         arrived(there, target, limit, place_b, rate_b, mode_b, close_b, lower_b, upper_b),
+        either(cleared_a, missed * no(target)),  # it turns before its stop in this piece
+        either(cleared_b, missed * target),
     )

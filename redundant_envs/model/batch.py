@@ -186,6 +186,8 @@ class BatchSimulator:
         present = self._memory.read(self.scene.robot.coordinates, lanes)
         parameters.check_stops(self.scene, self._memory, lanes, present, given)
         parameters.write(self.scene, self._memory, lanes, given)
+        if any(name.startswith("prismatic_stop.") for name in values):
+            self._memory.forget(lanes)  # a stop that holds a slider may be gone
 
     def save(self) -> NDArray[np.float64]:
         """A snapshot of everything: states, parameters, modes; the last entry is ``num_envs``."""

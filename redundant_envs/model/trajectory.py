@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from redundant_envs.model.batch import BatchSimulator, Event
+from redundant_envs.model.batch import BatchSimulator, Event, Numerics, Status
 from redundant_envs.model.energy import kinetic_energy, potential_energy
 from redundant_envs.scene import Scene
 
@@ -82,14 +83,14 @@ def simulate(
         target = int(np.floor(time / dt + 1e-9))
         while step < target:
             command, commanded = _command(efforts, step, dt, batch, shape, command, commanded)
-            batch.advance(command)
+            _check(batch.advance(command), step * dt)
             events += batch.events(step * dt)
             step += 1
         rest = time - step * dt
         if rest > 1e-12 * max(1.0, time):
             command, commanded = _command(efforts, step, dt, batch, shape, command, commanded)
             here = batch.save()
-            batch.advance_partly(command, rest)
+            _check(batch.advance_partly(command, rest), step * dt)
             state = batch.q, batch.qd, batch.work
             if time == t[-1]:
                 events += batch.events(step * dt)
@@ -114,6 +115,21 @@ def simulate(
         work=np.array(works).reshape(len(t), *shape),
         events=sorted(events, key=lambda e: e.time),
     )
+
+
+def _check(status: Status, time: float) -> None:
+    """Refuse to go on from an interval that was not crossed as the scene says."""
+    if (status.numerics & Numerics.EVENT_BUDGET).any():
+        raise ValueError(
+            f"the motion meets its stops more than 256 times in the control interval at t = {time:.6g} s; "
+            "take a shorter control_dt, or a smaller restitution"
+        )
+    if (status.numerics & Numerics.TOLERANCE_NOT_REACHED).any():
+        warnings.warn(
+            f"the tolerance is not reached in the control interval at t = {time:.6g} s; take a shorter "
+            "control_dt or a softer scene",
+            stacklevel=3,
+        )
 
 
 def _command(

@@ -65,7 +65,10 @@ def verify(scene: Scene, count: int = 1024, seed: int = 0) -> Verification:
     def ends(factor: int) -> tuple[NDArray[np.float64], ...]:
         finer = scene
         if factor > 1:
-            finer = dataclasses.replace(scene, substeps=factor * scene.substeps, tolerance=None)
+            method = "rk8" if scene.integrator == "dop853" else scene.integrator
+            finer = dataclasses.replace(
+                scene, integrator=method, substeps=factor * scene.substeps, tolerance=None
+            )
         batch = BatchSimulator(finer, count, track_work=True)
         batch.set_state(q, qd)
         batch.advance()

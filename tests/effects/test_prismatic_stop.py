@@ -373,6 +373,68 @@ def test_steps_far_too_long_end_lanes_but_never_hang(kwargs, speed):
     assert (sliders <= 0.3).all()
 
 
+REACH = rde.load_scene("rprp_reach")
+
+
+def test_sliders_that_meet_their_stops_together_and_turn_back_are_found():
+    """Both are beyond their stops at the end of the step and began inwards: no piece is made twice."""
+    batch = rde.BatchSimulator(REACH, 1)
+    batch.set_state(
+        [-1.5713146444638297, 0.0, -1.2969997173756138, 0.0],
+        [0.23692911649314546, 2.1348563896103114e-05, -0.9254754272155492, 4.398584186074587e-06],
+    )
+    status = batch.advance([[14.570766490420826, -4.643575696458498, -6.314069605314101, -1.105005150928406]])
+    assert not status.numerics[0]
+    assert status.evaluations[0] < 1000
+
+
+@pytest.mark.parametrize("speed", [1e-15, 1e-12, 1e-8, 1e-5, 1e-3])
+def test_slow_sliders_at_both_stops_come_to_rest(speed):
+    rng = np.random.default_rng(0)
+    n = 5000
+    turns, slow = rng.normal(0, 1, (n, 2)), speed * rng.normal(size=(n, 2))
+    q = np.column_stack([rng.uniform(-3, 3, n), rng.choice([0, 0.25], n)] * 2)
+    q[:, 3] = rng.choice([0, 0.25], n)
+    batch = rde.BatchSimulator(REACH, n)
+    batch.set_state(q, np.column_stack([turns[:, 0], slow[:, 0], turns[:, 1], slow[:, 1]]))
+    status = batch.advance(rng.uniform(-1, 1, (n, 4)) * (20, 32, 8, 16))
+    assert not status.numerics.any()
+    assert status.evaluations.max() < 2000
+
+
+def test_a_near_miss_of_one_slider_does_not_hide_the_graze_of_the_other():
+    arm = rde.RPRP((1e6, 1.0, 1e-6, 1e-6), (1.0, 1.0))
+    made = scene(arm, lower=(-0.9, -0.9), gravity=0.0, tolerance=1e-6)
+    batch = rde.BatchSimulator(made, 2)
+    q = [[0, 0.3 - 0.0025 * 1.02, np.pi / 2, 0.297], [0, 0.1, np.pi / 2, 0.297]]
+    batch.set_state(q, [0, 1.0, 0, 1.2])
+    status = batch.advance([[0, -200 * (1 + 2e-6), 0, -200e-6]] * 2)
+    assert status.events.tolist() == [1, 1]
+    assert batch.q[0, 3] == pytest.approx(batch.q[1, 3], abs=1e-9)
+
+
+def test_a_stop_that_is_moved_away_lets_go():
+    batch = rde.BatchSimulator(scene(restitution=0.0, tolerance=1e-6), 1)
+    batch.set_state([-np.pi / 2, 0.3, -np.pi / 2, 0.3], [0.0] * 4)
+    batch.advance()
+    batch.set_parameters({"prismatic_stop.upper": [0.5, 0.5]})
+    for _ in range(5):
+        batch.advance()
+    assert batch.q[0, 1] == pytest.approx(0.3 + 0.5 * 9.81 * 0.1**2, abs=1e-9)
+
+
+def test_simulate_refuses_a_motion_with_too_many_impacts():
+    with pytest.raises(ValueError, match="more than 256 times in the control interval at t = 0 s"):
+        rde.simulate(scene(gravity=0.0, tolerance=1e-6), [0.3, 0.1, 0.3, 0.1], [0, 1e5, 0, 0], [0.02, 0.04])
+
+
+def test_a_hard_stop_decides_the_travel():
+    springs = (e.LimitSpring("r1", -0.1, 0.5), e.LimitSpring("r2", -0.1, 0.5))
+    stop = e.PrismaticStop((0.0, 0.0), (0.25, 0.25))
+    for effects in ((stop, *springs), (*springs, stop)):
+        assert rde.Scene(ARM, effects).travel()[1] == ("prismatic_stop.lower[0]", "prismatic_stop.upper[0]")
+
+
 # ---- rest and release ----------------------------------------------------------------------------
 
 

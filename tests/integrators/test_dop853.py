@@ -91,6 +91,15 @@ def test_a_rough_force_takes_shorter_steps():
     np.testing.assert_allclose(*ends, rtol=0, atol=1e-9)
 
 
+def test_a_motion_that_overflows_ends():
+    arm = rde.RPRP((1.0,) * 4, (0.5, 0.5))
+    batch = rde.BatchSimulator(rde.Scene(arm, (e.Gravity(),), integrator="dop853"), 2)
+    batch.set_state([0.3, 0.1, -0.4, 0.2], [[0, 1e200, 0, 0], [0, 0, 0, 0]])
+    status = batch.advance()
+    assert status.numerics[0] & rde.Numerics.TOLERANCE_NOT_REACHED
+    assert status.numerics[1] == 0
+
+
 def test_substeps_and_tolerance_are_not_for_it():
     arm = rde.FourR((1,) * 4, (1,) * 4)
     with pytest.raises(ValueError, match="substeps is 3"):
