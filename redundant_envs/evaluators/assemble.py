@@ -333,6 +333,10 @@ class Assembly:
             *self.block_loop(first, then),
         ]
         writes = {"state_defect": "defect", "numerics": f"where(defect == 0.0, 0.0, {NON_FINITE}){trouble}"}
+        if self.lanes and self.lanes.stops:  # a lane whose events were given up has not moved
+            undo = {**self.lanes.undo, **dict.fromkeys(("events", *self.lanes.log[:1]), "0.0")}
+            writes |= {name: f"where(trouble >= {EVENT_BUDGET}, {was}, {name})" for name, was in undo.items()}
+            defect = f"where(trouble >= {EVENT_BUDGET}, 0.0, {defect})"
         parts = [
             self.lane_function(
                 "inspect", "Whether a state is not finite, and all trouble.", [f"defect = {defect}"], writes

@@ -79,6 +79,15 @@ class LaneSteps:
         return ("evaluations", "trouble", *(("events", *self.modes) if self.stops else ()), "next_step")
 
     @cached_property
+    def undo(self) -> dict[str, str]:
+        """State and modes -> rows of what they were when the interval began.
+
+        Of several equal steps each keeps its own start, so the interval's stands elsewhere.
+        """
+        origin = "interval" if self.plan_of_steps == "fixed" else "before"
+        return {name: f"{name}_{origin}" for name in (*self.assembly.states, *self.modes)}
+
+    @cached_property
     def plan(self) -> tuple[str, ...]:
         """Rows of what the common step tells the lanes that leave it."""
         names = ["error_before", "floor", "served", "marked"]
@@ -87,6 +96,8 @@ class LaneSteps:
             names += ["met_a", "turns_a", "met_b", "turns_b"]
         if self.log:
             names += ["logged_before", "span_start"]
+        if self.plan_of_steps == "fixed":
+            names += self.undo.values()
         return tuple(names)
 
     @cached_property
@@ -172,6 +183,8 @@ class LaneSteps:
             writes |= {"logged": "0.0", "span_start": "-h" if self.plan_of_steps == "fixed" else "0.0"}
         if self.plan_of_steps == "doubling":
             writes["h"] = "interval"
+        if self.plan_of_steps == "fixed":
+            writes |= {row: name for name, row in self.undo.items()}
         return self.assembly.lane_function("clear", "Before an interval.", [], writes)
 
     def _start(self) -> str:

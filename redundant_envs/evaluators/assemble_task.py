@@ -89,21 +89,21 @@ def _settle(a: Assembly, task: ReachTask, used: list[Any]) -> str:
     """After the step: trouble, task memory, reward and the ends of episodes."""
     first, second, third, fourth = (f"abs({v})" for v in a.scene.robot.rates)
     fastest = f"maximum(maximum({first}, {second}), maximum({third}, {fourth}))"
+    undo = a.lanes.undo if a.lanes else {s: f"{s}_before" for s in a.states}
     lines = [
         f"defect = {' + '.join(f'({s} - {s})' for s in a.states)}",
         f"code = numerics + where(defect == 0.0, 0.0, {NON_FINITE})",
         *([f"code = code + where(trouble >= {EVENT_BUDGET}, trouble, 0.0)"] if a.lanes else []),
         f"code = where(code > 0.0, code, where({fastest} > speed_bound, {SPEED_BOUND}, 0.0))",
         # A lane in trouble goes back to its last good state; its neighbours do not notice.
-        *(f"{s} = where(code > 0.0, {s}_before, {s})" for s in a.states),
+        *(f"{s} = where(code > 0.0, {undo[s]}, {s})" for s in a.states),
     ]
     terms = task.reward_terms()
     known = {*a.states, *a.numbers, *task.memory, *a.actions}
     lines += _statements(a, task, [*terms, *task.renewed.values(), *task.measures], known, used)
-    modes = a.lanes.modes if a.lanes else ()
     writes = {
         **{s: s for s in a.states},
-        **{m: f"where(code > 0.0, {m}_before, {m})" for m in modes},
+        **{m: f"where(code > 0.0, {undo[m]}, {m})" for m in (a.lanes.modes if a.lanes else ())},
         **task.renewed,
         **{f"{t}_sum": f"{t}_sum + {t}" for t in terms},
         "numerics": f"code + where(trouble < {EVENT_BUDGET}, trouble, 0.0)" if a.lanes else "code",

@@ -423,6 +423,20 @@ def test_a_stop_that_is_moved_away_lets_go():
     assert batch.q[0, 1] == pytest.approx(0.3 + 0.5 * 9.81 * 0.1**2, abs=1e-9)
 
 
+@pytest.mark.parametrize("kwargs", [{"tolerance": 1e-6}, {"integrator": "rk4", "substeps": 4}], ids=str)
+def test_a_lane_whose_events_are_given_up_has_not_moved(kwargs):
+    batch = rde.BatchSimulator(scene(gravity=0.0, **kwargs), 2, track_work=True)
+    q, qd = [[0.3, 0.1, 0.3, 0.1]] * 2, [[0.0, 1e5, 0.0, 0.0], [0.1, 0.5, 0.0, 0.0]]
+    batch.set_state(q, qd)
+    status = batch.advance()
+    assert status.numerics.tolist() == [rde.Numerics.EVENT_BUDGET, 0]
+    np.testing.assert_array_equal(batch.q[0], q[0])
+    np.testing.assert_array_equal(batch.qd[0], qd[0])
+    assert batch.work[0] == 0.0
+    assert status.events[0] == 0
+    assert not [x for x in batch.events() if x.lane == 0]
+
+
 def test_simulate_refuses_a_motion_with_too_many_impacts():
     with pytest.raises(ValueError, match="more than 256 times in the control interval at t = 0 s"):
         rde.simulate(scene(gravity=0.0, tolerance=1e-6), [0.3, 0.1, 0.3, 0.1], [0, 1e5, 0, 0], [0.02, 0.04])

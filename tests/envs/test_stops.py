@@ -4,7 +4,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-import redundant_envs  # noqa: F401  (registers the ids)
+import redundant_envs as rde
 
 ENVIRONMENT = "redundant_envs/RPRPReach-v0"
 
@@ -55,6 +55,27 @@ def test_a_snapshot_continues_where_sliders_rest():
     again = driven(env, 20, seed=9)
     np.testing.assert_array_equal(first["distance"], again["distance"])
     np.testing.assert_array_equal(first["evaluations"], again["evaluations"])
+
+
+@pytest.mark.parametrize("integrator", ["euler", "rk4"])
+def test_a_lane_that_breaks_in_an_early_substep_shows_its_last_finite_state(integrator):
+    data = rde.load_scene("rprp_reach").to_dict()
+    data.update(integrator=integrator, substeps=20, tolerance=None)
+    env = gym.make_vec(
+        ENVIRONMENT, num_envs=9, scene=data, task={"speed_bound": 1e308}, autoreset_mode="disabled"
+    )
+    qd = np.zeros((9, 4))
+    qd[4] = 1e80, 0.0, -1e80, 0.0
+    env.reset(seed=0, options={"q": (0.3, 0.1, 0.5, 0.1), "qd": qd})
+    core = env.unwrapped.core
+    before = core.memory.read((*core.scene.robot.coordinates, *core.scene.robot.rates))
+    obs, reward, terminated, _, infos = env.step(np.zeros((9, 4), np.float32))
+    assert terminated.tolist() == [k == 4 for k in range(9)]
+    assert np.isfinite(obs).all()
+    assert np.isfinite(reward).all()
+    after = core.memory.read((*core.scene.robot.coordinates, *core.scene.robot.rates))
+    np.testing.assert_array_equal(after[4], before[4])
+    assert infos["numerics"][4] == 1
 
 
 def test_a_start_at_a_stop_is_allowed_and_one_beyond_it_is_not():
