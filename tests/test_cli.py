@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 
 import gymnasium as gym
 import numpy as np
@@ -113,6 +114,23 @@ def test_throughput_writes_csv(tmp_path, capsys):
     with (tmp_path / "throughput.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [(r["arm"], r["integrator"], r["lanes"]) for r in rows] == [("FourR", "rk4", "16")]
+
+
+def test_verify_counts_what_error_control_misses(capsys, tmp_path):
+    """A kink of stiffness is not seen well; a smooth scene and hard stops are."""
+    data = load_scene("rprp_reach").to_dict()
+    springs = [
+        {"type": "LimitSpring", "coordinate": r, "lower": 0.0, "upper": 0.25, "stiffness": 1e5}
+        for r in ("r1", "r2")
+    ]
+    data["effects"] = [x for x in data["effects"] if x["type"] != "PrismaticStop"] + springs
+    stiff = tmp_path / "stiff.yaml"
+    stiff.write_text(yaml.safe_dump(data), encoding="utf-8")
+    assert main(["verify", "--states", "4000", "four_r_reach", "rprp_reach", str(stiff)]) == 0
+    shares = [float(x) for x in re.findall(r"([\d.e-]+) %\s", capsys.readouterr().out.split("inverse")[1])]
+    assert shares[0] == 0.0
+    assert shares[1] <= 0.1
+    assert 0.1 < shares[2] < 5.0
 
 
 def test_verify_measures_a_scenes_own_step(capsys, tmp_path):

@@ -29,12 +29,15 @@ class Verification:
     reference : largest difference of the two references, m
     energy : 99th percentile of |change of energy - work|, J
     inverse : largest residual of inverse(forward) dynamics, relative
+    missed : share of states whose tip error is above the scene's tolerance without a flag; None
+        for a scene without a tolerance
     """
 
     tip_error: tuple[float, float, float]
     reference: float
     energy: float
     inverse: float
+    missed: float | None
 
     @property
     def good(self) -> bool:
@@ -42,8 +45,12 @@ class Verification:
         return self.tip_error[1] < ENOUGH
 
 
-def random_states(scene: Scene, count: int, seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Angles uniform all around, travel uniform, rates normal: 2 rad/s, 0.5 m/s."""
+def random_states(scene: Scene, count: int, seed: int) -> tuple[NDArray[np.float64], ...]:
+    """Coordinates, velocities and efforts, (count, 4) each.
+
+    Angles uniform all around, travel uniform, rates normal: 2 rad/s, 0.5 m/s. One slider in four
+    stands still at an end of its travel. Efforts are uniform within the scene's limits, if it has some.
+    """
     arm: Any = scene.robot
     rng = np.random.default_rng(seed)
     prismatic = np.array(arm.prismatic)
@@ -53,16 +60,24 @@ def random_states(scene: Scene, count: int, seed: int) -> tuple[NDArray[np.float
     for joint, (low, high) in scene.travel().items():
         joints[:, joint] = rng.uniform(values[low], values[high], count)
     rates = rng.normal(0.0, 1.0, (count, 4)) * np.where(prismatic, 0.5, 2.0)
+    for joint, (low, high) in scene.travel().items():
+        if prismatic[joint]:
+            at_end = rng.random(count) < 0.25
+            ends = np.where(rng.random(count) < 0.5, values[low], values[high])
+            joints[at_end, joint], rates[at_end, joint] = ends[at_end], 0.0
+    limits = np.array([values.get(f"effort_limits.limits[{k}]", 0.0) for k in range(4)])
     inverse = np.linalg.inv(arm.motor_map)
-    return joints @ inverse, rates @ inverse
+    return joints @ inverse, rates @ inverse, rng.uniform(-1.0, 1.0, (count, 4)) * limits
 
 
 def verify(scene: Scene, count: int = 1024, seed: int = 0) -> Verification:
     """Measure the errors of a scene's own step."""
     arm: Any = scene.robot
-    q, qd = random_states(scene, count, seed)
+    if count < 1:
+        raise ValueError(f"states is {count}; give at least 1")
+    q, qd, efforts = random_states(scene, count, seed)
 
-    def ends(factor: int) -> tuple[NDArray[np.float64], ...]:
+    def ends(factor: int) -> tuple[NDArray[Any], ...]:
         finer = scene
         if factor > 1:
             method = "rk8" if scene.integrator == "dop853" else scene.integrator
@@ -71,8 +86,8 @@ def verify(scene: Scene, count: int = 1024, seed: int = 0) -> Verification:
             )
         batch = BatchSimulator(finer, count, track_work=True)
         batch.set_state(q, qd)
-        batch.advance()
-        return batch.q, batch.qd, batch.work
+        status = batch.advance(efforts)
+        return batch.q, batch.qd, batch.work, status.numerics
 
     own, fine, finest = ends(1), ends(FINE), ends(FINER)
     tips = [arm.forward_kinematics(x[0]) for x in (own, fine, finest)]
@@ -86,5 +101,6 @@ def verify(scene: Scene, count: int = 1024, seed: int = 0) -> Verification:
         tip_error=(float(np.median(error)), float(np.quantile(error, 0.99)), float(error.max())),
         reference=float(np.linalg.norm(tips[1] - tips[2], axis=1).max()),
         energy=float(np.quantile(book, 0.99)),
+        missed=None if scene.tolerance is None else float(np.mean((error > scene.tolerance) & (own[3] == 0))),
         inverse=float((np.abs(back - forces).max(axis=1) / np.abs(forces).max(axis=1)).max()),
     )
