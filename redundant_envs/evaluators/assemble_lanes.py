@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from redundant_envs.algebra import arguments_of, gives_of
 from redundant_envs.effects.hooks import Force, Impact
@@ -31,6 +31,24 @@ from redundant_envs.integrators.tableaus import METHODS
 GROUP = 64
 """Blocks that go through equal steps together: few enough to stay in the cache."""
 MARK = "# ---- copied from here"
+
+
+class Plan(NamedTuple):
+    """Dialect functions of a plan of steps; all plans give their results the same names."""
+
+    begin: Callable[..., Any]
+    """The first step (left_first), and whether the common step is of no use (void)."""
+    judge: Callable[..., Any]
+    """Whether a piece is accurate enough (good), and the step if not (left_retry)."""
+    end: Callable[..., Any]
+    """At the end of a step: whether it was the last, and the next one if not (left_again)."""
+
+
+PLANS = {
+    "fixed": Plan(error_control.begin_fixed, error_control.judge_fixed, error_control.end_fixed),
+    "doubling": Plan(error_control.begin_doubling, error_control.judge_doubling, error_control.end_doubling),
+    "adaptive": Plan(error_control.begin_adaptive, error_control.judge_adaptive, error_control.end_adaptive),
+}
 
 
 @dataclass(frozen=True)
@@ -60,6 +78,11 @@ class LaneSteps:
         if scene.tolerance is not None:
             return cls(assembly, "doubling", stops)
         return cls(assembly, "fixed", stops) if stops else None
+
+    @property
+    def rules(self) -> Plan:
+        """How the plan begins, judges a piece and ends a step."""
+        return PLANS[self.plan_of_steps]
 
     # ---- rows ------------------------------------------------------------------------------------
 
@@ -250,12 +273,7 @@ class LaneSteps:
     def _begin(self) -> str:
         """Lanes that have just come from the common step."""
         a = self.assembly
-        plan = {
-            "fixed": ["left_first, void = h, 0.0"],
-            "doubling": [self.call(error_control.begin_doubling)] if self.plan_of_steps == "doubling" else [],
-            "adaptive": [self.call(error_control.begin_adaptive)] if self.plan_of_steps == "adaptive" else [],
-        }[self.plan_of_steps]
-        lines, fresh = [*plan], "0.0"
+        lines, fresh = [self.call(self.rules.begin)], "0.0"
         if self.stops:
             lines += [*self.at_stops.sliders, *self.at_stops.begun("before")]
             lines.append(f"contacts = {self.at_stops.contact_needed('_before')}")
@@ -302,17 +320,7 @@ class LaneSteps:
         """After a piece: what the lane does next."""
         a = self.assembly
         tried = "where(phase == 2.0, 1.0, where(phase == 4.0, 1.0, 0.0))"
-        judge = {
-            "fixed": ["good, left_retry = 1.0, left"],
-            "doubling": [self.call(error_control.judge_doubling)] if self.plan_of_steps == "doubling" else [],
-            "adaptive": [self.call(error_control.judge_adaptive)] if self.plan_of_steps == "adaptive" else [],
-        }[self.plan_of_steps]
-        end = {
-            "fixed": ["last, left_again = 1.0, left"],
-            "doubling": [self.call(error_control.end_doubling)] if self.plan_of_steps == "doubling" else [],
-            "adaptive": [self.call(error_control.end_adaptive)] if self.plan_of_steps == "adaptive" else [],
-        }[self.plan_of_steps]
-        lines = [*judge]
+        lines = [self.call(self.rules.judge)]
         if self.stops:
             lines += [
                 *self.at_stops.sliders,
@@ -322,19 +330,19 @@ class LaneSteps:
             ]
         else:
             lines += ["again, there, accepted = 0.0, 0.0, due * good"]
-        doubling = self.plan_of_steps == "doubling"
+        anew = self.plan_of_steps == "doubling"  # a failed piece begins the interval anew, not itself
         lost = "due * where(searched < 500.0, where(left - h == left - h, 0.0, 1.0), 1.0)"
         lines += [
             f"failed = due * {tried} * (1.0 - good)",
             # No event is looked for without end, and no time that is not a number is waited for.
             f"lost = {lost if self.stops else '0.0'}",
-            f"back = {'maximum(failed, lost)' if doubling else 'lost + 0.0 * failed'}",
-            f"retry = {'0.0 * failed' if doubling else 'failed'}",
+            f"back = {'maximum(failed, lost)' if anew else 'lost'}",
+            f"retry = {'0.0' if anew else 'failed'}",
             "moved = accepted + there",
             "elapsed_new = where(back > 0.0, 0.0, elapsed + where(moved > 0.0, h, 0.0))",
             "left_moved = left - h",
             "ended = where(accepted > 0.0, where(left_moved > 0.0, 0.0, 1.0), 0.0)",
-            *end,
+            self.call(self.rules.end),
             "done = ended * last",
             "continuing = accepted * (1.0 - done)",
             "left_new = where(failed > 0.0, left_retry, where(ended > 0.0, left_again, "

@@ -41,6 +41,27 @@ def least_steps(fastest, steady, interval):
     return interval * maximum(2.0 * fastest, steady)
 
 
+# ---- the plan of a fixed step: that step alone -----------------------------------------------------
+
+
+@physics(gives="left_first void")
+def begin_fixed(h):
+    """The step of the scene; what is known of the common step is of use."""
+    return h, 0.0
+
+
+@physics(gives="good left_retry")
+def judge_fixed(left):
+    """A fixed step asks for no accuracy."""
+    return 1.0, left
+
+
+@physics(gives="last left_again")
+def end_fixed(left):
+    """There is one step."""
+    return 1.0, left
+
+
 # ---- the plan of a tolerance: 1, 2, 4, ... 256 equal steps, until the sum of their errors passes ---
 
 
