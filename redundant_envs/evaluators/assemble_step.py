@@ -44,10 +44,10 @@ def right_hand_side(
             known.update(call.names)
 
     effort = {k: f"command{k + 1}" for k in range(4)}
-    field = {"ax": NO_FIELD, "ay": NO_FIELD}
+    field = {name: NO_FIELD for name in ("ax", "ay") if name not in known}
     for effect, hook in a.hooks:
-        if isinstance(hook, Impact):
-            continue  # it acts between steps
+        if isinstance(hook, Impact) or (isinstance(hook, Field) and not field):
+            continue  # it acts between steps, or is known before
         arguments = a.bound(effect, hook, hook.function)
         require(n for n in arguments if n not in known)
         if isinstance(hook, Field):
@@ -129,7 +129,7 @@ def error_lines(a: Assembly, used: list[Callable[..., Any]]) -> list[str]:
             lines.append(f"{s}_scale = {prefixed(scale)}({s}, {s}_new)")
         for e in ("e5", "e3"):
             squares = " + ".join(f"({s}_{e} * {s}_scale) ** 2" for s in a.states[:8])
-            lines.append(f"{e} = sqrt(({squares}) * 0.125)")
+            lines.append(f"{e} = h_{e} * sqrt(({squares}) * 0.125)")
     else:
         wanted = ["n1", "n2", "n3", "n4"]
         used.append(tip_error)
@@ -139,6 +139,6 @@ def error_lines(a: Assembly, used: list[Callable[..., Any]]) -> list[str]:
         pairs = list(zip(wanted, arm.coordinates, arm.rates, strict=True))
         for e in ("e5", "e3"):
             terms = (f"{n} * (abs({q}_{e}) + interval * abs({v}_{e}))" for n, q, v in pairs)
-            lines.append(f"{e} = {' + '.join(terms)}")
+            lines.append(f"{e} = h_{e} * ({' + '.join(terms)})")
     lines.append(f"error = {prefixed(tip_error)}(e5, e3)")
     return lines

@@ -11,9 +11,13 @@ from collections.abc import Sequence
 from redundant_envs.integrators.tableaus import Tableau
 
 
-def weighted_sum(weights: Sequence[float], term: str) -> str:
-    """ "w0*term0 + w1*term1 + ..." without the zero weights; ``term`` has {} for the stage."""
-    return " + ".join(f"{w!r} * {term.format(j)}" for j, w in enumerate(weights) if w != 0.0)
+def weighted_sum(weights: Sequence[float], term: str) -> tuple[float, str]:
+    """A factor and "term0 + w1*term1 + ..." without zero weights; ``term`` has {} for the stage.
+
+    The first weight is the factor, which is multiplied with the step once for all states.
+    """
+    (first, factor), *rest = ((j, w) for j, w in enumerate(weights) if w != 0.0)
+    return factor, " + ".join([term.format(first), *(f"{w / factor!r} * {term.format(j)}" for j, w in rest)])
 
 
 def step_lines(
@@ -22,7 +26,8 @@ def step_lines(
     """Lines that advance the named states by ``h`` and give them new names "<state>_new".
 
     ``call`` is the right-hand side with {} where the states of the stage go; it returns the
-    derivatives of the velocities and of the extra states.
+    derivatives of the velocities and of the extra states. A method with an error estimate gives
+    its two parts, up to their signs, as "h_e5" times "<state>_e5" and "h_e3" times "<state>_e3".
     """
     n = len(positions)
     states = (*positions, *velocities, *extra)
@@ -38,13 +43,24 @@ def step_lines(
     lines = []
     for i, row in enumerate(method.a):
         for s in states:
-            total = weighted_sum(row, slope[s])
-            lines.append(f"{s}_s{i} = {s} + h * ({total})" if total else f"{s}_s{i} = {s}")
+            if any(row):
+                factor, total = weighted_sum(row, slope[s])
+                lines.append(f"{s}_s{i} = {s} + (h * {factor!r}) * ({total})")
+            else:
+                lines.append(f"{s}_s{i} = {s}")
         results = ", ".join(f"{s}_k{i}" for s in (*velocities, *extra))
         lines.append(f"{results}, = {call.format(', '.join(f'{s}_s{i}' for s in states))}")
-    lines += [f"{s}_new = {s} + h * ({weighted_sum(method.b, slope[s])})" for s in states]
+    for s in states:
+        factor, total = weighted_sum(method.b, slope[s])
+        lines += [f"{s}_sum = {total}", f"{s}_new = {s} + (h * {factor!r}) * {s}_sum"]
     if method.error5:
+        # The lower of the two embedded methods differs from the method itself in three weights only.
+        first = method.b[0]
+        lower = [(e - b) / first for e, b in zip(method.error3, method.b, strict=True)]
         for s in states[: 2 * n]:
-            lines.append(f"{s}_e5 = h * ({weighted_sum(method.error5, slope[s])})")
-            lines.append(f"{s}_e3 = h * ({weighted_sum(method.error3, slope[s])})")
+            factor5, total = weighted_sum(method.error5, slope[s])
+            lines.append(f"{s}_e5 = {total}")
+            factor3, total = weighted_sum(lower, slope[s])
+            lines.append(f"{s}_e3 = {s}_sum + {factor3!r} * ({total})")
+        lines += [f"h_e5 = h * {abs(factor5)!r}", f"h_e3 = h * {first!r}"]
     return lines
