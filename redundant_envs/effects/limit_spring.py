@@ -24,7 +24,7 @@ def force(position, rate, lower, upper, stiffness, damping):
     """Spring and damper: the damper grows with depth, so the force is continuous at the limit,
     and the stop pushes, never pulls."""
     depth = position - clamp(position, lower, upper)
-    speed_in = where(depth > 0.0, rate, -rate)
+    speed_in = where(depth < 0.0, -rate, rate)
     return -depth * maximum(stiffness + damping * speed_in, 0.0)
 
 

@@ -230,15 +230,16 @@ def manipulability(l1, l2, l3, l4, s21, s31, s41, s32, s42, s43):
     )  # fmt: skip
 
 
-@physics(gives="inverse_l1 inverse_l2 inverse_l3 inverse_l4 inverse_m4")
-def reciprocals(l1, l2, l3, l4, m4):
-    return 1.0 / l1, 1.0 / l2, 1.0 / l3, 1.0 / l4, 1.0 / m4
+@physics(gives="inverse_l1 inverse_l2 inverse_l3 inverse_l4 inverse_m4 N3")
+def products_of_masses(m3, m4, l1, l2, l3, l4):
+    """What the elimination needs of masses and lengths alone."""
+    return 1.0 / l1, 1.0 / l2, 1.0 / l3, 1.0 / l4, 1.0 / m4, m3 * (m3 + m4)
 
 
 @physics(gives="qdd1 qdd2 qdd3 qdd4")
 def forward_dynamics(
     m1, m2, m3, m4, l1, l2, l3, l4, inverse_l1, inverse_l2, inverse_l3, inverse_l4, inverse_m4,
-    s1, c1, s21, c21, s32, c32, s43, c43, w1, w2, w3, w4, Q1, Q2, Q3, Q4, ax, ay,
+    N3, s1, c1, s21, c21, s32, c32, s43, c43, w1, w2, w3, w4, Q1, Q2, Q3, Q4, ax, ay,
 ):  # fmt: skip
     """O(n) elimination, tip to base and back, in the frame of each link: no mass matrix is formed.
 
@@ -254,7 +255,6 @@ def forward_dynamics(
     b2 = -l2 * w2 * w2
     b3 = -l3 * w3 * w3
     b4 = -l4 * w4 * w4
-    N3 = m3 * (m3 + m4)
     D3 = m3 + m4 * (s43 * s43)
     N2 = m2 * (m2 * D3 + N3)
     D2 = m2 * D3 + N3 * (s32 * s32)
@@ -336,10 +336,10 @@ class FourRArm(Arm):
     functions = (
         angle_differences, directions, wider_differences, joint_positions, joint_rates, motor_map,
         points, forward_kinematics, jacobian, tip_velocity, jacobian_dot_qd, inertia_products,
-        mass_matrix, reciprocals, bias_forces, coriolis_matrix, gravity_forces, potential_energy,
+        mass_matrix, products_of_masses, bias_forces, coriolis_matrix, gravity_forces, potential_energy,
         kinetic_energy, angular_momentum, manipulability, forward_dynamics,
     )  # fmt: skip
-    prepared = (reciprocals,)
+    prepared = (products_of_masses,)
     column_norms = staticmethod(column_norms)
     mobility_bounds = staticmethod(mobility_bounds)
     coordinates_of_joints = staticmethod(coordinates_of_joints)

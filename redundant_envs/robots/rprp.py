@@ -210,14 +210,15 @@ def manipulability(l1, l2, r1, r2, s12, c12):
     return sqrt((a * a + b * b) * (1.0 + c12 * c12) + (1.0 + a * a * b * b) * s12 * s12)
 
 
-@physics(gives="inverse_m4")
-def reciprocals(m4):
-    return 1.0 / m4
+@physics(gives="inverse_m4 S1 S3")
+def products_of_masses(m1, m3, m4, l1, l2):
+    """What the elimination needs of masses and lengths alone; S: first moments of mass."""
+    return 1.0 / m4, m1 * l1, m3 * l2
 
 
 @physics
 def elimination(
-    m1, m2, m3, m4, l1, l2, inverse_m4, r1, r2, s1, c1, s12, c12, w1, v1, w2, v2,
+    m2, m3, m4, l1, l2, inverse_m4, S1, S3, r1, r2, s1, c1, s12, c12, w1, v1, w2, v2,
     Q1, Q2, Q3, Q4, ax, ay, held2, held4,
 ):  # fmt: skip
     """O(n) elimination of the second link, then a 2 x 2 system: no mass matrix is formed.
@@ -231,8 +232,8 @@ def elimination(
     """
     a = l1 + r1
     b = l2 + r2
-    sigma = m3 * l2 + m4 * b
-    I = m3 * l2 * l2 + m4 * b * b
+    sigma = S3 + m4 * b
+    I = S3 * l2 + m4 * b * b
     inverse_I = 1.0 / I
     # What the second link adds at the slider: m2 1 + along e2 e2^T + kappa n2 n2^T, kappa I here.
     along = where(held4 > 0.0, m3 + m4, m3)
@@ -240,17 +241,19 @@ def elimination(
     Kee = m2 * I + along * I * (c12 * c12) + kappa * (s12 * s12)
     Ken = (kappa - along * I) * (c12 * s12)
     Kd = (m2 + along) * (m2 * I + kappa)
-    pe = where(held4 > 0.0, -sigma * w2 * w2, Q4 - m3 * l2 * w2 * w2)
-    pn = (sigma * Q3 - 2.0 * m3 * m4 * l2 * r2 * v2 * w2) * inverse_I
-    fe = Q2 - (pe * c12 + pn * s12)
+    squared = w2 * w2
+    coriolis = 2.0 * m4 * (v2 * w2)
+    pe = where(held4 > 0.0, -sigma * squared, Q4 - S3 * squared)
+    pn = (sigma * Q3 - S3 * r2 * coriolis) * inverse_I
+    fe = Q2 - pe * c12 - pn * s12
     fn = pn * c12 - pe * s12
     gn = ay * c1 - ax * s1
     be = ax * c1 + ay * s1 - a * w1 * w1
     bn = gn + 2.0 * v1 * w1
     # Slider 1 takes its share of the second link's pull along link 1, unless it is held.
     Knn = m2 * I + along * I * (s12 * s12) + kappa * (c12 * c12)
-    turn = Q1 - m1 * l1 * gn - a * fn
-    D1 = where(held2 > 0.0, m1 * l1 * l1 * I + a * a * Knn, m1 * l1 * l1 * Kee + a * a * Kd)
+    turn = Q1 - S1 * gn - a * fn
+    D1 = where(held2 > 0.0, S1 * l1 * I + a * a * Knn, S1 * l1 * Kee + a * a * Kd)
     inverse_D1 = 1.0 / D1
     inverse_Kee = 1.0 / Kee
     qdd1 = (
@@ -260,21 +263,21 @@ def elimination(
     y = a * qdd1 + bn  # acceleration of the slider across and along link 1
     x = where(held2 > 0.0, be, (fe * I - Ken * y) * inverse_Kee)
     qdd2 = where(held2 > 0.0, 0.0, x - be)
-    qdd3 = (Q3 - 2.0 * m4 * b * v2 * w2 - sigma * (x * s12 + y * c12)) * inverse_I
+    qdd3 = (Q3 - b * coriolis - sigma * (x * s12 + y * c12)) * inverse_I
     along_2 = x * c12 - y * s12
-    qdd4 = where(held4 > 0.0, 0.0, Q4 * inverse_m4 + b * w2 * w2 - along_2)
+    qdd4 = where(held4 > 0.0, 0.0, Q4 * inverse_m4 + b * squared - along_2)
     hold2 = (Kee * x + Ken * y) * inverse_I - fe
-    hold4 = m4 * (along_2 - b * w2 * w2) - Q4
+    hold4 = m4 * (along_2 - b * squared) - Q4
     return qdd1, qdd2, qdd3, qdd4, hold2, hold4
 
 
 @physics(gives="qdd1 qdd2 qdd3 qdd4")
 def forward_dynamics(
-    m1, m2, m3, m4, l1, l2, inverse_m4, r1, r2, s1, c1, s12, c12, w1, v1, w2, v2,
+    m2, m3, m4, l1, l2, inverse_m4, S1, S3, r1, r2, s1, c1, s12, c12, w1, v1, w2, v2,
     Q1, Q2, Q3, Q4, ax, ay,
 ):  # fmt: skip
     qdd1, qdd2, qdd3, qdd4, _, _ = elimination(
-        m1, m2, m3, m4, l1, l2, inverse_m4, r1, r2, s1, c1, s12, c12, w1, v1, w2, v2,
+        m2, m3, m4, l1, l2, inverse_m4, S1, S3, r1, r2, s1, c1, s12, c12, w1, v1, w2, v2,
         Q1, Q2, Q3, Q4, ax, ay, 0.0, 0.0,
     )  # fmt: skip
     return qdd1, qdd2, qdd3, qdd4
@@ -282,25 +285,25 @@ def forward_dynamics(
 
 @physics(gives="qdd1 qdd2 qdd3 qdd4 hold2 hold4")
 def held_dynamics(
-    m1, m2, m3, m4, l1, l2, inverse_m4, r1, r2, s1, c1, s12, c12, w1, v1, w2, v2,
+    m2, m3, m4, l1, l2, inverse_m4, S1, S3, r1, r2, s1, c1, s12, c12, w1, v1, w2, v2,
     Q1, Q2, Q3, Q4, ax, ay, held2, held4,
 ):  # fmt: skip
     """Accelerations while sliders with held > 0 rest on their links, and the forces that hold them [N]."""
     return elimination(
-        m1, m2, m3, m4, l1, l2, inverse_m4, r1, r2, s1, c1, s12, c12, w1, v1, w2, v2,
+        m2, m3, m4, l1, l2, inverse_m4, S1, S3, r1, r2, s1, c1, s12, c12, w1, v1, w2, v2,
         Q1, Q2, Q3, Q4, ax, ay, held2, held4,
     )  # fmt: skip
 
 
 @physics(gives="W12 W22 W32 W42 W14 W24 W34 W44")
-def slider_mobility(m1, m2, m3, m4, l1, l2, inverse_m4, r1, r2, s1, c1, s12, c12):
+def slider_mobility(m2, m3, m4, l1, l2, inverse_m4, S1, S3, r1, r2, s1, c1, s12, c12):
     """Columns 2 and 4 of M^-1: what a unit impulse along each slider does to the velocities."""
     W12, W22, W32, W42, _, _ = elimination(
-        m1, m2, m3, m4, l1, l2, inverse_m4, r1, r2, s1, c1, s12, c12, 0.0, 0.0, 0.0, 0.0,
+        m2, m3, m4, l1, l2, inverse_m4, S1, S3, r1, r2, s1, c1, s12, c12, 0.0, 0.0, 0.0, 0.0,
         0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
     )  # fmt: skip
     W14, W24, W34, W44, _, _ = elimination(
-        m1, m2, m3, m4, l1, l2, inverse_m4, r1, r2, s1, c1, s12, c12, 0.0, 0.0, 0.0, 0.0,
+        m2, m3, m4, l1, l2, inverse_m4, S1, S3, r1, r2, s1, c1, s12, c12, 0.0, 0.0, 0.0, 0.0,
         0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0,
     )  # fmt: skip
     return W12, W22, W32, W42, W14, W24, W34, W44
@@ -342,9 +345,9 @@ class RPRPArm(Arm):
         angle_difference, second_direction, joint_positions, joint_rates, motor_map,
         points, forward_kinematics, jacobian, tip_velocity, jacobian_dot_qd, mass_matrix,
         bias_forces, coriolis_matrix, gravity_forces, potential_energy, kinetic_energy,
-        angular_momentum, manipulability, reciprocals, forward_dynamics,
+        angular_momentum, manipulability, products_of_masses, forward_dynamics,
     )  # fmt: skip
-    prepared = (reciprocals,)
+    prepared = (products_of_masses,)
     column_norms = staticmethod(column_norms)
     mobility_bounds = staticmethod(mobility_bounds)
     held_dynamics = staticmethod(held_dynamics)
