@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from redundant_envs.algebra import arguments_of, gives_of
@@ -21,7 +20,7 @@ from redundant_envs.effects.hooks import Actuation, Effect, Field, Force
 from redundant_envs.evaluators.assemble_step import RightHandSide, right_hand_side, step_of
 from redundant_envs.evaluators.binding import helpers
 from redundant_envs.evaluators.quantities import Call, calls
-from redundant_envs.evaluators.text import block, function_text, indent, words
+from redundant_envs.evaluators.text import block, copied_text, emit, function_text, indent, words
 from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.scene import Scene, identifier
 from redundant_envs.tasks.reach import ReachTask
@@ -30,6 +29,10 @@ if TYPE_CHECKING:
     from redundant_envs.evaluators.assemble_lanes import LaneSteps
 
 LANES = 8
+COPIED = ("instructions.py", "order.py", "stages.py", "prelude.py")
+"""Files that every module begins with."""
+MOST_INLINED = 4
+"""Stages of a step up to which each has its own copy of the right-hand side."""
 PLACES = ("tip_x", "tip_y", "goal_x", "goal_y")
 """Achieved and desired goal, the last columns of the outputs."""
 
@@ -80,6 +83,11 @@ class Assembly:
         functions = self.scene.robot.prepared
         wanted = [name for f in functions for name in gives_of(f)]
         order = calls(wanted, self.parameters, functions, {})
+        for effect, hook in self.hooks:
+            if isinstance(hook, Field):
+                arguments = self.bound(effect, hook, hook.function)
+                if set(arguments) <= set(self.parameters):
+                    order.append(Call(("ax", "ay"), hook.function, tuple(arguments)))
         return order + self.lanes.steady_steps() if self.lanes else order
 
     @cached_property
@@ -172,7 +180,7 @@ class Assembly:
             *self.states, "error_sum", *(lanes.results if lanes else ()), "h", "interval",
             *(f"command{k}" for k in range(1, 5)), *self.numbers,
             *((*before, *lanes.plan) if lanes else before if self.task else ()),
-            *(("limit",) if self.task else ("state_defect", "numerics")),
+            *(("limit",) if self.task else ()),
             *self.actions, *self.memory, *(f"out_{n}" for n in self.outputs),
             *(f"obs_{i}" for i in range(len(self.observed))), *self.draws,
             *(lanes.log if lanes else ()),
@@ -190,7 +198,7 @@ class Assembly:
         """Numbers in the scratch block of lanes with steps of their own; 0 without."""
         return len(self.every_row) * LANES if self.lanes else 0
 
-    @property
+    @cached_property
     def stride(self) -> int:
         """Numbers in a block."""
         return len(self.rows) * LANES
@@ -200,19 +208,27 @@ class Assembly:
         return f"W[o + {self.rows[name] * LANES} + i]"
 
     def lane_function(
-        self, name: str, doc: str, lines: list[str], writes: Mapping[str, str], lanes: int = LANES
+        self,
+        name: str,
+        doc: str,
+        lines: list[str],
+        writes: Mapping[str, str],
+        lanes: int = LANES,
+        columns: tuple[str, ...] = (),
     ) -> str:
         """A function of every lane of a block, or of one: rows it names are its arguments.
 
-        ``writes`` maps rows to results.
+        ``writes`` maps rows to results; ``columns`` are results that go to arrays instead.
         """
-        named = words([*lines, *writes.values()])
+        results = (*columns, *writes.values())
+        named = words([*lines, *results])
         rows = self.every_row
         reads = [r for r in rows if r in named]
-        body = [f'"""{doc}"""', *lines, f"return {', '.join(writes.values())}"]
+        body = [f'"""{doc}"""', *lines, f"return {', '.join(results)}"]
         return (
             f"def {name}({', '.join(reads)}):\n{indent(body, 1)}\n\n\n"
-            f"{name} = straight_line({name}, reads={tuple(rows[r] for r in reads)}, "
+            f"{name} = {'report' if columns else 'straight_line'}({name}, "
+            f"reads={tuple(rows[r] for r in reads)}, "
             f"writes={tuple(rows[w] for w in writes)}{'' if lanes == LANES else f', lanes={lanes}'})"
         )
 
@@ -232,19 +248,34 @@ class Assembly:
         if self.lanes:
             lanes, lane_functions = self.lanes.kernels()
             kernels, functions = [*lanes, *kernels], [*functions, *lane_functions]
+        prepared = [call.function for call in self.prepared if call.function]
         effects = ", ".join(e.key for e in self.scene.effects) or "no effects"
         parts = [
             # No number of the scene stands here: changing numbers never compiles anew.
             f'"""{self.scene.robot.kind}, {self.scene.integrator}: {effects}.\n\n'
             'Assembled from the physics files; not to be edited.\n"""',
-            (Path(__file__).parent / "prelude.py").read_text(encoding="utf-8"),
+            *(copied_text(name) for name in COPIED),
             f"assert LANES == {LANES}\nSTRIDE = {self.stride}",
-            *(function_text(f) for f in helpers(functions)),
-            self.rhs_text,
+            *(function_text(f) for f in helpers([*functions, *prepared])),
+            *self._prepare_text(),
+            self.rhs_text + self.subroutine("rhs"),
             self._step_text,
             *kernels,
         ]
         return "\n\n".join(parts) + "\n"
+
+    def _prepare_text(self) -> list[str]:
+        """What :attr:`prepared` does, to be read: NumPy does it when a parameter is set."""
+        if not self.prepared:
+            return []
+        lines: list[str] = []
+        for call in self.prepared:
+            emit(call, lines, [])
+        named = words(lines)
+        names = [n for call in self.prepared for n in call.names]
+        body = ['"""What follows from the parameters alone."""', *lines, f"return {', '.join(names)}"]
+        arguments = ", ".join(n for n in self.parameters if n in named)
+        return [f"def prepare({arguments}):\n{indent(body, 1)}"]
 
     @cached_property
     def _step_text(self) -> str:
@@ -281,6 +312,12 @@ class Assembly:
         arguments, lines, _ = rhs
         return f"def {name}({', '.join((*self.states, *arguments))}):\n{indent(lines, 1)}"
 
+    def subroutine(self, name: str) -> str:
+        """Text after a right-hand side that makes it one function for all stages, if they are many."""
+        if METHODS[self.scene.integrator].stages <= MOST_INLINED:
+            return ""
+        return f"\n\n\n{name} = Subroutine({name}, positions=4, results={4 + self.track_work})"
+
     @cached_property
     def scalar_text(self) -> str:
         """Dialect functions, right-hand side and one ``step`` of a lane, for any evaluator."""
@@ -308,16 +345,20 @@ class Assembly:
         return bool(METHODS[self.scene.integrator].error5)
 
     def _advance_text(self) -> str:
-        defect = " + ".join(f"({s} - {s})" for s in self.states[:8])
+        defect = " + ".join(f"0.0 * {s}" for s in self.states[:8])
         trouble = " + trouble" if self.lanes else ""
         commands = [self.rows[f"command{k}"] for k in range(1, 5)]
-        given = {"finite": "state_defect"}
+        columns = {"finite": "defect", "numerics": f"where(defect == 0.0, 0.0, {NON_FINITE}){trouble}"}
         if self.estimates:
-            given["error"] = "error_sum"
+            columns["error"] = "error_sum"
         if self.lanes:
-            given |= {"evaluations": "evaluations", "numerics": "numerics"}
-            if "events" in self.rows:
-                given["events"] = "events"
+            columns["evaluations"] = "evaluations"
+        writes: dict[str, str] = {}
+        if self.lanes and self.lanes.stops:  # a lane whose events were given up has not moved
+            undo = {**self.lanes.undo, **dict.fromkeys(self.lanes.log[:1], "0.0")}
+            writes = {name: f"where(trouble >= {EVENT_BUDGET}, {was}, {name})" for name, was in undo.items()}
+            columns["events"] = f"where(trouble >= {EVENT_BUDGET}, 0.0, events)"
+            defect = f"where(trouble >= {EVENT_BUDGET}, 0.0, {defect})"
         first = [
             f"if lanes == {LANES}:",
             "    take_efforts(efforts, first_lane, W, o)",
@@ -325,29 +366,21 @@ class Assembly:
             "    for i in range(lanes):",
             *(f"        {self.at(f'command{k + 1}')} = efforts[first_lane + i, {k}]" for k in range(4)),
         ]
-        then = ["inspect(W, o)", *(f"give_{name}(W, o, {name}, first_lane)" for name in given)]
         body = [
             '"""Advance all lanes by one control interval; what is given back has whole blocks."""',
             "wide_vectors()",
             "count = efforts.shape[0]",
-            *self.block_loop(first, then),
+            *self.block_loop(first, [f"inspect(W, o, ({', '.join(columns)}), first_lane)"]),
         ]
-        writes = {"state_defect": "defect", "numerics": f"where(defect == 0.0, 0.0, {NON_FINITE}){trouble}"}
-        if self.lanes and self.lanes.stops:  # a lane whose events were given up has not moved
-            undo = {**self.lanes.undo, **dict.fromkeys(("events", *self.lanes.log[:1]), "0.0")}
-            writes |= {name: f"where(trouble >= {EVENT_BUDGET}, {was}, {name})" for name, was in undo.items()}
-            defect = f"where(trouble >= {EVENT_BUDGET}, 0.0, {defect})"
         parts = [
             self.lane_function(
-                "inspect", "Whether a state is not finite, and all trouble.", [f"defect = {defect}"], writes
+                "inspect",
+                "Whether a state is not finite, all trouble, and what the interval took.",
+                [f"defect = {defect}"],
+                writes,
+                columns=tuple(columns.values()),
             ),
-            "\n".join(
-                [
-                    f"take_efforts = take({commands})",
-                    *(f"give_{name} = give({self.rows[row]})" for name, row in given.items()),
-                    f"SIGNATURES = {SIGNATURES}",
-                ]
-            ),
+            f"take_efforts = take({commands})\nSIGNATURES = {SIGNATURES}",
             "def advance(W, S, efforts, error, finite, evaluations, events, numerics, substeps):\n"
             + indent(body, 1),
         ]

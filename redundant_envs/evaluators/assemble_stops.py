@@ -107,7 +107,7 @@ class StopLines:
         accelerations = {f"accel_{x}": f"qdd{k}" for x, k in zip("ab", joints, strict=True)}
         holds = {f"hold_{x}": f"hold{k}" for x, k in zip("ab", joints, strict=True)}
         return [
-            a.rhs_function("rhs_held", rhs),
+            a.rhs_function("rhs_held", rhs) + a.subroutine("rhs_held"),
             a.step_function("step_held", [*at_rest, *lines], only="moving"),
             a.lane_function(
                 "contact",

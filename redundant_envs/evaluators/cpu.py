@@ -113,7 +113,7 @@ def _load(key: str, text: str, what: str) -> dict[str, Callable[..., Any]]:
         path = folder / MODULE
         if not path.exists():
             _write_once(path, text + KERNELS)
-        with _announced(what) if fresh else contextlib.nullcontext():
+        with _announced(what) if fresh else contextlib.nullcontext(), _order_kept():
             kernels = _import(path, key)
         if fresh:
             _write_once(folder / "complete", "")
@@ -145,7 +145,7 @@ def _import(path: Path, key: str) -> dict[str, Callable[..., Any]]:
 def _compile_in_memory(text: str, what: str) -> dict[str, Callable[..., Any]]:
     module = types.ModuleType("redundant_envs_compiled")
     module.__dict__["CACHE"] = False
-    with _announced(what):
+    with _announced(what), _order_kept():
         exec(compile(text + KERNELS, "<assembled scene>", "exec"), module.__dict__)
     return {k: getattr(module, k) for k in module.SIGNATURES}
 
@@ -156,6 +156,23 @@ def _announced(what: str) -> Iterator[None]:
     start = time.perf_counter()
     yield
     print(f" {time.perf_counter() - start:.1f} s", file=sys.stderr, flush=True)
+
+
+@contextlib.contextmanager
+def _order_kept() -> Iterator[None]:
+    """LLVM leaves instructions in the order they are given, as evaluators/instructions.py wants.
+
+    The switch is one for all that LLVM compiles, so nothing else may compile meanwhile.
+    """
+    import llvmlite.binding as llvm
+    from numba.core.compiler_lock import global_compiler_lock
+
+    with global_compiler_lock:
+        llvm.set_option("redundant-envs", "-enable-misched=false")
+        try:
+            yield
+        finally:
+            llvm.set_option("redundant-envs", "-enable-misched=true")
 
 
 @contextlib.contextmanager

@@ -12,151 +12,43 @@ from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-LANES = 8
+from redundant_envs.evaluators.instructions import (
+    DOUBLE,
+    INT64,
+    LANES,
+    Condition,
+    Graph,
+    Number,
+    call,
+    constant,
+    like,
+    pointer,
+    value_of,
+    widen,
+)
+from redundant_envs.evaluators.stages import emit
+
+BLOCK = ir.VectorType(DOUBLE, LANES)
 OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}}
-FLAGS = ("contract",)
-DOUBLE = ir.DoubleType()
-INT64 = ir.IntType(64)
-
-
-class Number:
-    """A float64 of each lane, as the LLVM value that will hold them: a vector, or one double."""
-
-    __slots__ = ("builder", "value")
-
-    def __init__(self, builder, value):
-        self.builder = builder
-        self.value = value
-
-    def _with(self, operation, other, swapped=False):
-        a, b = self.value, _value(other, self.value.type)
-        if swapped:
-            a, b = b, a
-        return Number(self.builder, getattr(self.builder, operation)(a, b, flags=FLAGS))
-
-    def __add__(self, other):
-        return self._with("fadd", other)
-
-    def __radd__(self, other):
-        return self._with("fadd", other, True)
-
-    def __sub__(self, other):
-        return self._with("fsub", other)
-
-    def __rsub__(self, other):
-        return self._with("fsub", other, True)
-
-    def __mul__(self, other):
-        return self._with("fmul", other)
-
-    def __rmul__(self, other):
-        return self._with("fmul", other, True)
-
-    def __truediv__(self, other):
-        return self._with("fdiv", other)
-
-    def __rtruediv__(self, other):
-        return self._with("fdiv", other, True)
-
-    def __pow__(self, exponent):
-        if exponent not in (2, 3, 4):
-            raise TypeError(f"the exponent is {exponent!r}; the dialect compiles 2, 3 and 4")
-        square = self * self
-        return {2: square, 3: square * self, 4: square * square}[exponent]
-
-    def __neg__(self):
-        return Number(self.builder, self.builder.fneg(self.value, flags=FLAGS))
-
-    def __abs__(self):
-        return _call("llvm.fabs", self)
-
-    def _compare(self, how, other):
-        other = _value(other, self.value.type)
-        return Condition(self.builder, self.builder.fcmp_ordered(how, self.value, other))
-
-    def __lt__(self, other):
-        return self._compare("<", other)
-
-    def __le__(self, other):
-        return self._compare("<=", other)
-
-    def __gt__(self, other):
-        return self._compare(">", other)
-
-    def __ge__(self, other):
-        return self._compare(">=", other)
-
-    def __eq__(self, other):
-        return self._compare("==", other)
-
-    def __ne__(self, other):
-        value = self.builder.fcmp_unordered("!=", self.value, _value(other, self.value.type))
-        return Condition(self.builder, value)
-
-    __hash__ = None
-
-
-class Condition:
-    """A truth value of each lane."""
-
-    __slots__ = ("builder", "value")
-
-    def __init__(self, builder, value):
-        self.builder = builder
-        self.value = value
-
-    def __and__(self, other):
-        return Condition(self.builder, self.builder.and_(self.value, other.value))
-
-    def __or__(self, other):
-        return Condition(self.builder, self.builder.or_(self.value, other.value))
-
-
-def _value(x, type_):
-    return x.value if isinstance(x, Number) else _constant(type_, float(x))
-
-
-def _constant(type_, x):
-    """The same number in every lane of a vector, or one number."""
-    if isinstance(type_, ir.VectorType):
-        return ir.Constant(type_, [x] * type_.count)
-    return ir.Constant(type_, x)
-
-
-def _like(type_, scalar):
-    """The type of as many lanes as ``type_`` has, of another scalar type."""
-    return ir.VectorType(scalar, type_.count) if isinstance(type_, ir.VectorType) else scalar
-
-
-def _call(name, *numbers):
-    first = next(n for n in numbers if isinstance(n, Number))
-    type_ = first.value.type
-    suffix = f"v{type_.count}f64" if isinstance(type_, ir.VectorType) else "f64"
-    module = first.builder.module
-    function = module.globals.get(f"{name}.{suffix}")
-    if function is None:
-        signature = ir.FunctionType(type_, [type_] * len(numbers))
-        function = ir.Function(module, signature, f"{name}.{suffix}")
-    return Number(first.builder, first.builder.call(function, [_value(n, type_) for n in numbers]))
 
 
 def sqrt(x):
-    return _call("llvm.sqrt", x)
+    return call("llvm.sqrt", x)
 
 
 def exp(x):
-    return _call("llvm.exp", x)
+    return call("llvm.exp", x)
 
 
 def floor(x):
-    return _call("llvm.floor", x)
+    return call("llvm.floor", x)
 
 
 def where(condition, a, b):
     if isinstance(condition, bool):  # of two numbers that are known now
         return a if condition else b
-    type_ = _like(condition.value.type, DOUBLE)
-    value = condition.builder.select(condition.value, _value(a, type_), _value(b, type_))
+    type_ = like(condition.value.type, DOUBLE)
+    value = condition.builder.select(condition.value, value_of(a, type_), value_of(b, type_))
     return Number(condition.builder, value)
 
 
@@ -170,7 +62,7 @@ def maximum(a, b):
 
 def fma(a, b, c):
     """a b + c with one rounding, on every processor."""
-    return _call("llvm.fma", a, b, c)
+    return call("llvm.fma", a, b, c)
 
 
 def sincos(x):
@@ -180,7 +72,7 @@ def sincos(x):
     fdlibm (k_sin.c, k_cos.c) on [-pi/4, pi/4]; the quadrant swaps them and sets the signs.
     """
     builder = x.builder
-    bits = _like(x.value.type, INT64)
+    bits = like(x.value.type, INT64)
     shifted = fma(x, 0.6366197723675814, 6755399441055744.0)  # 2/pi, 1.5 * 2^52
     quadrant = builder.bitcast(shifted.value, bits)
     k = shifted - 6755399441055744.0
@@ -192,22 +84,16 @@ def sincos(x):
     s = r + r * z * (-1.66666666666666324348e-01 + z * s)
     c = -2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11)
     c = -1.38888888888741095749e-03 + z * (2.48015872894767294178e-05 + z * c)
-    c = (1.0 - 0.5 * z) + z * z * (4.16666666666666019037e-02 + z * c)
-    one = _constant(bits, 1)
-    odd = builder.icmp_signed("!=", builder.and_(quadrant, one), _constant(bits, 0))
-    odd = Condition(builder, odd)
-    return (
-        _signed(where(odd, c, s), quadrant),
-        _signed(where(odd, s, c), builder.add(quadrant, one)),
-    )
+    c = fma(z, fma(z, 4.16666666666666019037e-02 + z * c, -0.5), 1.0)
 
+    def has(bit):
+        masked = builder.and_(quadrant, constant(bits, bit))
+        return Condition(builder, builder.icmp_signed("!=", masked, constant(bits, 0)))
 
-def _signed(x, quadrant):
-    """x with its sign flipped if bit 1 of the quadrant is set."""
-    builder, bits = x.builder, quadrant.type
-    sign = builder.and_(builder.shl(quadrant, _constant(bits, 62)), _constant(bits, -(2**63)))
-    flipped = builder.xor(builder.bitcast(x.value, bits), sign)
-    return Number(builder, builder.bitcast(flipped, x.value.type))
+    odd, upper = has(1), has(2)
+    crossed = Condition(builder, builder.xor(odd.value, upper.value))
+    s, c = where(odd, c, s), where(odd, s, c)
+    return where(upper, -s, s), where(crossed, -c, c)
 
 
 def straight_line(function, reads, writes, lanes=LANES):
@@ -217,17 +103,12 @@ def straight_line(function, reads, writes, lanes=LANES):
     ``lanes=1`` of one lane's place in row 0, and treats that many lanes.
     """
 
-    type_ = DOUBLE if lanes == 1 else ir.VectorType(DOUBLE, lanes)
+    type_ = DOUBLE if lanes == 1 else BLOCK
 
     def body(builder, base):
-        def place(row):
-            return _pointer(builder, base, row * LANES, type_)
-
-        loaded = (builder.load(place(row), align=8) for row in reads)
-        results = function(*(Number(builder, value) for value in loaded))
-        results = results if isinstance(results, tuple) else (results,)
-        for row, result in zip(writes, results, strict=True):
-            builder.store(_value(result, type_), place(row), align=8)
+        values = _block_values(builder, base, function, reads, type_)
+        for row, value in zip(writes, values, strict=True):
+            builder.store(value, pointer(builder, base, row * LANES, type_), align=8)
 
     @intrinsic
     def step(typing_context, memory, index):
@@ -238,7 +119,7 @@ def straight_line(function, reads, writes, lanes=LANES):
             if callee is None:  # the first of its calls in this module
                 callee = ir.Function(builder.module, ir.FunctionType(ir.VoidType(), [base.type]), name)
                 callee.linkage = "internal"
-                _widen(callee)
+                widen(callee)
                 inner = ir.IRBuilder(callee.append_basic_block())
                 body(inner, callee.args[0])
                 inner.ret_void()
@@ -250,6 +131,14 @@ def straight_line(function, reads, writes, lanes=LANES):
     return step
 
 
+def _block_values(builder, base, function, reads, type_=BLOCK):
+    """The results of a lane function for the block, or the lane, whose row 0 is at ``base``."""
+    graph = Graph()
+    results = function(*(Number(graph, graph.load("row", row, type_)) for row in reads))
+    results = results if isinstance(results, tuple) else (results,)
+    return emit(builder, [value_of(r, type_) for r in results], base)
+
+
 def _entry(context, builder, signature, arguments, k):
     """Where the entry of array ``k`` lives whose index is the next argument."""
     array = context.make_array(signature.args[k])(context, builder, arguments[k])
@@ -259,31 +148,33 @@ def _entry(context, builder, signature, arguments, k):
     return builder.gep(array.data, [index])
 
 
-def _pointer(builder, base, offset, type_):
-    """Where ``offset`` numbers after ``base`` a value of ``type_`` lives."""
-    return builder.bitcast(builder.gep(base, [ir.Constant(INT64, offset)]), type_.as_pointer())
-
-
 def take(rows):
-    """Copy a block's lines of a table with as many columns into rows of the memory."""
+    """Copy a block's lines of a table with as many columns, an even number, into rows of the memory."""
+
+    def shuffled(builder, a, b, chosen):
+        mask = ir.Constant(ir.VectorType(ir.IntType(32), len(chosen)), chosen)
+        return builder.shuffle_vector(a, b, mask)
 
     @intrinsic
     def copy(typing_context, table, first, memory, index):
         def code(context, builder, signature, arguments):
             source = _entry(context, builder, signature, arguments, 0)
             base = _entry(context, builder, signature, arguments, 2)
-            item = source.type.pointee
-            columns = len(rows)
-            block = ir.VectorType(item, LANES * columns)
-            values = builder.load(_pointer(builder, source, 0, block), align=4)
-            type_ = ir.VectorType(DOUBLE, LANES)
-            for k, row in enumerate(rows):
-                chosen = [columns * i + k for i in range(LANES)]
-                mask = ir.Constant(ir.VectorType(ir.IntType(32), LANES), chosen)
-                column = builder.shuffle_vector(values, values, mask)
-                if item != DOUBLE:
-                    column = builder.fpext(column, type_)
-                builder.store(column, _pointer(builder, base, row * LANES, type_), align=8)
+            item, columns, half = source.type.pointee, len(rows), LANES // 2
+            lines = ir.VectorType(item, half * columns)
+            halves = [
+                builder.load(pointer(builder, source, k * lines.count, lines), align=4) for k in range(2)
+            ]
+            for k in range(0, columns, 2):
+                # Two columns of half a block are one vector, so two shuffles serve each column.
+                pair = [columns * i + c for c in (k, k + 1) for i in range(half)]
+                a, b = (shuffled(builder, values, values, pair) for values in halves)
+                for c in range(2):
+                    part = list(range(c * half, (c + 1) * half))
+                    column = shuffled(builder, a, b, [*part, *(LANES + i for i in part)])
+                    if item != DOUBLE:
+                        column = builder.fpext(column, BLOCK)
+                    builder.store(column, pointer(builder, base, rows[k + c] * LANES, BLOCK), align=8)
             return context.get_dummy_value()
 
         return types.void(table, first, memory, index), code
@@ -291,31 +182,34 @@ def take(rows):
     return copy
 
 
-def give(row):
-    """Copy a row of the memory to a block's part of an array; to booleans: whether it is 0.
+def report(function, reads, writes):
+    """A lane function whose first results go to a block's part of arrays, the others to rows.
 
-    To whole numbers it goes as it is: it must hold whole numbers.
+    Booleans get whether a result is 0; whole numbers get it as it is, so it must be one.
     """
 
     @intrinsic
-    def copy(typing_context, memory, index, column, first):
+    def tell(typing_context, memory, index, columns, first):
         def code(context, builder, signature, arguments):
             base = _entry(context, builder, signature, arguments, 0)
-            target = _entry(context, builder, signature, arguments, 2)
-            type_ = ir.VectorType(DOUBLE, LANES)
-            values = builder.load(_pointer(builder, base, row * LANES, type_), align=8)
-            if signature.args[2].dtype == types.boolean:
-                values = builder.fcmp_ordered("==", values, _constant(type_, 0.0))
-                values = builder.zext(values, ir.VectorType(ir.IntType(8), LANES))
-            elif isinstance(signature.args[2].dtype, types.Integer):
-                whole = ir.VectorType(target.type.pointee, LANES)
-                values = builder.fptosi(values, whole)
-            builder.store(values, _pointer(builder, target, 0, values.type), align=1)
+            values = _block_values(builder, base, function, reads)
+            count = len(signature.args[2])
+            for row, value in zip(writes, values[count:], strict=True):
+                builder.store(value, pointer(builder, base, row * LANES, value.type), align=8)
+            for k, (type_, value) in enumerate(zip(signature.args[2], values, strict=False)):
+                array = context.make_array(type_)(context, builder, builder.extract_value(arguments[2], k))
+                if type_.dtype == types.boolean:
+                    value = builder.fcmp_ordered("==", value, constant(value.type, 0.0))
+                    value = builder.zext(value, ir.VectorType(ir.IntType(8), LANES))
+                elif isinstance(type_.dtype, types.Integer):
+                    value = builder.fptosi(value, ir.VectorType(array.data.type.pointee, LANES))
+                target = builder.gep(array.data, [arguments[3]])
+                builder.store(value, pointer(builder, target, 0, value.type), align=1)
             return context.get_dummy_value()
 
-        return types.void(memory, index, column, first), code
+        return types.void(memory, index, columns, first), code
 
-    return copy
+    return tell
 
 
 def move(rows):
@@ -327,8 +221,8 @@ def move(rows):
             source = _entry(context, builder, signature, arguments, 0)
             goal = _entry(context, builder, signature, arguments, 2)
             for row in rows:
-                value = builder.load(_pointer(builder, source, row * LANES, DOUBLE))
-                builder.store(value, _pointer(builder, goal, row * LANES, DOUBLE))
+                value = builder.load(pointer(builder, source, row * LANES, DOUBLE))
+                builder.store(value, pointer(builder, goal, row * LANES, DOUBLE))
             return context.get_dummy_value()
 
         return types.void(memory, index, target, place), code
@@ -343,9 +237,8 @@ def any_set(row):
     def look(typing_context, memory, index):
         def code(context, builder, signature, arguments):
             base = _entry(context, builder, signature, arguments, 0)
-            type_ = ir.VectorType(DOUBLE, LANES)
-            values = builder.load(_pointer(builder, base, row * LANES, type_), align=8)
-            bits = builder.fcmp_unordered("!=", values, _constant(type_, 0.0))
+            values = builder.load(pointer(builder, base, row * LANES, BLOCK), align=8)
+            bits = builder.fcmp_unordered("!=", values, constant(BLOCK, 0.0))
             return builder.zext(builder.bitcast(bits, ir.IntType(LANES)), INT64)
 
         return types.int64(memory, index), code
@@ -353,17 +246,12 @@ def any_set(row):
     return look
 
 
-def _widen(function):
-    for attribute in ('"prefer-vector-width"="512"', '"stackrealign"'):
-        set.add(function.attributes, attribute)
-
-
 @intrinsic
 def wide_vectors(typing_context):
     """Ask LLVM for full-width vectors, and for an aligned stack to spill them to."""
 
     def code(context, builder, signature, arguments):
-        _widen(builder.function)
+        widen(builder.function)
         return context.get_constant(types.int64, 0)
 
     return types.int64(), code

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import Any
 
 from redundant_envs.algebra import is_physics
@@ -27,6 +28,12 @@ def function_text(function: Callable[..., Any]) -> str:
         if is_physics(called):
             text = re.sub(rf"\b{name}\(", f"{prefixed(called)}(", text)
     return text
+
+
+def copied_text(name: str) -> str:
+    """A file of this folder without what it imports from the others, which stand above it."""
+    text = (Path(__file__).parent / name).read_text(encoding="utf-8")
+    return re.sub(r"^from redundant_envs[^(\n]*(\([^)]*\))?\n", "", text, flags=re.MULTILINE)
 
 
 def words(lines: Iterable[str]) -> set[str]:

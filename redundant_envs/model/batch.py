@@ -7,6 +7,7 @@ import itertools
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +19,6 @@ from redundant_envs.model import parameters
 from redundant_envs.scene import Scene
 
 EVENT_KINDS = {1: "upper impact", 2: "lower impact", 3: "rest", 4: "release"}
-_NO_NUMERICS = np.zeros(0, dtype=np.int8)
 
 
 class Numerics(enum.IntFlag):
@@ -61,8 +61,7 @@ class Event:
     lane: int = 0
 
 
-@dataclass(frozen=True)
-class Status:
+class Status(NamedTuple):
     """What happened in one control interval, per lane.
 
     Attributes
@@ -121,11 +120,15 @@ class BatchSimulator:
         ]
         self._scratch = [np.zeros(self._assembly.scratch) for _ in self._parts]
         self._pool = ThreadPoolExecutor(len(self._parts)) if len(self._parts) > 1 else None
-        method = METHODS[scene.integrator]
-        # The same in every interval of a fixed step, so one array serves all calls.
-        self._evaluations = np.full(blocks * LANES, scene.substeps * method.stages)
-
-        self._no_events = np.zeros(blocks * LANES, dtype=np.int64)
+        count = blocks * LANES
+        stages = scene.substeps * METHODS[scene.integrator].stages
+        own = self._assembly.lanes
+        # What is the same in every interval is one array for all calls.
+        self._unchanging = (
+            None if self._assembly.estimates else np.full(count, np.nan),
+            None if own else np.full(count, stages),
+            None if own and own.stops else np.zeros(count, dtype=np.int64),
+        )
 
     @property
     def q(self) -> NDArray[np.float64]:
@@ -220,16 +223,14 @@ class BatchSimulator:
             table = np.asarray(efforts, dtype=np.float64)
             if table.shape != (n, 4):
                 table = self._table("efforts", efforts, n, 4)
-            if not (table.flags.c_contiguous and table.flags.writeable):
+            if not table.flags.carray:
                 table = table.copy(order="C")
-        lanes = self._memory.blocks.shape[0] * LANES
-        error = np.empty(lanes) if self._assembly.estimates else np.full(lanes, np.nan)
-        finite = np.empty(lanes, dtype=np.bool_)
-        evaluations, events, numerics = self._evaluations, self._no_events, _NO_NUMERICS
-        if self._assembly.lanes:
-            evaluations, numerics = np.empty(lanes, np.int64), np.empty(lanes, np.int8)
-            if self._assembly.lanes.stops:
-                events = np.empty(lanes, np.int64)
+        error, evaluations, events = self._unchanging
+        count = self._memory.flat.size // self._assembly.stride * LANES
+        error = np.empty(count) if error is None else error
+        evaluations = np.empty(count, np.int64) if evaluations is None else evaluations
+        events = np.empty(count, np.int64) if events is None else events
+        finite, numerics = np.empty(count, np.bool_), np.empty(count, np.int8)
         outputs = (error, finite, evaluations, events, numerics)
         substeps = self.scene.substeps
         if self._pool is None:
@@ -242,15 +243,10 @@ class BatchSimulator:
             ]
             for job in jobs:
                 job.result()
-        if not self._assembly.lanes:
-            numerics = np.logical_not(finite).view(np.int8)  # NON_FINITE is 1
-        return Status(
-            finite=finite[:n],
-            evaluations=evaluations[:n],
-            error_estimate=error[:n],
-            events=events[:n],
-            numerics=numerics[:n],
-        )
+        if count == n:
+            return Status(finite, evaluations, error, events, numerics)
+        # The last block is not full.
+        return Status(finite[:n], evaluations[:n], error[:n], events[:n], numerics[:n])
 
     def advance_partly(self, efforts: ArrayLike | None, duration: float) -> Status:
         """Advance by ``duration`` [s] instead of a control interval, in as many substeps."""

@@ -1,0 +1,191 @@
+"""The stages of a step as calls of one right-hand side, and lane functions as LLVM functions.
+
+Twelve copies of a right-hand side do not fit into a processor's instruction cache, so it becomes a
+function of its own, in two parts that do not wait for each other. The later part follows from the
+velocities of a stage and is a long chain. The earlier part, the sines above all, follows from its
+positions alone; those are known before the accelerations of the stage before are. So a call does the
+later part of its stage together with the earlier part of the next one.
+"""
+
+import itertools
+
+from llvmlite import ir
+
+from redundant_envs.evaluators.instructions import (
+    DOUBLE,
+    LANES,
+    Emitter,
+    Graph,
+    Number,
+    Operation,
+    Rows,
+    fuse,
+    pointer,
+    reached,
+    value_of,
+    widen,
+)
+from redundant_envs.evaluators.order import in_order
+
+
+class Subroutine:
+    """A function of the dialect that each stage calls.
+
+    Its first ``positions`` arguments do not depend on the results of the stage before.
+    """
+
+    def __init__(self, function, positions, results):
+        self.function = function
+        self.positions = positions
+        self.results = results
+
+    def __call__(self, *numbers):
+        graph = numbers[0].builder
+        return tuple(Number(graph, r) for r in graph.stage(self, [n.value for n in numbers]))
+
+
+class Stages:
+    """The calls of a subroutine in a graph, and the LLVM functions they call.
+
+    Arguments that are the same row in every call are loaded by the functions. What the earlier part
+    finds for the later one is carried to the next call in memory, in two places by turns.
+    """
+
+    def __init__(self, calls, module):
+        self.calls = calls
+        self.subroutine = calls[0].extra
+        self.type = calls[0].arguments[0].type
+        for before, after in itertools.pairwise(calls):
+            if before in reached(after.arguments[: self.subroutine.positions]):
+                name = self.subroutine.function.__name__
+                raise ValueError(f"positions given to {name} follow from its results in the stage before")
+        columns = list(zip(*(c.arguments for c in calls), strict=True))
+        self.given = [k for k, column in enumerate(columns) if any(a is not column[0] for a in column)]
+        graph = Graph()
+        numbers = [
+            Number(graph, graph.load("given", k, self.type) if k in self.given else a)
+            for k, a in enumerate(calls[0].arguments)
+        ]
+        results = [value_of(r, self.type) for r in self.subroutine.function(*numbers)]
+        fuse(results)
+        self.later, self.carried = self._split(results)
+        self.carriers = None
+        self.functions = {
+            "first": self._function(module, "first", [], self.carried),
+            "middle": self._function(module, "middle", self.later, self.carried),
+            "last": self._function(module, "last", self.later, []),
+        }
+
+    def _split(self, results):
+        """The results as they follow from velocities and carried values, and what those are."""
+        early = {}
+        for n in reached(results):
+            given = n.name == "load" and n.extra[0] == "given"
+            early[n] = n.extra[1] < self.subroutine.positions if given else all(early[a] for a in n.operands)
+        graph, later, carried = Graph(), {}, []
+
+        def in_later_part(n):
+            if not isinstance(n, Operation):
+                return n
+            if n not in later:
+                row = n.name == "load" and n.extra[0] == "row"
+                if early[n] and not row and n.type == self.type and n.name != "fneg":
+                    later[n] = graph.load("carried", len(carried), self.type)
+                    carried.append(n)
+                elif n.name == "load":
+                    later[n] = n
+                else:
+                    later[n] = Operation(n.name, [in_later_part(a) for a in n.arguments], n.extra, n.type)
+            return later[n]
+
+        return [in_later_part(r) for r in results], carried
+
+    def _function(self, module, part, results, carried):
+        """An LLVM function: memory, two places of carried values, given arguments -> results."""
+        made = ir.LiteralStructType([self.type] * len(results)) if results else ir.VoidType()
+        arguments = [DOUBLE.as_pointer()] * 3 + [self.type] * len(self.given)
+        name = f"{self.subroutine.function.__name__}_{part}"
+        function = ir.Function(module, ir.FunctionType(made, arguments), name)
+        function.linkage = "internal"
+        set.add(function.attributes, "noinline")
+        widen(function)
+        base, before, after, *values = function.args
+        for argument in (base, before, after):
+            argument.add_attribute("noalias")
+        builder = ir.IRBuilder(function.append_basic_block())
+        given = dict(zip(self.given, values, strict=True))
+        places = {
+            "row": Rows(builder, base),
+            "carried": Rows(builder, before),
+            "given": lambda k, type_: given[k],
+        }
+        emitter = Emitter(builder, places)
+        place = {n: k for k, n in enumerate(carried)}
+        for n in [*in_order([*results, *carried]), *carried]:
+            emitter.value(n)
+            if n in place:  # at once, so that it needs no register
+                address = pointer(builder, after, LANES * place.pop(n), self.type)
+                builder.store(emitter.value(n), address, align=8)
+        if not results:
+            builder.ret_void()
+            return function
+        value = ir.Constant(made, ir.Undefined)
+        for k, r in enumerate(results):
+            value = builder.insert_value(value, emitter.value(r), k)
+        builder.ret(value)
+        return function
+
+    def in_order(self, results):
+        """What some results need, with sums for the next call before the present one.
+
+        They fill its waits; sums for later ones would fill the registers.
+        """
+        nodes = reached(results)
+        calls = {c: i for i, c in enumerate(self.calls)}
+        ready, wanted = {}, {}  # calls that must be done before, and calls before it is needed
+        for n in nodes:
+            ready[n] = calls[n] + 1 if n in calls else max((ready[a] for a in n.operands), default=0)
+        for c, i in calls.items():
+            for k, a in enumerate(c.arguments):
+                for n in reached([a]):
+                    call = max(i - 1, 0) if k < self.subroutine.positions else i
+                    wanted[n] = min(call, wanted.get(n, call))
+
+        def place(n):
+            return calls.get(n, max(ready[n], wanted.get(n, len(calls)) - 1)), n in calls
+
+        return sorted(nodes, key=place)
+
+    def emit(self, emitter, node):
+        """The call of a stage; the first is preceded by the earlier part of its own."""
+        i = self.calls.index(node)
+        if self.carriers is None:
+            size = ir.Constant(ir.IntType(32), LANES * max(1, len(self.carried)))
+            self.carriers = [emitter.builder.alloca(DOUBLE, size) for _ in range(2)]
+            for c in self.carriers:
+                c.align = 8 * LANES  # a vector that straddles cache lines is read twice
+            self._call(emitter, "first", self.carriers[::-1], node, None)
+        carriers = self.carriers if i % 2 == 0 else self.carriers[::-1]
+        if i + 1 == len(self.calls):
+            return self._call(emitter, "last", carriers, None, node)
+        return self._call(emitter, "middle", carriers, self.calls[i + 1], node)
+
+    def _call(self, emitter, part, carriers, upcoming, present):
+        values = []
+        for k in self.given:
+            stage = upcoming if k < self.subroutine.positions else present
+            unused = ir.Constant(self.type, ir.Undefined)
+            values.append(emitter.value(stage.arguments[k]) if stage else unused)
+        arguments = [emitter.places["row"].base, *carriers, *values]
+        return emitter.builder.call(self.functions[part], arguments)
+
+
+def emit(builder, results, base):
+    """Emit what some results need of a graph whose rows begin at ``base``; gives their values."""
+    fuse(results)
+    calls = [n for n in reached(results) if n.name == "stage"]
+    stages = Stages(calls, builder.module) if calls else None
+    emitter = Emitter(builder, {"row": Rows(builder, base)}, stages)
+    for node in stages.in_order(results) if stages else in_order(results):
+        emitter.value(node)
+    return [emitter.value(r) for r in results]
