@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -114,6 +115,10 @@ class Scene:
 
     def parameters(self) -> dict[str, float]:
         """All numbers of the scene by parameter name: "m1", "gravity.g", "limit_spring.r1.upper"."""
+        return dict(self._parameters)
+
+    @functools.cached_property
+    def _parameters(self) -> dict[str, float]:
         values = dict(self.robot.parameter_values())
         for effect in self.effects:
             values.update({f"{effect.key}.{k}": v for k, v in effect.parameters().items()})

@@ -184,6 +184,8 @@ class Core:
         self, options: Mapping[str, Any], lanes: NDArray[np.intp]
     ) -> tuple[parameters.Table | None, list[tuple[tuple[str, ...], NDArray[np.float64]]]]:
         """Parameters and rows that options set, all valid."""
+        if not options:
+            return None, []
         for key in options:
             if key not in OPTION_KEYS:
                 raise ValueError(f"options has the unknown key {key!r}; valid: {', '.join(OPTION_KEYS)}")
