@@ -13,7 +13,15 @@ from numpy.typing import ArrayLike, NDArray
 from redundant_envs.effects import EffortLimits
 from redundant_envs.evaluators import cpu
 from redundant_envs.evaluators.assemble import assemble
-from redundant_envs.evaluators.assemble_task import DISABLED, NEXT_STEP, OBSERVE, RESET, SAME_STEP, STEP
+from redundant_envs.evaluators.assemble_task import (
+    CHECKED_STEP,
+    DISABLED,
+    NEXT_STEP,
+    OBSERVE,
+    RESET,
+    SAME_STEP,
+    STEP,
+)
 from redundant_envs.model import parameters
 from redundant_envs.scene import Scene, scene_at
 from redundant_envs.tasks.reach import ReachTask
@@ -66,12 +74,11 @@ class Core:
         self._tickets = np.zeros((num_envs, 5), dtype=np.uint32)
         self.keys, self.mask = self._tickets[:, :4], self._tickets[:, 4]
         self.waiting = np.zeros(num_envs, dtype=np.bool_)  # keys drawn and not yet used
-        self._no_actions = np.zeros((num_envs, 4), dtype=np.float32)
+        self._no_actions = np.zeros(4 * num_envs, dtype=np.float32)
         self.memory.blocks[:, self.memory.rows["limit"]] = episode_limit(max_episode_steps)
         self.obs_size = len(self.assembly.observed)
         self._width = len(self.columns)
         self._memory = self.memory.with_scratch
-        self._one = (1, self.obs_size)
         self._out = np.empty((1, self._width))
         self._row = self._out[0]
         self._substeps = self.scene.substeps
@@ -127,7 +134,10 @@ class Core:
         out = np.empty((n, self._width))
         if autoreset == SAME_STEP:
             obs, out = np.zeros((2 * n, self.obs_size), np.float32), np.zeros((2 * n, self._width))
-        self._kernel(self._memory, actions, obs, out, self._tickets, STEP, autoreset, self._substeps)
+        self._kernel(
+            self._memory, actions.reshape(-1), obs.reshape(-1), out, self._tickets, STEP, autoreset,
+            self._substeps,
+        )  # fmt: skip
         self.begun = None
         if autoreset != DISABLED and self.mask.any():
             self.begun = self.mask == (2 if autoreset == NEXT_STEP else 1)
@@ -136,15 +146,15 @@ class Core:
             self.provide_keys(np.flatnonzero(self.mask))
         return obs[:n], out[:n], obs[n:], out[n:]
 
-    def step_one(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], list[float]]:
+    def step_one(self, action: NDArray[np.float32], checked: bool) -> tuple[NDArray[np.float32], list[float]]:
         """:meth:`step` of a single lane without autoreset: its observations and its outputs.
 
-        The same kernel; only the observation is a new array, for a microsecond less.
+        The same kernel; only the observation is a new array, for a microsecond less. ``checked``
+        leaves the lane as it is if the action is not finite; the reward is NaN then.
         """
-        obs = np.empty(self._one, FLOAT32)
-        self._kernel(
-            self._memory, action.reshape(1, 4), obs, self._out, self._tickets, STEP, DISABLED, self._substeps
-        )
+        obs = np.empty(self.obs_size, FLOAT32)
+        op = CHECKED_STEP if checked else STEP
+        self._kernel(self._memory, action, obs, self._out, self._tickets, op, DISABLED, self._substeps)
         return obs, self._row.tolist()
 
     def begin(self, lanes: NDArray[np.bool_], options: Mapping[str, Any]) -> None:
@@ -174,7 +184,8 @@ class Core:
         obs = np.empty((self.num_envs, self.obs_size), np.float32)
         out = np.empty((self.num_envs, self._width))
         self._kernel(
-            self._memory, self._no_actions, obs, out, self._tickets, op, DISABLED, self._substeps
+            self._memory, self._no_actions, obs.reshape(-1), out, self._tickets, op, DISABLED,
+            self._substeps,
         )  # fmt: skip
         return obs, out
 
@@ -317,7 +328,7 @@ def check_action(actions: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
         type(actions) is np.ndarray
         and actions.dtype is FLOAT32
         and actions.shape == shape
-        and actions.flags.c_contiguous
+        and actions.flags.carray
     ):
         array = np.asarray(actions)
         if array.dtype == np.float64:  # a finite action must stay finite as float32
@@ -326,8 +337,9 @@ def check_action(actions: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
             raise ValueError(f"action has dtype {array.dtype}; give numbers")
         if array.shape != shape:
             raise ValueError(f"action has shape {array.shape}; give {shape}")
-        return np.ascontiguousarray(array, dtype=np.float32)
-    return actions if actions.flags.writeable else actions.copy()
+        actions = np.ascontiguousarray(array, dtype=np.float32)
+        return actions if actions.flags.carray else actions.copy()
+    return actions
 
 
 def refuse_bad_action(actions: NDArray[np.float32]) -> None:

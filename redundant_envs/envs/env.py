@@ -88,23 +88,22 @@ class ReachEnv(gym.Env[Any, Any]):
         if self._renderer is not None:
             self._renderer.clear()
         values = out[0].tolist()
-        return self._observation(obs, values), self._info(values)
+        return self._observation(obs[0], values), self._info(values)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One control step; the action is (4,) in [-1, 1], in units of the effort limits."""
         if self._strict is None:
             raise ValueError("step was called before reset; call reset() first")
         action = check_action(action, (4,))
-        total = sum(action.tolist())
-        if self._strict and total - total != 0.0:
-            refuse_bad_action(action)
-        obs, values = self.core.step_one(action)
+        obs, values = self.core.step_one(action, self._strict)
         reward, terminated = values[0], values[1] > 0.0
-        observation = self._observation(obs, values) if self.goal else obs[0]
+        if reward != reward and self._strict:
+            refuse_bad_action(action)
+        observation = self._observation(obs, values) if self.goal else obs
         return observation, reward, terminated, False, self._info(values)
 
     def _observation(self, obs: NDArray[np.float32], values: list[float]) -> Any:
-        return obs[0]
+        return obs
 
     def get_state(self) -> dict[str, Any]:
         """Snapshot of the environment, generator included; wrappers (TimeLimit) count for themselves."""
@@ -143,7 +142,7 @@ class ReachGoalEnv(ReachEnv):
 
     def _observation(self, obs: NDArray[np.float32], values: list[float]) -> Any:
         places = np.array(values[-4:])
-        return {"observation": obs[0], "achieved_goal": places[:2], "desired_goal": places[2:]}
+        return {"observation": obs, "achieved_goal": places[:2], "desired_goal": places[2:]}
 
     def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:
         """The compiled reward of one pair (2,) or of many (n, 2) of achieved and desired goals."""

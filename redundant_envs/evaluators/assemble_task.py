@@ -20,15 +20,14 @@ from redundant_envs.evaluators.quantities import calls
 from redundant_envs.evaluators.text import block, emit, indent, prefixed
 from redundant_envs.tasks.reach import ReachTask, goal_error
 
-STEP, RESET, OBSERVE = 0, 1, 2
+STEP, RESET, OBSERVE, CHECKED_STEP = 0, 1, 2, 3
 """What a call of the kernel does."""
 DISABLED, NEXT_STEP, SAME_STEP = 0, 1, 2
 """Autoreset modes of the kernel."""
 
 SIGNATURES = {
     "environment": (
-        "void(float64[::1], float32[:, ::1], float32[:, ::1], float64[:, ::1], uint32[:, ::1], "
-        "int64, int64, int64)"
+        "void(float64[::1], float32[::1], float32[::1], float64[:, ::1], uint32[:, ::1], int64, int64, int64)"
     ),
     "goal_reward": "void(float64[:, ::1], float64[:, ::1], float64, float64, float64[::1])",
 }
@@ -167,7 +166,7 @@ def _store(a: Assembly) -> str:
     body = [
         '"""Copy what lane i shows to row n of the tables."""',
         f"for k in range({len(a.observed)}):",
-        f"    obs[n, k] = W[o + ({a.rows['obs_0']} + k) * {LANES} + i]",
+        f"    obs[n * {len(a.observed)} + k] = W[o + ({a.rows['obs_0']} + k) * {LANES} + i]",
         f"for k in range({len(a.outputs)}):",
         f"    out[n, k] = W[o + ({a.rows['out_reward']} + k) * {LANES} + i]",
     ]
@@ -189,10 +188,10 @@ def _environment(a: Assembly) -> str:
     done = f"{a.at('out_terminated')} + {a.at('out_truncated')} > 0.0"
     take = [
         f"if lanes == {LANES}:",
-        "    take_actions(actions, first_lane, W, o)",
+        "    take_actions(actions, 4 * first_lane, W, o)",
         "else:",
         "    for i in range(lanes):",
-        *(f"        {a.at(f'action{k + 1}')} = actions[first_lane + i, {k}]" for k in range(4)),
+        *(f"        {a.at(f'action{k + 1}')} = actions[4 * (first_lane + i) + {k}]" for k in range(4)),
         "command(W, o)",
     ]
     settle = [
@@ -225,12 +224,18 @@ def _environment(a: Assembly) -> str:
         "",
         "A ticket is the key of a lane's next episode and, as its last number, whether the lane is to",
         "begin or has begun. After an autoreset in the same step the second half of obs and out holds",
-        "what was before it.",
+        "what was before it. A checked step whose actions are not all finite does nothing but give a",
+        "first reward that is not a number.",
         '"""',
         "wide_vectors()",
-        "count = actions.shape[0]",
+        "count = actions.size // 4",
         *([f"S = W[{BLOCKS} * STRIDE :]"] if a.lanes else []),
-        f"if op == {STEP}:",
+        f"if op == {CHECKED_STEP}:",
+        "    for k in range(actions.size):",
+        "        if not abs(actions[k]) < np.inf:",
+        "            out[0, 0] = np.nan",
+        "            return",
+        f"if op == {STEP} or op == {CHECKED_STEP}:",
         *block(a.block_loop(take, settle)),
         "else:",
         f"    for b in range((count + {LANES - 1}) // {LANES}):",

@@ -114,6 +114,20 @@ def test_bad_action_raises_in_a_single_environment(action, word):
         made().step(action)
 
 
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_a_refused_action_changes_nothing(bad):
+    env, twin = made(), made()
+    for e in (env, twin):
+        e.reset(seed=3)
+    with pytest.raises(ValueError, match="non-finite"):
+        env.step(np.array([0, 0, 0, bad], np.float32))
+    action = np.array([0.3, -0.1, 0.7, 0.2], np.float32)
+    for _ in range(3):
+        one, other = env.step(action), twin.step(action)
+        np.testing.assert_array_equal(one[0], other[0])
+        assert one[1:] == other[1:]
+
+
 def test_bad_action_ends_the_episode_when_asked():
     env = gym.make(ID, on_bad_action="terminate", disable_env_checker=True).unwrapped
     before, _ = env.reset(seed=0)
