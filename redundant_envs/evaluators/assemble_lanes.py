@@ -245,7 +245,11 @@ class LaneSteps:
         numbers = (*(f"{s}_before" for s in a.states[:8]), *(f"command{k}" for k in range(1, 5)))
         # Steps of their own do not help lanes whose state or effort is not finite.
         lines = [f"defect = {' + '.join(f'({n} - {n})' for n in numbers)}"]
-        writes = {"marked": "where(defect == 0.0, mark, 0.0)"}
+        first = a.states[0]
+        writes = {
+            "marked": "where(defect == 0.0, mark, 0.0)",
+            first: f"where(defect == 0.0, {first}, defect)",  # if no step has shown it, this does
+        }
         mark, unserved = "0.0", "2.0"
         if self.stops:
             lines += self.at_stops.meetings("before")

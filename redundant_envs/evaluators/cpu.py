@@ -41,6 +41,10 @@ for _name, _signature in SIGNATURES.items():
 """
 
 
+ORDER = "-enable-misched={}"
+"""LLVM's option for an order of its own."""
+
+
 def cache_folder() -> Path | None:
     """Where compiled modules live, or None where nothing may be written."""
     chosen = os.environ.get(CACHE_VARIABLE)
@@ -77,6 +81,7 @@ def module_key(text: str) -> str:
     facts = (
         text,
         KERNELS,
+        ORDER,
         numba.__version__,
         llvmlite.__version__,
         sys.version,
@@ -168,11 +173,11 @@ def _order_kept() -> Iterator[None]:
     from numba.core.compiler_lock import global_compiler_lock
 
     with global_compiler_lock:
-        llvm.set_option("redundant-envs", "-enable-misched=false")
+        llvm.set_option("redundant-envs", ORDER.format("false"))
         try:
             yield
         finally:
-            llvm.set_option("redundant-envs", "-enable-misched=true")
+            llvm.set_option("redundant-envs", ORDER.format("true"))
 
 
 @contextlib.contextmanager
@@ -229,7 +234,8 @@ class Memory:
     def prepare(self) -> None:
         """Renew what follows from the parameters alone; to be called after they are set."""
         values: dict[str, Any] = {n: self.blocks[:, self.rows[n]] for n in self.assembly.parameters}
-        run(self.assembly.prepared, values, PRIMITIVES)
+        with np.errstate(all="ignore"):  # both sides of a choice are computed, as in compiled code
+            run(self.assembly.prepared, values, PRIMITIVES)
         for call in self.assembly.prepared:
             for name in call.names:
                 self.blocks[:, self.rows[name]] = values[name]

@@ -5,6 +5,8 @@ in a :class:`Graph`. Little is left for the compiler to choose but registers: wh
 which sum is decided here, so that bits do not depend on it, and so is the order (order.py).
 """
 
+import math
+
 from llvmlite import ir
 
 LANES = 8
@@ -130,7 +132,10 @@ def like(type_, scalar):
 
 def call(name, *numbers):
     """An LLVM intrinsic of some numbers."""
-    builder, type_ = next((n.builder, n.value.type) for n in numbers if isinstance(n, Number))
+    known = [n for n in numbers if isinstance(n, Number)]
+    if not known:  # of literals: a number now
+        return float(getattr(math, name.removeprefix("llvm."))(*numbers))
+    builder, type_ = known[0].builder, known[0].value.type
     return Number(builder, builder.intrinsic(name, [value_of(n, type_) for n in numbers]))
 
 
@@ -222,12 +227,6 @@ class Graph:
     def xor(self, a, b):
         return self._record("xor", (a, b), None, a.type)
 
-    def shl(self, a, b):
-        return self._record("shl", (a, b), None, a.type)
-
-    def add(self, a, b):
-        return self._record("add", (a, b), None, a.type)
-
     def bitcast(self, a, type_):
         return self._record("bitcast", (a,), type_, type_)
 
@@ -271,6 +270,15 @@ def fuse(results):
     for value in [a for n in nodes for a in n.operands] + [r for r in results if isinstance(r, Operation)]:
         uses[value] += 1
     known = {}  # cycles after which a value is there
+
+    def negative(value):
+        number = _number_in(value)
+        if number is not None:
+            return constant(value.type, -number)
+        result = Operation("fneg", [value], None, value.type)
+        known[result] = known.get(value, 0)
+        return result
+
     for node in nodes:
         products = [
             k
@@ -283,21 +291,14 @@ def fuse(results):
             c = node.arguments[1 - k]
             if node.name == "fsub":
                 if k == 0:
-                    c = _negative(c)
+                    c = negative(c)
                 elif _number_in(b) is not None:
-                    b = _negative(b)
+                    b = negative(b)
                 else:
-                    a = _negative(a)
+                    a = negative(a)
             node.name, node.arguments = "llvm.fma", [a, b, c]
         ready = (known.get(a, 0) for a in node.operands)
         known[node] = max(ready, default=0) + node.latency
-
-
-def _negative(value):
-    number = _number_in(value)
-    if number is not None:
-        return constant(value.type, -number)
-    return Operation("fneg", [value], None, value.type)
 
 
 class Emitter:

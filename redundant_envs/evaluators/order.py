@@ -25,7 +25,7 @@ def source_of(value):
 
 
 def in_order(results):
-    """The operations that some results need, in an order that keeps a processor busy.
+    """The operations that some results need and that cost time, in an order that keeps a processor busy.
 
     A list schedule: in every cycle, of the operations whose operands are there, those begin that have
     the longest chains behind them. When as many values wait to be used as there are registers, it is

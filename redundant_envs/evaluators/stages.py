@@ -55,6 +55,8 @@ class Stages:
         self.calls = calls
         self.subroutine = calls[0].extra
         self.type = calls[0].arguments[0].type
+        if any(c.extra is not self.subroutine for c in calls):
+            raise ValueError("a lane function calls two subroutines; give it one")
         for before, after in itertools.pairwise(calls):
             if before in reached(after.arguments[: self.subroutine.positions]):
                 name = self.subroutine.function.__name__

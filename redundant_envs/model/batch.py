@@ -7,7 +7,7 @@ import itertools
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -64,6 +64,8 @@ class Event:
 class Status(NamedTuple):
     """What happened in one control interval, per lane.
 
+    What is the same in every interval of a scene (evaluations of equal steps) is read-only.
+
     Attributes
     ----------
     finite : (num_envs,) bool
@@ -83,6 +85,13 @@ class Status(NamedTuple):
     error_estimate: NDArray[np.float64]
     events: NDArray[np.int64]
     numerics: NDArray[np.int8]
+
+
+def _constant(array: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """An array, and the same array to be read only."""
+    shown = array.view()
+    shown.flags.writeable = False
+    return array, shown
 
 
 class BatchSimulator:
@@ -123,11 +132,11 @@ class BatchSimulator:
         count = blocks * LANES
         stages = scene.substeps * METHODS[scene.integrator].stages
         own = self._assembly.lanes
-        # What is the same in every interval is one array for all calls.
+        # What is the same in every interval is one array for all calls, to be read only.
         self._unchanging = (
-            None if self._assembly.estimates else np.full(count, np.nan),
-            None if own else np.full(count, stages),
-            None if own and own.stops else np.zeros(count, dtype=np.int64),
+            None if self._assembly.estimates else _constant(np.full(count, np.nan)),
+            None if own else _constant(np.full(count, stages)),
+            None if own and own.stops else _constant(np.zeros(count, dtype=np.int64)),
         )
 
     @property
@@ -225,11 +234,11 @@ class BatchSimulator:
                 table = self._table("efforts", efforts, n, 4)
             if not table.flags.carray:
                 table = table.copy(order="C")
-        error, evaluations, events = self._unchanging
         count = self._memory.flat.size // self._assembly.stride * LANES
-        error = np.empty(count) if error is None else error
-        evaluations = np.empty(count, np.int64) if evaluations is None else evaluations
-        events = np.empty(count, np.int64) if events is None else events
+        no_error, no_evaluations, no_events = self._unchanging
+        error, shown_error = no_error or 2 * (np.empty(count),)
+        evaluations, shown_evaluations = no_evaluations or 2 * (np.empty(count, np.int64),)
+        events, shown_events = no_events or 2 * (np.empty(count, np.int64),)
         finite, numerics = np.empty(count, np.bool_), np.empty(count, np.int8)
         outputs = (error, finite, evaluations, events, numerics)
         substeps = self.scene.substeps
@@ -244,9 +253,9 @@ class BatchSimulator:
             for job in jobs:
                 job.result()
         if count == n:
-            return Status(finite, evaluations, error, events, numerics)
+            return Status(finite, shown_evaluations, shown_error, shown_events, numerics)
         # The last block is not full.
-        return Status(finite[:n], evaluations[:n], error[:n], events[:n], numerics[:n])
+        return Status(finite[:n], shown_evaluations[:n], shown_error[:n], shown_events[:n], numerics[:n])
 
     def advance_partly(self, efforts: ArrayLike | None, duration: float) -> Status:
         """Advance by ``duration`` [s] instead of a control interval, in as many substeps."""

@@ -1,5 +1,6 @@
 """The compiled core: bits that depend on the lane alone, sines, draws, the cache."""
 
+import dataclasses
 import os
 import shutil
 import subprocess
@@ -11,6 +12,8 @@ import pytest
 
 import redundant_envs as rde
 from redundant_envs import algebra
+from redundant_envs.algebra import sqrt, where
+from redundant_envs.effects.hooks import Effect, Field
 from redundant_envs.evaluators import arrays, cpu
 from redundant_envs.evaluators.assemble import assemble, source
 
@@ -212,6 +215,21 @@ def test_bad_calls_name_the_field(call, words):
         assert word in str(error.value)
 
 
+@algebra.physics(gives="ax ay")
+def choosing_field(g):
+    return where(g > 0.0, sqrt(g), 0.0), where(g == 0.0, 0.0, 1.0 / g)
+
+
+@dataclasses.dataclass(frozen=True)
+class Weightless(Effect):
+    """A field of a parameter alone, one side of whose choices is no number."""
+
+    g: float = 1.0
+
+    def hooks(self, arm):
+        return (Field(choosing_field, {"g": ".g"}),)
+
+
 def test_sines_and_cosines_to_the_last_places():
     probe = rde.Scene(FOUR_R, (), integrator="euler", control_dt=1.0)
     text = assemble(probe).text
@@ -403,3 +421,41 @@ def test_one_rk8_step_of_a_control_interval_is_far_below_a_micrometre():
         ends.append(arm.forward_kinematics(run(scene, q, qd, np.zeros((4096, 4)), steps=1)[0][:, :4]))
     error = np.linalg.norm(ends[0] - ends[1], axis=1)
     assert np.quantile(error, 0.99) < 1e-7
+
+
+@pytest.mark.parametrize("integrator", ["euler", "rk4", "rk8", "dop853"])
+def test_an_effort_that_is_no_number_is_reported(integrator):
+    batch = rde.BatchSimulator(rde.Scene(FOUR_R, (e.Gravity(),), integrator=integrator), 9)
+    efforts = np.zeros((9, 4))
+    efforts[5, 1] = np.nan
+    status = batch.advance(efforts)
+    assert np.flatnonzero(~status.finite).tolist() == [5]
+    assert status.numerics[5] == rde.Numerics.NON_FINITE
+
+
+def test_an_effort_that_is_no_number_is_reported_of_a_slider_at_rest_too():
+    arm = rde.RPRP((1.0, 0.8, 0.6, 0.4), (0.5, 0.4))
+    stops = e.PrismaticStop((0.0, 0.0), (0.3, 0.3), restitution=0.0)
+    batch = rde.BatchSimulator(rde.Scene(arm, (e.Gravity(), stops), tolerance=1e-6), 1)
+    batch.set_state([[-1.5, 0.3, -1.5, 0.3]], np.zeros((1, 4)))
+    batch.advance()
+    assert batch._memory.read(("mode_a",))[0, 0] == 1.0
+    assert not batch.advance([[np.nan, 0.0, 0.0, 0.0]]).finite[0]
+
+
+def test_what_is_the_same_in_every_interval_is_read_only():
+    """One array serves all calls: adding to it in place must not change later ones."""
+    batch = rde.BatchSimulator(rde.Scene(FOUR_R, (), integrator="rk4"), 5)
+    status = batch.advance()
+    for shared in (status.evaluations, status.events, status.error_estimate):
+        with pytest.raises(ValueError, match="read-only"):
+            shared += 1
+    assert batch.advance().evaluations.tolist() == [4] * 5
+
+
+def test_prepared_numbers_warn_no_more_than_compiled_ones(recwarn):
+    arm = rde.FourR((1.0,) * 4, (0.5,) * 4)
+    batch = rde.BatchSimulator(rde.Scene(arm, (Weightless(),), integrator="rk4"), 2)
+    batch.set_parameters({"weightless.g": [0.0, -2.0]})
+    assert batch.advance().finite.all()
+    assert not recwarn.list
