@@ -73,7 +73,8 @@ class Status(NamedTuple):
     evaluations : (num_envs,) int
         Evaluations of the right-hand side.
     error_estimate : (num_envs,) float
-        Estimated tip error of the interval [m]; NaN for methods without an estimate.
+        Estimated tip error of the interval [m]; of dop853 that of its last step in units of its
+        tolerance; NaN for methods without an estimate.
     events : (num_envs,) int
         Located events.
     numerics : (num_envs,) int
