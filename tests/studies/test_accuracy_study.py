@@ -6,6 +6,7 @@ import csv
 import dataclasses
 import importlib.util
 import math
+import re
 
 import numpy as np
 import pytest
@@ -255,7 +256,8 @@ def test_the_study_writes_its_files(tmp_path, capsys):
     text = page.read_text(encoding="utf-8")
     assert "`a command`" in text
     assert "![](accuracy_work_precision.png)" in text
-    assert "| 4R | 1 mm | rk4, 1 x 20 ms |" in text
+    # Which of them is the cheapest is a matter of time, and tests share their machine.
+    assert re.search(r"\| 4R \| 1 mm \| rk[48], \d x \d+ ms \| [\d.]+ [nu]s \|", text)
     with files[0].open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 3 + 3 + 2
