@@ -215,29 +215,34 @@ class Assembly:
         writes: Mapping[str, str],
         lanes: int = LANES,
         columns: tuple[str, ...] = (),
+        special: tuple[str, Mapping[str, float]] | None = None,
     ) -> str:
         """A function of every lane of a block, or of one: rows it names are its arguments.
 
         ``writes`` maps rows to results; ``columns`` are results that go to arrays instead.
+        ``special`` names a second form, for blocks whose rows hold known numbers.
         """
         results = (*columns, *writes.values())
         named = words([*lines, *results])
         rows = self.every_row
         reads = [r for r in rows if r in named]
         body = [f'"""{doc}"""', *lines, f"return {', '.join(results)}"]
-        return (
-            f"def {name}({', '.join(reads)}):\n{indent(body, 1)}\n\n\n"
-            f"{name} = {'report' if columns else 'straight_line'}({name}, "
-            f"reads={tuple(rows[r] for r in reads)}, "
-            f"writes={tuple(rows[w] for w in writes)}{'' if lanes == LANES else f', lanes={lanes}'})"
-        )
+        places = f"reads={tuple(rows[r] for r in reads)}, writes={tuple(rows[w] for w in writes)}"
+        text = f"def {name}({', '.join(reads)}):\n{indent(body, 1)}\n\n\n"
+        if special:
+            form, known = special
+            numbers = {rows[r]: value for r, value in known.items()}
+            text += f"{form} = straight_line({name}, {places}, known={numbers})\n"
+        kind = "report" if columns else "straight_line"
+        return f"{text}{name} = {kind}({name}, {places}{'' if lanes == LANES else f', lanes={lanes}'})"
 
     # ---- text ------------------------------------------------------------------------------------
 
     @cached_property
     def text(self) -> str:
         """The whole module."""
-        functions = self._step[2]
+        stopped = bool(self.lanes and self.lanes.stops)
+        functions = [] if stopped else self._step[2]
         if self.task is not None:
             from redundant_envs.evaluators.assemble_task import task_kernels
 
@@ -258,8 +263,7 @@ class Assembly:
             f"assert LANES == {LANES}\nSTRIDE = {self.stride}",
             *(function_text(f) for f in helpers([*functions, *prepared])),
             *self._prepare_text(),
-            self.rhs_text + self.subroutine("rhs"),
-            self._step_text,
+            *([] if stopped else [self.rhs_text + self.subroutine(), self._step_text]),
             *kernels,
         ]
         return "\n\n".join(parts) + "\n"
@@ -283,20 +287,21 @@ class Assembly:
         if self.estimates and not self.lanes:
             text = self.lane_function("clear", "Before an interval.", [], {"error_sum": "0.0"})
             text += "\n\n\n"
-        return text + self.step_function("step", self._step[1])
+        writes = {**{s: f"{s}_new" for s in self.states}, **self.error_writes}
+        return text + self.lane_function("step", "One step of every lane of a block.", self._step[1], writes)
 
-    def step_function(self, name: str, lines: list[str], only: str = "") -> str:
-        """A step of every lane of a block, or of those for which the number ``only`` is positive."""
-        writes = {s: f"where({only} > 0.0, {s}_new, {s})" if only else f"{s}_new" for s in self.states}
-        if self.estimates:
-            # The error of an adaptive step decides on that step, all others are summed up.
-            writes["error_sum"] = "error" if self.scene.integrator == "dop853" else "error_sum + error"
-        return self.lane_function(name, "One step of every lane of a block.", lines, writes)
+    @property
+    def error_writes(self) -> dict[str, str]:
+        """Row of the error of a step, if the method gives one, and what goes there."""
+        if not self.estimates:
+            return {}
+        # The error of an adaptive step decides on that step, all others are summed up.
+        return {"error_sum": "error" if self.scene.integrator == "dop853" else "error_sum + error"}
 
     @cached_property
     def _step(self) -> tuple[list[str], list[str], list[Callable[..., Any]]]:
         """Numbers a step needs, its straight lines, and the dialect functions it calls."""
-        lines, functions = step_of(self, "rhs", self._rhs)
+        lines, functions = step_of(self, self._rhs)
         named = words(lines)
         commands = tuple(f"command{k}" for k in range(1, 5))
         needs = [n for n in (*commands, *self.numbers) if n in named]
@@ -305,18 +310,21 @@ class Assembly:
     @cached_property
     def rhs_text(self) -> str:
         """The right-hand side as one function of a lane."""
-        return self.rhs_function("rhs", self._rhs)
+        return self.rhs_function(self._rhs)
 
-    def rhs_function(self, name: str, rhs: RightHandSide) -> str:
+    def rhs_function(self, rhs: RightHandSide) -> str:
         """A right-hand side as a function of a lane."""
         arguments, lines, _ = rhs
-        return f"def {name}({', '.join((*self.states, *arguments))}):\n{indent(lines, 1)}"
+        return f"def rhs({', '.join((*self.states, *arguments))}):\n{indent(lines, 1)}"
 
-    def subroutine(self, name: str) -> str:
-        """Text after a right-hand side that makes it one function for all stages, if they are many."""
+    def subroutine(self, more: int = 0) -> str:
+        """Text after the right-hand side that makes it one function for all stages, if they are many.
+
+        It has ``more`` results than there are velocities and works.
+        """
         if METHODS[self.scene.integrator].stages <= MOST_INLINED:
             return ""
-        return f"\n\n\n{name} = Subroutine({name}, positions=4, results={4 + self.track_work})"
+        return f"\n\n\nrhs = Subroutine(rhs, positions=4, results={4 + self.track_work + more})"
 
     @cached_property
     def scalar_text(self) -> str:

@@ -115,6 +115,7 @@ class LaneSteps:
         """Rows of what the common step tells the lanes that leave it."""
         names = ["error_before", "floor", "served", "marked"]
         if self.stops:
+            names += ["phase", "pull"]
             names += ["events_before", *(f"{m}_before" for m in self.modes)]
             names += ["met_a", "turns_a", "met_b", "turns_b"]
         if self.log:
@@ -134,7 +135,8 @@ class LaneSteps:
     @cached_property
     def scratch(self) -> tuple[str, ...]:
         """Rows of the scratch block alone."""
-        names = [*(f"{s}_from" for s in self.assembly.states), "from_error", "elapsed", "left", "phase"]
+        names = [*(f"{s}_from" for s in self.assembly.states), "from_error", "elapsed", "left"]
+        names += [] if self.stops else ["phase"]
         names += ["home", "newly", "due", "steps_of_lane", "steps_left"]
         if self.stops:
             names += ["touching", "held", "target", "side", "low", "high", "gap_low", "gap_high", "tries"]
@@ -192,7 +194,7 @@ class LaneSteps:
             parts += self.at_stops.held()
             parts.append(self.at_stops.touch())
         parts += [self._begin(), self._look(), self._decide()]
-        self._texts[:] = [*parts[3:], a._step_text, a.rhs_text]
+        self._texts[:] = parts[3:] if self.stops else [*parts[3:], a._step_text, a.rhs_text]
         parts += [self._constants(), self._another_piece()]
         text = (Path(__file__).parent / "redo.py").read_text(encoding="utf-8")
         parts.append(text.split(MARK, 1)[1].split("\n", 1)[1].strip())
@@ -217,7 +219,7 @@ class LaneSteps:
         lines, serves = [], "1.0"
         if self.stops:
             kept |= {"events_before": "events", **{f"{m}_before": m for m in self.modes}}
-            serves = "where(abs(mode_a) + abs(mode_b) > 0.0, 0.0, 1.0)"
+            kept |= {"phase": "2.0", "pull": "0.0"}
         if self.plan_of_steps != "fixed":
             turning = [v for v, slides in zip(arm.rates, arm.prismatic, strict=True) if not slides]
             fastest = f"abs({turning[0]})"
@@ -253,7 +255,8 @@ class LaneSteps:
         mark, unserved = "0.0", "2.0"
         if self.stops:
             lines += self.at_stops.meetings("before")
-            mark = "where(abs(met_a_now) + abs(met_b_now) > 0.0, 2.0, 0.0)"
+            meets = " + ".join(f"where(mode_{x} == 0.0, abs(met_{x}_now), 0.0)" for x in "ab")
+            mark = f"where({meets} > 0.0, 2.0, where(pull > 0.0, 2.0, 0.0))"
             writes |= MEETINGS
         if self.plan_of_steps == "doubling":
             mark = f"where(error_sum <= tip_tolerance, {mark}, 1.0)"
@@ -429,13 +432,18 @@ class LaneSteps:
 
     def _constants(self) -> str:
         a, rows = self.assembly, self.assembly.every_row
-        own = set(self.scratch)
+        own = {*self.scratch, "phase", "pull"}
         named = words(self._texts)
         entering = [r for r in a.rows if r in named and r not in own and not r.startswith(("obs_", "out_"))]
         leaving = [*a.states, "error_sum", *self.results]
         if self.log:
             entering.append("span_start")  # named by its place only, where events are told
-        asked = ["marked", "served", "newly", *(("due", "touching", "held") if self.stops else ())]
+        asked = [
+            "marked",
+            "served",
+            "newly",
+            *(("due", "touching", "held", *self.modes) if self.stops else ()),
+        ]
         lines = [
             *(f"{n.upper()} = {rows[n] * LANES}" for n in ("marked", "newly", "phase", "home")),
             "COMPLETE = 6.0",
@@ -483,7 +491,16 @@ class LaneSteps:
         All blocks go through the common step; those with a lane that it does not serve wait, so
         that such lanes of the whole batch fill the scratch block together.
         """
-        common = ["if any_served(W, o) & ((1 << lanes) - 1):", "    step(W, o)"]
+        step = ["step(W, o)"]
+        if self.stops:
+            step = [
+                "if any_mode_a(W, o) | any_mode_b(W, o):",
+                "    step_held(W, o)",
+                "    press(W, o)",
+                "else:",
+                "    step(W, o)",
+            ]
+        common = ["if any_served(W, o) & ((1 << lanes) - 1):", *block(step)]
         if self.plan_of_steps == "adaptive":
             common = []
         if self.plan_of_steps != "fixed":

@@ -107,12 +107,14 @@ def right_hand_side(
     return [n for n in given if n in named], lines, used
 
 
-def step_of(a: Assembly, name: str, rhs: RightHandSide) -> tuple[list[str], list[Callable[..., Any]]]:
-    """Straight lines of a step with the right-hand side of a name, and dialect functions."""
+def step_of(
+    a: Assembly, rhs: RightHandSide, watched: Sequence[str] = ()
+) -> tuple[list[str], list[Callable[..., Any]]]:
+    """Straight lines of a step with a right-hand side, and dialect functions."""
     arm, method = a.scene.robot, METHODS[a.scene.integrator]
     arguments, _, functions = rhs
-    call = f"{name}({{}}, {', '.join(arguments)})"
-    lines = step_lines(method, arm.coordinates, arm.rates, a.states[8:], call)
+    call = f"rhs({{}}, {', '.join(arguments)})"
+    lines = step_lines(method, arm.coordinates, arm.rates, a.states[8:], call, watched)
     used = list(functions)
     if a.estimates:
         lines += error_lines(a, used)

@@ -93,11 +93,18 @@ class StopLines:
         functions.append(arm.held_dynamics)
         joints = [hook.joint + 1 for _, hook in self.stops]
         at_rest = [f"held{k} = abs({m})" for k, m in zip(joints, self.lanes.modes, strict=True)]
-        rhs = right_hand_side(a, functions, [f"held{k}" for k in joints])
-        lines, step_functions = step_of(a, "rhs_held", rhs)
+        arguments, motion, used = right_hand_side(a, functions, [f"held{k}" for k in joints])
+        pulls = [
+            f"where(held{k} > 0.0, {m} * hold{k}, 0.0)" for k, m in zip(joints, self.lanes.modes, strict=True)
+        ]
+        contact = [*at_rest, *motion[:-1]]
+        pressed = list(contact)
+        pull = f"pull_now = maximum({', '.join(pulls)})"
+        arguments = [*(n for n in arguments if not n.startswith("held")), *self.lanes.modes]
+        rhs = arguments, [*contact, pull, f"{motion[-1]}, pull_now"], used
+        lines, step_functions = step_of(a, rhs, ["pull"])
         lines.append("moving = where(phase >= 2.0, where(phase <= 5.0, 1.0, 0.0), 0.0)")
         self.lanes.used.extend(step_functions)
-        contact = [*at_rest, *rhs[1][:-1]]
         known = {*a.states, *a.numbers, *words(line.split(" = ")[0] for line in contact)}
         mobility = {
             f"mobility{i}_{x}": f"W{i}{k}" for x, k in zip("ab", joints, strict=True) for i in range(1, 5)
@@ -106,9 +113,23 @@ class StopLines:
             emit(call, contact, self.lanes.used)
         accelerations = {f"accel_{x}": f"qdd{k}" for x, k in zip("ab", joints, strict=True)}
         holds = {f"hold_{x}": f"hold{k}" for x, k in zip("ab", joints, strict=True)}
+        writes = {s: f"where(moving > 0.0, {s}_new, {s})" for s in a.states}
+        free = ("step", {**dict.fromkeys(self.lanes.modes, 0.0), "phase": 2.0})
         return [
-            a.rhs_function("rhs_held", rhs) + a.subroutine("rhs_held"),
-            a.step_function("step_held", [*at_rest, *lines], only="moving"),
+            a.rhs_function(rhs) + a.subroutine(1),
+            a.lane_function(
+                "step_held",
+                "One step of the lanes of a block that move.",
+                lines,
+                {**writes, **a.error_writes, "pull": "pull_new"},
+                special=free,
+            ),
+            a.lane_function(
+                "press",
+                "After a step: how hard the stops would have to pull, now or at its stages.",
+                [*pressed, pull],
+                {"pull": "maximum(pull, pull_now)"},
+            ),
             a.lane_function(
                 "contact",
                 "Accelerations, the forces that hold, and mobilities, of the present state.",

@@ -6,6 +6,7 @@ which sum is decided here, so that bits do not depend on it, and so is the order
 """
 
 import math
+import operator
 
 from llvmlite import ir
 
@@ -17,6 +18,9 @@ BIT = ir.IntType(1)
 LATENCY = {"fdiv": 24, "llvm.sqrt": 32, "llvm.exp": 100, "select": 2}
 """Cycles until a result can be used, of vectors of 8; those of an addition if not listed."""
 ADDITION = 4
+COMPARISONS = {
+    "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq
+}  # fmt: skip
 NO_COST = ("bitcast", "fneg", "and_", "extract_value", "load")
 """They become part of the instructions that use their results, or are only names of values."""
 
@@ -299,6 +303,26 @@ def fuse(results):
             node.name, node.arguments = "llvm.fma", [a, b, c]
         ready = (known.get(a, 0) for a in node.operands)
         known[node] = max(ready, default=0) + node.latency
+
+
+def specialise(results, known):
+    """The results if some rows hold numbers that are known: what these never choose is dropped.
+
+    What was joined stays joined, so the bits are those of the whole function with these numbers.
+    """
+    numbers, truths = {}, {}
+    for node in reached(results):
+        node.arguments = [numbers.get(a, a) for a in node.arguments]
+        held = [_number_in(a) for a in node.arguments]
+        if node.name == "load" and node.extra[0] == "row" and node.extra[1] in known:
+            numbers[node] = constant(node.type, known[node.extra[1]])
+        elif node.name == "llvm.fabs" and held[0] is not None:
+            numbers[node] = constant(node.type, abs(held[0]))
+        elif node.name == "fcmp_ordered" and None not in held:
+            truths[node] = COMPARISONS[node.extra](*held)
+        elif node.name == "select" and node.arguments[0] in truths:
+            numbers[node] = node.arguments[1 if truths[node.arguments[0]] else 2]
+    return [numbers.get(r, r) for r in results]
 
 
 class Emitter:

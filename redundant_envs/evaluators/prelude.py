@@ -1,9 +1,10 @@
 """What compiled modules begin with: the dialect on LLVM values, and the counter-based draws.
 
 A lane function is plain straight-line Python. ``straight_line`` runs it once, at compile time, on
-:class:`Number` objects, each operation leaving its vector instruction behind: no typing, no call,
-no branch and no loop over lanes is left for the compiler to remove. The text of this file is
-copied to the head of every assembled module, so that one hash covers it.
+:class:`Number` objects, which record its operations in a graph; the graph is emitted as vector
+instructions: no typing, no call, no branch and no loop over lanes is left for the compiler to
+remove. The text of this file, and of those it imports from this package, is copied to the head of
+every assembled module, so that one hash covers it.
 """
 
 import numpy as np
@@ -29,7 +30,7 @@ from redundant_envs.evaluators.instructions import (
 from redundant_envs.evaluators.stages import emit
 
 BLOCK = ir.VectorType(DOUBLE, LANES)
-OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}}
+OPTIONS = {"error_model": "numpy"}
 
 
 def sqrt(x):
@@ -96,17 +97,19 @@ def sincos(x):
     return where(upper, -s, s), where(crossed, -c, c)
 
 
-def straight_line(function, reads, writes, lanes=LANES):
+def straight_line(function, reads, writes, lanes=LANES, known=None):
     """Compile a lane function: its arguments are read from rows, its results written to rows.
 
     The compiled form takes the memory and the index of a block's first number, or with
-    ``lanes=1`` of one lane's place in row 0, and treats that many lanes.
+    ``lanes=1`` of one lane's place in row 0, and treats that many lanes. ``known`` maps rows to
+    numbers for a form that serves only lanes with these numbers there, faster and to the same bits.
     """
 
     type_ = DOUBLE if lanes == 1 else BLOCK
+    form = "lane_function" if known is None else "special_lane_function"
 
     def body(builder, base):
-        values = _block_values(builder, base, function, reads, type_)
+        values = _block_values(builder, base, function, reads, type_, known)
         for row, value in zip(writes, values, strict=True):
             builder.store(value, pointer(builder, base, row * LANES, type_), align=8)
 
@@ -114,7 +117,7 @@ def straight_line(function, reads, writes, lanes=LANES):
     def step(typing_context, memory, index):
         def code(context, builder, signature, arguments):
             base = _entry(context, builder, signature, arguments, 0)
-            name = f"lane_function_{function.__name__}"
+            name = f"{form}_{function.__name__}"
             callee = builder.module.globals.get(name)
             if callee is None:  # the first of its calls in this module
                 callee = ir.Function(builder.module, ir.FunctionType(ir.VoidType(), [base.type]), name)
@@ -131,12 +134,12 @@ def straight_line(function, reads, writes, lanes=LANES):
     return step
 
 
-def _block_values(builder, base, function, reads, type_=BLOCK):
+def _block_values(builder, base, function, reads, type_=BLOCK, known=None):
     """The results of a lane function for the block, or the lane, whose row 0 is at ``base``."""
     graph = Graph()
     results = function(*(Number(graph, graph.load("row", row, type_)) for row in reads))
     results = results if isinstance(results, tuple) else (results,)
-    return emit(builder, [value_of(r, type_) for r in results], base)
+    return emit(builder, [value_of(r, type_) for r in results], base, known or {})
 
 
 def _entry(context, builder, signature, arguments, k):

@@ -22,6 +22,7 @@ from redundant_envs.evaluators.instructions import (
     fuse,
     pointer,
     reached,
+    specialise,
     value_of,
     widen,
 )
@@ -51,7 +52,7 @@ class Stages:
     finds for the later one is carried to the next call in memory, in two places by turns.
     """
 
-    def __init__(self, calls, module):
+    def __init__(self, calls, caller, known):
         self.calls = calls
         self.subroutine = calls[0].extra
         self.type = calls[0].arguments[0].type
@@ -70,12 +71,12 @@ class Stages:
         ]
         results = [value_of(r, self.type) for r in self.subroutine.function(*numbers)]
         fuse(results)
-        self.later, self.carried = self._split(results)
+        self.later, self.carried = self._split(specialise(results, known))
         self.carriers = None
         self.functions = {
-            "first": self._function(module, "first", [], self.carried),
-            "middle": self._function(module, "middle", self.later, self.carried),
-            "last": self._function(module, "last", self.later, []),
+            "first": self._function(caller, "first", [], self.carried),
+            "middle": self._function(caller, "middle", self.later, self.carried),
+            "last": self._function(caller, "last", self.later, []),
         }
 
     def _split(self, results):
@@ -102,12 +103,12 @@ class Stages:
 
         return [in_later_part(r) for r in results], carried
 
-    def _function(self, module, part, results, carried):
+    def _function(self, caller, part, results, carried):
         """An LLVM function: memory, two places of carried values, given arguments -> results."""
         made = ir.LiteralStructType([self.type] * len(results)) if results else ir.VoidType()
         arguments = [DOUBLE.as_pointer()] * 3 + [self.type] * len(self.given)
-        name = f"{self.subroutine.function.__name__}_{part}"
-        function = ir.Function(module, ir.FunctionType(made, arguments), name)
+        name = f"{caller.name}_{self.subroutine.function.__name__}_{part}"
+        function = ir.Function(caller.module, ir.FunctionType(made, arguments), name)
         function.linkage = "internal"
         set.add(function.attributes, "noinline")
         widen(function)
@@ -182,11 +183,15 @@ class Stages:
         return emitter.builder.call(self.functions[part], arguments)
 
 
-def emit(builder, results, base):
-    """Emit what some results need of a graph whose rows begin at ``base``; gives their values."""
+def emit(builder, results, base, known):
+    """Emit what some results need of a graph whose rows begin at ``base``; gives their values.
+
+    ``known`` maps rows to the numbers that all lanes are known to have in them.
+    """
     fuse(results)
     calls = [n for n in reached(results) if n.name == "stage"]
-    stages = Stages(calls, builder.module) if calls else None
+    stages = Stages(calls, builder.function, known) if calls else None
+    results = specialise(results, known)
     emitter = Emitter(builder, {"row": Rows(builder, base)}, stages)
     for node in stages.in_order(results) if stages else in_order(results):
         emitter.value(node)

@@ -21,20 +21,27 @@ def weighted_sum(weights: Sequence[float], term: str) -> tuple[float, str]:
 
 
 def step_lines(
-    method: Tableau, positions: Sequence[str], velocities: Sequence[str], extra: Sequence[str], call: str
+    method: Tableau,
+    positions: Sequence[str],
+    velocities: Sequence[str],
+    extra: Sequence[str],
+    call: str,
+    watched: Sequence[str] = (),
 ) -> list[str]:
     """Lines that advance the named states by ``h`` and give them new names "<state>_new".
 
     ``call`` is the right-hand side with {} where the states of the stage go; it returns the
-    derivatives of the velocities and of the extra states. A method with an error estimate gives
+    derivatives of the velocities and of the extra states, then the watched quantities, of which the
+    largest value in any stage gets the name "<quantity>_new". A method with an error estimate gives
     its two parts, up to their signs, as "h_e5" times "<state>_e5" and "h_e3" times "<state>_e3".
     """
     n = len(positions)
     states = (*positions, *velocities, *extra)
     if method.name == "euler":
         rates = [f"{s}_k" for s in (*velocities, *extra)]
+        seen = [f"{w}_new" for w in watched]
         return [
-            f"{', '.join(rates)}, = {call.format(', '.join(states))}",
+            f"{', '.join((*rates, *seen))}, = {call.format(', '.join(states))}",
             *(f"{s}_new = {s} + h * {s}_k" for s in (*velocities, *extra)),
             *(f"{p}_new = {p} + h * {v}_new" for p, v in zip(positions, velocities, strict=True)),
         ]
@@ -48,8 +55,10 @@ def step_lines(
                 lines.append(f"{s}_s{i} = {s} + (h * {factor!r}) * ({total})")
             else:
                 lines.append(f"{s}_s{i} = {s}")
-        results = ", ".join(f"{s}_k{i}" for s in (*velocities, *extra))
+        results = ", ".join(f"{s}_k{i}" for s in (*velocities, *extra, *watched))
         lines.append(f"{results}, = {call.format(', '.join(f'{s}_s{i}' for s in states))}")
+        for w in watched:
+            lines.append(f"{w}_new = maximum({w}_new, {w}_k{i})" if i else f"{w}_new = {w}_k0")
     for s in states:
         factor, total = weighted_sum(method.b, slope[s])
         lines += [f"{s}_sum = {total}", f"{s}_new = {s} + (h * {factor!r}) * {s}_sum"]

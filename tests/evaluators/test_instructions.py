@@ -11,7 +11,7 @@ import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.evaluators import cpu
 from redundant_envs.evaluators.assemble import assemble
-from redundant_envs.evaluators.instructions import DOUBLE, LANES, Graph, Number, fuse, reached
+from redundant_envs.evaluators.instructions import DOUBLE, LANES, Graph, Number, fuse, reached, specialise
 from redundant_envs.evaluators.order import NO_COST, in_order
 from redundant_envs.evaluators.prelude import where
 from redundant_envs.evaluators.stages import Stages, Subroutine, emit
@@ -71,6 +71,20 @@ def test_what_may_change_a_bit_is_computed(other):
     assert recorded(other)[0].name != "load"
 
 
+def test_a_known_row_drops_what_is_never_chosen_and_splits_nothing():
+    def held(x, y, mode):
+        p = x * y
+        return where(abs(mode) > 0.0, p - x, y), p + 1.0
+
+    results = recorded(held)
+    fuse(results)
+    left, total = specialise(results, {2: 0.0})
+    assert left.extra == ("row", 1)
+    # Without the other choice the product is used once, but the bits must be those of the whole.
+    assert (total.name, total.arguments[0].name) == ("fadd", "fmul")
+    assert {n.name for n in reached([left, total])} == {"load", "fmul", "fadd"}
+
+
 def random_results(rng, count=300):
     """Results of a random expression: sums, products, quotients, choices, some used often."""
 
@@ -128,7 +142,7 @@ def test_positions_that_need_the_stage_before_are_refused():
         (x,) = double(x, v)
     calls = [n for n in reached([x.value]) if n.name == "stage"]
     with pytest.raises(ValueError, match="follow from its results in the stage before"):
-        Stages(calls, ir.Module())
+        Stages(calls, None, {})
 
 
 def test_stages_share_one_copy_of_the_right_hand_side():
@@ -143,7 +157,7 @@ def test_stages_share_one_copy_of_the_right_hand_side():
     module = ir.Module()
     function = ir.Function(module, ir.FunctionType(ir.VoidType(), [DOUBLE.as_pointer()]), "step")
     builder = ir.IRBuilder(function.append_basic_block())
-    emit(builder, recorded(step), function.args[0])
+    emit(builder, recorded(step), function.args[0], {})
     text = str(module)
     assert text.count("define internal") == 3
     assert text.count("call {<8 x double>}") == 5
@@ -183,6 +197,48 @@ def test_a_step_by_calls_is_the_step_of_copies(name, monkeypatch):
             assert batch.advance().finite.all()
         states.append(np.hstack([batch.q, batch.qd]))
     np.testing.assert_allclose(states[0], states[1], rtol=1e-12, atol=1e-13)
+
+
+@pytest.mark.parametrize("integrator", ["euler", "rk4", "rk8"])
+def test_the_step_of_free_sliders_is_the_step_of_all_to_the_last_bit(integrator):
+    """Which of the two a lane goes through depends on its neighbours, so no bit may."""
+    assembly = assemble(dataclasses.replace(SCENES["RPRP held"], integrator=integrator))
+    text = (
+        assembly.text.split("SIGNATURES")[0]
+        + """
+def free(W):
+    step(W, 0)
+
+
+def every(W):
+    step_held(W, 0)
+
+
+SIGNATURES = dict.fromkeys(("free", "every"), "void(float64[::1])")
+"""
+    )
+    namespace = {"CACHE": False}
+    with cpu._order_kept():
+        exec(compile(text + cpu.KERNELS, "probe", "exec"), namespace)
+    rng, rows = np.random.default_rng(0), assembly.every_row
+    held_somewhere = 0
+    for _ in range(300):
+        block = np.zeros((len(rows), LANES))
+        block[: len(assembly.rows)] = cpu.Memory(assembly, LANES).blocks[0]
+        for name in (*assembly.states[:8], *(f"command{k}" for k in range(1, 5))):
+            block[rows[name]] = rng.normal(0.0, 2.0, LANES)
+        block[rows["phase"]] = 2.0
+        block[rows["mode_a"]] = rng.choice([0.0, 1.0, -1.0], LANES)
+        unheld = block[rows["mode_a"]] == 0.0
+        free, every = block.reshape(-1).copy(), block.reshape(-1).copy()
+        namespace["free"](free)
+        namespace["every"](every)
+        free, every = free.reshape(-1, LANES), every.reshape(-1, LANES)
+        np.testing.assert_array_equal(free[:, unheld], every[:, unheld])
+        assert (free[rows["r1"], unheld] != block[rows["r1"], unheld]).all()
+        assert (every[rows["v1"]] == block[rows["v1"]])[~unheld].all()
+        held_somewhere += (~unheld).sum()
+    assert held_somewhere > 100
 
 
 def test_llvm_has_its_own_order_again_afterwards():
