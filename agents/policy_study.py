@@ -261,7 +261,7 @@ def _replay(
             start = time.perf_counter()
             out = core.step(action, NO_AUTORESET)[1]
             times[i, k] = time.perf_counter() - start
-            codes[k] = out[:, column]
+            codes[k] = out[column]
     codes[np.arange(len(actions))[:, None] >= outcome.steps] = 0  # what came after an episode's end
     counts = {str(flag.name): int(np.count_nonzero(codes & flag)) for flag in Numerics}
     return core, {name: n for name, n in counts.items() if n}, float(times.min(axis=0).sum())

@@ -79,8 +79,8 @@ class Core:
         self.obs_size = len(self.assembly.observed)
         self._width = len(self.columns)
         self._memory = self.memory.with_scratch
-        self._out = np.empty((1, self._width))
-        self._row = self._out[0]
+        self._out = np.empty((self._width, 1))
+        self._column = self._out[:, 0]
         self._substeps = self.scene.substeps
         self.reach = float(sum(arm.lengths)) + sum(
             self.scene.parameters()[high] for _, high in self.scene.travel().values()
@@ -109,14 +109,16 @@ class Core:
 
     def provide_keys(self, lanes: NDArray[np.int64]) -> None:
         """Draw the key of the next episode for those of some lanes that have none waiting."""
-        for lane in lanes[~self.waiting[lanes]].tolist():
-            generator = self.generators[lane]
-            if generator is None:
+        lanes = lanes[~self.waiting[lanes]]
+        words = []
+        for lane in lanes.tolist():
+            if self.generators[lane] is None:
                 self.seed(lane, None)
-                generator = self.generators[lane]
-                assert generator is not None
-            self.keys[lane] = generator.integers(0, 2**32, size=4, dtype=np.uint32)
-            self.waiting[lane] = True
+            # The four words of integers(2**32, size=4, dtype=np.uint32), in a sixth of its time.
+            words.append(self.generators[lane].bit_generator.random_raw(2))  # type: ignore[union-attr]
+        if words:
+            self.keys[lanes] = np.array(words, dtype="<u8").view("<u4")
+            self.waiting[lanes] = True
 
     # ---- stepping --------------------------------------------------------------------------------
 
@@ -125,15 +127,16 @@ class Core:
     ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.float32], NDArray[np.float64]]:
         """One control step of all lanes: observations, outputs, and those before an autoreset.
 
-        With autoreset NEXT_STEP the rows of lanes that began anew have no reward and no flags.
+        Observations have a line for each lane, outputs a column. With autoreset NEXT_STEP the
+        columns of lanes that began anew have no reward and no flags.
         """
         if autoreset == SAME_STEP and not self.waiting.all():
             self.provide_keys(np.flatnonzero(~self.waiting))
         n = self.num_envs
         obs = np.empty((n, self.obs_size), np.float32)
-        out = np.empty((n, self._width))
+        out = np.empty((self._width, n))
         if autoreset == SAME_STEP:
-            obs, out = np.zeros((2 * n, self.obs_size), np.float32), np.zeros((2 * n, self._width))
+            obs, out = np.zeros((2 * n, self.obs_size), np.float32), np.zeros((self._width, 2 * n))
         self._kernel(
             self._memory, actions.reshape(-1), obs.reshape(-1), out, self._tickets, STEP, autoreset,
             self._substeps,
@@ -144,7 +147,7 @@ class Core:
             self.waiting[self.begun] = False
             self.mask[self.begun] = 0
             self.provide_keys(np.flatnonzero(self.mask))
-        return obs[:n], out[:n], obs[n:], out[n:]
+        return obs[:n], out[:, :n], obs[n:], out[:, n:]
 
     def step_one(self, action: NDArray[np.float32], checked: bool) -> tuple[NDArray[np.float32], list[float]]:
         """:meth:`step` of a single lane without autoreset: its observations and its outputs.
@@ -155,7 +158,7 @@ class Core:
         obs = np.empty(self.obs_size, FLOAT32)
         op = CHECKED_STEP if checked else STEP
         self._kernel(self._memory, action, obs, self._out, self._tickets, op, DISABLED, self._substeps)
-        return obs, self._row.tolist()
+        return obs, self._column.tolist()
 
     def begin(self, lanes: NDArray[np.bool_], options: Mapping[str, Any]) -> None:
         """Begin new episodes in the lanes of a mask.
@@ -182,7 +185,7 @@ class Core:
 
     def _call(self, op: int) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
         obs = np.empty((self.num_envs, self.obs_size), np.float32)
-        out = np.empty((self.num_envs, self._width))
+        out = np.empty((self._width, self.num_envs))
         self._kernel(
             self._memory, self._no_actions, obs.reshape(-1), out, self._tickets, op, DISABLED,
             self._substeps,
@@ -261,11 +264,10 @@ class Core:
         """Observations as their space has them, from the tables of a step."""
         if not goal:
             return obs
-        places = out[:, -4:]
         return {
             "observation": obs,
-            "achieved_goal": places[:, :2].copy(),
-            "desired_goal": places[:, 2:].copy(),
+            "achieved_goal": out[-4:-2].T.copy(),
+            "desired_goal": out[-2:].T.copy(),
         }
 
     def goal_reward(self, achieved: ArrayLike, desired: ArrayLike) -> NDArray[np.float64]:

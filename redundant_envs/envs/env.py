@@ -87,7 +87,7 @@ class ReachEnv(gym.Env[Any, Any]):
         self._strict = self.on_bad_action == "raise"
         if self._renderer is not None:
             self._renderer.clear()
-        values = out[0].tolist()
+        values = out[:, 0].tolist()
         return self._observation(obs[0], values), self._info(values)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:

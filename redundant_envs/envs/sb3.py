@@ -82,7 +82,7 @@ class SB3VecEnv(VecEnv):
             self._reset_options()
         obs, out = self.core.observe()
         self._ready = True
-        self.reset_infos = [self._info(row) for row in out.tolist()]
+        self.reset_infos = [self._info(row) for row in out.T.tolist()]
         return self.core.observation(obs, out, self.goal)
 
     def step_async(self, actions: NDArray[Any]) -> None:
@@ -99,11 +99,11 @@ class SB3VecEnv(VecEnv):
         """One control step of all environments."""
         core = self.core
         obs, out, last_obs, last_out = core.step(self._actions, SAME_STEP)
-        dones = (out[:, 1] + out[:, 2]) > 0.0
-        success = (out[:, self._success] > 0.0).tolist()
+        dones = (out[1] + out[2]) > 0.0
+        success = (out[self._success] > 0.0).tolist()
         infos: list[dict[str, Any]] = [{"TimeLimit.truncated": False, "is_success": s} for s in success]
         observation = core.observation(obs, out, self.goal)
-        reward = out[:, 0]
+        reward = out[0]
         if self.goal:
             reward = core.goal_reward(observation["achieved_goal"], observation["desired_goal"])
         if dones.any():
@@ -112,13 +112,13 @@ class SB3VecEnv(VecEnv):
             if self.goal:
                 reward[lanes] = core.goal_reward(last["achieved_goal"][lanes], last["desired_goal"][lanes])
             for n in lanes.tolist():
-                row = last_out[n].tolist()
+                row = last_out[:, n].tolist()
                 infos[n] = self._info(row)
                 infos[n]["terminal_observation"] = (
                     {k: v[n] for k, v in last.items()} if self.goal else last[n]
                 )
                 infos[n]["TimeLimit.truncated"] = row[2] > 0.0 and not row[1] > 0.0
-                self.reset_infos[n] = self._info(out[n].tolist())
+                self.reset_infos[n] = self._info(out[:, n].tolist())
         return observation, reward.astype(np.float32), dones, infos
 
     def _info(self, row: list[float]) -> dict[str, Any]:

@@ -178,11 +178,11 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
                 "reset(options={'reset_mask': mask}) for them first (autoreset_mode is disabled)"
             )
         obs, out, last_obs, last_out = core.step(actions, KERNEL_MODE[mode])
-        terminated = out[:, 1] > 0.0
-        truncated = out[:, 2] > 0.0
+        terminated = out[1] > 0.0
+        truncated = out[2] > 0.0
         ended = terminated | truncated
         observation = core.observation(obs, out, self.goal)
-        reward = out[:, 0].copy()
+        reward = out[0].copy()
         if self.goal:
             reward = core.goal_reward(observation["achieved_goal"], observation["desired_goal"])
         infos = self._infos(out, None)
@@ -236,7 +236,7 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
     def _infos(self, out: NDArray[np.float64], mask: NDArray[np.bool_] | None) -> dict[str, Any]:
         infos: dict[str, Any] = {}
         for name, column, kind in self._columns:
-            values: NDArray[Any] = out[:, column]
+            values: NDArray[Any] = out[column]
             if kind == "bool":
                 values = values > 0.0
             elif kind == "int":

@@ -164,20 +164,26 @@ def _observe(a: Assembly, task: ReachTask, used: list[Any]) -> str:
 
 def _store(a: Assembly) -> str:
     body = [
-        '"""Copy what lane i shows to row n of the tables."""',
+        '"""Copy what lane i shows to line n of obs and column n of out."""',
         f"for k in range({len(a.observed)}):",
         f"    obs[n * {len(a.observed)} + k] = W[o + ({a.rows['obs_0']} + k) * {LANES} + i]",
         f"for k in range({len(a.outputs)}):",
-        f"    out[n, k] = W[o + ({a.rows['out_reward']} + k) * {LANES} + i]",
+        f"    out[k, n] = W[o + ({a.rows['out_reward']} + k) * {LANES} + i]",
     ]
     show = [
         '"""Observe a block and copy what its lanes show to the tables."""',
         "wide_vectors()",
         "observe(W, o)",
-        "for i in range(lanes):",
-        "    store(W, o, i, first_lane + i, obs, out)",
+        f"if lanes == {LANES}:",
+        f"    give_observed(W, o, obs, first_lane * {len(a.observed)})",
+        "    lay_outputs(W, o, out, first_lane)",
+        "else:",
+        "    for i in range(lanes):",
+        "        store(W, o, i, first_lane + i, obs, out)",
     ]
     return (
+        f"give_observed = give({[a.rows[f'obs_{k}'] for k in range(len(a.observed))]})\n\n\n"
+        f"lay_outputs = lay({[a.rows[f'out_{n}'] for n in a.outputs]})\n\n\n"
         f"@njit(**OPTIONS)\ndef store(W, o, i, n, obs, out):\n{indent(body, 1)}\n\n\n"
         f"@njit(inline='always', **OPTIONS)\ndef show(W, o, first_lane, lanes, obs, out):\n{indent(show, 1)}"
     )
@@ -217,7 +223,7 @@ def _environment(a: Assembly) -> str:
         "        for i in range(lanes):",
         "            if tickets[first_lane + i, 4]:",
         f"                for k in range({len(ENDS)}):",
-        "                    out[first_lane + i, k] = out[count + first_lane + i, k]",
+        "                    out[k, first_lane + i] = out[k, count + first_lane + i]",
     ]
     body = [
         '"""Step, reset or observe all environments.',

@@ -185,6 +185,55 @@ def take(rows):
     return copy
 
 
+def give(rows):
+    """Copy rows of a block to its lines of a flat table of float32 with as many columns, an even number."""
+
+    @intrinsic
+    def copy(typing_context, memory, index, table, first):
+        def code(context, builder, signature, arguments):
+            base = _entry(context, builder, signature, arguments, 0)
+            target = _entry(context, builder, signature, arguments, 2)
+            single = target.type.pointee
+            columns = ir.VectorType(single, LANES)
+            for k in range(0, len(rows), 2):
+                a, b = (
+                    builder.fptrunc(
+                        builder.load(pointer(builder, base, row * LANES, BLOCK), align=8), columns
+                    )
+                    for row in rows[k : k + 2]
+                )
+                for i in range(LANES):
+                    mask = ir.Constant(ir.VectorType(ir.IntType(32), 2), [i, LANES + i])
+                    pair = builder.shuffle_vector(a, b, mask)
+                    builder.store(pair, pointer(builder, target, i * len(rows) + k, pair.type), align=4)
+            return context.get_dummy_value()
+
+        return types.void(memory, index, table, first), code
+
+    return copy
+
+
+def lay(rows):
+    """Copy rows of a block to the lines of a table, from a column on."""
+
+    @intrinsic
+    def copy(typing_context, memory, index, table, first):
+        def code(context, builder, signature, arguments):
+            base = _entry(context, builder, signature, arguments, 0)
+            array = context.make_array(signature.args[2])(context, builder, arguments[2])
+            columns = cgutils.unpack_tuple(builder, array.shape)[1]
+            target = builder.gep(array.data, [arguments[3]])
+            for row in rows:
+                value = builder.load(pointer(builder, base, row * LANES, BLOCK), align=8)
+                builder.store(value, pointer(builder, target, 0, BLOCK), align=8)
+                target = builder.gep(target, [columns])
+            return context.get_dummy_value()
+
+        return types.void(memory, index, table, first), code
+
+    return copy
+
+
 def report(function, reads, writes):
     """A lane function whose first results go to a block's part of arrays, the others to rows.
 
