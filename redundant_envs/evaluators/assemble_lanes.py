@@ -115,7 +115,7 @@ class LaneSteps:
         """Rows of what the common step tells the lanes that leave it."""
         names = ["error_before", "floor", "served", "marked"]
         if self.stops:
-            names += ["phase", "pull"]
+            names += ["phase", "hint_a", "hint_b"]
             names += ["events_before", *(f"{m}_before" for m in self.modes)]
             names += ["met_a", "turns_a", "met_b", "turns_b"]
         if self.log:
@@ -140,7 +140,7 @@ class LaneSteps:
         names += ["home", "newly", "due", "steps_of_lane", "steps_left"]
         if self.stops:
             names += ["touching", "held", "target", "side", "low", "high", "gap_low", "gap_high", "tries"]
-            names += ["changes", "searched", "cleared_a", "cleared_b"]
+            names += ["changes", "searched", "halved", "cleared_a", "cleared_b"]
             for x in "ab":
                 names += [f"accel_{x}", f"hold_{x}", f"hold_{x}_from", f"let_go_{x}"]
                 names += [f"told_{x}", f"told_speed_{x}"]
@@ -219,7 +219,7 @@ class LaneSteps:
         lines, serves = [], "1.0"
         if self.stops:
             kept |= {"events_before": "events", **{f"{m}_before": m for m in self.modes}}
-            kept |= {"phase": "2.0", "pull": "0.0"}
+            kept["phase"] = "2.0"
         if self.plan_of_steps != "fixed":
             turning = [v for v, slides in zip(arm.rates, arm.prismatic, strict=True) if not slides]
             fastest = f"abs({turning[0]})"
@@ -255,8 +255,14 @@ class LaneSteps:
         mark, unserved = "0.0", "2.0"
         if self.stops:
             lines += self.at_stops.meetings("before")
-            meets = " + ".join(f"where(mode_{x} == 0.0, abs(met_{x}_now), 0.0)" for x in "ab")
-            mark = f"where({meets} > 0.0, 2.0, where(pull > 0.0, 2.0, 0.0))"
+            close, suspicious = self.use(stops.closeness), self.use(stops.suspicious)
+            for x in "ab":
+                lines.append(f"close_{x} = {close}(place_{x}, lower_{x}, upper_{x})")
+                lines.append(
+                    f"event_{x} = where(mode_{x} == 0.0, abs(met_{x}_now), 0.0) "
+                    f"+ {suspicious}(hint_{x}, mode_{x}, close_{x})"
+                )
+            mark = "where(event_a + event_b > 0.0, 2.0, 0.0)"
             writes |= MEETINGS
         if self.plan_of_steps == "doubling":
             mark = f"where(error_sum <= tip_tolerance, {mark}, 1.0)"
@@ -302,7 +308,16 @@ class LaneSteps:
             values |= {"next_step": "next_first", "steps_left": "0.0"}
         if self.stops:
             values["phase"] = "where(fresh > 0.0, 2.0, where(contacts > 0.0, 1.0, 2.0))"
-            zero = ("changes", "searched", "tries", "let_go_a", "let_go_b", "cleared_a", "cleared_b")
+            zero = (
+                "changes",
+                "searched",
+                "halved",
+                "tries",
+                "let_go_a",
+                "let_go_b",
+                "cleared_a",
+                "cleared_b",
+            )
             values |= dict.fromkeys(zero, "0.0")
         writes = {name: f"where({now}, {value}, {name})" for name, value in values.items()}
         writes["newly"] = "0.0"
@@ -412,6 +427,7 @@ class LaneSteps:
             writes["searched"] = "where(again > 0.0, searched + 1.0, where(due > 0.0, 0.0, searched))"
             ends = writes.get("trouble", "trouble")
             writes["trouble"] = f"where(lost > 0.0, {EVENT_BUDGET}, {ends})"
+            writes["halved"] = "where(back > 0.0, 0.0, halved + halve)"
             for name in ("target", "side", "low", "high", "gap_low", "gap_high", "tries"):
                 writes[name] = f"where(again > 0.0, {name}_new, {name})"
             for x in "ab":
@@ -432,7 +448,7 @@ class LaneSteps:
 
     def _constants(self) -> str:
         a, rows = self.assembly, self.assembly.every_row
-        own = {*self.scratch, "phase", "pull"}
+        own = {*self.scratch, "phase"}
         named = words(self._texts)
         entering = [r for r in a.rows if r in named and r not in own and not r.startswith(("obs_", "out_"))]
         leaving = [*a.states, "error_sum", *self.results]

@@ -14,6 +14,7 @@ from redundant_envs.evaluators.assemble_step import right_hand_side, step_of
 from redundant_envs.evaluators.quantities import calls
 from redundant_envs.evaluators.text import emit, indent, words
 from redundant_envs.integrators import stops
+from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.scene import identifier
 
 if TYPE_CHECKING:
@@ -94,15 +95,16 @@ class StopLines:
         joints = [hook.joint + 1 for _, hook in self.stops]
         at_rest = [f"held{k} = abs({m})" for k, m in zip(joints, self.lanes.modes, strict=True)]
         arguments, motion, used = right_hand_side(a, functions, [f"held{k}" for k in joints])
-        pulls = [
-            f"where(held{k} > 0.0, {m} * hold{k}, 0.0)" for k, m in zip(joints, self.lanes.modes, strict=True)
-        ]
         contact = [*at_rest, *motion[:-1]]
-        pressed = list(contact)
-        pull = f"pull_now = maximum({', '.join(pulls)})"
+        pulls = [
+            f"pull_{x} = where(held{k} > 0.0, mode_{x} * hold{k}, 0.0)"
+            for x, k in zip("ab", joints, strict=True)
+        ]
         arguments = [*(n for n in arguments if not n.startswith("held")), *self.lanes.modes]
-        rhs = arguments, [*contact, pull, f"{motion[-1]}, pull_now"], used
-        lines, step_functions = step_of(a, rhs, ["pull"])
+        rhs = arguments, [*contact, *pulls, f"{motion[-1]}, pull_a, pull_b"], used
+        press = [*self.sliders, *contact, *pulls]
+        lines, step_functions = step_of(a, rhs, ["pull_a", "pull_b"])
+        lines += [*at_rest, *self.sliders, *self.strays()]
         lines.append("moving = where(phase >= 2.0, where(phase <= 5.0, 1.0, 0.0), 0.0)")
         self.lanes.used.extend(step_functions)
         known = {*a.states, *a.numbers, *words(line.split(" = ")[0] for line in contact)}
@@ -116,19 +118,29 @@ class StopLines:
         writes = {s: f"where(moving > 0.0, {s}_new, {s})" for s in a.states}
         free = ("step", {**dict.fromkeys(self.lanes.modes, 0.0), "phase": 2.0})
         return [
-            a.rhs_function(rhs) + a.subroutine(1),
+            a.rhs_function(rhs) + a.subroutine(2),
             a.lane_function(
                 "step_held",
                 "One step of the lanes of a block that move.",
                 lines,
-                {**writes, **a.error_writes, "pull": "pull_new"},
+                {
+                    **writes,
+                    **a.error_writes,
+                    **{
+                        f"hint_{x}": f"where(held{k} > 0.0, pull_{x}_new, stray_{x})"
+                        for x, k in zip("ab", joints, strict=True)
+                    },
+                },
                 special=free,
             ),
             a.lane_function(
                 "press",
-                "After a step: how hard the stops would have to pull, now or at its stages.",
-                [*pressed, pull],
-                {"pull": "maximum(pull, pull_now)"},
+                "After a step: how hard a stop would have to pull a slider, now or at a stage.",
+                press,
+                {
+                    f"hint_{x}": f"where(held{k} > 0.0, maximum(hint_{x}, pull_{x}), hint_{x})"
+                    for x, k in zip("ab", joints, strict=True)
+                },
             ),
             a.lane_function(
                 "contact",
@@ -137,6 +149,19 @@ class StopLines:
                 {**accelerations, **holds, **mobility},
             ),
         ]
+
+    def strays(self) -> list[str]:
+        """Lines that tell how far beyond its stops each slider is at a stage of the step."""
+        a, lines = self.assembly, []
+        stages = METHODS[a.scene.integrator].stages
+        for x, (_, hook) in zip("ab", self.stops, strict=False):
+            q = a.scene.robot.coordinates[hook.joint]
+            lines.append(f"top_{x}, bottom_{x} = {q}, {q}")
+            for i in range(1, stages):
+                lines.append(f"top_{x} = maximum(top_{x}, {q}_s{i})")
+                lines.append(f"bottom_{x} = minimum(bottom_{x}, {q}_s{i})")
+            lines.append(f"stray_{x} = maximum(top_{x} - upper_{x}, lower_{x} - bottom_{x})")
+        return lines
 
     def touch(self) -> str:
         """At a stop: impulses, rest and release, as :func:`stops.touch` decides."""

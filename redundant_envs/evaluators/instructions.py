@@ -21,7 +21,7 @@ ADDITION = 4
 COMPARISONS = {
     "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq
 }  # fmt: skip
-NO_COST = ("bitcast", "fneg", "and_", "extract_value", "load")
+NO_COST = ("bitcast", "fneg", "and_", "result", "load")
 """They become part of the instructions that use their results, or are only names of values."""
 
 
@@ -243,9 +243,8 @@ class Graph:
     def stage(self, subroutine, arguments):
         """The results of a subroutine, which the graph emits as stages of one step."""
         type_ = arguments[0].type
-        results = ir.LiteralStructType([type_] * subroutine.results)
-        made = self._record("stage", arguments, subroutine, results)
-        return [self._record("extract_value", (made,), k, type_) for k in range(subroutine.results)]
+        made = self._record("stage", arguments, subroutine, type_)
+        return [self._record("result", (made,), k, type_) for k in range(subroutine.results)]
 
 
 def reached(results):
@@ -348,6 +347,8 @@ class Emitter:
             return self.places[kind](k, node.type)
         if node.name == "stage":
             return self.stages.emit(self, node)
+        if node.name == "result":
+            return self.stages.result(self, node)
         arguments = [self.value(a) for a in node.arguments]
         if node.name.startswith("llvm."):
             function = _intrinsic(self.builder.module, node.name, node.type, len(arguments))

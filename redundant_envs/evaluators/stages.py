@@ -13,6 +13,7 @@ from llvmlite import ir
 
 from redundant_envs.evaluators.instructions import (
     DOUBLE,
+    INT64,
     LANES,
     Emitter,
     Graph,
@@ -27,6 +28,10 @@ from redundant_envs.evaluators.instructions import (
     widen,
 )
 from redundant_envs.evaluators.order import in_order
+
+
+RETURNED = 4
+"""Results of a call that processors return in registers."""
 
 
 class Subroutine:
@@ -71,12 +76,14 @@ class Stages:
         ]
         results = [value_of(r, self.type) for r in self.subroutine.function(*numbers)]
         fuse(results)
-        self.later, self.carried = self._split(specialise(results, known))
+        self.results, self.carried = self._split(specialise(results, known))
+        computed = [k for k, r in enumerate(self.results) if isinstance(r, Operation)]
+        self.returned, self.told = computed[:RETURNED], computed[RETURNED:]
         self.carriers = None
         self.functions = {
             "first": self._function(caller, "first", [], self.carried),
-            "middle": self._function(caller, "middle", self.later, self.carried),
-            "last": self._function(caller, "last", self.later, []),
+            "middle": self._function(caller, "middle", self.results, self.carried),
+            "last": self._function(caller, "last", self.results, []),
         }
 
     def _split(self, results):
@@ -104,16 +111,16 @@ class Stages:
         return [in_later_part(r) for r in results], carried
 
     def _function(self, caller, part, results, carried):
-        """An LLVM function: memory, two places of carried values, given arguments -> results."""
-        made = ir.LiteralStructType([self.type] * len(results)) if results else ir.VoidType()
-        arguments = [DOUBLE.as_pointer()] * 3 + [self.type] * len(self.given)
+        """An LLVM function: memory, two places of carried values, one of results, given arguments."""
+        made = ir.LiteralStructType([self.type] * len(self.returned)) if results else ir.VoidType()
+        arguments = [DOUBLE.as_pointer()] * 4 + [self.type] * len(self.given)
         name = f"{caller.name}_{self.subroutine.function.__name__}_{part}"
         function = ir.Function(caller.module, ir.FunctionType(made, arguments), name)
         function.linkage = "internal"
         set.add(function.attributes, "noinline")
         widen(function)
-        base, before, after, *values = function.args
-        for argument in (base, before, after):
+        base, before, after, told, *values = function.args
+        for argument in (base, before, after, told):
             argument.add_attribute("noalias")
         builder = ir.IRBuilder(function.append_basic_block())
         given = dict(zip(self.given, values, strict=True))
@@ -132,9 +139,12 @@ class Stages:
         if not results:
             builder.ret_void()
             return function
+        for k, r in enumerate(self.told):
+            address = pointer(builder, told, LANES * k, self.type)
+            builder.store(emitter.value(results[r]), address, align=8)
         value = ir.Constant(made, ir.Undefined)
-        for k, r in enumerate(results):
-            value = builder.insert_value(value, emitter.value(r), k)
+        for k, r in enumerate(self.returned):
+            value = builder.insert_value(value, emitter.value(results[r]), k)
         builder.ret(value)
         return function
 
@@ -163,15 +173,34 @@ class Stages:
         """The call of a stage; the first is preceded by the earlier part of its own."""
         i = self.calls.index(node)
         if self.carriers is None:
-            size = ir.Constant(ir.IntType(32), LANES * max(1, len(self.carried)))
-            self.carriers = [emitter.builder.alloca(DOUBLE, size) for _ in range(2)]
-            for c in self.carriers:
-                c.align = 8 * LANES  # a vector that straddles cache lines is read twice
+            sizes = (len(self.carried), len(self.carried), len(self.told) * len(self.calls))
+            *self.carriers, self.places = (self._memory(emitter.builder, n) for n in sizes)
             self._call(emitter, "first", self.carriers[::-1], node, None)
         carriers = self.carriers if i % 2 == 0 else self.carriers[::-1]
         if i + 1 == len(self.calls):
             return self._call(emitter, "last", carriers, None, node)
         return self._call(emitter, "middle", carriers, self.calls[i + 1], node)
+
+    def _memory(self, builder, vectors):
+        memory = builder.alloca(DOUBLE, ir.Constant(ir.IntType(32), LANES * max(1, vectors)))
+        memory.align = 8 * LANES  # a vector that straddles cache lines is read twice
+        return memory
+
+    def _told(self, builder, call):
+        """Where a call tells the results that it does not return."""
+        return builder.gep(self.places, [ir.Constant(INT64, LANES * len(self.told) * call)])
+
+    def result(self, emitter, node):
+        """A result of a stage: returned, told in memory, or known without the call."""
+        (stage,), k = node.arguments, node.extra
+        value = emitter.value(stage)
+        if k in self.returned:
+            return emitter.builder.extract_value(value, self.returned.index(k))
+        if k in self.told:
+            place = self._told(emitter.builder, self.calls.index(stage))
+            address = pointer(emitter.builder, place, LANES * self.told.index(k), self.type)
+            return emitter.builder.load(address, align=8)
+        return self.results[k]
 
     def _call(self, emitter, part, carriers, upcoming, present):
         values = []
@@ -179,7 +208,8 @@ class Stages:
             stage = upcoming if k < self.subroutine.positions else present
             unused = ir.Constant(self.type, ir.Undefined)
             values.append(emitter.value(stage.arguments[k]) if stage else unused)
-        arguments = [emitter.places["row"].base, *carriers, *values]
+        told = self._told(emitter.builder, self.calls.index(present) if present else 0)
+        arguments = [emitter.places["row"].base, *carriers, told, *values]
         return emitter.builder.call(self.functions[part], arguments)
 
 

@@ -99,6 +99,19 @@ def halting(va, vb, still_a, still_b, waa, wab, wbb):
 
 
 @physics
+def pressed(fa, fb, waa, wab, wbb):
+    """Which of two sliders at rest at their stops are pressed onto them, given the outward
+    accelerations that they would have free: the one set in which no stop pulls and none is entered."""
+    pa = wbb * fa - wab * fb
+    pb = waa * fb - wab * fa
+    both = where(pa >= 0.0, where(pb >= 0.0, 1.0, 0.0), 0.0)
+    one_a = where(fa > 0.0, where(pb <= 0.0, 1.0, 0.0), 0.0)
+    one_b = where(fb > 0.0, where(pa <= 0.0, 1.0, 0.0), 0.0)
+    some = positive(maximum(fa, fb))
+    return some * either(both, one_a), some * either(both, no(one_a) * one_b)
+
+
+@physics
 def would_rest(side, u, press, mode, let_go, e, limit):
     """Whether a slider at a stop, pressed onto it, bounces less than 1e-9 m; an elastic one rests
     only if its bounce is lost in rounding."""
@@ -135,18 +148,35 @@ def touch(
     hit_a = strikes * positive(pa)
     hit_b = strikes * positive(pb)
     free_a = no(strikes) * positive(mode_a * hold_a)  # the stop would have to pull
-    free_b = no(strikes) * no(free_a) * positive(mode_b * hold_b)
-    calm = no(strikes) * no(free_a) * no(free_b)
+    free_b = no(strikes) * positive(mode_b * hold_b)
     limit_a = where(sa > 0.0, upper_a, lower_a)
     limit_b = where(sb > 0.0, upper_b, lower_b)
+    calm = no(strikes) * no(free_a) * no(free_b)
     rest_a = calm * would_rest(sa, ua, sa * accel_a, mode_a, let_go_a, restitution, limit_a)
     rest_b = calm * would_rest(sb, ub, sb * accel_b, mode_b, let_go_b, restitution, limit_b)
-    going = calm * no(rest_a) * no(rest_b)
+    # What one does changes the force on the other, so of two both are decided at once.
+    force_a = where(mode_a == 0.0, 0.0, hold_a)
+    force_b = where(mode_b == 0.0, 0.0, hold_b)
+    fa = sa * (accel_a - waa * force_a - wab * force_b)
+    fb = sb * (accel_b - wab * force_a - wbb * force_b)
+    may_a = either(
+        abs(mode_a), would_rest(sa, ua, maximum(fa, sa * accel_a), mode_a, let_go_a, restitution, limit_a)
+    )
+    may_b = either(
+        abs(mode_b), would_rest(sb, ub, maximum(fb, sb * accel_b), mode_b, let_go_b, restitution, limit_b)
+    )
+    stays_a, stays_b = pressed(fa, fb, waa, sa * sb * wab, wbb)
+    changes_two = may_a * may_b * either(either(free_a, free_b), either(rest_a, rest_b))
+    free_a = where(changes_two > 0.0, abs(mode_a) * no(stays_a), free_a)
+    free_b = where(changes_two > 0.0, abs(mode_b) * no(stays_b), free_b)
+    rest_a = where(changes_two > 0.0, equal(mode_a, 0.0) * stays_a, rest_a)
+    rest_b = where(changes_two > 0.0, equal(mode_b, 0.0) * stays_b, rest_b)
+    going = no(strikes) * no(either(either(free_a, free_b), either(rest_a, rest_b)))
     # The impulses along the sliders, and the rates they have then. One that comes to rest must not
     # set off the other, if that rests or comes to rest too.
     rests = either(rest_a, rest_b)
-    stop_a = either(rest_a, rests * abs(mode_a))
-    stop_b = either(rest_b, rests * abs(mode_b))
+    stop_a = either(rest_a, rests * abs(mode_a) * no(free_a))
+    stop_b = either(rest_b, rests * abs(mode_b) * no(free_b))
     halt_a, halt_b = halting(rate_a, rate_b, stop_a, stop_b, waa, wab, wbb)
     ja = where(strikes > 0.0, -sa * pa, halt_a)
     jb = where(strikes > 0.0, -sb * pb, halt_b)
@@ -237,6 +267,12 @@ def first_event(q0, v0, q1, v1, h, mode, hold_from, hold, met, turns, lower, upp
 
 
 @physics
+def suspicious(hint, mode, close):
+    """Whether a slider was beyond its stop at a stage of a piece, or would have to be pulled."""
+    return where(mode == 0.0, where(hint > close, 1.0, 0.0), positive(hint))
+
+
+@physics
 def arrived(there, sought, limit, place, rate, mode, close, lower, upper):
     """Where a slider is at an event: at its stop exactly, if it comes there within 1e-14 s."""
     near = close + 1e-14 * abs(rate)
@@ -247,11 +283,11 @@ def arrived(there, sought, limit, place, rate, mode, close, lower, upper):
 
 
 @physics(
-    gives="hit accepted there again phase_next h_next_piece target_new side_new low_new high_new "
+    gives="halve accepted there again phase_next h_next_piece target_new side_new low_new high_new "
     "gap_low_new gap_high_new tries_new place_a_new place_b_new cleared_a_new cleared_b_new"
 )
 def decide(
-    due, phase, h, left, good, target, side, low, high, gap_low, gap_high, tries,
+    due, phase, h, left, good, hint_a, hint_b, halved, target, side, low, high, gap_low, gap_high, tries,
     place_a, place_b, rate_a, rate_b, place_a_from, place_b_from, rate_a_from, rate_b_from,
     mode_a, mode_b, met_a, met_b, turns_a, turns_b, lower_a, lower_b, upper_a, upper_b,
     hold_a, hold_b, hold_a_from, hold_b_from, cleared_a, cleared_b,
@@ -269,13 +305,22 @@ def decide(
     close_a = closeness(place_a_from, lower_a, upper_a)
     close_b = closeness(place_b_from, lower_b, upper_b)
 
+    # A slider that did something at a stage, though not at the end, may have come, or left, and be
+    # back: half the piece shows more. Stages are less accurate than the end, so not without end.
+    quiet_a = where(at_a <= h, 0.0, 1.0)
+    quiet_b = where(at_b <= h, 0.0, 1.0)
+    hidden = either(
+        quiet_a * suspicious(hint_a, mode_a, close_a), quiet_b * suspicious(hint_b, mode_b, close_b)
+    )
+    halve = tried * hidden * where(halved < 16.0, 1.0, 0.0) * where(h > 0.03 * left, 1.0, 0.0)
+
     # A tried piece: its first event, if it has one.
     first = where(at_b < at_a, 1.0, 0.0)
     at = minimum(at_a, at_b)
-    hit = tried * where(at <= h, 1.0, 0.0)
+    hit = tried * no(halve) * where(at <= h, 1.0, 0.0)
     held = pick(first, mode_a, mode_b)
     pull_from = pick(first, mode_a * hold_a_from, mode_b * hold_b_from)
-    pull = pick(first, mode_a * hold_a, mode_b * hold_b)
+    pull_there = pick(first, mode_a * hold_a, mode_b * hold_b)
     peak = pick(first, peak_a, peak_b) * equal(held, 0.0)
 
     # The slider whose event is looked for (b if target is 1), and the other one.
@@ -346,23 +391,23 @@ def decide(
     )
     searching = probing * no(found) * no(missed)
 
-    again = hit + closer + sooner + probing
+    again = hit + closer + sooner + probing + halve
     phase_next = where(hit > 0.0, where(peak > 0.0, 3.0, 5.0), where(missed > 0.0, 4.0, 5.0))
-    phase_next = where(searching > 0.0, 3.0, phase_next)
+    phase_next = where(searching > 0.0, 3.0, where(halve > 0.0, phase, phase_next))
     guess = where(other_mode == 0.0, pick(other, at_a, at_b), 0.5 * h)
     guess = where(guess < h, guess, 0.5 * h)  # never the same piece again
     h_next = where(hit > 0.0, minimum(maximum(at, 0.0), h), where(sooner > 0.0, guess, nearer))
     h_next = where(found > 0.0, pick(target, at_a, at_b), where(missed > 0.0, left, h_next))
-    h_next = where(searching > 0.0, turn, h_next)
+    h_next = where(searching > 0.0, turn, where(halve > 0.0, 0.5 * h, h_next))
     begins = either(hit, either(sooner, found))
     aimed_pull_low = where(hit > 0.0, pull_from, pick(other, mode_a * hold_a_from, mode_b * hold_b_from))
     low_gap = where(
         peak * hit > 0.0, abs(pick(first, rate_a_from, rate_b_from)), minimum(aimed_pull_low, 0.0)
     )
-    high_gap = where(hit > 0.0, where(peak > 0.0, abs(pick(first, rate_a, rate_b)), pull), other_pull)
+    high_gap = where(hit > 0.0, where(peak > 0.0, abs(pick(first, rate_a, rate_b)), pull_there), other_pull)
     return (
-        hit,
-        tried * no(hit),
+        halve,
+        tried * no(hit) * no(halve),
         there,
         again,
         phase_next,

@@ -1,0 +1,100 @@
+"""What sliders do at their stops and undo again within one step."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import redundant_envs as rde
+from redundant_envs import algebra
+from redundant_envs.evaluators.binding import bind
+from redundant_envs.integrators import stops
+
+REACH = rde.load_scene("rprp_reach").to_dict()
+
+# Of random actions in the reach task: q, qd and efforts of intervals in which a slider meets its stop
+# and leaves it, or leaves it and is back, or the other slider's release decides, all within 20 ms.
+CAUGHT = [
+    # it meets its stop and turns back while the other one lets go
+    ((-1.2364645, 0.2499873, -2.4250123, 0.25), (-7.352803, 0.029857, -7.971511, 0.0),
+     (-16.372, -13.148, 5.365, 5.431)),
+    # it leaves and comes back
+    ((-0.5218603, 0.25, -0.1298619, 0.0228464), (-4.645522, 0.0, 2.819397, 0.583052),
+     (19.732, 16.365, -6.814, -5.524)),
+    ((-2.6860346, 0.2462051, -2.5699785, 0.0555363), (1.166214, 2.192265, -4.491444, -3.359874),
+     (-16.324, -3.156, 7.91, 13.973)),
+    # both rest: only one lets go, though both stops would have to pull
+    ((-2.3545867, 0.25, -2.239136, 0.25), (-4.176516, 0.0, -0.030942, 0.0),
+     (17.582, 10.158, -4.776, -2.638)),
+    ((-1.6278209, 0.25, -1.7529868, 0.25), (-1.880525, 0.0, -7.751988, 0.0),
+     (-15.794, -23.825, 7.618, -4.32)),
+    # it comes to its stop, rests and leaves
+    ((0.0036055, 4.6e-06, -1.5152495, 0.249904), (-9.811306, 0.006935, -4.038644, -0.062324),
+     (-10.427, -28.042, -2.813, -12.636)),
+    ((4.8652934, 0.25, -0.2645235, 6.9e-06), (5.482354, 0.0, -12.468089, 0.006165),
+     (9.142, 8.625, -6.96, -4.585)),
+    ((-2.0036784, 0.25, -1.5958356, 0.2499956), (-2.457343, 0.0, -6.615981, 0.016259),
+     (15.257, -24.209, -6.071, -13.69)),
+    ((4.250482, 0.2499261, 0.7357708, 0.0), (6.311594, -0.035897, -4.904214, 0.0),
+     (-15.65, -3.337, -1.807, -10.666)),
+]  # fmt: skip
+
+
+def after(states, **kwargs):
+    """Coordinates 20 ms after some (q, qd, efforts), and the events."""
+    batch = rde.BatchSimulator(rde.load_scene({**REACH, **kwargs}), len(states))
+    q, qd, efforts = (np.array(part) for part in zip(*states, strict=True))
+    batch.set_state(q, qd)
+    status = batch.advance(efforts)
+    assert not status.numerics.any()
+    return batch.q, status.events
+
+
+@pytest.mark.parametrize("kwargs", [{"tolerance": 1e-6}, {"tolerance": None}], ids=str)
+def test_events_undone_within_the_interval_are_found(kwargs):
+    fine, events = after(CAUGHT, tolerance=None, substeps=64)
+    coarse, found = after(CAUGHT, **kwargs)
+    np.testing.assert_allclose(coarse, fine, rtol=0, atol=1e-6)
+    np.testing.assert_array_equal(found, events)
+
+
+def test_nearly_no_interval_of_random_actions_hides_an_event():
+    count = 1024
+    env = gym.make_vec("redundant_envs/RPRPReach-v0", num_envs=count)
+    env.reset(seed=3)
+    memory = env.unwrapped.core.memory
+    limits = memory.read(tuple(f"effort_limits_limits_{k}" for k in range(4)))
+    arm = env.unwrapped.core.scene.robot
+    rng = np.random.default_rng(3)
+    off = 0
+    for _ in range(40):
+        q, qd = memory.read(arm.coordinates), memory.read(arm.rates)
+        actions = rng.uniform(-1.0, 1.0, (count, 4)).astype(np.float32)
+        env.step(actions)
+        states = list(zip(q, qd, actions * limits, strict=True))
+        fine, _ = after(states, tolerance=None, substeps=64)
+        coarse, _ = after(states, tolerance=1e-6)
+        off += np.count_nonzero(np.abs(coarse - fine).max(axis=1) > 1e-5)
+    assert off <= 1  # of 40960; without the stages there were some twenty
+
+
+def test_pressed_is_the_one_set_in_which_no_stop_pulls_and_none_is_entered():
+    pressed = bind(stops.pressed, {p: getattr(algebra, p) for p in algebra.PRIMITIVES})
+    rng = np.random.default_rng(4)
+    seen = set()
+    for _ in range(2000):
+        A = rng.normal(size=(2, 2))
+        W = A @ A.T + 0.01 * np.eye(2)
+        free = rng.normal(size=2)
+        fitting = []
+        for held in ([], [0], [1], [0, 1]):
+            force = np.zeros(2)
+            if held:
+                force[held] = np.linalg.solve(W[np.ix_(held, held)], free[held])
+            left = free - W @ force
+            if (force >= 0.0).all() and (np.delete(left, held) <= 0.0).all():
+                fitting.append((0 in held, 1 in held))
+        assert len(fitting) == 1
+        got = pressed(free[0], free[1], W[0, 0], W[0, 1], W[1, 1])
+        assert (got[0] > 0.0, got[1] > 0.0) == fitting[0]
+        seen.add(fitting[0])
+    assert len(seen) == 4
