@@ -140,9 +140,10 @@ class LaneSteps:
         names += ["home", "newly", "due", "steps_of_lane", "steps_left"]
         if self.stops:
             names += ["touching", "held", "target", "side", "low", "high", "gap_low", "gap_high", "tries"]
-            names += ["changes", "searched", "halved", "cleared_a", "cleared_b"]
+            names += ["changes", "searched", "halved", "cleared_a", "cleared_b", "slide"]
+            names += [f"slope_{s}" for s in self.assembly.states[4:]]
             for x in "ab":
-                names += [f"accel_{x}", f"hold_{x}", f"hold_{x}_from", f"let_go_{x}"]
+                names += [f"hold_{x}", f"hold_{x}_from", f"let_go_{x}"]
                 names += [f"told_{x}", f"told_speed_{x}"]
             names += [f"mobility{i}_{x}" for x in "ab" for i in range(1, 5)]
         return tuple(names)
@@ -308,16 +309,8 @@ class LaneSteps:
             values |= {"next_step": "next_first", "steps_left": "0.0"}
         if self.stops:
             values["phase"] = "where(fresh > 0.0, 2.0, where(contacts > 0.0, 1.0, 2.0))"
-            zero = (
-                "changes",
-                "searched",
-                "halved",
-                "tries",
-                "let_go_a",
-                "let_go_b",
-                "cleared_a",
-                "cleared_b",
-            )
+            zero = ["changes", "searched", "halved", "tries", "slide"]
+            zero += [f"{n}_{x}" for n in ("let_go", "cleared") for x in "ab"]
             values |= dict.fromkeys(zero, "0.0")
         writes = {name: f"where({now}, {value}, {name})" for name, value in values.items()}
         writes["newly"] = "0.0"
@@ -361,8 +354,9 @@ class LaneSteps:
             f"back = {'maximum(failed, lost)' if anew else 'lost'}",
             f"retry = {'0.0' if anew else 'failed'}",
             "moved = accepted + there",
-            "elapsed_new = where(back > 0.0, 0.0, elapsed + where(moved > 0.0, h, 0.0))",
-            "left_moved = left - h",
+            f"h_moved = {'h + slide_new' if self.stops else 'h'}",
+            "elapsed_new = where(back > 0.0, 0.0, elapsed + where(moved > 0.0, h_moved, 0.0))",
+            "left_moved = left - h_moved",
             "ended = where(accepted > 0.0, where(left_moved > 0.0, 0.0, 1.0), 0.0)",
             self.call(self.rules.end),
             "done = ended * last",
@@ -393,6 +387,9 @@ class LaneSteps:
             arm.coordinates[hook.joint]: f"place_{x}_new"
             for x, (_, hook) in zip("ab", self.stops, strict=False)
         }
+        for s, rate in zip(arm.coordinates, arm.rates, strict=True):
+            if self.stops and s not in places:
+                places[s] = f"{s} + slide_new * {rate}"
         for s in a.states:
             here = places.get(s, s)
             writes[s] = f"where(back > 0.0, {s}_before, where(again + retry > 0.0, {s}_from, {here}))"
@@ -427,6 +424,7 @@ class LaneSteps:
             writes["searched"] = "where(again > 0.0, searched + 1.0, where(due > 0.0, 0.0, searched))"
             ends = writes.get("trouble", "trouble")
             writes["trouble"] = f"where(lost > 0.0, {EVENT_BUDGET}, {ends})"
+            writes["slide"] = "where(due > 0.0, slide_new, slide)"
             writes["halved"] = "where(back > 0.0, 0.0, halved + halve)"
             for name in ("target", "side", "low", "high", "gap_low", "gap_high", "tries"):
                 writes[name] = f"where(again > 0.0, {name}_new, {name})"

@@ -113,7 +113,8 @@ class StopLines:
         }
         for call in calls(mobility.values(), known, (*functions, arm.slider_mobility), arm.sincos):
             emit(call, contact, self.lanes.used)
-        accelerations = {f"accel_{x}": f"qdd{k}" for x, k in zip("ab", joints, strict=True)}
+        slopes = ("qdd1", "qdd2", "qdd3", "qdd4", "power")
+        slopes_of = {f"slope_{s}": d for s, d in zip(a.states[4:], slopes, strict=False)}
         holds = {f"hold_{x}": f"hold{k}" for x, k in zip("ab", joints, strict=True)}
         writes = {s: f"where(moving > 0.0, {s}_new, {s})" for s in a.states}
         free = ("step", {**dict.fromkeys(self.lanes.modes, 0.0), "phase": 2.0})
@@ -146,7 +147,7 @@ class StopLines:
                 "contact",
                 "Accelerations, the forces that hold, and mobilities, of the present state.",
                 contact,
-                {**accelerations, **holds, **mobility},
+                {**slopes_of, **holds, **mobility},
             ),
         ]
 
@@ -167,8 +168,13 @@ class StopLines:
         """At a stop: impulses, rest and release, as :func:`stops.touch` decides."""
         a, arm = self.assembly, self.assembly.scene.robot
         sa, sb = (hook.joint for _, hook in self.stops)
+        moving = a.states[4:]
+        # What a Taylor step to the stop has left to do, now that accelerations are known.
+        rest = (f"where(slide == 0.0, {s}, {s} + slide * slope_{s})" for s in moving)
         lines = [
+            f"{', '.join(moving)}, = {', '.join(rest)},",
             *self.sliders,
+            *(f"accel_{x} = slope_{arm.rates[j]}" for x, j in zip("ab", (sa, sb), strict=True)),
             f"waa = mobility{sa + 1}_a", f"wab = mobility{sa + 1}_b", f"wbb = mobility{sb + 1}_b",
             self.call(stops.touch),
         ]  # fmt: skip
@@ -191,7 +197,7 @@ class StopLines:
             "h": "where(going_on > 0.0, left, h)",
             "events": "where(over_budget > 0.0, events_before, events_new)",
             "changes": "changes_new", "phase": "phase_new",
-            "touching": "where(phase_new == 1.0, 1.0, 0.0)",
+            "touching": "where(phase_new == 1.0, 1.0, 0.0)", "slide": "0.0",
             "trouble": f"where(over_budget > 0.0, {EVENT_BUDGET}, trouble)",
         }  # fmt: skip
         for x in "ab":

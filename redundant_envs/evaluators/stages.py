@@ -29,7 +29,6 @@ from redundant_envs.evaluators.instructions import (
 )
 from redundant_envs.evaluators.order import in_order
 
-
 RETURNED = 4
 """Results of a call that processors return in registers."""
 
