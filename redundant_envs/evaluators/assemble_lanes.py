@@ -28,8 +28,8 @@ from redundant_envs.evaluators.text import block, indent, prefixed, words
 from redundant_envs.integrators import error_control, stops
 from redundant_envs.integrators.tableaus import METHODS
 
-GROUP = 64
-"""Blocks that go through equal steps together: few enough to stay in the cache."""
+GROUP = 128
+"""Blocks that go through a step together: few enough to stay in the cache."""
 MARK = "# ---- copied from here"
 
 
@@ -256,14 +256,9 @@ class LaneSteps:
         mark, unserved = "0.0", "2.0"
         if self.stops:
             lines += self.at_stops.meetings("before")
-            close, suspicious = self.use(stops.closeness), self.use(stops.suspicious)
-            for x in "ab":
-                lines.append(f"close_{x} = {close}(place_{x}, lower_{x}, upper_{x})")
-                lines.append(
-                    f"event_{x} = where(mode_{x} == 0.0, abs(met_{x}_now), 0.0) "
-                    f"+ {suspicious}(hint_{x}, mode_{x}, close_{x})"
-                )
-            mark = "where(event_a + event_b > 0.0, 2.0, 0.0)"
+            events = (f"where(mode_{x} == 0.0, abs(met_{x}_now), 0.0)" for x in "ab")
+            lines.append(f"event = {' + '.join(events)} + maximum(maximum(hint_a, hint_b), 0.0)")
+            mark = "where(event > 0.0, 2.0, 0.0)"
             writes |= MEETINGS
         if self.plan_of_steps == "doubling":
             mark = f"where(error_sum <= tip_tolerance, {mark}, 1.0)"
@@ -502,8 +497,8 @@ class LaneSteps:
     def block_loop(self, first: list[str], then: list[str]) -> list[str]:
         """Lines of :meth:`Assembly.block_loop` where lanes take steps of their own.
 
-        All blocks go through the common step; those with a lane that it does not serve wait, so
-        that such lanes of the whole batch fill the scratch block together.
+        Blocks go through the common step in groups; those with a lane that it does not serve wait,
+        so that such lanes of the whole group fill the scratch block together.
         """
         step = ["step(W, o)"]
         if self.stops:
@@ -517,38 +512,28 @@ class LaneSteps:
         common = ["if any_served(W, o) & ((1 << lanes) - 1):", *block(step)]
         if self.plan_of_steps == "adaptive":
             common = []
-        if self.plan_of_steps != "fixed":
-            return [
-                "waiting = False",
-                "for sweep in range(2):",
-                "    if sweep == 1:",
-                "        if not waiting:",
-                "            break",
-                "        redo(W, S, 0, count)",
-                f"    for b in range({BLOCKS}):",
-                *block(HEAD, 2),
-                "        if sweep == 0:",
-                *block([*first, "clear(W, o)", "start(W, o)", *common, "judge(W, o)"], 3),
-                "            if any_marked(W, o):",
-                "                waiting = True",
-                "                continue",
-                "        elif not any_marked(W, o):",
-                "            continue",
-                *block(then, 2),
-            ]
+        steps = "substeps" if self.plan_of_steps == "fixed" else "1"
         return [
             f"for begin_block in range(0, {BLOCKS}, {GROUP}):",
             f"    end_block = min({BLOCKS}, begin_block + {GROUP})",
-            "    for b in range(begin_block, end_block):",
-            *block([*HEAD, *first, "clear(W, o)"], 2),
-            "    for _ in range(substeps):",
+            f"    for number in range({steps}):",
             "        waiting = False",
-            "        for b in range(begin_block, end_block):",
-            *block([*HEAD, "start(W, o)", *common, "judge(W, o)"], 3),
-            "            if any_marked(W, o):",
-            "                waiting = True",
-            "        if waiting:",
-            f"            redo(W, S, begin_block * {LANES}, min(count, end_block * {LANES}))",
-            "    for b in range(begin_block, end_block):",
-            *block([*HEAD, *then], 2),
+            "        for sweep in range(2):",
+            "            if sweep == 1:",
+            "                if not waiting:",
+            "                    break",
+            f"                redo(W, S, begin_block * {LANES}, min(count, end_block * {LANES}))",
+            "            for b in range(begin_block, end_block):",
+            *block(HEAD, 4),
+            "                if sweep == 0:",
+            "                    if number == 0:",
+            *block([*first, "clear(W, o)"], 6),
+            *block(["start(W, o)", *common, "judge(W, o)"], 5),
+            "                    if any_marked(W, o):",
+            "                        waiting = True",
+            "                        continue",
+            "                elif not any_marked(W, o):",
+            "                    continue",
+            f"                if number == {steps} - 1:",
+            *block(then, 5),
         ]

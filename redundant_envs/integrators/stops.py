@@ -268,12 +268,6 @@ def first_event(q0, v0, q1, v1, h, mode, hold_from, hold, met, turns, lower, upp
 
 
 @physics
-def suspicious(hint, mode, close):
-    """Whether a slider was beyond its stop at a stage of a piece, or would have to be pulled."""
-    return where(mode == 0.0, where(hint > close, 1.0, 0.0), positive(hint))
-
-
-@physics
 def arrived(there, sought, limit, place, rate, mode, close, lower, upper):
     """Where a slider is at an event: at its stop exactly, if it comes there within 1e-14 s."""
     near = close + 1e-14 * abs(rate)
@@ -307,13 +301,12 @@ def decide(
     close_a = closeness(place_a_from, lower_a, upper_a)
     close_b = closeness(place_b_from, lower_b, upper_b)
 
-    # A slider that did something at a stage, though not at the end, may have come, or left, and be
-    # back: half the piece shows more. Stages are less accurate than the end, so not without end.
+    # A slider that was beyond its stop at a stage of the piece, or would have had to be pulled, though
+    # not at the end, may have come, or left, and be back: half the piece shows more. Stages are less
+    # accurate than the end, so not without end.
     quiet_a = where(at_a <= h, 0.0, 1.0)
     quiet_b = where(at_b <= h, 0.0, 1.0)
-    hidden = either(
-        quiet_a * suspicious(hint_a, mode_a, close_a), quiet_b * suspicious(hint_b, mode_b, close_b)
-    )
+    hidden = either(quiet_a * positive(hint_a), quiet_b * positive(hint_b))
     halve = tried * hidden * where(halved < 16.0, 1.0, 0.0) * where(h > 0.03 * left, 1.0, 0.0)
 
     # A tried piece: its first event, if it has one.
