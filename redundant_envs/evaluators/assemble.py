@@ -166,6 +166,10 @@ class Assembly:
             "steps", *self.spent, *terms, *PLACES,
         )  # fmt: skip
 
+    def out(self, name: str) -> str:
+        """Row of an output: a remembered quantity's own, or one that stands for nothing else."""
+        return name if name in self.memory else f"out_{name}"
+
     @cached_property
     def observed(self) -> tuple[str, ...]:
         """Observed quantities in order."""
@@ -181,7 +185,7 @@ class Assembly:
             *(f"command{k}" for k in range(1, 5)), *self.numbers,
             *((*before, *lanes.plan) if lanes else before if self.task else ()),
             *(("limit",) if self.task else ()),
-            *self.actions, *self.memory, *(f"out_{n}" for n in self.outputs),
+            *self.actions, *self.memory, *(n for n in map(self.out, self.outputs) if n not in self.memory),
             *(f"obs_{i}" for i in range(len(self.observed))), *self.draws,
             *(lanes.log if lanes else ()),
         ]  # fmt: skip

@@ -156,8 +156,7 @@ def _observe(a: Assembly, task: ReachTask, used: list[Any]) -> str:
     lines = _statements(a, task, [*a.observed, *pure, *PLACES], known, used)
     writes = {
         **{f"obs_{k}": name for k, name in enumerate(a.observed)},
-        **{f"out_{m}": m for m in (*pure, *PLACES)},
-        **{f"out_{m}": m for m in a.memory if m in a.outputs},
+        **{f"out_{m}": m for m in (*pure, *PLACES) if m not in a.memory},
     }
     return a.lane_function("observe", "Observation and measures.", lines, writes)
 
@@ -167,8 +166,7 @@ def _store(a: Assembly) -> str:
         '"""Copy what lane i shows to line n of obs and column n of out."""',
         f"for k in range({len(a.observed)}):",
         f"    obs[n * {len(a.observed)} + k] = W[o + ({a.rows['obs_0']} + k) * {LANES} + i]",
-        f"for k in range({len(a.outputs)}):",
-        f"    out[k, n] = W[o + ({a.rows['out_reward']} + k) * {LANES} + i]",
+        *(f"out[{k}, n] = {a.at(a.out(name))}" for k, name in enumerate(a.outputs)),
     ]
     show = [
         '"""Observe a block and copy what its lanes show to the tables."""',
@@ -183,7 +181,7 @@ def _store(a: Assembly) -> str:
     ]
     return (
         f"give_observed = give({[a.rows[f'obs_{k}'] for k in range(len(a.observed))]})\n\n\n"
-        f"lay_outputs = lay({[a.rows[f'out_{n}'] for n in a.outputs]})\n\n\n"
+        f"lay_outputs = lay({[a.rows[a.out(n)] for n in a.outputs]})\n\n\n"
         f"@njit(**OPTIONS)\ndef store(W, o, i, n, obs, out):\n{indent(body, 1)}\n\n\n"
         f"@njit(inline='always', **OPTIONS)\ndef show(W, o, first_lane, lanes, obs, out):\n{indent(show, 1)}"
     )
