@@ -17,8 +17,8 @@ from redundant_envs.studies.throughput import one_core, versions
 
 COLUMNS = (
     "machine", "date", "python", "numba", "numpy", "commit", "gymnasium", "env", "lanes",
-    "vector_steps_per_s_best", "vector_steps_per_s_median", "vector_one_rk8_step_best",
-    "single_us_per_step",
+    "vector_steps_per_s_best", "vector_steps_per_s_median", "vector_renewed_actions_best",
+    "vector_one_rk8_step_best", "vector_one_rk8_step_renewed_actions_best", "single_us_per_step",
     "cartpole_us_per_step", "single_over_cartpole", "import_to_first_step_s",
 )  # fmt: skip
 BASELINE = "CartPole-v1"
@@ -37,21 +37,26 @@ print(time.perf_counter() - start)
 """
 
 
-def vector_rates(name: str, lanes: int, rounds: int, controlled: bool = True) -> list[float]:
+def vector_rates(
+    name: str, lanes: int, rounds: int, controlled: bool = True, renewed: bool = False
+) -> list[float]:
     """Environment steps per second of the native vector environment, one number per round.
 
-    With the error control that is its default, or with one rk8 step for every control step.
+    With the error control that is its default, or with one rk8 step for every control step; with
+    random actions that each environment keeps, or with ``renewed`` ones at every step, which make
+    the sliders of RPRP come to their stops and leave them more often.
     """
     scene = load_scene(SCENES[name.split("/")[1].removesuffix("Reach-v0")]).to_dict()
     env = gym.make_vec(name, num_envs=lanes, scene=scene if controlled else {**scene, "tolerance": None})
     env.reset(seed=0)
-    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (lanes, 4)).astype(np.float32)
-    env.step(actions)
+    tables = VECTOR_STEPS if renewed else 1
+    drawn = np.random.default_rng(0).uniform(-1.0, 1.0, (tables, lanes, 4)).astype(np.float32)
+    env.step(drawn[0])
     rates = []
     for _ in range(rounds):
         start = time.perf_counter()
-        for _ in range(VECTOR_STEPS):
-            env.step(actions)
+        for k in range(VECTOR_STEPS):
+            env.step(drawn[k % tables])
         rates.append(lanes * VECTOR_STEPS / (time.perf_counter() - start))
     env.close()
     return rates
@@ -108,7 +113,9 @@ def run(lanes: int = 4096, rounds: int = 10, steps: int = 2000) -> list[dict[str
     with one_core():
         for i, name in enumerate(IDS):
             rates = vector_rates(name, lanes, rounds)
+            lively = vector_rates(name, lanes, rounds, renewed=True)
             fixed = vector_rates(name, lanes, rounds, controlled=False)
+            fixed_lively = vector_rates(name, lanes, rounds, controlled=False, renewed=True)
             single, baseline = single_against_baseline(name, rounds, steps)
             rows.append(
                 {
@@ -118,7 +125,9 @@ def run(lanes: int = 4096, rounds: int = 10, steps: int = 2000) -> list[dict[str
                     "lanes": lanes,
                     "vector_steps_per_s_best": round(max(rates)),
                     "vector_steps_per_s_median": round(statistics.median(rates)),
+                    "vector_renewed_actions_best": round(max(lively)),
                     "vector_one_rk8_step_best": round(max(fixed)),
+                    "vector_one_rk8_step_renewed_actions_best": round(max(fixed_lively)),
                     "single_us_per_step": round(single, 2),
                     "cartpole_us_per_step": round(baseline, 2),
                     "single_over_cartpole": round(single / baseline, 2),
