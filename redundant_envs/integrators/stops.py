@@ -235,7 +235,10 @@ def nearer_root(low, high, s, side, gap, s0, c2, c3):
 
 @physics
 def crossing(q0, v0, q1, v1, h, side, lower, upper, turns):
-    """When the cubic through both ends of a piece goes beyond the stop, s: a first guess."""
+    """When the cubic through both ends of a piece goes beyond the stop, s: a first guess.
+
+    Three iterations find its zero about as well as the cubic knows the event.
+    """
     limit = where(side > 0.0, upper, lower)
     d = q1 - q0
     s0 = h * v0
@@ -245,8 +248,6 @@ def crossing(q0, v0, q1, v1, h, side, lower, upper, turns):
     low = where(side * v0 < 0.0, where(v0 * v1 < 0.0, minimum(turns / h, 1.0), 0.0), 0.0)  # inward first
     high = 1.0
     s = minimum(maximum(1.0 - (q1 - limit) / d, low), 1.0)
-    low, high, s = nearer_root(low, high, s, side, gap, s0, c2, c3)
-    low, high, s = nearer_root(low, high, s, side, gap, s0, c2, c3)
     low, high, s = nearer_root(low, high, s, side, gap, s0, c2, c3)
     low, high, s = nearer_root(low, high, s, side, gap, s0, c2, c3)
     low, high, s = nearer_root(low, high, s, side, gap, s0, c2, c3)
