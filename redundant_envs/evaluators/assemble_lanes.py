@@ -28,7 +28,7 @@ from redundant_envs.evaluators.text import block, indent, prefixed, words
 from redundant_envs.integrators import error_control, stops
 from redundant_envs.integrators.tableaus import METHODS
 
-GROUP = 128
+GROUP = 512
 """Blocks that go through a step together: few enough to stay in the cache."""
 MARK = "# ---- copied from here"
 

@@ -37,22 +37,24 @@ def random_policy(seed: int) -> Policy:
 
 
 def visited_states(policy: Policy, count: int, seed: int = 0) -> tuple[Array, Array, Array]:
-    """States at random times of episodes, with the efforts of the next interval: (count, 4) each."""
+    """States at random times of episodes, q and qd, (count, 4), and the efforts of the two intervals
+    that follow, (2, count, 4): after the first, a simulator knows which sliders rest."""
     env: Any = gym.make_vec(ENVIRONMENT, num_envs=count, autoreset_mode="same_step")
     core, arm = env.core, env.core.scene.robot
     limits = np.array([core.scene.parameters()[f"effort_limits.limits[{k}]"] for k in range(4)])
     obs, _ = env.reset(seed=seed)
-    at = np.random.default_rng(seed).integers(0, STEPS, count)
-    kept = np.empty((3, count, 4))
+    at = np.random.default_rng(seed).integers(0, STEPS - 1, count)
+    q, qd, efforts = np.empty((count, 4)), np.empty((count, 4)), np.empty((2, count, 4))
     for step in range(STEPS):
         actions = policy(obs)
         now = at == step
-        kept[0, now] = core.memory.read(arm.coordinates)[now]
-        kept[1, now] = core.memory.read(arm.rates)[now]
-        kept[2, now] = np.clip(actions[now], -1.0, 1.0) * limits
+        q[now], qd[now] = core.memory.read(arm.coordinates)[now], core.memory.read(arm.rates)[now]
+        for k in range(2):
+            chosen = at + k == step
+            efforts[k, chosen] = np.clip(actions[chosen], -1.0, 1.0) * limits
         obs, *_ = env.step(actions)
     env.close()
-    return kept[0], kept[1], kept[2]
+    return q, qd, efforts
 
 
 def touching(scene: Scene, q: Array, qd: Array, efforts: Array) -> NDArray[np.bool_]:
@@ -92,7 +94,10 @@ def rows_of(name: str, policy: Policy, lanes: int, repeats: int) -> list[dict[st
     """Rows of ``COLUMNS`` for the states that a policy visits: shares 1 % and 20 %, and its own."""
     scene = load_scene("rprp_reach")
     q, qd, efforts = visited_states(policy, 4 * lanes)
-    touched = touching(scene, q, qd, efforts)
+    visitor = BatchSimulator(scene, 4 * lanes)
+    visitor.set_state(q, qd)
+    visitor.advance(efforts[0])
+    touched = touching(scene, visitor.q, visitor.qd, efforts[1])
     rng = np.random.default_rng(0)
     rows = []
     for share in (*SHARES, float(touched.mean())):
@@ -105,13 +110,14 @@ def rows_of(name: str, policy: Policy, lanes: int, repeats: int) -> list[dict[st
         )
         rng.shuffle(chosen)
         batches = [BatchSimulator(s, lanes) for s in (without_stops(scene), scene)]
-        for batch in batches:
-            batch.set_state(q[chosen], qd[chosen])
+        batches[1].set_state(q[chosen], qd[chosen])
+        batches[1].advance(efforts[0, chosen])
+        batches[0].set_state(batches[1].q, batches[1].qd)
         snapshots = [batch.save() for batch in batches]
-        free, stopped = (batch.advance(efforts[chosen]) for batch in batches)
+        free, stopped = (batch.advance(efforts[1, chosen]) for batch in batches)
         for batch, snapshot in zip(batches, snapshots, strict=True):
             batch.restore(snapshot)
-        without, with_stops = paired_times(batches, efforts[chosen], repeats)
+        without, with_stops = paired_times(batches, efforts[1, chosen], repeats)
         rows.append(
             {
                 "states": name,
