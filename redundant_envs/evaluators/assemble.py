@@ -365,10 +365,16 @@ class Assembly:
             columns["error"] = "error_sum"
         if self.lanes:
             columns["evaluations"] = "evaluations"
-        writes: dict[str, str] = {}
-        if self.lanes and self.lanes.stops:  # a lane whose events were given up has not moved
+        parts, give_up = [], []
+        if self.lanes and self.lanes.stops:
             undo = {**self.lanes.undo, **dict.fromkeys(self.lanes.log[:1], "0.0")}
             writes = {name: f"where(trouble >= {EVENT_BUDGET}, {was}, {name})" for name, was in undo.items()}
+            doc = "A lane whose events were given up has not moved."
+            parts = [
+                self.lane_function("undo", doc, [], writes),
+                f"any_trouble = any_set({self.rows['trouble']})",
+            ]
+            give_up = ["if any_trouble(W, o):", "    undo(W, o)"]
             columns["events"] = f"where(trouble >= {EVENT_BUDGET}, 0.0, events)"
             defect = f"where(trouble >= {EVENT_BUDGET}, 0.0, {defect})"
         first = [
@@ -382,14 +388,14 @@ class Assembly:
             '"""Advance all lanes by one control interval; what is given back has whole blocks."""',
             "wide_vectors()",
             "count = efforts.shape[0]",
-            *self.block_loop(first, [f"inspect(W, o, ({', '.join(columns)}), first_lane)"]),
+            *self.block_loop(first, [*give_up, f"inspect(W, o, ({', '.join(columns)}), first_lane)"]),
         ]
-        parts = [
+        parts += [
             self.lane_function(
                 "inspect",
                 "Whether a state is not finite, all trouble, and what the interval took.",
                 [f"defect = {defect}"],
-                writes,
+                {},
                 columns=tuple(columns.values()),
             ),
             f"take_efforts = take({commands})\nSIGNATURES = {SIGNATURES}",

@@ -31,6 +31,9 @@ from redundant_envs.integrators.tableaus import METHODS
 GROUP = 512
 """Blocks that go through a step together: few enough to stay in the cache."""
 MARK = "# ---- copied from here"
+NEAR = 3.0
+"""Of a row that says why a lane leaves the common step: not known yet, but near a stop. Otherwise it
+is 0, 1 for too little accuracy, or 2 for a stop."""
 
 
 class Plan(NamedTuple):
@@ -124,6 +127,11 @@ class LaneSteps:
             names += self.undo.values()
         return tuple(names)
 
+    @property
+    def constant(self) -> dict[str, float]:
+        """Rows that hold one number for good: the common step is a piece to its end."""
+        return {"phase": 2.0} if self.stops else {}
+
     @cached_property
     def log(self) -> tuple[str, ...]:
         """Rows of the events of an interval, where they are kept."""
@@ -190,13 +198,11 @@ class LaneSteps:
         """Text of all that :meth:`block_loop` calls, and the dialect functions in it."""
         a = self.assembly
         self.used.clear()
-        parts = [self._clear(), self._start(), self._judge()]
-        if self.stops:
-            parts += self.at_stops.held()
-            parts.append(self.at_stops.touch())
+        common = [self._clear(), self._start(), self._judge(), *([self._meet()] if self.stops else [])]
+        parts = [*self.at_stops.held(), self.at_stops.touch()] if self.stops else []
         parts += [self._begin(), self._look(), self._decide()]
-        self._texts[:] = parts[3:] if self.stops else [*parts[3:], a._step_text, a.rhs_text]
-        parts += [self._constants(), self._another_piece()]
+        self._texts[:] = parts if self.stops else [*parts, a._step_text, a.rhs_text]
+        parts = [*common, *parts, self._constants(), self._another_piece()]
         text = (Path(__file__).parent / "redo.py").read_text(encoding="utf-8")
         parts.append(text.split(MARK, 1)[1].split("\n", 1)[1].strip())
         return parts, self.used
@@ -220,7 +226,6 @@ class LaneSteps:
         lines, serves = [], "1.0"
         if self.stops:
             kept |= {"events_before": "events", **{f"{m}_before": m for m in self.modes}}
-            kept["phase"] = "2.0"
         if self.plan_of_steps != "fixed":
             turning = [v for v, slides in zip(arm.rates, arm.prismatic, strict=True) if not slides]
             fastest = f"abs({turning[0]})"
@@ -255,11 +260,13 @@ class LaneSteps:
         }
         mark, unserved = "0.0", "2.0"
         if self.stops:
-            lines += self.at_stops.meetings("before")
-            events = (f"where(mode_{x} == 0.0, abs(met_{x}_now), 0.0)" for x in "ab")
-            lines.append(f"event = {' + '.join(events)} + maximum(maximum(hint_a, hint_b), 0.0)")
-            mark = "where(event > 0.0, 2.0, 0.0)"
-            writes |= MEETINGS
+            lines += [*self.at_stops.sliders, *self.at_stops.begun("before")]
+            near = self.use(stops.near)
+            for x in "ab":
+                start = f"place_{x}_before, rate_{x}_before, place_{x}, rate_{x}, h"
+                lines.append(f"near_{x} = {near}({start}, mode_{x}, lower_{x}, upper_{x})")
+            mark = "where(maximum(hint_a, hint_b) > 0.0, 2.0, "
+            mark += f"where(near_a + near_b > 0.0, {NEAR}, 0.0))"
         if self.plan_of_steps == "doubling":
             mark = f"where(error_sum <= tip_tolerance, {mark}, 1.0)"
             unserved = "where(floor <= 1.0, 2.0, 1.0)"
@@ -273,6 +280,16 @@ class LaneSteps:
             del writes["error_sum"]
         return a.lane_function(
             "judge", "After a common step: mark the lanes it does not serve.", lines, writes
+        )
+
+    def _meet(self) -> str:
+        """After :meth:`_judge`, where a slider is near a stop: which lanes meet one."""
+        events = " + ".join(f"where(mode_{x} == 0.0, abs(met_{x}_now), 0.0)" for x in "ab")
+        return self.assembly.lane_function(
+            "meet",
+            "After a common step: mark the lanes that meet a stop.",
+            self.at_stops.meetings("before"),
+            {**MEETINGS, "marked": f"where(marked == {NEAR}, where({events} > 0.0, 2.0, 0.0), marked)"},
         )
 
     @property
@@ -510,8 +527,11 @@ class LaneSteps:
                 "    step(W, o)",
             ]
         common = ["if any_served(W, o) & ((1 << lanes) - 1):", *block(step)]
+        common.append("judge(W, o)")
         if self.plan_of_steps == "adaptive":
-            common = []
+            common = ["judge(W, o)"]
+        elif self.stops:
+            common += ["if any_marked(W, o):", "    meet(W, o)"]
         steps = "substeps" if self.plan_of_steps == "fixed" else "1"
         return [
             f"for begin_block in range(0, {BLOCKS}, {GROUP}):",
@@ -528,7 +548,7 @@ class LaneSteps:
             "                if sweep == 0:",
             "                    if number == 0:",
             *block([*first, "clear(W, o)"], 6),
-            *block(["start(W, o)", *common, "judge(W, o)"], 5),
+            *block(["start(W, o)", *common], 5),
             "                    if any_marked(W, o):",
             "                        waiting = True",
             "                        continue",

@@ -117,7 +117,7 @@ class StopLines:
         slopes_of = {f"slope_{s}": d for s, d in zip(a.states[4:], slopes, strict=False)}
         holds = {f"hold_{x}": f"hold{k}" for x, k in zip("ab", joints, strict=True)}
         writes = {s: f"where(moving > 0.0, {s}_new, {s})" for s in a.states}
-        free = ("step", {**dict.fromkeys(self.lanes.modes, 0.0), "phase": 2.0})
+        free = ("step", {**dict.fromkeys(self.lanes.modes, 0.0), **self.lanes.constant})
         return [
             a.rhs_function(rhs) + a.subroutine(2),
             a.lane_function(

@@ -230,6 +230,8 @@ class Memory:
         scene = assembly.scene
         self.blocks[:, self.rows["h"]] = scene.control_dt / scene.substeps
         self.blocks[:, self.rows["interval"]] = scene.control_dt
+        for name, value in (assembly.lanes.constant if assembly.lanes else {}).items():
+            self.blocks[:, self.rows[name]] = value
 
     def prepare(self) -> None:
         """Renew what follows from the parameters alone; to be called after they are set."""

@@ -222,6 +222,18 @@ def touch(
 
 
 @physics
+def near(q0, v0, q1, v1, h, mode, lower, upper):
+    """Whether a free slider may meet a stop in a step; 0 is certain.
+
+    Between its ends a cubic leaves their range by at most 4/27 h (|v0| + |v1|), what Hermite's basis
+    can reach; prismatic_stop adds a twentieth of that.
+    """
+    reach = 0.16 * h * (abs(v0) + abs(v1))
+    inside = where(maximum(q0, q1) + reach < upper, where(minimum(q0, q1) - reach > lower, 1.0, 0.0), 0.0)
+    return where(mode == 0.0, 1.0 - inside, 0.0)
+
+
+@physics
 def nearer_root(low, high, s, side, gap, s0, c2, c3):
     """A bracketed Newton step towards a zero of the cubic side (gap + s0 s + c2 s^2 + c3 s^3)."""
     g = side * (gap + s * (s0 + s * (c2 + s * c3)))
