@@ -29,7 +29,8 @@ from redundant_envs.integrators import error_control, stops
 from redundant_envs.integrators.tableaus import METHODS
 
 GROUP = 512
-"""Blocks that go through a step together: few enough to stay in the cache."""
+"""Blocks that go through a step together: few enough to stay in a cache of some megabytes, enough that
+the lanes that leave it fill the scratch block even if they are one in a hundred."""
 MARK = "# ---- copied from here"
 NEAR = 3.0
 """Of a row that says why a lane leaves the common step: not known yet, but near a stop. Otherwise it
@@ -118,6 +119,8 @@ class LaneSteps:
         """Rows of what the common step tells the lanes that leave it."""
         names = ["error_before", "floor", "served", "marked"]
         if self.stops:
+            # Hints: how far beyond its stop a free slider was at a stage of the step, or how hard its
+            # stop would have had to pull a resting one.
             names += ["phase", "hint_a", "hint_b"]
             names += ["events_before", *(f"{m}_before" for m in self.modes)]
             names += ["met_a", "turns_a", "met_b", "turns_b"]

@@ -221,3 +221,16 @@ def test_a_refused_reset_changes_nothing(env_id):
     action = np.full(4, 0.3, np.float32)
     np.testing.assert_array_equal(flat(env.step(action)[0]), flat(other.step(action)[0]))
     np.testing.assert_array_equal(flat(env.reset()[0]), flat(other.reset()[0]))
+
+
+def test_the_key_of_an_episode_is_128_bits_of_the_generator():
+    core = gym.make_vec("redundant_envs/FourRReach-v0", num_envs=3).unwrapped.core
+    for lane in range(3):
+        core.seed(lane, 20 + lane)
+    core.provide_keys(np.array([0, 2]))
+    for lane in (0, 2):
+        generator, _ = gym.utils.seeding.np_random(20 + lane)
+        expected = generator.integers(0, 2**32, size=4, dtype=np.uint32)
+        np.testing.assert_array_equal(core.keys[lane], expected)
+        assert core.generators[lane].integers(2**32) == generator.integers(2**32)  # both go on alike
+    assert core.waiting.tolist() == [True, False, True]
