@@ -117,18 +117,24 @@ class LaneSteps:
     @cached_property
     def plan(self) -> tuple[str, ...]:
         """Rows of what the common step tells the lanes that leave it."""
-        names = ["error_before", "floor", "served", "marked"]
+        equal = self.plan_of_steps == "fixed"
+        names = ["marked", "error_before"] if equal else ["marked", "floor"]
         if self.stops:
             # Hints: how far beyond its stop a free slider was at a stage of the step, or how hard its
             # stop would have had to pull a resting one.
             names += ["phase", "hint_a", "hint_b"]
-            names += ["events_before", *(f"{m}_before" for m in self.modes)]
+            names += [*(["events_before"] if equal else []), *(f"{m}_before" for m in self.modes)]
             names += ["met_a", "turns_a", "met_b", "turns_b"]
         if self.log:
             names += ["logged_before", "span_start"]
-        if self.plan_of_steps == "fixed":
+        if equal:
             names += self.undo.values()
         return tuple(names)
+
+    @property
+    def sums_before(self) -> list[str]:
+        """Lines that name the sums before a common step: rows, or 0 where it begins the interval."""
+        return [] if self.plan_of_steps == "fixed" else ["error_before, events_before = 0.0, 0.0"]
 
     @property
     def constant(self) -> dict[str, float]:
@@ -216,8 +222,6 @@ class LaneSteps:
             writes["events"] = "0.0"
         if self.log:
             writes |= {"logged": "0.0", "span_start": "-h" if self.plan_of_steps == "fixed" else "0.0"}
-        if self.plan_of_steps == "doubling":
-            writes["h"] = "interval"
         if self.plan_of_steps == "fixed":
             writes |= {row: name for name, row in self.undo.items()}
         return self.assembly.lane_function("clear", "Before an interval.", [], writes)
@@ -225,11 +229,12 @@ class LaneSteps:
     def _start(self) -> str:
         """Before a common step: keep the state, and see which lanes that step may serve."""
         a, arm = self.assembly, self.assembly.scene.robot
-        kept = {**{f"{s}_before": s for s in a.states}, "error_before": "error_sum"}
-        lines, serves = [], "1.0"
+        kept, lines = {f"{s}_before": s for s in a.states}, []
         if self.stops:
-            kept |= {"events_before": "events", **{f"{m}_before": m for m in self.modes}}
-        if self.plan_of_steps != "fixed":
+            kept |= {f"{m}_before": m for m in self.modes}
+        if self.plan_of_steps == "fixed":
+            kept |= {"error_before": "error_sum"} | ({"events_before": "events"} if self.stops else {})
+        else:
             turning = [v for v, slides in zip(arm.rates, arm.prismatic, strict=True) if not slides]
             fastest = f"abs({turning[0]})"
             for v in turning[1:]:
@@ -237,9 +242,7 @@ class LaneSteps:
             steady = [name for name in a.numbers if name.startswith("steady")]
             rule = self.use(error_control.least_steps)
             lines.append(f"steps = {rule}({fastest}, {steady[-1] if steady else '0.0'}, interval)")
-            serves = f"where(steps <= 1.0, {serves}, 0.0)"
-            kept["floor"] = "steps"
-        kept["served"] = serves
+            kept["floor"] = "where(steps <= 1.0, 0.0, steps)"  # 0 where one step may serve
         if self.log:
             kept["logged_before"] = "logged"
             if self.plan_of_steps == "fixed":
@@ -261,7 +264,7 @@ class LaneSteps:
             "marked": "where(defect == 0.0, mark, 0.0)",
             first: f"where(defect == 0.0, {first}, defect)",  # if no step has shown it, this does
         }
-        mark, unserved = "0.0", "2.0"
+        mark = "0.0"
         if self.stops:
             lines += [*self.at_stops.sliders, *self.at_stops.begun("before")]
             near = self.use(stops.near)
@@ -270,17 +273,15 @@ class LaneSteps:
                 lines.append(f"near_{x} = {near}({start}, mode_{x}, lower_{x}, upper_{x})")
             mark = "where(maximum(hint_a, hint_b) > 0.0, 2.0, "
             mark += f"where(near_a + near_b > 0.0, {NEAR}, 0.0))"
-        if self.plan_of_steps == "doubling":
-            mark = f"where(error_sum <= tip_tolerance, {mark}, 1.0)"
-            unserved = "where(floor <= 1.0, 2.0, 1.0)"
-        lines.append(f"mark = where(served > 0.0, {mark}, {unserved})")
-        if self.plan_of_steps == "adaptive":
-            lines[-1] = "mark = 1.0"
+        if self.plan_of_steps == "fixed":
+            writes["evaluations"] = f"evaluations + {self._stages}"
+        elif self.plan_of_steps == "doubling":
+            mark = f"where(floor == 0.0, where(error_sum <= tip_tolerance, {mark}, 1.0), 1.0)"
+            writes["evaluations"] = f"where(floor == 0.0, evaluations + {self._stages}, evaluations)"
+            writes["error_sum"] = "where(floor == 0.0, error_sum, 0.0)"
         else:
-            writes["evaluations"] = f"evaluations + served * {self._stages}"
-            writes["error_sum"] = "where(served > 0.0, error_sum, error_before)"
-        if self.plan_of_steps != "adaptive" and not a.estimates:
-            del writes["error_sum"]
+            mark = "1.0"
+        lines.append(f"mark = {mark}")
         return a.lane_function(
             "judge", "After a common step: mark the lanes it does not serve.", lines, writes
         )
@@ -302,7 +303,7 @@ class LaneSteps:
     def _begin(self) -> str:
         """Lanes that have just come from the common step."""
         a = self.assembly
-        lines, fresh = [self.call(self.rules.begin)], "0.0"
+        lines, fresh = [*self.sums_before, self.call(self.rules.begin)], "0.0"
         if self.stops:
             lines += [*self.at_stops.sliders, *self.at_stops.begun("before")]
             lines.append(f"contacts = {self.at_stops.contact_needed('_before')}")
@@ -350,7 +351,7 @@ class LaneSteps:
         """After a piece: what the lane does next."""
         a = self.assembly
         tried = "where(phase == 2.0, 1.0, where(phase == 4.0, 1.0, 0.0))"
-        lines = [self.call(self.rules.judge)]
+        lines = [*self.sums_before, self.call(self.rules.judge)]
         if self.stops:
             lines += [
                 *self.at_stops.sliders,
@@ -469,8 +470,8 @@ class LaneSteps:
             entering.append("span_start")  # named by its place only, where events are told
         asked = [
             "marked",
-            "served",
             "newly",
+            *(["floor"] if self.plan_of_steps == "doubling" else []),
             *(("due", "touching", "held", *self.modes) if self.stops else ()),
         ]
         lines = [
@@ -529,12 +530,12 @@ class LaneSteps:
                 "else:",
                 "    step(W, o)",
             ]
-        common = ["if any_served(W, o) & ((1 << lanes) - 1):", *block(step)]
-        common.append("judge(W, o)")
-        if self.plan_of_steps == "adaptive":
-            common = ["judge(W, o)"]
-        elif self.stops:
-            common += ["if any_marked(W, o):", "    meet(W, o)"]
+        if self.plan_of_steps == "doubling":
+            step = ["if ~any_floor(W, o) & ((1 << lanes) - 1):", *block(step)]
+        elif self.plan_of_steps == "adaptive":
+            step = []
+        meet = ["if any_marked(W, o):", "    meet(W, o)"] if self.stops and step else []
+        common = [*step, "judge(W, o)", *meet]
         steps = "substeps" if self.plan_of_steps == "fixed" else "1"
         return [
             f"for begin_block in range(0, {BLOCKS}, {GROUP}):",

@@ -172,6 +172,7 @@ class StopLines:
         # What a Taylor step to the stop has left to do, now that accelerations are known.
         rest = (f"where(slide == 0.0, {s}, {s} + slide * slope_{s})" for s in moving)
         lines = [
+            *self.lanes.sums_before,
             f"{', '.join(moving)}, = {', '.join(rest)},",
             *self.sliders,
             *(f"accel_{x} = slope_{arm.rates[j]}" for x, j in zip("ab", (sa, sb), strict=True)),
