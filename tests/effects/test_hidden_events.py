@@ -6,6 +6,7 @@ import pytest
 
 import redundant_envs as rde
 from redundant_envs import algebra
+from redundant_envs.effects import prismatic_stop
 from redundant_envs.evaluators.binding import bind
 from redundant_envs.integrators import stops
 
@@ -98,3 +99,30 @@ def test_pressed_is_the_one_set_in_which_no_stop_pulls_and_none_is_entered():
         assert (got[0] > 0.0, got[1] > 0.0) == fitting[0]
         seen.add(fitting[0])
     assert len(seen) == 4
+
+
+def test_what_is_not_near_a_stop_does_not_meet_one():
+    names = {p: getattr(algebra, p) for p in algebra.PRIMITIVES}
+    near, meeting = bind(stops.near, names), bind(prismatic_stop.meeting, names)
+    rng = np.random.default_rng(6)
+    met, quiet = 0, 0
+    for _ in range(20000):
+        (q0, q1), (v0, v1), h = rng.uniform(-0.2, 0.2, 2), rng.normal(0.0, 10.0, 2), 0.02
+        place, _ = meeting(q0, v0, q1, v1, h, -0.2, 0.2)
+        close = near(q0, v0, q1, v1, h, 0.0, -0.2, 0.2)
+        assert close > 0.0 or place == 0.0
+        met += place != 0.0
+        quiet += close == 0.0
+    assert min(met, quiet) > 500
+
+
+def test_a_release_near_the_end_of_an_euler_step_is_found_in_it():
+    """The only stage of the step begins it, so what the stop must do is asked at its end as well."""
+    arm = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
+    stop = rde.effects.PrismaticStop((0.0, 0.0), (0.3, 0.3), 0.0)
+    made = rde.Scene(arm, (rde.effects.Gravity(), stop), integrator="euler", control_dt=0.02)
+    q, efforts = [-1.2, 0.3, -1.2, 0.3], [30.0, -20.0, 8.0, -3.0]
+    motion = rde.simulate(made, q, [0.0] * 4, np.linspace(0.02, 0.6, 30), efforts)
+    steps = [x.time / 0.02 for x in motion.events if x.kind == "release" and x.time > 0.0]
+    assert steps
+    assert all(abs(n - round(n)) > 1e-3 for n in steps)
