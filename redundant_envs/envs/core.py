@@ -114,8 +114,7 @@ class Core:
         for lane in lanes.tolist():
             if self.generators[lane] is None:
                 self.seed(lane, None)
-            # The four words of integers(2**32, size=4, dtype=np.uint32), in a sixth of its time.
-            words.append(self.generators[lane].bit_generator.random_raw(2))  # type: ignore[union-attr]
+            words.append(episode_key(self.generators[lane]))
         if words:
             self.keys[lanes] = np.array(words, dtype="<u8").view("<u4")
             self.waiting[lanes] = True
@@ -322,6 +321,15 @@ class Core:
         self.mask[:] = state["mask"]
         self.waiting[:] = state["waiting"]
         self.generators = copy.deepcopy(state["generators"])
+
+
+def episode_key(generator: Any) -> NDArray[np.uint64]:
+    """128 random bits: two words."""
+    bits = generator.bit_generator
+    if type(bits) is np.random.PCG64:
+        return bits.random_raw(2)  # what follows, in a sixth of its time
+    words: NDArray[np.uint32] = generator.integers(0, 2**32, size=4, dtype=np.uint32)
+    return words.astype("<u4").view("<u8")
 
 
 def check_action(actions: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:

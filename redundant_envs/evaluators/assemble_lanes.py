@@ -441,7 +441,7 @@ class LaneSteps:
             ends = writes.get("trouble", "trouble")
             writes["trouble"] = f"where(lost > 0.0, {EVENT_BUDGET}, {ends})"
             writes["slide"] = "where(due > 0.0, slide_new, slide)"
-            writes["halved"] = "where(back > 0.0, 0.0, halved + halve)"
+            writes["halved"] = "where(back + there + ended > 0.0, 0.0, halved + halve)"
             for name in ("target", "side", "low", "high", "gap_low", "gap_high", "tries"):
                 writes[name] = f"where(again > 0.0, {name}_new, {name})"
             for x in "ab":

@@ -128,7 +128,7 @@ def would_rest(side, u, press, mode, let_go, e, limit):
     "told_now_a told_now_b told_speed_now_a told_speed_now_b"
 )
 def touch(
-    phase, changes, events, events_before, place_a, place_b, rate_a, rate_b, mode_a, mode_b,
+    phase, changes, events, place_a, place_b, rate_a, rate_b, mode_a, mode_b,
     lower_a, lower_b, upper_a, upper_b, restitution, let_go_a, let_go_b,
     accel_a, accel_b, hold_a, hold_b, waa, wab, wbb,
 ):  # fmt: skip
@@ -143,7 +143,7 @@ def touch(
     rate_b = where(still_b > 0.0, 0.0, rate_b)
     ua = sa * rate_a
     ub = sb * rate_b
-    spent = either(where(changes >= 512.0, 1.0, 0.0), where(events - events_before > 256.0, 1.0, 0.0))
+    spent = either(where(changes >= 512.0, 1.0, 0.0), where(events > 256.0, 1.0, 0.0))
     strikes = either(positive(ua), positive(ub))
     pa, pb = impulses(ua, ub, abs(sa), abs(sb), waa, sa * sb * wab, wbb, restitution)
     hit_a = strikes * positive(pa)
@@ -193,6 +193,8 @@ def touch(
     )
     impact_a = hit_a * positive(ua)
     impact_b = hit_b * positive(ub)
+    thrown_a = strikes * abs(mode_a) * equal(mode_a_new, 0.0)  # off its stop, by the other's impact
+    thrown_b = strikes * abs(mode_b) * equal(mode_b_new, 0.0)
     acts = on * no(spent)
     return (
         on,
@@ -211,10 +213,10 @@ def touch(
         where(acts > 0.0, either(free_a, let_go_a) * no(going), let_go_a),
         where(acts > 0.0, either(free_b, let_go_b) * no(going), let_go_b),
         # Of the event of each slider: 1 and 2 impacts at the upper and lower stop, 3 rest, 4 let go.
-        acts * (impact_a * where(sa > 0.0, 1.0, 2.0) + 3.0 * rest_a + 4.0 * free_a),
-        acts * (impact_b * where(sb > 0.0, 1.0, 2.0) + 3.0 * rest_b + 4.0 * free_b),
-        acts * impact_a * ua,
-        acts * impact_b * ub,
+        acts * (impact_a * where(sa > 0.0, 1.0, 2.0) + 3.0 * rest_a + 4.0 * (free_a + thrown_a)),
+        acts * (impact_b * where(sb > 0.0, 1.0, 2.0) + 3.0 * rest_b + 4.0 * (free_b + thrown_b)),
+        where(acts * impact_a > 0.0, ua, 0.0),
+        where(acts * impact_b > 0.0, ub, 0.0),
     )
 
 
@@ -316,7 +318,7 @@ def decide(
 
     # A slider that was beyond its stop at a stage of the piece, or would have had to be pulled, though
     # not at the end, may have come, or left, and be back: half the piece shows more. Stages are less
-    # accurate than the end, so not without end.
+    # accurate than the end, so not without end: 16 times from one event to the next.
     quiet_a = where(at_a <= h, 0.0, 1.0)
     quiet_b = where(at_b <= h, 0.0, 1.0)
     hidden = either(quiet_a * positive(hint_a), quiet_b * positive(hint_b))

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.evaluators import cpu
 from redundant_envs.evaluators.assemble import LANES, assemble
+from redundant_envs.evaluators.assemble_stops import MOST_LOGGED
 from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.model import parameters
 from redundant_envs.scene import Scene
@@ -158,7 +159,10 @@ class BatchSimulator:
         return self._memory.read(("work",))[:, 0]
 
     def events(self, start: float = 0.0) -> list[Event]:
-        """What happened at stops in the last interval, which began at ``start`` [s]; needs ``track_work``."""
+        """What happened at stops in the last interval, which began at ``start`` [s]; needs ``track_work``.
+
+        A ValueError if a lane had more events, rests and releases included, than are kept.
+        """
         lanes = self._assembly.lanes
         if lanes is None or not lanes.stops:
             return []
@@ -167,6 +171,11 @@ class BatchSimulator:
         entries = self._memory.read(lanes.log)
         happened = []
         for lane, row in enumerate(entries):
+            if row[0] >= MOST_LOGGED:
+                raise ValueError(
+                    f"environment {lane} had {MOST_LOGGED} events or more at its stops in one interval, and "
+                    f"no more are kept; shorten control_dt, which is {self.scene.control_dt} s"
+                )
             for time, code, speed in row[1 : 1 + 3 * int(row[0])].reshape(-1, 3).tolist():
                 slider, kind = divmod(int(code), 10)
                 joint = self.scene.robot.joints[lanes.stops[slider][1].joint]

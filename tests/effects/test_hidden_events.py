@@ -58,6 +58,33 @@ def test_events_undone_within_the_interval_are_found(kwargs):
     np.testing.assert_array_equal(found, events)
 
 
+SLIDERS = rde.RPRP((0.5,) * 4, (0.25, 0.25))
+MANY = [  # near their stops, with many bounces in 20 ms, some of them between the ends of a piece
+    (1.0, (-2.5513877720639933, 3.257921958059917e-09, 1.2072013578532532, 1.3889481752607886e-09),
+     (7.357488522286948, -0.0001189036482796009, -5.222628405105604, -0.00019941486935001033),
+     (13.406678704958308, -1.3463303501635764, 2.569956558805936, 0.0069748366052024835), 108),
+    (0.5, (-1.7431334314553073, 1.4923026372332746e-07, 1.1241364098253657, 0.24999747597351074),
+     (-3.0329891340860264, -0.00017019442285445697, -9.809254105422015, 0.0006789128240661114),
+     (4.9046564911869694, 5.612045248743591, 7.7955329274499725, 6.01627551080356), 11),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("case", MANY, ids=["restitution 1", "restitution 0.5"])
+def test_hidden_events_are_found_again_after_many_others(case):
+    restitution, q, qd, efforts, events = case
+    stop = rde.effects.PrismaticStop((0.0, 0.0), (0.25, 0.25), restitution)
+    effects = (rde.effects.Gravity(), rde.effects.ViscousFriction((0.2,) * 4), stop)
+    ends = []
+    for kwargs in ({"tolerance": 1e-6}, {"substeps": 512}):
+        batch = rde.BatchSimulator(rde.Scene(SLIDERS, effects, control_dt=0.02, **kwargs), 1)
+        batch.set_state(q, qd)
+        status = batch.advance([efforts])
+        assert status.events.tolist() == [events]
+        assert not status.numerics.any()
+        ends.append(batch.q)
+    np.testing.assert_allclose(ends[0], ends[1], rtol=0, atol=1e-8)
+
+
 def test_nearly_no_interval_of_random_actions_hides_an_event():
     count = 1024
     env = gym.make_vec("redundant_envs/RPRPReach-v0", num_envs=count)

@@ -233,7 +233,7 @@ def test_the_energy_of_an_impact_to_rounding():
             zip(
                 names,
                 plain(
-                    1.0, 0.0, 0.0, 0.0, 0.3, 0.1, qd[1], qd[3], 0.0, 0.0, 0.0, 0.0, 0.3, 0.3, restitution,
+                    1.0, 0.0, 0.0, 0.3, 0.1, qd[1], qd[3], 0.0, 0.0, 0.0, 0.0, 0.3, 0.3, restitution,
                     0.0, 0.0, 0.0, 0.0, 0.0, 0.0, W[1, 1], W[1, 3], W[3, 3],
                 ),
                 strict=True,
@@ -447,6 +447,38 @@ def test_a_lane_given_up_in_a_later_substep_is_back_where_its_interval_began():
     assert status.numerics.tolist() == [rde.Numerics.EVENT_BUDGET]
     np.testing.assert_array_equal(batch.q, [[0.0, 0.2, 0.0, 0.2]])
     np.testing.assert_array_equal(batch.qd, np.zeros((1, 4)))
+
+
+def test_the_budget_of_impacts_is_that_of_the_interval_not_of_a_substep():
+    batch = rde.BatchSimulator(scene(gravity=0.0, integrator="rk4", substeps=64), 1, track_work=True)
+    q, qd = [0.3, 0.1, 0.3, 0.1], [0.0, 1.5e4, 0.0, 0.0]  # some thirteen in each substep
+    batch.set_state(q, qd)
+    assert batch.advance().numerics.tolist() == [rde.Numerics.EVENT_BUDGET]
+    np.testing.assert_array_equal(batch.q[0], q)
+    assert batch.events() == []
+
+
+def test_a_log_of_events_that_is_full_says_so():
+    batch = rde.BatchSimulator(scene(gravity=0.0, tolerance=1e-6), 2, track_work=True)
+    batch.set_state([[0.3, 0.1, 0.3, 0.1]] * 2, np.zeros((2, 4)))
+    batch.advance()
+    batch._memory.write(("logged",), 256.0, np.array([1]))
+    with pytest.raises(ValueError, match="environment 1 had 256 events or more"):
+        batch.events()
+
+
+def test_a_slider_thrown_off_its_stop_by_the_other_is_let_go_in_the_log():
+    """Slider 1 rests at its upper stop until the impact of slider 2 throws it off."""
+    arm = rde.RPRP((1.0,) * 4, (0.5, 0.5))
+    made = scene(arm, 1.0, gravity=0.0, tolerance=1e-9, actuation="generalized")
+    motion = rde.simulate(
+        made, [0.0, 0.3, 0.0, 0.1], [0.0, 0.0, 0.0, -1.0], np.linspace(0.02, 0.2, 10), [0.0, 1.0, 0.0, 0.0]
+    )
+    kinds = [(x.kind, x.joint) for x in motion.events]
+    hit = kinds.index(("lower impact", "r2"))
+    assert ("rest", "r1") in kinds[:hit]
+    assert ("release", "r1") in kinds[hit - 1 : hit + 2]  # at the same time
+    assert all(str(x.speed) != "-0.0" for x in motion.events)
 
 
 def test_simulate_refuses_a_motion_with_too_many_impacts():

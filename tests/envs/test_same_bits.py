@@ -234,3 +234,7 @@ def test_the_key_of_an_episode_is_128_bits_of_the_generator():
         np.testing.assert_array_equal(core.keys[lane], expected)
         assert core.generators[lane].integers(2**32) == generator.integers(2**32)  # both go on alike
     assert core.waiting.tolist() == [True, False, True]
+    core.generators[1] = np.random.Generator(np.random.MT19937(5))
+    core.provide_keys(np.array([1]))
+    expected = np.random.Generator(np.random.MT19937(5)).integers(0, 2**32, size=4, dtype=np.uint32)
+    np.testing.assert_array_equal(core.keys[1], expected)

@@ -228,15 +228,18 @@ SIGNATURES = dict.fromkeys(("free", "every"), "void(float64[::1])")
         for name in (*assembly.states[:8], *(f"command{k}" for k in range(1, 5))):
             block[rows[name]] = rng.normal(0.0, 2.0, LANES)
         block[rows["phase"]] = 2.0
-        block[rows["mode_a"]] = rng.choice([0.0, 1.0, -1.0], LANES)
-        unheld = block[rows["mode_a"]] == 0.0
+        for mode in ("mode_a", "mode_b"):
+            block[rows[mode]] = rng.choice([0.0, 0.0, 1.0, -1.0], LANES)
+        unheld = np.abs(block[rows["mode_a"]]) + np.abs(block[rows["mode_b"]]) == 0.0
         free, every = block.reshape(-1).copy(), block.reshape(-1).copy()
         namespace["free"](free)
         namespace["every"](every)
         free, every = free.reshape(-1, LANES), every.reshape(-1, LANES)
         np.testing.assert_array_equal(free[:, unheld], every[:, unheld])
         assert (free[rows["r1"], unheld] != block[rows["r1"], unheld]).all()
-        assert (every[rows["v1"]] == block[rows["v1"]])[~unheld].all()
+        for mode, rate in (("mode_a", "v1"), ("mode_b", "v2")):
+            held = block[rows[mode]] != 0.0
+            assert (every[rows[rate], held] == block[rows[rate], held]).all()
         held_somewhere += (~unheld).sum()
     assert held_somewhere > 100
 
