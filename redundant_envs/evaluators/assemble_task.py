@@ -166,7 +166,8 @@ def _store(a: Assembly) -> str:
         '"""Copy what lane i shows to line n of obs and column n of out."""',
         f"for k in range({len(a.observed)}):",
         f"    obs[n * {len(a.observed)} + k] = W[o + ({a.rows['obs_0']} + k) * {LANES} + i]",
-        *(f"out[{k}, n] = {a.at(a.out(name))}" for k, name in enumerate(a.outputs)),
+        f"for k in range({len(a.outputs)}):",
+        "    out[k, n] = W[o + OUTPUTS[k] + i]",
     ]
     show = [
         '"""Observe a block and copy what its lanes show to the tables."""',
@@ -181,6 +182,7 @@ def _store(a: Assembly) -> str:
     ]
     return (
         f"give_observed = give({[a.rows[f'obs_{k}'] for k in range(len(a.observed))]})\n\n\n"
+        f"OUTPUTS = np.array({[a.rows[a.out(n)] * LANES for n in a.outputs]})\n"
         f"lay_outputs = lay({[a.rows[a.out(n)] for n in a.outputs]})\n\n\n"
         f"@njit(**OPTIONS)\ndef store(W, o, i, n, obs, out):\n{indent(body, 1)}\n\n\n"
         f"@njit(inline='always', **OPTIONS)\ndef show(W, o, first_lane, lanes, obs, out):\n{indent(show, 1)}"
