@@ -13,7 +13,7 @@ from redundant_envs.evaluators.assemble import EVENT_BUDGET, LANES, Assembly
 from redundant_envs.evaluators.assemble_step import right_hand_side, step_of
 from redundant_envs.evaluators.quantities import calls
 from redundant_envs.evaluators.text import emit, indent, words
-from redundant_envs.integrators import stops
+from redundant_envs.integrators import contacts, stops
 from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.scene import identifier
 
@@ -165,7 +165,7 @@ class StopLines:
         return lines
 
     def touch(self) -> str:
-        """At a stop: impulses, rest and release, as :func:`stops.touch` decides."""
+        """At a stop: impulses, rest and release, as :func:`contacts.touch` decides."""
         a, arm = self.assembly, self.assembly.scene.robot
         sa, sb = (hook.joint for _, hook in self.stops)
         moving = a.states[4:]
@@ -177,7 +177,7 @@ class StopLines:
             *self.sliders,
             *(f"accel_{x} = slope_{arm.rates[j]}" for x, j in zip("ab", (sa, sb), strict=True)),
             f"waa = mobility{sa + 1}_a", f"wab = mobility{sa + 1}_b", f"wbb = mobility{sb + 1}_b",
-            self.call(stops.touch),
+            self.call(contacts.touch),
         ]  # fmt: skip
         writes = {f"{m}": f"where(over_budget > 0.0, {m}_before, {m}_new)" for m in self.lanes.modes}
         rates = {arm.rates[sa]: "struck_a", arm.rates[sb]: "struck_b"}

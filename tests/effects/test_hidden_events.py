@@ -8,7 +8,7 @@ import redundant_envs as rde
 from redundant_envs import algebra
 from redundant_envs.effects import prismatic_stop
 from redundant_envs.evaluators.binding import bind
-from redundant_envs.integrators import stops
+from redundant_envs.integrators import contacts, stops
 
 REACH = rde.load_scene("rprp_reach").to_dict()
 
@@ -106,7 +106,7 @@ def test_nearly_no_interval_of_random_actions_hides_an_event():
 
 
 def test_pressed_is_the_one_set_in_which_no_stop_pulls_and_none_is_entered():
-    pressed = bind(stops.pressed, {p: getattr(algebra, p) for p in algebra.PRIMITIVES})
+    pressed = bind(contacts.pressed, {p: getattr(algebra, p) for p in algebra.PRIMITIVES})
     rng = np.random.default_rng(4)
     seen = set()
     for _ in range(2000):

@@ -11,7 +11,7 @@ import redundant_envs as rde
 from redundant_envs import algebra
 from redundant_envs.evaluators.binding import bind
 from redundant_envs.evaluators.quantities import calls
-from redundant_envs.integrators import stops
+from redundant_envs.integrators import contacts
 
 e = rde.effects
 ARM = rde.RPRP((1.0,) * 4, (0.5, 0.5))
@@ -117,7 +117,7 @@ def test_slider_mobility_is_two_columns_of_the_inverse():
 
 def test_impulses_solve_the_complementarity_problem():
     """p >= 0, residual >= 0, p residual = 0, and the answer does not know which slider comes first."""
-    impulses = bind(stops.impulses, {p: getattr(algebra, p) for p in algebra.PRIMITIVES})
+    impulses = bind(contacts.impulses, {p: getattr(algebra, p) for p in algebra.PRIMITIVES})
     rng = np.random.default_rng(2)
     both = 0
     for _ in range(2000):
@@ -222,8 +222,8 @@ def test_an_impact_loses_what_restitution_says_and_moves_the_whole_arm():
 def test_the_energy_of_an_impact_to_rounding():
     """The same on the equation itself, without any motion."""
     rng = np.random.default_rng(4)
-    plain = bind(stops.touch, {p: getattr(algebra, p) for p in algebra.PRIMITIVES})
-    names = algebra.gives_of(stops.touch)
+    plain = bind(contacts.touch, {p: getattr(algebra, p) for p in algebra.PRIMITIVES})
+    names = algebra.gives_of(contacts.touch)
     for _ in range(1000):
         q, qd, restitution = rng.uniform(-3, 3, 4), rng.normal(0, 2, 4), rng.uniform(0, 1)
         qd[1] = abs(qd[1]) + 0.01

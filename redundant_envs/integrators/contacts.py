@@ -1,0 +1,166 @@
+"""What becomes of sliders at their stops when nothing else moves: struck, let go, at rest.
+
+With accelerations, holding forces and mobilities at hand. What holds is 1.0, what does not 0.0;
+sliders are a and b, sides 1 at the upper stop, -1 at the lower one, 0 at none; phases as in stops.py.
+"""
+
+from __future__ import annotations
+
+from redundant_envs.algebra import maximum, physics, where
+from redundant_envs.integrators.stops import at_stop, either, equal, no, positive
+
+
+@physics
+def impulses(ua, ub, at_a, at_b, waa, wab, wbb, e):
+    """Impulses at the stops: u+ = -e u where it moved out, u+ <= 0 else, and no stop pulls.
+
+    u are outward speeds, at_a and at_b say whether the slider is at a stop. The 2 x 2 problem has
+    one answer, since the mobility w is positive definite: of the sets of struck stops the one that
+    fits.
+    """
+    da = ua + e * maximum(ua, 0.0)
+    db = ub + e * maximum(ub, 0.0)
+    only_a = da / waa
+    only_b = db / wbb
+    det = waa * wbb - wab * wab
+    fits_a = at_a * where(only_a >= 0.0, 1.0, 0.0) * where(at_b * (db - wab * only_a) <= 0.0, 1.0, 0.0)
+    fits_b = at_b * where(only_b >= 0.0, 1.0, 0.0) * where(at_a * (da - wab * only_b) <= 0.0, 1.0, 0.0)
+    pa = where(fits_a > 0.0, only_a, where(fits_b > 0.0, 0.0, (wbb * da - wab * db) / det))
+    pb = where(fits_a > 0.0, 0.0, where(fits_b > 0.0, only_b, (waa * db - wab * da) / det))
+    return pa, pb
+
+
+@physics
+def negligible(u):
+    return where(u > 0.0, where(u <= 1e-13, 1.0, 0.0), 0.0)
+
+
+@physics
+def halting(va, vb, still_a, still_b, waa, wab, wbb):
+    """Impulses that stop slider a, b or both; 0 for one that need not stand still."""
+    det = waa * wbb - wab * wab
+    both = still_a * still_b
+    ja = where(both > 0.0, (wab * vb - wbb * va) / det, where(still_a > 0.0, -va / waa, 0.0))
+    jb = where(both > 0.0, (wab * va - waa * vb) / det, where(still_b > 0.0, -vb / wbb, 0.0))
+    return ja, jb
+
+
+@physics
+def pressed(fa, fb, waa, wab, wbb):
+    """Which of two sliders at rest at their stops are pressed onto them, given the outward
+    accelerations that they would have free: the one set in which no stop pulls and none is entered."""
+    pa = wbb * fa - wab * fb
+    pb = waa * fb - wab * fa
+    both = where(pa >= 0.0, where(pb >= 0.0, 1.0, 0.0), 0.0)
+    one_a = where(fa > 0.0, where(pb <= 0.0, 1.0, 0.0), 0.0)
+    one_b = where(fb > 0.0, where(pa <= 0.0, 1.0, 0.0), 0.0)
+    some = positive(maximum(fa, fb))
+    return some * either(both, one_a), some * either(both, no(one_a) * one_b)
+
+
+@physics
+def would_rest(side, u, press, mode, let_go, e, limit):
+    """Whether a slider at a stop, pressed onto it, bounces less than 1e-9 m; an elastic one rests
+    only if its bounce is lost in rounding."""
+    height = where(e < 1.0, 1e-9, 8.881784197001252e-16 * maximum(abs(limit), 1.0))
+    low = where(u * u <= 2.0 * press * height, 1.0, 0.0)
+    new = equal(mode, 0.0) * no(equal(side, 0.0)) * no(let_go)
+    return positive(press) * low * where(u <= 0.0, 1.0, 0.0) * new
+
+
+@physics(
+    gives="touches over_budget strikes going_on impulse_a impulse_b struck_a struck_b mode_a_new mode_b_new "
+    "events_new changes_new phase_new let_go_a_new let_go_b_new "
+    "told_now_a told_now_b told_speed_now_a told_speed_now_b"
+)
+def touch(
+    phase, changes, events, place_a, place_b, rate_a, rate_b, mode_a, mode_b,
+    lower_a, lower_b, upper_a, upper_b, restitution, let_go_a, let_go_b,
+    accel_a, accel_b, hold_a, hold_b, waa, wab, wbb,
+):  # fmt: skip
+    """With accelerations, holding forces and mobilities at hand: strike, let go, rest, or go on."""
+    on = equal(phase, 1.0)
+    sa = at_stop(place_a, mode_a, lower_a, upper_a)
+    sb = at_stop(place_b, mode_b, lower_b, upper_b)
+    # 1e-13 m/s into a stop is rounding: taken away, not struck back and forth.
+    still_a = negligible(sa * rate_a)
+    still_b = negligible(sb * rate_b)
+    rate_a = where(still_a > 0.0, 0.0, rate_a)
+    rate_b = where(still_b > 0.0, 0.0, rate_b)
+    ua = sa * rate_a
+    ub = sb * rate_b
+    spent = either(where(changes >= 512.0, 1.0, 0.0), where(events > 256.0, 1.0, 0.0))
+    strikes = either(positive(ua), positive(ub))
+    pa, pb = impulses(ua, ub, abs(sa), abs(sb), waa, sa * sb * wab, wbb, restitution)
+    hit_a = strikes * positive(pa)
+    hit_b = strikes * positive(pb)
+    free_a = no(strikes) * positive(mode_a * hold_a)  # the stop would have to pull
+    free_b = no(strikes) * positive(mode_b * hold_b)
+    limit_a = where(sa > 0.0, upper_a, lower_a)
+    limit_b = where(sb > 0.0, upper_b, lower_b)
+    calm = no(strikes) * no(free_a) * no(free_b)
+    rest_a = calm * would_rest(sa, ua, sa * accel_a, mode_a, let_go_a, restitution, limit_a)
+    rest_b = calm * would_rest(sb, ub, sb * accel_b, mode_b, let_go_b, restitution, limit_b)
+    # What one does changes the force on the other, so of two both are decided at once.
+    force_a = where(mode_a == 0.0, 0.0, hold_a)
+    force_b = where(mode_b == 0.0, 0.0, hold_b)
+    fa = sa * (accel_a - waa * force_a - wab * force_b)
+    fb = sb * (accel_b - wab * force_a - wbb * force_b)
+    may_a = either(
+        abs(mode_a), would_rest(sa, ua, maximum(fa, sa * accel_a), mode_a, let_go_a, restitution, limit_a)
+    )
+    may_b = either(
+        abs(mode_b), would_rest(sb, ub, maximum(fb, sb * accel_b), mode_b, let_go_b, restitution, limit_b)
+    )
+    stays_a, stays_b = pressed(fa, fb, waa, sa * sb * wab, wbb)
+    changes_two = may_a * may_b * either(either(free_a, free_b), either(rest_a, rest_b))
+    free_a = where(changes_two > 0.0, abs(mode_a) * no(stays_a), free_a)
+    free_b = where(changes_two > 0.0, abs(mode_b) * no(stays_b), free_b)
+    rest_a = where(changes_two > 0.0, equal(mode_a, 0.0) * stays_a, rest_a)
+    rest_b = where(changes_two > 0.0, equal(mode_b, 0.0) * stays_b, rest_b)
+    going = no(strikes) * no(either(either(free_a, free_b), either(rest_a, rest_b)))
+    # The impulses along the sliders, and the rates they have then. One that comes to rest must not
+    # set off the other, if that rests or comes to rest too.
+    rests = either(rest_a, rest_b)
+    stop_a = either(rest_a, rests * abs(mode_a) * no(free_a))
+    stop_b = either(rest_b, rests * abs(mode_b) * no(free_b))
+    halt_a, halt_b = halting(rate_a, rate_b, stop_a, stop_b, waa, wab, wbb)
+    ja = where(strikes > 0.0, -sa * pa, halt_a)
+    jb = where(strikes > 0.0, -sb * pb, halt_b)
+    va = rate_a + ja * waa + jb * wab
+    vb = rate_b + ja * wab + jb * wbb
+    va = where(hit_a > 0.0, -sa * restitution * maximum(ua, 0.0), where(stop_a > 0.0, 0.0, va))
+    vb = where(hit_b > 0.0, -sb * restitution * maximum(ub, 0.0), where(stop_b > 0.0, 0.0, vb))
+    mode_a_new = where(
+        rest_a > 0.0, sa, where(either(free_a, strikes * positive(-sa * va)) > 0.0, 0.0, mode_a)
+    )
+    mode_b_new = where(
+        rest_b > 0.0, sb, where(either(free_b, strikes * positive(-sb * vb)) > 0.0, 0.0, mode_b)
+    )
+    impact_a = hit_a * positive(ua)
+    impact_b = hit_b * positive(ub)
+    thrown_a = strikes * abs(mode_a) * equal(mode_a_new, 0.0)  # off its stop, by the other's impact
+    thrown_b = strikes * abs(mode_b) * equal(mode_b_new, 0.0)
+    acts = on * no(spent)
+    return (
+        on,
+        on * spent,
+        acts * either(either(strikes, rests), either(still_a, still_b)),
+        acts * going,
+        ja,
+        jb,
+        va,
+        vb,
+        where(acts > 0.0, mode_a_new, mode_a),
+        where(acts > 0.0, mode_b_new, mode_b),
+        events + acts * (impact_a + impact_b),
+        changes + on,
+        where(on * spent > 0.0, 6.0, where(acts * going > 0.0, 2.0, phase)),
+        where(acts > 0.0, either(free_a, let_go_a) * no(going), let_go_a),
+        where(acts > 0.0, either(free_b, let_go_b) * no(going), let_go_b),
+        # Of the event of each slider: 1 and 2 impacts at the upper and lower stop, 3 rest, 4 let go.
+        acts * (impact_a * where(sa > 0.0, 1.0, 2.0) + 3.0 * rest_a + 4.0 * (free_a + thrown_a)),
+        acts * (impact_b * where(sb > 0.0, 1.0, 2.0) + 3.0 * rest_b + 4.0 * (free_b + thrown_b)),
+        where(acts * impact_a > 0.0, ua, 0.0),
+        where(acts * impact_b > 0.0, ub, 0.0),
+    )
