@@ -102,7 +102,7 @@ class StopLines:
         ]
         arguments = [*(n for n in arguments if not n.startswith("held")), *self.lanes.modes]
         rhs = arguments, [*contact, *pulls, f"{motion[-1]}, pull_a, pull_b"], used
-        press = [*self.sliders, *contact, *pulls]
+        press = [*contact, *pulls]
         lines, step_functions = step_of(a, rhs, ["pull_a", "pull_b"])
         lines += [*at_rest, *self.sliders, *self.strays()]
         lines.append("moving = where(phase >= 2.0, where(phase <= 5.0, 1.0, 0.0), 0.0)")

@@ -175,15 +175,16 @@ def _store(a: Assembly) -> str:
         "observe(W, o)",
         f"if lanes == {LANES}:",
         f"    give_observed(W, o, obs, first_lane * {len(a.observed)})",
-        "    lay_outputs(W, o, out, first_lane)",
+        f"    for k in range({len(a.outputs)}):",
+        f"        for i in range({LANES}):",
+        "            out[k, first_lane + i] = W[o + OUTPUTS[k] + i]",
         "else:",
         "    for i in range(lanes):",
         "        store(W, o, i, first_lane + i, obs, out)",
     ]
     return (
         f"give_observed = give({[a.rows[f'obs_{k}'] for k in range(len(a.observed))]})\n\n\n"
-        f"OUTPUTS = np.array({[a.rows[a.out(n)] * LANES for n in a.outputs]})\n"
-        f"lay_outputs = lay({[a.rows[a.out(n)] for n in a.outputs]})\n\n\n"
+        f"OUTPUTS = np.array({[a.rows[a.out(n)] * LANES for n in a.outputs]})\n\n\n"
         f"@njit(**OPTIONS)\ndef store(W, o, i, n, obs, out):\n{indent(body, 1)}\n\n\n"
         f"@njit(inline='always', **OPTIONS)\ndef show(W, o, first_lane, lanes, obs, out):\n{indent(show, 1)}"
     )

@@ -151,6 +151,21 @@ def _entry(context, builder, signature, arguments, k):
     return builder.gep(array.data, [index])
 
 
+def _copying(emit_copy):
+    """A compiled function that copies from an entry of one array to an entry of another."""
+
+    @intrinsic
+    def copy(typing_context, source, index, target, place):
+        def code(context, builder, signature, arguments):
+            entries = (_entry(context, builder, signature, arguments, k) for k in (0, 2))
+            emit_copy(builder, *entries)
+            return context.get_dummy_value()
+
+        return types.void(source, index, target, place), code
+
+    return copy
+
+
 def take(rows):
     """Copy a block's lines of a table with as many columns, an even number, into rows of the memory."""
 
@@ -158,80 +173,40 @@ def take(rows):
         mask = ir.Constant(ir.VectorType(ir.IntType(32), len(chosen)), chosen)
         return builder.shuffle_vector(a, b, mask)
 
-    @intrinsic
-    def copy(typing_context, table, first, memory, index):
-        def code(context, builder, signature, arguments):
-            source = _entry(context, builder, signature, arguments, 0)
-            base = _entry(context, builder, signature, arguments, 2)
-            item, columns, half = source.type.pointee, len(rows), LANES // 2
-            lines = ir.VectorType(item, half * columns)
-            halves = [
-                builder.load(pointer(builder, source, k * lines.count, lines), align=4) for k in range(2)
-            ]
-            for k in range(0, columns, 2):
-                # Two columns of half a block are one vector, so two shuffles serve each column.
-                pair = [columns * i + c for c in (k, k + 1) for i in range(half)]
-                a, b = (shuffled(builder, values, values, pair) for values in halves)
-                for c in range(2):
-                    part = list(range(c * half, (c + 1) * half))
-                    column = shuffled(builder, a, b, [*part, *(LANES + i for i in part)])
-                    if item != DOUBLE:
-                        column = builder.fpext(column, BLOCK)
-                    builder.store(column, pointer(builder, base, rows[k + c] * LANES, BLOCK), align=8)
-            return context.get_dummy_value()
+    def emit_copy(builder, source, base):
+        item, columns, half = source.type.pointee, len(rows), LANES // 2
+        lines = ir.VectorType(item, half * columns)
+        halves = [builder.load(pointer(builder, source, k * lines.count, lines), align=4) for k in range(2)]
+        for k in range(0, columns, 2):
+            # Two columns of half a block are one vector, so two shuffles serve each column.
+            pair = [columns * i + c for c in (k, k + 1) for i in range(half)]
+            a, b = (shuffled(builder, values, values, pair) for values in halves)
+            for c in range(2):
+                part = list(range(c * half, (c + 1) * half))
+                column = shuffled(builder, a, b, [*part, *(LANES + i for i in part)])
+                if item != DOUBLE:
+                    column = builder.fpext(column, BLOCK)
+                builder.store(column, pointer(builder, base, rows[k + c] * LANES, BLOCK), align=8)
 
-        return types.void(table, first, memory, index), code
-
-    return copy
+    return _copying(emit_copy)
 
 
 def give(rows):
     """Copy rows of a block to its lines of a flat table of float32 with as many columns, an even number."""
 
-    @intrinsic
-    def copy(typing_context, memory, index, table, first):
-        def code(context, builder, signature, arguments):
-            base = _entry(context, builder, signature, arguments, 0)
-            target = _entry(context, builder, signature, arguments, 2)
-            single = target.type.pointee
-            columns = ir.VectorType(single, LANES)
-            for k in range(0, len(rows), 2):
-                a, b = (
-                    builder.fptrunc(
-                        builder.load(pointer(builder, base, row * LANES, BLOCK), align=8), columns
-                    )
-                    for row in rows[k : k + 2]
-                )
-                for i in range(LANES):
-                    mask = ir.Constant(ir.VectorType(ir.IntType(32), 2), [i, LANES + i])
-                    pair = builder.shuffle_vector(a, b, mask)
-                    builder.store(pair, pointer(builder, target, i * len(rows) + k, pair.type), align=4)
-            return context.get_dummy_value()
+    def emit_copy(builder, base, target):
+        column = ir.VectorType(target.type.pointee, LANES)
+        for k in range(0, len(rows), 2):
+            values = (
+                builder.load(pointer(builder, base, r * LANES, BLOCK), align=8) for r in rows[k : k + 2]
+            )
+            a, b = (builder.fptrunc(v, column) for v in values)
+            for i in range(LANES):
+                mask = ir.Constant(ir.VectorType(ir.IntType(32), 2), [i, LANES + i])
+                pair = builder.shuffle_vector(a, b, mask)
+                builder.store(pair, pointer(builder, target, i * len(rows) + k, pair.type), align=4)
 
-        return types.void(memory, index, table, first), code
-
-    return copy
-
-
-def lay(rows):
-    """Copy rows of a block to the lines of a table, from a column on."""
-
-    @intrinsic
-    def copy(typing_context, memory, index, table, first):
-        def code(context, builder, signature, arguments):
-            base = _entry(context, builder, signature, arguments, 0)
-            array = context.make_array(signature.args[2])(context, builder, arguments[2])
-            columns = cgutils.unpack_tuple(builder, array.shape)[1]
-            target = builder.gep(array.data, [arguments[3]])
-            for row in rows:
-                value = builder.load(pointer(builder, base, row * LANES, BLOCK), align=8)
-                builder.store(value, pointer(builder, target, 0, BLOCK), align=8)
-                target = builder.gep(target, [columns])
-            return context.get_dummy_value()
-
-        return types.void(memory, index, table, first), code
-
-    return copy
+    return _copying(emit_copy)
 
 
 def report(function, reads, writes):
@@ -267,19 +242,12 @@ def report(function, reads, writes):
 def move(rows):
     """Copy some rows of one lane from a place in one memory to a place in another."""
 
-    @intrinsic
-    def copy(typing_context, memory, index, target, place):
-        def code(context, builder, signature, arguments):
-            source = _entry(context, builder, signature, arguments, 0)
-            goal = _entry(context, builder, signature, arguments, 2)
-            for row in rows:
-                value = builder.load(pointer(builder, source, row * LANES, DOUBLE))
-                builder.store(value, pointer(builder, goal, row * LANES, DOUBLE))
-            return context.get_dummy_value()
+    def emit_copy(builder, source, goal):
+        for row in rows:
+            value = builder.load(pointer(builder, source, row * LANES, DOUBLE))
+            builder.store(value, pointer(builder, goal, row * LANES, DOUBLE))
 
-        return types.void(memory, index, target, place), code
-
-    return copy
+    return _copying(emit_copy)
 
 
 def any_set(row):

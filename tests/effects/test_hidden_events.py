@@ -102,7 +102,7 @@ def test_nearly_no_interval_of_random_actions_hides_an_event():
         fine, _ = after(states, tolerance=None, substeps=64)
         coarse, _ = after(states, tolerance=1e-6)
         off += np.count_nonzero(np.abs(coarse - fine).max(axis=1) > 1e-5)
-    assert off <= 1  # of 40960; without the stages there were some twenty
+    assert off <= 1  # of 40960; before the stages were looked at, 14
 
 
 def test_pressed_is_the_one_set_in_which_no_stop_pulls_and_none_is_entered():
