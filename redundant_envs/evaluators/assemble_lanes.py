@@ -288,7 +288,12 @@ class LaneSteps:
 
     def _meet(self) -> str:
         """After :meth:`_judge`, where a slider is near a stop: which lanes meet one."""
-        events = " + ".join(f"where(mode_{x} == 0.0, abs(met_{x}_now), 0.0)" for x in "ab")
+        # One that was let go before the step begins at its stop and does leave it.
+        events = " + ".join(
+            f"where(mode_{x} == 0.0, where(met_{x}_now == 3.0, where(mode_{x}_before == 0.0, 3.0, 0.0), "
+            f"abs(met_{x}_now)), 0.0)"
+            for x in "ab"
+        )
         return self.assembly.lane_function(
             "meet",
             "After a common step: mark the lanes that meet a stop.",
@@ -309,7 +314,7 @@ class LaneSteps:
             lines.append(f"contacts = {self.at_stops.contact_needed('_before')}")
             # What is known of the common step saves trying it again.
             lines.append("begun_at_stop = where(met_a == 3.0, 1.0, where(met_b == 3.0, 1.0, 0.0))")
-            fresh = "where(void + begun_at_stop + abs(mode_a) + abs(mode_b) > 0.0, 0.0, 1.0)"
+            fresh = "where(void + begun_at_stop + abs(mode_a_before) + abs(mode_b_before) > 0.0, 0.0, 1.0)"
         lines.append(f"fresh = {fresh}")
         now = "newly > 0.0"
         values = {
@@ -328,6 +333,7 @@ class LaneSteps:
             zero = ["changes", "searched", "halved", "tries", "slide"]
             zero += [f"{n}_{x}" for n in ("let_go", "cleared") for x in "ab"]
             values |= dict.fromkeys(zero, "0.0")
+            values |= {m: f"{m}_before" for m in self.modes}
         writes = {name: f"where({now}, {value}, {name})" for name, value in values.items()}
         writes["newly"] = "0.0"
         if self.stops:
@@ -525,6 +531,7 @@ class LaneSteps:
         if self.stops:
             step = [
                 "if any_mode_a(W, o) | any_mode_b(W, o):",
+                *([] if self.log else ["    let_go(W, o)"]),
                 "    step_held(W, o)",
                 "    press(W, o)",
                 "else:",

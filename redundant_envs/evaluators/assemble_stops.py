@@ -113,6 +113,14 @@ class StopLines:
         }
         for call in calls(mobility.values(), known, (*functions, arm.slider_mobility), arm.sincos):
             emit(call, contact, self.lanes.used)
+        (ka, kb), at = joints, self.use(stops.at_stop)
+        let_go = [
+            *contact,
+            *self.sliders,
+            *(f"hold_{x}, at_{x} = hold{k}, {at}(place_{x}, mode_{x}, lower_{x}, upper_{x})" for x, k in zip("ab", joints, strict=True)),
+            f"waa, wab, wbb = W{ka}{ka}, W{kb}{ka}, W{kb}{kb}",
+            self.call(contacts.leaving),
+        ]
         slopes = ("qdd1", "qdd2", "qdd3", "qdd4", "power")
         slopes_of = {f"slope_{s}": d for s, d in zip(a.states[4:], slopes, strict=False)}
         holds = {f"hold_{x}": f"hold{k}" for x, k in zip("ab", joints, strict=True)}
@@ -142,6 +150,12 @@ class StopLines:
                     f"hint_{x}": f"where(held{k} > 0.0, maximum(hint_{x}, pull_{x}), hint_{x})"
                     for x, k in zip("ab", joints, strict=True)
                 },
+            ),
+            a.lane_function(
+                "let_go",
+                "Before a common step: sliders that leave their stops at once.",
+                let_go,
+                {f"mode_{x}": f"where(leaves_{x} > 0.0, 0.0, mode_{x})" for x in "ab"},
             ),
             a.lane_function(
                 "contact",
@@ -203,7 +217,7 @@ class StopLines:
         }  # fmt: skip
         for x in "ab":
             writes[f"let_go_{x}"] = f"let_go_{x}_new"
-            writes[f"hold_{x}_from"] = f"where(going_on > 0.0, hold_{x}, hold_{x}_from)"
+            writes[f"hold_{x}_from"] = f"where(going_on > 0.0, holds_{x}, hold_{x}_from)"
             if self.lanes.log:
                 writes["logged"] = "where(over_budget > 0.0, logged_before, logged)"
                 writes |= {f"told_{x}": f"told_{x}_new", f"told_speed_{x}": f"told_speed_{x}_new"}

@@ -58,6 +58,20 @@ def pressed(fa, fb, waa, wab, wbb):
     return some * either(both, one_a), some * either(both, no(one_a) * one_b)
 
 
+@physics(gives="leaves_a leaves_b")
+def leaving(mode_a, mode_b, hold_a, hold_b, at_a, at_b, waa, wab, wbb):
+    """Sliders at rest that their stops would have to pull, if no more than that is to be decided."""
+    pulled_a = positive(mode_a * hold_a)
+    pulled_b = positive(mode_b * hold_b)
+    fa = -mode_a * (waa * hold_a + wab * hold_b)
+    fb = -mode_b * (wab * hold_a + wbb * hold_b)
+    stays_a, stays_b = pressed(fa, fb, waa, mode_a * mode_b * wab, wbb)
+    two = abs(mode_a) * abs(mode_b) * either(pulled_a, pulled_b)
+    leaves_a = where(two > 0.0, no(stays_a), pulled_a * equal(at_b, 0.0))
+    leaves_b = where(two > 0.0, no(stays_b), pulled_b * equal(at_a, 0.0))
+    return leaves_a, leaves_b
+
+
 @physics
 def would_rest(side, u, press, mode, let_go, e, limit):
     """Whether a slider at a stop, pressed onto it, bounces less than 1e-9 m; an elastic one rests
@@ -70,7 +84,7 @@ def would_rest(side, u, press, mode, let_go, e, limit):
 
 @physics(
     gives="touches over_budget strikes going_on impulse_a impulse_b struck_a struck_b mode_a_new mode_b_new "
-    "events_new changes_new phase_new let_go_a_new let_go_b_new "
+    "events_new changes_new phase_new holds_a holds_b let_go_a_new let_go_b_new "
     "told_now_a told_now_b told_speed_now_a told_speed_now_b"
 )
 def touch(
@@ -118,13 +132,19 @@ def touch(
     free_b = where(changes_two > 0.0, abs(mode_b) * no(stays_b), free_b)
     rest_a = where(changes_two > 0.0, equal(mode_a, 0.0) * stays_a, rest_a)
     rest_b = where(changes_two > 0.0, equal(mode_b, 0.0) * stays_b, rest_b)
-    going = no(strikes) * no(either(either(free_a, free_b), either(rest_a, rest_b)))
     # The impulses along the sliders, and the rates they have then. One that comes to rest must not
     # set off the other, if that rests or comes to rest too.
     rests = either(rest_a, rest_b)
     stop_a = either(rest_a, rests * abs(mode_a) * no(free_a))
     stop_b = either(rest_b, rests * abs(mode_b) * no(free_b))
     halt_a, halt_b = halting(rate_a, rate_b, stop_a, stop_b, waa, wab, wbb)
+    # A second look is for one whose stop has gained or lost the other, and for an arm that a bounce
+    # which was taken away has moved.
+    changed = either(either(free_a, free_b), either(rest_a, rest_b))
+    waits_a = abs(sa) * equal(mode_a, 0.0) * no(rest_a) * no(let_go_a)
+    waits_b = abs(sb) * equal(mode_b, 0.0) * no(rest_b) * no(let_go_b)
+    halted = either(positive(abs(halt_a)), positive(abs(halt_b)))
+    going = no(strikes) * no(changed * either(halted, either(waits_a, waits_b)))
     ja = where(strikes > 0.0, -sa * pa, halt_a)
     jb = where(strikes > 0.0, -sb * pb, halt_b)
     va = rate_a + ja * waa + jb * wab
@@ -137,6 +157,8 @@ def touch(
     mode_b_new = where(
         rest_b > 0.0, sb, where(either(free_b, strikes * positive(-sb * vb)) > 0.0, 0.0, mode_b)
     )
+    # What stops a speed stops an acceleration: the forces that hold from now on.
+    holds_a, holds_b = halting(sa * fa, sb * fb, abs(mode_a_new), abs(mode_b_new), waa, wab, wbb)
     impact_a = hit_a * positive(ua)
     impact_b = hit_b * positive(ub)
     thrown_a = strikes * abs(mode_a) * equal(mode_a_new, 0.0)  # off its stop, by the other's impact
@@ -156,6 +178,8 @@ def touch(
         events + acts * (impact_a + impact_b),
         changes + on,
         where(on * spent > 0.0, 6.0, where(acts * going > 0.0, 2.0, phase)),
+        holds_a,
+        holds_b,
         where(acts > 0.0, either(free_a, let_go_a) * no(going), let_go_a),
         where(acts > 0.0, either(free_b, let_go_b) * no(going), let_go_b),
         # Of the event of each slider: 1 and 2 impacts at the upper and lower stop, 3 rest, 4 let go.
