@@ -169,7 +169,7 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
         if not self._ready:
             raise ValueError("step was called before reset; call reset() first")
         actions = check_action(actions, (self.num_envs, 4))
-        if self.on_bad_action == "raise":
+        if self.on_bad_action == "raise" and not np.isfinite(actions).all():
             refuse_bad_action(actions[self.core.mask == 0])  # the others begin anew and ignore theirs
         core, mode = self.core, self.autoreset_mode
         if mode is AutoresetMode.DISABLED and self._ended.any():
@@ -235,14 +235,17 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
 
     def _infos(self, out: NDArray[np.float64], mask: NDArray[np.bool_] | None) -> dict[str, Any]:
         infos: dict[str, Any] = {}
-        for name, column, kind in self._columns:
+        present = np.ones((len(self._columns), self.num_envs), np.bool_)  # a line for each: one call, not many
+        if mask is not None:
+            present &= mask
+        for (name, column, kind), valid in zip(self._columns, present, strict=True):
             values: NDArray[Any] = out[column]
             if kind == "bool":
                 values = values > 0.0
             elif kind == "int":
                 values = values.astype(np.int64)
             infos[name] = values
-            infos[f"_{name}"] = np.ones(self.num_envs, np.bool_) if mask is None else mask.copy()
+            infos[f"_{name}"] = valid
         return infos
 
 

@@ -166,9 +166,10 @@ class Assembly:
             "steps", *self.spent, *terms, *PLACES,
         )  # fmt: skip
 
-    def out(self, name: str) -> str:
-        """Row of an output: a remembered quantity's own, or one that stands for nothing else."""
-        return name if name in self.memory else f"out_{name}"
+    @cached_property
+    def shown(self) -> tuple[str, ...]:
+        """Rows of the scratch block with what a block of lanes shows: observations, then outputs."""
+        return (*(f"obs_{k}" for k in range(len(self.observed))), *(f"out_{n}" for n in self.outputs))
 
     @cached_property
     def observed(self) -> tuple[str, ...]:
@@ -185,8 +186,7 @@ class Assembly:
             *(f"command{k}" for k in range(1, 5)), *self.numbers,
             *((*before, *lanes.plan) if lanes else before if self.task else ()),
             *(("limit",) if self.task else ()),
-            *self.actions, *self.memory, *(n for n in map(self.out, self.outputs) if n not in self.memory),
-            *(f"obs_{i}" for i in range(len(self.observed))), *self.draws,
+            *self.actions, *self.memory, *(self.task.results if self.task else ()), *self.draws,
             *(lanes.log if lanes else ()),
         ]  # fmt: skip
         return {name: i for i, name in enumerate(names)}
@@ -194,13 +194,13 @@ class Assembly:
     @cached_property
     def every_row(self) -> dict[str, int]:
         """The rows, and after them those of the scratch block alone."""
-        scratch = self.lanes.scratch if self.lanes else ()
+        scratch = (*(self.lanes.scratch if self.lanes else ()), *self.shown)
         return {**self.rows, **{name: len(self.rows) + i for i, name in enumerate(scratch)}}
 
     @property
     def scratch(self) -> int:
-        """Numbers in the scratch block of lanes with steps of their own; 0 without."""
-        return len(self.every_row) * LANES if self.lanes else 0
+        """Numbers in the scratch block: of lanes with steps of their own, and of what is shown."""
+        return len(self.every_row) * LANES if len(self.every_row) > len(self.rows) else 0
 
     @cached_property
     def stride(self) -> int:
@@ -220,11 +220,13 @@ class Assembly:
         lanes: int = LANES,
         columns: tuple[str, ...] = (),
         special: tuple[str, Mapping[str, float]] | None = None,
+        apart: bool = False,
     ) -> str:
         """A function of every lane of a block, or of one: rows it names are its arguments.
 
         ``writes`` maps rows to results; ``columns`` are results that go to arrays instead.
         ``special`` names a second form, for blocks whose rows hold known numbers.
+        ``apart``: rows of another block.
         """
         results = (*columns, *writes.values())
         named = words([*lines, *results])
@@ -238,7 +240,8 @@ class Assembly:
             numbers = {rows[r]: value for r, value in known.items()}
             text += f"{form} = straight_line({name}, {places}, known={numbers})\n"
         kind = "report" if columns else "straight_line"
-        return f"{text}{name} = {kind}({name}, {places}{'' if lanes == LANES else f', lanes={lanes}'})"
+        more = "" if lanes == LANES else f", lanes={lanes}"
+        return f"{text}{name} = {kind}({name}, {places}{more}{', apart=True' if apart else ''})"
 
     # ---- text ------------------------------------------------------------------------------------
 

@@ -470,7 +470,7 @@ class LaneSteps:
         a, rows = self.assembly, self.assembly.every_row
         own = {*self.scratch, "phase"}
         named = words(self._texts)
-        entering = [r for r in a.rows if r in named and r not in own and not r.startswith(("obs_", "out_"))]
+        entering = [r for r in a.rows if r in named and r not in own]
         leaving = [*a.states, "error_sum", *self.results]
         if self.log:
             entering.append("span_start")  # named by its place only, where events are told

@@ -31,7 +31,7 @@ SIGNATURES = {
     ),
     "goal_reward": "void(float64[:, ::1], float64[:, ::1], float64, float64, float64[::1])",
 }
-ENDS = ("reward", "terminated", "truncated")
+ENDS = ("reward", "terminated", "truncated")  # the first outputs
 
 
 def task_kernels(assembly: Assembly) -> tuple[list[str], list[Callable[..., Any]]]:
@@ -107,11 +107,11 @@ def _settle(a: Assembly, task: ReachTask, used: list[Any]) -> str:
         **{f"{t}_sum": f"{t}_sum + {t}" for t in terms},
         "numerics": f"code + where(trouble < {EVENT_BUDGET}, trouble, 0.0)" if a.lanes else "code",
         "steps": "steps + 1.0",
-        "out_reward": " + ".join(terms),
-        "out_terminated": "where(code > 0.0, 1.0, 0.0)",
-        "out_truncated": "where(steps + 1.0 >= limit, 1.0, 0.0)",
-        "out_is_success": "is_success",
-        "out_touched_new": "touched_new",
+        "reward": " + ".join(terms),
+        "terminated": "where(code > 0.0, 1.0, 0.0)",
+        "truncated": "where(steps + 1.0 >= limit, 1.0, 0.0)",
+        "is_success": "is_success",
+        "touched_new": "touched_new",
     }
     rules = {
         "evaluations_sum": "evaluations_sum + evaluations",
@@ -134,7 +134,7 @@ def _begin(a: Assembly, task: ReachTask, used: list[Any]) -> str:
     lines = _statements(a, task, wanted, {*a.draws, *a.numbers}, used, functions)
     zero = [*arm.rates, *(m for m in a.memory if m not in drawn)]
     zero += [*a.lanes.modes, "next_step"] if a.lanes else []
-    zero += [f"out_{n}" for n in (*ENDS, "is_success", "touched_new")]
+    zero += task.results
     writes = {**{w: w for w in wanted}, **dict.fromkeys(zero, "0.0")}
     place = a.lane_function("place", "Start and goal from draws.", lines, writes, lanes=1)
     body = ['"""A new episode of lane i, environment n, from its key."""']
@@ -151,48 +151,47 @@ def _begin(a: Assembly, task: ReachTask, used: list[Any]) -> str:
 
 def _observe(a: Assembly, task: ReachTask, used: list[Any]) -> str:
     """What lanes observe: a function of the state and the goal alone."""
-    pure = [m for m in task.measures if m not in ("is_success", "touched_new")]
+    pure = [n for n in (*task.measures, *PLACES) if n not in (*a.memory, *task.results)]
     known = {*a.states, *a.numbers, *task.memory}
-    lines = _statements(a, task, [*a.observed, *pure, *PLACES], known, used)
-    writes = {
-        **{f"obs_{k}": name for k, name in enumerate(a.observed)},
-        **{f"out_{m}": m for m in (*pure, *PLACES) if m not in a.memory},
-    }
-    return a.lane_function("observe", "Observation and measures.", lines, writes)
+    lines = _statements(a, task, [*a.observed, *pure], known, used)
+    writes = dict(zip(a.shown, (*a.observed, *a.outputs), strict=True))
+    return a.lane_function("observe", "Observations and outputs, side by side.", lines, writes, apart=True)
 
 
 def _store(a: Assembly) -> str:
+    observed, outputs = len(a.observed), len(a.outputs)
+    first = a.every_row["out_reward"] * LANES
     body = [
-        '"""Copy what lane i shows to line n of obs and column n of out."""',
-        f"for k in range({len(a.observed)}):",
-        f"    obs[n * {len(a.observed)} + k] = W[o + ({a.rows['obs_0']} + k) * {LANES} + i]",
-        f"for k in range({len(a.outputs)}):",
-        "    out[k, n] = W[o + OUTPUTS[k] + i]",
+        '"""Copy what lane i of a block shows to line n of obs and column n of out."""',
+        f"for k in range({observed}):",
+        f"    obs[n * {observed} + k] = S[{a.every_row['obs_0'] * LANES} + k * {LANES} + i]",
+        f"for k in range({outputs}):",
+        f"    out[k, n] = S[{first} + k * {LANES} + i]",
     ]
     show = [
         '"""Observe a block and copy what its lanes show to the tables."""',
         "wide_vectors()",
-        "observe(W, o)",
+        "observe(W, o, S, 0)",
         f"if lanes == {LANES}:",
-        f"    give_observed(W, o, obs, first_lane * {len(a.observed)})",
-        f"    for k in range({len(a.outputs)}):",
+        f"    give_observed(S, 0, obs, first_lane * {observed})",
+        f"    for k in range({outputs}):",
         f"        for i in range({LANES}):",
-        "            out[k, first_lane + i] = W[o + OUTPUTS[k] + i]",
+        f"            out[k, first_lane + i] = S[{first} + k * {LANES} + i]",
         "else:",
         "    for i in range(lanes):",
-        "        store(W, o, i, first_lane + i, obs, out)",
+        "        store(S, i, first_lane + i, obs, out)",
     ]
+    rows = [a.every_row[f"obs_{k}"] for k in range(observed)]
     return (
-        f"give_observed = give({[a.rows[f'obs_{k}'] for k in range(len(a.observed))]})\n\n\n"
-        f"OUTPUTS = np.array({[a.rows[a.out(n)] * LANES for n in a.outputs]})\n\n\n"
-        f"@njit(**OPTIONS)\ndef store(W, o, i, n, obs, out):\n{indent(body, 1)}\n\n\n"
-        f"@njit(inline='always', **OPTIONS)\ndef show(W, o, first_lane, lanes, obs, out):\n{indent(show, 1)}"
+        f"give_observed = give({rows})\n\n\n"
+        f"@njit(**OPTIONS)\ndef store(S, i, n, obs, out):\n{indent(body, 1)}\n\n\n"
+        f"@njit(inline='always', **OPTIONS)\ndef show(W, o, S, first_lane, lanes, obs, out):\n{indent(show, 1)}"
     )
 
 
 def _environment(a: Assembly) -> str:
     """One call for all lanes: step, reset or observe, with autoreset."""
-    done = f"{a.at('out_terminated')} + {a.at('out_truncated')} > 0.0"
+    done = f"{a.at('terminated')} + {a.at('truncated')} > 0.0"
     take = [
         f"if lanes == {LANES}:",
         "    take_actions(actions, 4 * first_lane, W, o)",
@@ -210,17 +209,17 @@ def _environment(a: Assembly) -> str:
         "            tickets[first_lane + i, 4] = 2",
         f"        elif {done}:",
         "            tickets[first_lane + i, 4] = 1",
-        "show(W, o, first_lane, lanes, obs, out)",
+        "show(W, o, S, first_lane, lanes, obs, out)",
         f"if autoreset == {SAME_STEP}:",
         "    again = False",
         "    for i in range(lanes):",
         f"        if {done}:",
-        "            store(W, o, i, count + first_lane + i, obs, out)",
+        "            store(S, i, count + first_lane + i, obs, out)",
         "            begin(W, o, i, tickets, first_lane + i)",
         "            tickets[first_lane + i, 4] = 1",
         "            again = True",
         "    if again:",
-        "        show(W, o, first_lane, lanes, obs, out)",
+        "        show(W, o, S, first_lane, lanes, obs, out)",
         "        for i in range(lanes):",
         "            if tickets[first_lane + i, 4]:",
         f"                for k in range({len(ENDS)}):",
@@ -236,7 +235,7 @@ def _environment(a: Assembly) -> str:
         '"""',
         "wide_vectors()",
         "count = actions.size // 4",
-        *([f"S = W[{BLOCKS} * STRIDE :]"] if a.lanes else []),
+        f"S = W[{BLOCKS} * STRIDE :]",
         f"if op == {CHECKED_STEP}:",
         "    for k in range(actions.size):",
         "        if not abs(actions[k]) < np.inf:",
@@ -253,7 +252,7 @@ def _environment(a: Assembly) -> str:
         "            for i in range(lanes):",
         "                if tickets[first_lane + i, 4]:",
         "                    begin(W, o, i, tickets, first_lane + i)",
-        "        show(W, o, first_lane, lanes, obs, out)",
+        "        show(W, o, S, first_lane, lanes, obs, out)",
     ]
     actions = [a.rows[f"action{k}"] for k in range(1, 5)]
     return (

@@ -97,41 +97,47 @@ def sincos(x):
     return where(upper, -s, s), where(crossed, -c, c)
 
 
-def straight_line(function, reads, writes, lanes=LANES, known=None):
+def straight_line(function, reads, writes, lanes=LANES, known=None, apart=False):
     """Compile a lane function: its arguments are read from rows, its results written to rows.
 
     The compiled form takes the memory and the index of a block's first number, or with
-    ``lanes=1`` of one lane's place in row 0, and treats that many lanes. ``known`` maps rows to
-    numbers for a form that serves only lanes with these numbers there, faster and to the same bits.
+    ``lanes=1`` of one lane's place in row 0, and treats that many lanes. If its results belong
+    ``apart``, the same follows for where they go. ``known`` maps rows to numbers for a form that
+    serves only lanes with these numbers there, faster and to the same bits.
     """
 
     type_ = DOUBLE if lanes == 1 else BLOCK
     form = "lane_function" if known is None else "special_lane_function"
 
-    def body(builder, base):
+    def body(builder, base, goal):
         values = _block_values(builder, base, function, reads, type_, known)
         for row, value in zip(writes, values, strict=True):
-            builder.store(value, pointer(builder, base, row * LANES, type_), align=8)
+            builder.store(value, pointer(builder, goal, row * LANES, type_), align=8)
+
+    def code(context, builder, signature, arguments):
+        places = [_entry(context, builder, signature, arguments, k) for k in range(0, len(arguments), 2)]
+        name = f"{form}_{function.__name__}"
+        callee = builder.module.globals.get(name)
+        if callee is None:  # the first of its calls in this module
+            shape = ir.FunctionType(ir.VoidType(), [p.type for p in places])
+            callee = ir.Function(builder.module, shape, name)
+            callee.linkage = "internal"
+            widen(callee)
+            inner = ir.IRBuilder(callee.append_basic_block())
+            body(inner, callee.args[0], callee.args[-1])
+            inner.ret_void()
+        builder.call(callee, places)
+        return context.get_dummy_value()
 
     @intrinsic
     def step(typing_context, memory, index):
-        def code(context, builder, signature, arguments):
-            base = _entry(context, builder, signature, arguments, 0)
-            name = f"{form}_{function.__name__}"
-            callee = builder.module.globals.get(name)
-            if callee is None:  # the first of its calls in this module
-                callee = ir.Function(builder.module, ir.FunctionType(ir.VoidType(), [base.type]), name)
-                callee.linkage = "internal"
-                widen(callee)
-                inner = ir.IRBuilder(callee.append_basic_block())
-                body(inner, callee.args[0])
-                inner.ret_void()
-            builder.call(callee, [base])
-            return context.get_dummy_value()
-
         return types.void(memory, index), code
 
-    return step
+    @intrinsic
+    def step_apart(typing_context, memory, index, goal, place):
+        return types.void(memory, index, goal, place), code
+
+    return step_apart if apart else step
 
 
 def _block_values(builder, base, function, reads, type_=BLOCK, known=None):

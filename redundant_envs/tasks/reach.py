@@ -226,6 +226,8 @@ class ReachTask:
     renewed = {"hold": "hold_new", "touched": "touched_new"}
     """Memory that each step renews, and from which quantity."""
     measures = ("is_success", "touched_new", "distance", "manipulability")
+    results = ("reward", "terminated", "truncated", "is_success", "touched_new")
+    """What is known only after a step, and kept until the next one."""
     angles = {"goal_angle": ("goal_s", "goal_c")}
     begin_functions = (start_joints, goal_polar, goal_position)
     goal_reward = staticmethod(goal_reward)
