@@ -101,12 +101,13 @@ def clamp(x, lower, upper):
 
 
 @physics
-def squash(x):
-    """A smooth, strictly increasing map of all numbers onto (-1, 1), with slope 1 at 0."""
-    return x / sqrt(1.0 + x * x)
+def squash(x, scale):
+    """A smooth, strictly increasing map of all numbers onto (-1, 1), with slope 1/scale at 0."""
+    return x / sqrt(scale * scale + x * x)
 
 
 @physics
 def tolerance(x, margin):
     """1 at x = 0, falling to 1/2 at x = margin and on like 1/x^2: the one shape of every reward."""
-    return 1.0 / (1.0 + (x / margin) ** 2)
+    square = margin * margin
+    return square / (square + x * x)

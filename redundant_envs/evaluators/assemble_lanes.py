@@ -28,7 +28,7 @@ from redundant_envs.evaluators.text import block, indent, prefixed, words
 from redundant_envs.integrators import error_control, stops
 from redundant_envs.integrators.tableaus import METHODS
 
-GROUP = 512
+GROUP = 256
 """Blocks that go through a step together: few enough to stay in a cache of some megabytes, enough that
 the lanes that leave it fill the scratch block even if they are one in a hundred."""
 MARK = "# ---- copied from here"

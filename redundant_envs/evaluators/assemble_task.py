@@ -29,7 +29,7 @@ SIGNATURES = {
     "environment": (
         "void(float64[::1], float32[::1], float32[::1], float64[:, ::1], uint32[:, ::1], int64, int64, int64)"
     ),
-    "goal_reward": "void(float64[:, ::1], float64[:, ::1], float64, float64, float64[::1])",
+    "goal_reward": "void(float64[:, ::1], float64[:, ::1], float64, float64, float64[::1], float64[::1])",
 }
 ENDS = ("reward", "terminated", "truncated")  # the first outputs
 
@@ -271,9 +271,8 @@ def _goal_reward(task: ReachTask, used: list[Any]) -> str:
         "achieved_x, achieved_y, desired_x, desired_y)\n"
         f"    return {prefixed(task.goal_reward)}(distance, reach, goal_tolerance)\n\n\n"
         "goal_reward_lane = straight_line(goal_reward_of, reads=range(6), writes=(6,), lanes=1)\n\n\n"
-        "def goal_reward(achieved, desired, reach, goal_tolerance, reward):\n"
-        '    """Reward of pairs of achieved and desired goals, metres."""\n'
-        f"    row = np.zeros(7 * {LANES})\n"
+        "def goal_reward(achieved, desired, reach, goal_tolerance, row, reward):\n"
+        '    """Reward of pairs of achieved and desired goals, metres; row is room for the numbers of one."""\n'
         "    for n in range(reward.size):\n"
         "        row[0] = achieved[n, 0]\n"
         f"        row[{LANES}] = achieved[n, 1]\n"

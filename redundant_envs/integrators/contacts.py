@@ -11,22 +11,25 @@ from redundant_envs.integrators.stops import at_stop, either, equal, no, positiv
 
 
 @physics
-def impulses(ua, ub, at_a, at_b, waa, wab, wbb, e):
+def impulses(ua, ub, sa, sb, waa, wab, wbb, e):
     """Impulses at the stops: u+ = -e u where it moved out, u+ <= 0 else, and no stop pulls.
 
-    u are outward speeds, at_a and at_b say whether the slider is at a stop. The 2 x 2 problem has
+    u are outward speeds, s the sides of the stops that the sliders touch. The 2 x 2 problem has
     one answer, since the mobility w is positive definite: of the sets of struck stops the one that
     fits.
     """
+    det = waa * wbb - wab * wab
+    wab = sa * sb * wab
+    at_a = abs(sa)
+    at_b = abs(sb)
     da = ua + e * maximum(ua, 0.0)
     db = ub + e * maximum(ub, 0.0)
-    only_a = da / waa
-    only_b = db / wbb
-    det = waa * wbb - wab * wab
+    only_a = da * (1.0 / waa)
+    only_b = db * (1.0 / wbb)
     fits_a = at_a * where(only_a >= 0.0, 1.0, 0.0) * where(at_b * (db - wab * only_a) <= 0.0, 1.0, 0.0)
     fits_b = at_b * where(only_b >= 0.0, 1.0, 0.0) * where(at_a * (da - wab * only_b) <= 0.0, 1.0, 0.0)
-    pa = where(fits_a > 0.0, only_a, where(fits_b > 0.0, 0.0, (wbb * da - wab * db) / det))
-    pb = where(fits_a > 0.0, 0.0, where(fits_b > 0.0, only_b, (waa * db - wab * da) / det))
+    pa = where(fits_a > 0.0, only_a, where(fits_b > 0.0, 0.0, (wbb * da - wab * db) * (1.0 / det)))
+    pb = where(fits_a > 0.0, 0.0, where(fits_b > 0.0, only_b, (waa * db - wab * da) * (1.0 / det)))
     return pa, pb
 
 
@@ -40,8 +43,8 @@ def halting(va, vb, still_a, still_b, waa, wab, wbb):
     """Impulses that stop slider a, b or both; 0 for one that need not stand still."""
     det = waa * wbb - wab * wab
     both = still_a * still_b
-    ja = where(both > 0.0, (wab * vb - wbb * va) / det, where(still_a > 0.0, -va / waa, 0.0))
-    jb = where(both > 0.0, (wab * va - waa * vb) / det, where(still_b > 0.0, -vb / wbb, 0.0))
+    ja = where(both > 0.0, (wab * vb - wbb * va) * (1.0 / det), where(still_a > 0.0, -va * (1.0 / waa), 0.0))
+    jb = where(both > 0.0, (wab * va - waa * vb) * (1.0 / det), where(still_b > 0.0, -vb * (1.0 / wbb), 0.0))
     return ja, jb
 
 
@@ -105,7 +108,7 @@ def touch(
     ub = sb * rate_b
     spent = either(where(changes >= 512.0, 1.0, 0.0), where(events > 256.0, 1.0, 0.0))
     strikes = either(positive(ua), positive(ub))
-    pa, pb = impulses(ua, ub, abs(sa), abs(sb), waa, sa * sb * wab, wbb, restitution)
+    pa, pb = impulses(ua, ub, sa, sb, waa, wab, wbb, restitution)
     hit_a = strikes * positive(pa)
     hit_b = strikes * positive(pb)
     free_a = no(strikes) * positive(mode_a * hold_a)  # the stop would have to pull

@@ -74,49 +74,60 @@ def near(q0, v0, q1, v1, h, mode, lower, upper):
 
 
 @physics
-def nearer_root(low, high, s, side, gap, s0, c2, c3):
-    """A bracketed Newton step towards a zero of the cubic side (gap + s0 s + c2 s^2 + c3 s^3)."""
+def nearer_root(low, high, s, per_slope, side, gap, s0, c2, c3):
+    """A bracketed Newton step towards a zero of the cubic side (gap + s0 s + c2 s^2 + c3 s^3).
+
+    One over the slope is brought up to date by a Newton step of its own, without a division.
+    """
     g = side * (gap + s * (s0 + s * (c2 + s * c3)))
     slope = side * (s0 + s * (2.0 * c2 + 3.0 * s * c3))
+    per_slope = per_slope * (2.0 - slope * per_slope)
     low = where(g > 0.0, low, s)
     high = where(g > 0.0, s, high)
-    new = s - g / slope
+    new = s - g * per_slope
     middle = 0.5 * (low + high)
-    return low, high, where(slope > 0.0, where(new > low, where(new < high, new, middle), middle), middle)
+    new = where(slope > 0.0, where(new > low, where(new < high, new, middle), middle), middle)
+    return low, high, new, per_slope
 
 
 @physics
-def crossing(q0, v0, q1, v1, h, side, lower, upper, turns):
+def crossing(q0, v0, q1, v1, h, side, limit, turned, share):
     """When the cubic through both ends of a piece goes beyond the stop, s: a first guess.
 
-    Three iterations find its zero about as well as the cubic knows the event.
+    ``share`` of the way lies beyond the stop; an inward motion has ``turned`` at that part of the
+    piece. Three iterations find the zero about as well as the cubic knows the event.
     """
-    limit = where(side > 0.0, upper, lower)
     d = q1 - q0
     s0 = h * v0
     c2 = 3.0 * d - h * (2.0 * v0 + v1)
     c3 = h * (v0 + v1) - 2.0 * d
     gap = q0 - limit
-    low = where(side * v0 < 0.0, where(v0 * v1 < 0.0, minimum(turns / h, 1.0), 0.0), 0.0)  # inward first
+    low = where(side * v0 < 0.0, where(v0 * v1 < 0.0, minimum(turned, 1.0), 0.0), 0.0)
     high = 1.0
-    s = minimum(maximum(1.0 - (q1 - limit) / d, low), 1.0)
-    low, high, s = nearer_root(low, high, s, side, gap, s0, c2, c3)
-    low, high, s = nearer_root(low, high, s, side, gap, s0, c2, c3)
-    low, high, s = nearer_root(low, high, s, side, gap, s0, c2, c3)
+    s = minimum(maximum(1.0 - share, low), 1.0)
+    per_slope = 1.0 / (side * (s0 + s * (2.0 * c2 + 3.0 * s * c3)))
+    low, high, s, per_slope = nearer_root(low, high, s, per_slope, side, gap, s0, c2, c3)
+    low, high, s, per_slope = nearer_root(low, high, s, per_slope, side, gap, s0, c2, c3)
+    low, high, s, per_slope = nearer_root(low, high, s, per_slope, side, gap, s0, c2, c3)
     return h * s
 
 
 @physics
-def first_event(q0, v0, q1, v1, h, mode, hold_from, hold, met, turns, lower, upper, cleared):
+def first_event(
+    q0, v0, q1, v1, h, per_h, mode, hold_from, hold, met, turns, lower, upper, cleared
+):  # fmt: skip
     """After a tried piece: when a slider has an event, h + 1 for never; its side; whether it only
     turns near the stop."""
     side = beyond(q1, mode, lower, upper)
+    limit = where(side > 0.0, upper, lower)
     pull = mode * hold
     push = maximum(-mode * hold_from, 0.0)
     peak = equal(side, 0.0) * equal(abs(met), 2.0) * equal(cleared, 0.0) * equal(mode, 0.0)
+    # Of the way beyond the stop, or of the change of a holding force before its sign changes.
+    share = where(pull > 0.0, push, q1 - limit) / where(pull > 0.0, push + pull, q1 - q0)
     at = where(peak > 0.0, turns, h + 1.0)
-    at = where(side == 0.0, at, crossing(q0, v0, q1, v1, h, side, lower, upper, turns))
-    at = where(pull > 0.0, h * push / (push + pull), at)
+    at = where(side == 0.0, at, crossing(q0, v0, q1, v1, h, side, limit, turns * per_h, share))
+    at = where(pull > 0.0, h * share, at)
     return at, where(side == 0.0, where(met > 0.0, 1.0, -1.0), side), peak
 
 
@@ -143,12 +154,13 @@ def decide(
 ):  # fmt: skip
     """After a piece: its earliest event, how to come nearer to the one looked for, or its end."""
     tried = due * good * either(equal(phase, 2.0), equal(phase, 4.0))
+    per_h = 1.0 / h
     at_a, side_a, peak_a = first_event(
-        place_a_from, rate_a_from, place_a, rate_a, h, mode_a, hold_a_from, hold_a, met_a, turns_a,
+        place_a_from, rate_a_from, place_a, rate_a, h, per_h, mode_a, hold_a_from, hold_a, met_a, turns_a,
         lower_a, upper_a, cleared_a,
     )  # fmt: skip
     at_b, side_b, peak_b = first_event(
-        place_b_from, rate_b_from, place_b, rate_b, h, mode_b, hold_b_from, hold_b, met_b, turns_b,
+        place_b_from, rate_b_from, place_b, rate_b, h, per_h, mode_b, hold_b_from, hold_b, met_b, turns_b,
         lower_b, upper_b, cleared_b,
     )  # fmt: skip
     close_a = closeness(place_a_from, lower_a, upper_a)
@@ -216,14 +228,25 @@ def decide(
         # Let go where the stop would pull, not just before, to 1e-10 of the step.
         either(narrow, where(gap * (h - low) <= 1e-10 * left * (gap - gap_low), 1.0, 0.0)) * over,
     )
-    middle = 0.5 * (low_in + high_in)
+    # Where a slider turns: the bracket of that.
+    probing = due * equal(phase, 3.0)
+    outward = positive(speed)
+    low_turn = where(outward > 0.0, h, low)
+    high_turn = where(outward > 0.0, high, h)
+    fast_low = where(outward > 0.0, speed, gap_low)
+    fast_high = where(outward > 0.0, gap_high, -speed)
     # The acceleration is that of the cubic through both ends, which spares a piece near slow impacts.
-    mean = (q - pick(target, place_a_from, place_b_from)) / h
-    bend = side * (2.0 * pick(target, rate_a_from, rate_b_from) + 4.0 * v - 6.0 * mean) / h
+    mean = (q - pick(target, place_a_from, place_b_from)) * per_h
+    bend = side * (2.0 * pick(target, rate_a_from, rate_b_from) + 4.0 * v - 6.0 * mean) * per_h
     curved = 2.0 * speed * speed - gap * bend
-    halley = h - 2.0 * gap * speed / where(curved > speed * speed, curved, 2.0 * speed * speed)
-    towards = where(speed > 0.0, halley, middle)
-    chord = low_in - (high_in - low_in) * pull_low / (pull_high - pull_low) + 5e-11 * left
+    curved = where(curved > speed * speed, curved, 2.0 * speed * speed)
+    # The next place by a chord of speeds, Halley's step, or a chord of holding forces: one division.
+    share = where(probing > 0.0, fast_low, where(mode == 0.0, -2.0 * gap * speed, pull_low))
+    share = share / where(probing > 0.0, fast_low + fast_high, where(mode == 0.0, curved, pull_low - pull_high))
+    turn = low_turn + (high_turn - low_turn) * share
+    middle = 0.5 * (low_in + high_in)
+    towards = where(speed > 0.0, h + share, middle)
+    chord = low_in + (high_in - low_in) * share + 5e-11 * left
     nearer = where(mode == 0.0, towards, chord)
     nearer = where(nearer > low_in, where(nearer < high_in, nearer, middle), middle)
     nearer = where(no(equal(mode, 0.0)) * narrow > 0.0, high_in, nearer)
@@ -232,14 +255,7 @@ def decide(
     closer = locating * no(sooner) * no(near)
 
     # Where a slider turns: beyond its stop, or not.
-    probing = due * equal(phase, 3.0)
     found = probing * where(gap > close, 1.0, 0.0)
-    outward = positive(speed)
-    low_turn = where(outward > 0.0, h, low)
-    high_turn = where(outward > 0.0, high, h)
-    fast_low = where(outward > 0.0, speed, gap_low)
-    fast_high = where(outward > 0.0, gap_high, -speed)
-    turn = low_turn + (high_turn - low_turn) * fast_low / (fast_low + fast_high)
     turn = where(turn > low_turn, where(turn < high_turn, turn, low_turn), 0.5 * (low_turn + high_turn))
     missed = (
         probing

@@ -123,38 +123,38 @@ REWARD_TERMS = (
 @physics(gives="rate1_obs rate2_obs rate3_obs rate4_obs")
 def observed_rates(phid1, phid2, phid3, phid4, rate_scale):
     return (
-        squash(phid1 / rate_scale),
-        squash(phid2 / rate_scale),
-        squash(phid3 / rate_scale),
-        squash(phid4 / rate_scale),
+        squash(phid1, rate_scale),
+        squash(phid2, rate_scale),
+        squash(phid3, rate_scale),
+        squash(phid4, rate_scale),
     )
 
 
 @physics(gives="travel2_obs travel4_obs")
 def observed_travel(phi2, phi4, low2, low4, high2, high4):
     return (
-        squash((2.0 * phi2 - low2 - high2) / (high2 - low2)),
-        squash((2.0 * phi4 - low4 - high4) / (high4 - low4)),
+        squash(2.0 * phi2 - low2 - high2, high2 - low2),
+        squash(2.0 * phi4 - low4 - high4, high4 - low4),
     )
 
 
 @physics(gives="tip_x_obs tip_y_obs tip_vx_obs tip_vy_obs")
 def observed_tip(tip_x, tip_y, tip_vx, tip_vy, reach):
     return (
-        squash(tip_x / reach),
-        squash(tip_y / reach),
-        squash(tip_vx / (0.5 * reach)),
-        squash(tip_vy / (0.5 * reach)),
+        squash(tip_x, reach),
+        squash(tip_y, reach),
+        squash(tip_vx, 0.5 * reach),
+        squash(tip_vy, 0.5 * reach),
     )
 
 
 @physics(gives="goal_x_obs goal_y_obs error_x_obs error_y_obs")
 def observed_goal(goal_x, goal_y, error_x, error_y, reach):
     return (
-        squash(goal_x / reach),
-        squash(goal_y / reach),
-        squash(error_x / (0.05 * reach)),
-        squash(error_y / (0.05 * reach)),
+        squash(goal_x, reach),
+        squash(goal_y, reach),
+        squash(error_x, 0.05 * reach),
+        squash(error_y, 0.05 * reach),
     )
 
 

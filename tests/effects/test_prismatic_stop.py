@@ -126,12 +126,14 @@ def test_impulses_solve_the_complementarity_problem():
         u, restitution = rng.normal(size=2), rng.uniform(0, 1)
         if (u <= 0).all():
             continue
-        p = np.array(impulses(u[0], u[1], 1.0, 1.0, W[0, 0], W[0, 1], W[1, 1], restitution))
+        sa, sb = rng.choice([-1.0, 1.0], 2)
+        wab = sa * sb * W[0, 1]  # W is of outward speeds
+        p = np.array(impulses(u[0], u[1], sa, sb, W[0, 0], wab, W[1, 1], restitution))
         residual = W @ p - (u + restitution * np.maximum(u, 0.0))
         assert (p >= -1e-12).all()
         assert (residual >= -1e-9).all()
         assert abs(p @ residual) < 1e-9
-        swapped = impulses(u[1], u[0], 1.0, 1.0, W[1, 1], W[0, 1], W[0, 0], restitution)
+        swapped = impulses(u[1], u[0], sb, sa, W[1, 1], wab, W[0, 0], restitution)
         np.testing.assert_allclose(p, swapped[::-1], rtol=1e-9, atol=1e-12)
         both += (p > 0).all()
     assert both > 100

@@ -236,8 +236,7 @@ def test_sines_and_cosines_to_the_last_places():
     namespace = {"CACHE": False}
     code = """
 
-def table(x, s, c):
-    row = np.zeros(3 * LANES)
+def table(x, s, c, row):
     for n in range(x.size):
         row[n % LANES] = x[n]
         pair(row, 0)
@@ -245,18 +244,18 @@ def table(x, s, c):
         c[n] = row[2 * LANES + n % LANES]
 
 pair = straight_line(lambda x: sincos(x), reads=(0,), writes=(1, 2))
-SIGNATURES = {"table": "void(float64[::1], float64[::1], float64[::1])"}
+SIGNATURES = {"table": "void(float64[::1], float64[::1], float64[::1], float64[::1])"}
 """
     exec(compile(text.split("SIGNATURES")[0] + code + cpu.KERNELS, "probe", "exec"), namespace)
     rng = np.random.default_rng(0)
     x = np.concatenate(
         [rng.uniform(-1e6, 1e6, 200_000), rng.uniform(-10, 10, 200_000), np.arange(-8, 9) * np.pi / 4]
     )
-    s, c = np.empty_like(x), np.empty_like(x)
-    namespace["table"](x, s, c)
+    s, c, row = np.empty_like(x), np.empty_like(x), np.zeros(3 * 8)
+    namespace["table"](x, s, c, row)
     assert np.abs(s - np.sin(x)).max() <= 2.3e-16
     assert np.abs(c - np.cos(x)).max() <= 2.3e-16
-    namespace["table"](np.array([np.nan, np.inf]), s[:2], c[:2])
+    namespace["table"](np.array([np.nan, np.inf]), s[:2], c[:2], row)
     assert np.isnan(s[:2]).all()
 
 
