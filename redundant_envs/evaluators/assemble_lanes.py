@@ -28,9 +28,9 @@ from redundant_envs.evaluators.text import block, indent, prefixed, words
 from redundant_envs.integrators import error_control, stops
 from redundant_envs.integrators.tableaus import METHODS
 
-GROUP = 256
-"""Blocks that go through a step together: few enough to stay in a cache of some megabytes, enough that
-the lanes that leave it fill the scratch block even if they are one in a hundred."""
+GROUP = 64
+"""Blocks that go through a step together: few enough to stay in a small cache, enough that what a step
+and what its events need of the instruction cache seldom replace each other."""
 MARK = "# ---- copied from here"
 NEAR = 3.0
 """Of a row that says why a lane leaves the common step: not known yet, but near a stop. Otherwise it
@@ -543,18 +543,23 @@ class LaneSteps:
             step = []
         meet = ["if any_marked(W, o):", "    meet(W, o)"] if self.stops and step else []
         common = [*step, "judge(W, o)", *meet]
-        steps = "substeps" if self.plan_of_steps == "fixed" else "1"
+        several = self.plan_of_steps == "fixed"
+        steps = "substeps" if several else "1"
         return [
+            "oldest = 0",  # the first block that may wait
             f"for begin_block in range(0, {BLOCKS}, {GROUP}):",
             f"    end_block = min({BLOCKS}, begin_block + {GROUP})",
+            f"    finish = {'substeps > 1 or ' if several else ''}end_block == {BLOCKS}",
             f"    for number in range({steps}):",
-            "        waiting = False",
+            "        waiting = oldest < begin_block",
             "        for sweep in range(2):",
+            "            from_block = begin_block",
             "            if sweep == 1:",
             "                if not waiting:",
             "                    break",
-            f"                redo(W, S, begin_block * {LANES}, min(count, end_block * {LANES}))",
-            "            for b in range(begin_block, end_block):",
+            f"                redo(W, S, begin_block * {LANES}, min(count, end_block * {LANES}), finish)",
+            "                from_block = oldest",
+            "            for b in range(from_block, end_block):",
             *block(HEAD, 4),
             "                if sweep == 0:",
             "                    if number == 0:",
@@ -563,8 +568,11 @@ class LaneSteps:
             "                    if any_marked(W, o):",
             "                        waiting = True",
             "                        continue",
-            "                elif not any_marked(W, o):",
+            "                elif not any_marked(W, o) or absent(S, o):",
             "                    continue",
+            "                else:",
+            "                    served(W, o)",
             f"                if number == {steps} - 1:",
             *block(then, 5),
+            "        oldest = first_absent(S, end_block)",
         ]
