@@ -125,6 +125,8 @@ class LaneSteps:
             names += ["phase", "hint_a", "hint_b"]
             names += [*(["events_before"] if equal else []), *(f"{m}_before" for m in self.modes)]
             names += ["met_a", "turns_a", "met_b", "turns_b"]
+            # Accelerations of the sliders at the first and the last stage of the step.
+            names += [f"accel_{x}_{stage}" for stage in ("first", "last") for x in "ab"]
         if self.log:
             names += ["logged_before", "span_start"]
         if equal:
@@ -558,7 +560,7 @@ class LaneSteps:
             "                if not waiting:",
             "                    break",
             f"                redo(W, S, begin_block * {LANES}, min(count, end_block * {LANES}), finish)",
-            "                from_block = oldest",
+            "                from_block = min(oldest, begin_block)",
             "            for b in range(from_block, end_block):",
             *block(HEAD, 4),
             "                if sweep == 0:",

@@ -135,6 +135,7 @@ class StopLines:
                 {
                     **writes,
                     **a.error_writes,
+                    **self.accelerations(),
                     **{
                         f"hint_{x}": f"where(held{k} > 0.0, pull_{x}_new, stray_{x})"
                         for x, k in zip("ab", joints, strict=True)
@@ -164,6 +165,13 @@ class StopLines:
                 {**slopes_of, **holds, **mobility},
             ),
         ]
+
+    def accelerations(self) -> dict[str, str]:
+        """Rows of the accelerations of the sliders at the first and the last stage of a step."""
+        a = self.assembly
+        last = METHODS[a.scene.integrator].stages - 1
+        named = {x: f"{a.scene.robot.rates[hook.joint]}_k" for x, (_, hook) in zip("ab", self.stops, strict=True)}
+        return {f"accel_{x}_{n}": f"{k}{i}" for x, k in named.items() for n, i in (("first", 0), ("last", last))}
 
     def strays(self) -> list[str]:
         """Lines that tell how far beyond its stops each slider is at a stage of the step."""

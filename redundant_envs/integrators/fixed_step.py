@@ -38,11 +38,11 @@ def step_lines(
     n = len(positions)
     states = (*positions, *velocities, *extra)
     if method.name == "euler":
-        rates = [f"{s}_k" for s in (*velocities, *extra)]
+        rates = [f"{s}_k0" for s in (*velocities, *extra)]
         seen = [f"{w}_new" for w in watched]
         return [
             f"{', '.join((*rates, *seen))}, = {call.format(', '.join(states))}",
-            *(f"{s}_new = {s} + h * {s}_k" for s in (*velocities, *extra)),
+            *(f"{s}_new = {s} + h * {s}_k0" for s in (*velocities, *extra)),
             *(f"{p}_new = {p} + h * {v}_new" for p, v in zip(positions, velocities, strict=True)),
         ]
     slope = {p: f"{v}_s{{}}" for p, v in zip(positions, velocities, strict=True)}

@@ -13,7 +13,7 @@ Sliders are a and b; sides are 1 at the upper stop, -1 at the lower one, 0 at no
 
 from __future__ import annotations
 
-from redundant_envs.algebra import maximum, minimum, physics, where
+from redundant_envs.algebra import maximum, minimum, physics, sqrt, where
 
 
 @physics
@@ -74,13 +74,13 @@ def near(q0, v0, q1, v1, h, mode, lower, upper):
 
 
 @physics
-def nearer_root(low, high, s, per_slope, side, gap, s0, c2, c3):
-    """A bracketed Newton step towards a zero of the cubic side (gap + s0 s + c2 s^2 + c3 s^3).
+def nearer_root(low, high, s, per_slope, side, gap, s0, c2, c3, c4, c5):
+    """A bracketed Newton step towards a zero of side (gap + s0 s + c2 s^2 + ... + c5 s^5).
 
     One over the slope is brought up to date by a Newton step of its own, without a division.
     """
-    g = side * (gap + s * (s0 + s * (c2 + s * c3)))
-    slope = side * (s0 + s * (2.0 * c2 + 3.0 * s * c3))
+    g = side * (gap + s * (s0 + s * (c2 + s * (c3 + s * (c4 + s * c5)))))
+    slope = side * (s0 + s * (2.0 * c2 + s * (3.0 * c3 + s * (4.0 * c4 + s * (5.0 * c5)))))
     per_slope = per_slope * (2.0 - slope * per_slope)
     low = where(g > 0.0, low, s)
     high = where(g > 0.0, s, high)
@@ -91,42 +91,52 @@ def nearer_root(low, high, s, per_slope, side, gap, s0, c2, c3):
 
 
 @physics
-def crossing(q0, v0, q1, v1, h, side, limit, turned, share):
-    """When the cubic through both ends of a piece goes beyond the stop, s: a first guess.
+def crossing(q0, v0, q1, v1, a0, a1, h, side, gap, s, per_slope, turned):
+    """When the quintic through both ends of a piece goes beyond the stop, of which s is a guess.
 
-    ``share`` of the way lies beyond the stop; an inward motion has ``turned`` at that part of the
-    piece. Three iterations find the zero about as well as the cubic knows the event.
+    An inward motion has ``turned`` at that part of the piece. The acceleration at the end is that of
+    the last stage. Three iterations find the zero as well as the quintic knows the event.
     """
     d = q1 - q0
     s0 = h * v0
-    c2 = 3.0 * d - h * (2.0 * v0 + v1)
-    c3 = h * (v0 + v1) - 2.0 * d
-    gap = q0 - limit
+    s1 = h * v1
+    c2 = 0.5 * h * h * a0
+    e2 = 0.5 * h * h * a1
+    c3 = 10.0 * d - 6.0 * s0 - 4.0 * s1 - 3.0 * c2 + e2
+    c4 = 8.0 * s0 + 7.0 * s1 + 3.0 * c2 - 2.0 * e2 - 15.0 * d
+    c5 = 6.0 * d - 3.0 * (s0 + s1) - c2 + e2
     low = where(side * v0 < 0.0, where(v0 * v1 < 0.0, minimum(turned, 1.0), 0.0), 0.0)
     high = 1.0
-    s = minimum(maximum(1.0 - share, low), 1.0)
-    per_slope = 1.0 / (side * (s0 + s * (2.0 * c2 + 3.0 * s * c3)))
-    low, high, s, per_slope = nearer_root(low, high, s, per_slope, side, gap, s0, c2, c3)
-    low, high, s, per_slope = nearer_root(low, high, s, per_slope, side, gap, s0, c2, c3)
-    low, high, s, per_slope = nearer_root(low, high, s, per_slope, side, gap, s0, c2, c3)
+    s = minimum(maximum(s, low), high)
+    low, high, s, per_slope = nearer_root(low, high, s, per_slope, side, gap, s0, c2, c3, c4, c5)
+    low, high, s, per_slope = nearer_root(low, high, s, per_slope, side, gap, s0, c2, c3, c4, c5)
+    low, high, s, per_slope = nearer_root(low, high, s, per_slope, side, gap, s0, c2, c3, c4, c5)
     return h * s
 
 
 @physics
 def first_event(
-    q0, v0, q1, v1, h, per_h, mode, hold_from, hold, met, turns, lower, upper, cleared
+    q0, v0, q1, v1, a0, a1, h, per_h, mode, hold_from, hold, met, turns, lower, upper, cleared
 ):  # fmt: skip
     """After a tried piece: when a slider has an event, h + 1 for never; its side; whether it only
     turns near the stop."""
     side = beyond(q1, mode, lower, upper)
-    limit = where(side > 0.0, upper, lower)
+    gap = q0 - where(side > 0.0, upper, lower)
     pull = mode * hold
     push = maximum(-mode * hold_from, 0.0)
     peak = equal(side, 0.0) * equal(abs(met), 2.0) * equal(cleared, 0.0) * equal(mode, 0.0)
-    # Of the way beyond the stop, or of the change of a holding force before its sign changes.
-    share = where(pull > 0.0, push, q1 - limit) / where(pull > 0.0, push + pull, q1 - q0)
+    # Where the parabola through both ends meets the stop, or a chord of holding forces changes sign.
+    start = side * h * v0
+    bend = side * (q1 - q0) - start
+    outward = sqrt(maximum(start * start - 4.0 * bend * side * gap, 0.0))
+    share = where(start > 0.0, -2.0 * side * gap, outward - start)
+    share = where(pull > 0.0, push, share) / where(
+        pull > 0.0, push + pull, where(start > 0.0, start + outward, 2.0 * bend)
+    )
     at = where(peak > 0.0, turns, h + 1.0)
-    at = where(side == 0.0, at, crossing(q0, v0, q1, v1, h, side, limit, turns * per_h, share))
+    at = where(
+        side == 0.0, at, crossing(q0, v0, q1, v1, a0, a1, h, side, gap, share, 1.0 / outward, turns * per_h)
+    )
     at = where(pull > 0.0, h * share, at)
     return at, where(side == 0.0, where(met > 0.0, 1.0, -1.0), side), peak
 
@@ -149,6 +159,7 @@ def arrived(there, sought, limit, place, rate, mode, close, lower, upper):
 def decide(
     due, phase, h, left, good, hint_a, hint_b, halved, target, side, low, high, gap_low, gap_high, tries,
     place_a, place_b, rate_a, rate_b, place_a_from, place_b_from, rate_a_from, rate_b_from,
+    accel_a_first, accel_b_first, accel_a_last, accel_b_last,
     mode_a, mode_b, met_a, met_b, turns_a, turns_b, lower_a, lower_b, upper_a, upper_b,
     hold_a, hold_b, hold_a_from, hold_b_from, cleared_a, cleared_b,
 ):  # fmt: skip
@@ -156,12 +167,12 @@ def decide(
     tried = due * good * either(equal(phase, 2.0), equal(phase, 4.0))
     per_h = 1.0 / h
     at_a, side_a, peak_a = first_event(
-        place_a_from, rate_a_from, place_a, rate_a, h, per_h, mode_a, hold_a_from, hold_a, met_a, turns_a,
-        lower_a, upper_a, cleared_a,
+        place_a_from, rate_a_from, place_a, rate_a, accel_a_first, accel_a_last, h, per_h,
+        mode_a, hold_a_from, hold_a, met_a, turns_a, lower_a, upper_a, cleared_a,
     )  # fmt: skip
     at_b, side_b, peak_b = first_event(
-        place_b_from, rate_b_from, place_b, rate_b, h, per_h, mode_b, hold_b_from, hold_b, met_b, turns_b,
-        lower_b, upper_b, cleared_b,
+        place_b_from, rate_b_from, place_b, rate_b, accel_b_first, accel_b_last, h, per_h,
+        mode_b, hold_b_from, hold_b, met_b, turns_b, lower_b, upper_b, cleared_b,
     )  # fmt: skip
     close_a = closeness(place_a_from, lower_a, upper_a)
     close_b = closeness(place_b_from, lower_b, upper_b)
@@ -235,9 +246,7 @@ def decide(
     high_turn = where(outward > 0.0, high, h)
     fast_low = where(outward > 0.0, speed, gap_low)
     fast_high = where(outward > 0.0, gap_high, -speed)
-    # The acceleration is that of the cubic through both ends, which spares a piece near slow impacts.
-    mean = (q - pick(target, place_a_from, place_b_from)) * per_h
-    bend = side * (2.0 * pick(target, rate_a_from, rate_b_from) + 4.0 * v - 6.0 * mean) * per_h
+    bend = side * pick(target, accel_a_last, accel_b_last)
     curved = 2.0 * speed * speed - gap * bend
     curved = where(curved > speed * speed, curved, 2.0 * speed * speed)
     # The next place by a chord of speeds, Halley's step, or a chord of holding forces: one division.
