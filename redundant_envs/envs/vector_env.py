@@ -235,7 +235,9 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
 
     def _infos(self, out: NDArray[np.float64], mask: NDArray[np.bool_] | None) -> dict[str, Any]:
         infos: dict[str, Any] = {}
-        present = np.ones((len(self._columns), self.num_envs), np.bool_)  # a line for each: one call, not many
+        present = np.ones(
+            (len(self._columns), self.num_envs), np.bool_
+        )  # a line for each: one call, not many
         if mask is not None:
             present &= mask
         for (name, column, kind), valid in zip(self._columns, present, strict=True):

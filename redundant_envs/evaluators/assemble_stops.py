@@ -117,7 +117,10 @@ class StopLines:
         let_go = [
             *contact,
             *self.sliders,
-            *(f"hold_{x}, at_{x} = hold{k}, {at}(place_{x}, mode_{x}, lower_{x}, upper_{x})" for x, k in zip("ab", joints, strict=True)),
+            *(
+                f"hold_{x}, at_{x} = hold{k}, {at}(place_{x}, mode_{x}, lower_{x}, upper_{x})"
+                for x, k in zip("ab", joints, strict=True)
+            ),
             f"waa, wab, wbb = W{ka}{ka}, W{kb}{ka}, W{kb}{kb}",
             self.call(contacts.leaving),
         ]
@@ -170,8 +173,12 @@ class StopLines:
         """Rows of the accelerations of the sliders at the first and the last stage of a step."""
         a = self.assembly
         last = METHODS[a.scene.integrator].stages - 1
-        named = {x: f"{a.scene.robot.rates[hook.joint]}_k" for x, (_, hook) in zip("ab", self.stops, strict=True)}
-        return {f"accel_{x}_{n}": f"{k}{i}" for x, k in named.items() for n, i in (("first", 0), ("last", last))}
+        named = {
+            x: f"{a.scene.robot.rates[hook.joint]}_k" for x, (_, hook) in zip("ab", self.stops, strict=True)
+        }
+        return {
+            f"accel_{x}_{n}": f"{k}{i}" for x, k in named.items() for n, i in (("first", 0), ("last", last))
+        }
 
     def strays(self) -> list[str]:
         """Lines that tell how far beyond its stops each slider is at a stage of the step."""

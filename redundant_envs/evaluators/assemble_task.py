@@ -185,7 +185,8 @@ def _store(a: Assembly) -> str:
     return (
         f"give_observed = give({rows})\n\n\n"
         f"@njit(**OPTIONS)\ndef store(S, i, n, obs, out):\n{indent(body, 1)}\n\n\n"
-        f"@njit(inline='always', **OPTIONS)\ndef show(W, o, S, first_lane, lanes, obs, out):\n{indent(show, 1)}"
+        "@njit(inline='always', **OPTIONS)\n"
+        f"def show(W, o, S, first_lane, lanes, obs, out):\n{indent(show, 1)}"
     )
 
 
@@ -272,7 +273,7 @@ def _goal_reward(task: ReachTask, used: list[Any]) -> str:
         f"    return {prefixed(task.goal_reward)}(distance, reach, goal_tolerance)\n\n\n"
         "goal_reward_lane = straight_line(goal_reward_of, reads=range(6), writes=(6,), lanes=1)\n\n\n"
         "def goal_reward(achieved, desired, reach, goal_tolerance, row, reward):\n"
-        '    """Reward of pairs of achieved and desired goals, metres; row is room for the numbers of one."""\n'
+        '    """Reward of pairs of achieved and desired goals, m; row is room for one pair."""\n'
         "    for n in range(reward.size):\n"
         "        row[0] = achieved[n, 0]\n"
         f"        row[{LANES}] = achieved[n, 1]\n"

@@ -251,7 +251,9 @@ def decide(
     curved = where(curved > speed * speed, curved, 2.0 * speed * speed)
     # The next place by a chord of speeds, Halley's step, or a chord of holding forces: one division.
     share = where(probing > 0.0, fast_low, where(mode == 0.0, -2.0 * gap * speed, pull_low))
-    share = share / where(probing > 0.0, fast_low + fast_high, where(mode == 0.0, curved, pull_low - pull_high))
+    share = share / where(
+        probing > 0.0, fast_low + fast_high, where(mode == 0.0, curved, pull_low - pull_high)
+    )
     turn = low_turn + (high_turn - low_turn) * share
     middle = 0.5 * (low_in + high_in)
     towards = where(speed > 0.0, h + share, middle)
