@@ -260,3 +260,14 @@ def test_the_picture_shows_the_lanes_own_lengths():
     env.reset(seed=0, options={"q": q, "parameters": {"lengths": (0.1, 0.1, 0.1, 0.1)}})
     env.unwrapped._renderer.clear()
     assert (env.render() != first).any()
+
+
+def test_masks_of_infos_are_their_own():
+    env = gym.make_vec("redundant_envs/RPRPReach-v0", num_envs=3)
+    env.reset(seed=0)
+    _, _, _, _, infos = env.step(np.zeros((3, 4), np.float32))
+    masks = [name for name in infos if name.startswith("_")]
+    infos[masks[0]][:] = False
+    assert all(infos[name].all() for name in masks[1:])
+    _, _, _, _, later = env.step(np.zeros((3, 4), np.float32))
+    assert later[masks[0]].all()

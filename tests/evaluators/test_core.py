@@ -2,6 +2,7 @@
 
 import dataclasses
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -16,6 +17,7 @@ from redundant_envs.algebra import sqrt, where
 from redundant_envs.effects.hooks import Effect, Field
 from redundant_envs.evaluators import arrays, cpu
 from redundant_envs.evaluators.assemble import assemble, source
+from redundant_envs.tasks.reach import ReachTask
 
 FOUR_R = rde.FourR(masses=(2, 1.5, 1, 0.5), lengths=(0.3, 0.5, 0.4, 0.6))
 RPRP = rde.RPRP(masses=(2, 1.5, 1, 0.5), lengths=(0.3, 0.5))
@@ -257,6 +259,18 @@ SIGNATURES = {"table": "void(float64[::1], float64[::1], float64[::1], float64[:
     assert np.abs(c - np.cos(x)).max() <= 2.3e-16
     namespace["table"](np.array([np.nan, np.inf]), s[:2], c[:2], row)
     assert np.isnan(s[:2]).all()
+
+
+def test_kernels_count_no_references():
+    """A locked instruction for every block waits for all that was written before."""
+    made = rde.load_scene(
+        {**rde.load_scene("four_r_reach").to_dict(), "integrator": "euler", "tolerance": None}
+    )
+    kernels = cpu._compile_in_memory(assemble(made, ReachTask()).text, "a probe")
+    for name, kernel in kernels.items():
+        (text,) = kernel.inspect_llvm().values()
+        body = re.search(rf"define [^\n]*{name}[^\n]* {{\n.*?\n}}", text, re.DOTALL)
+        assert "NRT" not in body[0]
 
 
 def test_primitives_agree_in_every_evaluator_on_ties_zeros_and_nan():

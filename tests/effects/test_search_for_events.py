@@ -1,0 +1,192 @@
+"""How few pieces it takes to find what sliders do at their stops, and in which order lanes are served."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import redundant_envs as rde
+from redundant_envs import algebra
+from redundant_envs.evaluators import arrays, assemble_lanes
+from redundant_envs.evaluators.binding import bind
+from redundant_envs.integrators import contacts, stops
+
+NAMES = {p: getattr(algebra, p) for p in algebra.PRIMITIVES}
+ARM = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
+GROUP = 8 * assemble_lanes.GROUP
+"""Lanes that go through a step together."""
+
+
+def scene(restitution=0.5, upper=(0.3, 0.3), **kwargs):
+    effects = (rde.effects.Gravity(), rde.effects.PrismaticStop((0.0, 0.0), upper, restitution))
+    return rde.Scene(ARM, effects, **{"control_dt": 0.02, "tolerance": None, **kwargs})
+
+
+def random_states(count, seed=1):
+    rng = np.random.default_rng(seed)
+    q = np.column_stack([rng.uniform(-3, 3, count), rng.uniform(0, 0.3, count)] * 2)
+    q[::7, 1] = 0.3
+    return q, rng.normal(0, 2, (count, 4)), rng.uniform(-20, 20, (count, 4))
+
+
+# ---- the first guess -----------------------------------------------------------------------------
+
+
+def first_guess(motion, h, upper):
+    """What ``first_event`` makes of a slider whose position is a polynomial of time."""
+    event = bind(stops.first_event, arrays.PRIMITIVES)
+    v, a = motion.deriv(), motion.deriv(2)
+    ends = [x(t) for x in (motion, v) for t in (0.0, h)]
+    with np.errstate(all="ignore"):  # both sides of a choice are computed
+        at, side, peak = event(
+            *(ends[k] for k in (0, 2, 1, 3)), a(0.0), a(h), h, 1.0 / h, 0.0, 0.0, 0.0, 0.0, h, -9.0, upper, 0.0
+        )  # fmt: skip
+    assert (side, peak) == (1.0, 0.0)
+    return at
+
+
+def test_the_first_guess_of_an_impact_is_the_zero_of_the_quintic():
+    rng = np.random.default_rng(2)
+    h, upper, worst = 0.02, 0.1, []
+    while len(worst) < 500:
+        motion = np.polynomial.Polynomial(rng.normal(size=6) * [0.0, 1.0, 20.0, 500.0, 5e3, 1e5])
+        motion = motion - motion(h) + upper + abs(rng.normal(0, 0.005))
+        roots = (motion - upper).roots()
+        roots = roots.real[(abs(roots.imag) < 1e-12) & (roots.real > 0.0) & (roots.real < h)]
+        slope = motion.deriv()(np.linspace(0.0, h, 50))
+        if motion(0.0) < upper and len(roots) == 1 and (slope > 0.1).all():
+            worst.append(abs(first_guess(motion, h, upper) - roots[0]) / h)
+    assert np.median(worst) < 1e-14
+    assert np.quantile(worst, 0.95) < 1e-7
+    assert np.quantile(worst, 0.98) < 1e-5  # of speeds that change fivefold; a guess may be a bad one
+
+
+@pytest.mark.parametrize("speed", [0.0, -0.1])
+def test_one_that_begins_at_its_stop_and_comes_back_comes_later(speed):
+    h, upper = 0.02, 0.1
+    motion = np.polynomial.Polynomial([upper, speed, -50.0, 5000.0])  # at its stop again after 10 ms
+    at = first_guess(motion, h, upper)
+    assert 0.0 < at <= h
+
+
+def test_an_impact_takes_less_than_two_pieces_to_be_found():
+    batch = rde.BatchSimulator(scene(), 2000)
+    q, qd, efforts = random_states(2000)
+    q[::7, 1] = 0.1
+    batch.set_state(q, qd)
+    status = batch.advance(efforts)
+    once = status.events == 1  # the common step, the pieces towards the impact, one to the end
+    assert once.sum() > 200
+    pieces = status.evaluations[once] / 12.0 - 2.0
+    assert (pieces >= 1.0).all()
+    assert pieces.mean() < 1.7  # from the cubic through both ends it was 1.96
+
+
+# ---- let go --------------------------------------------------------------------------------------
+
+
+def resting(count, push=(0.0, -30.0, 0.0, -30.0), **kwargs):
+    """Arms whose sliders have come to rest at their lower stops."""
+    batch = rde.BatchSimulator(scene(0.0, **kwargs), count)
+    q = np.tile([0.3, 0.0, -0.4, 0.0], (count, 1))
+    q[:, 0] += np.linspace(0.0, 1.0, count)
+    batch.set_state(q, np.zeros((count, 4)))
+    batch.advance(np.tile(push, (count, 1)))
+    assert (batch.q[:, [1, 3]] == 0.0).all()
+    assert (batch.qd[:, [1, 3]] == 0.0).all()
+    return batch
+
+
+PULLS = [(0.0, 60.0, 0.0, -30.0), (0.0, -60.0, 0.0, 40.0), (0.0, 60.0, 0.0, 40.0)]
+
+
+@pytest.mark.parametrize("pull", PULLS, ids=str)
+def test_sliders_that_an_effort_lets_go_take_the_common_step_alone(pull):
+    batch = resting(9)
+    status = batch.advance(np.tile(pull, (9, 1)))
+    np.testing.assert_array_equal(status.evaluations, 12)
+    np.testing.assert_array_equal(batch.q[:, [1, 3]] > 0.0, np.tile(np.array(pull)[[1, 3]] > 0.0, (9, 1)))
+    fine = resting(9, substeps=32)
+    fine.advance(np.tile(pull, (9, 1)))
+    np.testing.assert_allclose(batch.q, fine.q, rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("pull", PULLS, ids=str)
+def test_letting_go_is_logged_where_events_are(pull):
+    q, efforts = [0.3, 0.0, -0.4, 0.0], lambda t, q, qd: (0.0, -30.0, 0.0, -30.0) if t < 0.01 else pull
+    trajectory = rde.simulate(scene(0.0), q, [0.0] * 4, [0.02, 0.04], efforts)
+    released = {x.joint for x in trajectory.events if x.kind == "release" and x.time == 0.02}
+    assert released == {j for j, f in zip(("r1", "r2"), (pull[1], pull[3]), strict=True) if f > 0.0}
+    batch = resting(1)
+    batch.advance([pull])
+    np.testing.assert_allclose(trajectory.q[-1], batch.q[0], rtol=0, atol=1e-13)
+
+
+def test_sliders_that_leave_before_a_step_are_those_that_would_leave_at_a_contact():
+    leaving, pressed = bind(contacts.leaving, NAMES), bind(contacts.pressed, NAMES)
+    rng = np.random.default_rng(3)
+    seen = set()
+    for _ in range(2000):
+        A = rng.normal(size=(2, 2))
+        W = A @ A.T + 0.01 * np.eye(2)
+        sides, hold = rng.choice([-1.0, 1.0], 2), rng.normal(size=2)
+        got = leaving(*sides, *hold, *sides, W[0, 0], W[0, 1], W[1, 1])
+        if (sides * hold <= 0.0).all():  # both are pushed: nothing changes
+            assert got == (0.0, 0.0)
+            continue
+        outward = -sides * (W @ hold)  # free accelerations
+        stays = pressed(*outward, W[0, 0], sides[0] * sides[1] * W[0, 1], W[1, 1])
+        assert got == (1.0 - stays[0], 1.0 - stays[1])
+        seen.add(got)
+    assert seen == {(0.0, 1.0), (1.0, 0.0), (1.0, 1.0)}
+    # one alone: if the other is on its way, not if that touches a stop and is not at rest there
+    for side in (-1.0, 1.0):
+        assert leaving(side, 0.0, side, 0.0, side, 0.0, 1.0, 0.2, 1.0) == (1.0, 0.0)
+        assert leaving(side, 0.0, -side, 0.0, side, 0.0, 1.0, 0.2, 1.0) == (0.0, 0.0)
+        assert leaving(side, 0.0, side, 0.0, side, 1.0, 1.0, 0.2, 1.0) == (0.0, 0.0)
+        assert leaving(0.0, side, 0.0, side, 0.0, side, 1.0, 0.2, 1.0) == (0.0, 1.0)
+
+
+# ---- many blocks ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "kwargs", [{}, {"substeps": 3}, {"tolerance": 1e-6}, {"integrator": "dop853"}], ids=str
+)
+def test_lanes_of_many_groups_are_those_of_one(kwargs):
+    count = 2 * GROUP + 77
+    q, qd, efforts = random_states(count, 4)
+
+    def run(index, threads=1):
+        batch = rde.BatchSimulator(scene(**kwargs), len(index), threads=threads)
+        batch.set_state(q[index], qd[index])
+        seen = []
+        for k in range(4):
+            status = batch.advance(np.roll(efforts, k, axis=1)[index])
+            seen.append(np.column_stack([batch.q, batch.qd, status.events, status.evaluations]))
+        return np.stack(seen, axis=1)
+
+    whole = run(np.arange(count))
+    assert (whole[..., 8].sum(axis=1) > 0).mean() > 0.3
+    order = np.random.default_rng(5).permutation(count)
+    np.testing.assert_array_equal(run(order), whole[order])
+    np.testing.assert_array_equal(run(np.arange(count), threads=2), whole)
+    for part in np.array_split(np.arange(count), 9):
+        np.testing.assert_array_equal(run(part), whole[part])
+
+
+@pytest.mark.parametrize("accuracy", ["standard", "exact"])
+def test_environments_of_many_groups_are_those_of_few(accuracy):
+    count = GROUP + 21
+    make = {"accuracy": accuracy, "max_episode_steps": 20}
+    many = gym.make_vec("redundant_envs/RPRPReach-v0", num_envs=count, **make)
+    few = gym.make_vec("redundant_envs/RPRPReach-v0", num_envs=21, **make)
+    shown = [many.reset(seed=3)[0][GROUP:], few.reset(seed=3 + GROUP)[0]]
+    np.testing.assert_array_equal(*shown)
+    rng = np.random.default_rng(6)
+    for _ in range(45):
+        actions = rng.uniform(-1, 1, (count, 4)).astype(np.float32)
+        a, b = many.step(actions), few.step(actions[GROUP:])
+        for x, y in zip(a[:4], b[:4], strict=True):
+            np.testing.assert_array_equal(x[GROUP:], y)
+        for name, values in b[4].items():
+            np.testing.assert_array_equal(a[4][name][GROUP:], values, err_msg=name)
