@@ -38,7 +38,8 @@ def first_guess(motion, h, upper):
     ends = [x(t) for x in (motion, v) for t in (0.0, h)]
     with np.errstate(all="ignore"):  # both sides of a choice are computed
         at, side, peak = event(
-            *(ends[k] for k in (0, 2, 1, 3)), a(0.0), a(h), h, 1.0 / h, 0.0, 0.0, 0.0, 0.0, h, -9.0, upper, 0.0
+            *(ends[k] for k in (0, 2, 1, 3)), a(0.0), a(h), h, 1.0 / h,
+            0.0, 0.0, 0.0, 0.0, h, -9.0, upper, 0.0,
         )  # fmt: skip
     assert (side, peak) == (1.0, 0.0)
     return at
