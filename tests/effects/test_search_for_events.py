@@ -175,19 +175,31 @@ def test_lanes_of_many_groups_are_those_of_one(kwargs):
         np.testing.assert_array_equal(run(part), whole[part])
 
 
+def test_lanes_go_on_beside_a_group_that_has_none_of_its_own():
+    q, qd, efforts = random_states(GROUP, 7)
+    calm = np.tile([-np.pi / 2, 0.15, -np.pi / 2, 0.15], (8, 1))
+    ends = []
+    for more in (0, 8):
+        batch = rde.BatchSimulator(scene(), GROUP + more)
+        batch.set_state(np.vstack([q, calm[:more]]), np.vstack([qd, 0.0 * calm[:more]]))
+        status = batch.advance(np.vstack([efforts, 0.0 * calm[:more]]))
+        assert (status.evaluations[GROUP:] == 12).all()
+        ends.append(np.column_stack([batch.q, batch.qd, status.evaluations])[:GROUP])
+    np.testing.assert_array_equal(*ends)
+
+
 @pytest.mark.parametrize("accuracy", ["standard", "exact"])
 def test_environments_of_many_groups_are_those_of_few(accuracy):
-    count = GROUP + 21
+    count, last = GROUP + 21, GROUP - 64  # few are in one group, many are not
     make = {"accuracy": accuracy, "max_episode_steps": 20}
     many = gym.make_vec("redundant_envs/RPRPReach-v0", num_envs=count, **make)
-    few = gym.make_vec("redundant_envs/RPRPReach-v0", num_envs=21, **make)
-    shown = [many.reset(seed=3)[0][GROUP:], few.reset(seed=3 + GROUP)[0]]
-    np.testing.assert_array_equal(*shown)
+    few = gym.make_vec("redundant_envs/RPRPReach-v0", num_envs=count - last, **make)
+    np.testing.assert_array_equal(many.reset(seed=3)[0][last:], few.reset(seed=3 + last)[0])
     rng = np.random.default_rng(6)
     for _ in range(45):
         actions = rng.uniform(-1, 1, (count, 4)).astype(np.float32)
-        a, b = many.step(actions), few.step(actions[GROUP:])
+        a, b = many.step(actions), few.step(actions[last:])
         for x, y in zip(a[:4], b[:4], strict=True):
-            np.testing.assert_array_equal(x[GROUP:], y)
+            np.testing.assert_array_equal(x[last:], y)
         for name, values in b[4].items():
-            np.testing.assert_array_equal(a[4][name][GROUP:], values, err_msg=name)
+            np.testing.assert_array_equal(a[4][name][last:], values, err_msg=name)
