@@ -290,10 +290,11 @@ class LaneSteps:
 
     def _meet(self) -> str:
         """After :meth:`_judge`, where a slider is near a stop: which lanes meet one."""
-        # One that was let go before the step begins at its stop and does leave it.
+        # Of one that was let go, and so begins at its stop, its end decides.
+        beyond = self.use(stops.beyond)
         events = " + ".join(
-            f"where(mode_{x} == 0.0, where(met_{x}_now == 3.0, where(mode_{x}_before == 0.0, 3.0, 0.0), "
-            f"abs(met_{x}_now)), 0.0)"
+            f"where(mode_{x} == 0.0, where(mode_{x}_before == 0.0, abs(met_{x}_now), "
+            f"abs({beyond}(place_{x}, mode_{x}, lower_{x}, upper_{x}))), 0.0)"
             for x in "ab"
         )
         return self.assembly.lane_function(
@@ -335,7 +336,7 @@ class LaneSteps:
             zero = ["changes", "searched", "halved", "tries", "slide"]
             zero += [f"{n}_{x}" for n in ("let_go", "cleared") for x in "ab"]
             values |= dict.fromkeys(zero, "0.0")
-            values |= {m: f"{m}_before" for m in self.modes}
+            values |= {m: f"{m}_before" for m in (*self.modes, *self.log[:1])}
         writes = {name: f"where({now}, {value}, {name})" for name, value in values.items()}
         writes["newly"] = "0.0"
         if self.stops:
@@ -365,6 +366,7 @@ class LaneSteps:
                 *self.at_stops.sliders,
                 *self.at_stops.begun("from"),
                 *self.at_stops.begun("before"),
+                f"smooth = {float(METHODS[a.scene.integrator].stages > 1)}",
                 self.call(stops.decide),
             ]
         else:
@@ -533,7 +535,8 @@ class LaneSteps:
         if self.stops:
             step = [
                 "if any_mode_a(W, o) | any_mode_b(W, o):",
-                *([] if self.log else ["    let_go(W, o)"]),
+                "    let_go(W, o)",
+                *(["    tell_let_go(W, o)"] if self.log else []),
                 "    step_held(W, o)",
                 "    press(W, o)",
                 "else:",

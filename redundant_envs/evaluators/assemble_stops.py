@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 MOST_LOGGED = 256
 """Events of an interval that a scene with the book of the work keeps."""
 LOGGED = ("time", "kind", "speed")
+MODES = ("mode_a", "mode_a_before", "mode_b", "mode_b_before")
 MEETINGS = {f"{n}_{x}": f"{n}_{x}_now" for x in "ab" for n in ("met", "turns")}
 
 
@@ -251,7 +252,7 @@ class StopLines:
         rows = self.assembly.every_row
         row = {
             n: rows[n] * LANES
-            for n in ("told_a", "told_b", "told_speed_a", "told_speed_b", "elapsed", "span_start")
+            for n in ("told_a", "told_b", "told_speed_a", "told_speed_b", "elapsed", "span_start", *MODES)
         }
         log = rows["logged"] * LANES
         body = [
@@ -267,4 +268,20 @@ class StopLines:
             f"            S[at + {2 * LANES}] = S[i + speed]",
             f"            S[i + {log}] += 1.0",
         ]
-        return f"@njit(**OPTIONS)\ndef tell(S):\n{indent(body, 1)}"
+        before = [
+            '"""Write into the logs of a block which sliders have been let go before its step."""',
+            f"for i in range({LANES}):",
+            f"    for mode, was, slider in (({row['mode_a']}, {row['mode_a_before']}, 0.0), "
+            f"({row['mode_b']}, {row['mode_b_before']}, 10.0)):",
+            f"        n = int(W[o + i + {log}])",
+            f"        if W[o + i + mode] != W[o + i + was] and n < {MOST_LOGGED}:",
+            f"            at = o + i + {log + LANES} + n * {len(LOGGED) * LANES}",
+            f"            W[at] = W[o + i + {row['span_start']}]",
+            f"            W[at + {LANES}] = 4.0 + slider",
+            f"            W[at + {2 * LANES}] = 0.0",
+            f"            W[o + i + {log}] += 1.0",
+        ]
+        return (
+            f"@njit(**OPTIONS)\ndef tell(S):\n{indent(body, 1)}\n\n\n"
+            f"@njit(**OPTIONS)\ndef tell_let_go(W, o):\n{indent(before, 1)}"
+        )

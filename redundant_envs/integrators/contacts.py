@@ -63,7 +63,7 @@ def pressed(fa, fb, waa, wab, wbb):
 
 @physics(gives="leaves_a leaves_b")
 def leaving(mode_a, mode_b, hold_a, hold_b, at_a, at_b, waa, wab, wbb):
-    """Sliders at rest that their stops would have to pull, if no more than that is to be decided."""
+    """Sliders at rest that their stops would have to pull, if the other one rests too or is at no stop."""
     pulled_a = positive(mode_a * hold_a)
     pulled_b = positive(mode_b * hold_b)
     fa = -mode_a * (waa * hold_a + wab * hold_b)

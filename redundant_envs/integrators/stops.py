@@ -91,7 +91,7 @@ def nearer_root(low, high, s, per_slope, side, gap, s0, c2, c3, c4, c5):
 
 
 @physics
-def crossing(q0, v0, q1, v1, a0, a1, h, side, gap, s, per_slope, turned):
+def crossing(q0, v0, q1, v1, a0, a1, h, side, gap, s, turned):
     """When the quintic through both ends of a piece goes beyond the stop, of which s is a guess.
 
     An inward motion has ``turned`` at that part of the piece. The acceleration at the end is that of
@@ -107,7 +107,8 @@ def crossing(q0, v0, q1, v1, a0, a1, h, side, gap, s, per_slope, turned):
     c5 = 6.0 * d - 3.0 * (s0 + s1) - c2 + e2
     low = where(side * v0 < 0.0, where(v0 * v1 < 0.0, minimum(turned, 1.0), 0.0), 0.0)
     high = 1.0
-    s = minimum(maximum(s, low), high)
+    s = maximum(s, low)
+    per_slope = 1.0 / (side * (s0 + s * (2.0 * c2 + s * (3.0 * c3 + s * (4.0 * c4 + s * (5.0 * c5))))))
     low, high, s, per_slope = nearer_root(low, high, s, per_slope, side, gap, s0, c2, c3, c4, c5)
     low, high, s, per_slope = nearer_root(low, high, s, per_slope, side, gap, s0, c2, c3, c4, c5)
     low, high, s, per_slope = nearer_root(low, high, s, per_slope, side, gap, s0, c2, c3, c4, c5)
@@ -116,10 +117,10 @@ def crossing(q0, v0, q1, v1, a0, a1, h, side, gap, s, per_slope, turned):
 
 @physics
 def first_event(
-    q0, v0, q1, v1, a0, a1, h, per_h, mode, hold_from, hold, met, turns, lower, upper, cleared
+    q0, v0, q1, v1, a0, a1, h, per_h, smooth, mode, hold_from, hold, met, turns, lower, upper, cleared
 ):  # fmt: skip
     """After a tried piece: when a slider has an event, h + 1 for never; its side; whether it only
-    turns near the stop."""
+    turns near the stop. Where a piece ends is a parabola of its length unless that is ``smooth``."""
     side = beyond(q1, mode, lower, upper)
     gap = q0 - where(side > 0.0, upper, lower)
     pull = mode * hold
@@ -133,10 +134,11 @@ def first_event(
     share = where(pull > 0.0, push, share) / where(
         pull > 0.0, push + pull, where(start > 0.0, start + outward, 2.0 * bend)
     )
+    # One that begins at its stop and comes back has no such place: near the end, if anywhere.
+    s = where(share > 0.0, where(share < 1.0, share, 1.0), 1.0)
+    impact = where(smooth > 0.0, crossing(q0, v0, q1, v1, a0, a1, h, side, gap, s, turns * per_h), h * s)
     at = where(peak > 0.0, turns, h + 1.0)
-    at = where(
-        side == 0.0, at, crossing(q0, v0, q1, v1, a0, a1, h, side, gap, share, 1.0 / outward, turns * per_h)
-    )
+    at = where(side == 0.0, at, impact)
     at = where(pull > 0.0, h * share, at)
     return at, where(side == 0.0, where(met > 0.0, 1.0, -1.0), side), peak
 
@@ -157,7 +159,8 @@ def arrived(there, sought, limit, place, rate, mode, close, lower, upper):
     "cleared_a_new cleared_b_new"
 )
 def decide(
-    due, phase, h, left, good, hint_a, hint_b, halved, target, side, low, high, gap_low, gap_high, tries,
+    due, phase, h, left, good, smooth, hint_a, hint_b, halved,
+    target, side, low, high, gap_low, gap_high, tries,
     place_a, place_b, rate_a, rate_b, place_a_from, place_b_from, rate_a_from, rate_b_from,
     accel_a_first, accel_b_first, accel_a_last, accel_b_last,
     mode_a, mode_b, met_a, met_b, turns_a, turns_b, lower_a, lower_b, upper_a, upper_b,
@@ -167,11 +170,11 @@ def decide(
     tried = due * good * either(equal(phase, 2.0), equal(phase, 4.0))
     per_h = 1.0 / h
     at_a, side_a, peak_a = first_event(
-        place_a_from, rate_a_from, place_a, rate_a, accel_a_first, accel_a_last, h, per_h,
+        place_a_from, rate_a_from, place_a, rate_a, accel_a_first, accel_a_last, h, per_h, smooth,
         mode_a, hold_a_from, hold_a, met_a, turns_a, lower_a, upper_a, cleared_a,
     )  # fmt: skip
     at_b, side_b, peak_b = first_event(
-        place_b_from, rate_b_from, place_b, rate_b, accel_b_first, accel_b_last, h, per_h,
+        place_b_from, rate_b_from, place_b, rate_b, accel_b_first, accel_b_last, h, per_h, smooth,
         mode_b, hold_b_from, hold_b, met_b, turns_b, lower_b, upper_b, cleared_b,
     )  # fmt: skip
     close_a = closeness(place_a_from, lower_a, upper_a)
@@ -226,9 +229,7 @@ def decide(
     last_over = positive(side)
     pull_high = where(over > 0.0, gap, where(last_over > 0.0, gap_high, 0.5 * gap_high))
     pull_low = where(over > 0.0, where(last_over > 0.0, 0.5 * gap_low, gap_low), gap)
-    narrow = either(
-        where(high_in - low_in <= 8.881784197001252e-16 * left, 1.0, 0.0), where(tries >= 100.0, 1.0, 0.0)
-    )
+    narrow = where(high_in - low_in <= 8.881784197001252e-16 * left, 1.0, 0.0)
     # The rest of the way to a stop, if it takes no more than 1e-9 s: a Taylor step.
     speed = side * v
     rest_of_way = where(speed > 0.0, -gap / speed, 1.0)
@@ -259,6 +260,8 @@ def decide(
     towards = where(speed > 0.0, h + share, middle)
     chord = low_in + (high_in - low_in) * share + 5e-11 * left
     nearer = where(mode == 0.0, towards, chord)
+    # From the tenth piece on the bracket is halved, so that every search ends.
+    nearer = where(tries < 10.0, nearer, middle)
     nearer = where(nearer > low_in, where(nearer < high_in, nearer, middle), middle)
     nearer = where(no(equal(mode, 0.0)) * narrow > 0.0, high_in, nearer)
     there = locating * no(sooner) * near

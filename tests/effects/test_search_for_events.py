@@ -38,7 +38,7 @@ def first_guess(motion, h, upper):
     ends = [x(t) for x in (motion, v) for t in (0.0, h)]
     with np.errstate(all="ignore"):  # both sides of a choice are computed
         at, side, peak = event(
-            *(ends[k] for k in (0, 2, 1, 3)), a(0.0), a(h), h, 1.0 / h,
+            *(ends[k] for k in (0, 2, 1, 3)), a(0.0), a(h), h, 1.0 / h, 1.0,
             0.0, 0.0, 0.0, 0.0, h, -9.0, upper, 0.0,
         )  # fmt: skip
     assert (side, peak) == (1.0, 0.0)
@@ -82,6 +82,23 @@ def test_an_impact_takes_less_than_two_pieces_to_be_found():
     assert pieces.mean() < 1.7  # from the cubic through both ends it was 1.96
 
 
+@pytest.mark.parametrize(
+    ("kwargs", "mean", "most"),
+    [({"integrator": "euler"}, 10, 100), ({"integrator": "rk4"}, 90, 1000), ({}, 250, 3000)],
+    ids=["euler", "rk4", "rk8"],
+)
+def test_no_search_stalls_in_steps_that_are_too_long(kwargs, mean, most):
+    """Before every search halved its bracket in the end, means were 47, 146 and 417 evaluations."""
+    batch = rde.BatchSimulator(scene(control_dt=0.1, **kwargs), 4000)
+    q, qd, efforts = random_states(4000, 3)
+    batch.set_state(q, qd)
+    for _ in range(3):
+        status = batch.advance(efforts)
+        assert not status.numerics.any()
+        assert status.evaluations.mean() < mean
+        assert status.evaluations.max() < most
+
+
 # ---- let go --------------------------------------------------------------------------------------
 
 
@@ -120,6 +137,40 @@ def test_letting_go_is_logged_where_events_are(pull):
     batch = resting(1)
     batch.advance([pull])
     np.testing.assert_allclose(trajectory.q[-1], batch.q[0], rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    "kwargs",
+    [{}, {"tolerance": 1e-6}, {"control_dt": 0.1}, {"integrator": "rk4", "control_dt": 0.1},
+     {"integrator": "rk4", "control_dt": 0.1, "substeps": 2}, {"integrator": "euler", "control_dt": 0.1}],
+    ids=str,
+)  # fmt: skip
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
+def test_one_that_is_let_go_and_comes_back_in_the_same_step_is_not_beyond_its_stop(kwargs, restitution):
+    """With the log of events and without: the same motion to the last bit."""
+    count = 2000
+    plain, logged = (
+        rde.BatchSimulator(scene(restitution, (0.25, 0.25), **kwargs), count, track_work=track)
+        for track in (False, True)
+    )
+    rng = np.random.default_rng(8)
+    q, qd, _ = random_states(count, 8)
+    q[:, [1, 3]] = rng.choice([0.0, 0.1, 0.25], (count, 2))
+    qd[:, [1, 3]] *= q[:, [1, 3]] == 0.1
+    qd[:, [0, 2]] *= 4.0
+    for batch in (plain, logged):
+        batch.set_state(q, qd)
+    for _ in range(5):
+        efforts = rng.uniform(-20, 20, (count, 4))
+        a, b = plain.advance(efforts), logged.advance(efforts)
+        sliders = plain.q[a.numerics == 0][:, [1, 3]]  # such long steps may diverge, and are flagged
+        assert len(sliders) > 0.99 * count
+        assert (sliders >= 0.0).all()
+        assert (sliders <= 0.25).all()
+        np.testing.assert_array_equal(plain.q, logged.q)
+        np.testing.assert_array_equal(plain.qd, logged.qd)
+        np.testing.assert_array_equal(a.events, b.events)
+        np.testing.assert_array_equal(a.evaluations, b.evaluations)
 
 
 def test_sliders_that_leave_before_a_step_are_those_that_would_leave_at_a_contact():
