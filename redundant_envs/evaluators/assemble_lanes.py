@@ -16,15 +16,14 @@ from redundant_envs.algebra import arguments_of, gives_of
 from redundant_envs.effects.hooks import Force, Impact
 from redundant_envs.evaluators.assemble import (
     BLOCKS,
-    EVENT_BUDGET,
     HEAD,
     LANES,
-    TOLERANCE_NOT_REACHED,
     Assembly,
 )
+from redundant_envs.evaluators.assemble_pieces import PieceLines
 from redundant_envs.evaluators.assemble_stops import LOGGED, MEETINGS, MOST_LOGGED, StopLines
 from redundant_envs.evaluators.quantities import Call, calls
-from redundant_envs.evaluators.text import block, indent, prefixed, words
+from redundant_envs.evaluators.text import block, prefixed, words
 from redundant_envs.integrators import error_control, stops
 from redundant_envs.integrators.tableaus import METHODS
 
@@ -94,6 +93,11 @@ class LaneSteps:
     def at_stops(self) -> StopLines:
         """The text about the stops."""
         return StopLines(self, self.stops)
+
+    @cached_property
+    def pieces(self) -> PieceLines:
+        """The text about the pieces of motion in the scratch block."""
+        return PieceLines(self)
 
     @property
     def modes(self) -> tuple[str, ...]:
@@ -211,9 +215,9 @@ class LaneSteps:
         self.used.clear()
         common = [self._clear(), self._start(), self._judge(), *([self._meet()] if self.stops else [])]
         parts = [*self.at_stops.held(), self.at_stops.touch()] if self.stops else []
-        parts += [self._begin(), self._look(), self._decide()]
+        parts += [self.pieces.begin(), self.pieces.look(), self.pieces.decide()]
         self._texts[:] = parts if self.stops else [*parts, a._step_text, a.rhs_text]
-        parts = [*common, *parts, self._constants(), self._another_piece()]
+        parts = [*common, *parts, self._constants(), self.pieces.another_piece()]
         text = (Path(__file__).parent / "redo.py").read_text(encoding="utf-8")
         parts.append(text.split(MARK, 1)[1].split("\n", 1)[1].strip())
         return parts, self.used
@@ -276,10 +280,10 @@ class LaneSteps:
             mark = "where(maximum(hint_a, hint_b) > 0.0, 2.0, "
             mark += f"where(near_a + near_b > 0.0, {NEAR}, 0.0))"
         if self.plan_of_steps == "fixed":
-            writes["evaluations"] = f"evaluations + {self._stages}"
+            writes["evaluations"] = f"evaluations + {self.stages}"
         elif self.plan_of_steps == "doubling":
             mark = f"where(floor == 0.0, where(error_sum <= tip_tolerance, {mark}, 1.0), 1.0)"
-            writes["evaluations"] = f"where(floor == 0.0, evaluations + {self._stages}, evaluations)"
+            writes["evaluations"] = f"where(floor == 0.0, evaluations + {self.stages}, evaluations)"
             writes["error_sum"] = "where(floor == 0.0, error_sum, 0.0)"
         else:
             mark = "1.0"
@@ -305,170 +309,9 @@ class LaneSteps:
         )
 
     @property
-    def _stages(self) -> str:
+    def stages(self) -> str:
+        """Evaluations of the right-hand side in a step, as text."""
         return f"{METHODS[self.assembly.scene.integrator].stages}.0"
-
-    def _begin(self) -> str:
-        """Lanes that have just come from the common step."""
-        a = self.assembly
-        lines, fresh = [*self.sums_before, self.call(self.rules.begin)], "0.0"
-        if self.stops:
-            lines += [*self.at_stops.sliders, *self.at_stops.begun("before")]
-            lines.append(f"contacts = {self.at_stops.contact_needed('_before')}")
-            # What is known of the common step saves trying it again.
-            lines.append("begun_at_stop = where(met_a == 3.0, 1.0, where(met_b == 3.0, 1.0, 0.0))")
-            fresh = "where(void + begun_at_stop + abs(mode_a_before) + abs(mode_b_before) > 0.0, 0.0, 1.0)"
-        lines.append(f"fresh = {fresh}")
-        now = "newly > 0.0"
-        values = {
-            **{s: f"where(fresh > 0.0, {s}, {s}_before)" for s in a.states},
-            **{f"{s}_from": f"{s}_before" for s in a.states},
-            "error_sum": "where(fresh > 0.0, error_sum, error_before)",
-            "from_error": "error_before", "elapsed": "0.0", "left": "left_first", "due": "fresh",
-            "h": "where(fresh > 0.0, h, left_first)", "phase": "2.0",
-        }  # fmt: skip
-        if self.plan_of_steps == "doubling":
-            values |= {"steps_of_lane": "steps_first", "steps_left": "steps_first"}
-        if self.plan_of_steps == "adaptive":
-            values |= {"next_step": "next_first", "steps_left": "0.0"}
-        if self.stops:
-            values["phase"] = "where(fresh > 0.0, 2.0, where(contacts > 0.0, 1.0, 2.0))"
-            zero = ["changes", "searched", "halved", "tries", "slide"]
-            zero += [f"{n}_{x}" for n in ("let_go", "cleared") for x in "ab"]
-            values |= dict.fromkeys(zero, "0.0")
-            values |= {m: f"{m}_before" for m in (*self.modes, *self.log[:1])}
-        writes = {name: f"where({now}, {value}, {name})" for name, value in values.items()}
-        writes["newly"] = "0.0"
-        if self.stops:
-            lines.append(f"phase_now = {writes['phase']}")
-            writes |= {"phase": "phase_now", "touching": "where(phase_now == 1.0, 1.0, 0.0)"}
-        return a.lane_function(
-            "begin_lanes", "Lanes that have just come from the common step.", lines, writes
-        )
-
-    def _look(self) -> str:
-        """After a piece: count it, and how it meets the stops."""
-        writes: dict[str, str] = {}
-        lines = ["moved = where(phase >= 2.0, where(phase <= 5.0, 1.0, 0.0), 0.0)"]
-        if self.stops:
-            lines += self.at_stops.meetings("from")
-            writes |= {**MEETINGS, "held": "abs(mode_a) + abs(mode_b)"}
-        writes |= {"due": "moved", "evaluations": f"evaluations + moved * {self._stages}"}
-        return self.assembly.lane_function("look", "After a piece of motion.", lines, writes)
-
-    def _decide(self) -> str:
-        """After a piece: what the lane does next."""
-        a = self.assembly
-        tried = "where(phase == 2.0, 1.0, where(phase == 4.0, 1.0, 0.0))"
-        lines = [*self.sums_before, self.call(self.rules.judge)]
-        if self.stops:
-            lines += [
-                *self.at_stops.sliders,
-                *self.at_stops.begun("from"),
-                *self.at_stops.begun("before"),
-                f"smooth = {float(METHODS[a.scene.integrator].stages > 1)}",
-                self.call(stops.decide),
-            ]
-        else:
-            lines += ["again, there, accepted = 0.0, 0.0, due * good"]
-        anew = self.plan_of_steps == "doubling"  # a failed piece begins the interval anew, not itself
-        lost = "due * where(searched < 500.0, where(left - h == left - h, 0.0, 1.0), 1.0)"
-        lines += [
-            f"failed = due * {tried} * (1.0 - good)",
-            # No event is looked for without end, and no time that is not a number is waited for.
-            f"lost = {lost if self.stops else '0.0'}",
-            f"back = {'maximum(failed, lost)' if anew else 'lost'}",
-            f"retry = {'0.0' if anew else 'failed'}",
-            "moved = accepted + there",
-            f"h_moved = {'h + slide_new' if self.stops else 'h'}",
-            "elapsed_new = where(back > 0.0, 0.0, elapsed + where(moved > 0.0, h_moved, 0.0))",
-            "left_moved = left - h_moved",
-            "ended = where(accepted > 0.0, where(left_moved > 0.0, 0.0, 1.0), 0.0)",
-            self.call(self.rules.end),
-            "done = ended * last",
-            "continuing = accepted * (1.0 - done)",
-            "left_new = where(failed > 0.0, left_retry, where(ended > 0.0, left_again, "
-            "where(moved > 0.0, left_moved, left)))",
-        ]  # fmt: skip
-        if self.stops:
-            # A held slider has just shown that it stays; a free one at its stop must be looked at.
-            at = self.use(stops.at_stop)
-            free = " + ".join(
-                f"where(mode_{x} == 0.0, abs({at}(place_{x}, mode_{x}, lower_{x}, upper_{x})), 0.0)"
-                for x in "ab"
-            )
-            lines += [
-                f"contacts = where({free} > 0.0, 1.0, 0.0)",
-                f"contacts_before = where({self.at_stops.contact_needed('_before')} > 0.0, 1.0, 0.0)",
-            ]
-        else:
-            lines += ["contacts, contacts_before = 0.0, 0.0"]
-        lines += [
-            "goes = continuing * (1.0 - contacts)",
-        ]
-        piece = "h_next_piece" if self.stops else "h"
-        writes: dict[str, str] = {}
-        arm = a.scene.robot
-        places = {
-            arm.coordinates[hook.joint]: f"place_{x}_new"
-            for x, (_, hook) in zip("ab", self.stops, strict=False)
-        }
-        for s, rate in zip(arm.coordinates, arm.rates, strict=True):
-            if self.stops and s not in places:
-                places[s] = f"{s} + slide_new * {rate}"
-        for s in a.states:
-            here = places.get(s, s)
-            writes[s] = f"where(back > 0.0, {s}_before, where(again + retry > 0.0, {s}_from, {here}))"
-            writes[f"{s}_from"] = f"where(goes > 0.0, {s}, where(back > 0.0, {s}_before, {s}_from))"
-        writes |= {
-            "error_sum": "where(back > 0.0, error_before, where(again + retry > 0.0, from_error, error_sum))",
-            "from_error": "where(goes > 0.0, error_sum, where(back > 0.0, error_before, from_error))",
-            "elapsed": "elapsed_new",
-            "left": "left_new",
-            "h": f"where(again > 0.0, {piece}, where(goes + failed > 0.0, left_new, h))",
-            "due": "0.0",
-        }
-        phase = "where(back > 0.0, where(contacts_before > 0.0, 1.0, 2.0), where(retry > 0.0, 2.0, phase))"
-        phase = f"where(continuing > 0.0, where(contacts > 0.0, 1.0, 2.0), {phase})"
-        if self.stops:
-            phase = f"where(again > 0.0, phase_next, where(there > 0.0, 1.0, {phase}))"
-            phase = f"where(lost > 0.0, 6.0, {phase})"
-        lines.append(f"phase_new = where(due > 0.0, where(done > 0.0, 6.0, {phase}), phase)")
-        writes["phase"] = "phase_new"
-        if self.plan_of_steps == "doubling":
-            writes |= {
-                "steps_of_lane": "where(back > 0.0, steps_retry, steps_of_lane)",
-                "steps_left": "where(back > 0.0, steps_retry, "
-                "where(ended > 0.0, steps_left_again, steps_left))",
-            }
-        if self.plan_of_steps == "adaptive":
-            writes["steps_left"] = "steps_left + due"
-            writes["next_step"] = "where(accepted + failed > 0.0, next_new, next_step)"
-        if self.plan_of_steps != "fixed":
-            writes["trouble"] = f"where(done * flagged > 0.0, {TOLERANCE_NOT_REACHED}, trouble)"
-        if self.stops:
-            writes["searched"] = "where(again > 0.0, searched + 1.0, where(due > 0.0, 0.0, searched))"
-            ends = writes.get("trouble", "trouble")
-            writes["trouble"] = f"where(lost > 0.0, {EVENT_BUDGET}, {ends})"
-            writes["slide"] = "where(due > 0.0, slide_new, slide)"
-            writes["halved"] = "where(back + there + ended > 0.0, 0.0, halved + halve)"
-            for name in ("target", "side", "low", "high", "gap_low", "gap_high", "tries"):
-                writes[name] = f"where(again > 0.0, {name}_new, {name})"
-            for x in "ab":
-                writes[f"mode_{x}"] = f"where(back > 0.0, mode_{x}_before, mode_{x})"
-                writes[f"cleared_{x}"] = (
-                    f"where(again > 0.0, cleared_{x}_new, where(due > 0.0, 0.0, cleared_{x}))"
-                )
-                writes[f"let_go_{x}"] = f"where(goes + back > 0.0, 0.0, let_go_{x})"
-                writes[f"hold_{x}_from"] = f"where(goes > 0.0, hold_{x}, hold_{x}_from)"
-            writes |= {
-                "touching": "where(phase_new == 1.0, 1.0, 0.0)",
-                "changes": "where(back > 0.0, 0.0, changes)",
-                "events": "where(back > 0.0, events_before, events)",
-            }
-            if self.log:
-                writes["logged"] = "where(back > 0.0, logged_before, logged)"
-        return a.lane_function("decide", "After a piece of motion: what a lane does next.", lines, writes)
 
     def _constants(self) -> str:
         a, rows = self.assembly, self.assembly.every_row
@@ -492,38 +335,6 @@ class LaneSteps:
             *(f"any_{n} = any_set({rows[n]})" for n in asked),
         ]
         return "\n".join(lines)
-
-    def _another_piece(self) -> str:
-        """What happens to the slots of the scratch block between two looks at who is complete."""
-        if not self.stops:
-            body = [
-                "if any_newly(S, 0):",
-                "    begin_lanes(S, 0)",
-                "step(S, 0)",
-                "look(S, 0)",
-                "decide(S, 0)",
-            ]
-        else:
-            body = [
-                "if any_newly(S, 0):",
-                "    begin_lanes(S, 0)",
-                "    if any_due(S, 0):",
-                "        decide(S, 0)",
-                "while any_touching(S, 0):",
-                "    contact(S, 0)",
-                "    touch(S, 0)",
-                *(["    tell(S)"] if self.log else []),
-                "step_held(S, 0)",
-                "look(S, 0)",
-                "if any_held(S, 0):",
-                "    contact(S, 0)",
-                "decide(S, 0)",
-            ]
-        text = (
-            "@njit(inline='always', **OPTIONS)\ndef another_piece(S):\n"
-            f'    """Another piece of motion of every slot."""\n{indent(body, 1)}'
-        )
-        return f"{self.at_stops.tell()}\n\n\n{text}" if self.log else text
 
     def block_loop(self, first: list[str], then: list[str]) -> list[str]:
         """Lines of :meth:`Assembly.block_loop` where lanes take steps of their own.

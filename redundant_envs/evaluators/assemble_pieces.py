@@ -1,0 +1,221 @@
+"""What lanes with steps of their own do in the scratch block, as text: begin, look, decide."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from redundant_envs.evaluators.assemble import EVENT_BUDGET, TOLERANCE_NOT_REACHED
+from redundant_envs.evaluators.assemble_stops import MEETINGS
+from redundant_envs.evaluators.text import indent
+from redundant_envs.integrators import stops
+from redundant_envs.integrators.tableaus import METHODS
+
+if TYPE_CHECKING:
+    from redundant_envs.evaluators.assemble_lanes import LaneSteps
+
+
+@dataclass(frozen=True)
+class PieceLines:
+    """Text about the pieces of motion in the scratch block.
+
+    Attributes
+    ----------
+    lanes : LaneSteps
+    """
+
+    lanes: LaneSteps
+
+    def begin(self) -> str:
+        """Lanes that have just come from the common step."""
+        a = self.lanes.assembly
+        lines, fresh = [*self.lanes.sums_before, self.lanes.call(self.lanes.rules.begin)], "0.0"
+        if self.lanes.stops:
+            lines += [*self.lanes.at_stops.sliders, *self.lanes.at_stops.begun("before")]
+            lines.append(f"contacts = {self.lanes.at_stops.contact_needed('_before')}")
+            # What is known of the common step saves trying it again.
+            lines.append("begun_at_stop = where(met_a == 3.0, 1.0, where(met_b == 3.0, 1.0, 0.0))")
+            fresh = "where(void + begun_at_stop + abs(mode_a_before) + abs(mode_b_before) > 0.0, 0.0, 1.0)"
+        lines.append(f"fresh = {fresh}")
+        now = "newly > 0.0"
+        values = {
+            **{s: f"where(fresh > 0.0, {s}, {s}_before)" for s in a.states},
+            **{f"{s}_from": f"{s}_before" for s in a.states},
+            "error_sum": "where(fresh > 0.0, error_sum, error_before)",
+            "from_error": "error_before", "elapsed": "0.0", "left": "left_first", "due": "fresh",
+            "h": "where(fresh > 0.0, h, left_first)", "phase": "2.0",
+        }  # fmt: skip
+        if self.lanes.plan_of_steps == "doubling":
+            values |= {"steps_of_lane": "steps_first", "steps_left": "steps_first"}
+        if self.lanes.plan_of_steps == "adaptive":
+            values |= {"next_step": "next_first", "steps_left": "0.0"}
+        if self.lanes.stops:
+            values["phase"] = "where(fresh > 0.0, 2.0, where(contacts > 0.0, 1.0, 2.0))"
+            zero = ["changes", "searched", "halved", "tries", "slide"]
+            zero += [f"{n}_{x}" for n in ("let_go", "cleared") for x in "ab"]
+            values |= dict.fromkeys(zero, "0.0")
+            values |= {m: f"{m}_before" for m in (*self.lanes.modes, *self.lanes.log[:1])}
+        writes = {name: f"where({now}, {value}, {name})" for name, value in values.items()}
+        writes["newly"] = "0.0"
+        if self.lanes.stops:
+            lines.append(f"phase_now = {writes['phase']}")
+            writes |= {"phase": "phase_now", "touching": "where(phase_now == 1.0, 1.0, 0.0)"}
+        return a.lane_function(
+            "begin_lanes", "Lanes that have just come from the common step.", lines, writes
+        )
+
+    def look(self) -> str:
+        """After a piece: count it, and how it meets the stops."""
+        writes: dict[str, str] = {}
+        lines = ["moved = where(phase >= 2.0, where(phase <= 5.0, 1.0, 0.0), 0.0)"]
+        if self.lanes.stops:
+            lines += self.lanes.at_stops.meetings("from")
+            writes |= {**MEETINGS, "held": "abs(mode_a) + abs(mode_b)"}
+        writes |= {"due": "moved", "evaluations": f"evaluations + moved * {self.lanes.stages}"}
+        return self.lanes.assembly.lane_function("look", "After a piece of motion.", lines, writes)
+
+    def decide(self) -> str:
+        """After a piece: what the lane does next."""
+        a = self.lanes.assembly
+        tried = "where(phase == 2.0, 1.0, where(phase == 4.0, 1.0, 0.0))"
+        lines = [*self.lanes.sums_before, self.lanes.call(self.lanes.rules.judge)]
+        if self.lanes.stops:
+            lines += [
+                *self.lanes.at_stops.sliders,
+                *self.lanes.at_stops.begun("from"),
+                *self.lanes.at_stops.begun("before"),
+                f"smooth = {float(METHODS[a.scene.integrator].stages > 1)}",
+                self.lanes.call(stops.decide),
+            ]
+        else:
+            lines += ["again, there, accepted = 0.0, 0.0, due * good"]
+        anew = self.lanes.plan_of_steps == "doubling"  # a failed piece begins the interval anew, not itself
+        lost = "due * where(searched < 500.0, where(left - h == left - h, 0.0, 1.0), 1.0)"
+        lines += [
+            f"failed = due * {tried} * (1.0 - good)",
+            # No event is looked for without end, and no time that is not a number is waited for.
+            f"lost = {lost if self.lanes.stops else '0.0'}",
+            f"back = {'maximum(failed, lost)' if anew else 'lost'}",
+            f"retry = {'0.0' if anew else 'failed'}",
+            "moved = accepted + there",
+            f"h_moved = {'h + slide_new' if self.lanes.stops else 'h'}",
+            "elapsed_new = where(back > 0.0, 0.0, elapsed + where(moved > 0.0, h_moved, 0.0))",
+            "left_moved = left - h_moved",
+            "ended = where(accepted > 0.0, where(left_moved > 0.0, 0.0, 1.0), 0.0)",
+            self.lanes.call(self.lanes.rules.end),
+            "done = ended * last",
+            "continuing = accepted * (1.0 - done)",
+            "left_new = where(failed > 0.0, left_retry, where(ended > 0.0, left_again, "
+            "where(moved > 0.0, left_moved, left)))",
+        ]  # fmt: skip
+        if self.lanes.stops:
+            # A held slider has just shown that it stays; a free one at its stop must be looked at.
+            at = self.lanes.use(stops.at_stop)
+            free = " + ".join(
+                f"where(mode_{x} == 0.0, abs({at}(place_{x}, mode_{x}, lower_{x}, upper_{x})), 0.0)"
+                for x in "ab"
+            )
+            lines += [
+                f"contacts = where({free} > 0.0, 1.0, 0.0)",
+                f"contacts_before = where({self.lanes.at_stops.contact_needed('_before')} > 0.0, 1.0, 0.0)",
+            ]
+        else:
+            lines += ["contacts, contacts_before = 0.0, 0.0"]
+        lines += [
+            "goes = continuing * (1.0 - contacts)",
+        ]
+        piece = "h_next_piece" if self.lanes.stops else "h"
+        writes: dict[str, str] = {}
+        arm = a.scene.robot
+        places = {
+            arm.coordinates[hook.joint]: f"place_{x}_new"
+            for x, (_, hook) in zip("ab", self.lanes.stops, strict=False)
+        }
+        for s, rate in zip(arm.coordinates, arm.rates, strict=True):
+            if self.lanes.stops and s not in places:
+                places[s] = f"{s} + slide_new * {rate}"
+        for s in a.states:
+            here = places.get(s, s)
+            writes[s] = f"where(back > 0.0, {s}_before, where(again + retry > 0.0, {s}_from, {here}))"
+            writes[f"{s}_from"] = f"where(goes > 0.0, {s}, where(back > 0.0, {s}_before, {s}_from))"
+        writes |= {
+            "error_sum": "where(back > 0.0, error_before, where(again + retry > 0.0, from_error, error_sum))",
+            "from_error": "where(goes > 0.0, error_sum, where(back > 0.0, error_before, from_error))",
+            "elapsed": "elapsed_new",
+            "left": "left_new",
+            "h": f"where(again > 0.0, {piece}, where(goes + failed > 0.0, left_new, h))",
+            "due": "0.0",
+        }
+        phase = "where(back > 0.0, where(contacts_before > 0.0, 1.0, 2.0), where(retry > 0.0, 2.0, phase))"
+        phase = f"where(continuing > 0.0, where(contacts > 0.0, 1.0, 2.0), {phase})"
+        if self.lanes.stops:
+            phase = f"where(again > 0.0, phase_next, where(there > 0.0, 1.0, {phase}))"
+            phase = f"where(lost > 0.0, 6.0, {phase})"
+        lines.append(f"phase_new = where(due > 0.0, where(done > 0.0, 6.0, {phase}), phase)")
+        writes["phase"] = "phase_new"
+        if self.lanes.plan_of_steps == "doubling":
+            writes |= {
+                "steps_of_lane": "where(back > 0.0, steps_retry, steps_of_lane)",
+                "steps_left": "where(back > 0.0, steps_retry, "
+                "where(ended > 0.0, steps_left_again, steps_left))",
+            }
+        if self.lanes.plan_of_steps == "adaptive":
+            writes["steps_left"] = "steps_left + due"
+            writes["next_step"] = "where(accepted + failed > 0.0, next_new, next_step)"
+        if self.lanes.plan_of_steps != "fixed":
+            writes["trouble"] = f"where(done * flagged > 0.0, {TOLERANCE_NOT_REACHED}, trouble)"
+        if self.lanes.stops:
+            writes["searched"] = "where(again > 0.0, searched + 1.0, where(due > 0.0, 0.0, searched))"
+            ends = writes.get("trouble", "trouble")
+            writes["trouble"] = f"where(lost > 0.0, {EVENT_BUDGET}, {ends})"
+            writes["slide"] = "where(due > 0.0, slide_new, slide)"
+            writes["halved"] = "where(back + there + ended > 0.0, 0.0, halved + halve)"
+            for name in ("target", "side", "low", "high", "gap_low", "gap_high", "tries"):
+                writes[name] = f"where(again > 0.0, {name}_new, {name})"
+            for x in "ab":
+                writes[f"mode_{x}"] = f"where(back > 0.0, mode_{x}_before, mode_{x})"
+                writes[f"cleared_{x}"] = (
+                    f"where(again > 0.0, cleared_{x}_new, where(due > 0.0, 0.0, cleared_{x}))"
+                )
+                writes[f"let_go_{x}"] = f"where(goes + back > 0.0, 0.0, let_go_{x})"
+                writes[f"hold_{x}_from"] = f"where(goes > 0.0, hold_{x}, hold_{x}_from)"
+            writes |= {
+                "touching": "where(phase_new == 1.0, 1.0, 0.0)",
+                "changes": "where(back > 0.0, 0.0, changes)",
+                "events": "where(back > 0.0, events_before, events)",
+            }
+            if self.lanes.log:
+                writes["logged"] = "where(back > 0.0, logged_before, logged)"
+        return a.lane_function("decide", "After a piece of motion: what a lane does next.", lines, writes)
+
+    def another_piece(self) -> str:
+        """What happens to the slots of the scratch block between two looks at who is complete."""
+        if not self.lanes.stops:
+            body = [
+                "if any_newly(S, 0):",
+                "    begin_lanes(S, 0)",
+                "step(S, 0)",
+                "look(S, 0)",
+                "decide(S, 0)",
+            ]
+        else:
+            body = [
+                "if any_newly(S, 0):",
+                "    begin_lanes(S, 0)",
+                "    if any_due(S, 0):",
+                "        decide(S, 0)",
+                "while any_touching(S, 0):",
+                "    contact(S, 0)",
+                "    touch(S, 0)",
+                *(["    tell(S)"] if self.lanes.log else []),
+                "step_held(S, 0)",
+                "look(S, 0)",
+                "if any_held(S, 0):",
+                "    contact(S, 0)",
+                "decide(S, 0)",
+            ]
+        text = (
+            "@njit(inline='always', **OPTIONS)\ndef another_piece(S):\n"
+            f'    """Another piece of motion of every slot."""\n{indent(body, 1)}'
+        )
+        return f"{self.lanes.at_stops.tell()}\n\n\n{text}" if self.lanes.log else text
