@@ -31,7 +31,7 @@ def random_states(count, seed=1):
 # ---- the first guess -----------------------------------------------------------------------------
 
 
-def first_guess(motion, h, upper):
+def first_guess(motion, h, upper, turns=0.0):
     """What ``first_event`` makes of a slider whose position is a polynomial of time."""
     event = bind(stops.first_event, arrays.PRIMITIVES)
     v, a = motion.deriv(), motion.deriv(2)
@@ -39,7 +39,7 @@ def first_guess(motion, h, upper):
     with np.errstate(all="ignore"):  # both sides of a choice are computed
         at, side, peak = event(
             *(ends[k] for k in (0, 2, 1, 3)), a(0.0), a(h), h, 1.0 / h, 1.0,
-            0.0, 0.0, 0.0, 0.0, h, -9.0, upper, 0.0,
+            0.0, 0.0, 0.0, 0.0, turns, -9.0, upper, 0.0,
         )  # fmt: skip
     assert (side, peak) == (1.0, 0.0)
     return at
@@ -64,9 +64,11 @@ def test_the_first_guess_of_an_impact_is_the_zero_of_the_quintic():
 @pytest.mark.parametrize("speed", [0.0, -0.1])
 def test_one_that_begins_at_its_stop_and_comes_back_comes_later(speed):
     h, upper = 0.02, 0.1
-    motion = np.polynomial.Polynomial([upper, speed, -50.0, 5000.0])  # at its stop again after 10 ms
-    at = first_guess(motion, h, upper)
-    assert 0.0 < at <= h
+    motion = np.polynomial.Polynomial([upper, speed, -50.0, 5000.0])
+    back = (50.0 + np.sqrt(2500.0 - 20000.0 * speed)) / 10000.0
+    assert abs(motion(back) - upper) < 1e-15
+    turns = motion.deriv().roots().max()
+    assert first_guess(motion, h, upper, turns) == pytest.approx(back, abs=0.1 * h)
 
 
 def test_an_impact_takes_less_than_two_pieces_to_be_found():
@@ -84,15 +86,16 @@ def test_an_impact_takes_less_than_two_pieces_to_be_found():
 
 @pytest.mark.parametrize(
     ("kwargs", "mean", "most"),
-    [({"integrator": "euler"}, 10, 100), ({"integrator": "rk4"}, 90, 1000), ({}, 250, 3000)],
-    ids=["euler", "rk4", "rk8"],
-)
+    [({"integrator": "euler"}, 10, 100), ({"integrator": "rk4"}, 90, 1000), ({}, 250, 3000),
+     ({"integrator": "rk4", "control_dt": 0.25}, 320, 1900)],
+    ids=str,
+)  # fmt: skip
 def test_no_search_stalls_in_steps_that_are_too_long(kwargs, mean, most):
-    """Before every search halved its bracket in the end, means were 47, 146 and 417 evaluations."""
-    batch = rde.BatchSimulator(scene(control_dt=0.1, **kwargs), 4000)
+    """In steps of 0.1 s means were 47, 146 and 417 evaluations when no search was made to end."""
+    batch = rde.BatchSimulator(scene(**{"control_dt": 0.1, **kwargs}), 4000)
     q, qd, efforts = random_states(4000, 3)
     batch.set_state(q, qd)
-    for _ in range(3):
+    for _ in range(2):
         status = batch.advance(efforts)
         assert not status.numerics.any()
         assert status.evaluations.mean() < mean
@@ -171,6 +174,8 @@ def test_one_that_is_let_go_and_comes_back_in_the_same_step_is_not_beyond_its_st
         np.testing.assert_array_equal(plain.qd, logged.qd)
         np.testing.assert_array_equal(a.events, b.events)
         np.testing.assert_array_equal(a.evaluations, b.evaluations)
+        releases = [(x.lane, x.joint, x.time) for x in logged.events(0.0) if x.kind == "release"]
+        assert len(set(releases)) == len(releases) > 0
 
 
 def test_sliders_that_leave_before_a_step_are_those_that_would_leave_at_a_contact():
