@@ -141,11 +141,13 @@ def touch(
     stop_a = either(rest_a, rests * abs(mode_a) * no(free_a))
     stop_b = either(rest_b, rests * abs(mode_b) * no(free_b))
     halt_a, halt_b = halting(rate_a, rate_b, stop_a, stop_b, waa, wab, wbb)
-    # A second look is for one at its stop that has lost, or gained, the support of the other.
+    # A second look is for one at its stop that has lost, or gained, the support of the other, and for an
+    # arm that was moved when a bounce was taken away.
     changed = either(either(free_a, free_b), either(rest_a, rest_b))
     waits_a = abs(sa) * equal(mode_a, 0.0) * no(rest_a) * no(let_go_a)
     waits_b = abs(sb) * equal(mode_b, 0.0) * no(rest_b) * no(let_go_b)
-    going = no(strikes) * no(changed * either(waits_a, waits_b))
+    moved = either(positive(abs(halt_a)), positive(abs(halt_b)))
+    going = no(strikes) * no(changed * either(moved, either(waits_a, waits_b)))
     ja = where(strikes > 0.0, -sa * pa, halt_a)
     jb = where(strikes > 0.0, -sb * pb, halt_b)
     va = rate_a + ja * waa + jb * wab

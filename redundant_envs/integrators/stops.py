@@ -145,10 +145,10 @@ def first_event(
 
 @physics
 def arrived(there, sought, limit, place, rate, mode, close, lower, upper):
-    """Where a slider is at an event: at its stop exactly, if it comes there within 1e-14 s."""
+    """Where a slider is at an event: at its stop exactly, if it comes there within 1e-14 s or is beyond."""
     near = close + 1e-14 * abs(rate)
-    up = where(place >= upper - near, where(rate > 0.0, 1.0, 0.0), 0.0)
-    down = where(place <= lower + near, where(rate < 0.0, 1.0, 0.0), 0.0)
+    up = where(place > upper, 1.0, where(place >= upper - near, positive(rate), 0.0))
+    down = where(place < lower, 1.0, where(place <= lower + near, positive(-rate), 0.0))
     at = where(sought > 0.0, limit, where(up > 0.0, upper, where(down > 0.0, lower, place)))
     return where(there * equal(mode, 0.0) > 0.0, at, place)
 
