@@ -144,16 +144,14 @@ def test_letting_go_is_logged_where_events_are(pull):
 
 @pytest.mark.parametrize(
     "kwargs",
-    [{}, {"tolerance": 1e-6}, {"control_dt": 0.1}, {"integrator": "rk4", "control_dt": 0.1},
-     {"integrator": "rk4", "control_dt": 0.1, "substeps": 2}, {"integrator": "euler", "control_dt": 0.1}],
+    [{}, {"tolerance": 1e-6}, {"control_dt": 0.1}, {"integrator": "rk4", "control_dt": 0.1}],
     ids=str,
-)  # fmt: skip
-@pytest.mark.parametrize("restitution", [0.0, 0.5])
-def test_one_that_is_let_go_and_comes_back_in_the_same_step_is_not_beyond_its_stop(kwargs, restitution):
+)
+def test_one_that_is_let_go_and_comes_back_in_the_same_step_is_not_beyond_its_stop(kwargs):
     """With the log of events and without: the same motion to the last bit."""
     count = 2000
     plain, logged = (
-        rde.BatchSimulator(scene(restitution, (0.25, 0.25), **kwargs), count, track_work=track)
+        rde.BatchSimulator(scene(0.0, (0.25, 0.25), **kwargs), count, track_work=track)
         for track in (False, True)
     )
     rng = np.random.default_rng(8)
@@ -273,10 +271,9 @@ def test_lanes_go_on_beside_a_group_that_has_none_of_its_own():
     np.testing.assert_array_equal(*ends)
 
 
-@pytest.mark.parametrize("accuracy", ["standard", "exact"])
-def test_environments_of_many_groups_are_those_of_few(accuracy):
+def test_environments_of_many_groups_are_those_of_few():
     count, last = GROUP + 21, GROUP - 64  # few are in one group, many are not
-    make = {"accuracy": accuracy, "max_episode_steps": 20}
+    make = {"max_episode_steps": 20}
     many = gym.make_vec("redundant_envs/RPRPReach-v0", num_envs=count, **make)
     few = gym.make_vec("redundant_envs/RPRPReach-v0", num_envs=count - last, **make)
     np.testing.assert_array_equal(many.reset(seed=3)[0][last:], few.reset(seed=3 + last)[0])
