@@ -12,12 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.effects import EffortLimits
 from redundant_envs.evaluators import cpu
-from redundant_envs.evaluators.assemble import LANES, assemble
+from redundant_envs.evaluators.assemble import assemble
 from redundant_envs.evaluators.assemble_task import (
     CHECKED_STEP,
     DISABLED,
     NEXT_STEP,
     OBSERVE,
+    PAIR,
     RESET,
     SAME_STEP,
     STEP,
@@ -284,7 +285,7 @@ class Core:
             )
         a, d = (np.array(x, order="C") for x in np.broadcast_arrays(a, d))
         reward = np.empty(len(a))
-        self._goal_reward(a, d, self.reach, self.task.goal_tolerance, np.zeros(7 * LANES), reward)
+        self._goal_reward(a, d, self.reach, self.task.goal_tolerance, np.zeros(PAIR), reward)
         return reward
 
     def goals(self) -> NDArray[np.float64]:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 MOST_LOGGED = 256
 """Events of an interval that a scene with the book of the work keeps."""
 LOGGED = ("time", "kind", "speed")
+RELEASE = 4.0  # the kind, as contacts.touch tells it
 MODES = ("mode_a", "mode_a_before", "mode_b", "mode_b_before")
 MEETINGS = {f"{n}_{x}": f"{n}_{x}_now" for x in "ab" for n in ("met", "turns")}
 
@@ -255,33 +256,35 @@ class StopLines:
             for n in ("told_a", "told_b", "told_speed_a", "told_speed_b", "elapsed", "span_start", *MODES)
         }
         log = rows["logged"] * LANES
-        body = [
+        append = [
+            '"""Write an event into the log of lane i, if that has room."""',
+            f"n = int(M[o + i + {log}])",
+            f"if n < {MOST_LOGGED}:",
+            f"    at = o + i + {log + LANES} + n * {len(LOGGED) * LANES}",
+            "    M[at] = time",
+            f"    M[at + {LANES}] = kind",
+            f"    M[at + {2 * LANES}] = speed",
+            f"    M[o + i + {log}] += 1.0",
+        ]
+        tell = [
             '"""Write the events of the sliders into the log of their lane."""',
             f"for i in range({LANES}):",
             f"    for told, speed, slider in (({row['told_a']}, {row['told_speed_a']}, 0.0), "
             f"({row['told_b']}, {row['told_speed_b']}, 10.0)):",
-            f"        n = int(S[i + {log}])",
-            f"        if S[i + told] > 0.0 and n < {MOST_LOGGED}:",
-            f"            at = i + {log + LANES} + n * {len(LOGGED) * LANES}",
-            f"            S[at] = S[i + {row['span_start']}] + S[i + {row['elapsed']}]",
-            f"            S[at + {LANES}] = S[i + told] + slider",
-            f"            S[at + {2 * LANES}] = S[i + speed]",
-            f"            S[i + {log}] += 1.0",
+            "        if S[i + told] > 0.0:",
+            f"            time = S[i + {row['span_start']}] + S[i + {row['elapsed']}]",
+            "            append(S, 0, i, time, S[i + told] + slider, S[i + speed])",
         ]
-        before = [
+        tell_let_go = [
             '"""Write into the logs of a block which sliders have been let go before its step."""',
             f"for i in range({LANES}):",
             f"    for mode, was, slider in (({row['mode_a']}, {row['mode_a_before']}, 0.0), "
             f"({row['mode_b']}, {row['mode_b_before']}, 10.0)):",
-            f"        n = int(W[o + i + {log}])",
-            f"        if W[o + i + mode] != W[o + i + was] and n < {MOST_LOGGED}:",
-            f"            at = o + i + {log + LANES} + n * {len(LOGGED) * LANES}",
-            f"            W[at] = W[o + i + {row['span_start']}]",
-            f"            W[at + {LANES}] = 4.0 + slider",
-            f"            W[at + {2 * LANES}] = 0.0",
-            f"            W[o + i + {log}] += 1.0",
+            "        if W[o + i + mode] != W[o + i + was]:",
+            f"            append(W, o, i, W[o + i + {row['span_start']}], {RELEASE} + slider, 0.0)",
         ]
         return (
-            f"@njit(**OPTIONS)\ndef tell(S):\n{indent(body, 1)}\n\n\n"
-            f"@njit(**OPTIONS)\ndef tell_let_go(W, o):\n{indent(before, 1)}"
+            f"@njit(**OPTIONS)\ndef append(M, o, i, time, kind, speed):\n{indent(append, 1)}\n\n\n"
+            f"@njit(**OPTIONS)\ndef tell(S):\n{indent(tell, 1)}\n\n\n"
+            f"@njit(**OPTIONS)\ndef tell_let_go(W, o):\n{indent(tell_let_go, 1)}"
         )

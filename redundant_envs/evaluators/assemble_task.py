@@ -31,6 +31,8 @@ SIGNATURES = {
     ),
     "goal_reward": "void(float64[:, ::1], float64[:, ::1], float64, float64, float64[::1], float64[::1])",
 }
+PAIR = 7 * LANES
+"""Numbers of the memory that goal_reward needs: a row for each of its six arguments, and its result."""
 ENDS = ("reward", "terminated", "truncated")  # the first outputs
 
 
