@@ -10,7 +10,6 @@ import pytest
 import redundant_envs as rde
 from redundant_envs import algebra
 from redundant_envs.evaluators.binding import bind
-from redundant_envs.evaluators.quantities import calls
 from redundant_envs.integrators import contacts
 
 e = rde.effects
@@ -43,100 +42,6 @@ def motion(made, q, qd, seconds):
         assert (batch.q[0, [1, 3]] >= stop.lower).all()
         assert (batch.q[0, [1, 3]] <= stop.upper).all()
     return batch.q[0], batch.qd[0], evaluations, impacts
-
-
-# ---- the equations -------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("held", [(0, 0), (1, 0), (0, 1), (1, 1)])
-def test_held_dynamics_is_the_constrained_system(held):
-    """M qdd + h + G = Q + hold, with qdd = 0 of the held sliders: solved as a dense system."""
-    rng = np.random.default_rng(0)
-    arm = UNEQUAL
-    order = calls(
-        ["qdd1", "hold2"],
-        {
-            *arm.coordinates,
-            *arm.rates,
-            *arm.parameter_values(),
-            "ax",
-            "ay",
-            "Q1",
-            "Q2",
-            "Q3",
-            "Q4",
-            "held2",
-            "held4",
-        },
-        (*(f for f in arm.functions if f.__name__ != "forward_dynamics"), arm.held_dynamics),
-        arm.sincos,
-    )
-    from redundant_envs.evaluators import arrays
-    from redundant_envs.evaluators.binding import run
-
-    for _ in range(50):
-        q, qd, Q = rng.uniform(-3, 3, 4), rng.uniform(-4, 4, 4), rng.uniform(-20, 20, 4)
-        qd[[1, 3]] *= 1 - np.array(held)
-        values = {**arm.parameter_values(), "ax": 0.0, "ay": 9.81, "held2": held[0], "held4": held[1]}
-        values |= dict(zip((*arm.coordinates, *arm.rates), (*q, *qd), strict=True))
-        values |= {f"Q{k + 1}": Q[k] for k in range(4)}
-        run(order, values, arrays.PRIMITIVES)
-        free = arm.bias_forces(q, qd) + arm.gravity_forces(q) - Q
-        system = np.zeros((6, 6))
-        system[:4, :4] = arm.mass_matrix(q)
-        right = np.zeros(6)
-        right[:4] = -free
-        for k, joint in enumerate((1, 3)):
-            if held[k]:
-                system[4 + k, joint] = 1.0
-                system[joint, 4 + k] = -1.0
-            else:
-                system[4 + k, 4 + k] = 1.0
-        expected = np.linalg.solve(system, right)
-        got = [values[f"qdd{k}"] for k in range(1, 5)]
-        np.testing.assert_allclose(got, expected[:4], rtol=0, atol=1e-12 * np.abs(expected).max())
-        for k, name in enumerate(("hold2", "hold4")):
-            if held[k]:
-                assert values[name] == pytest.approx(expected[4 + k], abs=1e-12 * np.abs(expected).max())
-
-
-def test_slider_mobility_is_two_columns_of_the_inverse():
-    from redundant_envs.evaluators import arrays
-    from redundant_envs.evaluators.binding import run
-
-    arm = UNEQUAL
-    q = np.random.default_rng(1).uniform(-3, 3, (50, 4))
-    names = [f"W{i}{k}" for k in (2, 4) for i in range(1, 5)]
-    values = {**arm.parameter_values(), **{c: q[:, k] for k, c in enumerate(arm.coordinates)}}
-    run(calls(names, values, (*arm.functions, arm.slider_mobility), arm.sincos), values, arrays.PRIMITIVES)
-    inverse = np.linalg.inv(arm.mass_matrix(q))
-    got = np.stack([values[n] for n in names], axis=1).reshape(-1, 2, 4)
-    expected = np.stack([inverse[:, :, 1], inverse[:, :, 3]], axis=1)
-    np.testing.assert_allclose(got, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
-
-
-def test_impulses_solve_the_complementarity_problem():
-    """p >= 0, residual >= 0, p residual = 0, and the answer does not know which slider comes first."""
-    impulses = bind(contacts.impulses, {p: getattr(algebra, p) for p in algebra.PRIMITIVES})
-    rng = np.random.default_rng(2)
-    both = 0
-    for _ in range(2000):
-        A = rng.normal(size=(2, 2))
-        W = A @ A.T + 0.01 * np.eye(2)
-        u, restitution = rng.normal(size=2), rng.uniform(0, 1)
-        if (u <= 0).all():
-            continue
-        sa, sb = rng.choice([-1.0, 1.0], 2)
-        wab = sa * sb * W[0, 1]  # W is of outward speeds
-        p = np.array(impulses(u[0], u[1], sa, sb, W[0, 0], wab, W[1, 1], restitution))
-        residual = W @ p - (u + restitution * np.maximum(u, 0.0))
-        assert (p >= -1e-12).all()
-        assert (residual >= -1e-9).all()
-        assert abs(p @ residual) < 1e-9
-        swapped = impulses(u[1], u[0], sb, sa, W[1, 1], wab, W[0, 0], restitution)
-        np.testing.assert_allclose(p, swapped[::-1], rtol=1e-9, atol=1e-12)
-        both += (p > 0).all()
-    assert both > 100
 
 
 # ---- impacts -------------------------------------------------------------------------------------
