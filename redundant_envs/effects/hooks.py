@@ -59,7 +59,7 @@ class Actuation:
 class Impact:
     """Hard ends of the travel of a prismatic joint; their numbers are own fields (".lower[0]").
 
-    ``function`` tells from both ends of a step how it meets them.
+    ``function`` tells from both ends of a step, and its accelerations, how it meets them.
     """
 
     joint: int

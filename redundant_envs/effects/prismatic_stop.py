@@ -8,39 +8,52 @@ from typing import Any
 
 from redundant_envs.algebra import maximum, minimum, physics, sqrt, where
 from redundant_envs.effects.hooks import Effect, Hook, Impact
+from redundant_envs.integrators.stops import bounds, closeness, excursions
 from redundant_envs.robots.parameters import Arm, number
 
 
 @physics
-def turning_point(q0, v0, q1, v1, h):
-    """Time and place where the cubic through both ends of a step turns; the end if it does not.
-
-    The place is taken 5 % further than the cubic goes: a turn so near a stop is looked at closely.
-    """
+def turning_time(q0, v0, q1, v1, h):
+    """Time at which the cubic through both ends of a step turns; the end if it does not."""
     s0 = h * v0
     d = q1 - q0
     c2 = 3.0 * d - h * (2.0 * v0 + v1)
     c3 = h * (v0 + v1) - 2.0 * d
     root = sqrt(maximum(c2 * c2 - 3.0 * c3 * s0, 0.0))
-    turns = v0 * v1 < 0.0
-    s = where(turns, s0 / (where(v0 > 0.0, root, -root) - c2), 1.0)
-    place = q0 + s * (s0 + s * (c2 + s * c3))
-    nearest = where(v0 > 0.0, maximum(q0, q1), minimum(q0, q1))
-    return s * h, where(turns, place + 0.05 * (place - nearest), q1)
+    return h * where(v0 * v1 < 0.0, s0 / (where(v0 > 0.0, root, -root) - c2), 1.0)
 
 
 @physics
-def meeting(q0, v0, q1, v1, h, lower, upper):
+def meeting(q0, v0, q1, v1, h, least, most, unseen, lower, upper):
     """How a step meets a stop, and when its motion turns.
 
-    0: not at all; 1 or -1: it ends beyond the upper or lower one; 2 or -2: it may go beyond and
-    come back; 3: it starts at a stop and does not leave it.
+    0: not at all. 1 or -1: it ends beyond the upper or lower one, which it passes once. 2 or -2: it
+    turns once, and may be beyond the upper or lower one then. 4: it may pass them more often than its
+    ends and its turn tell.
+
+    ``least`` and ``most`` are the accelerations at the stages; ``unseen`` is explained in ``bounds``. A
+    velocity that keeps its sign meets a stop once at most, an acceleration that does turns once.
     """
-    turns_at, place = turning_point(q0, v0, q1, v1, h)
-    out = where(place > upper, 2.0, where(place < lower, -2.0, 0.0))
-    out = where(q1 > upper, 1.0, where(q1 < lower, -1.0, out))
-    out = where(q0 >= upper, where(v0 >= 0.0, 3.0, out), out)
-    return where(q0 <= lower, where(v0 <= 0.0, 3.0, out), out), turns_at
+    lo, hi = bounds(q0, least, most, unseen, lower, upper)
+    above, below = excursions(q0, v0, q1, v1, h, lo, hi, lower, upper)
+    close = closeness(q0, lower, upper)
+    sinks = h * minimum(lo, 0.0)
+    lifts = h * maximum(hi, 0.0)
+    rising = where(v0 + sinks >= 0.0, 1.0, where(v1 - lifts >= 0.0, 1.0, 0.0))
+    falling = where(v0 + lifts <= 0.0, 1.0, where(v1 - sinks <= 0.0, 1.0, 0.0))
+    turning = (1.0 - rising) * (1.0 - falling)
+    ends = where(q1 > upper, 1.0, where(q1 < lower, -1.0, 0.0))
+    # A motion with q'' <= hi < 0 is at most v0^2 / (2 |hi|) above its start, and so from its end.
+    top = minimum(v0 * v0 + 2.0 * hi * (upper - q0 + close), v1 * v1 + 2.0 * hi * (upper - q1 + close))
+    bottom = minimum(v0 * v0 - 2.0 * lo * (q0 - lower + close), v1 * v1 - 2.0 * lo * (q1 - lower + close))
+    above_bent = where(hi <= 0.0, where(top > 0.0, above, 0.0), 0.0)
+    below_bent = where(lo >= 0.0, where(bottom > 0.0, below, 0.0), 0.0)
+    met = where(above_bent > 0.0, where(ends > 0.0, ends, 2.0), ends)
+    met = where(below_bent > 0.0, where(ends < 0.0, ends, -2.0), met)
+    bent = where(hi <= 0.0, 1.0, where(lo >= 0.0, 1.0, 0.0))
+    unclear = (1.0 - bent) * maximum(abs(ends), maximum(above, below))
+    met = where(turning > 0.0, where(unclear > 0.0, 4.0, met), ends)
+    return met, turning_time(q0, v0, q1, v1, h)
 
 
 @dataclass(frozen=True)

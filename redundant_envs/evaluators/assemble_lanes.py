@@ -124,9 +124,9 @@ class LaneSteps:
         equal = self.plan_of_steps == "fixed"
         names = ["marked", "error_before"] if equal else ["marked", "floor"]
         if self.stops:
-            # Hints: how far beyond its stop a free slider was at a stage of the step, or how hard its
-            # stop would have had to pull a resting one.
-            names += ["phase", "hint_a", "hint_b"]
+            # Of the stages of the step: the least and the greatest acceleration of a free slider, and of
+            # a resting one how hard its stop would have had to pull it.
+            names += ["phase", "least_a", "most_a", "least_b", "most_b"]
             names += [*(["events_before"] if equal else []), *(f"{m}_before" for m in self.modes)]
             names += ["met_a", "turns_a", "met_b", "turns_b"]
             # Accelerations of the sliders at the first and the last stage of the step.
@@ -163,7 +163,7 @@ class LaneSteps:
         names += ["home", "newly", "due", "steps_of_lane", "steps_left"]
         if self.stops:
             names += ["touching", "held", "target", "side", "low", "high", "gap_low", "gap_high", "tries"]
-            names += ["changes", "searched", "halved", "cleared_a", "cleared_b", "slide"]
+            names += ["changes", "searched", "cleared_a", "cleared_b", "slide"]
             names += [f"slope_{s}" for s in self.assembly.states[4:]]
             for x in "ab":
                 names += [f"hold_{x}", f"hold_{x}_from", f"let_go_{x}"]
@@ -273,11 +273,13 @@ class LaneSteps:
         mark = "0.0"
         if self.stops:
             lines += [*self.at_stops.sliders, *self.at_stops.begun("before")]
-            near = self.use(stops.near)
+            near, pulled = self.use(stops.near), self.use(stops.pulled)
             for x in "ab":
                 start = f"place_{x}_before, rate_{x}_before, place_{x}, rate_{x}, h"
-                lines.append(f"near_{x} = {near}({start}, mode_{x}, lower_{x}, upper_{x})")
-            mark = "where(maximum(hint_a, hint_b) > 0.0, 2.0, "
+                unseen = f"least_{x}, most_{x}, {self.at_stops.unseen}"
+                lines.append(f"near_{x} = {near}({start}, {unseen}, mode_{x}, lower_{x}, upper_{x})")
+                lines.append(f"pulled_{x} = {pulled}(mode_{x}, {unseen})")
+            mark = "where(pulled_a + pulled_b > 0.0, 2.0, "
             mark += f"where(near_a + near_b > 0.0, {NEAR}, 0.0))"
         if self.plan_of_steps == "fixed":
             writes["evaluations"] = f"evaluations + {self.stages}"
@@ -294,11 +296,11 @@ class LaneSteps:
 
     def _meet(self) -> str:
         """After :meth:`_judge`, where a slider is near a stop: which lanes meet one."""
-        # Of one that was let go, and so begins at its stop, its end decides.
-        beyond = self.use(stops.beyond)
+        # A slider that was released before the step starts at its stop and may leave it.
+        start = self.use(stops.starts_at_stop)
         events = " + ".join(
-            f"where(mode_{x} == 0.0, where(mode_{x}_before == 0.0, abs(met_{x}_now), "
-            f"abs({beyond}(place_{x}, mode_{x}, lower_{x}, upper_{x}))), 0.0)"
+            f"where(mode_{x} == 0.0, abs(met_{x}_now) + {start}(place_{x}_before, rate_{x}_before, "
+            f"mode_{x}_before, lower_{x}, upper_{x}), 0.0)"
             for x in "ab"
         )
         return self.assembly.lane_function(

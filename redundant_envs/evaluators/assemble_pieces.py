@@ -34,7 +34,12 @@ class PieceLines:
             lines += [*self.lanes.at_stops.sliders, *self.lanes.at_stops.begun("before")]
             lines.append(f"contacts = {self.lanes.at_stops.contact_needed('_before')}")
             # What is known of the common step saves trying it again.
-            lines.append("begun_at_stop = where(met_a == 3.0, 1.0, where(met_b == 3.0, 1.0, 0.0))")
+            start = self.lanes.use(stops.starts_at_stop)
+            begun = (
+                f"{start}(place_{x}_before, rate_{x}_before, mode_{x}_before, lower_{x}, upper_{x})"
+                for x in "ab"
+            )
+            lines.append(f"begun_at_stop = {' + '.join(begun)}")
             fresh = "where(void + begun_at_stop + abs(mode_a_before) + abs(mode_b_before) > 0.0, 0.0, 1.0)"
         lines.append(f"fresh = {fresh}")
         now = "newly > 0.0"
@@ -51,7 +56,7 @@ class PieceLines:
             values |= {"next_step": "next_first", "steps_left": "0.0"}
         if self.lanes.stops:
             values["phase"] = "where(fresh > 0.0, 2.0, where(contacts > 0.0, 1.0, 2.0))"
-            zero = ["changes", "searched", "halved", "tries", "slide"]
+            zero = ["changes", "searched", "tries", "slide"]
             zero += [f"{n}_{x}" for n in ("let_go", "cleared") for x in "ab"]
             values |= dict.fromkeys(zero, "0.0")
             values |= {m: f"{m}_before" for m in (*self.lanes.modes, *self.lanes.log[:1])}
@@ -85,6 +90,8 @@ class PieceLines:
                 *self.lanes.at_stops.begun("from"),
                 *self.lanes.at_stops.begun("before"),
                 f"smooth = {float(METHODS[a.scene.integrator].stages > 1)}",
+                f"unseen = {self.lanes.at_stops.unseen}",
+                *self.lanes.at_stops.mobilities,
                 self.lanes.call(stops.decide),
             ]
         else:
@@ -169,7 +176,6 @@ class PieceLines:
             ends = writes.get("trouble", "trouble")
             writes["trouble"] = f"where(lost > 0.0, {EVENT_BUDGET}, {ends})"
             writes["slide"] = "where(due > 0.0, slide_new, slide)"
-            writes["halved"] = "where(back + there + ended > 0.0, 0.0, halved + halve)"
             for name in ("target", "side", "low", "high", "gap_low", "gap_high", "tries"):
                 writes[name] = f"where(again > 0.0, {name}_new, {name})"
             for x in "ab":

@@ -14,6 +14,7 @@ from redundant_envs.evaluators.assemble_step import right_hand_side, step_of
 from redundant_envs.evaluators.quantities import calls
 from redundant_envs.evaluators.text import emit, indent, words
 from redundant_envs.integrators import contacts, stops
+from redundant_envs.integrators.fixed_step import extremes
 from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.scene import identifier
 
@@ -84,9 +85,21 @@ class StopLines:
         """Lines that tell how a step from ``origin`` meets the stops."""
         lines = [*self.sliders, *self.begun(origin)]
         for x, (_, hook) in zip("ab", self.stops, strict=False):
-            start = f"place_{x}_{origin}, rate_{x}_{origin}, place_{x}, rate_{x}, h, lower_{x}, upper_{x}"
-            lines.append(f"met_{x}_now, turns_{x}_now = {self.use(hook.function)}({start})")
+            start = f"place_{x}_{origin}, rate_{x}_{origin}, place_{x}, rate_{x}, h"
+            numbers = f"least_{x}, most_{x}, {self.unseen}, lower_{x}, upper_{x}"
+            lines.append(f"met_{x}_now, turns_{x}_now = {self.use(hook.function)}({start}, {numbers})")
         return lines
+
+    @property
+    def mobilities(self) -> list[str]:
+        """Lines that name the mobilities of the sliders, of the last contact."""
+        sa, sb = (hook.joint + 1 for _, hook in self.stops)
+        return [f"waa = mobility{sa}_a", f"wab = mobility{sa}_b", f"wbb = mobility{sb}_b"]
+
+    @property
+    def unseen(self) -> str:
+        """What accelerations may do between the stages of a step, as text."""
+        return repr(METHODS[self.assembly.scene.integrator].unseen)
 
     def held(self) -> list[str]:
         """The step with sliders at rest, and the contacts."""
@@ -106,7 +119,7 @@ class StopLines:
         rhs = arguments, [*contact, *pulls, f"{motion[-1]}, pull_a, pull_b"], used
         press = [*contact, *pulls]
         lines, step_functions = step_of(a, rhs, ["pull_a", "pull_b"])
-        lines += [*at_rest, *self.sliders, *self.strays()]
+        lines += [*at_rest, *self.extremes()]
         lines.append("moving = where(phase >= 2.0, where(phase <= 5.0, 1.0, 0.0), 0.0)")
         self.lanes.used.extend(step_functions)
         known = {*a.states, *a.numbers, *words(line.split(" = ")[0] for line in contact)}
@@ -142,8 +155,9 @@ class StopLines:
                     **a.error_writes,
                     **self.accelerations(),
                     **{
-                        f"hint_{x}": f"where(held{k} > 0.0, pull_{x}_new, stray_{x})"
+                        f"{end}_{x}": f"where(held{k} > 0.0, pull_{x}_{end}, accel_{x}_{end})"
                         for x, k in zip("ab", joints, strict=True)
+                        for end in ("least", "most")
                     },
                 },
                 special=free,
@@ -153,8 +167,9 @@ class StopLines:
                 "After a step: how hard a stop would have to pull a slider, now or at a stage.",
                 press,
                 {
-                    f"hint_{x}": f"where(held{k} > 0.0, maximum(hint_{x}, pull_{x}), hint_{x})"
+                    f"{end}_{x}": f"where(held{k} > 0.0, {rule}({end}_{x}, pull_{x}), {end}_{x})"
                     for x, k in zip("ab", joints, strict=True)
+                    for end, rule in (("least", "minimum"), ("most", "maximum"))
                 },
             ),
             a.lane_function(
@@ -182,17 +197,13 @@ class StopLines:
             f"accel_{x}_{n}": f"{k}{i}" for x, k in named.items() for n, i in (("first", 0), ("last", last))
         }
 
-    def strays(self) -> list[str]:
-        """Lines that tell how far beyond its stops each slider is at a stage of the step."""
+    def extremes(self) -> list[str]:
+        """Lines that give the least and the greatest acceleration of each slider at the stages of the step."""
         a, lines = self.assembly, []
-        stages = METHODS[a.scene.integrator].stages
-        for x, (_, hook) in zip("ab", self.stops, strict=False):
-            q = a.scene.robot.coordinates[hook.joint]
-            lines.append(f"top_{x}, bottom_{x} = {q}, {q}")
-            for i in range(1, stages):
-                lines.append(f"top_{x} = maximum(top_{x}, {q}_s{i})")
-                lines.append(f"bottom_{x} = minimum(bottom_{x}, {q}_s{i})")
-            lines.append(f"stray_{x} = maximum(top_{x} - upper_{x}, lower_{x} - bottom_{x})")
+        for x, (_, hook) in zip("ab", self.stops, strict=True):
+            acceleration = f"{a.scene.robot.rates[hook.joint]}_k"
+            for i in range(METHODS[a.scene.integrator].stages):
+                lines += extremes(f"accel_{x}", f"{acceleration}{i}", first=i == 0)
         return lines
 
     def touch(self) -> str:
@@ -207,7 +218,7 @@ class StopLines:
             f"{', '.join(moving)}, = {', '.join(rest)},",
             *self.sliders,
             *(f"accel_{x} = slope_{arm.rates[j]}" for x, j in zip("ab", (sa, sb), strict=True)),
-            f"waa = mobility{sa + 1}_a", f"wab = mobility{sa + 1}_b", f"wbb = mobility{sb + 1}_b",
+            *self.mobilities,
             self.call(contacts.touch),
         ]  # fmt: skip
         writes = {f"{m}": f"where(over_budget > 0.0, {m}_before, {m}_new)" for m in self.lanes.modes}

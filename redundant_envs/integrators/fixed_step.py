@@ -20,6 +20,14 @@ def weighted_sum(weights: Sequence[float], term: str) -> tuple[float, str]:
     return factor, " + ".join([term.format(first), *(f"{w / factor!r} * {term.format(j)}" for j, w in rest)])
 
 
+def extremes(name: str, value: str, first: bool) -> list[str]:
+    """Lines that keep the least and the greatest value of a quantity as "<name>_least", "<name>_most"."""
+    if first:
+        return [f"{name}_least, {name}_most = {value}, {value}"]
+    least = f"{name}_least = minimum({name}_least, {value})"
+    return [least, f"{name}_most = maximum({name}_most, {value})"]
+
+
 def step_lines(
     method: Tableau,
     positions: Sequence[str],
@@ -32,16 +40,17 @@ def step_lines(
 
     ``call`` is the right-hand side with {} where the states of the stage go; it returns the
     derivatives of the velocities and of the extra states, then the watched quantities, of which the
-    largest value in any stage gets the name "<quantity>_new". A method with an error estimate gives
+    least and the greatest value in any stage get the names "<quantity>_least" and "<quantity>_most". A method with an error estimate gives
     its two parts, up to their signs, as "h_e5" times "<state>_e5" and "h_e3" times "<state>_e3".
     """
     n = len(positions)
     states = (*positions, *velocities, *extra)
     if method.name == "euler":
         rates = [f"{s}_k0" for s in (*velocities, *extra)]
-        seen = [f"{w}_new" for w in watched]
+        seen = [f"{w}_least" for w in watched]
         return [
             f"{', '.join((*rates, *seen))}, = {call.format(', '.join(states))}",
+            *(f"{w}_most = {w}_least" for w in watched),
             *(f"{s}_new = {s} + h * {s}_k0" for s in (*velocities, *extra)),
             *(f"{p}_new = {p} + h * {v}_new" for p, v in zip(positions, velocities, strict=True)),
         ]
@@ -58,7 +67,7 @@ def step_lines(
         results = ", ".join(f"{s}_k{i}" for s in (*velocities, *extra, *watched))
         lines.append(f"{results}, = {call.format(', '.join(f'{s}_s{i}' for s in states))}")
         for w in watched:
-            lines.append(f"{w}_new = maximum({w}_new, {w}_k{i})" if i else f"{w}_new = {w}_k0")
+            lines += extremes(w, f"{w}_k{i}", first=i == 0)
     for s in states:
         factor, total = weighted_sum(method.b, slope[s])
         lines += [f"{s}_sum = {total}", f"{s}_new = {s} + (h * {factor!r}) * {s}_sum"]

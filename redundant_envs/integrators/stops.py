@@ -62,15 +62,59 @@ def at_stop(q, mode, lower, upper):
 
 
 @physics
-def near(q0, v0, q1, v1, h, mode, lower, upper):
-    """Whether a free slider may meet a stop in a step; 0 is certain.
+def bounds(q0, least, most, unseen, lower, upper):
+    """Bounds of an acceleration in a step, from its least and greatest value at the stages.
 
-    Between its ends a cubic leaves their range by at most 4/27 h (|v0| + |v1|), what Hermite's basis
-    can reach; prismatic_stop adds a twentieth of that.
+    ``unseen`` is what a parabola may add between the stages, in units of that range. A slider that
+    starts at its stop was struck or released there, so its first stage is an end of the range: nothing
+    is added towards that stop.
     """
-    reach = 0.16 * h * (abs(v0) + abs(v1))
-    inside = where(maximum(q0, q1) + reach < upper, where(minimum(q0, q1) - reach > lower, 1.0, 0.0), 0.0)
-    return where(mode == 0.0, 1.0 - inside, 0.0)
+    extra = unseen * (most - least)
+    return where(q0 > lower, least - extra, least), where(q0 < upper, most + extra, most)
+
+
+@physics
+def excursions(q0, v0, q1, v1, h, lo, hi, lower, upper):
+    """Whether a slider whose acceleration stays in lo..hi may go beyond its upper and lower stop
+    between the ends of a step; 0 is certain.
+
+    With q'' >= -A and A h^2 = p, q exceeds its ends by at most (p/2 - |q1 - q0|)^2 / (2 p), and not at
+    all if p/2 < |q1 - q0|; with q'' <= B it stays below q0 + v0 h + B h^2 / 2.
+    """
+    close = closeness(q0, lower, upper)
+    sinks = h * h * maximum(-lo, 0.0)
+    lifts = h * h * maximum(hi, 0.0)
+    way = abs(q1 - q0)
+    top = maximum(0.5 * sinks - way, 0.0)
+    bottom = maximum(0.5 * lifts - way, 0.0)
+    above = where(top * top > 2.0 * sinks * (upper - maximum(q0, q1) + close), 1.0, 0.0)
+    below = where(bottom * bottom > 2.0 * lifts * (minimum(q0, q1) - lower + close), 1.0, 0.0)
+    above = where(q0 + h * maximum(v0, 0.0) + 0.5 * lifts > upper + close, above, 0.0)
+    below = where(q0 + h * minimum(v0, 0.0) - 0.5 * sinks < lower - close, below, 0.0)
+    return above, below
+
+
+@physics
+def starts_at_stop(q0, v0, mode, lower, upper):
+    """Whether a free slider starts at a stop and does not move away from it."""
+    up = where(q0 >= upper, where(v0 >= 0.0, 1.0, 0.0), 0.0)
+    down = where(q0 <= lower, where(v0 <= 0.0, 1.0, 0.0), 0.0)
+    return where(mode == 0.0, either(up, down), 0.0)
+
+
+@physics
+def near(q0, v0, q1, v1, h, least, most, unseen, mode, lower, upper):
+    """Whether a free slider may meet a stop in a step; 0 is certain."""
+    lo, hi = bounds(q0, least, most, unseen, lower, upper)
+    above, below = excursions(q0, v0, q1, v1, h, lo, hi, lower, upper)
+    ends = either(abs(beyond(q1, mode, lower, upper)), starts_at_stop(q0, v0, mode, lower, upper))
+    return where(mode == 0.0, either(ends, either(above, below)), 0.0)
+
+
+@physics
+def pulled(mode, least, most, unseen):
+    """How hard the stop of a resting slider may have to pull it at any time of a step; 0 if not at all."""
+    return where(mode == 0.0, 0.0, maximum(most + unseen * (most - least), 0.0))
 
 
 @physics
@@ -125,7 +169,7 @@ def first_event(
     gap = q0 - where(side > 0.0, upper, lower)
     pull = mode * hold
     push = maximum(-mode * hold_from, 0.0)
-    peak = equal(side, 0.0) * equal(abs(met), 2.0) * equal(cleared, 0.0) * equal(mode, 0.0)
+    peak = equal(abs(met), 2.0) * equal(cleared, 0.0) * equal(mode, 0.0)
     # Where the parabola through both ends meets the stop, or a chord of holding forces changes sign.
     start = side * h * v0
     bend = side * (q1 - q0) - start
@@ -137,9 +181,11 @@ def first_event(
     # One that begins at its stop and comes back has no such place: near the end, if anywhere.
     s = where(share > 0.0, where(share < 1.0, share, 1.0), 1.0)
     impact = where(smooth > 0.0, crossing(q0, v0, q1, v1, a0, a1, h, side, gap, s, turns * per_h), h * s)
-    at = where(peak > 0.0, turns, h + 1.0)
-    at = where(side == 0.0, at, impact)
+    # A slider turns before it ends beyond the other stop.
+    at = where(side == 0.0, h + 1.0, impact)
+    at = where(peak > 0.0, turns, at)
     at = where(pull > 0.0, h * share, at)
+    side = where(peak > 0.0, 0.0, side)
     return at, where(side == 0.0, where(met > 0.0, 1.0, -1.0), side), peak
 
 
@@ -154,12 +200,12 @@ def arrived(there, sought, limit, place, rate, mode, close, lower, upper):
 
 
 @physics(
-    gives="halve accepted there again phase_next h_next_piece target_new side_new low_new high_new "
+    gives="accepted there again phase_next h_next_piece target_new side_new low_new high_new "
     "gap_low_new gap_high_new tries_new place_a_new place_b_new slide_new "
     "cleared_a_new cleared_b_new"
 )
 def decide(
-    due, phase, h, left, good, smooth, hint_a, hint_b, halved,
+    due, phase, h, left, good, smooth, least_a, least_b, most_a, most_b, unseen, waa, wbb,
     target, side, low, high, gap_low, gap_high, tries,
     place_a, place_b, rate_a, rate_b, place_a_from, place_b_from, rate_a_from, rate_b_from,
     accel_a_first, accel_b_first, accel_a_last, accel_b_last,
@@ -180,13 +226,13 @@ def decide(
     close_a = closeness(place_a_from, lower_a, upper_a)
     close_b = closeness(place_b_from, lower_b, upper_b)
 
-    # A slider that was beyond its stop at a stage of the piece, or would have had to be pulled, though
-    # not at the end, may have come, or left, and be back: half the piece shows more. Stages are less
-    # accurate than the end, so not without end: 16 times from one event to the next.
-    quiet_a = where(at_a <= h, 0.0, 1.0)
-    quiet_b = where(at_b <= h, 0.0, 1.0)
-    hidden = either(quiet_a * positive(hint_a), quiet_b * positive(hint_b))
-    halve = tried * hidden * where(halved < 16.0, 1.0, 0.0) * where(h > 0.03 * left, 1.0, 0.0)
+    # A slider that may come to its stop and leave it, or be pulled though not at the end, is followed in
+    # half the piece, until no such motion is possible or it would be lost in rounding.
+    pulled_a = where(mode_a * hold_a > 0.0, 0.0, pulled(mode_a, least_a, most_a, unseen))
+    pulled_b = where(mode_b * hold_b > 0.0, 0.0, pulled(mode_b, least_b, most_b, unseen))
+    unclear_a = where(mode_a == 0.0, equal(met_a, 4.0), where(pulled_a * waa * h * h > close_a, 1.0, 0.0))
+    unclear_b = where(mode_b == 0.0, equal(met_b, 4.0), where(pulled_b * wbb * h * h > close_b, 1.0, 0.0))
+    halve = tried * either(unclear_a, unclear_b)
 
     # A tried piece: its first event, if it has one.
     first = where(at_b < at_a, 1.0, 0.0)
@@ -212,9 +258,10 @@ def decide(
     other_limit = where(other_side > 0.0, pick(other, upper_a, upper_b), pick(other, lower_a, lower_b))
     other_gap = where(other_side == 0.0, 0.0, other_side * (pick(other, place_a, place_b) - other_limit))
     other_pull = pick(other, mode_a * hold_a, mode_b * hold_b)
+    other_peak = pick(other, peak_a, peak_b)
     other_late = where(
         other_mode == 0.0,
-        where(other_gap > pick(other, close_a, close_b), 1.0, 0.0),
+        either(other_peak, where(other_gap > pick(other, close_a, close_b), 1.0, 0.0)),
         positive(other_pull) * where(h - low > 8.881784197001252e-16 * left, 1.0, 0.0),
     )
 
@@ -279,7 +326,8 @@ def decide(
     searching = probing * no(found) * no(missed)
 
     again = hit + closer + sooner + probing + halve
-    phase_next = where(hit > 0.0, where(peak > 0.0, 3.0, 5.0), where(missed > 0.0, 4.0, 5.0))
+    turning = where(hit > 0.0, peak, sooner * other_peak)
+    phase_next = where(turning > 0.0, 3.0, where(missed > 0.0, 4.0, 5.0))
     phase_next = where(searching > 0.0, 3.0, where(halve > 0.0, phase, phase_next))
     guess = where(other_mode == 0.0, pick(other, at_a, at_b), 0.5 * h)
     guess = where(guess < h, guess, 0.5 * h)  # never the same piece again
@@ -288,12 +336,10 @@ def decide(
     h_next = where(searching > 0.0, turn, where(halve > 0.0, 0.5 * h, h_next))
     begins = either(hit, either(sooner, found))
     aimed_pull_low = where(hit > 0.0, pull_from, pick(other, mode_a * hold_a_from, mode_b * hold_b_from))
-    low_gap = where(
-        peak * hit > 0.0, abs(pick(first, rate_a_from, rate_b_from)), minimum(aimed_pull_low, 0.0)
-    )
-    high_gap = where(hit > 0.0, where(peak > 0.0, abs(pick(first, rate_a, rate_b)), pull_there), other_pull)
+    aim = where(hit > 0.0, first, other)
+    low_gap = where(turning > 0.0, abs(pick(aim, rate_a_from, rate_b_from)), minimum(aimed_pull_low, 0.0))
+    high_gap = where(turning > 0.0, abs(pick(aim, rate_a, rate_b)), where(hit > 0.0, pull_there, other_pull))
     return (
-        halve,
         tried * no(hit) * no(halve),
         there,
         again,
@@ -303,7 +349,11 @@ def decide(
         where(
             hit > 0.0,
             pick(first, side_a, side_b),
-            where(sooner > 0.0, other_side, where(mode == 0.0, side, where(over > 0.0, 1.0, -1.0))),
+            where(
+                sooner > 0.0,
+                where(other_peak > 0.0, pick(other, side_a, side_b), other_side),
+                where(mode == 0.0, side, where(over > 0.0, 1.0, -1.0)),
+            ),
         ),
         where(begins > 0.0, 0.0, where(closer > 0.0, low_in, where(searching > 0.0, low_turn, low))),
         where(begins > 0.0, h, where(closer > 0.0, high_in, where(searching > 0.0, high_turn, high))),

@@ -27,6 +27,18 @@ class Tableau:
         """Evaluations of the right-hand side per step."""
         return len(self.b)
 
+    @property
+    def unseen(self) -> float:
+        """By how much a parabola may leave the range of its values at the nodes, in units of that range.
+
+        The largest over all places of its vertex between two nodes; found on a grid of those.
+        """
+        if self.stages == 1:
+            return 0.0
+        vertices = [k / 1000 for k in range(1001)]
+        squares = [[(c - vertex) ** 2 for c in self.c] for vertex in vertices]
+        return max(min(values) / (max(values) - min(values)) for values in squares)
+
 
 EULER = Tableau(name="euler", order=1, a=((),), b=(1.0,), c=(0.0,))
 """Semi-implicit: velocities first, positions with the new velocities. Not symplectic here,
