@@ -45,7 +45,7 @@ class Scene:
         Equal steps per control interval.
     tolerance : float, optional
         Largest estimated tip error of a control interval [m]: every lane takes as many rk8 steps
-        as that needs, 1, 2, 4, ... 256. None is the fixed step.
+        as that needs, 1, 2, 4, ... 4096. None is the fixed step.
     actuation : {"joint", "generalized"}
         "joint": efforts act at the joints, Q = B t. "generalized": the report's convention,
         efforts conjugate to the absolute angles.

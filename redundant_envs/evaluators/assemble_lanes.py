@@ -6,6 +6,7 @@ and the integrator dop853, whose steps are always a lane's own.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -143,6 +144,11 @@ class LaneSteps:
         return [] if self.plan_of_steps == "fixed" else ["error_before, events_before = 0.0, 0.0"]
 
     @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Coordinates that are kept at the end of an interval, to be compared when it is crossed again."""
+        return self.assembly.scene.robot.coordinates if self.plan_of_steps == "doubling" else ()
+
+    @property
     def constant(self) -> dict[str, float]:
         """Rows that hold one number for good: the common step is a piece to its end."""
         return {"phase": 2.0} if self.stops else {}
@@ -161,6 +167,7 @@ class LaneSteps:
         names = [*(f"{s}_from" for s in self.assembly.states), "from_error", "elapsed", "left"]
         names += [] if self.stops else ["phase"]
         names += ["home", "newly", "due", "steps_of_lane", "steps_left"]
+        names += [f"{q}_seen" for q in self.coordinates]
         if self.stops:
             names += ["touching", "held", "target", "side", "low", "high", "gap_low", "gap_high", "tries"]
             names += ["changes", "searched", "cleared_a", "cleared_b", "slide"]
@@ -234,26 +241,29 @@ class LaneSteps:
 
     def _start(self) -> str:
         """Before a common step: keep the state, and see which lanes that step may serve."""
-        a, arm = self.assembly, self.assembly.scene.robot
+        a = self.assembly
         kept, lines = {f"{s}_before": s for s in a.states}, []
         if self.stops:
             kept |= {f"{m}_before": m for m in self.modes}
         if self.plan_of_steps == "fixed":
             kept |= {"error_before": "error_sum"} | ({"events_before": "events"} if self.stops else {})
         else:
-            turning = [v for v, slides in zip(arm.rates, arm.prismatic, strict=True) if not slides]
-            fastest = f"abs({turning[0]})"
-            for v in turning[1:]:
-                fastest = f"maximum({fastest}, abs({v}))"
-            steady = [name for name in a.numbers if name.startswith("steady")]
-            rule = self.use(error_control.least_steps)
-            lines.append(f"steps = {rule}({fastest}, {steady[-1] if steady else '0.0'}, interval)")
+            lines.append(self.least_steps())
             kept["floor"] = "where(steps <= 1.0, 0.0, steps)"  # 0 where one step may serve
         if self.log:
             kept["logged_before"] = "logged"
             if self.plan_of_steps == "fixed":
                 kept["span_start"] = "span_start + h"
         return a.lane_function("start", "Before a common step.", lines, kept)
+
+    def least_steps(self) -> str:
+        """A line that tells how many steps the present rates and all springs and dampers need."""
+        a, arm = self.assembly, self.assembly.scene.robot
+        turning = [f"abs({v})" for v, slides in zip(arm.rates, arm.prismatic, strict=True) if not slides]
+        fastest = functools.reduce(lambda x, y: f"maximum({x}, {y})", turning)
+        steady = [name for name in a.numbers if name.startswith("steady")]
+        rule = self.use(error_control.least_steps)
+        return f"steps = {rule}({fastest}, {steady[-1] if steady else '0.0'}, interval)"
 
     def _judge(self) -> str:
         """After a common step: which of the lanes it does not serve.
@@ -284,7 +294,10 @@ class LaneSteps:
         if self.plan_of_steps == "fixed":
             writes["evaluations"] = f"evaluations + {self.stages}"
         elif self.plan_of_steps == "doubling":
-            mark = f"where(floor == 0.0, where(error_sum <= tip_tolerance, {mark}, 1.0), 1.0)"
+            # A link that has become fast in the step may have been too fast for it.
+            lines.append(self.least_steps())
+            mark = f"where(error_sum <= tip_tolerance, where(steps <= 1.1, {mark}, 1.0), 1.0)"
+            mark = f"where(floor == 0.0, {mark}, 1.0)"
             writes["evaluations"] = f"where(floor == 0.0, evaluations + {self.stages}, evaluations)"
             writes["error_sum"] = "where(floor == 0.0, error_sum, 0.0)"
         else:

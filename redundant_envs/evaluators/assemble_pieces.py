@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 from redundant_envs.evaluators.assemble import EVENT_BUDGET, TOLERANCE_NOT_REACHED
 from redundant_envs.evaluators.assemble_stops import MEETINGS
-from redundant_envs.evaluators.text import indent
+from redundant_envs.evaluators.quantities import calls
+from redundant_envs.evaluators.text import emit, indent
 from redundant_envs.integrators import stops
 from redundant_envs.integrators.tableaus import METHODS
 
@@ -52,6 +53,7 @@ class PieceLines:
         }  # fmt: skip
         if self.lanes.plan_of_steps == "doubling":
             values |= {"steps_of_lane": "steps_first", "steps_left": "steps_first"}
+            values |= {f"{q}_seen": "1e300" for q in self.lanes.coordinates}
         if self.lanes.plan_of_steps == "adaptive":
             values |= {"next_step": "next_first", "steps_left": "0.0"}
         if self.lanes.stops:
@@ -83,7 +85,10 @@ class PieceLines:
         """After a piece: what the lane does next."""
         a = self.lanes.assembly
         tried = "where(phase == 2.0, 1.0, where(phase == 4.0, 1.0, 0.0))"
-        lines = [*self.lanes.sums_before, self.lanes.call(self.lanes.rules.judge)]
+        lines = list(self.lanes.sums_before)
+        if self.lanes.plan_of_steps == "doubling":
+            lines.append(self.lanes.least_steps())
+        lines.append(self.lanes.call(self.lanes.rules.judge))
         if self.lanes.stops:
             lines += [
                 *self.lanes.at_stops.sliders,
@@ -100,16 +105,20 @@ class PieceLines:
         lost = "due * where(searched < 500.0, where(left - h == left - h, 0.0, 1.0), 1.0)"
         lines += [
             f"failed = due * {tried} * (1.0 - good)",
+            f"h_moved = {'h + slide_new' if self.lanes.stops else 'h'}",
+            "left_moved = left - h_moved",
+            "ended = where(accepted > 0.0, where(left_moved > 0.0, 0.0, 1.0), 0.0)",
             # No event is looked for without end, and no time that is not a number is waited for.
             f"lost = {lost if self.lanes.stops else '0.0'}",
+            "elapsed_new = elapsed + h_moved",
+            *self.change(),
+            self.lanes.call(self.lanes.rules.end),
+            *(["failed = maximum(failed, unsure)"] if anew else []),
+            *(["accepted = accepted * (1.0 - unsure)", "ended = ended * (1.0 - unsure)"] if anew else []),
             f"back = {'maximum(failed, lost)' if anew else 'lost'}",
             f"retry = {'0.0' if anew else 'failed'}",
             "moved = accepted + there",
-            f"h_moved = {'h + slide_new' if self.lanes.stops else 'h'}",
-            "elapsed_new = where(back > 0.0, 0.0, elapsed + where(moved > 0.0, h_moved, 0.0))",
-            "left_moved = left - h_moved",
-            "ended = where(accepted > 0.0, where(left_moved > 0.0, 0.0, 1.0), 0.0)",
-            self.lanes.call(self.lanes.rules.end),
+            "elapsed_new = where(back > 0.0, 0.0, where(moved > 0.0, elapsed_new, elapsed))",
             "done = ended * last",
             "continuing = accepted * (1.0 - done)",
             "left_new = where(failed > 0.0, left_retry, where(ended > 0.0, left_again, "
@@ -162,9 +171,11 @@ class PieceLines:
         writes["phase"] = "phase_new"
         if self.lanes.plan_of_steps == "doubling":
             writes |= {
+                "floor": "floor_new",
                 "steps_of_lane": "where(back > 0.0, steps_retry, steps_of_lane)",
                 "steps_left": "where(back > 0.0, steps_retry, "
                 "where(ended > 0.0, steps_left_again, steps_left))",
+                **{f"{q}_seen": f"where(unsure * last > 0.0, {q}, {q}_seen)" for q in self.lanes.coordinates},
             }
         if self.lanes.plan_of_steps == "adaptive":
             writes["steps_left"] = "steps_left + due"
@@ -193,6 +204,18 @@ class PieceLines:
             if self.lanes.log:
                 writes["logged"] = "where(back > 0.0, logged_before, logged)"
         return a.lane_function("decide", "After a piece of motion: what a lane does next.", lines, writes)
+
+    def change(self) -> list[str]:
+        """Lines that tell by how much an interval came out otherwise than the time before, m at the tip."""
+        if not self.lanes.coordinates:
+            return []
+        a, lines = self.lanes.assembly, []
+        arm = a.scene.robot
+        norms = [f"n{k}" for k in range(1, 5)]
+        for call in calls(norms, {*a.states, *a.numbers}, (*arm.functions, arm.column_norms), arm.sincos):
+            emit(call, lines, self.lanes.used)
+        terms = (f"{n} * abs({q} - {q}_seen)" for n, q in zip(norms, arm.coordinates, strict=True))
+        return [*lines, f"change = {' + '.join(terms)}"]
 
     def another_piece(self) -> str:
         """What happens to the slots of the scratch block between two looks at who is complete."""

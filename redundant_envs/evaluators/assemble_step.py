@@ -8,7 +8,12 @@ from typing import TYPE_CHECKING, Any
 from redundant_envs.effects.hooks import Actuation, Field, Force, Impact
 from redundant_envs.evaluators.quantities import calls
 from redundant_envs.evaluators.text import emit, prefixed, words
-from redundant_envs.integrators.error_control import scale, tip_error
+from redundant_envs.integrators.error_control import (
+    blended_error,
+    scale,
+    tip_error,
+    tip_weight,
+)
 from redundant_envs.integrators.fixed_step import step_lines
 from redundant_envs.integrators.tableaus import METHODS
 
@@ -126,7 +131,8 @@ def error_lines(a: Assembly, used: list[Callable[..., Any]]) -> list[str]:
     arm = a.scene.robot
     lines: list[str] = []
     if a.scene.integrator == "dop853":
-        used += [scale, tip_error]
+        used += [scale, blended_error]
+        rule = blended_error
         for s in a.states[:8]:
             lines.append(f"{s}_scale = {prefixed(scale)}({s}, {s}_new)")
         for e in ("e5", "e3"):
@@ -134,13 +140,18 @@ def error_lines(a: Assembly, used: list[Callable[..., Any]]) -> list[str]:
             lines.append(f"{e} = h_{e} * sqrt(({squares}) * 0.125)")
     else:
         wanted = ["n1", "n2", "n3", "n4"]
-        used.append(tip_error)
+        used += [tip_error, tip_weight]
+        rule = tip_error
         known = {*a.states, *a.numbers}
         for c in calls(wanted, known, (*arm.functions, arm.column_norms), arm.sincos):
             emit(c, lines, used)
+        if a.scene.tolerance is not None:
+            reach = " + ".join(f"l{k}" for k in range(1, arm.num_lengths + 1))
+            for n, slides in zip(wanted, arm.prismatic, strict=True):
+                lines += [] if slides else [f"{n} = {prefixed(tip_weight)}({n}, {reach}, tip_tolerance)"]
         pairs = list(zip(wanted, arm.coordinates, arm.rates, strict=True))
         for e in ("e5", "e3"):
             terms = (f"{n} * (abs({q}_{e}) + interval * abs({v}_{e}))" for n, q, v in pairs)
             lines.append(f"{e} = h_{e} * ({' + '.join(terms)})")
-    lines.append(f"error = {prefixed(tip_error)}(e5, e3)")
+    lines.append(f"error = {prefixed(rule)}(e5, e3)")
     return lines

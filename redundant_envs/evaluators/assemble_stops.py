@@ -198,7 +198,7 @@ class StopLines:
         }
 
     def extremes(self) -> list[str]:
-        """Lines that give the least and the greatest acceleration of each slider at the stages of the step."""
+        """Lines that give the least and the greatest acceleration of each slider at the stages of a step."""
         a, lines = self.assembly, []
         for x, (_, hook) in zip("ab", self.stops, strict=True):
             acceleration = f"{a.scene.robot.rates[hook.joint]}_k"

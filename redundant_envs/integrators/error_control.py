@@ -6,9 +6,27 @@ from redundant_envs.algebra import maximum, minimum, physics, sqrt, where
 
 
 @physics
+def blended_error(e5, e3):
+    """Hairer's blend of the two embedded estimates of DOP853."""
+    blend = e5 * e5 / sqrt(e5 * e5 + 0.01 * e3 * e3 + 1e-300)  # 1e-300: no division of 0 by 0
+    return where(e3 < 1e150, blend, e3)  # the square of a larger e3 is infinite, and the blend 0
+
+
+@physics
 def tip_error(e5, e3):
-    """Hairer's blend of the two embedded estimates of DOP853, in metres at the tip."""
-    return where(e5 > 0.0, e5 * e5 / sqrt(e5 * e5 + 0.01 * e3 * e3), e5)
+    """Twice Hairer's blend, m. Of nine million random steps of both arms that pass by it two are off by more
+    than twice the tolerance; of those that pass by the blend itself, 34."""
+    return 2.0 * blended_error(e5, e3)
+
+
+@physics
+def tip_weight(norm, reach, tip_tolerance):
+    """Metres at the tip per radian of a link, for the error of its angle in a step.
+
+    The norm is that of the Jacobian's column, but for links shorter than a hundredth of the reach: they
+    fall over within milliseconds, so their errors grow. Theirs count ten times, and stay below 1/400 rad.
+    """
+    return maximum(norm, minimum(0.01 * reach, maximum(10.0 * norm, 400.0 * tip_tolerance)))
 
 
 @physics
@@ -62,45 +80,78 @@ def end_fixed(left):
     return 1.0, left
 
 
-# ---- the plan of a tolerance: 1, 2, 4, ... 256 equal steps, until the sum of their errors passes ---
+# ---- the plan of a tolerance: 1, 2, 4, ... 4096 equal steps, until the sum of their errors passes ---
+
+# A sum of errors does not know how they grow, which matters where many steps are needed. From 128 steps
+# on an interval must come out the same, to the tolerance, with half as many, unless errors that grow a
+# thousandfold would pass.
 
 
 @physics
-def more_steps(n, least, failed, error, tip_tolerance):
-    """Twice the steps if n is too few, or would fail by far: the error falls like n^-7."""
-    hopeless = failed * where(error > 4.0 * tip_tolerance * n**4 * n**3, 1.0, 0.0)
-    return where(n < 256.0, where(n < least, 2.0 * n, where(hopeless > 0.0, 2.0 * n, n)), n)
+def more_steps(n, least):
+    """Twice the steps if n is too few."""
+    return where(n < 4096.0, where(n < least, 2.0 * n, n), n)
+
+
+@physics
+def steps_that_fail(n, failed, error, tip_tolerance):
+    """Twice the steps if n would fail by far: the error falls like n^-7."""
+    return where(failed * error > 4.0 * tip_tolerance * n**4 * n**3, 2.0 * n, n)
 
 
 @physics(gives="left_first void steps_first")
 def begin_doubling(marked, floor, error_sum, tip_tolerance, interval):
-    """The first number of steps; whether the single step that all lanes make is of no use."""
+    """The first number of steps; whether the single step that all lanes make is of no use.
+
+    The error of a single step says little about more than 64.
+    """
     failed = where(marked == 1.0, 1.0, 0.0)
-    least = maximum(floor, 1.0 + failed)
-    n = more_steps(1.0, least, failed, error_sum, tip_tolerance)
-    n = more_steps(n, least, failed, error_sum, tip_tolerance)
-    n = more_steps(n, least, failed, error_sum, tip_tolerance)
-    n = more_steps(n, least, failed, error_sum, tip_tolerance)
-    n = more_steps(n, least, failed, error_sum, tip_tolerance)
-    n = more_steps(n, least, failed, error_sum, tip_tolerance)
-    n = more_steps(n, least, failed, error_sum, tip_tolerance)
-    n = more_steps(n, least, failed, error_sum, tip_tolerance)
+    n = steps_that_fail(1.0 + failed, failed, error_sum, tip_tolerance)
+    n = steps_that_fail(n, failed, error_sum, tip_tolerance)
+    n = steps_that_fail(n, failed, error_sum, tip_tolerance)
+    n = steps_that_fail(n, failed, error_sum, tip_tolerance)
+    n = steps_that_fail(n, failed, error_sum, tip_tolerance)
+    n = steps_that_fail(n, failed, error_sum, tip_tolerance)
+    n = more_steps(n, floor)
+    n = more_steps(n, floor)
+    n = more_steps(n, floor)
+    n = more_steps(n, floor)
+    n = more_steps(n, floor)
+    n = more_steps(n, floor)
+    n = more_steps(n, floor)
+    n = more_steps(n, floor)
+    n = more_steps(n, floor)
+    n = more_steps(n, floor)
+    n = more_steps(n, floor)
+    n = more_steps(n, floor)
     return interval / n, failed, n
 
 
 @physics(gives="good left_retry steps_retry")
 def judge_doubling(error_sum, tip_tolerance, steps_of_lane, interval):
     """Whether the errors so far pass, or cannot; else the interval is begun anew with twice the steps."""
-    good = where(error_sum <= tip_tolerance, 1.0, where(steps_of_lane >= 256.0, 1.0, 0.0))
+    good = where(error_sum <= tip_tolerance, 1.0, where(steps_of_lane >= 4096.0, 1.0, 0.0))
     return good, interval / (2.0 * steps_of_lane), 2.0 * steps_of_lane
 
 
-@physics(gives="last left_again steps_left_again flagged")
-def end_doubling(steps_left, steps_of_lane, interval, error_sum, tip_tolerance, floor):
-    """At the end of a step: whether it was the last; whether more than 256 were needed."""
-    passed = where(error_sum <= tip_tolerance, where(floor <= 256.0, 1.0, 0.0), 0.0)
+@physics(gives="last left_again steps_left_again flagged unsure floor_new")
+def end_doubling(
+    ended, accepted, steps_left, steps_of_lane, interval, error_sum, tip_tolerance, floor, steps, change
+):  # fmt: skip
+    """After a piece, and at the end of a step: whether it was the last; whether more than 4096 were needed.
+
+    The interval is to be crossed again with twice the steps (``unsure``) if a link has become too fast
+    for them by a tenth, as ``steps`` tells, or if it differs by ``change`` [m] from the time before.
+    """
     left = steps_left - 1.0
-    return where(left > 0.0, 0.0, 1.0), interval / steps_of_lane, left, 1.0 - passed
+    last = where(left > 0.0, 0.0, 1.0)
+    grown = where(steps_of_lane < 128.0, 0.0, 1000.0 * error_sum)
+    same = where(grown <= tip_tolerance, 1.0, where(change <= tip_tolerance, 1.0, 0.0))
+    floor = where(accepted > 0.0, maximum(floor, steps), floor)
+    again = maximum(ended * last * (1.0 - same), where(floor > 1.1 * steps_of_lane, accepted, 0.0))
+    unsure = where(steps_of_lane < 4096.0, again, 0.0)
+    passed = where(error_sum <= tip_tolerance, where(floor <= 4096.0, same, 0.0), 0.0)
+    return last, interval / steps_of_lane, left, 1.0 - passed, unsure, floor
 
 
 # ---- the plan of dop853: each step as long as its error allows (Hairer, Norsett, Wanner I, II.4) ----

@@ -40,8 +40,9 @@ def step_lines(
 
     ``call`` is the right-hand side with {} where the states of the stage go; it returns the
     derivatives of the velocities and of the extra states, then the watched quantities, of which the
-    least and the greatest value in any stage get the names "<quantity>_least" and "<quantity>_most". A method with an error estimate gives
-    its two parts, up to their signs, as "h_e5" times "<state>_e5" and "h_e3" times "<state>_e3".
+    least and the greatest value in any stage get the names "<quantity>_least" and "<quantity>_most". A
+    method with an error estimate gives its two parts, up to their signs, as "h_e5" times "<state>_e5"
+    and "h_e3" times "<state>_e3".
     """
     n = len(positions)
     states = (*positions, *velocities, *extra)

@@ -1,4 +1,4 @@
-"""Does error control find every impact? Random families of scenes with hard stops, judged interval by interval.
+"""Does error control find every impact? Random families of scenes with hard stops.
 
 Each family is a scene of the RPRP arm with short or long travel, weak or strong efforts, light or heavy
 masses. An interval is judged where two fine references agree; it is missed where the tip is off by more
@@ -90,6 +90,7 @@ def drawn_families(count: int, seed: int) -> list[Family]:
     rng = np.random.default_rng(seed)
     families = []
     for _ in range(count):
+
         def decades(low: float, high: float) -> float:
             return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
@@ -165,7 +166,8 @@ def judge(family: Family, count: int, seed: int, misses: list[tuple[Array, ...]]
         q, qd, efforts = drawn_states(family, min(BATCH, count - tally.intervals), rng)
         tip, status = ends(scene, q, qd, efforts)
         references = [
-            ends(dataclasses.replace(scene, tolerance=None, substeps=n), q, qd, efforts) for n in (FINE, FINER)
+            ends(dataclasses.replace(scene, tolerance=None, substeps=n), q, qd, efforts)
+            for n in (FINE, FINER)
         ]
         (fine, fine_status), (finer, finer_status) = references
         full = ((fine_status.numerics | finer_status.numerics) & Numerics.EVENT_BUDGET) > 0

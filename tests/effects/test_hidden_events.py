@@ -134,9 +134,10 @@ def test_what_is_not_near_a_stop_does_not_meet_one():
     rng = np.random.default_rng(6)
     met, quiet = 0, 0
     for _ in range(20000):
-        (q0, q1), (v0, v1), h = rng.uniform(-0.2, 0.2, 2), rng.normal(0.0, 10.0, 2), 0.02
-        place, _ = meeting(q0, v0, q1, v1, h, -0.2, 0.2)
-        close = near(q0, v0, q1, v1, h, 0.0, -0.2, 0.2)
+        (q0, q1), (v0, v1), h = rng.uniform(-0.2, 0.2, 2), rng.normal(0.0, 3.0, 2), 0.02
+        step = (q0, v0, q1, v1, h, *np.sort(rng.normal(0.0, 2000.0, 2)), 0.1)
+        place, _ = meeting(*step, -0.2, 0.2)
+        close = near(*step, 0.0, -0.2, 0.2)
         assert close > 0.0 or place == 0.0
         met += place != 0.0
         quiet += close == 0.0
