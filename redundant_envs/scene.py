@@ -12,12 +12,16 @@ from typing import Any
 import yaml
 
 from redundant_envs.effects import REGISTRY as EFFECTS
-from redundant_envs.effects.hooks import Actuation, Effect, Field, Impact
+from redundant_envs.effects.attaching import attached
+from redundant_envs.effects.hooks import Actuation, Effect, Field, Hook, Impact, snake_case
 from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.robots.parameters import Arm, number
 
 ARMS: dict[str, type[Arm]] = {}
 """Arms by their name in scene files; filled by ``redundant_envs.model``."""
+
+OWN_KEYS = frozenset(snake_case(name) for name in EFFECTS)
+"""First parts of the parameter names of this package's effects; none is like a name of generated text."""
 
 ACTUATIONS = ("joint", "generalized")
 
@@ -64,13 +68,18 @@ class Scene:
             raise ValueError(f"robot is {self.robot!r}; give an arm: {', '.join(sorted(ARMS))}")
         object.__setattr__(self, "effects", tuple(self.effects))
         seen: dict[str, Effect] = {}
+        hooks: list[Hook] = []
         for i, effect in enumerate(self.effects):
             if not isinstance(effect, Effect):
                 raise ValueError(f"effects[{i}] is {effect!r}; give an effect: {', '.join(sorted(EFFECTS))}")
+            hooks += attached(f"effects[{i}]", effect, self.robot)
             if effect.key in seen:
-                raise ValueError(f"effects[{i}] is a second {effect.key!r}; combine the two into one")
+                fix = "combine the two into one"
+                if type(effect) is not type(seen[effect.key]):
+                    fix = "two classes share this name of their parameters: give one a 'key' of its own"
+                raise ValueError(f"effects[{i}] is a second {effect.key!r}; {fix}")
             seen[effect.key] = effect
-        hooks = [h for e in self.effects for h in e.hooks(self.robot)]
+        self._check_identifiers()
         if sum(isinstance(h, Field) for h in hooks) > 1:
             raise ValueError("effects has two uniform fields; combine them into one Gravity")
         joints = [h.joint for h in hooks if isinstance(h, Actuation)]
@@ -91,6 +100,17 @@ class Scene:
         self._check_tolerance()
         if self.actuation not in ACTUATIONS:
             raise ValueError(f"actuation is {self.actuation!r}; choose {', '.join(ACTUATIONS)}")
+
+    def _check_identifiers(self) -> None:
+        """Every parameter is a row of its own in the compiled core."""
+        taken: dict[str, str] = {}
+        for name in self._parameters:
+            other = taken.setdefault(identifier(name), name)
+            if other != name:
+                raise ValueError(
+                    f"effects have the parameters {other!r} and {name!r}, whose names are too much alike "
+                    f"({identifier(name)}); rename a field, or give one effect another 'key'"
+                )
 
     def _check_tolerance(self) -> None:
         if self.tolerance is None:
@@ -273,5 +293,9 @@ def scene_at(scene: str | Path | Mapping[str, Any] | Scene, accuracy: str | floa
 
 
 def identifier(parameter: str) -> str:
-    """A parameter name as an identifier of generated text: "gravity.down[0]" -> gravity_down_0."""
-    return parameter.replace(".", "_").replace("[", "_").replace("]", "")
+    """A parameter name as an identifier of generated text: "gravity.down[0]" -> gravity_down_0.
+
+    Effects of users get two underscores, "my_spring.k" -> my_spring__k, which no generated name has.
+    """
+    dot = "_" if parameter.partition(".")[0] in OWN_KEYS else "__"
+    return parameter.replace(".", dot).replace("[", dot).replace("]", "")

@@ -9,15 +9,10 @@ import textwrap
 import pytest
 
 import redundant_envs
-from redundant_envs import algebra
+from redundant_envs import algebra, dialect
 from redundant_envs.algebra import PRIMITIVES, gives_of, is_physics, physics, sqrt
 
 PLACES = ("algebra", "robots", "effects", "tasks", "evaluators.assemble")
-
-OPERATORS = (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow, ast.BitAnd, ast.BitOr)
-COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq)
-EXPONENTS = (2, 3, 4)
-"""The exponents that the compiled dialect knows."""
 
 
 def marked_functions():
@@ -41,97 +36,10 @@ def marked_functions():
 FUNCTIONS = marked_functions()
 
 
-def may_call(name, names):
-    """Whether the dialect may call ``name``, given the module's names."""
-    if name == "abs":
-        return "abs" not in names
-    if name in PRIMITIVES:
-        return names.get(name) is getattr(algebra, name)
-    return is_physics(names.get(name))
-
-
 def violations(source, names):
     """What a function's text has that the dialect does not allow, as "line: what"."""
-    found = []
-
-    def complain(node, what):
-        found.append(f"{getattr(node, 'lineno', 0)}: {what}")
-
     function = ast.parse(textwrap.dedent(source)).body[0]
-    if not isinstance(function, ast.FunctionDef):
-        return [f"0: {type(function).__name__} is not a function"]
-    a = function.args
-    if a.defaults or a.kw_defaults or a.vararg or a.kwarg or a.kwonlyargs or a.posonlyargs:
-        complain(function, "arguments other than plain ones")
-    known = {x.arg for x in a.args}
-
-    def expression(node):
-        if isinstance(node, ast.Constant):
-            if type(node.value) not in (int, float):
-                complain(node, f"constant {node.value!r}")
-        elif isinstance(node, ast.Name):
-            if node.id not in known:
-                complain(node, f"name {node.id} is neither an argument nor assigned before")
-        elif isinstance(node, ast.Tuple):
-            for x in node.elts:
-                expression(x)
-        elif isinstance(node, ast.BinOp):
-            if not isinstance(node.op, OPERATORS):
-                complain(node, f"operator {type(node.op).__name__}")
-            if isinstance(node.op, ast.Pow) and not (
-                isinstance(node.right, ast.Constant) and node.right.value in EXPONENTS
-            ):
-                complain(node, "an exponent other than 2, 3, 4")
-            expression(node.left)
-            expression(node.right)
-        elif isinstance(node, ast.UnaryOp):
-            if not isinstance(node.op, ast.USub):
-                complain(node, f"operator {type(node.op).__name__}")
-            expression(node.operand)
-        elif isinstance(node, ast.Compare):
-            if len(node.ops) != 1 or not isinstance(node.ops[0], COMPARISONS):
-                complain(node, "a comparison that is chained or not of numbers")
-            expression(node.left)
-            for x in node.comparators:
-                expression(x)
-        elif isinstance(node, ast.Call):
-            if not isinstance(node.func, ast.Name):
-                complain(node, "a call of something without a plain name")
-            elif node.func.id in known or not may_call(node.func.id, names):
-                complain(node, f"a call of {node.func.id}")
-            if node.keywords:
-                complain(node, "keyword arguments")
-            for x in node.args:
-                expression(x)
-        else:
-            complain(node, type(node).__name__)
-
-    body = list(function.body)
-    if body and isinstance(body[0], ast.Expr) and isinstance(body[0].value, ast.Constant):
-        if not isinstance(body[0].value.value, str):
-            complain(body[0], "an expression that does nothing")
-        body = body[1:]
-    if not body or not isinstance(body[-1], ast.Return) or body[-1].value is None:
-        complain(function, "no value returned at the end")
-    for i, statement in enumerate(body):
-        if isinstance(statement, ast.Assign):
-            expression(statement.value)
-            targets = statement.targets
-            if len(targets) != 1:
-                complain(statement, "two assignments in one")
-            parts = targets[0].elts if isinstance(targets[0], ast.Tuple) else [targets[0]]
-            for t in parts:
-                if isinstance(t, ast.Name):
-                    known.add(t.id)
-                else:
-                    complain(statement, f"assignment to {type(t).__name__}")
-        elif isinstance(statement, ast.Return) and statement.value is not None:
-            if i != len(body) - 1:
-                complain(statement, "a return before the end")
-            expression(statement.value)
-        else:
-            complain(statement, type(statement).__name__)
-    return found
+    return [f"{line}: {what}" for line, what in dialect.violations(function, names)]
 
 
 def test_the_scan_finds_the_physics():

@@ -29,8 +29,10 @@ class Force:
     """A force on one joint: N m on a revolute joint, N on a prismatic one.
 
     ``conservative`` is the part of it that is minus the derivative of ``potential`` [J] with respect
-    to ``position``: it is booked in the potential energy, the power of the rest as work. A force
-    without a potential is all booked as work.
+    to the position of the joint: it is booked in the potential energy, the power of the rest as work.
+    With a potential and nothing else said it is the whole force, which then may depend on the position
+    alone. A force without a potential is all booked as work. ``python -m redundant_envs verify``
+    differentiates the potential and compares.
 
     ``stiffness`` [N/m or N m/rad] and ``damping`` [N s/m or N m s/rad] give the largest that the
     force can have, from the parameters alone: error control takes steps short enough for a spring
@@ -44,6 +46,10 @@ class Force:
     conservative: Callable[..., Any] | None = None
     stiffness: Callable[..., Any] | None = None
     damping: Callable[..., Any] | None = None
+
+    def __post_init__(self) -> None:
+        if self.potential is not None and self.conservative is None:
+            object.__setattr__(self, "conservative", self.function)
 
 
 @dataclass(frozen=True)

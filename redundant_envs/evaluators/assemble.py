@@ -20,7 +20,7 @@ from redundant_envs.effects.hooks import Actuation, Effect, Field, Force
 from redundant_envs.evaluators.assemble_step import RightHandSide, right_hand_side, step_of
 from redundant_envs.evaluators.binding import helpers
 from redundant_envs.evaluators.quantities import Call, calls
-from redundant_envs.evaluators.text import block, copied_text, emit, function_text, indent, words
+from redundant_envs.evaluators.text import FunctionNames, block, copied_text, indent, words
 from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.scene import Scene, identifier
 from redundant_envs.tasks.reach import ReachTask
@@ -121,6 +121,16 @@ class Assembly:
         from redundant_envs.evaluators.assemble_lanes import LaneSteps
 
         return LaneSteps.of(self)
+
+    @cached_property
+    def names(self) -> FunctionNames:
+        """Names of dialect functions in the text; those of the effects come first, in their order."""
+        hooked = [
+            getattr(hook, kind, None)
+            for _, hook in self.hooks
+            for kind in ("function", "potential", "conservative", "stiffness", "damping")
+        ]
+        return FunctionNames(self.parameters, helpers(f for f in hooked if f is not None))
 
     # ---- the right-hand side ---------------------------------------------------------------------
 
@@ -268,7 +278,7 @@ class Assembly:
             'Assembled from the physics files; not to be edited.\n"""',
             *(copied_text(name) for name in COPIED),
             f"assert LANES == {LANES}\nSTRIDE = {self.stride}",
-            *(function_text(f) for f in helpers([*functions, *prepared])),
+            *(self.names.text(f) for f in helpers([*functions, *prepared])),
             *self._prepare_text(),
             *([] if stopped else [self.rhs_text + self.subroutine(), self._step_text]),
             *kernels,
@@ -281,7 +291,7 @@ class Assembly:
             return []
         lines: list[str] = []
         for call in self.prepared:
-            emit(call, lines, [])
+            self.names.emit(call, lines, [])
         named = words(lines)
         names = [n for call in self.prepared for n in call.names]
         body = ['"""What follows from the parameters alone."""', *lines, f"return {', '.join(names)}"]
@@ -340,7 +350,7 @@ class Assembly:
         arguments = ", ".join((*self.states, "h", "interval", *needs))
         new = ", ".join(f"{s}_new" for s in self.states)
         step = f"def step({arguments}):\n" + indent([*lines, f"return {new}"], 1)
-        return "\n\n".join([*(function_text(f) for f in helpers(functions)), self.rhs_text, step])
+        return "\n\n".join([*(self.names.text(f) for f in helpers(functions)), self.rhs_text, step])
 
     def block_loop(self, first: list[str], then: list[str]) -> list[str]:
         """Lines that advance all lanes by a control interval.

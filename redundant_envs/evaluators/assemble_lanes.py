@@ -24,7 +24,7 @@ from redundant_envs.evaluators.assemble import (
 from redundant_envs.evaluators.assemble_pieces import PieceLines
 from redundant_envs.evaluators.assemble_stops import LOGGED, MEETINGS, MOST_LOGGED, StopLines
 from redundant_envs.evaluators.quantities import Call, calls
-from redundant_envs.evaluators.text import block, prefixed, words
+from redundant_envs.evaluators.text import block, words
 from redundant_envs.integrators import error_control, stops
 from redundant_envs.integrators.tableaus import METHODS
 
@@ -208,7 +208,7 @@ class LaneSteps:
     def use(self, function: Callable[..., Any]) -> str:
         """Name of a dialect function in the text, which it then is part of."""
         self.used.append(function)
-        return prefixed(function)
+        return self.assembly.names.of(function)
 
     def call(self, function: Callable[..., Any]) -> str:
         """A statement that gives a dialect function the quantities of its arguments' names."""

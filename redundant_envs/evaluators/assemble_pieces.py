@@ -213,7 +213,7 @@ class PieceLines:
         arm = a.scene.robot
         norms = [f"n{k}" for k in range(1, 5)]
         for call in calls(norms, {*a.states, *a.numbers}, (*arm.functions, arm.column_norms), arm.sincos):
-            emit(call, lines, self.lanes.used)
+            a.names.emit(call, lines, self.lanes.used)
         terms = (f"{n} * abs({q} - {q}_seen)" for n, q in zip(norms, arm.coordinates, strict=True))
         return [*lines, f"change = {' + '.join(terms)}"]
 

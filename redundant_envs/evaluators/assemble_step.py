@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from redundant_envs.effects.hooks import Actuation, Field, Force, Impact
 from redundant_envs.evaluators.quantities import calls
-from redundant_envs.evaluators.text import emit, prefixed, words
+from redundant_envs.evaluators.text import words
 from redundant_envs.integrators.error_control import (
     blended_error,
     scale,
@@ -41,11 +41,11 @@ def right_hand_side(
 
     def statement(names: Iterable[str], function: Callable[..., Any], arguments: Sequence[str]) -> None:
         used.append(function)
-        lines.append(f"{', '.join(names)} = {prefixed(function)}({', '.join(arguments)})")
+        lines.append(f"{', '.join(names)} = {a.names.of(function)}({', '.join(arguments)})")
 
     def require(names: Iterable[str]) -> None:
         for call in calls(names, known, functions, arm.sincos):
-            emit(call, lines, used)
+            a.names.emit(call, lines, used)
             known.update(call.names)
 
     effort = {k: f"command{k + 1}" for k in range(4)}
@@ -134,7 +134,7 @@ def error_lines(a: Assembly, used: list[Callable[..., Any]]) -> list[str]:
         used += [scale, blended_error]
         rule = blended_error
         for s in a.states[:8]:
-            lines.append(f"{s}_scale = {prefixed(scale)}({s}, {s}_new)")
+            lines.append(f"{s}_scale = {a.names.of(scale)}({s}, {s}_new)")
         for e in ("e5", "e3"):
             squares = " + ".join(f"({s}_{e} * {s}_scale) ** 2" for s in a.states[:8])
             lines.append(f"{e} = h_{e} * sqrt(({squares}) * 0.125)")
@@ -144,14 +144,14 @@ def error_lines(a: Assembly, used: list[Callable[..., Any]]) -> list[str]:
         rule = tip_error
         known = {*a.states, *a.numbers}
         for c in calls(wanted, known, (*arm.functions, arm.column_norms), arm.sincos):
-            emit(c, lines, used)
+            a.names.emit(c, lines, used)
         if a.scene.tolerance is not None:
             reach = " + ".join(f"l{k}" for k in range(1, arm.num_lengths + 1))
             for n, slides in zip(wanted, arm.prismatic, strict=True):
-                lines += [] if slides else [f"{n} = {prefixed(tip_weight)}({n}, {reach}, tip_tolerance)"]
+                lines += [] if slides else [f"{n} = {a.names.of(tip_weight)}({n}, {reach}, tip_tolerance)"]
         pairs = list(zip(wanted, arm.coordinates, arm.rates, strict=True))
         for e in ("e5", "e3"):
             terms = (f"{n} * (abs({q}_{e}) + interval * abs({v}_{e}))" for n, q, v in pairs)
             lines.append(f"{e} = h_{e} * ({' + '.join(terms)})")
-    lines.append(f"error = {prefixed(rule)}(e5, e3)")
+    lines.append(f"error = {a.names.of(rule)}(e5, e3)")
     return lines

@@ -12,7 +12,7 @@ from redundant_envs.effects.hooks import Impact
 from redundant_envs.evaluators.assemble import EVENT_BUDGET, LANES, Assembly
 from redundant_envs.evaluators.assemble_step import right_hand_side, step_of
 from redundant_envs.evaluators.quantities import calls
-from redundant_envs.evaluators.text import emit, indent, words
+from redundant_envs.evaluators.text import indent, words
 from redundant_envs.integrators import contacts, stops
 from redundant_envs.integrators.fixed_step import extremes
 from redundant_envs.integrators.tableaus import METHODS
@@ -127,7 +127,7 @@ class StopLines:
             f"mobility{i}_{x}": f"W{i}{k}" for x, k in zip("ab", joints, strict=True) for i in range(1, 5)
         }
         for call in calls(mobility.values(), known, (*functions, arm.slider_mobility), arm.sincos):
-            emit(call, contact, self.lanes.used)
+            a.names.emit(call, contact, self.lanes.used)
         (ka, kb), at = joints, self.use(stops.at_stop)
         let_go = [
             *contact,

@@ -17,7 +17,7 @@ from redundant_envs.evaluators.assemble import (
     Assembly,
 )
 from redundant_envs.evaluators.quantities import calls
-from redundant_envs.evaluators.text import block, emit, indent, prefixed
+from redundant_envs.evaluators.text import block, indent
 from redundant_envs.tasks.reach import ReachTask, goal_error
 
 STEP, RESET, OBSERVE, CHECKED_STEP = 0, 1, 2, 3
@@ -48,7 +48,7 @@ def task_kernels(assembly: Assembly) -> tuple[list[str], list[Callable[..., Any]
         _observe(assembly, task, used),
         _store(assembly),
         _environment(assembly),
-        _goal_reward(task, used),
+        _goal_reward(assembly, task, used),
         f"SIGNATURES = {SIGNATURES!r}",
     ]
     return blocks, used
@@ -64,7 +64,7 @@ def _statements(
     angles = {**a.scene.robot.sincos, **task.angles}
     lines: list[str] = []
     for call in calls(wanted, known, tuple(functions), angles, a.aliases):
-        emit(call, lines, used)
+        a.names.emit(call, lines, used)
     return lines
 
 
@@ -264,15 +264,15 @@ def _environment(a: Assembly) -> str:
     )
 
 
-def _goal_reward(task: ReachTask, used: list[Any]) -> str:
+def _goal_reward(a: Assembly, task: ReachTask, used: list[Any]) -> str:
     """The reward of the goal environments, from achieved and desired goals alone."""
     used += [goal_error, task.goal_reward]
     return (
         "def goal_reward_of(achieved_x, achieved_y, desired_x, desired_y, reach, "
         "goal_tolerance):\n"
-        f"    _, _, distance = {prefixed(goal_error)}("
+        f"    _, _, distance = {a.names.of(goal_error)}("
         "achieved_x, achieved_y, desired_x, desired_y)\n"
-        f"    return {prefixed(task.goal_reward)}(distance, reach, goal_tolerance)\n\n\n"
+        f"    return {a.names.of(task.goal_reward)}(distance, reach, goal_tolerance)\n\n\n"
         "goal_reward_lane = straight_line(goal_reward_of, reads=range(6), writes=(6,), lanes=1)\n\n\n"
         "def goal_reward(achieved, desired, reach, goal_tolerance, row, reward):\n"
         '    """Reward of pairs of achieved and desired goals, m; row is room for one pair."""\n'

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from redundant_envs.algebra import PRIMITIVES, is_physics
+from redundant_envs.dialect import names_in
 from redundant_envs.evaluators.quantities import Call
 
 _bound: dict[tuple[Any, int], tuple[Mapping[str, Any], Callable[..., Any]]] = {}
@@ -27,18 +28,14 @@ def _bind(
     if function in done:
         return done[function]
     source: Any = function
-    names = {}
-    for name in source.__code__.co_names:
-        value = source.__globals__.get(name)
+    names: dict[str, Any] = {"abs": abs}
+    for name, value in names_in(function).items():
         if name in PRIMITIVES:
             names[name] = primitives[name]
         elif is_physics(value):
             names[name] = _bind(value, primitives, done)
-        elif name == "abs":
-            names[name] = abs
-        elif isinstance(value, float | int):
-            names[name] = value
-    bound = types.FunctionType(source.__code__, names, source.__name__)
+    cells = tuple(types.CellType(names[n]) for n in source.__code__.co_freevars)
+    bound = types.FunctionType(source.__code__, names, source.__name__, None, cells)
     done[function] = bound
     return bound
 
@@ -67,10 +64,8 @@ def helpers(functions: Iterable[Callable[..., Any]]) -> list[Callable[..., Any]]
     def visit(function: Callable[..., Any]) -> None:
         if function in order:
             return
-        source: Any = function
-        for name in source.__code__.co_names:
-            value = source.__globals__.get(name)
-            if is_physics(value):
+        for name, value in names_in(function).items():
+            if name not in PRIMITIVES and is_physics(value):
                 visit(value)
         order.append(function)
 

@@ -28,11 +28,16 @@ def calls(
 ) -> list[Call]:
     """Statements, in order, that compute the wanted quantities from the known ones.
 
-    ``rename`` maps argument names to other quantities. A quantity nobody gives is a KeyError that
-    names it and lists what is known.
+    ``rename`` maps argument names to other quantities. A quantity nobody gives, or two
+    functions give, is a ValueError that names it.
     """
     rename = rename or {}
-    givers = {name: f for f in functions for name in gives_of(f)}
+    givers: dict[str, Callable[..., Any]] = {}
+    for f in functions:
+        for name in gives_of(f):
+            if givers.setdefault(name, f) is not f:
+                both = " and ".join(f"{g.__module__}.{g.__qualname__}" for g in (givers[name], f))
+                raise ValueError(f"the quantity {name!r} is given by both {both}; rename one of them")
     angles = {name: angle for angle, pair in sincos.items() for name in pair}
     have = set(known)
     order: list[Call] = []
@@ -47,7 +52,7 @@ def calls(
             have.update(sincos[angle])
             return
         if name not in givers:
-            raise KeyError(
+            raise ValueError(
                 f"{asked_by} needs the quantity {name!r}, which nothing gives; known: "
                 f"{', '.join(sorted(have | set(givers) | set(angles)))}"
             )

@@ -1,0 +1,151 @@
+"""Does an effect fit an arm? Every hook is looked at when a scene is made, before anything is compiled."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from redundant_envs import dialect
+from redundant_envs.algebra import arguments_of, gives_of
+from redundant_envs.effects.hooks import Actuation, Effect, Field, Force, Hook, Impact
+from redundant_envs.robots.parameters import Arm
+
+RESULTS = {Field: 2, Force: 1, Actuation: 1, Impact: 2}
+"""Values that the function of a hook returns."""
+COMMANDS = tuple(f"command{k}" for k in range(1, 5))
+KEY = re.compile(r"[^\W\d]\w*(\.\w+)*")
+
+
+def attached(where: str, effect: Effect, arm: Arm) -> tuple[Hook, ...]:
+    """The hooks of an effect on an arm, checked.
+
+    Raises
+    ------
+    ValueError
+        If the effect does not fit the arm, a function is outside the physics dialect, a name stands for
+        nothing, or the potential and the force of the effect cannot belong together. ``where`` names the
+        effect in the message.
+    """
+    kind = type(effect).__name__
+    hooks = effect.hooks(arm)
+    if not isinstance(effect.key, str) or not KEY.fullmatch(effect.key):
+        raise ValueError(f"{where} has the key {effect.key!r}; give letters, digits, '_' and '.'")
+    if not isinstance(hooks, tuple | list) or not all(isinstance(h, Hook) for h in hooks):
+        raise ValueError(
+            f"{kind}.hooks gives {hooks!r:.80}; give a tuple of Field, Force, Actuation or Impact"
+        )
+    own = effect.parameters()
+    for n, hook in enumerate(hooks):
+        try:
+            _check_hook(hook, own, arm)
+        except ValueError as error:
+            raise ValueError(f"{where} ({kind}), hook {n} ({type(hook).__name__}): {error}") from None
+    forces = [h for h in hooks if isinstance(h, Force)]
+    booked = [h for h in forces if h.conservative is not None]
+    if booked and all(h.potential is None for h in forces):
+        raise ValueError(
+            f"{where} ({kind}) has a conservative force and no potential; give the potential, or leave "
+            "'conservative' out: a force without a potential is booked as work"
+        )
+    return tuple(hooks)
+
+
+def _check_hook(hook: Hook, own: Mapping[str, float], arm: Arm) -> None:
+    if not isinstance(hook, Field):
+        count = len(arm.coordinates)
+        if isinstance(hook.joint, bool) or not isinstance(hook.joint, int) or not 0 <= hook.joint < count:
+            raise ValueError(f"joint is {hook.joint!r}; give 0 to {count - 1} ({', '.join(arm.joints)})")
+    if isinstance(hook, Impact):
+        for name in ("lower", "upper", "restitution"):
+            _own(name, getattr(hook, name), own)
+        dialect.check(hook.function)
+        return
+    _check_function("function", hook.function, hook, own, arm)
+    if dialect.results_of(hook.function) != RESULTS[type(hook)]:
+        raise ValueError(
+            f"function {hook.function.__qualname__} returns {dialect.results_of(hook.function)} values; "
+            f"a {type(hook).__name__} needs {RESULTS[type(hook)]}"
+        )
+    if not isinstance(hook, Force):
+        return
+    numbers = set(arm.parameter_values())
+    for name in ("potential", "conservative", "stiffness", "damping"):
+        function = getattr(hook, name)
+        if function is None:
+            continue
+        roots = _check_function(name, function, hook, own, arm)
+        if dialect.results_of(function) != 1:
+            raise ValueError(f"{name} {function.__qualname__} must return one value")
+        fixed = name in ("stiffness", "damping")
+        allowed = numbers if fixed else {*numbers, *arm.coordinates}
+        moving = ", ".join(sorted(source for source, behind in roots.items() if behind - allowed))
+        if not moving:
+            continue
+        if function is hook.function and name == "conservative":
+            raise ValueError(
+                f"{function.__qualname__} has a potential and depends on {moving}, so it is not all the "
+                "derivative of that; give conservative=, the part that is, as a function of its own"
+            )
+        raise ValueError(
+            f"{name} {function.__qualname__} depends on {moving}; it may depend on "
+            f"{'parameters' if fixed else 'the position'} alone"
+        )
+
+
+def _check_function(
+    field: str,
+    function: Callable[..., Any],
+    hook: Field | Force | Actuation,
+    own: Mapping[str, float],
+    arm: Arm,
+) -> dict[str, set[str]]:
+    """Check a hook's function and its names; returns what is behind each quantity of the arm in it."""
+    dialect.check(function)
+    if not isinstance(hook.bind, Mapping):
+        raise ValueError(f"bind is {hook.bind!r:.80}; give a mapping of arguments to names")
+    found: dict[str, set[str]] = {}
+    for argument in arguments_of(function):
+        source = hook.bind.get(argument, argument)
+        where = f"{field} {function.__qualname__}, argument {argument!r}"
+        if not isinstance(source, str):
+            raise ValueError(f"{where}: bind gives {source!r:.80}; give a name in quotation marks")
+        if source.startswith("."):
+            _own(where, source, own)
+        else:
+            found[source] = roots_of(where, source, arm)
+    return found
+
+
+def _own(where: str, source: str, own: Mapping[str, float]) -> None:
+    """Refuse the name of a number that the effect does not have."""
+    if not isinstance(source, str) or source[:1] != "." or source[1:] not in own:
+        valid = ", ".join(f".{name}" for name in own) or "none"
+        raise ValueError(f"{where}: {source!r} is no number of this effect; it has {valid}")
+
+
+def roots_of(where: str, quantity: str, arm: Arm) -> set[str]:
+    """States, commands and parameters that a quantity of an arm follows from."""
+    givers = {name: f for f in arm.functions for name in gives_of(f)}
+    angles = {name: angle for angle, pair in arm.sincos.items() for name in pair}
+    base = {*arm.coordinates, *arm.rates, *arm.parameter_values(), *COMMANDS, "ax", "ay"}
+    roots: set[str] = set()
+    waiting, seen = [quantity], {quantity}
+    while waiting:
+        name = waiting.pop()
+        needed: Iterable[str] = ()
+        if name in base:
+            roots.add(name)
+        elif name in angles:
+            needed = (angles[name],)
+        elif name in givers:
+            needed = arguments_of(givers[name])
+        else:
+            raise ValueError(
+                f"{where}: no quantity of {arm.kind} is called {quantity!r}, or it follows from the forces; "
+                "give one such as phi1 (position of joint 1), phid1 (its rate), tip_x, tip_vx, s1, c1, m1, "
+                "l1, or bind a number of the effect by '.name'"
+            )
+        waiting += [n for n in needed if n not in seen]
+        seen.update(needed)
+    return roots
