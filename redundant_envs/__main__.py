@@ -14,18 +14,21 @@ STUDIES = ("throughput", "environments", "stops", "accuracy")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command; returns 0, or 2 after a message about a mistake in what was asked for."""
+    """Run a command.
+
+    Returns 0, 1 if verify found a fault, or 2 after a message about a mistake in what was asked for.
+    """
     options = parser().parse_args(arguments)
     try:
-        options.handler(options)
+        result: int | None = options.handler(options)
     except ValueError as error:
         print(f"redundant_envs: {error}", file=sys.stderr)
         return 2
-    return 0
+    return result or 0
 
 
-def verify(options: argparse.Namespace) -> None:
-    """Print the errors of scenes at their own step."""
+def verify(options: argparse.Namespace) -> int:
+    """Print the errors of scenes at their own step and the faults of their effects; 1 if there are any."""
     from redundant_envs.scene import load_scene, scene_names
     from redundant_envs.studies.verification import verify as measure
 
@@ -35,8 +38,9 @@ def verify(options: argparse.Namespace) -> None:
         f"{'scene':24} {'step':>16} {'tip error, mm: median':>22} {'99 %':>9} {'max':>9} {'missed':>8} "
         f"{'references':>11} {'energy, J':>10} {'inverse':>9}"
     )
-    for name in options.scene or scene_names():
-        scene = load_scene(name)
+    faults = 0
+    scenes = [(name, load_scene(name)) for name in options.scene or scene_names()]
+    for name, scene in scenes:
         result = measure(scene, options.states)
         missed = "" if result.missed is None else f"{100.0 * result.missed:.3g} %"
         step = f"{scene.integrator} {1000 * scene.control_dt / scene.substeps:.3g} ms"
@@ -49,8 +53,14 @@ def verify(options: argparse.Namespace) -> None:
             f"{name:24} {step:>16} {median:>22} {high:>9} {most:>9} {missed:>8} "
             f"{1000 * result.reference:>11.1e} {result.energy:>10.1e} {result.inverse:>9.1e}"
         )
-        if not result.good:
+        if not result.fine_enough:
             print(f"  {name}: more than 1 mm at the 99th percentile: take more substeps")
+        for fault in result.faults:
+            print(f"  {name}: FAULT: {fault}")
+        faults += len(result.faults)
+    if faults:
+        print(f"redundant_envs: verify found {faults} fault{'s'[: faults > 1]}", file=sys.stderr)
+    return 1 if faults else 0
 
 
 def parser() -> argparse.ArgumentParser:
@@ -69,7 +79,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--clip", type=Path, metavar="GIF", help="also draw the motion; needs exactly one --scene")
     p.set_defaults(handler=simulate)
 
-    p = commands.add_parser("verify", help="measure whether a scene's own step is fine enough for it")
+    p = commands.add_parser("verify", help="check a scene's energies and whether its own step is fine enough")
     p.add_argument("scene", nargs="*", metavar="NAME_OR_PATH", help="default: all named scenes")
     p.add_argument("--states", type=int, default=1024)
     p.set_defaults(handler=verify)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.algebra import arguments_of
-from redundant_envs.effects.hooks import Field, Force
+from redundant_envs.effects.hooks import Effect, Field, Force
 from redundant_envs.evaluators.arrays import PRIMITIVES, evaluate
 from redundant_envs.evaluators.binding import bind
+from redundant_envs.robots.parameters import Arm
 from redundant_envs.scene import Scene
 
 Array = NDArray[np.float64]
@@ -28,27 +30,20 @@ def potential_energy(scene: Scene, q: Array) -> Array:
     values.update({name: q[..., k] for k, name in enumerate(arm.coordinates)})
     springs: list[Any] = []
     for effect in scene.effects:
-        own = effect.parameters()
         for hook in effect.hooks(arm):
-            if isinstance(hook, Force):
-                function = hook.potential
-            elif isinstance(hook, Field):
-                function = hook.function
-            else:
-                continue
-            if function is None:
-                continue
-            arguments = []
-            for a in arguments_of(function):
-                source = hook.bind.get(a, a)
-                if source.startswith("."):
-                    arguments.append(own[source[1:]])
-                else:
-                    arguments.append(evaluate(arm, [source], values)[0])
-            result = bind(function, PRIMITIVES)(*arguments)
             if isinstance(hook, Field):
-                values["ax"], values["ay"] = result
-            else:
-                springs.append(result)
+                values["ax"], values["ay"] = hook_value(arm, effect, hook, hook.function, values)
+            elif isinstance(hook, Force) and hook.potential is not None:
+                springs.append(hook_value(arm, effect, hook, hook.potential, values))
     total = evaluate(arm, ["U"], values)[0] + sum(springs)
     return np.broadcast_to(total, q.shape[:-1]).astype(np.float64)
+
+
+def hook_value(
+    arm: Arm, effect: Effect, hook: Field | Force, function: Callable[..., Any], values: dict[str, Any]
+) -> Any:
+    """A function of a hook on known quantities of the arm, the effect's own numbers given."""
+    own = effect.parameters()
+    sources = [hook.bind.get(a, a) for a in arguments_of(function)]
+    arguments = [own[s[1:]] if s.startswith(".") else evaluate(arm, [s], values)[0] for s in sources]
+    return bind(function, PRIMITIVES)(*arguments)

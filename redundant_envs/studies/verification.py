@@ -1,4 +1,5 @@
-"""Is a scene simulated right? Its own step against far finer ones, from random states."""
+"""Is a scene right, and its step fine enough? Energies are checked and far finer steps taken, from random
+states."""
 
 from __future__ import annotations
 
@@ -12,11 +13,16 @@ from numpy.typing import NDArray
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.model.energy import kinetic_energy, potential_energy
 from redundant_envs.scene import Scene
+from redundant_envs.studies.conservation import Book, Potential, energy_book, potentials
 
 FINE, FINER = 16, 32
 """Substeps of the two references, in units of the scene's own."""
 ENOUGH = 1e-3
 """Tip error of a control interval [m] that is called good enough at its 99th percentile."""
+
+
+BEYOND = 0.5
+"""How far beyond the travel potentials are looked at, in units of it: springs at its ends act only there."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +37,8 @@ class Verification:
     inverse : largest residual of inverse(forward) dynamics, relative
     missed : share of states whose tip error is above the scene's tolerance without a flag; None
         for a scene without a tolerance
+    potentials : every effect that has a potential, against its force
+    book : kinetic + potential - work of the interval, with steps of dop853
     """
 
     tip_error: tuple[float, float, float]
@@ -38,18 +46,33 @@ class Verification:
     energy: float
     inverse: float
     missed: float | None
+    potentials: tuple[Potential, ...]
+    book: Book
 
     @property
-    def good(self) -> bool:
+    def fine_enough(self) -> bool:
         """Whether the 99th percentile of the tip error is below 1 mm."""
         return self.tip_error[1] < ENOUGH
 
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """What is wrong with the scene's effects: no step is fine enough to mend it."""
+        return tuple(check.fault for check in (*self.potentials, self.book) if check.fault)
 
-def random_states(scene: Scene, count: int, seed: int) -> tuple[NDArray[np.float64], ...]:
+    @property
+    def good(self) -> bool:
+        """Whether the scene is right and its own step fine enough."""
+        return self.fine_enough and not self.faults
+
+
+def random_states(
+    scene: Scene, count: int, seed: int, beyond: float = 0.0
+) -> tuple[NDArray[np.float64], ...]:
     """Coordinates, velocities and efforts, (count, 4) each.
 
     Angles uniform all around, travel uniform, rates normal: 2 rad/s, 0.5 m/s. One slider in four
     stands still at an end of its travel. Efforts are uniform within the scene's limits, if it has some.
+    ``beyond`` widens the travel to both sides, in units of itself.
     """
     arm: Any = scene.robot
     rng = np.random.default_rng(seed)
@@ -58,7 +81,8 @@ def random_states(scene: Scene, count: int, seed: int) -> tuple[NDArray[np.float
     joints[:, prismatic] = rng.uniform(0.0, 0.2, (count, int(prismatic.sum())))
     values = scene.parameters()
     for joint, (low, high) in scene.travel().items():
-        joints[:, joint] = rng.uniform(values[low], values[high], count)
+        margin = beyond * (values[high] - values[low])
+        joints[:, joint] = rng.uniform(values[low] - margin, values[high] + margin, count)
     rates = rng.normal(0.0, 1.0, (count, 4)) * np.where(prismatic, 0.5, 2.0)
     for joint, (low, high) in scene.travel().items():
         if prismatic[joint]:
@@ -71,7 +95,17 @@ def random_states(scene: Scene, count: int, seed: int) -> tuple[NDArray[np.float
 
 
 def verify(scene: Scene, count: int = 1024, seed: int = 0) -> Verification:
-    """Measure the errors of a scene's own step."""
+    """Measure the errors of a scene's own step, and check how its effects are booked.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its effects may be a program's own.
+    count : int
+        Random states.
+    seed : int
+        Of the states.
+    """
     arm: Any = scene.robot
     if count < 1:
         raise ValueError(f"states is {count}; give at least 1")
@@ -102,5 +136,7 @@ def verify(scene: Scene, count: int = 1024, seed: int = 0) -> Verification:
         reference=float(np.linalg.norm(tips[1] - tips[2], axis=1).max()),
         energy=float(np.quantile(book, 0.99)),
         missed=None if scene.tolerance is None else float(np.mean((error > scene.tolerance) & (own[3] == 0))),
+        potentials=potentials(scene, random_states(scene, count, seed, BEYOND)[0]),
+        book=energy_book(scene, q, qd, efforts),
         inverse=float((np.abs(back - forces).max(axis=1) / np.abs(forces).max(axis=1)).max()),
     )

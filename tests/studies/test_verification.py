@@ -1,0 +1,228 @@
+"""verify: every potential against its force, and an energy book that closes; a wrong one is red."""
+
+import dataclasses
+import re
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+import redundant_envs as rde
+from redundant_envs.__main__ import main
+from redundant_envs.algebra import maximum, physics
+from redundant_envs.effects import (
+    REGISTRY,
+    CentringSpring,
+    Gravity,
+    LimitSpring,
+    centring_spring,
+    limit_spring,
+)
+from redundant_envs.effects.hooks import Effect, Field, Force
+from redundant_envs.scene import scene_names
+from redundant_envs.studies.verification import verify
+
+FOUR_R = rde.FourR((2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35))
+RPRP = rde.RPRP((2.3, 0.7, 1.9, 0.4), (1.1, 0.6))
+STATES = 64
+
+
+@physics
+def force(x, k):
+    return -k * x
+
+
+@physics
+def energy(x, k):
+    return 0.5 * k * x**2
+
+
+@physics
+def wrong_sign(x, k):
+    return -0.5 * k * x**2
+
+
+@physics
+def wrong_factor(x, k):
+    return k * x**2
+
+
+@physics
+def slightly_wrong(x, k):
+    return 0.50001 * k * x**2
+
+
+@physics
+def coupled_energy(x, y, k):
+    return 0.5 * k * (x - y) ** 2
+
+
+@physics
+def coupled_force(x, y, k):
+    return -k * (x - y)
+
+
+@physics
+def damped(x, rate, k):
+    return -k * (x + 0.1 * rate)
+
+
+@physics
+def one_sided(x, k):
+    return -k * maximum(x, 0.0)
+
+
+@physics
+def one_sided_energy(x, k):
+    return 0.5 * k * maximum(x, 0.0) ** 2
+
+
+@physics
+def uneven(x):
+    return 0.0, 9.81 + 0.5 * x
+
+
+X, Y = {"x": "phi2", "k": ".k"}, {"x": "phi3", "k": ".k"}
+RIGHT = {
+    "nothing else said": (Force(1, force, X, potential=energy),),
+    "said twice": (Force(1, force, X, potential=energy, conservative=force),),
+    "with a damper": (Force(1, damped, {**X, "rate": "phid2"}, potential=energy, conservative=force),),
+    "between two joints": (
+        Force(1, coupled_force, {**X, "y": "phi3"}, potential=coupled_energy),
+        Force(2, coupled_force, {**Y, "y": "phi2"}, conservative=coupled_force),
+    ),
+    "of an angle": (Force(0, force, {"x": "theta1", "k": ".k"}, potential=energy),),
+    "one-sided": (Force(1, one_sided, X, potential=one_sided_energy),),
+}
+WRONG = {
+    "sign": ((Force(1, force, X, potential=wrong_sign),), "joint2"),
+    "factor": ((Force(1, force, X, potential=wrong_factor),), "joint2"),
+    "small factor": ((Force(1, force, X, potential=slightly_wrong),), "joint2"),
+    "joint": ((Force(2, force, X, potential=energy),), r"joint[23]"),
+    "damper that is not counted": (
+        (Force(1, damped, {**X, "rate": "phid2"}, potential=energy, conservative=one_sided),), "joint2",
+    ),
+    "half of a coupling": (
+        (Force(1, coupled_force, {**X, "y": "phi3"}, potential=coupled_energy),), "joint3",
+    ),
+    "field that is not uniform": ((Field(uneven, {"x": "phi2"}),), r"joint\d"),
+}  # fmt: skip
+
+
+def effect_with(hooks):
+    @dataclass(frozen=True)
+    class Own(Effect):
+        k: float = 8.0
+
+        def hooks(self, arm):
+            return hooks
+
+    return Own
+
+
+@pytest.mark.parametrize("hooks", RIGHT.values(), ids=RIGHT)
+def test_a_right_potential_is_green(hooks):
+    result = verify(rde.Scene(FOUR_R, (effect_with(hooks)(),)), STATES)
+    assert result.faults == ()
+    assert result.book.gap < 1e-10
+    assert result.good
+
+
+@pytest.mark.parametrize(("hooks", "joint"), WRONG.values(), ids=WRONG)
+def test_a_wrong_potential_is_red(hooks, joint):
+    result = verify(rde.Scene(FOUR_R, (effect_with(hooks)(),)), STATES)
+    assert not result.good
+    assert re.search(f"own: at {joint} the conservative force is", result.faults[0])
+
+
+def test_a_book_that_does_not_close_is_red(monkeypatch):
+    """Even where every potential is right: here the work of a damper is forgotten."""
+    scene = rde.Scene(FOUR_R, (effect_with((Force(1, force, {"x": "phid2", "k": ".k"}),))(),))
+    assert verify(scene, STATES).faults == ()
+    work = rde.BatchSimulator.work.fget
+    monkeypatch.setattr(rde.BatchSimulator, "work", property(lambda batch: 0.99 * work(batch)))
+    (fault,) = verify(scene, STATES).faults
+    assert fault.startswith("energy: kinetic + potential - work changes by up to")
+
+
+@physics
+def half_spring_energy(position, lower, upper, stiffness):
+    return 0.25 * stiffness * ((upper - position) ** 2 + (lower - position) ** 2)
+
+
+@physics
+def raised(position, lower, upper, stiffness):
+    return 0.0 * position
+
+
+@pytest.mark.parametrize(
+    ("module", "effect", "field", "wrong"),
+    [
+        (limit_spring, LimitSpring("r1", 0.0, 0.3), "spring_energy", raised),
+        (limit_spring, LimitSpring("r1", 0.0, 0.3), "spring", raised),
+        (centring_spring, CentringSpring((9.0, 8.0), (0.0, 0.0), (0.3, 0.3)), "energy", half_spring_energy),
+        (centring_spring, CentringSpring((9.0, 8.0), (0.0, 0.0), (0.3, 0.3)), "force", raised),
+    ],
+)
+def test_a_mutation_of_an_effect_of_the_package_is_red(module, effect, field, wrong, monkeypatch):
+    """Springs at the ends of the travel act only beyond it: potentials are looked at there too."""
+    scene = rde.Scene(RPRP, (Gravity(), effect))
+    assert verify(scene, STATES).faults == ()
+    monkeypatch.setattr(module, field, wrong)
+    faults = verify(rde.Scene(RPRP, (Gravity(), effect)), STATES).faults
+    assert faults[0].startswith(f"{effect.key}: at r")
+
+
+def test_energies_of_every_scale_are_judged_in_their_own_units():
+    """Neither a light arm nor a potential far from zero makes a fault, or hides one."""
+    for mass in (1e-6, 1e6):
+        arm = rde.FourR((mass,) * 4, (1.0, 1.0, 1.0, 1.0))
+        for hooks, right in ((RIGHT["nothing else said"], True), (WRONG["factor"][0], False)):
+            scene = rde.Scene(arm, (Gravity(), effect_with(hooks)(8.0 * mass)))
+            assert (verify(scene, STATES).faults == ()) is right
+
+
+def test_verify_exits_with_1_on_a_fault(tmp_path, monkeypatch, capsys):
+    """A registered effect is found by name in a file; the line names scene, effect and joint."""
+    path = tmp_path / "mine.yaml"
+    text = (
+        "robot: {{type: FourR, masses: [1, 1, 1, 1], lengths: [0.2, 0.2, 0.2, 0.2]}}\n"
+        "effects: [{{type: Gravity}}, {{type: {}}}]\n"
+    )
+    for name, hooks, status in (("Right", RIGHT["nothing else said"], 0), ("Wrong", WRONG["sign"][0], 1)):
+        kind = effect_with(hooks)
+        kind.__name__ = name
+        monkeypatch.setitem(REGISTRY, name, kind)
+        path.write_text(text.format(name))
+        assert main(["verify", "--states", "64", "four_r_free", str(path)]) == status
+        out, err = capsys.readouterr()
+        assert ("FAULT" in out) == bool(status)
+    assert f"{path}: FAULT: wrong: at joint2 the conservative force is" in out
+    assert "verify found" in err
+    assert "redundant_envs: 1 " not in err
+
+
+def test_verify_refuses_before_it_measures(capsys):
+    assert main(["verify", "four_r_free", "nowhere"]) == 2
+    assert "four_r_free  " not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", scene_names())
+def test_scenes_of_the_package_are_good(name):
+    result = verify(rde.load_scene(name), 256)
+    assert result.faults == ()
+    assert result.good
+    assert all(p.gap < 1e-8 for p in result.potentials)
+    assert result.book.gap < 1e-10
+
+
+def test_coarse_steps_do_not_open_the_book():
+    """The book is that of the scene, not of its step."""
+    scene = dataclasses.replace(
+        rde.load_scene("four_r_free"), integrator="euler", control_dt=0.1, tolerance=None
+    )
+    result = verify(scene, STATES)
+    assert result.faults == ()
+    assert not result.fine_enough
+    assert not result.good
+    assert np.isfinite(result.energy)
