@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from redundant_envs.envs.registration import ids
+from redundant_envs.files import exists, explained, read_yaml, text_value
+from redundant_envs.values import shown
 
 ALGORITHMS = ("ppo", "sac")
+LARGEST_WHOLE = 2**53
+"""Largest whole number in a configuration: every float up to it is exact."""
 SEEDS_PER_RUN = 10_000
 """Environment seeds of a run: seed * 10 000 and up, one per environment."""
 
@@ -86,9 +87,9 @@ class Config:
 
     def __post_init__(self) -> None:
         if self.algo not in ALGORITHMS:
-            raise ValueError(f"algo is {self.algo!r}; choose {', '.join(ALGORITHMS)}")
+            raise ValueError(f"algo is {shown(self.algo)}; choose {', '.join(ALGORITHMS)}")
         if self.env not in ids():
-            raise ValueError(f"env is {self.env!r}; choose {', '.join(ids())}")
+            raise ValueError(f"env is {shown(self.env)}; choose {', '.join(ids())}")
         if not 0 <= self.seed < 100:
             raise ValueError(
                 f"seed is {self.seed}; choose 0..99: higher ones would meet the evaluation goals"
@@ -137,12 +138,14 @@ class Config:
 def build(kind: type[Any], data: Mapping[str, Any], where: str) -> Any:
     """A dataclass from plain data; unknown keys and wrong types are errors that name the field."""
     if not isinstance(data, Mapping):
-        raise ValueError(f"{where.rstrip('.')} is {data!r}; give a mapping")
+        raise ValueError(f"{where.rstrip('.')} is {shown(data)}; give a mapping")
     fields = {f.name: f for f in dataclasses.fields(kind)}
     values: dict[str, Any] = {}
     for key, value in data.items():
         if key not in fields:
-            raise ValueError(f"{where}{key} is unknown; valid: {', '.join(where + f for f in fields)}")
+            raise ValueError(
+                f"{where}{str(key)[:80]} is unknown; valid: {', '.join(where + f for f in fields)}"
+            )
         values[key] = convert(fields[key].type, value, f"{where}{key}")
     missing = [
         name for name, f in fields.items()
@@ -165,18 +168,18 @@ def convert(annotation: Any, value: Any, name: str) -> Any:
         if (
             isinstance(value, bool)
             or not isinstance(value, int | float)
-            or not math.isfinite(value)
+            or not abs(value) <= LARGEST_WHOLE
             or value != int(value)
         ):
-            raise ValueError(f"{name} is {value!r}; give a whole number")
+            raise ValueError(f"{name} is {shown(value)}; give a whole number")
         return int(value)
     if text == "float":
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise ValueError(f"{name} is {value!r}; give a number")
+            raise ValueError(f"{name} is {shown(value)}; give a number")
         return float(value)
     if text == "str":
         if not isinstance(value, str):
-            raise ValueError(f"{name} is {value!r}; give a text")
+            raise ValueError(f"{name} is {shown(value)}; give a text")
         return value
     if text == "str | float | None":
         if isinstance(value, str):
@@ -185,48 +188,46 @@ def convert(annotation: Any, value: Any, name: str) -> Any:
     if text.startswith("tuple"):
         kind, noun = ("str", "texts") if "str" in text else ("int", "whole numbers")
         if not isinstance(value, list | tuple):
-            raise ValueError(f"{name} is {value!r}; give a list of {noun}")
+            raise ValueError(f"{name} is {shown(value)}; give a list of {noun}")
         return tuple(convert(kind, v, f"{name}[{i}]") for i, v in enumerate(value))
     if not isinstance(value, Mapping):
-        raise ValueError(f"{name} is {value!r}; give a mapping")
+        raise ValueError(f"{name} is {shown(value)}; give a mapping")
     return dict(value)
 
 
 def load(path: str | Path, overrides: Sequence[str] = ()) -> Config:
     """A configuration from a YAML file and overrides such as ``seed=3 ppo.gamma=0.98``."""
-    config: Config = build(Config, read(path, overrides, "configs/training"), "")
+    data = read(path, overrides, "configs/training")
+    with explained(path, not overrides):
+        config: Config = build(Config, data, "")
     return config
 
 
 def read(path: str | Path, overrides: Sequence[str], folder: str) -> dict[str, Any]:
     """What a YAML file holds, with overrides; where it is missing, the error lists the folder's files."""
     file = Path(path)
-    if not file.is_file():
+    if not exists(file):
         available = sorted(str(p) for p in Path(folder).glob("*.yaml"))
-        raise ValueError(f"config is {str(path)!r}; there is no such file. Found: {', '.join(available)}")
-    data = yaml.safe_load(file.read_text(encoding="utf-8"))
+        raise ValueError(
+            f"config is {shown(str(path))}; there is no such file. Found: {', '.join(available)}"
+        )
+    data = read_yaml(file, "config")
     if not isinstance(data, dict):
         raise ValueError(f"{file} holds no mapping; give 'key: value' lines")
     for override in overrides:
         key, separator, text = override.partition("=")
         if not separator:
-            raise ValueError(f"override is {override!r}; write key=value, such as seed=3")
+            raise ValueError(f"override is {shown(override)}; write key=value, such as seed=3")
         place = data
         *parents, last = key.split(".")
         for parent in parents:
             place = place.setdefault(parent, {})
             if not isinstance(place, dict):
-                raise ValueError(f"override {key!r}: {parent!r} has no keys inside")
+                raise ValueError(f"override {shown(key)}: {shown(parent)} has no keys inside")
         place[last] = number_or_text(text)
     return data
 
 
 def number_or_text(text: str) -> Any:
-    """YAML's reading of a value, and 1e-3 as a number too."""
-    value = yaml.safe_load(text)
-    if isinstance(value, str):
-        try:
-            return float(value)
-        except ValueError:
-            return value
-    return value
+    """A value as YAML reads it."""
+    return text_value(text, f"the value {shown(text)}")

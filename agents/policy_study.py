@@ -25,6 +25,7 @@ from agents.statistics import bootstrap_means, middle_95, permutation_test, sign
 from agents.train import load_policy, progress_bars, train
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.sb3 import make_sb3
+from redundant_envs.files import explained
 from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.model.batch import Numerics
 from redundant_envs.scene import ACCURACIES, Scene, scene_data
@@ -180,7 +181,9 @@ def _part(kind: type[Any], value: Any, where: str) -> Any:
 
 def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
     """The study of a YAML file, with overrides such as ``train_seeds=0``."""
-    study: Study = build(Study, read(path, overrides, "configs/studies"), "")
+    data = read(path, overrides, "configs/studies")
+    with explained(path, not overrides):
+        study: Study = build(Study, data, "")
     return study
 
 

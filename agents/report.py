@@ -10,13 +10,13 @@ import gymnasium as gym
 import imageio.v2 as imageio
 import matplotlib
 import numpy as np
-import yaml
 
 from agents.config import Config, build
 from agents.evaluate import summary
 from agents.rollout import EVALUATION_SEED, Act, policy_act
 from agents.train import load_policy
 from redundant_envs.envs.sb3 import make_sb3
+from redundant_envs.files import explained, read_yaml
 
 matplotlib.use("Agg")
 CLIP_EPISODES = 4
@@ -27,7 +27,9 @@ def read_config(folder: Path) -> Config:
     path = folder / "config.yaml"
     if not path.is_file():
         raise ValueError(f"run folder {folder} has no config.yaml; give a folder that train wrote")
-    config: Config = build(Config, yaml.safe_load(path.read_text()), "")
+    data = read_yaml(path, "config")
+    with explained(path):
+        config: Config = build(Config, data, "")
     return config
 
 

@@ -4,21 +4,28 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from importlib import import_module
+from numbers import Integral
 from pathlib import Path
 from typing import Any
-
-import yaml
 
 from redundant_envs.effects import REGISTRY as EFFECTS
 from redundant_envs.effects.attaching import attached
 from redundant_envs.effects.hooks import Actuation, Effect, Field, Hook, Impact, snake_case
+from redundant_envs.files import exists, explained, read_yaml
 from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.robots.parameters import Arm, number
+from redundant_envs.values import check_bounds, shown
 
 ARMS: dict[str, type[Arm]] = {}
-"""Arms by their name in scene files; filled by ``redundant_envs.model``."""
+"""Arms by their name in scene files; filled by ``redundant_envs.model``. :func:`arms` has them all."""
+
+MOST_SUBSTEPS = 1_000_000
+"""Steps per control interval: with more a single interval takes a second or longer."""
+SHORTEST_INTERVAL, LONGEST_INTERVAL = 1e-9, 1e3
+"""Allowed control intervals, s."""
 
 OWN_KEYS = frozenset(snake_case(name) for name in EFFECTS)
 """First parts of the parameter names of this package's effects; none is like a name of generated text."""
@@ -65,13 +72,23 @@ class Scene:
 
     def __post_init__(self) -> None:
         if not isinstance(self.robot, Arm):
-            raise ValueError(f"robot is {self.robot!r}; give an arm: {', '.join(sorted(ARMS))}")
+            raise ValueError(f"robot is {shown(self.robot)}; give an arm: {', '.join(sorted(arms()))}")
+        if isinstance(self.effects, Effect):
+            one = shown(self.effects)
+            raise ValueError(f"effects is the effect {one}; give a sequence, effects=({one},)")
+        if isinstance(self.effects, str | bytes | Mapping) or not isinstance(self.effects, Iterable):
+            raise ValueError(
+                f"effects is {shown(self.effects)}; give a sequence of effects, such as effects=(Gravity(),)"
+            )
         object.__setattr__(self, "effects", tuple(self.effects))
         seen: dict[str, Effect] = {}
         hooks: list[Hook] = []
         for i, effect in enumerate(self.effects):
             if not isinstance(effect, Effect):
-                raise ValueError(f"effects[{i}] is {effect!r}; give an effect: {', '.join(sorted(EFFECTS))}")
+                raise ValueError(
+                    f"effects[{i}] is {shown(effect)}; give an effect, such as Gravity(): "
+                    f"{', '.join(sorted(EFFECTS))}"
+                )
             hooks += attached(f"effects[{i}]", effect, self.robot)
             if effect.key in seen:
                 fix = "combine the two into one"
@@ -85,21 +102,30 @@ class Scene:
         joints = [h.joint for h in hooks if isinstance(h, Actuation)]
         if len(set(joints)) < len(joints):
             raise ValueError("effects has two effects on the same motor; combine them into one")
-        if self.integrator not in METHODS:
-            raise ValueError(f"integrator is {self.integrator!r}; choose {', '.join(METHODS)}")
+        if not isinstance(self.integrator, str) or self.integrator not in METHODS:
+            raise ValueError(f"integrator is {shown(self.integrator)}; choose {', '.join(METHODS)}")
         dt = number("control_dt", self.control_dt)
         if dt <= 0.0:
             raise ValueError(f"control_dt is {dt} s; it must be positive")
+        if not SHORTEST_INTERVAL <= dt <= LONGEST_INTERVAL:
+            raise ValueError(
+                f"control_dt is {dt} s; it must lie in {SHORTEST_INTERVAL:g} to {LONGEST_INTERVAL:g} s"
+            )
         object.__setattr__(self, "control_dt", dt)
-        if isinstance(self.substeps, bool) or not isinstance(self.substeps, int):
-            raise ValueError(f"substeps is {self.substeps!r}; give a whole number")
+        if isinstance(self.substeps, bool) or not isinstance(self.substeps, Integral):
+            raise ValueError(f"substeps is {shown(self.substeps)}; give a whole number")
         if self.substeps < 1:
-            raise ValueError(f"substeps is {self.substeps}; it must be at least 1")
+            raise ValueError(f"substeps is {shown(self.substeps)}; it must be at least 1")
+        if self.substeps > MOST_SUBSTEPS:
+            raise ValueError(
+                f"substeps is {shown(self.substeps)}; give at most {MOST_SUBSTEPS}, or a tolerance instead"
+            )
+        object.__setattr__(self, "substeps", int(self.substeps))
         if self.integrator == "dop853" and self.substeps != 1:
             raise ValueError(f"substeps is {self.substeps}; dop853 chooses its steps itself: leave it at 1")
         self._check_tolerance()
-        if self.actuation not in ACTUATIONS:
-            raise ValueError(f"actuation is {self.actuation!r}; choose {', '.join(ACTUATIONS)}")
+        if not isinstance(self.actuation, str) or self.actuation not in ACTUATIONS:
+            raise ValueError(f"actuation is {shown(self.actuation)}; choose {', '.join(ACTUATIONS)}")
 
     def _check_identifiers(self) -> None:
         """Every parameter is a row of its own in the compiled core."""
@@ -176,15 +202,16 @@ class Scene:
     def from_dict(cls, data: Mapping[str, Any]) -> Scene:
         """A scene from plain data; unknown names are errors that list the valid ones."""
         if not isinstance(data, Mapping):
-            raise ValueError(f"scene is {data!r}; give a mapping")
+            raise ValueError(f"scene is {shown(data)}; give a mapping")
+        check_bounds("scene", data)
         fields = [f.name for f in dataclasses.fields(cls)]
         check_keys("scene", data, fields)
         if "robot" not in data:
             raise ValueError("scene has no 'robot'; give its type, masses and lengths")
-        robot = typed("robot", data["robot"], ARMS)
+        robot = typed("robot", data["robot"], arms())
         effects = data.get("effects", ())
-        if isinstance(effects, str) or not hasattr(effects, "__iter__"):
-            raise ValueError(f"effects is {effects!r}; give a list of mappings with a 'type'")
+        if not isinstance(effects, list | tuple):
+            raise ValueError(f"effects is {shown(effects)}; give a list of mappings with a 'type'")
         built = tuple(typed(f"effects[{i}]", e, EFFECTS) for i, e in enumerate(effects))
         rest = {k: v for k, v in data.items() if k not in ("robot", "effects")}
         return cls(robot, built, **rest)
@@ -203,16 +230,16 @@ def check_keys(where: str, data: Mapping[str, Any], valid: list[str]) -> None:
     """Refuse keys that are not valid, naming the valid ones."""
     for key in data:
         if key not in valid:
-            raise ValueError(f"{where} has the unknown key {key!r}; valid: {', '.join(valid)}")
+            raise ValueError(f"{where} has the unknown key {shown(key)}; valid: {', '.join(valid)}")
 
 
 def typed(where: str, data: Any, registry: Mapping[str, type[Any]]) -> Any:
     """Build the class that ``data["type"]`` names in a registry."""
     if not isinstance(data, Mapping) or "type" not in data:
-        raise ValueError(f"{where} is {data!r}; give a mapping with a 'type'")
+        raise ValueError(f"{where} is {shown(data)}; give a mapping with a 'type'")
     kind = data["type"]
-    if kind not in registry:
-        raise ValueError(f"{where}.type is {kind!r}; valid: {', '.join(sorted(registry))}")
+    if not isinstance(kind, str) or kind not in registry:
+        raise ValueError(f"{where}.type is {shown(kind)}; valid: {', '.join(sorted(registry))}")
     target = registry[kind]
     arguments = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items() if k != "type"}
     fields = dataclasses.fields(target)
@@ -222,6 +249,12 @@ def typed(where: str, data: Any, registry: Mapping[str, type[Any]]) -> Any:
         if required and f.name not in arguments:
             raise ValueError(f"{where} ({kind}) lacks {f.name!r}")
     return target(**arguments)
+
+
+def arms() -> Mapping[str, type[Arm]]:
+    """Arms by their name in scene files, whatever was imported before."""
+    import_module("redundant_envs.model.arms")  # it stands above this module, and registers them
+    return ARMS
 
 
 def scene_folder() -> Path:
@@ -236,12 +269,27 @@ def scene_names() -> list[str]:
 
 
 def load_scene(scene: str | Path | Mapping[str, Any] | Scene) -> Scene:
-    """A scene by its name, the path of a YAML file, or as plain data."""
+    """A scene by its name, the path of a YAML file, or as plain data.
+
+    Raises
+    ------
+    ValueError
+        With the file and, where it is known, the line of the mistake.
+    """
     if isinstance(scene, Scene):
         return scene
     if isinstance(scene, Mapping):
         return Scene.from_dict(scene)
-    return Scene.from_dict(scene_data(scene))
+    data = scene_data(scene)
+    with explained(scene_path(scene)):
+        return Scene.from_dict(data)
+
+
+def scene_path(scene: str | Path) -> Path:
+    """The file of a scene; a name stands for one of the package."""
+    if isinstance(scene, Path) or scene.endswith((".yaml", ".yml")):
+        return Path(scene)
+    return scene_folder() / f"{scene}.yaml"
 
 
 def scene_data(scene: str | Path) -> Any:
@@ -250,14 +298,13 @@ def scene_data(scene: str | Path) -> Any:
         raise ValueError(
             f"scene is {type(scene).__name__}; give a name, a path or a mapping (Scene.to_dict() makes one)"
         )
-    path = scene_folder() / f"{scene}.yaml"
-    if isinstance(scene, Path) or scene.endswith((".yaml", ".yml")):
-        path = Path(scene)
-    if not path.is_file():
+    path = scene_path(scene)
+    if not exists(path):
         raise ValueError(
-            f"scene is {str(scene)!r}; there is no such file and no such name: {', '.join(scene_names())}"
+            f"scene is {shown(str(scene))}; there is no such file and no such name: "
+            f"{', '.join(scene_names())}"
         )
-    return yaml.safe_load(path.read_text(encoding="utf-8"))
+    return read_yaml(path, "scene")
 
 
 def scene_at(scene: str | Path | Mapping[str, Any] | Scene, accuracy: str | float | None) -> Scene:
@@ -266,13 +313,13 @@ def scene_at(scene: str | Path | Mapping[str, Any] | Scene, accuracy: str | floa
     With None a scene keeps its own integrator, substeps and tolerance, and "standard" serves one
     that gives none of them.
     """
+    built = load_scene(scene)
     named = isinstance(scene, str) and not scene.endswith((".yaml", ".yml"))
     if named or isinstance(scene, Scene):
         own: tuple[str, ...] = ()
     else:
         data = scene if isinstance(scene, Mapping) else scene_data(scene)
         own = tuple(k for k in ("integrator", "substeps", "tolerance") if k in data)
-    built = load_scene(scene)
     if accuracy is None:
         if own or named or isinstance(scene, Scene):
             return built

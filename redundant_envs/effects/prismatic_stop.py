@@ -10,6 +10,7 @@ from redundant_envs.algebra import maximum, minimum, physics, sqrt, where
 from redundant_envs.effects.hooks import Effect, Hook, Impact
 from redundant_envs.integrators.stops import bounds, closeness, excursions
 from redundant_envs.robots.parameters import Arm, number
+from redundant_envs.values import shown
 
 
 @physics
@@ -80,11 +81,12 @@ class PrismaticStop(Effect):
     def __post_init__(self) -> None:
         for name, none in (("lower", -math.inf), ("upper", math.inf)):
             ends = getattr(self, name)
-            if isinstance(ends, str) or not hasattr(ends, "__len__") or len(ends) != 2:
-                raise ValueError(f"PrismaticStop.{name} is {ends!r}; give two ends, those of r1 and r2")
+            given = ends.tolist() if hasattr(ends, "tolist") else ends
+            if not isinstance(given, tuple | list) or len(given) != 2:
+                raise ValueError(f"PrismaticStop.{name} is {shown(ends)}; give two ends, those of r1 and r2")
             checked = tuple(
                 None if end is None or end == none else number(f"PrismaticStop.{name}[{i}]", end)
-                for i, end in enumerate(ends)
+                for i, end in enumerate(given)
             )
             object.__setattr__(self, name, checked)
         for i, (low, high) in enumerate(zip(self.lower, self.upper, strict=True)):

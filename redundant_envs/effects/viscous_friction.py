@@ -54,7 +54,7 @@ class ViscousFriction(Effect):
 
 def four_not_negative(field: str, value: Any) -> tuple[float, ...]:
     """Four finite numbers, none negative; a single number is repeated."""
-    if not hasattr(value, "__len__"):
+    if not hasattr(value, "__len__") or getattr(value, "ndim", 1) == 0:
         value = (number(field, value),) * 4
     xs = numbers(field, value, 4)
     for i, x in enumerate(xs):

@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 
 from redundant_envs.envs.core import Core, check_action, plain_scene, refuse_bad_action
 from redundant_envs.evaluators.assemble import PLACES
+from redundant_envs.scene import check_keys
 from redundant_envs.tasks.reach import ReachTask
+from redundant_envs.values import shown
 
 KERNEL_MODE = {
     AutoresetMode.DISABLED: 0,
@@ -256,9 +258,9 @@ def make_task(task: Mapping[str, Any] | None) -> ReachTask:
     if task is None:
         return ReachTask()
     valid = list(ReachTask.__dataclass_fields__)
-    for key in task:
-        if key not in valid:
-            raise ValueError(f"task has the unknown key {key!r}; valid: {', '.join(valid)}")
+    if not isinstance(task, Mapping):
+        raise ValueError(f"task is {shown(task)}; give a mapping of {', '.join(valid)}")
+    check_keys("task", task, valid)
     return ReachTask(**task)
 
 

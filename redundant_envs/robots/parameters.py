@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
+
+from redundant_envs.values import shown
 
 LARGEST_RATIO = 1e12
 """Largest allowed ratio of two masses or two lengths: beyond it float64 loses the small one."""
@@ -16,12 +18,13 @@ SMALLEST, LARGEST = 1e-30, 1e30
 
 def number(field: str, value: Any) -> float:
     """A finite float, or a ValueError that names the field."""
-    if isinstance(value, (bool, str)):
-        raise ValueError(f"{field} is {value!r}; give a finite number")
+    numeric = getattr(getattr(value, "dtype", None), "kind", "f") in "iuf"  # of NumPy: no bool, no complex
+    if isinstance(value, (bool, str, bytes, bytearray)) or not numeric or getattr(value, "ndim", 0):
+        raise ValueError(f"{field} is {shown(value)}; give a finite number")
     try:
         x = float(value)
-    except (TypeError, ValueError):
-        raise ValueError(f"{field} is {value!r}; give a finite number") from None
+    except (TypeError, ValueError, OverflowError):
+        raise ValueError(f"{field} is {shown(value)}; give a finite number") from None
     if not math.isfinite(x):
         raise ValueError(f"{field} is {x}; give a finite number")
     return x
@@ -29,8 +32,9 @@ def number(field: str, value: Any) -> float:
 
 def numbers(field: str, values: Any, count: int) -> tuple[float, ...]:
     """A tuple of ``count`` finite floats, or a ValueError that names the field."""
-    if isinstance(values, str) or not hasattr(values, "__len__"):
-        raise ValueError(f"{field} is {values!r}; give a sequence of {count} numbers")
+    plain = hasattr(values, "__len__") and hasattr(values, "__getitem__") and not isinstance(values, Mapping)
+    if isinstance(values, (str, bytes)) or not plain or getattr(values, "ndim", 1) == 0:
+        raise ValueError(f"{field} is {shown(values)}; give a sequence of {count} numbers")
     if len(values) != count:
         raise ValueError(f"{field} has {len(values)} entries; give {count}")
     return tuple(number(f"{field}[{i}]", v) for i, v in enumerate(values))
@@ -103,7 +107,7 @@ class Arm:
     def joint_index(self, name: str) -> int:
         """Position of a joint by its name; an unknown name lists the valid ones."""
         if name not in self.joints:
-            raise ValueError(f"coordinate is {name!r}; {self.kind} has {', '.join(self.joints)}")
+            raise ValueError(f"coordinate is {shown(name)}; {self.kind} has {', '.join(self.joints)}")
         return self.joints.index(name)
 
     def parameter_values(self) -> dict[str, float]:

@@ -9,13 +9,14 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
+from redundant_envs.files import exists, explained, read_yaml
 from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.robots.parameters import number, numbers
 from redundant_envs.scene import Scene, check_keys
 from redundant_envs.studies.peers import MUJOCO_INTEGRATORS
+from redundant_envs.values import shown
 
 Array = NDArray[np.float64]
 States = tuple[Array, Array, Array]
@@ -36,7 +37,7 @@ def build(kind: type[T], where: str, data: Any) -> T:
     if isinstance(data, kind):
         return data
     if not isinstance(data, Mapping):
-        raise ValueError(f"{where} is {data!r}; give a mapping with {', '.join(names)}")
+        raise ValueError(f"{where} is {shown(data)}; give a mapping with {', '.join(names)}")
     check_keys(where, data, names)
     for f in fields:
         if f.name not in data and f.default is dataclasses.MISSING:
@@ -47,7 +48,7 @@ def build(kind: type[T], where: str, data: Any) -> T:
 def whole(field: str, value: Any) -> int:
     """A whole number of at least 1."""
     if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-        raise ValueError(f"{field} is {value!r}; give a whole number of at least 1")
+        raise ValueError(f"{field} is {shown(value)}; give a whole number of at least 1")
     return value
 
 
@@ -62,13 +63,13 @@ def positive(field: str, value: Any) -> float:
 def sweeps(field: str, data: Any, valid: Sequence[str]) -> dict[str, tuple[float, ...]]:
     """Name -> settings: whole numbers of steps, but for tolerances."""
     if not isinstance(data, Mapping):
-        raise ValueError(f"{field} is {data!r}; give lists of settings by name: {', '.join(valid)}")
+        raise ValueError(f"{field} is {shown(data)}; give lists of settings by name: {', '.join(valid)}")
     check_keys(field, data, list(valid))
     checked: dict[str, tuple[float, ...]] = {}
     for name, values in data.items():
         at = f"{field}.{name}"
         if isinstance(values, str) or not isinstance(values, Sequence) or not values:
-            raise ValueError(f"{at} is {values!r}; give a list of settings")
+            raise ValueError(f"{at} is {shown(values)}; give a list of settings")
         check = positive if name in (TOLERANCE, *SCIPY_METHODS) else whole
         checked[name] = tuple(check(f"{at}[{i}]", value) for i, value in enumerate(values))
     return checked
@@ -281,6 +282,8 @@ class Study:
 
 def load_study(path: Path) -> Study:
     """The study that a YAML file describes."""
-    if not path.is_file():
-        raise ValueError(f"config is {str(path)!r}; there is no such file")
-    return build(Study, "config", yaml.safe_load(path.read_text(encoding="utf-8")))
+    if not exists(path):
+        raise ValueError(f"config is {shown(str(path))}; there is no such file")
+    data = read_yaml(path, "config")
+    with explained(path):
+        return build(Study, "config", data)

@@ -18,15 +18,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from redundant_envs.effects import Gravity, LimitSpring, ViscousFriction
 from redundant_envs.evaluators import cpu
 from redundant_envs.evaluators.assemble import assemble
+from redundant_envs.files import exists, explained, read_yaml
 from redundant_envs.model.arms import RPRP, FourR
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.scene import Scene, check_keys, scene_folder
+from redundant_envs.values import shown
 
 COLUMNS = (
     "machine", "date", "python", "numba", "numpy", "commit", "dgemm_gflops", "arm", "integrator",
@@ -50,11 +51,17 @@ def study_path(name: str) -> Path:
 
 def load_config(path: Path) -> dict[str, Any]:
     """Numbers of the study, checked: lanes, repeats, bar_gflops [1e9/s], cases."""
-    if not path.is_file():
-        raise ValueError(f"config is {str(path)!r}; there is no such file")
-    data = yaml.safe_load(path.read_text(encoding="utf-8"))
+    if not exists(path):
+        raise ValueError(f"config is {shown(str(path))}; there is no such file")
+    data = read_yaml(path, "config")
+    with explained(path):
+        return checked_config(data)
+
+
+def checked_config(data: Any) -> dict[str, Any]:
+    """Numbers of the study from plain data."""
     if not isinstance(data, Mapping):
-        raise ValueError(f"config is {data!r}; give a mapping with lanes, repeats, bar_gflops and cases")
+        raise ValueError(f"config is {shown(data)}; give a mapping with lanes, repeats, bar_gflops and cases")
     names = ["lanes", "repeats", "cases", "bar_gflops"]
     check_keys("config", data, names)
     for name in names:
@@ -62,8 +69,12 @@ def load_config(path: Path) -> dict[str, Any]:
             raise ValueError(f"config lacks {name!r}; give all of {', '.join(names)}")
     for name in ("lanes", "repeats"):
         if isinstance(data[name], bool) or not isinstance(data[name], int) or data[name] < 1:
-            raise ValueError(f"config.{name} is {data[name]!r}; give a whole number of at least 1")
+            raise ValueError(f"config.{name} is {shown(data[name])}; give a whole number of at least 1")
+    if not isinstance(data["cases"], list | tuple):
+        raise ValueError(f"config.cases is {shown(data['cases'])}; give a list of mappings")
     for i, case in enumerate(data["cases"]):
+        if not isinstance(case, Mapping):
+            raise ValueError(f"config.cases[{i}] is {shown(case)}; give a mapping with {', '.join(CASE)}")
         check_keys(f"config.cases[{i}]", case, [*CASE, *CONTROLLED])
         needed = (*CASE, *(CONTROLLED if any(name in case for name in CONTROLLED) else ()))
         for name in needed:

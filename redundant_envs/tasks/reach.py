@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -189,6 +190,16 @@ COMMON = {
 }
 
 
+RANGES = {
+    "goal_tolerance": (1e-9, 2.0),  # the tip is never farther from a goal than two reaches
+    "hold_speed": (1e-9, 1e9),
+    "hold_steps": (1, 1e9),
+    "start_angle": (0.0, 1e6),  # sines are exact to the last places up to here
+    "rate_scale": (1e-9, 1e9),
+}
+"""Allowed numbers of the task: their squares neither overflow nor vanish beside those of a motion."""
+
+
 @dataclass(frozen=True)
 class ReachTask:
     """Bring the tip to a random goal and hold it there.
@@ -237,6 +248,11 @@ class ReachTask:
             value = number(f"ReachTask.{name}", getattr(self, name))
             if value <= 0.0:
                 raise ValueError(f"ReachTask.{name} is {value}; it must be positive")
+            low, high = RANGES.get(name, (0.0, math.inf))
+            if not low <= value <= high:
+                raise ValueError(f"ReachTask.{name} is {value}; it must lie in {low:g} to {high:g}")
+        if self.hold_steps != int(self.hold_steps):
+            raise ValueError(f"ReachTask.hold_steps is {self.hold_steps}; give a whole number")
         if not self.inner < self.outer <= 1.0:
             raise ValueError(
                 f"ReachTask.inner is {self.inner}, outer is {self.outer}; "

@@ -1,0 +1,253 @@
+"""Files of users: YAML that is read as plain data, within bounds, with one clear message on a mistake."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import stat
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from redundant_envs.values import DEEPEST, LONGEST, MOST_VALUES, shown
+
+LARGEST_FILE = 1 << 15
+"""Bytes: eight times the longest description there is; the reader takes a fifth of a second for it."""
+MOST_DIGITS = 100
+"""Characters of the longest number: more says nothing more about a float."""
+
+
+class Table(dict[Any, Any]):
+    """A mapping of a file, with the line of each of its keys."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.lines: dict[Any, int] = {}
+
+
+class _Mistake(Exception):
+    """Something that a file must not have, and its line."""
+
+    def __init__(self, line: int, problem: str) -> None:
+        super().__init__(problem)
+        self.line, self.problem = line, problem
+
+
+class _Reader(yaml.SafeLoader):
+    """Plain data only: no tags, no aliases, no keys twice; numbers as in YAML 1.2, so 1e-6 is one."""
+
+    yaml_implicit_resolvers: dict[Any, Any] = {}
+    depth = count = 0
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        event = self.peek_event()  # type: ignore[no-untyped-call]
+        line = event.start_mark.line + 1
+        if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None) is not None:
+            raise _Mistake(line, "it has an anchor (&) or an alias (*); write the value out in each place")
+        if getattr(event, "tag", None) is not None:
+            raise _Mistake(line, f"it has the tag {shown(event.tag)}; write plain values without tags")
+        self.count += 1
+        self.depth += 1
+        if self.depth > DEEPEST:
+            raise _Mistake(line, f"it is nested more than {DEEPEST} deep; write plain data")
+        if self.count > MOST_VALUES:
+            raise _Mistake(line, f"it holds more than {MOST_VALUES} values; write fewer")
+        node = super().compose_node(parent, index)  # type: ignore[no-untyped-call]
+        self.depth -= 1
+        return node
+
+    def table(self, node: yaml.MappingNode) -> Table:
+        """A mapping whose keys are plain and different."""
+        table = Table()
+        for key_node, value_node in node.value:
+            line = key_node.start_mark.line + 1
+            if not isinstance(key_node, yaml.ScalarNode):
+                raise _Mistake(line, "a key is a list or a mapping; write a plain name")
+            key = self.construct_object(key_node)  # type: ignore[no-untyped-call]
+            if key == "<<":
+                raise _Mistake(line, "it has a merge key (<<); write the values out")
+            if key in table:
+                raise _Mistake(line, f"the key {shown(key)} stands there twice; keep one of them")
+            table.lines[key] = line
+            table[key] = self.construct_object(value_node, deep=True)  # type: ignore[no-untyped-call]
+        return table
+
+    def whole_number(self, node: yaml.ScalarNode) -> int:
+        return int(self._digits(node))
+
+    def real_number(self, node: yaml.ScalarNode) -> float:
+        text = self._digits(node).lower()
+        return float(text.replace(".inf", "inf").replace(".nan", "nan"))
+
+    @staticmethod
+    def _digits(node: yaml.ScalarNode) -> str:
+        text = str(node.value).replace("_", "")
+        if len(text) > MOST_DIGITS:
+            raise _Mistake(node.start_mark.line + 1, f"a number has {len(text)} digits; write a shorter one")
+        return text
+
+
+_Reader.add_constructor("tag:yaml.org,2002:map", _Reader.table)
+_Reader.add_constructor("tag:yaml.org,2002:int", _Reader.whole_number)
+_Reader.add_constructor("tag:yaml.org,2002:float", _Reader.real_number)
+for _kind, _pattern, _first in (
+    ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
+    ("bool", r"true|True|TRUE|false|False|FALSE", list("tTfF")),
+    ("int", r"[-+]?[0-9][0-9_]*", list("-+0123456789")),
+    ("float", r"[-+]?(\.[0-9][0-9_]*|[0-9][0-9_]*(\.[0-9_]*)?)([eE][-+]?[0-9]+)?", list("-+.0123456789")),
+    ("float", r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)", list("-+.")),
+):
+    _Reader.add_implicit_resolver(f"tag:yaml.org,2002:{_kind}", re.compile(rf"(?:{_pattern})$"), _first)
+
+
+def read_yaml(path: Path, what: str) -> Any:
+    """What a YAML file holds, as plain data.
+
+    Parameters
+    ----------
+    path : Path
+    what : str
+        Name of the file's role in messages, such as "scene".
+
+    Raises
+    ------
+    ValueError
+        If it is no readable file of at most 32 KiB of UTF-8, or no plain data; with file and line.
+    """
+    return parse_yaml(read_text(path, what), str(path))
+
+
+def read_text(path: Path, what: str) -> str:
+    """The text of a file, within bounds; see :func:`read_yaml`."""
+    try:
+        mode = path.stat().st_mode
+        if stat.S_ISDIR(mode):
+            raise ValueError(f"{what} is {shown(str(path))}, a folder; give a YAML file in it")
+        if not stat.S_ISREG(mode):
+            raise ValueError(f"{what} is {shown(str(path))}, a device or a pipe; give a file")
+        with path.open("rb") as file:
+            raw = file.read(LARGEST_FILE + 1)
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+        raise ValueError(f"{what} is {shown(str(path))}, which cannot be read: {reason}") from None
+    if len(raw) > LARGEST_FILE:
+        raise ValueError(f"{path} has more than {LARGEST_FILE} bytes; give a shorter file")
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        raise ValueError(f"{path}, line {line}: it is no UTF-8 text; save it as UTF-8") from None
+
+
+def parse_yaml(text: str, where: str) -> Any:
+    """What YAML text holds, as plain data; ``where`` names it in messages."""
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, Table):
+            return {k: plain(v) for k, v in value.items()}
+        return [plain(v) for v in value] if isinstance(value, list) else value
+
+    return plain(_with_lines(text, where))
+
+
+def _with_lines(text: str, where: str) -> Any:
+    """The same, with the line of every key."""
+    try:
+        loader = _Reader(text)
+        try:
+            return loader.get_single_data()  # type: ignore[no-untyped-call]
+        finally:
+            loader.dispose()  # type: ignore[no-untyped-call]
+    except _Mistake as mistake:
+        line, problem = mistake.line, mistake.problem
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        problem = f"it has the character {shown(chr(error.character))}, which YAML does not allow; remove it"  # type: ignore[arg-type]
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line = mark.line + 1 if mark else 1
+        parts = (" ".join(str(p).split()) for p in (error.context, error.problem) if p)
+        problem = f"it is no valid YAML: {', '.join(parts)[: 2 * LONGEST]}"
+    raise ValueError(f"{where}, line {line}: {problem}")
+
+
+def text_value(text: str, where: str) -> Any:
+    """The value that a text such as the right-hand side of ``key=value`` stands for."""
+    if len(text) > LARGEST_FILE:
+        raise ValueError(f"{where} has more than {LARGEST_FILE} characters; give fewer")
+    return parse_yaml(text, where)
+
+
+def exists(path: Path) -> bool:
+    """Whether something is at a path; not if it cannot be one."""
+    try:
+        return path.exists()
+    except (OSError, ValueError):
+        return False
+
+
+# ---- where in a file a mistake stands ------------------------------------------------------------
+
+
+@contextlib.contextmanager
+def explained(path: str | Path, as_it_stands: bool = True) -> Iterator[None]:
+    """Put the file before the message of a ValueError about its data, and the line if it is known.
+
+    The file is read again for that; not if the data is no longer ``as_it_stands`` there.
+    """
+    try:
+        yield
+    except ValueError as error:
+        line = None
+        if as_it_stands:
+            line = line_of(str(error), _with_lines(read_text(Path(path), "file"), str(path)))
+        raise ValueError(f"{path}{f', line {line}' if line else ''}: {error}") from None
+
+
+def line_of(message: str, data: Any) -> int | None:
+    """The line of what a message begins with, such as "effects[1].g is ..."; None if it is not known."""
+    unknown = re.match(r"\S+ (?:\(\w+\) )?has the unknown key (.*); valid", message)
+    head = re.match(r"\w[\w\[\].]*", message)
+    path = re.findall(r"\w+", head.group()) if head else [""]
+    for table in tables(data):
+        if str(table.get("type")) == path[0]:
+            found = _walk(table, path[1:], unknown)
+        elif path[0] in table:
+            found = _walk(table, path, unknown)
+        else:
+            found = _key_line(table, unknown)
+        if found:
+            return found
+    return None
+
+
+def _key_line(table: Table, unknown: re.Match[str] | None) -> int | None:
+    """The line of the key that a message calls unknown."""
+    return next((n for key, n in table.lines.items() if unknown and shown(key) == unknown[1]), None)
+
+
+def _walk(value: Any, path: list[str], unknown: re.Match[str] | None) -> int | None:
+    """The line of the last part of a path that a value has, or of an unknown key there."""
+    line = min(value.lines.values(), default=None) if isinstance(value, Table) else None
+    for part in path:
+        if isinstance(value, Table) and part in value:
+            line, value = value.lines.get(part), value[part]
+        elif isinstance(value, list) and part.isdigit() and int(part) < len(value):
+            value = value[int(part)]
+            if isinstance(value, Table):
+                line = min(value.lines.values(), default=line)
+    return (_key_line(value, unknown) if isinstance(value, Table) else None) or line
+
+
+def tables(data: Any) -> Iterator[Table]:
+    """All mappings in the data of a file, outer ones first."""
+    waiting = [data]
+    while waiting:
+        value = waiting.pop(0)
+        if isinstance(value, Table):
+            yield value
+            waiting += value.values()
+        elif isinstance(value, list):
+            waiting += value

@@ -1,0 +1,56 @@
+"""Values of users in messages, and the bounds of plain data: whatever it is, an answer comes at once."""
+
+from __future__ import annotations
+
+import reprlib
+from collections.abc import Mapping
+from typing import Any
+
+DEEPEST = 20
+"""Largest depth of plain data: what it describes needs four; Python's own limit is not reached."""
+MOST_VALUES = 3000
+"""Most values in plain data: ten times what the longest description has, read in a tenth of a second."""
+LONGEST = 120
+"""Most characters of a value in a message."""
+WIDEST_INTEGER = 256
+"""Bits of the largest integer that is written out in a message."""
+
+
+class _Short(reprlib.Repr):
+    """Representations that end, of whatever a user may give."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.maxstring = self.maxother = 80
+        self.maxlevel = 3
+
+    def repr_int(self, x: int, level: int) -> str:
+        return repr(x) if x.bit_length() <= WIDEST_INTEGER else f"an integer of {x.bit_length()} bits"
+
+
+_short = _Short()
+
+
+def shown(value: Any) -> str:
+    """A value as it stands in a message: one line, shortened."""
+    try:
+        text = " ".join(_short.repr(value).split())
+    except Exception:  # a representation of a user's own may fail in any way
+        text = f"<{type(value).__name__}>"
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
+
+
+def check_bounds(where: str, data: Any) -> None:
+    """Refuse plain data that is nested too deeply or holds too many values, itself among them."""
+    waiting, count = [(data, 0)], 0
+    while waiting:
+        value, depth = waiting.pop()
+        if not isinstance(value, Mapping | list | tuple):
+            continue
+        count += len(value)
+        if depth >= DEEPEST:
+            raise ValueError(f"{where} is nested more than {DEEPEST} deep; give plain data")
+        if count > MOST_VALUES:
+            raise ValueError(f"{where} holds more than {MOST_VALUES} values; give fewer")
+        inner = value.values() if isinstance(value, Mapping) else value
+        waiting += [(v, depth + 1) for v in inner]
