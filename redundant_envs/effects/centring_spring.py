@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from redundant_envs.algebra import physics
 from redundant_envs.effects.hooks import Effect, Force, Hook
-from redundant_envs.robots.parameters import Arm, numbers
+from redundant_envs.robots.parameters import Arm, numbers, strength, travel
 
 
 @physics
@@ -53,11 +53,9 @@ class CentringSpring(Effect):
                 raise ValueError(
                     f"CentringSpring.stiffness[{i}] is {self.stiffness[i]}; it must not be negative"
                 )
-            if self.lower[i] >= self.upper[i]:
-                raise ValueError(
-                    f"CentringSpring.lower[{i}] is {self.lower[i]}, upper[{i}] is "
-                    f"{self.upper[i]}; lower must be below"
-                )
+            strength(f"CentringSpring.stiffness[{i}]", self.stiffness[i])
+            names = (f"CentringSpring.{name}[{i}]" for name in ("lower", "upper"))
+            travel(next(names), self.lower[i], next(names), self.upper[i])
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         joints = [k for k in range(4) if arm.prismatic[k]]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from redundant_envs.algebra import physics
 from redundant_envs.effects.hooks import Effect, Field, Hook
-from redundant_envs.robots.parameters import Arm, number, numbers
+from redundant_envs.robots.parameters import Arm, number, numbers, strength
 
 
 @physics(gives="ax ay")
@@ -33,7 +33,7 @@ class Gravity(Effect):
     down: tuple[float, float] = (0.0, -1.0)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "g", number("Gravity.g", self.g))
+        object.__setattr__(self, "g", strength("Gravity.g", self.g))
         object.__setattr__(self, "down", numbers("Gravity.down", self.down, 2))
         if math.hypot(*self.down) > 1.0 + 1e-12:
             raise ValueError(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from redundant_envs.algebra import clamp, maximum, physics, where
 from redundant_envs.effects.hooks import Effect, Force, Hook
-from redundant_envs.robots.parameters import Arm, number
+from redundant_envs.robots.parameters import Arm, strength, travel
 
 
 @physics
@@ -61,10 +61,11 @@ class LimitSpring(Effect):
     static = ("coordinate",)
 
     def __post_init__(self) -> None:
-        for name in ("lower", "upper", "stiffness", "damping"):
-            object.__setattr__(self, name, number(f"LimitSpring.{name}", getattr(self, name)))
-        if self.lower >= self.upper:
-            raise ValueError(f"LimitSpring.lower is {self.lower}, upper is {self.upper}; lower must be below")
+        ends = travel("LimitSpring.lower", self.lower, "LimitSpring.upper", self.upper)
+        for name, end in zip(("lower", "upper"), ends, strict=True):
+            object.__setattr__(self, name, end)
+        for name in ("stiffness", "damping"):
+            object.__setattr__(self, name, strength(f"LimitSpring.{name}", getattr(self, name)))
         if self.stiffness <= 0.0:
             raise ValueError(f"LimitSpring.stiffness is {self.stiffness}; it must be positive")
         if self.damping < 0.0:

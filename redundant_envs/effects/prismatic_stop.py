@@ -9,7 +9,7 @@ from typing import Any
 from redundant_envs.algebra import maximum, minimum, physics, sqrt, where
 from redundant_envs.effects.hooks import Effect, Hook, Impact
 from redundant_envs.integrators.stops import bounds, closeness, excursions
-from redundant_envs.robots.parameters import Arm, number
+from redundant_envs.robots.parameters import Arm, number, travel
 from redundant_envs.values import shown
 
 
@@ -85,15 +85,15 @@ class PrismaticStop(Effect):
             if not isinstance(given, tuple | list) or len(given) != 2:
                 raise ValueError(f"PrismaticStop.{name} is {shown(ends)}; give two ends, those of r1 and r2")
             checked = tuple(
-                None if end is None or end == none else number(f"PrismaticStop.{name}[{i}]", end)
+                None
+                if end is None or (isinstance(end, float) and end == none)
+                else number(f"PrismaticStop.{name}[{i}]", end)
                 for i, end in enumerate(given)
             )
             object.__setattr__(self, name, checked)
         for i, (low, high) in enumerate(zip(self.lower, self.upper, strict=True)):
-            if low is not None and high is not None and low >= high:
-                raise ValueError(
-                    f"PrismaticStop.lower[{i}] is {low}, upper[{i}] is {high}; lower must be below"
-                )
+            if low is not None and high is not None:
+                travel(f"PrismaticStop.lower[{i}]", low, f"PrismaticStop.upper[{i}]", high)
         e = number("PrismaticStop.restitution", self.restitution)
         if not 0.0 <= e <= 1.0:
             raise ValueError(f"PrismaticStop.restitution is {e}; it must lie in 0 to 1")

@@ -7,7 +7,7 @@ from typing import Any
 
 from redundant_envs.algebra import physics
 from redundant_envs.effects.hooks import Effect, Force, Hook
-from redundant_envs.robots.parameters import Arm, number, numbers
+from redundant_envs.robots.parameters import Arm, number, numbers, strength
 
 
 @physics
@@ -58,6 +58,7 @@ def four_not_negative(field: str, value: Any) -> tuple[float, ...]:
         value = (number(field, value),) * 4
     xs = numbers(field, value, 4)
     for i, x in enumerate(xs):
+        strength(f"{field}[{i}]", x)
         if x < 0.0:
             raise ValueError(f"{field}[{i}] is {x}; it must not be negative")
     return xs

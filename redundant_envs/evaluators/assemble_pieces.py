@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from redundant_envs.evaluators.assemble import EVENT_BUDGET, TOLERANCE_NOT_REACHED
 from redundant_envs.evaluators.assemble_stops import MEETINGS
 from redundant_envs.evaluators.quantities import calls
-from redundant_envs.evaluators.text import emit, indent
+from redundant_envs.evaluators.text import indent
 from redundant_envs.integrators import stops
 from redundant_envs.integrators.tableaus import METHODS
 

@@ -16,6 +16,11 @@ SMALLEST, LARGEST = 1e-30, 1e30
 """Allowed masses and lengths: products of several of them must neither overflow nor vanish."""
 
 
+STRONGEST = 1e100
+"""Largest strength of a field, a force, a spring or a damper: the largest mass times the largest length
+times more than any rate, and its square still is a float."""
+
+
 def number(field: str, value: Any) -> float:
     """A finite float, or a ValueError that names the field."""
     numeric = getattr(getattr(value, "dtype", None), "kind", "f") in "iuf"  # of NumPy: no bool, no complex
@@ -28,6 +33,32 @@ def number(field: str, value: Any) -> float:
     if not math.isfinite(x):
         raise ValueError(f"{field} is {x}; give a finite number")
     return x
+
+
+def strength(field: str, value: Any) -> float:
+    """A finite float that is no larger than :data:`STRONGEST`, or a ValueError that names the field."""
+    x = number(field, value)
+    if abs(x) > STRONGEST:
+        raise ValueError(f"{field} is {x}; it must lie in {-STRONGEST:g} to {STRONGEST:g}")
+    return x
+
+
+def travel(lower_field: str, lower: Any, upper_field: str, upper: Any) -> tuple[float, float]:
+    """Two ends of a travel: finite, in order, and as far apart as a length may be small."""
+    low, high = number(lower_field, lower), number(upper_field, upper)
+    for field, x in ((lower_field, low), (upper_field, high)):
+        if abs(x) > LARGEST:
+            raise ValueError(f"{field} is {x}; it must lie in {-LARGEST:g} to {LARGEST:g}")
+    if low >= high:
+        raise ValueError(
+            f"{lower_field} is {low}, {upper_field.rsplit('.', 1)[-1]} is {high}; lower must be below"
+        )
+    if high - low < SMALLEST:
+        raise ValueError(
+            f"{lower_field} is {low}, {upper_field.rsplit('.', 1)[-1]} is {high}; they must be at least "
+            f"{SMALLEST:g} apart"
+        )
+    return low, high
 
 
 def numbers(field: str, values: Any, count: int) -> tuple[float, ...]:
