@@ -207,7 +207,8 @@ def violations(function: ast.stmt, names: Mapping[str, Any]) -> list[tuple[int, 
 
 def check(function: Any) -> None:
     """Refuse a function that is outside the dialect, or that calls one; the message says what to write."""
-    waiting, seen = [(function, ())], set()
+    waiting: list[tuple[Any, tuple[Any, ...]]] = [(function, ())]
+    seen: set[Any] = set()
     while waiting:
         one, callers = waiting.pop()
         if one in callers:

@@ -24,7 +24,7 @@ times more than any rate, and its square still is a float."""
 def number(field: str, value: Any) -> float:
     """A finite float, or a ValueError that names the field."""
     numeric = getattr(getattr(value, "dtype", None), "kind", "f") in "iuf"  # of NumPy: no bool, no complex
-    if isinstance(value, (bool, str, bytes, bytearray)) or not numeric or getattr(value, "ndim", 0):
+    if isinstance(value, (bool, str, bytes, bytearray)) or not numeric or getattr(value, "ndim", 0) != 0:
         raise ValueError(f"{field} is {shown(value)}; give a finite number")
     try:
         x = float(value)

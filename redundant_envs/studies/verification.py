@@ -57,7 +57,8 @@ class Verification:
     @property
     def faults(self) -> tuple[str, ...]:
         """What is wrong with the scene's effects: no step is fine enough to mend it."""
-        return tuple(check.fault for check in (*self.potentials, self.book) if check.fault)
+        faults = (*(p.fault for p in self.potentials), self.book.fault)
+        return tuple(fault for fault in faults if fault)
 
     @property
     def good(self) -> bool:
