@@ -51,9 +51,9 @@ class Scene:
     integrator : {"euler", "rk4", "rk8", "dop853"}
         "dop853" takes steps of any length, so short that their error stays near rounding.
     control_dt : float
-        Control interval [s]; efforts are constant over it.
+        Control interval [s], 1e-9 to 1000; efforts are constant over it.
     substeps : int
-        Equal steps per control interval.
+        Equal steps per control interval, at most a million.
     tolerance : float, optional
         Largest estimated tip error of a control interval [m]: every lane takes as many rk8 steps
         as that needs, 1, 2, 4, ... 4096. None is the fixed step.
