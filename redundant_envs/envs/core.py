@@ -224,7 +224,7 @@ class Core:
         ):
             if options.get(key) is not None:
                 numbers = parameters.table(f"options[{key!r}]", options[key], len(lanes), width)
-                parameters.check_start(f"options[{key!r}]", numbers)
+                parameters.check_start(key, numbers)
                 writes.append((rows, numbers))
                 if key == "q":
                     self._check_travel(numbers, present)

@@ -48,15 +48,17 @@ def table(name: str, values: ArrayLike, lanes: int, width: int) -> NDArray[np.fl
     return np.broadcast_to(array, (lanes, width))
 
 
-LARGEST_START = 1e6
-"""Of coordinates and velocities that a start may be given: up to here sines are exact."""
+LARGEST_START = {"q": 1e6, "qd": 1e100, "goal": 1e100}
+"""Of what a start may be given: sines are exact up to 1e6 rad, and squares of the others are floats."""
 
 
 def check_start(name: str, columns: NDArray[np.float64]) -> None:
     """ValueError if a start is so far or so fast that its observation would mean nothing."""
     most = float(np.abs(columns).max())
-    if most > LARGEST_START:
-        raise ValueError(f"{name} has an entry of size {most:g}; give at most {LARGEST_START:g}")
+    if most > LARGEST_START[name]:
+        raise ValueError(
+            f"options[{name!r}] has an entry of size {most:g}; give at most {LARGEST_START[name]:g}"
+        )
 
 
 def lane_values(
