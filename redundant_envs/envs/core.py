@@ -11,6 +11,7 @@ from gymnasium.utils import seeding
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.effects import EffortLimits
+from redundant_envs.envs.registration import check_arm
 from redundant_envs.evaluators import cpu
 from redundant_envs.evaluators.assemble import assemble
 from redundant_envs.evaluators.assemble_task import (
@@ -46,8 +47,10 @@ class Core:
         max_episode_steps: int | None = None,
         fixed_geometry: bool = False,
         accuracy: str | float | None = None,
+        env_id: str | None = None,
     ) -> None:
         self.scene = scene_at(scene, accuracy)
+        check_arm(env_id, self.scene.robot.kind)
         self.task = task or ReachTask()
         limits = [e for e in self.scene.effects if isinstance(e, EffortLimits)]
         if not limits or self.scene.actuation != "joint":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium as gym
 import numpy as np
@@ -40,6 +40,8 @@ class ReachEnv(gym.Env[Any, Any]):
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 50}
     goal = False
+    env_id: ClassVar[str | None] = None
+    """The id that the class stands for; its scenes have the arm of that id."""
 
     def __init__(
         self,
@@ -53,7 +55,14 @@ class ReachEnv(gym.Env[Any, Any]):
             raise ValueError(f"render_mode is {render_mode!r}; choose None, 'rgb_array' or 'human'")
         if on_bad_action not in ON_BAD_ACTION:
             raise ValueError(f"on_bad_action is {on_bad_action!r}; choose {', '.join(ON_BAD_ACTION)}")
-        self.core = Core(plain_scene(scene), 1, make_task(task), fixed_geometry=self.goal, accuracy=accuracy)
+        self.core = Core(
+            plain_scene(scene),
+            1,
+            make_task(task),
+            fixed_geometry=self.goal,
+            accuracy=accuracy,
+            env_id=self.env_id,
+        )
         self.on_bad_action = on_bad_action
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": round(1.0 / self.core.scene.control_dt)}

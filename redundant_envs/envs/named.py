@@ -22,26 +22,34 @@ class _Page:
 
 class RPRPReachEnv(ReachEnv):
     __doc__ = _Page("RPRP", "rprp_reach")  # type: ignore[assignment]
+    env_id = "redundant_envs/RPRPReach-v0"
 
 
 class FourRReachEnv(ReachEnv):
     __doc__ = _Page("FourR", "four_r_reach")  # type: ignore[assignment]
+    env_id = "redundant_envs/FourRReach-v0"
 
 
 class RPRPGoalReachEnv(ReachGoalEnv):
     __doc__ = _Page("RPRP", "rprp_reach")  # type: ignore[assignment]
+    env_id = "redundant_envs/RPRPGoalReach-v0"
 
 
 class FourRGoalReachEnv(ReachGoalEnv):
     __doc__ = _Page("FourR", "four_r_reach")  # type: ignore[assignment]
+    env_id = "redundant_envs/FourRGoalReach-v0"
 
 
 class RPRPReachVectorEnv(ReachVectorEnv):
     """Native vector form of RPRPReach."""
 
+    env_id = "redundant_envs/RPRPReach-v0"
+
 
 class FourRReachVectorEnv(ReachVectorEnv):
     """Native vector form of FourRReach."""
+
+    env_id = "redundant_envs/FourRReach-v0"
 
 
 class GoalVectorEnv(ReachVectorEnv):
@@ -53,6 +61,10 @@ class GoalVectorEnv(ReachVectorEnv):
 class RPRPGoalReachVectorEnv(GoalVectorEnv):
     """Native vector form of RPRPGoalReach."""
 
+    env_id = "redundant_envs/RPRPGoalReach-v0"
+
 
 class FourRGoalReachVectorEnv(GoalVectorEnv):
     """Native vector form of FourRGoalReach."""
+
+    env_id = "redundant_envs/FourRGoalReach-v0"

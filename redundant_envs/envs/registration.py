@@ -14,6 +14,19 @@ def ids() -> list[str]:
     return [f"{NAMESPACE}/{arm}{kind}-v0" for arm in SCENES for kind in ("Reach", "GoalReach")]
 
 
+def check_arm(env_id: str | None, kind: str) -> None:
+    """Refuse a scene whose arm is not that of an id; without an id every arm fits."""
+    if env_id is None:
+        return
+    name = env_id.removeprefix(f"{NAMESPACE}/")
+    arm = next(a for a in SCENES if name.startswith(a))
+    if arm == kind:
+        return
+    fitting = f"{NAMESPACE}/{kind}{name.removeprefix(arm)}"
+    fix = f"make {fitting} with it" if fitting in ids() else f"give a scene with a robot of type {arm}"
+    raise ValueError(f"scene has the arm {kind}; {env_id} is an environment of {arm}: {fix}")
+
+
 def register() -> None:
     """Register all ids with Gymnasium; registering twice does nothing."""
     for arm, scene in SCENES.items():

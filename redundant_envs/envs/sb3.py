@@ -42,12 +42,13 @@ class SB3VecEnv(VecEnv):
         task: Mapping[str, Any] | None = None,
         render_mode: str | None = None,
         accuracy: str | float | None = None,
+        env_id: str | None = None,
     ) -> None:
         if on_bad_action not in ON_BAD_ACTION:
             raise ValueError(f"on_bad_action is {on_bad_action!r}; choose {', '.join(ON_BAD_ACTION)}")
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode is {render_mode!r}; choose None or 'rgb_array'")
-        self.core = Core(scene, num_envs, make_task(task), max_episode_steps, goal, accuracy)
+        self.core = Core(scene, num_envs, make_task(task), max_episode_steps, goal, accuracy, env_id)
         self.goal = goal
         self.on_bad_action = on_bad_action
         self.render_mode = render_mode
@@ -201,4 +202,4 @@ def make_sb3(env_id: str, num_envs: int = 256, **kwargs: Any) -> SB3VecEnv:
     for key in arguments:
         if key not in valid:
             raise ValueError(f"make_sb3 has no argument {key!r}; valid: {', '.join(valid)}")
-    return SB3VecEnv(num_envs=num_envs, goal="Goal" in full, **arguments)
+    return SB3VecEnv(num_envs=num_envs, goal="Goal" in full, env_id=full, **arguments)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium import spaces
@@ -85,6 +85,8 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
 
     goal = False
     """Whether observations are goal dictionaries and the reward is that of the goals."""
+    env_id: ClassVar[str | None] = None
+    """The id that the class stands for; its scenes have the arm of that id."""
 
     def __init__(
         self,
@@ -105,7 +107,7 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode is {render_mode!r}; a vector has None or 'rgb_array'")
         self.core = Core(
-            plain_scene(scene), num_envs, make_task(task), max_episode_steps, self.goal, accuracy
+            plain_scene(scene), num_envs, make_task(task), max_episode_steps, self.goal, accuracy, self.env_id
         )
         self.num_envs = num_envs
         self.on_bad_action = on_bad_action

@@ -17,6 +17,13 @@ import redundant_envs as rde
 from redundant_envs.envs.registration import ids
 
 MODES = ("next_step", "same_step", "disabled")
+
+
+def scene_of(env_id, other=False):
+    """Name of the scene of an id's arm, or of the other arm."""
+    return "rprp_reach" if ("RPRP" in env_id) != other else "four_r_reach"
+
+
 every_id = pytest.mark.parametrize("env_id", ids())
 
 
@@ -65,10 +72,30 @@ def test_make_vec_does_not_warn_and_declares_its_mode(env_id):
 
 @every_id
 def test_spec_is_json(env_id):
-    env = gym.make(env_id, scene=rde.load_scene("rprp_reach").to_dict())
+    env = gym.make(env_id, scene=rde.load_scene(scene_of(env_id)).to_dict())
     spec = EnvSpec.from_json(env.spec.to_json())
     assert json.loads(env.spec.to_json())["id"] == env_id
     assert spec.make().observation_space == env.observation_space
+
+
+@every_id
+@pytest.mark.parametrize("as_data", [False, True])
+def test_an_id_refuses_a_scene_of_another_arm_on_every_face(env_id, as_data):
+    name = scene_of(env_id, other=True)
+    scene = rde.load_scene(name).to_dict() if as_data else name
+    arm, fitting = ("FourR", env_id.replace("RPRP", "FourR"))
+    if "FourR" in env_id:
+        arm, fitting = ("RPRP", env_id.replace("FourR", "RPRP"))
+    for make in (
+        lambda: gym.make(env_id, scene=scene),
+        lambda: gym.make_vec(env_id, num_envs=2, scene=scene),
+        lambda: gym.make_vec(env_id, num_envs=2, scene=scene, vectorization_mode="sync"),
+        lambda: rde.make_sb3(env_id, 2, scene=scene),
+        lambda: rde.make_sb3(env_id.split("/")[1], 2, scene=scene),
+    ):
+        with pytest.raises(ValueError, match=f"scene has the arm {arm}; {env_id} .* {fitting} ") as error:
+            make()
+        assert "\n" not in str(error.value)
 
 
 @pytest.mark.filterwarnings("ignore:.*HumanRendering wrapper")
