@@ -50,7 +50,6 @@ class Core:
         env_id: str | None = None,
     ) -> None:
         self.scene = scene_at(scene, accuracy)
-        check_arm(env_id, self.scene.robot.kind)
         self.task = task or ReachTask()
         limits = [e for e in self.scene.effects if isinstance(e, EffortLimits)]
         if not limits or self.scene.actuation != "joint":
@@ -58,6 +57,7 @@ class Core:
                 "scene cannot be an environment: actions are fractions of the motors' limits, so "
                 "its effects need EffortLimits and its actuation must be 'joint'"
             )
+        check_arm(env_id, self.scene.robot.kind)
         self.num_envs = num_envs
         self.assembly = assemble(self.scene, self.task)
         kernels = cpu.compiled(self.assembly)

@@ -58,7 +58,7 @@ class ReachEnv(gym.Env[Any, Any]):
         self.core = Core(
             plain_scene(scene),
             1,
-            make_task(task),
+            make_task(task, self.goal),
             fixed_geometry=self.goal,
             accuracy=accuracy,
             env_id=self.env_id,
@@ -144,7 +144,7 @@ class ReachGoalEnv(ReachEnv):
     goal = True
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """One control step; the reward is 0 at the goal and -1 elsewhere."""
+        """One control step; the reward is 1 at the goal and 0 elsewhere."""
         obs, _, terminated, truncated, info = super().step(action)
         reward = self.compute_reward(obs["achieved_goal"], obs["desired_goal"], info)
         return obs, reward, terminated, truncated, info

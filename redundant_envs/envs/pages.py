@@ -6,8 +6,9 @@ import inspect
 from typing import Any
 
 from redundant_envs.effects import EffortLimits
+from redundant_envs.envs.registration import MAX_EPISODE_STEPS
 from redundant_envs.scene import Scene, load_scene
-from redundant_envs.tasks.reach import ReachTask
+from redundant_envs.tasks.reach import GoalReachTask, ReachTask
 
 DESCRIPTIONS = {
     "RPRP": "A planar revolute-prismatic-revolute-prismatic arm in a vertical plane",
@@ -41,9 +42,9 @@ def observation_table(scene: Scene, task: ReachTask) -> str:
 def reward_table(task: ReachTask) -> str:
     """Reward terms with their expressions as written in the code."""
     rows = []
-    for function in task.reward_functions():
+    for function in task.reward_functions:
         source = inspect.getsource(function)
-        expression = source.split("return", 1)[1].strip()
+        expression = source.rsplit("    return ", 1)[1].strip()
         name = function.__name__.removesuffix("_term")
         rows.append((name, f"`{' '.join(expression.split())}`", f"`return_{name}`"))
     return table(("Term", "Value per step", "Sum over the episode in info"), rows)
@@ -77,8 +78,8 @@ def task_table(task: ReachTask) -> str:
 
 def page(kind: type[Any], arm: str, scene_name: str) -> str:
     """The docstring of an environment under Gymnasium's headings."""
-    scene, task = load_scene(scene_name), ReachTask()
     goal = bool(kind.goal)
+    scene, task = load_scene(scene_name), GoalReachTask() if goal else ReachTask()
     masses = ", ".join(f"{m:g}" for m in scene.robot.masses)
     lengths = ", ".join(f"{length:g}" for length in scene.robot.lengths)
     dt, rate = f"{scene.control_dt:g}", f"{1 / scene.control_dt:g}"
@@ -90,12 +91,16 @@ def page(kind: type[Any], arm: str, scene_name: str) -> str:
         else ""
     )
     reward = (
-        "0 when the tip is within the goal tolerance, -1 otherwise: a function of the two goals "
+        "1 when the tip is within the goal tolerance, 0 otherwise: a function of the two goals "
         "alone, `compute_reward(achieved_goal, desired_goal, info)`, for hindsight replay."
         if goal
-        else "The sum of the terms; `tolerance(x, margin)` is 1 / (1 + (x / margin)^2).\n\n"
-        + reward_table(task)
+        else "The sum of the terms; `tolerance(x, margin)` is 1 / (1 + (x / margin)^2), and "
+        "`squash(x, scale)` is x / sqrt(scale^2 + x^2). A step pays 0 to 1. A fault that ends the "
+        "episode takes back what was `paid`, so that nothing is gained by ending early."
     )
+    reward += "\n\n" + reward_table(task)
+    fast = f"4 a velocity beyond {task.speed_bound:g} rad/s or m/s"
+    ends, flags = ("", f"{fast}, ") if goal else (f"{fast}, ", "")
     travel = "; prismatic joints uniform over their travel" if arm == "RPRP" else ""
     return f"""{DESCRIPTIONS[arm]} brings its tip to a goal and holds it there.
 
@@ -130,10 +135,9 @@ annulus from {task.inner:g} to {task.outer:g} of the full reach.
 `reset(options=...)` sets `q`, `qd`, `goal` and `parameters` exactly.
 
 ## Episode End
-Termination: only numerical trouble, named in `info["numerics"]` (1 non-finite state, 2 non-finite
-action, 4 a velocity beyond {task.speed_bound:g} rad/s or m/s; 8, a tolerance not reached, does not end
-the episode). Truncation: after 100 steps. `info["evaluations"]` counts the evaluations of the equations
-of motion in the episode, `info["error_estimate"]` is its largest estimated tip error of a step, m.
+Termination: only a fault, named by a bit of `info["numerics"]`: 1 a state or 2 an action that is not
+finite, {ends}16 more than 256 impacts in a control interval. The episode goes on with
+{flags}8 a tolerance that was not reached. Truncation: after {MAX_EPISODE_STEPS} steps.
 
 ## Arguments
 {argument_table(kind)}

@@ -48,7 +48,7 @@ class SB3VecEnv(VecEnv):
             raise ValueError(f"on_bad_action is {on_bad_action!r}; choose {', '.join(ON_BAD_ACTION)}")
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode is {render_mode!r}; choose None or 'rgb_array'")
-        self.core = Core(scene, num_envs, make_task(task), max_episode_steps, goal, accuracy, env_id)
+        self.core = Core(scene, num_envs, make_task(task, goal), max_episode_steps, goal, accuracy, env_id)
         self.goal = goal
         self.on_bad_action = on_bad_action
         self.render_mode = render_mode

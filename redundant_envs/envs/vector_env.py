@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from redundant_envs.envs.core import Core, check_action, plain_scene, refuse_bad_action
 from redundant_envs.evaluators.assemble import PLACES
 from redundant_envs.scene import check_keys
-from redundant_envs.tasks.reach import ReachTask
+from redundant_envs.tasks.reach import GoalReachTask, ReachTask
 from redundant_envs.values import shown
 
 KERNEL_MODE = {
@@ -107,7 +107,13 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode is {render_mode!r}; a vector has None or 'rgb_array'")
         self.core = Core(
-            plain_scene(scene), num_envs, make_task(task), max_episode_steps, self.goal, accuracy, self.env_id
+            plain_scene(scene),
+            num_envs,
+            make_task(task, self.goal),
+            max_episode_steps,
+            self.goal,
+            accuracy,
+            self.env_id,
         )
         self.num_envs = num_envs
         self.on_bad_action = on_bad_action
@@ -255,15 +261,16 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
         return infos
 
 
-def make_task(task: Mapping[str, Any] | None) -> ReachTask:
-    """The task from its keyword argument."""
+def make_task(task: Mapping[str, Any] | None, goal: bool) -> ReachTask:
+    """The task from its keyword argument, or its goal-conditioned form."""
+    kind = GoalReachTask if goal else ReachTask
     if task is None:
-        return ReachTask()
+        return kind()
     valid = list(ReachTask.__dataclass_fields__)
     if not isinstance(task, Mapping):
         raise ValueError(f"task is {shown(task)}; give a mapping of {', '.join(valid)}")
     check_keys("task", task, valid)
-    return ReachTask(**task)
+    return kind(**task)
 
 
 def autoreset(mode: AutoresetMode | str) -> AutoresetMode:

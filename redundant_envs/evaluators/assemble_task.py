@@ -95,19 +95,25 @@ def _settle(a: Assembly, task: ReachTask, used: list[Any]) -> str:
         f"defect = {' + '.join(f'({s} - {s})' for s in a.states)}",
         f"code = numerics + where(defect == 0.0, 0.0, {NON_FINITE})",
         *([f"code = code + where(trouble >= {EVENT_BUDGET}, trouble, 0.0)"] if a.lanes else []),
-        f"code = where(code > 0.0, code, where({fastest} > speed_bound, {SPEED_BOUND}, 0.0))",
+        f"fast = where(code > 0.0, 0.0, where({fastest} > speed_bound, {SPEED_BOUND}, 0.0))",
+        *(["code = code + fast"] if task.speed_bound_ends else []),
         # A lane in trouble goes back to its last good state; its neighbours do not notice.
         *(f"{s} = where(code > 0.0, {undo[s]}, {s})" for s in a.states),
     ]
     terms = task.reward_terms()
+    earned = [t for t in terms if t != "end_term"]
     known = {*a.states, *a.numbers, *task.memory, *a.actions}
-    lines += _statements(a, task, [*terms, *task.renewed.values(), *task.measures], known, used)
+    lines += _statements(a, task, [*earned, *task.renewed.values(), *task.measures], known, used)
+    if len(earned) < len(terms):
+        lines += ["ended = code", f"paid = {' + '.join(f'({t}_sum + {t})' for t in earned)}"]
+        lines += _statements(a, task, ["end_term"], {"ended", "paid"}, used)
+    told = "code" if task.speed_bound_ends else "code + fast"
     writes = {
         **{s: s for s in a.states},
         **{m: f"where(code > 0.0, {undo[m]}, {m})" for m in (a.lanes.modes if a.lanes else ())},
         **task.renewed,
         **{f"{t}_sum": f"{t}_sum + {t}" for t in terms},
-        "numerics": f"code + where(trouble < {EVENT_BUDGET}, trouble, 0.0)" if a.lanes else "code",
+        "numerics": f"{told} + where(trouble < {EVENT_BUDGET}, trouble, 0.0)" if a.lanes else told,
         "steps": "steps + 1.0",
         "reward": " + ".join(terms),
         "terminated": "where(code > 0.0, 1.0, 0.0)",

@@ -75,48 +75,66 @@ def success(hold_new, hold_steps):
     return where(hold_new >= hold_steps, 1.0, 0.0)
 
 
-# ---- reward: named terms, each from the one tolerance shape or a plain cost ----------------------
+# ---- reward: named terms, each from 0 to its weight; the weights sum to 1 ------------------------
 
 
 @physics(gives="far_term")
 def far_term(distance, reach):
-    return 0.3 * tolerance(distance, 0.5 * reach)
+    return 0.25 * tolerance(distance, 0.5 * reach)
 
 
 @physics(gives="near_term")
 def near_term(distance, reach):
-    return 0.3 * tolerance(distance, 0.1 * reach)
+    return 0.25 * tolerance(distance, 0.1 * reach)
 
 
 @physics(gives="precise_term")
 def precise_term(distance, reach, goal_tolerance):
-    return 0.4 * tolerance(distance, goal_tolerance * reach)
+    return 0.36 * tolerance(distance, goal_tolerance * reach)
 
 
 @physics(gives="effort_term")
 def effort_term(action1, action2, action3, action4):
-    return -0.01 * (action1**2 + action2**2 + action3**2 + action4**2)
+    return 0.01 * (4.0 - action1**2 - action2**2 - action3**2 - action4**2)
 
 
 @physics(gives="settle_term")
 def settle_term(distance, speed, reach):
-    return -0.05 * (speed / reach) * tolerance(distance, 0.1 * reach)
+    return 0.08 * (1.0 - squash(speed, 2.0 * reach) * tolerance(distance, 0.1 * reach))
 
 
 @physics(gives="rate_term")
 def rate_term(phid1, phid2, phid3, phid4):
-    return -0.0005 * (abs(phid1) + abs(phid2) + abs(phid3) + abs(phid4))
+    return 0.005 * (
+        4.0
+        - squash(abs(phid1), 10.0)
+        - squash(abs(phid2), 10.0)
+        - squash(abs(phid3), 10.0)
+        - squash(abs(phid4), 10.0)
+    )
 
 
-@physics(gives="goal_reward")
-def goal_reward(distance, reach, goal_tolerance):
-    """0 at the goal, -1 elsewhere: a function of the two goals alone, as HER needs."""
-    return where(distance <= goal_tolerance * reach, 0.0, -1.0)
+@physics(gives="end_term")
+def end_term(ended, paid):
+    """Takes back all that an episode paid if a fault ends it: it returns 0, and no episode returns less."""
+    return where(ended > 0.0, -paid, 0.0)
 
 
 REWARD_TERMS = (
     far_term, near_term, precise_term, effort_term, settle_term, rate_term,
 )  # fmt: skip
+
+
+@physics(gives="goal_reward")
+def goal_reward(distance, reach, goal_tolerance):
+    """1 at the goal, 0 elsewhere: a function of the two goals alone, as HER needs."""
+    return where(distance <= goal_tolerance * reach, 1.0, 0.0)
+
+
+@physics(gives="reached_term")
+def reached_term(goal_reward):
+    return goal_reward
+
 
 # ---- observation: bounded by construction --------------------------------------------------------
 
@@ -183,6 +201,9 @@ COMMON = {
     "tip_y_obs": "squash(tip y / reach)",
     "tip_vx_obs": "squash(tip velocity x / (0.5 reach per s))",
     "tip_vy_obs": "squash(tip velocity y / (0.5 reach per s))",
+}
+
+GOAL = {
     "goal_x_obs": "squash(goal x / reach)",
     "goal_y_obs": "squash(goal y / reach)",
     "error_x_obs": "squash((goal x - tip x) / (0.05 reach))",
@@ -219,8 +240,8 @@ class ReachTask:
     rate_scale : float
         Joint rate observed as 0.707, rad/s or m/s.
     speed_bound : float
-        Generalized velocity beyond which a lane ends, rad/s or m/s: at 50 rad/s a control
-        interval of 20 ms is a whole radian.
+        Generalized velocity beyond which a lane ends (in goal environments: is flagged), rad/s or
+        m/s: at 50 rad/s a control interval of 20 ms is a whole radian.
     """
 
     goal_tolerance: float = 0.02
@@ -242,6 +263,9 @@ class ReachTask:
     angles = {"goal_angle": ("goal_s", "goal_c")}
     begin_functions = (start_joints, goal_polar, goal_position)
     goal_reward = staticmethod(goal_reward)
+    reward_functions = (*REWARD_TERMS, end_term)
+    speed_bound_ends = True
+    """Whether passing the speed bound ends an episode, or is only reported."""
 
     def __post_init__(self) -> None:
         for name in self.__dataclass_fields__:
@@ -263,21 +287,17 @@ class ReachTask:
         """The task's quantities for the arm of a scene."""
         full_reach = reach_rprp if scene.robot.kind == "RPRP" else reach_four_r
         return (
-            full_reach, goal_error, tip_speed, hold_counter, success, *REWARD_TERMS,
+            full_reach, goal_error, tip_speed, hold_counter, success, *self.reward_functions,
             observed_rates, observed_travel, observed_tip, observed_goal, goal_reward,
         )  # fmt: skip
 
     def observation(self, scene: Scene) -> dict[str, str]:
         """Observed quantities in order, with what they mean."""
-        return {**POSTURE[scene.robot.kind], **COMMON}
+        return {**POSTURE[scene.robot.kind], **COMMON, **GOAL}
 
     def reward_terms(self) -> tuple[str, ...]:
         """Names of the reward terms; their sum is the reward."""
-        return tuple(name for f in REWARD_TERMS for name in gives_of(f))
-
-    def reward_functions(self) -> tuple[Callable[..., Any], ...]:
-        """The functions of the reward terms."""
-        return REWARD_TERMS
+        return tuple(name for f in self.reward_functions for name in gives_of(f))
 
     def parameters(self) -> dict[str, float]:
         """Numbers of the task, per environment."""
@@ -316,3 +336,20 @@ class ReachTask:
                     low, high = max(low, numbers[travel[k][0]]), min(high, numbers[travel[k][1]])
                 values[f"low{k + 1}"], values[f"high{k + 1}"] = low, high
         return values
+
+
+@dataclass(frozen=True)
+class GoalReachTask(ReachTask):
+    """The task with its goal beside the observation, and the reward of the two goals alone.
+
+    A reward of 1 or 0 cannot take back what an episode paid, and an arm that whirls may touch its
+    goal by luck. So an arm beyond the speed bound is flagged and goes on, and efforts cannot end
+    an episode early.
+    """
+
+    reward_functions = (reached_term,)
+    speed_bound_ends = False
+
+    def observation(self, scene: Scene) -> dict[str, str]:
+        """Observed quantities in order, with what they mean: none depends on the goal."""
+        return {k: v for k, v in super().observation(scene).items() if k not in GOAL}

@@ -196,7 +196,7 @@ def test_goals_of_the_wrong_shape(achieved, desired):
     env = gym.make("redundant_envs/FourRGoalReach-v0").unwrapped
     with pytest.raises(ValueError, match="goals have shapes"):
         env.compute_reward(achieved, desired, {})
-    assert (env.compute_reward(np.zeros((50_000, 2)), np.zeros(2), {}) == 0.0).all()
+    assert (env.compute_reward(np.zeros((50_000, 2)), np.zeros(2), {}) == 1.0).all()
 
 
 def test_goal_environments_keep_their_geometry():

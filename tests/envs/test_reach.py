@@ -101,7 +101,8 @@ def test_reward_is_the_sum_of_the_terms_in_info(env_id):
         total += reward
     assert truncated
     terms = {k: v for k, v in info.items() if k.startswith("return_")}
-    assert set(terms) == {f"return_{t}" for t in ("far", "near", "precise", "effort", "settle", "rate")}
+    names = ("far", "near", "precise", "effort", "settle", "rate", "end")
+    assert set(terms) == {f"return_{t}" for t in names}
     assert sum(terms.values()) == pytest.approx(total, abs=1e-9)
     assert info["episode_steps"] == 100
 
@@ -184,7 +185,7 @@ def test_goal_reward_is_exactly_compute_reward(env_id):
         again = env.compute_reward(obs["achieved_goal"], obs["desired_goal"], {})
         np.testing.assert_array_equal(reward, again)
         rewards.append(reward)
-    assert set(np.unique(rewards)) == {-1.0, 0.0}
+    assert set(np.unique(rewards)) == {0.0, 1.0}
     single = gym.make(env_id).unwrapped
     single.reset(seed=0)
     for i in range(8):

@@ -58,5 +58,5 @@ def test_sac_with_hindsight_replay_on_a_goal_environment():
     )
     model.learn(200)
     sample = model.replay_buffer.sample(64)
-    assert set(np.unique(sample.rewards)) <= {-1.0, 0.0}
-    assert (sample.rewards == 0.0).any()
+    assert set(np.unique(sample.rewards)) <= {0.0, 1.0}
+    assert (sample.rewards == 1.0).any()
