@@ -26,7 +26,7 @@ from redundant_envs.evaluators.assemble_task import (
 )
 from redundant_envs.model import parameters
 from redundant_envs.scene import Scene, scene_at
-from redundant_envs.tasks.reach import ReachTask
+from redundant_envs.tasks.reach import ReachTask, hard_stops, narrowed, spring_limits
 
 OPTION_KEYS = ("q", "qd", "goal", "parameters")
 FLOAT32 = np.dtype(np.float32)  # a singleton: comparing by identity is quicker
@@ -87,21 +87,28 @@ class Core:
         self._column = self._out[:, 0]
         self._substeps = self.scene.substeps
         self.reach = float(sum(arm.lengths)) + sum(
-            self.scene.parameters()[high] for _, high in self.scene.travel().values()
-        ) * (arm.kind == "RPRP")
+            self.scene.parameters()[high] for high in self._extensions()
+        )
 
     def start_ranges(self) -> list[tuple[float, float]]:
-        """Range of each joint's start position: the travel, or +- the start angle."""
-        aliases, values = self.task.aliases(self.scene), self.scene.parameters()
-        fixed = self.task.constants(self.scene)
+        """Range of the starts of each joint in the scene, inside its limits."""
+        values, angle = self.scene.parameters(), self.task.start_angle
         ranges = []
-        for k in range(1, 5):
-            low, high = f"low{k}", f"high{k}"
-            if low in fixed:
-                ranges.append((fixed[low], fixed[high]))
-            else:
-                ranges.append((values[aliases[low]], values[aliases[high]]))
+        for joint, prismatic in enumerate(self.scene.robot.prismatic):
+            ends = -angle, angle
+            if prismatic:
+                low, high = self.task.start_range(self.scene, joint)
+                ends = values[low], values[high]
+            for limited, lower, upper in (*spring_limits(self.scene), *hard_stops(self.scene)):
+                if limited == joint:
+                    ends = narrowed(*ends, values[lower], values[upper])
+            ranges.append(ends)
         return ranges
+
+    def _extensions(self) -> list[str]:
+        """Parameters that tell how far the sliders extend."""
+        prismatic = self.scene.robot.prismatic
+        return [high for joint, (_, high) in self.scene.travel().items() if prismatic[joint]]
 
     # ---- randomness ------------------------------------------------------------------------------
 
@@ -230,16 +237,14 @@ class Core:
                 parameters.check_start(key, numbers)
                 writes.append((rows, numbers))
                 if key == "q":
-                    self._check_travel(numbers, present)
-                    parameters.check_stops(self.scene, self.memory, lanes, numbers, present)
+                    self._check_stops(numbers, present)
                 elif key == "goal":
                     self._check_goal(numbers, present)
         return values, writes
 
     def _check_goal(self, goal: NDArray[np.float64], values: parameters.Table) -> None:
-        highs = [high for _, high in self.scene.travel().values()] if any(self.scene.robot.prismatic) else []
         lengths = [p for p in values if p[0] == "l" and p[1:].isdigit()]
-        reach = np.sum([values[p] for p in (*lengths, *highs)], axis=0)
+        reach = np.sum([values[p] for p in (*lengths, *self._extensions())], axis=0)
         radius = np.linalg.norm(goal, axis=1)
         if (radius > reach).any():
             lane = int(np.argmax(radius - reach))
@@ -248,11 +253,11 @@ class Core:
                 f"{reach[lane]:.6g} m: choose a goal within it"
             )
 
-    def _check_travel(self, q: NDArray[np.float64], values: parameters.Table) -> None:
-        """A start beyond a limit would put energy into the arm: refuse it."""
+    def _check_stops(self, q: NDArray[np.float64], values: parameters.Table) -> None:
+        """Refuse starts beyond a hard stop, where no motion leads; beyond a spring they are allowed."""
         arm = self.scene.robot
         positions = q @ np.asarray(arm.motor_map)  # type: ignore[attr-defined]
-        for joint, (low, high) in self.scene.travel().items():
+        for joint, low, high in hard_stops(self.scene):
             x = positions[:, joint]
             outside = (x < values[low]) | (x > values[high])
             if outside.any():

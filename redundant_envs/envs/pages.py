@@ -101,7 +101,7 @@ def page(kind: type[Any], arm: str, scene_name: str) -> str:
     reward += "\n\n" + reward_table(task)
     fast = f"4 a velocity beyond {task.speed_bound:g} rad/s or m/s"
     ends, flags = ("", f"{fast}, ") if goal else (f"{fast}, ", "")
-    travel = "; prismatic joints uniform over their travel" if arm == "RPRP" else ""
+    travel = "; prismatic\njoints uniform over their travel" if arm == "RPRP" else ""
     return f"""{DESCRIPTIONS[arm]} brings its tip to a goal and holds it there.
 
 ## Description
@@ -130,9 +130,10 @@ full reach of the goal and slower than {task.hold_speed:g} reaches per second fo
 `info["touch_success"]` says whether the goal was ever touched.
 
 ## Starting State
-At rest; joint angles uniform in +-{task.start_angle:g} rad{travel}. The goal is uniform over the area of the
-annulus from {task.inner:g} to {task.outer:g} of the full reach.
-`reset(options=...)` sets `q`, `qd`, `goal` and `parameters` exactly.
+At rest; joint angles uniform in +-{task.start_angle:g} rad{travel}; all inside the lane's own limits
+(springs and stops). The goal is uniform over the area of the annulus from {task.inner:g} to {task.outer:g} of the
+full reach. `reset(options=...)` sets `q`, `qd`, `goal` and `parameters` exactly. A `q` beyond a
+hard stop is refused; one beyond a limit spring is allowed, and `info["beyond_limit"]` shows how far.
 
 ## Episode End
 Termination: only a fault, named by a bit of `info["numerics"]`: 1 a state or 2 an action that is not

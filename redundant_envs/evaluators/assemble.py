@@ -23,7 +23,7 @@ from redundant_envs.evaluators.quantities import Call, calls
 from redundant_envs.evaluators.text import FunctionNames, block, copied_text, indent, words
 from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.scene import Scene, identifier
-from redundant_envs.tasks.reach import ReachTask
+from redundant_envs.tasks.reach import ReachTask, spring_limits
 
 if TYPE_CHECKING:
     from redundant_envs.evaluators.assemble_lanes import LaneSteps
@@ -72,7 +72,6 @@ class Assembly:
         values = {identifier(k): v for k, v in self.scene.parameters().items()}
         if self.task is not None:
             values.update(self.task.parameters())
-            values.update(self.task.constants(self.scene))
         if self.scene.tolerance is not None:
             values["tip_tolerance"] = self.scene.tolerance
         return values
@@ -172,8 +171,9 @@ class Assembly:
             return ()
         terms = tuple(f"{t}_sum" for t in self.task.reward_terms())
         return (
-            "reward", "terminated", "truncated", *self.task.measures, "numerics", "saturated",
-            "steps", *self.spent, *terms, *PLACES,
+            "reward", "terminated", "truncated", *self.task.measures,
+            *(("beyond_limit",) if spring_limits(self.scene) else ()), "numerics", "saturated", "steps",
+             *self.spent, *terms, *PLACES,
         )  # fmt: skip
 
     @cached_property

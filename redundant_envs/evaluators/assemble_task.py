@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -16,9 +17,17 @@ from redundant_envs.evaluators.assemble import (
     SPEED_BOUND,
     Assembly,
 )
-from redundant_envs.evaluators.quantities import calls
+from redundant_envs.evaluators.quantities import Call, calls
 from redundant_envs.evaluators.text import block, indent
-from redundant_envs.tasks.reach import ReachTask, goal_error
+from redundant_envs.scene import identifier
+from redundant_envs.tasks.reach import (
+    ReachTask,
+    depth_beyond,
+    goal_error,
+    hard_stops,
+    narrowed,
+    spring_limits,
+)
 
 STEP, RESET, OBSERVE, CHECKED_STEP = 0, 1, 2, 3
 """What a call of the kernel does."""
@@ -139,7 +148,8 @@ def _begin(a: Assembly, task: ReachTask, used: list[Any]) -> str:
     )  # fmt: skip
     drawn = [m for m in task.memory if m not in task.renewed]
     wanted = [*arm.coordinates, *drawn]
-    lines = _statements(a, task, wanted, {*a.draws, *a.numbers}, used, functions)
+    lines, ranges = _start_ranges(a, task, used)
+    lines += _statements(a, task, wanted, {*a.draws, *a.numbers, *ranges}, used, functions)
     zero = [*arm.rates, *(m for m in a.memory if m not in drawn)]
     zero += [*a.lanes.modes, "next_step"] if a.lanes else []
     zero += task.results
@@ -157,11 +167,38 @@ def _begin(a: Assembly, task: ReachTask, used: list[Any]) -> str:
     return f"{place}\n\n\n@njit(**OPTIONS)\ndef begin(W, o, i, tickets, n):\n{indent(body, 1)}"
 
 
+def _start_ranges(a: Assembly, task: ReachTask, used: list[Any]) -> tuple[list[str], list[str]]:
+    """Lines that give each joint's range of starts inside the lane's own limits, and what they give."""
+    lines, names = [], []
+    limits = [*spring_limits(a.scene), *hard_stops(a.scene)]  # a hard stop has the last word
+    for joint in range(4):
+        ends = f"start_low{joint + 1}", f"start_high{joint + 1}"
+        first = task.start_range(a.scene, joint)
+        lines += [f"{end} = {identifier(text)}" for end, text in zip(ends, first, strict=True)]
+        for limited, lower, upper in limits:
+            if limited == joint:
+                a.names.emit(Call(ends, narrowed, (*ends, identifier(lower), identifier(upper))), lines, used)
+        names += ends
+    return lines, names
+
+
+def _beyond_limit(a: Assembly, used: list[Any]) -> list[str]:
+    """A line that tells how far the farthest joint is beyond the limit of a spring."""
+    depths = []
+    for joint, lower, upper in spring_limits(a.scene):
+        depths.append(f"{a.names.of(depth_beyond)}(phi{joint + 1}, {identifier(lower)}, {identifier(upper)})")
+    used.append(depth_beyond)
+    return [f"beyond_limit = {functools.reduce('maximum({}, {})'.format, depths)}"]
+
+
 def _observe(a: Assembly, task: ReachTask, used: list[Any]) -> str:
     """What lanes observe: a function of the state and the goal alone."""
     pure = [n for n in (*task.measures, *PLACES) if n not in (*a.memory, *task.results)]
     known = {*a.states, *a.numbers, *task.memory}
-    lines = _statements(a, task, [*a.observed, *pure], known, used)
+    limited = [f"phi{joint + 1}" for joint, *_ in spring_limits(a.scene)]
+    lines = _statements(a, task, [*a.observed, *pure, *limited], known, used)
+    if limited:
+        lines += _beyond_limit(a, used)
     writes = dict(zip(a.shown, (*a.observed, *a.outputs), strict=True))
     return a.lane_function("observe", "Observations and outputs, side by side.", lines, writes, apart=True)
 

@@ -7,22 +7,44 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from redundant_envs.algebra import gives_of, physics, sqrt, squash, tolerance, where
+from redundant_envs.algebra import (
+    clamp,
+    gives_of,
+    maximum,
+    minimum,
+    physics,
+    sqrt,
+    squash,
+    tolerance,
+    where,
+)
+from redundant_envs.effects.hooks import Impact
 from redundant_envs.robots.parameters import number
 from redundant_envs.scene import Scene
 
 # ---- goal and start, from uniform draws u1.. in (0, 1) -------------------------------------------
 
 
+@physics
+def narrowed(low, high, lower, upper):
+    """The part of a range that lies inside limits; without one, the nearest range as wide inside them."""
+    empty = maximum(low, lower) > minimum(high, upper)
+    width = high - low
+    shifted = clamp(low, lower, maximum(upper - width, lower))
+    start = where(empty, shifted, maximum(low, lower))
+    return start, minimum(where(empty, shifted + width, high), upper)
+
+
 @physics(gives="phi1 phi2 phi3 phi4")
 def start_joints(
-    u1, u2, u3, u4, low1, low2, low3, low4, high1, high2, high3, high4
+    u1, u2, u3, u4, start_low1, start_low2, start_low3, start_low4,
+    start_high1, start_high2, start_high3, start_high4,
 ):  # fmt: skip
     return (
-        low1 + u1 * (high1 - low1),
-        low2 + u2 * (high2 - low2),
-        low3 + u3 * (high3 - low3),
-        low4 + u4 * (high4 - low4),
+        start_low1 + u1 * (start_high1 - start_low1),
+        start_low2 + u2 * (start_high2 - start_low2),
+        start_low3 + u3 * (start_high3 - start_low3),
+        start_low4 + u4 * (start_high4 - start_low4),
     )
 
 
@@ -55,6 +77,11 @@ def goal_error(tip_x, tip_y, goal_x, goal_y):
     error_x = goal_x - tip_x
     error_y = goal_y - tip_y
     return error_x, error_y, sqrt(error_x * error_x + error_y * error_y)
+
+
+@physics
+def depth_beyond(position, lower, upper):
+    return maximum(maximum(lower - position, position - upper), 0.0)
 
 
 @physics(gives="speed")
@@ -219,6 +246,28 @@ RANGES = {
     "rate_scale": (1e-9, 1e9),
 }
 """Allowed numbers of the task: their squares neither overflow nor vanish beside those of a motion."""
+Limit = tuple[int, str, str]
+"""A joint, and the names of the parameters that limit it below and above."""
+
+
+def spring_limits(scene: Scene) -> list[Limit]:
+    """Limits that a joint may pass, at a price: those of springs."""
+    return [
+        (joint, f"{effect.key}.{low}", f"{effect.key}.{high}")
+        for effect in scene.effects
+        if not any(isinstance(hook, Impact) for hook in effect.hooks(scene.robot))
+        for joint, (low, high) in effect.travel(scene.robot).items()
+    ]
+
+
+def hard_stops(scene: Scene) -> list[Limit]:
+    """Limits that no joint can pass; one of them is infinite where there is no stop."""
+    return [
+        (hook.joint, f"{effect.key}{hook.lower}", f"{effect.key}{hook.upper}")
+        for effect in scene.effects
+        for hook in effect.hooks(scene.robot)
+        if isinstance(hook, Impact)
+    ]
 
 
 @dataclass(frozen=True)
@@ -236,7 +285,7 @@ class ReachTask:
     inner, outer : float
         Radii of the annulus of goals, in units of the full reach.
     start_angle : float
-        Start angles of the revolute joints are uniform in +- this, rad.
+        Start angles of the revolute joints are uniform in +- this, inside their limits, rad.
     rate_scale : float
         Joint rate observed as 0.707, rad/s or m/s.
     speed_bound : float
@@ -307,12 +356,13 @@ class ReachTask:
             "hold_steps": float(self.hold_steps),
             "inner": self.inner,
             "outer": self.outer,
+            "start_angle": self.start_angle,
             "rate_scale": self.rate_scale,
             "speed_bound": self.speed_bound,
         }
 
     def aliases(self, scene: Scene) -> dict[str, str]:
-        """low<k>, high<k> of the joints: limits of the scene, or the range of start angles."""
+        """low<k>, high<k> of the prismatic joints: the parameters that limit their travel."""
         travel = scene.travel()
         names: dict[str, str] = {}
         for k in range(4):
@@ -320,22 +370,17 @@ class ReachTask:
                 if k not in travel:
                     raise ValueError(
                         f"the reach task needs limited travel of {scene.robot.joints[k]!r}; "
-                        "add a PrismaticStop or a LimitSpring for it to the scene's effects"
+                        "add a PrismaticStop with both ends or a LimitSpring for it to the scene's effects"
                     )
                 names[f"low{k + 1}"], names[f"high{k + 1}"] = travel[k]
         return names
 
-    def constants(self, scene: Scene) -> dict[str, float]:
-        """low<k>, high<k> that are not limits of the scene."""
-        given, travel, numbers = self.aliases(scene), scene.travel(), scene.parameters()
-        values = {}
-        for k in range(4):
-            if f"low{k + 1}" not in given:
-                low, high = -self.start_angle, self.start_angle
-                if k in travel:  # a revolute joint with limits starts inside them
-                    low, high = max(low, numbers[travel[k][0]]), min(high, numbers[travel[k][1]])
-                values[f"low{k + 1}"], values[f"high{k + 1}"] = low, high
-        return values
+    def start_range(self, scene: Scene, joint: int) -> tuple[str, str]:
+        """Range of a joint's start before its limits narrow it, as text of parameters."""
+        if scene.robot.prismatic[joint]:
+            names = self.aliases(scene)
+            return names[f"low{joint + 1}"], names[f"high{joint + 1}"]
+        return "-start_angle", "start_angle"
 
 
 @dataclass(frozen=True)
