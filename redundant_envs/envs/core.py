@@ -26,7 +26,8 @@ from redundant_envs.evaluators.assemble_task import (
 )
 from redundant_envs.model import parameters
 from redundant_envs.scene import Scene, scene_at
-from redundant_envs.tasks.reach import ReachTask, hard_stops, narrowed, spring_limits
+from redundant_envs.tasks.limits import hard_stops, narrowed, spring_limits
+from redundant_envs.tasks.reach import ReachTask
 
 OPTION_KEYS = ("q", "qd", "goal", "parameters")
 FLOAT32 = np.dtype(np.float32)  # a singleton: comparing by identity is quicker

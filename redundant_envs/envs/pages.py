@@ -131,8 +131,8 @@ full reach of the goal and slower than {task.hold_speed:g} reaches per second fo
 
 ## Starting State
 At rest; joint angles uniform in +-{task.start_angle:g} rad{travel}; all inside the lane's own limits
-(springs and stops). The goal is uniform over the area of the annulus from {task.inner:g} to {task.outer:g} of the
-full reach. `reset(options=...)` sets `q`, `qd`, `goal` and `parameters` exactly. A `q` beyond a
+(springs and stops). The goal is uniform over the area of the annulus from {task.inner:g} to
+{task.outer:g} of the full reach. `reset(options=...)` sets `q`, `qd`, `goal` and `parameters` exactly. A `q` beyond a
 hard stop is refused; one beyond a limit spring is allowed, and `info["beyond_limit"]` shows how far.
 
 ## Episode End

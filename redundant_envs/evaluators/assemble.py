@@ -23,7 +23,8 @@ from redundant_envs.evaluators.quantities import Call, calls
 from redundant_envs.evaluators.text import FunctionNames, block, copied_text, indent, words
 from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.scene import Scene, identifier
-from redundant_envs.tasks.reach import ReachTask, spring_limits
+from redundant_envs.tasks.limits import spring_limits
+from redundant_envs.tasks.reach import ReachTask
 
 if TYPE_CHECKING:
     from redundant_envs.evaluators.assemble_lanes import LaneSteps

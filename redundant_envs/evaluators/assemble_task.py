@@ -20,14 +20,8 @@ from redundant_envs.evaluators.assemble import (
 from redundant_envs.evaluators.quantities import Call, calls
 from redundant_envs.evaluators.text import block, indent
 from redundant_envs.scene import identifier
-from redundant_envs.tasks.reach import (
-    ReachTask,
-    depth_beyond,
-    goal_error,
-    hard_stops,
-    narrowed,
-    spring_limits,
-)
+from redundant_envs.tasks.limits import depth_beyond, hard_stops, narrowed, spring_limits
+from redundant_envs.tasks.reach import ReachTask, goal_error
 
 STEP, RESET, OBSERVE, CHECKED_STEP = 0, 1, 2, 3
 """What a call of the kernel does."""

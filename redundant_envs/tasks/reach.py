@@ -7,32 +7,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from redundant_envs.algebra import (
-    clamp,
-    gives_of,
-    maximum,
-    minimum,
-    physics,
-    sqrt,
-    squash,
-    tolerance,
-    where,
-)
-from redundant_envs.effects.hooks import Impact
+from redundant_envs.algebra import gives_of, physics, sqrt, squash, tolerance, where
 from redundant_envs.robots.parameters import number
 from redundant_envs.scene import Scene
 
 # ---- goal and start, from uniform draws u1.. in (0, 1) -------------------------------------------
-
-
-@physics
-def narrowed(low, high, lower, upper):
-    """The part of a range that lies inside limits; without one, the nearest range as wide inside them."""
-    empty = maximum(low, lower) > minimum(high, upper)
-    width = high - low
-    shifted = clamp(low, lower, maximum(upper - width, lower))
-    start = where(empty, shifted, maximum(low, lower))
-    return start, minimum(where(empty, shifted + width, high), upper)
 
 
 @physics(gives="phi1 phi2 phi3 phi4")
@@ -77,11 +56,6 @@ def goal_error(tip_x, tip_y, goal_x, goal_y):
     error_x = goal_x - tip_x
     error_y = goal_y - tip_y
     return error_x, error_y, sqrt(error_x * error_x + error_y * error_y)
-
-
-@physics
-def depth_beyond(position, lower, upper):
-    return maximum(maximum(lower - position, position - upper), 0.0)
 
 
 @physics(gives="speed")
@@ -246,28 +220,6 @@ RANGES = {
     "rate_scale": (1e-9, 1e9),
 }
 """Allowed numbers of the task: their squares neither overflow nor vanish beside those of a motion."""
-Limit = tuple[int, str, str]
-"""A joint, and the names of the parameters that limit it below and above."""
-
-
-def spring_limits(scene: Scene) -> list[Limit]:
-    """Limits that a joint may pass, at a price: those of springs."""
-    return [
-        (joint, f"{effect.key}.{low}", f"{effect.key}.{high}")
-        for effect in scene.effects
-        if not any(isinstance(hook, Impact) for hook in effect.hooks(scene.robot))
-        for joint, (low, high) in effect.travel(scene.robot).items()
-    ]
-
-
-def hard_stops(scene: Scene) -> list[Limit]:
-    """Limits that no joint can pass; one of them is infinite where there is no stop."""
-    return [
-        (hook.joint, f"{effect.key}{hook.lower}", f"{effect.key}{hook.upper}")
-        for effect in scene.effects
-        for hook in effect.hooks(scene.robot)
-        if isinstance(hook, Impact)
-    ]
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,45 @@
+"""Limits of a scene's joints: where starts may lie, and how far a joint is beyond."""
+
+from __future__ import annotations
+
+from redundant_envs.algebra import clamp, maximum, minimum, physics, where
+from redundant_envs.effects.hooks import Impact
+from redundant_envs.scene import Scene
+
+Limit = tuple[int, str, str]
+"""A joint, and the names of the parameters that limit it below and above."""
+
+
+def spring_limits(scene: Scene) -> list[Limit]:
+    """Limits that a joint may pass, at a price: those of springs."""
+    return [
+        (joint, f"{effect.key}.{low}", f"{effect.key}.{high}")
+        for effect in scene.effects
+        if not any(isinstance(hook, Impact) for hook in effect.hooks(scene.robot))
+        for joint, (low, high) in effect.travel(scene.robot).items()
+    ]
+
+
+def hard_stops(scene: Scene) -> list[Limit]:
+    """Limits that no joint can pass; one of them is infinite where there is no stop."""
+    return [
+        (hook.joint, f"{effect.key}{hook.lower}", f"{effect.key}{hook.upper}")
+        for effect in scene.effects
+        for hook in effect.hooks(scene.robot)
+        if isinstance(hook, Impact)
+    ]
+
+
+@physics
+def narrowed(low, high, lower, upper):
+    """The part of a range that lies inside limits; without one, the nearest range as wide inside them."""
+    empty = maximum(low, lower) > minimum(high, upper)
+    width = high - low
+    shifted = clamp(low, lower, maximum(upper - width, lower))
+    start = where(empty, shifted, maximum(low, lower))
+    return start, minimum(where(empty, shifted + width, high), upper)
+
+
+@physics
+def depth_beyond(position, lower, upper):
+    return maximum(maximum(lower - position, position - upper), 0.0)
