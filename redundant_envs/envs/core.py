@@ -298,6 +298,11 @@ class Core:
         self._goal_reward(a, d, self.reach, self.task.goal_tolerance, np.zeros(PAIR), reward)
         return reward
 
+    def tips(self) -> NDArray[np.float64]:
+        """Tip positions, (num_envs, 2), m: the bits that goal environments call achieved_goal."""
+        _, out = self.observe()
+        return np.ascontiguousarray(out[[self.columns["tip_x"], self.columns["tip_y"]]].T)
+
     def goals(self) -> NDArray[np.float64]:
         """Goals, (num_envs, 2), m."""
         return self.memory.read(("goal_x", "goal_y"))

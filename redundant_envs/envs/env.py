@@ -11,6 +11,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from redundant_envs.envs.core import Core, check_action, plain_scene, refuse_bad_action
+from redundant_envs.envs.lane_values import LaneValue
 from redundant_envs.envs.vector_env import (
     ON_BAD_ACTION,
     info_columns,
@@ -18,7 +19,7 @@ from redundant_envs.envs.vector_env import (
     observation_space,
 )
 
-RENDER_MODES = (None, "rgb_array")
+RENDER_MODES = (None, "rgb_array", "human")
 
 
 def info_maker(core: Core) -> Callable[[list[float]], dict[str, Any]]:
@@ -35,11 +36,11 @@ def info_maker(core: Core) -> Callable[[list[float]], dict[str, Any]]:
     return namespace["info"]  # type: ignore[no-any-return]
 
 
-class ReachEnv(gym.Env[Any, Any]):
+class ReachEnv(LaneValue, gym.Env[Any, Any]):
     """A torque-controlled arm that brings its tip to a goal; made by ``gymnasium.make``."""
 
-    metadata = {"render_modes": ["rgb_array"], "render_fps": 50}
-    goal = False
+    metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 50}
+    goal_conditioned = False
     env_id: ClassVar[str | None] = None
     """The id that the class stands for; its scenes have the arm of that id."""
 
@@ -53,23 +54,28 @@ class ReachEnv(gym.Env[Any, Any]):
     ) -> None:
         if render_mode not in RENDER_MODES:
             raise ValueError(f"render_mode is {render_mode!r}; choose None, 'rgb_array' or 'human'")
+        if render_mode == "human":
+            from redundant_envs.envs.window import load_pygame
+
+            load_pygame()  # a missing package is told at once, not at the first step
         if on_bad_action not in ON_BAD_ACTION:
             raise ValueError(f"on_bad_action is {on_bad_action!r}; choose {', '.join(ON_BAD_ACTION)}")
         self.core = Core(
             plain_scene(scene),
             1,
-            make_task(task, self.goal),
-            fixed_geometry=self.goal,
+            make_task(task, self.goal_conditioned),
+            fixed_geometry=self.goal_conditioned,
             accuracy=accuracy,
             env_id=self.env_id,
         )
         self.on_bad_action = on_bad_action
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": round(1.0 / self.core.scene.control_dt)}
-        self.observation_space = observation_space(self.core, self.goal)
+        self.observation_space = observation_space(self.core, self.goal_conditioned)
         self.action_space = spaces.Box(-1.0, 1.0, (4,), np.float32)
         self._info = info_maker(self.core)
         self._renderer: Any = None
+        self._steps_column = self.core.columns["steps"]
         self._strict: bool | None = None  # whether bad actions raise; None before the first reset
 
     def reset(
@@ -94,9 +100,11 @@ class ReachEnv(gym.Env[Any, Any]):
         self.core.begin(np.ones(1, dtype=np.bool_), options)
         obs, out = self.core.observe()
         self._strict = self.on_bad_action == "raise"
+        values = out[:, 0].tolist()
         if self._renderer is not None:
             self._renderer.clear()
-        values = out[:, 0].tolist()
+        if self.render_mode is not None:
+            self._see(values)
         return self._observation(obs[0], values), self._info(values)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
@@ -108,7 +116,9 @@ class ReachEnv(gym.Env[Any, Any]):
         reward, terminated = values[0], values[1] > 0.0
         if reward != reward and self._strict:
             refuse_bad_action(action)
-        observation = self._observation(obs, values) if self.goal else obs
+        if self.render_mode is not None:
+            self._see(values)
+        observation = self._observation(obs, values) if self.goal_conditioned else obs
         return observation, reward, terminated, False, self._info(values)
 
     def _observation(self, obs: NDArray[np.float32], values: list[float]) -> Any:
@@ -126,22 +136,43 @@ class ReachEnv(gym.Env[Any, Any]):
         if generator is not None:
             self._np_random = generator
 
+    def _see(self, values: list[float]) -> None:
+        """Remember where the tip is, for its trail; show it in the mode "human"."""
+        renderer = self._made_renderer()
+        renderer.record(np.array([values[self._steps_column]]), np.array([values[-4:-2]]))
+        if self.render_mode == "human":
+            renderer.show(0)
+
+    def _made_renderer(self) -> Any:
+        if self._renderer is None:
+            from redundant_envs.envs.rendering import Renderer
+
+            self._renderer = Renderer(self.core)
+        return self._renderer
+
     def render(self) -> NDArray[np.uint8] | None:
-        """A picture, (height, width, 3) uint8, or None without a render mode."""
+        """A picture, (height, width, 3) uint8; None without a render mode and in the mode "human".
+
+        The mode "human" shows every step in a window without being asked.
+        """
         if self.render_mode is None:
             gym.logger.warn("render was called without a render_mode; make(..., render_mode='rgb_array')")
             return None
-        from redundant_envs.envs.rendering import Renderer
+        if self.render_mode == "human":
+            self._made_renderer().show(0)
+            return None
+        return self._made_renderer().draw(0)  # type: ignore[no-any-return]
 
-        if self._renderer is None:
-            self._renderer = Renderer(self.core)
-        return self._renderer.draw(0)  # type: ignore[no-any-return]
+    def close(self) -> None:
+        """Close the window if there is one."""
+        if self._renderer is not None:
+            self._renderer.close()
 
 
 class ReachGoalEnv(ReachEnv):
     """The goal-conditioned form: Dict observations and a reward of the two goals alone, for HER."""
 
-    goal = True
+    goal_conditioned = True
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One control step; the reward is 1 at the goal and 0 elsewhere."""

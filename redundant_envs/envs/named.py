@@ -55,7 +55,7 @@ class FourRReachVectorEnv(ReachVectorEnv):
 class GoalVectorEnv(ReachVectorEnv):
     """Native vector environment with Dict observations and the sparse goal reward."""
 
-    goal = True
+    goal_conditioned = True
 
 
 class RPRPGoalReachVectorEnv(GoalVectorEnv):

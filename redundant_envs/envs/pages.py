@@ -78,7 +78,7 @@ def task_table(task: ReachTask) -> str:
 
 def page(kind: type[Any], arm: str, scene_name: str) -> str:
     """The docstring of an environment under Gymnasium's headings."""
-    goal = bool(kind.goal)
+    goal = bool(kind.goal_conditioned)
     scene, task = load_scene(scene_name), GoalReachTask() if goal else ReachTask()
     masses = ", ".join(f"{m:g}" for m in scene.robot.masses)
     lengths = ", ".join(f"{length:g}" for length in scene.robot.lengths)
@@ -132,8 +132,10 @@ full reach of the goal and slower than {task.hold_speed:g} reaches per second fo
 ## Starting State
 At rest; joint angles uniform in +-{task.start_angle:g} rad{travel}; all inside the lane's own limits
 (springs and stops). The goal is uniform over the area of the annulus from {task.inner:g} to
-{task.outer:g} of the full reach. `reset(options=...)` sets `q`, `qd`, `goal` and `parameters` exactly. A `q` beyond a
-hard stop is refused; one beyond a limit spring is allowed, and `info["beyond_limit"]` shows how far.
+{task.outer:g} of the full reach.
+
+`reset(options=...)` sets `q`, `qd`, `goal` and `parameters` exactly. A `q` beyond a hard stop is
+refused; one beyond a limit spring is allowed, and `info["beyond_limit"]` shows how far.
 
 ## Episode End
 Termination: only a fault, named by a bit of `info["numerics"]`: 1 a state or 2 an action that is not

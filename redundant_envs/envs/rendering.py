@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
-from collections import deque
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -24,14 +23,19 @@ BAR_TRACK = (226, 229, 234)
 BAR_PLUS = (70, 120, 190)
 BAR_MINUS = (205, 92, 92)
 TRAIL_LENGTH = 100
+CENTRES = np.arange(SIZE, dtype=np.float32) + np.float32(0.5)
+"""Middles of the pixels of a row or a column."""
 
 
 class Canvas:
-    """A square picture with the base of the arm in its middle."""
+    """A square picture with the base of the arm in its middle; (SIZE, SIZE, 3) uint8 in ``pixels``."""
 
-    def __init__(self, half_width: float) -> None:
-        self.pixels = np.empty((SIZE, SIZE, 3), dtype=np.float32)
-        self.pixels[:] = BACKGROUND
+    def __init__(self, half_width: float, background: NDArray[np.uint8] | None = None) -> None:
+        if background is None:
+            self.pixels = np.empty((SIZE, SIZE, 3), dtype=np.uint8)
+            self.pixels[:] = BACKGROUND
+        else:
+            self.pixels = background.copy()
         self.scale = SIZE / (2.0 * half_width)
 
     def _place(self, point: NDArray[np.float64]) -> tuple[float, float]:
@@ -39,30 +43,28 @@ class Canvas:
 
     def _blend(
         self, low: tuple[float, float], high: tuple[float, float], color: tuple[int, int, int],
-        distance: object, alpha: float,
+        distance: Callable[[Any, Any], Any], alpha: float,
     ) -> None:  # fmt: skip
+        """Colour what lies inside a shape, given by its signed distance [px] from places x, y."""
         x0, y0 = (max(0, int(v) - 2) for v in low)
         x1, y1 = (min(SIZE, int(v) + 3) for v in high)
         if x0 >= x1 or y0 >= y1:
             return
-        y, x = np.mgrid[y0:y1, x0:x1] + 0.5
-        cover = np.clip(0.5 - distance(x, y), 0.0, 1.0)[..., None] * alpha  # type: ignore[operator]
-        patch = self.pixels[y0:y1, x0:x1]
-        patch += cover.astype(np.float32) * (np.asarray(color, dtype=np.float32) - patch)
+        cover = np.float32(0.5) - distance(CENTRES[x0:x1], CENTRES[y0:y1, None])
+        np.minimum(cover, 1.0, out=cover)
+        np.maximum(cover, 0.0, out=cover)
+        mix(self.pixels[y0:y1, x0:x1], cover * np.float32(alpha), color)
 
     def capsule(
         self, a: NDArray[np.float64], b: NDArray[np.float64], width: float,
         color: tuple[int, int, int], alpha: float = 1.0,
     ) -> None:  # fmt: skip
         """A thick line with round ends; width in pixels."""
-        ax, ay = self._place(a)
-        bx, by = self._place(b)
+        (ax, ay), (bx, by) = self._place(a), self._place(b)
         r = width / 2
 
-        def distance(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-            dx, dy = bx - ax, by - ay
-            s = np.clip(((x - ax) * dx + (y - ay) * dy) / max(dx * dx + dy * dy, 1e-9), 0.0, 1.0)
-            return np.hypot(x - ax - s * dx, y - ay - s * dy) - r  # type: ignore[no-any-return]
+        def distance(x: NDArray[np.float32], y: NDArray[np.float32]) -> Any:
+            return from_segment(x - ax, y - ay, bx - ax, by - ay) - r
 
         low = (min(ax, bx) - r, min(ay, by) - r)
         self._blend(low, (max(ax, bx) + r, max(ay, by) + r), color, distance, alpha)
@@ -74,12 +76,54 @@ class Canvas:
         """A disc, or a ring of the given width; sizes in pixels."""
         cx, cy = self._place(center)
 
-        def distance(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-            d = np.hypot(x - cx, y - cy) - radius
-            return np.abs(d) - ring / 2 if ring else d  # type: ignore[no-any-return]
+        def distance(x: NDArray[np.float32], y: NDArray[np.float32]) -> Any:
+            dx, dy = x - cx, y - cy
+            d = np.sqrt(dx * dx + dy * dy) - radius
+            return np.abs(d) - ring / 2 if ring else d
 
         r = radius + ring
         self._blend((cx - r, cy - r), (cx + r, cy + r), color, distance, alpha)
+
+    def trail(
+        self, points: NDArray[np.float64], width: float, color: tuple[int, int, int],
+        faint: float, strong: float,
+    ) -> None:  # fmt: skip
+        """A line through points (n, 2) that fades towards the first; width in pixels.
+
+        All its segments are drawn at once: along the longer of its two directions a segment has a
+        pixel for each column, and across a few rows. Where segments overlap the stronger one shows.
+        """
+        if len(points) < 2:
+            return
+        places = (SIZE / 2 + self.scale * points * (1.0, -1.0)).astype(np.float32)
+        steep = np.abs(np.diff(places[:, 1])) > np.abs(np.diff(places[:, 0]))
+        a, b = places[:-1].copy(), places[1:].copy()
+        a[steep], b[steep] = a[steep, ::-1], b[steep, ::-1]
+        r = width / 2
+        first = np.maximum(np.minimum(a[:, 0], b[:, 0]) - r - 1, 0).astype(int)
+        last = np.minimum(np.maximum(a[:, 0], b[:, 0]) + r + 1, SIZE - 1).astype(int)
+        counts = np.maximum(last - first + 1, 0)
+        segment = np.repeat(np.arange(len(a)), counts)
+        column = np.arange(len(segment)) - (np.cumsum(counts) - counts - first)[segment]
+        (ax, ay), (dx, dy) = a[segment].T, (b - a)[segment].T
+        x = column + np.float32(0.5) - ax
+        along = np.clip(x / np.where(dx == 0.0, np.float32(1.0), dx), 0.0, 1.0)
+        reach = int(np.ceil(1.5 * r)) + 1
+        row = np.floor(ay + along * dy).astype(int)[:, None] + np.arange(-reach, reach + 1)
+        y = row + np.float32(0.5) - ay[:, None]
+        cover = 0.5 + r - from_segment(x[:, None], y, dx[:, None], dy[:, None])
+        strength = faint + (strong - faint) * np.arange(1, len(a) + 1, dtype=np.float32) / len(a)
+        cover = np.clip(cover, 0.0, 1.0) * strength[segment, None]
+        shown = (cover > 0.0) & (row >= 0) & (row < SIZE)
+        turned = steep[segment, None]
+        column = np.broadcast_to(column[:, None], row.shape)
+        at = np.where(turned, column * SIZE + row, row * SIZE + column)[shown]
+        strongest = np.zeros(SIZE * SIZE, np.float32)
+        np.maximum.at(strongest, at, cover[shown].astype(np.float32))
+        flat = self.pixels.reshape(-1, 3)
+        patch = flat[at]
+        mix(patch, strongest[at], color)
+        flat[at] = patch
 
     def bar(self, index: int, value: float) -> None:
         """A horizontal bar in the lower left corner, from its middle, for a value in [-1, 1]."""
@@ -93,6 +137,23 @@ class Canvas:
         self.pixels[top - 1 : top + height + 1, middle] = JOINT
 
 
+def from_segment(x: Any, y: Any, dx: Any, dy: Any) -> Any:
+    """Distance of places from a segment, both relative to its start; (dx, dy) is its end."""
+    s = (x * dx + y * dy) / np.maximum(dx * dx + dy * dy, np.float32(1e-9))
+    s = np.maximum(np.minimum(s, 1.0), 0.0)
+    ex, ey = x - s * dx, y - s * dy
+    return np.sqrt(ex * ex + ey * ey)
+
+
+def mix(patch: NDArray[np.uint8], weight: NDArray[np.float32], color: tuple[int, int, int]) -> None:
+    """Blend a colour into pixels (..., 3), each with its own weight, in place."""
+    difference = np.array(color, np.float32) - patch
+    difference *= weight[..., None]
+    difference += patch
+    difference += np.float32(0.5)
+    patch[...] = difference  # towards zero, so 0.5 more rounds
+
+
 def lane_arm(core: Core, lane: NDArray[np.intp]) -> Any:
     """The arm with a lane's own masses and lengths."""
     arm = core.scene.robot
@@ -102,16 +163,44 @@ def lane_arm(core: Core, lane: NDArray[np.intp]) -> Any:
 
 
 class Renderer:
-    """Draws one lane of a core and remembers the trail of its tip."""
+    """Draws the lanes of a core and remembers the trails of their tips, a point for each control step."""
 
     def __init__(self, core: Core) -> None:
         self.core = core
-        self.trail: deque[NDArray[np.float64]] = deque(maxlen=TRAIL_LENGTH)
-        self._last_step = -1.0
+        self.half_width = 1.12 * core.reach
+        canvas = Canvas(self.half_width)
+        canvas.disc(np.zeros(2), canvas.scale * core.reach, REACH, ring=2.0)
+        self._background = canvas.pixels
+        self._tips = np.zeros((core.num_envs, TRAIL_LENGTH, 2))
+        self._count = np.zeros(core.num_envs, dtype=int)
+        self._last = np.full(core.num_envs, -1.0)
+        self._window: Any = None
 
     def clear(self) -> None:
-        """Forget the trail."""
-        self.trail.clear()
+        """Forget all trails."""
+        self._count[:] = 0
+        self._last[:] = -1.0
+
+    def record(self, steps: NDArray[np.float64], tips: NDArray[np.float64]) -> None:
+        """Remember where all tips are, (n, 2), after so many steps of their episodes, (n,).
+
+        A trail begins anew with an episode, and where a state was set.
+        """
+        newest = self._tips[np.arange(len(tips)), (self._count - 1) % TRAIL_LENGTH]
+        stepped = (steps == self._last + 1.0) & (steps > 0.0)
+        same = (steps == self._last) & (np.abs(newest - tips) < 1e-9).all(axis=1)
+        self._count[~(stepped | same)] = 0
+        lanes = np.flatnonzero(~same)
+        self._tips[lanes, self._count[lanes] % TRAIL_LENGTH] = tips[lanes]
+        self._count[lanes] += 1
+        self._last = steps.copy()
+
+    def trail(self, lane: int) -> NDArray[np.float64]:
+        """Where the tip of a lane was at the last steps of its episode, (n, 2), the newest last."""
+        count = int(self._count[lane])
+        if count <= TRAIL_LENGTH:
+            return self._tips[lane, :count]
+        return np.roll(self._tips[lane], -(count % TRAIL_LENGTH), axis=0)
 
     def draw(self, lane: int) -> NDArray[np.uint8]:
         """The picture of a lane, (480, 480, 3) uint8."""
@@ -121,20 +210,14 @@ class Renderer:
         goal = core.memory.read(("goal_x", "goal_y"), index)[0]
         steps, *efforts = core.memory.read(("steps", *core.assembly.actions), index)[0]
         points = lane_arm(core, index).points(q)
-        if steps < self._last_step:
-            self.clear()
-        self._last_step = float(steps)
-        self.trail.append(points[3])
+        self._catch_up(lane, float(steps), points[3])
 
-        canvas = Canvas(1.12 * core.reach)
+        canvas = Canvas(self.half_width, self._background)
         base = np.zeros(2)
-        canvas.disc(base, canvas.scale * core.reach, REACH, ring=2.0)
         radius = canvas.scale * core.reach * core.task.goal_tolerance
         canvas.disc(goal, radius + 9.0, GOAL, alpha=0.18)
         canvas.disc(goal, max(radius, 3.0), GOAL)
-        trail = list(self.trail)
-        for i, (a, b) in enumerate(itertools.pairwise(trail)):
-            canvas.capsule(a, b, 3.0, TRAIL, alpha=0.15 + 0.75 * (i + 1) / len(trail))
+        canvas.trail(self.trail(lane), 3.0, TRAIL, faint=0.15, strong=0.9)
         if arm.kind == "RPRP":
             self._sliders(canvas, q, points, base, index)
         else:
@@ -148,7 +231,29 @@ class Renderer:
         canvas.disc(points[3], 5.0, TRAIL)
         for k, effort in enumerate(efforts if steps > 0 else (0.0,) * 4):
             canvas.bar(k, effort)
-        return canvas.pixels.round().astype(np.uint8)
+        return canvas.pixels
+
+    def _catch_up(self, lane: int, steps: float, tip: NDArray[np.float64]) -> None:
+        """Begin the trail of one lane anew if its state was set since it was last recorded."""
+        all_steps = self._last.copy()
+        all_steps[lane] = steps
+        tips = self._tips[np.arange(len(self._count)), (self._count - 1) % TRAIL_LENGTH]
+        tips[lane] = tip
+        self.record(all_steps, tips)
+
+    def show(self, lane: int) -> None:
+        """Show a lane in a window, as many pictures a second as control steps."""
+        if self._window is None:
+            from redundant_envs.envs.window import Window
+
+            self._window = Window(SIZE, round(1.0 / self.core.scene.control_dt))
+        self._window.show(self.draw(lane))
+
+    def close(self) -> None:
+        """Close the window if one is open."""
+        if self._window is not None:
+            self._window.close()
+            self._window = None
 
     def _limits(self, lane: NDArray[np.intp]) -> dict[str, float]:
         names = [name for pair in self.core.scene.travel().values() for name in pair]

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
 from redundant_envs.envs.core import Core, check_action, refuse_bad_action
+from redundant_envs.envs.lane_values import LANE_VALUES, LaneValues
 from redundant_envs.envs.registration import ids
 from redundant_envs.envs.vector_env import (
     ON_BAD_ACTION,
@@ -25,7 +28,7 @@ SAME_STEP = 2
 CAST: dict[str, Callable[[float], Any]] = {"bool": lambda x: x > 0.0, "int": int, "float": float}
 
 
-class SB3VecEnv(VecEnv):
+class SB3VecEnv(LaneValues, VecEnv):
     """Lanes of a reach scene as a VecEnv; use :func:`make_sb3`.
 
     A done environment begins its next episode in the same step; the last observation is in
@@ -49,7 +52,7 @@ class SB3VecEnv(VecEnv):
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode is {render_mode!r}; choose None or 'rgb_array'")
         self.core = Core(scene, num_envs, make_task(task, goal), max_episode_steps, goal, accuracy, env_id)
-        self.goal = goal
+        self.goal_conditioned = goal
         self.on_bad_action = on_bad_action
         self.render_mode = render_mode
         self.metadata: dict[str, Any] = {
@@ -58,8 +61,9 @@ class SB3VecEnv(VecEnv):
         }
         self._columns = info_columns(self.core)
         self._success = self.core.columns["is_success"]
-        self._renderers: list[Any] = []
+        self._renderer: Any = None
         self._ready = False
+        self.spec: EnvSpec | None = None
         super().__init__(
             num_envs,
             observation_space(self.core, goal),
@@ -82,9 +86,11 @@ class SB3VecEnv(VecEnv):
             self._reset_seeds()
             self._reset_options()
         obs, out = self.core.observe()
+        if self.render_mode is not None:
+            self._see(out)
         self._ready = True
         self.reset_infos = [self._info(row) for row in out.T.tolist()]
-        return self.core.observation(obs, out, self.goal)
+        return self.core.observation(obs, out, self.goal_conditioned)
 
     def step_async(self, actions: NDArray[Any]) -> None:
         """Keep the actions for :meth:`step_wait`."""
@@ -100,23 +106,25 @@ class SB3VecEnv(VecEnv):
         """One control step of all environments."""
         core = self.core
         obs, out, last_obs, last_out = core.step(self._actions, SAME_STEP)
+        if self.render_mode is not None:
+            self._see(out)
         dones = (out[1] + out[2]) > 0.0
         success = (out[self._success] > 0.0).tolist()
         infos: list[dict[str, Any]] = [{"TimeLimit.truncated": False, "is_success": s} for s in success]
-        observation = core.observation(obs, out, self.goal)
+        observation = core.observation(obs, out, self.goal_conditioned)
         reward = out[0]
-        if self.goal:
+        if self.goal_conditioned:
             reward = core.goal_reward(observation["achieved_goal"], observation["desired_goal"])
         if dones.any():
             lanes = np.flatnonzero(dones)
-            last = core.observation(last_obs, last_out, self.goal)
-            if self.goal:
+            last = core.observation(last_obs, last_out, self.goal_conditioned)
+            if self.goal_conditioned:
                 reward[lanes] = core.goal_reward(last["achieved_goal"][lanes], last["desired_goal"][lanes])
             for n in lanes.tolist():
                 row = last_out[:, n].tolist()
                 infos[n] = self._info(row)
                 infos[n]["terminal_observation"] = (
-                    {k: v[n] for k, v in last.items()} if self.goal else last[n]
+                    {k: v[n] for k, v in last.items()} if self.goal_conditioned else last[n]
                 )
                 infos[n]["TimeLimit.truncated"] = row[2] > 0.0 and not row[1] > 0.0
                 self.reset_infos[n] = self._info(out[:, n].tolist())
@@ -130,7 +138,7 @@ class SB3VecEnv(VecEnv):
 
     def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> NDArray[np.float64]:
         """The compiled reward of (n, 2) pairs of goals (goal environments)."""
-        if not self.goal:
+        if not self.goal_conditioned:
             raise ValueError("compute_reward belongs to the goal environments (…GoalReach-v0)")
         return self.core.goal_reward(achieved_goal, desired_goal)
 
@@ -146,24 +154,33 @@ class SB3VecEnv(VecEnv):
         """One picture per environment."""
         if self.render_mode is None:
             return [None] * self.num_envs
-        from redundant_envs.envs.rendering import Renderer
+        return [self._made_renderer().draw(lane) for lane in range(self.num_envs)]
 
-        if not self._renderers:
-            self._renderers = [Renderer(self.core) for _ in range(self.num_envs)]
-        return [r.draw(i) for i, r in enumerate(self._renderers)]
+    def _made_renderer(self) -> Any:
+        if self._renderer is None:
+            from redundant_envs.envs.rendering import Renderer
+
+            self._renderer = Renderer(self.core)
+        return self._renderer
+
+    def _see(self, out: NDArray[np.float64]) -> None:
+        """Remember where the tips are, for their trails."""
+        self._made_renderer().record(out[self.core.columns["steps"]], out[-4:-2].T)
 
     # ---- attributes and methods as SB3 reaches them ----------------------------------------------
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """An attribute, once per environment asked for."""
-        return [getattr(self, attr_name)] * len(list(self._get_indices(indices)))
+        """An attribute, once per environment asked for; q, qd, tip and goal each of its own."""
+        value = getattr(self, attr_name)
+        lanes = list(self._get_indices(indices))
+        return [value[lane] for lane in lanes] if attr_name in LANE_VALUES else [value] * len(lanes)
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
         """Set an attribute; it is shared, so only for all environments at once."""
-        if len(list(self._get_indices(indices))) != self.num_envs:
+        if attr_name in LANE_VALUES or len(list(self._get_indices(indices))) != self.num_envs:
             raise ValueError(
-                f"set_attr({attr_name!r}) was asked for some environments; attributes are shared: "
-                "use set_options(...) with 'parameters' for single ones"
+                f"set_attr({attr_name!r}) was asked for some environments or for what differs among them; "
+                "attributes are shared: use set_options(...) with 'q', 'qd', 'goal' or 'parameters'"
             )
         setattr(self, attr_name, value)
 
@@ -202,4 +219,10 @@ def make_sb3(env_id: str, num_envs: int = 256, **kwargs: Any) -> SB3VecEnv:
     for key in arguments:
         if key not in valid:
             raise ValueError(f"make_sb3 has no argument {key!r}; valid: {', '.join(valid)}")
-    return SB3VecEnv(num_envs=num_envs, goal="Goal" in full, env_id=full, **arguments)
+    env = SB3VecEnv(num_envs=num_envs, goal="Goal" in full, env_id=full, **arguments)
+    env.spec = dataclasses.replace(
+        spec,
+        kwargs={k: v for k, v in arguments.items() if k != "max_episode_steps"},
+        max_episode_steps=arguments["max_episode_steps"],
+    )
+    return env

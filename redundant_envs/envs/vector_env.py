@@ -12,6 +12,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from redundant_envs.envs.core import Core, check_action, plain_scene, refuse_bad_action
+from redundant_envs.envs.lane_values import LaneValues
 from redundant_envs.evaluators.assemble import PLACES
 from redundant_envs.scene import check_keys
 from redundant_envs.tasks.reach import GoalReachTask, ReachTask
@@ -61,7 +62,7 @@ def observation_space(core: Core, goal: bool) -> spaces.Space[Any]:
     return spaces.Dict({"observation": box, "achieved_goal": place, "desired_goal": place})
 
 
-class ReachVectorEnv(VectorEnv[Any, Any, Any]):
+class ReachVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
     """Native vector environment of a reach task; made by ``gymnasium.make_vec``.
 
     Parameters
@@ -83,7 +84,7 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
         keeps what the scene gives; "standard" where it gives nothing.
     """
 
-    goal = False
+    goal_conditioned = False
     """Whether observations are goal dictionaries and the reward is that of the goals."""
     env_id: ClassVar[str | None] = None
     """The id that the class stands for; its scenes have the arm of that id."""
@@ -109,9 +110,9 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
         self.core = Core(
             plain_scene(scene),
             num_envs,
-            make_task(task, self.goal),
+            make_task(task, self.goal_conditioned),
             max_episode_steps,
-            self.goal,
+            self.goal_conditioned,
             accuracy,
             self.env_id,
         )
@@ -123,14 +124,14 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
             "render_fps": round(1.0 / self.core.scene.control_dt),
             "autoreset_mode": self.autoreset_mode,
         }
-        self.single_observation_space = observation_space(self.core, self.goal)
+        self.single_observation_space = observation_space(self.core, self.goal_conditioned)
         self.single_action_space = spaces.Box(-1.0, 1.0, (4,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._columns = info_columns(self.core)
         self._ended = np.zeros(num_envs, dtype=np.bool_)
         self._ready = False
-        self._renderers: list[Any] = []
+        self._renderer: Any = None
 
     def reset(
         self,
@@ -169,8 +170,10 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
         obs, out = self.core.observe()
         self._ended[mask] = False
         self._ready = True
+        if self.render_mode is not None:
+            self._see(out)
         infos = self._infos(out, mask)
-        return self.core.observation(obs, out, self.goal), infos
+        return self.core.observation(obs, out, self.goal_conditioned), infos
 
     def step(
         self, actions: Any
@@ -191,20 +194,22 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
         terminated = out[1] > 0.0
         truncated = out[2] > 0.0
         ended = terminated | truncated
-        observation = core.observation(obs, out, self.goal)
+        observation = core.observation(obs, out, self.goal_conditioned)
         reward = out[0].copy()
-        if self.goal:
+        if self.goal_conditioned:
             reward = core.goal_reward(observation["achieved_goal"], observation["desired_goal"])
+        if self.render_mode is not None:
+            self._see(out)
         infos = self._infos(out, None)
         if mode is AutoresetMode.NEXT_STEP and core.begun is not None:
             reward[core.begun] = 0.0
         elif mode is AutoresetMode.SAME_STEP and ended.any():
             lanes = np.flatnonzero(ended)
-            last = core.observation(last_obs, last_out, self.goal)
+            last = core.observation(last_obs, last_out, self.goal_conditioned)
             final = np.full(self.num_envs, None, dtype=object)
             for n in lanes.tolist():
-                final[n] = {k: v[n] for k, v in last.items()} if self.goal else last[n]
-            if self.goal:
+                final[n] = {k: v[n] for k, v in last.items()} if self.goal_conditioned else last[n]
+            if self.goal_conditioned:
                 reward[lanes] = core.goal_reward(last["achieved_goal"][lanes], last["desired_goal"][lanes])
             infos["final_obs"], infos["_final_obs"] = final, ended.copy()
             infos["final_info"] = self._infos(last_out, ended)
@@ -215,7 +220,7 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
 
     def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:
         """Goal environments only: the compiled reward of (n, 2) pairs of goals."""
-        if not self.goal:
+        if not self.goal_conditioned:
             raise ValueError("compute_reward belongs to the goal environments (…GoalReach-v0)")
         return self.core.goal_reward(achieved_goal, desired_goal)
 
@@ -235,11 +240,18 @@ class ReachVectorEnv(VectorEnv[Any, Any, Any]):
         """One picture per environment, (height, width, 3) uint8."""
         if self.render_mode is None:
             raise ValueError("render needs render_mode='rgb_array' at make")
-        from redundant_envs.envs.rendering import Renderer
+        return tuple(self._made_renderer().draw(lane) for lane in range(self.num_envs))
 
-        if not self._renderers:
-            self._renderers = [Renderer(self.core) for _ in range(self.num_envs)]
-        return tuple(r.draw(i) for i, r in enumerate(self._renderers))
+    def _made_renderer(self) -> Any:
+        if self._renderer is None:
+            from redundant_envs.envs.rendering import Renderer
+
+            self._renderer = Renderer(self.core)
+        return self._renderer
+
+    def _see(self, out: NDArray[np.float64]) -> None:
+        """Remember where the tips are, for their trails."""
+        self._made_renderer().record(out[self.core.columns["steps"]], out[-4:-2].T)
 
     # ---- shapes of what is returned --------------------------------------------------------------
 

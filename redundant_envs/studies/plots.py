@@ -119,8 +119,7 @@ def arm_picture(
     points = arm.points(q)  # type: ignore[attr-defined]
     base = np.zeros(2)
     canvas = Canvas(half_width)
-    for i, (a, b) in enumerate(itertools.pairwise(trail)):
-        canvas.capsule(a, b, 3.0, TRAIL, alpha=0.1 + 0.7 * (i + 1) / len(trail))
+    canvas.trail(trail, 3.0, TRAIL, faint=0.1, strong=0.8)
     if arm.kind == "RPRP":
         limits = stated_limits(run.scene)
         for k, root, fixed, end in ((0, base, points[0], points[1]), (1, points[1], points[2], points[3])):
@@ -142,7 +141,7 @@ def arm_picture(
     canvas.disc(base, 8.0, JOINT)
     canvas.disc(base, 4.0, BACKGROUND)
     canvas.disc(base, canvas.scale * half_width / 1.08, REACH, ring=2.0)
-    return canvas.pixels.round().astype(np.uint8)
+    return canvas.pixels
 
 
 def save_clip(run: EnergyRun, path: Path) -> None:
