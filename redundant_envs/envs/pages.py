@@ -7,6 +7,7 @@ from typing import Any
 
 from redundant_envs.effects import EffortLimits
 from redundant_envs.envs.registration import MAX_EPISODE_STEPS
+from redundant_envs.envs.vector_env import info_names
 from redundant_envs.scene import Scene, load_scene
 from redundant_envs.tasks.reach import GoalReachTask, ReachTask
 
@@ -50,6 +51,47 @@ def reward_table(task: ReachTask) -> str:
     return table(("Term", "Value per step", "Sum over the episode in info"), rows)
 
 
+INFO = {
+    "is_success": "Hold success: the tip is at the goal and slow, for the last `hold_steps` steps.",
+    "touch_success": "Whether the goal was touched in this episode.",
+    "distance": "Distance of the tip from the goal, m.",
+    "manipulability": "sqrt(det(J J^T)) of the tip's Jacobian.",
+    "beyond_limit": "How far the farthest joint is beyond the limit of a spring, rad or m.",
+    "numerics": "Faults of this step, the sum of the bits named under Episode End; 0 is none.",
+    "saturated_actions": "Entries of actions outside [-1, 1] in this episode.",
+    "episode_steps": "Control steps of this episode.",
+    "evaluations": "Evaluations of the equations of motion in this episode.",
+    "events": "Impacts, rests and releases of sliders at their stops in this episode.",
+    "error_estimate": "Largest estimated tip error of a control step in this episode, m.",
+    "return_*": "Sum of a reward term over this episode; the names stand under Rewards.",
+    "final_obs": "Last observation of an environment that ended in this step.",
+    "final_info": "Its last `info`.",
+    "terminal_observation": "Last observation of an environment that ended in this step.",
+    "TimeLimit.truncated": "Whether an end was a truncation.",
+}
+"""Every key of ``info`` and what it holds."""
+
+INFO_WHERE = {
+    "beyond_limit": "scenes with limit springs",
+    "events": "scenes with stops",
+    "error_estimate": "scenes with a tolerance",
+    "evaluations": "scenes with a tolerance or stops",
+    "final_obs": "vector environments, `same_step`",
+    "final_info": "vector environments, `same_step`",
+    "terminal_observation": "stable-baselines3",
+    "TimeLimit.truncated": "stable-baselines3",
+}
+"""Where keys of ``info`` are found that are not found everywhere."""
+
+
+def info_table(scene: Scene, task: ReachTask) -> str:
+    """Keys of info: those that the environment's columns give, then those of some scenes and faces."""
+    given = [name if not name.startswith("return_") else "return_*" for name in info_names(scene, task)]
+    names = [*dict.fromkeys(given), *(name for name in INFO_WHERE if name not in given)]
+    rows = [(f"`{name}`", INFO[name], INFO_WHERE.get(name, "")) for name in names]
+    return table(("Key", "Meaning", "Only in"), rows)
+
+
 def argument_table(kind: type[Any]) -> str:
     """Keyword arguments of the constructor with their defaults."""
     rows = []
@@ -64,7 +106,7 @@ ARGUMENTS = {
     "scene": "Scene by name, path of a YAML file, or mapping (`Scene.to_dict()`).",
     "accuracy": "`'standard'`, `'exact'`, or the tip error per control interval in metres; `None` "
     "keeps what the scene gives.",
-    "render_mode": "`None`, `'rgb_array'`, or `'human'` (through Gymnasium's wrapper).",
+    "render_mode": "`None`, `'rgb_array'`, or `'human'`: a window (needs pygame: the extra `human`).",
     "on_bad_action": "`'raise'` or `'terminate'`: what a non-finite action does.",
     "task": "Mapping of the task's numbers, listed under Task.",
 }
@@ -141,6 +183,13 @@ refused; one beyond a limit spring is allowed, and `info["beyond_limit"]` shows 
 Termination: only a fault, named by a bit of `info["numerics"]`: 1 a state or 2 an action that is not
 finite, {ends}16 more than 256 impacts in a control interval. The episode goes on with
 {flags}8 a tolerance that was not reached. Truncation: after {MAX_EPISODE_STEPS} steps.
+
+## Info
+At a reset and at every step; a stable-baselines3 environment gives most of it at the end of an episode
+and in `reset_infos`, and in between `is_success` and `TimeLimit.truncated`. In vector environments
+`_<key>` tells for which environments a key holds.
+
+{info_table(scene, task)}
 
 ## Arguments
 {argument_table(kind)}

@@ -209,7 +209,8 @@ class Renderer:
         q = core.memory.read(arm.coordinates, index)[0]
         goal = core.memory.read(("goal_x", "goal_y"), index)[0]
         steps, *efforts = core.memory.read(("steps", *core.assembly.actions), index)[0]
-        points = lane_arm(core, index).points(q)
+        own_arm = lane_arm(core, index)
+        points = own_arm.points(q)
         self._catch_up(lane, float(steps), points[3])
 
         canvas = Canvas(self.half_width, self._background)
@@ -219,7 +220,7 @@ class Renderer:
         canvas.disc(goal, max(radius, 3.0), GOAL)
         canvas.trail(self.trail(lane), 3.0, TRAIL, faint=0.15, strong=0.9)
         if arm.kind == "RPRP":
-            self._sliders(canvas, q, points, base, index)
+            self._sliders(canvas, own_arm, q, points, index)
         else:
             joints = [base, *points]
             for k, width in enumerate((17.0, 14.0, 11.0, 9.0)):
@@ -261,12 +262,11 @@ class Renderer:
         return dict(zip(names, numbers, strict=True))
 
     def _sliders(
-        self, canvas: Canvas, q: NDArray[np.float64], points: NDArray[np.float64],
-        base: NDArray[np.float64], lane: NDArray[np.intp],
+        self, canvas: Canvas, arm: Any, q: NDArray[np.float64], points: NDArray[np.float64],
+        lane: NDArray[np.intp],
     ) -> None:  # fmt: skip
         """Both links with their rails: the rail spans the whole travel, the slider rides on it."""
-        arm, values = lane_arm(self.core, lane), self._limits(lane)
-        travel = self.core.scene.travel()
+        values, travel, base = self._limits(lane), self.core.scene.travel(), np.zeros(2)
         for k, (root, fixed, end) in enumerate(
             ((base, points[0], points[1]), (points[1], points[2], points[3]))
         ):

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from redundant_envs.envs.core import Core, check_action, plain_scene, refuse_bad_action
 from redundant_envs.envs.lane_values import LaneValues
-from redundant_envs.evaluators.assemble import PLACES
-from redundant_envs.scene import check_keys
+from redundant_envs.evaluators.assemble import PLACES, Assembly, assemble
+from redundant_envs.evaluators.assemble_task import ENDS
+from redundant_envs.scene import Scene, check_keys
 from redundant_envs.tasks.reach import GoalReachTask, ReachTask
 from redundant_envs.values import shown
 
@@ -46,11 +47,17 @@ def info_name(column: str) -> str:
 def info_columns(core: Core) -> list[tuple[str, int, str]]:
     """What ``info`` shows: (name, column, kind)."""
     kinds = {**dict.fromkeys(BOOLEAN, "bool"), **dict.fromkeys(WHOLE, "int")}
-    return [
-        (info_name(c), k, kinds.get(c, "float"))
-        for c, k in core.columns.items()
-        if k >= 3 and c not in PLACES
-    ]
+    return [(info_name(c), core.columns[c], kinds.get(c, "float")) for c in shown_columns(core.assembly)]
+
+
+def shown_columns(assembly: Assembly) -> list[str]:
+    """Columns of the outputs that ``info`` shows."""
+    return [c for c in assembly.outputs if c not in (*ENDS, *PLACES)]
+
+
+def info_names(scene: Scene, task: ReachTask) -> list[str]:
+    """Keys of ``info`` in an environment of a scene, in order."""
+    return [info_name(c) for c in shown_columns(assemble(scene, task))]
 
 
 def observation_space(core: Core, goal: bool) -> spaces.Space[Any]:
