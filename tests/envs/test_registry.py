@@ -98,16 +98,6 @@ def test_an_id_refuses_a_scene_of_another_arm_on_every_face(env_id, as_data):
         assert "\n" not in str(error.value)
 
 
-@pytest.mark.filterwarnings("ignore:.*HumanRendering wrapper")
-@every_id
-def test_human_mode_comes_through_the_wrapper(env_id):
-    pytest.importorskip("pygame", reason="human rendering needs the extra 'human'")
-    env = gym.make(env_id, render_mode="human")
-    env.reset(seed=0)
-    env.step(np.zeros(4, np.float32))
-    env.close()
-
-
 @every_id
 def test_rgb_array_is_a_picture_that_moves(env_id):
     env = gym.make(env_id, render_mode="rgb_array")
