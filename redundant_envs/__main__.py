@@ -10,7 +10,7 @@ from typing import Any
 
 # Only argparse here: each command imports what it needs, so that --help is instant.
 
-STUDIES = ("throughput", "environments", "stops", "accuracy")
+STUDIES = ("throughput", "environments", "stops", "accuracy", "schematic")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -105,6 +105,10 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--out", type=Path, default=Path("runs/studies"), metavar="FOLDER")
     p.set_defaults(handler=accuracy)
 
+    p = studies.add_parser("schematic", help="draw both arms with their angles, lengths and sliders")
+    p.add_argument("--out", type=Path, default=Path("runs/studies/arms.svg"), metavar="SVG_OR_PNG")
+    p.set_defaults(handler=schematic)
+
     p = commands.add_parser("scene", help="print a scene")
     p.add_argument("scene", metavar="NAME_OR_PATH")
     p.add_argument("--source", action="store_true", help="print its assembled simulator instead")
@@ -195,6 +199,18 @@ def accuracy(options: argparse.Namespace) -> None:
     page, *others = accuracy_report.write(study, command, options.out)
     print(page.read_text(encoding="utf-8"))
     print("\n".join(str(path) for path in (page, *others)))
+
+
+def schematic(options: argparse.Namespace) -> None:
+    """Draw the schematic of both arms."""
+    from redundant_envs.studies.schematic import save_schematic
+
+    if options.out.suffix not in (".svg", ".png"):
+        raise ValueError(f"--out is {options.out}; give a file that ends in .svg or .png")
+    try:
+        print(save_schematic(options.out))
+    except ImportError as error:
+        raise ValueError(str(error)) from error
 
 
 def _report(rows: list[dict[str, Any]], columns: Sequence[str], first: str, out: Path, name: str) -> None:

@@ -145,3 +145,12 @@ def test_verify_measures_a_scenes_own_step(capsys, tmp_path):
     )
     assert main(["verify", str(coarse)]) == 0
     assert "take more substeps" in capsys.readouterr().out
+
+
+def test_the_schematic_is_drawn_the_same_every_time(tmp_path):
+    pictures = []
+    for name in ("one.svg", "two.svg"):
+        assert main(["study", "schematic", "--out", str(tmp_path / name)]) == 0
+        pictures.append((tmp_path / name).read_bytes())
+    assert pictures[0] == pictures[1]
+    assert main(["study", "schematic", "--out", str(tmp_path / "arms.gif")]) == 2

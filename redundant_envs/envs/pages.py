@@ -15,6 +15,19 @@ DESCRIPTIONS = {
     "RPRP": "A planar revolute-prismatic-revolute-prismatic arm in a vertical plane",
     "FourR": "A planar arm of four revolute joints in a vertical plane",
 }
+SCHEMATICS = {
+    "RPRP": """\
+    base              m1         m2              m3         m4
+     O================#----------O================#----------o  tip
+     |<----- l1 ----->|<-- r1 -->|<----- l2 ----->|<-- r2 -->|
+    theta1                      theta2""",
+    "FourR": """\
+    base          m1            m2            m3            m4
+     O=============O=============O=============O=============o  tip
+     |<--- l1 ---->|<--- l2 ---->|<--- l3 ---->|<--- l4 ---->|
+    theta1        theta2        theta3        theta4""",
+}
+"""The arms stretched along +x, with their coordinates, masses and lengths."""
 UNITS = {False: "N m", True: "N"}
 
 
@@ -75,7 +88,7 @@ INFO_WHERE = {
     "beyond_limit": "scenes with limit springs",
     "events": "scenes with stops",
     "error_estimate": "scenes with a tolerance",
-    "evaluations": "scenes with a tolerance or stops",
+    "evaluations": "scenes with a tolerance, stops or dop853",
     "final_obs": "vector environments, `same_step`",
     "final_info": "vector environments, `same_step`",
     "terminal_observation": "stable-baselines3",
@@ -143,7 +156,9 @@ def page(kind: type[Any], arm: str, scene_name: str) -> str:
     reward += "\n\n" + reward_table(task)
     fast = f"4 a velocity beyond {task.speed_bound:g} rad/s or m/s"
     ends, flags = ("", f"{fast}, ") if goal else (f"{fast}, ", "")
-    travel = "; prismatic\njoints uniform over their travel" if arm == "RPRP" else ""
+    sliders = any(scene.robot.prismatic)
+    slider = ", and `#` is a slider, whose\ntravel r extends its link" if sliders else ""
+    travel = "; prismatic\njoints uniform over their travel" if sliders else ""
     return f"""{DESCRIPTIONS[arm]} brings its tip to a goal and holds it there.
 
 ## Description
@@ -151,6 +166,12 @@ Point masses of {masses} kg, link lengths {lengths} m, joint friction and gravit
 the joints and are constant over a control interval of {dt} s ({rate} Hz), which is simulated to a
 tip error of {scene.tolerance:g} m; `accuracy` chooses another. The reach is redundant: four joints place
 a tip in two dimensions.
+
+{SCHEMATICS[arm]}
+
+The arm stretched along +x: `O` is a revolute joint, m1 to m4 are point masses{slider}.
+Angles are absolute, counterclockwise from +x, and gravity acts along -y. `docs/figures/arms.svg` in
+the repository shows the arm bent.
 
 ## Action Space
 `Box(-1.0, 1.0, (4,), float32)`. Finite actions outside saturate and are counted in

@@ -163,7 +163,8 @@ def _begin(a: Assembly, task: ReachTask, used: list[Any]) -> str:
 
 def _start_ranges(a: Assembly, task: ReachTask, used: list[Any]) -> tuple[list[str], list[str]]:
     """Lines that give each joint's range of starts inside the lane's own limits, and what they give."""
-    lines, names = [], []
+    lines: list[str] = []
+    names: list[str] = []
     limits = [*spring_limits(a.scene), *hard_stops(a.scene)]  # a hard stop has the last word
     for joint in range(4):
         ends = f"start_low{joint + 1}", f"start_high{joint + 1}"

@@ -121,8 +121,8 @@ def end_term(ended, paid):
     return where(ended > 0.0, -paid, 0.0)
 
 
-REWARD_TERMS = (
-    far_term, near_term, precise_term, effort_term, settle_term, rate_term,
+REWARD_TERMS: tuple[Callable[..., Any], ...] = (
+    far_term, near_term, precise_term, effort_term, settle_term, rate_term, end_term,
 )  # fmt: skip
 
 
@@ -264,7 +264,7 @@ class ReachTask:
     angles = {"goal_angle": ("goal_s", "goal_c")}
     begin_functions = (start_joints, goal_polar, goal_position)
     goal_reward = staticmethod(goal_reward)
-    reward_functions = (*REWARD_TERMS, end_term)
+    reward_functions = REWARD_TERMS
     speed_bound_ends = True
     """Whether passing the speed bound ends an episode, or is only reported."""
 

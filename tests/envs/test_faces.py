@@ -159,6 +159,17 @@ def test_the_table_also_explains_the_keys_of_other_scenes(integrator, limited):
 
 
 @every_id
+def test_the_page_draws_the_arm_with_all_its_names(env_id):
+    env = gym.make(env_id).unwrapped
+    drawing = type(env).__doc__.split("## Description")[1].split("## Action Space")[0]
+    robot = env.core.scene.robot
+    lines = [line for line in drawing.splitlines() if line.startswith("    ")]
+    assert len(lines) == 4
+    for name in (*robot.coordinates, *robot.parameter_values(), "tip"):
+        assert any(name in line for line in lines), name
+
+
+@every_id
 def test_the_table_holds_no_key_that_nothing_gives(env_id):
     always = {key for key in explained(env_id) if not key.startswith("return_")}
     _, info = gym.make(env_id).reset(seed=0)
