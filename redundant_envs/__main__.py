@@ -8,6 +8,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from redundant_envs import __version__
+from redundant_envs.extras import MissingPackage
+
 # Only argparse here: each command imports what it needs, so that --help is instant.
 
 STUDIES = ("throughput", "environments", "stops", "accuracy", "schematic")
@@ -16,14 +19,21 @@ STUDIES = ("throughput", "environments", "stops", "accuracy", "schematic")
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command.
 
-    Returns 0, 1 if verify found a fault, or 2 after a message about a mistake in what was asked for.
+    Returns
+    -------
+    int
+        0, or 1 if verify found a fault; after a message 2 for a mistake in what was asked for or a missing
+        package, and 130 for Ctrl-C.
     """
     options = parser().parse_args(arguments)
     try:
         result: int | None = options.handler(options)
-    except ValueError as error:
+    except (ValueError, MissingPackage) as error:
         print(f"redundant_envs: {error}", file=sys.stderr)
         return 2
+    except KeyboardInterrupt:
+        print("redundant_envs: stopped", file=sys.stderr)
+        return 130
     return result or 0
 
 
@@ -66,6 +76,7 @@ def verify(options: argparse.Namespace) -> int:
 def parser() -> argparse.ArgumentParser:
     """All commands and their options."""
     top = argparse.ArgumentParser(prog="python -m redundant_envs", description="Planar redundant arms.")
+    top.add_argument("--version", action="version", version=f"redundant-envs {__version__}")
     commands = top.add_subparsers(dest="command", required=True)
 
     p = commands.add_parser("simulate", help="let an arm go; record and plot its energies")
@@ -76,7 +87,9 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--q", nargs=4, type=float, metavar="Q", help="coordinates at the start, rad and m")
     p.add_argument("--qd", nargs=4, type=float, metavar="QD", default=(0.0,) * 4, help="velocities, 1/s, m/s")
     p.add_argument("--out", type=Path, default=Path("runs/simulate"), metavar="FOLDER")
-    p.add_argument("--clip", type=Path, metavar="GIF", help="also draw the motion; needs exactly one --scene")
+    p.add_argument(
+        "--clip", type=Path, metavar="FILE", help="also draw the motion: .gif or .mp4; one --scene"
+    )
     p.set_defaults(handler=simulate)
 
     p = commands.add_parser("verify", help="check a scene's energies and whether its own step is fine enough")
@@ -129,10 +142,13 @@ def simulate(options: argparse.Namespace) -> None:
     """Write CSV and figures of one or more scenes."""
     from redundant_envs import load_scene
     from redundant_envs.studies import energy
+    from redundant_envs.studies.clips import check_clip
 
     asked: list[str] = options.scene or list(energy.STARTS)
     if options.clip is not None and len(asked) != 1:
         raise ValueError(f"--clip draws one scene, but {len(asked)} are asked for; give exactly one --scene")
+    if options.clip is not None:
+        check_clip(options.clip)
     scenes = [(Path(name).stem, load_scene(name)) for name in asked]
     names = [name for name, _ in scenes]
     if len(set(names)) < len(names):
@@ -156,8 +172,8 @@ def simulate(options: argparse.Namespace) -> None:
             if options.clip is not None:
                 plots.save_clip(run, options.clip)
                 pictures.append(options.clip)
-        except ImportError as error:
-            raise ValueError(f"{error} ({path} is written)") from error
+        except MissingPackage as error:
+            raise MissingPackage(f"{error} ({path} is written)") from error
         print("\n".join(f"  {p}" for p in (path, *pictures)))
 
 

@@ -10,8 +10,6 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
-from stable_baselines3.common.vec_env import VecEnv
-from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
 from redundant_envs.envs.core import Core, check_action, refuse_bad_action
 from redundant_envs.envs.lane_values import LANE_VALUES, LaneValues
@@ -22,7 +20,12 @@ from redundant_envs.envs.vector_env import (
     make_task,
     observation_space,
 )
+from redundant_envs.extras import needs
 from redundant_envs.scene import Scene
+
+with needs("train"):
+    from stable_baselines3.common.vec_env import VecEnv
+    from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
 SAME_STEP = 2
 CAST: dict[str, Callable[[float], Any]] = {"bool": lambda x: x > 0.0, "int": int, "float": float}

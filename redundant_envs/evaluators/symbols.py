@@ -7,12 +7,14 @@ from typing import Any
 
 from redundant_envs.evaluators.binding import run
 from redundant_envs.evaluators.quantities import calls
+from redundant_envs.extras import needs
 from redundant_envs.robots.parameters import Arm
 
 
 def primitives() -> dict[str, Any]:
     """The primitives on sympy expressions (needs sympy)."""
-    import sympy as sp
+    with needs("verify"):
+        import sympy as sp
 
     return {
         "sqrt": sp.sqrt,

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs import scene
 from redundant_envs.evaluators import arrays
+from redundant_envs.extras import needs
 from redundant_envs.robots.four_r import FourRArm
 from redundant_envs.robots.parameters import Arm
 from redundant_envs.robots.rprp import RPRPArm
@@ -124,8 +125,8 @@ class ModelFunctions(Arm):
             "q", "qd", "Q", "parameters" (symbols); "M", "C", "J" (Matrix); "h", "G", "qdd",
             "tip", "Jdot_qd" (column Matrix); "T", "U", "Lz", "manipulability" (expressions).
         """
-        import sympy as sp
-
+        with needs("verify"):
+            import sympy as sp
         from redundant_envs.evaluators import symbols
 
         def make(names: Any) -> dict[str, Any]:

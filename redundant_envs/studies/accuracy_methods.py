@@ -220,7 +220,10 @@ class SciPy:
 
 def installed(peer: str) -> bool:
     """Whether a peer of the extra "verify" can be imported."""
-    return importlib.util.find_spec(peer) is not None
+    try:
+        return importlib.util.find_spec(peer) is not None
+    except ImportError:
+        return False
 
 
 def our_methods(study: Study, sweep: Mapping[str, Any]) -> list[Ours]:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from redundant_envs.extras import needs
 from redundant_envs.studies.accuracy import PanelResult, Row, answers
 
 # Colours of Okabe and Ito, which colour-blind readers can tell apart; ours thick, the peers thin.
@@ -79,12 +80,8 @@ def energy_figure(results: Sequence[PanelResult], control_dt: float) -> Any:
 
 def _grid(count: int, height: float) -> tuple[Any, list[Any]]:
     """A figure with so many panels of this height [inch], two in a row; the axes are common."""
-    try:
+    with needs("plot"):
         from matplotlib.figure import Figure
-    except ImportError as error:
-        raise ImportError(
-            "figures need matplotlib, which is not installed: pip install redundant-envs[plot]"
-        ) from error
     columns = min(2, count)
     rows = -(-count // columns)
     figure = Figure(figsize=(WIDTH, height * rows + 1.1), dpi=200, layout="constrained")
@@ -172,7 +169,8 @@ def save_figures(results: Sequence[PanelResult], control_dt: float, folder: Path
         "accuracy_work_precision": work_precision_figure(results, control_dt),
         "accuracy_energy": energy_figure(results, control_dt),
     }
-    from PIL import Image  # comes with matplotlib
+    with needs("plot"):
+        from PIL import Image
 
     folder.mkdir(parents=True, exist_ok=True)
     for name, figure in pictures.items():

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
+from redundant_envs.extras import MissingPackage
 from redundant_envs.studies import accuracy
 from redundant_envs.studies.accuracy import Answer, PanelResult, Row
 from redundant_envs.studies.accuracy_config import PEERS, Study
@@ -147,7 +148,8 @@ def markdown(study: Study, results: Sequence[PanelResult], command: str, figures
         "",
     ]
     for peer in absent:
-        lines += [f"{peer} is not installed, so its lines are missing: it is in the extra `verify`.", ""]
+        install = "pip install 'redundant-envs[verify]'"
+        lines += [f"{peer} is not installed, so its lines are missing; install it with `{install}`.", ""]
     lines += [
         "## The reference",
         "",
@@ -185,8 +187,8 @@ def write(study: Study, command: str, folder: Path) -> list[Path]:
 
     try:
         figures = accuracy_plots.save_figures(results, study.control_dt, folder)
-    except ImportError as error:
-        raise ValueError(f"{error} ({page} is written)") from error
+    except MissingPackage as error:
+        raise MissingPackage(f"{error} ({page} is written)") from error
     shown = [path for path in figures if path.suffix == ".png"]
     page.write_text(markdown(study, results, command, shown), encoding="utf-8")
     return [page, *tables, *figures]

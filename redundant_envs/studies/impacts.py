@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.effects import Gravity
+from redundant_envs.extras import needs
 from redundant_envs.scene import Scene
 from redundant_envs.studies.accuracy_config import States
 from redundant_envs.studies.accuracy_metrics import stops
@@ -37,7 +38,8 @@ def impact_motion(
     times : list of list of float
         Of each motion when a slider met a stop, s.
     """
-    from scipy.integrate import solve_ivp  # in the extra "verify"
+    with needs("verify"):
+        from scipy.integrate import solve_ivp
 
     arm: Any = scene.robot
     g = 0.0

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
-import importlib
 import math
 import time
 from collections.abc import Iterator, Mapping
@@ -19,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.effects import CentringSpring, Gravity, ViscousFriction
+from redundant_envs.extras import MissingPackage, needs
 from redundant_envs.scene import Scene
 
 Array = NDArray[np.float64]
@@ -56,15 +56,6 @@ def _forces(scene: Scene, limits: Limits | None = None) -> tuple[Array, Array, A
     return gravity, damping, stiffness, rest
 
 
-def _package(name: str) -> Any:
-    try:
-        return importlib.import_module(name)
-    except ImportError:
-        raise ImportError(
-            f"{name} is not installed; it is in the extra 'verify': pip install 'redundant-envs[verify]'"
-        ) from None
-
-
 def mujoco_model(
     scene: Scene, integrator: str, dt: float, limits: Limits | None = None,
     solref: tuple[float, float] = ELASTIC,
@@ -89,7 +80,8 @@ def mujoco_model(
         In joint coordinates, B^T q. It has no motors: efforts go in as ``qfrc_applied``, which costs
         less.
     """
-    mujoco = _package("mujoco")
+    with needs("verify"):
+        import mujoco
     if integrator not in MUJOCO_INTEGRATORS:
         raise ValueError(f"integrator is {integrator!r}; choose {', '.join(MUJOCO_INTEGRATORS)}")
     gravity, damping, stiffness, rest = _forces(scene, limits)
@@ -133,11 +125,12 @@ def bare_mujoco() -> Iterator[Any]:
     leaves it in place, so the pointer in the library is cleared here, and put back afterwards. A motion
     that diverges is not logged: its state tells.
     """
-    mujoco = _package("mujoco")
+    with needs("verify"):
+        import mujoco
     folder = Path(mujoco.__file__).parent
     library = next((p for n in ("libmujoco.*", "mujoco.dll") for p in folder.glob(n)), None)
     if library is None:
-        raise ImportError(f"{folder} has no libmujoco.*; reinstall MuJoCo (extra 'verify')")
+        raise MissingPackage(f"{folder} has no libmujoco.*; reinstall mujoco")
     clock = ctypes.c_void_p.in_dll(ctypes.CDLL(str(library)), "mjcb_time")
     installed, warn = clock.value, mujoco.get_mju_user_warning()
     clock.value = None
@@ -212,7 +205,8 @@ def _scipy(
     scene: Scene, method: str, rtol: float, atol: float, start: Array, duration: float, together: bool
 ) -> tuple[Array, Array, NDArray[np.int64], float]:
     """q and qd after the duration, (n, 4), evaluations for each state, (n,), and the CPU seconds of all."""
-    solve_ivp = _package("scipy.integrate").solve_ivp
+    with needs("verify"):
+        from scipy.integrate import solve_ivp
     (gx, gy), damping, stiffness, rest = _forces(scene)
     arm: Any = scene.robot
     B = arm.motor_map

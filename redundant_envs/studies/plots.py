@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.envs.rendering import BACKGROUND, JOINT, LINKS, RAIL, REACH, TRAIL, Canvas
+from redundant_envs.extras import needs
+from redundant_envs.studies.clips import write_clip
 from redundant_envs.studies.energy import EnergyRun, stated_limits
 
 KINETIC, POTENTIAL, TOTAL, ERROR, LEFT_OUT = "#34496e", "#d9822b", "#2e8b66", "#8c3b3b", "#a9adb5"
@@ -21,12 +23,8 @@ TRAIL_FRAMES = 50
 
 def new_figure(height: float) -> Any:
     """An empty figure, 7 inches wide, drawn without any window system."""
-    try:
+    with needs("plot"):
         from matplotlib.figure import Figure
-    except ImportError as error:
-        raise ImportError(
-            "figures need matplotlib, which is not installed: pip install redundant-envs[plot]"
-        ) from error
     return Figure(figsize=(7.0, height), dpi=100, layout="constrained")
 
 
@@ -97,7 +95,8 @@ def _finish(panels: Any, t: NDArray[np.float64]) -> None:
 def save_figures(run: EnergyRun, folder: Path) -> list[Path]:
     """Write both figures of a run as PNG; returns their paths."""
     first, second = energies_figure(run), total_figure(run)
-    from PIL import Image  # comes with matplotlib
+    with needs("plot"):
+        from PIL import Image
 
     folder.mkdir(parents=True, exist_ok=True)
     written = []
@@ -145,13 +144,7 @@ def arm_picture(
 
 
 def save_clip(run: EnergyRun, path: Path) -> None:
-    """Write the motion as an animated GIF in real time, 25 frames per second."""
-    try:
-        import imageio.v3 as imageio
-    except ImportError as error:
-        raise ImportError(
-            "clips need imageio, which is not installed: pip install redundant-envs[plot]"
-        ) from error
+    """Write the motion as a GIF or MP4 in real time, 25 frames per second."""
     motion = run.trajectory
     points = run.scene.robot.points(motion.q)  # type: ignore[attr-defined]
     half_width = 1.08 * float(np.hypot(points[..., 0], points[..., 1]).max())
@@ -162,5 +155,4 @@ def save_clip(run: EnergyRun, path: Path) -> None:
         arm_picture(run, motion.q[row], tips[max(0, row - 4 * TRAIL_FRAMES) : row + 1 : 4], half_width)
         for row in rows
     ]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    imageio.imwrite(path, np.stack(frames), duration=1000 // FRAMES_PER_SECOND, loop=0)
+    write_clip(path, frames, FRAMES_PER_SECOND)

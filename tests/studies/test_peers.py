@@ -158,8 +158,3 @@ def test_refuses_bad_input():
         peers.mujoco_interval(scene, "RK4", 0.03, q, qd, efforts, DURATION)
     with pytest.raises(ValueError, match="have shapes"):
         peers.mujoco_interval(scene, "RK4", 1e-3, q, qd, efforts[0], DURATION)
-
-
-def test_absent_package_names_the_extra():
-    with pytest.raises(ImportError, match="extra 'verify'"):
-        peers._package("no_such_package")

@@ -1,0 +1,33 @@
+"""Packages that only some features need, and the extra of this package that installs each."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+
+
+class MissingPackage(ImportError):
+    """A feature needs a package that is not installed; the message names the extra."""
+
+
+@contextlib.contextmanager
+def needs(extra: str) -> Iterator[None]:
+    """Imports inside this block; where a package is missing, the error says what to install.
+
+    Parameters
+    ----------
+    extra : str
+        Extra of this package that has all that the block imports, such as "plot".
+
+    Raises
+    ------
+    MissingPackage
+    """
+    try:
+        yield
+    except ImportError as error:
+        name = (error.name or "").partition(".")[0]
+        missing = isinstance(error, ModuleNotFoundError) and name
+        # A package that is there but cannot be imported tells why itself.
+        reason = f"{name} is not installed" if missing else str(error)
+        raise MissingPackage(f"{reason}; install it with: pip install 'redundant-envs[{extra}]'") from error
