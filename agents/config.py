@@ -10,6 +10,7 @@ from typing import Any
 
 from redundant_envs.envs.registration import ids
 from redundant_envs.files import exists, explained, read_yaml, text_value
+from redundant_envs.scene import scene_folder
 from redundant_envs.values import shown
 
 ALGORITHMS = ("ppo", "sac")
@@ -196,11 +197,28 @@ def convert(annotation: Any, value: Any, name: str) -> Any:
 
 
 def load(path: str | Path, overrides: Sequence[str] = ()) -> Config:
-    """A configuration from a YAML file and overrides such as ``seed=3 ppo.gamma=0.98``."""
-    data = read(path, overrides, "configs/training")
-    with explained(path, not overrides):
+    """A configuration: a YAML file or a preset's name, and overrides such as ``seed=3 ppo.gamma=0.98``."""
+    file = preset_path(path)
+    data = read(file, overrides, "configs/training")
+    with explained(file, not overrides):
         config: Config = build(Config, data, "")
     return config
+
+
+def preset_folder() -> Path:
+    """The folder of the presets: package data in a wheel, configs/training in a checkout."""
+    return scene_folder().parent / "training"
+
+
+def preset_path(path: str | Path) -> Path:
+    """The file of a configuration: the path itself, or a preset's by its name."""
+    file, preset = Path(path), preset_folder() / f"{path}.yaml"
+    if file.is_file() or not preset.is_file():
+        if not file.is_file():
+            names = ", ".join(sorted(p.stem for p in preset_folder().glob("*.yaml")))
+            raise ValueError(f"config is {str(path)!r}; there is no such file, and the presets are {names}")
+        return file
+    return preset
 
 
 def read(path: str | Path, overrides: Sequence[str], folder: str) -> dict[str, Any]:

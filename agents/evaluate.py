@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import platform
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -10,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from agents.config import Config
-from agents.rollout import EVALUATION_SEED, Outcome, expert_act, policy_act, run_episodes
-from agents.statistics import wilson
-from agents.train import load_policy
+from .config import Config
+from .policies import load_policy
+from .rollout import EVALUATION_SEED, Outcome, expert_act, policy_act, run_episodes
+from .run_folder import EPISODES, read_facts, write_json
+from .statistics import wilson
 
 PACKAGES = ("redundant-envs", "gymnasium", "stable-baselines3", "torch", "numpy", "numba")
 
@@ -40,13 +40,13 @@ def processor() -> str:
     return platform.processor() or platform.machine()
 
 
-def evaluate(config: Config, folder: Path, facts: dict[str, Any] | None = None) -> dict[str, Any]:
-    """Evaluate the policy of a run folder; writes and returns evaluation.json."""
-    path = folder / "evaluation.json"
-    if facts is None:
-        old = json.loads(path.read_text()) if path.is_file() else {}
-        facts = {k: old.get(k) for k in ("env_steps", "train_seconds")}
-    model = load_policy(folder, config.algo)
+def evaluate(config: Config, folder: Path, trust: bool = False) -> dict[str, Any]:
+    """Evaluate the policy of a run folder; writes and returns evaluation.json.
+
+    ``trust`` is that of :func:`load_policy`.
+    """
+    facts = read_facts(folder)
+    model = load_policy(folder, config, trust)
     n = config.evaluation_episodes
     policy = run_episodes(config.env, policy_act(model), n, EVALUATION_SEED, **config.env_kwargs)
     expert = run_episodes(config.env, expert_act(), n, EVALUATION_SEED, **config.env_kwargs)
@@ -60,19 +60,19 @@ def evaluate(config: Config, folder: Path, facts: dict[str, Any] | None = None) 
         "interval": [low, high],
         "touch_success": float(policy.touch.mean()),
         "expert_hold_success": float(expert.hold.mean()),
-        **{k: facts[k] for k in ("env_steps", "train_seconds")},
+        **facts,
         "mean_return": float(policy.returns.mean()),
         "expert_mean_return": float(expert.returns.mean()),
         "median_distance": float(np.median(policy.distance)),
         "expert_median_distance": float(np.median(expert.distance)),
         "versions": versions(),
     }
-    path.write_text(json.dumps(result, indent=2) + "\n")
     np.savetxt(
         folder / "episodes.csv", episode_table(policy, expert), delimiter=",", comments="",
-        header="seed,hold,touch,distance,return,expert_hold,expert_distance",
+        header=",".join(EPISODES),
         fmt=["%d", "%d", "%d", "%.9f", "%.4f", "%d", "%.9f"],
     )  # fmt: skip
+    write_json(folder / "evaluation.json", result)
     return result
 
 

@@ -8,22 +8,47 @@ from typing import Any
 import gymnasium as gym
 
 import redundant_envs  # noqa: F401  (registers the ids)
-from agents.report import batched, clip, read_config
-from agents.rollout import Act, expert_act, policy_act, random_act, zero_act
 from redundant_envs.envs.registration import NAMESPACE, ids
+from redundant_envs.extras import needs
+from redundant_envs.studies.clips import check_clip
+
+from .report import batched, clip
+from .rollout import Act, expert_act, policy_act, random_act, zero_act
+from .run_folder import read_config
 
 
-def play(target: str, actions: str | None, path: Path | None, episodes: int, seed: int) -> None:
-    """Show episodes in a window, or write them to a GIF, and print how each one ended."""
+def play(
+    target: str, actions: str | None, path: Path | None, episodes: int, seed: int, trust: bool = False
+) -> None:
+    """Show episodes in a window and print how each one ended, or write them to a clip.
+
+    Parameters
+    ----------
+    target : str
+        Run folder, or id of an environment.
+    actions : {"zero", "random", "expert"}, optional
+        For an id.
+    path : Path, optional
+        GIF or MP4 by its ending; without it a window opens.
+    episodes, seed : int
+        Episode i has the seed ``seed + i``.
+    trust : bool
+        That of :func:`load_policy`.
+    """
+    if path is not None:
+        check_clip(path)
+    else:
+        with needs("human"):
+            import pygame  # noqa: F401
     kwargs: dict[str, Any] = {}
-    if Path(target).is_dir():
-        from agents.train import load_policy
+    if Path(target).exists():
+        from .policies import load_policy
 
         if actions is not None:
             raise ValueError(f"--actions is {actions!r}; a run folder plays its policy: give an id")
         config = read_config(Path(target))
         env_id, kwargs = config.env, dict(config.env_kwargs)
-        act = policy_act(load_policy(Path(target), config.algo))
+        act = policy_act(load_policy(Path(target), config, trust))
     else:
         env_id = target if "/" in target else f"{NAMESPACE}/{target}"
         if env_id not in ids():
@@ -32,7 +57,7 @@ def play(target: str, actions: str | None, path: Path | None, episodes: int, see
             actions or "expert"
         ]()
     if path is not None:
-        clip(path, env_id, act, episodes, seed, **kwargs)
+        clip([path], env_id, act, episodes, seed, **kwargs)
         print(f"clip: {path}")
         return
     env = gym.make(env_id, render_mode="human", **kwargs)

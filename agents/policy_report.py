@@ -11,10 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from agents.policy_study import FEW, TIMING_REPEATS, ArmResult, Row, Study, save_scenes, slug, stamp
-from agents.statistics import wilson
 from redundant_envs.studies.plots import new_figure
 from redundant_envs.studies.throughput import write_rows
+
+from . import COMMAND
+from .policy_study import FEW, TIMING_REPEATS, ArmResult, Row, Study, save_scenes, slug, stamp
+from .statistics import wilson
 
 PHYSICS_COLUMNS = (
     "arm", "env", "policy", "physics", "stepping", "reference", "episodes", "seed", "resamples",
@@ -389,8 +391,7 @@ def report_text(study: Study, results: Sequence[ArmResult], about: Mapping[str, 
         lines += _arm_text(result, study)
     lines += [
         "## Files", "",
-        "* `study.yaml`: what was asked for. Again: `python -m agents study policy --config "
-        "FOLDER/study.yaml`.",
+        f"* `study.yaml`: what was asked for. Again: `{COMMAND} study policy --config FOLDER/study.yaml`.",
         "* `physics.csv`: the tables of the first part, a row per arm and physics.",
         "* `episodes_<arm>.csv`: every episode under every physics, with its goal.",
         "* `figures/`: the differences and their intervals, PNG and SVG.",
@@ -400,8 +401,7 @@ def report_text(study: Study, results: Sequence[ArmResult], about: Mapping[str, 
     ]  # fmt: skip
     if study.train_seeds or not all(arm.run for arm in study.arms.values()):
         lines.append(
-            "* `runs/`: the policies that the study trained; `python -m agents evaluate FOLDER` and then "
-            "`report FOLDER` complete one."
+            f"* `runs/`: the policies that the study trained; `{COMMAND} report FOLDER` completes one."
         )
     return "\n".join([*lines, ""])
 

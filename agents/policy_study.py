@@ -14,22 +14,27 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-import torch
 import yaml
 from numpy.typing import NDArray
 
-from agents.config import Config, build, load, read
-from agents.report import read_config
-from agents.rollout import STUDY_SEED, Act, Outcome, policy_act, run_episodes
-from agents.statistics import bootstrap_means, middle_95, permutation_test, sign_test, wilson
-from agents.train import load_policy, progress_bars, train
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.sb3 import make_sb3
+from redundant_envs.extras import needs
 from redundant_envs.files import explained
 from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.model.batch import Numerics
 from redundant_envs.scene import ACCURACIES, Scene, scene_data
 from redundant_envs.studies.throughput import versions
+
+from .config import Config, build, load, read
+from .policies import load_policy
+from .rollout import STUDY_SEED, Act, Outcome, policy_act, run_episodes
+from .run_folder import SELECTION, read_config, read_table
+from .statistics import bootstrap_means, middle_95, permutation_test, sign_test, wilson
+from .train import progress_bars, train
+
+with needs("train"):
+    import torch
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
@@ -94,7 +99,7 @@ class StudyArm:
 
     Attributes
     ----------
-    preset : file of a training configuration
+    preset : training configuration: a file, or a preset's name
     run : finished run folder whose policy is taken; without one the preset is trained first
     cheap : name of the physics that the second part trains under
     """
@@ -441,8 +446,11 @@ def plan(study: Study, name: str, folder: Path) -> Plan:
     return Plan(name, preset, run, bool(arm.run), kwargs, refused, trainings)
 
 
-def run_study(study: Study, folder: Path) -> list[ArmResult]:
-    """Everything the study asks for; training runs are kept in ``folder``/runs and taken up again."""
+def run_study(study: Study, folder: Path, trust: bool = False) -> list[ArmResult]:
+    """Everything the study asks for; training runs are kept in ``folder``/runs and taken up again.
+
+    ``trust`` is that of :func:`load_policy`.
+    """
     plans = [plan(study, name, folder) for name in study.arms]
     results = []
     with progress_bars() as bars:
@@ -457,7 +465,7 @@ def run_study(study: Study, folder: Path) -> list[ArmResult]:
                 done(0, f"{p.name}: the policy")
                 ensure_trained(p.preset, p.run, bars)
                 done(p.preset.total_steps, "")
-            rows, episodes = first_part(study, p, done)
+            rows, episodes = first_part(study, p, done, trust)
             trained = second_part(study, p, done, bars)
             training = {
                 measure: difference(study, p, trained, measure)
@@ -471,10 +479,10 @@ def run_study(study: Study, folder: Path) -> list[ArmResult]:
 
 
 def first_part(
-    study: Study, p: Plan, done: Callable[[int, str], None]
+    study: Study, p: Plan, done: Callable[[int, str], None], trust: bool
 ) -> tuple[list[Row], dict[str, Evaluation]]:
     """One policy under each physics, compared with the reference."""
-    act = policy_act(load_policy(p.run, read_config(p.run).algo))
+    act = policy_act(load_policy(p.run, read_config(p.run), trust))
     episodes = {}
     for label, kwargs in p.kwargs.items():
         done(0, f"{p.name}: {label}")
@@ -499,7 +507,7 @@ def second_part(study: Study, p: Plan, done: Callable[[int, str], None], bars: A
         done(0, f"{p.name}: training {i + 1}/{len(p.trainings)}, {label}, seed {config.seed}")
         facts = ensure_trained(config, folder, bars)
         done(config.total_steps, "")
-        act = policy_act(load_policy(folder, config.algo))
+        act = policy_act(load_policy(folder, config))
         ends: Row = {}
         for where, kwargs in (("", p.kwargs[study.reference]), ("own_", config.env_kwargs)):
             outcome = run_episodes(config.env, act, study.episodes, study.seed, **kwargs)
@@ -550,13 +558,11 @@ def ensure_trained(config: Config, folder: Path, bars: Any) -> dict[str, Any]:
             shutil.rmtree(unfinished)
         train(config, unfinished, bars)
         unfinished.rename(folder)
-    steps, seconds = curve(folder)[-1, :2].tolist()
+    rows = read_table(folder, "selection.csv", SELECTION)
+    if not len(rows):
+        raise ValueError(f"{folder}/selection.csv has no rows; delete {folder} to train it again")
+    steps, seconds = rows[-1, :2].tolist()
     return {"env_steps": int(steps), "train_seconds": seconds}
-
-
-def curve(folder: Path) -> Array:
-    """The learning curve of a run folder: steps, seconds, hold success, return."""
-    return np.loadtxt(folder / "selection.csv", delimiter=",", skiprows=1, ndmin=2)
 
 
 def describe(folder: Path) -> str:
@@ -565,7 +571,8 @@ def describe(folder: Path) -> str:
     core = make_sb3(config.env, 1, **config.env_kwargs).core
     words = f"{config.algo.upper()}, seed {config.seed}"
     if (folder / "selection.csv").is_file():
-        words += f", {curve(folder)[-1, 0] / 1e6:.2f} million steps"
+        rows = read_table(folder, "selection.csv", SELECTION)
+        words += f", {rows[-1, 0] / 1e6:.2f} million steps" if len(rows) else ", no selection made"
     words += f", trained under {stepping(core.scene)}"
     if (folder / "scene.py").is_file() and (folder / "scene.py").read_text() != core.assembly.text:
         words += ", by an earlier simulator (its scene.py is not today's)"

@@ -2,45 +2,39 @@
 
 from __future__ import annotations
 
-import json
+import sys
 from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
-import imageio.v2 as imageio
-import matplotlib
 import numpy as np
+from numpy.typing import NDArray
 
-from agents.config import Config, build
-from agents.evaluate import summary
-from agents.rollout import EVALUATION_SEED, Act, policy_act
-from agents.train import load_policy
 from redundant_envs.envs.sb3 import make_sb3
-from redundant_envs.files import explained, read_yaml
+from redundant_envs.extras import MissingPackage, needs
+from redundant_envs.studies.clips import check_clip, write_clip
 
-matplotlib.use("Agg")
+from . import COMMAND
+from .config import Config
+from .evaluate import evaluate, summary
+from .policies import load_policy
+from .rollout import EVALUATION_SEED, Act, policy_act
+from .run_folder import EPISODES, SELECTION, read_config, read_evaluation, read_table
+
 CLIP_EPISODES = 4
-
-
-def read_config(folder: Path) -> Config:
-    """The configuration of a run folder."""
-    path = folder / "config.yaml"
-    if not path.is_file():
-        raise ValueError(f"run folder {folder} has no config.yaml; give a folder that train wrote")
-    data = read_yaml(path, "config")
-    with explained(path):
-        config: Config = build(Config, data, "")
-    return config
+CLIP_EVERY = 2
+"""Control steps from frame to frame."""
 
 
 def plots(folder: Path, config: Config) -> list[Path]:
     """Learning curve and final distances as pictures."""
-    import matplotlib.pyplot as plt
-
+    with needs("plot"):
+        import matplotlib.pyplot as plt
+    plt.switch_backend("Agg")
+    curve = read_table(folder, "selection.csv", SELECTION)
+    episodes = read_table(folder, "episodes.csv", EPISODES)
     target = folder / "plots"
     target.mkdir(exist_ok=True)
-    curve = np.loadtxt(folder / "selection.csv", delimiter=",", skiprows=1, ndmin=2)
-    episodes = np.loadtxt(folder / "episodes.csv", delimiter=",", skiprows=1, ndmin=2)
     figure, axes = plt.subplots(figsize=(6.4, 3.8), layout="constrained")
     axes.plot(curve[:, 1], 100 * curve[:, 2], marker="o", markersize=3)
     axes.axhline(98, color="0.7", linewidth=1, linestyle="--")
@@ -75,12 +69,13 @@ def plots(folder: Path, config: Config) -> list[Path]:
     return [target / "learning_curve.png", target / "final_distance.png"]
 
 
-def clip(path: Path, env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any) -> None:
-    """A GIF of whole episodes."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+def clip(paths: list[Path], env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any) -> None:
+    """Whole episodes as clips, one for each path: GIF or MP4 by its ending."""
+    for path in paths:
+        check_clip(path)
     env = gym.make(env_id, render_mode="rgb_array", **kwargs)
     core = env.unwrapped.core  # type: ignore[attr-defined]
-    frames = []
+    frames: list[NDArray[np.uint8]] = []
     for episode in range(episodes):
         obs, _ = env.reset(seed=seed + episode)
         done, step = False, 0
@@ -88,10 +83,11 @@ def clip(path: Path, env_id: str, act: Act, episodes: int, seed: int, **kwargs: 
             obs, _, terminated, truncated, _ = env.step(act(batched(obs), core, step)[0])
             done = terminated or truncated
             step += 1
-            if step % 2 == 0:
+            if step % CLIP_EVERY == 0:
                 frames.append(np.asarray(env.render()))
     env.close()
-    imageio.mimsave(path, frames, duration=40, loop=0, palettesize=64)  # type: ignore[arg-type]
+    for path in paths:
+        write_clip(path, frames, round(1.0 / (CLIP_EVERY * core.scene.control_dt)))
 
 
 def batched(obs: Any) -> Any:
@@ -103,12 +99,7 @@ def batched(obs: Any) -> Any:
 
 def table(folders: list[Path]) -> str:
     """Markdown table of evaluated runs, one row per environment and algorithm."""
-    results = []
-    for folder in folders:
-        path = folder / "evaluation.json"
-        if not path.is_file():
-            raise ValueError(f"run folder {folder} has no evaluation.json; evaluate it first")
-        results.append(json.loads(path.read_text()))
+    results = [read_evaluation(folder) for folder in folders]
     groups: dict[tuple[str, str], list[dict[str, Any]]] = {}
     for result in results:
         groups.setdefault((result["env"], result["algo"]), []).append(result)
@@ -120,43 +111,54 @@ def table(folders: list[Path]) -> str:
     for (env, algo), runs in sorted(groups.items()):
         runs.sort(key=lambda r: r["hold_success"])
         worst = runs[0]
-        median = {k: float(np.median([r[k] for r in runs])) for k in
-                  ("hold_success", "touch_success", "train_seconds", "env_steps")}  # fmt: skip
+        touch = float(np.median([r["touch_success"] for r in runs]))
+        hold = float(np.median([r["hold_success"] for r in runs]))
+        steps, seconds = (
+            f"{np.median(known) / size:.{digits}f}{unit}" if known else "unknown"
+            for name, size, digits, unit in (("env_steps", 1e6, 2, " M"), ("train_seconds", 1, 0, ""))
+            for known in [[r[name] for r in runs if r.get(name) is not None]]
+        )
         low, high = worst["interval"]
         lines.append(
             f"| {env.split('/')[-1]} | {algo.upper()} | {len(runs)} "
-            f"| {100 * median['hold_success']:.1f} % ({100 * worst['hold_success']:.1f} %) "
-            f"| {100 * low:.1f} to {100 * high:.1f} % | {100 * median['touch_success']:.1f} % "
-            f"| {100 * worst['expert_hold_success']:.1f} % | {median['env_steps'] / 1e6:.2f} M "
-            f"| {median['train_seconds']:.0f} |"
+            f"| {100 * hold:.1f} % ({100 * worst['hold_success']:.1f} %) "
+            f"| {100 * low:.1f} to {100 * high:.1f} % | {100 * touch:.1f} % "
+            f"| {100 * worst['expert_hold_success']:.1f} % | {steps} | {seconds} |"
         )
     machines = sorted({r["versions"]["machine"] for r in results})
     lines += ["", f"{results[0]['episodes']} frozen goals each. Machine: {', '.join(machines)}."]
     return "\n".join(lines)
 
 
-def report(folder: Path) -> Path:
-    """Write plots, clip and report.md of an evaluated run."""
+def report(folder: Path, trust: bool = False) -> Path:
+    """Write plots, clips and report.md of a run, and its evaluation if it has none yet.
+
+    ``trust`` is that of :func:`load_policy`.
+    """
     config = read_config(folder)
-    path = folder / "evaluation.json"
-    if not path.is_file():
-        raise ValueError(
-            f"run folder {folder} has no evaluation.json; run: python -m agents evaluate {folder}"
-        )
-    result = json.loads(path.read_text())
+    clips = [folder / "clip.gif", folder / "clip.mp4"]
+    check_clip(clips[0])
+    try:
+        check_clip(clips[1])
+    except MissingPackage as error:
+        print(f"{clips.pop()} is left out: {error}", file=sys.stderr)
+    policy = load_policy(folder, config, trust)
+    if not (folder / "evaluation.json").is_file():  # a training that was stopped
+        evaluate(config, folder, trust)
+    result = read_evaluation(folder)
     pictures = plots(folder, config)
-    act = policy_act(load_policy(folder, config.algo))
-    clip(folder / "clip.gif", config.env, act, CLIP_EPISODES, EVALUATION_SEED, **config.env_kwargs)
+    clip(clips, config.env, policy_act(policy), CLIP_EPISODES, EVALUATION_SEED, **config.env_kwargs)
     rows = [(k, v) for k, v in result.items() if k != "versions"]
     rows += [(f"version of {k}", v) for k, v in result["versions"].items()]
     lines = [
         f"# {config.algo.upper()} on {config.env}, seed {config.seed}", "", summary(result), "",
-        "![clip](clip.gif)", "", *(f"![{p.stem}](plots/{p.name})" for p in pictures), "",
+        "![clip](clip.gif)", "", *(f"[{c.name}]({c.name})\n" for c in clips[1:]),
+        *(f"![{p.stem}](plots/{p.name})" for p in pictures), "",
         "| | |", "|---|---|", *(f"| {k} | {v} |" for k, v in rows), "",
         "`config.yaml` is what was run, `scene.py` the whole simulator it ran on, `policy.zip` the "
         "policy (best on the selection goals), `monitor.csv` every training episode, "
         "`selection.csv` the learning curve, `episodes.csv` the evaluation.", "",
-        f"Again: `python -m agents train {folder}/config.yaml`", "",
+        f"Again: `{COMMAND} train {folder}/config.yaml`", "",
     ]  # fmt: skip
     target = folder / "report.md"
     target.write_text("\n".join(lines))

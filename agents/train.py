@@ -1,4 +1,4 @@
-"""One training run from a configuration to a finished run folder."""
+"""One training run from a configuration to a run folder; Ctrl-C ends it early and in order."""
 
 from __future__ import annotations
 
@@ -8,55 +8,54 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 import yaml
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from stable_baselines3 import PPO, SAC
-from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.logger import configure
-from stable_baselines3.common.vec_env import VecMonitor
 
-from agents.config import SEEDS_PER_RUN, Config
-from agents.rollout import SELECTION_SEED, policy_act, run_episodes
 from redundant_envs.envs.sb3 import make_sb3
+from redundant_envs.extras import needs
+
+from . import COMMAND
+from .config import SEEDS_PER_RUN, Config
+from .interrupt import Request, Stopped, stop_request
+from .policies import learner, policy_kwargs, policy_name, save_policy
+from .rollout import SELECTION_SEED, policy_act, run_episodes
+from .run_folder import SELECTION, write_json
+
+with needs("train"):
+    import torch
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from stable_baselines3.common.callbacks import BaseCallback
+    from stable_baselines3.common.logger import configure
+    from stable_baselines3.common.vec_env import VecMonitor
 
 
 def make_model(config: Config, env: Any) -> Any:
     """The learner of a configuration."""
-    policy = "MultiInputPolicy" if "Goal" in config.env else "MlpPolicy"
+    common = {"seed": config.seed, "device": "cpu", "policy_kwargs": policy_kwargs(config)}
     if config.algo == "ppo":
         p = config.ppo
-        return PPO(
-            policy, env, n_steps=p.n_steps, batch_size=p.batch_size, n_epochs=p.n_epochs,
+        return learner(config)(
+            policy_name(config), env, n_steps=p.n_steps, batch_size=p.batch_size, n_epochs=p.n_epochs,
             learning_rate=lambda remaining: p.learning_rate * remaining, gamma=p.gamma,
-            gae_lambda=p.gae_lambda, clip_range=p.clip_range, ent_coef=p.ent_coef,
-            seed=config.seed, device="cpu",
-            policy_kwargs={
-                "net_arch": {"pi": list(p.net_arch), "vf": list(p.net_arch)},
-                "log_std_init": p.log_std_init,
-                "activation_fn": torch.nn.Tanh,
-            },
+            gae_lambda=p.gae_lambda, clip_range=p.clip_range, ent_coef=p.ent_coef, **common,
         )  # fmt: skip
     s = config.sac
-    return SAC(
-        policy, env, buffer_size=s.buffer_size, learning_starts=s.learning_starts,
+    return learner(config)(
+        policy_name(config), env, buffer_size=s.buffer_size, learning_starts=s.learning_starts,
         batch_size=s.batch_size, learning_rate=lambda remaining: s.learning_rate * remaining,
         gamma=s.gamma, tau=s.tau, train_freq=s.train_freq, gradient_steps=s.gradient_steps,
-        ent_coef=s.ent_coef,
-        seed=config.seed, device="cpu",
-        policy_kwargs={
-            "net_arch": list(s.net_arch),
-            "activation_fn": torch.nn.Tanh,  # a critic with kinks makes the arm chatter at the goal
-            "optimizer_kwargs": {"fused": True},  # saves a third of the time of a gradient step
-        },
+        ent_coef=s.ent_coef, **common,
     )  # fmt: skip
 
 
 class Watch(BaseCallback):
-    """Its line of the progress bars, time limit, and choice of the best policy on goals of their own."""
+    """Its line of the progress bars, time limit, and choice of the best policy on goals of their own.
 
-    def __init__(self, config: Config, folder: Path, progress: Progress) -> None:
+    It ends the training when the user asks to.
+    """
+
+    def __init__(self, config: Config, folder: Path, progress: Progress, stop: Request) -> None:
         super().__init__()
+        self.stop = stop
         self.config = config
         self.folder = folder
         self.progress = progress
@@ -64,7 +63,8 @@ class Watch(BaseCallback):
         self.task = progress.add_task(name, total=config.total_steps, note="")
         self.recent = "-"
         self.best = (-1.0, -np.inf)
-        self.curve: list[tuple[int, float, float, float]] = []
+        self.table = folder / "selection.csv"
+        self.table.write_text(",".join(SELECTION) + "\n", encoding="utf-8")
         self.start = time.perf_counter()
         self._next = config.selection_every
         self._bar = 0
@@ -83,6 +83,8 @@ class Watch(BaseCallback):
                 self.num_timesteps / self.config.total_steps, self.seconds() / self.config.max_seconds
             )
             self.progress.update(self.task, completed=share * self.config.total_steps, note=self.note())
+        if self.stop.made:
+            return False
         if self.num_timesteps >= self._next:
             self._next += self.config.selection_every
             self.select()
@@ -96,12 +98,13 @@ class Watch(BaseCallback):
             **config.env_kwargs,
         )  # fmt: skip
         score = (float(outcome.hold.mean()), float(outcome.returns.mean()))
-        self.curve.append((self.num_timesteps, self.seconds(), *score))
+        with self.table.open("a", encoding="utf-8") as file:
+            file.write(f"{self.num_timesteps},{self.seconds():.2f},{score[0]:.4f},{score[1]:.4f}\n")
         self.logger.record("selection/hold_success", score[0])
         self.logger.record("selection/return", score[1])
         if score > self.best:
             self.best = score
-            self.model.save(self.folder / "policy.zip")
+            save_policy(self.model, self.folder / "policy.zip")
         self.progress.update(self.task, note=self.note())
 
     def note(self) -> str:
@@ -119,35 +122,59 @@ def progress_bars() -> Progress:
 
 
 def train(config: Config, folder: Path, progress: Progress | None = None) -> dict[str, Any]:
-    """Train, keep the best policy in ``folder``; returns steps and seconds.
+    """Train and keep the best policy in ``folder``; returns steps and seconds.
 
-    ``progress`` are the bars of a caller, which get a line while the training runs.
+    Parameters
+    ----------
+    config : Config
+    folder : Path
+        It is made, or is empty.
+    progress : Progress, optional
+        Bars of a caller, which get a line while the training runs.
+
+    Raises
+    ------
+    Stopped
+        The user asked to stop, and the folder is as after a shorter training. Without a selection so far
+        it holds the present policy.
     """
+    if folder.exists() and not folder.is_dir():
+        raise ValueError(f"run folder {folder} is a file; choose another --out")
     if folder.exists() and any(folder.iterdir()):
         raise ValueError(f"run folder {folder} is not empty; choose another --out or delete it")
     torch.set_num_threads(config.torch_threads)
     base = make_sb3(config.env, config.num_envs, **config.env_kwargs)
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "config.yaml").write_text(yaml.safe_dump(config.to_dict(), sort_keys=False))
-    (folder / "scene.py").write_text(base.core.assembly.text)
-    base.seed(config.seed * SEEDS_PER_RUN)
-    env = VecMonitor(base, filename=str(folder / "monitor.csv"), info_keywords=("is_success",))
-    model = make_model(config, env)
-    outputs = ["tensorboard"] if _has_tensorboard() else ["csv"]
-    model.set_logger(configure(str(folder / "tensorboard"), outputs))
-    with progress_bars() if progress is None else nullcontext(progress) as bars:
-        watch = Watch(config, folder, bars)
-        model.learn(config.total_steps, callback=watch, log_interval=20)
-        watch.select()
-        if progress is not None:
-            bars.remove_task(watch.task)
-    seconds = watch.seconds()
-    env.close()
-    np.savetxt(
-        folder / "selection.csv", np.array(watch.curve), delimiter=",", comments="",
-        header="env_steps,seconds,hold_success,return", fmt=["%d", "%.2f", "%.4f", "%.4f"],
-    )  # fmt: skip
-    return {"env_steps": int(model.num_timesteps), "train_seconds": round(seconds, 1)}
+    with stop_request() as stop:
+        (folder / "config.yaml").write_text(yaml.safe_dump(config.to_dict(), sort_keys=False))
+        (folder / "scene.py").write_text(base.core.assembly.text)
+        base.seed(config.seed * SEEDS_PER_RUN)
+        env = VecMonitor(base, filename=str(folder / "monitor.csv"), info_keywords=("is_success",))
+        model = make_model(config, env)
+        outputs = ["tensorboard"] if _has_tensorboard() else ["csv"]
+        model.set_logger(configure(str(folder / "tensorboard"), outputs))
+        with progress_bars() if progress is None else nullcontext(progress) as bars:
+            watch = Watch(config, folder, bars, stop)
+            try:
+                model.learn(config.total_steps, callback=watch, log_interval=20)
+                if not stop.made:
+                    watch.select()
+            except KeyboardInterrupt:
+                stop.made = True
+            if progress is not None:
+                bars.remove_task(watch.task)
+        seconds = watch.seconds()
+        if not (folder / "policy.zip").is_file():
+            save_policy(model, folder / "policy.zip")
+        env.close()
+        facts = {"env_steps": int(model.num_timesteps), "train_seconds": round(seconds, 1)}
+        write_json(folder / "training.json", {**facts, "stopped": stop.made})
+    if stop.made:
+        raise Stopped(
+            f"stopped after {facts['env_steps']} of {config.total_steps} steps; the policy so far is kept. "
+            f"Go on with: {COMMAND} report {folder}"
+        )
+    return facts
 
 
 def _has_tensorboard() -> bool:
@@ -156,9 +183,3 @@ def _has_tensorboard() -> bool:
     except ImportError:
         return False
     return True
-
-
-def load_policy(folder: Path, algo: str) -> Any:
-    """The policy of a run folder."""
-    kind: Any = {"ppo": PPO, "sac": SAC}[algo]
-    return kind.load(folder / "policy.zip", device="cpu")

@@ -1,0 +1,196 @@
+"""Policies as files: policy.zip holds nothing of this package, and is read without unpickling it.
+
+stable-baselines3 keeps a policy as tensors and, beside them, pickled Python objects; unpickling a file
+runs whatever code its author put in. So the policy is built from config.yaml, and only its tensors are
+taken from the file.
+"""
+
+from __future__ import annotations
+
+import io
+import itertools
+import json
+import os
+import pickletools
+import zipfile
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from redundant_envs.envs.sb3 import make_sb3
+from redundant_envs.extras import needs
+
+from . import COMMAND
+from .config import Config
+
+with needs("train"):
+    import torch
+    from stable_baselines3 import PPO, SAC
+
+MOST_BYTES = 64 * 2**20
+"""Largest weights that are read: 16 million numbers, far more than an arm needs."""
+TENSOR_NAMES = {"collections OrderedDict", "torch._utils _rebuild_tensor_v2", "torch FloatStorage"}
+"""What a table of float32 tensors refers to; anything else is not taken from a file."""
+HARMLESS = (
+    "policy.zip is read without its pickled objects, which could run any code; add --trust to load it as "
+    "stable-baselines3 does, if you know who made it"
+)
+
+
+def learner(config: Config) -> Any:
+    """stable-baselines3's class of a configuration's algorithm."""
+    return {"ppo": PPO, "sac": SAC}[config.algo]
+
+
+def policy_name(config: Config) -> str:
+    """stable-baselines3's name of the policy class for an environment's observations."""
+    return "MultiInputPolicy" if "Goal" in config.env else "MlpPolicy"
+
+
+def policy_kwargs(config: Config) -> dict[str, Any]:
+    """Arguments of the policy class: from torch and plain numbers alone, so that they load anywhere."""
+    if config.algo == "ppo":
+        layers = list(config.ppo.net_arch)
+        return {
+            "net_arch": {"pi": layers, "vf": list(layers)},
+            "log_std_init": config.ppo.log_std_init,
+            "activation_fn": torch.nn.Tanh,
+        }
+    return {
+        "net_arch": list(config.sac.net_arch),
+        "activation_fn": torch.nn.Tanh,  # a critic with kinks makes the arm chatter at the goal
+        "optimizer_kwargs": {"fused": True},  # saves a third of the time of a gradient step
+    }
+
+
+def save_policy(model: Any, path: Path) -> None:
+    """Save a learner so that stable-baselines3 alone can load it; the file is whole or as it was before.
+
+    Schedules are functions of this package: they are saved as the numbers that they begin with.
+    """
+    kept = {k: vars(model)[k] for k in ("learning_rate", "clip_range") if callable(vars(model).get(k))}
+    part = path.with_name(f"{path.name}.part")
+    vars(model).update({name: float(schedule(1.0)) for name, schedule in kept.items()})
+    try:
+        model.save(part, exclude=("lr_schedule",))
+    finally:
+        vars(model).update(kept)
+    os.replace(part, path)
+
+
+def load_policy(folder: Path, config: Config, trust: bool = False) -> Any:
+    """The policy of a run folder; its ``predict`` is that of stable-baselines3.
+
+    Parameters
+    ----------
+    folder : Path
+    config : Config
+        That of the run.
+    trust : bool
+        Load the whole learner by stable-baselines3, which runs code that the file may hold.
+
+    Raises
+    ------
+    ValueError
+        The file is missing or damaged, is larger than ``MOST_BYTES``, holds anything but finite float32
+        tensors, or does not fit the configuration.
+    """
+    path = folder / "policy.zip"
+    if not path.is_file():
+        raise ValueError(
+            f"run folder {folder} has no policy.zip; make a new run: {COMMAND} train {folder}/config.yaml"
+        )
+    if trust:
+        try:
+            return learner(config).load(path, device="cpu")
+        except Exception as error:  # a damaged file fails in any way
+            raise ValueError(f"{path} cannot be loaded by stable-baselines3: {error}") from error
+    weights, size = read_weights(path)
+    layers = getattr(config, config.algo).net_arch
+    # Before a policy is built: a configuration of a stranger must not ask for all memory.
+    if 4 * (sum(layers) + sum(a * b for a, b in itertools.pairwise(layers))) > size:
+        raise ValueError(
+            f"config.yaml has net_arch {list(layers)}, larger than the {size} bytes of weights in {path}"
+        )
+    env = make_sb3(config.env, 1, **config.env_kwargs)
+    build = learner(config).policy_aliases[policy_name(config)]
+    policy = build(env.observation_space, env.action_space, lambda _: 0.0, **policy_kwargs(config))
+    check_weights(path, weights, policy.state_dict())
+    policy.load_state_dict(weights)
+    return policy
+
+
+def read_weights(path: Path) -> tuple[dict[str, torch.Tensor], int]:
+    """The tensors of a policy.zip by name, and the bytes they were read from."""
+    data = _member(path, "policy.pth", MOST_BYTES)
+    _check_activation(path)
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            # Stored as they are, so that they cannot unfold to more than was read.
+            if any(entry.compress_type != zipfile.ZIP_STORED for entry in archive.infolist()):
+                raise ValueError("its tensors are compressed")
+            (table,) = (name for name in archive.namelist() if name.endswith("/data.pkl"))
+            for operation, argument, _ in pickletools.genops(archive.read(table)):
+                refers = operation.name in ("STACK_GLOBAL", "INST", "EXT1", "EXT2", "EXT4")
+                if refers or (operation.name == "GLOBAL" and argument not in TENSOR_NAMES):
+                    raise ValueError(f"it refers to {str(argument or operation.name)[:80]!r}")
+        weights = torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
+        _check_tensors(weights, len(data))
+    except Exception as error:  # bytes of a stranger fail in any way
+        raise ValueError(
+            f"policy.pth in {path} is not a plain table of float32 tensors: {str(error)[:300]}. {HARMLESS}"
+        ) from error
+    return weights, len(data)
+
+
+def _check_tensors(weights: Any, size: int) -> None:
+    if not isinstance(weights, dict) or not all(isinstance(name, str) for name in weights):
+        raise ValueError("it holds no names of tensors")
+    for name, tensor in weights.items():
+        if not isinstance(tensor, torch.Tensor) or tensor.dtype != torch.float32:
+            raise ValueError(f"{name!r} is no float32 tensor")
+        if tensor.untyped_storage().nbytes() > size or 4 * tensor.numel() > size:
+            raise ValueError(f"{name!r} claims {tensor.numel()} numbers, more than the file holds")
+
+
+def check_weights(path: Path, found: Mapping[str, torch.Tensor], needed: Mapping[str, torch.Tensor]) -> None:
+    """Refuse tensors that are not those of a policy, or not finite."""
+    for name in sorted(needed.keys() ^ found.keys()):
+        verb, other = ("lacks", "asks for") if name in needed else ("has", "does not ask for")
+        raise ValueError(f"{path} {verb} weights {name[:80]!r} that config.yaml {other}: is it of this run?")
+    for name, tensor in needed.items():
+        if found[name].shape != tensor.shape:
+            raise ValueError(
+                f"{path} has weights {name!r} of shape {tuple(found[name].shape)}, config.yaml asks for "
+                f"{tuple(tensor.shape)}: is it of this run?"
+            )
+        if not torch.isfinite(found[name]).all():
+            raise ValueError(f"{path} has weights {name!r} that are not finite: the training diverged")
+
+
+def _check_activation(path: Path) -> None:
+    """Refuse a policy with other activations than ours, which its tensors do not tell."""
+    try:
+        about = json.loads(_member(path, "data", MOST_BYTES))
+        said = about["policy_kwargs"].get("activation_fn", "")
+    except (ValueError, RecursionError, TypeError, KeyError, AttributeError) as error:
+        raise ValueError(f"{path} has a damaged member 'data' ({error}). {HARMLESS}") from error
+    if "Tanh" not in str(said):
+        raise ValueError(
+            f"{path} was saved with the activation {str(said)[:80]!r} instead of Tanh. {HARMLESS}"
+        )
+
+
+def _member(path: Path, name: str, most: int) -> bytes:
+    """One member of a zip file, if it has at most so many bytes."""
+    try:
+        with zipfile.ZipFile(path) as archive, archive.open(name) as member:
+            data = member.read(most + 1)
+    except KeyError:
+        raise ValueError(f"{path} has no {name!r}; it is no policy that stable-baselines3 saved") from None
+    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, OSError) as error:
+        raise ValueError(f"{path} is damaged ({error}); it is no whole zip file") from error
+    if len(data) > most:
+        raise ValueError(f"{path} has a {name!r} of more than {most} bytes; that is no policy of an arm")
+    return data

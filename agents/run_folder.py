@@ -1,0 +1,107 @@
+"""The files of a run folder: a missing or damaged one is named, with the command that makes it."""
+
+from __future__ import annotations
+
+import json
+import os
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import COMMAND
+from .config import Config, load
+
+SELECTION = ("env_steps", "seconds", "hold_success", "return")
+"""Columns of selection.csv."""
+EPISODES = ("seed", "hold", "touch", "distance", "return", "expert_hold", "expert_distance")
+"""Columns of episodes.csv."""
+RATES = ("hold_success", "touch_success", "expert_hold_success")
+NUMBERS = ("seed", "episodes", *RATES, "median_distance", "expert_median_distance")
+FACTS = ("env_steps", "train_seconds")
+
+
+def read_config(folder: Path) -> Config:
+    """The configuration of a run folder."""
+    path = folder / "config.yaml"
+    if not path.is_file():
+        there = "is a file" if folder.is_file() else "is there" if folder.is_dir() else "does not exist"
+        raise ValueError(
+            f"{path} is missing ({folder} {there}); give a run folder, as '{COMMAND} train' writes it"
+        )
+    return load(path)
+
+
+def read_evaluation(folder: Path) -> dict[str, Any]:
+    """evaluation.json, checked: whatever it says may be printed and compared."""
+    path = folder / "evaluation.json"
+    if not path.is_file():
+        raise ValueError(f"run folder {folder} has no evaluation.json; make it: {COMMAND} evaluate {folder}")
+    data = _read_json(path, f"{COMMAND} evaluate {folder}")
+    low_high = data.get("interval")
+    checks = {name: _is_number(data.get(name)) for name in NUMBERS}
+    checks |= {name: data.get(name) is None or _is_number(data[name]) for name in FACTS}
+    checks |= {name: isinstance(data.get(name), str) for name in ("env", "algo")}
+    checks["interval"] = isinstance(low_high, list) and list(map(_is_number, low_high)) == [True, True]
+    versions = data.get("versions")
+    checks["versions"] = isinstance(versions, dict) and isinstance(versions.get("machine"), str)
+    for name, holds in checks.items():
+        if not holds:
+            raise ValueError(
+                f"{path} has {data.get(name)!r} as {name!r}; make it anew: {COMMAND} evaluate {folder}"
+            )
+    return data
+
+
+def read_facts(folder: Path) -> dict[str, Any]:
+    """Environment steps and seconds of the training, None where the folder does not tell."""
+    path = folder / "training.json"
+    if not path.is_file():
+        return dict.fromkeys(FACTS)
+    data = _read_json(path, f"{COMMAND} train {folder}/config.yaml --out NEW_FOLDER")
+    for name in FACTS:
+        if not _is_number(data.get(name)):
+            raise ValueError(f"{path} has {data.get(name)!r} as {name!r}; delete it to go on without")
+    return {name: data[name] for name in FACTS}
+
+
+def read_table(folder: Path, name: str, columns: tuple[str, ...]) -> NDArray[np.float64]:
+    """selection.csv or episodes.csv, (rows, columns); there may be no rows yet."""
+    path = folder / name
+    remedy = f"{COMMAND} evaluate {folder}"
+    if columns is SELECTION:
+        remedy = f"{COMMAND} train {folder}/config.yaml --out NEW_FOLDER"
+    if not path.is_file():
+        raise ValueError(f"run folder {folder} has no {name}; make it: {remedy}")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # a table without rows
+            rows = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
+        if rows.size and rows.shape[1] != len(columns):
+            raise ValueError(f"{rows.shape[1]} columns instead of {len(columns)}")
+    except ValueError as error:
+        raise ValueError(f"{path} is damaged ({error}); make it anew: {remedy}") from error
+    return rows.reshape(-1, len(columns))
+
+
+def write_json(path: Path, data: dict[str, Any]) -> None:
+    """Write plain data; the file is whole or as it was before."""
+    part = path.with_name(f"{path.name}.part")
+    part.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
+    os.replace(part, path)
+
+
+def _read_json(path: Path, remedy: str) -> dict[str, Any]:
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(data, dict):
+            raise ValueError(f"it holds a {type(data).__name__}, not an object")
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{path} is damaged ({error}); make it anew: {remedy}") from error
+    return data
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < float("inf")
