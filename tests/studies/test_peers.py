@@ -158,3 +158,24 @@ def test_refuses_bad_input():
         peers.mujoco_interval(scene, "RK4", 0.03, q, qd, efforts, DURATION)
     with pytest.raises(ValueError, match="have shapes"):
         peers.mujoco_interval(scene, "RK4", 1e-3, q, qd, efforts[0], DURATION)
+
+
+def test_stops_of_mujoco_use_the_dense_jacobian():
+    """MuJoCo 4.0.0 has a fault with the sparse one; these arms are too small to meet it by default."""
+    stop = e.PrismaticStop((0.0, 0.0), (0.3, 0.3), 1.0)
+    scene = rde.Scene(rde.RPRP((1.0,) * 4, (0.5, 0.5)), (e.Gravity(), stop))
+    dt = 2e-4
+    generator = np.random.default_rng(5)
+    q = generator.uniform((-3.0, 0.0, -3.0, 0.0), (3.0, 0.3, 3.0, 0.3), (256, 4))
+    qd = generator.normal(0.0, (2.0, 1.0, 2.0, 1.0), (256, 4))
+    ends = {}
+    for jacobian in ("AUTO", "DENSE", "SPARSE"):
+        model = peers.mujoco_model(scene, "Euler", dt, {1: (0.0, 0.3), 3: (0.0, 0.3)}, (-0.3 / dt**2, 0.0))
+        model.opt.jacobian = getattr(mujoco.mjtJacobian, f"mjJAC_{jacobian}")
+        assert model.opt.solver == mujoco.mjtSolver.mjSOL_NEWTON
+        assert mujoco.mj_isSparse(model) == (jacobian == "SPARSE")
+        start = np.array([q, qd, np.zeros_like(q)])
+        ends[jacobian] = np.array(peers._mujoco(scene, model, start, DURATION)[:2])
+    np.testing.assert_array_equal(ends["AUTO"], ends["DENSE"])
+    assert np.abs(ends["SPARSE"] - ends["DENSE"]).max() < 1e-11
+    assert not np.array_equal(ends["SPARSE"], ends["DENSE"])

@@ -1,0 +1,217 @@
+"""A training that is stopped, and run folders that are incomplete or damaged."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from agents.__main__ import main
+
+ROOT = Path(__file__).parents[2]
+SMALL = [
+    "num_envs=64",
+    "ppo.n_steps=16",
+    "ppo.batch_size=512",
+    "selection_episodes=10",
+    "evaluation_episodes=20",
+]
+ENDLESS = ["total_steps=1000000000", "max_seconds=500"]
+
+
+def wait_for(holds, process, seconds=120.0):
+    """Poll until something holds; the process must not end before."""
+    end = time.monotonic() + seconds
+    while not holds():
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < end, "it took too long"
+        time.sleep(0.05)
+
+
+def lines(path: Path) -> list[str]:
+    return path.read_text().splitlines() if path.is_file() else []
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGINT for one process")
+@pytest.mark.parametrize(
+    ("number", "every"), [(signal.SIGINT, 2000), (signal.SIGTERM, 2000), (signal.SIGINT, 10**9)]
+)
+def test_a_stopped_training_leaves_a_run(number, every, tmp_path, capsys):
+    folder = tmp_path / "run"
+    command = [
+        sys.executable,
+        "-m",
+        "agents",
+        "train",
+        "rprp_reach_ppo",
+        "--out",
+        str(folder),
+        *SMALL,
+        *ENDLESS,
+    ]
+    with subprocess.Popen(
+        [*command, f"selection_every={every}"],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        try:
+            # Once episodes are over, the training has begun.
+            wait_for(lambda: len(lines(folder / "monitor.csv")) > 10, process)
+            if every == 2000:
+                wait_for((folder / "policy.zip").is_file, process)
+            process.send_signal(number)
+            _, error = process.communicate(timeout=60)
+        finally:
+            process.kill()
+    assert process.returncode == 130
+    (message,) = error.splitlines()
+    assert "stopped after" in message
+    assert f"Go on with: python -m agents report {folder}" in message
+    assert json.loads((folder / "training.json").read_text())["stopped"] is True
+    head, *rows = lines(folder / "selection.csv")
+    assert head == "env_steps,seconds,hold_success,return"
+    assert bool(rows) == (every == 2000)
+    assert len({line.count(",") for line in lines(folder / "monitor.csv")[1:]}) == 1
+    assert not list(folder.glob("*.part"))
+    capsys.readouterr()
+    assert main(["report", str(folder)]) == 0
+    assert main(["play", str(folder), "--clip", str(tmp_path / "a.gif"), "--episodes", "1"]) == 0
+    result = json.loads((folder / "evaluation.json").read_text())
+    assert result["env_steps"] == json.loads((folder / "training.json").read_text())["env_steps"] > 0
+    assert "![learning_curve]" in (folder / "report.md").read_text()
+
+
+def test_a_second_request_interrupts_at_once():
+    from agents.interrupt import stop_request
+
+    before = signal.getsignal(signal.SIGINT)
+    with stop_request() as stop:
+        os.kill(os.getpid(), signal.SIGINT)
+        assert stop.made
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_ctrl_c_elsewhere_is_one_line(monkeypatch, capsys):
+    from agents import report
+    from redundant_envs import __main__ as library
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(report, "report", interrupted)
+    assert main(["report", "anything"]) == 130
+    monkeypatch.setattr(library, "show_list", interrupted)
+    assert library.main(["list"]) == 130
+    assert capsys.readouterr().err.splitlines() == ["stopped", "redundant_envs: stopped"]
+
+
+# ---- incomplete run folders ----------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """A small finished run."""
+    folder = tmp_path_factory.mktemp("finished") / "run"
+    few = ["total_steps=4096", "selection_every=2000"]
+    assert main(["train", "rprp_reach_ppo", *SMALL, *few, "--out", str(folder)]) == 0
+    return folder
+
+
+@pytest.fixture
+def run(finished, tmp_path):
+    """A copy of it to damage."""
+    shutil.copytree(finished, tmp_path / "run")
+    return tmp_path / "run"
+
+
+READERS = ("evaluate", "report", "table", "play", "study stops")
+
+
+@pytest.mark.parametrize("command", READERS)
+@pytest.mark.parametrize("kind", ["nothing", "empty", "file"])
+def test_what_is_no_run_folder_is_named(command, kind, tmp_path, capsys):
+    place = tmp_path / "place"
+    if kind == "empty":
+        place.mkdir()
+    if kind == "file":
+        place.write_text("text")
+    clip = ["--clip", str(tmp_path / "a.gif")] if command == "play" else []
+    assert main([*command.split(), str(place), *clip]) == 2
+    error = capsys.readouterr().err
+    assert str(place) in error
+    assert "run folder" in error
+
+
+CUT = "half of it"
+DAMAGES = {
+    # file, what is done to it, command that reads it, command that the message names
+    "no policy": ("policy.zip", None, ("evaluate", "report", "play", "study stops"), "train"),
+    "half a policy": ("policy.zip", CUT, ("evaluate", "report", "play", "study stops"), ""),
+    "no configuration": ("config.yaml", None, ("evaluate", "report", "play", "study stops"), "train"),
+    "no evaluation": ("evaluation.json", None, ("table",), "evaluate"),
+    "half an evaluation": ("evaluation.json", CUT, ("table", "report"), "evaluate"),
+    "a list for an evaluation": ("evaluation.json", "[1, 2]", ("table", "report"), "evaluate"),
+    "an evaluation of texts": ("evaluation.json", '{"env": 3}', ("table", "report"), "evaluate"),
+    "nested evaluation": ("evaluation.json", "[" * 100_000, ("table", "report"), "evaluate"),
+    "no episodes": ("episodes.csv", None, ("report",), "evaluate"),
+    "half of the episodes": ("episodes.csv", CUT, ("report",), "evaluate"),
+    "no selections": ("selection.csv", None, ("report",), "train"),
+    "half a selection": ("selection.csv", "env_steps,seconds\n1,2,3,4\n1,2", ("report",), "train"),
+    "selections of another kind": ("selection.csv", "a,b\n1,2\n", ("report",), "train"),
+    "half of the facts": ("training.json", CUT, ("evaluate",), "train"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_missing_or_damaged_file_is_named_with_the_command_that_makes_it(damage, run, tmp_path, capsys):
+    name, change, commands, remedy = DAMAGES[damage]
+    path = run / name
+    if change is None:
+        path.unlink()
+    elif change is CUT:
+        data = path.read_bytes()
+        path.write_bytes(data[: len(data) // 2 - 1])
+    else:
+        path.write_text(change)
+    for command in commands:
+        clip = ["--clip", str(tmp_path / "a.gif")] if command == "play" else []
+        assert main([*command.split(), str(run), *clip]) == 2
+        error = capsys.readouterr().err
+        assert name in error
+        assert f"python -m agents {remedy}" in error or not remedy
+        assert len(error.splitlines()) == 1
+
+
+def test_a_report_evaluates_a_run_that_has_no_evaluation(run):
+    before = json.loads((run / "evaluation.json").read_text())
+    (run / "evaluation.json").unlink()
+    (run / "episodes.csv").unlink()
+    assert main(["report", str(run)]) == 0
+    assert json.loads((run / "evaluation.json").read_text()) == before
+
+
+def test_the_table_takes_runs_whose_training_is_unknown(run, capsys):
+    (run / "training.json").unlink()
+    assert main(["evaluate", str(run)]) == 0
+    capsys.readouterr()
+    assert main(["table", str(run)]) == 0
+    assert "| unknown | unknown |" in capsys.readouterr().out
+
+
+def test_a_run_is_not_written_over_a_file(tmp_path, capsys):
+    (tmp_path / "taken").write_text("mine")
+    for out in (tmp_path / "taken", tmp_path / "taken" / "run"):
+        assert main(["train", "rprp_reach_ppo", *SMALL, "--out", str(out)]) == 2
+        assert "taken" in capsys.readouterr().err
+    assert (tmp_path / "taken").read_text() == "mine"
