@@ -1,9 +1,14 @@
-"""The wheel, in an empty environment with core dependencies only, makes every id and every scene."""
+"""The wheel: with core dependencies only, with those of training, and to a type checker."""
 
+import email
+import importlib
+import json
 import os
 import subprocess
 import sys
+import tomllib
 import venv
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -28,25 +33,144 @@ for name in names:
     rde.BatchSimulator(rde.load_scene(name)).advance()
 for module in ("torch", "stable_baselines3", "matplotlib", "scipy", "pygame", "mujoco"):
     assert module not in sys.modules
+import importlib.util
+assert importlib.util.find_spec("agents") is None
 print(len(ids()), len(names))
+"""
+USER = """
+import gymnasium as gym
+import numpy as np
+import redundant_envs as rde
+
+arm = rde.FourR(masses=(2, 1.5, 1, 0.5), lengths=(0.3, 0.5, 0.4, 0.6))
+scene = rde.Scene(arm, effects=(rde.effects.Gravity(),), tolerance=1e-6)
+motion = rde.simulate(scene, q=(0.3, 0.2, -0.4, 0.1), qd=(0, 0, 0, 0), times=[0.5, 1.0])
+energy: float = float(motion.kinetic_energy[-1])
+batch = rde.BatchSimulator(scene, num_envs=2)
+flags = batch.advance(np.zeros((2, 4))).numerics
+mass = arm.mass_matrix(np.zeros(4))
+reveal_type(mass)
+reveal_type(rde.load_scene("rprp_reach"))
+env = gym.make("redundant_envs/RPRPReach-v0")
+WRONG
 """
 
 
-@pytest.mark.filterwarnings("ignore")
-def test_wheel_with_core_dependencies_only(tmp_path):
+def program(home: Path, name: str) -> str:
+    """A program of a virtual environment."""
+    return str(home / ("Scripts" if sys.platform == "win32" else "bin") / name)
+
+
+def call(*command: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run a program in a folder, away from this checkout."""
+    clean = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "MYPYPATH")}
+    return subprocess.run(command, check=False, capture_output=True, text=True, cwd=folder, env=clean)
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    """The wheel of this checkout."""
+    folder = tmp_path_factory.mktemp("wheel")
     pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
-    subprocess.run([*pip, "wheel", "--no-deps", "--wheel-dir", str(tmp_path), str(ROOT)], check=True)
-    (wheel,) = tmp_path.glob("*.whl")
-    home = tmp_path / "venv"
+    subprocess.run([*pip, "wheel", "--no-deps", "--wheel-dir", str(folder), str(ROOT)], check=True)
+    (found,) = folder.glob("*.whl")
+    return found
+
+
+@pytest.fixture(scope="module")
+def core(wheel, tmp_path_factory):
+    """An environment with the wheel and its core dependencies."""
+    home = tmp_path_factory.mktemp("core") / "venv"
     venv.create(home, with_pip=True)
-    python = home / ("Scripts" if sys.platform == "win32" else "bin") / "python"
-    constraints = ROOT / "constraints.txt"
-    subprocess.run(
-        [python, "-m", "pip", "--quiet", "install", "--constraint", constraints, wheel], check=True
-    )
-    clean = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
-    done = subprocess.run(
-        [python, "-c", PROGRAM], check=False, capture_output=True, text=True, cwd=tmp_path, env=clean
-    )
+    constraints = str(ROOT / "constraints.txt")
+    install = ["-m", "pip", "--quiet", "install", "--constraint", constraints, str(wheel)]
+    subprocess.run([program(home, "python"), *install], check=True)
+    return home
+
+
+def test_wheel_with_core_dependencies_only(core, tmp_path):
+    done = call(program(core, "python"), "-c", PROGRAM, folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert done.stdout.split()[0] == "4"
+
+
+def test_console_scripts(core, tmp_path):
+    version = f"redundant-envs {importlib.import_module('redundant_envs').__version__}\n"
+    for name in ("redundant-envs", "redundant-envs-train"):
+        assert call(program(core, name), "--version", folder=tmp_path).stdout == version
+    assert "rprp_reach" in call(program(core, "redundant-envs"), "list", folder=tmp_path).stdout
+    done = call(program(core, "redundant-envs-train"), "train", "rprp_reach_ppo", folder=tmp_path)
+    assert done.returncode == 2
+    assert "pip install 'redundant-envs[train]'" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_a_wheel_trains_from_an_empty_folder(wheel, tmp_path):
+    home, empty = tmp_path / "venv", tmp_path / "empty"
+    empty.mkdir()
+    venv.create(home, with_pip=True)
+    python = program(home, "python")
+    subprocess.run([python, "-m", "pip", "--quiet", "install", "--no-deps", str(wheel)], check=True)
+    # The dependencies are those of this environment; the wheel comes before it.
+    ask = "import sysconfig; print(sysconfig.get_path('purelib'))"
+    packages = Path(call(python, "-c", ask, folder=tmp_path).stdout.strip())
+    (packages / "dependencies.pth").write_text("\n".join(p for p in sys.path if p.endswith("site-packages")))
+    small = ["num_envs=64", "ppo.n_steps=16", "ppo.batch_size=512", "total_steps=2048"]
+    small += ["selection_episodes=10", "evaluation_episodes=10"]
+    train = program(home, "redundant-envs-train")
+    done = call(train, "train", "rprp_reach_ppo", *small, "--out", "run", folder=empty)
+    assert done.returncode == 0, done.stderr
+    assert (empty / "run" / "clip.mp4").stat().st_size > 1000
+    text = (empty / "run" / "report.md").read_text()
+    assert "`redundant-envs-train train run/config.yaml`" in text
+    assert json.loads((empty / "run" / "evaluation.json").read_text())["episodes"] == 10
+    done = call(train, "train", "nothing", folder=empty)
+    assert done.returncode == 2
+    assert "four_r_reach_sac" in done.stderr
+    where = "import redundant_envs_train as t, redundant_envs as r; print(t.__file__, r.__file__)"
+    for path in call(python, "-c", where, folder=empty).stdout.split():
+        assert Path(path).is_relative_to(packages)
+
+
+def test_users_programs_are_type_checked_against_the_wheel(core, tmp_path):
+    script = tmp_path / "user.py"
+    found = {}
+    for wrong in ("", "rde.Scene(arm, substeps='two')"):
+        script.write_text(USER.replace("WRONG", wrong))
+        command = [sys.executable, "-m", "mypy", "--strict", "--python-executable", program(core, "python")]
+        found[wrong] = call(*command, "user.py", folder=tmp_path)
+    right, bad = found.values()
+    assert right.returncode == 0, right.stdout
+    assert 'Revealed type is "redundant_envs.scene.Scene"' in right.stdout
+    assert "Any" not in right.stdout.splitlines()[1]
+    assert bad.returncode == 1
+    assert '"substeps" to "Scene"' in bad.stdout
+
+
+def test_the_wheel_tells_what_it_is(wheel):
+    with zipfile.ZipFile(wheel) as archive:
+        names = archive.namelist()
+        (place,) = (name for name in names if name.endswith("METADATA"))
+        about = email.message_from_bytes(archive.read(place))
+    assert "redundant_envs/py.typed" in names
+    assert {name.partition("/")[0].partition("-")[0] for name in names} == {
+        "redundant_envs", "redundant_envs_train",
+    }  # fmt: skip
+    assert "redundant_envs/configs/training/rprp_reach_ppo.yaml" in names
+    classifiers = about.get_all("Classifier", [])
+    assert "Typing :: Typed" in classifiers
+    for minor in (11, 12, 13):
+        assert f"Programming Language :: Python :: 3.{minor}" in classifiers
+    assert about["License-Expression"] == "MIT"
+    assert about.get_all("Project-URL")
+
+
+def test_an_editable_install_finds_the_application():
+    data = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    (place,) = (d for d in data["tool"]["hatch"]["build"]["targets"]["wheel"]["dev-mode-dirs"] if d != ".")
+    find = "import redundant_envs_train.__main__ as m; print(m.__file__, m.COMMAND)"
+    path = os.pathsep.join([str(ROOT), str(ROOT / place)])
+    command = [sys.executable, "-c", find]
+    environment = {**os.environ, "PYTHONPATH": path}
+    done = subprocess.run(command, check=True, capture_output=True, text=True, env=environment, cwd="/")
+    assert done.stdout.split() == [str(ROOT / "agents" / "__main__.py"), "redundant-envs-train"]

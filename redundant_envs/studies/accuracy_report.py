@@ -22,10 +22,10 @@ LONG_HEADS = {
 }
 """Metric -> its heading; a metric that no row has is left out."""
 MUJOCO_FAULT = (
-    "MuJoCo 4.0.0 has a fault in its Newton solver with a sparse constraint Jacobian, mended in 4.0.1. It does "
-    "not touch models without constraints: all panels without impacts. A panel with impacts uses that solver "
-    "for its stops, but with the dense Jacobian, MuJoCo's choice below 60 degrees of freedom: the fault is not "
-    "in its figures."
+    "MuJoCo 4.0.0 has a fault in its Newton solver with a sparse constraint Jacobian, mended in 4.0.1. It "
+    "does not touch models without constraints: all panels without impacts. A panel with impacts uses that "
+    "solver for its stops, but with the dense Jacobian, MuJoCo's choice below 60 degrees of freedom: the "
+    "fault is not in its figures."
 )
 
 
