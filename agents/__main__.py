@@ -94,9 +94,10 @@ def _add_trust(p: argparse.ArgumentParser) -> None:
 def _train(options: argparse.Namespace) -> int:
     from .config import load
     from .evaluate import evaluate, summary
-    from .report import report
+    from .report import check_drawing, report
     from .train import train
 
+    check_drawing()
     config = load(options.config, options.overrides)
     name = f"{Path(options.config).stem}_seed{config.seed}_{time.strftime('%Y%m%d-%H%M%S')}"
     folder = options.out or Path("runs") / name
@@ -146,7 +147,9 @@ def _study(options: argparse.Namespace) -> int:
 
     from .policy_report import write_report
     from .policy_study import load_study, run_study
+    from .report import check_drawing
 
+    check_drawing()
     study = load_study(options.config or study_path("policy"), options.overrides)
     try:
         results = run_study(study, options.out, options.trust)

@@ -26,6 +26,14 @@ CLIP_EVERY = 2
 """Control steps from frame to frame."""
 
 
+def check_drawing() -> None:
+    """Refuse, before anything long is begun, where the packages that draw a report are missing."""
+    with needs("plot"):
+        import matplotlib  # noqa: F401
+        import PIL  # noqa: F401
+    check_clip(Path("clip.gif"))
+
+
 def plots(folder: Path, config: Config) -> list[Path]:
     """Learning curve and final distances as pictures."""
     with needs("plot"):
@@ -136,8 +144,8 @@ def report(folder: Path, trust: bool = False) -> Path:
     ``trust`` is that of :func:`load_policy`.
     """
     config = read_config(folder)
+    check_drawing()
     clips = [folder / "clip.gif", folder / "clip.mp4"]
-    check_clip(clips[0])
     try:
         check_clip(clips[1])
     except MissingPackage as error:

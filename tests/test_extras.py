@@ -1,0 +1,122 @@
+"""A package that is not installed: every feature that needs it names the extra to install."""
+
+import importlib
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from redundant_envs.extras import MissingPackage, needs
+
+ROOT = Path(__file__).parents[1]
+BLOCK = """
+import sys
+
+class Blocked:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in {blocked!r}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+
+sys.meta_path.insert(0, Blocked())
+import os
+os.chdir({folder!r})
+"""
+LIBRARY = "from redundant_envs.__main__ import main; sys.exit(main({!r}))"
+AGENTS = "from agents.__main__ import main; sys.exit(main({!r}))"
+SIMULATE = ["simulate", "--scene", "four_r_free", "--seconds", "0.1"]
+RUN = str(ROOT / "docs" / "results" / "runs" / "rprp_ppo_0")
+COMMANDS = {
+    # name -> program, arguments, package that is missing, extra
+    "figures": (LIBRARY, SIMULATE, "matplotlib", "plot"),
+    "figures, pillow": (LIBRARY, SIMULATE, "PIL", "plot"),
+    "clip": (LIBRARY, [*SIMULATE, "--clip", "a.gif"], "imageio", "plot"),
+    "clip as MP4": (LIBRARY, [*SIMULATE, "--clip", "a.mp4"], "imageio_ffmpeg", "plot"),
+    "train": (AGENTS, ["train", "rprp_reach_ppo"], "stable_baselines3", "train"),
+    "train, torch": (AGENTS, ["train", "rprp_reach_ppo"], "torch", "train"),
+    "train, matplotlib": (AGENTS, ["train", "rprp_reach_ppo"], "matplotlib", "plot"),
+    "train, imageio": (AGENTS, ["train", "rprp_reach_ppo"], "imageio", "plot"),
+    "train, rich": (AGENTS, ["train", "rprp_reach_ppo"], "rich", "train"),
+    "evaluate": (AGENTS, ["evaluate", RUN], "stable_baselines3", "train"),
+    "report": (AGENTS, ["report", RUN], "stable_baselines3", "train"),
+    "report, imageio": (AGENTS, ["report", RUN], "imageio", "plot"),
+    "table": (AGENTS, ["table", RUN], "torch", "train"),
+    "play": (AGENTS, ["play", RUN, "--clip", "a.gif"], "stable_baselines3", "train"),
+    "play, window": (AGENTS, ["play", "FourRReach-v0"], "pygame", "human"),
+    "play, clip": (AGENTS, ["play", "FourRReach-v0", "--clip", "a.gif"], "imageio", "plot"),
+    "play, MP4": (AGENTS, ["play", "FourRReach-v0", "--clip", "a.mp4"], "imageio_ffmpeg", "plot"),
+    "study stops": (AGENTS, ["study", "stops", RUN], "stable_baselines3", "train"),
+    "study policy": (AGENTS, ["study", "policy"], "stable_baselines3", "train"),
+    "study policy, figures": (AGENTS, ["study", "policy"], "matplotlib", "plot"),
+}
+ARM = "import redundant_envs as rde; arm = rde.FourR((1,) * 4, (1,) * 4);"
+SCENE = f"{ARM} from redundant_envs.studies import peers; s = rde.Scene(arm); z = [[0.0] * 4];"
+CALLS = {
+    "symbols": (f"{ARM} arm.symbols()", "sympy", "verify"),
+    "make_sb3": ("import redundant_envs as rde; rde.make_sb3('RPRPReach-v0')", "stable_baselines3", "train"),
+    "make_sb3, torch": ("import redundant_envs as rde; rde.make_sb3('RPRPReach-v0')", "torch", "train"),
+    "the module of make_sb3": ("import redundant_envs.envs.sb3", "stable_baselines3", "train"),
+    "MuJoCo": (f"{SCENE} peers.mujoco_interval(s, 'RK4', .01, z, z, z, .02)", "mujoco", "verify"),
+    "SciPy": (f"{SCENE} peers.scipy_interval(s, 'RK45', .01, .01, z, z, z, .02)", "scipy", "verify"),
+}
+
+
+def run(program: str, package: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """A program without one package."""
+    here = f"sys.path.insert(0, {str(ROOT)!r})\n"
+    text = BLOCK.format(blocked=(package,), folder=str(folder)) + here + program
+    command = [sys.executable, "-c", text]
+    return subprocess.run(command, check=False, capture_output=True, text=True, timeout=120)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_commands_name_the_extra_in_one_line(name, tmp_path):
+    main, arguments, package, extra = COMMANDS[name]
+    done = run(main.format(arguments), package, tmp_path)
+    assert done.returncode == 2, done.stderr
+    (line,) = (line for line in done.stderr.splitlines() if "pip install" in line)
+    assert f"{package} is not installed; install it with: pip install 'redundant-envs[{extra}]'" in line
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_calls_name_the_extra(name, tmp_path):
+    program, package, extra = CALLS[name]
+    done = run(program, package, tmp_path)
+    assert done.returncode == 1
+    last = done.stderr.splitlines()[-1]
+    assert last == (
+        f"redundant_envs.extras.MissingPackage: {package} is not installed; install it with: "
+        f"pip install 'redundant-envs[{extra}]'"
+    )
+
+
+def test_simulate_keeps_its_numbers_without_matplotlib(tmp_path):
+    done = run(LIBRARY.format(SIMULATE), "matplotlib", tmp_path)
+    assert "four_r_free.csv is written" in done.stderr
+    assert (tmp_path / "runs" / "simulate" / "four_r_free.csv").stat().st_size > 100
+
+
+def test_a_package_that_is_there_but_broken_tells_why():
+    with pytest.raises(MissingPackage, match=r"libGL is lost; install it with: .*\[plot\]"), needs("plot"):
+        raise ImportError("libGL is lost")
+
+
+def test_the_extras_have_what_they_are_named_for():
+    data = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    extras = data["project"]["optional-dependencies"]
+    named = {(package, extra) for _, _, package, extra in COMMANDS.values()}
+    named |= {(package, extra) for _, package, extra in CALLS.values()}
+    pypi = {"PIL": "pillow", "imageio_ffmpeg": "imageio-ffmpeg", "stable_baselines3": "stable-baselines3"}
+    for package, extra in named:
+        assert any(d.startswith(f"{pypi.get(package, package)}>=") for d in extras[extra]), (package, extra)
+
+
+def test_progress_bars_of_stable_baselines3_work_with_the_extra_train():
+    """They need tqdm and rich, which stable-baselines3 itself does not install."""
+    import redundant_envs as rde
+
+    ppo = importlib.import_module("stable_baselines3").PPO
+    model = ppo("MlpPolicy", rde.make_sb3("RPRPReach-v0", 4), n_steps=8, batch_size=8, device="cpu")
+    assert model.learn(64, progress_bar=True).num_timesteps == 64
