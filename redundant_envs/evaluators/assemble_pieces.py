@@ -209,8 +209,9 @@ class PieceLines:
         """Lines that tell by how much an interval came out otherwise than the time before, m at the tip."""
         if not self.lanes.coordinates:
             return []
-        a, lines = self.lanes.assembly, []
+        a = self.lanes.assembly
         arm = a.scene.robot
+        lines: list[str] = []
         norms = [f"n{k}" for k in range(1, 5)]
         for call in calls(norms, {*a.states, *a.numbers}, (*arm.functions, arm.column_norms), arm.sincos):
             a.names.emit(call, lines, self.lanes.used)
