@@ -256,6 +256,7 @@ def forward_dynamics(
     b3 = -l3 * w3 * w3
     b4 = -l4 * w4 * w4
     D3 = m3 + m4 * (s43 * s43)
+    m34 = m3 + m4
     N2 = m2 * (m2 * D3 + N3)
     D2 = m2 * D3 + N3 * (s32 * s32)
     D1 = m1 * D2 + N2 * (s21 * s21)
@@ -265,27 +266,32 @@ def forward_dynamics(
     i1 = D2 / D1
     d3 = N3 * i3
     d2 = N2 * inverse_D2
-    k3 = m4 * (c43 * s43)
-    k2 = d3 * (c32 * s32)
-    k1 = d2 * (c21 * s21)
-    # Tip to base: (p, f) is the bias force of all beyond a link, along and across that link; u
-    # the force across the link before it, and g = u over the pivot.
+    k3 = m4 * c43
+    k2 = d3 * c32
+    a2 = f1 - c21 * f2
+    a3 = f2 - c32 * f3
+    # Tip to base: p is the bias force of all beyond a link along it, f the one across it.
     p4 = m4 * b4
-    g3 = i3 * (f3 - c43 * f4 - s43 * p4)
-    p3 = d3 * b3 + k3 * g3 + (c43 * p4 - s43 * f4)
-    g2 = i2 * (f2 - c32 * f3 - s32 * p3)
-    p2 = d2 * b2 + k2 * g2 + (c32 * p3 - s32 * f3)
-    u1 = f1 - c21 * f2 - s21 * p2
-    # Base to tip: (e, n) is the acceleration of a link's near end, y across the link at its far end.
+    p3 = d3 * b3 + i3 * (m4 * s43 * (c43 * f3 - f4) + m3 * (c43 * p4 - s43 * f4))
+    p2 = d2 * b2 + i2 * (d3 * s32 * (c32 * f2 - f3) + m2 * (c32 * p3 - s32 * f3))
+    # Base to tip: (e, n) is the acceleration of a link's near end, y across the link at its far end, P
+    # the force along the next link if y were 0: p + k e. With a heavy tip p and k e cancel to as many
+    # digits as it is heavier, so P is formed of what they leave; and so are p3 and p2 above.
     n1 = ay * c1 - ax * s1
     e1 = ax * c1 + ay * s1 + b1
-    y1 = i1 * (u1 - k1 * e1)
+    y1 = i1 * (a2 - s21 * (p2 + d2 * (c21 * e1)))
     n2 = c21 * y1 - s21 * e1
-    e2 = c21 * e1 + b2 + s21 * y1
-    y2 = g2 - (i2 * k2) * e2
+    o2 = c21 * e1 + b2
+    e2 = o2 + s21 * y1
+    r2 = m2 * p3 + i2 * (k2 * s32 * ((m2 + d3) * f3 - k2 * f2))
+    P2 = i1 * (m1 * (p3 + k2 * o2) + s21 * (k2 * a2 + s21 * r2))
+    y2 = i2 * (a3 - s32 * P2)
     n3 = c32 * y2 - s32 * e2
-    e3 = c32 * e2 + b3 + s32 * y2
-    y3 = g3 - (i3 * k3) * e3
+    o3 = c32 * e2 + b3
+    e3 = o3 + s32 * y2
+    r3 = m3 * p4 + i3 * (k3 * s43 * (m34 * f4 - k3 * f3))
+    P3 = i2 * (m2 * (p4 + k3 * o3) + s32 * (k3 * a3 + s32 * r3))
+    y3 = i3 * (f3 - c43 * f4 - s43 * P3)
     n4 = c43 * y3 - s43 * e3
     return (
         (y1 - n1) * inverse_l1,

@@ -240,7 +240,9 @@ def elimination(
     kappa = m3 * m4 * r2 * r2
     Kee = m2 * I + along * I * (c12 * c12) + kappa * (s12 * s12)
     Ken = (kappa - along * I) * (c12 * s12)
-    Kd = (m2 + along) * (m2 * I + kappa)
+    K2 = m2 * I + kappa
+    m23 = m2 + along
+    Kd = m23 * K2
     squared = w2 * w2
     coriolis = 2.0 * m4 * (v2 * w2)
     pe = where(held4 > 0.0, -sigma * squared, Q4 - S3 * squared)
@@ -252,12 +254,14 @@ def elimination(
     bn = gn + 2.0 * v1 * w1
     # Slider 1 takes its share of the second link's pull along link 1, unless it is held.
     Knn = m2 * I + along * I * (s12 * s12) + kappa * (c12 * c12)
-    turn = Q1 - S1 * gn - a * fn
+    base = Q1 - S1 * gn
+    # Kee fn + Ken fe without the terms that cancel: they would cost as many digits as m3 is heavier than m2.
+    free = K2 * (m23 * bn - pe * s12) + m23 * I * (c12 * pn) + Ken * Q2
     D1 = where(held2 > 0.0, S1 * l1 * I + a * a * Knn, S1 * l1 * Kee + a * a * Kd)
     inverse_D1 = 1.0 / D1
     inverse_Kee = 1.0 / Kee
     qdd1 = (
-        where(held2 > 0.0, turn * I - a * (Knn * bn + Ken * be), turn * Kee - a * (Kd * bn + Ken * fe))
+        where(held2 > 0.0, base * I - a * (fn * I + Knn * bn + Ken * be), base * Kee - a * free)
         * inverse_D1
     )
     y = a * qdd1 + bn  # acceleration of the slider across and along link 1
