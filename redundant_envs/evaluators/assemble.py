@@ -49,6 +49,8 @@ SIGNATURES = {
 }
 
 NON_FINITE, BAD_ACTION, SPEED_BOUND, TOLERANCE_NOT_REACHED, EVENT_BUDGET = 1.0, 2.0, 4.0, 8.0, 16.0
+NO_STEP_FOUND = 32.0 + TOLERANCE_NOT_REACHED
+"""From EVENT_BUDGET on: the interval was not crossed, and its lane is back where it began."""
 
 
 @dataclass(frozen=True)
@@ -380,16 +382,17 @@ class Assembly:
         if self.lanes:
             columns["evaluations"] = "evaluations"
         parts, give_up = [], []
-        if self.lanes and self.lanes.stops:
+        if self.lanes and self.lanes.gives_up:
             undo = {**self.lanes.undo, **dict.fromkeys(self.lanes.log[:1], "0.0")}
             writes = {name: f"where(trouble >= {EVENT_BUDGET}, {was}, {name})" for name, was in undo.items()}
-            doc = "A lane whose events were given up has not moved."
+            doc = "A lane whose interval was given up has not moved."
             parts = [
                 self.lane_function("undo", doc, [], writes),
                 f"any_trouble = any_set({self.rows['trouble']})",
             ]
             give_up = ["if any_trouble(W, o):", "    undo(W, o)"]
-            columns["events"] = f"where(trouble >= {EVENT_BUDGET}, 0.0, events)"
+            if self.lanes.stops:
+                columns["events"] = f"where(trouble >= {EVENT_BUDGET}, 0.0, events)"
             defect = f"where(trouble >= {EVENT_BUDGET}, 0.0, {defect})"
         first = [
             f"if lanes == {LANES}:",

@@ -101,6 +101,11 @@ class LaneSteps:
         return PieceLines(self)
 
     @property
+    def gives_up(self) -> bool:
+        """Whether a lane may not cross its interval: too many events, or no step that is short enough."""
+        return bool(self.stops) or self.plan_of_steps == "adaptive"
+
+    @property
     def modes(self) -> tuple[str, ...]:
         """Rows that say at which stop a slider rests: 1 upper, -1 lower, 0 none."""
         return ("mode_a", "mode_b") if self.stops else ()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from redundant_envs.evaluators.assemble import EVENT_BUDGET, TOLERANCE_NOT_REACHED
+from redundant_envs.evaluators.assemble import EVENT_BUDGET, NO_STEP_FOUND, TOLERANCE_NOT_REACHED
 from redundant_envs.evaluators.assemble_stops import MEETINGS
 from redundant_envs.evaluators.quantities import calls
 from redundant_envs.evaluators.text import indent
@@ -181,7 +181,8 @@ class PieceLines:
             writes["steps_left"] = "steps_left + due"
             writes["next_step"] = "where(accepted + failed > 0.0, next_new, next_step)"
         if self.lanes.plan_of_steps != "fixed":
-            writes["trouble"] = f"where(done * flagged > 0.0, {TOLERANCE_NOT_REACHED}, trouble)"
+            fault = NO_STEP_FOUND if self.lanes.plan_of_steps == "adaptive" else TOLERANCE_NOT_REACHED
+            writes["trouble"] = f"where(done * flagged > 0.0, {fault}, trouble)"
         if self.lanes.stops:
             writes["searched"] = "where(again > 0.0, searched + 1.0, where(due > 0.0, 0.0, searched))"
             ends = writes.get("trouble", "trouble")

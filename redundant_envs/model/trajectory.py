@@ -124,6 +124,11 @@ def _check(status: Status, time: float) -> None:
             f"the motion meets its stops more than 256 times in the control interval at t = {time:.6g} s; "
             "take a shorter control_dt, or a smaller restitution"
         )
+    if (status.numerics & Numerics.NO_STEP_FOUND).any():
+        raise ValueError(
+            f"dop853 finds no step that is accurate in the control interval at t = {time:.6g} s: the motion "
+            "is too stiff or ends there; take softer springs or less friction, or efforts that keep it finite"
+        )
     if (status.numerics & Numerics.TOLERANCE_NOT_REACHED).any():
         warnings.warn(
             f"the tolerance is not reached in the control interval at t = {time:.6g} s; take a shorter "

@@ -261,8 +261,7 @@ def elimination(
     inverse_D1 = 1.0 / D1
     inverse_Kee = 1.0 / Kee
     qdd1 = (
-        where(held2 > 0.0, base * I - a * (fn * I + Knn * bn + Ken * be), base * Kee - a * free)
-        * inverse_D1
+        where(held2 > 0.0, base * I - a * (fn * I + Knn * bn + Ken * be), base * Kee - a * free) * inverse_D1
     )
     y = a * qdd1 + bn  # acceleration of the slider across and along link 1
     x = where(held2 > 0.0, be, (fe * I - Ken * y) * inverse_Kee)

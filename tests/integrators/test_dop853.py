@@ -95,9 +95,30 @@ def test_a_motion_that_overflows_ends():
     arm = rde.RPRP((1.0,) * 4, (0.5, 0.5))
     batch = rde.BatchSimulator(rde.Scene(arm, (e.Gravity(),), integrator="dop853"), 2)
     batch.set_state([0.3, 0.1, -0.4, 0.2], [[0, 1e200, 0, 0], [0, 0, 0, 0]])
+    before = np.c_[batch.q, batch.qd]
     status = batch.advance()
     assert status.numerics[0] & rde.Numerics.TOLERANCE_NOT_REACHED
+    assert status.numerics[0] & rde.Numerics.NO_STEP_FOUND
     assert status.numerics[1] == 0
+    np.testing.assert_array_equal(np.c_[batch.q, batch.qd][0], before[0])
+    with pytest.raises(ValueError, match=r"dop853 finds no step .* at t = 0 s"):
+        rde.simulate(batch.scene, [0.3, 0.1, -0.4, 0.2], [0, 1e200, 0, 0], [1.0])
+
+
+@pytest.mark.parametrize(
+    "stops", [(), (e.PrismaticStop((0.0, 0.0), (0.3, 0.3), 0.5),)], ids=["free", "stops"]
+)
+def test_a_lane_that_needs_more_than_a_million_steps_goes_back_and_its_neighbour_does_not(stops):
+    arm = rde.RPRP((1.0,) * 4, (0.5, 0.5))
+    stiff = e.ViscousFriction((1e12, 0.0, 0.0, 0.0))
+    batch = rde.BatchSimulator(rde.Scene(arm, (e.Gravity(), stiff, *stops), integrator="dop853"), 2)
+    batch.set_parameters({"viscous_friction.coefficients": (0.0,) * 4}, index=[1])
+    batch.set_state([0.3, 0.1, -0.4, 0.2], [1.0, 0.2, -0.3, 0.1])
+    before = np.c_[batch.q, batch.qd]
+    status = batch.advance()
+    assert status.numerics.tolist() == [rde.Numerics.NO_STEP_FOUND | rde.Numerics.TOLERANCE_NOT_REACHED, 0]
+    np.testing.assert_array_equal(np.c_[batch.q, batch.qd][0], before[0])
+    assert (batch.q[1] != before[1, :4]).any()
 
 
 def test_substeps_and_tolerance_are_not_for_it():
