@@ -30,6 +30,10 @@ from redundant_envs.tasks.limits import hard_stops, narrowed, spring_limits
 from redundant_envs.tasks.reach import ReachTask
 
 OPTION_KEYS = ("q", "qd", "goal", "parameters")
+MADE_ANEW = (
+    "_kernel", "_goal_reward", "keys", "mask", "_no_actions", "_memory", "_out", "_column",
+)  # fmt: skip
+"""Attributes of a core that its copies do not take over: compiled code and views of other arrays."""
 FLOAT32 = np.dtype(np.float32)  # a singleton: comparing by identity is quicker
 
 
@@ -61,9 +65,6 @@ class Core:
         check_arm(env_id, self.scene.robot.kind)
         self.num_envs = num_envs
         self.assembly = assemble(self.scene, self.task)
-        kernels = cpu.compiled(self.assembly)
-        self._kernel = kernels["environment"]
-        self._goal_reward = kernels["goal_reward"]
         self.memory = cpu.Memory(self.assembly, num_envs)
         arm = self.scene.robot
         rest = [0.5 * (low + high) for low, high in self.start_ranges()]
@@ -77,19 +78,36 @@ class Core:
         self.columns = {name: k for k, name in enumerate(self.assembly.outputs)}
         self.generators: list[np.random.Generator | None] = [None] * num_envs
         self._tickets = np.zeros((num_envs, 5), dtype=np.uint32)
-        self.keys, self.mask = self._tickets[:, :4], self._tickets[:, 4]
         self.waiting = np.zeros(num_envs, dtype=np.bool_)  # keys drawn and not yet used
-        self._no_actions = np.zeros(4 * num_envs, dtype=np.float32)
         self.memory.blocks[:, self.memory.rows["limit"]] = episode_limit(max_episode_steps)
         self.obs_size = len(self.assembly.observed)
         self._width = len(self.columns)
-        self._memory = self.memory.with_scratch
-        self._out = np.empty((self._width, 1))
-        self._column = self._out[:, 0]
         self._substeps = self.scene.substeps
         self.reach = float(sum(arm.lengths)) + sum(
             self.scene.parameters()[high] for high in self._extensions()
         )
+        self._connect()
+
+    def _connect(self) -> None:
+        """Make what a copy cannot take over."""
+        kernels = cpu.compiled(self.assembly)
+        self._kernel = kernels["environment"]
+        self._goal_reward = kernels["goal_reward"]
+        self._memory = self.memory.with_scratch
+        self.keys, self.mask = self._tickets[:, :4], self._tickets[:, 4]
+        self._no_actions = np.zeros(4 * self.num_envs, dtype=np.float32)
+        self._out = np.empty((self._width, 1))
+        self._column = self._out[:, 0]
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name not in MADE_ANEW}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._connect()
+
+    def __copy__(self) -> Core:
+        return copy.deepcopy(self)
 
     def start_ranges(self) -> list[tuple[float, float]]:
         """Range of the starts of each joint in the scene, inside its limits."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
@@ -77,6 +78,16 @@ class ReachEnv(LaneValue, gym.Env[Any, Any]):
         self._renderer: Any = None
         self._steps_column = self.core.columns["steps"]
         self._strict: bool | None = None  # whether bad actions raise; None before the first reset
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_info": None, "_renderer": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._info = info_maker(self.core)
+
+    def __copy__(self) -> ReachEnv:
+        return copy.deepcopy(self)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -72,6 +73,12 @@ class SB3VecEnv(LaneValues, VecEnv):
             observation_space(self.core, goal),
             gym.spaces.Box(-1.0, 1.0, (4,), np.float32),
         )
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_renderer": None}
+
+    def __copy__(self) -> SB3VecEnv:
+        return copy.deepcopy(self)
 
     def reset(self) -> Any:
         """Begin new episodes everywhere; seeds and options set before are used up."""

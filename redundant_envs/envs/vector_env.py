@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
@@ -139,6 +140,12 @@ class ReachVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
         self._ended = np.zeros(num_envs, dtype=np.bool_)
         self._ready = False
         self._renderer: Any = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_renderer": None}
+
+    def __copy__(self) -> ReachVectorEnv:
+        return copy.deepcopy(self)
 
     def reset(
         self,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import copy
 import hashlib
 import importlib.util
 import os
@@ -209,10 +210,22 @@ def _prune(base: Path) -> None:
 class Memory:
     """The numbers of all lanes of an assembly: blocks of 8 lanes, 64-byte aligned.
 
-    Lanes beyond ``count`` pad the last block; they hold the nominal scene at rest.
+    Lanes beyond ``count`` pad the last block; they hold the nominal scene at rest. A copy has an
+    array of its own, aligned anew: ``with_scratch``, ``flat`` and ``blocks`` are views of one array.
     """
 
     def __init__(self, assembly: Assembly, count: int) -> None:
+        self._allocate(assembly, count)
+        for name, value in assembly.parameters.items():
+            self.blocks[:, self.rows[name]] = value
+        self.prepare()
+        scene = assembly.scene
+        self.blocks[:, self.rows["h"]] = scene.control_dt / scene.substeps
+        self.blocks[:, self.rows["interval"]] = scene.control_dt
+        for name, value in (assembly.lanes.constant if assembly.lanes else {}).items():
+            self.blocks[:, self.rows[name]] = value
+
+    def _allocate(self, assembly: Assembly, count: int) -> None:
         self.assembly = assembly
         self.count = count
         self.rows = assembly.rows
@@ -224,14 +237,17 @@ class Memory:
         self.flat = self.with_scratch[:size]
         self.blocks = self.flat.reshape(blocks, len(self.rows), LANES)
         self.index = np.arange(count)
-        for name, value in assembly.parameters.items():
-            self.blocks[:, self.rows[name]] = value
-        self.prepare()
-        scene = assembly.scene
-        self.blocks[:, self.rows["h"]] = scene.control_dt / scene.substeps
-        self.blocks[:, self.rows["interval"]] = scene.control_dt
-        for name, value in (assembly.lanes.constant if assembly.lanes else {}).items():
-            self.blocks[:, self.rows[name]] = value
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The numbers of all lanes; the scratch block is empty between calls."""
+        return {"assembly": self.assembly, "count": self.count, "numbers": self.flat.copy()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self._allocate(state["assembly"], state["count"])
+        self.flat[:] = state["numbers"]
+
+    def __copy__(self) -> Memory:
+        return copy.deepcopy(self)
 
     def prepare(self) -> None:
         """Renew what follows from the parameters alone; to be called after they are set."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import enum
 import itertools
+import os
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -18,6 +20,9 @@ from redundant_envs.evaluators.assemble_stops import MOST_LOGGED
 from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.model import parameters
 from redundant_envs.scene import Scene
+
+MADE_ANEW = ("_kernel", "_parts", "_scratch", "_pool", "_process", "_unchanging")
+"""Attributes of a simulator that its copies do not take over."""
 
 EVENT_KINDS = {1: "upper impact", 2: "lower impact", 3: "rest", 4: "release"}
 
@@ -102,7 +107,8 @@ class BatchSimulator:
     """``num_envs`` copies of a scene with their own states and parameters.
 
     A lane's result does not depend on ``num_envs``, on its place, on ``threads`` or on its
-    neighbours, to the last bit.
+    neighbours, to the last bit. A copy (``copy``, ``pickle``) is independent and continues to the
+    same bits, in another process too.
 
     Parameters
     ----------
@@ -122,8 +128,12 @@ class BatchSimulator:
         self.num_envs = int(num_envs)
         self.threads = int(threads)
         self._assembly = assemble(scene, track_work=track_work)
-        self._kernel = cpu.compiled(self._assembly)["advance"]
         self._memory = cpu.Memory(self._assembly, self.num_envs)
+        self._connect()
+
+    def _connect(self) -> None:
+        """Make what a copy cannot take over: the kernel, threads, views and arrays shown read-only."""
+        self._kernel = cpu.compiled(self._assembly)["advance"]
         blocks = self._memory.blocks.shape[0]
         cuts = np.linspace(0, blocks, min(self.threads, blocks) + 1).astype(int)
         stride = self._assembly.stride
@@ -132,9 +142,9 @@ class BatchSimulator:
             for a, b in itertools.pairwise(cuts)
         ]
         self._scratch = [np.zeros(self._assembly.scratch) for _ in self._parts]
-        self._pool = ThreadPoolExecutor(len(self._parts)) if len(self._parts) > 1 else None
+        self._start_threads()
         count = blocks * LANES
-        stages = scene.substeps * METHODS[scene.integrator].stages
+        stages = self.scene.substeps * METHODS[self.scene.integrator].stages
         own = self._assembly.lanes
         # What is the same in every interval is one array for all calls, to be read only.
         self._unchanging = (
@@ -142,6 +152,21 @@ class BatchSimulator:
             None if own else _constant(np.full(count, stages)),
             None if own and own.stops else _constant(np.zeros(count, dtype=np.int64)),
         )
+
+    def _start_threads(self) -> None:
+        """Threads belong to a process: one that was forked off starts its own."""
+        self._pool = ThreadPoolExecutor(len(self._parts)) if len(self._parts) > 1 else None
+        self._process = os.getpid()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name not in MADE_ANEW}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._connect()
+
+    def __copy__(self) -> BatchSimulator:
+        return copy.deepcopy(self)
 
     @property
     def q(self) -> NDArray[np.float64]:
@@ -258,6 +283,8 @@ class BatchSimulator:
             (scratch,) = self._scratch
             self._kernel(self._memory.flat, scratch, table, *outputs, substeps)
         else:
+            if self._process != os.getpid():
+                self._start_threads()
             jobs = [
                 self._pool.submit(self._kernel, part, scratch, table[s], *(x[s] for x in outputs), substeps)
                 for (part, s), scratch in zip(self._parts, self._scratch, strict=True)
