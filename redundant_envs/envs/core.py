@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -25,16 +27,26 @@ from redundant_envs.evaluators.assemble_task import (
     STEP,
 )
 from redundant_envs.model import parameters
+from redundant_envs.model.snapshot import (
+    check_array,
+    check_facts,
+    check_keys,
+    check_numbers,
+    simulator_facts,
+)
 from redundant_envs.scene import Scene, scene_at
 from redundant_envs.tasks.limits import hard_stops, narrowed, spring_limits
 from redundant_envs.tasks.reach import ReachTask
 
 OPTION_KEYS = ("q", "qd", "goal", "parameters")
+STATE_KEYS = ("numbers", "keys", "mask", "waiting", "generators", "simulator")
 MADE_ANEW = (
     "_kernel", "_goal_reward", "keys", "mask", "_no_actions", "_memory", "_out", "_column",
 )  # fmt: skip
 """Attributes of a core that its copies do not take over: compiled code and views of other arrays."""
 FLOAT32 = np.dtype(np.float32)  # a singleton: comparing by identity is quicker
+Checked = tuple[parameters.Table | None, list[tuple[tuple[str, ...], NDArray[np.float64]]]]
+"""What options of a reset set, all valid: parameters, and rows with their numbers."""
 
 
 class Core:
@@ -189,14 +201,15 @@ class Core:
         self._kernel(self._memory, action, obs, self._out, self._tickets, op, DISABLED, self._substeps)
         return obs, self._column.tolist()
 
-    def begin(self, lanes: NDArray[np.bool_], options: Mapping[str, Any]) -> None:
-        """Begin new episodes in the lanes of a mask.
+    def begin(self, lanes: NDArray[np.bool_], checked: Checked) -> None:
+        """Begin new episodes in the lanes of a mask, with what :meth:`checked` made of their options.
 
-        Options are checked first, so a refused reset changes nothing. Parameters are set before
-        start and goal are drawn: equal seeds and options give equal episodes.
+        Options are checked before a generator is seeded or a number is set, so a refused reset
+        changes nothing. Parameters are set before start and goal are drawn: equal seeds and options
+        give equal episodes.
         """
         index = np.flatnonzero(lanes)
-        values, writes = self._checked(options, index)
+        values, writes = checked
         if values is not None:
             parameters.write(self.scene, self.memory, index, values)
         self.provide_keys(index)
@@ -223,9 +236,7 @@ class Core:
 
     # ---- options ---------------------------------------------------------------------------------
 
-    def _checked(
-        self, options: Mapping[str, Any], lanes: NDArray[np.intp]
-    ) -> tuple[parameters.Table | None, list[tuple[tuple[str, ...], NDArray[np.float64]]]]:
+    def checked(self, options: Mapping[str, Any], lanes: NDArray[np.intp]) -> Checked:
         """Parameters and rows that options set, all valid."""
         if not options:
             return None, []
@@ -333,28 +344,55 @@ class Core:
             "mask": self.mask.copy(),
             "waiting": self.waiting.copy(),
             "generators": copy.deepcopy(self.generators),
-            "simulator": cpu.module_key(self.assembly.text),
+            "simulator": self._facts,
         }
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Return to a state of :meth:`get_state`; the continuation is the same to the last bit."""
-        missing = [
-            k for k in ("numbers", "keys", "mask", "waiting", "generators", "simulator") if k not in state
-        ]
-        if missing:
-            raise ValueError(f"state lacks {', '.join(missing)}; use what get_state returned")
-        same = state["simulator"] == cpu.module_key(self.assembly.text)
-        lanes = len(state["generators"])
-        if not same or lanes != self.num_envs:
-            raise ValueError(
-                f"state is of {lanes} environments of {'this' if same else 'another'} scene; this one "
-                f"has {self.num_envs}: use what its own get_state returned"
-            )
+        """Return to a state of :meth:`get_state`; the continuation is the same to the last bit.
+
+        A ValueError that says what differs, and nothing changes, if the state is of another scene,
+        task, episode limit or number of environments.
+        """
+        self.check_state(state)
         self.memory.flat[:] = state["numbers"]
         self.keys[:] = state["keys"]
         self.mask[:] = state["mask"]
         self.waiting[:] = state["waiting"]
         self.generators = copy.deepcopy(state["generators"])
+
+    def check_state(self, state: Mapping[str, Any]) -> None:
+        """ValueError if :meth:`set_state` cannot take a state."""
+        check_keys("state", state, STATE_KEYS, "get_state")
+        check_facts("state", state["simulator"], self._facts)
+        finite = (*self.assembly.states, *self.assembly.parameters, *self.task.memory)
+        check_numbers("state", state["numbers"], self.memory, finite, self.task.parameters())
+        for key, own in (("keys", self.keys), ("mask", self.mask), ("waiting", self.waiting)):
+            check_array("state", key, state[key], own)
+        generators = state["generators"]
+        if not isinstance(generators, list) or len(generators) != self.num_envs:
+            raise ValueError(f"state['generators'] must be a list of {self.num_envs} generators or None")
+        for given in generators:
+            if not (given is None or isinstance(given, np.random.Generator)):
+                raise ValueError(f"state['generators'] has {given!r}; give NumPy generators or None")
+
+    @cached_property
+    def _facts(self) -> str:
+        """What must be equal in all states of these environments."""
+        more = {
+            "task": dataclasses.asdict(self.task),
+            "max_episode_steps": float(self.memory.blocks[0, self.memory.rows["limit"], 0]),
+            "fixed_geometry": self.fixed_geometry,
+        }
+        return simulator_facts(self.assembly, self.num_envs, more)
+
+
+def checked_seed(name: str, seed: Any) -> int | None:
+    """A seed as Gymnasium takes it; a ValueError if it is neither a whole number from 0 on nor None."""
+    if seed is None:
+        return None
+    if isinstance(seed, bool | np.bool_) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise ValueError(f"{name} is {seed!r}; give a whole number of at least 0, or None")
+    return int(seed)
 
 
 def episode_key(generator: Any) -> NDArray[np.uint64]:

@@ -11,7 +11,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from redundant_envs.envs.core import Core, check_action, plain_scene, refuse_bad_action
+from redundant_envs.envs.core import Core, check_action, checked_seed, plain_scene, refuse_bad_action
 from redundant_envs.envs.lane_values import LaneValue
 from redundant_envs.envs.vector_env import (
     ON_BAD_ACTION,
@@ -104,11 +104,13 @@ class ReachEnv(LaneValue, gym.Env[Any, Any]):
         options = dict(options or {})
         if "reset_mask" in options:
             raise ValueError("options['reset_mask'] belongs to vector environments")
-        super().reset(seed=seed)
+        lanes = np.ones(1, dtype=np.bool_)
+        checked = self.core.checked(options, np.flatnonzero(lanes))
+        super().reset(seed=checked_seed("seed", seed))
         if self.core.generators[0] is not self.np_random:
             self.core.generators[0] = self.np_random
             self.core.waiting[0] = False
-        self.core.begin(np.ones(1, dtype=np.bool_), options)
+        self.core.begin(lanes, checked)
         obs, out = self.core.observe()
         self._strict = self.on_bad_action == "raise"
         values = out[:, 0].tolist()

@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
-from redundant_envs.envs.core import Core, check_action, refuse_bad_action
+from redundant_envs.envs.core import Core, check_action, checked_seed, refuse_bad_action
 from redundant_envs.envs.lane_values import LANE_VALUES, LaneValues
 from redundant_envs.envs.registration import ids
 from redundant_envs.envs.vector_env import (
@@ -81,20 +81,23 @@ class SB3VecEnv(LaneValues, VecEnv):
         return copy.deepcopy(self)
 
     def reset(self) -> Any:
-        """Begin new episodes everywhere; seeds and options set before are used up."""
-        for lane, seed in enumerate(self._seeds):
+        """Begin new episodes everywhere; seeds and options set before are used up.
+
+        Options that are not valid raise and are forgotten; nothing else changes, seeds wait on.
+        """
+        pending, seeds = self._options, self._seeds
+        self._reset_options()
+        lanes = np.arange(self.num_envs)
+        checked = [(lane, self.core.checked(o, lanes[[lane]])) for lane, o in enumerate(pending) if o]
+        self._reset_seeds()
+        for lane, seed in enumerate(seeds):
             if seed is not None:
                 self.core.seed(lane, seed)
-        try:
-            for lane, options in enumerate(self._options):
-                if options:
-                    self.core.begin(np.arange(self.num_envs) == lane, options)
-            rest = np.array([not options for options in self._options])
-            if rest.any():
-                self.core.begin(rest, {})
-        finally:
-            self._reset_seeds()
-            self._reset_options()
+        for lane, valid in checked:
+            self.core.begin(lanes == lane, valid)
+        rest = np.array([not options for options in pending])
+        if rest.any():
+            self.core.begin(rest, self.core.checked({}, lanes[rest]))
         obs, out = self.core.observe()
         if self.render_mode is not None:
             self._see(out)
@@ -102,13 +105,24 @@ class SB3VecEnv(LaneValues, VecEnv):
         self.reset_infos = [self._info(row) for row in out.T.tolist()]
         return self.core.observation(obs, out, self.goal_conditioned)
 
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Seeds of the next reset: ``seed + i`` for environment i, or random ones with None."""
+        return super().seed(checked_seed("seed", seed))
+
+    def set_options(self, options: list[dict[str, Any]] | dict[str, Any] | None = None) -> None:
+        """Options of the next reset: one mapping for all environments, or a list of one for each."""
+        if isinstance(options, list | tuple) and len(options) != self.num_envs:
+            raise ValueError(f"options has {len(options)} entries; give one per environment, {self.num_envs}")
+        super().set_options(options)
+
     def step_async(self, actions: NDArray[Any]) -> None:
         """Keep the actions for :meth:`step_wait`."""
         if not self._ready:
             raise ValueError("step was called before reset; call reset() first")
-        self._actions = check_action(actions, (self.num_envs, 4))
+        actions = check_action(actions, (self.num_envs, 4))
         if self.on_bad_action == "raise":
-            refuse_bad_action(self._actions)
+            refuse_bad_action(actions)
+        self._actions = actions
 
     def step_wait(
         self,
@@ -157,8 +171,9 @@ class SB3VecEnv(LaneValues, VecEnv):
         return self.core.get_state()
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Return to a snapshot."""
+        """Return to a snapshot; the continuation is the same to the last bit."""
         self.core.set_state(state)
+        self._ready = True
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
         """One picture per environment."""

@@ -12,10 +12,18 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from redundant_envs.envs.core import Core, check_action, plain_scene, refuse_bad_action
+from redundant_envs.envs.core import (
+    STATE_KEYS,
+    Core,
+    check_action,
+    checked_seed,
+    plain_scene,
+    refuse_bad_action,
+)
 from redundant_envs.envs.lane_values import LaneValues
 from redundant_envs.evaluators.assemble import PLACES, Assembly, assemble
 from redundant_envs.evaluators.assemble_task import ENDS
+from redundant_envs.model import snapshot
 from redundant_envs.scene import Scene, check_keys
 from redundant_envs.tasks.reach import GoalReachTask, ReachTask
 from redundant_envs.values import shown
@@ -177,10 +185,12 @@ class ReachVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
             )
         if not self._ready and not mask.all():
             raise ValueError("options['reset_mask'] leaves environments out of the first reset")
-        for lane, value in enumerate(lane_seeds(seed, self.num_envs)):
+        seeds = lane_seeds(seed, self.num_envs)
+        checked = self.core.checked(options, np.flatnonzero(mask))
+        for lane, value in enumerate(seeds):
             if value is not None and mask[lane]:
                 self.core.seed(lane, value)
-        self.core.begin(mask, options)
+        self.core.begin(mask, checked)
         obs, out = self.core.observe()
         self._ended[mask] = False
         self._ready = True
@@ -240,14 +250,24 @@ class ReachVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
 
     def get_state(self) -> dict[str, Any]:
         """Snapshot of all environments, generators included."""
-        return {**self.core.get_state(), "ended": self._ended.copy()}
+        own = {"ended": self._ended.copy(), "autoreset_mode": self.autoreset_mode.name.lower()}
+        return {**self.core.get_state(), **own}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Return to a snapshot; the continuation is the same to the last bit."""
-        if "ended" not in state:
-            raise ValueError("state lacks ended; use what get_state of a vector environment returned")
-        self.core.set_state(state)
-        self._ended = np.array(state["ended"])
+        own = ("ended", "autoreset_mode")
+        snapshot.check_keys("state", state, (*own, *STATE_KEYS), "get_state of a vector environment")
+        of_core = {key: value for key, value in state.items() if key not in own}
+        self.core.check_state(of_core)
+        snapshot.check_array("state", "ended", state["ended"], self._ended)
+        mode = self.autoreset_mode.name.lower()
+        if state["autoreset_mode"] != mode:
+            raise ValueError(
+                f"state has the autoreset_mode {state['autoreset_mode']!r} and this one {mode!r}; a lane that "
+                "waits for its reset in one does not in the other: make the environment with the same"
+            )
+        self.core.set_state(of_core)
+        self._ended = state["ended"].copy()
         self._ready = True
 
     def render(self) -> tuple[NDArray[np.uint8], ...]:
@@ -314,9 +334,12 @@ def lane_seeds(seed: Any, count: int) -> list[int | None]:
     """One seed per lane from Gymnasium's seed argument."""
     if seed is None:
         return [None] * count
-    if isinstance(seed, int | np.integer):
-        return [int(seed) + i for i in range(count)]
-    seeds = list(seed)
-    if len(seeds) != count:
-        raise ValueError(f"seed has {len(seeds)} entries; give one per environment, {count}")
-    return [None if s is None else int(s) for s in seeds]
+    if isinstance(seed, np.ndarray):
+        seed = list(np.atleast_1d(seed))
+    if isinstance(seed, Sequence) and not isinstance(seed, str | bytes):
+        if len(seed) != count:
+            raise ValueError(f"seed has {len(seed)} entries; give one per environment, {count}")
+        return [checked_seed(f"seed[{i}]", s) for i, s in enumerate(seed)]
+    first = checked_seed("seed", seed)
+    assert first is not None
+    return [first + i for i in range(count)]

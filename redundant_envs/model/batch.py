@@ -9,6 +9,7 @@ import os
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ from redundant_envs.evaluators.assemble import LANES, assemble
 from redundant_envs.evaluators.assemble_stops import MOST_LOGGED
 from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.model import parameters
+from redundant_envs.model.snapshot import check_facts, check_keys, check_numbers, simulator_facts
 from redundant_envs.scene import Scene
 
 MADE_ANEW = ("_kernel", "_parts", "_scratch", "_pool", "_process", "_unchanging")
@@ -238,21 +240,29 @@ class BatchSimulator:
         if any(name.startswith("prismatic_stop.") for name in values):
             self._memory.forget(lanes)  # a stop that holds a slider may be gone
 
-    def save(self) -> NDArray[np.float64]:
-        """A snapshot of everything: states, parameters, modes; the last entry is ``num_envs``."""
-        return np.append(self._memory.flat, self.num_envs)
+    def save(self) -> dict[str, Any]:
+        """A snapshot of everything: states, parameters and modes of all lanes.
 
-    def restore(self, snapshot: NDArray[np.float64]) -> None:
-        """Return to a snapshot of :meth:`save`; the continuation is the same to the last bit."""
-        numbers = np.asarray(snapshot)
-        size = self._memory.flat.size + 1
-        if numbers.shape != (size,) or numbers.dtype != np.float64 or numbers[-1] != self.num_envs:
-            raise ValueError(
-                f"snapshot has shape {numbers.shape} and dtype {numbers.dtype}; this simulator's have "
-                f"({size},) and float64, with num_envs {self.num_envs} as the last entry: it is of "
-                "another scene or num_envs"
-            )
-        self._memory.flat[:] = numbers[:-1]
+        It may be pickled, and ``np.savez(file, **snapshot)`` writes it; :meth:`restore` takes what
+        ``np.load(file)`` gives.
+        """
+        return {"simulator": self._facts, "numbers": self._memory.flat.copy()}
+
+    def restore(self, snapshot: Mapping[str, Any]) -> None:
+        """Return to a snapshot of :meth:`save`; the continuation is the same to the last bit.
+
+        A ValueError that says what differs, and nothing changes, if the snapshot is of another scene,
+        ``num_envs`` or ``track_work``.
+        """
+        check_keys("snapshot", snapshot, ("simulator", "numbers"), "save")
+        check_facts("snapshot", snapshot["simulator"], self._facts)
+        numbers = snapshot["numbers"]
+        check_numbers("snapshot", numbers, self._memory, self._assembly.parameters)
+        self._memory.flat[:] = numbers
+
+    @cached_property
+    def _facts(self) -> str:
+        return simulator_facts(self._assembly, self.num_envs)
 
     def advance(self, efforts: ArrayLike | None = None) -> Status:
         """Advance all lanes by one control interval under constant efforts.
@@ -298,6 +308,8 @@ class BatchSimulator:
 
     def advance_partly(self, efforts: ArrayLike | None, duration: float) -> Status:
         """Advance by ``duration`` [s] instead of a control interval, in as many substeps."""
+        if not 0.0 < duration < np.inf:
+            raise ValueError(f"duration is {duration} s; it must be finite and positive")
         rows = self._memory.rows
         h = self._memory.blocks[:, [rows["h"], rows["interval"]]].copy()
         self._memory.blocks[:, rows["h"]] = duration / self.scene.substeps
@@ -310,15 +322,21 @@ class BatchSimulator:
     def _lanes(self, index: ArrayLike | None) -> NDArray[np.int64]:
         if index is None:
             return self._memory.index
-        lanes = np.asarray(index)
-        if lanes.dtype == bool:
-            if lanes.shape != (self.num_envs,):
-                raise ValueError(f"index has shape {lanes.shape}; a mask has ({self.num_envs},)")
-            return np.flatnonzero(lanes)
-        lanes = np.atleast_1d(lanes.astype(np.int64))
+        given = np.asarray(index)
+        if given.dtype == bool:
+            if given.shape != (self.num_envs,):
+                raise ValueError(f"index has shape {given.shape}; a mask has ({self.num_envs},)")
+            return np.flatnonzero(given)
+        if given.ndim > 1:
+            raise ValueError(f"index has shape {given.shape}; give lane numbers in a row, (n,)")
+        if given.size and given.dtype.kind not in "iu":
+            raise ValueError(f"index is {index!r}; give whole numbers, or a mask of ({self.num_envs},) bool")
+        lanes = np.atleast_1d(given)
         if lanes.size and (lanes.min() < 0 or lanes.max() >= self.num_envs):
             raise ValueError(f"index has {lanes.min()}..{lanes.max()}; lanes are 0..{self.num_envs - 1}")
-        return lanes
+        if len(np.unique(lanes)) < lanes.size:
+            raise ValueError(f"index is {lanes.tolist()}; name every lane once")
+        return lanes.astype(np.int64)
 
     @staticmethod
     def _table(name: str, values: ArrayLike, lanes: int, width: int) -> NDArray[np.float64]:

@@ -1,0 +1,133 @@
+"""Snapshots: what belongs to a scene is compared and refused by name; the state is taken over."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from redundant_envs.evaluators import cpu
+from redundant_envs.evaluators.assemble import Assembly
+
+KEPT_ROWS = ("h", "interval", "tip_tolerance", "limit")
+"""Rows of the memory that belong to a simulator and to none of its states."""
+
+
+def simulator_facts(assembly: Assembly, num_envs: int, more: Mapping[str, Any] | None = None) -> str:
+    """What a state and the simulator that takes it must have in common, as JSON text."""
+    facts: dict[str, Any] = {"num_envs": num_envs, **assembly.scene.to_dict(), **(more or {})}
+    facts["track_work"] = assembly.track_work
+    facts["program"] = hashlib.sha256(assembly.text.encode()).hexdigest()[:16]
+    return json.dumps(facts, default=repr)
+
+
+def check_keys(name: str, state: Any, keys: Iterable[str], source: str) -> None:
+    """ValueError unless a state is a mapping with these keys and no other."""
+    if not isinstance(state, Mapping):
+        shape = f" of shape {state.shape} and dtype {state.dtype}" if isinstance(state, np.ndarray) else ""
+        raise ValueError(f"{name} is a {type(state).__name__}{shape}; use the mapping that {source} returned")
+    missing = [k for k in keys if k not in state]
+    if missing:
+        raise ValueError(f"{name} lacks {', '.join(missing)}; use what {source} returned")
+    extra = [str(k) for k in state if k not in keys]
+    if extra:
+        raise ValueError(
+            f"{name} has the unknown keys {', '.join(extra)}, as states of another kind of environment "
+            f"have; use what {source} returned"
+        )
+
+
+def check_facts(name: str, theirs: Any, own: str) -> None:
+    """ValueError that says what differs, if a state is of another simulator."""
+    text = str(theirs)  # np.savez makes an array of a text
+    if text == own:
+        return
+    try:
+        there = json.loads(text)
+    except ValueError:
+        there = None
+    if not isinstance(there, dict):
+        raise ValueError(f"{name}['simulator'] is {text[:40]!r}; it must be the text of a snapshot")
+    here = json.loads(own)
+    if there.get("num_envs") != here["num_envs"]:
+        raise ValueError(
+            f"{name} is of {there.get('num_envs')} environments; this one has num_envs {here['num_envs']}: "
+            "use a state of as many"
+        )
+    found = list(_differences("", there, here))
+    if found == ["program"]:
+        raise ValueError(f"{name} is of another scene or version: its equations are not those of this one")
+    told = [f for f in found if f != "program"]
+    more = f", and {len(told) - 4} more differences" if len(told) > 4 else ""
+    raise ValueError(
+        f"{name} is of another scene: {'; '.join(told[:4])}{more}; build an equal one for this state"
+    )
+
+
+def _differences(name: str, there: Any, here: Any) -> Iterator[str]:
+    """Names of what differs in plain data, with both values."""
+    if isinstance(there, dict) and isinstance(here, dict):
+        for key in [*here, *(k for k in there if k not in here)]:
+            inner = f"{name}.{key}" if name else key
+            yield from _differences(inner, there.get(key), here.get(key))
+    elif isinstance(there, list) and isinstance(here, list) and len(there) == len(here):
+        for k, pair in enumerate(zip(there, here, strict=True)):
+            yield from _differences(f"{name}[{k}]", *pair)
+    elif there != here:
+        yield name if name == "program" else f"{name} is {_short(there)} there and {_short(here)} here"
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, list):  # of effects their names are enough
+        value = [v["type"] if isinstance(v, dict) and "type" in v else v for v in value]
+    text = str(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def check_array(name: str, key: str, value: Any, like: NDArray[Any]) -> None:
+    """ValueError unless a value is an array of the same shape and dtype as another."""
+    if not isinstance(value, np.ndarray):
+        raise ValueError(f"{name}[{key!r}] is {_short(value)}; give an array of shape {like.shape}")
+    if value.shape != like.shape or value.dtype != like.dtype:
+        raise ValueError(
+            f"{name}[{key!r}] has shape {value.shape} and dtype {value.dtype}; this one's have "
+            f"{like.shape} and {like.dtype}"
+        )
+
+
+def check_numbers(
+    name: str, numbers: Any, memory: cpu.Memory, finite: Iterable[str], kept: Iterable[str] = ()
+) -> None:
+    """ValueError unless numbers may replace those of a memory.
+
+    Parameters
+    ----------
+    name : str
+        What the caller calls the state.
+    numbers : (n,) array
+        All rows of all lanes.
+    memory : Memory
+    finite : names of rows
+        Rows that no state leaves without a number.
+    kept : names of rows
+        Rows that are equal in all states, beside :data:`KEPT_ROWS`.
+    """
+    check_array(name, "numbers", numbers, memory.flat)
+    blocks = numbers.reshape(memory.blocks.shape)
+    names = tuple(finite)
+    good = np.isfinite(blocks[:, [memory.rows[row] for row in names]])
+    if not good.all():
+        row = names[int(np.argmin(good.all(axis=(0, 2))))]
+        raise ValueError(f"{name}['numbers'] has a {row} that is not finite; give finite numbers")
+    for row in (*KEPT_ROWS, *kept):
+        if row in memory.rows:
+            there, here = (b[:, memory.rows[row]] for b in (blocks, memory.blocks))
+            if not np.array_equal(there, here):
+                raise ValueError(
+                    f"{name}['numbers'] has the {row} {there.flat[0]:.6g} and this one {here.flat[0]:.6g}: "
+                    "it belongs to the scene and not to a state"
+                )

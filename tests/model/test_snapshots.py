@@ -1,0 +1,192 @@
+"""Snapshots of simulators: of this scene they are taken whole, of another one refused by name."""
+
+import dataclasses
+import pickle
+
+import numpy as np
+import pytest
+
+import redundant_envs as rde
+
+e = rde.effects
+ARM = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
+STOP = e.PrismaticStop((0.0, 0.0), (0.3, 0.2), 0.4)
+SCENE = rde.Scene(ARM, (e.Gravity(), STOP), tolerance=1e-6)
+COUNT = 11
+
+
+def started(scene=SCENE, count=COUNT, **kwargs):
+    rng = np.random.default_rng(0)
+    batch = rde.BatchSimulator(scene, count, **kwargs)
+    q = rng.uniform(-1.0, 1.0, (count, 4))
+    q[:, [1, 3]] = rng.uniform(0.0, 0.1, (count, 2))
+    batch.set_state(q, rng.normal(0.0, 1.0, (count, 4)))
+    batch.advance()
+    return batch
+
+
+def replaced(**changes):
+    return dataclasses.replace(SCENE, **changes)
+
+
+OTHERS = {
+    "tolerance is 1e-12 there and 1e-06 here": replaced(tolerance=1e-12),
+    "control_dt is 0.01 there and 0.02 here": replaced(control_dt=0.01),
+    "robot.masses[2] is 0.9 there and 1.0 here": replaced(robot=rde.RPRP((2.0, 1.5, 0.9, 0.5), (0.3, 0.5))),
+    "robot.lengths[0] is 0.4 there and 0.3 here": replaced(robot=rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.4, 0.5))),
+    "effects[0].g is 1.6 there": replaced(effects=(e.Gravity(1.6), STOP)),
+    "effects[1].restitution is 0.5 there": replaced(
+        effects=(e.Gravity(), dataclasses.replace(STOP, restitution=0.5))
+    ),
+    "effects is ['PrismaticStop'] there and ['Gravity', 'PrismaticStop'] here": replaced(effects=(STOP,)),
+    "tolerance is None there": replaced(tolerance=None),
+    "substeps is 4 there and 1 here": replaced(tolerance=None, substeps=4),
+    "integrator is dop853 there and rk8 here": replaced(tolerance=None, integrator="dop853"),
+    "actuation is generalized there and joint here": replaced(actuation="generalized"),
+    "robot.type is FourR there and RPRP here": rde.Scene(rde.FourR((1.0,) * 4, (0.5,) * 4), tolerance=1e-6),
+}
+
+
+@pytest.mark.parametrize(("words", "scene"), OTHERS.items(), ids=OTHERS)
+def test_a_snapshot_of_another_scene_is_refused_by_name_and_changes_nothing(words, scene):
+    batch, other = started(), started(scene)
+    before = batch.save()
+    for source, target in ((other, batch), (batch, other)):
+        with pytest.raises(ValueError, match="snapshot is of another scene") as error:
+            target.restore(source.save())
+        if target is batch:
+            assert words in str(error.value)
+    np.testing.assert_array_equal(batch.save()["numbers"], before["numbers"])
+
+
+def test_numbers_of_environments_and_tracking_belong_to_the_simulator():
+    batch = started()
+    for other, words in ((started(count=12), "num_envs 11"), (started(track_work=True), "track_work")):
+        with pytest.raises(ValueError, match=words):
+            batch.restore(other.save())
+
+
+def broken(numbers, at, value):
+    changed = numbers.copy()
+    changed[at] = value
+    return changed
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda s: 0.5, "float"),
+        (lambda s: s["numbers"], r"ndarray of shape"),
+        (lambda s: None, "NoneType"),
+        (lambda s: {"numbers": s["numbers"]}, "lacks simulator"),
+        (lambda s: {"simulator": s["simulator"]}, "lacks numbers"),
+        (lambda s: {**s, "extra": 1}, "unknown keys extra"),
+        (lambda s: {**s, "simulator": "?"}, r"\['simulator'\] is '\?'"),
+        (lambda s: {**s, "simulator": 5}, r"\['simulator'\] is '5'"),
+        (lambda s: {**s, "numbers": 0.5}, r"\['numbers'\] is 0.5; give an array"),
+        (lambda s: {**s, "numbers": np.float64(0.5)}, r"\['numbers'\]"),
+        (lambda s: {**s, "numbers": np.array(0.5)}, r"\['numbers'\] has shape \(\)"),
+        (lambda s: {**s, "numbers": s["numbers"].tolist()}, r"\['numbers'\]"),
+        (lambda s: {**s, "numbers": s["numbers"][:-8]}, r"\['numbers'\] has shape"),
+        (lambda s: {**s, "numbers": s["numbers"][None]}, r"\['numbers'\] has shape \(1, "),
+        (lambda s: {**s, "numbers": s["numbers"].astype(np.float32)}, "float32"),
+        (lambda s: {**s, "numbers": 0.0 * s["numbers"] + np.nan}, "not finite"),
+        (lambda s: {**s, "numbers": 0.0 * s["numbers"]}, "belongs to the scene"),
+    ],
+)
+def test_what_is_no_snapshot_is_refused_and_changes_nothing(change, words):
+    batch = started()
+    before = batch.save()
+    with pytest.raises(ValueError, match=f"snapshot.*{words}"):
+        batch.restore(change(batch.save()))
+    np.testing.assert_array_equal(batch.save()["numbers"], before["numbers"])
+
+
+def test_a_snapshot_is_taken_by_an_equal_simulator_through_a_file_too(tmp_path):
+    batch = started()
+    batch.set_parameters({"masses": np.random.default_rng(1).uniform(0.5, 2.0, (COUNT, 4))})
+    snapshot = batch.save()
+    np.savez(tmp_path / "snapshot.npz", **snapshot)
+    batch.advance()
+    expected = np.hstack([batch.q, batch.qd])
+    with np.load(tmp_path / "snapshot.npz") as loaded:
+        for again in (snapshot, pickle.loads(pickle.dumps(snapshot)), loaded, dict(loaded)):
+            twin = rde.BatchSimulator(rde.Scene.from_dict(SCENE.to_dict()), COUNT, threads=2)
+            twin.restore(again)
+            twin.advance()
+            np.testing.assert_array_equal(np.hstack([twin.q, twin.qd]), expected)
+
+
+def test_a_lane_without_a_finite_state_is_kept_as_it_is():
+    batch = started()
+    batch.set_state(np.full(4, np.nan), np.zeros(4), index=[3])
+    snapshot = batch.save()
+    batch.set_state(np.zeros(4), np.zeros(4), index=[3])
+    batch.restore(snapshot)
+    assert np.isnan(batch.q[3]).all()
+
+
+@pytest.mark.parametrize(
+    ("index", "words"),
+    [
+        ([[0, 1]], r"shape \(1, 2\)"),
+        ([0.5], "whole numbers"),
+        ([1.0, 2.0], "whole numbers"),
+        ("1", "whole numbers"),
+        ([1, 2, 1], "every lane once"),
+        ([-1], r"lanes are 0\.\.10"),
+        ([11], r"lanes are 0\.\.10"),
+        ([True, False], "a mask has"),
+        (True, "a mask has"),
+    ],
+    ids=str,
+)
+def test_an_index_that_names_no_lanes_is_refused(index, words):
+    batch = started()
+    before = batch.save()["numbers"]
+    with pytest.raises(ValueError, match=f"index.*{words}"):
+        batch.set_state(np.zeros(4), np.zeros(4), index)
+    with pytest.raises(ValueError, match=f"index.*{words}"):
+        batch.set_parameters({"masses": 1.0}, index)
+    np.testing.assert_array_equal(batch.save()["numbers"], before)
+
+
+def test_an_index_may_be_one_number_unsigned_empty_or_a_mask():
+    batch = started()
+    for index in (3, np.int8(4), np.array([1, 5], np.uint8), np.arange(COUNT) == 2):
+        batch.set_state((0.5, 0.1, 0.5, 0.1), np.zeros(4), index)
+    assert (batch.q[:, 0] == 0.5).nonzero()[0].tolist() == [1, 2, 3, 4, 5]
+    before = batch.save()["numbers"]
+    batch.set_state(np.zeros(4), np.zeros(4), [])
+    np.testing.assert_array_equal(batch.save()["numbers"], before)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda b: b.set_state(np.zeros(4), np.zeros(3)),
+        lambda b: b.set_state(np.zeros(4), np.zeros((5, 4))),
+        lambda b: b.set_state((0.0, 0.1, 0.0, 9.0), np.zeros(4)),
+        lambda b: b.set_state((0.0, 0.1, 0.0, 9.0), np.zeros(4), [2]),
+        lambda b: b.set_state("zero", np.zeros(4)),
+        lambda b: b.set_parameters({"masses": 2.0, "payload.mass": 1.0}),
+        lambda b: b.set_parameters({"masses": 2.0, "gravity.g": np.nan}),
+        lambda b: b.set_parameters({"masses": 2.0, "prismatic_stop.upper": (0.0, 0.0)}),
+        lambda b: b.set_parameters({"masses": 2.0, "prismatic_stop.upper": (-1.0, 0.2)}, [1]),
+        lambda b: b.set_parameters(3),
+        lambda b: b.advance(np.zeros((COUNT, 3))),
+        lambda b: b.advance(np.zeros((COUNT + 1, 4))),
+        lambda b: b.advance([["x"] * 4] * COUNT),
+        lambda b: b.advance_partly(None, np.nan),
+        lambda b: b.advance_partly(None, -0.01),
+        lambda b: b.advance_partly(None, np.inf),
+        lambda b: b.advance_partly(None, 0.0),
+        lambda b: b.advance_partly(np.zeros((COUNT, 3)), 0.01),
+    ],
+)
+def test_a_refused_call_changes_nothing(call):
+    batch = started()
+    before = batch.save()["numbers"]
+    with pytest.raises(ValueError):
+        call(batch)
+    np.testing.assert_array_equal(batch.save()["numbers"], before)
