@@ -263,8 +263,8 @@ class ReachVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
         mode = self.autoreset_mode.name.lower()
         if state["autoreset_mode"] != mode:
             raise ValueError(
-                f"state has the autoreset_mode {state['autoreset_mode']!r} and this one {mode!r}; a lane that "
-                "waits for its reset in one does not in the other: make the environment with the same"
+                f"state has the autoreset_mode {state['autoreset_mode']!r} and this one {mode!r}; a lane "
+                "that waits for its reset in one does not in the other: make the environment with the same"
             )
         self.core.set_state(of_core)
         self._ended = state["ended"].copy()
