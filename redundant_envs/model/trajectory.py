@@ -80,14 +80,14 @@ def simulate(
     step, command = 0, np.zeros((count, 4))
     commanded = -1
     for time in t:
-        target = int(np.floor(time / dt + 1e-9))
+        target = _instant(float(time), dt)
         while step < target:
             command, commanded = _command(efforts, step, dt, batch, shape, command, commanded)
             _check(batch.advance(command), step * dt)
             events += batch.events(step * dt)
             step += 1
-        rest = time - step * dt
-        if rest > 1e-12 * max(1.0, time):
+        rest = float(time) - step * dt
+        if rest > 0.0:
             command, commanded = _command(efforts, step, dt, batch, shape, command, commanded)
             here = batch.save()
             _check(batch.advance_partly(command, rest), step * dt)
@@ -115,6 +115,14 @@ def simulate(
         work=np.array(works).reshape(len(t), *shape),
         events=sorted(events, key=lambda e: e.time),
     )
+
+
+def _instant(time: float, dt: float) -> int:
+    """The last control instant not after a time: the largest k whose ``k * dt``, rounded, is not above it."""
+    k = int(time / dt)  # one off where the quotient is rounded over a whole number
+    if k * dt > time:
+        return k - 1
+    return k + 1 if (k + 1) * dt <= time else k
 
 
 def _check(status: Status, time: float) -> None:

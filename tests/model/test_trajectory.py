@@ -216,3 +216,109 @@ def test_bad_states_and_efforts():
         rde.simulate(SCENE, Q0, QD0, [0.1], np.zeros(3))
     with pytest.raises(ValueError, match=r"efforts has shape \(2,\).*\(3, 4\)"):
         rde.simulate(SCENE, np.zeros((3, 4)), QD0, [0.1], lambda t, q, qd: np.zeros(2))
+
+
+# ---- every time is hit -----------------------------------------------------------------------------
+
+STOPPED = (rde.effects.Gravity(), rde.effects.PrismaticStop((0.0, 0.0), (0.3, 0.2), 0.5))
+SLIDING = rde.RPRP((1.0, 0.8, 0.6, 0.4), (0.5, 0.4))
+STEPPED = {
+    "euler": {"integrator": "euler", "substeps": 4},
+    "rk4": {"integrator": "rk4"},
+    "rk8": {"substeps": 2},
+    "1e-6": {"tolerance": 1e-6},
+    "1e-12": {"tolerance": 1e-12},
+    "dop853": {"integrator": "dop853"},
+}
+every_step = pytest.mark.parametrize("kwargs", STEPPED.values(), ids=STEPPED)
+
+
+@every_step
+def test_times_around_a_control_instant_give_states_of_their_own(kwargs):
+    scene = rde.Scene(SLIDING, STOPPED, **kwargs)
+    order = 0.2 if scene.integrator == "euler" else 1e-3  # how far an end of its step moves otherwise than qd
+    for instant, gap in ((0.02, 5e-12), (0.02, 4e-10), (0.4, 3e-12), (4.0, 1e-11)):
+        times = [instant - gap, instant, instant + gap]
+        motion = rde.simulate(scene, (0.2, 0.1, 0.4, 0.1), (4.0, 0.2, -6.0, 0.1), times)
+        for k in (0, 1):
+            expected = motion.qd[1] * (times[k + 1] - times[k])
+            assert np.abs(motion.q[k + 1] - motion.q[k] - expected).max() <= 1e-14 + order * gap
+            assert (motion.q[k + 1, [0, 2]] != motion.q[k, [0, 2]]).all()
+
+
+def test_the_floats_beside_a_control_instant_are_not_it():
+    dt, k = 0.02, 7
+    times = [np.nextafter(k * dt, 0.0), k * dt, np.nextafter(k * dt, 1.0)]
+    asked = []
+
+    def efforts(t, q, qd):
+        asked.append(t)
+        return np.zeros(4)
+
+    rde.simulate(SCENE, Q0, QD0, times[:1], efforts)
+    assert asked == [j * dt for j in range(k)]
+    asked.clear()
+    rde.simulate(SCENE, Q0, QD0, times[:2], efforts)
+    assert asked == [j * dt for j in range(k)]  # nothing is asked of an interval that is not entered
+    asked.clear()
+    rde.simulate(SCENE, Q0, QD0, times, efforts)
+    assert asked == [j * dt for j in range(k + 1)]
+
+
+@pytest.mark.parametrize("dt", [0.02, 0.01, 0.1, 0.03, 1 / 3, 0.007, 1e-3, 0.0123456789])
+def test_multiples_of_the_control_interval_are_its_instants(dt):
+    from redundant_envs.model.trajectory import _instant
+
+    rng = np.random.default_rng(0)
+    steps = np.unique(np.concatenate([np.arange(3000), rng.integers(0, 10**6, 20_000), [10**6]]))
+    for k in steps.tolist():
+        time = k * dt
+        assert _instant(time, dt) == k
+        assert _instant(float(np.nextafter(time, np.inf)), dt) == k
+        if k:
+            assert _instant(float(np.nextafter(time, 0.0)), dt) == k - 1
+
+
+@every_step
+@pytest.mark.parametrize("rest", [5e-324, 1e-308, 1e-300, 1e-160, 1e-100, 1e-30, 1e-18, 1e-16, 5e-12])
+def test_tiny_times_are_well_defined(kwargs, rest):
+    """Free, at a stop that is pressed, resting there, and one rounding error before it: no warning either."""
+    scene = rde.Scene(SLIDING, STOPPED, **kwargs)
+    q = np.array(
+        [
+            (0.2, 0.1, 0.4, 0.1),
+            (0.2, 0.3, 0.4, 0.0),
+            (-1.5, 0.3, -1.5, 0.2),
+            (0.1, 0.3 - 5e-17, 0.1, 0.2 - 3e-17),
+        ]
+    )
+    qd = np.array([(1.0, 0.2, -0.5, 0.1), (1.0, 1.0, -1.0, -1.0), (0.0,) * 4, (0.0, 1.0, 0.0, 1.0)])
+    motion = rde.simulate(scene, q, qd, [rest, 0.02, 0.02 + max(rest, 4e-18)])
+    free = motion.q[0, 0] - q[0]
+    assert np.abs(free - qd[0] * rest).max() <= 6e-17 + 1e-6 * rest
+    assert np.abs(motion.q[0] - q).max() <= 6e-17 + 4.0 * rest
+    assert np.abs(motion.q[2] - motion.q[1]).max() <= 1e-15 + 10.0 * rest
+    alone = rde.simulate(scene, q, qd, [0.02])
+    assert (alone.q[0] == motion.q[1]).all()
+    for k in (1, 3):
+        assert (motion.q[..., k] <= scene.effects[1].upper[k // 2]).all()
+        assert (motion.q[..., k] >= 0.0).all()
+
+
+@every_step
+def test_asking_for_more_times_does_not_change_a_motion_with_stops(kwargs):
+    scene = rde.Scene(SLIDING, STOPPED, **kwargs)
+
+    def efforts(t, q, qd):
+        return np.array([3.0 * np.sin(9.0 * t), 20.0, -1.0, -10.0]) - 0.1 * qd
+
+    few = np.array([0.05, 0.2, 0.31])
+    rng = np.random.default_rng(0)
+    near = np.add.outer(np.arange(1, 15) * 0.02, [-3e-11, -1e-17, 0.0, 1e-17, 2e-13, 1e-9]).ravel()
+    many = np.unique(np.concatenate([few, near, rng.uniform(0.0, 0.31, 50), [1e-18]]))
+    a = rde.simulate(scene, (0.2, 0.1, 0.4, 0.1), (1.0, 0.2, -0.5, 0.1), few, efforts)
+    b = rde.simulate(scene, (0.2, 0.1, 0.4, 0.1), (1.0, 0.2, -0.5, 0.1), many, efforts)
+    at = np.searchsorted(many, few)
+    for name in ("q", "qd", "work"):
+        assert (getattr(a, name) == getattr(b, name)[at]).all()
+    assert a.events == b.events
