@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import copy
 import hashlib
-import importlib.util
 import os
 import platform
 import re
@@ -22,16 +21,18 @@ from typing import Any
 
 import numpy as np
 
+from redundant_envs.evaluators import checksums
 from redundant_envs.evaluators.arrays import PRIMITIVES
 from redundant_envs.evaluators.assemble import LANES, Assembly
 from redundant_envs.evaluators.binding import run
+from redundant_envs.evaluators.checksums import is_whole, write_checksums, write_whole
 
 CACHE_VARIABLE = "REDUNDANT_ENVS_CACHE"
 KEPT_MODULES = 200
 MODULE = "simulator.py"
 
 _loaded: dict[str, dict[str, Callable[..., Any]]] = {}
-_lock = threading.Lock()
+_lock = threading.RLock()
 _warned: set[str] = set()
 
 KERNELS = """
@@ -52,25 +53,31 @@ def cache_folder() -> Path | None:
     if chosen:
         base = Path(chosen)
     elif sys.platform == "win32":
-        base = Path(os.environ.get("LOCALAPPDATA", Path.home())) / "redundant-envs"
+        base = Path(os.environ.get("LOCALAPPDATA") or "~") / "redundant-envs"
     elif sys.platform == "darwin":
-        base = Path.home() / "Library" / "Caches" / "redundant-envs"
+        base = Path("~/Library/Caches/redundant-envs")
     else:
-        base = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "redundant-envs"
+        base = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache") / "redundant-envs"
     try:
+        base = base.expanduser().absolute()
         base.mkdir(mode=0o700, parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=base):
             pass
-    except OSError as error:
-        if str(base) not in _warned:
-            _warned.add(str(base))
-            warnings.warn(
-                f"compiled simulators are kept in memory only: {base} cannot be written "
-                f"({error}); set {CACHE_VARIABLE} to a folder of yours to keep them",
-                stacklevel=2,
-            )
+    except (OSError, RuntimeError) as error:  # RuntimeError: nobody knows a home for "~"
+        _warn_of_memory_only(base, error)
         return None
     return base
+
+
+def _warn_of_memory_only(folder: Path, error: Exception) -> None:
+    if str(folder) in _warned:
+        return
+    _warned.add(str(folder))
+    warnings.warn(
+        f"compiled simulators are kept in memory only: {folder} cannot be used "
+        f"({error}); set {CACHE_VARIABLE} to a folder of yours to keep them",
+        stacklevel=3,
+    )
 
 
 def module_key(text: str) -> str:
@@ -83,6 +90,7 @@ def module_key(text: str) -> str:
         text,
         KERNELS,
         ORDER,
+        checksums.FILE,
         numba.__version__,
         llvmlite.__version__,
         sys.version,
@@ -110,50 +118,63 @@ def compiled(assembly: Assembly) -> dict[str, Callable[..., Any]]:
 
 def _load(key: str, text: str, what: str) -> dict[str, Callable[..., Any]]:
     base = cache_folder()
-    if base is None:
-        return _compile_in_memory(text, what)
-    folder = base / key
-    with _file_lock(base / f"{key}.lock"):
-        fresh = not (folder / "complete").exists()
-        folder.mkdir(mode=0o700, exist_ok=True)
-        path = folder / MODULE
-        if not path.exists():
-            _write_once(path, text + KERNELS)
-        with _announced(what) if fresh else contextlib.nullcontext(), _order_kept():
-            kernels = _import(path, key)
-        if fresh:
-            _write_once(folder / "complete", "")
-            _prune(base)
-    os.utime(folder)
+    if base is not None:
+        try:
+            return _load_kept(base / key, text + KERNELS, what)
+        except OSError as error:  # no file lock, no room left, files of somebody else
+            _warn_of_memory_only(base / key, error)
+    with _announced(what), _order_kept():
+        return _execute("redundant_envs_compiled", text + KERNELS, "<assembled scene>", cache=False)
+
+
+def _load_kept(folder: Path, text: str, what: str) -> dict[str, Callable[..., Any]]:
+    """The kernels of a module in the cache; compiled anew if it is not there whole."""
+    path = folder / MODULE
+    with _file_lock(folder.with_suffix(".lock")):
+        whole, damaged = is_whole(folder, MODULE, text), os.path.lexists(folder)
+        if not whole:
+            if damaged:
+                own = folder.is_dir() and not folder.is_symlink()
+                shutil.rmtree(folder) if own else folder.unlink()
+            folder.mkdir(mode=0o700)
+            write_whole(path, text)
+        with contextlib.nullcontext() if whole else _announced(what), _order_kept(), _files_beside_module():
+            kernels = _execute(f"redundant_envs_compiled_{folder.name}", text, str(path), cache=True)
+        if not whole:
+            write_checksums(folder)
+            _prune(folder.parent)
+        os.utime(folder)
+    if damaged and not whole:
+        warnings.warn(
+            f"the compiled simulator in {folder} was damaged or left unfinished; it is compiled anew",
+            stacklevel=2,
+        )
     return kernels
 
 
-def _write_once(path: Path, text: str) -> None:
-    """Let a file appear whole; it is never rewritten."""
-    handle, name = tempfile.mkstemp(dir=path.parent)
-    with os.fdopen(handle, "w", encoding="utf-8") as file:
-        file.write(text)
-    os.replace(name, path)
-
-
-def _import(path: Path, key: str) -> dict[str, Callable[..., Any]]:
-    name = f"redundant_envs_compiled_{key}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    module.__dict__["CACHE"] = True
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
+def _execute(name: str, text: str, file: str, cache: bool) -> dict[str, Callable[..., Any]]:
+    """The kernels of a module's text. It never comes from a file that another could have changed."""
+    module = types.ModuleType(name)
+    module.__dict__.update(CACHE=cache, __file__=file)
+    if cache:
+        sys.modules[name] = module  # numba finds it by its name
+    exec(compile(text, file, "exec"), module.__dict__)
     return {k: getattr(module, k) for k in module.SIGNATURES}
 
 
-def _compile_in_memory(text: str, what: str) -> dict[str, Callable[..., Any]]:
-    module = types.ModuleType("redundant_envs_compiled")
-    module.__dict__["CACHE"] = False
-    with _announced(what), _order_kept():
-        exec(compile(text + KERNELS, "<assembled scene>", "exec"), module.__dict__)
-    return {k: getattr(module, k) for k in module.SIGNATURES}
+@contextlib.contextmanager
+def _files_beside_module() -> Iterator[None]:
+    """Numba keeps what it compiles beside the module, where the checksums are, whatever its settings say."""
+    from numba import config
+
+    own = {n: getattr(config, n) for n in ("CACHE_DIR", "CACHE_LOCATOR_CLASSES") if hasattr(config, n)}
+    try:
+        for name in own:
+            setattr(config, name, "")
+        yield
+    finally:
+        for name, value in own.items():
+            setattr(config, name, value)
 
 
 @contextlib.contextmanager
@@ -193,7 +214,11 @@ def _file_lock(path: Path) -> Iterator[None]:
             import fcntl
 
             fcntl.flock(file, fcntl.LOCK_EX)
-        yield
+        try:
+            yield
+        finally:
+            if sys.platform != "win32":  # a process forked meanwhile has the file open too
+                fcntl.flock(file, fcntl.LOCK_UN)
 
 
 def _prune(base: Path) -> None:
@@ -205,6 +230,25 @@ def _prune(base: Path) -> None:
     folders.sort(key=lambda p: p.stat().st_mtime)
     for folder in folders[:-KEPT_MODULES]:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def _before_fork() -> None:
+    """A child has one thread: locks that another one holds at the fork would never be released there."""
+    _lock.acquire()
+    if "numba.core.compiler_lock" in sys.modules:
+        sys.modules["numba.core.compiler_lock"].global_compiler_lock.acquire()
+        _held_at_fork.append(sys.modules["numba.core.compiler_lock"].global_compiler_lock)
+
+
+def _after_fork() -> None:
+    while _held_at_fork:
+        _held_at_fork.pop().release()
+    _lock.release()
+
+
+_held_at_fork: list[Any] = []
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(before=_before_fork, after_in_parent=_after_fork, after_in_child=_after_fork)
 
 
 class Memory:

@@ -1,0 +1,46 @@
+"""Checksums of a compiled module: a folder that is damaged or was left unfinished is found by them."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import tempfile
+from pathlib import Path
+
+FILE = "checksums.json"
+"""Written last: a folder without it was left unfinished."""
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Let a file appear whole, or not at all."""
+    handle, name = tempfile.mkstemp(dir=path.parent)
+    with os.fdopen(handle, "w", encoding="utf-8") as file:
+        file.write(text)
+    os.replace(name, path)
+
+
+def checksum(path: Path) -> str:
+    """SHA-256 of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def write_checksums(folder: Path) -> None:
+    """Declare a folder complete as it is now."""
+    files = sorted(p for p in folder.rglob("*") if p.is_file())
+    sums = {p.relative_to(folder).as_posix(): checksum(p) for p in files}
+    write_whole(folder / FILE, json.dumps(sums, indent=1))
+
+
+def is_whole(folder: Path, module: str, text: str) -> bool:
+    """Whether a folder was completed, no file in it has changed since, and its module is this text.
+
+    This finds accidents. It cannot protect from one who may write to the folder.
+    """
+    try:
+        sums = json.loads((folder / FILE).read_text(encoding="utf-8"))
+        if not isinstance(sums, dict) or (folder / module).read_text(encoding="utf-8") != text:
+            return False
+        return module in sums and all(checksum(folder / name) == value for name, value in sums.items())
+    except (OSError, ValueError):
+        return False
