@@ -32,15 +32,17 @@ def write_checksums(folder: Path) -> None:
     write_whole(folder / FILE, json.dumps(sums, indent=1))
 
 
-def is_whole(folder: Path, module: str, text: str) -> bool:
-    """Whether a folder was completed, no file in it has changed since, and its module is this text.
+def is_whole(folder: Path, needed: tuple[str, ...], text: str) -> bool:
+    """Whether a folder has the files needed, the first of them with this text, and none has changed.
 
     This finds accidents. It cannot protect from one who may write to the folder.
     """
     try:
         sums = json.loads((folder / FILE).read_text(encoding="utf-8"))
-        if not isinstance(sums, dict) or (folder / module).read_text(encoding="utf-8") != text:
+        if not isinstance(sums, dict) or (folder / needed[0]).read_text(encoding="utf-8") != text:
             return False
-        return module in sums and all(checksum(folder / name) == value for name, value in sums.items())
+        return sums.keys() >= set(needed) and all(
+            checksum(folder / name) == value for name, value in sums.items()
+        )
     except (OSError, ValueError):
         return False

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import copy
+import functools
 import hashlib
+import marshal
 import os
 import platform
 import re
@@ -30,6 +32,8 @@ from redundant_envs.evaluators.checksums import is_whole, write_checksums, write
 CACHE_VARIABLE = "REDUNDANT_ENVS_CACHE"
 KEPT_MODULES = 200
 MODULE = "simulator.py"
+CODE = "simulator.code"
+"""The module as Python compiles it, which takes as long as loading the kernels does."""
 
 _loaded: dict[str, dict[str, Callable[..., Any]]] = {}
 _lock = threading.RLock()
@@ -90,6 +94,7 @@ def module_key(text: str) -> str:
         text,
         KERNELS,
         ORDER,
+        CODE,
         checksums.FILE,
         numba.__version__,
         llvmlite.__version__,
@@ -106,6 +111,7 @@ def compiled(assembly: Assembly) -> dict[str, Callable[..., Any]]:
     key = module_key(assembly.text)
     with _lock:
         if key not in _loaded:
+            _forks_wait()
             scene = assembly.scene
             what = (
                 f"{scene.robot.kind} {scene.integrator} with "
@@ -124,22 +130,27 @@ def _load(key: str, text: str, what: str) -> dict[str, Callable[..., Any]]:
         except OSError as error:  # no file lock, no room left, files of somebody else
             _warn_of_memory_only(base / key, error)
     with _announced(what), _order_kept():
-        return _execute("redundant_envs_compiled", text + KERNELS, "<assembled scene>", cache=False)
+        code = compile(text + KERNELS, "<assembled scene>", "exec")
+        return _execute("redundant_envs_compiled", code, cache=False)
 
 
 def _load_kept(folder: Path, text: str, what: str) -> dict[str, Callable[..., Any]]:
     """The kernels of a module in the cache; compiled anew if it is not there whole."""
     path = folder / MODULE
     with _file_lock(folder.with_suffix(".lock")):
-        whole, damaged = is_whole(folder, MODULE, text), os.path.lexists(folder)
+        whole, damaged = is_whole(folder, (MODULE, CODE), text), os.path.lexists(folder)
         if not whole:
             if damaged:
                 own = folder.is_dir() and not folder.is_symlink()
                 shutil.rmtree(folder) if own else folder.unlink()
             folder.mkdir(mode=0o700)
             write_whole(path, text)
+            (folder / CODE).write_bytes(marshal.dumps(compile(text, str(path), "exec")))
+        code = marshal.loads((folder / CODE).read_bytes())
+        if code.co_filename != str(path):  # the cache was moved, and numba looks where the code says
+            code = compile(text, str(path), "exec")
         with contextlib.nullcontext() if whole else _announced(what), _order_kept(), _files_beside_module():
-            kernels = _execute(f"redundant_envs_compiled_{folder.name}", text, str(path), cache=True)
+            kernels = _execute(f"redundant_envs_compiled_{folder.name}", code, cache=True)
         if not whole:
             write_checksums(folder)
             _prune(folder.parent)
@@ -152,13 +163,13 @@ def _load_kept(folder: Path, text: str, what: str) -> dict[str, Callable[..., An
     return kernels
 
 
-def _execute(name: str, text: str, file: str, cache: bool) -> dict[str, Callable[..., Any]]:
-    """The kernels of a module's text. It never comes from a file that another could have changed."""
+def _execute(name: str, code: types.CodeType, cache: bool) -> dict[str, Callable[..., Any]]:
+    """The kernels of a module."""
     module = types.ModuleType(name)
-    module.__dict__.update(CACHE=cache, __file__=file)
+    module.__dict__.update(CACHE=cache, __file__=code.co_filename)
     if cache:
         sys.modules[name] = module  # numba finds it by its name
-    exec(compile(text, file, "exec"), module.__dict__)
+    exec(code, module.__dict__)
     return {k: getattr(module, k) for k in module.SIGNATURES}
 
 
@@ -232,23 +243,25 @@ def _prune(base: Path) -> None:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _before_fork() -> None:
-    """A child has one thread: locks that another one holds at the fork would never be released there."""
-    _lock.acquire()
-    if "numba.core.compiler_lock" in sys.modules:
-        sys.modules["numba.core.compiler_lock"].global_compiler_lock.acquire()
-        _held_at_fork.append(sys.modules["numba.core.compiler_lock"].global_compiler_lock)
+@functools.cache
+def _forks_wait() -> None:
+    """A fork waits until no thread compiles: its child would never see that thread's locks released.
 
+    To be called before the first module is compiled and after numba is imported. What is registered
+    last waits first: whoever forks then holds no lock yet, of logging for one, that numba needs.
+    """
+    from numba.core.compiler_lock import global_compiler_lock
 
-def _after_fork() -> None:
-    while _held_at_fork:
-        _held_at_fork.pop().release()
-    _lock.release()
+    def before() -> None:
+        _lock.acquire()
+        global_compiler_lock.acquire()
 
+    def after() -> None:
+        global_compiler_lock.release()
+        _lock.release()
 
-_held_at_fork: list[Any] = []
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(before=_before_fork, after_in_parent=_after_fork, after_in_child=_after_fork)
+    if hasattr(os, "register_at_fork"):
+        os.register_at_fork(before=before, after_in_parent=after, after_in_child=after)
 
 
 class Memory:

@@ -31,7 +31,7 @@ print(batch.q[0].tolist(), flush=True)
 
 def program(text=PROGRAM, **environment):
     env = {**os.environ, "PYTHONPATH": str(ROOT), **environment}
-    return subprocess.run([sys.executable, "-c", text], env=env, capture_output=True, text=True, timeout=200)
+    return subprocess.run([sys.executable, "-c", text], env=env, capture_output=True, text=True, timeout=90)
 
 
 def load(cache, monkeypatch):
@@ -66,7 +66,7 @@ def file_of(cache, kind):
     return found
 
 
-KINDS = (cpu.MODULE, checksums.FILE, "*.nbi", "*.nbc")
+KINDS = (cpu.MODULE, cpu.CODE, checksums.FILE, "*.nbi", "*.nbc")
 DAMAGES = {
     "empty": lambda p: p.write_bytes(b""),
     "cut": lambda p: p.write_bytes(p.read_bytes()[: p.stat().st_size // 2]),
@@ -216,7 +216,7 @@ sys.path.insert(0, {str(ROOT)!r})
 {PROGRAM}
 """
     command = [sys.executable, "-c", text]
-    done = subprocess.run(command, env={}, capture_output=True, text=True, timeout=200)
+    done = subprocess.run(command, env={}, capture_output=True, text=True, timeout=90)
     assert done.returncode == 0, done.stderr
     assert done.stderr.count("kept in memory only") == 1
     assert done.stdout

@@ -198,7 +198,7 @@ def test_joint_and_generalized_actuation():
 
 
 @pytest.mark.parametrize(
-    "times", [[-0.1, 0.1], [0.1, 0.1], [0.2, 0.1], [np.nan], [np.inf], [[0.1, 0.2]]], ids=str
+    "times", [[-0.1, 0.1], [0.1, 0.1], [0.2, 0.1], [np.nan], [np.inf], [1e308], [[0.1, 0.2]]], ids=str
 )
 def test_bad_times(times):
     """Negative, not increasing, not finite, not a list."""
