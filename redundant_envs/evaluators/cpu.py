@@ -129,6 +129,11 @@ def _load(key: str, text: str, what: str) -> dict[str, Callable[..., Any]]:
             return _load_kept(base / key, text + KERNELS, what)
         except OSError as error:  # no file lock, no room left, files of somebody else
             _warn_of_memory_only(base / key, error)
+    return compiled_in_memory(text, what)
+
+
+def compiled_in_memory(text: str, what: str) -> dict[str, Callable[..., Any]]:
+    """The kernels of a module, kept nowhere."""
     with _announced(what), _order_kept():
         code = compile(text + KERNELS, "<assembled scene>", "exec")
         return _execute("redundant_envs_compiled", code, cache=False)

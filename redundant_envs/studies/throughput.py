@@ -206,9 +206,8 @@ def packed_instructions(scene: Scene) -> tuple[int | None, str]:
         return None, ""
     # Compiled anew: numba cannot show the assembly of what it loads from the cache on disk.
     assembly = assemble(scene)
-    kernel: Any = cpu._compile_in_memory(assembly.text, f"{scene.robot.kind} {scene.integrator} to count")[
-        "advance"
-    ]
+    what = f"{scene.robot.kind} {scene.integrator} to count"
+    kernel: Any = cpu.compiled_in_memory(assembly.text, what)["advance"]
     found = PACKED.findall("\n".join(kernel.inspect_asm().values()))
     return len(found), next((REGISTERS[r] for r in "zyx" if r in found), "")
 
