@@ -64,7 +64,7 @@ def simulate(
     t = np.atleast_1d(np.asarray(times, dtype=np.float64))
     if t.ndim != 1 or not np.isfinite(t).all() or (t < 0.0).any() or (np.diff(t) <= 0.0).any():
         raise ValueError("times must be finite, not negative and strictly increasing")
-    if t.size and not t[-1] / scene.control_dt < 2.0**53:
+    if t.size and not t[-1] < 2.0**53 * scene.control_dt:
         raise ValueError(f"times must be shorter than 2^53 control intervals of {scene.control_dt} s")
     q0, qd0 = np.broadcast_arrays(np.asarray(q, float), np.asarray(qd, float))
     if q0.shape[-1:] != (4,):
