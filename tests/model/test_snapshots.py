@@ -117,6 +117,15 @@ def test_a_snapshot_is_taken_by_an_equal_simulator_through_a_file_too(tmp_path):
             np.testing.assert_array_equal(np.hstack([twin.q, twin.qd]), expected)
 
 
+def test_a_stop_on_one_side_is_no_obstacle():
+    stop = e.PrismaticStop((None, None), (0.3, None), 0.4)
+    batch = started(replaced(effects=(e.Gravity(), stop)))
+    snapshot, before = batch.save(), batch.q
+    batch.advance()
+    batch.restore(snapshot)
+    np.testing.assert_array_equal(batch.q, before)
+
+
 def test_a_lane_without_a_finite_state_is_kept_as_it_is():
     batch = started()
     batch.set_state(np.full(4, np.nan), np.zeros(4), index=[3])
