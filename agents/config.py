@@ -213,11 +213,11 @@ def preset_folder() -> Path:
 def preset_path(path: str | Path) -> Path:
     """The file of a configuration: the path itself, or a preset's by its name."""
     file, preset = Path(path), preset_folder() / f"{path}.yaml"
-    if file.is_file() or not preset.is_file():
-        if not file.is_file():
-            names = ", ".join(sorted(p.stem for p in preset_folder().glob("*.yaml")))
-            raise ValueError(f"config is {str(path)!r}; there is no such file, and the presets are {names}")
+    if exists(file):
         return file
+    if not exists(preset):
+        names = ", ".join(sorted(p.stem for p in preset_folder().glob("*.yaml")))
+        raise ValueError(f"config is {shown(str(path))}; there is no such file, and the presets are {names}")
     return preset
 
 

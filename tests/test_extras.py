@@ -113,6 +113,7 @@ def test_the_extras_have_what_they_are_named_for():
         assert any(d.startswith(f"{pypi.get(package, package)}>=") for d in extras[extra]), (package, extra)
 
 
+@pytest.mark.filterwarnings("ignore:rich is experimental")
 def test_progress_bars_of_stable_baselines3_work_with_the_extra_train():
     """They need tqdm and rich, which stable-baselines3 itself does not install."""
     import redundant_envs as rde

@@ -269,7 +269,7 @@ def test_kernels_count_no_references():
     made = rde.load_scene(
         {**rde.load_scene("four_r_reach").to_dict(), "integrator": "euler", "tolerance": None}
     )
-    kernels = cpu._compile_in_memory(assemble(made, ReachTask()).text, "a probe")
+    kernels = cpu.compiled_in_memory(assemble(made, ReachTask()).text, "a probe")
     for name, kernel in kernels.items():
         (text,) = kernel.inspect_llvm().values()
         body = re.search(rf"define [^\n]*{name}[^\n]* {{\n.*?\n}}", text, re.DOTALL)

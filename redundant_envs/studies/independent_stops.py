@@ -1,0 +1,192 @@
+"""An account of the RPRP arm with hard stops that shares no code with the package.
+
+Dense equations of motion, SciPy's DOP853 with event location, impulses and resting sliders found by trying
+every set of contacts. Slow on purpose: it is what the compiled core is compared with.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+SLIDERS = (1, 3)
+BOUNCE = 1e-9
+"""A slider whose bounce stays below this comes to rest, m; elastic ones only if it is lost in rounding."""
+ROUNDING = 1e-13
+"""A speed into a stop that is none, m/s."""
+MOST_CONTACTS = 2000
+
+
+@dataclass(frozen=True)
+class StoppedArm:
+    """Numbers of an RPRP arm with upright gravity, viscous joint friction and stops.
+
+    Attributes
+    ----------
+    masses, lengths : kg, m
+    g : m/s^2
+    friction : N m s/rad and N s/m, in every joint
+    upper : travel of both sliders from 0, m
+    restitution : float
+    """
+
+    masses: tuple[float, ...]
+    lengths: tuple[float, ...]
+    g: float
+    friction: float
+    upper: float
+    restitution: float
+
+    def equations(self, y: Sequence[float], efforts: Sequence[float]) -> tuple[Array, Array]:
+        """Mass matrix (4, 4) and the forces on the right-hand side (4,) at q, qd = y."""
+        theta1, r1, theta2, r2, w1, v1, w2, v2 = (float(x) for x in y)
+        m1, m2, m3, m4 = self.masses
+        l1, l2 = self.lengths
+        a, b = l1 + r1, l2 + r2
+        c, s = math.cos(theta1 - theta2), math.sin(theta1 - theta2)
+        mu, sigma = m2 + m3 + m4, m3 * l2 + m4 * b
+        M = np.array(
+            [
+                [m1 * l1**2 + mu * a**2, 0.0, a * sigma * c, -m4 * a * s],
+                [0.0, mu, sigma * s, m4 * c],
+                [a * sigma * c, sigma * s, m3 * l2**2 + m4 * b**2, 0.0],
+                [-m4 * a * s, m4 * c, 0.0, m4],
+            ]
+        )
+        bias = np.array(
+            [
+                a * (2 * mu * v1 * w1 + sigma * s * w2**2 + 2 * m4 * v2 * w2 * c),
+                -mu * a * w1**2 - sigma * c * w2**2 + 2 * m4 * v2 * w2 * s,
+                sigma * (2 * v1 * w1 * c - a * w1**2 * s) + 2 * m4 * b * v2 * w2,
+                -m4 * (a * w1**2 * c + 2 * v1 * w1 * s + b * w2**2),
+            ]
+        )
+        weight = self.g * np.array(
+            [
+                (m1 * l1 + mu * a) * math.cos(theta1),
+                mu * math.sin(theta1),
+                sigma * math.cos(theta2),
+                m4 * math.sin(theta2),
+            ]
+        )
+        t1, f1, t2, f2 = efforts
+        t1, f1 = t1 - self.friction * w1, f1 - self.friction * v1
+        t2, f2 = t2 - self.friction * (w2 - w1), f2 - self.friction * v2
+        return M, np.array([t1 - t2, f1, t2, f2]) - bias - weight
+
+    def motion(self, y: Sequence[float], efforts: Sequence[float], held: Sequence[int]) -> tuple[Array, Array]:
+        """Accelerations (4,), and the forces (4,) that hold some sliders where they are."""
+        M, forces = self.equations(y, efforts)
+        free = [k for k in range(4) if k not in held]
+        qdd, hold = np.zeros(4), np.zeros(4)
+        qdd[free] = np.linalg.solve(M[np.ix_(free, free)], forces[free])
+        hold[list(held)] = (M @ qdd - forces)[list(held)]
+        return qdd, hold
+
+    def after(self, q: Array, qd: Array, efforts: Array, seconds: float, rtol: float = 1e-12) -> Array | None:
+        """q, qd (8,) after some seconds of constant efforts; None after too many contacts."""
+        from scipy.integrate import solve_ivp
+
+        y, t, held = np.concatenate([q, qd]), 0.0, {}
+        left: set[int] = set()
+        for _ in range(MOST_CONTACTS):
+            y, held = self._contacts(y, efforts, held, left)
+            joints = tuple(held)
+
+            def slope(_: float, y: Array, joints: tuple[int, ...] = joints) -> Array:
+                return np.concatenate([y[4:], self.motion(y, efforts, joints)[0]])
+
+            events, names = [], []
+            for joint in SLIDERS:
+                if joint in held:
+                    side = held[joint]
+                    events.append(_terminal(lambda t, y, j=joint, s=side, h=joints: s * self.motion(y, efforts, h)[1][j]))
+                    names.append((joint, 0.0))
+                else:
+                    events.append(_terminal(lambda t, y, j=joint: y[j] - self.upper))
+                    events.append(_terminal(lambda t, y, j=joint: -y[j]))
+                    names += [(joint, 1.0), (joint, -1.0)]
+            piece = solve_ivp(
+                slope, (t, seconds), y, "DOP853", events=events, rtol=rtol, atol=rtol, max_step=seconds / 40
+            )
+            t, y = float(piece.t[-1]), piece.y[:, -1].copy()
+            met = [name for name, times in zip(names, piece.t_events, strict=True) if len(times)]
+            left = {joint for joint, side in met if side == 0.0}
+            for joint, side in met:
+                if side != 0.0:
+                    y[joint] = self.upper if side > 0.0 else 0.0
+            if not met:
+                return y
+        return None
+
+    def _contacts(
+        self, y: Array, efforts: Array, held: dict[int, float], left: set[int]
+    ) -> tuple[Array, dict[int, float]]:
+        """Velocities after all impacts, and the sliders that rest then with their sides."""
+        sides = {j: 1.0 if y[j] >= self.upper else -1.0 for j in SLIDERS if y[j] >= self.upper or y[j] <= 0.0}
+        if not sides:
+            return y, {}
+        joints = list(sides)
+        s = np.array([sides[j] for j in joints])
+        y = y.copy()
+        M, _ = self.equations(y, efforts)
+        W = np.linalg.inv(M)[np.ix_(joints, joints)] * np.outer(s, s)
+        columns = np.linalg.inv(M)[:, joints] * s
+        for _ in range(MOST_CONTACTS):
+            u = s * y[4:][joints]
+            if not (u > ROUNDING).any():
+                break
+            struck = u + self.restitution * np.maximum(u, 0.0)
+            impulse = _complementary(W, struck)
+            y[4:] -= columns @ impulse
+            for j, p, before in zip(joints, impulse, u, strict=True):
+                if p > 0.0 and before > 0.0:
+                    y[4 + j] = -sides[j] * self.restitution * before
+        u = s * y[4:][joints]
+        qdd, _ = self.motion(y, efforts, [j for j in held if j in sides and j not in left])
+        free_qdd, _ = self.motion(y, efforts, [])
+        height = BOUNCE if self.restitution < 1.0 else 8.881784197001252e-16 * max(self.upper, 1.0)
+        resting = []
+        for j, speed, side in zip(joints, u, s, strict=True):
+            press = max(side * qdd[j], side * free_qdd[j])
+            if (j in held and speed > -ROUNDING) or (press > 0.0 and speed**2 <= 2.0 * press * height):
+                resting.append(j)
+        for count in range(len(resting), -1, -1):
+            for chosen in itertools.combinations(resting, count):
+                qdd, hold = self.motion(y, efforts, chosen)
+                pushed = all(sides[j] * hold[j] <= 0.0 for j in chosen)
+                stay_out = all(sides[j] * qdd[j] <= 0.0 for j in resting if j not in chosen)
+                if pushed and stay_out:
+                    if chosen:
+                        k = list(chosen)
+                        inverse = np.linalg.inv(M)
+                        y[4:] -= inverse[:, k] @ np.linalg.solve(inverse[np.ix_(k, k)], y[4:][k])
+                        y[4:][k] = 0.0
+                    return y, {j: sides[j] for j in chosen}
+        return y, {}
+
+
+def _terminal(function: Any) -> Any:
+    function.terminal, function.direction = True, 1.0
+    return function
+
+
+def _complementary(W: Array, d: Array) -> Array:
+    """p >= 0 with W p - d >= 0 and p (W p - d) = 0, by trying every set."""
+    n = len(d)
+    for count in range(n + 1):
+        for chosen in itertools.combinations(range(n), count):
+            p = np.zeros(n)
+            if chosen:
+                k = list(chosen)
+                p[k] = np.linalg.solve(W[np.ix_(k, k)], d[k])
+            if (p >= 0.0).all() and (W @ p - d >= -1e-12 * np.abs(d).max()).all():
+                return p
+    raise ValueError(f"no impulses fit the mobility {W.tolist()} and the speeds {d.tolist()}")
