@@ -13,7 +13,7 @@ from redundant_envs.extras import MissingPackage
 
 # Only argparse here: each command imports what it needs, so that --help is instant.
 
-STUDIES = ("throughput", "environments", "stops", "accuracy", "schematic")
+STUDIES = ("throughput", "environments", "stops", "impacts", "accuracy", "schematic")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -113,6 +113,13 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--lanes", type=int, default=4096)
     p.set_defaults(handler=stops)
     _add_study_out(p)
+    p = studies.add_parser("impacts", help="whether error control finds every impact at hard stops")
+    p.add_argument("--intervals", type=int, default=100_000, help="over all families")
+    p.add_argument("--families", type=int, default=12, help="drawn beside the named ones")
+    p.add_argument("--independent", type=int, default=100, help="intervals for SciPy, some 50 ms each")
+    p.add_argument("--seed", type=int, default=0)
+    p.set_defaults(handler=impacts)
+    _add_study_out(p)
     p = studies.add_parser("accuracy", help="error against cost, beside MuJoCo and SciPy")
     p.add_argument("--config", type=Path, metavar="YAML", help="default: configs/studies/accuracy.yaml")
     p.add_argument("--out", type=Path, default=Path("runs/studies"), metavar="FOLDER")
@@ -201,6 +208,17 @@ def stops(options: argparse.Namespace) -> None:
         raise ValueError(f"lanes is {options.lanes}; give at least 8")
     rows = study.run({"random actions": study.random_policy(0)}, options.lanes)
     _report(rows, study.COLUMNS, "states", options.out, "stops")
+
+
+def impacts(options: argparse.Namespace) -> None:
+    """Judge intervals of random scenes with hard stops."""
+    from redundant_envs.studies import hidden_impacts as study
+
+    for name, least in (("intervals", 1), ("families", 0), ("independent", 0), ("seed", 0)):
+        if getattr(options, name) < least:
+            raise ValueError(f"{name} is {getattr(options, name)}; give at least {least}")
+    rows = study.run(options.intervals, options.families, options.independent, options.seed)
+    _report(rows, study.COLUMNS, "family", options.out, "impacts")
 
 
 def accuracy(options: argparse.Namespace) -> None:

@@ -224,8 +224,8 @@ def elimination(
     """O(n) elimination of the second link, then a 2 x 2 system: no mass matrix is formed.
 
     Vectors stand in the frame of link 1 (components e along it, n across it). Every pivot (I, Kee,
-    D1) is a sum of positive numbers, so nothing cancels at extreme mass ratios or in line. All are
-    multiplied by I, and D1 by Kee too, so that no division waits for another.
+    D1) is a sum of positive numbers, and what would cancel is left out, so no digits are lost at extreme mass
+    ratios or in line. All are multiplied by I, and D1 by Kee too, so that no division waits for another.
 
     A slider with held > 0 stands still on its link (its rate is 0). The last two results are the
     forces along the sliders that hold them.
@@ -255,16 +255,24 @@ def elimination(
     # Slider 1 takes its share of the second link's pull along link 1, unless it is held.
     Knn = m2 * I + along * I * (s12 * s12) + kappa * (c12 * c12)
     base = Q1 - S1 * gn
-    # Kee fn + Ken fe without the terms that cancel: they would cost as many digits as m3 is heavier than m2.
-    free = K2 * (m23 * bn - pe * s12) + m23 * I * (c12 * pn) + Ken * Q2
-    D1 = where(held2 > 0.0, S1 * l1 * I + a * a * Knn, S1 * l1 * Kee + a * a * Kd)
+    arm = S1 * l1
+    moment = a * base + bn * arm
+    # What is left of Kee fn + Ken fe and Knn fe + Ken fn, since Kee Knn - Ken^2 = I m23 K2: the
+    # rest cancels, to as many digits as m3 is heavier than the others.
+    pull = K2 * pe
+    push = m23 * I * pn
+    across = pull * s12 - push * c12 - Ken * Q2
+    along_1 = Knn * Q2 - pull * c12 - push * s12
+    D1 = where(held2 > 0.0, arm * I + a * a * Knn, arm * Kee + a * a * Kd)
     inverse_D1 = 1.0 / D1
-    inverse_Kee = 1.0 / Kee
+    held_force = fn * I + Ken * be
     qdd1 = (
-        where(held2 > 0.0, base * I - a * (fn * I + Knn * bn + Ken * be), base * Kee - a * free) * inverse_D1
+        where(held2 > 0.0, base * I - a * (Knn * bn + held_force), base * Kee - a * (Kd * bn - across))
+        * inverse_D1
     )
-    y = a * qdd1 + bn  # acceleration of the slider across and along link 1
-    x = where(held2 > 0.0, be, (fe * I - Ken * y) * inverse_Kee)
+    # Acceleration of the slider across link 1, a qdd1 + bn, and along it.
+    y = where(held2 > 0.0, moment * I - a * a * held_force, moment * Kee + a * a * across) * inverse_D1
+    x = where(held2 > 0.0, be, (arm * I * fe - Ken * moment + a * a * along_1) * inverse_D1)
     qdd2 = where(held2 > 0.0, 0.0, x - be)
     qdd3 = (Q3 - b * coriolis - sigma * (x * s12 + y * c12)) * inverse_I
     along_2 = x * c12 - y * s12

@@ -19,10 +19,11 @@ from redundant_envs.effects import Gravity, PrismaticStop, ViscousFriction
 from redundant_envs.model.arms import RPRP
 from redundant_envs.model.batch import BatchSimulator, Numerics
 from redundant_envs.scene import Scene
+from redundant_envs.studies.independent_stops import StoppedArm
 
 COLUMNS = (
     "family", "control_dt", "effort", "travel", "masses", "restitution", "tolerance", "intervals", "judged",
-    "missed", "flagged", "spent", "largest_error", "events",
+    "missed", "flagged", "spent", "largest_error", "events", "judged_alone", "missed_alone",
 )  # fmt: skip
 FINE, FINER = 96, 160
 """Steps of the two references per control interval."""
@@ -190,13 +191,34 @@ def judge(family: Family, count: int, seed: int, misses: list[tuple[Array, ...]]
     return tally
 
 
-def run(intervals: int, families: int, seed: int = 0) -> list[dict[str, Any]]:
-    """Rows of ``COLUMNS``: named and drawn families, ``intervals`` in all."""
+def judge_independently(family: Family, count: int, seed: int) -> tuple[int, int]:
+    """Intervals judged by :mod:`independent_stops`, and those that are missed."""
+    q, qd, efforts = drawn_states(family, count, np.random.default_rng(seed))
+    scene = family.scene()
+    tips, status = ends(scene, q, qd, efforts)
+    robot: Any = scene.robot
+    arm = StoppedArm(
+        family.masses, family.lengths, family.g, family.friction, family.travel, family.restitution
+    )
+    judged = missed = 0
+    for i in np.flatnonzero(status.numerics == 0):
+        end = arm.after(q[i], qd[i], efforts[i], family.control_dt)
+        if end is not None:
+            judged += 1
+            error = np.linalg.norm(tips[i] - robot.forward_kinematics(end[:4]))
+            missed += int(not error <= LIMIT * family.tolerance)
+    return judged, missed
+
+
+def run(intervals: int, families: int, independent: int, seed: int = 0) -> list[dict[str, Any]]:
+    """Rows of ``COLUMNS``: named and drawn families, ``intervals`` in all, ``independent`` of them by an
+    account that shares no code."""
     chosen = [*NAMED, *drawn_families(families, seed)]
     each = -(-intervals // len(chosen))
     rows = []
     for i, family in enumerate(chosen):
         tally = judge(family, each, seed + i)
+        alone = judge_independently(family, -(-independent // len(chosen)), seed + i)
         rows.append(
             {
                 "family": i,
@@ -208,12 +230,15 @@ def run(intervals: int, families: int, seed: int = 0) -> list[dict[str, Any]]:
                 **dataclasses.asdict(tally),
                 "tolerance": family.tolerance,
                 "largest_error": f"{tally.largest_error:.1e}",
+                "judged_alone": alone[0],
+                "missed_alone": alone[1],
             }
         )
         row = rows[-1]
         print(
             f"impacts: family {i + 1}/{len(chosen)}: {row['missed']} missed of {row['judged']} judged, "
-            f"{row['flagged']} flagged, largest error {row['largest_error']} m",
+            f"{row['flagged']} flagged, largest error {row['largest_error']} m; by the other account "
+            f"{alone[1]} of {alone[0]}",
             file=sys.stderr,
         )
     return rows

@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+Array = NDArray[np.floating[Any]]
 SLIDERS = (1, 3)
 BOUNCE = 1e-9
 """A slider whose bounce stays below this comes to rest, m; elastic ones only if it is lost in rounding."""
 ROUNDING = 1e-13
 """A speed into a stop that is none, m/s."""
-MOST_CONTACTS = 2000
+MOST_CONTACTS = 600
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class StoppedArm:
     upper: float
     restitution: float
 
-    def equations(self, y: Sequence[float], efforts: Sequence[float]) -> tuple[Array, Array]:
+    def equations(self, y: Array, efforts: Array) -> tuple[Array, Array]:
         """Mass matrix (4, 4) and the forces on the right-hand side (4,) at q, qd = y."""
         theta1, r1, theta2, r2, w1, v1, w2, v2 = (float(x) for x in y)
         m1, m2, m3, m4 = self.masses
@@ -81,7 +81,7 @@ class StoppedArm:
         t2, f2 = t2 - self.friction * (w2 - w1), f2 - self.friction * v2
         return M, np.array([t1 - t2, f1, t2, f2]) - bias - weight
 
-    def motion(self, y: Sequence[float], efforts: Sequence[float], held: Sequence[int]) -> tuple[Array, Array]:
+    def motion(self, y: Array, efforts: Array, held: Sequence[int]) -> tuple[Array, Array]:
         """Accelerations (4,), and the forces (4,) that hold some sliders where they are."""
         M, forces = self.equations(y, efforts)
         free = [k for k in range(4) if k not in held]
@@ -94,7 +94,8 @@ class StoppedArm:
         """q, qd (8,) after some seconds of constant efforts; None after too many contacts."""
         from scipy.integrate import solve_ivp
 
-        y, t, held = np.concatenate([q, qd]), 0.0, {}
+        y, t = np.concatenate([q, qd]), 0.0
+        held: dict[int, float] = {}
         left: set[int] = set()
         for _ in range(MOST_CONTACTS):
             y, held = self._contacts(y, efforts, held, left)
@@ -106,12 +107,11 @@ class StoppedArm:
             events, names = [], []
             for joint in SLIDERS:
                 if joint in held:
-                    side = held[joint]
-                    events.append(_terminal(lambda t, y, j=joint, s=side, h=joints: s * self.motion(y, efforts, h)[1][j]))
+                    events.append(_terminal(t, self._pull, joint, held[joint], joints, efforts))
                     names.append((joint, 0.0))
                 else:
-                    events.append(_terminal(lambda t, y, j=joint: y[j] - self.upper))
-                    events.append(_terminal(lambda t, y, j=joint: -y[j]))
+                    events.append(_terminal(t, lambda y, j: y[j] - self.upper, joint))
+                    events.append(_terminal(t, lambda y, j: -y[j], joint))
                     names += [(joint, 1.0), (joint, -1.0)]
             piece = solve_ivp(
                 slope, (t, seconds), y, "DOP853", events=events, rtol=rtol, atol=rtol, max_step=seconds / 40
@@ -125,6 +125,10 @@ class StoppedArm:
             if not met:
                 return y
         return None
+
+    def _pull(self, y: Array, joint: int, side: float, held: Sequence[int], efforts: Array) -> float:
+        """How hard the stop of a resting slider would have to pull it, N."""
+        return float(side * self.motion(y, efforts, held)[1][joint])
 
     def _contacts(
         self, y: Array, efforts: Array, held: dict[int, float], left: set[int]
@@ -173,9 +177,17 @@ class StoppedArm:
         return y, {}
 
 
-def _terminal(function: Any) -> Any:
-    function.terminal, function.direction = True, 1.0
-    return function
+def _terminal(start: float, function: Any, *arguments: Any) -> Any:
+    """An event that ends a piece of motion where function(y, *arguments) becomes positive after its start.
+
+    At the start it may be 0: a slider that has just been struck or released.
+    """
+
+    def event(t: float, y: Array) -> float:
+        return float(function(y, *arguments)) if t > start else -1.0
+
+    event.terminal, event.direction = True, 1.0  # type: ignore[attr-defined]
+    return event
 
 
 def _complementary(W: Array, d: Array) -> Array:

@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
+from redundant_envs import algebra
 from redundant_envs.evaluators import arrays, cpu
 from redundant_envs.evaluators.assemble import assemble
-from redundant_envs.evaluators.binding import run
+from redundant_envs.evaluators.binding import bind, run
+from redundant_envs.integrators import error_control
+from redundant_envs.studies.verification import random_states
 
 e = rde.effects
 LAB = rde.FourR((1.0,) * 4, (0.5,) * 4)
@@ -200,3 +203,34 @@ def test_a_tolerance_that_cannot_be_is_refused(changes, words):
 def test_a_scene_with_a_tolerance_survives_its_file():
     scene = rde.Scene(LAB, FREE, tolerance=1e-9)
     assert rde.Scene.from_dict(scene.to_dict()) == scene
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-9])
+@pytest.mark.parametrize(
+    "arm", [rde.FourR((1.0,) * 4, (1.0, 1e-6, 1.0, 1e-6)), rde.FourR((1.0,) * 4, (1.0, 1e-5, 1.0, 1e-5))]
+)
+def test_tolerance_is_kept_with_nearly_vanishing_links(arm, tolerance):
+    """A link of a micrometre turns over within the interval, and the error of its angle grows with it."""
+    scene = rde.Scene(arm, (e.Gravity(),), tolerance=tolerance)
+    q, qd, _ = random_states(scene, 512, 0)
+    got, status = advance(scene, q, qd)
+    fine, finer = (
+        arm.forward_kinematics(advance(rde.Scene(arm, scene.effects, substeps=n), q, qd)[0][:, :4])
+        for n in (1024, 2048)
+    )
+    judged = np.linalg.norm(fine - finer, axis=1) <= 0.1 * tolerance
+    error = np.linalg.norm(arm.forward_kinematics(got[:, :4]) - finer, axis=1)
+    flagged = status.numerics != 0
+    assert judged.sum() > 200
+    assert np.mean((error > tolerance)[judged & ~flagged]) <= 1e-3
+    assert np.mean(flagged[judged]) <= 0.02
+
+
+def test_an_estimate_that_overflows_does_not_pass():
+    """The third-order estimate may be so large that its square is infinite: a blend of 0 would pass."""
+    names = {p: getattr(algebra, p) for p in algebra.PRIMITIVES}
+    blend = bind(error_control.blended_error, names)
+    assert blend(1e100, 1e200) > 1e100
+    assert blend(0.0, 0.0) == 0.0
+    assert blend(1e-200, 1e-200) == 0.0
+    assert blend(3e-7, 4e-6) == pytest.approx(3e-7**2 / np.hypot(3e-7, 4e-7), rel=1e-12)
