@@ -59,8 +59,9 @@ class PieceLines:
         if self.lanes.stops:
             values["phase"] = "where(fresh > 0.0, 2.0, where(contacts > 0.0, 1.0, 2.0))"
             zero = ["changes", "searched", "tries", "slide"]
-            zero += [f"{n}_{x}" for n in ("let_go", "cleared") for x in "ab"]
+            zero += [f"cleared_{x}" for x in "ab"]
             values |= dict.fromkeys(zero, "0.0")
+            values |= self.leaving()
             values |= {m: f"{m}_before" for m in (*self.lanes.modes, *self.lanes.log[:1])}
         writes = {name: f"where({now}, {value}, {name})" for name, value in values.items()}
         writes["newly"] = "0.0"
@@ -195,7 +196,8 @@ class PieceLines:
                 writes[f"cleared_{x}"] = (
                     f"where(again > 0.0, cleared_{x}_new, where(due > 0.0, 0.0, cleared_{x}))"
                 )
-                writes[f"let_go_{x}"] = f"where(goes + back > 0.0, 0.0, let_go_{x})"
+                leaves = self.leaving()[f"let_go_{x}"]
+                writes[f"let_go_{x}"] = f"where(back > 0.0, {leaves}, where(goes > 0.0, 0.0, let_go_{x}))"
                 writes[f"hold_{x}_from"] = f"where(goes > 0.0, hold_{x}, hold_{x}_from)"
             writes |= {
                 "touching": "where(phase_new == 1.0, 1.0, 0.0)",
@@ -205,6 +207,12 @@ class PieceLines:
             if self.lanes.log:
                 writes["logged"] = "where(back > 0.0, logged_before, logged)"
         return a.lane_function("decide", "After a piece of motion: what a lane does next.", lines, writes)
+
+    def leaving(self) -> dict[str, str]:
+        """Rows that keep a slider from resting, at the start of an interval."""
+        rule = self.lanes.use(stops.leaves_stop)
+        start = "place_{0}_before, rate_{0}_before, mode_{0}_before, lower_{0}, upper_{0}"
+        return {f"let_go_{x}": f"{rule}({start.format(x)})" for x in "ab"}
 
     def change(self) -> list[str]:
         """Lines that tell by how much an interval came out otherwise than the time before, m at the tip."""

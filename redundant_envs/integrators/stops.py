@@ -103,6 +103,15 @@ def starts_at_stop(q0, v0, mode, lower, upper):
 
 
 @physics
+def leaves_stop(q0, v0, mode, lower, upper):
+    """Whether a free slider starts at a stop and moves away from it: it does not come to rest there, however
+    slow it is."""
+    up = where(q0 >= upper, where(v0 < 0.0, 1.0, 0.0), 0.0)
+    down = where(q0 <= lower, where(v0 > 0.0, 1.0, 0.0), 0.0)
+    return where(mode == 0.0, either(up, down), 0.0)
+
+
+@physics
 def near(q0, v0, q1, v1, h, least, most, unseen, mode, lower, upper):
     """Whether a free slider may meet a stop in a step; 0 is certain."""
     lo, hi = bounds(q0, least, most, unseen, lower, upper)

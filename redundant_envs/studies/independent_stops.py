@@ -113,16 +113,19 @@ class StoppedArm:
                     events.append(_terminal(t, lambda y, j: y[j] - self.upper, joint))
                     events.append(_terminal(t, lambda y, j: -y[j], joint))
                     names += [(joint, 1.0), (joint, -1.0)]
+            # SciPy sees the ends of its steps only: they start short, where bounces are.
+            first, longest = min(1e-9, 0.5 * (seconds - t)), seconds / 40
             piece = solve_ivp(
-                slope, (t, seconds), y, "DOP853", events=events, rtol=rtol, atol=rtol, max_step=seconds / 40
-            )
+                slope, (t, seconds), y, "DOP853", events=events, rtol=rtol, atol=rtol,
+                max_step=longest, first_step=first,
+            )  # fmt: skip
             t, y = float(piece.t[-1]), piece.y[:, -1].copy()
             met = [name for name, times in zip(names, piece.t_events, strict=True) if len(times)]
             left = {joint for joint, side in met if side == 0.0}
             for joint, side in met:
                 if side != 0.0:
                     y[joint] = self.upper if side > 0.0 else 0.0
-            if not met:
+            if not met or t >= seconds:
                 return y
         return None
 
