@@ -25,23 +25,28 @@ def turning_time(q0, v0, q1, v1, h):
 
 
 @physics
-def meeting(q0, v0, q1, v1, h, least, most, unseen, lower, upper):
+def meeting(q0, v0, q1, v1, h, least, most, first, last, unseen, unseen_end, lower, upper):
     """How a step meets a stop, and when its motion turns.
 
     0: not at all. 1 or -1: it ends beyond the upper or lower one, which it passes once. 2 or -2: it
     turns once, and may be beyond the upper or lower one then. 4: it may pass them more often than its
     ends and its turn tell.
 
-    ``least`` and ``most`` are the accelerations at the stages; ``unseen`` is explained in ``bounds``. A
+    ``least``, ``most``, ``first`` and ``last`` are accelerations at the stages, explained in ``bounds``. A
     velocity that keeps its sign meets a stop once at most, an acceleration that does turns once.
     """
-    lo, hi = bounds(q0, least, most, unseen, lower, upper)
+    lo, hi = bounds(q0, least, most, first, last, unseen, unseen_end, lower, upper)
     above, below = excursions(q0, v0, q1, v1, h, lo, hi, lower, upper)
     close = closeness(q0, lower, upper)
     sinks = h * minimum(lo, 0.0)
     lifts = h * maximum(hi, 0.0)
     rising = where(v0 + sinks >= 0.0, 1.0, where(v1 - lifts >= 0.0, 1.0, 0.0))
     falling = where(v0 + lifts <= 0.0, 1.0, where(v1 - sinks <= 0.0, 1.0, 0.0))
+    # While an acceleration grows, or falls, its velocity stays below, or above, its ends.
+    grows = where(first <= least, where(last >= most, 1.0, 0.0), 0.0)
+    falls = where(first >= most, where(last <= least, 1.0, 0.0), 0.0)
+    falling = where(maximum(v0, v1) <= 0.0, maximum(falling, grows), falling)
+    rising = where(minimum(v0, v1) >= 0.0, maximum(rising, falls), rising)
     turning = (1.0 - rising) * (1.0 - falling)
     ends = where(q1 > upper, 1.0, where(q1 < lower, -1.0, 0.0))
     # A motion with q'' <= hi < 0 is at most v0^2 / (2 |hi|) above its start, and so from its end.

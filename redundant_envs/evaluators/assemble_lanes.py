@@ -291,9 +291,9 @@ class LaneSteps:
             near, pulled = self.use(stops.near), self.use(stops.pulled)
             for x in "ab":
                 start = f"place_{x}_before, rate_{x}_before, place_{x}, rate_{x}, h"
-                unseen = f"least_{x}, most_{x}, {self.at_stops.unseen}"
-                lines.append(f"near_{x} = {near}({start}, {unseen}, mode_{x}, lower_{x}, upper_{x})")
-                lines.append(f"pulled_{x} = {pulled}(mode_{x}, {unseen})")
+                seen = self.at_stops.seen(x)
+                lines.append(f"near_{x} = {near}({start}, {seen}, mode_{x}, lower_{x}, upper_{x})")
+                lines.append(f"pulled_{x} = {pulled}(mode_{x}, {seen})")
             mark = "where(pulled_a + pulled_b > 0.0, 2.0, "
             mark += f"where(near_a + near_b > 0.0, {NEAR}, 0.0))"
         if self.plan_of_steps == "fixed":

@@ -96,7 +96,7 @@ class PieceLines:
                 *self.lanes.at_stops.begun("from"),
                 *self.lanes.at_stops.begun("before"),
                 f"smooth = {float(METHODS[a.scene.integrator].stages > 1)}",
-                f"unseen = {self.lanes.at_stops.unseen}",
+                f"unseen, unseen_end = {', '.join(self.lanes.at_stops.unseen)}",
                 *self.lanes.at_stops.mobilities,
                 self.lanes.call(stops.decide),
             ]

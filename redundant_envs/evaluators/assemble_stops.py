@@ -86,7 +86,7 @@ class StopLines:
         lines = [*self.sliders, *self.begun(origin)]
         for x, (_, hook) in zip("ab", self.stops, strict=False):
             start = f"place_{x}_{origin}, rate_{x}_{origin}, place_{x}, rate_{x}, h"
-            numbers = f"least_{x}, most_{x}, {self.unseen}, lower_{x}, upper_{x}"
+            numbers = f"{self.seen(x)}, lower_{x}, upper_{x}"
             lines.append(f"met_{x}_now, turns_{x}_now = {self.use(hook.function)}({start}, {numbers})")
         return lines
 
@@ -97,9 +97,14 @@ class StopLines:
         return [f"waa = mobility{sa}_a", f"wab = mobility{sa}_b", f"wbb = mobility{sb}_b"]
 
     @property
-    def unseen(self) -> str:
-        """What accelerations may do between the stages of a step, as text."""
-        return repr(METHODS[self.assembly.scene.integrator].unseen)
+    def unseen(self) -> tuple[str, str]:
+        """What accelerations may do between the stages of a step and near its ends, as text."""
+        method = METHODS[self.assembly.scene.integrator]
+        return repr(method.unseen(at_ends=False)), repr(method.unseen(at_ends=True))
+
+    def seen(self, x: str) -> str:
+        """Arguments that tell of the accelerations of a slider in a step, or of its stop's pull."""
+        return f"least_{x}, most_{x}, accel_{x}_first, accel_{x}_last, {', '.join(self.unseen)}"
 
     def held(self) -> list[str]:
         """The step with sliders at rest, and the contacts."""
@@ -153,7 +158,7 @@ class StopLines:
                 {
                     **writes,
                     **a.error_writes,
-                    **self.accelerations(),
+                    **self.accelerations(joints),
                     **{
                         f"{end}_{x}": f"where(held{k} > 0.0, pull_{x}_{end}, accel_{x}_{end})"
                         for x, k in zip("ab", joints, strict=True)
@@ -170,6 +175,10 @@ class StopLines:
                     f"{end}_{x}": f"where(held{k} > 0.0, {rule}({end}_{x}, pull_{x}), {end}_{x})"
                     for x, k in zip("ab", joints, strict=True)
                     for end, rule in (("least", "minimum"), ("most", "maximum"))
+                }
+                | {
+                    f"accel_{x}_last": f"where(held{k} > 0.0, pull_{x}, accel_{x}_last)"
+                    for x, k in zip("ab", joints, strict=True)
                 },
             ),
             a.lane_function(
@@ -186,15 +195,17 @@ class StopLines:
             ),
         ]
 
-    def accelerations(self) -> dict[str, str]:
-        """Rows of the accelerations of the sliders at the first and the last stage of a step."""
+    def accelerations(self, joints: list[int]) -> dict[str, str]:
+        """Rows of the accelerations of free sliders, or pulls of resting ones, at both ends of a step."""
         a = self.assembly
         last = METHODS[a.scene.integrator].stages - 1
         named = {
             x: f"{a.scene.robot.rates[hook.joint]}_k" for x, (_, hook) in zip("ab", self.stops, strict=True)
         }
         return {
-            f"accel_{x}_{n}": f"{k}{i}" for x, k in named.items() for n, i in (("first", 0), ("last", last))
+            f"accel_{x}_{n}": f"where(held{j} > 0.0, pull_{x}_k{i}, {k}{i})"
+            for (x, k), j in zip(named.items(), joints, strict=True)
+            for n, i in (("first", 0), ("last", last))
         }
 
     def extremes(self) -> list[str]:

@@ -48,10 +48,10 @@ def step_lines(
     states = (*positions, *velocities, *extra)
     if method.name == "euler":
         rates = [f"{s}_k0" for s in (*velocities, *extra)]
-        seen = [f"{w}_least" for w in watched]
+        seen = [f"{w}_k0" for w in watched]
         return [
             f"{', '.join((*rates, *seen))}, = {call.format(', '.join(states))}",
-            *(f"{w}_most = {w}_least" for w in watched),
+            *(line for w in watched for line in extremes(w, f"{w}_k0", first=True)),
             *(f"{s}_new = {s} + h * {s}_k0" for s in (*velocities, *extra)),
             *(f"{p}_new = {p} + h * {v}_new" for p, v in zip(positions, velocities, strict=True)),
         ]

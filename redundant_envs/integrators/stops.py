@@ -62,15 +62,16 @@ def at_stop(q, mode, lower, upper):
 
 
 @physics
-def bounds(q0, least, most, unseen, lower, upper):
+def bounds(q0, least, most, first, last, unseen, unseen_end, lower, upper):
     """Bounds of an acceleration in a step, from its least and greatest value at the stages.
 
-    ``unseen`` is what a parabola may add between the stages, in units of that range. A slider that
-    starts at its stop was struck or released there, so its first stage is an end of the range: nothing
-    is added towards that stop.
+    ``unseen`` is what a parabola may add between the stages, in units of that range, and ``unseen_end``
+    if its first or last value is the greatest. A slider that starts at its stop was struck or released
+    there, so its first stage is an end of the range: nothing is added towards that stop.
     """
-    extra = unseen * (most - least)
-    return where(q0 > lower, least - extra, least), where(q0 < upper, most + extra, most)
+    down = where(least < minimum(first, last), unseen, unseen_end) * (most - least)
+    up = where(most > maximum(first, last), unseen, unseen_end) * (most - least)
+    return where(q0 > lower, least - down, least), where(q0 < upper, most + up, most)
 
 
 @physics
@@ -112,18 +113,19 @@ def leaves_stop(q0, v0, mode, lower, upper):
 
 
 @physics
-def near(q0, v0, q1, v1, h, least, most, unseen, mode, lower, upper):
+def near(q0, v0, q1, v1, h, least, most, first, last, unseen, unseen_end, mode, lower, upper):
     """Whether a free slider may meet a stop in a step; 0 is certain."""
-    lo, hi = bounds(q0, least, most, unseen, lower, upper)
+    lo, hi = bounds(q0, least, most, first, last, unseen, unseen_end, lower, upper)
     above, below = excursions(q0, v0, q1, v1, h, lo, hi, lower, upper)
     ends = either(abs(beyond(q1, mode, lower, upper)), starts_at_stop(q0, v0, mode, lower, upper))
     return where(mode == 0.0, either(ends, either(above, below)), 0.0)
 
 
 @physics
-def pulled(mode, least, most, unseen):
+def pulled(mode, least, most, first, last, unseen, unseen_end):
     """How hard the stop of a resting slider may have to pull it at any time of a step; 0 if not at all."""
-    return where(mode == 0.0, 0.0, maximum(most + unseen * (most - least), 0.0))
+    share = where(most > maximum(first, last), unseen, unseen_end)
+    return where(mode == 0.0, 0.0, maximum(most + share * (most - least), 0.0))
 
 
 @physics
@@ -214,7 +216,7 @@ def arrived(there, sought, limit, place, rate, mode, close, lower, upper):
     "cleared_a_new cleared_b_new"
 )
 def decide(
-    due, phase, h, left, good, smooth, least_a, least_b, most_a, most_b, unseen, waa, wbb,
+    due, phase, h, left, good, smooth, least_a, least_b, most_a, most_b, unseen, unseen_end, waa, wbb,
     target, side, low, high, gap_low, gap_high, tries,
     place_a, place_b, rate_a, rate_b, place_a_from, place_b_from, rate_a_from, rate_b_from,
     accel_a_first, accel_b_first, accel_a_last, accel_b_last,
@@ -237,8 +239,16 @@ def decide(
 
     # A slider that may come to its stop and leave it, or be pulled though not at the end, is followed in
     # half the piece, until no such motion is possible or it would be lost in rounding.
-    pulled_a = where(mode_a * hold_a > 0.0, 0.0, pulled(mode_a, least_a, most_a, unseen))
-    pulled_b = where(mode_b * hold_b > 0.0, 0.0, pulled(mode_b, least_b, most_b, unseen))
+    pulled_a = where(
+        mode_a * hold_a > 0.0,
+        0.0,
+        pulled(mode_a, least_a, most_a, accel_a_first, accel_a_last, unseen, unseen_end),
+    )
+    pulled_b = where(
+        mode_b * hold_b > 0.0,
+        0.0,
+        pulled(mode_b, least_b, most_b, accel_b_first, accel_b_last, unseen, unseen_end),
+    )
     unclear_a = where(mode_a == 0.0, equal(met_a, 4.0), where(pulled_a * waa * h * h > close_a, 1.0, 0.0))
     unclear_b = where(mode_b == 0.0, equal(met_b, 4.0), where(pulled_b * wbb * h * h > close_b, 1.0, 0.0))
     halve = tried * either(unclear_a, unclear_b)

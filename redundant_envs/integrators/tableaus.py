@@ -27,17 +27,21 @@ class Tableau:
         """Evaluations of the right-hand side per step."""
         return len(self.b)
 
-    @property
-    def unseen(self) -> float:
+    def unseen(self, at_ends: bool) -> float:
         """By how much a parabola may leave the range of its values at the nodes, in units of that range.
 
-        The largest over all places of its vertex between two nodes; found on a grid of those.
+        The largest over all places of its vertex whose nearest node is the first or last one, or is
+        not; found on a grid of those.
         """
         if self.stages == 1:
             return 0.0
-        vertices = [k / 1000 for k in range(1001)]
-        squares = [[(c - vertex) ** 2 for c in self.c] for vertex in vertices]
-        return max(min(values) / (max(values) - min(values)) for values in squares)
+        shares = []
+        for vertex in (k / 1000 for k in range(1001)):
+            squares = {c: (c - vertex) ** 2 for c in self.c}
+            nearest = min(squares, key=lambda c: squares[c])
+            if (nearest in (0.0, 1.0)) == at_ends:
+                shares.append(squares[nearest] / (max(squares.values()) - squares[nearest]))
+        return max(shares)
 
 
 EULER = Tableau(name="euler", order=1, a=((),), b=(1.0,), c=(0.0,))

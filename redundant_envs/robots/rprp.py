@@ -246,9 +246,9 @@ def elimination(
     squared = w2 * w2
     coriolis = 2.0 * m4 * (v2 * w2)
     pe = where(held4 > 0.0, -sigma * squared, Q4 - S3 * squared)
-    pn = (sigma * Q3 - S3 * r2 * coriolis) * inverse_I
-    fe = Q2 - pe * c12 - pn * s12
-    fn = pn * c12 - pe * s12
+    pn = sigma * Q3 - S3 * r2 * coriolis  # times I
+    fe = I * (Q2 - pe * c12) - pn * s12
+    fn = pn * c12 - I * (pe * s12)
     gn = ay * c1 - ax * s1
     be = ax * c1 + ay * s1 - a * w1 * w1
     bn = gn + 2.0 * v1 * w1
@@ -260,24 +260,24 @@ def elimination(
     # What is left of Kee fn + Ken fe and Knn fe + Ken fn, since Kee Knn - Ken^2 = I m23 K2: the
     # rest cancels, to as many digits as m3 is heavier than the others.
     pull = K2 * pe
-    push = m23 * I * pn
+    push = m23 * pn
     across = pull * s12 - push * c12 - Ken * Q2
     along_1 = Knn * Q2 - pull * c12 - push * s12
     D1 = where(held2 > 0.0, arm * I + a * a * Knn, arm * Kee + a * a * Kd)
     inverse_D1 = 1.0 / D1
-    held_force = fn * I + Ken * be
+    held_force = fn + Ken * be
     qdd1 = (
         where(held2 > 0.0, base * I - a * (Knn * bn + held_force), base * Kee - a * (Kd * bn - across))
         * inverse_D1
     )
     # Acceleration of the slider across link 1, a qdd1 + bn, and along it.
     y = where(held2 > 0.0, moment * I - a * a * held_force, moment * Kee + a * a * across) * inverse_D1
-    x = where(held2 > 0.0, be, (arm * I * fe - Ken * moment + a * a * along_1) * inverse_D1)
+    x = where(held2 > 0.0, be, (arm * fe - Ken * moment + a * a * along_1) * inverse_D1)
     qdd2 = where(held2 > 0.0, 0.0, x - be)
     qdd3 = (Q3 - b * coriolis - sigma * (x * s12 + y * c12)) * inverse_I
     along_2 = x * c12 - y * s12
     qdd4 = where(held4 > 0.0, 0.0, Q4 * inverse_m4 + b * squared - along_2)
-    hold2 = (Kee * x + Ken * y) * inverse_I - fe
+    hold2 = (Kee * x + Ken * y - fe) * inverse_I
     hold4 = m4 * (along_2 - b * squared) - Q4
     return qdd1, qdd2, qdd3, qdd4, hold2, hold4
 

@@ -169,7 +169,8 @@ def test_what_is_not_near_a_stop_does_not_meet_one():
     met, quiet = 0, 0
     for _ in range(20000):
         (q0, q1), (v0, v1), h = rng.uniform(-0.2, 0.2, 2), rng.normal(0.0, 3.0, 2), 0.02
-        step = (q0, v0, q1, v1, h, *np.sort(rng.normal(0.0, 2000.0, 2)), 0.1)
+        least, most = np.sort(rng.normal(0.0, 2000.0, 2))
+        step = (q0, v0, q1, v1, h, least, most, *rng.uniform(least, most, 2), 0.1, 0.01)
         place, _ = meeting(*step, -0.2, 0.2)
         close = near(*step, 0.0, -0.2, 0.2)
         assert close > 0.0 or place == 0.0
