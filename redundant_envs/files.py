@@ -154,6 +154,7 @@ def parse_yaml(text: str, where: str) -> Any:
 
 def _with_lines(text: str, where: str) -> Any:
     """The same, with the line of every key."""
+    loader = None
     try:
         loader = _Reader(text)
         try:
@@ -170,6 +171,9 @@ def _with_lines(text: str, where: str) -> Any:
         line = mark.line + 1 if mark else 1
         parts = (" ".join(str(p).split()) for p in (error.context, error.problem) if p)
         problem = f"it is no valid YAML: {', '.join(parts)[: 2 * LONGEST]}"
+    except Exception as error:  # PyYAML lets errors of int() and chr() through, as of "\\UFFFFFFFF"
+        line = loader.line + 1 if loader else 1
+        problem = f"it is no valid YAML: an escape or a number is out of range ({shown(str(error))})"
     raise ValueError(f"{where}, line {line}: {problem}")
 
 

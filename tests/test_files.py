@@ -48,6 +48,9 @@ BAD = {
     "not UTF-8": (ROBOT.encode() + b"# \xff\n", "line 2: it is no UTF-8"),
     "UTF-16": (ROBOT.encode("utf-16"), "line 1: it is no UTF-8"),
     "NUL": (ROBOT.encode() + b"integrator: r\x00k8\n", "line 2: it has the character"),
+    "character beyond Unicode": ((ROBOT + 'x: "\\UFFFFFFFF"\n').encode(), "line 2: it is no valid YAML"),
+    "character just beyond": ((ROBOT + '"\\U00110000": 1\n').encode(), "line 2: it is no valid YAML"),
+    "long version": (f"%YAML 1.{'1' * 5000}\n---\n{ROBOT}".encode(), "line 1: it is no valid YAML"),
     "empty": (b"", "scene is None; give a mapping"),
     "list": (b"- 1\n", "scene is [1]; give a mapping"),
     "number": (b"5\n", "scene is 5; give a mapping"),
@@ -128,7 +131,18 @@ def test_a_bad_training_file_exits_with_2(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    "value", ["*a", "&a 1", "!!python/name:os.system", "[" * 5000, "9" * 400, "{a: 1, a: 2}", "\x00"]
+    "value",
+    [
+        "*a",
+        "&a 1",
+        "!!python/name:os.system",
+        "[" * 5000,
+        "9" * 400,
+        "{a: 1, a: 2}",
+        "\x00",
+        r'"\UFFFFFFFF"',
+        r'"\U00110000"',
+    ],
 )
 def test_a_bad_override_is_refused(value):
     with pytest.raises(ValueError, match=r"^the value .*, line 1: ") as error:
