@@ -37,6 +37,7 @@ from redundant_envs.model.snapshot import (
 from redundant_envs.scene import Scene, scene_at
 from redundant_envs.tasks.limits import hard_stops, narrowed, spring_limits
 from redundant_envs.tasks.reach import ReachTask
+from redundant_envs.values import shown
 
 OPTION_KEYS = ("q", "qd", "goal", "parameters")
 STATE_KEYS = ("numbers", "keys", "mask", "waiting", "generators", "simulator")
@@ -44,6 +45,8 @@ MADE_ANEW = (
     "_kernel", "_goal_reward", "keys", "mask", "_no_actions", "_memory", "_out", "_column",
 )  # fmt: skip
 """Attributes of a core that its copies do not take over: compiled code and views of other arrays."""
+LARGEST_WHOLE = 2**53
+"""Largest number of control steps: floats count exactly up to it."""
 FLOAT32 = np.dtype(np.float32)  # a singleton: comparing by identity is quicker
 Checked = tuple[parameters.Table | None, list[tuple[tuple[str, ...], NDArray[np.float64]]]]
 """What options of a reset set, all valid: parameters, and rows with their numbers."""
@@ -433,16 +436,22 @@ def refuse_bad_action(actions: NDArray[np.float32]) -> None:
         )
 
 
-def episode_limit(max_episode_steps: int | None) -> float:
+def episode_limit(max_episode_steps: Any) -> float:
     """Control steps until truncation; None and -1 mean never."""
-    if max_episode_steps is None or max_episode_steps == -1:
+    whole = isinstance(max_episode_steps, int | np.integer)
+    if max_episode_steps is None or (whole and max_episode_steps == -1):
         return float("inf")
+    number = isinstance(max_episode_steps, int | float | np.integer | np.floating)
     if (
-        isinstance(max_episode_steps, bool)
+        not number
+        or isinstance(max_episode_steps, bool)
+        or not 1 <= max_episode_steps <= LARGEST_WHOLE
         or max_episode_steps != int(max_episode_steps)
-        or max_episode_steps < 1
     ):
-        raise ValueError(f"max_episode_steps is {max_episode_steps!r}; give at least 1, or -1 for no limit")
+        raise ValueError(
+            f"max_episode_steps is {shown(max_episode_steps)}; give a whole number of at least 1, or -1 "
+            "for no limit"
+        )
     return float(max_episode_steps)
 
 

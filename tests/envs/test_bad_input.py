@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
+from redundant_envs.envs.named import RPRPReachVectorEnv
 
 ID = "redundant_envs/RPRPReach-v0"
 
@@ -41,6 +42,27 @@ def test_unknown_keyword_is_refused():
         gym.make(ID, efects=1)
     with pytest.raises(ValueError, match=r"make_sb3 has no argument 'efects'; valid: scene"):
         rde.make_sb3(ID, 2, efects=1)
+
+
+@pytest.mark.parametrize(
+    "limit",
+    [float("inf"), float("nan"), [1], (3,), "100", 1.5, 0, -2, True, 10**400, {}, np.array([3]), 1j],
+    ids=lambda limit: type(limit).__name__,
+)
+def test_an_episode_limit_is_a_whole_number_on_every_face(limit):
+    for make in (
+        lambda: gym.make_vec(ID, 2, max_episode_steps=limit),
+        lambda: rde.make_sb3(ID, 2, max_episode_steps=limit),
+        lambda: RPRPReachVectorEnv("rprp_reach", 2, max_episode_steps=limit),
+    ):
+        with pytest.raises(ValueError, match=r"^max_episode_steps is .*; give a whole number") as error:
+            make()
+        assert len(str(error.value)) < 300
+
+
+@pytest.mark.parametrize("limit", [None, -1, 1, 5.0, np.int64(7), 2**53])
+def test_an_episode_limit_may_be_any_whole_number_or_none(limit):
+    rde.make_sb3(ID, 2, max_episode_steps=limit).reset()
 
 
 def scene_with(**robot):
