@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from redundant_envs.envs.registration import ids
+from redundant_envs.envs.registration import ARGUMENTS, ids
 from redundant_envs.files import exists, explained, read_yaml, text_value
 from redundant_envs.scene import scene_folder
 from redundant_envs.values import shown
@@ -18,6 +18,76 @@ LARGEST_WHOLE = 2**53
 """Largest whole number in a configuration: every float up to it is exact."""
 SEEDS_PER_RUN = 10_000
 """Environment seeds of a run: seed * 10 000 and up, one per environment."""
+
+Range = tuple[float, float]
+RANGES: dict[str, dict[str, Range]] = {
+    "": {
+        "seed": (0, 99),  # higher ones would meet the evaluation goals
+        "num_envs": (1, SEEDS_PER_RUN),  # more would meet the environments of the next seed
+        "total_steps": (1, 1e12),
+        "max_seconds": (1e-6, float("inf")),
+        "torch_threads": (1, 1024),
+        "selection_every": (1, 1e12),
+        "selection_episodes": (1, 1e6),  # more would meet the goals of the evaluation, and so below
+        "evaluation_episodes": (1, 1e6),
+    },
+    "env_kwargs.": {
+        "max_episode_steps": (1, 1e6),  # without an end no evaluation would end
+    },
+    "ppo.": {
+        "n_steps": (1, 1e6),
+        "batch_size": (2, 1e8),  # advantages are normalized in a batch
+        "n_epochs": (1, 1000),
+        "learning_rate": (1e-12, 1),
+        "gamma": (0, 1),
+        "gae_lambda": (0, 1),
+        "clip_range": (1e-6, 10),
+        "ent_coef": (0, 100),
+        "log_std_init": (-20, 5),
+    },
+    "sac.": {
+        "buffer_size": (1, 1e8),
+        "learning_starts": (0, 1e9),
+        "batch_size": (1, 1e6),
+        "learning_rate": (1e-12, 1),
+        "gamma": (0, 1),
+        "tau": (1e-9, 1),
+        "train_freq": (1, 1e6),
+        "gradient_steps": (1, 10_000),
+        "ent_coef": (0, 100),
+    },
+}
+"""Least and largest value of each number, both allowed."""
+WIDTHS: Range = (1, 2048)
+"""Of a layer of a net."""
+MOST_LAYERS = 8
+MOST_SAMPLES = 10**8
+"""Between two updates of PPO: what a rollout holds in memory."""
+
+
+def check_range(name: str, value: Any, allowed: Range, whole: bool) -> None:
+    """ValueError if a number is of another kind, or outside its range."""
+    if isinstance(value, bool) or not isinstance(value, int if whole else int | float):
+        raise ValueError(f"{name} is {shown(value)}; give a {'whole ' if whole else ''}number")
+    low, high = allowed
+    if not low <= value <= high:
+        bounds = f"from {low:g} to {high:g}" if high < float("inf") else f"of at least {low:g}"
+        raise ValueError(f"{name} is {shown(value)}; give a {'whole ' if whole else ''}number {bounds}")
+
+
+def check_numbers(where: str, settings: Any) -> None:
+    """ValueError if a number of settings is outside its range of ``RANGES``."""
+    whole = {f.name: f.type == "int" for f in dataclasses.fields(settings)}
+    for name, allowed in RANGES[where].items():
+        check_range(f"{where}{name}", getattr(settings, name), allowed, whole[name])
+
+
+def check_net(name: str, widths: Sequence[int]) -> None:
+    """ValueError if a net has too many layers, or one of a width that is out of range."""
+    if len(widths) > MOST_LAYERS:
+        raise ValueError(f"{name} has {len(widths)} layers; give at most {MOST_LAYERS}")
+    for i, width in enumerate(widths):
+        check_range(f"{name}[{i}]", width, WIDTHS, whole=True)
 
 
 @dataclass(frozen=True)
@@ -34,6 +104,10 @@ class PPOSettings:
     ent_coef: float = 0.0
     log_std_init: float = -0.5
     net_arch: tuple[int, ...] = (64, 64)
+
+    def __post_init__(self) -> None:
+        check_numbers("ppo.", self)
+        check_net("ppo.net_arch", self.net_arch)
 
 
 @dataclass(frozen=True)
@@ -55,6 +129,10 @@ class SACSettings:
     ent_coef: float = 0.001
     net_arch: tuple[int, ...] = (64, 64)
 
+    def __post_init__(self) -> None:
+        check_numbers("sac.", self)
+        check_net("sac.net_arch", self.net_arch)
+
 
 @dataclass(frozen=True)
 class Config:
@@ -62,7 +140,8 @@ class Config:
 
     Attributes
     ----------
-    env : registered id; ``env_kwargs`` are those of ``redundant_envs.make_sb3``
+    env : registered id; ``env_kwargs`` are those of ``redundant_envs.make_sb3``, without the number of
+        environments and what draws them
     algo : "ppo" or "sac"
     seed : of the learner and, times 10 000, of the environments (below 100)
     num_envs, total_steps : environments in parallel; environment steps in all
@@ -91,32 +170,20 @@ class Config:
             raise ValueError(f"algo is {shown(self.algo)}; choose {', '.join(ALGORITHMS)}")
         if self.env not in ids():
             raise ValueError(f"env is {shown(self.env)}; choose {', '.join(ids())}")
-        if not 0 <= self.seed < 100:
-            raise ValueError(
-                f"seed is {self.seed}; choose 0..99: higher ones would meet the evaluation goals"
-            )
-        for name in ("num_envs", "total_steps", "torch_threads", "selection_every",
-                     "selection_episodes", "evaluation_episodes"):  # fmt: skip
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} is {getattr(self, name)}; it must be at least 1")
-        if not self.max_seconds > 0.0:
-            raise ValueError(f"max_seconds is {self.max_seconds}; it must be positive")
-        for name, most in (
-            ("num_envs", SEEDS_PER_RUN),
-            ("evaluation_episodes", 1_000_000),
-            ("selection_episodes", 1_000_000),
-        ):
-            if getattr(self, name) > most:
+        check_numbers("", self)
+        for name in self.env_kwargs:
+            if name not in ARGUMENTS:
                 raise ValueError(
-                    f"{name} is {getattr(self, name)}; at most {most}, or goals of training, "
-                    "selection and evaluation would meet"
+                    f"env_kwargs has the unknown key {shown(name)}; valid: {', '.join(ARGUMENTS)}"
                 )
-        for name in ("n_steps", "batch_size", "n_epochs", "learning_rate"):
-            if getattr(self.ppo, name) <= 0:
-                raise ValueError(f"ppo.{name} is {getattr(self.ppo, name)}; it must be positive")
-        for name in ("buffer_size", "batch_size", "learning_rate", "train_freq"):
-            if getattr(self.sac, name) <= 0:
-                raise ValueError(f"sac.{name} is {getattr(self.sac, name)}; it must be positive")
+        for name, allowed in RANGES["env_kwargs."].items():
+            if name in self.env_kwargs:
+                check_range(f"env_kwargs.{name}", self.env_kwargs[name], allowed, whole=True)
+        if self.algo == "ppo" and self.num_envs * self.ppo.n_steps > MOST_SAMPLES:
+            raise ValueError(
+                f"ppo.n_steps is {self.ppo.n_steps}; with {self.num_envs} environments give at most "
+                f"{MOST_SAMPLES // self.num_envs}"
+            )
         if self.algo == "ppo" and (self.num_envs * self.ppo.n_steps) % self.ppo.batch_size:
             total = self.num_envs * self.ppo.n_steps
             raise ValueError(

@@ -8,6 +8,9 @@ NAMESPACE = "redundant_envs"
 MAX_EPISODE_STEPS = 100
 SCENES = {"RPRP": "rprp_reach", "FourR": "four_r_reach"}
 
+ARGUMENTS = ("scene", "accuracy", "task", "on_bad_action", "max_episode_steps")
+"""What all environments take at their making, beside their number and what draws them."""
+
 
 def ids() -> list[str]:
     """All registered ids."""

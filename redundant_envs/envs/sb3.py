@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from redundant_envs.envs.core import Core, check_action, checked_seed, refuse_bad_action
 from redundant_envs.envs.lane_values import LANE_VALUES, LaneValues
-from redundant_envs.envs.registration import ids
+from redundant_envs.envs.registration import ARGUMENTS, ids
 from redundant_envs.envs.vector_env import (
     ON_BAD_ACTION,
     info_columns,
@@ -240,7 +240,7 @@ def make_sb3(env_id: str, num_envs: int = 256, **kwargs: Any) -> SB3VecEnv:
         raise ValueError(f"num_envs is {num_envs!r}; give a whole number of at least 1")
     spec = gym.spec(full)
     arguments = {"max_episode_steps": spec.max_episode_steps, **spec.kwargs, **kwargs}
-    valid = ("scene", "accuracy", "task", "on_bad_action", "render_mode", "max_episode_steps")
+    valid = (*ARGUMENTS, "render_mode")
     for key in arguments:
         if key not in valid:
             raise ValueError(f"make_sb3 has no argument {key!r}; valid: {', '.join(valid)}")

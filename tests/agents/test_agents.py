@@ -1,5 +1,6 @@
 """Configurations, statistics, and one small run from YAML to report."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 import yaml
 
 from agents.__main__ import main
-from agents.config import load
+from agents.config import RANGES, Config, PPOSettings, SACSettings, load
 from agents.statistics import wilson
 
 CONFIG = "configs/training/rprp_reach_ppo.yaml"
@@ -19,7 +20,7 @@ CONFIG = "configs/training/rprp_reach_ppo.yaml"
         (["sed=3"], ["sed", "valid:", "seed"]),
         (["ppo.gama=0.9"], ["ppo.gama", "ppo.gamma"]),
         (["seed=1.5"], ["seed", "1.5", "whole"]),
-        (["seed=200"], ["seed", "200", "0..99"]),
+        (["seed=200"], ["seed", "200", "from 0 to 99"]),
         (["algo=dqn"], ["algo", "dqn", "ppo"]),
         (["ppo.batch_size=1000"], ["ppo.batch_size", "1000", "16384"]),
         (["ppo.learning_rate=fast"], ["ppo.learning_rate", "fast"]),
@@ -27,10 +28,34 @@ CONFIG = "configs/training/rprp_reach_ppo.yaml"
         (["num_envs=0"], ["num_envs", "0"]),
         (["num_envs=20480"], ["num_envs", "20480", "10000"]),
         (["env=nope"], ["env", "nope", "RPRPReach-v0"]),
-        (["ppo.batch_size=0"], ["ppo.batch_size", "0", "positive"]),
+        (["ppo.batch_size=0"], ["ppo.batch_size", "0", "from 2 to 1e+08"]),
         (["ppo=3"], ["ppo", "3", "mapping"]),
         (["total_steps=.inf"], ["total_steps", "inf", "whole"]),
         (["max_seconds=-1"], ["max_seconds", "-1"]),
+        (["env_kwargs.num_envs=3"], ["env_kwargs", "'num_envs'", "max_episode_steps"]),
+        (["env_kwargs.env_id=x"], ["env_kwargs", "'env_id'", "accuracy"]),
+        (["env_kwargs.render_mode=human"], ["env_kwargs", "'render_mode'", "accuracy"]),
+        (["env_kwargs={1: 2}"], ["env_kwargs", "key 1;", "accuracy"]),
+        *(
+            ([f"env_kwargs.max_episode_steps={value}"], ["env_kwargs.max_episode_steps is", "whole number"])
+            for value in (".inf", ".nan", "[1]", "abc", "-1", "0", "1.5", "null", "9" * 90)
+        ),
+        (["ppo.net_arch=[-1]"], ["ppo.net_arch[0] is -1", "from 1 to 2048"]),
+        (["ppo.net_arch=[64, 0]"], ["ppo.net_arch[1] is 0", "from 1 to 2048"]),
+        (["sac.net_arch=[9007199254740992]"], ["sac.net_arch[0] is 9007199254740992", "from 1 to 2048"]),
+        (["ppo.net_arch=[1, 1, 1, 1, 1, 1, 1, 1, 1]"], ["ppo.net_arch has 9 layers", "at most 8"]),
+        (["ppo.n_steps=9007199254740992"], ["ppo.n_steps is 9007199254740992", "from 1 to"]),
+        (["ppo.n_steps=1000000"], ["ppo.n_steps is 1000000", "512 environments", "at most 195312"]),
+        (["sac.buffer_size=9007199254740992"], ["sac.buffer_size is 9007199254740992", "from 1 to"]),
+        (["ppo.batch_size=1"], ["ppo.batch_size is 1;", "from 2 to"]),
+        (["ppo.gamma=.nan"], ["ppo.gamma is nan", "from 0 to 1"]),
+        (["ppo.learning_rate=.inf"], ["ppo.learning_rate is inf", "to 1"]),
+        (["ppo.log_std_init=1e6"], ["ppo.log_std_init is 1000000.0", "from -20 to 5"]),
+        (["torch_threads=9007199254740992"], ["torch_threads is 9007199254740992", "from 1 to 1024"]),
+        (["ppo.clip_range=-1"], ["ppo.clip_range is -1", "from"]),
+        (["sac.gradient_steps=-7"], ["sac.gradient_steps is -7", "from 1 to 10000"]),
+        (["sac.learning_starts=-1"], ["sac.learning_starts is -1", "from 0 to"]),
+        (["max_seconds=.nan"], ["max_seconds is nan", "at least"]),
     ],
 )
 def test_bad_overrides_name_the_key_and_the_valid_ones(overrides, words):
@@ -38,6 +63,12 @@ def test_bad_overrides_name_the_key_and_the_valid_ones(overrides, words):
         load(CONFIG, overrides)
     for word in words:
         assert word in str(error.value)
+
+
+def test_every_number_of_a_configuration_has_a_range():
+    for where, kind in (("", Config), ("ppo.", PPOSettings), ("sac.", SACSettings)):
+        numbers = {f.name for f in dataclasses.fields(kind) if f.type in ("int", "float")}
+        assert set(RANGES[where]) == numbers
 
 
 def test_overrides_reach_their_place():

@@ -267,7 +267,7 @@ def test_a_file_cut_short_is_one_error(trust, run):
 def test_a_configuration_that_asks_for_all_memory_is_refused(run):
     folder, _ = run
     config = build(
-        Config, {**KINDS["ppo"], "num_envs": 4, "ppo": {"batch_size": 64, "net_arch": [10**6] * 2}}, ""
+        Config, {**KINDS["ppo"], "num_envs": 4, "ppo": {"batch_size": 64, "net_arch": [2048] * 2}}, ""
     )
     with pytest.raises(ValueError, match="net_arch"):
         load_policy(folder, config)
