@@ -31,10 +31,12 @@ def play(
     path : Path, optional
         GIF or MP4 by its ending; without it a window opens.
     episodes, seed : int
-        Episode i has the seed ``seed + i``.
+        How many, at least 1; episode i has the seed ``seed + i``.
     trust : bool
         That of :func:`load_policy`.
     """
+    if episodes < 1:
+        raise ValueError(f"episodes is {episodes}; give at least 1")
     if path is not None:
         check_clip(path)
     else:

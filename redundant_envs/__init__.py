@@ -33,8 +33,9 @@ _HOMES = {
 }
 __all__ = [
     "RPRP", "BatchSimulator", "Event", "FourR", "Numerics", "Scene", "check_vec_env", "effects",
-    "evaluators", "load_scene", "make_sb3", "simulate",
+    "evaluators", "load_scene", "simulate",
 ]  # fmt: skip
+"""The public names, but for ``make_sb3``: it needs the extra "train", and ``import *`` must not."""
 
 _registration.register()
 

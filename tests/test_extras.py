@@ -33,6 +33,8 @@ COMMANDS = {
     "figures, pillow": (LIBRARY, SIMULATE, "PIL", "plot"),
     "clip": (LIBRARY, [*SIMULATE, "--clip", "a.gif"], "imageio", "plot"),
     "clip as MP4": (LIBRARY, [*SIMULATE, "--clip", "a.mp4"], "imageio_ffmpeg", "plot"),
+    "study accuracy": (LIBRARY, ["study", "accuracy"], "matplotlib", "plot"),
+    "study accuracy, pillow": (LIBRARY, ["study", "accuracy"], "PIL", "plot"),
     "train": (AGENTS, ["train", "rprp_reach_ppo"], "stable_baselines3", "train"),
     "train, torch": (AGENTS, ["train", "rprp_reach_ppo"], "torch", "train"),
     "train, matplotlib": (AGENTS, ["train", "rprp_reach_ppo"], "matplotlib", "plot"),
@@ -96,6 +98,17 @@ def test_simulate_keeps_its_numbers_without_matplotlib(tmp_path):
     done = run(LIBRARY.format(SIMULATE), "matplotlib", tmp_path)
     assert "four_r_free.csv is written" in done.stderr
     assert (tmp_path / "runs" / "simulate" / "four_r_free.csv").stat().st_size > 100
+
+
+@pytest.mark.parametrize("package", ["stable_baselines3", "torch", "matplotlib"])
+def test_all_names_can_be_imported_without_an_extra(package, tmp_path):
+    program = (
+        "from redundant_envs import *; import redundant_envs as rde\n"
+        "assert all(name in globals() for name in rde.__all__) and BatchSimulator and load_scene\n"
+        "assert 'make_sb3' in dir(rde)"
+    )
+    done = run(program, package, tmp_path)
+    assert done.returncode == 0, done.stderr
 
 
 def test_a_package_that_is_there_but_broken_tells_why():

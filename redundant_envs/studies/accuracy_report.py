@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from redundant_envs.extras import MissingPackage
+from redundant_envs.extras import needs
 from redundant_envs.studies import accuracy
 from redundant_envs.studies.accuracy import Answer, PanelResult, Row
 from redundant_envs.studies.accuracy_config import PEERS, Study
@@ -184,19 +184,18 @@ def markdown(study: Study, results: Sequence[PanelResult], command: str, figures
 
 def write(study: Study, command: str, folder: Path) -> list[Path]:
     """Run a study and write the page, both tables as CSV, and the figures; returns their paths."""
+    with needs("plot"):  # before the minutes that the study takes
+        import matplotlib  # noqa: F401
+        import PIL  # noqa: F401
     results = accuracy.run(study)
     tables = folder / "accuracy.csv", folder / "accuracy_long.csv"
     write_rows([row for r in results for row in r.rows], accuracy.COLUMNS, tables[0])
     write_rows([row for r in results for row in r.long_rows], accuracy.long_columns(study), tables[1])
     page = folder / "accuracy.md"
     page.write_text(markdown(study, results, command, []), encoding="utf-8")
-    # After the numbers: those are kept where matplotlib is missing.
     from redundant_envs.studies import accuracy_plots
 
-    try:
-        figures = accuracy_plots.save_figures(results, study.control_dt, folder)
-    except MissingPackage as error:
-        raise MissingPackage(f"{error} ({page} is written)") from error
+    figures = accuracy_plots.save_figures(results, study.control_dt, folder)
     shown = [path for path in figures if path.suffix == ".png"]
     page.write_text(markdown(study, results, command, shown), encoding="utf-8")
     return [page, *tables, *figures]

@@ -65,6 +65,15 @@ def test_bad_overrides_name_the_key_and_the_valid_ones(overrides, words):
         assert word in str(error.value)
 
 
+@pytest.mark.parametrize("episodes", ["0", "-3"])
+@pytest.mark.parametrize("clip", [["--clip", "x.gif"], []])
+def test_playing_no_episodes_is_refused(episodes, clip, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["play", "RPRPReach-v0", *clip, "--episodes", episodes]) == 2
+    assert f"episodes is {episodes}; give at least 1" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
 def test_every_number_of_a_configuration_has_a_range():
     for where, kind in (("", Config), ("ppo.", PPOSettings), ("sac.", SACSettings)):
         numbers = {f.name for f in dataclasses.fields(kind) if f.type in ("int", "float")}
