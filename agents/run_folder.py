@@ -11,16 +11,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from redundant_envs.envs.registration import ids
+from redundant_envs.values import shown
+
 from . import COMMAND
-from .config import Config, load
+from .config import ALGORITHMS, RANGES, Config, load
 
 SELECTION = ("env_steps", "seconds", "hold_success", "return")
 """Columns of selection.csv."""
 EPISODES = ("seed", "hold", "touch", "distance", "return", "expert_hold", "expert_distance")
 """Columns of episodes.csv."""
 RATES = ("hold_success", "touch_success", "expert_hold_success")
-NUMBERS = ("seed", "episodes", *RATES, "median_distance", "expert_median_distance")
+DISTANCES = ("median_distance", "expert_median_distance")
 FACTS = ("env_steps", "train_seconds")
+MOST = 1e15
+"""Largest number of a run: of its steps, seconds and metres."""
+MOST_CHARACTERS = 200
+"""Of the name of a machine."""
 
 
 def read_config(folder: Path) -> Config:
@@ -41,16 +48,24 @@ def read_evaluation(folder: Path) -> dict[str, Any]:
         raise ValueError(f"run folder {folder} has no evaluation.json; make it: {COMMAND} evaluate {folder}")
     data = _read_json(path, f"{COMMAND} evaluate {folder}")
     low_high = data.get("interval")
-    checks = {name: _is_number(data.get(name)) for name in NUMBERS}
+    checks = {name: _is_number(data.get(name)) for name in DISTANCES}
+    checks |= {name: _is_number(data.get(name), 1) for name in RATES}
     checks |= {name: data.get(name) is None or _is_number(data[name]) for name in FACTS}
-    checks |= {name: isinstance(data.get(name), str) for name in ("env", "algo")}
-    checks["interval"] = isinstance(low_high, list) and list(map(_is_number, low_high)) == [True, True]
+    for name in ("seed", "episodes"):
+        low, high = RANGES[""]["seed" if name == "seed" else "evaluation_episodes"]
+        checks[name] = isinstance(data.get(name), int) and _is_number(data[name], high) and data[name] >= low
+    checks["env"], checks["algo"] = data.get("env") in ids(), data.get("algo") in ALGORITHMS
+    checks["interval"] = (
+        isinstance(low_high, list)
+        and [_is_number(rate, 1) for rate in low_high] == [True, True]
+        and low_high[0] <= low_high[1]
+    )
     versions = data.get("versions")
-    checks["versions"] = isinstance(versions, dict) and isinstance(versions.get("machine"), str)
+    checks["versions"] = isinstance(versions, dict) and _is_line(versions.get("machine"))
     for name, holds in checks.items():
         if not holds:
             raise ValueError(
-                f"{path} has {data.get(name)!r} as {name!r}; make it anew: {COMMAND} evaluate {folder}"
+                f"{path} has {shown(data.get(name))} as {name!r}; make it anew: {COMMAND} evaluate {folder}"
             )
     return data
 
@@ -63,7 +78,7 @@ def read_facts(folder: Path) -> dict[str, Any]:
     data = _read_json(path, f"{COMMAND} train {folder}/config.yaml --out NEW_FOLDER")
     for name in FACTS:
         if not _is_number(data.get(name)):
-            raise ValueError(f"{path} has {data.get(name)!r} as {name!r}; delete it to go on without")
+            raise ValueError(f"{path} has {shown(data.get(name))} as {name!r}; delete it to go on without")
     return {name: data[name] for name in FACTS}
 
 
@@ -103,5 +118,11 @@ def _read_json(path: Path, remedy: str) -> dict[str, Any]:
     return data
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < float("inf")
+def _is_number(value: Any, most: float = MOST) -> bool:
+    """Whether a value is a number from 0 to ``most``; none of those of a run is negative."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value <= most
+
+
+def _is_line(value: Any) -> bool:
+    """Whether a value is a text that may stand in a line of a table."""
+    return isinstance(value, str) and value.isprintable() and len(value) <= MOST_CHARACTERS

@@ -9,7 +9,7 @@ from redundant_envs.envs import registration as _registration
 if TYPE_CHECKING:
     from redundant_envs import effects, evaluators
     from redundant_envs.envs.check import check_vec_env
-    from redundant_envs.envs.sb3 import make_sb3
+    from redundant_envs.envs.sb3 import make_sb3 as make_sb3  # not in __all__
     from redundant_envs.model.arms import RPRP, FourR
     from redundant_envs.model.batch import BatchSimulator, Event, Numerics
     from redundant_envs.model.trajectory import simulate

@@ -193,6 +193,35 @@ def test_a_missing_or_damaged_file_is_named_with_the_command_that_makes_it(damag
         assert len(error.splitlines()) == 1
 
 
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("env", "a\nb"), ("env", "x" * 100_000), ("env", []), ("algo", "p\n| p"), ("algo", "x" * 100_000),
+        ("algo", {}), ("episodes", -1), ("episodes", 0), ("episodes", 10.5), ("episodes", True),
+        ("episodes", 10**400), ("seed", -1), ("seed", 10**400), ("hold_success", 1.01), ("hold_success", -0.1),
+        ("touch_success", 10**400), ("expert_hold_success", 2), ("median_distance", -1),
+        ("median_distance", 10**400), ("expert_median_distance", 10**400), ("interval", [0.5, 10**400]),
+        ("interval", [0.5, 1.5]), ("interval", [0.6, 0.5]), ("interval", [0.5]), ("env_steps", 10**400),
+        ("env_steps", -5), ("train_seconds", 10**400), ("versions", {"machine": "a\nb"}),
+        ("versions", {"machine": "x" * 100_000}), ("versions", {}),
+    ],
+)  # fmt: skip
+def test_a_value_that_no_evaluation_has_is_refused_by_file_and_field(field, value, tmp_path, capsys):
+    source = Path(__file__).parents[2] / "docs" / "results" / "runs" / "rprp_ppo_0" / "evaluation.json"
+    data = json.loads(source.read_text())
+    path = tmp_path / "evaluation.json"
+    path.write_text(json.dumps(data))
+    assert main(["table", str(tmp_path)]) == 0
+    path.write_text(json.dumps({**data, field: value}))
+    capsys.readouterr()
+    assert main(["table", str(tmp_path)]) == 2
+    error = capsys.readouterr().err
+    assert f"{path} has " in error
+    assert f"as {field!r}; make it anew" in error
+    assert len(error.splitlines()) == 1
+    assert len(error) < 1000
+
+
 def test_a_report_evaluates_a_run_that_has_no_evaluation(run):
     before = json.loads((run / "evaluation.json").read_text())
     (run / "evaluation.json").unlink()
