@@ -245,10 +245,11 @@ class Core:
             return None, []
         for key in options:
             if key not in OPTION_KEYS:
-                raise ValueError(f"options has the unknown key {key!r}; valid: {', '.join(OPTION_KEYS)}")
+                raise ValueError(f"options has the unknown key {shown(key)}; valid: {', '.join(OPTION_KEYS)}")
         given = options.get("parameters")
         if self.fixed_geometry and isinstance(given, Mapping):
-            moved = [n for n in given if n == "lengths" or n.startswith(("limit_spring.", "prismatic_stop."))]
+            names = [n for n in given if isinstance(n, str)]
+            moved = [n for n in names if n == "lengths" or n.startswith(("limit_spring.", "prismatic_stop."))]
             if moved:
                 raise ValueError(
                     f"parameter is {moved[0]!r}; goal environments keep lengths and travel, because "
@@ -387,6 +388,15 @@ class Core:
             "fixed_geometry": self.fixed_geometry,
         }
         return simulator_facts(self.assembly, self.num_envs, more)
+
+
+def checked_options(options: Any) -> dict[str, Any]:
+    """Options of a reset as a dictionary of their own, or a ValueError if they are no mapping."""
+    if options is None:
+        return {}
+    if not isinstance(options, Mapping):
+        raise ValueError(f"options is {shown(options)}; give a mapping with some of {', '.join(OPTION_KEYS)}")
+    return dict(options)
 
 
 def checked_seed(name: str, seed: Any) -> int | None:

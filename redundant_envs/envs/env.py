@@ -11,7 +11,14 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from redundant_envs.envs.core import Core, check_action, checked_seed, plain_scene, refuse_bad_action
+from redundant_envs.envs.core import (
+    Core,
+    check_action,
+    checked_options,
+    checked_seed,
+    plain_scene,
+    refuse_bad_action,
+)
 from redundant_envs.envs.lane_values import LaneValue
 from redundant_envs.envs.vector_env import (
     ON_BAD_ACTION,
@@ -101,7 +108,7 @@ class ReachEnv(LaneValue, gym.Env[Any, Any]):
             "q", "qd": (4,); "goal": (2,) [m]; "parameters": {name: numbers}, set on top of the
             scene's own and kept until a reset gives "parameters" again ({} returns to the scene's).
         """
-        options = dict(options or {})
+        options = checked_options(options)
         if "reset_mask" in options:
             raise ValueError("options['reset_mask'] belongs to vector environments")
         lanes = np.ones(1, dtype=np.bool_)

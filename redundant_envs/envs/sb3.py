@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
-from redundant_envs.envs.core import Core, check_action, checked_seed, refuse_bad_action
+from redundant_envs.envs.core import Core, check_action, checked_options, checked_seed, refuse_bad_action
 from redundant_envs.envs.lane_values import LANE_VALUES, LaneValues
 from redundant_envs.envs.registration import ARGUMENTS, ids
 from redundant_envs.envs.vector_env import (
@@ -113,7 +113,10 @@ class SB3VecEnv(LaneValues, VecEnv):
         """Options of the next reset: one mapping for all environments, or a list of one for each."""
         if isinstance(options, list | tuple) and len(options) != self.num_envs:
             raise ValueError(f"options has {len(options)} entries; give one per environment, {self.num_envs}")
-        super().set_options(options)
+        if isinstance(options, list | tuple):
+            self._options = [checked_options(one) for one in options]
+        else:
+            super().set_options(checked_options(options))
 
     def step_async(self, actions: NDArray[Any]) -> None:
         """Keep the actions for :meth:`step_wait`."""

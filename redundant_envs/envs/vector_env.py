@@ -16,6 +16,7 @@ from redundant_envs.envs.core import (
     STATE_KEYS,
     Core,
     check_action,
+    checked_options,
     checked_seed,
     plain_scene,
     refuse_bad_action,
@@ -173,7 +174,7 @@ class ReachVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
             Parameters are set on top of the scene's own and stay, through autoresets too, until
             a reset of the environment gives "parameters" again ({} returns to the scene's).
         """
-        options = dict(options or {})
+        options = checked_options(options)
         mask = options.pop("reset_mask", None)
         if mask is None:
             mask = np.ones(self.num_envs, dtype=np.bool_)

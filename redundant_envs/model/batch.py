@@ -6,6 +6,7 @@ import copy
 import enum
 import itertools
 import os
+import sys
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.model import parameters
 from redundant_envs.model.snapshot import check_facts, check_keys, check_numbers, simulator_facts
 from redundant_envs.scene import Scene
+from redundant_envs.values import shown
 
 MADE_ANEW = ("_kernel", "_parts", "_scratch", "_pool", "_process", "_unchanging")
 """Attributes of a simulator that its copies do not take over."""
@@ -276,7 +278,7 @@ class BatchSimulator:
         if efforts is None:
             table = np.zeros((n, 4))
         else:
-            table = np.asarray(efforts, dtype=np.float64)
+            table = parameters.numbers("efforts", efforts)
             if table.shape != (n, 4):
                 table = self._table("efforts", efforts, n, 4)
             if not table.flags.carray:
@@ -308,8 +310,9 @@ class BatchSimulator:
 
     def advance_partly(self, efforts: ArrayLike | None, duration: float) -> Status:
         """Advance by ``duration`` [s] instead of a control interval, in as many substeps."""
-        if not 0.0 < duration < np.inf:
-            raise ValueError(f"duration is {duration} s; it must be finite and positive")
+        number = isinstance(duration, int | float | np.integer | np.floating)
+        if not number or not 0.0 < duration <= sys.float_info.max:
+            raise ValueError(f"duration is {shown(duration)} s; it must be a finite and positive number")
         rows = self._memory.rows
         h = self._memory.blocks[:, [rows["h"], rows["interval"]]].copy()
         self._memory.blocks[:, rows["h"]] = duration / self.scene.substeps
@@ -340,7 +343,7 @@ class BatchSimulator:
 
     @staticmethod
     def _table(name: str, values: ArrayLike, lanes: int, width: int) -> NDArray[np.float64]:
-        table = np.asarray(values, dtype=np.float64)
+        table = parameters.numbers(name, values)
         if table.shape not in ((width,), (lanes, width)):
             raise ValueError(f"{name} has shape {table.shape}; give ({width},) or ({lanes}, {width})")
         return np.broadcast_to(table, (lanes, width))

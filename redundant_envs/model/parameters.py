@@ -13,6 +13,7 @@ from redundant_envs.effects.hooks import Impact
 from redundant_envs.evaluators import cpu
 from redundant_envs.robots.parameters import LARGEST, LARGEST_RATIO, SMALLEST
 from redundant_envs.scene import Scene, identifier
+from redundant_envs.values import shown
 
 Table = dict[str, NDArray[np.float64]]
 """Parameter name -> values of some lanes."""
@@ -23,12 +24,23 @@ def names_of(scene: Scene, name: str) -> list[str]:
     parameters = scene.parameters()
     if name in ("masses", "lengths"):
         return [p for p in parameters if p[0] == name[0] and p[1:].isdigit()]
-    if "." in name:
+    if isinstance(name, str) and "." in name:
         found = [p for p in parameters if p == name or p.startswith(f"{name}[")]
         if found:
             return found
     valid = ["masses", "lengths", *sorted({p.split("[")[0] for p in parameters if "." in p})]
-    raise ValueError(f"parameter is {name!r}; this scene has {', '.join(valid)}")
+    raise ValueError(f"parameter is {shown(name)}; this scene has {', '.join(valid)}")
+
+
+def numbers(name: str, values: Any) -> NDArray[np.float64]:
+    """Real numbers as an array; a ValueError that names them if they are anything else."""
+    try:
+        array = np.asarray(values)
+    except Exception:  # lists of different lengths, and objects that fail in any way
+        array = np.array(None)
+    if array.dtype.kind not in "biuf":
+        raise ValueError(f"{name} is {shown(values)}; give real numbers, a list of them or an array")
+    return array.astype(np.float64, copy=False)
 
 
 def table(name: str, values: ArrayLike, lanes: int, width: int) -> NDArray[np.float64]:
@@ -36,7 +48,7 @@ def table(name: str, values: ArrayLike, lanes: int, width: int) -> NDArray[np.fl
 
     A parameter that is a single number also takes (lanes,).
     """
-    array = np.asarray(values, dtype=np.float64)
+    array = numbers(name, values)
     if array.ndim == 0:
         array = np.full(width, array)
     elif width == 1 and array.shape == (lanes,):
@@ -70,7 +82,7 @@ def lane_values(
     """
     nominal = scene.parameters()
     if not isinstance(given, Mapping):
-        raise ValueError(f"parameters is {given!r}; give a mapping of names to numbers")
+        raise ValueError(f"parameters is {shown(given)}; give a mapping of names to numbers")
     if fresh:
         values = {p: np.full(len(lanes), v) for p, v in nominal.items()}
     else:

@@ -198,7 +198,8 @@ def test_a_missing_or_damaged_file_is_named_with_the_command_that_makes_it(damag
     [
         ("env", "a\nb"), ("env", "x" * 100_000), ("env", []), ("algo", "p\n| p"), ("algo", "x" * 100_000),
         ("algo", {}), ("episodes", -1), ("episodes", 0), ("episodes", 10.5), ("episodes", True),
-        ("episodes", 10**400), ("seed", -1), ("seed", 10**400), ("hold_success", 1.01), ("hold_success", -0.1),
+        ("episodes", 10**400), ("seed", -1), ("seed", 10**400), ("hold_success", 1.01),
+        ("hold_success", -0.1),
         ("touch_success", 10**400), ("expert_hold_success", 2), ("median_distance", -1),
         ("median_distance", 10**400), ("expert_median_distance", 10**400), ("interval", [0.5, 10**400]),
         ("interval", [0.5, 1.5]), ("interval", [0.6, 0.5]), ("interval", [0.5]), ("env_steps", 10**400),

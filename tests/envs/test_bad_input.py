@@ -45,6 +45,53 @@ def test_unknown_keyword_is_refused():
 
 
 @pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (5, "options is 5; give a mapping"), ([1], "options is|options has 1 entries"),
+        ("q", "options is 'q'"),
+        ({5: 1}, "options has the unknown key 5"), ({"q": object()}, "options['q'] is <object"),
+        ({"q": "abc"}, "options['q'] is 'abc'; give real numbers"), ({"q": [[1], [1, 2]]}, "options['q'] is"),
+        ({"qd": {}}, "options['qd'] is {}"), ({"goal": 1j}, "options['goal'] is 1j; give real numbers"),
+        ({"goal": np.array([1j, 0])}, "options['goal'] is"), ({"goal": [10**400, 0]}, "options['goal'] is"),
+        ({"parameters": 5}, "parameters is 5; give a mapping"),
+        ({"parameters": {5: 1}}, "parameter is 5; this scene has masses"),
+        ({"parameters": {"masses": {}}}, "masses is {}; give real numbers"),
+        ({"parameters": {"masses": None}}, "masses is None; give real numbers"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("env_id", [ID, "redundant_envs/FourRGoalReach-v0"])
+def test_options_of_a_wrong_kind_are_refused_by_name_on_every_face(options, words, env_id):
+    def reset_sb3():
+        env = rde.make_sb3(env_id, 2)
+        env.set_options(options)
+        env.reset()
+
+    for reset in (
+        lambda: gym.make(env_id).reset(options=options),
+        lambda: gym.make_vec(env_id, 2).reset(options=options),
+        reset_sb3,
+    ):
+        with pytest.raises(ValueError) as error:
+            reset()
+        assert any(word in str(error.value) for word in words.split("|"))
+        assert len(str(error.value)) < 300
+
+
+@pytest.mark.parametrize("duration", ["a", None, [1], 1j, 0, -1.0, float("inf"), float("nan"), 10**400])
+def test_a_duration_is_a_positive_number(duration):
+    batch = rde.BatchSimulator(rde.load_scene("four_r_free"), 2)
+    with pytest.raises(ValueError, match=r"^duration is .* finite and positive"):
+        batch.advance_partly(None, duration)
+
+
+@pytest.mark.parametrize("efforts", ["a", 1j, {}, [[1], [1, 2]], np.array([1j] * 4), [10**400] * 4])
+def test_efforts_are_real_numbers(efforts):
+    batch = rde.BatchSimulator(rde.load_scene("four_r_free"), 2)
+    with pytest.raises(ValueError, match=r"^efforts is .*; give real numbers"):
+        batch.advance(efforts)
+
+
+@pytest.mark.parametrize(
     "limit",
     [float("inf"), float("nan"), [1], (3,), "100", 1.5, 0, -2, True, 10**400, {}, np.array([3]), 1j],
     ids=lambda limit: type(limit).__name__,
