@@ -74,6 +74,19 @@ def test_an_impact_before_another_event_of_the_same_slider_is_found(tolerance):
     np.testing.assert_allclose(motion.q, other.q, rtol=0, atol=1e-12)
 
 
+@pytest.mark.parametrize(
+    "kwargs", [{"tolerance": 1e-6}, {"tolerance": 1e-10}, {"integrator": "dop853"}], ids=str
+)
+def test_a_slider_that_leaves_its_stop_slowly_does_not_rest_there_at_the_start(kwargs):
+    """The other one strikes at once and moves it; at rest it would not."""
+    arm, stop = rde.RPRP((0.5,) * 4, (0.25, 0.25)), rde.effects.PrismaticStop((0.0, 0.0), (0.25, 0.25), 0.9)
+    state = ((0.5, 1e-10, 0.9, 0.0), (3.0, -1.9, 3.0, 1e-4), [0.02], (0.0, 0.0, 0.0, -5.0))
+    fine = rde.simulate(rde.Scene(arm, (stop,), substeps=96), *state)
+    motion = rde.simulate(rde.Scene(arm, (stop,), **kwargs), *state)
+    assert all(event.kind != "rest" for event in motion.events)
+    np.testing.assert_allclose(motion.q, fine.q, rtol=0, atol=1e-6)
+
+
 @pytest.mark.parametrize("number", range(len(hidden_impacts.NAMED)))
 def test_no_interval_of_a_family_hides_an_impact(number):
     """Of every thousand, up to 43 did. ``study impacts`` judges a million."""
