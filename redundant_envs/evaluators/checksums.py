@@ -10,6 +10,8 @@ from pathlib import Path
 
 FILE = "checksums.json"
 """Written last: a folder without it was left unfinished."""
+LARGEST = 1_000_000
+"""Bytes that the file of checksums has at most; it has some hundreds for each file of a module."""
 
 
 def write_whole(path: Path, text: str) -> None:
@@ -21,8 +23,15 @@ def write_whole(path: Path, text: str) -> None:
 
 
 def checksum(path: Path) -> str:
-    """SHA-256 of a file."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    """SHA-256 of a file; OSError if it is none, such as a pipe, which would be read without end."""
+    return hashlib.sha256(_regular(path).read_bytes()).hexdigest()
+
+
+def _regular(path: Path) -> Path:
+    """A path that is a file, or OSError."""
+    if not path.is_file():
+        raise OSError(f"{path} is no file")
+    return path
 
 
 def write_checksums(folder: Path) -> None:
@@ -38,11 +47,13 @@ def is_whole(folder: Path, needed: tuple[str, ...], text: str) -> bool:
     This finds accidents. It cannot protect from one who may write to the folder.
     """
     try:
+        if _regular(folder / FILE).stat().st_size > LARGEST:
+            return False
         sums = json.loads((folder / FILE).read_text(encoding="utf-8"))
-        if not isinstance(sums, dict) or (folder / needed[0]).read_text(encoding="utf-8") != text:
+        if not isinstance(sums, dict) or _regular(folder / needed[0]).read_text(encoding="utf-8") != text:
             return False
         return sums.keys() >= set(needed) and all(
             checksum(folder / name) == value for name, value in sums.items()
         )
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):  # the last is of brackets in brackets
         return False

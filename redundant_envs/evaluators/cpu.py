@@ -35,6 +35,29 @@ MODULE = "simulator.py"
 CODE = "simulator.code"
 """The module as Python compiles it, which takes as long as loading the kernels does."""
 
+SETTINGS = (
+    "CPU_NAME",
+    "CPU_FEATURES",
+    "ENABLE_AVX",
+    "OPT",
+    "LOOP_VECTORIZE",
+    "SLP_VECTORIZE",
+    "LLVM_REFPRUNE_PASS",
+    "LLVM_REFPRUNE_FLAGS",
+    "DISABLE_INTEL_SVML",
+    "USING_SVML",
+    "BOUNDSCHECK",
+    "DEBUG",
+    "DEBUG_JIT",
+    "DEBUG_NRT",
+    "DEBUGINFO_DEFAULT",
+    "EXTEND_VARIABLE_LIFETIMES",
+    "ENABLE_PROFILING",
+    "NRT_STATS",
+    "DISABLE_JIT",
+)
+"""Settings of numba (NUMBA_CPU_NAME and so on) that change what it makes of a module."""
+
 _loaded: dict[str, dict[str, Callable[..., Any]]] = {}
 _lock = threading.RLock()
 _warned: set[str] = set()
@@ -85,7 +108,7 @@ def _warn_of_memory_only(folder: Path, error: Exception) -> None:
 
 
 def module_key(text: str) -> str:
-    """Name of a compiled module: a hash of its text, of all that compiles it, and of the CPU."""
+    """Name of a compiled module: a hash of its text, of all that compiles it and how, and of the CPU."""
     import llvmlite
     import llvmlite.binding as llvm
     import numba
@@ -102,6 +125,7 @@ def module_key(text: str) -> str:
         platform.machine(),
         llvm.get_host_cpu_name(),
         llvm.get_host_cpu_features().flatten(),
+        *(f"{name} {getattr(numba.config, name, None)!r}" for name in SETTINGS),
     )
     return hashlib.sha256("\0".join(facts).encode()).hexdigest()[:32]
 

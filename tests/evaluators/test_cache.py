@@ -102,6 +102,37 @@ def test_a_module_altered_together_with_its_checksum_is_not_run(cache, monkeypat
     assert "altered" not in module.read_text()
 
 
+CHECKSUMS = {
+    "brackets in brackets": lambda p: p.write_text("[" * 200_000),
+    "a list": lambda p: p.write_text("[]"),
+    "no checksums": lambda p: p.write_text(f'{{"{cpu.MODULE}": null, "{cpu.CODE}": 3}}'),
+    "too large": lambda p: p.write_text(p.read_text() + " " * checksums.LARGEST),
+    "a pipe": lambda p: (p.unlink(), os.mkfifo(p)),
+    "a link to itself": lambda p: (p.unlink(), p.symlink_to(p)),
+}
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+@pytest.mark.parametrize("damage", CHECKSUMS.values(), ids=CHECKSUMS)
+def test_checksums_that_are_none_are_damage(cache, damage):
+    folder = cache / KEY
+    text = file_of(cache, cpu.MODULE).read_text()
+    assert checksums.is_whole(folder, (cpu.MODULE, cpu.CODE), text)
+    damage(folder / checksums.FILE)
+    assert not checksums.is_whole(folder, (cpu.MODULE, cpu.CODE), text)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_pipe_in_the_place_of_a_file_keeps_nobody_waiting(cache, kind, monkeypatch):
+    path = file_of(cache, kind)
+    path.unlink()
+    os.mkfifo(path)
+    (told,) = load(cache, monkeypatch)
+    assert "damaged" in told
+    assert load(cache, monkeypatch) == []
+
+
 @pytest.mark.parametrize("kind", ["file", "empty folder", "folder of something else", "broken link"])
 def test_something_else_in_the_place_of_a_module_is_replaced(tmp_path, kind, monkeypatch):
     place = tmp_path / KEY
@@ -166,6 +197,24 @@ def test_what_numba_is_told_of_its_own_cache_moves_nothing(tmp_path):
     assert len(list((tmp_path / "ours" / KEY).rglob("*.nbc"))) == 1
     assert not list(tmp_path.glob("numbas/**/*.nbc"))
     assert program(**settings).stderr == ""
+
+
+def test_another_setting_of_numba_is_another_module(tmp_path):
+    """Numba would else compile into a folder that is complete, and its checksums were no longer true."""
+    kept = {cpu.CACHE_VARIABLE: str(tmp_path)}
+    for count, setting in enumerate(({}, {"NUMBA_CPU_NAME": "generic"}, {"NUMBA_OPT": "1"}), 1):
+        assert program(**kept, **setting).stderr.count("compiling") == 1
+        assert len(list(tmp_path.glob("*/" + cpu.MODULE))) == count
+        for again in ({}, setting):
+            assert program(**kept, **again).stderr == ""
+
+
+@pytest.mark.parametrize("name", cpu.SETTINGS)
+def test_the_key_of_a_module_tells_settings_of_numba_apart(name, monkeypatch):
+    from numba import config
+
+    monkeypatch.setattr(config, name, "another")
+    assert cpu.module_key(TEXT) != KEY
 
 
 # ---- where the cache is ----------------------------------------------------------------------------
