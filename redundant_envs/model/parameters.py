@@ -66,7 +66,7 @@ LARGEST_START = {"q": 1e6, "qd": 1e100, "goal": 1e100}
 
 def check_start(name: str, columns: NDArray[np.float64]) -> None:
     """ValueError if a start is so far or so fast that its observation would mean nothing."""
-    most = float(np.abs(columns).max())
+    most = float(np.abs(columns).max(initial=0.0))
     if most > LARGEST_START[name]:
         raise ValueError(
             f"options[{name!r}] has an entry of size {most:g}; give at most {LARGEST_START[name]:g}"
@@ -129,6 +129,8 @@ def check_stops(
 
 
 def _check_positive(name: str, columns: NDArray[np.float64]) -> None:
+    if not columns.size:  # of no lanes
+        return
     if not (columns > 0.0).all():
         raise ValueError(f"{name} has the entry {columns.min()}; it must be positive")
     if columns.min() < SMALLEST or columns.max() > LARGEST:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json
+import types
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
@@ -22,7 +24,60 @@ def simulator_facts(assembly: Assembly, num_envs: int, more: Mapping[str, Any] |
     facts: dict[str, Any] = {"num_envs": num_envs, **assembly.scene.to_dict(), **(more or {})}
     facts["track_work"] = assembly.track_work
     facts["program"] = hashlib.sha256(assembly.text.encode()).hexdigest()[:16]
-    return json.dumps(facts, default=repr)
+    return json.dumps(plain(facts))
+
+
+def plain(value: Any) -> Any:
+    """JSON data that is the same for equal values in every process.
+
+    An object is told by its class and what it holds, never by its address, and a set in a fixed order.
+
+    Raises
+    ------
+    ValueError
+        If an object neither shows what it holds nor has a ``repr`` of its own.
+    """
+    if value is None or type(value) in (bool, int, float, str):
+        return value
+    if isinstance(value, type | types.FunctionType | types.BuiltinFunctionType):
+        return f"{value.__module__}.{value.__qualname__}"
+    kind = type(value)
+    name = f"{kind.__module__}.{kind.__qualname__}"
+    if kind in (complex, bytes, bytearray, range, type(...)):
+        return f"{name} {value!r}"
+    if kind in (list, tuple):
+        return [plain(v) for v in value]
+    if kind in (dict, types.MappingProxyType):
+        if all(type(k) is str for k in value):
+            return {k: plain(v) for k, v in value.items()}
+        return {"items": _sorted([k, v] for k, v in value.items())}
+    if isinstance(value, set | frozenset):
+        return {"class": name, "entries": _sorted(value)}
+    if isinstance(value, np.ndarray):
+        return {"dtype": str(value.dtype), "values": plain(value.tolist())}
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if dataclasses.is_dataclass(value):
+        return {"class": name, **{f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}}
+    # A repr may show the addresses of what an object holds: it is taken apart as pickle does.
+    try:
+        parts = value.__reduce_ex__(2)
+    except (TypeError, ValueError):  # it is not to be pickled
+        parts = None
+    if isinstance(parts, tuple):
+        made = [list(p) if isinstance(p, Iterator) else p for p in parts]
+        return {"class": name, "parts": plain(made)}
+    if " at 0x" not in repr(value):
+        return f"{name} {value!r}"
+    raise ValueError(
+        f"the scene holds a {name} that cannot be told from others in a snapshot; give the class a "
+        "__repr__ or __reduce__ that says what it holds"
+    )
+
+
+def _sorted(values: Iterable[Any]) -> list[Any]:
+    """Values as plain data in the order of their texts."""
+    return sorted((plain(v) for v in values), key=json.dumps)
 
 
 def check_keys(name: str, state: Any, keys: Iterable[str], source: str) -> None:
@@ -46,19 +101,20 @@ def check_facts(name: str, theirs: Any, own: str) -> None:
     text = str(theirs)  # np.savez makes an array of a text
     if text == own:
         return
+    here = json.loads(own)
     try:
         there = json.loads(text)
-    except ValueError:
-        there = None
-    if not isinstance(there, dict):
-        raise ValueError(f"{name}['simulator'] is {text[:40]!r}; it must be the text of a snapshot")
-    here = json.loads(own)
+        if not isinstance(there, dict):
+            raise ValueError
+        count = _short(there.get("num_envs"))
+        found = list(_differences("", there, here))
+    except (ValueError, RecursionError):  # the latter is of brackets in brackets
+        raise ValueError(f"{name}['simulator'] is {text[:40]!r}; it must be the text of a snapshot") from None
     if there.get("num_envs") != here["num_envs"]:
         raise ValueError(
-            f"{name} is of {there.get('num_envs')} environments; this one has num_envs {here['num_envs']}: "
+            f"{name} is of {count} environments; this one has num_envs {here['num_envs']}: "
             "use a state of as many"
         )
-    found = list(_differences("", there, here))
     if found == ["program"]:
         raise ValueError(f"{name} is of another scene or version: its equations are not those of this one")
     told = [f for f in found if f != "program"]

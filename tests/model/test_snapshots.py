@@ -1,12 +1,17 @@
 """Snapshots of simulators: of this scene they are taken whole, of another one refused by name."""
 
 import dataclasses
+import os
 import pickle
+import subprocess
+import sys
 
+import gymnasium
 import numpy as np
 import pytest
 
 import redundant_envs as rde
+from redundant_envs.model.snapshot import plain
 
 e = rde.effects
 ARM = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
@@ -82,6 +87,11 @@ def broken(numbers, at, value):
         (lambda s: {"simulator": s["simulator"]}, "lacks numbers"),
         (lambda s: {**s, "extra": 1}, "unknown keys extra"),
         (lambda s: {**s, "simulator": "?"}, r"\['simulator'\] is '\?'"),
+        (lambda s: {**s, "simulator": "[" * 100_000}, r"\['simulator'\] is '\[\[.*must be the text"),
+        (
+            lambda s: {**s, "simulator": '{"num_envs":' + "[" * 500 + "]" * 500 + "}"},
+            r"of \[\[\[.* environments",
+        ),
         (lambda s: {**s, "simulator": 5}, r"\['simulator'\] is '5'"),
         (lambda s: {**s, "numbers": 0.5}, r"\['numbers'\] is 0.5; give an array"),
         (lambda s: {**s, "numbers": np.float64(0.5)}, r"\['numbers'\]"),
@@ -115,6 +125,102 @@ def test_a_snapshot_is_taken_by_an_equal_simulator_through_a_file_too(tmp_path):
             twin.restore(again)
             twin.advance()
             np.testing.assert_array_equal(np.hstack([twin.q, twin.qd]), expected)
+
+
+ELSEWHERE = """
+import enum, functools, pathlib, re, sys
+from dataclasses import dataclass
+from typing import Any
+import redundant_envs as rde
+
+class Table:
+    def __init__(self, *entries):
+        self.entries = entries
+
+class Slotted:
+    __slots__ = ("entry",)
+    def __init__(self, entry):
+        self.entry = entry
+
+class Choice(enum.Enum):
+    FIRST = 1
+
+def plan(x):
+    return x
+
+@dataclass(frozen=True)
+class Own(rde.effects.Gravity):
+    static = ("plans",)
+    plans: Any = None
+
+words = frozenset(f"word {k}" for k in range(20))
+plans = (plan, Table, words, {"a": plan, 3: words}, Table(plan, Table(words)), Slotted(plan), Choice.FIRST,
+         functools.partial(plan, words), pathlib.Path("a"), re.compile("a"), 1j, b"a", len)
+def made(plans):
+    return rde.BatchSimulator(rde.Scene(rde.FourR((1,) * 4, (1,) * 4), (Own(plans=plans),), "euler"))
+batch = made(plans)
+batch.restore(batch.save())
+"""
+
+
+def test_a_snapshot_does_not_tell_where_things_lie_in_memory():
+    """What a static field holds is told in the same words in another process, and what differs is told."""
+    programs = (
+        "x = [object() for _ in range(9999)]\n" + ELSEWHERE + "print(batch.save()['simulator'])",
+        ELSEWHERE + "print(batch.save()['simulator'])",
+        ELSEWHERE.replace("1j", "2j") + "print(batch.save()['simulator'])",
+        ELSEWHERE.replace('"word {k}"', '"{k}"') + "print(batch.save()['simulator'])",
+    )
+    texts = []
+    for seed, text in enumerate(programs):
+        environment = {**os.environ, "PYTHONHASHSEED": str(seed + 1)}
+        done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, env=environment)
+        assert done.returncode == 0, done.stderr
+        texts.append(done.stdout)
+    assert texts[0] == texts[1]
+    assert len(set(texts)) == 3
+
+
+def test_what_does_not_say_what_it_holds_is_refused():
+    class Closed:
+        def __reduce_ex__(self, protocol):
+            raise TypeError("not to be pickled")
+
+    assert plain({"a": 1, "b": (2.5, None)}) == {"a": 1, "b": [2.5, None]}
+    with pytest.raises(ValueError, match=r"Closed that cannot be told from others.*__repr__"):
+        plain([Closed()])
+
+
+OPEN = {
+    "lower of r1": ((None, 0.0), (0.3, 0.3)),
+    "lower of r2": ((0.0, None), (0.3, 0.3)),
+    "upper of r1": ((0.0, 0.0), (None, 0.3)),
+    "upper of r2": ((0.0, 0.0), (0.3, None)),
+    "both of r1": ((None, 0.0), (None, 0.3)),
+    "all": ((None, None), (None, None)),
+}
+
+
+@pytest.mark.parametrize("ends", OPEN.values(), ids=OPEN)
+def test_a_stop_that_is_open_on_some_sides_is_saved_and_simulated(ends):
+    scene = replaced(effects=(e.Gravity(), e.EffortLimits(10.0), e.PrismaticStop(*ends, 0.4)))
+    batch = started(scene)
+    snapshot = batch.save()
+    batch.advance()
+    expected = batch.q
+    batch.restore(snapshot)
+    batch.advance()
+    np.testing.assert_array_equal(batch.q, expected)
+    motion = rde.simulate(scene, (0.1,) * 4, (1.0,) * 4, times=[0.0, 0.013, 0.0371, 0.1])
+    assert np.isfinite(motion.q).all()
+    springs = tuple(e.LimitSpring(slider, 0.0, 0.3) for slider in ("r1", "r2"))  # a task needs some limits
+    scene = dataclasses.replace(scene, effects=(*scene.effects, *springs))
+    env = gymnasium.make("redundant_envs/RPRPReach-v0", scene=scene.to_dict()).unwrapped
+    env.reset(seed=0)
+    state, action = env.get_state(), env.action_space.sample()
+    first = env.step(action)
+    env.set_state(state)
+    np.testing.assert_array_equal(env.step(action)[0], first[0])
 
 
 def test_a_stop_on_one_side_is_no_obstacle():
@@ -166,7 +272,10 @@ def test_an_index_may_be_one_number_unsigned_empty_or_a_mask():
         batch.set_state((0.5, 0.1, 0.5, 0.1), np.zeros(4), index)
     assert (batch.q[:, 0] == 0.5).nonzero()[0].tolist() == [1, 2, 3, 4, 5]
     before = batch.save()["numbers"]
-    batch.set_state(np.zeros(4), np.zeros(4), [])
+    numbers = {"masses": (1, 1, 1, 1), "lengths": 0.4, "gravity.g": 3.0, "prismatic_stop.upper": (0.5, 0.5)}
+    for index in ([], np.zeros(COUNT, bool)):
+        batch.set_state(np.zeros(4), np.zeros(4), index)
+        batch.set_parameters(numbers, index)
     np.testing.assert_array_equal(batch.save()["numbers"], before)
 
 
