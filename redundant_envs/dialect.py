@@ -41,9 +41,14 @@ class Source(NamedTuple):
     place: str
 
 
-@functools.cache
 def source_of(function: Callable[..., Any]) -> Source:
     """The text of a function, read once; ValueError if there is none."""
+    return _source_of(function, getattr(function, "__code__", None))
+
+
+@functools.cache
+def _source_of(function: Any, code: Any) -> Source:
+    """The text of a function as long as it has this code, which notebooks may replace."""
     name = f"{function.__module__}.{function.__qualname__}"
     if function.__name__ == "<lambda>":
         raise ValueError(
@@ -88,17 +93,20 @@ def changed(function: Any, place: str) -> str:
 def same_code(function: Any, node: ast.FunctionDef) -> bool:
     """Whether some text of the dialect compiles to the code of a function."""
     code = function.__code__
-    if code.co_freevars:  # it would have to be compiled inside the function around it
-        return code.co_name == node.name
 
     def facts(c: types.CodeType) -> Any:
         constants = [repr(x) for x in c.co_consts if x is not None and not isinstance(x, str)]
-        return c.co_name, c.co_code, c.co_names, c.co_varnames, constants
+        return c.co_name, c.co_code, c.co_names, c.co_varnames, c.co_freevars, constants
 
-    module = ast.Module([node], [])
-    compiled = compile(module, code.co_filename, "exec", dont_inherit=True)
-    inner = [c for c in compiled.co_consts if isinstance(c, types.CodeType)]
-    return facts(inner[-1]) == facts(code)
+    statement: Any = node
+    if code.co_freevars:  # as it stood in a function that has these names
+        around: Any = ast.parse(f"def around({', '.join(code.co_freevars)}):\n    pass").body[0]
+        around.body = [node]
+        statement = around
+    compiled = compile(ast.Module([statement], []), code.co_filename, "exec", dont_inherit=True)
+    for _ in range(2 if code.co_freevars else 1):
+        compiled = [c for c in compiled.co_consts if isinstance(c, types.CodeType)][-1]
+    return facts(compiled) == facts(code)
 
 
 def names_in(function: Any) -> dict[str, Any]:
@@ -111,6 +119,21 @@ def names_in(function: Any) -> dict[str, Any]:
         except ValueError:  # not assigned yet
             continue
     return found
+
+
+def meanings(function: Any) -> tuple[Any, ...]:
+    """The code of a function and what it calls now, all that the dialect needs to know of it.
+
+    Names are looked up anew each time: a notebook may define a helper again after the function that calls
+    it. Whatever is kept of a function is kept by its meaning; a name that may not be called is None there.
+    """
+    names = names_in(function)
+    return function.__code__, tuple((n, x if may_call(n, names) else None) for n, x in names.items())
+
+
+def callees(function: Any) -> tuple[Callable[..., Any], ...]:
+    """The marked functions that a function calls now."""
+    return tuple(x for n, x in names_in(function).items() if n not in PRIMITIVES and is_physics(x))
 
 
 def may_call(name: str, names: Mapping[str, Any]) -> bool:
@@ -218,7 +241,6 @@ def check(function: Any) -> None:
             waiting += [(called, (*callers, one)) for called in _check_alone(one)]
 
 
-@functools.cache
 def _check_alone(function: Any) -> tuple[Callable[..., Any], ...]:
     """Refuse a function that is outside the dialect; returns the marked functions that it calls."""
     if isinstance(function, types.MethodType):
@@ -228,6 +250,13 @@ def _check_alone(function: Any) -> tuple[Callable[..., Any], ...]:
         )
     if not isinstance(function, types.FunctionType):
         raise ValueError(f"{function!r:.80} is no function written with 'def'; write one, marked @physics")
+    _check_text(function, meanings(function))
+    return callees(function)
+
+
+@functools.cache
+def _check_text(function: Any, meaning: tuple[Any, ...]) -> None:
+    """Refuse a function that is outside the dialect as long as it means this."""
     name = f"{function.__module__}.{function.__qualname__}"
     source = source_of(function)
     if not is_physics(function):
@@ -243,7 +272,6 @@ def _check_alone(function: Any) -> tuple[Callable[..., Any], ...]:
         )
     if not same_code(function, source.node):
         raise ValueError(changed(function, source.place))
-    return tuple(x for n, x in names.items() if n not in PRIMITIVES and is_physics(x))
 
 
 def _instead(what: str) -> str:

@@ -7,19 +7,23 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from redundant_envs.algebra import PRIMITIVES, is_physics
-from redundant_envs.dialect import names_in
+from redundant_envs.dialect import callees, meanings, names_in
 from redundant_envs.evaluators.quantities import Call
 
-_bound: dict[tuple[Any, int], tuple[Mapping[str, Any], Callable[..., Any]]] = {}
-"""Copies already made, by function and identity of the primitives; these are kept, so it stays theirs."""
+_bound: dict[tuple[Any, int], tuple[Mapping[str, Any], Any, Callable[..., Any]]] = {}
+"""Copies already made, and the meanings of all they reach, by function and identity of the primitives.
+
+The primitives are kept, so the identity stays theirs.
+"""
 
 
 def bind(function: Callable[..., Any], primitives: Mapping[str, Any]) -> Callable[..., Any]:
-    """A copy of a dialect function, and of all it calls, that uses the given primitives."""
+    """A copy of a dialect function, and of all it calls now, that uses the given primitives."""
     key = (function, id(primitives))
-    if key not in _bound:
-        _bound[key] = primitives, _bind(function, primitives, {})
-    return _bound[key][1]
+    reached = [(f, meanings(f)) for f in helpers([function])]
+    if key not in _bound or _bound[key][1] != reached:
+        _bound[key] = primitives, reached, _bind(function, primitives, {})
+    return _bound[key][2]
 
 
 def _bind(
@@ -64,9 +68,8 @@ def helpers(functions: Iterable[Callable[..., Any]]) -> list[Callable[..., Any]]
     def visit(function: Callable[..., Any]) -> None:
         if function in order:
             return
-        for name, value in names_in(function).items():
-            if name not in PRIMITIVES and is_physics(value):
-                visit(value)
+        for called in callees(function):
+            visit(called)
         order.append(function)
 
     for f in functions:

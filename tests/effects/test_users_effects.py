@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
+from redundant_envs import dialect
 from redundant_envs.algebra import exp, physics
 from redundant_envs.effects import Gravity, LimitSpring, ViscousFriction
 from redundant_envs.effects.hooks import Actuation, Effect, Field, Force, Impact
@@ -426,6 +427,131 @@ def test_a_file_changed_after_its_import_is_noticed(tmp_path):
     (tmp_path / "changing.py").write_text(text.format("100.0"))
     with pytest.raises(ValueError, match=r"changed after it was imported.*import it anew"):
         with_force(force)
+
+
+def test_a_file_changed_after_a_closure_of_it_was_made_is_noticed(tmp_path):
+    text = """\
+from redundant_envs.algebra import physics
+
+def made():
+    @physics
+    def helper(x):
+        return {0} * x
+
+    @physics
+    def another(x):
+        return 2.0 * x
+
+    @physics
+    def force(x):
+        return {1} * {2}(x) + 0.0 * another(x) + 0.0 * helper(x)
+
+    return force
+"""
+    path = tmp_path / "closures.py"
+    force = user_module(tmp_path, "closures", text.format("2.0", "-1.0", "helper"))["made"]()
+    with_force(force)
+    for k, change in enumerate((("2.0", "100.0", "helper"), ("2.0", "-1.0", "another"))):
+        force = user_module(tmp_path, f"closures{k}", text.format("2.0", "-1.0", "helper"))["made"]()
+        (tmp_path / f"closures{k}.py").write_text(text.format(*change))
+        with pytest.raises(ValueError, match=r"changed after it was imported.*import it anew"):
+            with_force(force)
+    with_force(user_module(tmp_path, "closures", path.read_text())["made"]())
+
+
+AGAIN = {
+    "helper": """
+        @physics
+        def shape(x):
+            return {} * x
+        """,
+    "effect": """
+        @physics
+        def force(position, k):
+            return -k * shape(position)
+
+        @physics
+        def energy(position, k):
+            return 0.5 * k * shape(position) * position
+
+        @dataclass(frozen=True)
+        class Redone(Effect):
+            k: float = 1.5
+
+            def hooks(self, arm):
+                return (Force(1, force, {"position": "phi2", "k": ".k"}, potential=energy),)
+        """,
+}
+
+
+def notebook():
+    """Cells of a notebook, which have their names in common; returns them and what runs one."""
+    names = {
+        "__name__": "__main__",
+        "physics": physics,
+        "Effect": Effect,
+        "Force": Force,
+        "dataclass": dataclass,
+    }
+
+    def run(number, text):
+        cell_name = f"<redefined {number}>"
+        text = textwrap.dedent(text)
+        linecache.cache[cell_name] = (len(text), None, text.splitlines(keepends=True), cell_name)
+        exec(compile(text, cell_name, "exec"), names)
+
+    return names, run
+
+
+def test_a_helper_that_is_defined_again_is_the_same_for_motion_and_energy():
+    names, run = notebook()
+    run(1, AGAIN["helper"].format("1.0"))
+    run(2, AGAIN["effect"])
+    energies = []
+    for number, factor in ((3, "100.0"), (4, "1.0"), (5, None)):
+        scene = rde.Scene(ARM, (names["Redone"](),), "dop853")
+        motion = rde.simulate(scene, Q0, QD0, times=[0.0, 0.1, 0.2])
+        q, qd = motion.q[..., :], motion.qd[..., :]
+        total = kinetic_energy(scene, q, qd) + potential_energy(scene, q)
+        np.testing.assert_allclose(total, total[0], rtol=1e-9)
+        energies.append(potential_energy(scene, Q0))
+        if factor:
+            run(number, AGAIN["helper"].format(factor))
+    plain = potential_energy(rde.Scene(ARM), Q0)
+    np.testing.assert_allclose(energies[1] - plain, 100.0 * (energies[0] - plain), rtol=1e-12)
+    assert energies[2] == energies[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("@physics\ndef shape(x):\n    if x > 0.0:\n        x = 2.0 * x\n    return x", "If"),
+        ("def shape(x):\n    return x", "a call of shape"),
+        ("@physics\ndef shape(x):\n    return force(x, x)", "calls itself"),
+        ("shape = 3.0", "a call of shape"),
+    ],
+)
+def test_a_helper_that_is_defined_again_outside_the_dialect_is_refused(text, words):
+    names, run = notebook()
+    run(6, AGAIN["helper"].format("1.0"))
+    run(7, AGAIN["effect"])
+    rde.Scene(ARM, (names["Redone"](),))
+    run(8, text)
+    with pytest.raises(ValueError, match=words):
+        rde.Scene(ARM, (names["Redone"](),))
+
+
+def test_a_function_whose_code_is_replaced_is_read_anew():
+    """Tools that reload a notebook's modules leave the function and give it other code."""
+    names, run = notebook()
+    run(9, AGAIN["helper"].format("1.0"))
+    shape = names["shape"]
+    assert bind(shape, PRIMITIVES)(1.0) == 1.0
+    with_force(shape)
+    run(10, AGAIN["helper"].format("7.0"))
+    shape.__code__ = names["shape"].__code__
+    assert bind(shape, PRIMITIVES)(1.0) == 7.0
+    assert "7.0" in "".join(dialect.source_of(shape).lines)
 
 
 # ---- where it may attach -------------------------------------------------------------------------
