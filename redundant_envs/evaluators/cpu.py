@@ -36,26 +36,11 @@ CODE = "simulator.code"
 """The module as Python compiles it, which takes as long as loading the kernels does."""
 
 SETTINGS = (
-    "CPU_NAME",
-    "CPU_FEATURES",
-    "ENABLE_AVX",
-    "OPT",
-    "LOOP_VECTORIZE",
-    "SLP_VECTORIZE",
-    "LLVM_REFPRUNE_PASS",
-    "LLVM_REFPRUNE_FLAGS",
-    "DISABLE_INTEL_SVML",
-    "USING_SVML",
-    "BOUNDSCHECK",
-    "DEBUG",
-    "DEBUG_JIT",
-    "DEBUG_NRT",
-    "DEBUGINFO_DEFAULT",
-    "EXTEND_VARIABLE_LIFETIMES",
-    "ENABLE_PROFILING",
-    "NRT_STATS",
-    "DISABLE_JIT",
-)
+    "CPU_NAME", "CPU_FEATURES", "ENABLE_AVX", "OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE",
+    "LLVM_REFPRUNE_PASS", "LLVM_REFPRUNE_FLAGS", "DISABLE_INTEL_SVML", "USING_SVML",
+    "BOUNDSCHECK", "DEBUG", "DEBUG_JIT", "DEBUG_NRT", "DEBUGINFO_DEFAULT",
+    "EXTEND_VARIABLE_LIFETIMES", "ENABLE_PROFILING", "NRT_STATS", "DISABLE_JIT",
+)  # fmt: skip
 """Settings of numba (NUMBA_CPU_NAME and so on) that change what it makes of a module."""
 
 _loaded: dict[str, dict[str, Callable[..., Any]]] = {}
