@@ -101,7 +101,7 @@ class PieceLines:
                 self.lanes.call(stops.decide),
             ]
         else:
-            lines += ["again, there, accepted = 0.0, 0.0, due * good"]
+            lines += ["again, there, accepted, events = 0.0, 0.0, due * good, 0.0"]
         anew = self.lanes.plan_of_steps == "doubling"  # a failed piece begins the interval anew, not itself
         lost = "due * where(searched < 500.0, where(left - h == left - h, 0.0, 1.0), 1.0)"
         lines += [

@@ -6,7 +6,7 @@ sliders are a and b, sides 1 at the upper stop, -1 at the lower one, 0 at none; 
 
 from __future__ import annotations
 
-from redundant_envs.algebra import maximum, physics, where
+from redundant_envs.algebra import maximum, physics, sqrt, where
 from redundant_envs.integrators.stops import at_stop, either, equal, no, positive
 
 
@@ -31,6 +31,24 @@ def impulses(ua, ub, sa, sb, waa, wab, wbb, e):
     pa = where(fits_a > 0.0, only_a, where(fits_b > 0.0, 0.0, (wbb * da - wab * db) * (1.0 / det)))
     pb = where(fits_a > 0.0, 0.0, where(fits_b > 0.0, only_b, (waa * db - wab * da) * (1.0 / det)))
     return pa, pb
+
+
+@physics
+def collapses(ua, ub, sa, sb, waa, wab, wbb, e):
+    """Whether two sliders at their stops, of which one moves out, strike by turns for ever, and so stop.
+
+    Each impact sends the other slider back to its stop, in no time. In units of 1/sqrt(mobility) two
+    impacts take the outward speeds (x, y) to ((k^2 - e) x + k y, -e k x - e y), where k is 1 + e times
+    what one is pushed by the other. They end by themselves if that map has no real eigenvalues, or if y
+    is below the eigenvector of the greater one.
+    """
+    c = -sa * sb * wab / sqrt(waa * wbb)
+    k = (1.0 + e) * c
+    slope = 0.5 * (k + sqrt(maximum(k * k - 4.0 * e, 0.0)))
+    x = ua / sqrt(waa)
+    y = ub / sqrt(wbb)
+    lasting = where(ua > 0.0, y + slope * x, x + slope * y)
+    return where(c > 0.0, where(k * k >= 4.0 * e, where(lasting >= 0.0, 1.0, 0.0), 0.0), 0.0)
 
 
 @physics
@@ -108,7 +126,13 @@ def touch(
     ub = sb * rate_b
     spent = either(where(changes >= 512.0, 1.0, 0.0), where(events > 256.0, 1.0, 0.0))
     strikes = either(positive(ua), positive(ub))
-    pa, pb = impulses(ua, ub, sa, sb, waa, wab, wbb, restitution)
+    # One that moves away from its stop is no longer supported by it, however near it is: should an impact
+    # of the other send it back, it is struck next.
+    supported_a = either(abs(mode_a), positive(ua))
+    supported_b = either(abs(mode_b), positive(ub))
+    pa, pb = impulses(ua, ub, sa * supported_a, sb * supported_b, waa, wab, wbb, restitution)
+    by_turns = abs(sa * sb) * equal(mode_a, 0.0) * equal(mode_b, 0.0) * no(supported_a * supported_b)
+    stop_both = strikes * by_turns * collapses(ua, ub, sa, sb, waa, wab, wbb, restitution)
     hit_a = strikes * positive(pa)
     hit_b = strikes * positive(pb)
     free_a = no(strikes) * positive(mode_a * hold_a)  # the stop would have to pull
@@ -138,8 +162,8 @@ def touch(
     # The impulses along the sliders, and the rates they have then. One that comes to rest must not
     # set off the other, if that rests or comes to rest too.
     rests = either(rest_a, rest_b)
-    stop_a = either(rest_a, rests * abs(mode_a) * no(free_a))
-    stop_b = either(rest_b, rests * abs(mode_b) * no(free_b))
+    stop_a = either(stop_both, either(rest_a, rests * abs(mode_a) * no(free_a)))
+    stop_b = either(stop_both, either(rest_b, rests * abs(mode_b) * no(free_b)))
     halt_a, halt_b = halting(rate_a, rate_b, stop_a, stop_b, waa, wab, wbb)
     # A second look is for one at its stop that has lost, or gained, the support of the other, and for an
     # arm that was moved when a bounce was taken away.
@@ -148,12 +172,13 @@ def touch(
     waits_b = abs(sb) * equal(mode_b, 0.0) * no(rest_b) * no(let_go_b)
     moved = either(positive(abs(halt_a)), positive(abs(halt_b)))
     going = no(strikes) * no(changed * either(moved, either(waits_a, waits_b)))
-    ja = where(strikes > 0.0, -sa * pa, halt_a)
-    jb = where(strikes > 0.0, -sb * pb, halt_b)
+    struck = strikes * no(stop_both)
+    ja = where(struck > 0.0, -sa * pa, halt_a)
+    jb = where(struck > 0.0, -sb * pb, halt_b)
     va = rate_a + ja * waa + jb * wab
     vb = rate_b + ja * wab + jb * wbb
-    va = where(hit_a > 0.0, -sa * restitution * maximum(ua, 0.0), where(stop_a > 0.0, 0.0, va))
-    vb = where(hit_b > 0.0, -sb * restitution * maximum(ub, 0.0), where(stop_b > 0.0, 0.0, vb))
+    va = where(stop_a > 0.0, 0.0, where(hit_a > 0.0, -sa * restitution * maximum(ua, 0.0), va))
+    vb = where(stop_b > 0.0, 0.0, where(hit_b > 0.0, -sb * restitution * maximum(ub, 0.0), vb))
     mode_a_new = where(
         rest_a > 0.0, sa, where(either(free_a, strikes * positive(-sa * va)) > 0.0, 0.0, mode_a)
     )

@@ -82,9 +82,9 @@ def end_fixed(left):
 
 # ---- the plan of a tolerance: 1, 2, 4, ... 4096 equal steps, until the sum of their errors passes ---
 
-# A sum of errors does not know how they grow, which matters where many steps are needed. From 128 steps
-# on an interval must come out the same, to the tolerance, with half as many, unless errors that grow a
-# thousandfold would pass.
+# A sum of errors does not know how they grow, which matters where many steps are needed, or many impacts
+# happen. From 128 steps on an interval must come out the same, to the tolerance, with half as many, unless
+# errors that grow a thousandfold would pass; with 32 impacts always.
 
 
 @physics
@@ -136,7 +136,7 @@ def judge_doubling(error_sum, tip_tolerance, steps_of_lane, interval):
 
 @physics(gives="last left_again steps_left_again flagged unsure floor_new")
 def end_doubling(
-    ended, accepted, steps_left, steps_of_lane, interval, error_sum, tip_tolerance, floor, steps, change
+    ended, accepted, steps_left, steps_of_lane, interval, error_sum, tip_tolerance, floor, steps, change, events
 ):  # fmt: skip
     """After a piece, and at the end of a step: whether it was the last; whether more than 4096 were needed.
 
@@ -146,10 +146,12 @@ def end_doubling(
     left = steps_left - 1.0
     last = where(left > 0.0, 0.0, 1.0)
     grown = where(steps_of_lane < 128.0, 0.0, 1000.0 * error_sum)
+    grown = where(events < 32.0, grown, 2.0 * tip_tolerance)
     same = where(grown <= tip_tolerance, 1.0, where(change <= tip_tolerance, 1.0, 0.0))
     floor = where(accepted > 0.0, maximum(floor, steps), floor)
     again = maximum(ended * last * (1.0 - same), where(floor > 1.1 * steps_of_lane, accepted, 0.0))
-    unsure = where(steps_of_lane < 4096.0, again, 0.0)
+    most = where(events < 32.0, 4096.0, 256.0)  # beyond, impacts multiply no more than rounding
+    unsure = where(steps_of_lane < most, again, 0.0)
     passed = where(error_sum <= tip_tolerance, where(floor <= 4096.0, same, 0.0), 0.0)
     return last, interval / steps_of_lane, left, 1.0 - passed, unsure, floor
 

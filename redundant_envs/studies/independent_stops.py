@@ -22,6 +22,8 @@ BOUNCE = 1e-9
 ROUNDING = 1e-13
 """A speed into a stop that is none, m/s."""
 MOST_CONTACTS = 600
+MOST_IMPACTS = 10_000
+"""At one time, of sliders that strike by turns at both stops."""
 
 
 @dataclass(frozen=True)
@@ -146,16 +148,18 @@ class StoppedArm:
         M, _ = self.equations(y, efforts)
         W = np.linalg.inv(M)[np.ix_(joints, joints)] * np.outer(s, s)
         columns = np.linalg.inv(M)[:, joints] * s
-        for _ in range(MOST_CONTACTS):
+        for _ in range(MOST_IMPACTS):
             u = s * y[4:][joints]
             if not (u > ROUNDING).any():
                 break
-            struck = u + self.restitution * np.maximum(u, 0.0)
-            impulse = _complementary(W, struck)
-            y[4:] -= columns @ impulse
-            for j, p, before in zip(joints, impulse, u, strict=True):
-                if p > 0.0 and before > 0.0:
-                    y[4 + j] = -sides[j] * self.restitution * before
+            # One that moves away from its stop is struck when an impact of the other has sent it back.
+            here = [k for k, j in enumerate(joints) if u[k] > 0.0 or (j in held and j not in left)]
+            struck = (u + self.restitution * np.maximum(u, 0.0))[here]
+            impulse = _complementary(W[np.ix_(here, here)], struck)
+            y[4:] -= columns[:, here] @ impulse
+            for k, p in zip(here, impulse, strict=True):
+                if p > 0.0 and u[k] > 0.0:
+                    y[4 + joints[k]] = -sides[joints[k]] * self.restitution * u[k]
         u = s * y[4:][joints]
         qdd, _ = self.motion(y, efforts, [j for j in held if j in sides and j not in left])
         free_qdd, _ = self.motion(y, efforts, [])

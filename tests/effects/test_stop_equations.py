@@ -101,3 +101,57 @@ def test_impulses_solve_the_complementarity_problem():
         np.testing.assert_allclose(p, swapped[::-1], rtol=1e-9, atol=1e-12)
         both += (p > 0).all()
     assert both > 100
+
+
+def struck_by_turns(u, W, restitution, most=100_000):
+    """Outward speeds after impacts of one slider at a time, at stops without any gap; None if they go on."""
+    u = u.copy()
+    for _ in range(most):
+        if (u <= 1e-13).all():
+            return u
+        k = int(np.argmax(u))
+        u -= W[:, k] * (1.0 + restitution) * u[k] / W[k, k]
+    return None
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.02, 0.1, 0.3, 0.9, 1.0])
+def test_sliders_that_strike_by_turns_end_where_single_impacts_end(restitution):
+    """One moves onto its stop, the other away from its own: never struck together, but by turns; a chain that
+    never ends stops both."""
+    touch = bind(contacts.touch, {p: getattr(algebra, p) for p in algebra.PRIMITIVES})
+    names = algebra.gives_of(contacts.touch)
+    rng = np.random.default_rng(5)
+    chains = ended = 0
+    for _ in range(400):
+        angle = rng.uniform(0.05, np.pi - 0.05)
+        scale = 10.0 ** rng.uniform(-2.0, 2.0, 2)
+        W = np.outer(scale, scale) * [[1.0, np.cos(angle)], [np.cos(angle), 1.0]]
+        sides = rng.choice([-1.0, 1.0], 2)
+        u = scale * rng.permutation([1.0, -(10.0 ** rng.uniform(-3.0, 0.5))])
+        expected = struck_by_turns(u, W, restitution)
+        rates, strikes = sides * u, 1.0
+        for _ in range(300):
+            mobility = W[0, 0], sides[0] * sides[1] * W[0, 1], W[1, 1]
+            ends = [v for s in sides for v in ((0.0, 0.3) if s > 0 else (0.3, 0.5))]
+            got = dict(
+                zip(
+                    names,
+                    touch(
+                        1.0, 0.0, 0.0, 0.3, 0.3, *rates, 0.0, 0.0, ends[0], ends[2], ends[1], ends[3],
+                        restitution, 0.0, 0.0, -sides[0], -sides[1], 0.0, 0.0, *mobility,
+                    ),
+                    strict=True,
+                )
+            )  # fmt: skip
+            if not got["strikes"]:
+                break
+            rates = np.array([got["struck_a"], got["struck_b"]])
+            chains += 1
+        u_end = sides * rates
+        assert (u_end <= 1e-13 * max(1.0, scale.max())).all()
+        if expected is None:  # slower than any count: it tends to rest at both stops
+            continue
+        ended += 1
+        np.testing.assert_allclose(u_end / scale, expected / scale, atol=1e-9)
+    assert chains >= 400
+    assert ended > 300
