@@ -107,6 +107,12 @@ def squash(x, scale):
 
 
 @physics
+def saturation(x, scale):
+    """From 0 at x = 0, with slope 1/scale, to 1 at infinity: for x of at least 0."""
+    return x / (x + scale)
+
+
+@physics
 def tolerance(x, margin):
     """1 at x = 0, falling to 1/2 at x = margin and on like 1/x^2: the one shape of every reward."""
     square = margin * margin

@@ -8,7 +8,7 @@ from typing import Any
 
 from redundant_envs.algebra import maximum, minimum, physics, sqrt, where
 from redundant_envs.effects.hooks import Effect, Hook, Impact
-from redundant_envs.integrators.stops import bounds, closeness, excursions
+from redundant_envs.integrators.stops import bounds, excursions
 from redundant_envs.robots.parameters import Arm, number, travel
 from redundant_envs.values import shown
 
@@ -37,28 +37,20 @@ def meeting(q0, v0, q1, v1, h, least, most, first, last, unseen, unseen_end, low
     """
     lo, hi = bounds(q0, least, most, first, last, unseen, unseen_end, lower, upper)
     above, below = excursions(q0, v0, q1, v1, h, lo, hi, lower, upper)
-    close = closeness(q0, lower, upper)
-    sinks = h * minimum(lo, 0.0)
-    lifts = h * maximum(hi, 0.0)
-    rising = where(v0 + sinks >= 0.0, 1.0, where(v1 - lifts >= 0.0, 1.0, 0.0))
-    falling = where(v0 + lifts <= 0.0, 1.0, where(v1 - sinks <= 0.0, 1.0, 0.0))
-    # While an acceleration grows, or falls, its velocity stays below, or above, its ends.
-    grows = where(first <= least, where(last >= most, 1.0, 0.0), 0.0)
-    falls = where(first >= most, where(last <= least, 1.0, 0.0), 0.0)
-    falling = where(maximum(v0, v1) <= 0.0, maximum(falling, grows), falling)
-    rising = where(minimum(v0, v1) >= 0.0, maximum(rising, falls), rising)
-    turning = (1.0 - rising) * (1.0 - falling)
     ends = where(q1 > upper, 1.0, where(q1 < lower, -1.0, 0.0))
-    # A motion with q'' <= hi < 0 is at most v0^2 / (2 |hi|) above its start, and so from its end.
-    top = minimum(v0 * v0 + 2.0 * hi * (upper - q0 + close), v1 * v1 + 2.0 * hi * (upper - q1 + close))
-    bottom = minimum(v0 * v0 - 2.0 * lo * (q0 - lower + close), v1 * v1 - 2.0 * lo * (q1 - lower + close))
-    above_bent = where(hi <= 0.0, where(top > 0.0, above, 0.0), 0.0)
-    below_bent = where(lo >= 0.0, where(bottom > 0.0, below, 0.0), 0.0)
-    met = where(above_bent > 0.0, where(ends > 0.0, ends, 2.0), ends)
-    met = where(below_bent > 0.0, where(ends < 0.0, ends, -2.0), met)
-    bent = where(hi <= 0.0, 1.0, where(lo >= 0.0, 1.0, 0.0))
-    unclear = (1.0 - bent) * maximum(abs(ends), maximum(above, below))
-    met = where(turning > 0.0, where(unclear > 0.0, 4.0, met), ends)
+    slower = h * maximum(-lo, 0.0)  # by how much a velocity can fall and rise
+    faster = h * maximum(hi, 0.0)
+    rises = maximum(v0 - slower, v1 - faster)
+    falls = maximum(-v0 - faster, -v1 - slower)
+    # While an acceleration grows, or falls, its velocity stays below, or above, its ends.
+    stays_below = minimum(minimum(least - first, last - most), -maximum(v0, v1))
+    stays_above = minimum(minimum(first - most, least - last), minimum(v0, v1))
+    monotonic = maximum(maximum(rises, falls), maximum(stays_below, stays_above))
+    turned = where(above > 0.0, where(q1 > upper, 1.0, 2.0), where(below > 0.0, -2.0, ends))
+    turned = where(below > 0.0, where(q1 < lower, -1.0, turned), turned)
+    bent_once = maximum(lo, -hi)
+    turned = where(bent_once >= 0.0, turned, where(turned == 0.0, 0.0, 4.0))
+    met = where(monotonic >= 0.0, ends, turned)
     return met, turning_time(q0, v0, q1, v1, h)
 
 

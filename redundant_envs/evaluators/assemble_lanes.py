@@ -290,9 +290,10 @@ class LaneSteps:
             lines += [*self.at_stops.sliders, *self.at_stops.begun("before")]
             near, pulled = self.use(stops.near), self.use(stops.pulled)
             for x in "ab":
-                start = f"place_{x}_before, rate_{x}_before, place_{x}, rate_{x}, h"
                 seen = self.at_stops.seen(x)
-                lines.append(f"near_{x} = {near}({start}, {seen}, mode_{x}, lower_{x}, upper_{x})")
+                most = max(self.at_stops.unseen, key=float)
+                path = f"place_{x}_before, place_{x}, h, least_{x}, most_{x}, {most}"
+                lines.append(f"near_{x} = {near}({path}, mode_{x}, lower_{x}, upper_{x})")
                 lines.append(f"pulled_{x} = {pulled}(mode_{x}, {seen})")
             mark = "where(pulled_a + pulled_b > 0.0, 2.0, "
             mark += f"where(near_a + near_b > 0.0, {NEAR}, 0.0))"

@@ -52,8 +52,9 @@ class Subroutine:
 class Stages:
     """The calls of a subroutine in a graph, and the LLVM functions they call.
 
-    Arguments that are the same row in every call are loaded by the functions. What the earlier part
-    finds for the later one is carried to the next call in memory, in two places by turns.
+    Arguments that are the same row in every call are loaded by the functions; what follows from such
+    rows alone, the first of them finds for all. What the earlier part finds for the later one is carried
+    to the next call in memory, in two places by turns.
     """
 
     def __init__(self, calls, caller, known):
@@ -75,65 +76,101 @@ class Stages:
         ]
         results = [value_of(r, self.type) for r in self.subroutine.function(*numbers)]
         fuse(results)
-        self.results, self.carried = self._split(specialise(results, known))
+        self.results, self.carried, self.shared = self._split(specialise(results, known))
         computed = [k for k, r in enumerate(self.results) if isinstance(r, Operation)]
         self.returned, self.told = computed[:RETURNED], computed[RETURNED:]
-        self.carriers = None
+        self.carriers = self.common = None
+        again = self._with_shared(self.carried)
         self.functions = {
-            "first": self._function(caller, "first", [], self.carried),
-            "middle": self._function(caller, "middle", self.results, self.carried),
+            "first": self._function(caller, "first", [], self.carried, self.shared),
+            "middle": self._function(caller, "middle", self.results, again),
             "last": self._function(caller, "last", self.results, []),
         }
 
     def _split(self, results):
-        """The results as they follow from velocities and carried values, and what those are."""
-        early = {}
+        """The results as they follow from velocities, carried and shared values, and what those are."""
+        early, given = {}, {}
         for n in reached(results):
-            given = n.name == "load" and n.extra[0] == "given"
-            early[n] = n.extra[1] < self.subroutine.positions if given else all(early[a] for a in n.operands)
-        graph, later, carried = Graph(), {}, []
+            is_given = n.name == "load" and n.extra[0] == "given"
+            given[n] = is_given or any(given[a] for a in n.operands)
+            early[n] = n.extra[1] < self.subroutine.positions if is_given else all(early[a] for a in n.operands)
+        graph, carried = Graph(), []
+        shared = {n: None for n in reached(results) if not given[n] and self._kept(n)}
+        used = []
 
-        def in_later_part(n):
+        def loaded(n):
+            if not isinstance(n, Operation) or not self._kept(n):
+                return None
+            if n in shared:
+                if n not in used:
+                    used.append(n)
+                return graph.load("shared", used.index(n), self.type)
+            if early[n]:
+                carried.append(n)
+                return graph.load("carried", len(carried) - 1, self.type)
+            return None
+
+        later = self._replaced(results, loaded)
+        # What is carried follows from shared values too.
+        self._replaced(carried, lambda n: loaded(n) if n in shared else None)
+        return later, carried, used
+
+    def _kept(self, node):
+        """Whether an operation is worth a place in memory."""
+        return node.type == self.type and node.name not in ("load", "fneg")
+
+    def _with_shared(self, nodes):
+        """Operations that load what all stages share."""
+        graph, places = Graph(), {n: k for k, n in enumerate(self.shared)}
+        return self._replaced(
+            nodes, lambda n: graph.load("shared", places[n], self.type) if n in places else None
+        )
+
+    def _replaced(self, nodes, replacement):
+        """Operations anew, where ``replacement`` gives another one for some of those they follow from."""
+        made = {}
+
+        def anew(n):
             if not isinstance(n, Operation):
                 return n
-            if n not in later:
-                row = n.name == "load" and n.extra[0] == "row"
-                if early[n] and not row and n.type == self.type and n.name != "fneg":
-                    later[n] = graph.load("carried", len(carried), self.type)
-                    carried.append(n)
-                elif n.name == "load":
-                    later[n] = n
-                else:
-                    later[n] = Operation(n.name, [in_later_part(a) for a in n.arguments], n.extra, n.type)
-            return later[n]
+            if n not in made:
+                made[n] = replacement(n) or (
+                    n
+                    if n.name == "load"
+                    else Operation(n.name, [anew(a) for a in n.arguments], n.extra, n.type)
+                )
+            return made[n]
 
-        return [in_later_part(r) for r in results], carried
+        return [anew(n) for n in nodes]
 
-    def _function(self, caller, part, results, carried):
-        """An LLVM function: memory, two places of carried values, one of results, given arguments."""
+    def _function(self, caller, part, results, carried, shared=()):
+        """An LLVM function: memory, places of shared values, of carried ones (two) and results, arguments."""
         made = ir.LiteralStructType([self.type] * len(self.returned)) if results else ir.VoidType()
-        arguments = [DOUBLE.as_pointer()] * 4 + [self.type] * len(self.given)
+        arguments = [DOUBLE.as_pointer()] * 5 + [self.type] * len(self.given)
         name = f"{caller.name}_{self.subroutine.function.__name__}_{part}"
         function = ir.Function(caller.module, ir.FunctionType(made, arguments), name)
         function.linkage = "internal"
         set.add(function.attributes, "noinline")
         widen(function)
-        base, before, after, told, *values = function.args
-        for argument in (base, before, after, told):
+        base, common, before, after, told, *values = function.args
+        for argument in (base, common, before, after, told):
             argument.add_attribute("noalias")
         builder = ir.IRBuilder(function.append_basic_block())
         given = dict(zip(self.given, values, strict=True))
         places = {
             "row": Rows(builder, base),
+            "shared": Rows(builder, common),
             "carried": Rows(builder, before),
             "given": lambda k, type_: given[k],
         }
         emitter = Emitter(builder, places)
-        place = {n: k for k, n in enumerate(carried)}
-        for n in [*in_order([*results, *carried]), *carried]:
+        place = {n: (common, k) for k, n in enumerate(shared)}
+        place |= {n: (after, k) for k, n in enumerate(carried)}
+        for n in [*in_order([*results, *carried, *shared]), *carried]:
             emitter.value(n)
             if n in place:  # at once, so that it needs no register
-                address = pointer(builder, after, LANES * place.pop(n), self.type)
+                memory, k = place.pop(n)
+                address = pointer(builder, memory, LANES * k, self.type)
                 builder.store(emitter.value(n), address, align=8)
         if not results:
             builder.ret_void()
@@ -172,8 +209,8 @@ class Stages:
         """The call of a stage; the first is preceded by the earlier part of its own."""
         i = self.calls.index(node)
         if self.carriers is None:
-            sizes = (len(self.carried), len(self.carried), len(self.told) * len(self.calls))
-            *self.carriers, self.places = (self._memory(emitter.builder, n) for n in sizes)
+            sizes = (len(self.shared), *[len(self.carried)] * 2, len(self.told) * len(self.calls))
+            self.common, *self.carriers, self.places = (self._memory(emitter.builder, n) for n in sizes)
             self._call(emitter, "first", self.carriers[::-1], node, None)
         carriers = self.carriers if i % 2 == 0 else self.carriers[::-1]
         if i + 1 == len(self.calls):
@@ -208,7 +245,7 @@ class Stages:
             unused = ir.Constant(self.type, ir.Undefined)
             values.append(emitter.value(stage.arguments[k]) if stage else unused)
         told = self._told(emitter.builder, self.calls.index(present) if present else 0)
-        arguments = [emitter.places["row"].base, *carriers, told, *values]
+        arguments = [emitter.places["row"].base, self.common, *carriers, told, *values]
         return emitter.builder.call(self.functions[part], arguments)
 
 

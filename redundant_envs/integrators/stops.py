@@ -76,22 +76,31 @@ def bounds(q0, least, most, first, last, unseen, unseen_end, lower, upper):
 
 @physics
 def excursions(q0, v0, q1, v1, h, lo, hi, lower, upper):
-    """Whether a slider whose acceleration stays in lo..hi may go beyond its upper and lower stop
-    between the ends of a step; 0 is certain.
+    """Whether a slider whose acceleration stays in lo..hi may turn beyond its upper and lower stop
+    between the ends of a step: it cannot if these are 0 or less.
 
     With q'' >= -A and A h^2 = p, q exceeds its ends by at most (p/2 - |q1 - q0|)^2 / (2 p), and not at
-    all if p/2 < |q1 - q0|; with q'' <= B it stays below q0 + v0 h + B h^2 / 2.
+    all if p/2 < |q1 - q0|; with q'' <= B it stays below q0 + v0 h + B h^2 / 2, and if B < 0 it is at
+    most v^2 / (2 |B|) above each end.
     """
     close = closeness(q0, lower, upper)
+    top = upper + close
+    bottom = lower - close
+    up0 = top - q0
+    up1 = top - q1
+    down0 = q0 - bottom
+    down1 = q1 - bottom
     sinks = h * h * maximum(-lo, 0.0)
     lifts = h * h * maximum(hi, 0.0)
     way = abs(q1 - q0)
-    top = maximum(0.5 * sinks - way, 0.0)
-    bottom = maximum(0.5 * lifts - way, 0.0)
-    above = where(top * top > 2.0 * sinks * (upper - maximum(q0, q1) + close), 1.0, 0.0)
-    below = where(bottom * bottom > 2.0 * lifts * (minimum(q0, q1) - lower + close), 1.0, 0.0)
-    above = where(q0 + h * maximum(v0, 0.0) + 0.5 * lifts > upper + close, above, 0.0)
-    below = where(q0 + h * minimum(v0, 0.0) - 0.5 * sinks < lower - close, below, 0.0)
+    rest = maximum(0.5 * sinks - way, 0.0)
+    above = rest * rest - 2.0 * sinks * minimum(up0, up1)
+    above = minimum(above, h * maximum(v0, 0.0) + 0.5 * lifts - up0)
+    above = minimum(above, minimum(v0 * v0 + 2.0 * hi * up0, v1 * v1 + 2.0 * hi * up1))
+    rest = maximum(0.5 * lifts - way, 0.0)
+    below = rest * rest - 2.0 * lifts * minimum(down0, down1)
+    below = minimum(below, 0.5 * sinks - h * minimum(v0, 0.0) - down0)
+    below = minimum(below, minimum(v0 * v0 - 2.0 * lo * down0, v1 * v1 - 2.0 * lo * down1))
     return above, below
 
 
@@ -113,12 +122,15 @@ def leaves_stop(q0, v0, mode, lower, upper):
 
 
 @physics
-def near(q0, v0, q1, v1, h, least, most, first, last, unseen, unseen_end, mode, lower, upper):
-    """Whether a free slider may meet a stop in a step; 0 is certain."""
-    lo, hi = bounds(q0, least, most, first, last, unseen, unseen_end, lower, upper)
-    above, below = excursions(q0, v0, q1, v1, h, lo, hi, lower, upper)
-    ends = either(abs(beyond(q1, mode, lower, upper)), starts_at_stop(q0, v0, mode, lower, upper))
-    return where(mode == 0.0, either(ends, either(above, below)), 0.0)
+def near(q0, q1, h, least, most, unseen, mode, lower, upper):
+    """Whether a free slider may meet a stop in a step; 0 is certain. A cheap bound of ``excursions``: if
+    q'' >= -A, q exceeds its ends by at most A h^2 / 8."""
+    more = unseen * (most - least)
+    eighth = 0.125 * h * h
+    top = maximum(q0, q1) + eighth * maximum(more - least, 0.0)
+    bottom = minimum(q0, q1) - eighth * maximum(most + more, 0.0)
+    inside = where(top < upper, where(bottom > lower, 1.0, 0.0), 0.0)
+    return where(mode == 0.0, 1.0 - inside, 0.0)
 
 
 @physics
@@ -303,8 +315,8 @@ def decide(
     near = where(
         mode == 0.0,
         either(either(where(abs(gap) <= close, 1.0, 0.0), within), narrow),
-        # Let go where the stop would pull, not just before, to 1e-10 of the step.
-        either(narrow, where(gap * (h - low) <= 1e-10 * left * (gap - gap_low), 1.0, 0.0)) * over,
+        # Let go where the stop would pull, not just before, to 1e-8 of the step: what it pulls until then is less than rounding.
+        either(narrow, where(gap * (h - low) <= 1e-8 * left * (gap - gap_low), 1.0, 0.0)) * over,
     )
     # Where a slider turns: the bracket of that.
     probing = due * equal(phase, 3.0)
@@ -324,7 +336,7 @@ def decide(
     turn = low_turn + (high_turn - low_turn) * share
     middle = 0.5 * (low_in + high_in)
     towards = where(speed > 0.0, h + share, middle)
-    chord = low_in + (high_in - low_in) * share + 5e-11 * left
+    chord = low_in + (high_in - low_in) * share + 5e-9 * left
     nearer = where(mode == 0.0, towards, chord)
     # From the tenth piece on the bracket is halved, so that every search ends.
     nearer = where(tries < 10.0, nearer, middle)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from redundant_envs.algebra import gives_of, physics, sqrt, squash, tolerance, where
+from redundant_envs.algebra import gives_of, physics, saturation, sqrt, squash, tolerance, where
 from redundant_envs.robots.parameters import number
 from redundant_envs.scene import Scene
 
@@ -101,18 +101,12 @@ def effort_term(action1, action2, action3, action4):
 
 @physics(gives="settle_term")
 def settle_term(distance, speed, reach):
-    return 0.08 * (1.0 - squash(speed, 2.0 * reach) * tolerance(distance, 0.1 * reach))
+    return 0.08 * (1.0 - saturation(speed, 1.6 * reach) * tolerance(distance, 0.1 * reach))
 
 
 @physics(gives="rate_term")
 def rate_term(phid1, phid2, phid3, phid4):
-    return 0.005 * (
-        4.0
-        - squash(abs(phid1), 10.0)
-        - squash(abs(phid2), 10.0)
-        - squash(abs(phid3), 10.0)
-        - squash(abs(phid4), 10.0)
-    )
+    return 0.02 * (1.0 - saturation(abs(phid1) + abs(phid2) + abs(phid3) + abs(phid4), 40.0))
 
 
 @physics(gives="end_term")

@@ -185,7 +185,7 @@ def test_what_is_not_near_a_stop_does_not_meet_one():
         least, most = np.sort(rng.normal(0.0, 2000.0, 2))
         step = (q0, v0, q1, v1, h, least, most, *rng.uniform(least, most, 2), 0.1, 0.01)
         place, _ = meeting(*step, -0.2, 0.2)
-        close = near(*step, 0.0, -0.2, 0.2)
+        close = near(q0, q1, h, least, most, 0.1, 0.0, -0.2, 0.2)
         assert close > 0.0 or place == 0.0
         met += place != 0.0
         quiet += close == 0.0
