@@ -60,6 +60,12 @@ def info_columns(core: Core) -> list[tuple[str, int, str]]:
     return [(info_name(c), core.columns[c], kinds.get(c, "float")) for c in shown_columns(core.assembly)]
 
 
+def rows_of_kind(columns: list[tuple[str, int, str]], kind: str) -> slice:
+    """The rows of the outputs from the first to the last of a kind: converted at once, not one by one."""
+    rows = [k for _, k, of in columns if of == kind]
+    return slice(min(rows), max(rows) + 1)
+
+
 def shown_columns(assembly: Assembly) -> list[str]:
     """Columns of the outputs that ``info`` shows."""
     return [c for c in assembly.outputs if c not in (*ENDS, *PLACES)]
@@ -146,6 +152,8 @@ class ReachVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._columns = info_columns(self.core)
+        self._flags = rows_of_kind(self._columns, "bool")
+        self._counts = rows_of_kind(self._columns, "int")
         self._ended = np.zeros(num_envs, dtype=np.bool_)
         self._ready = False
         self._renderer: Any = None
@@ -216,8 +224,7 @@ class ReachVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
                 "reset(options={'reset_mask': mask}) for them first (autoreset_mode is disabled)"
             )
         obs, out, last_obs, last_out = core.step(actions, KERNEL_MODE[mode])
-        terminated = out[1] > 0.0
-        truncated = out[2] > 0.0
+        terminated, truncated = out[1:3] > 0.0
         ended = terminated | truncated
         observation = core.observation(obs, out, self.goal_conditioned)
         reward = out[0].copy()
@@ -297,13 +304,14 @@ class ReachVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
         )  # a line for each: one call, not many
         if mask is not None:
             present &= mask
+        flags, counts = out[self._flags] > 0.0, out[self._counts].astype(np.int64)
         for (name, column, kind), valid in zip(self._columns, present, strict=True):
-            values: NDArray[Any] = out[column]
             if kind == "bool":
-                values = values > 0.0
+                infos[name] = flags[column - self._flags.start]
             elif kind == "int":
-                values = values.astype(np.int64)
-            infos[name] = values
+                infos[name] = counts[column - self._counts.start]
+            else:
+                infos[name] = out[column]
             infos[f"_{name}"] = valid
         return infos
 

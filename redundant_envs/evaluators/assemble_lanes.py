@@ -336,7 +336,7 @@ class LaneSteps:
 
     def _constants(self) -> str:
         a, rows = self.assembly, self.assembly.every_row
-        own = {*self.scratch, "phase"}
+        own = {*self.scratch, "phase", *a.memory}  # words of the task may mean something else there
         named = words(self._texts)
         entering = [r for r in a.rows if r in named and r not in own]
         leaving = [*a.states, "error_sum", *self.results]

@@ -14,7 +14,6 @@ from redundant_envs.evaluators.assemble_step import right_hand_side, step_of
 from redundant_envs.evaluators.quantities import calls
 from redundant_envs.evaluators.text import indent, words
 from redundant_envs.integrators import contacts, stops
-from redundant_envs.integrators.fixed_step import extremes
 from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.scene import identifier
 
@@ -121,10 +120,16 @@ class StopLines:
             for x, k in zip("ab", joints, strict=True)
         ]
         arguments = [*(n for n in arguments if not n.startswith("held")), *self.lanes.modes]
-        rhs = arguments, [*contact, *pulls, f"{motion[-1]}, pull_a, pull_b"], used
+        # What tells of a slider in a step: its acceleration, or the pull of the stop it rests at.
+        sign = [
+            f"sign_{x} = where(held{k} > 0.0, pull_{x}, qdd{k})" for x, k in zip("ab", joints, strict=True)
+        ]
+        rhs = arguments, [*contact, *pulls, *sign, f"{motion[-1]}, sign_a, sign_b"], used
         press = [*contact, *pulls]
-        lines, step_functions = step_of(a, rhs, ["pull_a", "pull_b"])
-        lines += [*at_rest, *self.extremes()]
+        lines, step_functions = step_of(a, rhs, ["sign_a", "sign_b"])
+        last = METHODS[a.scene.integrator].stages - 1
+        signs = {f"accel_{x}_{n}": f"sign_{x}_k{i}" for x in "ab" for n, i in (("first", 0), ("last", last))}
+        signs |= {f"{end}_{x}": f"sign_{x}_{end}" for x in "ab" for end in ("least", "most")}
         lines.append("moving = where(phase >= 2.0, where(phase <= 5.0, 1.0, 0.0), 0.0)")
         self.lanes.used.extend(step_functions)
         known = {*a.states, *a.numbers, *words(line.split(" = ")[0] for line in contact)}
@@ -155,16 +160,7 @@ class StopLines:
                 "step_held",
                 "One step of the lanes of a block that move.",
                 lines,
-                {
-                    **writes,
-                    **a.error_writes,
-                    **self.accelerations(joints),
-                    **{
-                        f"{end}_{x}": f"where(held{k} > 0.0, pull_{x}_{end}, accel_{x}_{end})"
-                        for x, k in zip("ab", joints, strict=True)
-                        for end in ("least", "most")
-                    },
-                },
+                {**writes, **a.error_writes, **signs},
                 special=free,
             ),
             a.lane_function(
@@ -194,28 +190,6 @@ class StopLines:
                 {**slopes_of, **holds, **mobility},
             ),
         ]
-
-    def accelerations(self, joints: list[int]) -> dict[str, str]:
-        """Rows of the accelerations of free sliders, or pulls of resting ones, at both ends of a step."""
-        a = self.assembly
-        last = METHODS[a.scene.integrator].stages - 1
-        named = {
-            x: f"{a.scene.robot.rates[hook.joint]}_k" for x, (_, hook) in zip("ab", self.stops, strict=True)
-        }
-        return {
-            f"accel_{x}_{n}": f"where(held{j} > 0.0, pull_{x}_k{i}, {k}{i})"
-            for (x, k), j in zip(named.items(), joints, strict=True)
-            for n, i in (("first", 0), ("last", last))
-        }
-
-    def extremes(self) -> list[str]:
-        """Lines that give the least and the greatest acceleration of each slider at the stages of a step."""
-        a, lines = self.assembly, []
-        for x, (_, hook) in zip("ab", self.stops, strict=True):
-            acceleration = f"{a.scene.robot.rates[hook.joint]}_k"
-            for i in range(METHODS[a.scene.integrator].stages):
-                lines += extremes(f"accel_{x}", f"{acceleration}{i}", first=i == 0)
-        return lines
 
     def touch(self) -> str:
         """At a stop: impulses, rest and release, as :func:`contacts.touch` decides."""

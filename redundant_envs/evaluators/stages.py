@@ -77,7 +77,9 @@ class Stages:
         results = [value_of(r, self.type) for r in self.subroutine.function(*numbers)]
         fuse(results)
         self.results, self.carried, self.shared = self._split(specialise(results, known))
-        computed = [k for k, r in enumerate(self.results) if isinstance(r, Operation)]
+        # Results that are the same number are given once.
+        self.first = [self.results.index(r) for r in self.results]
+        computed = [k for k, r in enumerate(self.results) if isinstance(r, Operation) and self.first[k] == k]
         self.returned, self.told = computed[:RETURNED], computed[RETURNED:]
         self.carriers = self.common = None
         again = self._with_shared(self.carried)
@@ -228,7 +230,7 @@ class Stages:
 
     def result(self, emitter, node):
         """A result of a stage: returned, told in memory, or known without the call."""
-        (stage,), k = node.arguments, node.extra
+        (stage,), k = node.arguments, self.first[node.extra]
         value = emitter.value(stage)
         if k in self.returned:
             return emitter.builder.extract_value(value, self.returned.index(k))

@@ -303,10 +303,12 @@ def decide(
     high_in = where(over > 0.0, h, high)
     low_in = where(over > 0.0, low, h)
     # Of a release, side tells on which side the last piece ended. An end that stays for the second
-    # time counts half (Illinois).
+    # time counts less (Anderson and Bjorck 1973).
     last_over = positive(side)
-    pull_high = where(over > 0.0, gap, where(last_over > 0.0, gap_high, 0.5 * gap_high))
-    pull_low = where(over > 0.0, where(last_over > 0.0, 0.5 * gap_low, gap_low), gap)
+    weight = 1.0 - gap / where(over > 0.0, gap_high, gap_low)
+    weight = where(weight > 0.0, weight, 0.5)
+    pull_high = where(over > 0.0, gap, where(last_over > 0.0, gap_high, weight * gap_high))
+    pull_low = where(over > 0.0, where(last_over > 0.0, weight * gap_low, gap_low), gap)
     narrow = where(high_in - low_in <= 8.881784197001252e-16 * left, 1.0, 0.0)
     # The rest of the way to a stop, if it takes no more than 1e-9 s: a Taylor step.
     speed = side * v
@@ -315,8 +317,9 @@ def decide(
     near = where(
         mode == 0.0,
         either(either(where(abs(gap) <= close, 1.0, 0.0), within), narrow),
-        # Let go where the stop would pull, not just before, to 1e-8 of the step: what it pulls until then is less than rounding.
-        either(narrow, where(gap * (h - low) <= 1e-8 * left * (gap - gap_low), 1.0, 0.0)) * over,
+        # Let go where the stop would pull, not just before, to 1e-7 of the step: what it pulls until
+        # then is lost in rounding.
+        either(narrow, where(gap * (h - low) <= 1e-7 * left * (gap - gap_low), 1.0, 0.0)) * over,
     )
     # Where a slider turns: the bracket of that.
     probing = due * equal(phase, 3.0)
@@ -336,7 +339,7 @@ def decide(
     turn = low_turn + (high_turn - low_turn) * share
     middle = 0.5 * (low_in + high_in)
     towards = where(speed > 0.0, h + share, middle)
-    chord = low_in + (high_in - low_in) * share + 5e-9 * left
+    chord = low_in + (high_in - low_in) * share + 5e-8 * left
     nearer = where(mode == 0.0, towards, chord)
     # From the tenth piece on the bracket is halved, so that every search ends.
     nearer = where(tries < 10.0, nearer, middle)
