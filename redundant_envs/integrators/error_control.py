@@ -80,17 +80,17 @@ def end_fixed(left):
     return 1.0, left
 
 
-# ---- the plan of a tolerance: 1, 2, 4, ... 4096 equal steps, until the sum of their errors passes ---
+# ---- the plan of a tolerance: 1, 2, 4, ... 16384 equal steps, until the sum of their errors passes ---
 
 # A sum of errors does not know how they grow, which matters where many steps are needed, or many impacts
 # happen. From 128 steps on an interval must come out the same, to the tolerance, with half as many, unless
-# errors that grow a thousandfold would pass; with 32 impacts always.
+# errors that grow a hundred thousand times would pass; with 32 impacts always.
 
 
 @physics
 def more_steps(n, least):
     """Twice the steps if n is too few."""
-    return where(n < 4096.0, where(n < least, 2.0 * n, n), n)
+    return where(n < 16384.0, where(n < least, 2.0 * n, n), n)
 
 
 @physics
@@ -124,13 +124,15 @@ def begin_doubling(marked, floor, error_sum, tip_tolerance, interval):
     n = more_steps(n, floor)
     n = more_steps(n, floor)
     n = more_steps(n, floor)
+    n = more_steps(n, floor)
+    n = more_steps(n, floor)
     return interval / n, failed, n
 
 
 @physics(gives="good left_retry steps_retry")
 def judge_doubling(error_sum, tip_tolerance, steps_of_lane, interval):
     """Whether the errors so far pass, or cannot; else the interval is begun anew with twice the steps."""
-    good = where(error_sum <= tip_tolerance, 1.0, where(steps_of_lane >= 4096.0, 1.0, 0.0))
+    good = where(error_sum <= tip_tolerance, 1.0, where(steps_of_lane >= 16384.0, 1.0, 0.0))
     return good, interval / (2.0 * steps_of_lane), 2.0 * steps_of_lane
 
 
@@ -138,21 +140,21 @@ def judge_doubling(error_sum, tip_tolerance, steps_of_lane, interval):
 def end_doubling(
     ended, accepted, steps_left, steps_of_lane, interval, error_sum, tip_tolerance, floor, steps, change, events
 ):  # fmt: skip
-    """After a piece, and at the end of a step: whether it was the last; whether more than 4096 were needed.
+    """After a piece, and at the end of a step: whether it was the last; whether more than 16384 were needed.
 
     The interval is to be crossed again with twice the steps (``unsure``) if a link has become too fast
     for them by a tenth, as ``steps`` tells, or if it differs by ``change`` [m] from the time before.
     """
     left = steps_left - 1.0
     last = where(left > 0.0, 0.0, 1.0)
-    grown = where(steps_of_lane < 128.0, 0.0, 1000.0 * error_sum)
+    grown = where(steps_of_lane < 128.0, 0.0, 1e5 * error_sum)
     grown = where(events < 32.0, grown, 2.0 * tip_tolerance)
     same = where(grown <= tip_tolerance, 1.0, where(change <= tip_tolerance, 1.0, 0.0))
     floor = where(accepted > 0.0, maximum(floor, steps), floor)
     again = maximum(ended * last * (1.0 - same), where(floor > 1.1 * steps_of_lane, accepted, 0.0))
-    most = where(events < 32.0, 4096.0, 256.0)  # beyond, impacts multiply no more than rounding
+    most = where(events < 32.0, 16384.0, 256.0)  # beyond, impacts multiply no more than rounding
     unsure = where(steps_of_lane < most, again, 0.0)
-    passed = where(error_sum <= tip_tolerance, where(floor <= 4096.0, same, 0.0), 0.0)
+    passed = where(error_sum <= tip_tolerance, where(floor <= 16384.0, same, 0.0), 0.0)
     return last, interval / steps_of_lane, left, 1.0 - passed, unsure, floor
 
 

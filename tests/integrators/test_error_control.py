@@ -117,7 +117,7 @@ def test_stiff_springs_get_their_steps_before_they_are_touched():
 
 
 def test_a_tolerance_out_of_reach_is_flagged_not_hidden():
-    scene = rde.Scene(LAB, (e.LimitSpring("joint2", -2.0, 2.0, 1e10),), tolerance=1e-6)
+    scene = rde.Scene(LAB, (e.LimitSpring("joint2", -2.0, 2.0, 1e12),), tolerance=1e-6)
     _, status = advance(scene, np.zeros((1, 4)), np.zeros((1, 4)))
     assert status.numerics[0] == rde.Numerics.TOLERANCE_NOT_REACHED
     assert status.finite[0]
@@ -125,7 +125,7 @@ def test_a_tolerance_out_of_reach_is_flagged_not_hidden():
     _, status = advance(hit, [[0.0, 0.499, 0.0, 0.0]], [[0.0, 5.0, 0.0, 0.0]])
     assert status.numerics[0] == rde.Numerics.TOLERANCE_NOT_REACHED
     assert status.error_estimate[0] > 1e-13
-    assert status.evaluations[0] > 12 * 4096
+    assert status.evaluations[0] > 12 * 16384
 
 
 @pytest.mark.parametrize("arm", [LAB, rde.FourR((2, 1.5, 1, 0.5), (0.3, 0.5, 0.4, 0.6)), RPRP])
@@ -212,18 +212,18 @@ def test_a_scene_with_a_tolerance_survives_its_file():
 def test_tolerance_is_kept_with_nearly_vanishing_links(arm, tolerance):
     """A link of a micrometre turns over within the interval, and the error of its angle grows with it."""
     scene = rde.Scene(arm, (e.Gravity(),), tolerance=tolerance)
-    q, qd, _ = random_states(scene, 512, 0)
+    q, qd, _ = random_states(scene, 2048, 0)
     got, status = advance(scene, q, qd)
     fine, finer = (
         arm.forward_kinematics(advance(rde.Scene(arm, scene.effects, substeps=n), q, qd)[0][:, :4])
-        for n in (1024, 2048)
+        for n in (2048, 4096)
     )
     judged = np.linalg.norm(fine - finer, axis=1) <= 0.1 * tolerance
     error = np.linalg.norm(arm.forward_kinematics(got[:, :4]) - finer, axis=1)
     flagged = status.numerics != 0
-    assert judged.sum() > 200
+    assert judged.sum() > 1200
     assert np.mean((error > tolerance)[judged & ~flagged]) <= 1e-3
-    assert np.mean(flagged[judged]) <= 0.02
+    assert np.mean(flagged[judged]) <= 2e-3  # of 5000 states 0.04 %; here 2 of 1684
 
 
 def test_an_estimate_that_overflows_does_not_pass():
