@@ -95,9 +95,11 @@ class Stages:
         for n in reached(results):
             is_given = n.name == "load" and n.extra[0] == "given"
             given[n] = is_given or any(given[a] for a in n.operands)
-            early[n] = n.extra[1] < self.subroutine.positions if is_given else all(early[a] for a in n.operands)
+            early[n] = (
+                n.extra[1] < self.subroutine.positions if is_given else all(early[a] for a in n.operands)
+            )
         graph, carried = Graph(), []
-        shared = {n: None for n in reached(results) if not given[n] and self._kept(n)}
+        shared = {n for n in reached(results) if not given[n] and self._kept(n)}
         used = []
 
         def loaded(n):

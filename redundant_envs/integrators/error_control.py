@@ -138,7 +138,8 @@ def judge_doubling(error_sum, tip_tolerance, steps_of_lane, interval):
 
 @physics(gives="last left_again steps_left_again flagged unsure floor_new")
 def end_doubling(
-    ended, accepted, steps_left, steps_of_lane, interval, error_sum, tip_tolerance, floor, steps, change, events
+    ended, accepted, steps_left, steps_of_lane, interval, error_sum, tip_tolerance, floor, steps, change,
+    events,
 ):  # fmt: skip
     """After a piece, and at the end of a step: whether it was the last; whether more than 16384 were needed.
 

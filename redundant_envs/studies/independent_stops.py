@@ -153,13 +153,13 @@ class StoppedArm:
             if not (u > ROUNDING).any():
                 break
             # One that moves away from its stop is struck when an impact of the other has sent it back.
-            here = [k for k, j in enumerate(joints) if u[k] > 0.0 or (j in held and j not in left)]
+            here = [n for n, j in enumerate(joints) if u[n] > 0.0 or (j in held and j not in left)]
             struck = (u + self.restitution * np.maximum(u, 0.0))[here]
             impulse = _complementary(W[np.ix_(here, here)], struck)
             y[4:] -= columns[:, here] @ impulse
-            for k, p in zip(here, impulse, strict=True):
-                if p > 0.0 and u[k] > 0.0:
-                    y[4 + joints[k]] = -sides[joints[k]] * self.restitution * u[k]
+            for n, p in zip(here, impulse, strict=True):
+                if p > 0.0 and u[n] > 0.0:
+                    y[4 + joints[n]] = -sides[joints[n]] * self.restitution * u[n]
         u = s * y[4:][joints]
         qdd, _ = self.motion(y, efforts, [j for j in held if j in sides and j not in left])
         free_qdd, _ = self.motion(y, efforts, [])

@@ -1,5 +1,7 @@
 """What sliders do at their stops and undo again within one step."""
 
+import dataclasses
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -94,6 +96,43 @@ def test_no_interval_of_a_family_hides_an_impact(number):
     assert tally.judged >= 0.99 * tally.intervals
     assert tally.missed == 0
     assert tally.flagged <= 1
+
+
+def test_errors_that_grow_over_many_impacts_are_kept_or_flagged():
+    """Up to 256 impacts in 0.1 s: what two references agree in is right, and little is given up."""
+    family = hidden_impacts.Family(control_dt=0.1, travel=0.02, restitution=0.99)
+    tally = hidden_impacts.judge(family, 4096, seed=3)
+    assert tally.missed == 0  # two were
+    assert tally.judged >= 0.98 * tally.intervals
+    assert tally.flagged <= 0.01 * tally.intervals
+
+
+STRIKE_BY_TURNS = [  # of drawn families: both sliders at their stops within a nanosecond
+    (17, (2.9223575283013465, 0.0, -0.19345631274143038, 0.0625275543337953),
+     (-1.0089219419295712, 0.0, -5.584415328008381, 0.7032524386045764),
+     (0.3570594022796371, 2.87316904848274, 0.17508307103260062, -2.635074302991192)),
+    (19, (-2.636912030974542, 0.0, 0.509589821623345, 0.01527503958793591),
+     (-1.7640741477112252, 0.0, -3.0134858042545942, 0.33743816163975404),
+     (2.1602224554739218, -7.746160289927866, -2.1602224554739218, 7.746160289927866)),
+    (19, (-1.3180042400771337, 0.015275040867274903, -1.402026851981472, 0.015275041659519296),
+     (-4.46442303486203, 0.3342696052153563, 6.14151826355783, 0.0),
+     (-0.2222735877552878, -0.7054922331767897, -1.0759921800390415, -3.8941919492654233)),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("case", STRIKE_BY_TURNS, ids=["elastic", "restitution 0.3", "restitution 0.3, too"])
+def test_sliders_that_strike_by_turns_do_not_know_the_length_of_a_step(case):
+    """Their gaps fall below rounding within the chain of impacts, sooner or later in it."""
+    number, q, qd, efforts = case
+    family = [*hidden_impacts.NAMED, *hidden_impacts.drawn_families(12, 0)][number]
+    scene, ends = family.scene(), []
+    for kwargs in ({}, {"tolerance": None}, {"tolerance": None, "substeps": 96}):
+        batch = rde.BatchSimulator(dataclasses.replace(scene, **kwargs), 1)
+        batch.set_state(q, qd)
+        assert not batch.advance([efforts]).numerics.any()
+        ends.append(scene.robot.forward_kinematics(batch.q)[0])
+    np.testing.assert_allclose(ends[0], ends[2], rtol=0, atol=2.0 * family.tolerance)
+    np.testing.assert_allclose(ends[1], ends[2], rtol=0, atol=2.0 * family.tolerance)
 
 
 def test_impacts_agree_with_an_account_that_shares_no_code():

@@ -129,7 +129,7 @@ def test_sliders_that_strike_by_turns_end_where_single_impacts_end(restitution):
         sides = rng.choice([-1.0, 1.0], 2)
         u = scale * rng.permutation([1.0, -(10.0 ** rng.uniform(-3.0, 0.5))])
         expected = struck_by_turns(u, W, restitution)
-        rates, strikes = sides * u, 1.0
+        rates = sides * u
         for _ in range(300):
             mobility = W[0, 0], sides[0] * sides[1] * W[0, 1], W[1, 1]
             ends = [v for s in sides for v in ((0.0, 0.3) if s > 0 else (0.3, 0.5))]
