@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from redundant_envs.evaluators.assemble_lanes import LaneSteps
 
 
+MOST_PIECES = 65536
+"""Of an interval that is crossed with 1, 2, 4, ... 16384 steps: twice as many as those without an event."""
+
+
 @dataclass(frozen=True)
 class PieceLines:
     """Text about the pieces of motion in the scratch block.
@@ -104,6 +108,9 @@ class PieceLines:
             lines += ["again, there, accepted, events = 0.0, 0.0, due * good, 0.0"]
         anew = self.lanes.plan_of_steps == "doubling"  # a failed piece begins the interval anew, not itself
         lost = "due * where(searched < 500.0, where(left - h == left - h, 0.0, 1.0), 1.0)"
+        if anew:
+            most = MOST_PIECES * METHODS[a.scene.integrator].stages
+            lost = f"maximum({lost}, where(evaluations < {most}.0, 0.0, due))"
         lines += [
             f"failed = due * {tried} * (1.0 - good)",
             f"h_moved = {'h + slide_new' if self.lanes.stops else 'h'}",

@@ -78,7 +78,7 @@ def test_what_accuracy_cannot_be(accuracy, scene, words):
 def test_a_lane_beyond_the_tolerance_is_flagged_and_goes_on():
     data = rde.load_scene("four_r_reach").to_dict()
     data["effects"].append(
-        {"type": "LimitSpring", "coordinate": "joint2", "lower": -3.0, "upper": 3.0, "stiffness": 1e10}
+        {"type": "LimitSpring", "coordinate": "joint2", "lower": -3.0, "upper": 3.0, "stiffness": 1e12}
     )
     env = gym.make(ENVIRONMENT, scene=data)
     env.reset(seed=0)
