@@ -1,9 +1,9 @@
-# make test: set up and test.  make train: set up, learn to reach, report.
+# make test: set up and test.  make train: set up, learn to reach, report.  make coverage: what tests reach.
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: test train check clean
+.PHONY: test coverage train check clean
 .DEFAULT_GOAL := test
 
 $(VENV)/ready: pyproject.toml constraints.txt
@@ -15,7 +15,10 @@ $(VENV)/ready: pyproject.toml constraints.txt
 	touch $@
 
 test: $(VENV)/ready check
-	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --cov --cov-report=term
+	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
+
+coverage: $(VENV)/ready
+	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal --cov --cov-report=term
 
 check: $(VENV)/ready
 	$(BIN)/ruff check .

@@ -180,7 +180,7 @@ def test_nearly_no_interval_of_random_actions_hides_an_event():
     arm = env.unwrapped.core.scene.robot
     rng = np.random.default_rng(3)
     off = 0
-    for _ in range(40):
+    for _ in range(20):
         q, qd = memory.read(arm.coordinates), memory.read(arm.rates)
         actions = rng.uniform(-1.0, 1.0, (count, 4)).astype(np.float32)
         env.step(actions)
@@ -188,7 +188,7 @@ def test_nearly_no_interval_of_random_actions_hides_an_event():
         fine, _ = after(states, tolerance=None, substeps=64)
         coarse, _ = after(states, tolerance=1e-6)
         off += np.count_nonzero(np.abs(coarse - fine).max(axis=1) > 1e-5)
-    assert off == 0  # of 40960
+    assert off == 0  # of 20480
 
 
 def test_pressed_is_the_one_set_in_which_no_stop_pulls_and_none_is_entered():
