@@ -117,6 +117,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--intervals", type=int, default=100_000, help="over all families")
     p.add_argument("--families", type=int, default=12, help="drawn beside the named ones")
     p.add_argument("--independent", type=int, default=100, help="intervals for SciPy, some 50 ms each")
+    p.add_argument("--processes", type=int, default=1, help="at once, each with families of its own")
     p.add_argument("--seed", type=int, default=0)
     p.set_defaults(handler=impacts)
     _add_study_out(p)
@@ -214,10 +215,14 @@ def impacts(options: argparse.Namespace) -> None:
     """Judge intervals of random scenes with hard stops."""
     from redundant_envs.studies import hidden_impacts as study
 
-    for name, least in (("intervals", 1), ("families", 0), ("independent", 0), ("seed", 0)):
+    for name, least in (
+        ("intervals", 1), ("families", 0), ("independent", 0), ("seed", 0), ("processes", 1),
+    ):  # fmt: skip
         if getattr(options, name) < least:
             raise ValueError(f"{name} is {getattr(options, name)}; give at least {least}")
-    rows = study.run(options.intervals, options.families, options.independent, options.seed)
+    rows = study.run(
+        options.intervals, options.families, options.independent, options.seed, options.processes
+    )
     _report(rows, study.COLUMNS, "family", options.out, "impacts")
 
 

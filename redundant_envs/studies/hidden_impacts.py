@@ -8,7 +8,9 @@ than twice the tolerance without a flag.
 from __future__ import annotations
 
 import dataclasses
+import multiprocessing
 import sys
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -210,35 +212,42 @@ def judge_independently(family: Family, count: int, seed: int) -> tuple[int, int
     return judged, missed
 
 
-def run(intervals: int, families: int, independent: int, seed: int = 0) -> list[dict[str, Any]]:
+def row(number: int, family: Family, intervals: int, independent: int, seed: int) -> dict[str, Any]:
+    """A row of ``COLUMNS``."""
+    tally = judge(family, intervals, seed)
+    judged, missed = judge_independently(family, independent, seed)
+    return {
+        "family": number,
+        "control_dt": family.control_dt,
+        "effort": round(family.effort, 1),
+        "travel": round(family.travel, 4),
+        "masses": " ".join(f"{m:.2g}" for m in family.masses),
+        "restitution": family.restitution,
+        **dataclasses.asdict(tally),
+        "tolerance": family.tolerance,
+        "largest_error": f"{tally.largest_error:.1e}",
+        "judged_alone": judged,
+        "missed_alone": missed,
+    }
+
+
+def run(
+    intervals: int, families: int, independent: int, seed: int = 0, processes: int = 1
+) -> list[dict[str, Any]]:
     """Rows of ``COLUMNS``: named and drawn families, ``intervals`` in all, ``independent`` of them by an
     account that shares no code."""
     chosen = [*NAMED, *drawn_families(families, seed)]
-    each = -(-intervals // len(chosen))
+    each, alone = -(-intervals // len(chosen)), -(-independent // len(chosen))
     rows = []
-    for i, family in enumerate(chosen):
-        tally = judge(family, each, seed + i)
-        alone = judge_independently(family, -(-independent // len(chosen)), seed + i)
-        rows.append(
-            {
-                "family": i,
-                "control_dt": family.control_dt,
-                "effort": round(family.effort, 1),
-                "travel": round(family.travel, 4),
-                "masses": " ".join(f"{m:.2g}" for m in family.masses),
-                "restitution": family.restitution,
-                **dataclasses.asdict(tally),
-                "tolerance": family.tolerance,
-                "largest_error": f"{tally.largest_error:.1e}",
-                "judged_alone": alone[0],
-                "missed_alone": alone[1],
-            }
-        )
-        row = rows[-1]
-        print(
-            f"impacts: family {i + 1}/{len(chosen)}: {row['missed']} missed of {row['judged']} judged, "
-            f"{row['flagged']} flagged, largest error {row['largest_error']} m; by the other account "
-            f"{alone[1]} of {alone[0]}",
-            file=sys.stderr,
-        )
+    with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn")) as pool:
+        tasks = [pool.submit(row, i, family, each, alone, seed + i) for i, family in enumerate(chosen)]
+        for i, task in enumerate(tasks):
+            found = task.result()
+            rows.append(found)
+            print(
+                f"impacts: family {i + 1}/{len(chosen)}: {found['missed']} missed of {found['judged']} "
+                f"judged, {found['flagged']} flagged, largest error {found['largest_error']} m; by the other "
+                f"account {found['missed_alone']} of {found['judged_alone']}",
+                file=sys.stderr,
+            )
     return rows

@@ -115,20 +115,34 @@ class StoppedArm:
                     events.append(_terminal(t, lambda y, j: y[j] - self.upper, joint))
                     events.append(_terminal(t, lambda y, j: -y[j], joint))
                     names += [(joint, 1.0), (joint, -1.0)]
-            # SciPy sees the ends of its steps only: they start short, where bounces are.
-            first, longest = min(1e-9, 0.5 * (seconds - t)), seconds / 40
-            piece = solve_ivp(
-                slope, (t, seconds), y, "DOP853", events=events, rtol=rtol, atol=rtol,
-                max_step=longest, first_step=first,
-            )  # fmt: skip
+            free = [j for j in SLIDERS if j not in held]
+            turns = [lambda _, y, j=j: y[4 + j] for j in free]
+            # SciPy sees the ends of its steps only: they start short, where bounces are, and the motion
+            # ends where a slider turns beyond a stop that it passes twice in a step.
+            first, longest, end = min(1e-9, 0.5 * (seconds - t)), seconds / 40, seconds
+            while True:
+                piece = solve_ivp(
+                    slope, (t, end), y, "DOP853", events=[*events, *turns], rtol=rtol, atol=rtol,
+                    max_step=longest, first_step=min(first, 0.5 * (end - t)),
+                )  # fmt: skip
+                found = zip(free, piece.t_events[len(events) :], piece.y_events[len(events) :], strict=True)
+                beyond = [
+                    time
+                    for joint, times, states in found
+                    for time, state in zip(times, states, strict=True)
+                    if time > t and not 0.0 <= state[joint] <= self.upper
+                ]
+                if not beyond or min(beyond) >= end:
+                    break
+                end = min(beyond)
             t, y = float(piece.t[-1]), piece.y[:, -1].copy()
-            met = [name for name, times in zip(names, piece.t_events, strict=True) if len(times)]
+            met = [name for name, times in zip(names, piece.t_events, strict=False) if len(times)]
             left = {joint for joint, side in met if side == 0.0}
             for joint, side in met:
                 if side != 0.0:
                     y[joint] = self.upper if side > 0.0 else 0.0
             if not met or t >= seconds:
-                return y
+                return y if t >= seconds else None
         return None
 
     def _pull(self, y: Array, joint: int, side: float, held: Sequence[int], efforts: Array) -> float:
