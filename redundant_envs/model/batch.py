@@ -34,10 +34,10 @@ EVENT_KINDS = {1: "upper impact", 2: "lower impact", 3: "rest", 4: "release"}
 class Numerics(enum.IntFlag):
     """Trouble of a lane; the one place where it is reported (``info["numerics"]``).
 
-    NON_FINITE, BAD_ACTION, SPEED_BOUND, EVENT_BUDGET (more than 256 impacts in an interval, or one that
-    no search finds) and NO_STEP_FOUND (dop853 would need steps too short or more than a million) end a
-    lane of an environment; TOLERANCE_NOT_REACHED alone does not. After EVENT_BUDGET and NO_STEP_FOUND the
-    lane is back where its interval began.
+    NON_FINITE, BAD_ACTION, SPEED_BOUND, EVENT_BUDGET (more than 256 impacts or 65536 pieces of motion in
+    an interval, or an event that no search finds) and NO_STEP_FOUND (dop853 would need steps too short or
+    more than a million) end a lane of an environment; TOLERANCE_NOT_REACHED alone does not. After
+    EVENT_BUDGET and NO_STEP_FOUND the lane is back where its interval began.
     """
 
     NON_FINITE = 1

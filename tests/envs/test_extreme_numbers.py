@@ -28,7 +28,7 @@ def arrays(obs):
 
 
 def check_episode(env, options):
-    """A refusal by name, or a few steps with finite observations and rewards."""
+    """A refusal by name, or a few steps with finite observations and rewards, in bounded time."""
     try:
         obs, info = env.reset(seed=0, options=options)
     except ValueError:
@@ -36,8 +36,9 @@ def check_episode(env, options):
     rng = np.random.default_rng(0)
     assert all(np.isfinite(a).all() for a in arrays(obs)), options
     assert np.isfinite(info["distance"]), options
-    for _ in range(3):
+    for k in range(3):
         obs, reward, terminated, _, info = env.step(rng.uniform(-1.0, 1.0, 4).astype(np.float32))
+        assert info["evaluations"] <= (k + 1) * 12 * 65537, options
         assert all(np.isfinite(a).all() for a in arrays(obs)), options
         assert np.isfinite(reward), options
         assert np.isfinite(info["distance"]), options
