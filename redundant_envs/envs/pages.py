@@ -150,7 +150,7 @@ def page(kind: type[Any], arm: str, scene_name: str) -> str:
         "alone, `compute_reward(achieved_goal, desired_goal, info)`, for hindsight replay."
         if goal
         else "The sum of the terms; `tolerance(x, margin)` is 1 / (1 + (x / margin)^2), and "
-        "`squash(x, scale)` is x / sqrt(scale^2 + x^2). A step pays 0 to 1. A fault that ends the "
+        "`saturation(x, scale)` is x / (x + scale). A step pays 0 to 1. A fault that ends the "
         "episode takes back what was `paid`, so that nothing is gained by ending early."
     )
     reward += "\n\n" + reward_table(task)
