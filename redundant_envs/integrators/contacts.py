@@ -6,7 +6,7 @@ sliders are a and b, sides 1 at the upper stop, -1 at the lower one, 0 at none; 
 
 from __future__ import annotations
 
-from redundant_envs.algebra import maximum, physics, sqrt, where
+from redundant_envs.algebra import maximum, minimum, physics, sqrt, where
 from redundant_envs.integrators.stops import at_stop, either, equal, no, positive
 
 
@@ -37,18 +37,16 @@ def impulses(ua, ub, sa, sb, waa, wab, wbb, e):
 def collapses(ua, ub, sa, sb, waa, wab, wbb, e):
     """Whether two sliders at their stops, of which one moves out, strike by turns for ever, and so stop.
 
-    Each impact sends the other slider back to its stop, in no time. In units of 1/sqrt(mobility) two
-    impacts take the outward speeds (x, y) to ((k^2 - e) x + k y, -e k x - e y), where k is 1 + e times
-    what one is pushed by the other. They end by themselves if that map has no real eigenvalues, or if y
-    is below the eigenvector of the greater one.
+    Each impact sends the other slider back to its stop, in no time. In units of sqrt(mobility) two
+    impacts take the outward speeds (x, y) to ((k^2 - e) x + k y, -e k x - e y), where k = p / sqrt(waa wbb)
+    is 1 + e times what one is pushed by the other. They end by themselves if that map has no real
+    eigenvalues, or if y is below the eigenvector of the greater one.
     """
-    c = -sa * sb * wab / sqrt(waa * wbb)
-    k = (1.0 + e) * c
-    slope = 0.5 * (k + sqrt(maximum(k * k - 4.0 * e, 0.0)))
-    x = ua / sqrt(waa)
-    y = ub / sqrt(wbb)
-    lasting = where(ua > 0.0, y + slope * x, x + slope * y)
-    return where(c > 0.0, where(k * k >= 4.0 * e, where(lasting >= 0.0, 1.0, 0.0), 0.0), 0.0)
+    p = -(1.0 + e) * sa * sb * wab
+    square = p * p - 4.0 * e * waa * wbb
+    slope = p + sqrt(maximum(square, 0.0))
+    lasting = where(ua > 0.0, 2.0 * waa * ub + slope * ua, 2.0 * wbb * ua + slope * ub)
+    return where(minimum(minimum(p, square), lasting) >= 0.0, where(p > 0.0, 1.0, 0.0), 0.0)
 
 
 @physics

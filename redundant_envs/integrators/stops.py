@@ -43,10 +43,10 @@ def pick(chosen, a, b):
 
 @physics
 def closeness(q, lower, upper):
-    """Positions nearer than this to a stop are at it: four units in the last place, m."""
+    """Positions nearer than this to a stop are at it: four units in the last place, m, but never 0."""
     low = where(abs(lower) < 1e300, abs(lower), 0.0)
     high = where(abs(upper) < 1e300, abs(upper), 0.0)
-    return 8.881784197001252e-16 * maximum(maximum(low, high), abs(q))
+    return 8.881784197001252e-16 * maximum(maximum(low, high), maximum(abs(q), 1e-280))
 
 
 @physics
@@ -251,18 +251,12 @@ def decide(
 
     # A slider that may come to its stop and leave it, or be pulled though not at the end, is followed in
     # half the piece, until no such motion is possible or it would be lost in rounding.
-    pulled_a = where(
-        mode_a * hold_a > 0.0,
-        0.0,
-        pulled(mode_a, least_a, most_a, accel_a_first, accel_a_last, unseen, unseen_end),
-    )
-    pulled_b = where(
-        mode_b * hold_b > 0.0,
-        0.0,
-        pulled(mode_b, least_b, most_b, accel_b_first, accel_b_last, unseen, unseen_end),
-    )
-    unclear_a = where(mode_a == 0.0, equal(met_a, 4.0), where(pulled_a * waa * h * h > close_a, 1.0, 0.0))
-    unclear_b = where(mode_b == 0.0, equal(met_b, 4.0), where(pulled_b * wbb * h * h > close_b, 1.0, 0.0))
+    most_pull_a = pulled(mode_a, least_a, most_a, accel_a_first, accel_a_last, unseen, unseen_end)
+    most_pull_b = pulled(mode_b, least_b, most_b, accel_b_first, accel_b_last, unseen, unseen_end)
+    unclear_a = where(most_pull_a * waa * (h * h) > close_a, 1.0, 0.0)
+    unclear_b = where(most_pull_b * wbb * (h * h) > close_b, 1.0, 0.0)
+    unclear_a = where(mode_a == 0.0, equal(met_a, 4.0), where(mode_a * hold_a > 0.0, 0.0, unclear_a))
+    unclear_b = where(mode_b == 0.0, equal(met_b, 4.0), where(mode_b * hold_b > 0.0, 0.0, unclear_b))
     halve = tried * either(unclear_a, unclear_b)
 
     # A tried piece: its first event, if it has one.

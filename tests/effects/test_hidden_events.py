@@ -107,6 +107,24 @@ def test_errors_that_grow_over_many_impacts_are_kept_or_flagged():
     assert tally.flagged <= 0.01 * tally.intervals
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0], ids=["upper", "lower"])
+def test_a_single_stop_at_zero_hides_nothing_either(side):
+    """No limit and no position gives a length there: what is rounding must not become 0."""
+    ends = ((None, None), (0.0, 0.0))
+    stop = rde.effects.PrismaticStop(*(ends if side > 0.0 else ends[::-1]), 0.5)
+    rng, n, tips = np.random.default_rng(0), 1000, []
+    q, qd = rng.uniform(-3.0, 3.0, (n, 4)), rng.normal(0.0, 3.0, (n, 4))
+    q[:, [1, 3]] = -side * rng.uniform(0.0, 0.1, (n, 2)) * (rng.random((n, 2)) < 0.3)
+    qd[:, [1, 3]] *= rng.random((n, 2)) < 0.5
+    efforts = rng.normal(0.0, 30.0, (n, 4))
+    for kwargs in ({"tolerance": 1e-6}, {"substeps": 96}):
+        batch = rde.BatchSimulator(rde.Scene(SLIDERS, (stop,), control_dt=0.02, **kwargs), n)
+        batch.set_state(q, qd)
+        assert not batch.advance(efforts).numerics.any()
+        tips.append(SLIDERS.forward_kinematics(batch.q))
+    np.testing.assert_allclose(tips[0], tips[1], rtol=0, atol=2e-6)
+
+
 STRIKE_BY_TURNS = [  # of drawn families: both sliders at their stops within a nanosecond
     (17, (2.9223575283013465, 0.0, -0.19345631274143038, 0.0625275543337953),
      (-1.0089219419295712, 0.0, -5.584415328008381, 0.7032524386045764),
