@@ -414,7 +414,7 @@ SCENE = st.fixed_dictionaries(
         **dict.fromkeys(("integrator", "control_dt", "substeps", "tolerance", "actuation", "x"), PLAIN),
     },
 )
-FUZZ = settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
+FUZZ = settings(max_examples=200, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
 
 
 @FUZZ

@@ -7,9 +7,12 @@ than twice the tolerance without a flag.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import itertools
 import multiprocessing
 import sys
+from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -238,16 +241,20 @@ def run(
     account that shares no code."""
     chosen = [*NAMED, *drawn_families(families, seed)]
     each, alone = -(-intervals // len(chosen)), -(-independent // len(chosen))
+    tasks = [(i, family, each, alone, seed + i) for i, family in enumerate(chosen)]
     rows = []
-    with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn")) as pool:
-        tasks = [pool.submit(row, i, family, each, alone, seed + i) for i, family in enumerate(chosen)]
-        for i, task in enumerate(tasks):
-            found = task.result()
-            rows.append(found)
+    with contextlib.ExitStack() as stack:
+        found: Iterable[dict[str, Any]] = itertools.starmap(row, tasks)
+        if processes > 1:
+            context = multiprocessing.get_context("spawn")
+            pool = stack.enter_context(ProcessPoolExecutor(processes, context))
+            found = pool.map(row, *zip(*tasks, strict=True))
+        for i, one in enumerate(found):
+            rows.append(one)
             print(
-                f"impacts: family {i + 1}/{len(chosen)}: {found['missed']} missed of {found['judged']} "
-                f"judged, {found['flagged']} flagged, largest error {found['largest_error']} m; by the other "
-                f"account {found['missed_alone']} of {found['judged_alone']}",
+                f"impacts: family {i + 1}/{len(chosen)}: {one['missed']} missed of {one['judged']} judged, "
+                f"{one['flagged']} flagged, largest error {one['largest_error']} m; by the other account "
+                f"{one['missed_alone']} of {one['judged_alone']}",
                 file=sys.stderr,
             )
     return rows
