@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import time
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -12,15 +13,15 @@ import numpy as np
 from .config import Config
 from .policies import load_policy
 from .rollout import EVALUATION_SEED, Outcome, expert_act, policy_act, run_episodes
-from .run_folder import EPISODES, read_facts, write_json
+from .run_folder import EPISODES, FACTS, read_facts, write_json
 from .statistics import wilson
 
 PACKAGES = ("redundant-envs", "gymnasium", "stable-baselines3", "torch", "numpy", "numba")
 
 
 def versions() -> dict[str, str]:
-    """Versions of what the figures depend on, and the machine."""
-    found = {"python": platform.python_version(), "machine": processor()}
+    """Versions of what the figures depend on."""
+    found = {"python": platform.python_version()}
     for name in PACKAGES:
         try:
             found[name] = version(name)
@@ -60,11 +61,16 @@ def evaluate(config: Config, folder: Path, trust: bool = False) -> dict[str, Any
         "interval": [low, high],
         "touch_success": float(policy.touch.mean()),
         "expert_hold_success": float(expert.hold.mean()),
-        **facts,
+        "expert_touch_success": float(expert.touch.mean()),
+        **{name: facts[name] for name in FACTS},
         "mean_return": float(policy.returns.mean()),
         "expert_mean_return": float(expert.returns.mean()),
         "median_distance": float(np.median(policy.distance)),
         "expert_median_distance": float(np.median(expert.distance)),
+        **measures("", policy),
+        **measures("expert_", expert),
+        "date": time.strftime("%Y-%m-%d"),
+        "machine": processor(),
         "versions": versions(),
     }
     np.savetxt(
@@ -74,6 +80,16 @@ def evaluate(config: Config, folder: Path, trust: bool = False) -> dict[str, Any
     )  # fmt: skip
     write_json(folder / "evaluation.json", result)
     return result
+
+
+def measures(who: str, outcome: Outcome) -> dict[str, float | None]:
+    """How goals were held: time (s, median of the held ones), effort and smoothness (means)."""
+    times = outcome.time_to_hold[outcome.hold]
+    return {
+        f"{who}time_to_hold": float(np.median(times)) if len(times) else None,
+        f"{who}effort": float(outcome.effort.mean()),
+        f"{who}smoothness": float(outcome.smoothness.mean()),
+    }
 
 
 def episode_table(policy: Outcome, expert: Outcome) -> np.ndarray:
@@ -93,9 +109,12 @@ def summary(result: dict[str, Any]) -> str:
         f"(95 % interval {100 * low:.1f} to {100 * high:.1f} %), touch "
         f"{100 * result['touch_success']:.1f} %, median final distance "
         f"{1000 * result['median_distance']:.1f} mm.",
-        f"Computed-torque expert on the same goals: {100 * result['expert_hold_success']:.1f} %, "
+        f"Computed torque on the same goals: {100 * result['expert_hold_success']:.1f} %, "
         f"{1000 * result['expert_median_distance']:.1f} mm.",
     ]
-    if result["hold_success"] < result["expert_hold_success"]:
-        lines.append("The learner loses to the expert.")
+    difference = result["hold_success"] - result["expert_hold_success"]
+    if difference < 0:
+        lines.append("The learner loses to computed torque.")
+    elif difference > 0:
+        lines.append("The learner holds more goals than computed torque.")
     return "\n".join(lines)

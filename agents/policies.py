@@ -23,10 +23,11 @@ from redundant_envs.extras import needs
 
 from . import COMMAND
 from .config import Config
+from .learners.build import ALGORITHM_CLASSES, policy_kwargs, policy_name
+from .learners.networks import ACTIVATIONS
 
 with needs("train"):
     import torch
-    from stable_baselines3 import PPO, SAC
 
 MOST_BYTES = 64 * 2**20
 """Largest weights that are read: 16 million numbers, far more than an arm needs."""
@@ -38,44 +39,25 @@ HARMLESS = (
 )
 
 
-def learner(config: Config) -> Any:
-    """stable-baselines3's class of a configuration's algorithm."""
-    return {"ppo": PPO, "sac": SAC}[config.algo]
-
-
-def policy_name(config: Config) -> str:
-    """stable-baselines3's name of the policy class for an environment's observations."""
-    return "MultiInputPolicy" if "Goal" in config.env else "MlpPolicy"
-
-
-def policy_kwargs(config: Config) -> dict[str, Any]:
-    """Arguments of the policy class: from torch and plain numbers alone, so that they load anywhere."""
-    if config.algo == "ppo":
-        layers = list(config.ppo.net_arch)
-        return {
-            "net_arch": {"pi": layers, "vf": list(layers)},
-            "log_std_init": config.ppo.log_std_init,
-            "activation_fn": torch.nn.Tanh,
-        }
-    return {
-        "net_arch": list(config.sac.net_arch),
-        "activation_fn": torch.nn.Tanh,  # a critic with kinks makes the arm chatter at the goal
-        "optimizer_kwargs": {"fused": True},  # saves a third of the time of a gradient step
-    }
+NUMBERS = ("learning_rate", "clip_range")
+"""Schedules, which are functions of this package: saved as the numbers that they begin with."""
+PLAIN_BUFFER: dict[str, Any] = {"replay_buffer_class": None, "replay_buffer_kwargs": {}}
+"""With the buffer of hindsight goals, stable-baselines3 loads a policy only beside an environment."""
 
 
 def save_policy(model: Any, path: Path) -> None:
-    """Save a learner so that stable-baselines3 alone can load it; the file is whole or as it was before.
-
-    Schedules are functions of this package: they are saved as the numbers that they begin with.
-    """
-    kept = {k: vars(model)[k] for k in ("learning_rate", "clip_range") if callable(vars(model).get(k))}
+    """Save a learner's average so that stable-baselines3 alone loads it; the file is whole or as before."""
+    own = vars(model)
+    changed: dict[str, Any] = {k: float(own[k](1.0)) for k in NUMBERS if callable(own.get(k))}
+    changed |= {k: value for k, value in PLAIN_BUFFER.items() if k in own}
+    kept = {k: own[k] for k in changed}
     part = path.with_name(f"{path.name}.part")
-    vars(model).update({name: float(schedule(1.0)) for name, schedule in kept.items()})
+    own.update(changed)
     try:
-        model.save(part, exclude=("lr_schedule",))
+        with model.averaged():
+            model.save(part, exclude=("lr_schedule",))
     finally:
-        vars(model).update(kept)
+        own.update(kept)
     os.replace(part, path)
 
 
@@ -98,33 +80,35 @@ def load_policy(folder: Path, config: Config, trust: bool = False) -> Any:
     """
     path = folder / "policy.zip"
     if not path.is_file():
-        raise ValueError(
-            f"run folder {folder} has no policy.zip; make a new run: {COMMAND} train {folder}/config.yaml"
-        )
+        unfinished = (folder / "checkpoint").is_dir()
+        fix = f"go on with its training: {COMMAND} resume {folder}"
+        if not unfinished:
+            fix = f"make a new run: {COMMAND} train {folder}/config.yaml --out NEW_FOLDER"
+        raise ValueError(f"run folder {folder} has no policy.zip; {fix}")
     if trust:
         try:
-            return learner(config).load(path, device="cpu")
+            return ALGORITHM_CLASSES[config.algo].load(path, device="cpu")
         except Exception as error:  # a damaged file fails in any way
             raise ValueError(f"{path} cannot be loaded by stable-baselines3: {error}") from error
-    weights, size = read_weights(path)
-    layers = getattr(config, config.algo).net_arch
+    weights, size = read_weights(path, config.settings.activation)
+    layers = config.settings.net_arch
     # Before a policy is built: a configuration of a stranger must not ask for all memory.
     if 4 * (sum(layers) + sum(a * b for a, b in itertools.pairwise(layers))) > size:
         raise ValueError(
             f"config.yaml has net_arch {list(layers)}, larger than the {size} bytes of weights in {path}"
         )
     env = make_sb3(config.env, 1, **config.env_kwargs)
-    build = learner(config).policy_aliases[policy_name(config)]
+    build = ALGORITHM_CLASSES[config.algo].policy_aliases[policy_name(config)]
     policy = build(env.observation_space, env.action_space, lambda _: 0.0, **policy_kwargs(config))
     check_weights(path, weights, policy.state_dict())
     policy.load_state_dict(weights)
     return policy
 
 
-def read_weights(path: Path) -> tuple[dict[str, torch.Tensor], int]:
+def read_weights(path: Path, activation: str) -> tuple[dict[str, torch.Tensor], int]:
     """The tensors of a policy.zip by name, and the bytes they were read from."""
     data = _member(path, "policy.pth", MOST_BYTES)
-    _check_activation(path)
+    _check_activation(path, activation)
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             # Stored as they are, so that they cannot unfold to more than was read.
@@ -169,16 +153,17 @@ def check_weights(path: Path, found: Mapping[str, torch.Tensor], needed: Mapping
             raise ValueError(f"{path} has weights {name!r} that are not finite: the training diverged")
 
 
-def _check_activation(path: Path) -> None:
-    """Refuse a policy with other activations than ours, which its tensors do not tell."""
+def _check_activation(path: Path, activation: str) -> None:
+    """Refuse a policy with other activations than the configuration's, which its tensors do not tell."""
+    wanted = ACTIVATIONS[activation].module.__name__
     try:
         about = json.loads(_member(path, "data", MOST_BYTES))
         said = about["policy_kwargs"].get("activation_fn", "")
     except (ValueError, RecursionError, TypeError, KeyError, AttributeError) as error:
         raise ValueError(f"{path} has a damaged member 'data' ({error}). {HARMLESS}") from error
-    if "Tanh" not in str(said):
+    if wanted not in str(said):
         raise ValueError(
-            f"{path} was saved with the activation {str(said)[:80]!r} instead of Tanh. {HARMLESS}"
+            f"{path} was saved with the activation {str(said)[:80]!r} instead of {wanted}. {HARMLESS}"
         )
 
 

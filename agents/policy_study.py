@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import re
 import shutil
 import time
@@ -10,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import gymnasium as gym
 import numpy as np
@@ -20,21 +19,26 @@ from numpy.typing import NDArray
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
-from redundant_envs.files import explained
+from redundant_envs.files import explained, text_value
 from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.model.batch import Numerics
 from redundant_envs.scene import ACCURACIES, Scene, scene_data
 from redundant_envs.studies.throughput import versions
+from redundant_envs.values import shown
 
-from .config import Config, build, load, read
+from .config import Config, Real, Text, Whole, checked, load, read
+from .config.fields import fields_of
 from .policies import load_policy
 from .rollout import STUDY_SEED, Act, Outcome, policy_act, run_episodes
-from .run_folder import SELECTION, read_config, read_table
+from .run_folder import SELECTION, read_config, read_facts, read_table
 from .statistics import bootstrap_means, middle_95, permutation_test, sign_test, wilson
-from .train import progress_bars, train
+from .training.train import simulator_hash, train
+from .training.watch import progress_bars
 
 with needs("train"):
     import torch
+    from pydantic import ConfigDict, PlainValidator
+    from pydantic.dataclasses import dataclass as checked_dataclass
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
@@ -50,13 +54,25 @@ STEPPING = ("integrator", "substeps", "tolerance")
 """What a scene says about its physics being stepped."""
 
 
-@dataclass(frozen=True)
+def _accuracy(value: Any) -> str | float | None:
+    if isinstance(value, str):
+        value = text_value(value, f"accuracy {shown(value)}")
+    if isinstance(value, bool) or not isinstance(value, str | int | float | None):
+        raise ValueError(f"accuracy is {shown(value)}; choose {', '.join(ACCURACIES)} or metres")
+    return value
+
+
+Accuracy = Annotated[str | float | None, PlainValidator(_accuracy)]
+model = checked_dataclass(frozen=True, config=ConfigDict(extra="forbid"))
+
+
+@model
 class Physics:
     """How a scene is stepped: an integrator with equal substeps, or an accuracy."""
 
-    integrator: str = ""
-    substeps: int = 1
-    accuracy: str | float | None = None
+    integrator: Text = ""
+    substeps: Whole = 1
+    accuracy: Accuracy = None
 
     def __post_init__(self) -> None:
         if bool(self.integrator) == (self.accuracy is not None):
@@ -93,7 +109,7 @@ class Physics:
         return {**kwargs, "scene": {**data, **self.to_dict()}}
 
 
-@dataclass(frozen=True)
+@model
 class StudyArm:
     """An arm of the study.
 
@@ -104,12 +120,12 @@ class StudyArm:
     cheap : name of the physics that the second part trains under
     """
 
-    preset: str
-    run: str = ""
-    cheap: str = ""
+    preset: Text
+    run: Text = ""
+    cheap: Text = ""
 
 
-@dataclass(frozen=True)
+@model
 class Study:
     """What is compared.
 
@@ -126,19 +142,18 @@ class Study:
 
     physics: Mapping[str, Physics]
     arms: Mapping[str, StudyArm]
-    reference: str = "exact"
-    episodes: int = 1000
-    seed: int = STUDY_SEED
-    train_seeds: int = 5
-    train_overrides: tuple[str, ...] = ()
-    resamples: int = 10_000
-    narrow_hold: float = 0.01
-    narrow_return: float = 0.01
+    reference: Text = "exact"
+    episodes: Whole = 1000
+    seed: Whole = STUDY_SEED
+    train_seeds: Whole = 5
+    train_overrides: tuple[Text, ...] = ()
+    resamples: Whole = 10_000
+    narrow_hold: Real = 0.01
+    narrow_return: Real = 0.01
 
     def __post_init__(self) -> None:
-        for name, kind in (("physics", Physics), ("arms", StudyArm)):
-            parts = {str(k): _part(kind, v, f"{name}.{k}") for k, v in getattr(self, name).items()}
-            object.__setattr__(self, name, parts)
+        for name in ("physics", "arms"):
+            parts = getattr(self, name)
             if not parts or len({slug(part) for part in parts}) < len(parts):
                 raise ValueError(f"{name} has the names {list(parts)}; give different letters or numbers")
         if self.reference not in self.physics:
@@ -165,30 +180,20 @@ class Study:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data that makes an equal study."""
-        data = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
+        data = {name: getattr(self, name) for name in fields_of(Study)}
         data["physics"] = {k: p.to_dict() for k, p in self.physics.items()}
         data["arms"] = {
-            k: {n: v for n, v in dataclasses.asdict(a).items() if v} for k, a in self.arms.items()
+            k: {n: getattr(a, n) for n in fields_of(StudyArm) if getattr(a, n)} for k, a in self.arms.items()
         }
         data["train_overrides"] = list(self.train_overrides)
         return data
-
-
-def _part(kind: type[Any], value: Any, where: str) -> Any:
-    if isinstance(value, kind):
-        return value
-    try:
-        return build(kind, value, f"{where}.")
-    except ValueError as error:
-        text = str(error)
-        raise ValueError(text if text.startswith(where) else f"{where}: {text}") from error
 
 
 def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
     """The study of a YAML file, with overrides such as ``train_seeds=0``."""
     data = read(path, overrides, "configs/studies")
     with explained(path, not overrides):
-        study: Study = build(Study, data, "")
+        study: Study = checked(Study, data)
     return study
 
 
@@ -437,7 +442,7 @@ def plan(study: Study, name: str, folder: Path) -> Plan:
     trainings: list[tuple[str, Config, Path]] = []
     for seed in range(study.train_seeds):
         own = load(arm.preset, [*study.train_overrides, f"seed={seed}"])
-        cheap = dataclasses.replace(own, env_kwargs=kwargs[arm.cheap])
+        cheap = own.model_copy(update={"env_kwargs": kwargs[arm.cheap]})
         for label, config in ((arm.cheap, cheap), ("preset", own)):
             trainings.append((label, config, runs / f"{slug(name)}_{slug(label)}_seed{seed}"))
     for config, kept in [(preset, run)] * (not arm.run) + [(c, f) for _, c, f in trainings]:
@@ -543,11 +548,17 @@ def difference(study: Study, p: Plan, trained: list[Row], measure: str) -> Row:
 
 def check_kept(config: Config, folder: Path) -> None:
     """Refuse a run that an earlier study left in a folder, unless it is what this one would train."""
-    text = make_sb3(config.env, 1, **config.env_kwargs).core.assembly.text
-    if read_config(folder).to_dict() != config.to_dict() or (folder / "scene.py").read_text() != text:
+    core = make_sb3(config.env, 1, **config.env_kwargs).core
+    if read_config(folder).to_dict() != config.to_dict() or is_of_other_simulator(folder, core):
         raise ValueError(
             f"{folder} holds a run of another configuration or simulator; choose another --out or delete it"
         )
+
+
+def is_of_other_simulator(folder: Path, core: Core) -> bool:
+    """Whether a run folder says that it was trained on another simulator than today's."""
+    said = read_facts(folder)["simulator"]
+    return said is not None and said != simulator_hash(core)
 
 
 def ensure_trained(config: Config, folder: Path, bars: Any) -> dict[str, Any]:
@@ -572,10 +583,10 @@ def describe(folder: Path) -> str:
     words = f"{config.algo.upper()}, seed {config.seed}"
     if (folder / "selection.csv").is_file():
         rows = read_table(folder, "selection.csv", SELECTION)
-        words += f", {rows[-1, 0] / 1e6:.2f} million steps" if len(rows) else ", no selection made"
+        words += f", {rows[-1, 0] / 1e6:.2f} million steps" if len(rows) else ", no point of its curve"
     words += f", trained under {stepping(core.scene)}"
-    if (folder / "scene.py").is_file() and (folder / "scene.py").read_text() != core.assembly.text:
-        words += ", by an earlier simulator (its scene.py is not today's)"
+    if is_of_other_simulator(folder, core):
+        words += ", by another simulator (training.json has another hash of it)"
     return words
 
 

@@ -17,11 +17,22 @@ from redundant_envs.studies.clips import check_clip, write_clip
 from . import COMMAND
 from .config import Config
 from .evaluate import evaluate, summary
+from .evidence.curves import curves
 from .policies import load_policy
 from .rollout import EVALUATION_SEED, Act, policy_act
-from .run_folder import EPISODES, SELECTION, read_config, read_evaluation, read_table
+from .run_folder import EPISODES, read_config, read_evaluation, read_table
 
 CLIP_EPISODES = 4
+MEASURES = (
+    ("hold success", "hold_success", 100.0, 1, " %"),
+    ("touch success", "touch_success", 100.0, 1, " %"),
+    ("median final distance", "median_distance", 1000.0, 2, " mm"),
+    ("median time to hold", "time_to_hold", 1.0, 2, " s"),
+    ("effort", "effort", 1.0, 4, ""),
+    ("smoothness", "smoothness", 1.0, 4, ""),
+    ("mean return", "mean_return", 1.0, 1, ""),
+)
+"""Lines of the table: name, key, factor, digits, unit."""
 CLIP_EVERY = 2
 """Control steps from frame to frame."""
 
@@ -35,31 +46,14 @@ def check_drawing() -> None:
 
 
 def plots(folder: Path, config: Config) -> list[Path]:
-    """Learning curve and final distances as pictures."""
+    """Learning curves and final distances as pictures."""
     with needs("plot"):
         import matplotlib.pyplot as plt
     plt.switch_backend("Agg")
-    curve = read_table(folder, "selection.csv", SELECTION)
     episodes = read_table(folder, "episodes.csv", EPISODES)
     target = folder / "plots"
     target.mkdir(exist_ok=True)
-    figure, axes = plt.subplots(figsize=(6.4, 3.8), layout="constrained")
-    axes.plot(curve[:, 1], 100 * curve[:, 2], marker="o", markersize=3)
-    axes.axhline(98, color="0.7", linewidth=1, linestyle="--")
-    axes.set(xlabel="training time, s", ylabel="hold success on selection goals, %", ylim=(0, 101))
-    if len(curve) > 1:
-        seconds, steps = curve[:, 1], curve[:, 0] / 1e6
-        top = axes.secondary_xaxis(
-            "top",
-            functions=(
-                lambda t: np.interp(np.asarray(t, float), seconds, steps),
-                lambda s: np.interp(np.asarray(s, float), steps, seconds),
-            ),
-        )
-        top.set_xlabel("environment steps, millions")
-    figure.savefig(target / "learning_curve.png", dpi=120)
-    plt.close(figure)
-
+    curves([folder], target / "learning_curve.png")
     figure, axes = plt.subplots(figsize=(6.4, 3.8), layout="constrained")
     for column, label in ((3, config.algo.upper()), (6, "computed-torque expert")):
         distance = np.sort(1000 * episodes[:, column])
@@ -105,39 +99,6 @@ def batched(obs: Any) -> Any:
     return obs[None]
 
 
-def table(folders: list[Path]) -> str:
-    """Markdown table of evaluated runs, one row per environment and algorithm."""
-    results = [read_evaluation(folder) for folder in folders]
-    groups: dict[tuple[str, str], list[dict[str, Any]]] = {}
-    for result in results:
-        groups.setdefault((result["env"], result["algo"]), []).append(result)
-    lines = [
-        "| environment | learner | seeds | hold success, median (worst) | 95 % interval, worst seed "
-        "| touch, median | expert, hold | steps | train seconds, median |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
-    for (env, algo), runs in sorted(groups.items()):
-        runs.sort(key=lambda r: r["hold_success"])
-        worst = runs[0]
-        touch = float(np.median([r["touch_success"] for r in runs]))
-        hold = float(np.median([r["hold_success"] for r in runs]))
-        steps, seconds = (
-            f"{np.median(known) / size:.{digits}f}{unit}" if known else "unknown"
-            for name, size, digits, unit in (("env_steps", 1e6, 2, " M"), ("train_seconds", 1, 0, ""))
-            for known in [[r[name] for r in runs if r.get(name) is not None]]
-        )
-        low, high = worst["interval"]
-        lines.append(
-            f"| {env.split('/')[-1]} | {algo.upper()} | {len(runs)} "
-            f"| {100 * hold:.1f} % ({100 * worst['hold_success']:.1f} %) "
-            f"| {100 * low:.1f} to {100 * high:.1f} % | {100 * touch:.1f} % "
-            f"| {100 * worst['expert_hold_success']:.1f} % | {steps} | {seconds} |"
-        )
-    machines = sorted({r["versions"]["machine"] for r in results})
-    lines += ["", f"{results[0]['episodes']} frozen goals each. Machine: {', '.join(machines)}."]
-    return "\n".join(lines)
-
-
 def report(folder: Path, trust: bool = False) -> Path:
     """Write plots, clips and report.md of a run, and its evaluation if it has none yet.
 
@@ -151,23 +112,52 @@ def report(folder: Path, trust: bool = False) -> Path:
     except MissingPackage as error:
         print(f"{clips.pop()} is left out: {error}", file=sys.stderr)
     policy = load_policy(folder, config, trust)
-    if not (folder / "evaluation.json").is_file():  # a training that was stopped
+    # A training that was stopped has no evaluation, a published run no table of its episodes.
+    if not all((folder / name).is_file() for name in ("evaluation.json", "episodes.csv")):
         evaluate(config, folder, trust)
     result = read_evaluation(folder)
     pictures = plots(folder, config)
     clip(clips, config.env, policy_act(policy), CLIP_EPISODES, EVALUATION_SEED, **config.env_kwargs)
-    rows = [(k, v) for k, v in result.items() if k != "versions"]
-    rows += [(f"version of {k}", v) for k, v in result["versions"].items()]
+    target = folder / "report.md"
+    target.write_text(page(folder, config, result, clips, pictures), encoding="utf-8")
+    return target
+
+
+def page(
+    folder: Path, config: Config, result: dict[str, Any], clips: list[Path], pictures: list[Path]
+) -> str:
+    """The text of report.md."""
+    learner = config.algo.upper()
+    rows = [
+        f"| {name} | {number(result.get(key), scale, digits, unit)} "
+        f"| {number(result.get(f'expert_{key}'), scale, digits, unit)} |"
+        for name, key, scale, digits, unit in MEASURES
+    ]
+    origin = [f"{name} {version}" for name, version in result["versions"].items()]
+    speed, steps, seconds = "", result["env_steps"], result["train_seconds"]
+    if steps is not None and seconds:
+        speed = (
+            f"{steps / 1e6:.2f} million environment steps in {seconds:.0f} s of training, without "
+            f"evaluations: {steps / seconds:,.0f} per second. "
+        )
     lines = [
-        f"# {config.algo.upper()} on {config.env}, seed {config.seed}", "", summary(result), "",
+        f"# {learner} on {config.env}, seed {config.seed}", "", summary(result), "",
         "![clip](clip.gif)", "", *(f"[{c.name}]({c.name})\n" for c in clips[1:]),
         *(f"![{p.stem}](plots/{p.name})" for p in pictures), "",
-        "| | |", "|---|---|", *(f"| {k} | {v} |" for k, v in rows), "",
-        "`config.yaml` is what was run, `scene.py` the whole simulator it ran on, `policy.zip` the "
-        "policy (best on the selection goals), `monitor.csv` every training episode, "
-        "`selection.csv` the learning curve, `episodes.csv` the evaluation.", "",
-        f"Again: `{COMMAND} train {folder}/config.yaml`", "",
+        f"| {result['episodes']} frozen goals | {learner} | computed torque |", "|---|---|---|", *rows, "",
+        "Time to hold is the median over the goals that were held; effort is the mean square of the "
+        "normalized motor efforts, smoothness their mean change from one control step to the next: less is "
+        "better.", "",
+        f"{speed}Evaluated on {result['date']}. Machine: {result['machine']}. {', '.join(origin)}.", "",
+        "`config.yaml` is what was run, `scene.yaml` what was simulated, `policy.zip` the average of the "
+        "last weights, which stable-baselines3 loads, `selection.csv` the learning curve (on goals of its "
+        "own), `monitor.csv` every training episode, `episodes.csv` the evaluation.", "",
+        f"Again, to the same bits with this machine and these versions: `{COMMAND} train "
+        f"{folder}/config.yaml`", "",
     ]  # fmt: skip
-    target = folder / "report.md"
-    target.write_text("\n".join(lines))
-    return target
+    return "\n".join(lines)
+
+
+def number(value: float | None, scale: float, digits: int, unit: str) -> str:
+    """A rounded number with its unit."""
+    return "-" if value is None else f"{scale * value:.{digits}f}{unit}"

@@ -40,6 +40,12 @@ class Outcome:
     """Control steps."""
     evaluations: NDArray[np.int64]
     """Evaluations of the equations of motion."""
+    time_to_hold: NDArray[np.float64]
+    """From the start to where the tip stayed at the goal and slow to the end, s; NaN where it did not."""
+    effort: NDArray[np.float64]
+    """Mean square of the normalized efforts, 0 to 1."""
+    smoothness: NDArray[np.float64]
+    """Mean change of a normalized effort from one control step to the next, 0 to 2: less is smoother."""
 
 
 def run_episodes(env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any) -> Outcome:
@@ -49,10 +55,19 @@ def run_episodes(env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any)
     obs = env.reset()
     ends: list[dict[str, Any]] = [{} for _ in range(episodes)]
     open_lanes = np.ones(episodes, dtype=np.bool_)
-    returns = np.zeros(episodes)
+    returns, effort, change = np.zeros(episodes), np.zeros(episodes), np.zeros(episodes)
+    held = np.zeros(episodes)
+    before: NDArray[np.float64] | None = None
     step = 0
     while open_lanes.any():
-        obs, rewards, dones, infos = env.step(act(obs, env.core, step))
+        actions = act(obs, env.core, step)
+        done_by = np.clip(np.nan_to_num(actions), -1.0, 1.0).astype(np.float64)
+        effort += open_lanes * np.square(done_by).mean(axis=1)
+        if before is not None:
+            change += open_lanes * np.abs(done_by - before).mean(axis=1)
+        before = done_by
+        held = np.where(open_lanes, env.core.memory.read(("hold",))[:, 0], held)
+        obs, rewards, dones, infos = env.step(actions)
         returns += rewards * open_lanes
         for lane in np.flatnonzero(dones & open_lanes):
             ends[lane] = infos[lane]
@@ -61,8 +76,9 @@ def run_episodes(env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any)
     scene = env.core.scene
     per_step = scene.substeps * METHODS[scene.integrator].stages  # told where it varies
     steps = np.array([e["episode_steps"] for e in ends])
+    hold = np.array([e["is_success"] for e in ends])
     return Outcome(
-        hold=np.array([e["is_success"] for e in ends]),
+        hold=hold,
         touch=np.array([e["touch_success"] for e in ends]),
         distance=np.array([e["distance"] for e in ends]),
         returns=returns,
@@ -72,6 +88,10 @@ def run_episodes(env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any)
         evaluations=np.array(
             [e.get("evaluations", n * per_step) for e, n in zip(ends, steps.tolist(), strict=True)]
         ),
+        # ``held`` counts the steps before the last one
+        time_to_hold=np.where(hold, (steps - held - 1.0) * scene.control_dt, np.nan),
+        effort=effort / steps,
+        smoothness=change / np.maximum(steps - 1, 1),
     )
 
 

@@ -15,14 +15,19 @@ from redundant_envs.envs.registration import ids
 from redundant_envs.values import shown
 
 from . import COMMAND
-from .config import ALGORITHMS, RANGES, Config, load
+from .config import ALGORITHMS, MOST_EPISODES, MOST_SEEDS, Config, load
 
-SELECTION = ("env_steps", "seconds", "hold_success", "return")
+SELECTION = ("env_steps", "seconds", "hold_success", "touch_success", "return")
 """Columns of selection.csv."""
 EPISODES = ("seed", "hold", "touch", "distance", "return", "expert_hold", "expert_distance")
 """Columns of episodes.csv."""
 RATES = ("hold_success", "touch_success", "expert_hold_success")
 DISTANCES = ("median_distance", "expert_median_distance")
+MEASURES = tuple(
+    f"{who}{name}" for who in ("", "expert_") for name in ("time_to_hold", "effort", "smoothness")
+)
+"""Beside success; folders of older versions lack them."""
+RETURNS = ("mean_return", "expert_mean_return")
 FACTS = ("env_steps", "train_seconds")
 MOST = 1e15
 """Largest number of a run: of its steps, seconds and metres."""
@@ -48,11 +53,11 @@ def read_evaluation(folder: Path) -> dict[str, Any]:
         raise ValueError(f"run folder {folder} has no evaluation.json; make it: {COMMAND} evaluate {folder}")
     data = _read_json(path, f"{COMMAND} evaluate {folder}")
     low_high = data.get("interval")
-    checks = {name: _is_number(data.get(name)) for name in DISTANCES}
+    checks = {name: _is_number(data.get(name)) for name in (*DISTANCES, *RETURNS)}
     checks |= {name: _is_number(data.get(name), 1) for name in RATES}
     checks |= {name: data.get(name) is None or _is_number(data[name]) for name in FACTS}
-    for name in ("seed", "episodes"):
-        low, high = RANGES[""]["seed" if name == "seed" else "evaluation_episodes"]
+    checks |= {name: data.get(name) is None or _is_number(data[name]) for name in MEASURES}
+    for name, low, high in (("seed", 0, MOST_SEEDS), ("episodes", 1, MOST_EPISODES)):
         checks[name] = isinstance(data.get(name), int) and _is_number(data[name], high) and data[name] >= low
     checks["env"], checks["algo"] = data.get("env") in ids(), data.get("algo") in ALGORITHMS
     checks["interval"] = (
@@ -61,7 +66,8 @@ def read_evaluation(folder: Path) -> dict[str, Any]:
         and low_high[0] <= low_high[1]
     )
     versions = data.get("versions")
-    checks["versions"] = isinstance(versions, dict) and _is_line(versions.get("machine"))
+    checks["versions"] = isinstance(versions, dict) and all(_is_line(v) for v in versions.values())
+    checks |= {name: _is_line(data.get(name)) for name in ("machine", "date")}
     for name, holds in checks.items():
         if not holds:
             raise ValueError(
@@ -71,15 +77,18 @@ def read_evaluation(folder: Path) -> dict[str, Any]:
 
 
 def read_facts(folder: Path) -> dict[str, Any]:
-    """Environment steps and seconds of the training, None where the folder does not tell."""
+    """Environment steps, seconds and simulator of the training; None where the folder does not tell."""
     path = folder / "training.json"
     if not path.is_file():
-        return dict.fromkeys(FACTS)
+        return dict.fromkeys((*FACTS, "simulator"))
     data = _read_json(path, f"{COMMAND} train {folder}/config.yaml --out NEW_FOLDER")
     for name in FACTS:
         if not _is_number(data.get(name)):
             raise ValueError(f"{path} has {shown(data.get(name))} as {name!r}; delete it to go on without")
-    return {name: data[name] for name in FACTS}
+    simulator = data.get("simulator")
+    if simulator is not None and not _is_line(simulator):
+        raise ValueError(f"{path} has {shown(simulator)} as 'simulator'; delete it to go on without")
+    return {**{name: data[name] for name in FACTS}, "simulator": simulator}
 
 
 def read_table(folder: Path, name: str, columns: tuple[str, ...]) -> NDArray[np.float64]:

@@ -26,7 +26,7 @@ os.chdir({folder!r})
 LIBRARY = "from redundant_envs.__main__ import main; sys.exit(main({!r}))"
 AGENTS = "from agents.__main__ import main; sys.exit(main({!r}))"
 SIMULATE = ["simulate", "--scene", "four_r_free", "--seconds", "0.1"]
-RUN = str(ROOT / "docs" / "results" / "runs" / "rprp_ppo_0")
+RUN = str(ROOT / "docs" / "results" / "runs" / "rprp_reach_ppo" / "seed0")
 COMMANDS = {
     # name -> program, arguments, package that is missing, extra
     "figures": (LIBRARY, SIMULATE, "matplotlib", "plot"),

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 
 import redundant_envs as rde
 from agents.__main__ import main as agents_main
-from agents.config import load, number_or_text
+from agents.config import load
 from redundant_envs.__main__ import main
-from redundant_envs.files import LARGEST_FILE, parse_yaml, read_yaml
+from redundant_envs.files import LARGEST_FILE, parse_yaml, read_yaml, text_value
 from redundant_envs.scene import scene_folder, scene_names
 from redundant_envs.studies.accuracy_config import load_study
 from redundant_envs.studies.throughput import load_config
@@ -194,7 +194,7 @@ def test_an_unreadable_file_is_refused(tmp_path):
     ],
 )  # fmt: skip
 def test_values_are_read_as_yaml_1_2_reads_them(text, value):
-    read = number_or_text(text)
+    read = text_value(text, "it")
     assert read == value
     assert type(read) is type(value)
 

@@ -19,9 +19,9 @@ from stable_baselines3 import PPO, SAC
 
 from agents import policies
 from agents.__main__ import main
-from agents.config import Config, build
+from agents.config import Config, checked
+from agents.learners.build import make_model
 from agents.policies import load_policy, save_policy
-from agents.train import make_model
 from redundant_envs.envs.sb3 import make_sb3
 
 KINDS = {
@@ -58,7 +58,7 @@ def runs(tmp_path_factory):
     """Kind -> run folder of a hardly trained policy, its configuration, and the learner."""
     found = {}
     for kind, data in KINDS.items():
-        config = build(Config, {**data, "num_envs": 4, "evaluation_episodes": 4}, "")
+        config = checked(Config, {"config_version": 2, **data, "num_envs": 4, "evaluation_episodes": 4})
         model = make_model(config, make_sb3(config.env, 4)).learn(128)
         folder = tmp_path_factory.mktemp(kind)
         (folder / "config.yaml").write_text(yaml.safe_dump(config.to_dict()))
@@ -204,7 +204,7 @@ def larger_storage(data: bytes) -> bytes:
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_other_bytes_than_fitting_weights_are_one_error(damage, run, capsys):
     folder, _ = run
-    weights, _ = policies.read_weights(folder / "policy.zip")
+    weights, _ = policies.read_weights(folder / "policy.zip", "silu")
     replace(folder / "policy.zip", policy_pth=DAMAGES[damage](weights))
     assert main(["evaluate", str(folder)]) == 2
     error = capsys.readouterr().err
@@ -249,7 +249,7 @@ def test_other_activations_are_refused(run):
     folder, config = run
     with zipfile.ZipFile(folder / "policy.zip") as archive:
         data = archive.read("data")
-    replace(folder / "policy.zip", data=data.replace(b"activation.Tanh", b"activation.ReLU"))
+    replace(folder / "policy.zip", data=data.replace(b"activation.SiLU", b"activation.ReLU"))
     with pytest.raises(ValueError, match="ReLU"):
         load_policy(folder, config)
 
@@ -266,8 +266,14 @@ def test_a_file_cut_short_is_one_error(trust, run):
 
 def test_a_configuration_that_asks_for_all_memory_is_refused(run):
     folder, _ = run
-    config = build(
-        Config, {**KINDS["ppo"], "num_envs": 4, "ppo": {"batch_size": 64, "net_arch": [2048] * 2}}, ""
+    config = checked(
+        Config,
+        {
+            "config_version": 2,
+            **KINDS["ppo"],
+            "num_envs": 4,
+            "ppo": {"batch_size": 64, "net_arch": [2048] * 2},
+        },
     )
     with pytest.raises(ValueError, match="net_arch"):
         load_policy(folder, config)

@@ -9,6 +9,7 @@ import yaml
 
 from agents.__main__ import main
 from agents.config import load
+from agents.learners.build import make_model
 from agents.policy_report import (
     LARGE,
     NONE,
@@ -32,7 +33,6 @@ from agents.policy_study import (
 )
 from agents.rollout import EVALUATION_SEED, SELECTION_SEED, STUDY_SEED, Outcome, expert_act, random_act
 from agents.statistics import bootstrap_means, middle_95, permutation_test, sign_test
-from agents.train import make_model
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.scene import load_scene
 
@@ -92,8 +92,8 @@ def test_mistakes_name_the_key_and_what_is_valid(overrides, words):
 def test_selection_goals_stay_below_those_of_the_study():
     assert EVALUATION_SEED + 1_000_000 <= SELECTION_SEED
     assert SELECTION_SEED + 1_000_000 <= STUDY_SEED
-    with pytest.raises(ValueError, match="selection_episodes"):
-        load(PRESET, ["selection_episodes=1000001"])
+    with pytest.raises(ValueError, match="curve_episodes"):
+        load(PRESET, ["curve_episodes=1000001"])
 
 
 @pytest.mark.parametrize("physics", [Physics("euler", 4), Physics(accuracy="exact"), Physics(accuracy=1e-5)])
@@ -449,7 +449,7 @@ def test_training_under_cheap_physics(tmp_path, run, capsys):
     out = tmp_path / "out"
     arms = {"RPRP": {"preset": PRESET, "run": str(run), "cheap": "euler 20 ms"}}
     tiny = [
-        "num_envs=32", "ppo.n_steps=16", "ppo.batch_size=512", "total_steps=1024", "selection_episodes=4",
+        "num_envs=32", "ppo.n_steps=16", "ppo.batch_size=512", "total_steps=1024", "curve_episodes=4",
     ]  # fmt: skip
     command = [*small(tmp_path / "s.yaml", arms=arms, train_seeds=2, train_overrides=tiny), "--out", str(out)]
     assert main(command) == 0
@@ -474,7 +474,7 @@ def test_training_under_cheap_physics(tmp_path, run, capsys):
     ("arm", "word"),
     [
         ({"run": "nowhere"}, "config.yaml"),
-        ({"run": "docs/results/runs/rprp_ppo_0"}, "policy.zip"),
+        ({"run": "docs/results/runs/four_r_reach_ppo/seed0"}, "policy.zip"),
         ({"preset": "nowhere.yaml"}, "nowhere.yaml"),
     ],
 )

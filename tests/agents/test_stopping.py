@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 
 import pytest
+from run_folders import write_run
 
 from agents.__main__ import main
 
@@ -20,10 +21,10 @@ SMALL = [
     "num_envs=64",
     "ppo.n_steps=16",
     "ppo.batch_size=512",
-    "selection_episodes=10",
+    "curve_episodes=10",
     "evaluation_episodes=20",
 ]
-ENDLESS = ["total_steps=1000000000", "max_seconds=500"]
+ENDLESS = ["total_steps=1000000000"]
 
 
 def wait_for(holds, process, seconds=120.0):
@@ -55,7 +56,7 @@ def test_a_stopped_training_leaves_a_run(number, every, tmp_path, capsys):
         *ENDLESS,
     ]
     with subprocess.Popen(
-        [*command, f"selection_every={every}"],
+        [*command, f"curve_every={every}"],
         cwd=ROOT,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -73,10 +74,10 @@ def test_a_stopped_training_leaves_a_run(number, every, tmp_path, capsys):
     assert process.returncode == 130
     (message,) = error.splitlines()
     assert "stopped after" in message
-    assert f"Go on with: python -m agents report {folder}" in message
+    assert f"Go on with: python -m agents resume {folder}" in message
     assert json.loads((folder / "training.json").read_text())["stopped"] is True
     head, *rows = lines(folder / "selection.csv")
-    assert head == "env_steps,seconds,hold_success,return"
+    assert head == "env_steps,seconds,hold_success,touch_success,return"
     assert bool(rows) == (every == 2000)
     assert len({line.count(",") for line in lines(folder / "monitor.csv")[1:]}) == 1
     assert not list(folder.glob("*.part"))
@@ -89,7 +90,7 @@ def test_a_stopped_training_leaves_a_run(number, every, tmp_path, capsys):
 
 
 def test_a_second_request_interrupts_at_once():
-    from agents.interrupt import stop_request
+    from agents.training.interrupt import stop_request
 
     before = signal.getsignal(signal.SIGINT)
     with stop_request() as stop:
@@ -121,7 +122,7 @@ def test_ctrl_c_elsewhere_is_one_line(monkeypatch, capsys):
 def finished(tmp_path_factory):
     """A small finished run."""
     folder = tmp_path_factory.mktemp("finished") / "run"
-    few = ["total_steps=4096", "selection_every=2000"]
+    few = ["total_steps=4096", "curve_every=2000"]
     assert main(["train", "rprp_reach_ppo", *SMALL, *few, "--out", str(folder)]) == 0
     return folder
 
@@ -162,7 +163,6 @@ DAMAGES = {
     "a list for an evaluation": ("evaluation.json", "[1, 2]", ("table", "report"), "evaluate"),
     "an evaluation of texts": ("evaluation.json", '{"env": 3}', ("table", "report"), "evaluate"),
     "nested evaluation": ("evaluation.json", "[" * 100_000, ("table", "report"), "evaluate"),
-    "no episodes": ("episodes.csv", None, ("report",), "evaluate"),
     "half of the episodes": ("episodes.csv", CUT, ("report",), "evaluate"),
     "no selections": ("selection.csv", None, ("report",), "train"),
     "half a selection": ("selection.csv", "env_steps,seconds\n1,2,3,4\n1,2", ("report",), "train"),
@@ -201,19 +201,18 @@ def test_a_missing_or_damaged_file_is_named_with_the_command_that_makes_it(damag
         ("touch_success", 10**400), ("expert_hold_success", 2), ("median_distance", -1),
         ("median_distance", 10**400), ("expert_median_distance", 10**400), ("interval", [0.5, 10**400]),
         ("interval", [0.5, 1.5]), ("interval", [0.6, 0.5]), ("interval", [0.5]), ("env_steps", 10**400),
-        ("env_steps", -5), ("train_seconds", 10**400), ("versions", {"machine": "a\nb"}),
-        ("versions", {"machine": "x" * 100_000}), ("versions", {}),
+        ("env_steps", -5), ("train_seconds", 10**400), ("versions", {"torch": "a\nb"}),
+        ("versions", {"torch": "x" * 100_000}), ("versions", []), ("machine", "a\nb"), ("machine", 3),
+        ("date", "x" * 100_000), ("effort", -1), ("expert_time_to_hold", "soon"), ("mean_return", None),
     ],
 )  # fmt: skip
 def test_a_value_that_no_evaluation_has_is_refused_by_file_and_field(field, value, tmp_path, capsys):
-    source = Path(__file__).parents[2] / "docs" / "results" / "runs" / "rprp_ppo_0" / "evaluation.json"
-    data = json.loads(source.read_text())
-    path = tmp_path / "evaluation.json"
-    path.write_text(json.dumps(data))
-    assert main(["table", str(tmp_path)]) == 0
+    path = write_run(tmp_path / "run") / "evaluation.json"
+    data = json.loads(path.read_text())
+    assert main(["table", str(path.parent)]) == 0
     path.write_text(json.dumps({**data, field: value}))
     capsys.readouterr()
-    assert main(["table", str(tmp_path)]) == 2
+    assert main(["table", str(path.parent)]) == 2
     error = capsys.readouterr().err
     assert f"{path} has " in error
     assert f"as {field!r}; make it anew" in error
@@ -234,7 +233,7 @@ def test_the_table_takes_runs_whose_training_is_unknown(run, capsys):
     assert main(["evaluate", str(run)]) == 0
     capsys.readouterr()
     assert main(["table", str(run)]) == 0
-    assert "| unknown | unknown |" in capsys.readouterr().out
+    assert "| - | - | - |" in capsys.readouterr().out  # steps, seconds, steps per second
 
 
 def test_a_run_is_not_written_over_a_file(tmp_path, capsys):

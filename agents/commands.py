@@ -1,0 +1,268 @@
+"""The command line: one function for each command, its help, and completion of what it takes."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+from redundant_envs import __version__
+from redundant_envs.extras import needs
+
+from . import COMMAND
+from .config.files import presets
+from .config.keys import complete, help_of_keys
+from .training.interrupt import Stopped
+
+with needs("train"):
+    import typer
+    import typer.core
+
+
+class Interrupted(Exception):
+    """Ctrl-C inside a command, which typer would take for its own."""
+
+
+class _Commands(typer.core.TyperGroup):
+    def invoke(self, ctx: Any) -> Any:
+        """Run a command; what interrupts it goes to the caller."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as stop:
+            raise Interrupted(str(stop)) from stop
+
+
+app = typer.Typer(
+    help="Train, evaluate, play and report policies.", no_args_is_help=True, rich_markup_mode=None,
+    pretty_exceptions_enable=False, cls=_Commands,
+)  # fmt: skip
+study = typer.Typer(help="Measure what policies depend on.", no_args_is_help=True, rich_markup_mode=None)
+app.add_typer(study, name="study")
+
+Folder = Annotated[Path, typer.Argument(help="run folder")]
+Folders = Annotated[list[Path], typer.Argument(help="run folders")]
+Trust = Annotated[
+    bool,
+    typer.Option(
+        "--trust", help="unpickle policy.zip, as stable-baselines3 does: runs any code its author put in"
+    ),
+]
+
+
+def run(arguments: list[str]) -> int:
+    """Run one command; usage errors are shown and give 2."""
+    try:
+        app(args=arguments, prog_name=COMMAND)
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else 0
+    except Interrupted as stop:
+        raise KeyboardInterrupt(*stop.args) from stop
+    return 0
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        print(f"redundant-envs {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _main(
+    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True)] = False,
+) -> None:
+    pass
+
+
+@app.command(epilog=help_of_keys())
+def train(
+    config: Annotated[str, typer.Argument(help="YAML file, or a preset's name", autocompletion=presets)],
+    overrides: Annotated[
+        list[str] | None,
+        typer.Argument(help="key=value, such as seed=3 ppo.gamma=0.98", autocompletion=complete),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="run folder (default runs/<config>_seed<seed>_<time>)")
+    ] = None,
+    seeds: Annotated[
+        str | None, typer.Option(help="several runs, such as 0..9 or 1,4,7; --out is the folder of theirs")
+    ] = None,
+    processes: Annotated[
+        int | None, typer.Option(help="runs at a time, each on a core of its own (default: all cores)")
+    ] = None,
+) -> None:
+    """Train, evaluate and report."""
+    from .config import load
+    from .evaluate import evaluate, summary
+    from .report import check_drawing, report
+    from .training.many import seeds_of, train_many
+    from .training.train import train
+
+    check_drawing()
+    name = Path(config).stem
+    stamp = time.strftime("%Y%m%d-%H%M%S")
+    if seeds is not None:
+        folder = out or Path("runs") / f"{name}_{stamp}"
+        configs = [load(config, [*(overrides or ()), f"seed={seed}"]) for seed in seeds_of(seeds)]
+        train_many(configs, folder, processes)
+        from .evidence.table import table
+
+        print(table(sorted(p.parent for p in folder.glob("*/evaluation.json"))))
+        return
+    if processes is not None:
+        raise ValueError("processes is for several seeds; give --seeds, such as --seeds 0..9")
+    one = load(config, overrides or ())
+    folder = out or Path("runs") / f"{name}_seed{one.seed}_{stamp}"
+    facts = train(one, folder)
+    try:
+        print(summary(evaluate(one, folder)))
+        print(f"{facts['env_steps']} environment steps in {facts['train_seconds']:.0f} s")
+        print(f"report: {report(folder)}")
+    except KeyboardInterrupt:
+        raise Stopped(f"stopped after the training; go on with: {COMMAND} report {folder}") from None
+
+
+@app.command()
+def resume(folder: Folder) -> None:
+    """Go on with a training that was stopped or killed, from its last checkpoint, to the same bits."""
+    from .evaluate import evaluate, summary
+    from .report import check_drawing, report
+    from .run_folder import read_config
+    from .training.train import resume
+
+    check_drawing()
+    facts = resume(folder)
+    print(summary(evaluate(read_config(folder), folder)))
+    print(f"{facts['env_steps']} environment steps in {facts['train_seconds']:.0f} s")
+    print(f"report: {report(folder)}")
+
+
+@app.command()
+def evaluate(folder: Folder, trust: Trust = False) -> None:
+    """Evaluate the policy of a run folder again."""
+    from .evaluate import evaluate, summary
+    from .run_folder import read_config
+
+    print(summary(evaluate(read_config(folder), folder, trust)))
+
+
+@app.command()
+def report(folder: Folder, trust: Trust = False) -> None:
+    """Draw plots, clips and report.md of a run folder again."""
+    from .report import report
+
+    print(f"report: {report(folder, trust)}")
+
+
+@app.command()
+def table(
+    folders: Folders,
+    out: Annotated[Path | None, typer.Option(help="write the rows to a .csv file too")] = None,
+) -> None:
+    """Print evaluated runs as a Markdown table: seeds of equal settings in one row."""
+    from .evidence.table import rows, table, write_rows
+
+    print(table(folders))
+    if out is not None:
+        write_rows(rows(folders), out)
+
+
+@app.command()
+def curves(
+    folders: Folders,
+    out: Annotated[Path, typer.Option(help="picture, .png or .svg; its numbers go beside it")] = Path(
+        "runs/curves.png"
+    ),
+) -> None:
+    """Draw learning curves of run folders: all seeds, their interquartile mean and its interval."""
+    from .evidence.curves import curves
+
+    out.parent.mkdir(parents=True, exist_ok=True)
+    curves(folders, out)
+    print(out)
+
+
+@app.command()
+def play(
+    target: Annotated[str, typer.Argument(help="run folder, or id such as RPRPReach-v0")],
+    actions: Annotated[
+        str | None, typer.Option(help="actions for an id: zero, random or expert (default expert)")
+    ] = None,
+    clip: Annotated[
+        Path | None, typer.Option(help="write a .gif or .mp4 instead of opening a window")
+    ] = None,
+    episodes: int = 3,
+    seed: int = 0,
+    trust: Trust = False,
+) -> None:
+    """Watch a run folder's policy, or an id without one."""
+    from .play import play
+
+    play(target, actions, clip, episodes, seed, trust)
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON schema of a training configuration, for editors."""
+    import json
+
+    from .config import Config
+
+    print(json.dumps(Config.model_json_schema(), indent=2))
+
+
+@study.command("stops")
+def study_stops(
+    folder: Folder,
+    lanes: int = 4096,
+    out: Annotated[Path, typer.Option(help="CSV file")] = Path("runs/studies/stops.csv"),
+    trust: Trust = False,
+) -> None:
+    """What hard stops cost on the states of an RPRP policy."""
+    from redundant_envs.studies import stops, throughput
+
+    from .policies import load_policy
+    from .run_folder import read_config
+
+    config = read_config(folder)
+    if lanes < 8:
+        raise ValueError(f"lanes is {lanes}; give at least 8")
+    if config.env != stops.ENVIRONMENT:
+        raise ValueError(f"folder is a run of {config.env}; the study is of {stops.ENVIRONMENT}")
+    model = load_policy(folder, config, trust)
+    policies: dict[str, Any] = {
+        "policy": lambda obs: model.predict(obs, deterministic=True)[0],
+        "random actions": stops.random_policy(0),
+    }
+    rows = stops.run(policies, lanes)
+    throughput.write_rows(rows, stops.COLUMNS, out)
+    print(throughput.table(rows, stops.COLUMNS[stops.COLUMNS.index("states") :]))
+    print(out)
+
+
+@study.command("policy")
+def study_policy(
+    overrides: Annotated[list[str] | None, typer.Argument(help="key=value, such as train_seeds=0")] = None,
+    config: Annotated[
+        Path | None, typer.Option(help="YAML file (default configs/studies/policy.yaml)")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="folder; a study that was stopped goes on in it")] = Path(
+        "runs/studies/policy"
+    ),
+    trust: Trust = False,
+) -> None:
+    """What the physics costs a policy, and training under the cheapest."""
+    from redundant_envs.studies.throughput import study_path
+
+    from .policy_report import write_report
+    from .policy_study import load_study, run_study
+    from .report import check_drawing
+
+    check_drawing()
+    what = load_study(config or study_path("policy"), overrides or ())
+    try:
+        results = run_study(what, out, trust)
+    except KeyboardInterrupt:
+        raise Stopped("stopped; the same command goes on after the last finished training") from None
+    path = write_report(what, results, out)
+    print(path.read_text(encoding="utf-8"))
+    print(f"report: {path}")

@@ -1,0 +1,167 @@
+"""Numbers of a configuration: what is allowed, its unit and its help; one message for every mistake."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, get_args
+
+from redundant_envs.extras import needs
+from redundant_envs.values import shown
+
+with needs("train"):
+    from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError
+    from pydantic.fields import FieldInfo
+    from pydantic_core import PydanticCustomError
+
+LARGEST_WHOLE = 2**53
+"""Largest whole number in a configuration: every float up to it is exact."""
+
+
+def _whole(value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise PydanticCustomError("kind", "give a whole number")
+    if not abs(value) <= LARGEST_WHOLE or value != int(value):
+        raise PydanticCustomError("kind", "give a whole number")
+    return int(value)
+
+
+def _real(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise PydanticCustomError("kind", "give a number")
+    if not math.isfinite(value):
+        raise PydanticCustomError("kind", "give a finite number")
+    return float(value)
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise PydanticCustomError("kind", "give a text")
+    return value
+
+
+Whole = Annotated[int, BeforeValidator(_whole)]
+Real = Annotated[float, BeforeValidator(_real)]
+Text = Annotated[str, BeforeValidator(_text)]
+
+
+def number(default: Any, low: float, high: float, help: str, unit: str = "") -> Any:
+    """A number of a model: its default, least and largest value (both allowed), help and unit."""
+    more = {"unit": unit} if unit else {}
+    return Field(default, ge=low, le=high, description=help, json_schema_extra=more)  # type: ignore[arg-type]
+
+
+def value(default: Any, help: str) -> Any:
+    """Any other value of a model."""
+    return Field(default, description=help)
+
+
+UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
+"""pydantic's names of the mistake of a key that a model does not have."""
+
+
+class Model(BaseModel):
+    """Frozen, and without keys that nobody reads."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True)
+
+
+def checked(kind: type[Any], data: Any, where: str = "") -> Any:
+    """A model from plain data.
+
+    Raises
+    ------
+    ValueError
+        Names the first field that is wrong, its value and what is allowed.
+    """
+    if not isinstance(data, Mapping):
+        raise ValueError(f"{where.rstrip('.') or 'the configuration'} is {shown(data)}; give a mapping")
+    try:
+        return TypeAdapter(kind).validate_python(dict(data))
+    except ValidationError as error:
+        raise ValueError(explain(kind, error, where)) from None
+
+
+def explain(kind: type[Any], error: ValidationError, where: str = "") -> str:
+    """The first mistake of a validation as one sentence."""
+    # A key that is unknown is often the reason why another one is missing.
+    mistakes = sorted(error.errors(), key=lambda e: e["type"] not in UNKNOWN)
+    mistake = mistakes[0]
+    place = tuple(mistake["loc"])
+    name = where + dotted(place)
+    got = shown(mistake["input"])
+    match mistake["type"]:
+        case kind_of if kind_of in UNKNOWN:
+            owner = model_at(kind, place[:-1])
+            prefix = where + dotted(place[:-1]) + ("." if place[:-1] else "")
+            return f"{name[:80]} is unknown; valid: {', '.join(prefix + f for f in fields_of(owner))}"
+        case "missing":
+            return f"{name} is missing"
+        case "value_error":  # a message of a model's own, which names its fields
+            message = str(mistake["ctx"]["error"])
+            return message if not name or message.startswith(name) else f"{name}: {message}"
+        case "literal_error":
+            return f"{name} is {got}; choose {mistake['ctx']['expected']}"
+        case "model_type" | "model_attributes_type" | "mapping_type" | "dict_type" | "dataclass_type":
+            return f"{name} is {got}; give a mapping"
+        case "tuple_type" | "list_type":
+            return f"{name} is {got}; give a list"
+        case "too_long" | "too_short":
+            limits = {"too_long": f"at most {mistake['ctx'].get('max_length')}",
+                      "too_short": f"at least {mistake['ctx'].get('min_length')}"}  # fmt: skip
+            return f"{name} has {mistake['ctx']['actual_length']} entries; give {limits[mistake['type']]}"
+        case "greater_than_equal" | "less_than_equal" | "kind":
+            return f"{name} is {got}; {allowed(kind, place, mistake['msg'])}"
+    return f"{name} is {got}; {mistake['msg']}"
+
+
+def fields_of(kind: type[Any]) -> dict[str, FieldInfo]:
+    """Fields of a model or of a checked dataclass, by name."""
+    fields: dict[str, FieldInfo] = kind.__pydantic_fields__
+    return fields
+
+
+def dotted(place: tuple[int | str, ...]) -> str:
+    """A place in nested data as its user writes it: ``sac.net_arch[1]``."""
+    text = ""
+    for part in place:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)[:80]
+    return text
+
+
+def model_at(kind: type[Any], place: tuple[int | str, ...]) -> type[Any]:
+    """The model that stands at a place inside another one."""
+    for part in place:
+        field = fields_of(kind).get(str(part))
+        inner = (field.annotation, *get_args(field.annotation)) if field else ()
+        kind = next((c for c in inner if hasattr(c, "__pydantic_fields__")), kind)
+    return kind
+
+
+def allowed(kind: type[Any], place: tuple[int | str, ...], message: str) -> str:
+    """What a number at a place may be."""
+    names = [str(part) for part in place if not isinstance(part, int)]
+    owner = model_at(kind, tuple(names[:-1]))
+    field = fields_of(owner).get(names[-1])
+    if field is None:
+        return message
+    low, high = limits(field)
+    whole = "whole " if "int" in str(field.annotation) else ""
+    if low is None or high is None:
+        return message
+    return f"give a {whole}number from {low:g} to {high:g}"
+
+
+def limits(field: FieldInfo) -> tuple[float | None, float | None]:
+    """Least and largest value of a number, or of the numbers in a list."""
+    low = high = None
+    for bound in _bounds(field):
+        low, high = getattr(bound, "ge", low), getattr(bound, "le", high)
+    return low, high
+
+
+def _bounds(field: FieldInfo) -> Iterator[Any]:
+    yield from field.metadata
+    for inner in get_args(field.annotation):
+        for bound in getattr(inner, "__metadata__", ()):
+            yield from getattr(bound, "metadata", (bound,))

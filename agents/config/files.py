@@ -1,0 +1,95 @@
+"""Configurations in files: YAML with dotted overrides; presets by name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from redundant_envs.files import exists, explained, read_yaml, text_value
+from redundant_envs.scene import scene_folder
+from redundant_envs.values import shown
+
+from .fields import checked
+from .run import CHANGES, VERSION, Config
+
+
+def load(path: str | Path, overrides: Sequence[str] = ()) -> Config:
+    """A configuration: a YAML file or a preset's name, and overrides such as ``seed=3 ppo.gamma=0.98``."""
+    file = preset_path(path)
+    data = read(file, overrides, "configs/training")
+    with explained(file, not overrides):
+        check_version(data)
+        config: Config = checked(Config, data)
+    return config
+
+
+def check_version(data: dict[str, Any]) -> None:
+    """Refuse a configuration of another version, and say what changed since."""
+    found = data.get("config_version", 1)
+    if found == VERSION and not isinstance(found, bool):
+        return
+    known = isinstance(found, int) and not isinstance(found, bool) and 1 <= found < VERSION
+    if not known:
+        raise ValueError(f"config_version is {shown(found)}; this program reads {VERSION}")
+    changed = " ".join(f"Version {v}: {CHANGES[v]}." for v in range(found + 1, VERSION + 1))
+    said = "is missing" if "config_version" not in data else f"is {found}"
+    raise ValueError(
+        f"config_version {said}; this program reads {VERSION}. {changed} Look whether the run is still "
+        f"the one you mean, then write config_version: {VERSION}"
+    )
+
+
+def preset_folder() -> Path:
+    """The folder of the presets: package data in a wheel, configs/training in a checkout."""
+    return scene_folder().parent / "training"
+
+
+def presets() -> list[str]:
+    """Names of all presets; baselines are named with their folder."""
+    folder = preset_folder()
+    return sorted(p.relative_to(folder).with_suffix("").as_posix() for p in folder.rglob("*.yaml"))
+
+
+def preset_path(path: str | Path) -> Path:
+    """The file of a configuration: the path itself, or a preset's by its name."""
+    file, preset = Path(path), preset_folder() / f"{path}.yaml"
+    if exists(file):
+        return file
+    if not exists(preset):
+        raise ValueError(
+            f"config is {shown(str(path))}; there is no such file, and the presets are {', '.join(presets())}"
+        )
+    return preset
+
+
+def read(path: str | Path, overrides: Sequence[str], folder: str) -> dict[str, Any]:
+    """What a YAML file holds, with overrides; where it is missing, the error lists the folder's files."""
+    file = Path(path)
+    if not exists(file):
+        available = sorted(str(p) for p in Path(folder).glob("*.yaml"))
+        raise ValueError(
+            f"config is {shown(str(path))}; there is no such file. Found: {', '.join(available)}"
+        )
+    data = read_yaml(file, "config")
+    if not isinstance(data, dict):
+        raise ValueError(f"{file} holds no mapping; give 'key: value' lines")
+    for override in overrides:
+        override_one(data, override)
+    return data
+
+
+def override_one(data: dict[str, Any], override: str) -> None:
+    """Put one ``key.inner=value`` in its place."""
+    key, separator, text = override.partition("=")
+    if not separator:
+        raise ValueError(f"override is {shown(override)}; write key=value, such as seed=3")
+    place = data
+    *parents, last = key.split(".")
+    for parent in parents:
+        if place.get(parent) is None:
+            place[parent] = {}
+        place = place[parent]
+        if not isinstance(place, dict):
+            raise ValueError(f"override {shown(key)}: {shown(parent)} has no keys inside")
+    place[last] = text_value(text, f"the value {shown(text)}")

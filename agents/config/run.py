@@ -1,0 +1,139 @@
+"""The configuration of a training run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal, get_args
+
+from redundant_envs.envs.registration import ARGUMENTS, MAX_EPISODE_STEPS, ids
+from redundant_envs.extras import needs
+from redundant_envs.values import shown
+
+from .fields import Model, Real, Text, Whole, number, value
+from .learners import HERSettings, PPOSettings, SACSettings
+
+with needs("train"):
+    from pydantic import model_validator
+
+Algorithm = Literal["ppo", "sac", "her"]
+ALGORITHMS: tuple[str, ...] = get_args(Algorithm)
+SEEDS_PER_RUN = 10_000
+"""Environment seeds of a run: seed * 10 000 and up, one per environment."""
+MOST_SEEDS = 99
+"""Largest seed of a run: higher ones would meet the goals of the evaluation."""
+MOST_EPISODES = 1_000_000
+"""More would meet the goals of the evaluation or of the curve."""
+MOST_SAMPLES = 10**8
+"""Between two updates of PPO: what a rollout holds in memory."""
+VERSION = 2
+CHANGES = {
+    2: "the saved policy is the average of the last weights, not the best on the selection goals; the "
+    "learning rate has a schedule (sac: constant, ppo: linear) and networks an activation (silu instead of "
+    "tanh); the defaults of all learners are others; max_seconds has no default; her is an algorithm",
+}
+"""What each version of the configuration changed."""
+
+
+class Config(Model):
+    """One training run."""
+
+    config_version: Literal[2] = value(..., "version of this format")
+    env: Text = value(..., "registered id of the environment")
+    algo: Algorithm = value("ppo", "learner")
+    seed: Whole = number(0, 0, MOST_SEEDS, "of the learner and, times 10 000, of the environments")
+    num_envs: Whole = number(512, 1, SEEDS_PER_RUN, "environments in parallel")
+    total_steps: Whole = number(8_000_000, 1, 1e12, "environment steps in all")
+    max_seconds: Real | None = value(None, "end earlier after so much training time, s; null: only by steps")
+    torch_threads: Whole = number(1, 1, 1024, "threads of PyTorch")
+    curve_every: Whole = number(400_000, 1, 1e12, "environment steps from one point of the curve to the next")
+    curve_episodes: Whole = number(500, 1, MOST_EPISODES, "episodes of a point of the curve")
+    evaluation_episodes: Whole = number(1000, 1, MOST_EPISODES, "episodes on the frozen evaluation goals")
+    checkpoint_seconds: Real = number(30.0, 0.0, 1e9, "training time between checkpoints; 0: none", "s")
+    telemetry: tuple[Literal["tensorboard", "csv", "wandb", "mlflow"], ...] = value(
+        ("tensorboard",), "where figures of the training are logged"
+    )
+    env_kwargs: dict[Any, Any] = value({}, f"arguments of the environment: {', '.join(ARGUMENTS)}")
+    ppo: PPOSettings | None = value(None, "settings of ppo")
+    sac: SACSettings | None = value(None, "settings of sac")
+    her: HERSettings | None = value(None, "settings of her")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_settings(cls, data: Any) -> Any:
+        """Settings of the chosen learner are there, by default if they are not given."""
+        algo = data.get("algo", "ppo")
+        if algo in ALGORITHMS and data.get(algo) is None:
+            return {**data, algo: {}}
+        return data
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Config:
+        if self.env not in ids():
+            raise ValueError(f"env is {shown(self.env)}; choose {', '.join(ids())}")
+        for name in ALGORITHMS:
+            if name != self.algo and getattr(self, name) is not None:
+                raise ValueError(
+                    f"{name} has settings, and algo is {self.algo}; give those of {self.algo} only, or begin "
+                    f"with a preset of {name}"
+                )
+        if self.algo == "her" and "Goal" not in self.env:
+            raise ValueError(f"env is {self.env}; her needs a goal environment: {', '.join(_goal_ids())}")
+        if self.max_seconds is not None and not self.max_seconds > 0.0:
+            raise ValueError(f"max_seconds is {self.max_seconds:g}; give more than 0, or null")
+        check_env_kwargs(self.env_kwargs)
+        if self.ppo is not None:
+            _check_rollout(self.num_envs, self.ppo)
+        if self.her is not None:
+            _check_first_episodes(self.num_envs, self.env_kwargs, self.her)
+        return self
+
+    @property
+    def settings(self) -> PPOSettings | SACSettings:
+        """Those of the chosen learner."""
+        chosen: PPOSettings | SACSettings = getattr(self, self.algo)
+        return chosen
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data, with the settings of the chosen algorithm only."""
+        return self.model_dump(mode="json", exclude=set(ALGORITHMS) - {self.algo})
+
+
+def _goal_ids() -> list[str]:
+    return [name for name in ids() if "Goal" in name]
+
+
+def check_env_kwargs(env_kwargs: Mapping[str, Any]) -> None:
+    """ValueError on arguments that no environment has, or that would never end an evaluation."""
+    for name in env_kwargs:
+        if name not in ARGUMENTS:
+            raise ValueError(f"env_kwargs has the unknown key {shown(name)}; valid: {', '.join(ARGUMENTS)}")
+    steps = env_kwargs.get("max_episode_steps", 1)
+    whole = isinstance(steps, int) and not isinstance(steps, bool)
+    if not whole or not 1 <= steps <= MOST_EPISODES:  # without an end no evaluation would end
+        raise ValueError(
+            f"env_kwargs.max_episode_steps is {shown(steps)}; give a whole number from 1 to {MOST_EPISODES}"
+        )
+
+
+def _check_first_episodes(num_envs: int, env_kwargs: Mapping[str, Any], her: HERSettings) -> None:
+    """Hindsight needs whole episodes: the first ones are over before the first gradient step."""
+    least = num_envs * env_kwargs.get("max_episode_steps", MAX_EPISODE_STEPS)
+    if her.learning_starts < least:
+        raise ValueError(
+            f"her.learning_starts is {her.learning_starts}; with {num_envs} environments give at least "
+            f"{least}, so that the first episodes are over"
+        )
+
+
+def _check_rollout(num_envs: int, ppo: PPOSettings) -> None:
+    samples = num_envs * ppo.n_steps
+    if samples > MOST_SAMPLES:
+        raise ValueError(
+            f"ppo.n_steps is {ppo.n_steps}; with {num_envs} environments give at most "
+            f"{MOST_SAMPLES // num_envs}"
+        )
+    if samples % ppo.batch_size:
+        raise ValueError(
+            f"ppo.batch_size is {ppo.batch_size}; it must divide num_envs * ppo.n_steps = {samples}, such as "
+            f"{samples // max(1, round(samples / ppo.batch_size))}"
+        )

@@ -1,0 +1,1 @@
+"""Evidence from many runs: learning curves and tables with their uncertainty."""

@@ -1,0 +1,139 @@
+"""The figure of learning curves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from redundant_envs.extras import needs
+
+from .learning import MEASURES, expert, points, summarize
+from .runs import Group
+
+LABELS = {"steps": (1e-6, "environment steps, millions"), "seconds": (1.0, "training time, s")}
+"""By the name of an x axis: the scale it is drawn with, and its label."""
+TITLES = {"hold_success": "hold success, %", "touch_success": "touch success, %", "return": "mean return"}
+"""Of the panels, by column of selection.csv."""
+COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+"""Okabe and Ito's, which the colour-blind tell apart; black is computed torque's."""
+STYLES = ("-", "-.", ":")
+"""Of the lines, when there are more learners than colours."""
+TICKS = (1.0, 0.0, 0.9, 0.99, 0.5, 0.999, 0.98, 0.95, 0.8, 0.998)
+"""Rates that are labelled, the most important first."""
+CLOSEST = 0.075
+"""Least distance of two labels, as a share of the axis."""
+SPREAD = 3.0
+"""A panel's x axis is logarithmic where its longest curve is more than so many times its shortest."""
+LONG = 30
+"""Characters of a legend's entry that needs more than a sixth of the width."""
+
+
+def draw(groups: Sequence[Group], axes: Sequence[str]) -> Any:
+    """The figure of the groups: a subfigure per environment and scene, a row per axis, three panels each."""
+    with needs("plot"):
+        from matplotlib.figure import Figure
+        from matplotlib.lines import Line2D
+        from matplotlib.patches import Patch
+    explained = [
+        Line2D([], [], color="0.4", linewidth=2.2, label="interquartile mean"),
+        Patch(color="0.4", alpha=0.25, linewidth=0, label="its 95 % interval"),
+        Line2D([], [], color="0.4", alpha=0.5, linewidth=0.6, label="one seed"),
+    ]
+    titles = list(dict.fromkeys(same.title for same in groups))
+    looks = _looks(groups)
+    height = len(titles) * (2.5 * len(axes) + 0.75)
+    figure = Figure(figsize=(11.0, height), dpi=120, layout="constrained")
+    parts = figure.subfigures(len(titles), 1, squeeze=False)[:, 0]
+    for part, title in zip(parts, titles, strict=True):
+        shown = [same for same in groups if same.title == title]
+        panels = part.subplots(len(axes), len(MEASURES), squeeze=False)
+        for row, axis in zip(panels, axes, strict=True):
+            for same in shown:
+                _draw_group(row, same, axis, *looks[same.learner])
+            for panel, name in zip(row, MEASURES, strict=True):
+                _finish(panel, name, axis, shown)
+        part.suptitle(title, fontweight="bold")
+        handles, labels = panels[0, 0].get_legend_handles_labels()
+        named = [*dict(zip(labels, handles, strict=True)).values(), *explained]
+        columns = 6 if max(map(len, labels)) < LONG else 2
+        part.legend(handles=named, loc="outside lower center", ncols=columns, frameon=False)
+    return figure
+
+
+def _draw_group(row: Sequence[Any], same: Group, axis: str, color: str, style: str) -> None:
+    """A group's seeds, interquartile mean and interval in the panels of a row."""
+    scale, curve = LABELS[axis][0], summarize(same, axis)
+    seeds = "1 seed" if len(same.runs) == 1 else f"{len(same.runs)} seeds"
+    for k, panel in enumerate(row):
+        for run in same.runs:
+            x, values = points(run, axis)
+            panel.plot(scale * x, values[:, k], color=color, alpha=0.3, linewidth=0.6)
+        panel.fill_between(
+            scale * curve.x, curve.low[:, k], curve.high[:, k], color=color, alpha=0.25, linewidth=0
+        )
+        panel.plot(
+            scale * curve.x, curve.middle[:, k], style, color=color, linewidth=2.2,
+            label=f"{same.learner} ({seeds})",
+        )  # fmt: skip
+
+
+def _finish(panel: Any, name: str, axis: str, shown: Sequence[Group]) -> None:
+    """Computed torque, scales and labels of a panel."""
+    for level in sorted({level for same in shown if (level := expert(same, name)) is not None}):
+        panel.axhline(level, color="black", linestyle=(0, (5, 3)), linewidth=1.1, label="computed torque")
+    panel.set_title(TITLES[name], loc="left", fontsize="medium")
+    _x_scale(panel, axis, [points(run, axis)[0][-1] for same in shown for run in same.runs])
+    panel.grid(color="0.9", linewidth=0.6)
+    panel.set_axisbelow(True)
+    panel.spines[["top", "right"]].set_visible(False)
+    if name.endswith("success"):
+        _rate_scale(panel, 1.0 / max(same.runs[0].settings["curve_episodes"] for same in shown))
+    panel.minorticks_off()
+
+
+def _x_scale(panel: Any, axis: str, ends: Sequence[float]) -> None:
+    """The x axis of a panel, whose curves end at ``ends``."""
+    label = LABELS[axis][1]
+    if 0.0 < SPREAD * min(ends) < max(ends):
+        from matplotlib.ticker import FuncFormatter, LogLocator
+
+        panel.set_xscale("log")
+        panel.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        panel.xaxis.set_major_formatter(FuncFormatter(lambda at, _: f"{at:g}"))
+        label += " (logarithmic)"
+    else:
+        panel.set_xlim(left=0)
+    panel.set_xlabel(label)
+
+
+def _rate_scale(panel: Any, goal: float) -> None:
+    """A scale of rates on which misses count by their logarithm: 90, 99 and 99.9 % are equally far apart.
+
+    One goal is added to the misses, so that 100 % has a place.
+    """
+
+    def height(rate: Any) -> Any:
+        return -np.log10(np.maximum(1.0 + goal - np.asarray(rate, dtype=np.float64), 1e-12))
+
+    def rate(at: Any) -> Any:
+        return 1.0 + goal - 10.0 ** -np.asarray(at, dtype=np.float64)
+
+    low, high = height(0.0), height(1.0)
+    chosen: list[float] = []
+    for tick in TICKS:
+        if all(abs(height(tick) - height(other)) >= CLOSEST * (high - low) for other in chosen):
+            chosen.append(tick)
+    panel.set_yscale("function", functions=(height, rate))
+    panel.set_ylim(rate(low - 0.02 * (high - low)), rate(high + 0.03 * (high - low)))
+    panel.set_yticks(sorted(chosen), [f"{100 * tick:g}" for tick in sorted(chosen)], minor=False)
+
+
+def _looks(groups: Sequence[Group]) -> dict[str, tuple[str, str]]:
+    """Colour and line style of each learner, the same in all panels."""
+    learners = sorted({same.learner for same in groups})
+    return {
+        learner: (COLORS[i % len(COLORS)], STYLES[i // len(COLORS) % len(STYLES)])
+        for i, learner in enumerate(learners)
+    }

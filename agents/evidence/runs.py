@@ -1,0 +1,181 @@
+"""Runs read from their folders, and groups of runs that differ in nothing but their seed."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from redundant_envs.envs.registration import SCENES
+from redundant_envs.values import shown
+
+from .. import COMMAND
+from ..run_folder import SELECTION, read_config, read_evaluation, read_table
+
+CIRCUMSTANCES = ("train_seconds", "versions", "machine", "date")
+"""What two trainings of one seed may differ in without differing in their results."""
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One evaluated run.
+
+    Attributes
+    ----------
+    folder : Path
+    env, algo : str
+    seed : int
+    settings : mapping
+        The configuration without its seed.
+    evaluation : mapping
+        What evaluation.json says.
+    curve : ndarray (points, len(SELECTION))
+        The rows of selection.csv.
+    """
+
+    folder: Path
+    env: str
+    algo: str
+    seed: int
+    settings: Mapping[str, Any]
+    evaluation: Mapping[str, Any]
+    curve: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Runs of one environment, learner and all settings, in the order of their seeds.
+
+    Attributes
+    ----------
+    environment : str
+        Id without its namespace.
+    scene : str
+        Name of the scene, or "" for the environment's own.
+    learner : str
+        "PPO", and the settings that differ where several groups share environment, scene and learner.
+    runs : tuple of Run
+    """
+
+    environment: str
+    scene: str
+    learner: str
+    runs: tuple[Run, ...]
+
+    @property
+    def title(self) -> str:
+        """The environment, with its scene where that is another one."""
+        return f"{self.environment} ({self.scene})" if self.scene else self.environment
+
+    def numbers(self, name: str) -> list[float]:
+        """An entry of the evaluations, of those runs that know it."""
+        found = [run.evaluation.get(name) for run in self.runs]
+        return [float(value) for value in found if value is not None]
+
+
+def read_run(folder: str | Path) -> Run:
+    """Read a run folder.
+
+    Raises
+    ------
+    ValueError
+        The folder is not that of an evaluated run (the message says what is missing), or a file in it is
+        damaged or belongs to another run.
+    """
+    folder = Path(folder)
+    settings = read_config(folder).to_dict()
+    seed = settings.pop("seed")
+    evaluation = read_evaluation(folder)
+    for name, value in (("env", settings["env"]), ("algo", settings["algo"]), ("seed", seed)):
+        if evaluation[name] != value:
+            raise ValueError(
+                f"{folder}/evaluation.json has {shown(evaluation[name])} as {name!r}, and config.yaml has "
+                f"{shown(value)}; make it anew: {COMMAND} evaluate {folder}"
+            )
+    curve = read_table(folder, "selection.csv", SELECTION)
+    progress = curve[:, [SELECTION.index("env_steps"), SELECTION.index("seconds")]]
+    if not np.isfinite(curve).all() or (np.diff(progress, axis=0) < 0).any():
+        raise ValueError(
+            f"{folder}/selection.csv is damaged (a number is not finite, or steps or seconds go back); make "
+            f"it anew: {COMMAND} train {folder}/config.yaml --out NEW_FOLDER"
+        )
+    return Run(folder, settings["env"], settings["algo"], seed, settings, evaluation, curve)
+
+
+def group(runs: Iterable[Run]) -> list[Group]:
+    """Join runs of the same environment, learner, settings and number of evaluation episodes.
+
+    A seed counts once: the first of several folders of one seed is taken if their results are the same.
+
+    Raises
+    ------
+    ValueError
+        Two folders of one group have the same seed and different results.
+    """
+    found: dict[str, dict[int, Run]] = {}
+    for run in runs:
+        key = json.dumps([run.settings, run.evaluation["episodes"]], sort_keys=True, default=str)
+        first = found.setdefault(key, {}).setdefault(run.seed, run)
+        if not _same_results(first, run):
+            raise ValueError(
+                f"{first.folder} and {run.folder} are runs of seed {run.seed} with the same settings and "
+                "different results; give one of them"
+            )
+    members = [tuple(by_seed[seed] for seed in sorted(by_seed)) for by_seed in found.values()]
+    alike: dict[tuple[str, str, str], list[tuple[Run, ...]]] = {}
+    for same in members:
+        alike.setdefault((_environment(same[0]), _scene(same[0]), same[0].algo.upper()), []).append(same)
+    return [
+        Group(environment, scene, ", ".join([learner, *difference]), same)
+        for (environment, scene, learner), rivals in sorted(alike.items())
+        for same, difference in zip(rivals, _differences([r[0] for r in rivals]), strict=True)
+    ]
+
+
+def read_groups(folders: Iterable[str | Path]) -> list[Group]:
+    """The groups of run folders; ValueError as of :func:`read_run` and :func:`group`, or for no folders."""
+    groups = group(read_run(folder) for folder in folders)
+    if not groups:
+        raise ValueError("folders is empty; give at least one run folder")
+    return groups
+
+
+def _same_results(a: Run, b: Run) -> bool:
+    facts = [{k: v for k, v in run.evaluation.items() if k not in CIRCUMSTANCES} for run in (a, b)]
+    kept = [i for i, name in enumerate(SELECTION) if name != "seconds"]
+    return facts[0] == facts[1] and np.array_equal(a.curve[:, kept], b.curve[:, kept])
+
+
+def _environment(run: Run) -> str:
+    return run.env.split("/")[-1]
+
+
+def _scene(run: Run) -> str:
+    """Name of a scene that is not the environment's own; one without a name is told by a checksum."""
+    own = next(scene for arm, scene in SCENES.items() if _environment(run).startswith(arm))
+    scene = run.settings["env_kwargs"].get("scene", own)
+    if isinstance(scene, str):
+        return "" if scene == own else scene
+    return f"scene {zlib.crc32(json.dumps(scene, sort_keys=True, default=str).encode()):08x}"
+
+
+def _differences(runs: list[Run]) -> list[list[str]]:
+    """For each run, the settings in which the runs differ, as "name=value"."""
+    flat = [_flat(run.settings) | {"goals": run.evaluation["episodes"]} for run in runs]
+    names = sorted({name for settings in flat for name in settings})
+    differing = [n for n in names if any(s.get(n) != flat[0].get(n) for s in flat)]
+    return [[f"{n}={shown(s[n]) if n in s else 'unset'}" for n in differing] for s in flat]
+
+
+def _flat(settings: Mapping[str, Any], where: str = "") -> dict[str, Any]:
+    """Settings by their dotted names."""
+    flat: dict[str, Any] = {}
+    for name, value in settings.items():
+        flat |= _flat(value, f"{where}{name}.") if isinstance(value, Mapping) else {f"{where}{name}": value}
+    return flat

@@ -1,0 +1,1 @@
+"""Learners: stable-baselines3's algorithms with leaner loops and averaged policies."""

@@ -1,0 +1,95 @@
+"""What the learners share: networks as vectors, their averages, and all that a checkpoint keeps of them."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from redundant_envs.extras import needs
+
+from .networks import Adam, Networks
+
+with needs("train"):
+    import torch
+    from torch import Tensor
+
+
+class Averaging:
+    """Beside an algorithm of stable-baselines3, whose networks it trains as vectors.
+
+    The algorithm's modules hold the present weights after every update, and the averages inside
+    :meth:`averaged`.
+    """
+
+    networks: dict[str, Networks]
+    """All that is trained, and targets."""
+    adams: dict[str, Adam]
+    means: dict[str, Tensor]
+    """Averages of the vectors of some networks."""
+
+    def inputs(self, observations: Any) -> Tensor:
+        """What the networks are given of observations, (rows, inputs)."""
+        mixing = self.networks["actor"].mixing
+        if mixing is None:
+            return observations
+        # In the order of stable-baselines3's CombinedExtractor; in double precision, because the tip and
+        # its goal are close together.
+        space: Any = self.observation_space  # type: ignore[attr-defined]
+        parts = [observations[name] for name in space.spaces]
+        return (torch.cat(parts, 1).double() @ mixing.T.double()).float()
+
+    def keep_means(self, *names: str) -> None:
+        """Begin averages of these networks at their present weights."""
+        self.means = {name: self.networks[name].vector.clone() for name in names}
+
+    def take_means(self, kept: float, weight: float) -> None:
+        """Move the averages towards the present weights: by 1 - kept, or by ``weight`` while that is more."""
+        for name, mean in self.means.items():
+            mean.lerp_(self.networks[name].vector, max(1.0 - kept, weight))
+
+    def write_networks(self) -> None:
+        """Give the modules the present weights."""
+        for networks in self.networks.values():
+            networks.write()
+
+    @contextlib.contextmanager
+    def averaged(self) -> Iterator[None]:
+        """The modules hold the averages inside."""
+        for name, mean in self.means.items():
+            self.networks[name].write(mean)
+        try:
+            yield
+        finally:
+            for name in self.means:
+                self.networks[name].write()
+
+    def learner_state(self) -> dict[str, Any]:
+        """All that an update changes, beside the modules; plain data and tensors."""
+        return {
+            "networks": {name: n.vector.clone() for name, n in self.networks.items()},
+            "adams": {name: adam.state() for name, adam in self.adams.items()},
+            "means": {name: mean.clone() for name, mean in self.means.items()},
+        }
+
+    def set_learner_state(self, state: dict[str, Any]) -> None:
+        """Return to a state of :meth:`learner_state`."""
+        for name, vector in state["networks"].items():
+            self.networks[name].vector.copy_(vector)
+        for name, adam in state["adams"].items():
+            self.adams[name].set_state(adam)
+        for name, mean in state["means"].items():
+            self.means[name].copy_(mean)
+        self.write_networks()
+
+    def _excluded_save_params(self) -> list[str]:
+        """Not in policy.zip, which plain stable-baselines3 loads."""
+        excluded: list[str] = super()._excluded_save_params()  # type: ignore[misc]
+        return [*excluded, "networks", "adams", "means"]
+
+    def _update_info_buffer(self, infos: list[dict[str, Any]], dones: Any = None) -> None:
+        """Statistics of the episodes that are over; stable-baselines3 looks through all environments."""
+        over = np.flatnonzero(dones)
+        super()._update_info_buffer([infos[i] for i in over], dones[over])  # type: ignore[misc]

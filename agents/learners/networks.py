@@ -1,0 +1,175 @@
+"""Equal multilayer perceptrons in one vector of numbers, with their gradients written out.
+
+A gradient step of these learners is a hundred small operations; most of its time is the bookkeeping of
+modules, optimisers and the graph of derivatives. Here all parameters of the networks lie in one vector,
+so that Adam, a target's and an average's step are one operation each, equal networks are evaluated
+together, and the derivatives are written out. Tests compare them with those of torch.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+from redundant_envs.extras import needs
+
+with needs("train"):
+    import torch
+    from torch import Tensor, nn
+
+Backward = Callable[[Tensor, Tensor], Tensor]
+"""(derivatives of outputs, inputs) -> derivatives of inputs."""
+
+
+class Activation(NamedTuple):
+    """torch's module, the function, and how derivatives pass it."""
+
+    module: type[nn.Module]
+    forward: Callable[[Tensor], Tensor]
+    backward: Backward
+
+
+ACTIVATIONS = {
+    "silu": Activation(nn.SiLU, nn.functional.silu, torch.ops.aten.silu_backward),
+    "tanh": Activation(nn.Tanh, torch.tanh, lambda g, z: g * (1.0 - torch.tanh(z).square_())),
+    "relu": Activation(nn.ReLU, torch.relu, lambda g, z: g * (z > 0.0)),
+}
+
+Layers = Sequence[Sequence[nn.Linear]]
+"""A network: its layers in order, each the modules whose outputs lie side by side."""
+Tape = list[tuple[Tensor, Tensor]]
+"""Of a forward pass: each layer's inputs, and its outputs before the activation."""
+
+
+class Networks:
+    """K networks of one shape; layers but the last end in the activation.
+
+    Parameters
+    ----------
+    networks : sequence of K networks
+        Modules whose numbers are taken over; they change only in :meth:`write`.
+    activation : str
+        One of ``ACTIVATIONS``.
+    extra : Parameter, optional
+        Numbers beside the networks, last in the vector.
+    mixing : Tensor (inputs, inputs), optional
+        What the first layer is given is ``mixing @ inputs of the modules``; ``write`` multiplies it into
+        the modules' first layers.
+    """
+
+    def __init__(
+        self, networks: Sequence[Layers], activation: str, mixing: Tensor | None = None,
+        extra: nn.Parameter | None = None,
+    ) -> None:  # fmt: skip
+        self.modules = networks
+        self.mixing = mixing
+        self._activation = ACTIVATIONS[activation]
+        self._beside = extra
+        self._sizes = [(sum(m.out_features for m in parts), parts[0].in_features) for parts in networks[0]]
+        length = len(networks) * sum(rows * (columns + 1) for rows, columns in self._sizes)
+        self.vector = torch.empty(length + (0 if extra is None else len(extra)))
+        self.gradient = torch.zeros_like(self.vector)
+        self.weights, self.biases, self.extra = self._parts(self.vector)
+        self._dweights, self._dbiases, self.dextra = self._parts(self.gradient)
+        self._read()
+
+    def _parts(self, vector: Tensor) -> tuple[list[Tensor], list[Tensor], Tensor]:
+        """Views of a vector: weights (K, outputs, inputs) and biases (K, 1, outputs) by layer, the rest."""
+        count, at = len(self.modules), 0
+        weights, biases = [], []
+        for rows, columns in self._sizes:
+            weights.append(vector[at : at + count * rows * columns].view(count, rows, columns))
+            at += count * rows * columns
+        for rows, _ in self._sizes:
+            biases.append(vector[at : at + count * rows].view(count, 1, rows))
+            at += count * rows
+        return weights, biases, vector[at:]
+
+    @torch.no_grad()
+    def _read(self) -> None:
+        for layer, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            for k, network in enumerate(self.modules):
+                weight[k] = torch.cat([m.weight for m in network[layer]])
+                bias[k, 0] = torch.cat([m.bias for m in network[layer]])
+        if self._beside is not None:
+            self.extra.copy_(self._beside)
+
+    @torch.no_grad()
+    def write(self, vector: Tensor | None = None) -> None:
+        """Give the modules these numbers, or those of another vector of the same layout."""
+        weights, biases, extra = self._parts(self.vector if vector is None else vector)
+        for layer, (weight, bias) in enumerate(zip(weights, biases, strict=True)):
+            if layer == 0 and self.mixing is not None:
+                weight = weight @ self.mixing
+            for k, network in enumerate(self.modules):
+                rows = [m.out_features for m in network[layer]]
+                parts = zip(network[layer], weight[k].split(rows), bias[k, 0].split(rows), strict=True)
+                for module, part, offset in parts:
+                    module.weight.copy_(part)
+                    module.bias.copy_(offset)
+        if self._beside is not None:
+            self._beside.copy_(extra)
+
+    def forward(self, inputs: Tensor) -> tuple[Tensor, Tape]:
+        """Outputs (K, rows, outputs) of inputs (rows, inputs), and what :meth:`backward` needs."""
+        x = inputs.expand(len(self.modules), *inputs.shape)
+        tape: Tape = []
+        last = len(self.weights) - 1
+        for layer, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            z = torch.baddbmm(bias, x, weight.mT)
+            tape.append((x, z))
+            x = z if layer == last else self._activation.forward(z)
+        return x, tape
+
+    def backward(self, tape: Tape, doutputs: Tensor) -> Tensor:
+        """Set ``gradient``, and return the derivatives at the first layer's outputs."""
+        d = doutputs
+        for layer in range(len(tape) - 1, -1, -1):
+            if layer < len(tape) - 1:
+                d = self._activation.backward(d @ self.weights[layer + 1], tape[layer][1])
+            torch.bmm(d.mT, tape[layer][0], out=self._dweights[layer])
+            torch.sum(d, 1, keepdim=True, out=self._dbiases[layer])
+        return d
+
+    def to_inputs(self, tape: Tape, doutputs: Tensor, columns: slice) -> Tensor:
+        """Derivatives at some columns of the inputs, (rows, columns), the sum over all networks."""
+        d = doutputs
+        for layer in range(len(tape) - 1, 0, -1):
+            d = self._activation.backward(d @ self.weights[layer], tape[layer - 1][1])
+        return (d @ self.weights[0][:, :, columns]).sum(0)
+
+
+class Adam:
+    """Adam on a vector (Kingma and Ba 2015): torch's, without what it asks of a parameter at every step."""
+
+    FIRST, SECOND = 0.9, 0.999
+
+    def __init__(self, networks: Networks, epsilon: float = 1e-8) -> None:
+        self.vector, self.gradient, self.epsilon = networks.vector, networks.gradient, epsilon
+        self.first, self.second = torch.zeros_like(self.vector), torch.zeros_like(self.vector)
+        self.steps = 0
+
+    def step(self, rate: float) -> None:
+        """One step down the gradient."""
+        self.steps += 1
+        self.first.lerp_(self.gradient, 1.0 - self.FIRST)
+        self.second.mul_(self.SECOND).addcmul_(self.gradient, self.gradient, value=1.0 - self.SECOND)
+        scale = math.sqrt(1.0 - self.SECOND**self.steps)
+        divisor = self.second.sqrt().add_(self.epsilon * scale)
+        self.vector.addcdiv_(self.first, divisor, value=-rate * scale / (1.0 - self.FIRST**self.steps))
+
+    def state(self) -> dict[str, Any]:
+        """Its moments and steps."""
+        return {"first": self.first.clone(), "second": self.second.clone(), "steps": self.steps}
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Return to a state of :meth:`state`."""
+        self.first.copy_(state["first"])
+        self.second.copy_(state["second"])
+        self.steps = state["steps"]
+
+
+def linear_layers(*modules: nn.Module) -> list[tuple[nn.Linear]]:
+    """The linear modules inside, in order, as layers."""
+    return [(m,) for module in modules for m in module.modules() if isinstance(m, nn.Linear)]

@@ -1,0 +1,178 @@
+"""SAC whose policy is the average of its actor's weights, with a gradient step of half the time.
+
+Collection, replay buffers, networks, saving and loading are stable-baselines3's; ``train`` is replaced.
+What differs from it, each with what it bought in docs/learners.md:
+
+* the policy that is evaluated and saved is the running average of the actor's weights;
+* the actor's loss has a term for smooth actions (Mysore et al. 2021, CAPS, its temporal part);
+* the actor is updated at every second step of the critics (Fujimoto et al. 2018, TD3);
+* the gradients are written out (:mod:`.networks`);
+* in goal environments the networks are given the error of the tip at the scale of the task.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from redundant_envs.extras import needs
+
+from .averaging import Averaging
+from .goals import goal_mixing
+from .networks import Adam, Layers, Networks, Tape, linear_layers
+
+with needs("train"):
+    import torch
+    from stable_baselines3 import SAC
+    from stable_baselines3.common.preprocessing import get_action_dim
+    from torch import Tensor
+    from torch.nn.functional import softplus
+
+LOG_STD = (-20.0, 2.0)
+"""Bounds of the logarithm of the standard deviation, as in stable-baselines3."""
+FIRST_UPDATES = 10
+"""An average of n weights is at first their mean since about n / 10 of them: the first ones are poor."""
+
+
+@dataclass
+class Draw:
+    """Actions drawn at states, row by row, and what their derivatives need."""
+
+    outputs: Tensor
+    """Of the actor: means and logarithms of standard deviations, (rows, 2 A)."""
+    tape: Tape
+    actions: Tensor
+    """(rows, A), in -1 to 1."""
+    log_prob: Tensor
+    """(rows,)"""
+    noise: Tensor
+    """What chance added before the tanh, (rows, A)."""
+
+
+class AveragedSAC(Averaging, SAC):
+    """SAC with an averaged, smoothed, delayed actor.
+
+    Parameters
+    ----------
+    activation : {"silu", "tanh", "relu"}
+        That of ``policy_kwargs["activation_fn"]``.
+    policy_delay : int
+        Critic steps from one actor step to the next.
+    smoothness : float
+        Weight of ``|a(s) - a(s')|^2`` in the actor's loss: mean actions at a state and at the next.
+    average : float
+        Share of the average that an actor step keeps.
+    error_scale : float
+        That of :func:`.goals.goal_mixing`.
+    """
+
+    def __init__(
+        self, *args: Any, activation: str = "silu", policy_delay: int = 2, smoothness: float = 0.1,
+        average: float = 0.9995, error_scale: float = 0.05, **kwargs: Any,
+    ) -> None:  # fmt: skip
+        self.activation = activation
+        self.policy_delay = policy_delay
+        self.smoothness = smoothness
+        self.average = average
+        self.error_scale = error_scale
+        super().__init__(*args, **kwargs)
+
+    def _setup_model(self) -> None:
+        super()._setup_model()
+        width = get_action_dim(self.action_space)
+        mixing = goal_mixing(self.observation_space, self.error_scale)
+        with_actions = None if mixing is None else torch.block_diag(mixing, torch.eye(width))
+        actor, critics, targets = self.actor, self.critic.q_networks, self.critic_target.q_networks
+        layers: Layers = [*linear_layers(actor.latent_pi), (actor.mu, actor.log_std)]  # type: ignore[list-item]
+        self.networks = {
+            "actor": Networks([layers], self.activation, mixing),
+            "critics": Networks([linear_layers(q) for q in critics], self.activation, with_actions),
+            "targets": Networks([linear_layers(q) for q in targets], self.activation, with_actions),
+        }
+        self.adams = {name: Adam(self.networks[name]) for name in ("actor", "critics")}
+        self.keep_means("actor")
+        self.write_networks()
+
+    @torch.no_grad()
+    def train(self, gradient_steps: int, batch_size: int = 64) -> None:
+        """Gradient steps on one sample of the replay buffer."""
+        rate = self.lr_schedule(self._current_progress_remaining)
+        assert self.replay_buffer is not None
+        sample = self.replay_buffer.sample(batch_size * gradient_steps)
+        now, after = self.inputs(sample.observations), self.inputs(sample.next_observations)
+        pairs = torch.cat([now, sample.actions], 1)
+        discounts = self.gamma * (1.0 - sample.dones[:, 0])
+        rewards = sample.rewards[:, 0]
+        for k in range(gradient_steps):
+            rows = slice(k * batch_size, (k + 1) * batch_size)
+            self._n_updates += 1
+            with_actor = self._n_updates % self.policy_delay == 0
+            ahead = self._draw(torch.cat([after[rows], now[rows]]) if with_actor else after[rows])
+            self._update_critics(pairs[rows], after[rows], rewards[rows], discounts[rows], ahead, rate)
+            if with_actor:
+                self._update_actor(now[rows], ahead, rate)
+            self.networks["targets"].vector.lerp_(self.networks["critics"].vector, self.tau)
+        self.write_networks()
+        self.logger.record("train/n_updates", self._n_updates, exclude="tensorboard")
+        self.logger.record("train/learning_rate", rate)
+        self.logger.record("train/ent_coef", self._alpha())
+
+    def _alpha(self) -> float:
+        """Weight of the entropy."""
+        if self.log_ent_coef is not None:
+            return math.exp(float(self.log_ent_coef))
+        return float(self.ent_coef_tensor)
+
+    def _draw(self, states: Tensor) -> Draw:
+        """Actions of the present actor."""
+        outputs, tape = self.networks["actor"].forward(states)
+        mean, log_std = outputs[0].chunk(2, 1)
+        log_std = log_std.clamp(*LOG_STD)
+        normal = torch.randn_like(mean)
+        noise = log_std.exp().mul_(normal)
+        before = mean + noise
+        # log(1 - tanh(u)^2) = 2 (log 2 - u - softplus(-2 u)), which loses no digit
+        terms = (
+            normal.square().mul_(-0.5) - log_std - 2.0 * (math.log(2.0) - before - softplus(-2.0 * before))
+        )
+        constant = 0.5 * mean.shape[1] * math.log(2.0 * math.pi)
+        return Draw(outputs[0], tape, torch.tanh(before), terms.sum(1) - constant, noise)
+
+    def _update_critics(
+        self, pairs: Tensor, after: Tensor, rewards: Tensor, discounts: Tensor, ahead: Draw, rate: float
+    ) -> None:
+        """One step of both critics towards reward and discounted value; ``ahead`` begins at ``after``."""
+        count = len(after)
+        ends = torch.cat([after, ahead.actions[:count]], 1)
+        values = self.networks["targets"].forward(ends)[0].amin(0)[:, 0]
+        goals = torch.addcmul(rewards, discounts, values - self._alpha() * ahead.log_prob[:count])
+        critics = self.networks["critics"]
+        found, tape = critics.forward(pairs)
+        critics.backward(tape, (found - goals[:, None]).div_(count))
+        self.adams["critics"].step(rate)
+
+    def _update_actor(self, now: Tensor, drawn: Draw, rate: float) -> None:
+        """One step of the actor; ``drawn`` has the next states' rows first, then those of ``now``."""
+        count, width = len(now), drawn.actions.shape[1]
+        action, noise, raw = drawn.actions[count:], drawn.noise[count:], drawn.outputs[count:, width:]
+        alpha = self._alpha() / count
+        # the loss: mean of alpha log p - min Q + smoothness |tanh(mean(s)) - tanh(mean(s'))|^2
+        critics = self.networks["critics"]
+        values, tape = critics.forward(torch.cat([now, action], 1))
+        first = (values[0] <= values[1]).float()
+        dvalues = torch.stack([-first, first - 1.0]).div_(count)
+        daction = critics.to_inputs(tape, dvalues, slice(now.shape[1], None))
+        dbefore = daction * (1.0 - action * action) + (2.0 * alpha) * action
+        after, here = torch.tanh(drawn.outputs[:, :width]).split(count)
+        dmean = dbefore + (2.0 * self.smoothness / count) * (here - after) * (1.0 - here * here)
+        inside = (raw > LOG_STD[0]) & (raw < LOG_STD[1])
+        dlog_std = (dbefore * noise - alpha) * inside
+        rows = [(x[:, count:], z[:, count:]) for x, z in drawn.tape]
+        self.networks["actor"].backward(rows, torch.cat([dmean, dlog_std], 1)[None])
+        self.adams["actor"].step(rate)
+        self.take_means(self.average, FIRST_UPDATES / (FIRST_UPDATES + self._n_updates))
+        if self.ent_coef_optimizer is not None and self.log_ent_coef is not None:
+            target = float(self.target_entropy)
+            self.log_ent_coef.grad = -(drawn.log_prob[count:].mean() + target).reshape(1)
+            self.ent_coef_optimizer.step()

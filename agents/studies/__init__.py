@@ -1,0 +1,1 @@
+"""Studies that need learners, or that stand beside them."""

@@ -1,0 +1,248 @@
+"""Where learning pays: hold success over the strength of the motors, and what could be held at all.
+
+Every effort limit of a reach scene is multiplied by a factor. The share of goals that can be held at all
+needs no controller (``redundant_envs.control.holding``); computed torque needs no training; rows of trained
+policies are merged from their run folders.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from redundant_envs.control.holding import holding_load
+from redundant_envs.control.statics import effort_limits, slider_travel
+from redundant_envs.effects import EffortLimits
+from redundant_envs.envs.sb3 import make_sb3
+from redundant_envs.robots.parameters import number
+from redundant_envs.scene import load_scene, scene_data
+from redundant_envs.tasks.reach import ReachTask
+from redundant_envs.values import shown
+
+from ..rollout import EVALUATION_SEED, expert_act, run_episodes
+from ..run_folder import read_config, read_evaluation
+from ..statistics import wilson
+
+FACTORS = (1.0, 0.8, 0.6, 0.5, 0.4, 0.3)
+"""Effort limits, in units of those of the reach scenes."""
+ARMS = {"4R": ("redundant_envs/FourRReach-v0", "four_r_reach"),
+        "RPRP": ("redundant_envs/RPRPReach-v0", "rprp_reach")}  # fmt: skip
+"""Of each arm the environment and the scene whose limits are 1."""
+HOLDABLE, EXPERT = "can be held at all", "computed torque"
+COLORS = {EXPERT: "#000000", "PPO": "#0072B2", "SAC": "#D55E00", "HER": "#009E73"}
+"""Okabe and Ito's, of all that act; what can be held is a grey area."""
+SAME_GOALS = {"scene", "accuracy", "on_bad_action"}
+"""Arguments of an environment that leave its goals and its hold success what they are."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One point of the figure.
+
+    Attributes
+    ----------
+    arm : {"4R", "RPRP"}
+    factor : float
+        Effort limits / those of the reach scene.
+    who : str
+        "can be held at all", "computed torque", "PPO", "SAC" or "HER".
+    hold_success, low, high : float
+        Share of the goals and its 95 % interval (Wilson), 0 to 1. With several seeds it is their mean, and
+        low and high are the ends of the union of their intervals.
+    touch_success : float or None
+        Share of the goals that were touched; None where nobody acts.
+    seeds : int
+        Of trained policies; 0 where nothing is trained.
+    episodes : int
+        Goals, of each seed; the fewest if seeds differ.
+    """
+
+    arm: str
+    factor: float
+    who: str
+    hold_success: float
+    low: float
+    high: float
+    touch_success: float | None
+    seeds: int
+    episodes: int
+
+    def __post_init__(self) -> None:
+        for name, valid in (("arm", ARMS), ("who", (HOLDABLE, *COLORS))):
+            if getattr(self, name) not in valid:
+                raise ValueError(f"{name} is {shown(getattr(self, name))}; choose {', '.join(valid)}")
+        if not number("factor", self.factor) > 0.0:
+            raise ValueError(f"factor is {self.factor}; it must be positive")
+        if not 0.0 <= self.low <= self.hold_success <= self.high <= 1.0:
+            raise ValueError(
+                f"hold_success is {self.hold_success} in {self.low} to {self.high}; give shares from 0 to 1 "
+                "with low <= hold_success <= high"
+            )
+
+
+COLUMNS = tuple(field.name for field in dataclasses.fields(Row))
+"""Of the CSV file."""
+
+
+def weakened(scene_name: str, factor: float) -> dict[str, Any]:
+    """Plain data of a scene whose effort limits are multiplied by a factor.
+
+    Parameters
+    ----------
+    scene_name : str
+        A name or the path of a YAML file.
+    factor : float
+        Positive.
+
+    Raises
+    ------
+    ValueError
+        If the factor is not positive, or the scene has no EffortLimits.
+    """
+    if not number("factor", factor) > 0.0:
+        raise ValueError(f"factor is {factor}; it must be positive")
+    limits = effort_limits(load_scene(scene_name))
+    data: dict[str, Any] = scene_data(scene_name)
+    for effect in data["effects"]:
+        if effect["type"] == EffortLimits.__name__:
+            effect["limits"] = (factor * limits).tolist()
+    return data
+
+
+def frozen_goals(arm: str, episodes: int, seed: int = EVALUATION_SEED) -> NDArray[np.float64]:
+    """Goals of the environments with the seeds seed, seed + 1, ..., (episodes, 2), m."""
+    env = make_sb3(ARMS[arm][0], episodes)
+    env.seed(seed)
+    env.reset()
+    goals: NDArray[np.float64] = env.core.goals()
+    return goals
+
+
+def goal_loads(arm: str, goals: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Least load of the motors at rest within the task's tolerance of each goal, (n,).
+
+    Hold success asks for the tip within the tolerance, so this does. With limits times f the goals with
+    loads of at most f can be held.
+    """
+    scene = load_scene(ARMS[arm][1])
+    reach = sum(scene.robot.lengths) + sum(high for _, high in slider_travel(scene).values())
+    return holding_load(scene, goals, ReachTask().goal_tolerance * reach)
+
+
+def expert_rows(
+    arm: str, factors: Sequence[float] = FACTORS, episodes: int = 1000, seed: int = EVALUATION_SEED
+) -> list[Row]:
+    """What can be held at all, and what computed torque holds, on the same goals.
+
+    Parameters
+    ----------
+    arm : {"4R", "RPRP"}
+    factors : sequence of float
+    episodes : int
+    seed : int
+        Of the first environment; episode i has the goal of seed + i.
+    """
+    if arm not in ARMS:
+        raise ValueError(f"arm is {shown(arm)}; choose {', '.join(ARMS)}")
+    env_id, scene = ARMS[arm]
+    loads = goal_loads(arm, frozen_goals(arm, episodes, seed))
+    rows = []
+    for factor in factors:
+        rows.append(Row(arm, factor, HOLDABLE, *_share(loads <= factor), None, 0, episodes))
+        outcome = run_episodes(env_id, expert_act(), episodes, seed, scene=weakened(scene, factor))
+        touched = float(outcome.touch.mean())
+        rows.append(Row(arm, factor, EXPERT, *_share(outcome.hold), touched, 0, episodes))
+    return rows
+
+
+def _share(held: NDArray[np.bool_]) -> tuple[float, float, float]:
+    """Share and its 95 % interval, whose ends rounding puts on the wrong side of 0 and 1."""
+    share = float(held.mean())
+    low, high = wilson(int(held.sum()), len(held))
+    return share, min(low, share), max(high, share)
+
+
+def learner_rows(folders: Sequence[Path]) -> list[Row]:
+    """Rows of evaluated runs: those of one arm, factor and learner are seeds of one row.
+
+    Raises
+    ------
+    ValueError
+        If a run has another task, or another scene than a reach scene with all limits times one factor; or
+        a folder is no evaluated run folder.
+    """
+    found: dict[tuple[str, float, str], list[dict[str, Any]]] = {}
+    for folder in folders:
+        config, evaluation = read_config(folder), read_evaluation(folder)
+        arm = next(arm for arm, (_, scene) in ARMS.items() if load_scene(scene).robot.kind in config.env)
+        key = (arm, _factor(folder, arm, config.env_kwargs), config.algo.upper())
+        same = found.setdefault(key, [])
+        if evaluation["seed"] in [other["seed"] for other in same]:
+            raise ValueError(f"{folder} is a second run of seed {evaluation['seed']}; leave one out")
+        same.append(evaluation)
+    return [
+        Row(
+            *key,
+            hold_success=float(np.mean([e["hold_success"] for e in runs])),
+            low=min(min(e["interval"][0], e["hold_success"]) for e in runs),
+            high=max(max(e["interval"][1], e["hold_success"]) for e in runs),
+            touch_success=float(np.mean([e["touch_success"] for e in runs])),
+            seeds=len(runs),
+            episodes=min(e["episodes"] for e in runs),
+        )
+        for key, runs in sorted(found.items())
+    ]
+
+
+def _factor(folder: Path, arm: str, env_kwargs: dict[str, Any]) -> float:
+    """Effort limits of a run's scene / those of the reach scene of its arm."""
+    for name in env_kwargs:
+        if name not in SAME_GOALS:
+            raise ValueError(
+                f"{folder}: env_kwargs has {name!r}, so its goals or episodes are others; leave it out"
+            )
+    strong = load_scene(ARMS[arm][1])
+    scene = load_scene(env_kwargs.get("scene", ARMS[arm][1]))
+    ratios = effort_limits(scene) / effort_limits(strong)
+    others = [{e for e in s.effects if not isinstance(e, EffortLimits)} for s in (scene, strong)]
+    if np.ptp(ratios) > 1e-9 * ratios[0] or scene.robot != strong.robot or others[0] != others[1]:
+        raise ValueError(
+            f"{folder}: env_kwargs.scene has {', '.join(f'{r:g}' for r in ratios)} times the limits of "
+            f"{ARMS[arm][1]}, or another arm or other effects; give {ARMS[arm][1]} with all limits times "
+            "one factor"
+        )
+    return float(round(ratios[0], 9))
+
+
+def write_rows(rows: Sequence[Row], path: Path) -> None:
+    """Write rows as CSV; an empty field is None."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, COLUMNS)
+        writer.writeheader()
+        writer.writerows(dataclasses.asdict(row) for row in rows)
+
+
+def read_rows(path: Path) -> list[Row]:
+    """Rows that :func:`write_rows` wrote; ValueError with file and line for others."""
+    with path.open(newline="", encoding="utf-8") as file:
+        reader = csv.DictReader(file)
+        if tuple(reader.fieldnames or ()) != COLUMNS:
+            raise ValueError(f"{path} has the columns {shown(reader.fieldnames)}; give {', '.join(COLUMNS)}")
+        rows = []
+        for values in reader:
+            try:
+                factor, hold, low, high = (float(values[COLUMNS[k]]) for k in (1, 3, 4, 5))
+                touch = float(values["touch_success"]) if values["touch_success"] else None
+                counts = int(values["seeds"]), int(values["episodes"])
+                rows.append(Row(values["arm"], factor, values["who"], hold, low, high, touch, *counts))
+            except (ValueError, TypeError) as error:
+                raise ValueError(f"{path}, line {reader.line_num}: {error}; write the file anew") from error
+    return rows

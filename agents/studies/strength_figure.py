@@ -1,0 +1,78 @@
+"""The figure of hold success over the strength of the motors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from redundant_envs.extras import needs
+
+from .strength import ARMS, COLORS, HOLDABLE, Row
+
+MARKERS = dict(zip(COLORS, ("o", "s", "^", "D"), strict=True))
+"""A shape for each, so that colours are not needed to tell them apart."""
+AREA = "#D9D9D9"
+
+
+def figure(rows: Sequence[Row]) -> Any:
+    """A panel for each arm: hold success [%] over the factor of the effort limits.
+
+    What can be held at all is a grey area. Intervals are bands. The legend is below the panels.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        In any order; arms without rows have no panel.
+
+    Returns
+    -------
+    matplotlib Figure
+
+    Raises
+    ------
+    ValueError
+        If there are no rows.
+    """
+    arms = [arm for arm in ARMS if any(row.arm == arm for row in rows)]
+    if not arms:
+        raise ValueError("rows is empty; give those of expert_rows and learner_rows")
+    with needs("plot"):
+        from matplotlib.figure import Figure
+
+    result = Figure(figsize=(4.0 * len(arms) + 0.6, 3.9), dpi=120, layout="constrained")
+    panels = result.subplots(1, len(arms), sharey=True, squeeze=False)[0]
+    handles: dict[str, Any] = {}
+    for panel, arm in zip(panels, arms, strict=True):
+        handles |= _draw(panel, [row for row in rows if row.arm == arm])
+        panel.set_title(arm, loc="left", fontweight="bold")
+        panel.set_xlabel("motor strength (effort limits times ...)")
+        panel.grid(color="0.92", linewidth=0.7)
+        panel.set_axisbelow(True)
+        panel.spines[["top", "right"]].set_visible(False)
+    panels[0].set_ylabel("hold success, %")
+    panels[0].set_ylim(0.0, 103.0)
+    shown = [who for who in (HOLDABLE, *COLORS) if who in handles]
+    result.legend([handles[who] for who in shown], shown, loc="outside lower center", ncols=5, frameon=False)
+    return result
+
+
+def _draw(panel: Any, rows: Sequence[Row]) -> dict[str, Any]:
+    """Area, bands and curves of an arm; what stands for each in the legend."""
+    handles: dict[str, Any] = {}
+    for who in (HOLDABLE, *COLORS):
+        own = sorted((row for row in rows if row.who == who), key=lambda row: row.factor)
+        if not own:
+            continue
+        x = [row.factor for row in own]
+        y = [100.0 * row.hold_success for row in own]
+        if who == HOLDABLE:
+            handles[who] = panel.fill_between(x, 0.0, y, color=AREA, linewidth=0.0)
+            continue
+        low, high = ([100.0 * getattr(row, end) for row in own] for end in ("low", "high"))
+        panel.fill_between(x, low, high, color=COLORS[who], alpha=0.2, linewidth=0.0)
+        (handles[who],) = panel.plot(
+            x, y, color=COLORS[who], marker=MARKERS[who], markersize=4.5, linewidth=1.8
+        )
+    factors = sorted({row.factor for row in rows})
+    panel.set_xticks(factors, [f"{factor:g}" for factor in factors])
+    return handles

@@ -1,0 +1,146 @@
+"""Several runs at a time, in processes of their own, each on a core of its own."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import queue
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from redundant_envs.extras import needs
+
+from ..config import MOST_SEEDS, Config
+from .interrupt import Stopped, stop_request
+
+with needs("train"):
+    from rich.progress import Progress
+
+POLL = 0.2
+"""s"""
+
+
+def seeds_of(text: str) -> list[int]:
+    """Seeds as a user writes them: ``0..9``, or ``1,4,7``, or both."""
+    seeds: list[int] = []
+    for part in text.split(","):
+        match = re.fullmatch(r"\s*(\d{1,9})(?:\.\.(\d{1,9}))?\s*", part)
+        if not match:
+            raise ValueError(f"seeds is {text[:80]!r}; write such as 0..9 or 1,4,7")
+        first = int(match[1])
+        seeds += range(first, int(match[2] or first) + 1)
+    if not seeds or len(set(seeds)) < len(seeds) or max(seeds) > MOST_SEEDS:
+        raise ValueError(f"seeds is {text[:80]!r}; give different seeds from 0 to {MOST_SEEDS}")
+    return seeds
+
+
+def cores() -> list[int]:
+    """Cores that this process may use; empty where the system does not tell."""
+    return sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
+
+
+def train_many(configs: Sequence[Config], folder: Path, processes: int | None = None) -> None:
+    """Train, evaluate and report each configuration in ``folder/seed<seed>``; finished ones are left alone.
+
+    Raises
+    ------
+    Stopped
+        The user asked to stop; the same command goes on.
+    RuntimeError
+        A run failed; the others were finished first.
+    """
+    own = cores()
+    most = len(own) or os.cpu_count() or 1
+    count = min(most, len(configs)) if processes is None else processes
+    if not 1 <= count <= 1024:
+        raise ValueError(f"processes is {count}; give a whole number from 1 to 1024")
+    context = multiprocessing.get_context("spawn")
+    jobs, news = context.Queue(), context.Queue()
+    for config in configs:
+        jobs.put((config.to_dict(), str(folder / f"seed{config.seed}")))
+    workers = []
+    for k in range(count):
+        core = own[k] if count <= len(own) else None
+        worker = context.Process(target=_work, args=(jobs, news, core), daemon=True)
+        worker.start()
+        workers.append(worker)
+        jobs.put(None)
+    failures = _follow(configs, workers, news)
+    if failures:
+        raise RuntimeError("; ".join(failures))
+
+
+def _follow(configs: Sequence[Config], workers: list[Any], news: Any) -> list[str]:
+    """Show what the workers tell until they end."""
+    from .watch import progress_bars
+
+    failures: list[str] = []
+    with progress_bars() as bars, stop_request() as stop:
+        tasks = {
+            c.seed: bars.add_task(f"seed {c.seed}", total=1.0, note="waits", start=False) for c in configs
+        }
+        told = False
+        while any(worker.is_alive() for worker in workers) or not news.empty():
+            if stop.made and not told:  # each keeps a checkpoint and ends
+                told = True
+                for worker in workers:
+                    worker.terminate()
+            try:
+                seed, share, note, failed = news.get(timeout=POLL)
+            except queue.Empty:
+                continue
+            if failed:
+                failures.append(f"seed {seed}: {note}")
+            bars.start_task(tasks[seed])
+            bars.update(tasks[seed], completed=share, note=note)
+    if stop.made:
+        raise Stopped("stopped; the same command with the same --out goes on")
+    return failures
+
+
+class _Teller(Progress):
+    """Progress that is told to another process instead of shown."""
+
+    def __init__(self, news: Any, seed: int) -> None:
+        super().__init__(disable=True)
+        self.news, self.seed = news, seed
+
+    def update(self, task_id: Any, **changes: Any) -> None:
+        """Send the share done and the note; without anybody to read them the training ends."""
+        parent = multiprocessing.parent_process()
+        if parent is not None and not parent.is_alive():
+            raise KeyboardInterrupt
+        total = self._tasks[task_id].total or 1.0
+        if "completed" in changes:
+            self.news.put((self.seed, 0.99 * changes["completed"] / total, changes.get("note", ""), False))
+
+
+def _work(jobs: Any, news: Any, core: int | None) -> None:
+    """Finish jobs until there is none."""
+    from ..config import checked
+    from ..evaluate import evaluate
+    from ..report import report
+    from . import checkpoint
+    from .train import resume, train
+
+    if core is not None:
+        os.sched_setaffinity(0, {core})
+    while (job := jobs.get()) is not None:
+        data, name = job
+        config, folder = checked(Config, data), Path(name)
+        try:
+            teller = _Teller(news, config.seed)
+            if not (folder / "training.json").is_file() or checkpoint.exists(folder):
+                if checkpoint.exists(folder):
+                    resume(folder, teller)
+                else:
+                    train(config, folder, teller)
+            result = evaluate(config, folder)
+            report(folder)
+            news.put((config.seed, 1.0, f"holds {100 * result['hold_success']:.1f} %", False))
+        except KeyboardInterrupt:
+            return
+        except Exception as error:
+            news.put((config.seed, 1.0, f"failed: {error}", True))

@@ -1,0 +1,120 @@
+"""All poses of an arm with its tip at a goal, as a function of two parameters and a sheet.
+
+A pose is built from the base outwards. Each step chooses how far from the goal the next point of the arm
+comes, between the least and the largest distance that the rest of the arm can still close; the law of
+cosines gives the angle, to either side. So every choice is a pose, and every pose has one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from redundant_envs.robots.parameters import Arm
+
+Array = NDArray[np.float64]
+
+SLACK = 1e-9
+"""A goal that is this much out of reach counts as reached, m: it is rounding."""
+
+
+def num_sheets(arm: Arm) -> int:
+    """Number of sheets: each free turn goes to either side, three turns of 4R and one of RPRP."""
+    return 2 if any(arm.prismatic) else 8
+
+
+def goal_poses(
+    arm: Arm,
+    travel: Mapping[int, tuple[float, float]],
+    goals: Array,
+    psi: Array,
+    sheet: NDArray[np.int64],
+) -> Array:
+    """Poses with the tip at goals; the shapes broadcast.
+
+    Parameters
+    ----------
+    arm : FourR or RPRP
+    travel : dict
+        Joint -> lower and upper end [m], of both sliders of RPRP; empty for 4R.
+    goals : (..., 2) m
+    psi : (..., 2)
+        Parameters from 0 to pi. At 0 a slider is at the lower end of what the goal allows, at pi at the
+        upper, exactly at an end of its travel where that is it. For 4R they choose distances likewise.
+    sheet : (...)
+        0 to :func:`num_sheets` - 1: to which side each turn goes, one bit each.
+
+    Returns
+    -------
+    (..., 4)
+        Generalized coordinates; NaN where the goal is out of reach.
+    """
+    shape = np.broadcast_shapes(goals.shape[:-1], psi.shape[:-1], sheet.shape)
+    sides = [1.0 - 2.0 * ((sheet >> k) & 1) for k in range(3)]
+    build = _rprp if any(arm.prismatic) else _four_r
+    columns, reached = build(arm.lengths, travel, goals, psi, sides)
+    q = np.stack([np.broadcast_to(c, shape) for c in columns], axis=-1)
+    return np.where(np.broadcast_to(reached, shape)[..., None], q, np.nan)
+
+
+def _four_r(lengths: Any, travel: Any, goals: Array, psi: Array, sides: list[Any]) -> tuple[list[Any], Any]:
+    to_goal_x, to_goal_y = goals[..., 0], goals[..., 1]
+    distance = np.hypot(to_goal_x, to_goal_y)
+    reached = (distance <= sum(lengths) + SLACK) & (distance >= _least_reach(lengths) - SLACK)
+    angles: list[Any] = []
+    for k in range(3):
+        rest = lengths[k + 1 :]
+        low = np.maximum(_least_reach(rest), abs(distance - lengths[k]))
+        high = np.minimum(sum(rest), distance + lengths[k])
+        # The last link has one length: low and high are the same there.
+        free = psi[..., k] if k < 2 else np.zeros(())
+        turn = _turn(distance, lengths[k], _between(low, high, free), free)
+        angles.append(np.arctan2(to_goal_y, to_goal_x) + sides[k] * turn)
+        to_goal_x = to_goal_x - lengths[k] * np.cos(angles[k])
+        to_goal_y = to_goal_y - lengths[k] * np.sin(angles[k])
+        distance = np.hypot(to_goal_x, to_goal_y)
+    return [*angles, np.arctan2(to_goal_y, to_goal_x)], reached
+
+
+def _rprp(lengths: Any, travel: Any, goals: Array, psi: Array, sides: list[Any]) -> tuple[list[Any], Any]:
+    l1, l2 = lengths
+    (low1, high1), (low2, high2) = travel[1], travel[3]
+    distance = np.hypot(goals[..., 0], goals[..., 1])
+    # Two links a and b close a triangle with the distance if no side is longer than the others together.
+    least = np.maximum(low1, np.maximum(distance - l2 - high2, l2 + low2 - distance) - l1)
+    most = np.minimum(high1, distance + l2 + high2 - l1)
+    reached = least <= most + SLACK
+    r1 = np.clip(_between(least, most, psi[..., 0]), low1, high1)
+    a = l1 + r1
+    least = np.maximum(low2, abs(distance - a) - l2)
+    most = np.minimum(high2, distance + a - l2)
+    r2 = np.clip(_between(least, most, psi[..., 1]), low2, high2)
+    turn = _turn(distance, a, l2 + r2, psi[..., 1])
+    theta1 = np.arctan2(goals[..., 1], goals[..., 0]) + sides[0] * turn
+    theta2 = np.arctan2(goals[..., 1] - a * np.sin(theta1), goals[..., 0] - a * np.cos(theta1))
+    return [theta1, r1, theta2, r2], reached
+
+
+def _between(low: Any, high: Any, psi: Any) -> Any:
+    """From low at psi = 0 to high at pi, both exact; angles are smooth in psi where an arm is straight."""
+    share = 0.5 - 0.5 * np.cos(psi)
+    return (1.0 - share) * low + share * high
+
+
+def _turn(distance: Any, length: Any, rest: Any, psi: Any) -> Any:
+    """Angle between a link and the line to the goal, 0 to pi, such that the rest closes the triangle.
+
+    With its base at the goal a link may point anywhere: then it is psi.
+    """
+    product = 2.0 * distance * length
+    squares = distance**2 + length**2 - rest**2
+    cosine = np.divide(squares, product, out=np.zeros_like(squares * product), where=product > 0.0)
+    return np.where(product > 0.0, np.arccos(np.clip(cosine, -1.0, 1.0)), psi)
+
+
+def _least_reach(lengths: Any) -> float:
+    """How near to its base the tip of a chain of links can come, m."""
+    return float(max(0.0, 2.0 * max(lengths) - sum(lengths)))

@@ -1,0 +1,198 @@
+"""Which goals an arm can hold at rest: the least motor load among all poses with the tip at a goal.
+
+An arm has four joints and two are enough for a goal, so the poses at a goal form a surface. The search
+covers that surface by a grid, in which the stops of the sliders are exact, and goes down from the best
+points of the grid by a pattern search.
+
+Static balance is all that counts here. The hold success of an episode asks for less: a tip that is slow for
+a fifth of a second need not be at rest. So an arm may hold a few goals more than this account says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from redundant_envs.control.goal_poses import goal_poses, num_sheets
+from redundant_envs.control.statics import Travel, effort_limits, motor_efforts, slider_travel
+from redundant_envs.robots.parameters import number
+from redundant_envs.scene import Scene
+from redundant_envs.values import shown
+
+Array = NDArray[np.float64]
+Load = Callable[[Array], Array]
+"""Poses (..., 4) -> largest effort / limit (...)."""
+
+GRID = 25
+"""Points of the grid along either parameter. With 49 the loads of 2000 goals of the reach scenes change by
+at most 1.4e-3, and one alone by more than 1e-3."""
+CANDIDATES = 12
+"""Best local minima of the grid from which the search goes down: valleys that are narrower than the grid
+look like several."""
+ROUNDS, DIRECTIONS = 120, 12
+"""Rounds of the pattern search, and directions it tries in each: a step shrinks from a cell of the grid to
+1e-5 of it."""
+WIDER, NARROWER = 2.0, 0.8
+"""Factors of a step after a round that found something better, and after one that did not."""
+RING = 8
+"""Points on the circle around a goal with a tolerance where grids are laid, beside that on the goal."""
+CHUNK = 100_000
+"""Poses of a batch: its arrays stay below 100 MB."""
+
+
+def can_hold(scene: Scene, goals: ArrayLike, tolerance: float = 0.0) -> NDArray[np.bool_]:
+    """Whether the arm can rest with its tip at a goal, the motors within their limits.
+
+    Parameters
+    ----------
+    scene, goals, tolerance
+        As in :func:`holding_poses`.
+
+    Returns
+    -------
+    (n,) bool
+    """
+    return holding_load(scene, goals, tolerance) <= 1.0
+
+
+def holding_load(scene: Scene, goals: ArrayLike, tolerance: float = 0.0) -> Array:
+    """Least load at which the arm can rest with its tip at a goal: largest effort / limit of a joint.
+
+    With limits times f, the arm can hold the goals whose load is at most f.
+
+    Parameters
+    ----------
+    scene, goals, tolerance
+        As in :func:`holding_poses`.
+
+    Returns
+    -------
+    (n,)
+        inf where the goal is out of reach.
+    """
+    return holding_poses(scene, goals, tolerance)[1]
+
+
+def holding_poses(
+    scene: Scene, goals: ArrayLike, tolerance: float = 0.0, grid: int = GRID
+) -> tuple[Array, Array]:
+    """The pose of least load at each goal.
+
+    Parameters
+    ----------
+    scene : Scene
+        With EffortLimits, and for RPRP a PrismaticStop with both ends of both sliders.
+    goals : (n, 2) m
+    tolerance : float
+        m. At 0 the tip is exactly at the goal; otherwise it is anywhere within this distance of it.
+    grid : int
+        Points of the grid along either parameter, at least 3.
+
+    Returns
+    -------
+    q : (n, 4)
+        NaN where the goal is out of reach.
+    load : (n,)
+        Largest effort / limit of a joint in that pose, 1; inf where the goal is out of reach. It is an upper
+        bound of the least, since it belongs to a pose.
+
+    Raises
+    ------
+    ValueError
+        If the scene has effects whose part at rest is not known, or another argument is not as above.
+    """
+    limits, travel = effort_limits(scene), slider_travel(scene)
+    points = _goals(goals)
+    margin = number("tolerance", tolerance)
+    if margin < 0.0:
+        raise ValueError(f"tolerance is {margin} m; it must not be negative")
+    if isinstance(grid, bool) or not isinstance(grid, int) or grid < 3:
+        raise ValueError(f"grid is {shown(grid)}; give a whole number of at least 3")
+
+    def load(q: Array) -> Array:
+        loads: Array = (np.abs(motor_efforts(scene, q)) / limits).max(axis=-1)
+        return np.where(np.isnan(loads), np.inf, loads)
+
+    sheets = num_sheets(scene.robot)
+    per_goal = max(sheets * grid**2 * (1 + RING * (margin > 0.0)), CANDIDATES * DIRECTIONS)
+    size = max(1, CHUNK // per_goal)
+    q, best = np.full((len(points), 4), np.nan), np.full(len(points), np.inf)
+    for start in range(0, len(points), size):
+        part = slice(start, start + size)
+        search = _Search(scene, travel, load, points[part], margin)
+        q[part], best[part] = search.run(sheets, grid)
+    return q, best
+
+
+class _Search:
+    """Least load over the poses at some goals: x = (psi1, psi2, and with a tolerance the point near it)."""
+
+    def __init__(self, scene: Scene, travel: Travel, load: Load, goals: Array, margin: float) -> None:
+        self.arm, self.travel, self.load = scene.robot, travel, load
+        self.goals, self.margin = goals, margin
+
+    def poses(self, x: Array, sheet: NDArray[np.int64], goals: Array) -> Array:
+        return goal_poses(self.arm, self.travel, goals + self.margin * x[..., 2:], x[..., :2], sheet)
+
+    def run(self, sheets: int, grid: int) -> tuple[Array, Array]:
+        """q (n, 4) and load (n,)."""
+        psi = np.linspace(0.0, np.pi, grid)
+        turn = 2.0 * np.pi * np.arange(RING) / RING
+        ring = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+        near = np.concatenate([np.zeros((1, 2)), ring]) if self.margin > 0.0 else np.zeros((1, 2))
+        shape = (len(near), sheets, grid, grid)
+        x = np.empty((*shape, 4))
+        x[..., 0], x[..., 1] = psi[:, None], psi
+        x[..., 2:] = near[:, None, None, None]
+        sheet = np.broadcast_to(np.arange(sheets)[:, None, None], shape)
+        load = self.load(self.poses(x, sheet, self.goals[:, None, None, None, None]))
+        minima = _local_minima(load).reshape(len(self.goals), -1)
+        chosen = np.argpartition(minima, CANDIDATES, axis=-1)[:, :CANDIDATES]
+        best = np.take_along_axis(minima, chosen, axis=-1)
+        return self.descend(x.reshape(-1, 4)[chosen], sheet.reshape(-1)[chosen], best, psi[1])
+
+    def descend(self, x: Array, sheet: NDArray[np.int64], best: Array, cell: float) -> tuple[Array, Array]:
+        """Pattern search from candidates x (n, m, 4) with loads (n, m): random directions find creases."""
+        generator = np.random.default_rng(0)
+        step = np.full(best.shape, cell)
+        goals = self.goals[:, None]
+        for _ in range(ROUNDS):
+            way = generator.normal(size=(DIRECTIONS, 4))
+            if self.margin == 0.0:
+                way[:, 2:] = 0.0
+            way /= np.linalg.norm(way, axis=-1, keepdims=True)
+            trial = x[:, :, None] + step[:, :, None, None] * way
+            trial[..., :2] = np.clip(trial[..., :2], 0.0, np.pi)  # the ends of a travel are met exactly
+            trial[..., 2:] /= np.maximum(np.linalg.norm(trial[..., 2:], axis=-1, keepdims=True), 1.0)
+            load = self.load(self.poses(trial, sheet[:, :, None], goals[:, :, None]))
+            least = load.argmin(axis=-1)[..., None]
+            found = np.take_along_axis(load, least, axis=-1)[..., 0]
+            better = found < best
+            x = np.where(better[..., None], np.take_along_axis(trial, least[..., None], axis=2)[:, :, 0], x)
+            best = np.where(better, found, best)
+            step = np.minimum(step * np.where(better, WIDER, NARROWER), cell)
+        first = best.argmin(axis=-1)[:, None]
+        q = np.take_along_axis(self.poses(x, sheet, goals), first[..., None], axis=1)[:, 0]
+        return q, np.take_along_axis(best, first, axis=-1)[:, 0]
+
+
+def _local_minima(load: Array) -> Array:
+    """Loads (..., p, p) where no neighbour has less, inf elsewhere."""
+    least = load
+    for axis in (-2, -1):
+        sides = [np.roll(least, way, axis) for way in (-1, 1)]
+        for side, end in zip(sides, (-1, 0), strict=True):
+            np.moveaxis(side, axis, 0)[end] = np.inf
+        least = np.minimum(least, np.minimum(*sides))
+    return np.where(load <= least, load, np.inf)
+
+
+def _goals(goals: ArrayLike) -> Array:
+    points = np.asarray(goals, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] != 2:
+        raise ValueError(f"goals has the shape {points.shape}; give (n, 2), x and y of each in metres")
+    if not np.isfinite(points).all():
+        raise ValueError("goals has entries that are not finite; give metres")
+    return points

@@ -1,0 +1,136 @@
+"""Efforts of an arm at rest: what gravity and springs ask of the motors, and what stops take over."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from redundant_envs.effects import EffortLimits
+from redundant_envs.effects.hooks import Actuation, Field, Force, Impact
+from redundant_envs.evaluators.arrays import evaluate
+from redundant_envs.model.energy import hook_value
+from redundant_envs.scene import Scene
+from redundant_envs.values import shown
+
+Array = NDArray[np.float64]
+Travel = dict[int, tuple[float, float]]
+
+
+def static_efforts(scene: Scene, q: ArrayLike) -> Array:
+    """Joint efforts that balance gravity and springs at rest, without the help of stops.
+
+    Parameters
+    ----------
+    scene : Scene
+        Efforts act at its joints: Q = B t.
+    q : (..., 4)
+        Generalized coordinates.
+
+    Returns
+    -------
+    (..., 4) N m and N
+        t with B (t + f) = G(q), where f are the forces of the other effects on the joints at rest.
+
+    Raises
+    ------
+    ValueError
+        If q is of another shape, or the scene has ``actuation="generalized"``.
+    """
+    arm: Any = scene.robot
+    place = np.asarray(q, dtype=np.float64)
+    if place.shape[-1:] != (4,):
+        raise ValueError(f"q has shape {place.shape}; the last axis must have 4 entries")
+    if scene.actuation != "joint":
+        raise ValueError(f"scene.actuation is {scene.actuation!r}; efforts are those of joints: use 'joint'")
+    values: dict[str, Any] = {**arm.parameter_values(), "ax": 0.0, "ay": 0.0, **dict.fromkeys(arm.rates, 0.0)}
+    values |= {name: place[..., k] for k, name in enumerate(arm.coordinates)}
+    hooks = [(effect, hook) for effect in scene.effects for hook in effect.hooks(arm)]
+    for effect, hook in hooks:
+        if isinstance(hook, Field):
+            values["ax"], values["ay"] = hook_value(arm, effect, hook, hook.function, values)
+    gravity = np.stack(np.broadcast_arrays(*evaluate(arm, ("G1", "G2", "G3", "G4"), values)), axis=-1)
+    efforts: Array = gravity @ np.linalg.inv(arm.motor_map).T
+    for effect, hook in hooks:
+        if isinstance(hook, Force):
+            efforts[..., hook.joint] -= hook_value(arm, effect, hook, hook.function, values)
+    return efforts
+
+
+def motor_efforts(scene: Scene, q: ArrayLike) -> Array:
+    """The smallest motor efforts at rest: a slider at a stop leans on it where that helps.
+
+    A lower stop pushes its slider outwards, an upper one inwards; neither pulls.
+
+    Parameters
+    ----------
+    scene, q
+        As in :func:`static_efforts`. A slider is at a stop if its position is equal to it, or beyond it.
+
+    Returns
+    -------
+    (..., 4) N m and N
+    """
+    efforts = static_efforts(scene, q)
+    joints = np.asarray(q, dtype=np.float64) @ scene.robot.motor_map  # type: ignore[attr-defined]
+    for k, (low, high) in stops(scene).items():
+        share = efforts[..., k]
+        share = np.where(joints[..., k] <= low, np.minimum(share, 0.0), share)
+        efforts[..., k] = np.where(joints[..., k] >= high, np.maximum(share, 0.0), share)
+    return efforts
+
+
+def stops(scene: Scene) -> Travel:
+    """Hard ends of the travel, joint -> lower and upper [m]; infinite where there is none."""
+    values = scene.parameters()
+    return {
+        hook.joint: (values[f"{effect.key}{hook.lower}"], values[f"{effect.key}{hook.upper}"])
+        for effect in scene.effects
+        for hook in effect.hooks(scene.robot)
+        if isinstance(hook, Impact)
+    }
+
+
+def slider_travel(scene: Scene) -> Travel:
+    """The stops of every slider; ValueError where the travel has an end without a stop."""
+    travel = stops(scene)
+    lengths = iter(scene.robot.lengths)
+    for k in range(4):
+        if scene.robot.prismatic[k]:
+            low, high = travel.get(k, (-np.inf, np.inf))
+            least = -next(lengths)
+            if not (least <= low and high < np.inf):
+                raise ValueError(
+                    f"PrismaticStop leaves {scene.robot.joints[k]!r} a travel of {low} to {high} m; give "
+                    f"both ends, the lower at least {least} m (no link is shorter than nothing)"
+                )
+    return travel
+
+
+def effort_limits(scene: Scene) -> Array:
+    """Effort limits of the joints, (4,), N m and N.
+
+    Raises
+    ------
+    ValueError
+        If the scene has none, or an effect whose part at rest is not known: another actuation, or a spring
+        on a revolute joint, whose force depends on how often the joint has turned.
+    """
+    for i, effect in enumerate(scene.effects):
+        for hook in effect.hooks(scene.robot):
+            if isinstance(hook, Force):
+                known = hook.potential is None or scene.robot.prismatic[hook.joint]
+            else:
+                known = not isinstance(hook, Actuation) or isinstance(effect, EffortLimits)
+            if not known:
+                raise ValueError(
+                    f"effects[{i}] is {shown(effect)}; the load at rest is known with gravity, friction, "
+                    "effort limits, stops, and springs on sliders: leave this effect out"
+                )
+    limits = next((e.limits for e in scene.effects if isinstance(e, EffortLimits)), None)
+    if limits is None or min(limits) <= 0.0:
+        raise ValueError(
+            f"EffortLimits.limits is {limits}; loads are told in units of them: give four positive numbers"
+        )
+    return np.array(limits)

@@ -1,0 +1,186 @@
+"""Interquartile means, bootstrap intervals, and groups of runs."""
+
+import numpy as np
+import pytest
+from run_folders import CURVE, FOUR_R, RPRP, config_text, write_run
+
+from agents.evidence.aggregate import interquartile_mean, stratified_bootstrap
+from agents.evidence.runs import group, read_groups, read_run
+from agents.evidence.table import table
+
+# ---- aggregates ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("values", "mean"),
+    [
+        ([7.0], 7.0),
+        ([1.0, 2.0, 9.0], 4.0),  # nothing is left out of up to three
+        ([100.0, 1.0, 2.0, -50.0], 1.5),
+        ([9.0, 1.0, 2.0, 3.0, 100.0], 14.0 / 3.0),  # 5 // 4: one on either side
+        ([0.0, 0.0, 1.0, 2.0, 3.0, 4.0, 90.0, 90.0], 2.5),
+    ],
+)
+def test_interquartile_mean_leaves_out_a_whole_quarter_on_either_side(values, mean):
+    assert interquartile_mean(values) == pytest.approx(mean, rel=1e-15)
+
+
+def test_interquartile_mean_is_the_trimmed_mean_of_rliable():
+    stats = pytest.importorskip("scipy.stats")
+    values = np.random.default_rng(0).normal(size=(3, 11, 2))
+    np.testing.assert_allclose(interquartile_mean(values, 1), stats.trim_mean(values, 0.25, axis=1))
+
+
+def test_interquartile_mean_of_an_unknown_value_is_unknown():
+    columns = [[1.0, np.nan], [1.0, 2.0], [1.0, 3.0], [1.0, 4.0]]  # a high value would be left out
+    np.testing.assert_array_equal(interquartile_mean(columns), [1.0, np.nan])
+
+
+def test_interquartile_mean_refuses_no_values():
+    with pytest.raises(ValueError, match=r"values has the shape \(0, 2\); give at least one value"):
+        interquartile_mean(np.empty((0, 2)))
+
+
+def test_bootstrap_interval_covers_the_truth_at_about_its_rate():
+    samples = np.random.default_rng(1).normal(3.0, 1.0, (20, 400))  # 400 experiments of 20 runs
+    low, high = stratified_bootstrap([samples], interquartile_mean, 500)
+    covered = np.mean((low <= 3.0) & (high >= 3.0))
+    assert 0.87 <= covered <= 0.98  # percentile intervals of 20 runs are a little too narrow
+
+
+def test_bootstrap_interval_of_a_mean_has_the_width_of_theory():
+    samples = np.random.default_rng(2).normal(0.0, 1.0, 400)
+    low, high = stratified_bootstrap([samples], np.mean)
+    assert high - low == pytest.approx(2 * 1.96 * samples.std() / 20, rel=0.1)
+
+
+def test_bootstrap_draws_each_stratum_from_its_own_runs():
+    easy, hard = np.full(5, 1.0), np.full(10, 0.0)
+    np.testing.assert_allclose(stratified_bootstrap([easy, hard], np.mean), 1 / 3)
+    low, high = stratified_bootstrap([np.concatenate([easy, hard])], np.mean)
+    assert low < 0.2
+    assert high > 0.5
+
+
+def test_bootstrap_keeps_the_points_of_a_curve_together():
+    def change(curves, axis):
+        return np.diff(curves, axis=-1).mean(axis)
+
+    curves_ = np.array([0.0, 5.0, 9.0])[:, None] + np.arange(4.0)  # (runs, points)
+    np.testing.assert_allclose(stratified_bootstrap([curves_], change), 1.0)
+
+
+def test_bootstrap_does_not_depend_on_how_many_points_are_drawn_at_once(monkeypatch):
+    samples = np.random.default_rng(3).normal(size=(6, 5))
+    whole = stratified_bootstrap([samples, samples[:4]], interquartile_mean, 200)
+    monkeypatch.setattr("agents.evidence.aggregate.MOST_NUMBERS", 100)
+    np.testing.assert_array_equal(
+        stratified_bootstrap([samples, samples[:4]], interquartile_mean, 200), whole
+    )
+
+
+def test_interval_of_one_run_is_unknown():
+    assert np.isnan(stratified_bootstrap([[[1.0, 2.0]]], interquartile_mean)).all()
+    assert np.isnan(stratified_bootstrap([[1.0], [1.0, 2.0]], interquartile_mean)).all()
+
+
+@pytest.mark.parametrize(
+    ("samples", "resamples", "words"),
+    [
+        ([], 10, "samples is empty"),
+        ([[1.0], []], 10, r"samples\[1\] has the shape \(0,\); give at least one run"),
+        ([[[1.0, 2.0]], [[1.0]]], 10, r"samples\[1\] has the shape \(1, 1\).*\(2,\)"),
+        ([[1.0, 2.0]], 0, "resamples is 0; give at least 1"),
+    ],
+)
+def test_bootstrap_refuses_what_it_cannot_draw(samples, resamples, words):
+    with pytest.raises(ValueError, match=words):
+        stratified_bootstrap(samples, interquartile_mean, resamples)
+
+
+# ---- runs ----------------------------------------------------------------------------------------
+
+
+def test_a_run_knows_its_settings_without_the_seed(tmp_path):
+    run = read_run(write_run(tmp_path / "a", seed=7, settings={"num_envs": 256}))
+    assert (run.env, run.algo, run.seed) == (RPRP, "ppo", 7)
+    assert run.settings["num_envs"] == 256
+    assert "seed" not in run.settings
+    np.testing.assert_array_equal(run.curve, CURVE)
+
+
+def test_groups_are_of_one_environment_learner_settings_and_number_of_goals(tmp_path):
+    folders = [
+        write_run(tmp_path / "0", 0), write_run(tmp_path / "1", 1),
+        write_run(tmp_path / "sac", 0, algo="sac"), write_run(tmp_path / "four", 0, FOUR_R),
+        write_run(tmp_path / "wide", 0, settings={"ppo": {"net_arch": [128, 128]}}),
+        write_run(tmp_path / "few", 0, episodes=100),
+    ]  # fmt: skip
+    groups = read_groups(folders)
+    members = {(same.title, same.learner): [run.folder.name for run in same.runs] for same in groups}
+    widths = sorted(name.partition("ppo.net_arch=")[2] for _, name in members if "PPO, " in name)
+    assert sorted(members.values()) == [["0", "1"], ["few"], ["four"], ["sac"], ["wide"]]
+    assert ("FourRReach-v0", "PPO") in members  # nothing else of its environment and learner differs
+    assert widths[0] == "[128, 128]"
+    assert len([name for _, name in members if name.startswith("PPO, goals=100, ")]) == 1
+
+
+def test_another_scene_is_named_and_the_own_one_is_not(tmp_path):
+    scenes = {"own": "rprp_reach", "springs": "rprp_limit_springs", "data": {"robot": {"type": "RPRP"}}}
+    for name, scene in scenes.items():
+        write_run(tmp_path / name, settings={"env_kwargs": {"scene": scene}})
+    titles = {
+        same.runs[0].folder.name: same.title for same in read_groups(tmp_path / name for name in scenes)
+    }
+    assert titles["own"] == "RPRPReach-v0"
+    assert titles["springs"] == "RPRPReach-v0 (rprp_limit_springs)"
+    assert titles["data"].startswith("RPRPReach-v0 (scene ")
+
+
+def test_a_seed_counts_once(tmp_path):
+    first = write_run(tmp_path / "a", 0)
+    copy = write_run(tmp_path / "b", 0, machine="Other", date="2026-05-05", train_seconds=77.0)
+    other = write_run(tmp_path / "c", 1)
+    (same,) = read_groups([first, copy, other, first, f"{other}/"])
+    assert [run.folder for run in same.runs] == [first, other]
+
+
+@pytest.mark.parametrize("change", ["evaluation", "curve"])
+def test_two_results_of_one_seed_are_refused_by_both_names(tmp_path, change):
+    first = write_run(tmp_path / "a", 3)
+    other = {"curve": [*CURVE[:2], (3000, 3.5, 0.96, 1.0, 70.0)]}
+    write_run(tmp_path / "b", 3, **(other if change == "curve" else {"hold_success": 0.98}))
+    with pytest.raises(ValueError, match=f"{first} and {tmp_path / 'b'} are runs of seed 3.*give one"):
+        group([read_run(first), read_run(tmp_path / "b")])
+
+
+@pytest.mark.parametrize("name", ["config.yaml", "evaluation.json", "selection.csv"])
+def test_a_folder_that_is_no_run_is_named_with_what_is_missing(tmp_path, name):
+    (write_run(tmp_path / "run") / name).unlink()
+    with pytest.raises(ValueError) as error:
+        read_run(tmp_path / "run")
+    assert str(tmp_path / "run") in str(error.value)
+    assert name in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "line", ["4000,nan,0.5,0.5,1", "4000,3.4,0.5,0.5,1", "2999,4,0.5,0.5,1", "4000,4,0.5,0.5", "x"]
+)
+def test_a_damaged_curve_is_refused(tmp_path, line):
+    folder = write_run(tmp_path / "run")
+    with (folder / "selection.csv").open("a") as file:
+        file.write(line + "\n")
+    with pytest.raises(ValueError, match=f"{folder}/selection.csv is damaged.*make it anew"):
+        read_run(folder)
+
+
+def test_an_evaluation_of_another_run_is_refused(tmp_path):
+    folder = write_run(tmp_path / "run", 1)
+    (folder / "config.yaml").write_text(config_text(2, RPRP, "ppo", {}))
+    with pytest.raises(ValueError, match=r"evaluation\.json has 1 as 'seed', and config.yaml has 2"):
+        read_run(folder)
+
+
+def test_no_folders_are_refused():
+    with pytest.raises(ValueError, match="folders is empty; give at least one run folder"):
+        table([])

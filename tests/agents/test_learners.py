@@ -1,0 +1,253 @@
+"""The learners' written-out gradients against torch's own, and what their averages are."""
+
+import copy
+import itertools
+
+import numpy as np
+import pytest
+import torch
+from stable_baselines3 import SAC
+from torch.nn import functional
+
+from agents.config import Config, checked
+from agents.learners.build import make_model
+from agents.learners.goals import goal_mixing
+from agents.learners.networks import ACTIVATIONS, Adam, Networks, linear_layers
+from redundant_envs.envs.sb3 import make_sb3
+
+SMALL = {
+    "ppo": {"n_steps": 4, "batch_size": 32, "net_arch": [16, 12]},
+    "sac": {"buffer_size": 1000, "learning_starts": 0, "batch_size": 32, "net_arch": [16, 12]},
+    "her": {"buffer_size": 4000, "learning_starts": 1600, "batch_size": 32, "net_arch": [16, 12]},
+}
+
+
+def make(algo, env="RPRPReach-v0", **settings):
+    config = checked(
+        Config,
+        {"config_version": 2, "env": f"redundant_envs/{env}", "algo": algo, "num_envs": 16, "seed": 3,
+         algo: {**SMALL[algo], **settings}},
+    )  # fmt: skip
+    env = make_sb3(config.env, config.num_envs)
+    env.seed(0)
+    return make_model(config, env)
+
+
+def layers(*sizes):
+    return torch.nn.Sequential(*(torch.nn.Linear(a, b) for a, b in itertools.pairwise(sizes)))
+
+
+@pytest.mark.parametrize("activation", list(ACTIVATIONS))
+@pytest.mark.parametrize("sizes", [(5, 7, 3), (5, 8, 6, 4, 2), (4, 1)])
+@pytest.mark.parametrize("count", [1, 2])
+def test_gradients_of_networks_are_those_of_torch(activation, sizes, count):
+    torch.manual_seed(0)
+    modules = [layers(*sizes) for _ in range(count)]
+    networks = Networks([linear_layers(m) for m in modules], activation)
+    x = torch.randn(9, sizes[0], requires_grad=True)
+    weights = torch.randn(count, 9, sizes[-1])
+
+    def plain(module):
+        *hidden, last = module
+        value = x
+        for layer in hidden:
+            value = ACTIVATIONS[activation].forward(layer(value))
+        return last(value)
+
+    (torch.stack([plain(m) for m in modules]) * weights).sum().backward()
+    with torch.no_grad():
+        outputs, tape = networks.forward(x.detach())
+        networks.backward(tape, weights)
+        to_inputs = networks.to_inputs(tape, weights, slice(1, None))
+    torch.testing.assert_close(outputs, torch.stack([plain(m) for m in modules]).detach())
+    torch.testing.assert_close(to_inputs, x.grad[:, 1:])
+    for layer in range(len(sizes) - 1):
+        for k, module in enumerate(modules):
+            torch.testing.assert_close(networks._dweights[layer][k], module[layer].weight.grad)
+            torch.testing.assert_close(networks._dbiases[layer][k, 0], module[layer].bias.grad)
+
+
+def test_adam_takes_the_steps_of_torch():
+    torch.manual_seed(0)
+    module = layers(3, 4, 2)
+    networks = Networks([linear_layers(module)], "silu")
+    adam, theirs = (
+        Adam(networks, 1e-8),
+        torch.optim.Adam([torch.nn.Parameter(networks.vector.clone())], lr=0.01),
+    )
+    (parameter,) = theirs.param_groups[0]["params"]
+    for _ in range(50):
+        networks.gradient.copy_(torch.randn_like(networks.vector))
+        parameter.grad = networks.gradient.clone()
+        adam.step(0.01)
+        theirs.step()
+    torch.testing.assert_close(networks.vector, parameter.detach(), rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize(("algo", "env"), [("sac", "FourRReach-v0"), ("her", "RPRPGoalReach-v0")])
+def test_the_actor_and_critic_steps_of_sac_follow_the_derivatives_of_their_losses(algo, env):
+    model = make(algo, env, policy_delay=1, smoothness=0.3, ent_coef=0.05)
+    model.learn(1700)
+    actor, critics = model.networks["actor"], model.networks["critics"]
+    sample = model.replay_buffer.sample(32)
+    now, after = model.inputs(sample.observations), model.inputs(sample.next_observations)
+    before = {name: n.vector.clone() for name, n in model.networks.items()}
+    steps = []
+    for name in ("actor", "critics"):
+        model.adams[name].step = lambda rate, name=name: steps.append(name)  # look at gradients alone
+    with torch.no_grad():
+        drawn = model._draw(torch.cat([after, now]))
+        discounts = model.gamma * (1.0 - sample.dones[:, 0])
+        model._update_critics(
+            torch.cat([now, sample.actions], 1), after, sample.rewards[:, 0], discounts, drawn, 0.0
+        )
+        found_critics = critics.gradient.clone()
+        model._update_actor(now, drawn, 0.0)
+    assert steps == ["critics", "actor"]
+
+    # the same losses through stable-baselines3's modules and torch's graph
+    policy = copy.deepcopy(model.policy)
+    raw, raw_after = sample.observations, sample.next_observations
+    mean, log_std, _ = policy.actor.get_action_dist_params(raw)
+    noise = drawn.noise[32:] / drawn.outputs[32:, 4:].clamp(-20, 2).exp()
+    u = mean + log_std.exp() * noise
+    log_prob = torch.distributions.Normal(mean, log_std.exp()).log_prob(u).sum(1)
+    log_prob = log_prob - torch.log1p(-torch.tanh(u).double().square()).sum(1).float()
+    with torch.no_grad():
+        mean_after = policy.actor.get_action_dist_params(raw_after)[0]
+        ahead = torch.min(*policy.critic_target(raw_after, drawn.actions[:32]))[:, 0]
+        goals = sample.rewards[:, 0] + discounts * (ahead - 0.05 * drawn.log_prob[:32])
+    values = policy.critic(raw, torch.tanh(u))
+    near = (torch.tanh(mean) - torch.tanh(mean_after)).square().sum(1)
+    (0.05 * log_prob - torch.min(*values)[:, 0] + 0.3 * near).mean().backward()
+    head = torch.cat([policy.actor.mu.weight.grad, policy.actor.log_std.weight.grad])
+    torch.testing.assert_close(actor._dweights[2][0], head, rtol=2e-3, atol=1e-6)
+    second = policy.actor.latent_pi[2].weight.grad
+    torch.testing.assert_close(actor._dweights[1][0], second, rtol=2e-3, atol=1e-6)
+    policy.critic.zero_grad()
+    sum(0.5 * functional.mse_loss(q[:, 0], goals) for q in policy.critic(raw, sample.actions)).backward()
+    for k, q in enumerate(policy.critic.q_networks):
+        torch.testing.assert_close(
+            critics._parts(found_critics)[0][1][k], q[2].weight.grad, rtol=2e-3, atol=1e-6
+        )
+        torch.testing.assert_close(
+            critics._parts(found_critics)[0][2][k], q[4].weight.grad, rtol=2e-3, atol=1e-6
+        )
+    for name, vector in before.items():
+        assert torch.equal(model.networks[name].vector, vector)
+
+
+@pytest.mark.parametrize("env", ["RPRPReach-v0", "FourRGoalReach-v0"])
+def test_the_steps_of_ppo_follow_the_derivatives_of_its_losses(env):
+    model = make("ppo", env, ent_coef=0.01, vf_coef=0.7)
+    model.learn(64)
+    actor, critic = model.networks["actor"], model.networks["values"]
+    torch.manual_seed(1)
+    buffer = model.rollout_buffer
+    sample = next(iter(buffer.get(64)))
+    old = sample.old_log_prob + 0.3 * torch.randn(64)  # so that some ratios are clipped
+    with torch.no_grad():
+        columns = (old, sample.advantages, sample.returns)
+        given = model.inputs(sample.observations), sample.actions
+        model._set_gradients([*given, *(c[:, None] for c in columns)], 0.2)
+    policy = copy.deepcopy(model.policy)
+    values, log_prob, entropy = policy.evaluate_actions(sample.observations, sample.actions)
+    advantages = sample.advantages
+    advantages = (advantages - advantages.mean()) / (advantages.std() + 1e-8)
+    ratio = (log_prob - old).exp()
+    surrogate = torch.min(advantages * ratio, advantages * ratio.clamp(0.8, 1.2)).mean()
+    value_loss = functional.mse_loss(sample.returns, values.flatten())
+    (-surrogate - 0.01 * entropy.mean() + 0.7 * value_loss).backward()
+    close = {"rtol": 2e-3, "atol": 1e-6}
+    torch.testing.assert_close(actor.dextra, policy.log_std.grad, **close)
+    torch.testing.assert_close(actor._dweights[2][0], policy.action_net.weight.grad, **close)
+    second = policy.mlp_extractor.policy_net[2].weight.grad
+    torch.testing.assert_close(actor._dweights[1][0], second, **close)
+    torch.testing.assert_close(critic._dweights[2][0], policy.value_net.weight.grad, **close)
+    torch.testing.assert_close(critic._dbiases[0][0, 0], policy.mlp_extractor.value_net[0].bias.grad, **close)
+
+
+@pytest.mark.parametrize(
+    ("algo", "env"), [("ppo", "RPRPReach-v0"), ("sac", "FourRReach-v0"), ("her", "RPRPGoalReach-v0")]
+)
+def test_the_policy_acts_as_the_networks_do(algo, env):
+    model = make(algo, env)
+    model.learn(1700)
+    observations = model.env.reset()
+    with torch.no_grad():
+        tensors = model.policy.obs_to_tensor(observations)[0]
+        outputs, _ = model.networks["actor"].forward(model.inputs(tensors))
+    means = outputs[0, :, :4].numpy()
+    expected = np.clip(means, -1, 1) if algo == "ppo" else np.tanh(means)
+    actions, _ = model.predict(observations, deterministic=True)
+    np.testing.assert_allclose(actions, expected, atol=2e-5)
+
+
+def test_an_average_is_the_running_mean_of_weights_and_is_there_inside_alone():
+    model = make("sac", average=0.9)
+    weights, mean = [], model.networks["actor"].vector.clone()
+    step = model.adams["actor"].step
+    model.adams["actor"].step = lambda rate: (
+        step(rate),
+        weights.append(model.networks["actor"].vector.clone()),
+    )
+    model.learn(2000)
+    assert len(weights) > 50
+    for k, vector in enumerate(weights):
+        updates = 2 * (k + 1)  # of the critics: the actor's is every second one
+        mean = mean + max(0.1, 10 / (10 + updates)) * (vector - mean)
+    torch.testing.assert_close(model.means["actor"], mean, rtol=1e-4, atol=1e-6)
+    present = model.policy.actor.mu.weight.clone()
+    with model.averaged():
+        inside = model.policy.actor.mu.weight.clone()
+    assert torch.equal(model.policy.actor.mu.weight, present)
+    assert not torch.equal(inside, present)
+    torch.testing.assert_close(
+        inside, model.networks["actor"]._parts(mean)[0][2][0, :4], rtol=1e-4, atol=1e-6
+    )
+
+
+def test_without_an_average_the_policy_is_the_last_actor():
+    model = make("sac", average=0.0)
+    model.learn(1000)
+    # the first steps take more than 1 - average, and 1 is the most
+    assert torch.equal(model.means["actor"], model.networks["actor"].vector)
+
+
+def test_smoothness_makes_actions_of_following_states_alike():
+    changes = []
+    for smoothness in (0.0, 30.0):
+        model = make("sac", smoothness=smoothness, learning_rate=1e-2)
+        model.learn(2000)
+        sample = model.replay_buffer.sample(500)
+        with torch.no_grad():
+            now, after = (
+                torch.tanh(model.actor.get_action_dist_params(o)[0])
+                for o in (sample.observations, sample.next_observations)
+            )
+        changes.append(float((now - after).square().sum(1).mean()))
+    assert changes[1] < 0.2 * changes[0]
+
+
+def test_the_error_is_given_at_its_scale_and_the_goal_in_reaches():
+    space = make_sb3("FourRGoalReach-v0", 1).observation_space
+    mixing = goal_mixing(space, 0.05)
+    achieved, desired = np.array([0.5, -0.2]), np.array([0.51, -0.2])
+    raw = np.concatenate([achieved, desired, np.arange(16)])
+    given = mixing.double().numpy() @ raw
+    reach = 1.0
+    np.testing.assert_allclose(given[:2], (desired - achieved) / (0.05 * reach), atol=1e-6)
+    np.testing.assert_allclose(given[2:4], desired / reach)
+    np.testing.assert_allclose(given[4:], np.arange(16))
+    assert goal_mixing(space["observation"], 0.05) is None
+
+
+def test_copies_of_a_hindsight_learner_keep_their_networks():
+    model = make("her", "RPRPGoalReach-v0")
+    model.learn(1700)
+    assert isinstance(model, SAC)
+    state = model.learner_state()
+    model.learn(1000, reset_num_timesteps=False)
+    model.set_learner_state(state)
+    for name, vector in state["networks"].items():
+        assert torch.equal(model.networks[name].vector, vector)

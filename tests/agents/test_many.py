@@ -1,0 +1,56 @@
+"""Several seeds in processes of their own."""
+
+import pytest
+import torch
+
+from agents.__main__ import main
+from agents.config import load
+from agents.policies import read_weights
+from agents.training.many import seeds_of
+from agents.training.train import train
+
+SMALL = [
+    "num_envs=32", "ppo.n_steps=16", "ppo.batch_size=256", "total_steps=1024", "curve_episodes=5",
+    "evaluation_episodes=10",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("text", "seeds"),
+    [("0..3", [0, 1, 2, 3]), ("5", [5]), ("1, 4,7", [1, 4, 7]), ("0..1,9", [0, 1, 9]), ("99", [99])],
+)
+def test_seeds_are_read_as_they_are_written(text, seeds):
+    assert seeds_of(text) == seeds
+
+
+@pytest.mark.parametrize(
+    "text", ["", "a", "3..1", "1,1", "0..2,1", "100", "-1", "1..", "0..999999999", "1;2"]
+)
+def test_other_seeds_are_refused(text):
+    with pytest.raises(ValueError, match="seeds is"):
+        seeds_of(text)
+
+
+def test_seeds_in_processes_are_the_runs_they_are_alone(tmp_path, capsys):
+    out = tmp_path / "runs"
+    command = ["train", "rprp_reach_ppo", *SMALL, "--seeds", "3,4", "--processes", "2", "--out", str(out)]
+    assert main(command) == 0
+    assert "| RPRPReach-v0 | PPO | 2 |" in capsys.readouterr().out
+    alone = tmp_path / "alone"
+    train(load("rprp_reach_ppo", [*SMALL, "seed=4"]), alone)
+    expected, _ = read_weights(alone / "policy.zip", "silu")
+    found, _ = read_weights(out / "seed4" / "policy.zip", "silu")
+    assert all(torch.equal(found[name], tensor) for name, tensor in expected.items())
+    before = (out / "seed3" / "policy.zip").stat().st_mtime_ns
+    assert main(command) == 0  # what is finished stays
+    assert (out / "seed3" / "policy.zip").stat().st_mtime_ns == before
+
+
+@pytest.mark.parametrize(
+    ("more", "word"),
+    [(["--processes", "2"], "give --seeds"), (["--seeds", "1", "--processes", "0"], "processes is 0")],
+)
+def test_processes_are_checked_before_anything_begins(more, word, tmp_path, capsys):
+    assert main(["train", "rprp_reach_ppo", *more, "--out", str(tmp_path / "out")]) == 2
+    assert word in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,245 @@
+"""Hold success over the strength of the motors: rows, files and the figure, without any training."""
+
+import copy
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+import yaml
+
+from agents.config import load
+from agents.rollout import EVALUATION_SEED
+from agents.studies.strength import (
+    ARMS,
+    EXPERT,
+    FACTORS,
+    HOLDABLE,
+    Row,
+    expert_rows,
+    frozen_goals,
+    goal_loads,
+    learner_rows,
+    read_rows,
+    weakened,
+    write_rows,
+)
+from agents.studies.strength_figure import AREA, figure
+from redundant_envs.control.holding import can_hold, holding_load
+from redundant_envs.control.statics import effort_limits
+from redundant_envs.envs.sb3 import make_sb3
+from redundant_envs.scene import load_scene, scene_data
+
+PRESETS = {"4R": "configs/training/four_r_reach_ppo.yaml", "RPRP": "configs/training/rprp_reach_sac.yaml"}
+
+
+@pytest.mark.parametrize("scene", ["four_r_reach", "rprp_reach"])
+def test_only_effort_limits_are_weakened(scene):
+    data = weakened(scene, 0.3)
+    np.testing.assert_allclose(effort_limits(load_scene(data)), 0.3 * effort_limits(load_scene(scene)))
+    for weak, strong in zip(data["effects"], scene_data(scene)["effects"], strict=True):
+        weak.pop("limits", None), strong.pop("limits", None)
+        assert weak == strong
+    own = {k: v for k, v in scene_data(scene).items() if k != "effects"}
+    assert own == {k: v for k, v in data.items() if k != "effects"}
+    json.dumps(data)
+
+
+@pytest.mark.parametrize("arm", ARMS)
+def test_the_weak_scenes_have_half_the_limits(arm):
+    name = ARMS[arm][1]
+    assert load_scene(name.replace("reach", "weak")) == load_scene(weakened(name, 0.5))
+
+
+@pytest.mark.parametrize(
+    ("scene", "factor", "words"),
+    [
+        ("four_r_reach", 0.0, ["factor", "0.0", "positive"]),
+        ("four_r_reach", -1.0, ["factor", "-1.0", "positive"]),
+        ("four_r_free", 0.5, ["EffortLimits.limits", "None"]),
+    ],
+)
+def test_what_cannot_be_weakened_is_refused(scene, factor, words):
+    with pytest.raises(ValueError) as error:
+        weakened(scene, factor)
+    for word in words:
+        assert word in str(error.value)
+
+
+@pytest.mark.parametrize("arm", ARMS)
+def test_goals_are_those_of_the_evaluation_whatever_the_limits(arm):
+    goals = frozen_goals(arm, 5)
+    assert goals.shape == (5, 2)
+    np.testing.assert_array_equal(goals[3:], frozen_goals(arm, 2, EVALUATION_SEED + 3))
+    weak = make_sb3(ARMS[arm][0], 5, scene=weakened(ARMS[arm][1], 0.3))
+    weak.seed(EVALUATION_SEED)
+    weak.reset()
+    np.testing.assert_array_equal(goals, weak.core.goals())
+
+
+@pytest.mark.parametrize("arm", ARMS)
+def test_one_account_of_loads_serves_all_factors(arm):
+    """And its tolerance is that of the task: 2 % of 1 m."""
+    goals = frozen_goals(arm, 12)
+    loads, scene = goal_loads(arm, goals), load_scene(ARMS[arm][1])
+    np.testing.assert_array_equal(loads, holding_load(scene, goals, 0.02))
+    middle = 0.5 * (np.sort(loads)[5] + np.sort(loads)[6])
+    weak = load_scene(weakened(ARMS[arm][1], float(middle)))
+    np.testing.assert_array_equal(can_hold(weak, goals, 0.02), loads <= middle)
+    assert can_hold(weak, goals, 0.02).sum() == 6
+
+
+@pytest.mark.parametrize("arm", ARMS)
+def test_computed_torque_needs_strong_motors(arm):
+    rows = expert_rows(arm, (1.0, 0.3), 41)  # of 41 out of 41 the interval ends below 1 by rounding
+    assert [(row.arm, row.factor, row.who) for row in rows] == [
+        (arm, factor, who) for factor in (1.0, 0.3) for who in (HOLDABLE, EXPERT)
+    ]
+    held = {(row.factor, row.who): row.hold_success for row in rows}
+    assert held[1.0, HOLDABLE] == held[1.0, EXPERT] == 1.0
+    assert held[0.3, EXPERT] + 0.1 < held[0.3, HOLDABLE] < 1.0
+    for row in rows:
+        assert row.low <= row.hold_success <= row.high
+        assert (row.touch_success is None) == (row.who == HOLDABLE)
+        assert row.touch_success is None or row.touch_success >= row.hold_success
+        assert (row.seeds, row.episodes) == (0, 41)
+    with pytest.raises(ValueError, match="arm is '5R'; choose 4R, RPRP"):
+        expert_rows("5R")
+
+
+# ---- trained policies ----------------------------------------------------------------------------
+
+
+def run_folder(path, arm, seed, hold, **env_kwargs):
+    """A run folder as an evaluation leaves it."""
+    config = load(PRESETS[arm]).to_dict()
+    config |= {"seed": seed, "env_kwargs": env_kwargs}
+    path.mkdir()
+    (path / "config.yaml").write_text(yaml.safe_dump(config))
+    evaluation = {
+        "env": config["env"], "algo": config["algo"], "seed": seed, "episodes": 100, "hold_success": hold,
+        "interval": [hold - 0.05, hold + 0.05], "touch_success": hold + 0.1, "expert_hold_success": 0.5,
+        "median_distance": 0.01, "expert_median_distance": 0.01, "mean_return": 50.0,
+        "expert_mean_return": 50.0, "env_steps": 1000, "train_seconds": 1.0, "machine": "x",
+        "date": "2026-11-22", "versions": {"machine": "x"},
+    }  # fmt: skip
+    (path / "evaluation.json").write_text(json.dumps(evaluation))
+    return path
+
+
+def test_runs_become_rows_by_arm_factor_and_learner(tmp_path):
+    folders = [
+        run_folder(tmp_path / "a", "4R", 0, 0.6, scene=weakened("four_r_reach", 0.4)),
+        run_folder(tmp_path / "b", "4R", 1, 0.8, scene=weakened("four_r_reach", 0.4)),
+        run_folder(tmp_path / "c", "4R", 0, 0.9),
+        run_folder(tmp_path / "d", "RPRP", 0, 0.7, scene="rprp_weak"),
+    ]
+    rows = {(row.arm, row.factor, row.who): row for row in learner_rows(folders)}
+    assert set(rows) == {("4R", 0.4, "PPO"), ("4R", 1.0, "PPO"), ("RPRP", 0.5, "SAC")}
+    both = rows["4R", 0.4, "PPO"]
+    assert (both.seeds, both.episodes) == (2, 100)
+    assert (both.hold_success, both.low, both.high) == pytest.approx((0.7, 0.55, 0.85))
+    assert both.touch_success == pytest.approx(0.8)
+    assert rows["RPRP", 0.5, "SAC"].hold_success == 0.7
+    assert learner_rows([]) == []
+
+
+def lopsided(data):
+    data["effects"][2]["limits"][0] *= 2.0
+
+
+def heavier(data):
+    data["robot"]["masses"][0] = 0.6
+
+
+def smoother(data):
+    data["effects"][1]["coefficients"][0] = 0.1
+
+
+@pytest.mark.parametrize("change", [lopsided, heavier, smoother])
+def test_runs_of_other_scenes_are_refused(tmp_path, change):
+    data = copy.deepcopy(weakened("four_r_reach", 0.5))
+    change(data)
+    folder = run_folder(tmp_path / "run", "4R", 0, 0.5, scene=data)
+    with pytest.raises(ValueError, match=r"run: env_kwargs.scene has .* give four_r_reach"):
+        learner_rows([folder])
+
+
+def test_runs_of_other_episodes_and_runs_given_twice_are_refused(tmp_path):
+    short = run_folder(tmp_path / "short", "4R", 0, 0.5, max_episode_steps=50)
+    with pytest.raises(ValueError, match=r"short: env_kwargs has 'max_episode_steps'"):
+        learner_rows([short])
+    folders = [run_folder(tmp_path / name, "4R", 3, 0.5) for name in "ab"]
+    with pytest.raises(ValueError, match="b is a second run of seed 3"):
+        learner_rows(folders)
+
+
+# ---- file and figure -----------------------------------------------------------------------------
+
+
+def made_up_rows():
+    rows = []
+    for arm in ARMS:
+        for i, factor in enumerate(FACTORS):
+            for who, touch, seeds in ((HOLDABLE, None, 0), (EXPERT, 0.95, 0), ("PPO", 0.9, 3)):
+                hold = 0.9 - 0.1 * i - (0.1 if who == EXPERT else 0.0)
+                rows.append(Row(arm, factor, who, hold, hold - 0.02, hold + 0.03, touch, seeds, 1000))
+    return rows
+
+
+def test_rows_survive_their_file(tmp_path):
+    path = tmp_path / "new" / "strength.csv"
+    write_rows(made_up_rows(), path)
+    assert read_rows(path) == made_up_rows()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("hold_success", "holds", ["columns", "hold_success"]),
+        ("4R,1.0,can", "5R,1.0,can", ["line 2", "arm", "'5R'", "RPRP"]),
+        ("computed torque", "magic", ["line 3", "who", "'magic'", "SAC"]),
+        ("4R,1.0,PPO,0.9", "4R,1.0,PPO,0.99", ["line 4", "hold_success", "0.99"]),
+        ("4R,0.8,can", "4R,x,can", ["line 5", "'x'"]),
+        ("4R,0.8,can", "4R,-0.8,can", ["line 5", "factor", "-0.8", "positive"]),
+    ],
+)
+def test_damaged_files_are_refused(tmp_path, old, new, words):
+    path = tmp_path / "strength.csv"
+    write_rows(made_up_rows(), path)
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+    with pytest.raises(ValueError) as error:
+        read_rows(path)
+    for word in (str(path), *words):
+        assert word in str(error.value)
+
+
+def test_the_figure_shows_every_row(tmp_path):
+    rows = made_up_rows()
+    drawn = figure([rows[i] for i in np.random.default_rng(0).permutation(len(rows))])  # in any order
+    assert [panel.get_title(loc="left") for panel in drawn.axes] == list(ARMS)
+    for panel in drawn.axes:
+        for line, who in zip(panel.lines, (EXPERT, "PPO"), strict=True):
+            own = [row for row in rows if row.who == who and row.arm == panel.get_title(loc="left")]
+            points = sorted((row.factor, 100.0 * row.hold_success) for row in own)
+            np.testing.assert_allclose(line.get_xydata(), points)
+        area, *bands = panel.collections
+        assert area.get_paths()[0].vertices[:, 1].max() == pytest.approx(90.0)
+        assert area.get_facecolor()[0, :3] == pytest.approx([int(AREA[1:3], 16) / 255] * 3)
+        assert [band.get_paths()[0].vertices[:, 1].max() for band in bands] == pytest.approx([83.0, 93.0])
+    (legend,) = drawn.legends
+    assert [text.get_text() for text in legend.get_texts()] == [HOLDABLE, EXPERT, "PPO"]
+    drawn.savefig(tmp_path / "strength.png")
+    bottom = min(panel.get_tightbbox().y0 for panel in drawn.axes)
+    assert legend.get_window_extent().y1 <= bottom + 1.0  # it covers no curve
+    with pytest.raises(ValueError, match="rows is empty"):
+        figure([])
+
+
+def test_a_row_is_checked():
+    row = made_up_rows()[0]
+    for change in ({"low": 0.95}, {"high": 1.1}, {"hold_success": float("nan")}):
+        with pytest.raises(ValueError, match="hold_success"):
+            dataclasses.replace(row, **change)
