@@ -102,8 +102,8 @@ def train(
     stamp = time.strftime("%Y%m%d-%H%M%S")
     if seeds is not None:
         folder = out or Path("runs") / f"{name}_{stamp}"
-        configs = [load(config, [*(overrides or ()), f"seed={seed}"]) for seed in seeds_of(seeds)]
-        train_many(configs, folder, processes)
+        chosen = {f"seed{k}": load(config, [*(overrides or ()), f"seed={k}"]) for k in seeds_of(seeds)}
+        train_many(chosen, folder, processes)
         from .evidence.table import table
 
         print(table(sorted(p.parent for p in folder.glob("*/evaluation.json"))))
@@ -266,3 +266,24 @@ def study_policy(
     path = write_report(what, results, out)
     print(path.read_text(encoding="utf-8"))
     print(f"report: {path}")
+
+
+@study.command("strength")
+def study_strength(
+    seeds: Annotated[str, typer.Option(help="of the learners, such as 0..2; none: no training")] = "0..2",
+    factors: Annotated[str, typer.Option(help="effort limits, times those of the reach scenes")] = "",
+    episodes: Annotated[int, typer.Option(help="goals")] = 1000,
+    runs: Annotated[list[Path] | None, typer.Option(help="run folders to take beside those trained")] = None,
+    processes: Annotated[int | None, typer.Option(help="trainings at a time (default: all cores)")] = None,
+    out: Annotated[Path, typer.Option(help="folder; a study that was stopped goes on in it")] = Path(
+        "runs/studies/strength"
+    ),
+) -> None:
+    """Where learning pays: hold success over the strength of the motors."""
+    from .report import check_drawing
+    from .studies.strength_run import factors_of, run_study
+    from .training.many import seeds_of
+
+    check_drawing()
+    chosen = [] if seeds == "none" else seeds_of(seeds)
+    print(run_study(factors_of(factors), chosen, episodes, runs or (), processes, out))

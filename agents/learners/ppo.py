@@ -1,14 +1,15 @@
 """PPO whose policy is the average of its weights, with an update of half the time.
 
-Collection, advantages, networks, saving and loading are stable-baselines3's; ``train`` is replaced: the
-same losses, with their gradients written out (:mod:`.networks`) and nothing logged per minibatch. The
-average of the weights, policy and values, is what is evaluated and saved.
+Advantages, buffer, networks, saving and loading are stable-baselines3's; the loops are replaced. They
+collect without its modules and compute values once for a rollout; the losses are the same, with their
+gradients written out (:mod:`.networks`) and nothing logged per minibatch. The average of the weights,
+policy and values, is what is evaluated and saved.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,8 @@ with needs("train"):
     import torch
     from stable_baselines3 import PPO
     from stable_baselines3.common.buffers import RolloutBuffer
+    from stable_baselines3.common.callbacks import BaseCallback
+    from stable_baselines3.common.vec_env import VecEnv
     from torch import Tensor
 
 
@@ -62,13 +65,73 @@ class AveragedPPO(Averaging, PPO):
         self.write_networks()
 
     @torch.no_grad()
+    def collect_rollouts(
+        self, env: VecEnv, callback: BaseCallback, rollout_buffer: RolloutBuffer, n_rollout_steps: int
+    ) -> bool:
+        """Fill the buffer; values are computed once, for all steps together."""
+        rollout_buffer.reset()
+        callback.on_rollout_start()
+        std = self.networks["actor"].extra.exp()
+        ends: list[tuple[int, int, Any]] = []
+        for step in range(n_rollout_steps):
+            means = self.networks["actor"].forward(self.inputs(_each(torch.from_numpy, self._last_obs)))[0][0]
+            noise = torch.randn_like(means)
+            actions = torch.addcmul(means, std, noise)
+            seen: Any = self._last_obs
+            for name in seen if isinstance(seen, dict) else (...,):
+                rollout_buffer.observations[name][step] = seen[name]
+            rollout_buffer.actions[step] = actions.numpy()
+            rollout_buffer.log_probs[step] = (-0.5 * noise.square().sum(1) - self._log_prob_offset()).numpy()
+            rollout_buffer.episode_starts[step] = self._last_episode_starts
+            found, rewards, dones, infos = env.step(actions.clamp(-1.0, 1.0).numpy())
+            self._last_obs, self._last_episode_starts = found, dones  # type: ignore[assignment]
+            self.num_timesteps += env.num_envs
+            rollout_buffer.rewards[step] = rewards
+            callback.update_locals(locals())
+            if not callback.on_step():
+                return False
+            self._update_info_buffer(infos, dones)
+            for lane in np.flatnonzero(dones).tolist():
+                if infos[lane]["TimeLimit.truncated"]:
+                    ends.append((step, lane, infos[lane]["terminal_observation"]))
+        self._add_values(rollout_buffer, ends)
+        callback.update_locals(locals())
+        callback.on_rollout_end()
+        return True
+
+    def _add_values(self, buffer: RolloutBuffer, ends: Sequence[tuple[int, int, Any]]) -> None:
+        """Values of all observations; those after a time limit are added to the last rewards."""
+        flat = _each(lambda part: part.reshape(-1, part.shape[-1]), buffer.observations)
+        buffer.values[:] = self._values(flat).view(buffer.values.shape).numpy()
+        if ends:
+            steps, lanes, last = zip(*ends, strict=True)
+            after = (
+                {k: np.stack([o[k] for o in last]) for k in last[0]} if isinstance(last[0], dict) else None
+            )
+            values = self._values(np.stack(last) if after is None else after)
+            buffer.rewards[list(steps), list(lanes)] += self.gamma * values.numpy()
+        buffer.pos, buffer.full = len(buffer.values), True
+        buffer.compute_returns_and_advantage(
+            self._values(self._last_obs), np.asarray(self._last_episode_starts)
+        )
+
+    def _values(self, observations: Any) -> Tensor:
+        """Values of observations of stable-baselines3, (n,)."""
+        given = self.inputs(_each(torch.from_numpy, observations))
+        return self.networks["values"].forward(given)[0][0, :, 0]
+
+    def _log_prob_offset(self) -> Tensor:
+        """Of a normal distribution: what a log probability has beside the squares of deviations."""
+        log_std = self.networks["actor"].extra
+        return log_std.sum() + 0.5 * len(log_std) * math.log(2.0 * math.pi)
+
+    @torch.no_grad()
     def train(self) -> None:
         """Epochs of minibatches over the rollout."""
         rate = self.lr_schedule(self._current_progress_remaining)
         clip = self.clip_range(self._current_progress_remaining)  # type: ignore[operator]
         buffer = self.rollout_buffer
-        seen = buffer.observations
-        observations = {k: _flat(v) for k, v in seen.items()} if isinstance(seen, dict) else _flat(seen)
+        observations = _each(_flat, buffer.observations)
         arrays = (buffer.actions, buffer.log_probs, buffer.advantages, buffer.returns)
         data = [self.inputs(observations), *(_flat(array) for array in arrays)]
         rows = torch.cat(data, 1)
@@ -98,11 +161,9 @@ class AveragedPPO(Averaging, PPO):
         count = len(observations)
         actor, critic = self.networks["actor"], self.networks["values"]
         means, tape = actor.forward(observations)
-        log_std = actor.extra
-        inverse = (-log_std).exp()
+        inverse = (-actor.extra).exp()
         deviation = (actions - means[0]) * inverse
-        constant = log_std.sum() + 0.5 * len(log_std) * math.log(2.0 * math.pi)
-        present = -0.5 * deviation.square().sum(1, keepdim=True) - constant
+        present = -0.5 * deviation.square().sum(1, keepdim=True) - self._log_prob_offset()
         advantages = (advantages - advantages.mean()) / (advantages.std() + 1e-8)
         ratio = (present - log_prob).exp_()
         # where the smaller of the two surrogates is the clipped one, its derivative is 0
@@ -113,6 +174,13 @@ class AveragedPPO(Averaging, PPO):
         actor.backward(tape, (dlog_prob * deviation * inverse)[None])
         values, tape = critic.forward(observations)
         critic.backward(tape, (values - returns) * (2.0 * self.vf_coef / count))
+
+
+def _each(function: Callable[[Any], Any], observations: Any) -> Any:
+    """A function of an array of observations, or of each one of a goal environment's."""
+    if isinstance(observations, dict):
+        return {name: function(part) for name, part in observations.items()}
+    return function(observations)
 
 
 def _flat(array: NDArray[np.floating]) -> Tensor:

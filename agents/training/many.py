@@ -6,13 +6,14 @@ import multiprocessing
 import os
 import queue
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from redundant_envs.extras import needs
 
 from ..config import MOST_SEEDS, Config
+from ..run_folder import read_config
 from .interrupt import Stopped, stop_request
 
 with needs("train"):
@@ -41,13 +42,23 @@ def cores() -> list[int]:
     return sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
 
 
-def train_many(configs: Sequence[Config], folder: Path, processes: int | None = None) -> None:
-    """Train, evaluate and report each configuration in ``folder/seed<seed>``; finished ones are left alone.
+def train_many(configs: Mapping[str, Config], folder: Path, processes: int | None = None) -> None:
+    """Train, evaluate and report configurations in folders by their names; finished ones are left alone.
+
+    Parameters
+    ----------
+    configs : mapping
+        Folder inside ``folder`` -> configuration.
+    folder : Path
+    processes : int, optional
+        Runs at a time; without it one for each core. Each has a core of its own while there are enough.
 
     Raises
     ------
     Stopped
         The user asked to stop; the same command goes on.
+    ValueError
+        ``processes`` is none that can be, or a folder holds another run.
     RuntimeError
         A run failed; the others were finished first.
     """
@@ -56,10 +67,12 @@ def train_many(configs: Sequence[Config], folder: Path, processes: int | None = 
     count = min(most, len(configs)) if processes is None else processes
     if not 1 <= count <= 1024:
         raise ValueError(f"processes is {count}; give a whole number from 1 to 1024")
+    for name, config in configs.items():
+        check_same(config, folder / name)
     context = multiprocessing.get_context("spawn")
     jobs, news = context.Queue(), context.Queue()
-    for config in configs:
-        jobs.put((config.to_dict(), str(folder / f"seed{config.seed}")))
+    for name, config in configs.items():
+        jobs.put((name, config.to_dict(), str(folder / name)))
     workers = []
     for k in range(count):
         core = own[k] if count <= len(own) else None
@@ -67,20 +80,24 @@ def train_many(configs: Sequence[Config], folder: Path, processes: int | None = 
         worker.start()
         workers.append(worker)
         jobs.put(None)
-    failures = _follow(configs, workers, news)
+    failures = _follow(list(configs), workers, news)
     if failures:
         raise RuntimeError("; ".join(failures))
 
 
-def _follow(configs: Sequence[Config], workers: list[Any], news: Any) -> list[str]:
+def check_same(config: Config, folder: Path) -> None:
+    """Refuse a folder that holds a run of another configuration."""
+    if (folder / "config.yaml").is_file() and read_config(folder).to_dict() != config.to_dict():
+        raise ValueError(f"{folder} holds a run of another configuration; choose another --out or delete it")
+
+
+def _follow(names: Sequence[str], workers: list[Any], news: Any) -> list[str]:
     """Show what the workers tell until they end."""
     from .watch import progress_bars
 
     failures: list[str] = []
     with progress_bars() as bars, stop_request() as stop:
-        tasks = {
-            c.seed: bars.add_task(f"seed {c.seed}", total=1.0, note="waits", start=False) for c in configs
-        }
+        tasks = {name: bars.add_task(name, total=1.0, note="waits", start=False) for name in names}
         told = False
         while any(worker.is_alive() for worker in workers) or not news.empty():
             if stop.made and not told:  # each keeps a checkpoint and ends
@@ -88,13 +105,13 @@ def _follow(configs: Sequence[Config], workers: list[Any], news: Any) -> list[st
                 for worker in workers:
                     worker.terminate()
             try:
-                seed, share, note, failed = news.get(timeout=POLL)
+                name, share, note, failed = news.get(timeout=POLL)
             except queue.Empty:
                 continue
             if failed:
-                failures.append(f"seed {seed}: {note}")
-            bars.start_task(tasks[seed])
-            bars.update(tasks[seed], completed=share, note=note)
+                failures.append(f"{name}: {note}")
+            bars.start_task(tasks[name])
+            bars.update(tasks[name], completed=share, note=note)
     if stop.made:
         raise Stopped("stopped; the same command with the same --out goes on")
     return failures
@@ -103,9 +120,9 @@ def _follow(configs: Sequence[Config], workers: list[Any], news: Any) -> list[st
 class _Teller(Progress):
     """Progress that is told to another process instead of shown."""
 
-    def __init__(self, news: Any, seed: int) -> None:
+    def __init__(self, news: Any, name: str) -> None:
         super().__init__(disable=True)
-        self.news, self.seed = news, seed
+        self.news, self.name = news, name
 
     def update(self, task_id: Any, **changes: Any) -> None:
         """Send the share done and the note; without anybody to read them the training ends."""
@@ -114,7 +131,7 @@ class _Teller(Progress):
             raise KeyboardInterrupt
         total = self._tasks[task_id].total or 1.0
         if "completed" in changes:
-            self.news.put((self.seed, 0.99 * changes["completed"] / total, changes.get("note", ""), False))
+            self.news.put((self.name, 0.99 * changes["completed"] / total, changes.get("note", ""), False))
 
 
 def _work(jobs: Any, news: Any, core: int | None) -> None:
@@ -128,10 +145,10 @@ def _work(jobs: Any, news: Any, core: int | None) -> None:
     if core is not None:
         os.sched_setaffinity(0, {core})
     while (job := jobs.get()) is not None:
-        data, name = job
-        config, folder = checked(Config, data), Path(name)
+        name, data, place = job
+        config, folder = checked(Config, data), Path(place)
         try:
-            teller = _Teller(news, config.seed)
+            teller = _Teller(news, name)
             if not (folder / "training.json").is_file() or checkpoint.exists(folder):
                 if checkpoint.exists(folder):
                     resume(folder, teller)
@@ -139,8 +156,8 @@ def _work(jobs: Any, news: Any, core: int | None) -> None:
                     train(config, folder, teller)
             result = evaluate(config, folder)
             report(folder)
-            news.put((config.seed, 1.0, f"holds {100 * result['hold_success']:.1f} %", False))
+            news.put((name, 1.0, f"holds {100 * result['hold_success']:.1f} %", False))
         except KeyboardInterrupt:
             return
         except Exception as error:
-            news.put((config.seed, 1.0, f"failed: {error}", True))
+            news.put((name, 1.0, f"failed: {error}", True))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 from stable_baselines3 import SAC
+from stable_baselines3.common.callbacks import BaseCallback
 from torch.nn import functional
 
 from agents.config import Config, checked
@@ -20,6 +21,11 @@ SMALL = {
     "sac": {"buffer_size": 1000, "learning_starts": 0, "batch_size": 32, "net_arch": [16, 12]},
     "her": {"buffer_size": 4000, "learning_starts": 1600, "batch_size": 32, "net_arch": [16, 12]},
 }
+
+
+class Nothing(BaseCallback):
+    def _on_step(self):
+        return True
 
 
 def make(algo, env="RPRPReach-v0", **settings):
@@ -251,3 +257,63 @@ def test_copies_of_a_hindsight_learner_keep_their_networks():
     model.set_learner_state(state)
     for name, vector in state["networks"].items():
         assert torch.equal(model.networks[name].vector, vector)
+
+
+@pytest.mark.parametrize("env", ["RPRPReach-v0", "FourRGoalReach-v0"])
+def test_a_rollout_of_ppo_holds_what_stable_baselines3_would_compute(env):
+    model = make("ppo", env, n_steps=30)
+    model.learn(16 * 90)  # three rollouts, without an end of an episode
+    policy = copy.deepcopy(model.policy)
+    starts, before = model._last_episode_starts.copy(), model.num_timesteps
+    ends = []
+
+    class Ends(BaseCallback):
+        def _on_step(self):
+            ends.extend((self.num_timesteps, i) for i in np.flatnonzero(self.locals["dones"]))
+            return True
+
+    callback = Ends()
+    callback.init_callback(model)
+    buffer = model.rollout_buffer
+    assert model.collect_rollouts(model.env, callback, buffer, 30)
+    assert len(ends) == 16  # every episode ended by its time limit, and none before
+    step = (ends[0][0] - before) // 16 - 1
+    seen = buffer.observations
+    flat = (
+        {k: v.reshape(480, -1) for k, v in seen.items()} if isinstance(seen, dict) else seen.reshape(480, -1)
+    )
+    tensors = policy.obs_to_tensor(flat)[0]
+    with torch.no_grad():
+        values, log_prob, _ = policy.evaluate_actions(
+            tensors, torch.from_numpy(buffer.actions.reshape(480, 4))
+        )
+        last = policy.predict_values(policy.obs_to_tensor(model._last_obs)[0])
+    np.testing.assert_allclose(buffer.values.ravel(), values[:, 0], rtol=1e-3, atol=1e-4)
+    np.testing.assert_allclose(buffer.log_probs.ravel(), log_prob, rtol=1e-4, atol=1e-3)
+    np.testing.assert_array_equal(buffer.episode_starts[0], starts)
+    np.testing.assert_array_equal(buffer.episode_starts[step + 1], np.ones(16))
+    # the advantages: deltas with the value after, and with that of the observation cut off by the limit
+    after = np.concatenate([buffer.values[1:], last.numpy().reshape(1, 16)])
+    open_ = np.concatenate([1.0 - buffer.episode_starts[1:], np.ones((1, 16))])
+    expected, running = np.zeros((30, 16)), np.zeros(16)
+    for k in reversed(range(30)):
+        delta = buffer.rewards[k] + 0.95 * open_[k] * after[k] - buffer.values[k]
+        running = delta + 0.95 * 0.9 * open_[k] * running
+        expected[k] = running
+    np.testing.assert_allclose(buffer.advantages, expected, rtol=1e-3, atol=1e-3)
+
+
+def test_the_value_after_a_time_limit_is_added_to_the_last_reward():
+    rewards = []
+    for gamma in (0.0, 0.9):
+        model = make("ppo", n_steps=100, gamma=gamma)
+        with torch.no_grad():  # a value of 5 everywhere
+            model.networks["values"].weights[-1].zero_()
+            model.networks["values"].biases[-1].fill_(5.0)
+        model._setup_learn(1600)
+        callback = Nothing()
+        callback.init_callback(model)
+        model.collect_rollouts(model.env, callback, model.rollout_buffer, 100)
+        rewards.append(model.rollout_buffer.rewards)
+    np.testing.assert_allclose(rewards[1][:-1], rewards[0][:-1])
+    np.testing.assert_allclose(rewards[1][-1], rewards[0][-1] + 0.9 * 5.0, rtol=1e-6)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
+from agents.__main__ import main
 from agents.config import load
 from agents.rollout import EVALUATION_SEED
 from agents.studies.strength import (
@@ -25,6 +26,7 @@ from agents.studies.strength import (
     write_rows,
 )
 from agents.studies.strength_figure import AREA, figure
+from agents.studies.strength_run import factors_of, trainings
 from redundant_envs.control.holding import can_hold, holding_load
 from redundant_envs.control.statics import effort_limits
 from redundant_envs.envs.sb3 import make_sb3
@@ -243,3 +245,38 @@ def test_a_row_is_checked():
     for change in ({"low": 0.95}, {"high": 1.1}, {"hold_success": float("nan")}):
         with pytest.raises(ValueError, match="hold_success"):
             dataclasses.replace(row, **change)
+
+
+# ---- the command ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("text", ["a", "0.5,0.5", "0", "-1", "inf", "nan", "0.5,", "11"])
+def test_factors_that_are_none_are_refused(text):
+    with pytest.raises(ValueError, match="factors is"):
+        factors_of(text)
+
+
+def test_learners_are_trained_with_scaled_limits_and_nothing_else_changed():
+    assert factors_of("0.6,0.5") == (0.6, 0.5)
+    assert factors_of("") == FACTORS
+    chosen = trainings((1.0, 0.5), [3])
+    assert len(chosen) == 2 * 2 * 2
+    config = chosen["4r_sac_0.5_seed3"]
+    assert (config.algo, config.seed, config.env) == ("sac", 3, "redundant_envs/FourRReach-v0")
+    assert config.to_dict()["sac"] == load("four_r_reach_sac").to_dict()["sac"]
+    limits = effort_limits(load_scene(config.env_kwargs["scene"]))
+    np.testing.assert_allclose(limits, 0.5 * effort_limits(load_scene("four_r_reach")))
+
+
+def test_the_study_without_training_writes_rows_figure_and_table(tmp_path, capsys):
+    command = ["study", "strength", "--seeds", "none", "--factors", "1,0.4", "--episodes", "10"]
+    assert main([*command, "--out", str(tmp_path)]) == 0
+    table = capsys.readouterr().out
+    assert "| arm | limits times | can be held at all | computed torque |" in table
+    assert "| 4R | 1 | 100.0 % | 100.0 % |" in table
+    assert (tmp_path / "strength.png").stat().st_size > 10_000
+    rows = read_rows(tmp_path / "strength.csv")
+    assert {(row.arm, row.factor) for row in rows} == {(a, f) for a in ("4R", "RPRP") for f in (1.0, 0.4)}
+    before = (tmp_path / "expert.csv").stat().st_mtime_ns
+    assert main([*command, "--out", str(tmp_path)]) == 0  # what is finished stays
+    assert (tmp_path / "expert.csv").stat().st_mtime_ns == before

@@ -1,0 +1,109 @@
+"""The study of motor strength as one command: train what is missing, draw figure and table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from redundant_envs.scene import scene_data
+from redundant_envs.values import shown
+
+from ..config import Config, load
+from ..config.fields import checked
+from ..training.many import train_many
+from .strength import ARMS, FACTORS, HOLDABLE, Row, expert_rows, learner_rows, read_rows, weakened, write_rows
+from .strength_figure import figure
+
+LEARNERS = ("ppo", "sac")
+MOST_FACTORS, MOST_FACTOR = 100, 10.0
+
+
+def factors_of(text: str) -> tuple[float, ...]:
+    """Factors as a user writes them, ``0.6,0.5``; those of the study for an empty text."""
+    if not text:
+        return FACTORS
+    try:
+        factors = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        factors = ()
+    if not 1 <= len(set(factors)) == len(factors) <= MOST_FACTORS or not all(
+        0.0 < f <= 10.0 for f in factors
+    ):
+        raise ValueError(
+            f"factors is {shown(text)}; give different numbers above 0 and up to {MOST_FACTOR:g}, such "
+            "as 0.6,0.5"
+        )
+    return factors
+
+
+def trainings(factors: Sequence[float], seeds: Sequence[int]) -> dict[str, Config]:
+    """Configuration of each learner by the name of its folder: presets with scaled effort limits."""
+    chosen = {}
+    for arm, (_, scene) in ARMS.items():
+        for learner in LEARNERS:
+            preset = load(f"{scene}_{learner}").to_dict()
+            for factor in factors:
+                data = scene_data(scene) if factor == 1.0 else weakened(scene, factor)
+                for seed in seeds:
+                    config = {**preset, "seed": seed, "env_kwargs": {"scene": data}}
+                    chosen[f"{arm.lower()}_{learner}_{factor:g}_seed{seed}"] = checked(Config, config)
+    return chosen
+
+
+def run_study(
+    factors: Sequence[float], seeds: Sequence[int], episodes: int, runs: Sequence[Path],
+    processes: int | None, out: Path,
+) -> str:  # fmt: skip
+    """Train what is missing, and write strength.csv and strength.png.
+
+    Parameters
+    ----------
+    factors : sequence of float
+        Of the effort limits.
+    seeds : sequence of int
+        Of the learners trained here; none: no training.
+    episodes : int
+        Goals of computed torque and of what can be held.
+    runs : sequence of Path
+        Evaluated run folders beside those trained here.
+    processes : int or None
+        Trainings at a time.
+    out : Path
+        Folder; what is finished there is kept.
+
+    Returns
+    -------
+    str
+        The rows as a Markdown table.
+    """
+    if not 2 <= episodes <= 1_000_000:
+        raise ValueError(f"episodes is {episodes}; give a whole number from 2 to 1000000")
+    expert = out / "expert.csv"
+    rows = read_rows(expert) if expert.is_file() else []
+    if {(row.arm, row.factor, row.episodes) for row in rows} != {
+        (arm, factor, episodes) for arm in ARMS for factor in factors
+    }:
+        rows = [row for arm in ARMS for row in expert_rows(arm, factors, episodes)]
+        write_rows(rows, expert)
+    chosen = trainings(factors, seeds)
+    if chosen:
+        train_many(chosen, out / "runs", processes)
+    rows = [*rows, *learner_rows([*runs, *(out / "runs" / name for name in chosen)])]
+    write_rows(rows, out / "strength.csv")
+    figure(rows).savefig(out / "strength.png")
+    return table(rows)
+
+
+def table(rows: Sequence[Row]) -> str:
+    """Hold success in percent, a line for each arm and factor."""
+    who = list(dict.fromkeys(row.who for row in rows))
+    found = {(row.arm, row.factor, row.who): row for row in rows}
+    lines = [f"| arm | limits times | {' | '.join(who)} |", "|---|---|" + "---|" * len(who)]
+    for arm, factor in dict.fromkeys((row.arm, row.factor) for row in rows):
+        cells = []
+        for name in who:
+            row = found.get((arm, factor, name))
+            more = f" ({row.seeds} seeds)" if row and row.seeds and name != HOLDABLE else ""
+            cells.append(f"{100 * row.hold_success:.1f} %{more}" if row else "-")
+        lines.append(f"| {arm} | {factor:g} | {' | '.join(cells)} |")
+    return "\n".join(lines)
