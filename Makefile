@@ -27,7 +27,7 @@ check: $(VENV)/ready
 	PATH="$(BIN):$$PATH" $(BIN)/lint-imports
 
 train: $(VENV)/ready
-	$(BIN)/python -m agents train configs/training/rprp_reach_ppo.yaml
+	$(BIN)/python -m agents train configs/training/rprp_reach_sac.yaml total_steps=3000000
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .coverage

@@ -118,11 +118,14 @@ def check_env_kwargs(env_kwargs: Mapping[str, Any]) -> None:
 def _check_first_episodes(num_envs: int, env_kwargs: Mapping[str, Any], her: HERSettings) -> None:
     """Hindsight needs whole episodes: the first ones are over before the first gradient step."""
     least = num_envs * env_kwargs.get("max_episode_steps", MAX_EPISODE_STEPS)
-    if her.learning_starts < least:
-        raise ValueError(
-            f"her.learning_starts is {her.learning_starts}; with {num_envs} environments give at least "
-            f"{least}, so that the first episodes are over"
-        )
+    for name, value, times in (
+        ("learning_starts", her.learning_starts, 1), ("buffer_size", her.buffer_size, 2)
+    ):  # fmt: skip
+        if value < times * least:
+            raise ValueError(
+                f"her.{name} is {value}; with {num_envs} environments give at least {times * least}, so that "
+                "there are whole episodes to learn from"
+            )
 
 
 def _check_rollout(num_envs: int, ppo: PPOSettings) -> None:

@@ -22,6 +22,10 @@ CIRCUMSTANCES = ("train_seconds", "versions", "machine", "date")
 """What two trainings of one seed may differ in without differing in their results."""
 
 
+WITHOUT_EFFECT = ("checkpoint_seconds", "telemetry")
+"""Settings that change no result: runs that differ in them are the same."""
+
+
 @dataclass(frozen=True, eq=False)
 class Run:
     """One evaluated run.
@@ -91,6 +95,8 @@ def read_run(folder: str | Path) -> Run:
     folder = Path(folder)
     settings = read_config(folder).to_dict()
     seed = settings.pop("seed")
+    for name in WITHOUT_EFFECT:
+        del settings[name]
     evaluation = read_evaluation(folder)
     for name, value in (("env", settings["env"]), ("algo", settings["algo"]), ("seed", seed)):
         if evaluation[name] != value:

@@ -31,6 +31,8 @@ PLAIN = ("num_timesteps", "_n_updates", "_episode_num", "_current_progress_remai
 LAST = ("_last_obs", "_last_original_obs", "_last_episode_starts")
 EPISODES = ("ep_info_buffer", "ep_success_buffer")
 MONITOR = ("episode_returns", "episode_lengths", "episode_count")
+PROGRESS = ("next", "seconds", "hold")
+"""Numbers of the caller: next point of the curve (steps), training time (s), the last point's success."""
 BUFFER_ARRAYS = (
     "observations", "next_observations", "actions", "rewards", "dones", "timeouts", "ep_start", "ep_length",
 )  # fmt: skip
@@ -46,7 +48,7 @@ def remove(folder: Path) -> None:
     shutil.rmtree(folder / NAME, ignore_errors=True)
 
 
-def save(folder: Path, model: Any, monitor: Any, progress: dict[str, Any]) -> None:
+def save(folder: Path, model: Any, monitor: Any, progress: dict[str, float]) -> None:
     """Write a checkpoint; the folder holds a whole one, this or the one before.
 
     Parameters
@@ -57,7 +59,7 @@ def save(folder: Path, model: Any, monitor: Any, progress: dict[str, Any]) -> No
     monitor : VecMonitor
         Around the environments.
     progress : dict
-        Plain numbers of the caller.
+        The numbers of ``PROGRESS``.
     """
     part = folder / f"{NAME}.part"
     shutil.rmtree(part, ignore_errors=True)
@@ -95,7 +97,7 @@ def save(folder: Path, model: Any, monitor: Any, progress: dict[str, Any]) -> No
 RANDOM_STATE = ("kind", "keys", "position", "has_gauss", "cached_gaussian")
 
 
-def restore(folder: Path, model: Any, monitor: Any) -> dict[str, Any]:
+def restore(folder: Path, model: Any, monitor: Any) -> dict[str, float]:
     """Return to the checkpoint of a run folder; gives its ``progress``.
 
     Raises
@@ -107,26 +109,34 @@ def restore(folder: Path, model: Any, monitor: Any) -> dict[str, Any]:
     if not exists(folder) and exists_old(folder):
         place = folder / f"{NAME}.old"  # killed between two renamings
     if not (place / STATE).is_file():
-        raise ValueError(
-            f"run folder {folder} has no checkpoint; it is finished, or was made without "
-            f"(checkpoint_seconds: 0). Make a new run: {COMMAND} train {folder}/config.yaml --out NEW_FOLDER"
-        )
+        finished = (folder / "training.json").is_file()
+        fix = f"look at it with: {COMMAND} report {folder}"
+        if not finished:
+            fix = f"make a new run: {COMMAND} train {folder}/config.yaml --out NEW_FOLDER"
+        reason = "is finished and" if finished else "was killed before its first one, or made without:"
+        raise ValueError(f"run folder {folder} {reason} has no checkpoint; {fix}")
     try:
         state = unplain(torch.load(place / STATE, weights_only=True))
+        sizes = {name: _checked_size(folder / name, state["tables"][name]) for name in TABLES}
         _set_state(state, model, monitor)
         buffer = getattr(model, "replay_buffer", None)
         if buffer is not None:
             set_buffer_state(buffer, unplain(torch.load(place / BUFFER, weights_only=True)))
-        sizes = state["tables"]
-        progress: dict[str, Any] = state["progress"]
+        progress = {name: float(state["progress"][name]) for name in PROGRESS}
     except Exception as error:  # a damaged file fails in any way
         raise ValueError(
-            f"{place} is damaged or of another configuration ({error}); make a new run: {COMMAND} train "
-            f"{folder}/config.yaml --out NEW_FOLDER"
+            f"{place} is damaged or of another configuration ({str(error)[:300]}); make a new run: {COMMAND} "
+            f"train {folder}/config.yaml --out NEW_FOLDER"
         ) from error
-    for name in TABLES:
-        os.truncate(folder / name, sizes[name])
+    for name, size in sizes.items():
+        os.truncate(folder / name, size)
     return progress
+
+
+def _checked_size(path: Path, size: Any) -> int:
+    if not isinstance(size, int) or not 0 <= size <= path.stat().st_size:
+        raise ValueError(f"{path} has {path.stat().st_size} bytes, and had {size}")
+    return size
 
 
 def exists_old(folder: Path) -> bool:
@@ -135,16 +145,18 @@ def exists_old(folder: Path) -> bool:
 
 
 def _set_state(state: dict[str, Any], model: Any, monitor: Any) -> None:
-    for name, value in (state["counters"] | state["last"]).items():
-        setattr(model, name, value)
-    for name, values in state["episodes"].items():
-        setattr(model, name, _deque(values, model))
-    for name, value in state["monitor"].items():
-        setattr(monitor, name, value)
+    for part, names in (("counters", PLAIN), ("last", LAST)):
+        for name in names:
+            if name in state[part]:
+                setattr(model, name, state[part][name])
+    for name in EPISODES:
+        setattr(model, name, _deque(state["episodes"][name], model))
+    for name in MONITOR:
+        setattr(monitor, name, state["monitor"][name])
     monitor.venv.set_state(state["environments"])
     model.set_parameters(state["parameters"])
-    for name, tensor in state["variables"].items():
-        getattr(model, name).data.copy_(tensor)
+    for name in _variables(model):
+        getattr(model, name).data.copy_(state["variables"][name])
     model.set_learner_state(state["learner"])
     torch.set_rng_state(state["random"]["torch"])
     np.random.set_state(tuple(state["random"]["numpy"][name] for name in RANDOM_STATE))
@@ -170,9 +182,10 @@ def buffer_state(buffer: Any) -> dict[str, Any]:
 
 def set_buffer_state(buffer: Any, state: dict[str, Any]) -> None:
     """Return to a state of :func:`buffer_state`."""
-    for name, values in state["arrays"].items():
-        array = getattr(buffer, name)
-        for target, source in _pairs(array, values):
+    for name in BUFFER_ARRAYS:
+        if not hasattr(buffer, name):
+            continue
+        for target, source in _pairs(getattr(buffer, name), state["arrays"][name]):
             target[: state["rows"]] = source
     buffer.pos, buffer.full = state["pos"], state["full"]
     if state["episode_start"] is not None:
@@ -184,7 +197,7 @@ def _rows(array: Any, rows: int) -> Any:
 
 
 def _pairs(array: Any, values: Any) -> list[tuple[Any, Any]]:
-    return [(array[k], values[k]) for k in values] if isinstance(array, dict) else [(array, values)]
+    return [(array[k], values[k]) for k in array] if isinstance(array, dict) else [(array, values)]
 
 
 # ---- plain data: what torch reads without unpickling objects -------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from pathlib import Path
 from typing import Any
@@ -32,7 +33,7 @@ class Watch(BaseCallback):
 
     def __init__(
         self, config: Config, folder: Path, monitor: Any, progress: Progress, stop: Request,
-        begun: dict[str, Any],
+        begun: dict[str, float],
     ) -> None:  # fmt: skip
         super().__init__()
         self.model: Any  # an algorithm with an average
@@ -43,7 +44,8 @@ class Watch(BaseCallback):
         self.progress = progress
         name = f"{config.algo.upper()} {config.env.split('/')[-1]} seed {config.seed}"
         self.task = progress.add_task(name, total=config.total_steps, note="")
-        self.hold: float | None = begun.get("hold")
+        self.hold = begun.get("hold", math.nan)
+        """Hold success of the last point of the curve."""
         self.table = folder / "selection.csv"
         if not begun:
             self.table.write_text(",".join(SELECTION) + "\n", encoding="utf-8")
@@ -127,7 +129,7 @@ class Watch(BaseCallback):
             share = max(share, self.seconds() / config.max_seconds)
         recent = self.model.ep_success_buffer
         now = f"{100 * np.mean(recent):.0f} %" if recent else "-"
-        held = "-" if self.hold is None else f"{100 * self.hold:.1f} %"
+        held = "-" if math.isnan(self.hold) else f"{100 * self.hold:.1f} %"
         note = f"holds {held}, while exploring {now}"
         self.progress.update(self.task, completed=share * config.total_steps, note=note)
 
