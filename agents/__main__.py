@@ -22,6 +22,9 @@ def main(arguments: list[str] | None = None) -> int:
     except (ValueError, MissingPackage, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
+    except MemoryError as error:
+        print(f"error: {error or 'there is not enough memory'}; give smaller numbers", file=sys.stderr)
+        return 2
     except KeyboardInterrupt as stop:
         print(str(stop) or "stopped", file=sys.stderr)
         return 130

@@ -101,6 +101,8 @@ def train(
     name = Path(config).stem
     stamp = time.strftime("%Y%m%d-%H%M%S")
     if seeds is not None:
+        if any(override.startswith("seed=") for override in overrides or ()):
+            raise ValueError("seed is given beside --seeds; leave one of them out")
         folder = out or Path("runs") / f"{name}_{stamp}"
         chosen = {f"seed{k}": load(config, [*(overrides or ()), f"seed={k}"]) for k in seeds_of(seeds)}
         train_many(chosen, folder, processes)

@@ -20,7 +20,7 @@ from .evaluate import evaluate, summary
 from .evidence.curves import curves
 from .policies import load_policy
 from .rollout import EVALUATION_SEED, Act, policy_act
-from .run_folder import EPISODES, read_config, read_evaluation, read_table
+from .run_folder import EPISODES, SELECTION, read_config, read_evaluation, read_facts, read_table
 
 CLIP_EPISODES = 4
 MEASURES = (
@@ -53,7 +53,10 @@ def plots(folder: Path, config: Config) -> list[Path]:
     episodes = read_table(folder, "episodes.csv", EPISODES)
     target = folder / "plots"
     target.mkdir(exist_ok=True)
-    curves([folder], target / "learning_curve.png")
+    pictures = [target / "final_distance.png"]
+    if len(read_table(folder, "selection.csv", SELECTION)) and not read_facts(folder)["stopped"]:
+        curves([folder], target / "learning_curve.png")
+        pictures.insert(0, target / "learning_curve.png")
     figure, axes = plt.subplots(figsize=(6.4, 3.8), layout="constrained")
     for column, label in ((3, config.algo.upper()), (6, "computed-torque expert")):
         distance = np.sort(1000 * episodes[:, column])
@@ -68,7 +71,7 @@ def plots(folder: Path, config: Config) -> list[Path]:
     axes.legend(loc="center left")
     figure.savefig(target / "final_distance.png", dpi=120)
     plt.close(figure)
-    return [target / "learning_curve.png", target / "final_distance.png"]
+    return pictures
 
 
 def clip(paths: list[Path], env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any) -> None:

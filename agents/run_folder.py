@@ -77,10 +77,10 @@ def read_evaluation(folder: Path) -> dict[str, Any]:
 
 
 def read_facts(folder: Path) -> dict[str, Any]:
-    """Environment steps, seconds and simulator of the training; None where the folder does not tell."""
+    """Steps, seconds and simulator of the training, None where untold; whether it was stopped."""
     path = folder / "training.json"
     if not path.is_file():
-        return dict.fromkeys((*FACTS, "simulator"))
+        return {**dict.fromkeys((*FACTS, "simulator")), "stopped": False}
     data = _read_json(path, f"{COMMAND} train {folder}/config.yaml --out NEW_FOLDER")
     for name in FACTS:
         if not _is_number(data.get(name)):
@@ -88,7 +88,8 @@ def read_facts(folder: Path) -> dict[str, Any]:
     simulator = data.get("simulator")
     if simulator is not None and not _is_line(simulator):
         raise ValueError(f"{path} has {shown(simulator)} as 'simulator'; delete it to go on without")
-    return {**{name: data[name] for name in FACTS}, "simulator": simulator}
+    facts = {name: data[name] for name in FACTS}
+    return {**facts, "simulator": simulator, "stopped": data.get("stopped") is True}
 
 
 def read_table(folder: Path, name: str, columns: tuple[str, ...]) -> NDArray[np.float64]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import sys
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, get_args
 
@@ -29,7 +29,7 @@ def _whole(value: Any) -> int:
 def _real(value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise PydanticCustomError("kind", "give a number")
-    if not math.isfinite(value):
+    if not abs(value) <= sys.float_info.max:
         raise PydanticCustomError("kind", "give a finite number")
     return float(value)
 

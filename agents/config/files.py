@@ -54,7 +54,7 @@ def presets() -> list[str]:
 def preset_path(path: str | Path) -> Path:
     """The file of a configuration: the path itself, or a preset's by its name."""
     file, preset = Path(path), preset_folder() / f"{path}.yaml"
-    if exists(file):
+    if exists(file) and not (file.is_dir() and exists(preset)):
         return file
     if not exists(preset):
         raise ValueError(

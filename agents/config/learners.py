@@ -41,14 +41,16 @@ class PPOSettings(Model):
     """PPO with averaged weights."""
 
     n_steps: Whole = number(32, 1, 1e6, "control steps of every environment between two updates")
-    batch_size: Whole = number(4096, 2, 1e8, "samples of a minibatch; it divides num_envs * n_steps")
+    batch_size: Whole = number(1024, 2, 1e8, "samples of a minibatch; it divides num_envs * n_steps")
     n_epochs: Whole = number(2, 1, 1000, "passes over the samples of an update")
     learning_rate: Real = number(2e-3, *RATE, "Adam's, at the beginning")
-    schedule: Schedule = value("linear", "learning rate over the training: constant, or linear to 0")
+    schedule: Schedule = value(
+        "linear", "learning rate and ent_coef: constant, or linear to 0 at total_steps"
+    )
     gamma: Real = number(0.95, 0, 1, "discount per control step")
     gae_lambda: Real = number(0.9, 0, 1, "weight of longer returns in the advantages")
     clip_range: Real = number(0.2, 1e-6, 10, "largest change of a probability ratio that is rewarded")
-    ent_coef: Real = number(0.003, 0, 100, "weight of the entropy in the loss")
+    ent_coef: Real = number(0.01, 0, 100, "weight of the entropy in the loss, at the beginning")
     vf_coef: Real = number(0.5, 0, 100, "weight of the value loss")
     max_grad_norm: Real = number(0.5, 1e-9, 1e9, "largest norm of a gradient; longer ones are shortened")
     log_std_init: Real = number(-0.5, -20, 5, "logarithm of the first standard deviation of the actions")
@@ -67,7 +69,7 @@ class SACSettings(Model):
     learning_starts: Whole = number(20_000, 0, 1e9, "environment steps with random actions before learning")
     batch_size: Whole = number(256, 1, 1e6, "samples of a gradient step")
     learning_rate: Real = number(6e-3, *RATE, "Adam's, of actor and critics, at the beginning")
-    schedule: Schedule = value("constant", "learning rate over the training: constant, or linear to 0")
+    schedule: Schedule = value("constant", "learning rate: constant, or linear to 0 at total_steps")
     gamma: Real = number(0.9, 0, 1, "discount per control step")
     tau: Real = number(0.04, 1e-9, 1, "share of the critics that their targets take at a gradient step")
     train_freq: Whole = number(1, 1, 1e6, "control steps of every environment between gradient steps")
@@ -85,6 +87,7 @@ class SACSettings(Model):
 class HERSettings(SACSettings):
     """SAC with hindsight goals (stable-baselines3's HerReplayBuffer), for the goal environments."""
 
+    buffer_size: Whole = number(500_000, 1, 1e7, "transitions kept")
     gamma: Real = number(0.95, 0, 1, "discount per control step")
     learning_rate: Real = number(4e-3, *RATE, "Adam's, of actor and critics, at the beginning")
     learning_starts: Whole = number(102_400, 0, 1e9, "environment steps with random actions before learning")

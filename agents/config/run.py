@@ -23,8 +23,14 @@ MOST_SEEDS = 99
 """Largest seed of a run: higher ones would meet the goals of the evaluation."""
 MOST_EPISODES = 1_000_000
 """More would meet the goals of the evaluation or of the curve."""
+WITHOUT_EFFECT = ("checkpoint_seconds", "telemetry", "max_seconds")
+"""Settings that change no result of a run that ends by its steps."""
 MOST_SAMPLES = 10**8
 """Between two updates of PPO: what a rollout holds in memory."""
+MOST_DRAWN = 10**7
+"""Samples that are drawn at once."""
+MOST_DIVISOR = 10**6
+"""Largest batch that a message proposes."""
 VERSION = 2
 CHANGES = {
     2: "the saved policy is the average of the last weights, not the best on the selection goals; the "
@@ -61,6 +67,8 @@ class Config(Model):
     @classmethod
     def _with_settings(cls, data: Any) -> Any:
         """Settings of the chosen learner are there, by default if they are not given."""
+        if not isinstance(data, Mapping):
+            return data
         algo = data.get("algo", "ppo")
         if algo in ALGORITHMS and data.get(algo) is None:
             return {**data, algo: {}}
@@ -83,6 +91,8 @@ class Config(Model):
         check_env_kwargs(self.env_kwargs)
         if self.ppo is not None:
             _check_rollout(self.num_envs, self.ppo)
+        if self.sac is not None or self.her is not None:
+            _check_sample(self.algo, self.sac or self.her)
         if self.her is not None:
             _check_first_episodes(self.num_envs, self.env_kwargs, self.her)
         return self
@@ -118,14 +128,22 @@ def check_env_kwargs(env_kwargs: Mapping[str, Any]) -> None:
 def _check_first_episodes(num_envs: int, env_kwargs: Mapping[str, Any], her: HERSettings) -> None:
     """Hindsight needs whole episodes: the first ones are over before the first gradient step."""
     least = num_envs * env_kwargs.get("max_episode_steps", MAX_EPISODE_STEPS)
-    for name, value, times in (
-        ("learning_starts", her.learning_starts, 1), ("buffer_size", her.buffer_size, 2)
-    ):  # fmt: skip
-        if value < times * least:
+    needed = {"learning_starts": least, "buffer_size": 2 * least}
+    for name, smallest in needed.items():
+        if getattr(her, name) < smallest:
             raise ValueError(
-                f"her.{name} is {value}; with {num_envs} environments give at least {times * least}, so that "
-                "there are whole episodes to learn from"
+                f"her.{name} is {getattr(her, name)}; with {num_envs} environments give at least {smallest}, "
+                "so that there are whole episodes to learn from"
             )
+
+
+def _check_sample(algo: str, sac: SACSettings | None) -> None:
+    assert sac is not None
+    if sac.batch_size * sac.gradient_steps > MOST_DRAWN:
+        raise ValueError(
+            f"{algo}.batch_size is {sac.batch_size}; with {sac.gradient_steps} gradient steps, whose samples "
+            f"are drawn together, give at most {MOST_DRAWN // sac.gradient_steps}"
+        )
 
 
 def _check_rollout(num_envs: int, ppo: PPOSettings) -> None:
@@ -136,7 +154,12 @@ def _check_rollout(num_envs: int, ppo: PPOSettings) -> None:
             f"{MOST_SAMPLES // num_envs}"
         )
     if samples % ppo.batch_size:
+        divisors = [d for d in range(2, min(samples, MOST_DIVISOR) + 1) if samples % d == 0]
+        fix = (
+            f"such as {min(divisors, key=lambda d: abs(d - ppo.batch_size))}"
+            if divisors
+            else "and be 2 or more"
+        )
         raise ValueError(
-            f"ppo.batch_size is {ppo.batch_size}; it must divide num_envs * ppo.n_steps = {samples}, such as "
-            f"{samples // max(1, round(samples / ppo.batch_size))}"
+            f"ppo.batch_size is {ppo.batch_size}; it must divide num_envs * ppo.n_steps = {samples}, {fix}"
         )

@@ -16,14 +16,11 @@ from redundant_envs.envs.registration import SCENES
 from redundant_envs.values import shown
 
 from .. import COMMAND
-from ..run_folder import SELECTION, read_config, read_evaluation, read_table
+from ..config import WITHOUT_EFFECT
+from ..run_folder import SELECTION, read_config, read_evaluation, read_facts, read_table
 
 CIRCUMSTANCES = ("train_seconds", "versions", "machine", "date")
 """What two trainings of one seed may differ in without differing in their results."""
-
-
-WITHOUT_EFFECT = ("checkpoint_seconds", "telemetry")
-"""Settings that change no result: runs that differ in them are the same."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +95,11 @@ def read_run(folder: str | Path) -> Run:
     for name in WITHOUT_EFFECT:
         del settings[name]
     evaluation = read_evaluation(folder)
+    if read_facts(folder)["stopped"]:
+        raise ValueError(
+            f"{folder} is a training that was stopped; leave it out, or go on with it: "
+            f"{COMMAND} resume {folder}"
+        )
     for name, value in (("env", settings["env"]), ("algo", settings["algo"]), ("seed", seed)):
         if evaluation[name] != value:
             raise ValueError(

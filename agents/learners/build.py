@@ -58,4 +58,6 @@ def make_model(config: Config, env: Any) -> AveragedPPO | AveragedSAC:
 
 
 def _rate(rate: float, schedule: str) -> Any:
-    return rate if schedule == "constant" else lambda remaining: rate * remaining
+    if schedule == "constant":
+        return rate
+    return lambda remaining: rate * max(0.0, remaining)  # the last rollout ends after the last step

@@ -129,6 +129,7 @@ class AveragedPPO(Averaging, PPO):
     def train(self) -> None:
         """Epochs of minibatches over the rollout."""
         rate = self.lr_schedule(self._current_progress_remaining)
+        entropy = self.ent_coef * rate / self.lr_schedule(1.0)
         clip = self.clip_range(self._current_progress_remaining)  # type: ignore[operator]
         buffer = self.rollout_buffer
         observations = _each(_flat, buffer.observations)
@@ -139,7 +140,7 @@ class AveragedPPO(Averaging, PPO):
         for _ in range(self.n_epochs):
             mixed = rows.index_select(0, torch.randperm(len(rows)))
             for minibatch in mixed.split(self.batch_size):
-                self._set_gradients(minibatch.split(widths, 1), clip)
+                self._set_gradients(minibatch.split(widths, 1), clip, entropy)
                 norms = [networks.gradient.norm() for networks in self.networks.values()]
                 scale = (self.max_grad_norm / (torch.stack(norms).norm() + 1e-6)).clamp(max=1.0)
                 for name, networks in self.networks.items():
@@ -152,10 +153,11 @@ class AveragedPPO(Averaging, PPO):
         self.logger.record("train/learning_rate", rate)
         self.logger.record("train/std", self.networks["actor"].extra.exp().mean().item())
 
-    def _set_gradients(self, columns: Sequence[Tensor], clip: float) -> None:
+    def _set_gradients(self, columns: Sequence[Tensor], clip: float, entropy: float) -> None:
         """Gradients of the clipped surrogate, the value and the entropy loss of one minibatch.
 
-        ``columns``: what the networks are given, actions, log probabilities, advantages, returns.
+        ``columns``: what the networks are given, actions, log probabilities, advantages, returns;
+        ``entropy``: weight of the entropy, which follows the schedule of the learning rate.
         """
         observations, actions, log_prob, advantages, returns = columns
         count = len(observations)
@@ -170,7 +172,7 @@ class AveragedPPO(Averaging, PPO):
         inside = torch.where(advantages > 0.0, ratio <= 1.0 + clip, ratio >= 1.0 - clip)
         dlog_prob = advantages * ratio * inside * (-1.0 / count)
         torch.sum(dlog_prob * (deviation.square() - 1.0), 0, out=actor.dextra)
-        actor.dextra.sub_(self.ent_coef)
+        actor.dextra.sub_(entropy)
         actor.backward(tape, (dlog_prob * deviation * inverse)[None])
         values, tape = critic.forward(observations)
         critic.backward(tape, (values - returns) * (2.0 * self.vf_coef / count))

@@ -101,9 +101,12 @@ class AveragedSAC(Averaging, SAC):
         assert self.replay_buffer is not None
         sample = self.replay_buffer.sample(batch_size * gradient_steps)
         now, after = self.inputs(sample.observations), self.inputs(sample.next_observations)
-        pairs = torch.cat([now, sample.actions], 1)
-        discounts = self.gamma * (1.0 - sample.dones[:, 0])
-        rewards = sample.rewards[:, 0]
+        # A sample with hindsight goals has all asked-for goals first; every gradient step gets its share.
+        order = torch.randperm(len(now))
+        now, after = now[order], after[order]
+        pairs = torch.cat([now, sample.actions[order]], 1)
+        discounts = self.gamma * (1.0 - sample.dones[order, 0])
+        rewards = sample.rewards[order, 0]
         for k in range(gradient_steps):
             rows = slice(k * batch_size, (k + 1) * batch_size)
             self._n_updates += 1

@@ -16,6 +16,7 @@ from .strength_figure import figure
 
 LEARNERS = ("ppo", "sac")
 MOST_FACTORS, MOST_FACTOR = 100, 10.0
+DIGITS = 6
 
 
 def factors_of(text: str) -> tuple[float, ...]:
@@ -23,7 +24,7 @@ def factors_of(text: str) -> tuple[float, ...]:
     if not text:
         return FACTORS
     try:
-        factors = tuple(float(part) for part in text.split(","))
+        factors = tuple(round(float(part), DIGITS) for part in text.split(","))
     except ValueError:
         factors = ()
     if not 1 <= len(set(factors)) == len(factors) <= MOST_FACTORS or not all(
@@ -46,7 +47,7 @@ def trainings(factors: Sequence[float], seeds: Sequence[int]) -> dict[str, Confi
                 data = scene_data(scene) if factor == 1.0 else weakened(scene, factor)
                 for seed in seeds:
                     config = {**preset, "seed": seed, "env_kwargs": {"scene": data}}
-                    chosen[f"{arm.lower()}_{learner}_{factor:g}_seed{seed}"] = checked(Config, config)
+                    chosen[f"{arm.lower()}_{learner}_{factor!r}_seed{seed}"] = checked(Config, config)
     return chosen
 
 

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import os
 import shutil
+import time
+import zipfile
 from collections import deque
 from pathlib import Path
 from typing import Any
@@ -16,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from redundant_envs.extras import needs
+from redundant_envs.values import shown
 
 from .. import COMMAND
 
@@ -23,11 +26,14 @@ with needs("train"):
     import torch
 
 NAME = "checkpoint"
+OLD, PART = f"{NAME}.old", f"{NAME}.part"
 STATE, BUFFER = "state.pt", "buffer.pt"
 TABLES = ("selection.csv", "monitor.csv")
 """Files of a run that grow, and are cut back to what they were."""
 PLAIN = ("num_timesteps", "_n_updates", "_episode_num", "_current_progress_remaining")
 """Counters of stable-baselines3's algorithms."""
+MOST = 1e18
+"""Largest number of a run."""
 LAST = ("_last_obs", "_last_original_obs", "_last_episode_starts")
 EPISODES = ("ep_info_buffer", "ep_success_buffer")
 MONITOR = ("episode_returns", "episode_lengths", "episode_count")
@@ -40,15 +46,21 @@ BUFFER_ARRAYS = (
 
 def exists(folder: Path) -> bool:
     """Whether a run folder has a checkpoint."""
-    return (folder / NAME / STATE).is_file()
+    return _place(folder) is not None
+
+
+def _place(folder: Path) -> Path | None:
+    """The newest whole checkpoint: a kill between two renamings leaves the old name alone."""
+    return next((p for n in (NAME, OLD) if ((p := folder / n) / STATE).is_file()), None)
 
 
 def remove(folder: Path) -> None:
     """Delete the checkpoint of a run folder: its training is finished."""
-    shutil.rmtree(folder / NAME, ignore_errors=True)
+    for name in (NAME, OLD, PART):
+        shutil.rmtree(folder / name, ignore_errors=True)
 
 
-def save(folder: Path, model: Any, monitor: Any, progress: dict[str, float]) -> None:
+def save(folder: Path, model: Any, monitor: Any, progress: dict[str, float], run: dict[str, Any]) -> None:
     """Write a checkpoint; the folder holds a whole one, this or the one before.
 
     Parameters
@@ -60,13 +72,17 @@ def save(folder: Path, model: Any, monitor: Any, progress: dict[str, float]) -> 
         Around the environments.
     progress : dict
         The numbers of ``PROGRESS``.
+    run : dict
+        What the checkpoint belongs to; :func:`restore` asks for the same.
     """
-    part = folder / f"{NAME}.part"
+    part = folder / PART
     shutil.rmtree(part, ignore_errors=True)
     part.mkdir()
     monitor.results_writer.file_handler.flush()
     state = {
+        "run": run,
         "progress": progress,
+        "elapsed": time.time() - monitor.t_start,
         "tables": {name: (folder / name).stat().st_size for name in TABLES},
         "counters": {name: getattr(model, name) for name in PLAIN if hasattr(model, name)},
         "last": {name: getattr(model, name) for name in LAST if hasattr(model, name)},
@@ -86,7 +102,7 @@ def save(folder: Path, model: Any, monitor: Any, progress: dict[str, float]) -> 
     buffer = getattr(model, "replay_buffer", None)
     if buffer is not None:
         torch.save(plain(buffer_state(buffer)), part / BUFFER)
-    old = folder / f"{NAME}.old"
+    old = folder / OLD
     shutil.rmtree(old, ignore_errors=True)
     if (folder / NAME).exists():
         os.replace(folder / NAME, old)
@@ -97,18 +113,16 @@ def save(folder: Path, model: Any, monitor: Any, progress: dict[str, float]) -> 
 RANDOM_STATE = ("kind", "keys", "position", "has_gauss", "cached_gaussian")
 
 
-def restore(folder: Path, model: Any, monitor: Any) -> dict[str, float]:
+def restore(folder: Path, model: Any, monitor: Any, run: dict[str, Any]) -> dict[str, float]:
     """Return to the checkpoint of a run folder; gives its ``progress``.
 
     Raises
     ------
     ValueError
-        There is none, or it is damaged or of another configuration.
+        There is none, it is damaged, or it is of another configuration or simulator.
     """
-    place = folder / NAME
-    if not exists(folder) and exists_old(folder):
-        place = folder / f"{NAME}.old"  # killed between two renamings
-    if not (place / STATE).is_file():
+    place = _place(folder)
+    if place is None:
         finished = (folder / "training.json").is_file()
         fix = f"look at it with: {COMMAND} report {folder}"
         if not finished:
@@ -116,51 +130,95 @@ def restore(folder: Path, model: Any, monitor: Any) -> dict[str, float]:
         reason = "is finished and" if finished else "was killed before its first one, or made without:"
         raise ValueError(f"run folder {folder} {reason} has no checkpoint; {fix}")
     try:
-        state = unplain(torch.load(place / STATE, weights_only=True))
+        state = _load(place / STATE)
+        _check_run(state["run"], run)
         sizes = {name: _checked_size(folder / name, state["tables"][name]) for name in TABLES}
         _set_state(state, model, monitor)
         buffer = getattr(model, "replay_buffer", None)
         if buffer is not None:
-            set_buffer_state(buffer, unplain(torch.load(place / BUFFER, weights_only=True)))
+            set_buffer_state(buffer, _load(place / BUFFER))
         progress = {name: float(state["progress"][name]) for name in PROGRESS}
+        monitor.t_start = time.time() - float(state["elapsed"])
     except Exception as error:  # a damaged file fails in any way
         raise ValueError(
-            f"{place} is damaged or of another configuration ({str(error)[:300]}); make a new run: {COMMAND} "
-            f"train {folder}/config.yaml --out NEW_FOLDER"
+            f"{place} is damaged or of another run ({' '.join(str(error).split())[:300]}); make a new run: "
+            f"{COMMAND} train {folder}/config.yaml --out NEW_FOLDER"
         ) from error
     for name, size in sizes.items():
         os.truncate(folder / name, size)
     return progress
 
 
+def _load(path: Path) -> dict[str, Any]:
+    """Plain data of a file, which cannot unfold to more than its size."""
+    with zipfile.ZipFile(path) as archive:
+        if any(entry.compress_type != zipfile.ZIP_STORED for entry in archive.infolist()):
+            raise ValueError(f"{path.name} is compressed")
+    data: dict[str, Any] = unplain(torch.load(path, weights_only=True))
+    return data
+
+
+def _check_run(found: dict[str, Any], run: dict[str, Any]) -> None:
+    """ValueError with the settings that differ."""
+    if found["simulator"] != run["simulator"]:
+        raise ValueError("its simulator is another one")
+    theirs, ours = (unplain(plain(r["settings"])) for r in (found, run))
+    algo = ours["algo"]
+    pairs = [(name, theirs.get(name), value) for name, value in ours.items() if name != algo]
+    own = theirs.get(algo) or {}
+    pairs += [(f"{algo}.{name}", own.get(name), value) for name, value in ours[algo].items()]
+    for name, other, value in pairs:
+        if other != value:
+            raise ValueError(f"it was made with {name}: {shown(other)}, and config.yaml has {shown(value)}")
+
+
 def _checked_size(path: Path, size: Any) -> int:
+    if path.is_symlink():
+        raise ValueError(f"{path.name} is a link")
     if not isinstance(size, int) or not 0 <= size <= path.stat().st_size:
         raise ValueError(f"{path} has {path.stat().st_size} bytes, and had {size}")
     return size
 
 
-def exists_old(folder: Path) -> bool:
-    """Whether a run folder has the checkpoint before the last one."""
-    return (folder / f"{NAME}.old" / STATE).is_file()
-
-
 def _set_state(state: dict[str, Any], model: Any, monitor: Any) -> None:
-    for part, names in (("counters", PLAIN), ("last", LAST)):
-        for name in names:
-            if name in state[part]:
-                setattr(model, name, state[part][name])
+    for name in PLAIN:
+        if hasattr(model, name):
+            setattr(model, name, _like(name, state["counters"][name], getattr(model, name)))
+    observations = model.env.reset()  # what the last observations look like
+    for name, own in zip(LAST, (observations, observations, np.ones(model.n_envs, dtype=bool)), strict=True):
+        if state["last"].get(name) is not None:
+            setattr(model, name, _like(name, state["last"][name], own))
     for name in EPISODES:
-        setattr(model, name, _deque(state["episodes"][name], model))
+        setattr(model, name, deque(state["episodes"][name], maxlen=model._stats_window_size))
     for name in MONITOR:
-        setattr(monitor, name, state["monitor"][name])
+        setattr(monitor, name, _like(name, state["monitor"][name], getattr(monitor, name)))
     monitor.venv.set_state(state["environments"])
     model.set_parameters(state["parameters"])
     for name in _variables(model):
         getattr(model, name).data.copy_(state["variables"][name])
-    model.set_learner_state(state["learner"])
+    model.set_learner_state(_like("learner", state["learner"], model.learner_state()))
     torch.set_rng_state(state["random"]["torch"])
     np.random.set_state(tuple(state["random"]["numpy"][name] for name in RANDOM_STATE))
     model.action_space._np_random = state["random"]["actions"]
+
+
+def _like(name: str, found: Any, own: Any) -> Any:
+    """A value of a checkpoint, if it is of the kind, shape and range of the model's own."""
+    if isinstance(own, dict):
+        if not isinstance(found, dict) or found.keys() != own.keys():
+            raise ValueError(f"{name} has other entries")
+        return {key: _like(f"{name}.{key}", found[key], own[key]) for key in own}
+    if isinstance(own, int | float):
+        if isinstance(found, bool) or not isinstance(found, int | float) or not abs(found) <= MOST:
+            raise ValueError(f"{name} is {shown(found)}")
+        if isinstance(own, int) and not (isinstance(found, int) and found >= 0):
+            raise ValueError(f"{name} is {shown(found)}")
+        return found
+    if type(found) is not type(own) or found.shape != own.shape or found.dtype != own.dtype:
+        raise ValueError(f"{name} is of another kind")
+    if not bool((abs(found) < float("inf")).all()):
+        raise ValueError(f"{name} is not finite")
+    return found
 
 
 def _variables(model: Any) -> list[str]:
@@ -187,7 +245,9 @@ def set_buffer_state(buffer: Any, state: dict[str, Any]) -> None:
             continue
         for target, source in _pairs(getattr(buffer, name), state["arrays"][name]):
             target[: state["rows"]] = source
-    buffer.pos, buffer.full = state["pos"], state["full"]
+    if not (isinstance(state["pos"], int) and 0 <= state["pos"] < buffer.buffer_size):
+        raise ValueError(f"the buffer's place is {shown(state['pos'])}")
+    buffer.pos, buffer.full = state["pos"], bool(state["full"])
     if state["episode_start"] is not None:
         buffer._current_ep_start = state["episode_start"]
 

@@ -36,7 +36,9 @@ def stop_request() -> Iterator[Request]:
             raise KeyboardInterrupt
         request.made = True
 
-    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
+    # one that is ignored, as by nohup or in a worker, stays so
+    heard = [n for n in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(n) is not signal.SIG_IGN]
+    before = {number: signal.signal(number, note) for number in heard}
     try:
         yield request
     finally:

@@ -6,6 +6,8 @@ import multiprocessing
 import os
 import queue
 import re
+import shutil
+import signal
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,7 +15,7 @@ from typing import Any
 from redundant_envs.extras import needs
 
 from ..config import MOST_SEEDS, Config
-from ..run_folder import read_config
+from ..run_folder import read_config, read_evaluation, read_facts
 from .interrupt import Stopped, stop_request
 
 with needs("train"):
@@ -21,6 +23,9 @@ with needs("train"):
 
 POLL = 0.2
 """s"""
+MOST_PROCESSES = 1024
+FILES = ("evaluation.json", "episodes.csv", "report.md")
+"""What a run that is finished, evaluated and reported has."""
 
 
 def seeds_of(text: str) -> list[int]:
@@ -30,8 +35,10 @@ def seeds_of(text: str) -> list[int]:
         match = re.fullmatch(r"\s*(\d{1,2})(?:\.\.(\d{1,2}))?\s*", part)
         if not match:
             raise ValueError(f"seeds is {text[:80]!r}; write such as 0..9 or 1,4,7")
-        first = int(match[1])
-        seeds += range(first, int(match[2] or first) + 1)
+        first, last = int(match[1]), int(match[2] or match[1])
+        if last < first:
+            raise ValueError(f"seeds is {text[:80]!r}; write the lower one first, {last}..{first}")
+        seeds += range(first, last + 1)
     if not seeds or len(set(seeds)) < len(seeds):
         raise ValueError(f"seeds is {text[:80]!r}; give different seeds from 0 to {MOST_SEEDS}")
     return seeds
@@ -58,15 +65,16 @@ def train_many(configs: Mapping[str, Config], folder: Path, processes: int | Non
     Stopped
         The user asked to stop; the same command goes on.
     ValueError
-        ``processes`` is none that can be, or a folder holds another run.
-    RuntimeError
-        A run failed; the others were finished first.
+        ``processes`` is none that can be, a folder holds another run, or a run failed, after the others
+        were finished.
     """
     own = cores()
     most = len(own) or os.cpu_count() or 1
-    count = min(most, len(configs)) if processes is None else processes
-    if not 1 <= count <= 1024:
-        raise ValueError(f"processes is {count}; give a whole number from 1 to 1024")
+    count = most if processes is None else processes
+    if not 1 <= count <= MOST_PROCESSES:
+        raise ValueError(f"processes is {count}; give a whole number from 1 to {MOST_PROCESSES}")
+    count = min(count, len(configs))
+    alone = all(config.torch_threads == 1 for config in configs.values())
     for name, config in configs.items():
         check_same(config, folder / name)
     context = multiprocessing.get_context("spawn")
@@ -75,14 +83,16 @@ def train_many(configs: Mapping[str, Config], folder: Path, processes: int | Non
         jobs.put((name, config.to_dict(), str(folder / name)))
     workers = []
     for k in range(count):
-        core = own[k] if count <= len(own) else None
+        core = own[k] if alone and count <= len(own) else None
         worker = context.Process(target=_work, args=(jobs, news, core), daemon=True)
         worker.start()
         workers.append(worker)
         jobs.put(None)
     failures = _follow(list(configs), workers, news)
     if failures:
-        raise RuntimeError("; ".join(failures))
+        raise ValueError(
+            f"{len(failures)} of {len(configs)} runs failed; the same command goes on: {'; '.join(failures)}"
+        )
 
 
 def check_same(config: Config, folder: Path) -> None:
@@ -98,7 +108,7 @@ def _follow(names: Sequence[str], workers: list[Any], news: Any) -> list[str]:
     failures: list[str] = []
     with progress_bars() as bars, stop_request() as stop:
         tasks = {name: bars.add_task(name, total=1.0, note="waits", start=False) for name in names}
-        told = False
+        told, over = False, set()
         while any(worker.is_alive() for worker in workers) or not news.empty():
             if stop.made and not told:  # each keeps a checkpoint and ends
                 told = True
@@ -110,8 +120,14 @@ def _follow(names: Sequence[str], workers: list[Any], news: Any) -> list[str]:
                 continue
             if failed:
                 failures.append(f"{name}: {note}")
+            if share == 1.0:
+                over.add(name)
             bars.start_task(tasks[name])
             bars.update(tasks[name], completed=share, note=note)
+    if not stop.made:
+        lost = [str(w.exitcode) for w in workers if w.exitcode]
+        missing = [name for name in names if name not in over]
+        failures += [f"{name}: its process ended ({', '.join(lost) or 'early'})" for name in missing]
     if stop.made:
         raise Stopped("stopped; the same command with the same --out goes on")
     return failures
@@ -137,27 +153,37 @@ class _Teller(Progress):
 def _work(jobs: Any, news: Any, core: int | None) -> None:
     """Finish jobs until there is none."""
     from ..config import checked
-    from ..evaluate import evaluate
-    from ..report import report
-    from . import checkpoint
-    from .train import resume, train
 
+    # Ctrl-C of a terminal reaches all processes: the first one hears it, and asks the others by SIGTERM.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     if core is not None:
         os.sched_setaffinity(0, {core})
     while (job := jobs.get()) is not None:
         name, data, place = job
-        config, folder = checked(Config, data), Path(place)
         try:
-            teller = _Teller(news, name)
-            if not (folder / "training.json").is_file() or checkpoint.exists(folder):
-                if checkpoint.exists(folder):
-                    resume(folder, teller)
-                else:
-                    train(config, folder, teller)
-            result = evaluate(config, folder)
-            report(folder)
+            _finish(checked(Config, data), Path(place), _Teller(news, name))
+            result = read_evaluation(Path(place))
             news.put((name, 1.0, f"holds {100 * result['hold_success']:.1f} %", False))
         except KeyboardInterrupt:
             return
         except Exception as error:
             news.put((name, 1.0, f"failed: {error}", True))
+
+
+def _finish(config: Config, folder: Path, teller: Progress) -> None:
+    """Do what a run still needs."""
+    from ..evaluate import evaluate
+    from ..report import report
+    from . import checkpoint
+    from .train import resume, train
+
+    if checkpoint.exists(folder):
+        resume(folder, teller)
+    elif not (folder / "training.json").is_file() or read_facts(folder)["stopped"]:
+        if (folder / "config.yaml").is_file():  # killed before its first checkpoint: this run, and no more
+            shutil.rmtree(folder)
+        train(config, folder, teller)
+    elif all((folder / file).is_file() for file in FILES):
+        return
+    evaluate(config, folder)
+    report(folder)

@@ -14,13 +14,13 @@ from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
 
 from .. import COMMAND
-from ..config import SEEDS_PER_RUN, Config
+from ..config import SEEDS_PER_RUN, WITHOUT_EFFECT, Config
 from ..learners.build import make_model
 from ..policies import save_policy
 from ..run_folder import read_config, write_json
 from . import checkpoint
 from .interrupt import Stopped, stop_request
-from .telemetry import logger
+from .telemetry import check, logger
 from .watch import Watch, progress_bars
 
 with needs("train"):
@@ -66,13 +66,16 @@ def resume(folder: Path, progress: Progress | None = None) -> dict[str, Any]:
 
 
 def _run(config: Config, folder: Path, progress: Progress | None, resumed: bool) -> dict[str, Any]:
+    check(config)
     torch.set_num_threads(config.torch_threads)
     base = make_sb3(config.env, config.num_envs, **config.env_kwargs)
-    base.seed(config.seed * SEEDS_PER_RUN)
     folder.mkdir(parents=True, exist_ok=True)
     monitor = VecMonitor(base, info_keywords=KEYWORDS)
     model = make_model(config, monitor)
-    begun = checkpoint.restore(folder, model, monitor) if resumed else {}
+    # after the learner, which gives its own seed to the environments: else seeds shared most of their goals
+    base.seed(config.seed * SEEDS_PER_RUN)
+    run = identity(config, base.core)
+    begun = checkpoint.restore(folder, model, monitor, run) if resumed else {}
     if not resumed:
         (folder / "config.yaml").write_text(yaml.safe_dump(config.to_dict(), sort_keys=False))
         (folder / "scene.yaml").write_text(yaml.safe_dump(base.core.scene.to_dict(), sort_keys=False))
@@ -83,33 +86,46 @@ def _run(config: Config, folder: Path, progress: Progress | None, resumed: bool)
     with stop_request() as stop, closing(monitor):
         model.set_logger(logger(folder, config))
         with progress_bars() if progress is None else nullcontext(progress) as bars:
-            watch = Watch(config, folder, monitor, bars, stop, begun)
+            watch = Watch(config, folder, monitor, bars, stop, begun, run)
             every = LOG_ROLLOUTS if config.algo == "ppo" else LOG_EPISODES * config.num_envs
             try:
                 left = config.total_steps - model.num_timesteps
                 model.learn(left, callback=watch, log_interval=every, reset_num_timesteps=not resumed)
-                if not stop.made:
+                # a request in the last rollout comes too late to stop anything
+                stopped = stop.made and model.num_timesteps < config.total_steps
+                if not stopped:
                     watch.point()
             except KeyboardInterrupt:
-                stop.made = True
+                stopped = True
+            finally:
+                model.logger.close()
             if progress is not None:
                 bars.remove_task(watch.task)
         seconds = watch.seconds()
-        if stop.made:
+        if stopped:
             save_policy(model, folder / "policy.zip")
         facts = {
             "env_steps": int(model.num_timesteps),
             "train_seconds": round(seconds, 2),
             "simulator": simulator_hash(base.core),
         }
-        write_json(folder / "training.json", {**facts, "stopped": stop.made})
-    if stop.made:
+        write_json(folder / "training.json", {**facts, "stopped": stopped})
+    if stopped:
+        go_on = f"Go on with: {COMMAND} resume {folder}, or look" if checkpoint.exists(folder) else "Look"
         raise Stopped(
             f"stopped after {facts['env_steps']} of {config.total_steps} steps; the policy so far is kept. "
-            f"Go on with: {COMMAND} resume {folder}, or look at it with: {COMMAND} report {folder}"
+            f"{go_on} at it with: {COMMAND} report {folder}"
         )
     checkpoint.remove(folder)
     return facts
+
+
+def identity(config: Config, core: Core) -> dict[str, Any]:
+    """What a checkpoint belongs to: the configuration, without what changes no result, and the simulator."""
+    settings = config.to_dict()
+    for name in WITHOUT_EFFECT:
+        del settings[name]
+    return {"settings": settings, "simulator": simulator_hash(core)}
 
 
 def simulator_hash(core: Core) -> str:

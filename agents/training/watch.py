@@ -33,7 +33,7 @@ class Watch(BaseCallback):
 
     def __init__(
         self, config: Config, folder: Path, monitor: Any, progress: Progress, stop: Request,
-        begun: dict[str, float],
+        begun: dict[str, float], run: dict[str, Any],
     ) -> None:  # fmt: skip
         super().__init__()
         self.model: Any  # an algorithm with an average
@@ -42,6 +42,7 @@ class Watch(BaseCallback):
         self.folder = folder
         self.monitor = monitor
         self.progress = progress
+        self.run = run
         name = f"{config.algo.upper()} {config.env.split('/')[-1]} seed {config.seed}"
         self.task = progress.add_task(name, total=config.total_steps, note="")
         self.hold = begun.get("hold", math.nan)
@@ -72,7 +73,7 @@ class Watch(BaseCallback):
         due = every > 0.0 and time.perf_counter() - self._kept >= every
         if due or (self.stop.made and not self._ending):
             facts = {"next": self._next, "seconds": self.seconds(), "hold": self.hold}
-            checkpoint.save(self.folder, self.model, self.monitor, facts)
+            checkpoint.save(self.folder, self.model, self.monitor, facts, self.run)
             self._kept = time.perf_counter()
         self._ending = self.stop.made
 

@@ -146,7 +146,7 @@ def test_a_damaged_checkpoint_is_refused_and_runs_no_code(killed, capsys):
 def test_a_run_without_a_checkpoint_says_so(tmp_path, capsys):
     train(config("ppo"), tmp_path / "run")
     assert main(["resume", str(tmp_path / "run")]) == 2
-    assert "has no checkpoint; it is finished" in capsys.readouterr().err
+    assert "is finished and has no checkpoint; look at it" in capsys.readouterr().err
 
 
 def test_a_folder_with_a_checkpoint_is_not_begun_anew(killed, capsys):

@@ -155,7 +155,7 @@ def test_the_steps_of_ppo_follow_the_derivatives_of_its_losses(env):
     with torch.no_grad():
         columns = (old, sample.advantages, sample.returns)
         given = model.inputs(sample.observations), sample.actions
-        model._set_gradients([*given, *(c[:, None] for c in columns)], 0.2)
+        model._set_gradients([*given, *(c[:, None] for c in columns)], 0.2, 0.01)
     policy = copy.deepcopy(model.policy)
     values, log_prob, entropy = policy.evaluate_actions(sample.observations, sample.actions)
     advantages = sample.advantages
