@@ -20,7 +20,7 @@ from .evaluate import evaluate, summary
 from .evidence.curves import curves
 from .policies import load_policy
 from .rollout import EVALUATION_SEED, Act, policy_act
-from .run_folder import EPISODES, SELECTION, read_config, read_evaluation, read_facts, read_table
+from .run_folder import EPISODES, SELECTION, read_config, read_evaluation, read_table
 
 CLIP_EPISODES = 4
 MEASURES = (
@@ -54,8 +54,8 @@ def plots(folder: Path, config: Config) -> list[Path]:
     target = folder / "plots"
     target.mkdir(exist_ok=True)
     pictures = [target / "final_distance.png"]
-    if len(read_table(folder, "selection.csv", SELECTION)) and not read_facts(folder)["stopped"]:
-        curves([folder], target / "learning_curve.png")
+    if len(read_table(folder, "selection.csv", SELECTION)):
+        curves([folder], target / "learning_curve.png", stopped=True)
         pictures.insert(0, target / "learning_curve.png")
     figure, axes = plt.subplots(figsize=(6.4, 3.8), layout="constrained")
     for column, label in ((3, config.algo.upper()), (6, "computed-torque expert")):

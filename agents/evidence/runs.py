@@ -80,8 +80,8 @@ class Group:
         return [float(value) for value in found if value is not None]
 
 
-def read_run(folder: str | Path) -> Run:
-    """Read a run folder.
+def read_run(folder: str | Path, stopped: bool = False) -> Run:
+    """Read a run folder; that of a training that was stopped only if ``stopped``.
 
     Raises
     ------
@@ -95,7 +95,7 @@ def read_run(folder: str | Path) -> Run:
     for name in WITHOUT_EFFECT:
         del settings[name]
     evaluation = read_evaluation(folder)
-    if read_facts(folder)["stopped"]:
+    if read_facts(folder)["stopped"] and not stopped:
         raise ValueError(
             f"{folder} is a training that was stopped; leave it out, or go on with it: "
             f"{COMMAND} resume {folder}"
@@ -146,9 +146,9 @@ def group(runs: Iterable[Run]) -> list[Group]:
     ]
 
 
-def read_groups(folders: Iterable[str | Path]) -> list[Group]:
+def read_groups(folders: Iterable[str | Path], stopped: bool = False) -> list[Group]:
     """The groups of run folders; ValueError as of :func:`read_run` and :func:`group`, or for no folders."""
-    groups = group(read_run(folder) for folder in folders)
+    groups = group(read_run(folder, stopped) for folder in folders)
     if not groups:
         raise ValueError("folders is empty; give at least one run folder")
     return groups

@@ -1,18 +1,25 @@
 """A training that is killed at any moment goes on to the same bits."""
 
+import json
+import os
 import shutil
+import signal
+import sys
 import zipfile
 
 import numpy as np
 import pytest
 import torch
+import yaml
 
 from agents.__main__ import main
 from agents.config import Config, checked
+from agents.learners.networks import Adam
 from agents.policies import read_weights
 from agents.training import checkpoint
 from agents.training.train import resume, train
 from agents.training.watch import Watch
+from redundant_envs.envs.sb3 import make_sb3
 
 SMALL = {
     "ppo": {"num_envs": 32, "total_steps": 4096, "ppo": {"n_steps": 16, "batch_size": 256}},
@@ -147,6 +154,125 @@ def test_a_run_without_a_checkpoint_says_so(tmp_path, capsys):
     train(config("ppo"), tmp_path / "run")
     assert main(["resume", str(tmp_path / "run")]) == 2
     assert "is finished and has no checkpoint; look at it" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"seed": 7}, "seed: 4, and config.yaml has 7"),
+        ({"sac": {"gamma": 0.5}}, "sac.gamma: 0.9, and config.yaml has 0.5"),
+        ({"total_steps": 9000}, "total_steps: 4000"),
+        ({"sac": {"activation": "relu"}}, "sac.activation"),
+    ],
+)
+def test_a_checkpoint_of_another_configuration_is_refused(change, word, killed, capsys):
+    path = killed / "config.yaml"
+    data = yaml.safe_load(path.read_text())
+    for name, value in change.items():
+        data[name] = {**data[name], **value} if isinstance(value, dict) else value
+    path.write_text(yaml.safe_dump(data))
+    assert main(["resume", str(killed)]) == 2
+    assert word in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [
+        (("counters", "num_timesteps"), "x"), (("counters", "num_timesteps"), -5),
+        (("monitor", "episode_returns"), "x"), (("last", "_last_obs"), [1, 2]),
+        (("learner", "adams", "actor", "steps"), -1), (("learner", "networks"), {}),
+        (("progress", "seconds"), "x"), (("tables", "monitor.csv"), 10**9), (("tables", "monitor.csv"), -1),
+        (("run", "simulator"), "another"),
+    ],
+)  # fmt: skip
+def test_a_checkpoint_with_other_values_is_refused_in_one_line(place, value, killed, capsys):
+    path = killed / "checkpoint" / "state.pt"
+    state = checkpoint.unplain(torch.load(path, weights_only=True))
+    inner = state
+    for name in place[:-1]:
+        inner = inner[name]
+    inner[place[-1]] = value
+    torch.save(checkpoint.plain(state), path)
+    sizes = [(killed / name).stat().st_size for name in checkpoint.TABLES]
+    assert main(["resume", str(killed)]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+    assert [(killed / name).stat().st_size for name in checkpoint.TABLES] == sizes
+
+
+def test_networks_that_are_not_finite_and_compressed_files_are_refused(killed, capsys):
+    path = killed / "checkpoint" / "state.pt"
+    whole = path.read_bytes()
+    state = checkpoint.unplain(torch.load(path, weights_only=True))
+    state["learner"]["networks"]["actor"][0] = float("nan")
+    torch.save(checkpoint.plain(state), path)
+    assert main(["resume", str(killed)]) == 2
+    assert "not finite" in capsys.readouterr().err
+    path.write_bytes(whole)
+    with zipfile.ZipFile(path) as old:
+        parts = {name: old.read(name) for name in old.namelist()}
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as new:
+        for name, data in parts.items():
+            new.writestr(name, data)
+    assert main(["resume", str(killed)]) == 2
+    assert "compressed" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no links without rights")
+def test_a_table_that_is_a_link_is_not_written_through(killed, tmp_path, capsys):
+    victim = tmp_path / "victim"
+    victim.write_text("mine" * 1000)
+    (killed / "monitor.csv").unlink()
+    (killed / "monitor.csv").symlink_to(victim)
+    assert main(["resume", str(killed)]) == 2
+    assert victim.read_text() == "mine" * 1000
+
+
+def test_times_of_episodes_go_on_after_a_break(killed):
+    before = table(killed, "monitor.csv", None)[1:]
+    resume(killed)
+    times = [float(row[2]) for row in table(killed, "monitor.csv", None)[1:]]
+    assert len(times) > len(before)
+    assert times == sorted(times)
+
+
+def test_seeds_of_runs_have_goals_of_their_own(tmp_path, monkeypatch):
+    goals = []
+
+    def look(self):
+        goals.append(self.monitor.venv.goal.copy())
+
+    monkeypatch.setattr(Watch, "_on_training_start", look)
+    for seed in (0, 1):
+        train(config("ppo", seed=seed, total_steps=512), tmp_path / f"{seed}")
+        env = make_sb3("RPRPReach-v0", 32)
+        env.seed(10_000 * seed)
+        env.reset()
+        np.testing.assert_array_equal(goals[seed], env.goal)
+    first, second = ({tuple(goal) for goal in one.tolist()} for one in goals)
+    assert not first & second
+
+
+@pytest.mark.parametrize("case", ["ppo", "auto"])
+def test_a_falling_rate_ends_at_zero_and_not_below(case, tmp_path, monkeypatch):
+    rates = []
+    step = Adam.step
+    monkeypatch.setattr(Adam, "step", lambda self, rate: (rates.append(rate), step(self, rate))[1])
+    train(config(case, total_steps=SMALL[case]["total_steps"] + 7), tmp_path / "run")
+    assert rates[0] > rates[-1] >= 0.0
+
+
+def test_a_request_in_the_last_rollout_comes_too_late(tmp_path, monkeypatch):
+    plain = Watch.point
+
+    def point(self):
+        if self.num_timesteps >= 4096:
+            os.kill(os.getpid(), signal.SIGTERM)
+        plain(self)
+
+    monkeypatch.setattr(Watch, "point", point)
+    assert train(config("ppo"), tmp_path / "run")["env_steps"] == 4096
+    assert json.loads((tmp_path / "run" / "training.json").read_text())["stopped"] is False
+    assert not checkpoint.exists(tmp_path / "run")
 
 
 def test_a_folder_with_a_checkpoint_is_not_begun_anew(killed, capsys):

@@ -317,3 +317,27 @@ def test_the_value_after_a_time_limit_is_added_to_the_last_reward():
         rewards.append(model.rollout_buffer.rewards)
     np.testing.assert_allclose(rewards[1][:-1], rewards[0][:-1])
     np.testing.assert_allclose(rewards[1][-1], rewards[0][-1] + 0.9 * 5.0, rtol=1e-6)
+
+
+def test_every_gradient_step_has_its_share_of_asked_for_goals():
+    model = make("her", "RPRPGoalReach-v0", batch_size=100, gradient_steps=8)
+    model.learn(1600)
+    seen = []
+    update = model._update_critics
+    model._update_critics = lambda pairs, *rest: (seen.append(pairs.clone()), update(pairs, *rest))[1]
+    sample = model.replay_buffer.sample
+    asked = []
+
+    def marked(count):
+        found = sample(count)
+        real = count - int(model.replay_buffer.her_ratio * count)
+        found.actions[:real], found.actions[real:] = 1.0, -1.0  # asked-for goals come first
+        asked.append(real / count)
+        return found
+
+    model.replay_buffer.sample = marked
+    model.train(8, 100)
+    shares = [float((pairs[:, -1] > 0).float().mean()) for pairs in seen]
+    assert np.mean(shares) == pytest.approx(asked[0])
+    assert max(shares) < asked[0] + 0.2
+    assert min(shares) > max(0.0, asked[0] - 0.2)

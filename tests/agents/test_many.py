@@ -1,5 +1,7 @@
 """Several seeds in processes of their own."""
 
+import json
+
 import pytest
 import torch
 
@@ -24,7 +26,7 @@ def test_seeds_are_read_as_they_are_written(text, seeds):
 
 
 @pytest.mark.parametrize(
-    "text", ["", "a", "3..1", "1,1", "0..2,1", "100", "-1", "1..", "0..999999999", "1;2"]
+    "text", ["", "a", "3..1", "9..3,3", "1,1", "0..2,1", "100", "-1", "1..", "0..999999999", "1;2"]
 )
 def test_other_seeds_are_refused(text):
     with pytest.raises(ValueError, match="seeds is"):
@@ -54,3 +56,32 @@ def test_processes_are_checked_before_anything_begins(more, word, tmp_path, caps
     assert main(["train", "rprp_reach_ppo", *more, "--out", str(tmp_path / "out")]) == 2
     assert word in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_a_run_that_was_stopped_or_killed_early_is_not_finished(tmp_path):
+    out = tmp_path / "runs"
+    folder = out / "seed3"
+    train(load("rprp_reach_ppo", [*SMALL, "seed=3"]), folder)
+    facts = json.loads((folder / "training.json").read_text())
+    (folder / "training.json").write_text(json.dumps({**facts, "stopped": True, "env_steps": 5}))
+    train(load("rprp_reach_ppo", [*SMALL, "seed=4"]), out / "seed4")
+    (out / "seed4" / "training.json").unlink()  # killed before its first checkpoint
+    command = ["train", "rprp_reach_ppo", *SMALL, "--seeds", "3,4", "--processes", "1", "--out", str(out)]
+    assert main(command) == 0
+    for seed in (3, 4):
+        facts = json.loads((out / f"seed{seed}" / "training.json").read_text())
+        assert (facts["stopped"], facts["env_steps"]) == (False, 1024)
+
+
+def test_a_run_of_other_settings_or_a_failed_one_is_told_in_one_line(tmp_path, capsys):
+    out = tmp_path / "runs"
+    train(load("rprp_reach_ppo", [*SMALL, "seed=3"]), out / "seed3")
+    command = ["train", "rprp_reach_ppo", *SMALL, "--seeds", "3", "--out", str(out)]
+    assert main([*command, "ppo.gamma=0.5"]) == 2
+    assert "another configuration" in capsys.readouterr().err
+    assert main([*command, "seed=1"]) == 2
+    assert "seed is given beside --seeds" in capsys.readouterr().err
+    (tmp_path / "full" / "seed3").mkdir(parents=True)
+    (tmp_path / "full" / "seed3" / "mine").touch()
+    assert main([*command[:-1], str(tmp_path / "full")]) == 2
+    assert "1 of 1 runs failed" in capsys.readouterr().err.splitlines()[-1]

@@ -86,7 +86,9 @@ def test_a_stopped_training_leaves_a_run(number, every, tmp_path, capsys):
     assert main(["play", str(folder), "--clip", str(tmp_path / "a.gif"), "--episodes", "1"]) == 0
     result = json.loads((folder / "evaluation.json").read_text())
     assert result["env_steps"] == json.loads((folder / "training.json").read_text())["env_steps"] > 0
-    assert "![learning_curve]" in (folder / "report.md").read_text()
+    assert ("![learning_curve]" in (folder / "report.md").read_text()) == (every == 2000)
+    assert main(["table", str(folder)]) == 2  # half a training is no result
+    assert "was stopped" in capsys.readouterr().err
 
 
 def test_a_second_request_interrupts_at_once():
