@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 
+from redundant_envs import __version__
 from redundant_envs.extras import MissingPackage
 
 
@@ -15,10 +16,14 @@ def main(arguments: list[str] | None = None) -> int:
     int
         0; after a message 2 for a mistake in the input or a missing package, and 130 for Ctrl-C.
     """
+    words = sys.argv[1:] if arguments is None else arguments
+    if words == ["--version"]:  # without the packages that the commands need
+        print(f"redundant-envs {__version__}")
+        return 0
     try:
         from .commands import run
 
-        return run(sys.argv[1:] if arguments is None else arguments)
+        return run(words)
     except (ValueError, MissingPackage, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

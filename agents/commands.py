@@ -6,7 +6,6 @@ import time
 from pathlib import Path
 from typing import Annotated, Any
 
-from redundant_envs import __version__
 from redundant_envs.extras import needs
 
 from . import COMMAND
@@ -58,19 +57,6 @@ def run(arguments: list[str]) -> int:
     except Interrupted as stop:
         raise KeyboardInterrupt(*stop.args) from stop
     return 0
-
-
-def _version(asked: bool) -> None:
-    if asked:
-        print(f"redundant-envs {__version__}")
-        raise typer.Exit
-
-
-@app.callback()
-def _main(
-    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True)] = False,
-) -> None:
-    pass
 
 
 @app.command(epilog=help_of_keys())

@@ -122,9 +122,9 @@ def test_other_files_have_the_same_bounds(reader, content, tmp_path):
 
 def test_a_bad_training_file_exits_with_2(tmp_path, capsys):
     path = tmp_path / "mine.yaml"
-    path.write_text("env: redundant_envs/RPRPReach-v0\nppo:\n  gamma: [1]\n")
+    path.write_text("config_version: 2\nenv: redundant_envs/RPRPReach-v0\nppo:\n  gamma: [1]\n")
     assert agents_main(["train", str(path)]) == 2
-    assert f"{path}, line 3: ppo.gamma is [1]" in capsys.readouterr().err
+    assert f"{path}, line 4: ppo.gamma is [1]" in capsys.readouterr().err
     path.write_text(BOMB)
     assert agents_main(["train", str(path)]) == 2
     assert "line 1: it has an anchor" in capsys.readouterr().err

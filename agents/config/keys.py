@@ -32,7 +32,8 @@ def help_of_keys() -> str:
         parts += [str(extra["unit"])] if "unit" in extra else []
         choices = values(field)
         parts += [" or ".join(choices)] if choices else []
-        lines.append(f"{name}: {field.description} ({', '.join(parts)})")
+        more = f" ({', '.join(parts)})" if parts else ""
+        lines.append(f"{name}: {field.description}{more}")
     return "\n\n".join(lines)
 
 

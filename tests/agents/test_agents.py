@@ -111,7 +111,7 @@ def test_every_number_of_a_configuration_has_a_range_and_every_key_a_help():
             assert low < high, name
     words = help_of_keys()
     assert "ppo.gamma: discount per control step (default 0.95, 0 to 1)" in words
-    assert "sac.schedule: learning rate over the training: constant, or linear to 0" in words
+    assert "sac.schedule: learning rate: constant, or linear to 0 at total_steps" in words
 
 
 def test_keys_are_completed_and_so_are_their_choices():

@@ -2,6 +2,8 @@
 
 import csv
 import dataclasses
+import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -76,7 +78,7 @@ def test_the_shipped_study_loads_and_survives_a_round_trip(tmp_path):
         (["seed=5"], ["seed", "5", str(STUDY_SEED)]),
         (["episodes=1"], ["episodes", "1", "2"]),
         (["train_seeds=1"], ["train_seeds", "1", "0"]),
-        (["train_overrides=3"], ["train_overrides", "3", "texts"]),
+        (["train_overrides=3"], ["train_overrides", "3", "list"]),
         (["arms.4R.cheap=euler"], ["arms.4R.cheap", "euler 20 ms", "train_seeds"]),
         (["arms.4R=3"], ["arms.4R", "3", "mapping"]),
         (["narrow_hold=0"], ["narrow_hold", "0"]),
@@ -173,6 +175,7 @@ def test_episodes_that_numerics_end_are_told_and_not_held():
     outcome = Outcome(
         hold=np.array([True, True]), touch=n > 0, distance=n, returns=n, numerics=n.astype(int),
         ended=np.array([True, False]), steps=n.astype(int), evaluations=n.astype(int),
+        time_to_hold=n, effort=n, smoothness=n,
     )  # fmt: skip
     assert held(outcome).tolist() == [False, True]
 
@@ -435,13 +438,14 @@ def test_a_study_explains_itself(tmp_path, run, capsys):
         assert (again / name).read_bytes() == (out / name).read_bytes()
 
 
-def test_a_policy_of_an_earlier_simulator_is_called_so(run):
+def test_a_policy_of_another_simulator_is_called_so(run):
     assert describe(run) == "PPO, seed 0, trained under rk8 to 1e-06 m"
-    (run / "scene.py").write_text("# older")
+    facts = {"env_steps": 5, "train_seconds": 1.0, "simulator": "0123456789abcdef"}
+    (run / "training.json").write_text(json.dumps(facts))
     try:
-        assert "earlier simulator" in describe(run)
+        assert "another simulator" in describe(run)
     finally:
-        (run / "scene.py").unlink()
+        (run / "training.json").unlink()
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
@@ -474,11 +478,15 @@ def test_training_under_cheap_physics(tmp_path, run, capsys):
     ("arm", "word"),
     [
         ({"run": "nowhere"}, "config.yaml"),
-        ({"run": "docs/results/runs/four_r_reach_ppo/seed0"}, "policy.zip"),
+        ({"run": "bare"}, "policy.zip"),
         ({"preset": "nowhere.yaml"}, "nowhere.yaml"),
     ],
 )
 def test_mistakes_end_with_a_message(tmp_path, arm, word, capsys):
+    if arm.get("run") == "bare":  # a configuration alone
+        (tmp_path / "bare").mkdir()
+        (tmp_path / "bare" / "config.yaml").write_text(Path(PRESET).read_text())
+        arm = {"run": str(tmp_path / "bare")}
     command = small(tmp_path / "s.yaml", arms={"A": {"preset": PRESET, **arm}}, train_seeds=0)
     assert main([*command, "--out", str(tmp_path / "out")]) == 2
     assert word in capsys.readouterr().err
