@@ -168,7 +168,9 @@ def test_the_wheel_tells_what_it_is(wheel):
 def test_an_editable_install_finds_the_application():
     data = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     (place,) = (d for d in data["tool"]["hatch"]["build"]["targets"]["wheel"]["dev-mode-dirs"] if d != ".")
-    find = "import redundant_envs_train.__main__ as m; print(m.__file__, m.COMMAND)"
+    find = (
+        "import redundant_envs_train as t, redundant_envs_train.__main__ as m; print(m.__file__, t.COMMAND)"
+    )
     path = os.pathsep.join([str(ROOT), str(ROOT / place)])
     command = [sys.executable, "-c", find]
     environment = {**os.environ, "PYTHONPATH": path}
