@@ -118,12 +118,21 @@ def test_the_same_seed_repeats_a_run_to_the_bit_and_another_does_not(tmp_path):
     assert not torch.equal(a["actor.mu.weight"], c["actor.mu.weight"])
 
 
-@pytest.fixture
-def killed(tmp_path, monkeypatch):
-    with monkeypatch.context() as patch:
+@pytest.fixture(scope="module")
+def begun(tmp_path_factory):
+    """A training of SAC that was killed half-way."""
+    folder = tmp_path_factory.mktemp("begun") / "run"
+    with pytest.MonkeyPatch.context() as patch:
         kill_at(2000, patch)
         with pytest.raises(Killed):
-            train(config("sac"), tmp_path / "run")
+            train(config("sac"), folder)
+    return folder
+
+
+@pytest.fixture
+def killed(begun, tmp_path):
+    """A copy of it to damage or to go on with."""
+    shutil.copytree(begun, tmp_path / "run")
     return tmp_path / "run"
 
 

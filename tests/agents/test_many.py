@@ -4,11 +4,12 @@ import json
 
 import pytest
 import torch
+from rich.progress import Progress
 
 from agents.__main__ import main
 from agents.config import load
 from agents.policies import read_weights
-from agents.training.many import seeds_of
+from agents.training.many import _finish, seeds_of
 from agents.training.train import train
 
 SMALL = [
@@ -43,9 +44,6 @@ def test_seeds_in_processes_are_the_runs_they_are_alone(tmp_path, capsys):
     expected, _ = read_weights(alone / "policy.zip", "silu")
     found, _ = read_weights(out / "seed4" / "policy.zip", "silu")
     assert all(torch.equal(found[name], tensor) for name, tensor in expected.items())
-    before = (out / "seed3" / "policy.zip").stat().st_mtime_ns
-    assert main(command) == 0  # what is finished stays
-    assert (out / "seed3" / "policy.zip").stat().st_mtime_ns == before
 
 
 @pytest.mark.parametrize(
@@ -58,19 +56,22 @@ def test_processes_are_checked_before_anything_begins(more, word, tmp_path, caps
     assert not (tmp_path / "out").exists()
 
 
-def test_a_run_that_was_stopped_or_killed_early_is_not_finished(tmp_path):
-    out = tmp_path / "runs"
-    folder = out / "seed3"
-    train(load("rprp_reach_ppo", [*SMALL, "seed=3"]), folder)
+def test_what_is_finished_stays_and_what_was_stopped_or_killed_early_does_not(tmp_path):
+    folder, config = tmp_path / "seed3", load("rprp_reach_ppo", [*SMALL, "seed=3"])
+    silent = Progress(disable=True)
+    _finish(config, folder, silent)
+    before = {path: path.stat().st_mtime_ns for path in folder.iterdir()}
+    _finish(config, folder, silent)
+    assert {path: path.stat().st_mtime_ns for path in folder.iterdir()} == before
     facts = json.loads((folder / "training.json").read_text())
     (folder / "training.json").write_text(json.dumps({**facts, "stopped": True, "env_steps": 5}))
-    train(load("rprp_reach_ppo", [*SMALL, "seed=4"]), out / "seed4")
-    (out / "seed4" / "training.json").unlink()  # killed before its first checkpoint
-    command = ["train", "rprp_reach_ppo", *SMALL, "--seeds", "3,4", "--processes", "1", "--out", str(out)]
-    assert main(command) == 0
-    for seed in (3, 4):
-        facts = json.loads((out / f"seed{seed}" / "training.json").read_text())
-        assert (facts["stopped"], facts["env_steps"]) == (False, 1024)
+    _finish(config, folder, silent)
+    assert json.loads((folder / "training.json").read_text())["env_steps"] == 1024
+    (folder / "training.json").unlink()  # killed before its first checkpoint
+    (folder / "report.md").unlink()
+    _finish(config, folder, silent)
+    assert json.loads((folder / "training.json").read_text())["stopped"] is False
+    assert (folder / "report.md").is_file()
 
 
 def test_a_run_of_other_settings_or_a_failed_one_is_told_in_one_line(tmp_path, capsys):

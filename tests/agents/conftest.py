@@ -1,0 +1,11 @@
+"""What tests of the application share."""
+
+import pytest
+
+
+@pytest.fixture(autouse=True)
+def short_clips(monkeypatch):
+    """Reports of tests show one episode, not four: the clips take most of their time."""
+    from agents import report
+
+    monkeypatch.setattr(report, "CLIP_EPISODES", 1)
