@@ -23,8 +23,8 @@ MOST_SEEDS = 99
 """Largest seed of a run: higher ones would meet the goals of the evaluation."""
 MOST_EPISODES = 1_000_000
 """More would meet the goals of the evaluation or of the curve."""
-WITHOUT_EFFECT = ("checkpoint_seconds", "telemetry", "max_seconds")
-"""Settings that change no result of a run that ends by its steps."""
+WITHOUT_EFFECT = ("checkpoint_seconds", "telemetry")
+"""Settings that change no result."""
 MOST_SAMPLES = 10**8
 """Between two updates of PPO: what a rollout holds in memory."""
 MOST_DRAWN = 10**7

@@ -1,4 +1,4 @@
-"""PPO whose policy is the average of its weights, with an update of half the time.
+"""PPO whose policy is the average of its weights, with leaner loops.
 
 Advantages, buffer, networks, saving and loading are stable-baselines3's; the loops are replaced. They
 collect without its modules and compute values once for a rollout; the losses are the same, with their

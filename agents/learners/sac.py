@@ -1,4 +1,4 @@
-"""SAC whose policy is the average of its actor's weights, with a gradient step of half the time.
+"""SAC whose policy is the average of its actor's weights, with leaner gradient steps.
 
 Collection, replay buffers, networks, saving and loading are stable-baselines3's; ``train`` is replaced.
 What differs from it:
@@ -19,7 +19,7 @@ from typing import Any
 from redundant_envs.extras import needs
 
 from .averaging import Averaging
-from .goals import goal_mixing
+from .goals import ERROR_SCALE, goal_mixing
 from .networks import Adam, Layers, Networks, Tape, linear_layers
 
 with needs("train"):
@@ -69,7 +69,7 @@ class AveragedSAC(Averaging, SAC):
 
     def __init__(
         self, *args: Any, activation: str = "silu", policy_delay: int = 2, smoothness: float = 0.1,
-        average: float = 0.9995, error_scale: float = 0.05, **kwargs: Any,
+        average: float = 0.9995, error_scale: float = ERROR_SCALE, **kwargs: Any,
     ) -> None:  # fmt: skip
         self.activation = activation
         self.policy_delay = policy_delay

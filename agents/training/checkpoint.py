@@ -37,6 +37,8 @@ MOST = 1e18
 LAST = ("_last_obs", "_last_original_obs", "_last_episode_starts")
 EPISODES = ("ep_info_buffer", "ep_success_buffer")
 MONITOR = ("episode_returns", "episode_lengths", "episode_count")
+RANDOM_STATE = ("kind", "keys", "position", "has_gauss", "cached_gaussian")
+"""Of NumPy's global generator, from which replay buffers sample."""
 PROGRESS = ("next", "seconds", "hold")
 """Numbers of the caller: next point of the curve (steps), training time (s), the last point's success."""
 BUFFER_ARRAYS = (
@@ -110,9 +112,6 @@ def save(folder: Path, model: Any, monitor: Any, progress: dict[str, float], run
     shutil.rmtree(old, ignore_errors=True)
 
 
-RANDOM_STATE = ("kind", "keys", "position", "has_gauss", "cached_gaussian")
-
-
 def restore(folder: Path, model: Any, monitor: Any, run: dict[str, Any]) -> dict[str, float]:
     """Return to the checkpoint of a run folder; gives its ``progress``.
 
@@ -162,7 +161,7 @@ def _check_run(found: dict[str, Any], run: dict[str, Any]) -> None:
     """ValueError with the settings that differ."""
     if found["simulator"] != run["simulator"]:
         raise ValueError("its simulator is another one")
-    theirs, ours = (unplain(plain(r["settings"])) for r in (found, run))
+    theirs, ours = found["settings"], run["settings"]
     algo = ours["algo"]
     pairs = [(name, theirs.get(name), value) for name, value in ours.items() if name != algo]
     own = theirs.get(algo) or {}
@@ -224,10 +223,6 @@ def _like(name: str, found: Any, own: Any) -> Any:
 def _variables(model: Any) -> list[str]:
     """Names of an algorithm's tensors that are in no module."""
     return list(model._get_torch_save_params()[1] or ())
-
-
-def _deque(values: list[Any], model: Any) -> Any:
-    return deque(values, maxlen=model._stats_window_size)
 
 
 def buffer_state(buffer: Any) -> dict[str, Any]:

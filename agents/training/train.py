@@ -121,9 +121,9 @@ def _run(config: Config, folder: Path, progress: Progress | None, resumed: bool)
 
 
 def identity(config: Config, core: Core) -> dict[str, Any]:
-    """What a checkpoint belongs to: the configuration, without what changes no result, and the simulator."""
+    """What a checkpoint belongs to: the simulator, and the configuration without what changes no step."""
     settings = config.to_dict()
-    for name in WITHOUT_EFFECT:
+    for name in (*WITHOUT_EFFECT, "max_seconds"):
         del settings[name]
     return {"settings": settings, "simulator": simulator_hash(core)}
 

@@ -202,14 +202,14 @@ def test_an_average_is_the_running_mean_of_weights_and_is_there_inside_alone():
     for k, vector in enumerate(weights):
         updates = 2 * (k + 1)  # of the critics: the actor's is every second one
         mean = mean + max(0.1, 10 / (10 + updates)) * (vector - mean)
-    torch.testing.assert_close(model.means["actor"], mean, rtol=1e-4, atol=1e-6)
+    torch.testing.assert_close(model.means["actor"], mean, rtol=1e-6, atol=1e-7)
     present = model.policy.actor.mu.weight.clone()
     with model.averaged():
         inside = model.policy.actor.mu.weight.clone()
     assert torch.equal(model.policy.actor.mu.weight, present)
     assert not torch.equal(inside, present)
     torch.testing.assert_close(
-        inside, model.networks["actor"]._parts(mean)[0][2][0, :4], rtol=1e-4, atol=1e-6
+        inside, model.networks["actor"]._parts(mean)[0][2][0, :4], rtol=1e-6, atol=1e-7
     )
 
 
@@ -288,8 +288,8 @@ def test_a_rollout_of_ppo_holds_what_stable_baselines3_would_compute(env):
             tensors, torch.from_numpy(buffer.actions.reshape(480, 4))
         )
         last = policy.predict_values(policy.obs_to_tensor(model._last_obs)[0])
-    np.testing.assert_allclose(buffer.values.ravel(), values[:, 0], rtol=1e-3, atol=1e-4)
-    np.testing.assert_allclose(buffer.log_probs.ravel(), log_prob, rtol=1e-4, atol=1e-3)
+    np.testing.assert_allclose(buffer.values.ravel(), values[:, 0], rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(buffer.log_probs.ravel(), log_prob, rtol=1e-5, atol=2e-5)
     np.testing.assert_array_equal(buffer.episode_starts[0], starts)
     np.testing.assert_array_equal(buffer.episode_starts[step + 1], np.ones(16))
     # the advantages: deltas with the value after, and with that of the observation cut off by the limit
@@ -300,7 +300,7 @@ def test_a_rollout_of_ppo_holds_what_stable_baselines3_would_compute(env):
         delta = buffer.rewards[k] + 0.95 * open_[k] * after[k] - buffer.values[k]
         running = delta + 0.95 * 0.9 * open_[k] * running
         expected[k] = running
-    np.testing.assert_allclose(buffer.advantages, expected, rtol=1e-3, atol=1e-3)
+    np.testing.assert_allclose(buffer.advantages, expected, rtol=1e-5, atol=1e-5)
 
 
 def test_the_value_after_a_time_limit_is_added_to_the_last_reward():
