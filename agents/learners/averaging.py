@@ -20,8 +20,8 @@ with needs("train"):
 class Averaging:
     """Beside an algorithm of stable-baselines3, whose networks it trains as vectors.
 
-    The algorithm's modules hold the present weights after every update, and the averages inside
-    :meth:`averaged`.
+    After an update the modules that act hold the present weights; inside :meth:`averaged` all modules are up
+    to date, and those with averages hold them.
     """
 
     networks: dict[str, Networks]
@@ -57,7 +57,8 @@ class Averaging:
 
     @contextlib.contextmanager
     def averaged(self) -> Iterator[None]:
-        """The modules hold the averages inside."""
+        """All modules hold the present weights inside, or their averages."""
+        self.write_networks()
         for name, mean in self.means.items():
             self.networks[name].write(mean)
         try:

@@ -116,7 +116,7 @@ class AveragedSAC(Averaging, SAC):
             if with_actor:
                 self._update_actor(now[rows], ahead, rate)
             self.networks["targets"].vector.lerp_(self.networks["critics"].vector, self.tau)
-        self.write_networks()
+        self.networks["actor"].write()  # the next actions are drawn by its modules
         self.logger.record("train/n_updates", self._n_updates, exclude="tensorboard")
         self.logger.record("train/learning_rate", rate)
         self.logger.record("train/ent_coef", self._alpha())
