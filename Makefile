@@ -1,20 +1,24 @@
-# make test: set up and test.  make train: set up, learn to reach, report.  make coverage: what tests reach.
+# make test: set up and test.  make test-long: all tests, also those that compile many scenes.
+# make train: set up, learn to reach, report.  make coverage: what tests reach.
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: test coverage train check clean
+.PHONY: test test-long coverage train check clean
 .DEFAULT_GOAL := test
 
 $(VENV)/ready: pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed; set PYTHON=...")'
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt torch==2.13.0
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[train,plot,human,verify,dev]'
+	$(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt torch==2.13.0 \
+	  --editable '.[train,plot,human,verify,onnx,dev]'
 	touch $@
 
 test: $(VENV)/ready check
+	$(BIN)/python -m pytest -m "not long" --numprocesses auto --maxprocesses 4 --dist worksteal
+
+test-long: $(VENV)/ready
 	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
 coverage: $(VENV)/ready

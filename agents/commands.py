@@ -189,6 +189,18 @@ def play(
 
 
 @app.command()
+def export(
+    folders: Folders,
+    out: Annotated[Path, typer.Option(help="folder of the policies' folders")] = Path("policies"),
+) -> None:
+    """Write policies for others: stable-baselines3, ONNX, NumPy arrays, and a card."""
+    from .shipping.export import export_all
+
+    for folder in export_all(folders, out):
+        print(folder)
+
+
+@app.command()
 def schema() -> None:
     """Print the JSON schema of a training configuration, for editors."""
     import json

@@ -10,7 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from .config import Config
+from redundant_envs.envs.sb3 import make_sb3
+
+from .config import Config, label
 from .policies import load_policy
 from .rollout import EVALUATION_SEED, Outcome, expert_act, policy_act, run_episodes
 from .run_folder import EPISODES, FACTS, read_facts, write_json
@@ -52,6 +54,8 @@ def evaluate(config: Config, folder: Path, trust: bool = False) -> dict[str, Any
     policy = run_episodes(config.env, policy_act(model), n, EVALUATION_SEED, **config.env_kwargs)
     expert = run_episodes(config.env, expert_act(), n, EVALUATION_SEED, **config.env_kwargs)
     low, high = wilson(int(policy.hold.sum()), n)
+    core = make_sb3(config.env, 1, **config.env_kwargs).core
+    at_goal = policy.distance <= core.task.goal_tolerance * core.reach
     result = {
         "env": config.env,
         "algo": config.algo,
@@ -60,6 +64,7 @@ def evaluate(config: Config, folder: Path, trust: bool = False) -> dict[str, Any
         "hold_success": float(policy.hold.mean()),
         "interval": [low, high],
         "touch_success": float(policy.touch.mean()),
+        "restless": int((at_goal & ~policy.hold).sum()),
         "expert_hold_success": float(expert.hold.mean()),
         "expert_touch_success": float(expert.touch.mean()),
         **{name: facts[name] for name in FACTS},
@@ -104,7 +109,7 @@ def summary(result: dict[str, Any]) -> str:
     """The evaluation in a few sentences."""
     low, high = result["interval"]
     lines = [
-        f"{result['algo'].upper()} on {result['env']}, seed {result['seed']}: hold success "
+        f"{label(result['algo'])} on {result['env']}, seed {result['seed']}: hold success "
         f"{100 * result['hold_success']:.1f} % of {result['episodes']} episodes "
         f"(95 % interval {100 * low:.1f} to {100 * high:.1f} %), touch "
         f"{100 * result['touch_success']:.1f} %, median final distance "
@@ -112,6 +117,12 @@ def summary(result: dict[str, Any]) -> str:
         f"Computed torque on the same goals: {100 * result['expert_hold_success']:.1f} %, "
         f"{1000 * result['expert_median_distance']:.1f} mm.",
     ]
+    failed = round((1.0 - result["hold_success"]) * result["episodes"])
+    if failed and result.get("restless") is not None:
+        lines.append(
+            f"Of the {failed} goals it did not hold, the tip ended at {result['restless']}, but had not been "
+            "still there for long enough."
+        )
     difference = result["hold_success"] - result["expert_hold_success"]
     if difference < 0:
         lines.append("The learner loses to computed torque.")

@@ -31,8 +31,12 @@ with needs("train"):
 
 MOST_BYTES = 64 * 2**20
 """Largest weights that are read: 16 million numbers, far more than an arm needs."""
-TENSOR_NAMES = {"collections OrderedDict", "torch._utils _rebuild_tensor_v2", "torch FloatStorage"}
-"""What a table of float32 tensors refers to; anything else is not taken from a file."""
+TENSOR_NAMES = {
+    "collections OrderedDict", "torch._utils _rebuild_tensor_v2", "torch FloatStorage", "torch LongStorage",
+}  # fmt: skip
+"""What a table of tensors refers to; anything else is not taken from a file."""
+TENSOR_TYPES = (torch.float32, torch.int64)
+"""Weights, and the counters of CrossQ's normalisation."""
 HARMLESS = (
     "policy.zip is read without its pickled objects, which could run any code; add --trust to load it as "
     "stable-baselines3 does, if you know who made it"
@@ -41,15 +45,16 @@ HARMLESS = (
 
 NUMBERS = ("learning_rate", "clip_range")
 """Schedules, which are functions of this package: saved as the numbers that they begin with."""
-PLAIN_BUFFER: dict[str, Any] = {"replay_buffer_class": None, "replay_buffer_kwargs": {}}
-"""With the buffer of hindsight goals, stable-baselines3 loads a policy only beside an environment."""
+LEFT_OUT: dict[str, Any] = {"replay_buffer_class": None, "replay_buffer_kwargs": {}, "action_noise": None}
+"""With the buffer of hindsight goals, stable-baselines3 loads a policy only beside an environment; noise is
+of this package."""
 
 
 def save_policy(model: Any, path: Path) -> None:
     """Save a learner's average so that stable-baselines3 alone loads it; the file is whole or as before."""
     own = vars(model)
     changed: dict[str, Any] = {k: float(own[k](1.0)) for k in NUMBERS if callable(own.get(k))}
-    changed |= {k: value for k, value in PLAIN_BUFFER.items() if k in own}
+    changed |= {k: value for k, value in LEFT_OUT.items() if k in own}
     kept = {k: own[k] for k in changed}
     part = path.with_name(f"{path.name}.part")
     own.update(changed)
@@ -132,9 +137,9 @@ def _check_tensors(weights: Any, size: int) -> None:
     if not isinstance(weights, dict) or not all(isinstance(name, str) for name in weights):
         raise ValueError("it holds no names of tensors")
     for name, tensor in weights.items():
-        if not isinstance(tensor, torch.Tensor) or tensor.dtype != torch.float32:
+        if not isinstance(tensor, torch.Tensor) or tensor.dtype not in TENSOR_TYPES:
             raise ValueError(f"{name!r} is no float32 tensor")
-        if tensor.untyped_storage().nbytes() > size or 4 * tensor.numel() > size:
+        if tensor.untyped_storage().nbytes() > size or tensor.nbytes > size:
             raise ValueError(f"{name!r} claims {tensor.numel()} numbers, more than the file holds")
 
 
@@ -144,6 +149,8 @@ def check_weights(path: Path, found: Mapping[str, torch.Tensor], needed: Mapping
         verb, other = ("lacks", "asks for") if name in needed else ("has", "does not ask for")
         raise ValueError(f"{path} {verb} weights {name[:80]!r} that config.yaml {other}: is it of this run?")
     for name, tensor in needed.items():
+        if found[name].dtype != tensor.dtype:
+            raise ValueError(f"{path} has weights {name!r} of {found[name].dtype}; give {tensor.dtype}")
         if found[name].shape != tensor.shape:
             raise ValueError(
                 f"{path} has weights {name!r} of shape {tuple(found[name].shape)}, config.yaml asks for "

@@ -580,7 +580,7 @@ def describe(folder: Path) -> str:
     """A run folder's policy in words."""
     config = read_config(folder)
     core = make_sb3(config.env, 1, **config.env_kwargs).core
-    words = f"{config.algo.upper()}, seed {config.seed}"
+    words = f"{config.label}, seed {config.seed}"
     if (folder / "selection.csv").is_file():
         rows = read_table(folder, "selection.csv", SELECTION)
         words += f", {rows[-1, 0] / 1e6:.2f} million steps" if len(rows) else ", no point of its curve"

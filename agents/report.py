@@ -58,7 +58,7 @@ def plots(folder: Path, config: Config) -> list[Path]:
         curves([folder], target / "learning_curve.png", stopped=True)
         pictures.insert(0, target / "learning_curve.png")
     figure, axes = plt.subplots(figsize=(6.4, 3.8), layout="constrained")
-    for column, label in ((3, config.algo.upper()), (6, "computed-torque expert")):
+    for column, label in ((3, config.label), (6, "computed-torque expert")):
         distance = np.sort(1000 * episodes[:, column])
         axes.plot(distance, 100 * np.arange(1, len(distance) + 1) / len(distance), label=label)
     axes.set(
@@ -130,7 +130,7 @@ def page(
     folder: Path, config: Config, result: dict[str, Any], clips: list[Path], pictures: list[Path]
 ) -> str:
     """The text of report.md."""
-    learner = config.algo.upper()
+    learner = config.label
     rows = [
         f"| {name} | {number(result.get(key), scale, digits, unit)} "
         f"| {number(result.get(f'expert_{key}'), scale, digits, unit)} |"
@@ -152,8 +152,8 @@ def page(
         "normalized motor efforts, smoothness their mean change from one control step to the next: less is "
         "better.", "",
         f"{speed}Evaluated on {result['date']}. Machine: {result['machine']}. {', '.join(origin)}.", "",
-        "`config.yaml` is what was run, `scene.yaml` what was simulated, `policy.zip` the average of the "
-        "last weights, which stable-baselines3 loads, `selection.csv` the learning curve (on goals of its "
+        "`config.yaml` is what was run, `scene.yaml` what was simulated, `policy.zip` the policy at "
+        "the end, which stable-baselines3 loads, `selection.csv` the learning curve (on goals of its "
         "own), `monitor.csv` every training episode, `episodes.csv` the evaluation.", "",
         f"Again, to the same bits with this machine and these versions: `{COMMAND} train "
         f"{folder}/config.yaml`", "",

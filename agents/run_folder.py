@@ -27,6 +27,8 @@ MEASURES = tuple(
     f"{who}{name}" for who in ("", "expert_") for name in ("time_to_hold", "effort", "smoothness")
 )
 """Beside success; folders of older versions lack them."""
+RESTLESS = "restless"
+"""Episodes that were not held though the tip ended at the goal; folders of older versions lack it."""
 RETURNS = ("mean_return", "expert_mean_return")
 FACTS = ("env_steps", "train_seconds")
 MOST = 1e15
@@ -56,7 +58,7 @@ def read_evaluation(folder: Path) -> dict[str, Any]:
     checks = {name: _is_number(data.get(name)) for name in (*DISTANCES, *RETURNS)}
     checks |= {name: _is_number(data.get(name), 1) for name in RATES}
     checks |= {name: data.get(name) is None or _is_number(data[name]) for name in FACTS}
-    checks |= {name: data.get(name) is None or _is_number(data[name]) for name in MEASURES}
+    checks |= {name: data.get(name) is None or _is_number(data[name]) for name in (*MEASURES, RESTLESS)}
     for name, low, high in (("seed", 0, MOST_SEEDS), ("episodes", 1, MOST_EPISODES)):
         checks[name] = isinstance(data.get(name), int) and _is_number(data[name], high) and data[name] >= low
     checks["env"], checks["algo"] = data.get("env") in ids(), data.get("algo") in ALGORITHMS

@@ -67,6 +67,12 @@ def call(*command: str, folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, check=False, capture_output=True, text=True, cwd=folder, env=clean)
 
 
+def install(home: Path, *what: str) -> None:
+    """Install into an environment that has no pip of its own, which would take ten seconds."""
+    pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
+    subprocess.run([*pip, "--python", program(home, "python"), "install", *what], check=True)
+
+
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory):
     """The wheel of this checkout."""
@@ -81,10 +87,8 @@ def wheel(tmp_path_factory):
 def core(wheel, tmp_path_factory):
     """An environment with the wheel and its core dependencies."""
     home = tmp_path_factory.mktemp("core") / "venv"
-    venv.create(home, with_pip=True)
-    constraints = str(ROOT / "constraints.txt")
-    install = ["-m", "pip", "--quiet", "install", "--constraint", constraints, str(wheel)]
-    subprocess.run([program(home, "python"), *install], check=True)
+    venv.create(home)
+    install(home, "--constraint", str(ROOT / "constraints.txt"), str(wheel))
     return home
 
 
@@ -108,9 +112,9 @@ def test_console_scripts(core, tmp_path):
 def test_a_wheel_trains_from_an_empty_folder(wheel, tmp_path):
     home, empty = tmp_path / "venv", tmp_path / "empty"
     empty.mkdir()
-    venv.create(home, with_pip=True)
+    venv.create(home)
     python = program(home, "python")
-    subprocess.run([python, "-m", "pip", "--quiet", "install", "--no-deps", str(wheel)], check=True)
+    install(home, "--no-deps", str(wheel))
     # The dependencies are those of this environment; the wheel comes before it.
     ask = "import sysconfig; print(sysconfig.get_path('purelib'))"
     packages = Path(call(python, "-c", ask, folder=tmp_path).stdout.strip())

@@ -2,11 +2,12 @@
 
 from .fields import Model, Real, Text, Whole, checked, number, value
 from .files import load, preset_folder, preset_path, presets, read
-from .learners import HERSettings, PPOSettings, SACSettings
-from .run import ALGORITHMS, MOST_EPISODES, MOST_SEEDS, SEEDS_PER_RUN, WITHOUT_EFFECT, Config
+from .learners import HERSettings, OffPolicySettings, PlainPPOSettings, PPOSettings, SACSettings, TD3Settings
+from .run import ALGORITHMS, MOST_EPISODES, MOST_SEEDS, SEEDS_PER_RUN, WITHOUT_EFFECT, Config, label
 
 __all__ = [
     "ALGORITHMS", "MOST_EPISODES", "MOST_SEEDS", "SEEDS_PER_RUN", "WITHOUT_EFFECT", "Config", "HERSettings",
-    "Model", "PPOSettings", "Real", "SACSettings", "Text", "Whole", "checked", "load", "number",
-    "preset_folder", "preset_path", "presets", "read", "value",
+    "Model", "OffPolicySettings", "PPOSettings", "PlainPPOSettings", "Real", "SACSettings", "TD3Settings",
+    "Text", "Whole", "checked", "label", "load", "number", "preset_folder", "preset_path", "presets",
+    "read", "value",
 ]  # fmt: skip

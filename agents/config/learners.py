@@ -37,16 +37,14 @@ NET = "widths of the hidden layers"
 ACTIVATION = "between layers"
 
 
-class PPOSettings(Model):
-    """PPO with averaged weights."""
+class PlainPPOSettings(Model):
+    """PPO as stable-baselines3 has it."""
 
     n_steps: Whole = number(32, 1, 1e6, "control steps of every environment between two updates")
     batch_size: Whole = number(1024, 2, 1e8, "samples of a minibatch; it divides num_envs * n_steps")
     n_epochs: Whole = number(2, 1, 1000, "passes over the samples of an update")
     learning_rate: Real = number(2e-3, *RATE, "Adam's, at the beginning")
-    schedule: Schedule = value(
-        "linear", "learning rate and ent_coef: constant, or linear to 0 at total_steps"
-    )
+    schedule: Schedule = value("linear", "learning rate: constant, or linear to 0 at total_steps")
     gamma: Real = number(0.95, 0, 1, "discount per control step")
     gae_lambda: Real = number(0.9, 0, 1, "weight of longer returns in the advantages")
     clip_range: Real = number(0.2, 1e-6, 10, "largest change of a probability ratio that is rewarded")
@@ -56,28 +54,47 @@ class PPOSettings(Model):
     log_std_init: Real = number(-0.5, -20, 5, "logarithm of the first standard deviation of the actions")
     net_arch: Net = value((64, 64), NET)
     activation: Activation = value("silu", ACTIVATION)
+
+
+class PPOSettings(PlainPPOSettings):
+    """PPO with averaged weights."""
+
+    schedule: Schedule = value(
+        "linear", "learning rate and ent_coef: constant, or linear to 0 at total_steps"
+    )
     average: Real = number(0.9, 0, 1 - 1e-9, "share of the average that an epoch keeps; 0: no average")
 
 
-class SACSettings(Model):
+class OffPolicySettings(Model):
+    """What all learners with a replay buffer have."""
+
+    buffer_size: Whole = number(500_000, 1, 1e8, "transitions kept")
+    learning_starts: Whole = number(20_000, 0, 1e9, "environment steps with random actions before learning")
+    batch_size: Whole = number(256, 1, 1e6, "samples of a gradient step")
+    learning_rate: Real = number(1e-3, *RATE, "Adam's, of actor and critics, at the beginning")
+    schedule: Schedule = value("constant", "learning rate: constant, or linear to 0 at total_steps")
+    gamma: Real = number(0.9, 0, 1, "discount per control step")
+    train_freq: Whole = number(1, 1, 1e6, "control steps of every environment between gradient steps")
+    gradient_steps: Whole = number(8, 1, 10_000, "critic steps after each train_freq")
+    net_arch: Net = value((64, 64), NET)
+    activation: Activation = value("silu", ACTIVATION)
+
+
+TAU = (1e-9, 1, "share of the critics that their targets take at a gradient step")
+DELAY = (1, 1000, "critic steps from one actor step to the next")
+ENTROPY = "weight of the entropy, from 0 to 100, or auto"
+
+
+class SACSettings(OffPolicySettings):
     """SAC with an averaged, smoothed, delayed actor.
 
     A small fixed ent_coef, because holding still needs a policy that is nearly sure.
     """
 
-    buffer_size: Whole = number(500_000, 1, 1e8, "transitions kept")
-    learning_starts: Whole = number(20_000, 0, 1e9, "environment steps with random actions before learning")
-    batch_size: Whole = number(256, 1, 1e6, "samples of a gradient step")
     learning_rate: Real = number(6e-3, *RATE, "Adam's, of actor and critics, at the beginning")
-    schedule: Schedule = value("constant", "learning rate: constant, or linear to 0 at total_steps")
-    gamma: Real = number(0.9, 0, 1, "discount per control step")
-    tau: Real = number(0.04, 1e-9, 1, "share of the critics that their targets take at a gradient step")
-    train_freq: Whole = number(1, 1, 1e6, "control steps of every environment between gradient steps")
-    gradient_steps: Whole = number(8, 1, 10_000, "critic steps after each train_freq")
-    ent_coef: EntropyWeight = value(0.001, "weight of the entropy, from 0 to 100, or auto")
-    net_arch: Net = value((64, 64), NET)
-    activation: Activation = value("silu", ACTIVATION)
-    policy_delay: Whole = number(2, 1, 1000, "critic steps from one actor step to the next")
+    tau: Real = number(0.04, *TAU)
+    ent_coef: EntropyWeight = value(0.001, ENTROPY)
+    policy_delay: Whole = number(2, *DELAY)
     smoothness: Real = number(0.1, 0, 1000, "weight of |a(s) - a(s')|^2 in the actor's loss; 0: none")
     average: Real = number(
         0.9995, 0, 1 - 1e-9, "share of the average that an actor step keeps; 0: no average"
@@ -99,3 +116,35 @@ class HERSettings(SACSettings):
     error_scale: Real = number(
         0.05, 1e-6, 1e6, "distance from the goal that the networks are given as 1", "reach"
     )
+
+
+class PlainSACSettings(OffPolicySettings):
+    """SAC as stable-baselines3 has it."""
+
+    tau: Real = number(0.04, *TAU)
+    ent_coef: EntropyWeight = value(0.001, ENTROPY)
+
+
+class TD3Settings(OffPolicySettings):
+    """TD3 of stable-baselines3."""
+
+    tau: Real = number(0.04, *TAU)
+    policy_delay: Whole = number(2, *DELAY)
+    action_noise: Real = number(0.1, 0, 10, "standard deviation of the noise on actions, while exploring")
+    target_policy_noise: Real = number(0.2, 0, 10, "standard deviation of the noise on target actions")
+    target_noise_clip: Real = number(0.5, 0, 10, "largest noise on target actions")
+
+
+class TQCSettings(OffPolicySettings):
+    """TQC of sb3-contrib."""
+
+    tau: Real = number(0.04, *TAU)
+    ent_coef: EntropyWeight = value(0.001, ENTROPY)
+    top_quantiles_to_drop_per_net: Whole = number(2, 0, 24, "of the 25 quantiles of each of two critics")
+
+
+class CrossQSettings(OffPolicySettings):
+    """CrossQ of sb3-contrib: batch renormalisation instead of target networks."""
+
+    ent_coef: EntropyWeight = value(0.001, ENTROPY)
+    policy_delay: Whole = number(3, *DELAY)

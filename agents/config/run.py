@@ -10,12 +10,22 @@ from redundant_envs.extras import needs
 from redundant_envs.values import shown
 
 from .fields import Model, Real, Text, Whole, number, value
-from .learners import HERSettings, PPOSettings, SACSettings
+from .learners import (
+    CrossQSettings,
+    HERSettings,
+    OffPolicySettings,
+    PlainPPOSettings,
+    PlainSACSettings,
+    PPOSettings,
+    SACSettings,
+    TD3Settings,
+    TQCSettings,
+)
 
 with needs("train"):
     from pydantic import model_validator
 
-Algorithm = Literal["ppo", "sac", "her"]
+Algorithm = Literal["ppo", "sac", "her", "plain_ppo", "plain_sac", "td3", "tqc", "crossq"]
 ALGORITHMS: tuple[str, ...] = get_args(Algorithm)
 SEEDS_PER_RUN = 10_000
 """Environment seeds of a run: seed * 10 000 and up, one per environment."""
@@ -40,6 +50,11 @@ CHANGES = {
 """What each version of the configuration changed."""
 
 
+def label(algo: str) -> str:
+    """What tables and figures call an algorithm."""
+    return {"plain_ppo": "stock PPO", "plain_sac": "stock SAC", "crossq": "CrossQ"}.get(algo, algo.upper())
+
+
 class Config(Model):
     """One training run."""
 
@@ -62,6 +77,11 @@ class Config(Model):
     ppo: PPOSettings | None = value(None, "settings of ppo")
     sac: SACSettings | None = value(None, "settings of sac")
     her: HERSettings | None = value(None, "settings of her")
+    plain_ppo: PlainPPOSettings | None = value(None, "settings of plain_ppo")
+    plain_sac: PlainSACSettings | None = value(None, "settings of plain_sac")
+    td3: TD3Settings | None = value(None, "settings of td3")
+    tqc: TQCSettings | None = value(None, "settings of tqc")
+    crossq: CrossQSettings | None = value(None, "settings of crossq")
 
     @model_validator(mode="before")
     @classmethod
@@ -89,19 +109,25 @@ class Config(Model):
         if self.max_seconds is not None and not self.max_seconds > 0.0:
             raise ValueError(f"max_seconds is {self.max_seconds:g}; give more than 0, or null")
         check_env_kwargs(self.env_kwargs)
-        if self.ppo is not None:
-            _check_rollout(self.num_envs, self.ppo)
-        if self.sac is not None or self.her is not None:
-            _check_sample(self.algo, self.sac or self.her)
-        if self.her is not None:
-            _check_first_episodes(self.num_envs, self.env_kwargs, self.her)
+        settings = self.settings
+        if isinstance(settings, PlainPPOSettings):
+            _check_rollout(self.algo, self.num_envs, settings)
+        else:
+            _check_sample(self.algo, settings)
+        if isinstance(settings, HERSettings):
+            _check_first_episodes(self.num_envs, self.env_kwargs, settings)
         return self
 
     @property
-    def settings(self) -> PPOSettings | SACSettings:
+    def settings(self) -> PlainPPOSettings | OffPolicySettings:
         """Those of the chosen learner."""
-        chosen: PPOSettings | SACSettings = getattr(self, self.algo)
+        chosen: PlainPPOSettings | OffPolicySettings = getattr(self, self.algo)
         return chosen
+
+    @property
+    def label(self) -> str:
+        """What tables and figures call the learner."""
+        return label(self.algo)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data, with the settings of the chosen algorithm only."""
@@ -137,20 +163,19 @@ def _check_first_episodes(num_envs: int, env_kwargs: Mapping[str, Any], her: HER
             )
 
 
-def _check_sample(algo: str, sac: SACSettings | None) -> None:
-    assert sac is not None
-    if sac.batch_size * sac.gradient_steps > MOST_DRAWN:
+def _check_sample(algo: str, settings: OffPolicySettings) -> None:
+    if settings.batch_size * settings.gradient_steps > MOST_DRAWN:
         raise ValueError(
-            f"{algo}.batch_size is {sac.batch_size}; with {sac.gradient_steps} gradient steps, whose samples "
-            f"are drawn together, give at most {MOST_DRAWN // sac.gradient_steps}"
+            f"{algo}.batch_size is {settings.batch_size}; with {settings.gradient_steps} gradient steps, "
+            f"whose samples are drawn together, give at most {MOST_DRAWN // settings.gradient_steps}"
         )
 
 
-def _check_rollout(num_envs: int, ppo: PPOSettings) -> None:
+def _check_rollout(algo: str, num_envs: int, ppo: PlainPPOSettings) -> None:
     samples = num_envs * ppo.n_steps
     if samples > MOST_SAMPLES:
         raise ValueError(
-            f"ppo.n_steps is {ppo.n_steps}; with {num_envs} environments give at most "
+            f"{algo}.n_steps is {ppo.n_steps}; with {num_envs} environments give at most "
             f"{MOST_SAMPLES // num_envs}"
         )
     if samples % ppo.batch_size:
@@ -161,5 +186,6 @@ def _check_rollout(num_envs: int, ppo: PPOSettings) -> None:
             else "and be 2 or more"
         )
         raise ValueError(
-            f"ppo.batch_size is {ppo.batch_size}; it must divide num_envs * ppo.n_steps = {samples}, {fix}"
+            f"{algo}.batch_size is {ppo.batch_size}; it must divide num_envs * {algo}.n_steps = {samples}, "
+            f"{fix}"
         )

@@ -31,6 +31,8 @@ class Run:
     ----------
     folder : Path
     env, algo : str
+    learner : str
+        What tables and figures call the algorithm.
     seed : int
     settings : mapping
         The configuration without its seed.
@@ -43,6 +45,7 @@ class Run:
     folder: Path
     env: str
     algo: str
+    learner: str
     seed: int
     settings: Mapping[str, Any]
     evaluation: Mapping[str, Any]
@@ -90,7 +93,8 @@ def read_run(folder: str | Path, stopped: bool = False) -> Run:
         damaged or belongs to another run.
     """
     folder = Path(folder)
-    settings = read_config(folder).to_dict()
+    config = read_config(folder)
+    settings = config.to_dict()
     seed = settings.pop("seed")
     for name in WITHOUT_EFFECT:
         del settings[name]
@@ -113,7 +117,7 @@ def read_run(folder: str | Path, stopped: bool = False) -> Run:
             f"{folder}/selection.csv is damaged (a number is not finite, or steps or seconds go back); make "
             f"it anew: {COMMAND} train {folder}/config.yaml --out NEW_FOLDER"
         )
-    return Run(folder, settings["env"], settings["algo"], seed, settings, evaluation, curve)
+    return Run(folder, config.env, config.algo, config.label, seed, settings, evaluation, curve)
 
 
 def group(runs: Iterable[Run]) -> list[Group]:
@@ -138,7 +142,7 @@ def group(runs: Iterable[Run]) -> list[Group]:
     members = [tuple(by_seed[seed] for seed in sorted(by_seed)) for by_seed in found.values()]
     alike: dict[tuple[str, str, str], list[tuple[Run, ...]]] = {}
     for same in members:
-        alike.setdefault((_environment(same[0]), _scene(same[0]), same[0].algo.upper()), []).append(same)
+        alike.setdefault((_environment(same[0]), _scene(same[0]), same[0].learner), []).append(same)
     return [
         Group(environment, scene, ", ".join([learner, *difference]), same)
         for (environment, scene, learner), rivals in sorted(alike.items())

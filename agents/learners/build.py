@@ -1,4 +1,4 @@
-"""The learner of a configuration, and the plain algorithm of stable-baselines3 that loads its policy."""
+"""The learner of a configuration, and the algorithm of stable-baselines3 that loads its policy."""
 
 from __future__ import annotations
 
@@ -6,16 +6,27 @@ from typing import Any
 
 from redundant_envs.extras import needs
 
-from ..config import Config, HERSettings, PPOSettings
+from ..config import Config, HERSettings, PlainPPOSettings, TD3Settings
+from .averaging import Averaging
 from .networks import ACTIVATIONS
+from .plain import NormalNoise, PlainCrossQ, PlainPPO, PlainSAC, PlainTD3, PlainTQC
 from .ppo import AveragedPPO
 from .sac import AveragedSAC
 
 with needs("train"):
-    from stable_baselines3 import PPO, SAC, HerReplayBuffer
+    from sb3_contrib import TQC, CrossQ
+    from stable_baselines3 import PPO, SAC, TD3, HerReplayBuffer
 
-ALGORITHM_CLASSES: dict[str, Any] = {"ppo": PPO, "sac": SAC, "her": SAC}
-"""Class of stable-baselines3 by algorithm: it loads policy.zip."""
+ALGORITHM_CLASSES: dict[str, Any] = {
+    "ppo": PPO, "sac": SAC, "her": SAC, "plain_ppo": PPO, "plain_sac": SAC, "td3": TD3, "tqc": TQC,
+    "crossq": CrossQ,
+}  # fmt: skip
+"""Class of stable-baselines3 or sb3-contrib by algorithm: it loads policy.zip."""
+LEARNERS: dict[str, Any] = {
+    "ppo": AveragedPPO, "sac": AveragedSAC, "her": AveragedSAC, "plain_ppo": PlainPPO, "plain_sac": PlainSAC,
+    "td3": PlainTD3, "tqc": PlainTQC, "crossq": PlainCrossQ,
+}  # fmt: skip
+"""Class that trains, by algorithm."""
 
 
 def policy_name(config: Config) -> str:
@@ -28,7 +39,7 @@ def policy_kwargs(config: Config) -> dict[str, Any]:
     settings = config.settings
     layers = list(settings.net_arch)
     kwargs: dict[str, Any] = {"activation_fn": ACTIVATIONS[settings.activation].module}
-    if isinstance(settings, PPOSettings):
+    if isinstance(settings, PlainPPOSettings):
         return {
             **kwargs,
             "net_arch": {"pi": layers, "vf": list(layers)},
@@ -37,24 +48,27 @@ def policy_kwargs(config: Config) -> dict[str, Any]:
     return {**kwargs, "net_arch": layers}
 
 
-def make_model(config: Config, env: Any) -> AveragedPPO | AveragedSAC:
+def make_model(config: Config, env: Any) -> Any:
     """The learner of a configuration, on a VecEnv."""
-    settings = config.settings
+    settings, learner = config.settings, LEARNERS[config.algo]
     given = settings.model_dump(exclude={"net_arch", "schedule", "learning_rate", "log_std_init"})
-    common = {
-        "policy": policy_name(config),
-        "env": env,
-        "seed": config.seed,
-        "device": "cpu",
-        "policy_kwargs": policy_kwargs(config),
-        "learning_rate": _rate(settings.learning_rate, settings.schedule),
-    }
-    if isinstance(settings, PPOSettings):
-        return AveragedPPO(**common, **given)
+    if not issubclass(learner, Averaging):  # the others know it from their policy alone
+        del given["activation"]
     if isinstance(settings, HERSettings):
         goals = {name: given.pop(name) for name in ("n_sampled_goal", "goal_selection_strategy")}
-        common |= {"replay_buffer_class": HerReplayBuffer, "replay_buffer_kwargs": goals}
-    return AveragedSAC(**common, **given)
+        given |= {"replay_buffer_class": HerReplayBuffer, "replay_buffer_kwargs": goals}
+    if isinstance(settings, TD3Settings):
+        noise = NormalNoise(config.num_envs, env.action_space.shape[0], settings.action_noise)
+        given["action_noise"] = noise
+    return learner(
+        policy=policy_name(config),
+        env=env,
+        seed=config.seed,
+        device="cpu",
+        policy_kwargs=policy_kwargs(config),
+        learning_rate=_rate(settings.learning_rate, settings.schedule),
+        **given,
+    )
 
 
 def _rate(rate: float, schedule: str) -> Any:

@@ -182,7 +182,7 @@ def learner_rows(folders: Sequence[Path]) -> list[Row]:
     for folder in folders:
         config, evaluation = read_config(folder), read_evaluation(folder)
         arm = next(arm for arm, (_, scene) in ARMS.items() if load_scene(scene).robot.kind in config.env)
-        key = (arm, _factor(folder, arm, config.env_kwargs), config.algo.upper())
+        key = (arm, _factor(folder, arm, config.env_kwargs), config.label)
         same = found.setdefault(key, [])
         if evaluation["seed"] in [other["seed"] for other in same]:
             raise ValueError(f"{folder} is a second run of seed {evaluation['seed']}; leave one out")

@@ -37,8 +37,12 @@ def factors_of(text: str) -> tuple[float, ...]:
     return factors
 
 
-def trainings(factors: Sequence[float], seeds: Sequence[int]) -> dict[str, Config]:
-    """Configuration of each learner by the name of its folder: presets with scaled effort limits."""
+Key = tuple[str, float, str]
+"""Arm, factor and learner of a row."""
+
+
+def trainings(factors: Sequence[float], seeds: Sequence[int]) -> dict[str, tuple[Key, Config]]:
+    """Row and configuration of each learner by the name of its folder: presets with scaled effort limits."""
     chosen = {}
     for arm, (_, scene) in ARMS.items():
         for learner in LEARNERS:
@@ -47,7 +51,9 @@ def trainings(factors: Sequence[float], seeds: Sequence[int]) -> dict[str, Confi
                 data = scene_data(scene) if factor == 1.0 else weakened(scene, factor)
                 for seed in seeds:
                     config = {**preset, "seed": seed, "env_kwargs": {"scene": data}}
-                    chosen[f"{arm.lower()}_{learner}_{factor!r}_seed{seed}"] = checked(Config, config)
+                    run = checked(Config, config)
+                    key = (arm, factor, run.label)
+                    chosen[f"{arm.lower()}_{learner}_{factor!r}_seed{seed}"] = key, run
     return chosen
 
 
@@ -66,7 +72,7 @@ def run_study(
     episodes : int
         Goals of computed torque and of what can be held.
     runs : sequence of Path
-        Evaluated run folders beside those trained here.
+        Evaluated run folders: a learner that they have of an arm and factor is not trained again.
     processes : int or None
         Trainings at a time.
     out : Path
@@ -86,10 +92,13 @@ def run_study(
     }:
         rows = [row for arm in ARMS for row in expert_rows(arm, factors, episodes)]
         write_rows(rows, expert)
-    chosen = trainings(factors, seeds)
+    given = learner_rows(runs)
+    known = {(row.arm, row.factor, row.who) for row in given}
+    chosen = {name: config for name, (key, config) in trainings(factors, seeds).items() if key not in known}
     if chosen:
         train_many(chosen, out / "runs", processes)
-    rows = [*rows, *learner_rows([*runs, *(out / "runs" / name for name in chosen)])]
+    trained = learner_rows([out / "runs" / name for name in chosen])
+    rows = [*rows, *(row for row in (*given, *trained) if row.factor in factors)]
     write_rows(rows, out / "strength.csv")
     figure(rows).savefig(out / "strength.png")
     return table(rows)

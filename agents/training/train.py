@@ -14,7 +14,7 @@ from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
 
 from .. import COMMAND
-from ..config import SEEDS_PER_RUN, WITHOUT_EFFECT, Config
+from ..config import SEEDS_PER_RUN, WITHOUT_EFFECT, Config, PlainPPOSettings
 from ..learners.build import make_model
 from ..policies import save_policy
 from ..run_folder import read_config, write_json
@@ -87,7 +87,11 @@ def _run(config: Config, folder: Path, progress: Progress | None, resumed: bool)
         model.set_logger(logger(folder, config))
         with progress_bars() if progress is None else nullcontext(progress) as bars:
             watch = Watch(config, folder, monitor, bars, stop, begun, run)
-            every = LOG_ROLLOUTS if config.algo == "ppo" else LOG_EPISODES * config.num_envs
+            every = (
+                LOG_ROLLOUTS
+                if isinstance(config.settings, PlainPPOSettings)
+                else LOG_EPISODES * config.num_envs
+            )
             try:
                 left = config.total_steps - model.num_timesteps
                 model.learn(left, callback=watch, log_interval=every, reset_num_timesteps=not resumed)

@@ -43,7 +43,7 @@ class Watch(BaseCallback):
         self.monitor = monitor
         self.progress = progress
         self.run = run
-        name = f"{config.algo.upper()} {config.env.split('/')[-1]} seed {config.seed}"
+        name = f"{config.label} {config.env.split('/')[-1]} seed {config.seed}"
         self.task = progress.add_task(name, total=config.total_steps, note="")
         self.hold = begun.get("hold", math.nan)
         """Hold success of the last point of the curve."""

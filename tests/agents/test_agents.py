@@ -145,8 +145,12 @@ def test_shipped_configurations_load_and_are_named_by_what_they_are(name):
     config = load(name)
     arm = {"RPRP": "rprp", "FourR": "four_r"}["RPRP" if "RPRP" in config.env else "FourR"]
     task = "goal_reach" if "Goal" in config.env else "reach"
+    if "scene" in config.env_kwargs:
+        assert config.env_kwargs == {"scene": f"{arm}_weak"}
+        task = "weak"
     assert name.split("/")[-1] == f"{arm}_{task}_{config.algo}"
-    assert config.max_seconds is None  # presets end by steps
+    if "/" not in name:  # baselines are given the same seconds instead
+        assert config.max_seconds is None  # presets end by steps
     assert config.algo in ALGORITHMS
 
 

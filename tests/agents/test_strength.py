@@ -11,6 +11,7 @@ import yaml
 from agents.__main__ import main
 from agents.config import load
 from agents.rollout import EVALUATION_SEED
+from agents.studies import strength_run
 from agents.studies.strength import (
     ARMS,
     EXPERT,
@@ -26,7 +27,7 @@ from agents.studies.strength import (
     write_rows,
 )
 from agents.studies.strength_figure import AREA, figure
-from agents.studies.strength_run import factors_of, trainings
+from agents.studies.strength_run import factors_of, run_study, trainings
 from redundant_envs.control.holding import can_hold, holding_load
 from redundant_envs.control.statics import effort_limits
 from redundant_envs.envs.sb3 import make_sb3
@@ -116,7 +117,7 @@ def run_folder(path, arm, seed, hold, **env_kwargs):
     """A run folder as an evaluation leaves it."""
     config = load(PRESETS[arm]).to_dict()
     config |= {"seed": seed, "env_kwargs": env_kwargs}
-    path.mkdir()
+    path.mkdir(parents=True)
     (path / "config.yaml").write_text(yaml.safe_dump(config))
     evaluation = {
         "env": config["env"], "algo": config["algo"], "seed": seed, "episodes": 100, "hold_success": hold,
@@ -261,7 +262,8 @@ def test_learners_are_trained_with_scaled_limits_and_nothing_else_changed():
     assert factors_of("") == FACTORS
     chosen = trainings((1.0, 0.5), [3])
     assert len(chosen) == 2 * 2 * 2
-    config = chosen["4r_sac_0.5_seed3"]
+    key, config = chosen["4r_sac_0.5_seed3"]
+    assert key == ("4R", 0.5, "SAC")
     assert (config.algo, config.seed, config.env) == ("sac", 3, "redundant_envs/FourRReach-v0")
     assert config.to_dict()["sac"] == load("four_r_reach_sac").to_dict()["sac"]
     limits = effort_limits(load_scene(config.env_kwargs["scene"]))
@@ -280,3 +282,27 @@ def test_the_study_without_training_writes_rows_figure_and_table(tmp_path, capsy
     before = (tmp_path / "expert.csv").stat().st_mtime_ns
     assert main([*command, "--out", str(tmp_path)]) == 0  # what is finished stays
     assert (tmp_path / "expert.csv").stat().st_mtime_ns == before
+
+
+def test_learners_that_are_given_are_not_trained_again(tmp_path, monkeypatch):
+    trained = []
+
+    def train_many(configs, folder, processes):
+        for name, config in configs.items():
+            trained.append(name)
+            arm = "4R" if "FourR" in config.env else "RPRP"
+            run_folder(folder / name, arm, config.seed, 0.25, scene=config.env_kwargs["scene"])
+
+    monkeypatch.setattr(strength_run, "train_many", train_many)
+    monkeypatch.setattr(strength_run, "LEARNERS", ("ppo",))
+    monkeypatch.setattr(strength_run, "ARMS", {"4R": ARMS["4R"]})
+    given = [
+        run_folder(tmp_path / "strong", "4R", 7, 0.9),
+        run_folder(tmp_path / "other", "4R", 7, 0.8, scene=weakened("four_r_reach", 0.7)),
+    ]
+    run_study((1.0, 0.5), [0, 1], 5, given, None, tmp_path / "out")
+    assert trained == ["4r_ppo_0.5_seed0", "4r_ppo_0.5_seed1"]
+    rows = {(r.factor, r.who): r for r in read_rows(tmp_path / "out" / "strength.csv") if r.who == "PPO"}
+    assert set(rows) == {(1.0, "PPO"), (0.5, "PPO")}  # 0.7 is none of the factors
+    assert (rows[1.0, "PPO"].hold_success, rows[0.5, "PPO"].hold_success) == (0.9, 0.25)
+    assert (rows[1.0, "PPO"].seeds, rows[0.5, "PPO"].seeds) == (1, 2)

@@ -61,7 +61,7 @@ def test_events_undone_within_the_interval_are_found(kwargs):
     np.testing.assert_array_equal(found, events)
 
 
-@pytest.mark.parametrize("tolerance", [1e-6, 1e-12, None])
+@pytest.mark.parametrize("tolerance", [1e-6, pytest.param(1e-12, marks=pytest.mark.long), None])
 def test_an_impact_before_another_event_of_the_same_slider_is_found(tolerance):
     """The slider strikes its upper stop after 0.3 ms, and is at the lower one before 20 ms are over."""
     stop = rde.effects.PrismaticStop((0.0, 0.0), (0.3, 0.05), 0.5)
@@ -77,7 +77,13 @@ def test_an_impact_before_another_event_of_the_same_slider_is_found(tolerance):
 
 
 @pytest.mark.parametrize(
-    "kwargs", [{"tolerance": 1e-6}, {"tolerance": 1e-10}, {"integrator": "dop853"}], ids=str
+    "kwargs",
+    [
+        {"tolerance": 1e-6},
+        pytest.param({"tolerance": 1e-10}, marks=pytest.mark.long),
+        {"integrator": "dop853"},
+    ],
+    ids=str,
 )
 def test_a_slider_that_leaves_its_stop_slowly_does_not_rest_there_at_the_start(kwargs):
     """The other one strikes at once and moves it; at rest it would not."""

@@ -199,6 +199,7 @@ def test_what_numba_is_told_of_its_own_cache_moves_nothing(tmp_path):
     assert program(**settings).stderr == ""
 
 
+@pytest.mark.long
 def test_another_setting_of_numba_is_another_module(tmp_path):
     """Numba would else compile into a folder that is complete, and its checksums were no longer true."""
     kept = {cpu.CACHE_VARIABLE: str(tmp_path)}

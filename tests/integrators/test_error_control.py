@@ -205,7 +205,7 @@ def test_a_scene_with_a_tolerance_survives_its_file():
     assert rde.Scene.from_dict(scene.to_dict()) == scene
 
 
-@pytest.mark.parametrize("tolerance", [1e-6, 1e-9])
+@pytest.mark.parametrize("tolerance", [1e-6, pytest.param(1e-9, marks=pytest.mark.long)])
 @pytest.mark.parametrize(
     "arm", [rde.FourR((1.0,) * 4, (1.0, 1e-6, 1.0, 1e-6)), rde.FourR((1.0,) * 4, (1.0, 1e-5, 1.0, 1e-5))]
 )

@@ -201,7 +201,13 @@ OPEN = {
 }
 
 
-@pytest.mark.parametrize("ends", OPEN.values(), ids=OPEN)
+@pytest.mark.parametrize(
+    "ends",
+    [
+        pytest.param(ends, id=name, marks=() if name in ("lower of r1", "all") else pytest.mark.long)
+        for name, ends in OPEN.items()
+    ],
+)
 def test_a_stop_that_is_open_on_some_sides_is_saved_and_simulated(ends):
     scene = replaced(effects=(e.Gravity(), e.EffortLimits(10.0), e.PrismaticStop(*ends, 0.4)))
     batch = started(scene)

@@ -1,0 +1,161 @@
+"""A policy as plain layers, for NumPy, in double precision.
+
+In single precision the sums of a layer depend on the order in which a library adds them: actions of
+stable-baselines3 for one observation differ by 5e-6 from those it computes in a batch. In double precision
+every library agrees far below 1e-6.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from redundant_envs.extras import needs
+
+with needs("train"):
+    import torch
+    from sb3_contrib.common.torch_layers import BatchRenorm1d
+    from stable_baselines3.common.policies import ActorCriticPolicy
+    from torch import nn
+
+HIDDEN = {nn.SiLU: "silu", nn.Tanh: "tanh", nn.ReLU: "relu"}
+
+
+@dataclass(frozen=True, eq=False)
+class Layers:
+    """A deterministic policy: hidden layers, and a last one that is squashed into [-1, 1].
+
+    Attributes
+    ----------
+    inputs : dict of str to int
+        Width of each part of an observation, in the order in which they are joined; one part without a name
+        ("observation") if observations are arrays.
+    weights : tuple of ndarray (outputs, inputs), double
+    biases : tuple of ndarray (outputs,)
+    activation : {"silu", "tanh", "relu"}
+        After all layers but the last.
+    output : {"tanh", "clip"}
+        After the last layer.
+    """
+
+    inputs: dict[str, int]
+    weights: tuple[NDArray[np.float64], ...]
+    biases: tuple[NDArray[np.float64], ...]
+    activation: str
+    output: str
+
+    def __call__(self, observations: Any) -> NDArray[np.float64]:
+        """Actions (n, actions) of observations (n, ...)."""
+        x = joined(self.inputs, observations)
+        for k, (weights, biases) in enumerate(zip(self.weights, self.biases, strict=True)):
+            x = x @ weights.T + biases
+            if k < len(self.weights) - 1:
+                x = activated(self.activation, x)
+        return np.tanh(x) if self.output == "tanh" else np.clip(x, -1.0, 1.0)
+
+    def save(self, path: Path) -> None:
+        """Write arrays that ``np.load`` reads: weights_0, biases_0, ..., activation, output, inputs."""
+        arrays: dict[str, Any] = {}
+        for k, (weights, biases) in enumerate(zip(self.weights, self.biases, strict=True)):
+            arrays |= {f"weights_{k}": weights, f"biases_{k}": biases}
+        np.savez(
+            path, activation=self.activation, output=self.output, inputs=list(self.inputs), **arrays
+        )  # fmt: skip
+
+
+def joined(inputs: Mapping[str, int], observations: Any) -> NDArray[np.float64]:
+    """Observations as one array, (n, inputs): rounded to single precision, as the learners see them."""
+    parts = [observations[name] for name in inputs] if isinstance(observations, Mapping) else [observations]
+    return np.concatenate(parts, axis=1, dtype=np.float32, casting="unsafe").astype(np.float64)
+
+
+def activated(name: str, x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """An activation by its name."""
+    if name == "silu":
+        return x * (0.5 + 0.5 * np.tanh(0.5 * x))  # without an exponential that overflows
+    return np.tanh(x) if name == "tanh" else np.maximum(x, 0.0)
+
+
+def modules_of(policy: Any) -> nn.Sequential:
+    """What a policy of stable-baselines3 or sb3-contrib computes the mean of its actions with."""
+    if isinstance(policy, ActorCriticPolicy):
+        return nn.Sequential(*policy.mlp_extractor.policy_net, policy.action_net)
+    if isinstance(policy.actor.mu, nn.Sequential):  # TD3's, with its last tanh
+        return policy.actor.mu
+    return nn.Sequential(*policy.actor.latent_pi, policy.actor.mu, nn.Tanh())
+
+
+def layers_of(policy: Any, space: spaces.Space[Any]) -> Layers:
+    """The layers of a policy; normalisations are multiplied into the layers after them.
+
+    Raises
+    ------
+    ValueError
+        The policy has another kind of layer.
+    """
+    weights, biases, activations = [], [], []
+    scale: Any = 1.0
+    shift: Any = 0.0
+    for module in modules_of(policy):
+        if isinstance(module, nn.Linear):
+            matrix = _double(module.weight)
+            weights.append(matrix * scale)
+            biases.append(_double(module.bias) + matrix @ np.broadcast_to(shift, matrix.shape[1]))
+            scale, shift = 1.0, 0.0
+        elif isinstance(module, BatchRenorm1d):
+            by = _double(module.scale) / np.sqrt(_double(module.ra_var) + module.eps)
+            scale, shift = scale * by, (shift - _double(module.ra_mean)) * by + _double(module.bias)
+        elif type(module) in HIDDEN:
+            activations.append(HIDDEN[type(module)])
+        else:
+            raise ValueError(f"the policy has a layer {type(module).__name__}; layers of MLPs are exported")
+    output = activations.pop() if len(activations) == len(weights) else "clip"
+    if output not in ("tanh", "clip") or len(set(activations)) > 1:
+        raise ValueError(f"the policy has the activations {', '.join(activations)}, {output}")
+    return Layers(
+        inputs=_inputs(space),
+        weights=tuple(weights),
+        biases=tuple(biases),
+        activation=activations[0] if activations else "relu",
+        output=output,
+    )
+
+
+def _double(tensor: Any) -> NDArray[np.float64]:
+    array: NDArray[np.float64] = tensor.detach().numpy().astype(np.float64)
+    return array
+
+
+def _inputs(space: spaces.Space[Any]) -> dict[str, int]:
+    if isinstance(space, spaces.Dict):
+        return {name: spaces.flatdim(part) for name, part in space.spaces.items()}
+    return {"observation": spaces.flatdim(space)}
+
+
+def exact_actions(policy: Any, inputs: Mapping[str, int], observations: Any) -> NDArray[np.float64]:
+    """Actions of a policy's own modules in double precision, (n, actions)."""
+    modules = modules_of(policy)
+    training = modules.training
+    with torch.no_grad():
+        x = torch.from_numpy(joined(inputs, observations))
+        try:
+            found = modules.double().eval()(x).clamp(-1.0, 1.0).numpy()
+        finally:
+            modules.float().train(training)
+    actions: NDArray[np.float64] = found
+    return actions
+
+
+def sampled(env: Any, act: Any, steps: int = 100) -> Iterator[tuple[Any, Any]]:
+    """Observations and actions of a VecEnv's lanes under a policy."""
+    observations = env.reset()
+    for _ in range(steps):
+        actions = act(observations)
+        yield observations, actions
+        observations = env.step(actions)[0]

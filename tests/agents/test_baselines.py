@@ -1,0 +1,121 @@
+"""Algorithms from the shelf train through the same configuration, and their policies are like all others."""
+
+import numpy as np
+import pytest
+import torch
+from sb3_contrib import TQC, CrossQ
+from stable_baselines3 import PPO, SAC, TD3
+
+from agents.config import Config, checked, load, presets
+from agents.learners.build import make_model
+from agents.learners.plain import NormalNoise
+from agents.policies import load_policy, read_weights
+from agents.run_folder import read_config
+from agents.training.train import resume, train
+from agents.training.watch import Watch
+from redundant_envs.envs.sb3 import make_sb3
+
+PLAIN = {"plain_ppo": PPO, "plain_sac": SAC, "td3": TD3, "tqc": TQC, "crossq": CrossQ}
+OFF_POLICY = {"learning_starts": 200, "buffer_size": 1000, "gradient_steps": 1, "batch_size": 32}
+STEPS = 1600
+
+
+def config(algo, **more):
+    settings = {"n_steps": 16, "batch_size": 64} if algo == "plain_ppo" else OFF_POLICY
+    data = {
+        "config_version": 2, "env": "redundant_envs/RPRPReach-v0", "algo": algo, "seed": 4, "num_envs": 16,
+        "total_steps": STEPS, "curve_every": 800, "curve_episodes": 5, "telemetry": [], algo: settings,
+    }  # fmt: skip
+    return checked(Config, {**data, **more})
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """A short training of each algorithm, made when it is asked for."""
+    made = {}
+
+    def run(algo):
+        if algo not in made:
+            made[algo] = tmp_path_factory.mktemp(algo) / "run"
+            train(config(algo, checkpoint_seconds=0), made[algo])
+        return made[algo]
+
+    return run
+
+
+class Killed(Exception):
+    """The process ends here."""
+
+
+@pytest.mark.parametrize("algo", PLAIN)
+def test_a_killed_baseline_goes_on_to_the_same_bits(algo, runs, tmp_path, monkeypatch):
+    plain = Watch._on_step
+
+    def on_step(self):
+        if self.num_timesteps >= 0.7 * STEPS:
+            raise Killed
+        return plain(self)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Watch, "_on_step", on_step)
+        with pytest.raises(Killed):
+            train(config(algo, checkpoint_seconds=1e-9), tmp_path / "run")
+    resume(tmp_path / "run")
+    expected, found = (read_weights(f / "policy.zip", "silu")[0] for f in (runs(algo), tmp_path / "run"))
+    assert expected.keys() == found.keys()
+    for name, tensor in expected.items():
+        assert torch.equal(tensor, found[name]), name
+
+
+@pytest.mark.parametrize("algo", PLAIN)
+def test_the_policy_of_a_baseline_acts_the_same_however_it_is_read(algo, runs):
+    folder = runs(algo)
+    env = make_sb3("redundant_envs/RPRPReach-v0", 64)
+    env.seed(7)
+    observations = env.reset()
+    theirs = PLAIN[algo].load(folder / "policy.zip", device="cpu")
+    ours = load_policy(folder, read_config(folder))
+    expected = theirs.predict(observations, deterministic=True)[0]
+    np.testing.assert_array_equal(ours.predict(observations, deterministic=True)[0], expected)
+    assert np.ptp(expected) > 0.01
+
+
+@pytest.mark.parametrize("algo", PLAIN)
+def test_what_is_set_reaches_the_algorithm(algo):
+    settings = {"gamma": 0.77, "learning_rate": 3e-4, "net_arch": [24, 8], "activation": "tanh"}
+    more = {
+        "plain_ppo": {"n_steps": 16, "batch_size": 64, "ent_coef": 0.02, "gae_lambda": 0.8},
+        "plain_sac": {"ent_coef": 0.3, "tau": 0.01},
+        "td3": {"tau": 0.01, "policy_delay": 5, "target_policy_noise": 0.3, "target_noise_clip": 0.6},
+        "tqc": {"ent_coef": 0.3, "tau": 0.01, "top_quantiles_to_drop_per_net": 4},
+        "crossq": {"ent_coef": 0.3, "policy_delay": 5},
+    }[algo]
+    made = make_model(config(algo, **{algo: settings | more}), make_sb3("redundant_envs/RPRPReach-v0", 16))
+    assert isinstance(made, PLAIN[algo])
+    for name, value in more.items():
+        assert getattr(made, name) == value, name
+    assert (made.gamma, made.lr_schedule(1.0), made.seed) == (0.77, 3e-4, 4)
+    weights = made.policy.state_dict()
+    assert any(tensor.shape == (8, 24) for tensor in weights.values())
+    kinds = {type(module) for module in made.policy.modules()}
+    assert torch.nn.Tanh in kinds
+    assert torch.nn.SiLU not in kinds
+
+
+def test_noise_of_td3_is_drawn_for_all_environments_at_once():
+    noise = NormalNoise(500, 4, 0.2)
+    np.random.seed(0)
+    drawn = noise()
+    assert drawn.shape == (500, 4)
+    assert drawn.std() == pytest.approx(0.2, rel=0.05)
+    assert np.abs(np.corrcoef(drawn.T) - np.eye(4)).max() < 0.15
+    made = make_model(config("td3", td3={"action_noise": 0.3}), make_sb3("redundant_envs/RPRPReach-v0", 16))
+    assert made.action_noise.deviation == 0.3
+
+
+@pytest.mark.parametrize("name", [name for name in presets() if "/" in name])
+def test_baselines_are_given_the_same_seconds(name):
+    found = load(name)
+    assert found.max_seconds == 90.0
+    assert found.algo in PLAIN
+    assert found.settings.schedule == "constant"  # a linear rate would be cut off before its end

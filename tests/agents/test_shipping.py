@@ -1,0 +1,168 @@
+"""Exported policies act as the trained ones do, and their card says what they are."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+import yaml
+
+from agents.__main__ import main
+from agents.config import Config, checked
+from agents.learners.build import make_model
+from agents.policies import load_policy
+from agents.rollout import EVALUATION_SEED, policy_act, run_episodes
+from agents.run_folder import read_config
+from agents.shipping import onnx_file
+from agents.shipping.export import TOLERANCE, export, name_of
+from agents.shipping.layers import activated, exact_actions, layers_of
+from redundant_envs.envs.sb3 import make_sb3
+
+ROOT = Path(__file__).resolve().parents[2]
+SHIPPED = sorted(path.parent for path in (ROOT / "policies").glob("*/policy.onnx"))
+RUN = ROOT / "docs" / "results" / "runs" / "rprp_reach_sac" / "seed0"
+
+
+def observations(env, seed=7):
+    """Those of an environment that is left alone for some steps."""
+    env.seed(seed)
+    found = env.reset()
+    for _ in range(5):
+        found = env.step(np.full((env.num_envs, 4), 0.3))[0]
+    return found
+
+
+@pytest.mark.parametrize("folder", SHIPPED, ids=lambda folder: folder.name)
+def test_files_of_a_shipped_policy_agree_to_1e_6(folder):
+    config = read_config(folder)
+    env = make_sb3(config.env, 200, **config.env_kwargs)
+    seen = observations(env)
+    policy = load_policy(folder, config)
+    layers = layers_of(policy, env.observation_space)
+    exact = exact_actions(policy, layers.inputs, seen)
+    assert np.ptp(exact, axis=0).min() > 0.5
+    by_onnx = onnx_file.actions_of(folder / "policy.onnx", layers.inputs)(seen)
+    np.testing.assert_allclose(by_onnx, exact, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(layers(seen), exact, rtol=0, atol=1e-6)
+    # single precision of stable-baselines3: it differs from itself by 5e-6 between batches
+    np.testing.assert_allclose(policy.predict(seen, deterministic=True)[0], exact, rtol=0, atol=2e-5)
+
+
+@pytest.mark.parametrize("folder", SHIPPED, ids=lambda folder: folder.name)
+def test_the_card_of_a_shipped_policy_tells_what_it_does(folder):
+    config = read_config(folder)
+    assert folder.name == name_of(config)
+    card = (folder / "README.md").read_text()
+    for part in ("## Task", "## How it was trained", "## Results", "## Limits", "## Load it", config.env):
+        assert part in card
+    act = policy_act(load_policy(folder, config))
+    found = run_episodes(config.env, act, 200, EVALUATION_SEED, **config.env_kwargs).hold
+    said = float(card.split("| hold success | ")[1].split(" %")[0])
+    assert abs(100 * found.mean() - said) < 4.0  # the first 200 of the 1000 goals of the card
+
+
+@pytest.mark.parametrize("activation", ["silu", "tanh", "relu"])
+@pytest.mark.parametrize("algo", ["ppo", "sac", "td3", "tqc", "crossq"])
+def test_layers_are_those_of_the_policy(algo, activation, tmp_path):
+    settings = {"net_arch": [16, 12, 8], "activation": activation}
+    config = checked(
+        Config, {"config_version": 2, "env": "redundant_envs/RPRPReach-v0", "algo": algo, algo: settings}
+    )
+    env = make_sb3(config.env, 32)
+    model = make_model(config, env)
+    for name, buffer in model.policy.named_buffers():  # a normalisation that has learned something
+        if name.endswith("ra_mean"):
+            buffer.add_(0.3)
+        if name.endswith("ra_var"):
+            buffer.mul_(1.7)
+    layers = layers_of(model.policy, env.observation_space)
+    assert [w.shape[0] for w in layers.weights] == [16, 12, 8, 4]
+    seen = observations(env)
+    expected = model.policy.predict(seen, deterministic=True)[0]
+    exact = exact_actions(model.policy, layers.inputs, seen)
+    np.testing.assert_allclose(exact, expected, rtol=0, atol=2e-6)
+    np.testing.assert_allclose(layers(seen), exact, rtol=0, atol=1e-12)
+    onnx_file.write(layers, tmp_path / "policy.onnx", {"env": config.env})
+    by_onnx = onnx_file.actions_of(tmp_path / "policy.onnx", layers.inputs)(seen)
+    np.testing.assert_allclose(by_onnx, exact, rtol=0, atol=1e-7)
+    assert next(model.policy.parameters()).dtype == torch.float32
+
+
+def test_silu_does_not_overflow():
+    x = np.array([-1e4, -50.0, 0.0, 2.0, 1e4])
+    np.testing.assert_allclose(activated("silu", x), [0, 0, 0, 2 / (1 + np.exp(-2.0)), 1e4], atol=1e-15)
+
+
+def test_an_export_that_acts_otherwise_is_refused(tmp_path, monkeypatch):
+    plain = onnx_file.write
+
+    def wrong(layers, path, about):
+        layers.biases[0][0] += 1e-3
+        plain(layers, path, about)
+
+    monkeypatch.setattr(onnx_file, "write", wrong)
+    with pytest.raises(ValueError, match=rf"policy.onnx acts otherwise .* at most {TOLERANCE:g}"):
+        export(RUN, tmp_path)
+
+
+def test_one_command_exports_and_numpy_alone_acts(tmp_path, capsys):
+    assert main(["export", str(RUN), "--out", str(tmp_path)]) == 0
+    folder = tmp_path / "RPRPReach-v0-sac"
+    assert capsys.readouterr().out.strip() == str(folder)
+    assert {p.name for p in folder.iterdir()} == {
+        "README.md", "config.yaml", "policy.npz", "policy.onnx", "policy.zip",
+    }  # fmt: skip
+    alone = (
+        "import sys; sys.modules.update(torch=None, stable_baselines3=None, onnxruntime=None, scipy=None)\n"
+    )
+    program = alone + (ROOT / "examples" / "play_with_numpy.py").read_text()
+    command = [sys.executable, "-c", program, str(folder), "--episodes", "100"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    act = policy_act(load_policy(RUN, read_config(RUN)))
+    held = run_episodes("redundant_envs/RPRPReach-v0", act, 100, EVALUATION_SEED).hold
+    assert f"{100 * held.mean():.1f} % of 100 goals are held" in done.stdout
+
+
+def test_two_policies_of_one_id_and_algorithm_are_refused(tmp_path, capsys):
+    shutil.copytree(RUN, tmp_path / "run")
+    assert main(["export", str(RUN), str(tmp_path / "run"), "--out", str(tmp_path / "out")]) == 2
+    assert "policies of one id and algorithm" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("file", "change", "word"),
+    [
+        ("training.json", {"stopped": True}, "was stopped"),
+        ("evaluation.json", None, "has no evaluation.json"),
+        ("config.yaml", {"env_kwargs": {"scene": {"robot": {}}}}, "scenes with a name"),
+    ],
+)
+def test_a_run_that_cannot_be_exported_says_why(file, change, word, tmp_path, capsys):
+    shutil.copytree(RUN, tmp_path / "run")
+    path = tmp_path / "run" / file
+    if change is None:
+        path.unlink()
+    else:
+        read, write = (json.loads, json.dumps) if file.endswith("json") else (yaml.safe_load, yaml.safe_dump)
+        path.write_text(write(read(path.read_text()) | change))
+    assert main(["export", str(tmp_path / "run"), "--out", str(tmp_path / "out")]) == 2
+    assert word in capsys.readouterr().err
+
+
+def test_a_goal_policy_has_an_input_for_each_part(tmp_path):
+    config = checked(Config, {"config_version": 2, "env": "redundant_envs/FourRGoalReach-v0", "algo": "her"})
+    env = make_sb3(config.env, 32)
+    model = make_model(config, env)
+    layers = layers_of(model.policy, env.observation_space)
+    assert list(layers.inputs) == ["achieved_goal", "desired_goal", "observation"]
+    seen = observations(env)
+    exact = exact_actions(model.policy, layers.inputs, seen)
+    onnx_file.write(layers, tmp_path / "policy.onnx", {})
+    by_onnx = onnx_file.actions_of(tmp_path / "policy.onnx", layers.inputs)(seen)
+    np.testing.assert_allclose(by_onnx, exact, rtol=0, atol=1e-6)
