@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.control.computed_torque import ComputedTorque
+from redundant_envs.control.computed_torque import ComputedTorque, pose_at
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.integrators.tableaus import METHODS
@@ -105,8 +105,8 @@ def policy_act(model: Any) -> Act:
     return act
 
 
-def expert_act() -> Act:
-    """The computed-torque expert, planned from the start of each episode."""
+def expert_act(pose: Callable[..., Any] = pose_at) -> Act:
+    """The computed-torque expert, planned from the start of each episode; ``pose`` is ComputedTorque's."""
     controller: ComputedTorque | None = None
 
     def act(obs: Any, core: Core, step: int) -> NDArray[np.float32]:
@@ -115,7 +115,7 @@ def expert_act() -> Act:
         q, qd = core.memory.read(arm.coordinates), core.memory.read(arm.rates)
         steps = core.memory.read(("steps",))[:, 0]
         if controller is None:
-            controller = ComputedTorque(core.scene)
+            controller = ComputedTorque(core.scene, pose=pose)
             controller.begin(q, core.goals())
         elif (steps == 0).any():
             begun = np.flatnonzero(steps == 0)

@@ -36,11 +36,17 @@ def test_what_an_error_costs_is_what_the_study_wrote(page):
         assert row in written
 
 
-@pytest.mark.parametrize("page", ["README.md", "docs/learners.md"])
-def test_the_table_of_learners_is_made_from_the_shipped_runs(page):
+@pytest.mark.parametrize(
+    ("page", "folder"),
+    [
+        ("README.md", "runs"), ("docs/learners.md", "runs"), ("docs/learners.md", "baselines"),
+        ("docs/strength.md", "weak"),
+    ],
+)  # fmt: skip
+def test_the_table_of_learners_is_made_from_the_shipped_runs(page, folder):
     from agents.evidence.table import table
 
-    runs = sorted((ROOT / "docs" / "results" / "runs").glob("*/*"))
+    runs = sorted((ROOT / "docs" / "results" / folder).glob("*/*"))
     rows = [line for line in table(runs).splitlines() if line.startswith("| ")]
     assert len(rows) >= 8
     text = (ROOT / page).read_text(encoding="utf-8")
@@ -48,8 +54,22 @@ def test_the_table_of_learners_is_made_from_the_shipped_runs(page):
         assert row in text
 
 
+def test_the_table_of_strengths_is_what_the_study_wrote():
+    from agents.studies.strength import read_rows
+    from agents.studies.strength_run import table
+
+    rows = read_rows(ROOT / "docs" / "results" / "strength" / "strength.csv")
+    assert {(row.arm, row.factor) for row in rows} >= {
+        (a, f) for a in ("4R", "RPRP") for f in (1.0, 0.5, 0.3)
+    }
+    assert table(rows) in (ROOT / "docs" / "strength.md").read_text(encoding="utf-8")
+
+
 def test_shipped_runs_are_complete():
-    for folder in (ROOT / "docs" / "results" / "runs").glob("*/*"):
+    results = ROOT / "docs" / "results"
+    folders = [run for kind in ("runs", "baselines", "weak") for run in (results / kind).glob("*/*")]
+    assert len(folders) > 60
+    for folder in folders:
         found = {path.name for path in folder.iterdir()}
         assert found == {
             "config.yaml", "scene.yaml", "selection.csv", "policy.zip", "training.json", "evaluation.json",

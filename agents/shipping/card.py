@@ -54,8 +54,7 @@ def card(
         "## How it was trained", "",
         f"{ORIGIN[config.algo]}; {steps / 1e6:.2f} million environment steps in {config.num_envs} "
         f"environments{gradient}, {seconds:.0f} s on one core of {evaluation['machine']}, seed "
-        f"{config.seed}, which was not chosen by its result. The policy is the last one of the training, none "
-        "was chosen. "
+        f"{config.seed}, which was not chosen by its result. The policy is the last one of the training. "
         f"`config.yaml` repeats it: `python -m agents train policies/{name}/config.yaml`. {versions}.", "",
         "## Results", "",
         f"On {evaluation['episodes']} frozen goals that training never saw ({evaluation['date']}):", "",

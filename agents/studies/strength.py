@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from redundant_envs.control.computed_torque import lightest_pose, pose_at
 from redundant_envs.control.holding import holding_load
 from redundant_envs.control.statics import effort_limits, slider_travel
 from redundant_envs.effects import EffortLimits
@@ -36,7 +37,10 @@ ARMS = {"4R": ("redundant_envs/FourRReach-v0", "four_r_reach"),
         "RPRP": ("redundant_envs/RPRPReach-v0", "rprp_reach")}  # fmt: skip
 """Of each arm the environment and the scene whose limits are 1."""
 HOLDABLE, EXPERT = "can be held at all", "computed torque"
-COLORS = {EXPERT: "#000000", "PPO": "#0072B2", "SAC": "#D55E00", "HER": "#009E73"}
+LIGHTEST = "computed torque to the lightest pose"
+POSES = {EXPERT: pose_at, LIGHTEST: lightest_pose}
+"""Where the plans of computed torque end."""
+COLORS = {EXPERT: "#000000", LIGHTEST: "#7F7F7F", "PPO": "#0072B2", "SAC": "#D55E00", "HER": "#009E73"}
 """Okabe and Ito's, of all that act; what can be held is a grey area."""
 SAME_GOALS = {"scene", "accuracy", "on_bad_action"}
 """Arguments of an environment that leave its goals and its hold success what they are."""
@@ -52,7 +56,7 @@ class Row:
     factor : float
         Effort limits / those of the reach scene.
     who : str
-        "can be held at all", "computed torque", "PPO", "SAC" or "HER".
+        HOLDABLE, or a name of COLORS.
     hold_success, low, high : float
         Share of the goals and its 95 % interval (Wilson), 0 to 1. With several seeds it is their mean, and
         low and high are the ends of the union of their intervals.
@@ -139,7 +143,7 @@ def goal_loads(arm: str, goals: NDArray[np.float64]) -> NDArray[np.float64]:
 def expert_rows(
     arm: str, factors: Sequence[float] = FACTORS, episodes: int = 1000, seed: int = EVALUATION_SEED
 ) -> list[Row]:
-    """What can be held at all, and what computed torque holds, on the same goals.
+    """What can be held at all, and what computed torque holds with either plan, on the same goals.
 
     Parameters
     ----------
@@ -156,9 +160,10 @@ def expert_rows(
     rows = []
     for factor in factors:
         rows.append(Row(arm, factor, HOLDABLE, *_share(loads <= factor), None, 0, episodes))
-        outcome = run_episodes(env_id, expert_act(), episodes, seed, scene=weakened(scene, factor))
-        touched = float(outcome.touch.mean())
-        rows.append(Row(arm, factor, EXPERT, *_share(outcome.hold), touched, 0, episodes))
+        for who, pose in POSES.items():
+            outcome = run_episodes(env_id, expert_act(pose), episodes, seed, scene=weakened(scene, factor))
+            touched = float(outcome.touch.mean())
+            rows.append(Row(arm, factor, who, *_share(outcome.hold), touched, 0, episodes))
     return rows
 
 

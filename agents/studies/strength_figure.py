@@ -9,7 +9,7 @@ from redundant_envs.extras import needs
 
 from .strength import ARMS, COLORS, HOLDABLE, Row
 
-MARKERS = dict(zip(COLORS, ("o", "s", "^", "D"), strict=True))
+MARKERS = dict(zip(COLORS, ("o", "v", "s", "^", "D"), strict=True))
 """A shape for each, so that colours are not needed to tell them apart."""
 AREA = "#D9D9D9"
 
@@ -52,7 +52,7 @@ def figure(rows: Sequence[Row]) -> Any:
     panels[0].set_ylabel("hold success, %")
     panels[0].set_ylim(0.0, 103.0)
     shown = [who for who in (HOLDABLE, *COLORS) if who in handles]
-    result.legend([handles[who] for who in shown], shown, loc="outside lower center", ncols=5, frameon=False)
+    result.legend([handles[who] for who in shown], shown, loc="outside lower center", ncols=3, frameon=False)
     return result
 
 

@@ -11,7 +11,18 @@ from redundant_envs.values import shown
 from ..config import Config, load
 from ..config.fields import checked
 from ..training.many import train_many
-from .strength import ARMS, FACTORS, HOLDABLE, Row, expert_rows, learner_rows, read_rows, weakened, write_rows
+from .strength import (
+    ARMS,
+    FACTORS,
+    HOLDABLE,
+    POSES,
+    Row,
+    expert_rows,
+    learner_rows,
+    read_rows,
+    weakened,
+    write_rows,
+)
 from .strength_figure import figure
 
 LEARNERS = ("ppo", "sac")
@@ -87,8 +98,8 @@ def run_study(
         raise ValueError(f"episodes is {episodes}; give a whole number from 2 to 1000000")
     expert = out / "expert.csv"
     rows = read_rows(expert) if expert.is_file() else []
-    if {(row.arm, row.factor, row.episodes) for row in rows} != {
-        (arm, factor, episodes) for arm in ARMS for factor in factors
+    if {(row.arm, row.factor, row.who, row.episodes) for row in rows} != {
+        (arm, factor, who, episodes) for arm in ARMS for factor in factors for who in (HOLDABLE, *POSES)
     }:
         rows = [row for arm in ARMS for row in expert_rows(arm, factors, episodes)]
         write_rows(rows, expert)

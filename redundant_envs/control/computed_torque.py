@@ -7,6 +7,7 @@ compensates: the field and viscous friction of the nominal scene.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -60,6 +61,30 @@ def pose_at(scene: Scene, start: Array, goal: Array, iterations: int = 60) -> Ar
     return best @ inverse
 
 
+def lightest_pose(scene: Scene, start: Array, goal: Array) -> Array:
+    """The pose with the tip at the goal that loads the motors least, turned the shortest way from the start.
+
+    Parameters
+    ----------
+    start : (n, 4) generalized coordinates
+    goal : (n, 2) m
+
+    Returns
+    -------
+    (n, 4) generalized coordinates; where the goal is out of reach, those of :func:`pose_at`.
+    """
+    from .holding import holding_poses
+
+    robot: Any = scene.robot
+    b = robot.motor_map
+    found, _ = holding_poses(scene, goal)
+    out = np.isnan(found).any(axis=1)
+    found[out] = pose_at(scene, start[out], goal[out])
+    turns = np.round((start - found) @ b / (2.0 * np.pi))
+    turns[:, np.array(robot.prismatic)] = 0.0
+    return found + 2.0 * np.pi * turns @ np.linalg.inv(b)  # type: ignore[no-any-return]
+
+
 def _damped(jacobian: Array, error: Array, damping: float = 1e-4) -> Array:
     """Damped least-squares step, (n, 4)."""
     transposed = jacobian.transpose(0, 2, 1)
@@ -86,10 +111,16 @@ class ComputedTorque:
         Time of the planned motion, s.
     frequency : float
         Of the critically damped error dynamics, rad/s.
+    pose : callable
+        (scene, start, goal) -> pose in which the plan ends: :func:`pose_at` or :func:`lightest_pose`.
     """
 
-    def __init__(self, scene: Scene, duration: float = 1.3, frequency: float = 12.0) -> None:
+    def __init__(
+        self, scene: Scene, duration: float = 1.3, frequency: float = 12.0,
+        pose: Callable[[Scene, Array, Array], Array] = pose_at,
+    ) -> None:  # fmt: skip
         self.scene = scene
+        self.pose = pose
         self.duration = duration
         self.frequency = frequency
         limits = [e for e in scene.effects if isinstance(e, EffortLimits)]
@@ -107,7 +138,7 @@ class ComputedTorque:
 
     def begin(self, q: Array, goal: Array, index: NDArray[np.intp] | None = None) -> None:
         """Plan new episodes from poses (n, 4) to goals (n, 2), of all lanes or those in ``index``."""
-        end = pose_at(self.scene, q, goal)
+        end = self.pose(self.scene, q, goal)
         if index is None:
             self._start, self._end = q.copy(), end
         else:

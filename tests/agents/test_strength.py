@@ -17,6 +17,7 @@ from agents.studies.strength import (
     EXPERT,
     FACTORS,
     HOLDABLE,
+    LIGHTEST,
     Row,
     expert_rows,
     frozen_goals,
@@ -96,11 +97,12 @@ def test_one_account_of_loads_serves_all_factors(arm):
 def test_computed_torque_needs_strong_motors(arm):
     rows = expert_rows(arm, (1.0, 0.3), 41)  # of 41 out of 41 the interval ends below 1 by rounding
     assert [(row.arm, row.factor, row.who) for row in rows] == [
-        (arm, factor, who) for factor in (1.0, 0.3) for who in (HOLDABLE, EXPERT)
+        (arm, factor, who) for factor in (1.0, 0.3) for who in (HOLDABLE, EXPERT, LIGHTEST)
     ]
     held = {(row.factor, row.who): row.hold_success for row in rows}
     assert held[1.0, HOLDABLE] == held[1.0, EXPERT] == 1.0
     assert held[0.3, EXPERT] + 0.1 < held[0.3, HOLDABLE] < 1.0
+    assert held[0.3, EXPERT] <= held[0.3, LIGHTEST] <= held[0.3, HOLDABLE]
     for row in rows:
         assert row.low <= row.hold_success <= row.high
         assert (row.touch_success is None) == (row.who == HOLDABLE)
@@ -274,8 +276,11 @@ def test_the_study_without_training_writes_rows_figure_and_table(tmp_path, capsy
     command = ["study", "strength", "--seeds", "none", "--factors", "1,0.4", "--episodes", "10"]
     assert main([*command, "--out", str(tmp_path)]) == 0
     table = capsys.readouterr().out
-    assert "| arm | limits times | can be held at all | computed torque |" in table
-    assert "| 4R | 1 | 100.0 % | 100.0 % |" in table
+    assert (
+        "| arm | limits times | can be held at all | computed torque | computed torque to the lightest pose |"
+        in table
+    )
+    assert "| 4R | 1 | 100.0 % | 100.0 % | 100.0 % |" in table
     assert (tmp_path / "strength.png").stat().st_size > 10_000
     rows = read_rows(tmp_path / "strength.csv")
     assert {(row.arm, row.factor) for row in rows} == {(a, f) for a in ("4R", "RPRP") for f in (1.0, 0.4)}

@@ -5,7 +5,8 @@ import pytest
 
 import redundant_envs as rde
 from agents.rollout import expert_act, run_episodes
-from redundant_envs.control.computed_torque import ComputedTorque, pose_at
+from redundant_envs.control.computed_torque import ComputedTorque, lightest_pose, pose_at
+from redundant_envs.control.statics import effort_limits, motor_efforts
 
 
 @pytest.mark.parametrize("env_id", ["RPRPReach-v0", "FourRReach-v0"])
@@ -30,6 +31,30 @@ def test_poses_are_at_the_goal_and_inside_the_travel(name):
         joints = pose @ scene.robot.motor_map
         assert (joints[:, joint] >= values[low]).all()
         assert (joints[:, joint] <= values[high]).all()
+
+
+@pytest.mark.parametrize("name", ["rprp_reach", "four_r_reach"])
+def test_the_lightest_pose_is_at_the_goal_near_the_start_and_loads_no_motor_more(name):
+    scene = rde.load_scene(name)
+    robot, limits = scene.robot, effort_limits(scene)
+    rng = np.random.default_rng(1)
+    start = rng.uniform(-9, 9, (60, 4))
+    start[:, [k for k in range(4) if robot.prismatic[k]]] = 0.1
+    angle, radius = rng.uniform(-np.pi, np.pi, 60), rng.uniform(0.2, 0.9, 60)
+    goal = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+    pose = lightest_pose(scene, start, goal)
+    np.testing.assert_allclose(robot.forward_kinematics(pose), goal, atol=1e-9)
+    turned = ((pose - start) @ robot.motor_map)[:, [k for k in range(4) if not robot.prismatic[k]]]
+    assert np.abs(turned).max() <= np.pi + 1e-9
+
+    def load(q):
+        return (np.abs(motor_efforts(scene, q)) / limits).max(axis=1)
+
+    other = load(pose_at(scene, start, goal))
+    assert (load(pose) <= other + 1e-6).all()
+    assert np.median(load(pose)) < 0.8 * np.median(other)
+    far = lightest_pose(scene, start[:2], np.array([[5.0, 0.0], [0.3, 0.3]]))
+    np.testing.assert_array_equal(far[0], pose_at(scene, start[:1], np.array([[5.0, 0.0]]))[0])
 
 
 def test_scenes_it_cannot_handle_are_refused():
