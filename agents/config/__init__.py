@@ -2,12 +2,20 @@
 
 from .fields import Model, Real, Text, Whole, checked, number, value
 from .files import load, preset_folder, preset_path, presets, read
-from .learners import HERSettings, OffPolicySettings, PlainPPOSettings, PPOSettings, SACSettings, TD3Settings
+from .learners import (
+    HERSettings,
+    OffPolicySettings,
+    PlainPPOSettings,
+    PPOSettings,
+    SACSettings,
+    TD3Settings,
+    TQCSettings,
+)
 from .run import ALGORITHMS, MOST_EPISODES, MOST_SEEDS, SEEDS_PER_RUN, WITHOUT_EFFECT, Config, label
 
 __all__ = [
     "ALGORITHMS", "MOST_EPISODES", "MOST_SEEDS", "SEEDS_PER_RUN", "WITHOUT_EFFECT", "Config", "HERSettings",
-    "Model", "OffPolicySettings", "PPOSettings", "PlainPPOSettings", "Real", "SACSettings", "TD3Settings",
+    "Model", "OffPolicySettings", "PPOSettings", "PlainPPOSettings", "Real", "SACSettings", "TD3Settings", "TQCSettings",
     "Text", "Whole", "checked", "label", "load", "number", "preset_folder", "preset_path", "presets",
     "read", "value",
 ]  # fmt: skip

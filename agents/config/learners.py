@@ -140,7 +140,8 @@ class TQCSettings(OffPolicySettings):
 
     tau: Real = number(0.04, *TAU)
     ent_coef: EntropyWeight = value(0.001, ENTROPY)
-    top_quantiles_to_drop_per_net: Whole = number(2, 0, 24, "of the 25 quantiles of each of two critics")
+    n_quantiles: Whole = number(25, 1, 1000, "of the return, that each of two critics estimates")
+    top_quantiles_to_drop_per_net: Whole = number(2, 0, 999, "of the quantiles: less than n_quantiles")
 
 
 class CrossQSettings(OffPolicySettings):

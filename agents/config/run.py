@@ -114,6 +114,8 @@ class Config(Model):
             _check_rollout(self.algo, self.num_envs, settings)
         else:
             _check_sample(self.algo, settings)
+        if isinstance(settings, TQCSettings):
+            _check_quantiles(settings)
         if isinstance(settings, HERSettings):
             _check_first_episodes(self.num_envs, self.env_kwargs, settings)
         return self
@@ -161,6 +163,14 @@ def _check_first_episodes(num_envs: int, env_kwargs: Mapping[str, Any], her: HER
                 f"her.{name} is {getattr(her, name)}; with {num_envs} environments give at least {smallest}, "
                 "so that there are whole episodes to learn from"
             )
+
+
+def _check_quantiles(tqc: TQCSettings) -> None:
+    if tqc.top_quantiles_to_drop_per_net >= tqc.n_quantiles:
+        raise ValueError(
+            f"tqc.top_quantiles_to_drop_per_net is {tqc.top_quantiles_to_drop_per_net}; with "
+            f"{tqc.n_quantiles} quantiles give at most {tqc.n_quantiles - 1}"
+        )
 
 
 def _check_sample(algo: str, settings: OffPolicySettings) -> None:

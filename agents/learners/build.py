@@ -6,7 +6,7 @@ from typing import Any
 
 from redundant_envs.extras import needs
 
-from ..config import Config, HERSettings, PlainPPOSettings, TD3Settings
+from ..config import Config, HERSettings, PlainPPOSettings, TD3Settings, TQCSettings
 from .averaging import Averaging
 from .networks import ACTIVATIONS
 from .plain import NormalNoise, PlainCrossQ, PlainPPO, PlainSAC, PlainTD3, PlainTQC
@@ -29,6 +29,10 @@ LEARNERS: dict[str, Any] = {
 """Class that trains, by algorithm."""
 
 
+OF_POLICY = {"net_arch", "schedule", "learning_rate", "log_std_init", "n_quantiles"}
+"""Settings that the classes are not given under their names."""
+
+
 def policy_name(config: Config) -> str:
     """stable-baselines3's name of the policy class for an environment's observations."""
     return "MultiInputPolicy" if "Goal" in config.env else "MlpPolicy"
@@ -45,13 +49,15 @@ def policy_kwargs(config: Config) -> dict[str, Any]:
             "net_arch": {"pi": layers, "vf": list(layers)},
             "log_std_init": settings.log_std_init,
         }
+    if isinstance(settings, TQCSettings):
+        kwargs["n_quantiles"] = settings.n_quantiles
     return {**kwargs, "net_arch": layers}
 
 
 def make_model(config: Config, env: Any) -> Any:
     """The learner of a configuration, on a VecEnv."""
     settings, learner = config.settings, LEARNERS[config.algo]
-    given = settings.model_dump(exclude={"net_arch", "schedule", "learning_rate", "log_std_init"})
+    given = settings.model_dump(exclude=OF_POLICY)
     if not issubclass(learner, Averaging):  # the others know it from their policy alone
         del given["activation"]
     if isinstance(settings, HERSettings):

@@ -102,6 +102,15 @@ def test_what_is_set_reaches_the_algorithm(algo):
     assert torch.nn.SiLU not in kinds
 
 
+def test_quantiles_that_are_all_dropped_are_refused():
+    with pytest.raises(
+        ValueError, match=r"top_quantiles_to_drop_per_net is 5; with 5 quantiles give at most 4"
+    ):
+        config("tqc", tqc={"n_quantiles": 5, "top_quantiles_to_drop_per_net": 5})
+    made = make_model(config("tqc", tqc={"n_quantiles": 5}), make_sb3("redundant_envs/RPRPReach-v0", 16))
+    assert made.critic.quantiles_total == 10
+
+
 def test_noise_of_td3_is_drawn_for_all_environments_at_once():
     noise = NormalNoise(500, 4, 0.2)
     np.random.seed(0)
