@@ -16,6 +16,7 @@ from .run import ALGORITHMS, MOST_EPISODES, MOST_SEEDS, SEEDS_PER_RUN, WITHOUT_E
 __all__ = [
     "ALGORITHMS", "MOST_EPISODES", "MOST_SEEDS", "SEEDS_PER_RUN", "WITHOUT_EFFECT", "Config", "HERSettings",
     "Model", "OffPolicySettings", "PPOSettings", "PlainPPOSettings", "Real", "SACSettings", "TD3Settings",
-    "TQCSettings", "Text", "Whole", "checked", "label", "load", "number", "preset_folder", "preset_path", "presets",
+    "TQCSettings", "Text", "Whole", "checked", "label", "load", "number", "preset_folder", "preset_path",
+    "presets",
     "read", "value",
 ]  # fmt: skip
