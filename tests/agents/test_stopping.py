@@ -41,7 +41,9 @@ def lines(path: Path) -> list[str]:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGINT for one process")
-@pytest.mark.parametrize(("number", "every"), [(signal.SIGTERM, 2000), (signal.SIGINT, 10**9)])
+@pytest.mark.parametrize(
+    ("number", "every"), [(signal.SIGTERM, 2000), pytest.param(signal.SIGINT, 10**9, marks=pytest.mark.long)]
+)
 def test_a_stopped_training_leaves_a_run(number, every, tmp_path, capsys):
     folder = tmp_path / "run"
     command = [

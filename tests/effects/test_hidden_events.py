@@ -61,7 +61,9 @@ def test_events_undone_within_the_interval_are_found(kwargs):
     np.testing.assert_array_equal(found, events)
 
 
-@pytest.mark.parametrize("tolerance", [1e-6, pytest.param(1e-12, marks=pytest.mark.long), None])
+@pytest.mark.parametrize(
+    "tolerance", [1e-6, *(pytest.param(t, marks=pytest.mark.long) for t in (1e-12, None))]
+)
 def test_an_impact_before_another_event_of_the_same_slider_is_found(tolerance):
     """The slider strikes its upper stop after 0.3 ms, and is at the lower one before 20 ms are over."""
     stop = rde.effects.PrismaticStop((0.0, 0.0), (0.3, 0.05), 0.5)
@@ -186,6 +188,7 @@ def test_hidden_events_are_found_again_after_many_others(case):
     np.testing.assert_allclose(ends[0], ends[1], rtol=0, atol=1e-8)
 
 
+@pytest.mark.long
 def test_nearly_no_interval_of_random_actions_hides_an_event():
     count = 1024
     env = gym.make_vec("redundant_envs/RPRPReach-v0", num_envs=count)

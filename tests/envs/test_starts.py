@@ -48,6 +48,7 @@ def test_starts_follow_limits_that_a_lane_moved():
     assert_inside(joints(env)[:, 1], np.clip(lower, -2.0, None), np.clip(upper, None, 2.0))
 
 
+@pytest.mark.long
 def test_starts_of_an_autoreset_follow_moved_limits():
     env = gym.make_vec(
         FOUR_R, num_envs=LANES, max_episode_steps=2, autoreset_mode="same_step",
@@ -79,9 +80,13 @@ def test_starts_lie_in_the_limits_even_where_the_usual_range_does_not(limits, ex
 @pytest.mark.parametrize(
     ("springs", "stop", "expected"),
     [
-        ((("r1", 0.05, 0.1), ("r2", -0.1, 0.3)), False, ((0.05, 0.1), (-0.1, 0.3))),
+        pytest.param(
+            (("r1", 0.05, 0.1), ("r2", -0.1, 0.3)), False, ((0.05, 0.1), (-0.1, 0.3)), marks=pytest.mark.long
+        ),
         ((("r1", 0.05, 0.1),), True, ((0.05, 0.1), (0.0, 0.25))),
-        ((("r1", -0.2, 0.1), ("r2", 0.2, 0.9)), True, ((0.0, 0.1), (0.2, 0.25))),
+        pytest.param(
+            (("r1", -0.2, 0.1), ("r2", 0.2, 0.9)), True, ((0.0, 0.1), (0.2, 0.25)), marks=pytest.mark.long
+        ),
         ((("r1", 0.3, 0.4),), True, ((0.15, 0.25), (0.0, 0.25))),
     ],
 )
@@ -113,7 +118,7 @@ def test_a_start_releases_no_energy_of_limit_springs():
     assert np.abs(env.unwrapped.core.memory.read(env.unwrapped.core.scene.robot.rates)).max() < 5.0
 
 
-@pytest.mark.parametrize("env_id", [FOUR_R, RPRP])
+@pytest.mark.parametrize("env_id", [FOUR_R, pytest.param(RPRP, marks=pytest.mark.long)])
 def test_a_start_beyond_a_spring_is_allowed_and_shown(env_id):
     scene = limited(env_id, ("joint1", -1.0, 1.0), ("joint2", -0.5, 2.0))
     env = gym.make(env_id, scene=scene)

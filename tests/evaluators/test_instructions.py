@@ -179,7 +179,9 @@ SCENES = {
 }
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize(
+    "name", ["4R", *(pytest.param(n, marks=pytest.mark.long) for n in SCENES if n != "4R")]
+)
 def test_a_step_by_calls_is_the_step_of_copies(name, monkeypatch):
     """One function for all stages or a copy in each: the same to rounding."""
     from redundant_envs.evaluators import assemble as assembling

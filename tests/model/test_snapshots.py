@@ -204,7 +204,7 @@ OPEN = {
 @pytest.mark.parametrize(
     "ends",
     [
-        pytest.param(ends, id=name, marks=() if name in ("lower of r1", "all") else pytest.mark.long)
+        pytest.param(ends, id=name, marks=() if name == "all" else pytest.mark.long)
         for name, ends in OPEN.items()
     ],
 )

@@ -29,6 +29,7 @@ def test_sliders_reach_their_limit_springs():
         assert run.trajectory.q[:, joint].max() > high
 
 
+@pytest.mark.long
 def test_balance_closes_where_energy_is_lost():
     scene = dataclasses.replace(load_scene("rprp_reach"), substeps=100, tolerance=None)
     run = energy.energy_run("reach", scene, 0.5, (0.5, 0.1, 0.0, 0.1))
@@ -154,6 +155,7 @@ def test_environment_columns(monkeypatch, tmp_path):
         assert [r["env"] for r in csv.DictReader(file)] == list(environments.IDS)
 
 
+@pytest.mark.long
 def test_stops_study_times_both_scenes_at_the_shares_asked_for():
     from redundant_envs.studies import stops
 
