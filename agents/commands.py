@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from redundant_envs.extras import needs
+from redundant_envs.values import shown
 
 from . import COMMAND
 from .config.files import presets
@@ -38,6 +39,8 @@ app = typer.Typer(
 study = typer.Typer(help="Measure what policies depend on.", no_args_is_help=True, rich_markup_mode=None)
 app.add_typer(study, name="study")
 
+PLACES = ("processes", "ray")
+"""Where several runs go."""
 Folder = Annotated[Path, typer.Argument(help="run folder")]
 Folders = Annotated[list[Path], typer.Argument(help="run folders")]
 Trust = Annotated[
@@ -75,6 +78,12 @@ def train(
     processes: Annotated[
         int | None, typer.Option(help="runs at a time, each on a core of its own (default: all cores)")
     ] = None,
+    on: Annotated[
+        str, typer.Option(help="where several runs go: processes of this machine, or a ray cluster")
+    ] = "processes",
+    address: Annotated[
+        str | None, typer.Option(help="of the Ray cluster, such as 10.0.0.1:6379 (default: this machine)")
+    ] = None,
 ) -> None:
     """Train, evaluate and report."""
     from .config import load
@@ -84,6 +93,7 @@ def train(
     from .training.train import train
 
     check_drawing()
+    check_place(on, address, seeds)
     name = Path(config).stem
     stamp = time.strftime("%Y%m%d-%H%M%S")
     if seeds is not None:
@@ -91,7 +101,12 @@ def train(
             raise ValueError("seed is given beside --seeds; leave one of them out")
         folder = out or Path("runs") / f"{name}_{stamp}"
         chosen = {f"seed{k}": load(config, [*(overrides or ()), f"seed={k}"]) for k in seeds_of(seeds)}
-        train_many(chosen, folder, processes)
+        if on == "ray":
+            from .training.on_ray import train_on_ray
+
+            train_on_ray(chosen, folder, address, processes)
+        else:
+            train_many(chosen, folder, processes)
         from .evidence.table import table
 
         print(table(sorted(p.parent for p in folder.glob("*/evaluation.json"))))
@@ -107,6 +122,16 @@ def train(
         print(f"report: {report(folder)}")
     except KeyboardInterrupt:
         raise Stopped(f"stopped after the training; go on with: {COMMAND} report {folder}") from None
+
+
+def check_place(on: str, address: str | None, seeds: str | None) -> None:
+    """Refuse a place of several runs that is none, or that has nothing to do."""
+    if on not in PLACES:
+        raise ValueError(f"on is {shown(on)}; choose {' or '.join(PLACES)}")
+    if on != "processes" and seeds is None:
+        raise ValueError(f"on {on} is for several seeds; give --seeds, such as --seeds 0..9")
+    if address is not None and on != "ray":
+        raise ValueError(f"address is {shown(address)}, which is for Ray; add --on ray")
 
 
 @app.command()

@@ -41,6 +41,7 @@ COMMANDS = {
     "train, imageio": (AGENTS, ["train", "rprp_reach_ppo"], "imageio", "plot"),
     "train, wandb": (AGENTS, ["train", "rprp_reach_ppo", "telemetry=[wandb]"], "wandb", "wandb"),
     "train, mlflow": (AGENTS, ["train", "rprp_reach_ppo", "telemetry=[mlflow]"], "mlflow", "mlflow"),
+    "train, ray": (AGENTS, ["train", "rprp_reach_ppo", "--seeds", "0", "--on", "ray"], "ray", "ray"),
     "train, typer": (AGENTS, ["train", "rprp_reach_ppo"], "typer", "train"),
     "train, pydantic": (AGENTS, ["train", "rprp_reach_ppo"], "pydantic", "train"),
     "train, rich": (AGENTS, ["train", "rprp_reach_ppo"], "rich", "train"),

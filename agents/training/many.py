@@ -16,6 +16,7 @@ from redundant_envs.extras import needs
 
 from ..config import MOST_SEEDS, Config
 from ..run_folder import read_config, read_evaluation, read_facts
+from . import checkpoint
 from .interrupt import Stopped, stop_request
 
 with needs("train"):
@@ -69,11 +70,7 @@ def train_many(configs: Mapping[str, Config], folder: Path, processes: int | Non
         were finished.
     """
     own = cores()
-    most = len(own) or os.cpu_count() or 1
-    count = most if processes is None else processes
-    if not 1 <= count <= MOST_PROCESSES:
-        raise ValueError(f"processes is {count}; give a whole number from 1 to {MOST_PROCESSES}")
-    count = min(count, len(configs))
+    count = min(count_of(processes), len(configs))
     alone = all(config.torch_threads == 1 for config in configs.values())
     for name, config in configs.items():
         check_same(config, folder / name)
@@ -88,10 +85,22 @@ def train_many(configs: Mapping[str, Config], folder: Path, processes: int | Non
         worker.start()
         workers.append(worker)
         jobs.put(None)
-    failures = _follow(list(configs), workers, news)
+    check_all_finished(_follow(list(configs), workers, news), len(configs))
+
+
+def count_of(processes: int | None) -> int:
+    """Runs at a time on this machine: ``processes``, or one for each core."""
+    count = (len(cores()) or os.cpu_count() or 1) if processes is None else processes
+    if not 1 <= count <= MOST_PROCESSES:
+        raise ValueError(f"processes is {count}; give a whole number from 1 to {MOST_PROCESSES}")
+    return count
+
+
+def check_all_finished(failures: Sequence[str], count: int) -> None:
+    """ValueError with the failures, a text for each, of so many runs."""
     if failures:
         raise ValueError(
-            f"{len(failures)} of {len(configs)} runs failed; the same command goes on: {'; '.join(failures)}"
+            f"{len(failures)} of {count} runs failed; the same command goes on: {'; '.join(failures)}"
         )
 
 
@@ -133,8 +142,11 @@ def _follow(names: Sequence[str], workers: list[Any], news: Any) -> list[str]:
     return failures
 
 
-class _Teller(Progress):
-    """Progress that is told to another process instead of shown."""
+class Teller(Progress):
+    """Progress that is told to another process instead of shown.
+
+    ``news`` takes (name, share done, note, whether the run failed) by its method ``put``.
+    """
 
     def __init__(self, news: Any, name: str) -> None:
         super().__init__(disable=True)
@@ -161,29 +173,38 @@ def _work(jobs: Any, news: Any, core: int | None) -> None:
     while (job := jobs.get()) is not None:
         name, data, place = job
         try:
-            _finish(checked(Config, data), Path(place), _Teller(news, name))
-            result = read_evaluation(Path(place))
-            news.put((name, 1.0, f"holds {100 * result['hold_success']:.1f} %", False))
+            finish(checked(Config, data), Path(place), Teller(news, name))
+            news.put((name, 1.0, result_of(Path(place)), False))
         except KeyboardInterrupt:
             return
         except Exception as error:
             news.put((name, 1.0, f"failed: {error}", True))
 
 
-def _finish(config: Config, folder: Path, teller: Progress) -> None:
-    """Do what a run still needs."""
+def result_of(folder: Path) -> str:
+    """The hold success of an evaluated run in words."""
+    return f"holds {100 * read_evaluation(folder)['hold_success']:.1f} %"
+
+
+def is_finished(folder: Path) -> bool:
+    """Whether a run is trained to its end, evaluated and reported."""
+    trained = (folder / "training.json").is_file() and not read_facts(folder)["stopped"]
+    return trained and not checkpoint.exists(folder) and all((folder / file).is_file() for file in FILES)
+
+
+def finish(config: Config, folder: Path, progress: Progress) -> None:
+    """Train, evaluate and report a configuration, as far as its folder still needs it."""
     from ..evaluate import evaluate
     from ..report import report
-    from . import checkpoint
     from .train import resume, train
 
+    if is_finished(folder):
+        return
     if checkpoint.exists(folder):
-        resume(folder, teller)
+        resume(folder, progress)
     elif not (folder / "training.json").is_file() or read_facts(folder)["stopped"]:
         if (folder / "config.yaml").is_file():  # killed before its first checkpoint: this run, and no more
             shutil.rmtree(folder)
-        train(config, folder, teller)
-    elif all((folder / file).is_file() for file in FILES):
-        return
+        train(config, folder, progress)
     evaluate(config, folder)
     report(folder)

@@ -52,12 +52,17 @@ def train(config: Config, folder: Path, progress: Progress | None = None) -> dic
     Stopped
         The user asked to stop; the folder has the policy so far, and a checkpoint.
     """
+    check_new(folder)
+    return _run(config, folder, progress, resumed=False)
+
+
+def check_new(folder: Path) -> None:
+    """Refuse a file, or a folder that holds something, as the folder of a new run."""
     if folder.exists() and not folder.is_dir():
         raise ValueError(f"run folder {folder} is a file; choose another --out")
     if folder.exists() and any(folder.iterdir()):
         hint = f"go on with '{COMMAND} resume {folder}', " if checkpoint.exists(folder) else ""
         raise ValueError(f"run folder {folder} is not empty; {hint}choose another --out or delete it")
-    return _run(config, folder, progress, resumed=False)
 
 
 def resume(folder: Path, progress: Progress | None = None) -> dict[str, Any]:

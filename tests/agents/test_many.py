@@ -9,7 +9,7 @@ from rich.progress import Progress
 from agents.__main__ import main
 from agents.config import load
 from agents.policies import read_weights
-from agents.training.many import _finish, seeds_of
+from agents.training.many import finish, seeds_of
 from agents.training.train import train
 
 SMALL = [
@@ -56,20 +56,20 @@ def test_processes_are_checked_before_anything_begins(more, word, tmp_path, caps
     assert not (tmp_path / "out").exists()
 
 
-def test_what_is_finished_stays_and_what_was_stopped_or_killed_early_does_not(tmp_path):
+def test_what_isfinished_stays_and_what_was_stopped_or_killed_early_does_not(tmp_path):
     folder, config = tmp_path / "seed3", load("rprp_reach_ppo", [*SMALL, "seed=3"])
     silent = Progress(disable=True)
-    _finish(config, folder, silent)
+    finish(config, folder, silent)
     before = {path: path.stat().st_mtime_ns for path in folder.iterdir()}
-    _finish(config, folder, silent)
+    finish(config, folder, silent)
     assert {path: path.stat().st_mtime_ns for path in folder.iterdir()} == before
     facts = json.loads((folder / "training.json").read_text())
     (folder / "training.json").write_text(json.dumps({**facts, "stopped": True, "env_steps": 5}))
-    _finish(config, folder, silent)
+    finish(config, folder, silent)
     assert json.loads((folder / "training.json").read_text())["env_steps"] == 1024
     (folder / "training.json").unlink()  # killed before its first checkpoint
     (folder / "report.md").unlink()
-    _finish(config, folder, silent)
+    finish(config, folder, silent)
     assert json.loads((folder / "training.json").read_text())["stopped"] is False
     assert (folder / "report.md").is_file()
 

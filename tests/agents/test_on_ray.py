@@ -1,0 +1,156 @@
+"""Several seeds on a Ray cluster of two machines, which share no run folder."""
+
+import json
+import os
+import shutil
+import signal
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+import pytest
+import torch
+
+from agents.__main__ import main
+from agents.config import load
+from agents.policies import read_weights
+from agents.training.train import train
+
+pytest.importorskip("ray", reason="ray is not installed; pip install 'redundant-envs[ray]'")
+
+import ray
+from ray.cluster_utils import Cluster
+
+from agents.training import on_ray
+
+ROOT = str(Path(__file__).parents[2])
+SMALL = [
+    "num_envs=32", "ppo.n_steps=16", "ppo.batch_size=256", "total_steps=1024", "curve_episodes=5",
+    "evaluation_episodes=10", "telemetry=[]",
+]  # fmt: skip
+COMMAND = ["train", "rprp_reach_ppo", *SMALL, "--on", "ray"]
+
+
+@pytest.mark.parametrize(
+    ("more", "word"),
+    [
+        (["--on", "dask", "--seeds", "1"], "on is 'dask'; choose processes or ray"),
+        (["--on", "ray"], "give --seeds"),
+        (["--address", "auto", "--seeds", "1"], "add --on ray"),
+        (["--on", "ray", "--seeds", "1", "--processes", "0"], "processes is 0"),
+        (["--on", "ray", "--seeds", "1", "--processes", "2", "--address", "h:1"], "leave one out"),
+        (["--on", "ray", "--seeds", "1", "--address", "no address"], "address is 'no address'; Ray cannot"),
+    ],
+)
+def test_the_place_of_the_runs_is_checked_before_anything_begins(more, word, tmp_path, capsys):
+    assert main(["train", "rprp_reach_ppo", *more, "--out", str(tmp_path / "out")]) == 2
+    assert word in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.fixture(scope="module")
+def disk():
+    """The disk of the workers; this program's is another folder."""
+    folder = Path(tempfile.mkdtemp())
+    yield folder
+    shutil.rmtree(folder)
+
+
+@pytest.fixture(scope="module")
+def cluster(disk):
+    """A connection to a cluster of two machines with a core each, whose reports have no pictures."""
+
+    def prepare():
+        sys.path.insert(0, ROOT)  # Ray would add it later
+        from agents import report
+
+        def short(folder):
+            (folder / "report.md").write_text(f"again: train {folder}/config.yaml")
+
+        report.report = short
+        tempfile.tempdir = str(disk)
+
+    ray.cloudpickle.register_pickle_by_value(sys.modules[__name__])
+    two = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
+    try:
+        two.add_node(num_cpus=1)
+        ray.init(
+            two.address,
+            log_to_driver=False,
+            logging_level="ERROR",
+            runtime_env={"worker_process_setup_hook": prepare},
+        )
+        yield
+    finally:
+        ray.shutdown()
+        two.shutdown()
+
+
+def test_seeds_on_a_cluster_are_the_runs_they_are_alone(cluster, disk, tmp_path, capsys):
+    out = tmp_path / "runs"
+    (out / "seed5").mkdir(parents=True)
+    (out / "seed5" / "mine").touch()
+    command = [*COMMAND, "--out", str(out)]
+    assert main([*command, "--seeds", "3..5"]) == 2
+    assert "1 of 3 runs failed; the same command goes on: seed5: run folder" in capsys.readouterr().err
+    alone = tmp_path / "alone"
+    train(load("rprp_reach_ppo", [*SMALL, "seed=4"]), alone)
+    expected, _ = read_weights(alone / "policy.zip", "silu")
+    found, _ = read_weights(out / "seed4" / "policy.zip", "silu")
+    assert all(torch.equal(found[name], tensor) for name, tensor in expected.items())
+    assert (out / "seed4" / "report.md").read_text() == f"again: train {out}/seed4/config.yaml"
+    assert sorted(path.name for path in out.iterdir()) == ["seed3", "seed4", "seed5"]
+    assert not list(disk.iterdir())
+    # seed4 is finished and stays; of seed3 only the report is missing, and no more is made
+    before = {path: path.stat().st_mtime_ns for path in (out / "seed4").rglob("*")}
+    facts = (out / "seed3" / "training.json").read_bytes()
+    (out / "seed3" / "report.md").unlink()
+    assert main([*command, "--seeds", "3,4"]) == 0
+    assert "| RPRPReach-v0 | PPO | 2 |" in capsys.readouterr().out
+    assert {path: path.stat().st_mtime_ns for path in (out / "seed4").rglob("*")} == before
+    assert (out / "seed3" / "training.json").read_bytes() == facts
+    assert (out / "seed3" / "report.md").is_file()
+    assert main([*command, "--seeds", "3", "ppo.gamma=0.5"]) == 2
+    assert "another configuration" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGINT for one process")
+def test_ctrl_c_brings_the_runs_home_with_a_checkpoint(cluster, disk, tmp_path, capsys):
+    def begun():
+        files = list(disk.glob("*/seed*/monitor.csv"))
+        return len(files) == 2 and all(file.stat().st_size > 500 for file in files)
+
+    def interrupt():
+        end = time.monotonic() + 120.0
+        while not begun() and time.monotonic() < end:
+            time.sleep(0.05)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    out = tmp_path / "runs"
+    long = ["total_steps=1000000000", "curve_every=1000000000"]
+    user = threading.Thread(target=interrupt)
+    user.start()
+    assert main([*COMMAND, *long, "--seeds", "3..5", "--out", str(out)]) == 130
+    user.join()
+    assert capsys.readouterr().err.splitlines() == ["stopped; the same command with the same --out goes on"]
+    assert sorted(path.name for path in out.iterdir()) == ["seed3", "seed4"]  # seed5 waited for a core
+    for folder in out.iterdir():
+        assert json.loads((folder / "training.json").read_text())["stopped"] is True
+        assert (folder / "checkpoint" / "state.pt").is_file()
+
+
+@pytest.mark.parametrize("name", ["../a", "/a", "a/../../b", "..", "", "c:\\a", "a\\..\\b"])
+def test_a_file_that_leads_out_of_its_folder_is_refused(name, tmp_path):
+    with pytest.raises(ValueError, match="leads out of"):
+        on_ray.unpack({"fine": b"", name: b"evil"}, tmp_path / "run")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_received_run_takes_the_place_of_an_older_one(tmp_path):
+    (tmp_path / "seed1").mkdir()
+    (tmp_path / "seed1" / "old").touch()
+    on_ray.receive({"new": b"1", "plots/b": b"2"}, tmp_path / "seed1")
+    assert on_ray.pack(tmp_path / "seed1") == {"new": b"1", "plots/b": b"2"}
+    assert os.listdir(tmp_path) == ["seed1"]
