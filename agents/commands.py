@@ -135,6 +135,38 @@ def check_place(on: str, address: str | None, seeds: str | None) -> None:
 
 
 @app.command()
+def tune(
+    config: Annotated[str, typer.Argument(help="YAML file, or a preset's name", autocompletion=presets)],
+    overrides: Annotated[
+        list[str] | None,
+        typer.Argument(
+            help="key=value, such as total_steps=1000000; it is not searched", autocompletion=complete
+        ),
+    ] = None,
+    trials: Annotated[int, typer.Option(help="trainings in all")] = 30,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="folder; a study that was stopped goes on in it (default runs/tune/CONFIG)"),
+    ] = None,
+    search: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="key=low..high or key=a|b|c, instead of the learner's default search; may be repeated"
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="of the sampler")] = 0,
+) -> None:
+    """Search the learner's settings that hold most goals, with Optuna."""
+    from .config import load
+    from .tuning import tune
+
+    folder = out or Path("runs") / "tune" / Path(config).stem
+    path = tune(load(config, overrides or ()), folder, trials, search or (), overrides or (), seed)
+    print(path.read_text(encoding="utf-8"))
+    print(f"best: {folder / 'best.yaml'}")
+
+
+@app.command()
 def resume(folder: Folder) -> None:
     """Go on with a training that was stopped or killed, from its last checkpoint, to the same bits."""
     from .evaluate import evaluate, summary

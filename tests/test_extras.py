@@ -42,6 +42,7 @@ COMMANDS = {
     "train, wandb": (AGENTS, ["train", "rprp_reach_ppo", "telemetry=[wandb]"], "wandb", "wandb"),
     "train, mlflow": (AGENTS, ["train", "rprp_reach_ppo", "telemetry=[mlflow]"], "mlflow", "mlflow"),
     "train, ray": (AGENTS, ["train", "rprp_reach_ppo", "--seeds", "0", "--on", "ray"], "ray", "ray"),
+    "tune": (AGENTS, ["tune", "rprp_reach_ppo"], "optuna", "tune"),
     "train, typer": (AGENTS, ["train", "rprp_reach_ppo"], "typer", "train"),
     "train, pydantic": (AGENTS, ["train", "rprp_reach_ppo"], "pydantic", "train"),
     "train, rich": (AGENTS, ["train", "rprp_reach_ppo"], "rich", "train"),

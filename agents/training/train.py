@@ -21,7 +21,7 @@ from ..run_folder import read_config, write_json
 from . import checkpoint
 from .interrupt import Stopped, stop_request
 from .telemetry import check, logger
-from .watch import Watch, progress_bars
+from .watch import OnPoint, Watch, progress_bars
 
 with needs("train"):
     import torch
@@ -36,7 +36,9 @@ LOG_ROLLOUTS = 10
 KEYWORDS = ("is_success",)
 
 
-def train(config: Config, folder: Path, progress: Progress | None = None) -> dict[str, Any]:
+def train(
+    config: Config, folder: Path, progress: Progress | None = None, on_point: OnPoint | None = None
+) -> dict[str, Any]:
     """Train, and keep the averaged policy in ``folder``; returns steps and seconds.
 
     Parameters
@@ -46,6 +48,9 @@ def train(config: Config, folder: Path, progress: Progress | None = None) -> dic
         It is made, or is empty.
     progress : Progress, optional
         Bars of a caller, which get a line while the training runs.
+    on_point : callable, optional
+        Called with the environment steps and the hold success, 0 to 1, of every point of the learning
+        curve. What it raises ends the training and is raised here; the folder has the policy of that point.
 
     Raises
     ------
@@ -53,7 +58,7 @@ def train(config: Config, folder: Path, progress: Progress | None = None) -> dic
         The user asked to stop; the folder has the policy so far, and a checkpoint.
     """
     check_new(folder)
-    return _run(config, folder, progress, resumed=False)
+    return _run(config, folder, progress, resumed=False, on_point=on_point)
 
 
 def check_new(folder: Path) -> None:
@@ -70,7 +75,9 @@ def resume(folder: Path, progress: Progress | None = None) -> dict[str, Any]:
     return _run(read_config(folder), folder, progress, resumed=True)
 
 
-def _run(config: Config, folder: Path, progress: Progress | None, resumed: bool) -> dict[str, Any]:
+def _run(
+    config: Config, folder: Path, progress: Progress | None, resumed: bool, on_point: OnPoint | None = None
+) -> dict[str, Any]:
     check(config)
     torch.set_num_threads(config.torch_threads)
     base = make_sb3(config.env, config.num_envs, **config.env_kwargs)
@@ -91,7 +98,7 @@ def _run(config: Config, folder: Path, progress: Progress | None, resumed: bool)
     with stop_request() as stop, closing(monitor):
         model.set_logger(logger(folder, config))
         with progress_bars() if progress is None else nullcontext(progress) as bars:
-            watch = Watch(config, folder, monitor, bars, stop, begun, run)
+            watch = Watch(config, folder, monitor, bars, stop, begun, run, on_point)
             every = (
                 LOG_ROLLOUTS
                 if isinstance(config.settings, PlainPPOSettings)
@@ -108,8 +115,8 @@ def _run(config: Config, folder: Path, progress: Progress | None, resumed: bool)
                 stopped = True
             finally:
                 model.logger.close()
-            if progress is not None:
-                bars.remove_task(watch.task)
+                if progress is not None:
+                    bars.remove_task(watch.task)
         seconds = watch.seconds()
         if stopped:
             save_policy(model, folder / "policy.zip")

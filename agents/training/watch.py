@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,8 @@ BAR_STEPS = 400
 """Steps of the progress bar."""
 RETURN = "return_"
 """Terms of an episode's return in ``info`` begin so."""
+OnPoint = Callable[[int, float], None]
+"""Takes a point of the learning curve: environment steps and hold success, 0 to 1."""
 
 
 class Watch(BaseCallback):
@@ -33,7 +36,7 @@ class Watch(BaseCallback):
 
     def __init__(
         self, config: Config, folder: Path, monitor: Any, progress: Progress, stop: Request,
-        begun: dict[str, float], run: dict[str, Any],
+        begun: dict[str, float], run: dict[str, Any], on_point: OnPoint | None = None,
     ) -> None:  # fmt: skip
         super().__init__()
         self.model: Any  # an algorithm with an average
@@ -44,6 +47,7 @@ class Watch(BaseCallback):
         self.progress = progress
         self.run = run
         name = f"{config.label} {config.env.split('/')[-1]} seed {config.seed}"
+        self.on_point = on_point
         self.task = progress.add_task(name, total=config.total_steps, note="")
         self.hold = begun.get("hold", math.nan)
         """Hold success of the last point of the curve."""
@@ -121,6 +125,8 @@ class Watch(BaseCallback):
         save_policy(self.model, self.folder / "policy.zip")
         self._apart += time.perf_counter() - begun
         self._show()
+        if self.on_point is not None:
+            self.on_point(self.num_timesteps, self.hold)
 
     def _show(self) -> None:
         config = self.config

@@ -1,0 +1,293 @@
+"""Tuning: search spaces, and studies that go on."""
+
+import csv
+
+import pytest
+import yaml
+
+from agents.__main__ import main
+from agents.config import load, presets
+from agents.rollout import SELECTION_SEED
+from agents.training import watch
+from agents.training.interrupt import Stopped
+
+pytest.importorskip("optuna", reason="optuna is not installed; pip install 'redundant-envs[tune]'")
+
+from agents.tuning import study as studies
+from agents.tuning import tune
+from agents.tuning.search import Range, own_parameters, space_of, with_parameters
+
+SMALL = [
+    "num_envs=32", "ppo.n_steps=16", "ppo.batch_size=256", "total_steps=2048", "curve_every=1024",
+    "curve_episodes=5", "evaluation_episodes=10", "telemetry=[]",
+]  # fmt: skip
+CONFIG = load("rprp_reach_ppo", SMALL)
+GAMMA = ["ppo.gamma=0.5..0.9"]
+
+
+def rows(folder):
+    """trials.csv without the seconds, which no two runs share."""
+    with (folder / "trials.csv").open(newline="") as file:
+        return [{k: v for k, v in row.items() if k != "seconds"} for row in csv.DictReader(file)]
+
+
+def curve(folder, trial):
+    """The learning curve of a trial without the seconds."""
+    lines = (folder / f"trial{trial}" / "selection.csv").read_text().splitlines()[1:]
+    return [(steps, *rates) for steps, _, *rates in (line.split(",") for line in lines)]
+
+
+# ---- search spaces -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("ppo.learning_rate=1e-3..1e-2", Range(1e-3, 1e-2, whole=False)),
+        (" ppo.gamma = .5 .. 0.9 ", Range(0.5, 0.9, whole=False)),
+        ("ppo.n_epochs=1..20", Range(1, 20, whole=True)),
+        ("ppo.log_std_init=-2..1", Range(-2.0, 1.0, whole=False)),
+    ],
+)
+def test_a_range_has_the_kind_of_its_setting(text, expected):
+    ((_, found),) = space_of(CONFIG, [text]).items()
+    assert found == expected
+    assert isinstance(found.low, int) == expected.whole
+    assert found.log == (expected.low > 0 and expected.high >= 10 * expected.low)
+    assert found.distribution().log == found.log
+
+
+def test_a_choice_has_values_of_its_setting():
+    space = space_of(CONFIG, ["ppo.net_arch=[64, 64]|[32]", "ppo.activation=silu|tanh", "ppo.average=0|0.9"])
+    chosen = with_parameters(
+        CONFIG, space, {"ppo.net_arch": "[32]", "ppo.activation": "tanh", "ppo.average": "0"}
+    )
+    assert (chosen.ppo.net_arch, chosen.ppo.activation, chosen.ppo.average) == ((32,), "tanh", 0.0)
+    assert own_parameters(CONFIG, space) == {
+        "ppo.net_arch": "[64, 64]", "ppo.activation": "silu", "ppo.average": "0.9"
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("", "write key=low..high"),
+        ("ppo.gamma", "write key=low..high"),
+        ("ppo.gamma=", "write low..high, or 2 to 100 values"),
+        ("ppo.gamma=0.9", "write low..high, or 2 to 100 values"),
+        ("ppo.gamma=0.9..0.5", "write the lower number first"),
+        ("ppo.gamma=0.9..0.9", "write the lower number first"),
+        ("ppo.gamma=0.9..1.5", "ppo.gamma is 1.5; give a number from 0 to 1"),
+        ("ppo.gamma=nan..1", "write low..high"),
+        ("ppo.gamma=1e999..1e9999", "ppo.gamma is inf; give a number from 0 to 1"),
+        ("ppo.gamma=0..1..2", "write low..high"),
+        ("ppo.gamma=0.9|0.9", "'0.9' twice"),
+        ("ppo.gamma=0.9|a", "ppo.gamma is 'a'; give a number"),
+        ("ppo.gamma=0.9|", "ppo.gamma is None; give a number"),
+        ("ppo.gamma=" + "|".join(str(k / 1000) for k in range(101)), "2 to 100 values"),
+        ("ppo.n_epochs=1.5..3", "ppo.n_epochs is 1.5; give a whole number"),
+        ("ppo.activation=silu|!!python/object:os.system", "the value"),
+        ("ppo.activation=1..2", "ppo.activation is 1.0; choose"),
+        ("ppo.net_arch=1..2", "ppo.net_arch"),
+        ("ppo.gama=0..1", "search key 'ppo.gama' is unknown; valid: ppo.n_steps"),
+        ("sac.gamma=0..1", "search key 'sac.gamma' is unknown; valid: ppo.n_steps"),
+        ("gamma=0..1", "unknown"),
+        ("seed=0..9", "unknown"),
+        ("ppo.__class__=0..1", "unknown"),
+        ("ppo.gamma=" + "9" * 100_000 + "..1", "ppo.gamma"),
+    ],
+)
+def test_what_is_no_search_is_refused(text, word):
+    with pytest.raises(ValueError, match=r".") as error:
+        space_of(CONFIG, [text])
+    assert word in str(error.value)
+    assert len(str(error.value)) < 1000
+
+
+def test_a_setting_is_searched_once_and_not_where_it_has_a_value():
+    assert "ppo.gamma" in space_of(CONFIG)
+    assert "ppo.gamma" not in space_of(CONFIG, [], ["ppo.gamma=0.9"])
+    with pytest.raises(ValueError, match="has a value and is searched"):
+        space_of(CONFIG, GAMMA, ["ppo.gamma=0.9"])
+    with pytest.raises(ValueError, match="twice"):
+        space_of(CONFIG, GAMMA * 2)
+
+
+@pytest.mark.parametrize("name", [name for name in presets() if "/" not in name])
+def test_the_default_search_has_the_values_of_every_preset(name):
+    config = load(name)
+    space = space_of(config)
+    assert own_parameters(config, space).keys() == space.keys()
+
+
+# ---- studies -------------------------------------------------------------------------------------
+
+
+def fake_train(score, breaks=()):
+    """A training whose curve is the same ``score`` of its settings; ``breaks``: what trials raise."""
+    raised = dict(breaks)
+
+    def train(config, folder, progress, on_point):
+        folder.mkdir()
+        error = raised.pop(int(folder.name.removeprefix("trial")), None)
+        if error is not None:
+            raise error
+        for steps in (1024, 2048, 2048):
+            on_point(steps, score(config.ppo))
+
+    return train
+
+
+@pytest.fixture
+def by_gamma(monkeypatch):
+    """Trainings that hold gamma of their goals."""
+    monkeypatch.setattr(studies, "train", fake_train(lambda ppo: ppo.gamma))
+
+
+def test_a_study_is_reproducible_and_leaves_the_evaluation_goals_alone(tmp_path, monkeypatch, capsys):
+    goals, run_episodes = [], watch.run_episodes
+
+    def recorded(env, act, episodes, seed, **kwargs):
+        goals.append(seed)
+        return run_episodes(env, act, episodes, seed, **kwargs)
+
+    monkeypatch.setattr(watch, "run_episodes", recorded)
+    search = ["--search", "ppo.learning_rate=1e-3..1e-2", "--search", "ppo.n_epochs=1|2"]
+    for name in ("a", "b"):
+        command = ["tune", "rprp_reach_ppo", *SMALL, "--trials", "3", *search, "--out", str(tmp_path / name)]
+        assert main(command) == 0
+    assert "| trial | hold success | ppo.learning_rate | ppo.n_epochs |" in capsys.readouterr().out
+    a, b = (rows(tmp_path / name) for name in ("a", "b"))
+    assert a == b
+    assert [row["state"] for row in a] == ["complete"] * 3
+    assert len({row["ppo.learning_rate"] for row in a}) == 3
+    assert [curve(tmp_path / "a", k) for k in range(3)] == [curve(tmp_path / "b", k) for k in range(3)]
+    assert set(goals) == {SELECTION_SEED}
+    assert not list(tmp_path.glob("**/evaluation.json"))
+    assert (tmp_path / "a" / "best.yaml").read_bytes() == (tmp_path / "b" / "best.yaml").read_bytes()
+
+
+def test_the_best_of_a_study_is_a_configuration_of_its_own(by_gamma, tmp_path):
+    page = tune(CONFIG, tmp_path / "study", 16, GAMMA).read_text()
+    found = rows(tmp_path / "study")
+    best = load(tmp_path / "study" / "best.yaml")
+    assert best.ppo.gamma == max(float(row["ppo.gamma"]) for row in found)
+    assert best.model_copy(update={"ppo": CONFIG.ppo}) == CONFIG
+    assert "| ppo.gamma | 100 % |" in page
+
+
+def test_the_first_trial_has_the_values_of_the_configuration(by_gamma, tmp_path):
+    tune(CONFIG, tmp_path, 2, ["ppo.gamma=0.5..0.99"])
+    assert [float(row["ppo.gamma"]) == CONFIG.ppo.gamma for row in rows(tmp_path)] == [True, False]
+
+
+def test_a_trial_below_the_median_is_pruned(monkeypatch, tmp_path):
+    steps, train = [], fake_train(lambda ppo: ppo.gamma)
+
+    def recorded(config, folder, progress, on_point):
+        def point(step, hold):
+            steps.append((folder.name, step))
+            on_point(step, hold)
+
+        train(config, folder, progress, point)
+
+    monkeypatch.setattr(studies, "train", recorded)
+    tune(CONFIG, tmp_path, 12, GAMMA)
+    found = rows(tmp_path)
+    assert {"complete", "pruned"} == {row["state"] for row in found}
+    assert all(row["state"] == "complete" for row in found[: studies.STARTUP_TRIALS])
+    for row in found:
+        expected = [1024] if row["state"] == "pruned" else [1024, 2048, 2048]
+        assert [step for name, step in steps if name == f"trial{row['trial']}"] == expected
+
+
+def test_a_pruned_training_ends_at_its_point(tmp_path):
+    from agents.training.train import train
+
+    class Enough(Exception):
+        pass
+
+    def stop(steps, hold):
+        raise Enough
+
+    with pytest.raises(Enough):
+        train(CONFIG, tmp_path / "run", on_point=stop)
+    assert (tmp_path / "run" / "selection.csv").read_text().splitlines()[1].startswith("1024,")
+    assert (tmp_path / "run" / "policy.zip").is_file()
+
+
+def test_refused_settings_are_named_and_the_study_goes_on(by_gamma, tmp_path):
+    tune(CONFIG, tmp_path, 6, ["ppo.batch_size=256|300"])
+    found = {row["ppo.batch_size"]: row for row in rows(tmp_path)}
+    assert found["256"]["state"] == "complete"
+    assert found["300"]["state"] == "refused"
+    assert found["300"]["message"].startswith("ppo.batch_size is 300; it must divide")
+    with pytest.raises(ValueError, match=r"no trial of .* was completed: ppo.batch_size is 30[01]; it"):
+        tune(CONFIG, tmp_path / "none", 2, ["ppo.batch_size=300|301"])
+
+
+def test_a_killed_study_goes_on_as_if_it_had_not_been(by_gamma, monkeypatch, tmp_path):
+    tune(CONFIG, tmp_path / "whole", 6, GAMMA)
+    killed = tmp_path / "killed"
+    breaks = {0: SystemExit(), 4: KeyboardInterrupt()}  # the first tells the study nothing, as a kill
+    monkeypatch.setattr(studies, "train", fake_train(lambda ppo: ppo.gamma, breaks))
+    with pytest.raises(SystemExit):
+        tune(CONFIG, killed, 6, GAMMA)
+    with pytest.raises(Stopped, match="stopped after 3 of 6 trials; the same command goes on"):
+        tune(CONFIG, killed, 6, GAMMA)
+    tune(CONFIG, killed, 6, GAMMA)
+    found = rows(killed)
+    assert [row["trial"] for row in found if row["state"] == "stopped"] == ["0", "4"]
+    others = [row for row in found if row["state"] != "stopped"]
+    expected = rows(tmp_path / "whole")
+    assert [{**row, "trial": k} for k, row in enumerate(others)] == [
+        {**row, "trial": k} for k, row in enumerate(expected)
+    ]
+    assert (killed / "best.yaml").read_bytes() == (tmp_path / "whole" / "best.yaml").read_bytes()
+    tune(CONFIG, killed, 7, GAMMA)  # more of them
+    assert len(rows(killed)) == 9
+
+
+@pytest.mark.parametrize(
+    ("config", "searches", "seed", "word"),
+    [
+        (CONFIG, ["ppo.gamma=0.5..0.8"], 0, "--search ppo.gamma: '0.5..0.9'"),
+        (CONFIG, [*GAMMA, "ppo.n_epochs=1..2"], 0, "--search ppo.n_epochs: None"),
+        (CONFIG, GAMMA, 1, "--seed: 0"),
+        (load("rprp_reach_ppo", [*SMALL, "ppo.ent_coef=0"]), GAMMA, 0, "ppo.ent_coef: 0.01"),
+        (load("rprp_reach_ppo", [*SMALL, "seed=1"]), GAMMA, 0, "with seed: 0, and this one has 1"),
+    ],
+)
+def test_another_study_does_not_go_on_in_the_folder(by_gamma, config, searches, seed, word, tmp_path):
+    tune(CONFIG, tmp_path, 1, GAMMA)
+    with pytest.raises(ValueError, match="holds a study with") as error:
+        tune(config, tmp_path, 2, searches, seed=seed)
+    assert word in str(error.value)
+    assert len(rows(tmp_path)) == 1
+
+
+def test_a_folder_that_is_no_study_is_refused(by_gamma, tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(ValueError, match="is a file"):
+        tune(CONFIG, tmp_path / "file", 1, GAMMA)
+    with pytest.raises(ValueError, match="holds other files and no study"):
+        tune(CONFIG, tmp_path, 1, GAMMA)
+    tune(CONFIG, tmp_path / "study", 1, GAMMA)
+    with studies._alone(tmp_path / "study"), pytest.raises(ValueError, match="another process tunes"):
+        tune(CONFIG, tmp_path / "study", 2, GAMMA)
+    (tmp_path / "study" / studies.JOURNAL).write_text('{"op_code": 0, "a"\n[]\n')
+    with pytest.raises(ValueError, match="is damaged"):
+        tune(CONFIG, tmp_path / "study", 2, GAMMA)
+
+
+@pytest.mark.parametrize(("trials", "seed", "word"), [(0, 0, "trials is 0"), (1, -1, "seed is -1")])
+def test_numbers_of_a_study_are_checked_before_anything_begins(trials, seed, word, tmp_path, capsys):
+    command = ["tune", "rprp_reach_ppo", "--trials", str(trials), "--seed", str(seed)]
+    assert main([*command, "--out", str(tmp_path / "out")]) == 2
+    assert word in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_best_yaml_is_plain(by_gamma, tmp_path):
+    tune(CONFIG, tmp_path, 1, GAMMA)
+    assert yaml.safe_load((tmp_path / "best.yaml").read_text())["algo"] == "ppo"
