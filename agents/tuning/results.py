@@ -104,7 +104,7 @@ def page(study: optuna.Study, config: Config, space: Space, folder: Path) -> str
         for trial in best[:SHOWN]
     ]
     lines = [
-        f"# Tuning of {config.algo.upper()} on {config.env}", "",
+        f"# Tuning of {config.label} on {config.env}", "",
         f"Trials: {counts}. Hold success is that of the last point of the learning curve, on "
         f"{config.curve_episodes} selection goals. The search has seen these goals, and the best of many is "
         "lucky too: judge `best.yaml` by other seeds and the goals of the evaluation, with "

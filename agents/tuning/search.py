@@ -21,22 +21,28 @@ with needs("tune"):
         IntDistribution,
     )
 
+PPO = {
+    "learning_rate": "5e-4..5e-3", "gamma": "0.9..0.99", "gae_lambda": "0.8..0.98", "n_epochs": "1..4",
+    "batch_size": "512|1024|2048|4096", "ent_coef": "1e-3..3e-2", "clip_range": "0.1..0.4",
+}  # fmt: skip
+OFF_POLICY = {
+    "learning_rate": "1e-3..2e-2", "gamma": "0.8..0.97", "batch_size": "128|256|512",
+    "gradient_steps": "4..16",
+}  # fmt: skip
+SAC = {**OFF_POLICY, "tau": "1e-2..1e-1", "ent_coef": "1e-4..1e-2"}
+AVERAGED = {"smoothness": "1e-2..1", "average": "0.998|0.9995|0.9998"}
 DEFAULTS: dict[str, dict[str, str]] = {
-    "ppo": {
-        "learning_rate": "5e-4..5e-3", "gamma": "0.9..0.99", "gae_lambda": "0.8..0.98", "n_epochs": "1..4",
-        "batch_size": "512|1024|2048|4096", "ent_coef": "1e-3..3e-2", "clip_range": "0.1..0.4",
-        "average": "0.8|0.9|0.95",
-    },
-    "sac": {
-        "learning_rate": "1e-3..2e-2", "gamma": "0.8..0.97", "batch_size": "128|256|512",
-        "gradient_steps": "4..16", "tau": "1e-2..1e-1", "ent_coef": "1e-4..1e-2", "smoothness": "1e-2..1",
-        "average": "0.998|0.9995|0.9998",
-    },
+    "ppo": {**PPO, "average": "0.8|0.9|0.95"},
+    "sac": {**SAC, **AVERAGED},
     "her": {
-        "learning_rate": "1e-3..1e-2", "gamma": "0.9..0.98", "batch_size": "128|256|512",
-        "gradient_steps": "8..24", "tau": "1e-2..1e-1", "ent_coef": "1e-4..1e-2", "smoothness": "1e-2..1",
-        "average": "0.998|0.9995|0.9998", "n_sampled_goal": "2..8",
+        **SAC, **AVERAGED, "learning_rate": "1e-3..1e-2", "gamma": "0.9..0.98", "gradient_steps": "8..24",
+        "n_sampled_goal": "2..8",
     },
+    "plain_ppo": PPO,
+    "plain_sac": SAC,
+    "td3": {**OFF_POLICY, "tau": "1e-2..1e-1", "action_noise": "0.03..0.3", "policy_delay": "1..4"},
+    "tqc": SAC,
+    "crossq": {**OFF_POLICY, "ent_coef": "1e-4..1e-2", "policy_delay": "1..4"},
 }  # fmt: skip
 """What is searched unless the user says otherwise: about the preset's value in the middle."""
 LOGARITHMIC = 10.0

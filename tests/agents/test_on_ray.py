@@ -117,6 +117,7 @@ def test_seeds_on_a_cluster_are_the_runs_they_are_alone(cluster, disk, tmp_path,
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGINT for one process")
+@pytest.mark.long
 def test_ctrl_c_brings_the_runs_home_with_a_checkpoint(cluster, disk, tmp_path, capsys):
     def begun():
         files = list(disk.glob("*/seed*/monitor.csv"))

@@ -113,7 +113,7 @@ def test_a_setting_is_searched_once_and_not_where_it_has_a_value():
         space_of(CONFIG, GAMMA * 2)
 
 
-@pytest.mark.parametrize("name", [name for name in presets() if "/" not in name])
+@pytest.mark.parametrize("name", presets())
 def test_the_default_search_has_the_values_of_every_preset(name):
     config = load(name)
     space = space_of(config)
