@@ -42,6 +42,8 @@ class WithAverage(CallbackList):
 class Experiment(ExperimentManager):
     """An experiment of rl_zoo3 on the native vector environment, with the seeds of ``agents train``."""
 
+    callbacks: list[Any]
+
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         if not 0 <= self.seed <= MOST_SEEDS:

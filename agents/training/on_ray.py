@@ -144,9 +144,9 @@ def _follow(configs: Mapping[str, Config], folder: Path) -> list[str]:
                     continue
                 if not (place / "config.yaml").is_file():
                     check_new(place)
-                task = train_one.options(num_cpus=config.torch_threads)
+                submit = train_one.options(num_cpus=config.torch_threads).remote
                 own = pack(place) if place.is_dir() else {}
-                running[task.remote(name, config.to_dict(), own, str(place), __version__, board)] = name
+                running[submit(name, config.to_dict(), own, str(place), __version__, board)] = name
             except (ValueError, OSError) as error:
                 over(name, _short(error), failed=True)
         told = False
@@ -284,9 +284,9 @@ def unpack(files: Files, folder: Path) -> None:
             raise ValueError(f"a file of the run is named {shown(name)}, which leads out of {folder}")
     folder.mkdir(parents=True)
     for name, content in files.items():
-        path = folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(content)
+        target = folder / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(content)
 
 
 def receive(files: Files, folder: Path) -> None:

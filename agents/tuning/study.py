@@ -179,7 +179,7 @@ def _fail_running(study: optuna.Study, folder: Path) -> None:
 
 def _note(study: optuna.Study) -> str:
     best = complete(study)
-    return f"best holds {100 * best[0].value:.1f} %, trial {best[0].number}" if best else ""
+    return f"best holds {100 * (best[0].value or 0.0):.1f} %, trial {best[0].number}" if best else ""
 
 
 def _run_trial(study: optuna.Study, config: Config, space: Space, folder: Path, seed: int, bars: Any) -> None:
