@@ -11,8 +11,8 @@ from .layers import Layers
 ORIGIN = {
     "ppo": "PPO of stable-baselines3 with averaged weights (`agents/learners/ppo.py`)",
     "sac": "SAC of stable-baselines3 with an averaged, smoothed, delayed actor (`agents/learners/sac.py`)",
-    "her": "SAC of stable-baselines3 with an averaged, smoothed, delayed actor (`agents/learners/sac.py`) and "
-    "hindsight goals (`HerReplayBuffer`)",
+    "her": "SAC of stable-baselines3 with an averaged, smoothed, delayed actor (`agents/learners/sac.py`) "
+    "and hindsight goals (`HerReplayBuffer`)",
     "plain_ppo": "PPO of stable-baselines3", "plain_sac": "SAC of stable-baselines3",
     "td3": "TD3 of stable-baselines3", "tqc": "TQC of sb3-contrib", "crossq": "CrossQ of sb3-contrib",
 }  # fmt: skip
