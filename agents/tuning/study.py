@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -130,6 +131,7 @@ def _open(folder: Path, config: Config, space: Space, seed: int) -> optuna.Study
     settings = _settings(config, space, seed)
     pruner = optuna.pruners.MedianPruner(STARTUP_TRIALS, int(WARMUP * config.total_steps))
     path = folder / JOURNAL
+    _cut_half_line(path)
     try:
         study = optuna.create_study(
             storage=JournalStorage(JournalFileBackend(str(path))), study_name=STUDY, direction="maximize",
@@ -149,6 +151,14 @@ def _open(folder: Path, config: Config, space: Space, seed: int) -> optuna.Study
                 f"{shown(settings.get(name))}; choose another --out"
             )
     return study
+
+
+def _cut_half_line(path: Path) -> None:
+    """Cut off what a kill or a power cut left of a line: Optuna would write the next one behind it."""
+    if path.is_file():
+        whole = path.read_bytes().rfind(b"\n") + 1
+        if whole < path.stat().st_size:
+            os.truncate(path, whole)
 
 
 def _settings(config: Config, space: Space, seed: int) -> dict[str, Any]:

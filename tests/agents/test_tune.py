@@ -235,6 +235,8 @@ def test_a_killed_study_goes_on_as_if_it_had_not_been(by_gamma, monkeypatch, tmp
         tune(CONFIG, killed, 6, GAMMA)
     with pytest.raises(Stopped, match="stopped after 3 of 6 trials; the same command goes on"):
         tune(CONFIG, killed, 6, GAMMA)
+    with (killed / studies.JOURNAL).open("ab") as file:
+        file.write(b'{"op_code": 5, "half')  # of a line, as after a power cut
     tune(CONFIG, killed, 6, GAMMA)
     found = rows(killed)
     assert [row["trial"] for row in found if row["state"] == "stopped"] == ["0", "4"]
