@@ -120,8 +120,8 @@ def summary(result: dict[str, Any]) -> str:
     failed = round((1.0 - result["hold_success"]) * result["episodes"])
     if failed and result.get("restless") is not None:
         lines.append(
-            f"Of the {failed} goals it did not hold, the tip ended at {result['restless']}, but had not been "
-            "still there for long enough."
+            f"Goals it did not hold: {failed}; at {result['restless']} of them the tip was there at the end, "
+            "but had not been still for long enough."
         )
     difference = result["hold_success"] - result["expert_hold_success"]
     if difference < 0:

@@ -22,6 +22,8 @@ SELECTION = ("env_steps", "seconds", "hold_success", "touch_success", "return")
 EPISODES = ("seed", "hold", "touch", "distance", "return", "expert_hold", "expert_distance")
 """Columns of episodes.csv."""
 RATES = ("hold_success", "touch_success", "expert_hold_success")
+UNSURE_RATES = ("expert_touch_success",)
+"""Rates that folders of older versions lack."""
 DISTANCES = ("median_distance", "expert_median_distance")
 MEASURES = tuple(
     f"{who}{name}" for who in ("", "expert_") for name in ("time_to_hold", "effort", "smoothness")
@@ -59,6 +61,7 @@ def read_evaluation(folder: Path) -> dict[str, Any]:
     checks |= {name: _is_number(data.get(name), 1) for name in RATES}
     checks |= {name: data.get(name) is None or _is_number(data[name]) for name in FACTS}
     checks |= {name: data.get(name) is None or _is_number(data[name]) for name in (*MEASURES, RESTLESS)}
+    checks |= {name: data.get(name) is None or _is_number(data[name], 1) for name in UNSURE_RATES}
     for name, low, high in (("seed", 0, MOST_SEEDS), ("episodes", 1, MOST_EPISODES)):
         checks[name] = isinstance(data.get(name), int) and _is_number(data[name], high) and data[name] >= low
     checks["env"], checks["algo"] = data.get("env") in ids(), data.get("algo") in ALGORITHMS
@@ -68,7 +71,7 @@ def read_evaluation(folder: Path) -> dict[str, Any]:
         and low_high[0] <= low_high[1]
     )
     versions = data.get("versions")
-    checks["versions"] = isinstance(versions, dict) and all(_is_line(v) for v in versions.values())
+    checks["versions"] = isinstance(versions, dict) and all(map(_is_line, (*versions, *versions.values())))
     checks |= {name: _is_line(data.get(name)) for name in ("machine", "date")}
     for name, holds in checks.items():
         if not holds:

@@ -18,6 +18,7 @@ from .learners.averaging import Averaging
 from .learners.ppo import AveragedPPO
 from .learners.sac import AveragedSAC
 from .policies import save_policy
+from .rollout import SELECTION_SEED
 
 with needs("zoo"):
     import rl_zoo3
@@ -68,9 +69,11 @@ class Experiment(ExperimentManager):
                     f"{name} is given; it wraps single environments, and the native vector has none: use "
                     "vec_env_wrapper, or python -m rl_zoo3.train with an algorithm of stable-baselines3"
                 )
+        if n_envs > SEEDS_PER_RUN:
+            raise ValueError(f"n_envs is {n_envs}; give at most {SEEDS_PER_RUN}: a run has no more seeds")
         given = self.eval_env_kwargs if eval_env else self.env_kwargs
         base = make_sb3(self.env_name.gym_id, n_envs, **given)
-        base.seed(self.seed * SEEDS_PER_RUN)
+        base.seed(SELECTION_SEED if eval_env else self.seed * SEEDS_PER_RUN)
         log = None if eval_env or no_log else str(Path(self.save_path) / "0.monitor.csv")
         env: VecEnv = VecMonitor(base, log, **self.monitor_kwargs)
         if self.vec_env_wrapper is not None:

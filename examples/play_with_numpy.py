@@ -1,14 +1,14 @@
 """Act with a trained policy by NumPy alone: python examples/play_with_numpy.py policies/RPRPReach-v0-sac
 
-Beside redundant-envs, which needs neither torch nor stable-baselines3, this uses nothing but NumPy.
+Beside redundant-envs and what it needs (neither torch nor stable-baselines3), this uses nothing but NumPy.
 """
 
 import argparse
-import re
 from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
+import yaml
 
 import redundant_envs  # noqa: F401  (registers the ids)
 
@@ -43,11 +43,9 @@ def main():
         "--seed", type=int, default=1_000_000, help="of the goals; the default are the frozen ones"
     )
     arguments = parser.parse_args()
-    settings = (arguments.folder / "config.yaml").read_text()
-    env_id = re.search(r"^env: (\S+)$", settings, re.M)[1]
-    scene = re.search(r"^env_kwargs:\n  scene: (\S+)$", settings, re.M)
+    settings = yaml.safe_load((arguments.folder / "config.yaml").read_text(encoding="utf-8"))
     act = load(arguments.folder / "policy.npz")
-    envs = gym.make_vec(env_id, num_envs=arguments.episodes, **({"scene": scene[1]} if scene else {}))
+    envs = gym.make_vec(settings["env"], num_envs=arguments.episodes, **settings["env_kwargs"])
     observations, _ = envs.reset(seed=arguments.seed)
     held = np.zeros(arguments.episodes, dtype=bool)
     running = ~held
@@ -57,7 +55,7 @@ def main():
         if ended.any():
             held[ended] = np.asarray(infos["is_success"])[ended]
         running &= ~ended
-    print(f"{env_id}: {100 * held.mean():.1f} % of {arguments.episodes} goals are held")
+    print(f"{settings['env']}: {100 * held.mean():.1f} % of {arguments.episodes} goals are held")
 
 
 if __name__ == "__main__":

@@ -50,6 +50,8 @@ COMMANDS = {
     "report": (AGENTS, ["report", RUN], "stable_baselines3", "train"),
     "report, imageio": (AGENTS, ["report", RUN], "imageio", "plot"),
     "table": (AGENTS, ["table", RUN], "pydantic", "train"),
+    "export": (AGENTS, ["export", RUN], "onnx", "onnx"),
+    "export, runtime": (AGENTS, ["export", RUN], "onnxruntime", "onnx"),
     "curves": (AGENTS, ["curves", RUN], "matplotlib", "plot"),
     "study strength": (AGENTS, ["study", "strength"], "matplotlib", "plot"),
     "play": (AGENTS, ["play", RUN, "--clip", "a.gif"], "stable_baselines3", "train"),

@@ -147,5 +147,6 @@ class TQCSettings(OffPolicySettings):
 class CrossQSettings(OffPolicySettings):
     """CrossQ of sb3-contrib: batch renormalisation instead of target networks."""
 
+    batch_size: Whole = number(256, 2, 1e6, "samples of a gradient step; one alone has no variance")
     ent_coef: EntropyWeight = value(0.001, ENTROPY)
     policy_delay: Whole = number(3, *DELAY)

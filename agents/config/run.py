@@ -106,6 +106,11 @@ class Config(Model):
                 )
         if self.algo == "her" and "Goal" not in self.env:
             raise ValueError(f"env is {self.env}; her needs a goal environment: {', '.join(_goal_ids())}")
+        if self.algo == "crossq" and "Goal" in self.env:
+            raise ValueError(
+                f"env is {self.env}; crossq of sb3-contrib has no networks for goal environments: choose "
+                f"{', '.join(name for name in ids() if 'Goal' not in name)}"
+            )
         if self.max_seconds is not None and not self.max_seconds > 0.0:
             raise ValueError(f"max_seconds is {self.max_seconds:g}; give more than 0, or null")
         check_env_kwargs(self.env_kwargs)

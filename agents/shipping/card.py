@@ -2,95 +2,127 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
 from typing import Any
+
+from redundant_envs.envs.core import Core
+from redundant_envs.envs.registration import MAX_EPISODE_STEPS
 
 from ..config import Config, OffPolicySettings
 from ..learners.build import ALGORITHM_CLASSES
 from .layers import Layers
 
+AVERAGED_SAC = "SAC of stable-baselines3 with an averaged, smoothed, delayed actor (`agents/learners/sac.py`)"
 ORIGIN = {
     "ppo": "PPO of stable-baselines3 with averaged weights (`agents/learners/ppo.py`)",
-    "sac": "SAC of stable-baselines3 with an averaged, smoothed, delayed actor (`agents/learners/sac.py`)",
-    "her": "SAC of stable-baselines3 with an averaged, smoothed, delayed actor (`agents/learners/sac.py`) "
-    "and hindsight goals (`HerReplayBuffer`)",
+    "sac": AVERAGED_SAC, "her": f"{AVERAGED_SAC} and hindsight goals (`HerReplayBuffer`)",
     "plain_ppo": "PPO of stable-baselines3", "plain_sac": "SAC of stable-baselines3",
     "td3": "TD3 of stable-baselines3", "tqc": "TQC of sb3-contrib", "crossq": "CrossQ of sb3-contrib",
 }  # fmt: skip
-LOADERS = {"TQC": "sb3_contrib", "CrossQ": "sb3_contrib"}
+MODULES = {"TQC": "sb3_contrib", "CrossQ": "sb3_contrib"}
+"""Where a class comes from; the others are stable-baselines3's."""
 
 
 def card(
-    config: Config, evaluation: dict[str, Any], layers: Layers, worst: dict[str, float], name: str
+    config: Config, evaluation: Mapping[str, Any], layers: Layers, worst: Mapping[str, float], core: Core
 ) -> str:
-    """Markdown; ``worst`` has the largest differences of the exported files, ``name`` is the folder's."""
-    low, high = (100.0 * end for end in evaluation["interval"])
-    versions = ", ".join(f"{package} {found}" for package, found in evaluation["versions"].items())
-    kwargs = "".join(f", {key}={value!r}" for key, value in config.env_kwargs.items())
-    loader = ALGORITHM_CLASSES[config.algo].__name__
-    module = LOADERS.get(loader, "stable_baselines3")
-    widths = [len(biases) for biases in layers.biases]
-    steps, seconds = evaluation["env_steps"], evaluation["train_seconds"]
-    count = sum(w.size + b.size for w, b in zip(layers.weights, layers.biases, strict=True))
+    """Markdown for the folder of a policy.
+
+    Parameters
+    ----------
+    config : Config
+    evaluation : mapping
+        Of the run, checked.
+    layers : Layers
+    worst : mapping
+        Largest difference of each file's actions from those of the weights in double precision.
+    core : Core
+        Of the environment.
+    """
+    learner = ALGORITHM_CLASSES[config.algo].__name__
     scene = config.env_kwargs.get("scene")
-    on = f"{config.env}, scene {scene}" if scene else config.env
-    observation = (
-        "a dictionary of " + ", ".join(f"`{part}` ({size})" for part, size in layers.inputs.items())
-        if len(layers.inputs) > 1
-        else f"an array of {next(iter(layers.inputs.values()))} numbers"
-    )
-    time_to_hold = evaluation.get("time_to_hold")
-    took = f"{time_to_hold:.2f} s" if time_to_hold is not None else "unknown"
-    gradient = ""
-    if isinstance(config.settings, OffPolicySettings):
-        each = config.settings.gradient_steps / config.settings.train_freq
-        updates = (steps - config.settings.learning_starts) / config.num_envs * each
-        gradient = f", about {updates:,.0f} gradient steps"
+    arguments = f", scene={scene!r}" if scene else ""
+    parts = [f"`{name}` ({width} numbers)" for name, width in layers.inputs.items()]
+    count = sum(w.size + b.size for w, b in zip(layers.weights, layers.biases, strict=True))
     lines = [
-        f"# {config.label} for {on}", "",
-        "## Task", "",
-        "The tip of a planar arm goes from a random pose to a random goal and holds it, by the efforts of "
-        "four motors, every 20 ms. Hold success: within 2 % of the reach and slower than 0.1 reach/s for the "
-        f"last 10 of 100 control steps. Observations are {observation}, actions four normalized efforts from "
-        f"-1 to 1; `help(gymnasium.make({config.env!r}).unwrapped)` has the tables.", "",
-        "## How it was trained", "",
-        f"{ORIGIN[config.algo]}; {steps / 1e6:.2f} million environment steps in {config.num_envs} "
-        f"environments{gradient}, {seconds:.0f} s on one core of {evaluation['machine']}, seed "
-        f"{config.seed}, which was not chosen by its result. The policy is the last one of the training. "
-        f"`config.yaml` repeats it: `python -m agents train policies/{name}/config.yaml`. {versions}.", "",
-        "## Results", "",
-        f"On {evaluation['episodes']} frozen goals that training never saw ({evaluation['date']}):", "",
-        "| | this policy | computed torque |", "|---|---|---|",
-        f"| hold success | {100 * evaluation['hold_success']:.1f} % (95 % interval {low:.1f} to "
-        f"{high:.1f} %) | {100 * evaluation['expert_hold_success']:.1f} % |",
-        f"| touch success | {100 * evaluation['touch_success']:.1f} % "
-        f"| {100 * evaluation['expert_touch_success']:.1f} % |",
-        f"| median final distance | {1000 * evaluation['median_distance']:.2f} mm "
-        f"| {1000 * evaluation['expert_median_distance']:.2f} mm |",
-        f"| median time to hold | {took} | {_seconds(evaluation.get('expert_time_to_hold'))} |", "",
-        "The interval is of the goals; other seeds of the training give other policies, and "
-        "`docs/learners.md` has all of them.", "",
+        f"# {config.label} for {config.env}{f', scene {scene}' if scene else ''}", "",
+        "## Task", "", _task(config, core, parts), "",
+        "## How it was trained", "", _training(config, evaluation), "",
+        "## Results", "", *_results(evaluation), "",
+        "The interval is of the goals. Other seeds of the training give other policies; `docs/learners.md` "
+        "and `docs/strength.md` have all of them.", "",
         "## Limits", "",
         "It was trained for one arm, one scene, one control interval and goals that are drawn once per "
         "episode; with other masses, motors, friction or observations it may fail, and nothing tells so. It "
         "knows nothing of obstacles or moving goals. It acts deterministically.", "",
-        "## Load it", "",
-        "```python", f"from {module} import {loader}", "",
-        f'model = {loader}.load("policies/{name}/policy.zip", device="cpu")',
+        "## Load it", "", "In this folder, with stable-baselines3, which unpickles what the file holds:", "",
+        "```python", "import gymnasium as gym", "import redundant_envs  # registers the ids",
+        f"from {MODULES.get(learner, 'stable_baselines3')} import {learner}", "",
+        f"env = gym.make({config.env!r}{arguments})",
+        f'model = {learner}.load("policy.zip", device="cpu")',
+        "observation, info = env.reset()",
         "action, _ = model.predict(observation, deterministic=True)", "```", "",
-        f"`policy.onnx` has the {'inputs' if len(layers.inputs) > 1 else 'input'} "
-        f"{', '.join(f'`{part}`' for part in layers.inputs)} (batch first, single precision) and the output "
-        "`actions`; `policy.npz` has the same layers as arrays, and `python examples/play_with_numpy.py "
-        f"policies/{name}` acts with them. {len(widths)} layers of {', '.join(map(str, widths))} units, "
-        f"{count} numbers, {layers.activation} between them, {layers.output} at the end.", "",
-        f"Both compute in double precision. Over 6400 observations their actions differ from those of the "
+        f"`policy.onnx` takes {' and '.join(parts)}, batch first, in single precision, and gives `actions`; "
+        "`policy.npz` has the same layers as arrays, with which `examples/play_with_numpy.py` acts. It has "
+        f"{len(layers.biases)} layers of {', '.join(str(len(b)) for b in layers.biases)} units, {count} "
+        f"numbers, {layers.activation} between them and {layers.output} at the end.", "",
+        "Both compute in double precision. Over 6400 observations their actions differ from those of the "
         f"weights in double precision by at most {worst['policy.onnx']:.1g} (ONNX) and "
-        f"{worst['policy.npz']:.1g} (NumPy); stable-baselines3, which computes in single precision, by "
-        f"{worst['stable-baselines3']:.1g}.", "",
-        "```python", "import gymnasium as gym", "import redundant_envs", "",
-        f"env = gym.make({config.env!r}{kwargs})", "```", "",
+        f"{worst['policy.npz']:.1g} (NumPy), those of stable-baselines3, which computes in single precision, "
+        f"by {worst['policy.zip']:.1g}.", "",
     ]  # fmt: skip
     return "\n".join(lines)
 
 
-def _seconds(value: float | None) -> str:
-    return "unknown" if value is None else f"{value:.2f} s"
+def _task(config: Config, core: Core, parts: list[str]) -> str:
+    task = core.task
+    seen = f"dictionaries of {', '.join(parts)}" if len(parts) > 1 else f"arrays, {parts[0]}"
+    return (
+        "The tip of a planar arm goes from a random pose to a random goal and holds it, by the efforts of "
+        f"four motors, every {1000.0 * core.scene.control_dt:g} ms. Hold success: within "
+        f"{100 * task.goal_tolerance:g} % of the reach and slower than {task.hold_speed:g} reach/s for the "
+        f"last {task.hold_steps} of {MAX_EPISODE_STEPS} control steps. Observations are {seen}, actions four "
+        f"normalized efforts from -1 to 1; `help(gymnasium.make({config.env!r}).unwrapped)` has the tables."
+    )
+
+
+def _training(config: Config, evaluation: Mapping[str, Any]) -> str:
+    steps, settings = evaluation["env_steps"], config.settings
+    updates = ""
+    if isinstance(settings, OffPolicySettings):
+        learned = max(steps - settings.learning_starts, 0) / config.num_envs
+        count = learned * settings.gradient_steps / settings.train_freq
+        updates = f", about {count:,.0f} gradient steps"
+    again = "trains it again" if config.max_seconds is None else "trains another one for as many seconds"
+    versions = [f"{_plain(name)} {_plain(found)}" for name, found in evaluation["versions"].items()]
+    return (
+        f"{ORIGIN[config.algo]}; {steps / 1e6:.2f} million environment steps in {config.num_envs} "
+        f"environments{updates}, {evaluation['train_seconds']:.0f} s with PyTorch threads: "
+        f"{config.torch_threads}, on {_plain(evaluation['machine'])}; seed {config.seed}. The policy is the "
+        f"last one of the training. `python -m agents train config.yaml` {again}. {', '.join(versions)}."
+    )
+
+
+def _results(evaluation: Mapping[str, Any]) -> list[str]:
+    low, high = evaluation["interval"]
+    rows = [
+        ("hold success", "hold_success", 100.0, 1, " %"), ("touch success", "touch_success", 100.0, 1, " %"),
+        ("median final distance", "median_distance", 1000.0, 2, " mm"),
+        ("median time to hold", "time_to_hold", 1.0, 2, " s"),
+    ]  # fmt: skip
+    lines = [
+        f"On {evaluation['episodes']} frozen goals that training never saw ({_plain(evaluation['date'])}); "
+        f"the 95 % interval of hold success is {100 * low:.1f} to {100 * high:.1f} %:", "",
+        "| | this policy | computed torque |", "|---|---|---|",
+    ]  # fmt: skip
+    for label, key, scale, digits, unit in rows:
+        found = [evaluation.get(f"{who}{key}") for who in ("", "expert_")]
+        cells = ["-" if v is None else f"{scale * v:.{digits}f}{unit}" for v in found]
+        lines.append(f"| {label} | {cells[0]} | {cells[1]} |")
+    return lines
+
+
+def _plain(text: str) -> str:
+    """A text of a run folder without what Markdown or HTML would take for more than text."""
+    return re.sub(r"[^\w .,;:()@+/-]", "?", text)[:200]

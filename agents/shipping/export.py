@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import yaml
 
 from redundant_envs.envs.sb3 import make_sb3
+from redundant_envs.scene import scene_names
 from redundant_envs.values import shown
 
-from ..config import Config
+from ..config import Config, PlainPPOSettings
+from ..evidence.runs import read_run
+from ..learners.build import ALGORITHM_CLASSES, policy_kwargs, policy_name
 from ..policies import load_policy
-from ..run_folder import read_config, read_evaluation, read_facts
+from ..run_folder import FACTS, read_config
+from . import onnx_file
 from .card import card
-from .layers import exact_actions, layers_of, sampled
+from .layers import Layers, exact_actions, layers_of, sampled
 
 TOLERANCE = 1e-6
 """Largest difference of an action from that of the policy's own weights, computed in double precision."""
@@ -25,16 +31,26 @@ SEED = 4_000_000
 
 
 def name_of(config: Config) -> str:
-    """Folder of a policy: the id without its namespace, the scene if it is another one, the algorithm."""
-    scene = config.env_kwargs.get("scene")
-    if scene is not None and not isinstance(scene, str):
-        raise ValueError("env_kwargs.scene is a mapping; only policies of scenes with a name are exported")
-    parts = [config.env.split("/")[-1], Path(scene).stem if scene else "", config.algo]
-    return "-".join(part for part in parts if part)
+    """Folder of a policy: the id without its namespace, the scene if it is another one, the algorithm.
+
+    Raises
+    ------
+    ValueError
+        The environment has arguments that would have to be told beside the policy.
+    """
+    for key, value in config.env_kwargs.items():
+        if key != "scene" or value not in scene_names():
+            raise ValueError(
+                f"env_kwargs.{key} is {shown(value)}; policies of environments as they are registered, or "
+                f"with a scene of the package ({', '.join(scene_names())}), are exported"
+            )
+    return "-".join([config.env.split("/")[-1], *config.env_kwargs.values(), config.algo])
 
 
 def export(run: Path, out: Path) -> Path:
     """Write the policy of an evaluated run folder to a folder of its own inside ``out``.
+
+    Nothing of a stranger's pickled objects comes along: policy.zip is written anew from checked weights.
 
     Returns
     -------
@@ -45,48 +61,75 @@ def export(run: Path, out: Path) -> Path:
     Raises
     ------
     ValueError
-        The run is not finished or not evaluated; its scene has no name; or an exported file acts otherwise
-        than the policy, by more than ``TOLERANCE``.
+        The run is not finished or not evaluated; its environment has arguments other than a scene of the
+        package; the folder exists; or a file acts otherwise than the policy, by more than ``TOLERANCE``.
     """
-    from . import onnx_file
-
-    config = read_config(run)
-    evaluation = read_evaluation(run)
-    if read_facts(run)["stopped"]:
-        raise ValueError(f"{run} is a training that was stopped; give a finished one")
+    config, evaluation = read_config(run), read_run(run).evaluation
+    for name in FACTS:
+        if evaluation.get(name) is None:
+            raise ValueError(
+                f"{run}/evaluation.json does not tell {name}; export a run that was trained anew"
+            )
+    if out.exists() and not out.is_dir():
+        raise ValueError(f"out is {out}, which is a file; choose another --out")
+    folder = out / name_of(config)
+    if folder.exists():
+        raise ValueError(f"{folder} exists; delete it or choose another --out")
     policy = load_policy(run, config)
     env = make_sb3(config.env, LANES, **config.env_kwargs)
-    layers = layers_of(policy, env.observation_space)
-    folder = out / name_of(config)
-    folder.mkdir(parents=True, exist_ok=True)
-    layers.save(folder / "policy.npz")
-    about = {name: str(evaluation[name]) for name in ("env", "algo", "seed", "hold_success", "date")}
-    onnx_file.write(layers, folder / "policy.onnx", about)
-    by_onnx = onnx_file.actions_of(folder / "policy.onnx", layers.inputs)
-    env.seed(SEED)
-    worst = {"policy.onnx": 0.0, "policy.npz": 0.0, "stable-baselines3": 0.0}
-    for observations, acted in sampled(env, lambda o: policy.predict(o, deterministic=True)[0]):
-        exact = exact_actions(policy, layers.inputs, observations)
-        found = {
-            "policy.onnx": by_onnx(observations), "policy.npz": layers(observations),
-            "stable-baselines3": acted,
-        }  # fmt: skip
-        for name, actions in found.items():
-            worst[name] = max(worst[name], float(np.abs(actions - exact).max()))
-    for name in ("policy.onnx", "policy.npz"):
-        if not worst[name] <= TOLERANCE:
-            raise ValueError(
-                f"{folder / name} acts otherwise than {run}/policy.zip, by {shown(worst[name])}; at most "
-                f"{TOLERANCE:g} is allowed"
-            )
-    shutil.copyfile(run / "policy.zip", folder / "policy.zip")
-    (folder / "config.yaml").write_text(yaml.safe_dump(config.to_dict(), sort_keys=False), encoding="utf-8")
-    page = card(config, evaluation, layers, worst, folder.name)
-    (folder / "README.md").write_text(page, encoding="utf-8")
+    part = out / f".{folder.name}.part"
+    shutil.rmtree(part, ignore_errors=True)
+    part.mkdir(parents=True)
+    try:
+        layers = layers_of(policy, env.observation_space)
+        worst = _write(config, evaluation, policy, layers, env, part)
+        page = card(config, evaluation, layers, worst, env.core)
+        (part / "README.md").write_text(page, encoding="utf-8")
+        part.rename(folder)
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
     return folder
 
 
-def export_all(runs: list[Path], out: Path) -> list[Path]:
+def _write(
+    config: Config, evaluation: Any, policy: Any, layers: Layers, env: Any, folder: Path
+) -> dict[str, float]:
+    """Write all but the card; returns the largest difference of each file from the policy, checked."""
+    learner = ALGORITHM_CLASSES[config.algo]
+    small = {"n_steps": 2, "batch_size": 2} if isinstance(config.settings, PlainPPOSettings) else {}
+    model = learner(
+        policy_name(config), env, gamma=config.settings.gamma, learning_rate=config.settings.learning_rate,
+        policy_kwargs=policy_kwargs(config), device="cpu", **(small or {"buffer_size": LANES}),
+    )  # fmt: skip
+    model.policy.load_state_dict(policy.state_dict())
+    model.save(folder / "policy.zip")
+    (folder / "config.yaml").write_text(yaml.safe_dump(config.to_dict(), sort_keys=False), encoding="utf-8")
+    layers.save(folder / "policy.npz")
+    about = {name: str(evaluation[name]) for name in ("env", "algo", "seed", "hold_success", "date")}
+    onnx_file.write(layers, folder / "policy.onnx", about)
+    saved = learner.load(folder / "policy.zip", device="cpu")
+    acting = {
+        "policy.onnx": onnx_file.actions_of(folder / "policy.onnx", layers.inputs),
+        "policy.npz": Layers.load(folder / "policy.npz"),
+        "policy.zip": lambda observations: saved.predict(observations, deterministic=True)[0],
+    }
+    worst = dict.fromkeys(acting, 0.0)
+    env.seed(SEED)
+    for observations, _ in sampled(env, lambda o: policy.predict(o, deterministic=True)[0]):
+        exact = exact_actions(policy, layers.inputs, observations)
+        for name, act in acting.items():
+            difference = np.abs(act(observations) - exact).max()
+            worst[name] = float(np.maximum(worst[name], difference))  # NaN stays
+    for name in ("policy.onnx", "policy.npz"):
+        if not worst[name] <= TOLERANCE:
+            raise ValueError(
+                f"{name} acts otherwise than the policy of the run, by {worst[name]:.3g}; at most "
+                f"{TOLERANCE:g} is allowed: are its weights finite?"
+            )
+    return worst
+
+
+def export_all(runs: Sequence[Path], out: Path) -> list[Path]:
     """Export several runs; ValueError if two of them are policies of one id and algorithm."""
     names: dict[str, Path] = {}
     for run in runs:

@@ -59,6 +59,19 @@ class Layers:
                 x = activated(self.activation, x)
         return np.tanh(x) if self.output == "tanh" else np.clip(x, -1.0, 1.0)
 
+    @classmethod
+    def load(cls, path: Path) -> Layers:
+        """Read what :meth:`save` wrote; without the widths of the parts of an observation."""
+        with np.load(path, allow_pickle=False) as file:
+            count = sum(name.startswith("weights_") for name in file.files)
+            return cls(
+                inputs=dict.fromkeys(file["inputs"].tolist(), 0),
+                weights=tuple(file[f"weights_{k}"] for k in range(count)),
+                biases=tuple(file[f"biases_{k}"] for k in range(count)),
+                activation=str(file["activation"]),
+                output=str(file["output"]),
+            )
+
     def save(self, path: Path) -> None:
         """Write arrays that ``np.load`` reads: weights_0, biases_0, ..., activation, output, inputs."""
         arrays: dict[str, Any] = {}

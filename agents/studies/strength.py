@@ -23,12 +23,13 @@ from redundant_envs.control.statics import effort_limits, slider_travel
 from redundant_envs.effects import EffortLimits
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.robots.parameters import number
-from redundant_envs.scene import load_scene, scene_data
+from redundant_envs.scene import Scene, load_scene, scene_data
 from redundant_envs.tasks.reach import ReachTask
 from redundant_envs.values import shown
 
+from .. import COMMAND
+from ..evidence.runs import Run, read_run
 from ..rollout import EVALUATION_SEED, expert_act, run_episodes
-from ..run_folder import read_config, read_evaluation
 from ..statistics import wilson
 
 FACTORS = (1.0, 0.8, 0.6, 0.5, 0.4, 0.3)
@@ -42,6 +43,8 @@ POSES = {EXPERT: pose_at, LIGHTEST: lightest_pose}
 """Where the plans of computed torque end."""
 COLORS = {EXPERT: "#000000", LIGHTEST: "#7F7F7F", "PPO": "#0072B2", "SAC": "#D55E00", "HER": "#009E73"}
 """Okabe and Ito's, of all that act; what can be held is a grey area."""
+LEARNERS = tuple(who for who in COLORS if who not in POSES)
+ROUNDING = 1e-9
 SAME_GOALS = {"scene", "accuracy", "on_bad_action"}
 """Arguments of an environment that leave its goals and its hold success what they are."""
 
@@ -183,27 +186,45 @@ def learner_rows(folders: Sequence[Path]) -> list[Row]:
         If a run has another task, or another scene than a reach scene with all limits times one factor; or
         a folder is no evaluated run folder.
     """
-    found: dict[tuple[str, float, str], list[dict[str, Any]]] = {}
+    found: dict[tuple[str, float, str], list[Run]] = {}
     for folder in folders:
-        config, evaluation = read_config(folder), read_evaluation(folder)
-        arm = next(arm for arm, (_, scene) in ARMS.items() if load_scene(scene).robot.kind in config.env)
-        key = (arm, _factor(folder, arm, config.env_kwargs), config.label)
+        run = read_run(folder)
+        if run.learner not in COLORS:
+            raise ValueError(f"{folder} is a run of {run.learner}; give {', '.join(LEARNERS)}")
+        arm = next((arm for arm, (env, _) in ARMS.items() if env == run.env), None)
+        if arm is None:
+            raise ValueError(f"{folder} is of {run.env}; give {' or '.join(env for env, _ in ARMS.values())}")
+        key = (arm, _factor(folder, arm, run.settings["env_kwargs"]), run.learner)
         same = found.setdefault(key, [])
-        if evaluation["seed"] in [other["seed"] for other in same]:
-            raise ValueError(f"{folder} is a second run of seed {evaluation['seed']}; leave one out")
-        same.append(evaluation)
+        if run.seed in [other.seed for other in same]:
+            raise ValueError(f"{folder} is a second run of seed {run.seed}; leave one out")
+        same.append(run)
+        own = [{k: v for k, v in r.settings.items() if k != "env_kwargs"} for r in (same[0], run)]
+        if own[0] != own[1]:
+            raise ValueError(f"{folder} has other settings than {same[0].folder}; give runs of one setting")
     return [
         Row(
             *key,
-            hold_success=float(np.mean([e["hold_success"] for e in runs])),
-            low=min(min(e["interval"][0], e["hold_success"]) for e in runs),
-            high=max(max(e["interval"][1], e["hold_success"]) for e in runs),
-            touch_success=float(np.mean([e["touch_success"] for e in runs])),
+            hold_success=float(np.mean([run.evaluation["hold_success"] for run in runs])),
+            low=min(_ends(run)[0] for run in runs),
+            high=max(_ends(run)[1] for run in runs),
+            touch_success=float(np.mean([run.evaluation["touch_success"] for run in runs])),
             seeds=len(runs),
-            episodes=min(e["episodes"] for e in runs),
+            episodes=min(run.evaluation["episodes"] for run in runs),
         )
         for key, runs in sorted(found.items())
     ]
+
+
+def _ends(run: Run) -> tuple[float, float]:
+    """The interval of a run, whose ends rounding may put on the wrong side of its hold success."""
+    (low, high), hold = run.evaluation["interval"], run.evaluation["hold_success"]
+    if not low - ROUNDING <= hold <= high + ROUNDING:
+        raise ValueError(
+            f"{run.folder}/evaluation.json has the hold success {hold:g} outside its interval {low:g} to "
+            f"{high:g}; make it anew: {COMMAND} evaluate {run.folder}"
+        )
+    return min(low, hold), max(high, hold)
 
 
 def _factor(folder: Path, arm: str, env_kwargs: dict[str, Any]) -> float:
@@ -216,14 +237,21 @@ def _factor(folder: Path, arm: str, env_kwargs: dict[str, Any]) -> float:
     strong = load_scene(ARMS[arm][1])
     scene = load_scene(env_kwargs.get("scene", ARMS[arm][1]))
     ratios = effort_limits(scene) / effort_limits(strong)
-    others = [{e for e in s.effects if not isinstance(e, EffortLimits)} for s in (scene, strong)]
-    if np.ptp(ratios) > 1e-9 * ratios[0] or scene.robot != strong.robot or others[0] != others[1]:
+    others = [_without_limits(s) for s in (scene, strong)]
+    if np.ptp(ratios) > 1e-9 * ratios[0] or others[0] != others[1]:
         raise ValueError(
             f"{folder}: env_kwargs.scene has {', '.join(f'{r:g}' for r in ratios)} times the limits of "
-            f"{ARMS[arm][1]}, or another arm or other effects; give {ARMS[arm][1]} with all limits times "
+            f"{ARMS[arm][1]}, or differs in something else; give {ARMS[arm][1]} with all limits times "
             "one factor"
         )
     return float(round(ratios[0], 9))
+
+
+def _without_limits(scene: Scene) -> dict[str, Any]:
+    """All of a scene but the numbers of its effort limits."""
+    data = scene.to_dict()
+    effects = [e for e in data["effects"] if e["type"] != EffortLimits.__name__]
+    return {**data, "effects": effects}
 
 
 def write_rows(rows: Sequence[Row], path: Path) -> None:

@@ -73,6 +73,8 @@ def train_on_ray(
         There is no cluster at ``address``, a folder holds another run, or a run failed, after the others
         were finished.
     """
+    if address is not None and not address.strip():
+        raise ValueError("address is empty; give host:port, ray://host:port or auto, or leave it out")
     if folder.exists() and not folder.is_dir():
         raise ValueError(f"out is {folder}, which is a file; choose another --out")
     count = count_of(processes)
@@ -139,6 +141,7 @@ def _follow(configs: Mapping[str, Config], folder: Path) -> list[str]:
         for name, config in configs.items():
             place = folder / name
             try:
+                restore(place)
                 if is_finished(place):
                     over(name, result_of(place), failed=False)
                     continue
@@ -289,10 +292,18 @@ def unpack(files: Files, folder: Path) -> None:
         target.write_bytes(content)
 
 
+def restore(folder: Path) -> None:
+    """Give a run back its name after a kill between the two renamings of :func:`receive`."""
+    old = folder.parent / INCOMING / f"{folder.name}.old"
+    if old.exists() and not folder.exists():
+        os.replace(old, folder)
+
+
 def receive(files: Files, folder: Path) -> None:
     """Make a folder of files, in place of an older one; it is whole or as it was before."""
     incoming = folder.parent / INCOMING
     part, old = incoming / folder.name, incoming / f"{folder.name}.old"
+    restore(folder)
     for left in (part, old):
         shutil.rmtree(left, ignore_errors=True)
     unpack(files, part)

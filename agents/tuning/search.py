@@ -74,6 +74,10 @@ class Range:
         """The setting that a parameter of a trial stands for."""
         return parameter
 
+    def ends(self) -> tuple[Any, ...]:
+        """Parameters at both ends."""
+        return (int(self.low), int(self.high)) if self.whole else (self.low, self.high)
+
     def parameter(self, value: Any) -> Any:
         """The parameter of a trial that stands for a setting; None where the range does not have it."""
         return value if isinstance(value, int | float) and self.low <= value <= self.high else None
@@ -95,6 +99,10 @@ class Choice:
     def value(self, parameter: Any) -> Any:
         """The setting that a parameter of a trial stands for."""
         return self.values[parameter]
+
+    def ends(self) -> tuple[Any, ...]:
+        """All parameters."""
+        return tuple(self.values)
 
     def parameter(self, value: Any) -> Any:
         """The parameter of a trial that stands for a setting; None where the choice does not have it."""
@@ -144,7 +152,22 @@ def space_of(config: Config, searches: Sequence[str] = (), overrides: Sequence[s
         if key in fixed:
             raise ValueError(f"{key} has a value and is searched; leave one out")
         space[key] = _one(config, key, what)
+    for key, searched in space.items():
+        _check_some_value(config, key, searched)
     return space
+
+
+def _check_some_value(config: Config, key: str, searched: Range | Choice) -> None:
+    """ValueError if no value of a key goes together with the configuration."""
+    refused = ""
+    for parameter in searched.ends():
+        try:
+            with_parameters(config, {key: searched}, {key: parameter})
+        except ValueError as error:
+            refused = str(error)
+        else:
+            return
+    raise ValueError(f"no value of {key} {searched} goes together with the configuration: {refused}")
 
 
 def _one(config: Config, key: str, text: str) -> Range | Choice:

@@ -81,6 +81,11 @@ def tune(
         raise ValueError(f"trials is {trials}; give a whole number from 1 to {MOST_TRIALS}")
     if not 0 <= seed <= MOST_SEED:
         raise ValueError(f"seed is {seed}; give a whole number from 0 to {MOST_SEED}")
+    if config.max_seconds is not None:
+        raise ValueError(
+            f"max_seconds is {config.max_seconds:g}; trials are compared at equal steps: give "
+            "max_seconds=null and total_steps"
+        )
     telemetry.check(config)
     space = space_of(config, searches, overrides)
     if folder.exists() and not folder.is_dir():

@@ -82,6 +82,7 @@ def lightest_pose(scene: Scene, start: Array, goal: Array) -> Array:
     found[out] = pose_at(scene, start[out], goal[out])
     turns = np.round((start - found) @ b / (2.0 * np.pi))
     turns[:, np.array(robot.prismatic)] = 0.0
+    turns[out] = 0.0
     return found + 2.0 * np.pi * turns @ np.linalg.inv(b)  # type: ignore[no-any-return]
 
 

@@ -201,6 +201,8 @@ def test_a_run_explains_itself(tmp_path, overrides, capsys):
     assert promised <= set(result)
     assert result["episodes"] == 20
     assert result["expert_hold_success"] == 1.0
+    table = np.loadtxt(folder / "episodes.csv", delimiter=",", skiprows=1)  # seed, hold, touch, distance, ...
+    assert result["restless"] == ((table[:, 1] == 0) & (table[:, 3] <= 0.02)).sum()
     for name in ("config.yaml", "scene.yaml", "policy.zip", "monitor.csv", "clip.gif", "report.md"):
         assert (folder / name).stat().st_size > 0
     assert len(list((folder / "plots").glob("*.png"))) == 2

@@ -1,5 +1,9 @@
 """Algorithms from the shelf train through the same configuration, and their policies are like all others."""
 
+import base64
+import json
+import zipfile
+
 import numpy as np
 import pytest
 import torch
@@ -78,6 +82,11 @@ def test_the_policy_of_a_baseline_acts_the_same_however_it_is_read(algo, runs):
     expected = theirs.predict(observations, deterministic=True)[0]
     np.testing.assert_array_equal(ours.predict(observations, deterministic=True)[0], expected)
     assert np.ptp(expected) > 0.01
+    with zipfile.ZipFile(folder / "policy.zip") as archive:  # nothing that only this package could load
+        about = json.loads(archive.read("data"))
+    pickled = [base64.b64decode(v[":serialized:"]) for v in about.values() if ":serialized:" in str(v)]
+    assert len(pickled) > 2
+    assert not [data for data in pickled if b"agents" in data or b"redundant_envs" in data]
 
 
 @pytest.mark.parametrize("algo", PLAIN)
@@ -91,7 +100,8 @@ def test_what_is_set_reaches_the_algorithm(algo):
         "crossq": {"ent_coef": 0.3, "policy_delay": 5},
     }[algo]
     made = make_model(config(algo, **{algo: settings | more}), make_sb3("redundant_envs/RPRPReach-v0", 16))
-    assert isinstance(made, PLAIN[algo])
+    assert type(made).train is PLAIN[algo].train
+    assert type(made).collect_rollouts is PLAIN[algo].collect_rollouts
     for name, value in more.items():
         assert getattr(made, name) == value, name
     assert (made.gamma, made.lr_schedule(1.0), made.seed) == (0.77, 3e-4, 4)
@@ -100,6 +110,27 @@ def test_what_is_set_reaches_the_algorithm(algo):
     kinds = {type(module) for module in made.policy.modules()}
     assert torch.nn.Tanh in kinds
     assert torch.nn.SiLU not in kinds
+
+
+BAD = {
+    "td3": {"tau": 0, "policy_delay": 0, "action_noise": -1, "target_policy_noise": 11,
+            "target_noise_clip": float("nan"), "net_arch": [0], "activation": "gelu", "average": 0.9},
+    "tqc": {"n_quantiles": 0, "top_quantiles_to_drop_per_net": -1, "ent_coef": "none", "tau": 2},
+    "crossq": {"batch_size": 1, "policy_delay": 1.5, "tau": 0.1, "ent_coef": -1},
+    "plain_sac": {"gamma": 5, "ent_coef": [1], "smoothness": 0.1, "learning_starts": -1},
+    "plain_ppo": {"clip_range": -1, "n_epochs": 0, "batch_size": 1, "average": 0.5},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("algo", "key"), [(algo, key) for algo, bad in BAD.items() for key in bad])
+def test_bad_settings_are_refused_by_name(algo, key):
+    with pytest.raises(ValueError, match=rf"^{algo}\.{key}"):
+        config(algo, **{algo: {key: BAD[algo][key]}})
+
+
+def test_crossq_has_no_networks_for_goal_environments():
+    with pytest.raises(ValueError, match=r"env is .*GoalReach-v0; crossq .* choose redundant_envs/"):
+        config("crossq", env="redundant_envs/RPRPGoalReach-v0")
 
 
 def test_quantiles_that_are_all_dropped_are_refused():

@@ -41,6 +41,7 @@ COMMAND = ["train", "rprp_reach_ppo", *SMALL, "--on", "ray"]
         (["--address", "auto", "--seeds", "1"], "add --on ray"),
         (["--on", "ray", "--seeds", "1", "--processes", "0"], "processes is 0"),
         (["--on", "ray", "--seeds", "1", "--processes", "2", "--address", "h:1"], "leave one out"),
+        (["--on", "ray", "--seeds", "1", "--address", ""], "address is empty"),
         (["--on", "ray", "--seeds", "1", "--address", "no address"], "address is 'no address'; Ray cannot"),
     ],
 )
@@ -155,3 +156,11 @@ def test_a_received_run_takes_the_place_of_an_older_one(tmp_path):
     on_ray.receive({"new": b"1", "plots/b": b"2"}, tmp_path / "seed1")
     assert on_ray.pack(tmp_path / "seed1") == {"new": b"1", "plots/b": b"2"}
     assert os.listdir(tmp_path) == ["seed1"]
+
+
+def test_a_run_comes_back_after_a_kill_between_two_renamings(tmp_path):
+    old = tmp_path / on_ray.INCOMING / "seed1.old"
+    old.mkdir(parents=True)
+    (old / "kept").touch()
+    on_ray.restore(tmp_path / "seed1")
+    assert on_ray.pack(tmp_path / "seed1") == {"kept": b""}

@@ -1,9 +1,14 @@
 """Exported policies act as the trained ones do, and their card says what they are."""
 
+import base64
+import dataclasses
 import json
+import os
+import pickle
 import shutil
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -18,13 +23,15 @@ from agents.policies import load_policy
 from agents.rollout import EVALUATION_SEED, policy_act, run_episodes
 from agents.run_folder import read_config
 from agents.shipping import onnx_file
-from agents.shipping.export import TOLERANCE, export, name_of
-from agents.shipping.layers import activated, exact_actions, layers_of
+from agents.shipping.export import export, name_of
+from agents.shipping.layers import Layers, activated, exact_actions, layers_of
 from redundant_envs.envs.sb3 import make_sb3
 
 ROOT = Path(__file__).resolve().parents[2]
-SHIPPED = sorted(path.parent for path in (ROOT / "policies").glob("*/policy.onnx"))
-RUN = ROOT / "docs" / "results" / "runs" / "rprp_reach_sac" / "seed0"
+RESULTS = ROOT / "docs" / "results"
+TRAINED = sorted(path for kind in ("runs", "baselines", "weak") for path in (RESULTS / kind).glob("*/seed0"))
+SHIPPED = [ROOT / "policies" / name_of(read_config(run)) for run in TRAINED]
+RUN = RESULTS / "runs" / "rprp_reach_sac" / "seed0"
 
 
 def observations(env, seed=7):
@@ -47,7 +54,7 @@ def test_files_of_a_shipped_policy_agree_to_1e_6(folder):
     assert np.ptp(exact, axis=0).min() > 0.5
     by_onnx = onnx_file.actions_of(folder / "policy.onnx", layers.inputs)(seen)
     np.testing.assert_allclose(by_onnx, exact, rtol=0, atol=1e-6)
-    np.testing.assert_allclose(layers(seen), exact, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(Layers.load(folder / "policy.npz")(seen), exact, rtol=0, atol=1e-6)
     # single precision of stable-baselines3: it differs from itself by 5e-6 between batches
     np.testing.assert_allclose(policy.predict(seen, deterministic=True)[0], exact, rtol=0, atol=2e-5)
 
@@ -55,7 +62,6 @@ def test_files_of_a_shipped_policy_agree_to_1e_6(folder):
 @pytest.mark.parametrize("folder", SHIPPED, ids=lambda folder: folder.name)
 def test_the_card_of_a_shipped_policy_tells_what_it_does(folder):
     config = read_config(folder)
-    assert folder.name == name_of(config)
     card = (folder / "README.md").read_text()
     for part in ("## Task", "## How it was trained", "## Results", "## Limits", "## Load it", config.env):
         assert part in card
@@ -86,6 +92,8 @@ def test_layers_are_those_of_the_policy(algo, activation, tmp_path):
     exact = exact_actions(model.policy, layers.inputs, seen)
     np.testing.assert_allclose(exact, expected, rtol=0, atol=2e-6)
     np.testing.assert_allclose(layers(seen), exact, rtol=0, atol=1e-12)
+    layers.save(tmp_path / "policy.npz")
+    np.testing.assert_array_equal(Layers.load(tmp_path / "policy.npz")(seen), layers(seen))
     onnx_file.write(layers, tmp_path / "policy.onnx", {"env": config.env})
     by_onnx = onnx_file.actions_of(tmp_path / "policy.onnx", layers.inputs)(seen)
     np.testing.assert_allclose(by_onnx, exact, rtol=0, atol=1e-7)
@@ -97,16 +105,36 @@ def test_silu_does_not_overflow():
     np.testing.assert_allclose(activated("silu", x), [0, 0, 0, 2 / (1 + np.exp(-2.0)), 1e4], atol=1e-15)
 
 
-def test_an_export_that_acts_otherwise_is_refused(tmp_path, monkeypatch):
-    plain = onnx_file.write
+@pytest.mark.parametrize("file", ["policy.onnx", "policy.npz"])
+@pytest.mark.parametrize("value", [1e-3, np.nan])
+def test_a_file_that_acts_otherwise_is_refused_and_leaves_nothing(file, value, tmp_path, monkeypatch):
+    def wrong(layers):
+        first, *rest = layers.biases
+        return dataclasses.replace(layers, biases=(first + value, *rest))
 
-    def wrong(layers, path, about):
-        layers.biases[0][0] += 1e-3
-        plain(layers, path, about)
-
-    monkeypatch.setattr(onnx_file, "write", wrong)
-    with pytest.raises(ValueError, match=rf"policy.onnx acts otherwise .* at most {TOLERANCE:g}"):
+    if file == "policy.onnx":
+        write = onnx_file.write
+        monkeypatch.setattr(onnx_file, "write", lambda layers, *more: write(wrong(layers), *more))
+    else:
+        save = Layers.save
+        monkeypatch.setattr(Layers, "save", lambda self, path: save(wrong(self), path))
+    with pytest.raises(ValueError, match=rf"{file} acts otherwise .* at most 1e-06"):
         export(RUN, tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_nothing_of_a_strangers_pickles_is_passed_on(tmp_path):
+    shutil.copytree(RUN, tmp_path / "run")
+    with zipfile.ZipFile(RUN / "policy.zip") as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    about = json.loads(members["data"])
+    about["note"] = {":type:": "x", ":serialized:": base64.b64encode(pickle.dumps(os.getcwd)).decode()}
+    with zipfile.ZipFile(tmp_path / "run" / "policy.zip", "w") as archive:
+        for name, data in (members | {"data": json.dumps(about).encode()}).items():
+            archive.writestr(name, data)
+    folder = export(tmp_path / "run", tmp_path / "out")
+    with zipfile.ZipFile(folder / "policy.zip") as archive:
+        assert "note" not in json.loads(archive.read("data"))
 
 
 def test_one_command_exports_and_numpy_alone_acts(tmp_path, capsys):
@@ -140,7 +168,11 @@ def test_two_policies_of_one_id_and_algorithm_are_refused(tmp_path, capsys):
     [
         ("training.json", {"stopped": True}, "was stopped"),
         ("evaluation.json", None, "has no evaluation.json"),
-        ("config.yaml", {"env_kwargs": {"scene": {"robot": {}}}}, "scenes with a name"),
+        ("config.yaml", {"env_kwargs": {"max_episode_steps": 37}}, "env_kwargs.max_episode_steps is 37"),
+        ("config.yaml", {"seed": 7}, "has 0 as 'seed'"),
+        ("evaluation.json", {"env_steps": None}, "does not tell env_steps"),
+        ("evaluation.json", {"expert_touch_success": "all"}, "'all' as 'expert_touch_success'"),
+        ("evaluation.json", {"versions": {"x\n# y": "1"}}, "as 'versions'"),
     ],
 )
 def test_a_run_that_cannot_be_exported_says_why(file, change, word, tmp_path, capsys):
@@ -153,6 +185,26 @@ def test_a_run_that_cannot_be_exported_says_why(file, change, word, tmp_path, ca
         path.write_text(write(read(path.read_text()) | change))
     assert main(["export", str(tmp_path / "run"), "--out", str(tmp_path / "out")]) == 2
     assert word in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_is_there_is_not_overwritten(tmp_path, capsys):
+    (tmp_path / "RPRPReach-v0-sac").mkdir()
+    assert main(["export", str(RUN), "--out", str(tmp_path)]) == 2
+    assert "exists; delete it or choose another --out" in capsys.readouterr().err
+    (tmp_path / "file").write_text("")
+    assert main(["export", str(RUN), "--out", str(tmp_path / "file")]) == 2
+    assert "which is a file" in capsys.readouterr().err
+
+
+def test_a_card_has_no_markup_of_a_run_folder(tmp_path):
+    shutil.copytree(RUN, tmp_path / "run")
+    path = tmp_path / "run" / "evaluation.json"
+    bad = {"machine": "<img src=x onerror=alert(1)> `rm` | [a](b)", "versions": {"<b>": "*"}}
+    path.write_text(json.dumps(json.loads(path.read_text()) | bad))
+    text = (export(tmp_path / "run", tmp_path / "out") / "README.md").read_text()
+    assert "<" not in text
+    assert "`rm`" not in text
 
 
 def test_a_goal_policy_has_an_input_for_each_part(tmp_path):

@@ -3,6 +3,7 @@
 import copy
 import dataclasses
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import yaml
 from agents.__main__ import main
 from agents.config import load
 from agents.rollout import EVALUATION_SEED
+from agents.run_folder import SELECTION
 from agents.studies import strength_run
 from agents.studies.strength import (
     ARMS,
@@ -34,6 +36,7 @@ from redundant_envs.control.statics import effort_limits
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.scene import load_scene, scene_data
 
+ROOT = Path(__file__).resolve().parents[2]
 PRESETS = {"4R": "configs/training/four_r_reach_ppo.yaml", "RPRP": "configs/training/rprp_reach_sac.yaml"}
 
 
@@ -129,6 +132,10 @@ def run_folder(path, arm, seed, hold, **env_kwargs):
         "date": "2026-11-22", "versions": {"machine": "x"},
     }  # fmt: skip
     (path / "evaluation.json").write_text(json.dumps(evaluation))
+    (path / "training.json").write_text(
+        json.dumps({"stopped": False, "env_steps": 1000, "train_seconds": 1.0})
+    )
+    (path / "selection.csv").write_text(",".join(SELECTION) + "\n1000,1.0,0.5,0.6,50.0\n")
     return path
 
 
@@ -177,6 +184,30 @@ def test_runs_of_other_episodes_and_runs_given_twice_are_refused(tmp_path):
     folders = [run_folder(tmp_path / name, "4R", 3, 0.5) for name in "ab"]
     with pytest.raises(ValueError, match="b is a second run of seed 3"):
         learner_rows(folders)
+
+
+def changed(folder, file, **entries):
+    """A run folder with entries of a file changed."""
+    path = folder / file
+    path.write_text(yaml.safe_dump(yaml.safe_load(path.read_text()) | entries))
+    return folder
+
+
+def test_only_finished_runs_of_one_setting_and_of_the_reach_environments_are_joined(tmp_path):
+    first = run_folder(tmp_path / "a", "4R", 0, 0.5)
+    with pytest.raises(ValueError, match=r"b is a training that was stopped"):
+        learner_rows([changed(run_folder(tmp_path / "b", "4R", 1, 0.5), "training.json", stopped=True)])
+    other = changed(run_folder(tmp_path / "c", "4R", 1, 0.5), "config.yaml", total_steps=1000)
+    with pytest.raises(ValueError, match=r"c has other settings than .*a; give runs of one setting"):
+        learner_rows([first, other])
+    slower = {**weakened("four_r_reach", 0.5), "control_dt": 0.04}
+    with pytest.raises(ValueError, match="differs in something else"):
+        learner_rows([run_folder(tmp_path / "d", "4R", 0, 0.5, scene=slower)])
+    wrong = changed(run_folder(tmp_path / "e", "4R", 0, 0.5), "evaluation.json", interval=[0.6, 0.7])
+    with pytest.raises(ValueError, match=r"e/evaluation.json has the hold success 0.5 outside its interval"):
+        learner_rows([wrong])
+    with pytest.raises(ValueError, match=r"her.seed0 is of redundant_envs/RPRPGoalReach-v0; give"):
+        learner_rows([ROOT / "docs" / "results" / "runs" / "rprp_goal_reach_her" / "seed0"])
 
 
 # ---- file and figure -----------------------------------------------------------------------------

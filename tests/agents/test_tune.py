@@ -111,6 +111,9 @@ def test_a_setting_is_searched_once_and_not_where_it_has_a_value():
         space_of(CONFIG, GAMMA, ["ppo.gamma=0.9"])
     with pytest.raises(ValueError, match="twice"):
         space_of(CONFIG, GAMMA * 2)
+    tqc = load("baselines/rprp_reach_tqc", ["tqc.top_quantiles_to_drop_per_net=2"])
+    with pytest.raises(ValueError, match=r"no value of tqc.n_quantiles .* give at most"):
+        space_of(tqc, ["tqc.n_quantiles=1..2"])
 
 
 @pytest.mark.parametrize("name", presets())

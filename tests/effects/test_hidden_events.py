@@ -188,7 +188,6 @@ def test_hidden_events_are_found_again_after_many_others(case):
     np.testing.assert_allclose(ends[0], ends[1], rtol=0, atol=1e-8)
 
 
-@pytest.mark.long
 def test_nearly_no_interval_of_random_actions_hides_an_event():
     count = 1024
     env = gym.make_vec("redundant_envs/RPRPReach-v0", num_envs=count)
