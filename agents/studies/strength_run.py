@@ -124,7 +124,11 @@ def table(rows: Sequence[Row]) -> str:
         cells = []
         for name in who:
             row = found.get((arm, factor, name))
-            more = f" ({row.seeds} seeds)" if row and row.seeds and name != HOLDABLE else ""
+            more = (
+                f" ({row.seeds} seed{'s' * (row.seeds > 1)})"
+                if row and row.seeds and name != HOLDABLE
+                else ""
+            )
             cells.append(f"{100 * row.hold_success:.1f} %{more}" if row else "-")
         lines.append(f"| {arm} | {factor:g} | {' | '.join(cells)} |")
     return "\n".join(lines)

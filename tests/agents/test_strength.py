@@ -189,7 +189,8 @@ def test_runs_of_other_episodes_and_runs_given_twice_are_refused(tmp_path):
 def changed(folder, file, **entries):
     """A run folder with entries of a file changed."""
     path = folder / file
-    path.write_text(yaml.safe_dump(yaml.safe_load(path.read_text()) | entries))
+    write = json.dumps if file.endswith("json") else yaml.safe_dump
+    path.write_text(write(yaml.safe_load(path.read_text()) | entries))
     return folder
 
 
