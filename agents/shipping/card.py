@@ -42,7 +42,7 @@ def card(
     """
     learner = ALGORITHM_CLASSES[config.algo].__name__
     scene = config.env_kwargs.get("scene")
-    arguments = f", scene={scene!r}" if scene else ""
+    made = ", ".join([f'"{config.env}"', *([f'scene="{scene}"'] if scene else [])])
     parts = [f"`{name}` ({width} numbers)" for name, width in layers.inputs.items()]
     count = sum(w.size + b.size for w, b in zip(layers.weights, layers.biases, strict=True))
     lines = [
@@ -59,7 +59,7 @@ def card(
         "## Load it", "", "In this folder, with stable-baselines3, which unpickles what the file holds:", "",
         "```python", "import gymnasium as gym", "import redundant_envs  # registers the ids",
         f"from {MODULES.get(learner, 'stable_baselines3')} import {learner}", "",
-        f"env = gym.make({config.env!r}{arguments})",
+        f"env = gym.make({made})",
         f'model = {learner}.load("policy.zip", device="cpu")',
         "observation, info = env.reset()",
         "action, _ = model.predict(observation, deterministic=True)", "```", "",
