@@ -51,7 +51,10 @@ class Killed(Exception):
     """The process ends here."""
 
 
-@pytest.mark.parametrize("algo", PLAIN)
+@pytest.mark.parametrize(
+    "algo",
+    ["plain_ppo", "td3", "crossq", *(pytest.param(a, marks=pytest.mark.long) for a in ("plain_sac", "tqc"))],
+)
 def test_a_killed_baseline_goes_on_to_the_same_bits(algo, runs, tmp_path, monkeypatch):
     plain = Watch._on_step
 
