@@ -1,11 +1,13 @@
 """The README: its links lead somewhere, its programs run."""
 
+import json
 import re
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[1]
+RESULTS = ROOT / "docs" / "results"
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
@@ -55,7 +57,7 @@ def test_the_table_of_learners_is_made_from_the_shipped_runs(page, folder):
 
 
 def test_the_table_of_strengths_is_what_the_study_wrote():
-    from agents.studies.strength import read_rows
+    from agents.studies.strength import learner_rows, read_rows
     from agents.studies.strength_run import table
 
     rows = read_rows(ROOT / "docs" / "results" / "strength" / "strength.csv")
@@ -63,12 +65,29 @@ def test_the_table_of_strengths_is_what_the_study_wrote():
         (a, f) for a in ("4R", "RPRP") for f in (1.0, 0.5, 0.3)
     }
     assert table(rows) in (ROOT / "docs" / "strength.md").read_text(encoding="utf-8")
+    places = ("runs/*_reach_ppo/*", "runs/*_reach_sac/*", "weak/*/*", "strength/runs/*")
+    kept = [run for place in places for run in RESULTS.glob(place)]
+    assert sorted(map(str, learner_rows(kept))) == sorted(str(row) for row in rows if row.seeds)
+
+
+def test_the_ablations_are_those_of_the_kept_runs():
+    text = (ROOT / "docs" / "learners.md").read_text(encoding="utf-8")
+    rows = {"average=0": "without the average", "smoothness=0": "without the smoothness term",
+            "policy_delay=1": "with an actor step for every critic step (`sac.policy_delay=1`)",
+            "activation=tanh": "with tanh instead of SiLU"}  # fmt: skip
+    for setting, name in rows.items():
+        cells = []
+        for arm in ("four_r", "rprp"):
+            path = RESULTS / "ablations" / f"{arm}_sac.{setting}" / "seed0" / "evaluation.json"
+            found = json.loads(path.read_text(encoding="utf-8"))
+            missed = round((1 - found["hold_success"]) * found["episodes"])
+            cells += [f"{100 * found['hold_success']:.1f} %", f"{found['restless']} of {missed}"]
+        assert f"| {name} | {' | '.join(cells)} |" in text
 
 
 def test_shipped_runs_are_complete():
-    results = ROOT / "docs" / "results"
-    folders = [run for kind in ("runs", "baselines", "weak") for run in (results / kind).glob("*/*")]
-    assert len(folders) > 60
+    folders = [path.parent for path in RESULTS.rglob("config.yaml")]
+    assert len(folders) == 60 + 20 + 12 + 28 + 8  # presets, from the shelf, weak, strengths, ablations
     for folder in folders:
         found = {path.name for path in folder.iterdir()}
         assert found == {

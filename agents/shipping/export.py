@@ -115,7 +115,7 @@ def _write(
     }
     worst = dict.fromkeys(acting, 0.0)
     env.seed(SEED)
-    for observations, _ in sampled(env, lambda o: policy.predict(o, deterministic=True)[0]):
+    for observations in sampled(env, policy):
         exact = exact_actions(policy, layers.inputs, observations)
         for name, act in acting.items():
             difference = np.abs(act(observations) - exact).max()

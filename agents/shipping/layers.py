@@ -18,13 +18,15 @@ from numpy.typing import NDArray
 
 from redundant_envs.extras import needs
 
+from ..learners.networks import ACTIVATIONS
+
 with needs("train"):
     import torch
     from sb3_contrib.common.torch_layers import BatchRenorm1d
     from stable_baselines3.common.policies import ActorCriticPolicy
     from torch import nn
 
-HIDDEN = {nn.SiLU: "silu", nn.Tanh: "tanh", nn.ReLU: "relu"}
+HIDDEN = {activation.module: name for name, activation in ACTIVATIONS.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,10 +167,9 @@ def exact_actions(policy: Any, inputs: Mapping[str, int], observations: Any) -> 
     return actions
 
 
-def sampled(env: Any, act: Any, steps: int = 100) -> Iterator[tuple[Any, Any]]:
-    """Observations and actions of a VecEnv's lanes under a policy."""
+def sampled(env: Any, policy: Any, steps: int = 100) -> Iterator[Any]:
+    """Observations of a VecEnv's lanes under a policy."""
     observations = env.reset()
     for _ in range(steps):
-        actions = act(observations)
-        yield observations, actions
-        observations = env.step(actions)[0]
+        yield observations
+        observations = env.step(policy.predict(observations, deterministic=True)[0])[0]

@@ -41,7 +41,7 @@ HOLDABLE, EXPERT = "can be held at all", "computed torque"
 LIGHTEST = "computed torque to the lightest pose"
 POSES = {EXPERT: pose_at, LIGHTEST: lightest_pose}
 """Where the plans of computed torque end."""
-COLORS = {EXPERT: "#000000", LIGHTEST: "#7F7F7F", "PPO": "#0072B2", "SAC": "#D55E00", "HER": "#009E73"}
+COLORS = {EXPERT: "#000000", LIGHTEST: "#7F7F7F", "PPO": "#0072B2", "SAC": "#D55E00"}
 """Okabe and Ito's, of all that act; what can be held is a grey area."""
 LEARNERS = tuple(who for who in COLORS if who not in POSES)
 ROUNDING = 1e-9

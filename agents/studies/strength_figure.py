@@ -9,7 +9,7 @@ from redundant_envs.extras import needs
 
 from .strength import ARMS, COLORS, HOLDABLE, Row
 
-MARKERS = dict(zip(COLORS, ("o", "v", "s", "^", "D"), strict=True))
+MARKERS = dict(zip(COLORS, ("o", "v", "s", "^"), strict=True))
 """A shape for each, so that colours are not needed to tell them apart."""
 AREA = "#D9D9D9"
 

@@ -64,14 +64,7 @@ def pose_at(scene: Scene, start: Array, goal: Array, iterations: int = 60) -> Ar
 def lightest_pose(scene: Scene, start: Array, goal: Array) -> Array:
     """The pose with the tip at the goal that loads the motors least, turned the shortest way from the start.
 
-    Parameters
-    ----------
-    start : (n, 4) generalized coordinates
-    goal : (n, 2) m
-
-    Returns
-    -------
-    (n, 4) generalized coordinates; where the goal is out of reach, those of :func:`pose_at`.
+    Takes and returns what :func:`pose_at` does, and its pose where the goal is out of reach.
     """
     from .holding import holding_poses
 

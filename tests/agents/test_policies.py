@@ -185,6 +185,8 @@ DAMAGES = {
     "has weights 'more'": lambda w: saved({**w, "more": torch.zeros(1)}),
     "of shape (3, 16), config.yaml asks for (16, 18)": lambda w: saved({**w, LAYER: torch.zeros(3, 16)}),
     "that are not finite": lambda w: saved({**w, LAYER: w[LAYER] * float("nan")}),
+    "of torch.int64; give torch.float32": lambda w: saved({**w, LAYER: w[LAYER].long()}),
+    "claims 100000000 numbers": lambda w: saved({**w, "x": torch.zeros(1, dtype=torch.int64).expand(10**8)}),
     "torch DoubleStorage": lambda w: saved({**w, LAYER: w[LAYER].double()}),
     "no names of tensors": lambda w: saved([w[LAYER]]),
     "'deep' is no float32": lambda w: saved({**w, "deep": {"a": w[LAYER]}}),

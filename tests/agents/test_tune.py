@@ -219,6 +219,13 @@ def test_a_pruned_training_ends_at_its_point(tmp_path):
     assert (tmp_path / "run" / "policy.zip").is_file()
 
 
+def test_trials_are_not_compared_at_equal_seconds(tmp_path):
+    config = load("baselines/rprp_reach_td3")
+    with pytest.raises(ValueError, match=r"max_seconds is 90; .* give max_seconds=null and total_steps"):
+        tune(config, tmp_path / "out", 2)
+    assert not (tmp_path / "out").exists()
+
+
 def test_refused_settings_are_named_and_the_study_goes_on(by_gamma, tmp_path):
     tune(CONFIG, tmp_path, 6, ["ppo.batch_size=256|300"])
     found = {row["ppo.batch_size"]: row for row in rows(tmp_path)}
