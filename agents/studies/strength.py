@@ -189,11 +189,11 @@ def learner_rows(folders: Sequence[Path]) -> list[Row]:
     found: dict[tuple[str, float, str], list[Run]] = {}
     for folder in folders:
         run = read_run(folder)
-        if run.learner not in COLORS:
-            raise ValueError(f"{folder} is a run of {run.learner}; give {', '.join(LEARNERS)}")
         arm = next((arm for arm, (env, _) in ARMS.items() if env == run.env), None)
         if arm is None:
             raise ValueError(f"{folder} is of {run.env}; give {' or '.join(env for env, _ in ARMS.values())}")
+        if run.learner not in COLORS:
+            raise ValueError(f"{folder} is a run of {run.learner}; give {', '.join(LEARNERS)}")
         key = (arm, _factor(folder, arm, run.settings["env_kwargs"]), run.learner)
         same = found.setdefault(key, [])
         if run.seed in [other.seed for other in same]:

@@ -209,6 +209,8 @@ def test_only_finished_runs_of_one_setting_and_of_the_reach_environments_are_joi
         learner_rows([wrong])
     with pytest.raises(ValueError, match=r"her.seed0 is of redundant_envs/RPRPGoalReach-v0; give"):
         learner_rows([ROOT / "docs" / "results" / "runs" / "rprp_goal_reach_her" / "seed0"])
+    with pytest.raises(ValueError, match=r"td3.seed0 is a run of TD3; give"):
+        learner_rows([ROOT / "docs" / "results" / "baselines" / "rprp_reach_td3" / "seed0"])
 
 
 # ---- file and figure -----------------------------------------------------------------------------

@@ -53,8 +53,10 @@ def test_the_lightest_pose_is_at_the_goal_near_the_start_and_loads_no_motor_more
     other = load(pose_at(scene, start, goal))
     assert (load(pose) <= other + 1e-6).all()
     assert np.median(load(pose)) < 0.8 * np.median(other)
-    far = lightest_pose(scene, start[:2], np.array([[5.0, 0.0], [0.3, 0.3]]))
-    np.testing.assert_array_equal(far[0], pose_at(scene, start[:1], np.array([[5.0, 0.0]]))[0])
+    beyond = np.tile((5.0, 0.0), (60, 1))  # the arm stretches towards it, some by more than half a turn
+    stretched = pose_at(scene, start, beyond)
+    assert np.abs((stretched - start) @ robot.motor_map).max() > np.pi
+    np.testing.assert_array_equal(lightest_pose(scene, start, beyond), stretched)
 
 
 def test_scenes_it_cannot_handle_are_refused():
