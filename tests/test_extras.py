@@ -1,6 +1,7 @@
 """A package that is not installed: every feature that needs it names the extra to install."""
 
 import importlib
+import json
 import subprocess
 import sys
 import tomllib
@@ -23,12 +24,20 @@ sys.meta_path.insert(0, Blocked())
 import os
 os.chdir({folder!r})
 """
-LIBRARY = "from redundant_envs.__main__ import main; sys.exit(main({!r}))"
-AGENTS = "from agents.__main__ import main; sys.exit(main({!r}))"
+LIBRARY, AGENTS = "redundant_envs.__main__", "agents.__main__"
+EACH = """
+import contextlib, importlib, io, json
+results = []
+for module, arguments in {calls!r}:
+    with contextlib.redirect_stderr(io.StringIO()) as err, contextlib.redirect_stdout(io.StringIO()):
+        code = importlib.import_module(module).main(arguments)
+    results.append((code, err.getvalue()))
+print(json.dumps(results))
+"""
 SIMULATE = ["simulate", "--scene", "four_r_free", "--seconds", "0.1"]
 RUN = str(ROOT / "docs" / "results" / "runs" / "rprp_reach_ppo" / "seed0")
 COMMANDS = {
-    # name -> program, arguments, package that is missing, extra
+    # name -> module with main, arguments, package that is missing, extra
     "figures": (LIBRARY, SIMULATE, "matplotlib", "plot"),
     "figures, pillow": (LIBRARY, SIMULATE, "PIL", "plot"),
     "clip": (LIBRARY, [*SIMULATE, "--clip", "a.gif"], "imageio", "plot"),
@@ -83,14 +92,22 @@ def run(program: str, package: str, folder: Path) -> subprocess.CompletedProcess
     return subprocess.run(command, check=False, capture_output=True, text=True, timeout=120)
 
 
-@pytest.mark.parametrize("name", COMMANDS)
-def test_commands_name_the_extra_in_one_line(name, tmp_path):
-    main, arguments, package, extra = COMMANDS[name]
-    done = run(main.format(arguments), package, tmp_path)
-    assert done.returncode == 2, done.stderr
-    (line,) = (line for line in done.stderr.splitlines() if "pip install" in line)
-    assert f"{package} is not installed; install it with: pip install 'redundant-envs[{extra}]'" in line
-    assert "Traceback" not in done.stderr
+PACKAGES = list(dict.fromkeys(package for _, _, package, _ in COMMANDS.values()))
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_commands_name_the_extra_in_one_line(package, tmp_path):
+    of_package = {name: command for name, command in COMMANDS.items() if command[2] == package}
+    done = run(EACH.format(calls=[command[:2] for command in of_package.values()]), package, tmp_path)
+    assert done.returncode == 0, done.stderr
+    results = json.loads(done.stdout)
+    for (name, (_, _, _, extra)), (code, err) in zip(of_package.items(), results, strict=True):
+        assert code == 2, (name, err)
+        (line,) = (line for line in err.splitlines() if "pip install" in line)
+        assert (
+            f"{package} is not installed; install it with: pip install 'redundant-envs[{extra}]'" in line
+        ), name
+        assert "Traceback" not in err, name
 
 
 @pytest.mark.parametrize("name", CALLS)
@@ -106,7 +123,7 @@ def test_calls_name_the_extra(name, tmp_path):
 
 
 def test_simulate_keeps_its_numbers_without_matplotlib(tmp_path):
-    done = run(LIBRARY.format(SIMULATE), "matplotlib", tmp_path)
+    done = run(f"from {LIBRARY} import main; sys.exit(main({SIMULATE}))", "matplotlib", tmp_path)
     assert "four_r_free.csv is written" in done.stderr
     assert (tmp_path / "runs" / "simulate" / "four_r_free.csv").stat().st_size > 100
 

@@ -136,6 +136,7 @@ def test_a_wheel_trains_from_an_empty_folder(wheel, tmp_path):
         assert Path(path).is_relative_to(packages)
 
 
+@pytest.mark.long
 def test_users_programs_are_type_checked_against_the_wheel(core, tmp_path):
     script = tmp_path / "user.py"
     found = {}

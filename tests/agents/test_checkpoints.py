@@ -87,7 +87,10 @@ def kill_at(steps, monkeypatch):
     monkeypatch.setattr(Watch, "_on_step", on_step)
 
 
-@pytest.mark.parametrize(("case", "share"), [("ppo", 0.3), ("sac", 0.8), ("auto", 0.3), ("her", 0.8)])
+@pytest.mark.parametrize(
+    ("case", "share"),
+    [("ppo", 0.3), pytest.param("sac", 0.8, marks=pytest.mark.long), ("auto", 0.3), ("her", 0.8)],
+)
 def test_a_killed_training_goes_on_to_the_same_bits(case, share, tmp_path, monkeypatch):
     whole, killed = tmp_path / "whole", tmp_path / "killed"
     train(config(case, checkpoint_seconds=0), whole)

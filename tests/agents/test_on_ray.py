@@ -89,6 +89,7 @@ def cluster(disk):
         two.shutdown()
 
 
+@pytest.mark.long
 def test_seeds_on_a_cluster_are_the_runs_they_are_alone(cluster, disk, tmp_path, capsys):
     out = tmp_path / "runs"
     (out / "seed5").mkdir(parents=True)

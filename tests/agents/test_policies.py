@@ -81,7 +81,9 @@ def observations(config):
     return env.reset()
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(k, marks=pytest.mark.long) if k == "sac" else k for k in KINDS]
+)
 def test_a_policy_loads_without_this_package(kind, runs, tmp_path):
     folder, config, model = runs[kind]
     obs = observations(config)

@@ -180,6 +180,7 @@ def test_episodes_that_numerics_end_are_told_and_not_held():
     assert held(outcome).tolist() == [False, True]
 
 
+@pytest.mark.long
 def test_a_tolerance_that_is_not_reached_is_counted():
     """The stiffness of a limit spring jumps at its limit: no error control reaches 1e-13 m there."""
     spring = {"type": "LimitSpring", "lower": 0.0, "upper": 0.25, "stiffness": 2000.0, "damping": 1000.0}
@@ -377,6 +378,7 @@ def run(tmp_path_factory):
     return folder
 
 
+@pytest.mark.long
 def test_stops_study_times_the_states_of_a_policy(tmp_path, run, capsys):
     out = tmp_path / "stops.csv"
     assert main(["study", "stops", str(run), "--lanes", "64", "--out", str(out)]) == 0
@@ -449,6 +451,7 @@ def test_a_policy_of_another_simulator_is_called_so(run):
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
+@pytest.mark.long
 def test_training_under_cheap_physics(tmp_path, run, capsys):
     out = tmp_path / "out"
     arms = {"RPRP": {"preset": PRESET, "run": str(run), "cheap": "euler 20 ms"}}

@@ -84,7 +84,7 @@ def test_goals_are_those_of_the_evaluation_whatever_the_limits(arm):
     np.testing.assert_array_equal(goals, weak.core.goals())
 
 
-@pytest.mark.parametrize("arm", ARMS)
+@pytest.mark.parametrize("arm", [pytest.param("4R", marks=pytest.mark.long), "RPRP"])
 def test_one_account_of_loads_serves_all_factors(arm):
     """And its tolerance is that of the task: 2 % of 1 m."""
     goals = frozen_goals(arm, 12)
@@ -96,7 +96,7 @@ def test_one_account_of_loads_serves_all_factors(arm):
     assert can_hold(weak, goals, 0.02).sum() == 6
 
 
-@pytest.mark.parametrize("arm", ARMS)
+@pytest.mark.parametrize("arm", [pytest.param("4R", marks=pytest.mark.long), "RPRP"])
 def test_computed_torque_needs_strong_motors(arm):
     rows = expert_rows(arm, (1.0, 0.3), 41)  # of 41 out of 41 the interval ends below 1 by rounding
     assert [(row.arm, row.factor, row.who) for row in rows] == [

@@ -150,6 +150,7 @@ STOPS = {"free": (None, (1, -1)), "lower": (0.0, (-1,)), "upper": (0.25, (1,))}
 """Of a slider: its position, and the signs of the motor efforts that the stop does not save."""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "efforts", "tip", "cases", "starts"),
     [

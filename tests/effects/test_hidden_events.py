@@ -61,9 +61,8 @@ def test_events_undone_within_the_interval_are_found(kwargs):
     np.testing.assert_array_equal(found, events)
 
 
-@pytest.mark.parametrize(
-    "tolerance", [1e-6, *(pytest.param(t, marks=pytest.mark.long) for t in (1e-12, None))]
-)
+@pytest.mark.long
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-12, None])
 def test_an_impact_before_another_event_of_the_same_slider_is_found(tolerance):
     """The slider strikes its upper stop after 0.3 ms, and is at the lower one before 20 ms are over."""
     stop = rde.effects.PrismaticStop((0.0, 0.0), (0.3, 0.05), 0.5)
@@ -83,7 +82,7 @@ def test_an_impact_before_another_event_of_the_same_slider_is_found(tolerance):
     [
         {"tolerance": 1e-6},
         pytest.param({"tolerance": 1e-10}, marks=pytest.mark.long),
-        {"integrator": "dop853"},
+        pytest.param({"integrator": "dop853"}, marks=pytest.mark.long),
     ],
     ids=str,
 )
@@ -98,6 +97,7 @@ def test_a_slider_that_leaves_its_stop_slowly_does_not_rest_there_at_the_start(k
 
 
 @pytest.mark.parametrize("number", range(len(hidden_impacts.NAMED)))
+@pytest.mark.long
 def test_no_interval_of_a_family_hides_an_impact(number):
     """Of every thousand, up to 43 did. ``study impacts`` judges a million."""
     tally = hidden_impacts.judge(hidden_impacts.NAMED[number], 1024, seed=number)

@@ -374,6 +374,7 @@ def test_a_log_of_events_that_is_full_says_so():
         batch.events()
 
 
+@pytest.mark.long
 def test_a_slider_thrown_off_its_stop_by_the_other_is_let_go_in_the_log():
     """Slider 1 rests at its upper stop until the impact of slider 2 throws it off."""
     arm = rde.RPRP((1.0,) * 4, (0.5, 0.5))

@@ -100,6 +100,7 @@ def book(*effects):
 # ---- functions and parameters of one name --------------------------------------------------------
 
 
+@pytest.mark.long
 def test_functions_of_one_name_in_two_cells_both_act():
     """Forces, potentials and helpers of equal names, each with a factor of its own."""
     alike = [cell(k, f"Spring{k}", k, 2.0**k) for k in (1, 2, 3)]

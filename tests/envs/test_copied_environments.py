@@ -238,7 +238,7 @@ def child(connection, data):
         connection.send((rows, error))
 
 
-@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("mode", [MODES[0], *(pytest.param(m, marks=pytest.mark.long) for m in MODES[1:])])
 def test_a_copy_in_a_spawned_process_continues_to_the_same_bits(mode):
     env = made_vector("redundant_envs/RPRPReach-v0", mode)
     env.reset(seed=5)

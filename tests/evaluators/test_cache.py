@@ -163,7 +163,9 @@ def test_a_cache_that_cannot_keep_a_module_leaves_it_in_memory(cache, monkeypatc
     assert "no room left" in told
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.3, "files"], ids=str)
+@pytest.mark.parametrize(
+    "delay", [*(pytest.param(t, marks=pytest.mark.long) for t in (0.0, 0.3)), "files"], ids=str
+)
 def test_a_process_killed_while_it_compiles_leaves_nothing_that_hurts(tmp_path, delay):
     env = {**os.environ, "PYTHONPATH": str(ROOT), cpu.CACHE_VARIABLE: str(tmp_path)}
     process = subprocess.Popen(

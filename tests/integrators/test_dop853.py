@@ -106,7 +106,11 @@ def test_a_motion_that_overflows_ends():
 
 
 @pytest.mark.parametrize(
-    "stops", [(), (e.PrismaticStop((0.0, 0.0), (0.3, 0.3), 0.5),)], ids=["free", "stops"]
+    "stops",
+    [
+        pytest.param((), id="free"),
+        pytest.param((e.PrismaticStop((0.0, 0.0), (0.3, 0.3), 0.5),), id="stops", marks=pytest.mark.long),
+    ],
 )
 def test_a_lane_that_needs_more_than_a_million_steps_goes_back_and_its_neighbour_does_not(stops):
     arm = rde.RPRP((1.0,) * 4, (0.5, 0.5))

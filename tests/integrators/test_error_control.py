@@ -207,7 +207,11 @@ def test_a_scene_with_a_tolerance_survives_its_file():
 
 @pytest.mark.parametrize("tolerance", [1e-6, pytest.param(1e-9, marks=pytest.mark.long)])
 @pytest.mark.parametrize(
-    "arm", [rde.FourR((1.0,) * 4, (1.0, 1e-6, 1.0, 1e-6)), rde.FourR((1.0,) * 4, (1.0, 1e-5, 1.0, 1e-5))]
+    "arm",
+    [
+        pytest.param(rde.FourR((1.0,) * 4, (1.0, 1e-6, 1.0, 1e-6)), marks=pytest.mark.long),
+        rde.FourR((1.0,) * 4, (1.0, 1e-5, 1.0, 1e-5)),
+    ],
 )
 def test_tolerance_is_kept_with_nearly_vanishing_links(arm, tolerance):
     """A link of a micrometre turns over within the interval, and the error of its angle grows with it."""

@@ -201,13 +201,8 @@ OPEN = {
 }
 
 
-@pytest.mark.parametrize(
-    "ends",
-    [
-        pytest.param(ends, id=name, marks=() if name == "all" else pytest.mark.long)
-        for name, ends in OPEN.items()
-    ],
-)
+@pytest.mark.long
+@pytest.mark.parametrize("ends", OPEN.values(), ids=OPEN)
 def test_a_stop_that_is_open_on_some_sides_is_saved_and_simulated(ends):
     scene = replaced(effects=(e.Gravity(), e.EffortLimits(10.0), e.PrismaticStop(*ends, 0.4)))
     batch = started(scene)
