@@ -310,9 +310,10 @@ def study_policy(
     """What the physics costs a policy, and training under the cheapest."""
     from redundant_envs.studies.throughput import study_path
 
-    from .policy_report import write_report
-    from .policy_study import load_study, run_study
     from .report import check_drawing
+    from .studies.policy.report import write_report
+    from .studies.policy.run import run_study
+    from .studies.policy.settings import load_study
 
     check_drawing()
     what = load_study(config or study_path("policy"), overrides or ())

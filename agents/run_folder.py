@@ -116,11 +116,16 @@ def read_table(folder: Path, name: str, columns: tuple[str, ...]) -> NDArray[np.
     return rows.reshape(-1, len(columns))
 
 
-def write_json(path: Path, data: dict[str, Any]) -> None:
-    """Write plain data; the file is whole or as it was before."""
+def write_text(path: Path, text: str) -> None:
+    """Write a text; the file is whole or as it was before."""
     part = path.with_name(f"{path.name}.part")
-    part.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
+    part.write_text(text, encoding="utf-8")
     os.replace(part, path)
+
+
+def write_json(path: Path, data: dict[str, Any]) -> None:
+    """Write plain data as :func:`write_text` does."""
+    write_text(path, json.dumps(data, indent=2) + "\n")
 
 
 def _read_json(path: Path, remedy: str) -> dict[str, Any]:

@@ -417,7 +417,7 @@ SCENE = st.fixed_dictionaries(
 FUZZ = settings(max_examples=200, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
 
 
-@settings(FUZZ, max_examples=80)  # a drawn scene takes a tenth of a second
+@FUZZ
 @given(SCENE | PLAIN)
 def test_plain_data_makes_a_scene_or_a_value_error(data):
     assert short(refusal(rde.Scene.from_dict, data) or "")

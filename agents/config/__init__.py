@@ -17,6 +17,5 @@ __all__ = [
     "ALGORITHMS", "MOST_EPISODES", "MOST_SEEDS", "SEEDS_PER_RUN", "WITHOUT_EFFECT", "Config", "HERSettings",
     "Model", "OffPolicySettings", "PPOSettings", "PlainPPOSettings", "Real", "SACSettings", "TD3Settings",
     "TQCSettings", "Text", "Whole", "checked", "label", "load", "number", "preset_folder", "preset_path",
-    "presets",
-    "read", "value",
+    "presets", "read", "value",
 ]  # fmt: skip

@@ -126,7 +126,7 @@ def _follow(configs: Mapping[str, Config], folder: Path) -> list[str]:
     failures: list[str] = []
     with progress_bars() as bars, stop_request() as stop:
         lines = {name: bars.add_task(name, total=1.0, note="waits", start=False) for name in configs}
-        board = Board.remote()  # type: ignore[attr-defined]
+        board: Any = ray.remote(num_cpus=0, max_restarts=-1)(Board).remote()
         running: dict[Any, str] = {}
 
         def show(name: str, share: float, note: str) -> None:
@@ -194,7 +194,6 @@ class Outcome:
     failed: bool
 
 
-@ray.remote(num_cpus=0, max_restarts=-1)
 class Board:
     """News from the tasks on their way to the one who shows them."""
 

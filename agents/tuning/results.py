@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ from redundant_envs.studies.throughput import write_rows
 
 from .. import COMMAND
 from ..config import Config
+from ..run_folder import write_text
 from .search import Space, with_parameters
 
 with needs("tune"):
@@ -68,17 +68,10 @@ def write(study: optuna.Study, config: Config, space: Space, folder: Path) -> Pa
         why = f": {messages[0]}" if messages else ""
         raise ValueError(f"no trial of {folder} was completed{why}")
     chosen = with_parameters(config, space, best[0].params)
-    _replace(folder / "best.yaml", yaml.safe_dump(chosen.to_dict(), sort_keys=False))
+    write_text(folder / "best.yaml", yaml.safe_dump(chosen.to_dict(), sort_keys=False))
     target = folder / "tune.md"
-    _replace(target, page(study, config, space, folder))
+    write_text(target, page(study, config, space, folder))
     return target
-
-
-def _replace(path: Path, text: str) -> None:
-    """Write a file, which is whole or as it was before."""
-    part = path.with_name(f"{path.name}.part")
-    part.write_text(text, encoding="utf-8")
-    os.replace(part, path)
 
 
 def _row(trial: FrozenTrial) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from redundant_envs.control.holding import holding_poses
 from redundant_envs.effects import EffortLimits, Gravity, ViscousFriction
 from redundant_envs.scene import Scene
 
@@ -66,8 +67,6 @@ def lightest_pose(scene: Scene, start: Array, goal: Array) -> Array:
 
     Takes and returns what :func:`pose_at` does, and its pose where the goal is out of reach.
     """
-    from .holding import holding_poses
-
     robot: Any = scene.robot
     b = robot.motor_map
     found, _ = holding_poses(scene, goal)
@@ -76,7 +75,8 @@ def lightest_pose(scene: Scene, start: Array, goal: Array) -> Array:
     turns = np.round((start - found) @ b / (2.0 * np.pi))
     turns[:, np.array(robot.prismatic)] = 0.0
     turns[out] = 0.0
-    return found + 2.0 * np.pi * turns @ np.linalg.inv(b)  # type: ignore[no-any-return]
+    pose: Array = found + 2.0 * np.pi * turns @ np.linalg.inv(b)
+    return pose
 
 
 def _damped(jacobian: Array, error: Array, damping: float = 1e-4) -> Array:

@@ -1,4 +1,4 @@
-"""Small made-up run folders for tests."""
+"""Small made-up run folders for tests, and what makes two of them one run."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ import json
 from pathlib import Path
 from typing import Any
 
+import torch
 import yaml
 
 from agents.config import Config
+from agents.policies import read_weights
 from agents.run_folder import SELECTION
 
 RPRP, FOUR_R = "redundant_envs/RPRPReach-v0", "redundant_envs/FourRReach-v0"
@@ -42,3 +44,11 @@ def write_run(
     lines = [SELECTION, *curve]
     (folder / "selection.csv").write_text("".join(",".join(map(str, line)) + "\n" for line in lines))
     return folder
+
+
+def assert_same_policy(one: Path, other: Path) -> None:
+    """The policies of two run folders are equal to the bit."""
+    expected, found = (read_weights(folder / "policy.zip", "silu")[0] for folder in (one, other))
+    assert expected.keys() == found.keys()
+    for name, tensor in expected.items():
+        assert torch.equal(tensor, found[name]), name

@@ -7,13 +7,14 @@ import zipfile
 import numpy as np
 import pytest
 import torch
+from run_folders import assert_same_policy
 from sb3_contrib import TQC, CrossQ
 from stable_baselines3 import PPO, SAC, TD3
 
 from agents.config import Config, checked, load, presets
 from agents.learners.build import make_model
 from agents.learners.plain import NormalNoise
-from agents.policies import load_policy, read_weights
+from agents.policies import load_policy
 from agents.run_folder import read_config
 from agents.training.train import resume, train
 from agents.training.watch import Watch
@@ -68,10 +69,7 @@ def test_a_killed_baseline_goes_on_to_the_same_bits(algo, runs, tmp_path, monkey
         with pytest.raises(Killed):
             train(config(algo, checkpoint_seconds=1e-9), tmp_path / "run")
     resume(tmp_path / "run")
-    expected, found = (read_weights(f / "policy.zip", "silu")[0] for f in (runs(algo), tmp_path / "run"))
-    assert expected.keys() == found.keys()
-    for name, tensor in expected.items():
-        assert torch.equal(tensor, found[name]), name
+    assert_same_policy(runs(algo), tmp_path / "run")
 
 
 @pytest.mark.parametrize("algo", PLAIN)

@@ -3,12 +3,11 @@
 import json
 
 import pytest
-import torch
 from rich.progress import Progress
+from run_folders import assert_same_policy
 
 from agents.__main__ import main
 from agents.config import load
-from agents.policies import read_weights
 from agents.training.many import finish, seeds_of
 from agents.training.train import train
 
@@ -39,11 +38,8 @@ def test_seeds_in_processes_are_the_runs_they_are_alone(tmp_path, capsys):
     command = ["train", "rprp_reach_ppo", *SMALL, "--seeds", "3,4", "--processes", "2", "--out", str(out)]
     assert main(command) == 0
     assert "| RPRPReach-v0 | PPO | 2 |" in capsys.readouterr().out
-    alone = tmp_path / "alone"
-    train(load("rprp_reach_ppo", [*SMALL, "seed=4"]), alone)
-    expected, _ = read_weights(alone / "policy.zip", "silu")
-    found, _ = read_weights(out / "seed4" / "policy.zip", "silu")
-    assert all(torch.equal(found[name], tensor) for name, tensor in expected.items())
+    train(load("rprp_reach_ppo", [*SMALL, "seed=4"]), tmp_path / "alone")
+    assert_same_policy(tmp_path / "alone", out / "seed4")
 
 
 @pytest.mark.parametrize(

@@ -11,11 +11,10 @@ import time
 from pathlib import Path
 
 import pytest
-import torch
+from run_folders import assert_same_policy
 
 from agents.__main__ import main
 from agents.config import load
-from agents.policies import read_weights
 from agents.training.train import train
 
 pytest.importorskip("ray", reason="ray is not installed; pip install 'redundant-envs[ray]'")
@@ -97,11 +96,8 @@ def test_seeds_on_a_cluster_are_the_runs_they_are_alone(cluster, disk, tmp_path,
     command = [*COMMAND, "--out", str(out)]
     assert main([*command, "--seeds", "3..5"]) == 2
     assert "1 of 3 runs failed; the same command goes on: seed5: run folder" in capsys.readouterr().err
-    alone = tmp_path / "alone"
-    train(load("rprp_reach_ppo", [*SMALL, "seed=4"]), alone)
-    expected, _ = read_weights(alone / "policy.zip", "silu")
-    found, _ = read_weights(out / "seed4" / "policy.zip", "silu")
-    assert all(torch.equal(found[name], tensor) for name, tensor in expected.items())
+    train(load("rprp_reach_ppo", [*SMALL, "seed=4"]), tmp_path / "alone")
+    assert_same_policy(tmp_path / "alone", out / "seed4")
     assert (out / "seed4" / "report.md").read_text() == f"again: train {out}/seed4/config.yaml"
     assert sorted(path.name for path in out.iterdir()) == ["seed3", "seed4", "seed5"]
     assert not list(disk.glob("redundant-envs-*"))

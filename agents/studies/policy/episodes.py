@@ -1,0 +1,131 @@
+"""Episodes of a policy under one physics: outcomes, numerics flags, evaluations and time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from redundant_envs.envs.core import Core
+from redundant_envs.envs.sb3 import make_sb3
+from redundant_envs.model.batch import Numerics
+from redundant_envs.scene import Scene
+
+from ...rollout import Act, Outcome, run_episodes
+from ...statistics import wilson
+
+Array = NDArray[np.float64]
+TIMING_REPEATS = 5
+NO_AUTORESET = 0
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Episodes of a policy under one physics; arrays have one entry per episode.
+
+    Attributes
+    ----------
+    scene : what was simulated
+    start, goal : coordinates and goal at the start, (n, 4) and (n, 2)
+    hold : held at the end of a whole episode
+    returns, steps, evaluations : as in Outcome
+    ended : whether numerics ended the episode early
+    flags : numerics flag -> control steps that carry it
+    ns_per_step : of the compiled environment step of one lane, best of some
+    """
+
+    scene: Scene
+    start: Array
+    goal: Array
+    hold: NDArray[np.bool_]
+    returns: Array
+    steps: NDArray[np.int64]
+    evaluations: NDArray[np.int64]
+    ended: NDArray[np.bool_]
+    flags: dict[str, int]
+    ns_per_step: float
+
+
+def evaluate_under(
+    env_id: str, act: Act, episodes: int, seed: int, repeats: int = TIMING_REPEATS, **kwargs: Any
+) -> Evaluation:
+    """Run each episode once, all side by side, and time the compiled step on what they did."""
+    actions: list[NDArray[np.float32]] = []
+    begun: list[tuple[Array, Array]] = []
+
+    def recorded(obs: Any, core: Core, step: int) -> NDArray[np.float32]:
+        if step == 0:
+            begun.append((core.memory.read(core.scene.robot.coordinates), core.goals()))
+        actions.append(act(obs, core, step))
+        return actions[-1]
+
+    outcome = run_episodes(env_id, recorded, episodes, seed, **kwargs)
+    core, flags, seconds = _replay(env_id, actions, outcome, seed, repeats, kwargs)
+    return Evaluation(
+        scene=core.scene, start=begun[0][0], goal=begun[0][1], hold=held(outcome),
+        returns=outcome.returns, steps=outcome.steps, evaluations=outcome.evaluations,
+        ended=outcome.ended,
+        flags=flags, ns_per_step=1e9 * seconds / (len(actions) * episodes),
+    )  # fmt: skip
+
+
+def _replay(
+    env_id: str, actions: list[NDArray[np.float32]], outcome: Outcome, seed: int, repeats: int,
+    kwargs: Mapping[str, Any],
+) -> tuple[Core, dict[str, int], float]:  # fmt: skip
+    """The same steps again without policy and autoreset: numerics flags, and seconds.
+
+    The seconds are the sum over the steps of the best of ``repeats`` of each.
+    """
+    env = make_sb3(env_id, len(outcome.hold), **kwargs)
+    core, times = env.core, np.empty((repeats, len(actions)))
+    codes = np.zeros((len(actions), len(outcome.hold)), dtype=np.int64)
+    column = core.columns["numerics"]
+    for i in range(repeats):
+        env.seed(seed)
+        env.reset()
+        for k, action in enumerate(actions):
+            start = time.perf_counter()
+            out = core.step(action, NO_AUTORESET)[1]
+            times[i, k] = time.perf_counter() - start
+            codes[k] = out[column]
+    codes[np.arange(len(actions))[:, None] >= outcome.steps] = 0  # what came after an episode's end
+    counts = {str(flag.name): int(np.count_nonzero(codes & flag)) for flag in Numerics}
+    return core, {name: n for name, n in counts.items() if n}, float(times.min(axis=0).sum())
+
+
+def held(outcome: Outcome) -> NDArray[np.bool_]:
+    """Episodes that went on to their end and held the goal there."""
+    return outcome.hold & ~outcome.ended
+
+
+def stepping(scene: Scene) -> str:
+    """How a scene is stepped, in words."""
+    if scene.tolerance is not None:
+        return f"{scene.integrator} to {scene.tolerance:g} m"
+    if scene.integrator == "dop853":
+        return "dop853, steps of its own"
+    return f"{scene.integrator} {1000 * scene.control_dt / scene.substeps:g} ms"
+
+
+def figures(evaluation: Evaluation) -> dict[str, Any]:
+    """What an evaluation alone says."""
+    scene, n, held = evaluation.scene, len(evaluation.hold), int(evaluation.hold.sum())
+    low, high = wilson(held, n)
+    return {
+        "stepping": stepping(scene),
+        "episodes": n,
+        "hold_success": held / n,
+        "hold_low": low,
+        "hold_high": high,
+        "mean_return": float(evaluation.returns.mean()),
+        "ended": int(evaluation.ended.sum()),
+        "control_steps": int(evaluation.steps.sum()),
+        "numerics": ", ".join(f"{name} {n}" for name, n in evaluation.flags.items()),
+        "evaluations_per_step": float(evaluation.evaluations.sum() / evaluation.steps.sum()),
+        "ns_per_step": evaluation.ns_per_step,
+    }

@@ -1,0 +1,175 @@
+"""Configuration of the policy study: which physics, which arms, how many episodes and seeds."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import gymnasium as gym
+
+from redundant_envs.extras import needs
+from redundant_envs.files import explained, text_value
+from redundant_envs.integrators.tableaus import METHODS
+from redundant_envs.scene import ACCURACIES, scene_data
+from redundant_envs.values import shown
+
+from ...config import Config, Real, Text, Whole, checked, read
+from ...config.fields import fields_of
+from ...rollout import STUDY_SEED
+
+with needs("train"):
+    from pydantic import ConfigDict, PlainValidator
+    from pydantic.dataclasses import dataclass as checked_dataclass
+
+STEPPING = ("integrator", "substeps", "tolerance")
+"""What a scene says about its physics being stepped."""
+
+
+def _accuracy(value: Any) -> str | float | None:
+    if isinstance(value, str):
+        value = text_value(value, f"accuracy {shown(value)}")
+    if isinstance(value, bool) or not isinstance(value, str | int | float | None):
+        raise ValueError(f"accuracy is {shown(value)}; choose {', '.join(ACCURACIES)} or metres")
+    return value
+
+
+Accuracy = Annotated[str | float | None, PlainValidator(_accuracy)]
+model = checked_dataclass(frozen=True, config=ConfigDict(extra="forbid"))
+
+
+@model
+class Physics:
+    """How a scene is stepped: an integrator with equal substeps, or an accuracy."""
+
+    integrator: Text = ""
+    substeps: Whole = 1
+    accuracy: Accuracy = None
+
+    def __post_init__(self) -> None:
+        if bool(self.integrator) == (self.accuracy is not None):
+            raise ValueError(
+                f"integrator is {self.integrator!r} and accuracy is {self.accuracy!r}; give exactly one: "
+                "an integrator (with substeps), or an accuracy"
+            )
+        if self.integrator and self.integrator not in METHODS:
+            raise ValueError(f"integrator is {self.integrator!r}; choose {', '.join(METHODS)}")
+        if self.substeps < 1 or (self.accuracy is not None and self.substeps != 1):
+            raise ValueError(
+                f"substeps is {self.substeps}; give at least 1, and none beside an accuracy, which "
+                "chooses the steps itself"
+            )
+        if isinstance(self.accuracy, str) and self.accuracy not in ACCURACIES:
+            raise ValueError(
+                f"accuracy is {self.accuracy!r}; choose {', '.join(ACCURACIES)} or a tip error in metres"
+            )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data that makes an equal one."""
+        if self.accuracy is not None:
+            return {"accuracy": self.accuracy}
+        return {"integrator": self.integrator, "substeps": self.substeps}
+
+    def env_kwargs(self, config: Config) -> dict[str, Any]:
+        """A configuration's arguments of the environment, with this physics and all else equal."""
+        kwargs = {k: v for k, v in config.env_kwargs.items() if k not in ("scene", "accuracy")}
+        scene = config.env_kwargs.get("scene", gym.spec(config.env).kwargs["scene"])
+        data = dict(scene if isinstance(scene, Mapping) else scene_data(scene))
+        data = {k: v for k, v in data.items() if k not in STEPPING}
+        if self.accuracy is not None:
+            return {**kwargs, "scene": data, "accuracy": self.accuracy}
+        return {**kwargs, "scene": {**data, **self.to_dict()}}
+
+
+@model
+class StudyArm:
+    """An arm of the study.
+
+    Attributes
+    ----------
+    preset : training configuration: a file, or a preset's name
+    run : finished run folder whose policy is taken; without one the preset is trained first
+    cheap : name of the physics that the second part trains under
+    """
+
+    preset: Text
+    run: Text = ""
+    cheap: Text = ""
+
+
+@model
+class Study:
+    """What is compared.
+
+    Attributes
+    ----------
+    physics, arms : by name
+    reference : name of the physics that the others are compared with
+    episodes, seed : episode i starts from seed + i under every physics; used for nothing else
+    train_seeds : policies per training physics in the second part; 0 leaves it out
+    train_overrides : of the presets in the second part, such as "total_steps=4000000"
+    resamples : of the bootstrap
+    narrow_hold, narrow_return : margins, shares of the episodes and of the reference's mean return
+    """
+
+    physics: Mapping[str, Physics]
+    arms: Mapping[str, StudyArm]
+    reference: Text = "exact"
+    episodes: Whole = 1000
+    seed: Whole = STUDY_SEED
+    train_seeds: Whole = 5
+    train_overrides: tuple[Text, ...] = ()
+    resamples: Whole = 10_000
+    narrow_hold: Real = 0.01
+    narrow_return: Real = 0.01
+
+    def __post_init__(self) -> None:
+        for name in ("physics", "arms"):
+            parts = getattr(self, name)
+            if not parts or len({slug(part) for part in parts}) < len(parts):
+                raise ValueError(f"{name} has the names {list(parts)}; give different letters or numbers")
+        if self.reference not in self.physics:
+            raise ValueError(f"reference is {self.reference!r}; choose {', '.join(self.physics)}")
+        if self.seed < STUDY_SEED:
+            raise ValueError(
+                f"seed is {self.seed}; choose at least {STUDY_SEED}: lower ones would meet the goals of "
+                "training, evaluation and selection"
+            )
+        for name, least in (("episodes", 2), ("resamples", 100)):
+            if getattr(self, name) < least:
+                raise ValueError(f"{name} is {getattr(self, name)}; it must be at least {least}")
+        if self.train_seeds == 1 or not 0 <= self.train_seeds <= 100:
+            raise ValueError(f"train_seeds is {self.train_seeds}; choose 0 (no training) or 2..100")
+        for name, arm in self.arms.items():
+            if self.train_seeds and arm.cheap not in self.physics:
+                raise ValueError(
+                    f"arms.{name}.cheap is {arm.cheap!r}; choose {', '.join(self.physics)}, or set "
+                    "train_seeds to 0"
+                )
+        for name in ("narrow_hold", "narrow_return"):
+            if not 0.0 < getattr(self, name) < 1.0:
+                raise ValueError(f"{name} is {getattr(self, name)}; it must lie between 0 and 1")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data that makes an equal study."""
+        data = {name: getattr(self, name) for name in fields_of(Study)}
+        data["physics"] = {k: p.to_dict() for k, p in self.physics.items()}
+        data["arms"] = {
+            k: {n: getattr(a, n) for n in fields_of(StudyArm) if getattr(a, n)} for k, a in self.arms.items()
+        }
+        data["train_overrides"] = list(self.train_overrides)
+        return data
+
+
+def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
+    """The study of a YAML file, with overrides such as ``train_seeds=0``."""
+    data = read(path, overrides, "configs/studies")
+    with explained(path, not overrides):
+        study: Study = checked(Study, data)
+    return study
+
+
+def slug(name: str) -> str:
+    """A name as a part of a file name."""
+    return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
