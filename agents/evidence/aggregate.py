@@ -14,6 +14,9 @@ Statistic = Callable[[NDArray[np.float64], int], NDArray[np.float64]]
 """(values, axis) -> one number for all values along the axis, such as :func:`interquartile_mean`."""
 TAILS = (0.025, 0.975)
 """Quantiles at both ends of a 95 % interval."""
+LEAST_RUNS = 5
+"""Runs of a stratum from which there is an interval: that of two or three is from the lowest to the highest,
+which leaves out the truth in every second or fourth case."""
 MOST_NUMBERS = 4_000_000
 """Numbers that are resampled at a time: 32 MB."""
 
@@ -72,7 +75,7 @@ def stratified_bootstrap(
     Returns
     -------
     low, high : ndarray (...)
-        In the unit of the samples; NaN where a stratum has one run, whose spread nobody knows.
+        In the unit of the samples; NaN where a stratum has fewer than ``LEAST_RUNS`` runs.
 
     Raises
     ------
@@ -92,7 +95,7 @@ def stratified_bootstrap(
             )
     if resamples < 1:
         raise ValueError(f"resamples is {resamples}; give at least 1")
-    if min(len(runs) for runs in strata) == 1:
+    if min(len(runs) for runs in strata) < LEAST_RUNS:
         unknown = np.full(strata[0].shape[1:], np.nan)
         return unknown[()], unknown[()]
     generator = np.random.default_rng(seed)

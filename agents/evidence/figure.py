@@ -9,6 +9,7 @@ import numpy as np
 
 from redundant_envs.extras import needs
 
+from .aggregate import LEAST_RUNS
 from .learning import MEASURES, expert, points, summarize
 from .runs import Group
 
@@ -16,8 +17,10 @@ LABELS = {"steps": (1e-6, "environment steps, millions"), "seconds": (1.0, "trai
 """By the name of an x axis: the scale it is drawn with, and its label."""
 TITLES = {"hold_success": "hold success, %", "touch_success": "touch success, %", "return": "mean return"}
 """Of the panels, by column of selection.csv."""
-COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-"""Okabe and Ito's, which the colour-blind tell apart; black is computed torque's."""
+LEARNER_COLORS = {"PPO": "#0072B2", "SAC": "#D55E00", "HER": "#009E73"}
+"""Learners of the same colour in all figures."""
+COLORS = ("#CC79A7", "#E69F00", "#56B4E9", "#999999", "#8C564B", *LEARNER_COLORS.values())
+"""Of the others. Most are Okabe and Ito's, which the colour-blind tell apart; black is computed torque's."""
 STYLES = ("-", "-.", ":")
 """Of the lines, when there are more learners than colours."""
 TICKS = (1.0, 0.0, 0.9, 0.99, 0.5, 0.999, 0.98, 0.95, 0.8, 0.998)
@@ -36,11 +39,12 @@ def draw(groups: Sequence[Group], axes: Sequence[str]) -> Any:
         from matplotlib.figure import Figure
         from matplotlib.lines import Line2D
         from matplotlib.patches import Patch
-    explained = [
+    explained: list[Any] = [
         Line2D([], [], color="0.4", linewidth=2.2, label="interquartile mean"),
-        Patch(color="0.4", alpha=0.25, linewidth=0, label="its 95 % interval"),
         Line2D([], [], color="0.4", alpha=0.5, linewidth=0.6, label="one seed"),
     ]
+    if any(len(same.runs) >= LEAST_RUNS for same in groups):
+        explained.append(Patch(color="0.4", alpha=0.25, linewidth=0, label="its 95 % interval"))
     titles = list(dict.fromkeys(same.title for same in groups))
     looks = _looks(groups)
     height = len(titles) * (2.5 * len(axes) + 0.75)
@@ -132,8 +136,10 @@ def _rate_scale(panel: Any, goal: float) -> None:
 
 def _looks(groups: Sequence[Group]) -> dict[str, tuple[str, str]]:
     """Colour and line style of each learner, the same in all panels."""
-    learners = sorted({same.learner for same in groups})
-    return {
+    learners = {same.learner for same in groups}
+    others = sorted(learners - LEARNER_COLORS.keys())
+    looks = {
         learner: (COLORS[i % len(COLORS)], STYLES[i // len(COLORS) % len(STYLES)])
-        for i, learner in enumerate(learners)
+        for i, learner in enumerate(others)
     }
+    return looks | {who: (color, STYLES[0]) for who, color in LEARNER_COLORS.items() if who in learners}

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .aggregate import interquartile_mean, stratified_bootstrap
+from .aggregate import LEAST_RUNS, interquartile_mean, stratified_bootstrap
 from .runs import Group, read_groups
 
 MEASURES = ("time_to_hold", "effort", "smoothness")
@@ -25,10 +25,10 @@ COMPARISON = (
 )  # fmt: skip
 EXPLANATION = (
     "Computed torque acts on the same goals as the learners. IQM is the interquartile mean of the seeds, and "
-    "its interval a stratified bootstrap over seeds (unknown for one seed). Figures without another label "
-    "are medians over seeds. Time to hold is the median over held episodes, of the seeds that held any. "
-    "Effort is the mean squared normalised action, smoothness the mean change of the action from step to "
-    "step; less is better for all three. Steps per second are those of the whole training."
+    f"its interval a stratified bootstrap over seeds (unknown with fewer than {LEAST_RUNS}). Figures without "
+    "another label are medians over seeds. Time to hold is the median over held episodes, of the seeds that "
+    "held any. Effort is the mean squared normalised action, smoothness the mean change of the action from "
+    "step to step; less is better for all three. Steps per second are those of the whole training."
 )
 UNKNOWN = "-"
 

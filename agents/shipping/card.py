@@ -25,8 +25,9 @@ MODULES = {"TQC": "sb3_contrib", "CrossQ": "sb3_contrib"}
 
 
 def card(
-    config: Config, evaluation: Mapping[str, Any], layers: Layers, worst: Mapping[str, float], core: Core
-) -> str:
+    config: Config, evaluation: Mapping[str, Any], layers: Layers, worst: Mapping[str, float], checked: int,
+    core: Core,
+) -> str:  # fmt: skip
     """Markdown for the folder of a policy.
 
     Parameters
@@ -37,6 +38,8 @@ def card(
     layers : Layers
     worst : mapping
         Largest difference of each file's actions from those of the weights in double precision.
+    checked : int
+        Observations that this is the largest of.
     core : Core
         Of the environment.
     """
@@ -67,8 +70,8 @@ def card(
         "`policy.npz` has the same layers as arrays, with which `examples/play_with_numpy.py` acts. It has "
         f"{len(layers.biases)} layers of {', '.join(str(len(b)) for b in layers.biases)} units, {count} "
         f"numbers, {layers.activation} between them and {layers.output} at the end.", "",
-        "Both compute in double precision. Over 6400 observations their actions differ from those of the "
-        f"weights in double precision by at most {worst['policy.onnx']:.1g} (ONNX) and "
+        f"Both compute in double precision. Over {checked} observations their actions differ from those of "
+        f"the weights in double precision by at most {worst['policy.onnx']:.1g} (ONNX) and "
         f"{worst['policy.npz']:.1g} (NumPy), those of stable-baselines3, which computes in single precision, "
         f"by {worst['policy.zip']:.1g}.", "",
     ]  # fmt: skip

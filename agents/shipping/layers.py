@@ -1,8 +1,8 @@
 """A policy as plain layers, for NumPy, in double precision.
 
 In single precision the sums of a layer depend on the order in which a library adds them: actions of
-stable-baselines3 for one observation differ by 5e-6 from those it computes in a batch. In double precision
-every library agrees far below 1e-6.
+stable-baselines3 for one observation differ by some 1e-6 from those it computes in a batch. In double
+precision every library agrees far below 1e-6.
 """
 
 from __future__ import annotations
@@ -167,7 +167,7 @@ def exact_actions(policy: Any, inputs: Mapping[str, int], observations: Any) -> 
     return actions
 
 
-def sampled(env: Any, policy: Any, steps: int = 100) -> Iterator[Any]:
+def sampled(env: Any, policy: Any, steps: int) -> Iterator[Any]:
     """Observations of a VecEnv's lanes under a policy."""
     observations = env.reset()
     for _ in range(steps):

@@ -28,6 +28,7 @@ from redundant_envs.tasks.reach import ReachTask
 from redundant_envs.values import shown
 
 from .. import COMMAND
+from ..evidence.figure import LEARNER_COLORS
 from ..evidence.runs import Run, read_run
 from ..rollout import EVALUATION_SEED, expert_act, run_episodes
 from ..statistics import wilson
@@ -41,9 +42,9 @@ HOLDABLE, EXPERT = "can be held at all", "computed torque"
 LIGHTEST = "computed torque to the lightest pose"
 POSES = {EXPERT: pose_at, LIGHTEST: lightest_pose}
 """Where the plans of computed torque end."""
-COLORS = {EXPERT: "#000000", LIGHTEST: "#7F7F7F", "PPO": "#0072B2", "SAC": "#D55E00"}
-"""Okabe and Ito's, of all that act; what can be held is a grey area."""
-LEARNERS = tuple(who for who in COLORS if who not in POSES)
+LEARNERS = ("PPO", "SAC")
+COLORS = {EXPERT: "#000000", LIGHTEST: "#7F7F7F"} | {who: LEARNER_COLORS[who] for who in LEARNERS}
+"""Of all that act; what can be held is a grey area."""
 ROUNDING = 1e-9
 SAME_GOALS = {"scene", "accuracy", "on_bad_action"}
 """Arguments of an environment that leave its goals and its hold success what they are."""

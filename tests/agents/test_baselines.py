@@ -92,22 +92,27 @@ def test_the_policy_of_a_baseline_acts_the_same_however_it_is_read(algo, runs):
 
 @pytest.mark.parametrize("algo", PLAIN)
 def test_what_is_set_reaches_the_algorithm(algo):
-    settings = {"gamma": 0.77, "learning_rate": 3e-4, "net_arch": [24, 8], "activation": "tanh"}
+    settings = {
+        "gamma": 0.77, "learning_rate": 3e-4, "net_arch": [24, 8], "activation": "tanh", "batch_size": 64,
+    }  # fmt: skip
+    replay = {"buffer_size": 3200, "learning_starts": 77, "gradient_steps": 3}
     more = {
-        "plain_ppo": {"n_steps": 16, "batch_size": 64, "ent_coef": 0.02, "gae_lambda": 0.8},
-        "plain_sac": {"ent_coef": 0.3, "tau": 0.01},
-        "td3": {"tau": 0.01, "policy_delay": 5, "target_policy_noise": 0.3, "target_noise_clip": 0.6},
-        "tqc": {"ent_coef": 0.3, "tau": 0.01, "top_quantiles_to_drop_per_net": 4},
-        "crossq": {"ent_coef": 0.3, "policy_delay": 5},
-    }[algo]
+        "plain_ppo": {"n_steps": 16, "n_epochs": 7, "ent_coef": 0.02, "gae_lambda": 0.8},
+        "plain_sac": {**replay, "ent_coef": 0.3, "tau": 0.01},
+        "td3": {**replay, "tau": 0.01, "policy_delay": 5, "target_policy_noise": 0.3,
+                "target_noise_clip": 0.6},
+        "tqc": {**replay, "ent_coef": 0.3, "tau": 0.01, "top_quantiles_to_drop_per_net": 4},
+        "crossq": {**replay, "ent_coef": 0.3, "policy_delay": 5},
+    }[algo]  # fmt: skip
     made = make_model(config(algo, **{algo: settings | more}), make_sb3("redundant_envs/RPRPReach-v0", 16))
     assert type(made).train is PLAIN[algo].train
     assert type(made).collect_rollouts is PLAIN[algo].collect_rollouts
-    for name, value in more.items():
+    for name, value in {**more, "batch_size": 64}.items():
         assert getattr(made, name) == value, name
     assert (made.gamma, made.lr_schedule(1.0), made.seed) == (0.77, 3e-4, 4)
     weights = made.policy.state_dict()
-    assert any(tensor.shape == (8, 24) for tensor in weights.values())
+    inner = [name.partition(".")[0] for name, tensor in weights.items() if tensor.shape == (8, 24)]
+    assert len(inner) >= 2  # of the actor and of what estimates values
     kinds = {type(module) for module in made.policy.modules()}
     assert torch.nn.Tanh in kinds
     assert torch.nn.SiLU not in kinds
@@ -160,3 +165,20 @@ def test_baselines_are_given_the_same_seconds(name):
     assert found.max_seconds == 90.0
     assert found.algo in PLAIN
     assert found.settings.schedule == "constant"  # a linear rate would be cut off before its end
+
+
+@pytest.mark.parametrize(("schedule", "half"), [("constant", 2e-3), ("linear", 1e-3)])
+@pytest.mark.parametrize(("algo", "more"), [("ppo", {"batch_size": 64}), ("sac", {}), ("td3", {})])
+def test_the_learning_rate_follows_its_schedule(algo, more, schedule, half):
+    settings = {algo: {"learning_rate": 2e-3, "schedule": schedule, **more}}
+    model = make_model(config(algo, **settings), make_sb3("redundant_envs/RPRPReach-v0", 16))
+    assert (model.lr_schedule(1.0), model.lr_schedule(0.5)) == (2e-3, half)
+    assert model.lr_schedule(-0.01) == (2e-3 if schedule == "constant" else 0.0)
+
+
+def test_noise_of_actions_is_normal_about_zero():
+    np.random.seed(0)
+    noise = NormalNoise(20_000, 4, 0.3)()
+    assert noise.shape == (20_000, 4)
+    np.testing.assert_allclose(noise.mean(axis=0), 0.0, atol=0.01)
+    np.testing.assert_allclose(noise.std(axis=0), 0.3, rtol=0.02)

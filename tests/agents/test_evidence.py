@@ -66,22 +66,25 @@ def test_bootstrap_keeps_the_points_of_a_curve_together():
     def change(curves, axis):
         return np.diff(curves, axis=-1).mean(axis)
 
-    curves_ = np.array([0.0, 5.0, 9.0])[:, None] + np.arange(4.0)  # (runs, points)
+    curves_ = np.array([0.0, 5.0, 9.0, 4.0, 7.0])[:, None] + np.arange(4.0)  # (runs, points)
     np.testing.assert_allclose(stratified_bootstrap([curves_], change), 1.0)
 
 
 def test_bootstrap_does_not_depend_on_how_many_points_are_drawn_at_once(monkeypatch):
     samples = np.random.default_rng(3).normal(size=(6, 5))
-    whole = stratified_bootstrap([samples, samples[:4]], interquartile_mean, 200)
+    whole = stratified_bootstrap([samples, samples[:5]], interquartile_mean, 200)
     monkeypatch.setattr("agents.evidence.aggregate.MOST_NUMBERS", 100)
     np.testing.assert_array_equal(
-        stratified_bootstrap([samples, samples[:4]], interquartile_mean, 200), whole
+        stratified_bootstrap([samples, samples[:5]], interquartile_mean, 200), whole
     )
 
 
-def test_interval_of_one_run_is_unknown():
+def test_the_interval_of_fewer_than_five_runs_is_unknown():
     assert np.isnan(stratified_bootstrap([[[1.0, 2.0]]], interquartile_mean)).all()
-    assert np.isnan(stratified_bootstrap([[1.0], [1.0, 2.0]], interquartile_mean)).all()
+    four = [1.0, 2.0, 3.0, 4.0]
+    assert np.isnan(stratified_bootstrap([four], interquartile_mean)).all()
+    assert np.isnan(stratified_bootstrap([[*four, 5.0], four], interquartile_mean)).all()
+    assert np.isfinite(stratified_bootstrap([[*four, 5.0]], interquartile_mean)).all()
 
 
 @pytest.mark.parametrize(

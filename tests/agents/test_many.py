@@ -1,6 +1,11 @@
 """Several seeds in processes of their own."""
 
 import json
+import os
+import queue
+import shutil
+import signal
+from pathlib import Path
 
 import pytest
 from rich.progress import Progress
@@ -8,9 +13,11 @@ from run_folders import assert_same_policy
 
 from agents.__main__ import main
 from agents.config import load
-from agents.training.many import finish, seeds_of
+from agents.training import checkpoint, many
+from agents.training.many import FILES, finish, is_finished, seeds_of
 from agents.training.train import train
 
+ROOT = Path(__file__).parents[2]
 SMALL = [
     "num_envs=32", "ppo.n_steps=16", "ppo.batch_size=256", "total_steps=1024", "curve_episodes=5",
     "evaluation_episodes=10",
@@ -82,3 +89,45 @@ def test_a_run_of_other_settings_or_a_failed_one_is_told_in_one_line(tmp_path, c
     (tmp_path / "full" / "seed3" / "mine").touch()
     assert main([*command[:-1], str(tmp_path / "full")]) == 2
     assert "1 of 1 runs failed" in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_a_checkpoint_means_that_a_run_is_not_finished(tmp_path):
+    assert is_finished(ROOT / "docs" / "results" / "runs" / "rprp_reach_ppo" / "seed0") is False  # no report
+    shutil.copytree(ROOT / "docs" / "results" / "runs" / "rprp_reach_ppo" / "seed0", tmp_path / "run")
+    for name in FILES:
+        (tmp_path / "run" / name).touch()
+    assert is_finished(tmp_path / "run")
+    (tmp_path / "run" / checkpoint.NAME).mkdir()
+    (tmp_path / "run" / checkpoint.NAME / "state.pt").touch()
+    assert not is_finished(tmp_path / "run")
+
+
+class Ended:
+    """A process that ended by itself."""
+
+    exitcode = -9
+
+    def is_alive(self):
+        return False
+
+
+def test_a_run_whose_process_was_killed_is_named():
+    news = queue.Queue()
+    news.put(("seed0", 1.0, "holds 99.0 %", False))
+    news.put(("seed1", 0.3, "", False))
+    news.put(("seed2", 1.0, "failed: no room", True))
+    assert many._follow(["seed0", "seed1", "seed2"], [Ended()], news) == [
+        "seed2: failed: no room", "seed1: its process ended (-9)",
+    ]  # fmt: skip
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="the system has no affinity of cores")
+@pytest.mark.parametrize("core", [None, 0])
+def test_a_worker_stays_on_its_core(core, monkeypatch):
+    pinned = []
+    monkeypatch.setattr(os, "sched_setaffinity", lambda pid, cores: pinned.append(cores))
+    monkeypatch.setattr(signal, "signal", lambda *args: None)
+    jobs = queue.Queue()
+    jobs.put(None)
+    many._work(jobs, queue.Queue(), core)
+    assert pinned == ([] if core is None else [{core}])

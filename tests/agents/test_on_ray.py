@@ -1,5 +1,6 @@
 """Several seeds on a Ray cluster of two machines, which share no run folder."""
 
+import contextlib
 import json
 import os
 import shutil
@@ -153,6 +154,40 @@ def test_a_received_run_takes_the_place_of_an_older_one(tmp_path):
     on_ray.receive({"new": b"1", "plots/b": b"2"}, tmp_path / "seed1")
     assert on_ray.pack(tmp_path / "seed1") == {"new": b"1", "plots/b": b"2"}
     assert os.listdir(tmp_path) == ["seed1"]
+
+
+def test_another_version_on_a_worker_is_refused(tmp_path):
+    outcome = on_ray.train_one._function("seed1", {}, {}, "here", "0.0.0", None)
+    assert outcome.failed
+    assert f"has redundant-envs {on_ray.__version__}, and the command runs 0.0.0; install" in outcome.note
+
+
+def test_threads_that_no_machine_of_the_cluster_has_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(on_ray, "_cluster", lambda place, count: contextlib.nullcontext())
+    nodes = [{"Alive": True, "Resources": {"CPU": 2.0}}, {"Alive": False, "Resources": {"CPU": 64.0}}]
+    monkeypatch.setattr(ray, "nodes", lambda: nodes)
+    config = load("rprp_reach_ppo", [*SMALL, "torch_threads=3"])
+    with pytest.raises(ValueError, match="torch_threads is 3; the largest machine of the cluster has 2 CPUs"):
+        on_ray.train_on_ray({"seed1": config}, tmp_path)
+
+
+def test_an_older_run_outlives_a_kill_while_a_newer_one_takes_its_place(tmp_path, monkeypatch):
+    run = tmp_path / "seed1"
+    run.mkdir()
+    (run / "kept").touch()
+    replace = os.replace
+
+    def killed(source, target):
+        if target == run:
+            raise SystemExit
+        replace(source, target)
+
+    monkeypatch.setattr(os, "replace", killed)
+    with pytest.raises(SystemExit):
+        on_ray.receive({"new": b"1"}, run)
+    monkeypatch.setattr(os, "replace", replace)
+    on_ray.restore(run)
+    assert on_ray.pack(run) == {"kept": b""}
 
 
 def test_a_run_comes_back_after_a_kill_between_two_renamings(tmp_path):

@@ -13,9 +13,10 @@ from agents.__main__ import main
 from agents.config import load
 from agents.rollout import EVALUATION_SEED
 from agents.run_folder import SELECTION
-from agents.studies import strength_run
+from agents.studies import strength, strength_run
 from agents.studies.strength import (
     ARMS,
+    COLORS,
     EXPERT,
     FACTORS,
     HOLDABLE,
@@ -105,7 +106,7 @@ def test_computed_torque_needs_strong_motors(arm):
     held = {(row.factor, row.who): row.hold_success for row in rows}
     assert held[1.0, HOLDABLE] == held[1.0, EXPERT] == 1.0
     assert held[0.3, EXPERT] + 0.1 < held[0.3, HOLDABLE] < 1.0
-    assert held[0.3, EXPERT] <= held[0.3, LIGHTEST] <= held[0.3, HOLDABLE]
+    assert held[0.3, EXPERT] < held[0.3, LIGHTEST] < held[0.3, HOLDABLE]
     for row in rows:
         assert row.low <= row.hold_success <= row.high
         assert (row.touch_success is None) == (row.who == HOLDABLE)
@@ -113,6 +114,23 @@ def test_computed_torque_needs_strong_motors(arm):
         assert (row.seeds, row.episodes) == (0, 41)
     with pytest.raises(ValueError, match="arm is '5R'; choose 4R, RPRP"):
         expert_rows("5R")
+
+
+@pytest.mark.parametrize("arm", ARMS)
+def test_the_published_rows_of_computed_torque_are_those_of_this_code(arm, monkeypatch):
+    published = {
+        (row.arm, row.factor, row.who): row
+        for row in read_rows(ROOT / "docs" / "results" / "strength" / "strength.csv")
+    }
+    loads = np.linspace(0.0, 1.0, 1000)
+    monkeypatch.setattr(strength, "goal_loads", lambda arm, goals: loads)  # the search takes too long here
+    monkeypatch.delitem(strength.POSES, LIGHTEST)
+    could, row = expert_rows(arm, (0.4,))
+    assert (could.who, could.hold_success) == (HOLDABLE, (loads <= 0.4).mean())
+    expected = published[arm, 0.4, EXPERT]
+    assert row.hold_success == pytest.approx(expected.hold_success, abs=0.003)  # a goal at the margin
+    assert row.touch_success == pytest.approx(expected.touch_success, abs=0.003)
+    assert row.touch_success > row.hold_success + 0.01
 
 
 # ---- trained policies ----------------------------------------------------------------------------
@@ -178,9 +196,10 @@ def test_runs_of_other_scenes_are_refused(tmp_path, change):
 
 
 def test_runs_of_other_episodes_and_runs_given_twice_are_refused(tmp_path):
-    short = run_folder(tmp_path / "short", "4R", 0, 0.5, max_episode_steps=50)
-    with pytest.raises(ValueError, match=r"short: env_kwargs has 'max_episode_steps'"):
-        learner_rows([short])
+    for name, value in (("max_episode_steps", 50), ("task", {"goal_tolerance": 0.03})):
+        other = run_folder(tmp_path / name, "4R", 0, 0.5, **{name: value})
+        with pytest.raises(ValueError, match=rf"{name}: env_kwargs has '{name}'"):
+            learner_rows([other])
     folders = [run_folder(tmp_path / name, "4R", 3, 0.5) for name in "ab"]
     with pytest.raises(ValueError, match="b is a second run of seed 3"):
         learner_rows(folders)
@@ -270,6 +289,8 @@ def test_the_figure_shows_every_row(tmp_path):
         assert [band.get_paths()[0].vertices[:, 1].max() for band in bands] == pytest.approx([83.0, 93.0])
     (legend,) = drawn.legends
     assert [text.get_text() for text in legend.get_texts()] == [HOLDABLE, EXPERT, "PPO"]
+    assert [line.get_color() for line in legend.get_lines()] == [COLORS[EXPERT], COLORS["PPO"]]
+    assert [line.get_color() for line in drawn.axes[0].lines] == [COLORS[EXPERT], COLORS["PPO"]]
     drawn.savefig(tmp_path / "strength.png")
     bottom = min(panel.get_tightbbox().y0 for panel in drawn.axes)
     assert legend.get_window_extent().y1 <= bottom + 1.0  # it covers no curve
@@ -321,6 +342,8 @@ def test_the_study_without_training_writes_rows_figure_and_table(tmp_path, capsy
     before = (tmp_path / "expert.csv").stat().st_mtime_ns
     assert main([*command, "--out", str(tmp_path)]) == 0  # what is finished stays
     assert (tmp_path / "expert.csv").stat().st_mtime_ns == before
+    assert main([*command[:-1], "11", "--out", str(tmp_path)]) == 0  # of other goals it does not
+    assert {row.episodes for row in read_rows(tmp_path / "strength.csv")} == {11}
 
 
 def test_learners_that_are_given_are_not_trained_again(tmp_path, monkeypatch):

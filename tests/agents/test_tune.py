@@ -8,7 +8,7 @@ import yaml
 from agents.__main__ import main
 from agents.config import load, presets
 from agents.rollout import SELECTION_SEED
-from agents.training import watch
+from agents.training import checkpoint, watch
 from agents.training.interrupt import Stopped
 
 pytest.importorskip("optuna", reason="optuna is not installed; pip install 'redundant-envs[tune]'")
@@ -131,7 +131,7 @@ def fake_train(score, breaks=()):
     raised = dict(breaks)
 
     def train(config, folder, progress, on_point):
-        folder.mkdir()
+        (folder / checkpoint.NAME).mkdir(parents=True)
         error = raised.pop(int(folder.name.removeprefix("trial")), None)
         if error is not None:
             raise error
@@ -173,10 +173,54 @@ def test_a_study_is_reproducible_and_leaves_the_evaluation_goals_alone(tmp_path,
 def test_the_best_of_a_study_is_a_configuration_of_its_own(by_gamma, tmp_path):
     page = tune(CONFIG, tmp_path / "study", 16, GAMMA).read_text()
     found = rows(tmp_path / "study")
+    assert not list((tmp_path / "study").glob(f"*/{checkpoint.NAME}"))  # nothing goes on with them
     best = load(tmp_path / "study" / "best.yaml")
     assert best.ppo.gamma == max(float(row["ppo.gamma"]) for row in found)
     assert best.model_copy(update={"ppo": CONFIG.ppo}) == CONFIG
     assert "| ppo.gamma | 100 % |" in page
+    assert f" | {100 * best.ppo.gamma:.1f} % | {best.ppo.gamma:.4g} |" in page
+    few = tune(CONFIG, tmp_path / "few", 5, GAMMA).read_text()
+    assert "Importance" not in few  # of so few trials there is none to tell
+
+
+def test_of_equal_trials_the_first_is_the_best(monkeypatch, tmp_path):
+    monkeypatch.setattr(studies, "train", fake_train(lambda ppo: 0.5))
+    tune(CONFIG, tmp_path, 3, GAMMA)
+    assert load(tmp_path / "best.yaml").ppo.gamma == float(rows(tmp_path)[0]["ppo.gamma"])
+
+
+def test_no_trial_is_pruned_while_policies_hold_nothing_yet(monkeypatch, tmp_path):
+    monkeypatch.setattr(studies, "train", fake_train(lambda ppo: ppo.gamma))
+    tune(load("rprp_reach_ppo", [*SMALL, "total_steps=8192"]), tmp_path, 12, GAMMA)
+    pruned = [row for row in rows(tmp_path) if row["state"] == "pruned"]
+    assert {row["env_steps"] for row in pruned} == {"2048"}  # 1024 is less than a fifth
+
+
+def test_a_point_that_is_met_twice_is_reported_once():
+    class Trial:
+        reports = []
+
+        def set_user_attr(self, name, value):
+            pass
+
+        def report(self, hold, steps):
+            self.reports.append(steps)
+
+        def should_prune(self):
+            return False
+
+    curve = studies._Curve(Trial(), 4096)
+    for steps in (1024, 2048, 2048, 4096):
+        curve.add(steps, 0.5)
+    assert Trial.reports == [1024, 2048]
+
+
+@pytest.mark.parametrize("error", [FloatingPointError("no number"), RuntimeError("no number")])
+def test_a_training_without_end_is_named_and_the_study_goes_on(error, monkeypatch, tmp_path):
+    monkeypatch.setattr(studies, "train", fake_train(lambda ppo: ppo.gamma, {1: error}))
+    tune(CONFIG, tmp_path, 3, GAMMA)
+    assert [row["state"] for row in rows(tmp_path)] == ["complete", "refused", "complete"]
+    assert rows(tmp_path)[1]["message"] == "no number"
 
 
 def test_the_first_trial_has_the_values_of_the_configuration(by_gamma, tmp_path):
@@ -247,6 +291,8 @@ def test_a_killed_study_goes_on_as_if_it_had_not_been(by_gamma, monkeypatch, tmp
         tune(CONFIG, killed, 6, GAMMA)
     with pytest.raises(Stopped, match="stopped after 3 of 6 trials; the same command goes on"):
         tune(CONFIG, killed, 6, GAMMA)
+    assert len(rows(killed)) == 5
+    assert (killed / "best.yaml").is_file()  # what was found so far
     with (killed / studies.JOURNAL).open("ab") as file:
         file.write(b'{"op_code": 5, "half')  # of a line, as after a power cut
     tune(CONFIG, killed, 6, GAMMA)
@@ -278,6 +324,13 @@ def test_another_study_does_not_go_on_in_the_folder(by_gamma, config, searches, 
         tune(config, tmp_path, 2, searches, seed=seed)
     assert word in str(error.value)
     assert len(rows(tmp_path)) == 1
+
+
+def test_a_study_does_not_go_on_with_another_simulator(by_gamma, monkeypatch, tmp_path):
+    tune(CONFIG, tmp_path, 1, GAMMA)
+    monkeypatch.setattr(studies, "simulator_hash", lambda core: "another")
+    with pytest.raises(ValueError, match=r"holds a study with simulator: .* and this one has 'another'"):
+        tune(CONFIG, tmp_path, 2, GAMMA)
 
 
 def test_a_folder_that_is_no_study_is_refused(by_gamma, tmp_path):

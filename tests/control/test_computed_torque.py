@@ -59,6 +59,20 @@ def test_the_lightest_pose_is_at_the_goal_near_the_start_and_loads_no_motor_more
     np.testing.assert_array_equal(lightest_pose(scene, start, beyond), stretched)
 
 
+def test_the_plan_ends_in_the_pose_that_is_chosen():
+    """Of two ways to a goal, elbow up and elbow down, it goes the one it is told."""
+    scene = rde.load_scene("four_r_reach")
+    start = np.array([[0.3, -0.2, 0.1, 0.4]])
+    end = np.array([[0.5, 0.1, -0.3, 0.2]])
+    controller = ComputedTorque(scene, pose=lambda scene, q, goal: end)
+    controller.begin(start, np.array([[0.6, 0.1]]))
+    batch = rde.BatchSimulator(scene, 1)
+    batch.set_state(start, np.zeros((1, 4)))
+    for k in range(120):
+        batch.advance(effort_limits(scene) * controller.action(k * scene.control_dt, batch.q, batch.qd))
+    np.testing.assert_allclose(batch.q, end, atol=1e-3)
+
+
 def test_scenes_it_cannot_handle_are_refused():
     arm = rde.FourR((1,) * 4, (1,) * 4)
     with pytest.raises(ValueError, match="EffortLimits"):
