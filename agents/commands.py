@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from redundant_envs.extras import needs
 from redundant_envs.values import shown
 
-from . import COMMAND
+from . import COMMAND, command
 from .config.files import presets
 from .config.keys import complete, help_of_keys
 from .training.interrupt import Stopped
@@ -121,7 +121,7 @@ def train(
         print(f"{facts['env_steps']} environment steps in {facts['train_seconds']:.0f} s")
         print(f"report: {report(folder)}")
     except KeyboardInterrupt:
-        raise Stopped(f"stopped after the training; go on with: {COMMAND} report {folder}") from None
+        raise Stopped(f"stopped after the training; go on with: {command('report', folder)}") from None
 
 
 def check_place(on: str, address: str | None, seeds: str | None) -> None:
@@ -205,7 +205,12 @@ def table(
 ) -> None:
     """Print evaluated runs as a Markdown table: seeds of equal settings in one row."""
     from .evidence.table import rows, table, write_rows
+    from .run_folder import check_out
 
+    if out is not None:
+        if out.suffix.lower() != ".csv":
+            raise ValueError(f"out is {out}; end its name in .csv")
+        check_out(out.parent)
     print(table(folders))
     if out is not None:
         write_rows(rows(folders), out)
@@ -220,8 +225,9 @@ def curves(
 ) -> None:
     """Draw learning curves of run folders: all seeds, their interquartile mean and its interval."""
     from .evidence.curves import curves
+    from .run_folder import check_out
 
-    out.parent.mkdir(parents=True, exist_ok=True)
+    check_out(out.parent)
     curves(folders, out)
     print(out)
 
@@ -248,7 +254,7 @@ def play(
 @app.command()
 def export(
     folders: Folders,
-    out: Annotated[Path, typer.Option(help="folder of the policies' folders")] = Path("policies"),
+    out: Annotated[Path, typer.Option(help="folder of the policies' folders")] = Path("runs/policies"),
 ) -> None:
     """Write policies for others: stable-baselines3, ONNX, NumPy arrays, and a card."""
     from .shipping.export import export_all

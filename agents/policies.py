@@ -21,7 +21,7 @@ from typing import Any
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
 
-from . import COMMAND
+from . import command
 from .config import Config
 from .learners.build import ALGORITHM_CLASSES, policy_kwargs, policy_name
 from .learners.networks import ACTIVATIONS
@@ -86,9 +86,9 @@ def load_policy(folder: Path, config: Config, trust: bool = False) -> Any:
     path = folder / "policy.zip"
     if not path.is_file():
         unfinished = (folder / "checkpoint").is_dir()
-        fix = f"go on with its training: {COMMAND} resume {folder}"
+        fix = f"go on with its training: {command('resume', folder)}"
         if not unfinished:
-            fix = f"make a new run: {COMMAND} train {folder}/config.yaml --out NEW_FOLDER"
+            fix = f"make a new run: {command('train', folder / 'config.yaml', '--out', 'NEW_FOLDER')}"
         raise ValueError(f"run folder {folder} has no policy.zip; {fix}")
     if trust:
         try:

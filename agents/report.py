@@ -14,7 +14,7 @@ from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import MissingPackage, needs
 from redundant_envs.studies.clips import check_clip, write_clip
 
-from . import COMMAND
+from . import command
 from .config import Config
 from .evaluate import evaluate, summary
 from .evidence.curves import curves
@@ -143,6 +143,9 @@ def page(
             f"{steps / 1e6:.2f} million environment steps in {seconds:.0f} s of training, without "
             f"evaluations: {steps / seconds:,.0f} per second. "
         )
+    same = "to the same bits with this machine and these versions"
+    if config.max_seconds is not None:
+        same = f"for {config.max_seconds:g} s, which are never the same number of steps"
     lines = [
         f"# {learner} on {config.env}, seed {config.seed}", "", summary(result), "",
         "![clip](clip.gif)", "", *(f"[{c.name}]({c.name})\n" for c in clips[1:]),
@@ -155,8 +158,7 @@ def page(
         "`config.yaml` is what was run, `scene.yaml` what was simulated, `policy.zip` the policy at "
         "the end, which stable-baselines3 loads, `selection.csv` the learning curve (on goals of its "
         "own), `monitor.csv` every training episode, `episodes.csv` the evaluation.", "",
-        f"Again, to the same bits with this machine and these versions: `{COMMAND} train "
-        f"{folder}/config.yaml`", "",
+        f"Again, {same}: `{command('train', folder / 'config.yaml')}`", "",
     ]  # fmt: skip
     return "\n".join(lines)
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from redundant_envs.envs.registration import ids
 from redundant_envs.values import shown
 
-from . import COMMAND
+from . import COMMAND, command
 from .config import ALGORITHMS, MOST_EPISODES, MOST_SEEDS, Config, load
 
 SELECTION = ("env_steps", "seconds", "hold_success", "touch_success", "return")
@@ -39,6 +39,16 @@ MOST_CHARACTERS = 200
 """Of the name of a machine."""
 
 
+def check_out(folder: Path) -> None:
+    """Refuse a folder for results that cannot be: a file, or below one, or where nobody may write."""
+    there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+    if not there.is_dir():
+        what = "is a file" if there == folder else f"is below the file {there}"
+        raise ValueError(f"out is {folder}, which {what}; choose another --out")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise ValueError(f"out is {folder}, and {there} is not writable; choose another --out")
+
+
 def read_config(folder: Path) -> Config:
     """The configuration of a run folder."""
     path = folder / "config.yaml"
@@ -54,8 +64,10 @@ def read_evaluation(folder: Path) -> dict[str, Any]:
     """evaluation.json, checked: whatever it says may be printed and compared."""
     path = folder / "evaluation.json"
     if not path.is_file():
-        raise ValueError(f"run folder {folder} has no evaluation.json; make it: {COMMAND} evaluate {folder}")
-    data = _read_json(path, f"{COMMAND} evaluate {folder}")
+        raise ValueError(
+            f"run folder {folder} has no evaluation.json; make it: {command('evaluate', folder)}"
+        )
+    data = _read_json(path, f"{command('evaluate', folder)}")
     low_high = data.get("interval")
     checks = {name: _is_number(data.get(name)) for name in (*DISTANCES, *RETURNS)}
     checks |= {name: _is_number(data.get(name), 1) for name in RATES}
@@ -76,7 +88,7 @@ def read_evaluation(folder: Path) -> dict[str, Any]:
     for name, holds in checks.items():
         if not holds:
             raise ValueError(
-                f"{path} has {shown(data.get(name))} as {name!r}; make it anew: {COMMAND} evaluate {folder}"
+                f"{path} has {shown(data.get(name))} as {name!r}; make it anew: {command('evaluate', folder)}"
             )
     return data
 
@@ -86,7 +98,7 @@ def read_facts(folder: Path) -> dict[str, Any]:
     path = folder / "training.json"
     if not path.is_file():
         return {**dict.fromkeys((*FACTS, "simulator")), "stopped": False}
-    data = _read_json(path, f"{COMMAND} train {folder}/config.yaml --out NEW_FOLDER")
+    data = _read_json(path, f"{command('train', folder / 'config.yaml', '--out', 'NEW_FOLDER')}")
     for name in FACTS:
         if not _is_number(data.get(name)):
             raise ValueError(f"{path} has {shown(data.get(name))} as {name!r}; delete it to go on without")
@@ -100,15 +112,19 @@ def read_facts(folder: Path) -> dict[str, Any]:
 def read_table(folder: Path, name: str, columns: tuple[str, ...]) -> NDArray[np.float64]:
     """selection.csv or episodes.csv, (rows, columns); there may be no rows yet."""
     path = folder / name
-    remedy = f"{COMMAND} evaluate {folder}"
+    remedy = f"{command('evaluate', folder)}"
     if columns is SELECTION:
-        remedy = f"{COMMAND} train {folder}/config.yaml --out NEW_FOLDER"
+        remedy = f"{command('train', folder / 'config.yaml', '--out', 'NEW_FOLDER')}"
     if not path.is_file():
         raise ValueError(f"run folder {folder} has no {name}; make it: {remedy}")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # a table without rows
             rows = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
+        with path.open(encoding="utf-8") as file:
+            head = file.readline().rstrip("\n")
+        if head != ",".join(columns):
+            raise ValueError(f"its columns are {shown(head)} instead of {','.join(columns)}")
         if rows.size and rows.shape[1] != len(columns):
             raise ValueError(f"{rows.shape[1]} columns instead of {len(columns)}")
     except ValueError as error:

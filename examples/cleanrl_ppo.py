@@ -32,21 +32,28 @@ class Args:
     """Arguments of the command line."""
 
     env_id: str = "redundant_envs/RPRPReach-v0"
-    seed: int = 0  # 0 to 99
-    total_steps: int = 8_000_000  # of all environments together
+    seed: int = 0
+    total_steps: int = 8_000_000
     num_envs: int = 512
-    num_steps: int = 32  # of every environment between two updates
+    num_steps: int = 32
     epochs: int = 2
     batch_size: int = 1024
-    learning_rate: float = 2e-3  # at the beginning; linear to 0
+    learning_rate: float = 2e-3
     gamma: float = 0.95
     gae_lambda: float = 0.9
     clip: float = 0.2
-    ent_coef: float = 0.01  # at the beginning; linear to 0
+    ent_coef: float = 0.01
     vf_coef: float = 0.5
     max_grad_norm: float = 0.5
     evaluation_episodes: int = 1000
-    save: str = ""  # file for the weights
+    save: str = ""
+
+
+HELP = {
+    "seed": "0 to 99", "total_steps": "of all environments together",
+    "num_steps": "of every environment between two updates", "learning_rate": "at the beginning; linear to 0",
+    "ent_coef": "weight of the entropy at the beginning; linear to 0", "save": "file for the weights",
+}  # fmt: skip
 
 
 def parse() -> Args:
@@ -54,8 +61,14 @@ def parse() -> Args:
     parser = argparse.ArgumentParser(formatter_class=argparse.ArgumentDefaultsHelpFormatter)
     for field in fields(Args):
         option = "--" + field.name.replace("_", "-")
-        parser.add_argument(option, type=type(field.default), default=field.default, help=" ")
-    return Args(**vars(parser.parse_args()))
+        help = HELP.get(field.name, " ")  # a blank one shows the default
+        parser.add_argument(option, type=type(field.default), default=field.default, help=help)
+    args = Args(**vars(parser.parse_args()))
+    if not 0 <= args.seed <= 99:
+        parser.error(f"--seed is {args.seed}; give one from 0 to 99: others would meet the frozen goals")
+    if (args.num_envs * args.num_steps) % args.batch_size:
+        parser.error(f"--batch-size is {args.batch_size}; it must divide num_envs * num_steps")
+    return args
 
 
 def network(inputs: int, outputs: int, gain: float, width: int = 64) -> nn.Sequential:

@@ -43,6 +43,10 @@ def main():
         "--seed", type=int, default=1_000_000, help="of the goals; the default are the frozen ones"
     )
     arguments = parser.parse_args()
+    if arguments.episodes < 1 or arguments.seed < 0:
+        parser.error("--episodes is at least 1, and --seed at least 0")
+    if not (arguments.folder / "policy.npz").is_file():
+        parser.error(f"{arguments.folder} has no policy.npz; give a folder of policies/")
     settings = yaml.safe_load((arguments.folder / "config.yaml").read_text(encoding="utf-8"))
     act = load(arguments.folder / "policy.npz")
     envs = gym.make_vec(settings["env"], num_envs=arguments.episodes, **settings["env_kwargs"])

@@ -78,7 +78,7 @@ CALLS = {
     "make_sb3": ("import redundant_envs as rde; rde.make_sb3('RPRPReach-v0')", "stable_baselines3", "train"),
     "make_sb3, torch": ("import redundant_envs as rde; rde.make_sb3('RPRPReach-v0')", "torch", "train"),
     "the module of make_sb3": ("import redundant_envs.envs.sb3", "stable_baselines3", "train"),
-    "agents.zoo": ("import agents.zoo", "rl_zoo3", "zoo"),
+    "agents.zoo": ("import agents.zoo.experiment", "rl_zoo3", "zoo"),
     "MuJoCo": (f"{SCENE} peers.mujoco_interval(s, 'RK4', .01, z, z, z, .02)", "mujoco", "verify"),
     "SciPy": (f"{SCENE} peers.scipy_interval(s, 'RK45', .01, .01, z, z, z, .02)", "scipy", "verify"),
 }
@@ -119,6 +119,14 @@ def test_calls_name_the_extra(name, tmp_path):
     assert last == (
         f"redundant_envs.extras.MissingPackage: {package} is not installed; install it with: "
         f"pip install 'redundant-envs[{extra}]'"
+    )
+
+
+def test_the_command_for_rl_zoo3_names_the_extra_in_one_line(tmp_path):
+    done = run("from agents.zoo.__main__ import main; sys.exit(main())", "rl_zoo3", tmp_path)
+    assert done.returncode == 2
+    assert (
+        done.stderr == "error: rl_zoo3 is not installed; install it with: pip install 'redundant-envs[zoo]'\n"
     )
 
 

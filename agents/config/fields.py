@@ -105,7 +105,7 @@ def explain(kind: type[Any], error: ValidationError, where: str = "") -> str:
         case "model_type" | "model_attributes_type" | "mapping_type" | "dict_type" | "dataclass_type":
             return f"{name} is {got}; give a mapping"
         case "tuple_type" | "list_type":
-            return f"{name} is {got}; give a list"
+            return f"{name} is {got}; give a list{example(kind, place)}"
         case "too_long" | "too_short":
             limits = {"too_long": f"at most {mistake['ctx'].get('max_length')}",
                       "too_short": f"at least {mistake['ctx'].get('min_length')}"}  # fmt: skip
@@ -149,7 +149,19 @@ def allowed(kind: type[Any], place: tuple[int | str, ...], message: str) -> str:
     whole = "whole " if "int" in str(field.annotation) else ""
     if low is None or high is None:
         return message
-    return f"give a {whole}number from {low:g} to {high:g}"
+    return f"give a {whole}number from {short(low)} to {short(high)}"
+
+
+def example(kind: type[Any], place: tuple[int | str, ...]) -> str:
+    """The default of a list, as an example of one."""
+    field = fields_of(model_at(kind, place[:-1])).get(str(place[-1])) if place else None
+    default = field.default if field is not None else None
+    return f", such as [{', '.join(map(str, default))}]" if isinstance(default, tuple) and default else ""
+
+
+def short(bound: float) -> str:
+    """A bound as it is written: six digits, or all where those are another number."""
+    return f"{bound:g}" if float(f"{bound:g}") == bound else repr(bound)
 
 
 def limits(field: FieldInfo) -> tuple[float | None, float | None]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, get_args
 
-from .fields import Model, limits, model_at
+from .fields import Model, limits, model_at, short
 from .run import ALGORITHMS, Config
 
 
@@ -28,7 +28,7 @@ def help_of_keys() -> str:
         extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
         low, high = limits(field)
         parts = [f"default {shown(field.default)}"] if not field.is_required() else []
-        parts += [f"{low:g} to {high:g}"] if low is not None and high is not None else []
+        parts += [f"{short(low)} to {short(high)}"] if low is not None and high is not None else []
         parts += [str(extra["unit"])] if "unit" in extra else []
         choices = values(field)
         parts += [" or ".join(choices)] if choices else []

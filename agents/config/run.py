@@ -101,8 +101,8 @@ class Config(Model):
         for name in ALGORITHMS:
             if name != self.algo and getattr(self, name) is not None:
                 raise ValueError(
-                    f"{name} has settings, and algo is {self.algo}; give those of {self.algo} only, or begin "
-                    f"with a preset of {name}"
+                    f"{name} has settings, and algo is {self.algo}; give settings of one learner only: begin "
+                    f"with a preset of {name} or of {self.algo}"
                 )
         if self.algo == "her" and "Goal" not in self.env:
             raise ValueError(f"env is {self.env}; her needs a goal environment: {', '.join(_goal_ids())}")
@@ -113,12 +113,19 @@ class Config(Model):
             )
         if self.max_seconds is not None and not self.max_seconds > 0.0:
             raise ValueError(f"max_seconds is {self.max_seconds:g}; give more than 0, or null")
+        if len(set(self.telemetry)) < len(self.telemetry):
+            raise ValueError(f"telemetry is {shown(list(self.telemetry))}; name each place once")
         check_env_kwargs(self.env_kwargs)
         settings = self.settings
         if isinstance(settings, PlainPPOSettings):
             _check_rollout(self.algo, self.num_envs, settings)
         else:
             _check_sample(self.algo, settings)
+            if self.total_steps <= settings.learning_starts:
+                raise ValueError(
+                    f"total_steps is {self.total_steps}; {self.algo} begins to learn after "
+                    f"{settings.learning_starts}: give more, or a lower {self.algo}.learning_starts"
+                )
         if isinstance(settings, TQCSettings):
             _check_quantiles(settings)
         if isinstance(settings, HERSettings):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from redundant_envs.envs.registration import SCENES
 from redundant_envs.values import shown
 
-from .. import COMMAND
+from .. import command
 from ..config import WITHOUT_EFFECT
 from ..run_folder import SELECTION, read_config, read_evaluation, read_facts, read_table
 
@@ -102,20 +102,20 @@ def read_run(folder: str | Path, stopped: bool = False) -> Run:
     if read_facts(folder)["stopped"] and not stopped:
         raise ValueError(
             f"{folder} is a training that was stopped; leave it out, or go on with it: "
-            f"{COMMAND} resume {folder}"
+            f"{command('resume', folder)}"
         )
     for name, value in (("env", settings["env"]), ("algo", settings["algo"]), ("seed", seed)):
         if evaluation[name] != value:
             raise ValueError(
                 f"{folder}/evaluation.json has {shown(evaluation[name])} as {name!r}, and config.yaml has "
-                f"{shown(value)}; make it anew: {COMMAND} evaluate {folder}"
+                f"{shown(value)}; make it anew: {command('evaluate', folder)}"
             )
     curve = read_table(folder, "selection.csv", SELECTION)
     progress = curve[:, [SELECTION.index("env_steps"), SELECTION.index("seconds")]]
     if not np.isfinite(curve).all() or (np.diff(progress, axis=0) < 0).any():
         raise ValueError(
             f"{folder}/selection.csv is damaged (a number is not finite, or steps or seconds go back); make "
-            f"it anew: {COMMAND} train {folder}/config.yaml --out NEW_FOLDER"
+            f"it anew: {command('train', folder / 'config.yaml', '--out', 'NEW_FOLDER')}"
         )
     return Run(folder, config.env, config.algo, config.label, seed, settings, evaluation, curve)
 
@@ -159,7 +159,8 @@ def read_groups(folders: Iterable[str | Path], stopped: bool = False) -> list[Gr
 
 
 def _same_results(a: Run, b: Run) -> bool:
-    facts = [{k: v for k, v in run.evaluation.items() if k not in CIRCUMSTANCES} for run in (a, b)]
+    told = a.evaluation.keys() & b.evaluation.keys() - CIRCUMSTANCES  # folders of older versions tell less
+    facts = [{name: run.evaluation[name] for name in told} for run in (a, b)]
     kept = [i for i, name in enumerate(SELECTION) if name != "seconds"]
     return facts[0] == facts[1] and np.array_equal(a.curve[:, kept], b.curve[:, kept])
 

@@ -18,7 +18,7 @@ from ..config import Config, PlainPPOSettings
 from ..evidence.runs import read_run
 from ..learners.build import ALGORITHM_CLASSES, policy_kwargs, policy_name
 from ..policies import load_policy
-from ..run_folder import FACTS, read_config
+from ..run_folder import FACTS, check_out, read_config
 from . import onnx_file
 from .card import card
 from .layers import Layers, exact_actions, layers_of, sampled
@@ -73,8 +73,7 @@ def export(run: Path, out: Path) -> Path:
             raise ValueError(
                 f"{run}/evaluation.json does not tell {name}; export a run that was trained anew"
             )
-    if out.exists() and not out.is_dir():
-        raise ValueError(f"out is {out}, which is a file; choose another --out")
+    check_out(out)
     folder = out / name_of(config)
     if folder.exists():
         raise ValueError(f"{folder} exists; delete it or choose another --out")
@@ -136,6 +135,7 @@ def _write(
 def export_all(runs: Sequence[Path], out: Path) -> list[Path]:
     """Export several runs; ValueError if two of them are policies of one id and algorithm."""
     names: dict[str, Path] = {}
+    runs = list({run.resolve(): run for run in runs}.values())  # one that is given twice is one
     for run in runs:
         other = names.setdefault(name_of(read_config(run)), run)
         if other != run:

@@ -27,7 +27,7 @@ from redundant_envs.scene import Scene, load_scene, scene_data
 from redundant_envs.tasks.reach import ReachTask
 from redundant_envs.values import shown
 
-from .. import COMMAND
+from .. import command
 from ..evidence.figure import LEARNER_COLORS
 from ..evidence.runs import Run, read_run
 from ..rollout import EVALUATION_SEED, expert_act, run_episodes
@@ -223,7 +223,7 @@ def _ends(run: Run) -> tuple[float, float]:
     if not low - ROUNDING <= hold <= high + ROUNDING:
         raise ValueError(
             f"{run.folder}/evaluation.json has the hold success {hold:g} outside its interval {low:g} to "
-            f"{high:g}; make it anew: {COMMAND} evaluate {run.folder}"
+            f"{high:g}; make it anew: {command('evaluate', run.folder)}"
         )
     return min(low, hold), max(high, hold)
 

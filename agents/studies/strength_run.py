@@ -10,7 +10,9 @@ from redundant_envs.values import shown
 
 from ..config import Config, load
 from ..config.fields import checked
-from ..training.many import train_many
+from ..run_folder import check_out
+from ..training.many import count_of, train_many
+from ..training.watch import progress_bars
 from .strength import (
     ARMS,
     FACTORS,
@@ -96,14 +98,23 @@ def run_study(
     """
     if not 2 <= episodes <= 1_000_000:
         raise ValueError(f"episodes is {episodes}; give a whole number from 2 to 1000000")
+    if processes is not None:
+        count_of(processes)
+    given = learner_rows(runs)
+    check_out(out)
     expert = out / "expert.csv"
     rows = read_rows(expert) if expert.is_file() else []
     if {(row.arm, row.factor, row.who, row.episodes) for row in rows} != {
         (arm, factor, who, episodes) for arm in ARMS for factor in factors for who in (HOLDABLE, *POSES)
     }:
-        rows = [row for arm in ARMS for row in expert_rows(arm, factors, episodes)]
+        with progress_bars() as bars:
+            line = bars.add_task("computed torque, and what can be held", total=len(ARMS), note="")
+            rows = []
+            for arm in ARMS:
+                bars.update(line, note=arm)
+                rows += expert_rows(arm, factors, episodes)
+                bars.advance(line)
         write_rows(rows, expert)
-    given = learner_rows(runs)
     known = {(row.arm, row.factor, row.who) for row in given}
     chosen = {name: config for name, (key, config) in trainings(factors, seeds).items() if key not in known}
     if chosen:

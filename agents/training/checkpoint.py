@@ -20,7 +20,7 @@ import numpy as np
 from redundant_envs.extras import needs
 from redundant_envs.values import shown
 
-from .. import COMMAND
+from .. import command
 
 with needs("train"):
     import torch
@@ -123,9 +123,9 @@ def restore(folder: Path, model: Any, monitor: Any, run: dict[str, Any]) -> dict
     place = _place(folder)
     if place is None:
         finished = (folder / "training.json").is_file()
-        fix = f"look at it with: {COMMAND} report {folder}"
+        fix = f"look at it with: {command('report', folder)}"
         if not finished:
-            fix = f"make a new run: {COMMAND} train {folder}/config.yaml --out NEW_FOLDER"
+            fix = f"make a new run: {command('train', folder / 'config.yaml', '--out', 'NEW_FOLDER')}"
         reason = "is finished and" if finished else "was killed before its first one, or made without:"
         raise ValueError(f"run folder {folder} {reason} has no checkpoint; {fix}")
     try:
@@ -141,7 +141,7 @@ def restore(folder: Path, model: Any, monitor: Any, run: dict[str, Any]) -> dict
     except Exception as error:  # a damaged file fails in any way
         raise ValueError(
             f"{place} is damaged or of another run ({' '.join(str(error).split())[:300]}); make a new run: "
-            f"{COMMAND} train {folder}/config.yaml --out NEW_FOLDER"
+            f"{command('train', folder / 'config.yaml', '--out', 'NEW_FOLDER')}"
         ) from error
     for name, size in sizes.items():
         os.truncate(folder / name, size)

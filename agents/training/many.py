@@ -15,7 +15,7 @@ from typing import Any
 from redundant_envs.extras import needs
 
 from ..config import MOST_SEEDS, Config
-from ..run_folder import read_config, read_evaluation, read_facts
+from ..run_folder import check_out, read_config, read_evaluation, read_facts
 from . import checkpoint
 from .interrupt import Stopped, stop_request
 
@@ -35,7 +35,9 @@ def seeds_of(text: str) -> list[int]:
     for part in text.split(","):
         match = re.fullmatch(r"\s*(\d{1,2})(?:\.\.(\d{1,2}))?\s*", part)
         if not match:
-            raise ValueError(f"seeds is {text[:80]!r}; write such as 0..9 or 1,4,7")
+            raise ValueError(
+                f"seeds is {text[:80]!r}; write such as 0..9 or 1,4,7, with seeds from 0 to {MOST_SEEDS}"
+            )
         first, last = int(match[1]), int(match[2] or match[1])
         if last < first:
             raise ValueError(f"seeds is {text[:80]!r}; write the lower one first, {last}..{first}")
@@ -69,6 +71,7 @@ def train_many(configs: Mapping[str, Config], folder: Path, processes: int | Non
         ``processes`` is none that can be, a folder holds another run, or a run failed, after the others
         were finished.
     """
+    check_out(folder)
     own = cores()
     count = min(count_of(processes), len(configs))
     alone = all(config.torch_threads == 1 for config in configs.values())

@@ -22,6 +22,7 @@ from redundant_envs.extras import needs
 from redundant_envs.values import shown
 
 from ..config import Config, checked
+from ..run_folder import check_out
 from .interrupt import Stopped, stop_request
 from .many import POLL, Teller, check_all_finished, check_same, count_of, finish, is_finished, result_of
 from .train import check_new
@@ -35,6 +36,8 @@ LOCAL = "local"
 """Ray's name of a cluster of this machine alone."""
 RETRIES = 2
 """Machines of a cluster that a run may lose before it counts as failed."""
+CONNECTING = 10.0
+"""s, to reach the address of a cluster."""
 INCOMING = ".incoming"
 """Folder beside the runs, in which one is written before it gets its name."""
 MOST_CHARACTERS = 300
@@ -75,8 +78,7 @@ def train_on_ray(
     """
     if address is not None and not address.strip():
         raise ValueError("address is empty; give host:port, ray://host:port or auto, or leave it out")
-    if folder.exists() and not folder.is_dir():
-        raise ValueError(f"out is {folder}, which is a file; choose another --out")
+    check_out(folder)
     count = count_of(processes)
     place = address or os.environ.get("RAY_ADDRESS") or LOCAL
     if place != LOCAL and processes is not None:
@@ -108,6 +110,7 @@ def _cluster(place: str, count: int) -> Iterator[None]:
         options |= {"num_cpus": count, "include_dashboard": False}
     try:
         try:
+            _check_listening(place)
             ray.init(place, **options)
         except Exception as error:  # Ray tells an address without a cluster in many ways
             raise ValueError(
@@ -117,6 +120,13 @@ def _cluster(place: str, count: int) -> Iterator[None]:
         yield
     finally:
         ray.shutdown()
+
+
+def _check_listening(place: str) -> None:
+    """OSError if nothing listens at host:port: Ray would try it for ever."""
+    host, colon, port = place.rpartition(":")
+    if colon and "/" not in host and port.isdecimal() and 0 < int(port) < 2**16:
+        socket.create_connection((host.strip("[]"), int(port)), timeout=CONNECTING).close()
 
 
 def _follow(configs: Mapping[str, Config], folder: Path) -> list[str]:
@@ -181,7 +191,8 @@ def _follow(configs: Mapping[str, Config], folder: Path) -> list[str]:
 
 def _short(error: BaseException) -> str:
     """The last line of an error, which names the mistake; Ray puts the worker's traceback before it."""
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
     return (lines[-1] if lines else type(error).__name__)[:MOST_CHARACTERS]
 
 

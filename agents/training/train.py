@@ -13,11 +13,11 @@ from redundant_envs.envs.core import Core
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
 
-from .. import COMMAND
+from .. import command
 from ..config import SEEDS_PER_RUN, WITHOUT_EFFECT, Config, PlainPPOSettings
 from ..learners.build import make_model
 from ..policies import save_policy
-from ..run_folder import read_config, write_json
+from ..run_folder import check_out, read_config, write_json
 from . import checkpoint
 from .interrupt import Stopped, stop_request
 from .telemetry import check, logger
@@ -63,10 +63,9 @@ def train(
 
 def check_new(folder: Path) -> None:
     """Refuse a file, or a folder that holds something, as the folder of a new run."""
-    if folder.exists() and not folder.is_dir():
-        raise ValueError(f"run folder {folder} is a file; choose another --out")
+    check_out(folder)
     if folder.exists() and any(folder.iterdir()):
-        hint = f"go on with '{COMMAND} resume {folder}', " if checkpoint.exists(folder) else ""
+        hint = f"go on with '{command('resume', folder)}', " if checkpoint.exists(folder) else ""
         raise ValueError(f"run folder {folder} is not empty; {hint}choose another --out or delete it")
 
 
@@ -127,10 +126,10 @@ def _run(
         }
         write_json(folder / "training.json", {**facts, "stopped": stopped})
     if stopped:
-        go_on = f"Go on with: {COMMAND} resume {folder}, or look" if checkpoint.exists(folder) else "Look"
+        go_on = f"Go on with: {command('resume', folder)}, or look" if checkpoint.exists(folder) else "Look"
         raise Stopped(
             f"stopped after {facts['env_steps']} of {config.total_steps} steps; the policy so far is kept. "
-            f"{go_on} at it with: {COMMAND} report {folder}"
+            f"{go_on} at it with: {command('report', folder)}"
         )
     checkpoint.remove(folder)
     return facts

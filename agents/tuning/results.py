@@ -10,7 +10,7 @@ import yaml
 from redundant_envs.extras import needs
 from redundant_envs.studies.throughput import write_rows
 
-from .. import COMMAND
+from .. import command
 from ..config import Config
 from ..run_folder import write_text
 from .search import Space, with_parameters
@@ -101,7 +101,7 @@ def page(study: optuna.Study, config: Config, space: Space, folder: Path) -> str
         f"Trials: {counts}. Hold success is that of the last point of the learning curve, on "
         f"{config.curve_episodes} selection goals. The search has seen these goals, and the best of many is "
         "lucky too: judge `best.yaml` by other seeds and the goals of the evaluation, with "
-        f"`{COMMAND} train {folder}/best.yaml --seeds 1..5`.", "",
+        f"`{command('train', folder / 'best.yaml', '--seeds', '1..5')}`.", "",
         f"| trial | hold success | {' | '.join(keys)} |", "|---|---|" + "---|" * len(keys), *rows, "",
         f"Searched: {', '.join(f'{key} {searched}' for key, searched in space.items())}.", "",
     ]  # fmt: skip

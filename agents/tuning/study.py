@@ -16,6 +16,7 @@ from redundant_envs.extras import needs
 from redundant_envs.values import shown
 
 from ..config import WITHOUT_EFFECT, Config
+from ..run_folder import check_out
 from ..training import checkpoint, telemetry
 from ..training.interrupt import Stopped
 from ..training.train import simulator_hash, train
@@ -88,8 +89,7 @@ def tune(
         )
     telemetry.check(config)
     space = space_of(config, searches, overrides)
-    if folder.exists() and not folder.is_dir():
-        raise ValueError(f"out is {folder}, which is a file; choose another --out")
+    check_out(folder)
     if folder.exists() and any(folder.iterdir()) and not (folder / JOURNAL).is_file():
         raise ValueError(f"out is {folder}, which holds other files and no study; choose another --out")
     folder.mkdir(parents=True, exist_ok=True)
@@ -148,6 +148,10 @@ def _open(folder: Path, config: Config, space: Space, seed: int) -> optuna.Study
     except Exception as error:  # a damaged file fails in any way
         reason = " ".join(str(error).split())[:300]
         raise ValueError(f"{path} is damaged ({reason}); choose another --out or delete it") from error
+    if any(trial.value is None or not 0.0 <= trial.value <= 1.0 for trial in complete(study)):
+        raise ValueError(
+            f"{path} is damaged (a trial's hold success is none); choose another --out or delete it"
+        )
     found = found or settings
     for name in (*settings, *found):
         if found.get(name) != settings.get(name):

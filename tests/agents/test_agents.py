@@ -42,7 +42,10 @@ CONFIG = "configs/training/rprp_reach_ppo.yaml"
         (["sac.gamma=0.9"], ["sac has settings, and algo is ppo", "a preset of sac"]),
         (["algo=sac", "sac.ent_coef=-1"], ["sac.ent_coef is -1; give a number from 0 to 100, or auto"]),
         (["algo=sac", "sac.ent_coef=automatic"], ["sac.ent_coef", "from 0 to 100, or auto"]),
-        (["algo=sac", "sac.average=1"], ["sac.average is 1", "from 0 to 1"]),
+        (["algo=sac", "sac.average=1"], ["sac.average is 1", "from 0 to 0.999999999"]),
+        (["algo=sac", "total_steps=20000"], ["total_steps is 20000; sac begins to learn after 20000"]),
+        (["telemetry=[csv,csv]"], ["telemetry is ['csv', 'csv']; name each place once"]),
+        (["telemetry=csv"], ["telemetry is 'csv'; give a list, such as [tensorboard]"]),
         (["algo=her"], ["env is redundant_envs/RPRPReach-v0; her needs a goal environment", "GoalReach-v0"]),
         (
             ["algo=her", "env=redundant_envs/RPRPGoalReach-v0", "her.learning_starts=1000"],

@@ -187,3 +187,10 @@ def test_an_evaluation_of_another_run_is_refused(tmp_path):
 def test_no_folders_are_refused():
     with pytest.raises(ValueError, match="folders is empty; give at least one run folder"):
         table([])
+
+
+def test_a_run_that_was_evaluated_by_an_older_version_is_the_same_run(tmp_path):
+    old = write_run(tmp_path / "old")
+    new = write_run(tmp_path / "new", restless=3)
+    (only,) = read_groups([old, new])
+    assert len(only.runs) == 1

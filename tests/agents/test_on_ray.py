@@ -43,6 +43,7 @@ COMMAND = ["train", "rprp_reach_ppo", *SMALL, "--on", "ray"]
         (["--on", "ray", "--seeds", "1", "--processes", "2", "--address", "h:1"], "leave one out"),
         (["--on", "ray", "--seeds", "1", "--address", ""], "address is empty"),
         (["--on", "ray", "--seeds", "1", "--address", "no address"], "address is 'no address'; Ray cannot"),
+        (["--on", "ray", "--seeds", "1", "--address", "127.0.0.1:1"], "there (Connection refused)"),
     ],
 )
 def test_the_place_of_the_runs_is_checked_before_anything_begins(more, word, tmp_path, capsys):

@@ -276,3 +276,8 @@ def test_a_goal_policy_has_an_input_for_each_part(tmp_path):
     onnx_file.write(layers, tmp_path / "policy.onnx", {})
     by_onnx = onnx_file.actions_of(tmp_path / "policy.onnx", layers.inputs)(seen)
     np.testing.assert_allclose(by_onnx, exact, rtol=0, atol=1e-6)
+
+
+def test_a_run_that_is_given_twice_is_exported_once(tmp_path, capsys):
+    assert main(["export", str(RUN), f"{RUN}/", "--out", str(tmp_path)]) == 0
+    assert len(capsys.readouterr().out.splitlines()) == 1

@@ -246,3 +246,39 @@ def test_a_run_is_not_written_over_a_file(tmp_path, capsys):
         assert main(["train", "rprp_reach_ppo", *SMALL, "--out", str(out)]) == 2
         assert "taken" in capsys.readouterr().err
     assert (tmp_path / "taken").read_text() == "mine"
+
+
+def test_a_place_for_results_that_cannot_be_is_told_before_anything_begins(tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    for out, word in ((tmp_path / "file", "is a file"), (tmp_path / "file" / "x", "is below the file")):
+        for command in (
+            ["train", "rprp_reach_ppo"],
+            ["train", "rprp_reach_ppo", "--seeds", "0..1"],
+            ["study", "strength", "--seeds", "none"],
+        ):
+            assert main([*command, "--out", str(out)]) == 2
+            err = capsys.readouterr().err
+            assert err.startswith(f"error: out is {out}, which {word}")
+            assert err.count("\n") == 1
+
+
+def test_a_command_can_be_pasted_although_its_folder_has_a_space(tmp_path, capsys):
+    folder = write_run(tmp_path / "my run")
+    (folder / "evaluation.json").unlink()
+    assert main(["table", str(folder)]) == 2
+    assert f"python -m agents evaluate '{folder}'" in capsys.readouterr().err
+
+
+def test_a_curve_of_other_columns_is_damaged(tmp_path, capsys):
+    folder = write_run(tmp_path / "run")
+    (folder / "selection.csv").write_text("a,b\n")
+    assert main(["table", str(folder)]) == 2
+    assert "its columns are 'a,b' instead of env_steps,seconds" in capsys.readouterr().err
+
+
+def test_a_table_is_written_as_csv_only(tmp_path, capsys):
+    folder = write_run(tmp_path / "run")
+    assert main(["table", str(folder), "--out", str(tmp_path / "a.txt")]) == 2
+    assert "a.txt; end its name in .csv" in capsys.readouterr().err
+    assert main(["table", str(folder), "--out", str(tmp_path / "new" / "a.csv")]) == 0
+    assert (tmp_path / "new" / "a.csv").is_file()

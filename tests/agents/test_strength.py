@@ -368,3 +368,14 @@ def test_learners_that_are_given_are_not_trained_again(tmp_path, monkeypatch):
     assert set(rows) == {(1.0, "PPO"), (0.5, "PPO")}  # 0.7 is none of the factors
     assert (rows[1.0, "PPO"].hold_success, rows[0.5, "PPO"].hold_success) == (0.9, 0.25)
     assert (rows[1.0, "PPO"].seeds, rows[0.5, "PPO"].seeds) == (1, 2)
+
+
+@pytest.mark.parametrize(
+    ("more", "word"),
+    [(["--processes", "0"], "processes is 0"), (["--runs", "nothing"], "nothing/config.yaml")],
+)
+def test_arguments_of_the_study_are_checked_before_anything_long(more, word, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(strength_run, "expert_rows", lambda *args: pytest.fail("it begins to compute"))
+    assert main(["study", "strength", "--seeds", "none", *more, "--out", str(tmp_path / "out")]) == 2
+    assert word in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

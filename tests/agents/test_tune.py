@@ -1,6 +1,7 @@
 """Tuning: search spaces, and studies that go on."""
 
 import csv
+import re
 
 import pytest
 import yaml
@@ -358,3 +359,13 @@ def test_numbers_of_a_study_are_checked_before_anything_begins(trials, seed, wor
 def test_best_yaml_is_plain(by_gamma, tmp_path):
     tune(CONFIG, tmp_path, 1, GAMMA)
     assert yaml.safe_load((tmp_path / "best.yaml").read_text())["algo"] == "ppo"
+
+
+def test_a_hold_success_that_is_none_is_damage(by_gamma, tmp_path):
+    tune(CONFIG, tmp_path, 1, GAMMA)
+    journal = tmp_path / studies.JOURNAL
+    text, count = re.subn(r'"values":\s*\[[\d.]+\]', '"values":[NaN]', journal.read_text())
+    assert count == 1
+    journal.write_text(text)
+    with pytest.raises(ValueError, match="is damaged"):
+        tune(CONFIG, tmp_path, 2, GAMMA)

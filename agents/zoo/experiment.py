@@ -1,4 +1,4 @@
-"""rl_zoo3 with the averaged learners and the native vector environment.
+"""Experiments of rl_zoo3 with the averaged learners and the native vector environment.
 
 ``python -m agents.zoo --algo averaged_sac --env redundant_envs/RPRPReach-v0 --seed 0
 --conf-file hyperparams/averaged_sac.yml`` takes all arguments of ``rl_zoo3.train``. With the settings and the
@@ -13,12 +13,12 @@ from typing import Any
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
 
-from .config.run import MOST_SEEDS, SEEDS_PER_RUN
-from .learners.averaging import Averaging
-from .learners.ppo import AveragedPPO
-from .learners.sac import AveragedSAC
-from .policies import save_policy
-from .rollout import SELECTION_SEED
+from ..config.run import MOST_SEEDS, SEEDS_PER_RUN
+from ..learners.averaging import Averaging
+from ..learners.ppo import AveragedPPO
+from ..learners.sac import AveragedSAC
+from ..policies import save_policy
+from ..rollout import SELECTION_SEED
 
 with needs("zoo"):
     import rl_zoo3
@@ -105,12 +105,8 @@ class Experiment(ExperimentManager):
             save_policy(model, Path(self.save_path) / f"{self.env_name}.zip")
 
 
-def main() -> None:
+def train() -> None:
     """Train as ``rl_zoo3.train`` does, with these algorithms beside its own."""
     rl_zoo3.ALGOS.update(ALGORITHMS)
     rl_zoo3.train.ExperimentManager = Experiment
     rl_zoo3.train.train()
-
-
-if __name__ == "__main__":
-    main()
