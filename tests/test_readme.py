@@ -72,7 +72,8 @@ def test_the_table_of_strengths_is_what_the_study_wrote():
 
 def test_the_ablations_are_those_of_the_kept_runs():
     text = (ROOT / "docs" / "learners.md").read_text(encoding="utf-8")
-    rows = {"": "all parts", "average=0": "without the average", "smoothness=0": "without the smoothness term",
+    rows = {"": "all parts", "average=0": "without the average",
+            "smoothness=0": "without the smoothness term",
             "policy_delay=1": "with an actor step for every critic step (`sac.policy_delay=1`)",
             "activation=tanh": "with tanh instead of SiLU"}  # fmt: skip
     for setting, name in rows.items():
