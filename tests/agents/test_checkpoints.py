@@ -89,7 +89,12 @@ def kill_at(steps, monkeypatch):
 
 @pytest.mark.parametrize(
     ("case", "share"),
-    [("ppo", 0.3), pytest.param("sac", 0.8, marks=pytest.mark.long), ("auto", 0.3), ("her", 0.8)],
+    [
+        ("ppo", 0.3),
+        pytest.param("sac", 0.8, marks=pytest.mark.long),
+        pytest.param("auto", 0.3, marks=pytest.mark.long),
+        ("her", 0.8),
+    ],
 )
 def test_a_killed_training_goes_on_to_the_same_bits(case, share, tmp_path, monkeypatch):
     whole, killed = tmp_path / "whole", tmp_path / "killed"

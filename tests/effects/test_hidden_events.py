@@ -79,13 +79,10 @@ def test_an_impact_before_another_event_of_the_same_slider_is_found(tolerance):
 
 @pytest.mark.parametrize(
     "kwargs",
-    [
-        {"tolerance": 1e-6},
-        pytest.param({"tolerance": 1e-10}, marks=pytest.mark.long),
-        pytest.param({"integrator": "dop853"}, marks=pytest.mark.long),
-    ],
+    [{"tolerance": 1e-6}, {"tolerance": 1e-10}, {"integrator": "dop853"}],
     ids=str,
 )
+@pytest.mark.long
 def test_a_slider_that_leaves_its_stop_slowly_does_not_rest_there_at_the_start(kwargs):
     """The other one strikes at once and moves it; at rest it would not."""
     arm, stop = rde.RPRP((0.5,) * 4, (0.25, 0.25)), rde.effects.PrismaticStop((0.0, 0.0), (0.25, 0.25), 0.9)

@@ -83,7 +83,7 @@ def test_starts_lie_in_the_limits_even_where_the_usual_range_does_not(limits, ex
         pytest.param(
             (("r1", 0.05, 0.1), ("r2", -0.1, 0.3)), False, ((0.05, 0.1), (-0.1, 0.3)), marks=pytest.mark.long
         ),
-        ((("r1", 0.05, 0.1),), True, ((0.05, 0.1), (0.0, 0.25))),
+        pytest.param((("r1", 0.05, 0.1),), True, ((0.05, 0.1), (0.0, 0.25)), marks=pytest.mark.long),
         pytest.param(
             (("r1", -0.2, 0.1), ("r2", 0.2, 0.9)), True, ((0.0, 0.1), (0.2, 0.25)), marks=pytest.mark.long
         ),

@@ -57,7 +57,7 @@ def test_a_snapshot_continues_where_sliders_rest():
     np.testing.assert_array_equal(first["evaluations"], again["evaluations"])
 
 
-@pytest.mark.parametrize("integrator", ["euler", "rk4"])
+@pytest.mark.parametrize("integrator", [pytest.param("euler", marks=pytest.mark.long), "rk4"])
 def test_a_lane_that_breaks_in_an_early_substep_shows_its_last_finite_state(integrator):
     data = rde.load_scene("rprp_reach").to_dict()
     data.update(integrator=integrator, substeps=20, tolerance=None)

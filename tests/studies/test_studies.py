@@ -142,6 +142,7 @@ def test_unknown_arm_lists_the_arms():
         throughput.study_scene("SCARA", "rk4")
 
 
+@pytest.mark.long
 def test_environment_columns(monkeypatch, tmp_path):
     # The subprocess of the import time takes seconds; it is the study's own business.
     monkeypatch.setattr(environments, "first_step_seconds", lambda name: 0.5)

@@ -207,7 +207,9 @@ def test_verify_refuses_before_it_measures(capsys):
     assert "four_r_free  " not in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("name", scene_names())
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.long) if n.startswith("rprp") else n for n in scene_names()]
+)
 def test_scenes_of_the_package_are_good(name):
     result = verify(rde.load_scene(name), 256)
     assert result.faults == ()
