@@ -103,6 +103,7 @@ def test_no_interval_of_a_family_hides_an_impact(number):
     assert tally.flagged <= 1
 
 
+@pytest.mark.long
 def test_errors_that_grow_over_many_impacts_are_kept_or_flagged():
     """Up to 256 impacts in 0.1 s: what two references agree in is right, and little is given up."""
     family = hidden_impacts.Family(control_dt=0.1, travel=0.02, restitution=0.99)

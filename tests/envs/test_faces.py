@@ -147,12 +147,9 @@ def test_every_key_of_info_stands_in_the_table_of_the_page(env_id):
     assert {key for key in found if key.removeprefix("_") not in known} == set()
 
 
-@pytest.mark.parametrize(
-    ("integrator", "limited"),
-    [("rk8", True)]
-    + [pytest.param(*case, marks=pytest.mark.long) for case in
-       (("dop853", False), ("rk4", False), ("rk4", True), ("rk8", False), ("dop853", True))],
-)  # fmt: skip
+@pytest.mark.long
+@pytest.mark.parametrize("integrator", ["rk4", "rk8", "dop853"])
+@pytest.mark.parametrize("limited", [False, True])
 def test_the_table_also_explains_the_keys_of_other_scenes(integrator, limited):
     data = rde.load_scene("rprp_reach").to_dict()
     data.update(integrator=integrator, tolerance=None)

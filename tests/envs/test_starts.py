@@ -98,6 +98,7 @@ def test_sliders_start_inside_springs_and_stops_alike(springs, stop, expected):
         assert env.unwrapped.core.start_ranges()[k] == pytest.approx((lower, upper))
 
 
+@pytest.mark.long
 def test_starts_of_sliders_follow_moved_stops_and_springs():
     env = gym.make_vec(RPRP, num_envs=LANES, scene=limited(RPRP, ("r1", 0.0, 0.2), ("joint1", -1.0, 1.0)))
     upper = np.linspace(0.05, 0.22, LANES)
@@ -159,6 +160,7 @@ def test_options_beyond_a_hard_stop_are_refused(make, options):
         env.reset(options=options)
 
 
+@pytest.mark.long
 def test_a_slider_with_one_stop_needs_a_spring_at_its_other_end():
     data = limited(RPRP)
     stop = next(e for e in data["effects"] if e["type"] == "PrismaticStop")
@@ -175,6 +177,7 @@ def test_a_slider_with_one_stop_needs_a_spring_at_its_other_end():
     assert infos["beyond_limit"] == pytest.approx(0.05)
 
 
+@pytest.mark.long
 def test_the_reach_of_a_slider_arm_counts_no_angles():
     plain = gym.make(RPRP).unwrapped.core.reach
     env = gym.make(RPRP, scene=limited(RPRP, ("joint1", -1.0, 1.5)))

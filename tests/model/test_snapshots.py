@@ -3,6 +3,7 @@
 import dataclasses
 import os
 import pickle
+import re
 import subprocess
 import sys
 
@@ -34,6 +35,8 @@ def replaced(**changes):
     return dataclasses.replace(SCENE, **changes)
 
 
+COMPILED = re.compile("tolerance is None|actuation|integrator|effects is")
+"""Scenes that are modules of their own."""
 OTHERS = {
     "tolerance is 1e-12 there and 1e-06 here": replaced(tolerance=1e-12),
     "control_dt is 0.01 there and 0.02 here": replaced(control_dt=0.01),
@@ -52,7 +55,13 @@ OTHERS = {
 }
 
 
-@pytest.mark.parametrize(("words", "scene"), OTHERS.items(), ids=OTHERS)
+@pytest.mark.parametrize(
+    ("words", "scene"),
+    [
+        pytest.param(*case, id=case[0], marks=pytest.mark.long if COMPILED.match(case[0]) else ())
+        for case in OTHERS.items()
+    ],
+)
 def test_a_snapshot_of_another_scene_is_refused_by_name_and_changes_nothing(words, scene):
     batch, other = started(), started(scene)
     before = batch.save()

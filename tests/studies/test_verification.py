@@ -120,7 +120,17 @@ def effect_with(hooks):
     return Own
 
 
-@pytest.mark.parametrize("hooks", RIGHT.values(), ids=RIGHT)
+def some(cases, *short):
+    """Arguments of cases by their names; those that are not named here are long."""
+    return [
+        pytest.param(*arguments, id=name, marks=() if name in short else pytest.mark.long)
+        for name, arguments in cases.items()
+    ]
+
+
+@pytest.mark.parametrize(
+    "hooks", some({k: (v,) for k, v in RIGHT.items()}, "between two joints", "with a damper")
+)
 def test_a_right_potential_is_green(hooks):
     result = verify(rde.Scene(FOUR_R, (effect_with(hooks)(),)), STATES)
     assert result.faults == ()
@@ -128,7 +138,7 @@ def test_a_right_potential_is_green(hooks):
     assert result.good
 
 
-@pytest.mark.parametrize(("hooks", "joint"), WRONG.values(), ids=WRONG)
+@pytest.mark.parametrize(("hooks", "joint"), some(WRONG, "joint", "damper that is not counted"))
 def test_a_wrong_potential_is_red(hooks, joint):
     result = verify(rde.Scene(FOUR_R, (effect_with(hooks)(),)), STATES)
     assert not result.good
