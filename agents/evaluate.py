@@ -18,7 +18,7 @@ from .rollout import EVALUATION_SEED, Outcome, expert_act, policy_act, run_episo
 from .run_folder import EPISODES, FACTS, read_facts, write_json
 from .statistics import wilson
 
-PACKAGES = ("redundant-envs", "gymnasium", "stable-baselines3", "torch", "numpy", "numba")
+PACKAGES = ("redundant-envs", "gymnasium", "stable-baselines3", "torch", "numpy", "llvmlite")
 
 
 def versions() -> dict[str, str]:

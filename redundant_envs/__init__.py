@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any
 from redundant_envs.envs import registration as _registration
 
 if TYPE_CHECKING:
-    from redundant_envs import effects, evaluators
+    from redundant_envs import effects
     from redundant_envs.envs.check import check_vec_env
     from redundant_envs.envs.sb3 import make_sb3 as make_sb3  # not in __all__
     from redundant_envs.model.arms import RPRP, FourR
     from redundant_envs.model.batch import BatchSimulator, Event, Numerics
+    from redundant_envs.model.listing import bill, listing
     from redundant_envs.model.trajectory import simulate
     from redundant_envs.scene import Scene, load_scene
 
@@ -28,12 +29,13 @@ _HOMES = {
     "simulate": "model.trajectory",
     "make_sb3": "envs.sb3",
     "check_vec_env": "envs.check",
+    "listing": "model.listing",
+    "bill": "model.listing",
     "effects": "",
-    "evaluators": "",
 }
 __all__ = [
-    "RPRP", "BatchSimulator", "Event", "FourR", "Numerics", "Scene", "check_vec_env", "effects",
-    "evaluators", "load_scene", "simulate",
+    "RPRP", "BatchSimulator", "Event", "FourR", "Numerics", "Scene", "bill", "check_vec_env", "effects",
+    "listing", "load_scene", "simulate",
 ]  # fmt: skip
 """The public names, but for ``make_sb3``: it needs the extra "train", and ``import *`` must not."""
 
@@ -42,6 +44,11 @@ _registration.register()
 
 def __getattr__(name: str) -> Any:
     """Import a public name when it is first used: importing the package stays fast."""
+    if name == "evaluators":
+        raise AttributeError(
+            "module 'redundant_envs' has no attribute 'evaluators' any more: simulators are traced, not "
+            "written as text; rde.listing(scene) shows the program of a scene, rde.bill(scene) counts it"
+        )
     if name not in _HOMES:
         raise AttributeError(f"module 'redundant_envs' has no attribute {name!r}")
     from importlib import import_module

@@ -132,7 +132,9 @@ def parser() -> argparse.ArgumentParser:
 
     p = commands.add_parser("scene", help="print a scene")
     p.add_argument("scene", metavar="NAME_OR_PATH")
-    p.add_argument("--source", action="store_true", help="print its assembled simulator instead")
+    p.add_argument("--listing", action="store_true", help="print its traced program instead")
+    p.add_argument("--bill", action="store_true", help="count its operations by effect instead")
+    p.add_argument("--source", action="store_true", help=argparse.SUPPRESS)
     p.set_defaults(handler=show_scene)
 
     p = commands.add_parser("list", help="ids, scenes, effects, integrators, studies")
@@ -266,12 +268,25 @@ def _report(rows: list[dict[str, Any]], columns: Sequence[str], first: str, out:
 
 
 def show_scene(options: argparse.Namespace) -> None:
-    """Print a scene as YAML, or the text of its simulator."""
-    from redundant_envs import evaluators, load_scene
+    """Print a scene as YAML, its traced program, or what that costs."""
+    from redundant_envs import load_scene
 
-    scene = load_scene(options.scene)
     if options.source:
-        print(evaluators.source(scene), end="")
+        raise ValueError(
+            "--source is gone: simulators are traced, not written as text; use --listing or --bill"
+        )
+    scene = load_scene(options.scene)
+    if options.listing:
+        from redundant_envs.model.listing import listing
+
+        print(listing(scene), end="")
+        return
+    if options.bill:
+        from redundant_envs.model.listing import bill
+        from redundant_envs.studies.throughput import table
+
+        rows = [{"of": owner, **counts._asdict()} for owner, counts in bill(scene).items()]
+        print(table(rows, list(rows[0])))
         return
     import yaml
 

@@ -15,47 +15,117 @@ from __future__ import annotations
 import functools
 import inspect
 import math
-from collections.abc import Callable
-from typing import Any, overload
+import operator
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple, overload
 
 PRIMITIVES = ("sqrt", "exp", "minimum", "maximum", "where", "floor")
-"""Names that each evaluator defines once; those below are the ones for plain floats."""
+"""Names that functions of the dialect may call beside each other."""
 
 
-def sqrt(x: float) -> float:
+class Primitives(NamedTuple):
+    """What a kind of numbers knows to do beside arithmetic and comparisons."""
+
+    sqrt: Callable[[Any], Any]
+    exp: Callable[[Any], Any]
+    floor: Callable[[Any], Any]
+    sincos: Callable[[Any], Any]
+    where: Callable[[Any, Any, Any], Any]
+    logical_not: Callable[[Any], Any]
+
+
+FLOATS = Primitives(
+    math.sqrt,
+    math.exp,
+    lambda x: float(math.floor(x)),
+    lambda x: (math.sin(x), math.cos(x)),
+    lambda condition, a, b: a if condition else b,
+    operator.not_,
+)
+_KINDS: dict[type, Primitives] = {float: FLOATS, int: FLOATS, bool: FLOATS}
+
+
+def register_numbers(primitives: Primitives, *kinds: type) -> None:
+    """Let objects of some classes, and of classes derived from them, be numbers or conditions here."""
+    _KINDS.update(dict.fromkeys(kinds, primitives))
+
+
+def _primitives_of(*numbers: Any) -> Primitives:
+    """Those of the first of some numbers that is no plain one."""
+    for x in numbers:
+        kind = type(x)
+        if kind not in _KINDS:
+            _KINDS[kind] = next((_KINDS[base] for base in kind.__mro__ if base in _KINDS), FLOATS)
+        if _KINDS[kind] is not FLOATS:
+            return _KINDS[kind]
+    return FLOATS
+
+
+def sqrt(x: Any) -> Any:
     """Square root."""
-    return math.sqrt(x)
+    return _primitives_of(x).sqrt(x)
 
 
-def exp(x: float) -> float:
+def exp(x: Any) -> Any:
     """Exponential function."""
-    return math.exp(x)
+    return _primitives_of(x).exp(x)
 
 
-def floor(x: float) -> float:
+def floor(x: Any) -> Any:
     """Largest whole number not above ``x``, as a float."""
-    return float(math.floor(x))
+    return _primitives_of(x).floor(x)
 
 
-def where(condition: bool, a: float, b: float) -> float:
+def where(condition: Any, a: Any, b: Any) -> Any:
     """``a`` where the condition holds, else ``b``."""
-    return a if condition else b
+    if condition is True:
+        return a
+    if condition is False:
+        return b
+    return _primitives_of(condition, a, b).where(condition, a, b)
 
 
-def minimum(a: float, b: float) -> float:
+def minimum(a: Any, b: Any) -> Any:
     """The smaller of two numbers, ``a`` if they are equal or one is NaN.
 
     Put the quantity first and the constant second: then a NaN comes through.
     """
-    return b if a > b else a
+    return where(a > b, b, a)
 
 
-def maximum(a: float, b: float) -> float:
+def maximum(a: Any, b: Any) -> Any:
     """The larger of two numbers, ``a`` if they are equal or one is NaN.
 
     Put the quantity first and the constant second: then a NaN comes through.
     """
-    return b if a < b else a
+    return where(a < b, b, a)
+
+
+def sincos(x: Any) -> tuple[Any, Any]:
+    """Sine and cosine. The dialect takes them as arguments; what computes quantities calls this."""
+    return _primitives_of(x).sincos(x)  # type: ignore[no-any-return]
+
+
+def logical_not(condition: Any) -> Any:
+    """Where a condition does not hold."""
+    return _primitives_of(condition).logical_not(condition)
+
+
+def cases(*choices: tuple[Any, Any], default: Any) -> Any:
+    """The value of the first of some (condition, value) whose condition holds, else the default."""
+    for condition, value in reversed(choices):
+        default = where(condition, value, default)
+    return default
+
+
+def any_of(conditions: Iterable[Any]) -> Any:
+    """Where one of some conditions holds."""
+    return functools.reduce(operator.or_, conditions, False)
+
+
+def all_of(conditions: Iterable[Any]) -> Any:
+    """Where all of some conditions hold."""
+    return functools.reduce(operator.and_, conditions, True)
 
 
 @overload

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from redundant_envs.backends.numpy import evaluate
 from redundant_envs.effects import EffortLimits
 from redundant_envs.effects.hooks import Actuation, Field, Force, Impact
-from redundant_envs.evaluators.arrays import evaluate
 from redundant_envs.model.energy import hook_value
 from redundant_envs.scene import Scene
 from redundant_envs.values import shown

@@ -63,16 +63,12 @@ class Actuation:
 
 @dataclass(frozen=True)
 class Impact:
-    """Hard ends of the travel of a prismatic joint; their numbers are own fields (".lower[0]").
-
-    ``function`` tells from both ends of a step, and its accelerations, how it meets them.
-    """
+    """Hard ends of the travel of a prismatic joint; their numbers are own fields (".lower[0]")."""
 
     joint: int
     lower: str
     upper: str
     restitution: str
-    function: Callable[..., Any]
 
 
 Hook = Field | Force | Actuation | Impact

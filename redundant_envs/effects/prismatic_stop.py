@@ -6,52 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from redundant_envs.algebra import maximum, minimum, physics, sqrt, where
 from redundant_envs.effects.hooks import Effect, Hook, Impact
-from redundant_envs.integrators.stops import bounds, excursions
 from redundant_envs.robots.parameters import Arm, number, travel
 from redundant_envs.values import shown
-
-
-@physics
-def turning_time(q0, v0, q1, v1, h):
-    """Time at which the cubic through both ends of a step turns; the end if it does not."""
-    s0 = h * v0
-    d = q1 - q0
-    c2 = 3.0 * d - h * (2.0 * v0 + v1)
-    c3 = h * (v0 + v1) - 2.0 * d
-    root = sqrt(maximum(c2 * c2 - 3.0 * c3 * s0, 0.0))
-    return h * where(v0 * v1 < 0.0, s0 / (where(v0 > 0.0, root, -root) - c2), 1.0)
-
-
-@physics
-def meeting(q0, v0, q1, v1, h, least, most, first, last, unseen, unseen_end, lower, upper):
-    """How a step meets a stop, and when its motion turns.
-
-    0: not at all. 1 or -1: it ends beyond the upper or lower one, which it passes once. 2 or -2: it
-    turns once, and may be beyond the upper or lower one then. 4: it may pass them more often than its
-    ends and its turn tell.
-
-    ``least``, ``most``, ``first`` and ``last`` are accelerations at the stages, explained in ``bounds``. A
-    velocity that keeps its sign meets a stop once at most, an acceleration that does turns once.
-    """
-    lo, hi = bounds(q0, least, most, first, last, unseen, unseen_end, lower, upper)
-    above, below = excursions(q0, v0, q1, v1, h, lo, hi, lower, upper)
-    ends = where(q1 > upper, 1.0, where(q1 < lower, -1.0, 0.0))
-    slower = h * maximum(-lo, 0.0)  # by how much a velocity can fall and rise
-    faster = h * maximum(hi, 0.0)
-    rises = maximum(v0 - slower, v1 - faster)
-    falls = maximum(-v0 - faster, -v1 - slower)
-    # While an acceleration grows, or falls, its velocity stays below, or above, its ends.
-    stays_below = minimum(minimum(least - first, last - most), -maximum(v0, v1))
-    stays_above = minimum(minimum(first - most, least - last), minimum(v0, v1))
-    monotonic = maximum(maximum(rises, falls), maximum(stays_below, stays_above))
-    turned = where(above > 0.0, where(q1 > upper, 1.0, 2.0), ends)
-    turned = where(below > 0.0, where(q1 < lower, -1.0, -2.0), turned)
-    bent_once = maximum(lo, -hi)
-    turned = where(bent_once >= 0.0, turned, where(turned == 0.0, 0.0, 4.0))
-    met = where(monotonic >= 0.0, ends, turned)
-    return met, turning_time(q0, v0, q1, v1, h)
 
 
 @dataclass(frozen=True)
@@ -113,8 +70,7 @@ class PrismaticStop(Effect):
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(
-            Impact(k, f".lower[{i}]", f".upper[{i}]", ".restitution", meeting)
-            for i, k in enumerate(sliders(arm))
+            Impact(k, f".lower[{i}]", f".upper[{i}]", ".restitution") for i, k in enumerate(sliders(arm))
         )
 
 

@@ -14,19 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.effects import EffortLimits
 from redundant_envs.envs.registration import check_arm
-from redundant_envs.evaluators import cpu
-from redundant_envs.evaluators.assemble import assemble
-from redundant_envs.evaluators.assemble_task import (
-    CHECKED_STEP,
-    DISABLED,
-    NEXT_STEP,
-    OBSERVE,
-    PAIR,
-    RESET,
-    SAME_STEP,
-    STEP,
-)
 from redundant_envs.model import parameters
+from redundant_envs.model.memory import Memory, aligned
+from redundant_envs.model.programs import Call, Team, environment_simulator
 from redundant_envs.model.snapshot import (
     check_array,
     check_facts,
@@ -35,14 +25,16 @@ from redundant_envs.model.snapshot import (
     simulator_facts,
 )
 from redundant_envs.scene import Scene, scene_at
+from redundant_envs.simulator.blocks import LANES
+from redundant_envs.simulator.environment import BEGUN, DUE, GOAL_FIELDS, TICKET, Autoreset, Operation
 from redundant_envs.tasks.limits import hard_stops, narrowed, spring_limits
 from redundant_envs.tasks.reach import ReachTask
 from redundant_envs.values import shown
 
 OPTION_KEYS = ("q", "qd", "goal", "parameters")
-STATE_KEYS = ("numbers", "keys", "mask", "waiting", "generators", "simulator")
+STATE_KEYS = ("states", "parameters", "keys", "mask", "waiting", "generators", "simulator")
 MADE_ANEW = (
-    "_kernel", "_goal_reward", "keys", "mask", "_no_actions", "_memory", "_out", "_column",
+    "simulator", "keys", "mask", "_team", "_one", "_goal_reward", "_action", "_obs", "_out", "_column",
 )  # fmt: skip
 """Attributes of a core that its copies do not take over: compiled code and views of other arrays."""
 LARGEST_WHOLE = 2**53
@@ -68,6 +60,7 @@ class Core:
         fixed_geometry: bool = False,
         accuracy: str | float | None = None,
         env_id: str | None = None,
+        threads: int = 1,
     ) -> None:
         self.scene = scene_at(scene, accuracy)
         self.task = task or ReachTask()
@@ -79,25 +72,27 @@ class Core:
             )
         check_arm(env_id, self.scene.robot.kind)
         self.num_envs = num_envs
-        self.assembly = assemble(self.scene, self.task)
-        self.memory = cpu.Memory(self.assembly, num_envs)
+        self.threads = threads
+        self.simulator = environment_simulator(self.scene, self.task)
+        numbers = {**self.task.parameters(), "limit": episode_limit(max_episode_steps)}
+        self.memory = Memory(self.simulator.dynamics, self.simulator.blocks.layout, num_envs, numbers)
         arm = self.scene.robot
         rest = [0.5 * (low + high) for low, high in self.start_ranges()]
-        named = dict(zip(("phi1", "phi2", "phi3", "phi4"), rest, strict=True))
-        self.memory.blocks[:, [self.memory.rows[q] for q in arm.coordinates]] = np.reshape(
-            arm.coordinates_of_joints(**named), (4, 1)
-        )
+        named = {f"phi{k + 1}": value for k, value in enumerate(rest)}
+        for name, value in zip(arm.coordinates, arm.coordinates_of_joints(**named), strict=True):
+            self.memory.column(name)[:] = value
         self.fixed_geometry = fixed_geometry
         self.begun: NDArray[np.bool_] | None = None
         """Lanes that began a new episode in the last step, if any did."""
-        self.columns = {name: k for k, name in enumerate(self.assembly.outputs)}
+        episode = self.simulator.episode
+        assert episode is not None
+        self.actions = episode.actions
+        self.columns = {name: k for k, name in enumerate(episode.outputs)}
         self.generators: list[np.random.Generator | None] = [None] * num_envs
-        self._tickets = np.zeros((num_envs, 5), dtype=np.uint32)
+        self._tickets = np.zeros((num_envs, TICKET), dtype=np.uint32)
         self.waiting = np.zeros(num_envs, dtype=np.bool_)  # keys drawn and not yet used
-        self.memory.blocks[:, self.memory.rows["limit"]] = episode_limit(max_episode_steps)
-        self.obs_size = len(self.assembly.observed)
+        self.obs_size = len(episode.observed)
         self._width = len(self.columns)
-        self._substeps = self.scene.substeps
         self.reach = float(sum(arm.lengths)) + sum(
             self.scene.parameters()[high] for high in self._extensions()
         )
@@ -105,20 +100,24 @@ class Core:
 
     def _connect(self) -> None:
         """Make what a copy cannot take over."""
-        kernels = cpu.compiled(self.assembly)
-        self._kernel = kernels["environment"]
-        self._goal_reward = kernels["goal_reward"]
-        self._memory = self.memory.with_scratch
-        self.keys, self.mask = self._tickets[:, :4], self._tickets[:, 4]
-        self._no_actions = np.zeros(4 * self.num_envs, dtype=np.float32)
-        self._out = np.empty((self._width, 1))
+        simulator, memory = self.simulator, self.memory
+        self._team = Team(simulator, "environment", memory, self.threads)
+        self._goal_reward = Call(simulator.program.kernels[1], simulator.kernels["goal_reward"])
+        self.keys, self.mask = self._tickets[:, :-1], self._tickets[:, -1]
+        # A single lane is stepped with arrays that stay.
+        self._action = np.zeros(len(self.scene.robot.joints) * LANES, dtype=np.float32)
+        self._obs = np.zeros((LANES, self.obs_size), dtype=np.float32)
+        self._out = np.zeros((self._width, LANES))
         self._column = self._out[:, 0]
+        self._one = self._team.parts[0]
+        self._single = self._checked = False  # whether the arguments of a single lane are set
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name not in MADE_ANEW}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
+        self.simulator = environment_simulator(self.scene, self.task)
         self._connect()
 
     def __copy__(self) -> Core:
@@ -174,35 +173,60 @@ class Core:
         Observations have a line for each lane, outputs a column. With autoreset NEXT_STEP the
         columns of lanes that began anew have no reward and no flags.
         """
-        if autoreset == SAME_STEP and not self.waiting.all():
+        if autoreset == Autoreset.SAME_STEP and not self.waiting.all():
             self.provide_keys(np.flatnonzero(~self.waiting))
         n = self.num_envs
-        obs = np.empty((n, self.obs_size), np.float32)
-        out = np.empty((self._width, n))
-        if autoreset == SAME_STEP:
-            obs, out = np.zeros((2 * n, self.obs_size), np.float32), np.zeros((self._width, 2 * n))
-        self._kernel(
-            self._memory, actions.reshape(-1), obs.reshape(-1), out, self._tickets, STEP, autoreset,
-            self._substeps,
-        )  # fmt: skip
+        obs, out, *last = self._run(Operation.STEP, actions, autoreset)
         self.begun = None
-        if autoreset != DISABLED and self.mask.any():
-            self.begun = self.mask == (2 if autoreset == NEXT_STEP else 1)
+        if autoreset != Autoreset.DISABLED and self.mask.any():
+            self.begun = self.mask == (BEGUN if autoreset == Autoreset.NEXT_STEP else DUE)
             self.waiting[self.begun] = False
             self.mask[self.begun] = 0
             self.provide_keys(np.flatnonzero(self.mask))
-        return obs[:n], out[:, :n], obs[n:], out[:, n:]
+        last_obs, last_out = last if last else (obs[n:], out[:, n:])
+        return obs, out, last_obs, last_out
+
+    def _run(self, operation: int, actions: NDArray[np.float32], autoreset: int) -> list[Any]:
+        """Observations and outputs of an operation on all lanes, and those before an autoreset in it."""
+        n, count = self.num_envs, self.memory.blocks * LANES
+        obs, out = np.empty((count, self.obs_size), np.float32), np.empty((self._width, count))
+        last_obs, last_out = obs, out
+        if autoreset == Autoreset.SAME_STEP:
+            last_obs, last_out = np.zeros_like(obs), np.zeros_like(out)
+        any_due = int(self.mask.any())
+        self._single = False
+        for part in self._team.parts:
+            first = part.first * LANES
+            part.set(
+                actions=actions[first:], obs=obs[first:], out=out[:, first:], out_stride=count,
+                last_obs=last_obs[first:], last_out=last_out[:, first:], tickets=self._tickets[first:],
+                operation=operation, autoreset=autoreset, any_due=any_due,
+            )  # fmt: skip
+        self._team()
+        tables = [obs[:n], out[:, :n]]
+        return [*tables, last_obs[:n], last_out[:, :n]] if last_obs is not obs else tables
 
     def step_one(self, action: NDArray[np.float32], checked: bool) -> tuple[NDArray[np.float32], list[float]]:
         """:meth:`step` of a single lane without autoreset: its observations and its outputs.
 
-        The same kernel; only the observation is a new array, for a microsecond less. ``checked``
+        The same kernel; only the observation is a new array, for some microseconds less. ``checked``
         leaves the lane as it is if the action is not finite; the reward is NaN then.
         """
-        obs = np.empty(self.obs_size, FLOAT32)
-        op = CHECKED_STEP if checked else STEP
-        self._kernel(self._memory, action, obs, self._out, self._tickets, op, DISABLED, self._substeps)
-        return obs, self._column.tolist()
+        one = self._one
+        if not self._single:
+            one.set(
+                actions=self._action, obs=self._obs, out=self._out, out_stride=LANES, last_obs=self._obs,
+                last_out=self._out, tickets=self._tickets, autoreset=Autoreset.DISABLED, any_due=0,
+            )  # fmt: skip
+            one.set(operation=Operation.CHECKED_STEP if checked else Operation.STEP)
+            self._single, self._checked = True, checked
+        elif checked is not self._checked:
+            one.set(operation=Operation.CHECKED_STEP if checked else Operation.STEP)
+            self._checked = checked
+        self._action[: action.size] = action
+        one.place()
+        one()
+        return self._obs[0].copy(), self._column.tolist()
 
     def begin(self, lanes: NDArray[np.bool_], checked: Checked) -> None:
         """Begin new episodes in the lanes of a mask, with what :meth:`checked` made of their options.
@@ -218,7 +242,7 @@ class Core:
         self.provide_keys(index)
         due = self.mask.copy()
         self.mask[:] = lanes
-        self._call(RESET)
+        self._run(Operation.RESET, self._action, Autoreset.DISABLED)
         self.mask[:] = np.where(lanes, 0, due)
         self.waiting[lanes] = False
         for rows, numbers in writes:
@@ -226,15 +250,7 @@ class Core:
 
     def observe(self) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
         """Observations and outputs of the present states."""
-        return self._call(OBSERVE)
-
-    def _call(self, op: int) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        obs = np.empty((self.num_envs, self.obs_size), np.float32)
-        out = np.empty((self._width, self.num_envs))
-        self._kernel(
-            self._memory, self._no_actions, obs.reshape(-1), out, self._tickets, op, DISABLED,
-            self._substeps,
-        )  # fmt: skip
+        obs, out = self._run(Operation.OBSERVE, self._action, Autoreset.DISABLED)
         return obs, out
 
     # ---- options ---------------------------------------------------------------------------------
@@ -326,10 +342,15 @@ class Core:
             raise ValueError(
                 f"goals have shapes {np.shape(achieved)} and {np.shape(desired)}; give (2,) or (n, 2)"
             )
-        a, d = (np.array(x, order="C") for x in np.broadcast_arrays(a, d))
-        reward = np.empty(len(a))
-        self._goal_reward(a, d, self.reach, self.task.goal_tolerance, np.zeros(PAIR), reward)
-        return reward
+        a, d = np.broadcast_arrays(a, d)
+        blocks = -(-len(a) // LANES)
+        pairs, reward = np.zeros((blocks * LANES, len(GOAL_FIELDS))), np.empty(blocks * LANES)
+        pairs[: len(a), :2], pairs[: len(a), 2:] = a, d
+        numbers = aligned(2, LANES)
+        numbers[0], numbers[1] = self.reach, self.task.goal_tolerance
+        self._goal_reward.set(pairs=pairs, numbers=numbers, reward=reward, blocks=blocks)
+        self._goal_reward()
+        return reward[: len(a)]
 
     def tips(self) -> NDArray[np.float64]:
         """Tip positions, (num_envs, 2), m: the bits that goal environments call achieved_goal."""
@@ -343,7 +364,7 @@ class Core:
     def get_state(self) -> dict[str, Any]:
         """Everything that decides the future: numbers, keys and generators."""
         return {
-            "numbers": self.memory.flat.copy(),
+            **self.memory.save(),
             "keys": self.keys.copy(),
             "mask": self.mask.copy(),
             "waiting": self.waiting.copy(),
@@ -358,7 +379,7 @@ class Core:
         task, episode limit or number of environments.
         """
         self.check_state(state)
-        self.memory.flat[:] = state["numbers"]
+        self.memory.restore(state["states"], state["parameters"])
         self.keys[:] = state["keys"]
         self.mask[:] = state["mask"]
         self.waiting[:] = state["waiting"]
@@ -368,8 +389,8 @@ class Core:
         """ValueError if :meth:`set_state` cannot take a state."""
         check_keys("state", state, STATE_KEYS, "get_state")
         check_facts("state", state["simulator"], self._facts)
-        finite = (*self.assembly.states, *self.assembly.parameters, *self.task.memory)
-        check_numbers("state", state["numbers"], self.memory, finite, self.task.parameters())
+        finite = (*self.simulator.dynamics.states, *self.task.memory)
+        check_numbers("state", state, self.memory, self.task.parameters(), finite)
         for key, own in (("keys", self.keys), ("mask", self.mask), ("waiting", self.waiting)):
             check_array("state", key, state[key], own)
         generators = state["generators"]
@@ -384,10 +405,10 @@ class Core:
         """What must be equal in all states of these environments."""
         more = {
             "task": dataclasses.asdict(self.task),
-            "max_episode_steps": float(self.memory.blocks[0, self.memory.rows["limit"], 0]),
+            "max_episode_steps": float(self.memory.column("limit")[0, 0]),
             "fixed_geometry": self.fixed_geometry,
         }
-        return simulator_facts(self.assembly, self.num_envs, more)
+        return simulator_facts(self.simulator, self.num_envs, more)
 
 
 def checked_options(options: Any) -> dict[str, Any]:

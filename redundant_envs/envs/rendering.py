@@ -208,7 +208,7 @@ class Renderer:
         index = np.array([lane])
         q = core.memory.read(arm.coordinates, index)[0]
         goal = core.memory.read(("goal_x", "goal_y"), index)[0]
-        steps, *efforts = core.memory.read(("steps", *core.assembly.actions), index)[0]
+        steps, *efforts = core.memory.read(("steps", *core.actions), index)[0]
         own_arm = lane_arm(core, index)
         points = own_arm.points(q)
         self._catch_up(lane, float(steps), points[3])

@@ -23,12 +23,12 @@ from redundant_envs.envs.vector_env import (
 )
 from redundant_envs.extras import needs
 from redundant_envs.scene import Scene
+from redundant_envs.simulator.environment import Autoreset
 
 with needs("train"):
     from stable_baselines3.common.vec_env import VecEnv
     from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
-SAME_STEP = 2
 CAST: dict[str, Callable[[float], Any]] = {"bool": lambda x: x > 0.0, "int": int, "float": float}
 
 
@@ -132,7 +132,7 @@ class SB3VecEnv(LaneValues, VecEnv):
     ) -> tuple[Any, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """One control step of all environments."""
         core = self.core
-        obs, out, last_obs, last_out = core.step(self._actions, SAME_STEP)
+        obs, out, last_obs, last_out = core.step(self._actions, Autoreset.SAME_STEP)
         if self.render_mode is not None:
             self._see(out)
         dones = (out[1] + out[2]) > 0.0

@@ -22,18 +22,15 @@ from redundant_envs.envs.core import (
     refuse_bad_action,
 )
 from redundant_envs.envs.lane_values import LaneValues
-from redundant_envs.evaluators.assemble import PLACES, Assembly, assemble
-from redundant_envs.evaluators.assemble_task import ENDS
 from redundant_envs.model import snapshot
+from redundant_envs.model.programs import environment_simulator
 from redundant_envs.scene import Scene, check_keys
+from redundant_envs.simulator.environment import Autoreset
+from redundant_envs.simulator.episode import ENDS, GOAL, TIP, Episode
 from redundant_envs.tasks.reach import GoalReachTask, ReachTask
 from redundant_envs.values import shown
 
-KERNEL_MODE = {
-    AutoresetMode.DISABLED: 0,
-    AutoresetMode.NEXT_STEP: 1,
-    AutoresetMode.SAME_STEP: 2,
-}
+KERNEL_MODE = {mode: Autoreset[mode.name] for mode in AutoresetMode}
 ON_BAD_ACTION = ("raise", "terminate")
 BOOLEAN = ("is_success", "touched_new")
 WHOLE = ("numerics", "saturated", "steps", "evaluations_sum", "events_sum")
@@ -57,7 +54,9 @@ def info_name(column: str) -> str:
 def info_columns(core: Core) -> list[tuple[str, int, str]]:
     """What ``info`` shows: (name, column, kind)."""
     kinds = {**dict.fromkeys(BOOLEAN, "bool"), **dict.fromkeys(WHOLE, "int")}
-    return [(info_name(c), core.columns[c], kinds.get(c, "float")) for c in shown_columns(core.assembly)]
+    return [
+        (info_name(c), core.columns[c], kinds.get(c, "float")) for c in shown_columns(core.simulator.episode)
+    ]
 
 
 def rows_of_kind(columns: list[tuple[str, int, str]], kind: str) -> slice:
@@ -66,14 +65,15 @@ def rows_of_kind(columns: list[tuple[str, int, str]], kind: str) -> slice:
     return slice(min(rows), max(rows) + 1)
 
 
-def shown_columns(assembly: Assembly) -> list[str]:
+def shown_columns(episode: Episode | None) -> list[str]:
     """Columns of the outputs that ``info`` shows."""
-    return [c for c in assembly.outputs if c not in (*ENDS, *PLACES)]
+    assert episode is not None
+    return [c for c in episode.outputs if c not in (*ENDS, *TIP, *GOAL)]
 
 
 def info_names(scene: Scene, task: ReachTask) -> list[str]:
     """Keys of ``info`` in an environment of a scene, in order."""
-    return [info_name(c) for c in shown_columns(assemble(scene, task))]
+    return [info_name(c) for c in shown_columns(environment_simulator(scene, task).episode)]
 
 
 def observation_space(core: Core, goal: bool) -> spaces.Space[Any]:

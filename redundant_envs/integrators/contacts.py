@@ -1,40 +1,172 @@
-"""What becomes of sliders at their stops when nothing else moves: struck, let go, at rest.
+"""Contact resolution: impact, release and sticking of sliders at their stops, when nothing else moves.
 
-With accelerations, holding forces and mobilities at hand. What holds is 1.0, what does not 0.0;
-sliders are a and b, sides 1 at the upper stop, -1 at the lower one, 0 at none; phases as in stops.py.
+Accelerations, forces of stops and mobilities are at hand. Sides are 1 at the upper stop, -1 at the lower
+one, 0 at none. One slider or two are resolved by formulas; of more, the set of stops that act is looked for.
 """
 
 from __future__ import annotations
 
-from redundant_envs.algebra import maximum, minimum, physics, sqrt, where
-from redundant_envs.integrators.stops import at_stop, either, equal, no, positive
+import enum
+import itertools
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+from redundant_envs.algebra import all_of, any_of, cases, logical_not, maximum, minimum, sqrt, where
+from redundant_envs.integrators.events import ROUNDING, Phase, side_touched
+
+Matrix = Sequence[Sequence[Any]]
+
+MOST_IMPACTS = 256
+"""Of an interval; with more it is given up."""
+MOST_CHANGES = 512
+"""Times that contacts are resolved in an interval; with more it is given up."""
+NEGLIGIBLE_SPEED = 1e-13
+"""m/s into a stop that are rounding: taken away, not struck back and forth."""
+LOWEST_BOUNCE = 1e-9
+"""m; a slider that would bounce less comes to rest."""
 
 
-@physics
-def impulses(ua, ub, sa, sb, waa, wab, wbb, e):
+class Event(enum.IntEnum):
+    """What happened to a slider at a stop."""
+
+    NONE = 0
+    UPPER_IMPACT = 1
+    LOWER_IMPACT = 2
+    REST = 3
+    RELEASE = 4
+
+
+class Contact(NamedTuple):
+    """A slider, near a stop or not.
+
+    Attributes
+    ----------
+    position, velocity : m, m/s
+    active_stop : side of the stop it rests at
+    lower, upper : its stops, m
+    acceleration : m/s^2
+    force : that its stop exerts along it, N
+    released : whether it has just left its stop and is not to rest again before it moves
+    """
+
+    position: Any
+    velocity: Any
+    active_stop: Any
+    lower: Any
+    upper: Any
+    acceleration: Any
+    force: Any
+    released: Any
+
+    @property
+    def free(self) -> Any:
+        return self.active_stop == 0.0
+
+    @property
+    def resting(self) -> Any:
+        return self.active_stop != 0.0
+
+    @property
+    def side(self) -> Any:
+        """Side of the stop that it touches."""
+        return side_touched(self.position, self.active_stop, self.lower, self.upper)
+
+
+class Resolved(NamedTuple):
+    """What becomes of the contacts of a lane.
+
+    Attributes
+    ----------
+    given_up : more impacts or changes than an interval may have
+    strikes : impulses act
+    going_on : the motion goes on
+    impulses : along the sliders, N s
+    velocities, active_stops, forces, released : of the sliders, after it
+    happened, speeds : the :class:`Event` of each slider, and its speed into the stop, m/s
+    impacts : their number
+    """
+
+    given_up: Any
+    strikes: Any
+    going_on: Any
+    impulses: list[Any]
+    velocities: list[Any]
+    active_stops: list[Any]
+    forces: list[Any]
+    released: list[Any]
+    happened: list[Any]
+    speeds: list[Any]
+    impacts: Any
+
+
+def _solved(w: Matrix, b: Sequence[Any], unsigned: Matrix | None = None) -> list[Any]:
+    """x of w x = b, w symmetric and positive definite: by elimination without pivoting.
+
+    ``unsigned`` is the same but for the signs of two rows and columns, and has the same determinant.
+    """
+    if len(b) == 1:
+        return [b[0] * (1.0 / w[0][0])]
+    if len(b) == 2:
+        m = unsigned or w
+        per_det = 1.0 / (m[0][0] * m[1][1] - m[0][1] * m[0][1])
+        first = (w[1][1] * b[0] - w[0][1] * b[1]) * per_det
+        return [first, (w[0][0] * b[1] - w[0][1] * b[0]) * per_det]
+    share = [row[0] * (1.0 / w[0][0]) for row in w]
+    rest = [[w[i][j] - share[i] * w[0][j] for j in range(1, len(b))] for i in range(1, len(b))]
+    x = _solved(rest, [b[i] - share[i] * b[0] for i in range(1, len(b))])
+    return [(b[0] - _dot(w[0][1:], x)) * (1.0 / w[0][0]), *x]
+
+
+def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
+    terms = [x * y for x, y in zip(a, b, strict=True)]
+    return sum(terms[1:], terms[0])
+
+
+def _sets(count: int) -> Iterator[tuple[int, ...]]:
+    """Sets of sliders that are not all of them, the smaller ones first."""
+    for size in range(1, count):
+        yield from itertools.combinations(range(count), size)
+
+
+def _part(w: Matrix, chosen: Sequence[int]) -> list[list[Any]]:
+    return [[w[i][j] for j in chosen] for i in chosen]
+
+
+def _signed(w: Matrix, sides: Sequence[Any]) -> list[list[Any]]:
+    """Mobilities of outward directions."""
+    n = range(len(sides))
+    return [[w[i][i] if i == j else sides[min(i, j)] * sides[max(i, j)] * w[i][j] for j in n] for i in n]
+
+
+def impulses(speeds: Sequence[Any], sides: Sequence[Any], w: Matrix, restitution: Any) -> list[Any]:
     """Impulses at the stops: u+ = -e u where it moved out, u+ <= 0 else, and no stop pulls.
 
-    u are outward speeds, s the sides of the stops that the sliders touch. The 2 x 2 problem has
-    one answer, since the mobility w is positive definite: of the sets of struck stops the one that
-    fits.
+    ``speeds`` are outward, ``sides`` of the stops that the sliders touch. The problem has one answer, since
+    the mobility w is positive definite: of the sets of struck stops the one that fits.
     """
-    det = waa * wbb - wab * wab
-    wab = sa * sb * wab
-    at_a = abs(sa)
-    at_b = abs(sb)
-    da = ua + e * maximum(ua, 0.0)
-    db = ub + e * maximum(ub, 0.0)
-    only_a = da * (1.0 / waa)
-    only_b = db * (1.0 / wbb)
-    fits_a = at_a * where(only_a >= 0.0, 1.0, 0.0) * where(at_b * (db - wab * only_a) <= 0.0, 1.0, 0.0)
-    fits_b = at_b * where(only_b >= 0.0, 1.0, 0.0) * where(at_a * (da - wab * only_b) <= 0.0, 1.0, 0.0)
-    pa = where(fits_a > 0.0, only_a, where(fits_b > 0.0, 0.0, (wbb * da - wab * db) * (1.0 / det)))
-    pb = where(fits_a > 0.0, 0.0, where(fits_b > 0.0, only_b, (waa * db - wab * da) * (1.0 / det)))
-    return pa, pb
+    count = len(speeds)
+    outward = _signed(w, sides)
+    at = [s != 0.0 for s in sides]
+    d = [u + restitution * maximum(u, 0.0) for u in speeds]
+    result = _solved(outward, d, w)
+    choices = []
+    for chosen in _sets(count):
+        p = _solved(_part(outward, chosen), [d[i] for i in chosen])
+        good = [at[i] & (p[k] >= 0.0) for k, i in enumerate(chosen)]
+        for j in range(count):
+            if j not in chosen:
+                left = d[j]
+                for k, i in enumerate(chosen):
+                    left = left - outward[j][i] * p[k]
+                good.append(logical_not(at[j]) | (left <= 0.0))
+        full = [0.0] * count
+        for k, i in enumerate(chosen):
+            full[i] = p[k]
+        choices.append((all_of(good), full))
+    return [cases(*((good, full[i]) for good, full in choices), default=result[i]) for i in range(count)]
 
 
-@physics
-def collapses(ua, ub, sa, sb, waa, wab, wbb, e):
+def collapses(speeds: Sequence[Any], sides: Sequence[Any], w: Matrix, restitution: Any) -> Any:
     """Whether two sliders at their stops, of which one moves out, strike by turns for ever, and so stop.
 
     Each impact sends the other slider back to its stop, in no time. In units of sqrt(mobility) two
@@ -42,175 +174,212 @@ def collapses(ua, ub, sa, sb, waa, wab, wbb, e):
     is 1 + e times what one is pushed by the other. They end by themselves if that map has no real
     eigenvalues, or if y is below the eigenvector of the greater one.
     """
-    p = -(1.0 + e) * sa * sb * wab
-    square = p * p - 4.0 * e * waa * wbb
+    (ua, ub), (sa, sb) = speeds, sides  # of two sliders; more are left to the limit of impacts
+    p = -(1.0 + restitution) * sa * sb * w[0][1]
+    square = p * p - 4.0 * restitution * w[0][0] * w[1][1]
     slope = p + sqrt(maximum(square, 0.0))
-    lasting = where(ua > 0.0, 2.0 * waa * ub + slope * ua, 2.0 * wbb * ua + slope * ub)
-    return where(minimum(minimum(p, square), lasting) >= 0.0, where(p > 0.0, 1.0, 0.0), 0.0)
+    lasting = where(ua > 0.0, 2.0 * w[0][0] * ub + slope * ua, 2.0 * w[1][1] * ua + slope * ub)
+    return (minimum(minimum(p, square), lasting) >= 0.0) & (p > 0.0)
 
 
-@physics
-def negligible(u):
-    return where(u > 0.0, where(u <= 1e-13, 1.0, 0.0), 0.0)
+def halting(velocities: Sequence[Any], still: Sequence[Any], w: Matrix) -> list[Any]:
+    """Impulses that stop some sliders; 0 for one that need not stand still."""
+    count = len(velocities)
+    negative = [-v for v in velocities]
+    if count == 2:
+        (va, vb), per_det = velocities, 1.0 / (w[0][0] * w[1][1] - w[0][1] * w[0][1])
+        both = still[0] & still[1]
+        alone = [
+            where(s, n * (1.0 / w[k][k]), 0.0) for k, (s, n) in enumerate(zip(still, negative, strict=True))
+        ]
+        return [
+            where(both, (w[0][1] * vb - w[1][1] * va) * per_det, alone[0]),
+            where(both, (w[0][1] * va - w[0][0] * vb) * per_det, alone[1]),
+        ]
+    result: list[Any] = [0.0] * count
+    for chosen in (*_sets(count), tuple(range(count))):
+        p = _solved(_part(w, chosen), [negative[i] for i in chosen])
+        these = all_of(still[i] if i in chosen else logical_not(still[i]) for i in range(count))
+        for k, i in enumerate(chosen):
+            result[i] = where(these, p[k], result[i])
+    return result
 
 
-@physics
-def halting(va, vb, still_a, still_b, waa, wab, wbb):
-    """Impulses that stop slider a, b or both; 0 for one that need not stand still."""
-    det = waa * wbb - wab * wab
-    both = still_a * still_b
-    ja = where(both > 0.0, (wab * vb - wbb * va) * (1.0 / det), where(still_a > 0.0, -va * (1.0 / waa), 0.0))
-    jb = where(both > 0.0, (wab * va - waa * vb) * (1.0 / det), where(still_b > 0.0, -vb * (1.0 / wbb), 0.0))
-    return ja, jb
+def pressed(accelerations: Sequence[Any], w: Matrix) -> list[Any]:
+    """Which of the sliders at rest at their stops are pressed onto them, given the outward accelerations that
+    they would have free: the one set in which no stop pulls and none is entered."""
+    count = len(accelerations)
+    if count == 1:
+        return [accelerations[0] > 0.0]
+    if count == 2:
+        fa, fb = accelerations
+        pa = w[1][1] * fa - w[0][1] * fb
+        pb = w[0][0] * fb - w[0][1] * fa
+        both = (pa >= 0.0) & (pb >= 0.0)
+        one_a = (fa > 0.0) & (pb <= 0.0)
+        one_b = (fb > 0.0) & (pa <= 0.0)
+        some = maximum(fa, fb) > 0.0
+        return [some & (both | one_a), some & (both | (logical_not(one_a) & one_b))]
+    settled: Any = all_of(f <= 0.0 for f in accelerations)
+    result: list[Any] = [False] * count
+    for chosen in (*_sets(count), tuple(range(count))):
+        p = _solved(_part(w, chosen), [accelerations[i] for i in chosen])
+        good = [p_k >= 0.0 for p_k in p]
+        good += [
+            accelerations[j] - _dot([w[j][i] for i in chosen], p) <= 0.0
+            for j in range(count)
+            if j not in chosen
+        ]
+        these = logical_not(settled) & all_of(good)
+        result = [r | these if i in chosen else r for i, r in enumerate(result)]
+        settled = settled | these
+    return result
 
 
-@physics
-def pressed(fa, fb, waa, wab, wbb):
-    """Which of two sliders at rest at their stops are pressed onto them, given the outward
-    accelerations that they would have free: the one set in which no stop pulls and none is entered."""
-    pa = wbb * fa - wab * fb
-    pb = waa * fb - wab * fa
-    both = where(pa >= 0.0, where(pb >= 0.0, 1.0, 0.0), 0.0)
-    one_a = where(fa > 0.0, where(pb <= 0.0, 1.0, 0.0), 0.0)
-    one_b = where(fb > 0.0, where(pa <= 0.0, 1.0, 0.0), 0.0)
-    some = positive(maximum(fa, fb))
-    return some * either(both, one_a), some * either(both, no(one_a) * one_b)
+def leaving(contacts: Sequence[Contact], w: Matrix) -> list[Any]:
+    """Sliders at rest that their stops would have to pull, if every other one rests too or is at no stop."""
+    modes = [c.active_stop for c in contacts]
+    pulled = [c.active_stop * c.force > 0.0 for c in contacts]
+    free = []
+    for i in range(len(contacts)):
+        total = w[i][0] * contacts[0].force
+        for j in range(1, len(contacts)):
+            total = total + w[i][j] * contacts[j].force
+        free.append(-modes[i] * total)
+    stays = pressed(free, _signed(w, modes))
+    all_rest = all_of(c.resting for c in contacts) & any_of(pulled)
+    result = []
+    for i in range(len(contacts)):
+        alone = pulled[i] & all_of(o.side == 0.0 for j, o in enumerate(contacts) if j != i)
+        result.append(where(all_rest, logical_not(stays[i]), alone))
+    return result
 
 
-@physics(gives="leaves_a leaves_b")
-def leaving(mode_a, mode_b, hold_a, hold_b, at_a, at_b, waa, wab, wbb):
-    """Sliders at rest that their stops would have to pull, if the other one rests too or is at no stop."""
-    pulled_a = positive(mode_a * hold_a)
-    pulled_b = positive(mode_b * hold_b)
-    fa = -mode_a * (waa * hold_a + wab * hold_b)
-    fb = -mode_b * (wab * hold_a + wbb * hold_b)
-    stays_a, stays_b = pressed(fa, fb, waa, mode_a * mode_b * wab, wbb)
-    two = abs(mode_a) * abs(mode_b) * either(pulled_a, pulled_b)
-    leaves_a = where(two > 0.0, no(stays_a), pulled_a * equal(at_b, 0.0))
-    leaves_b = where(two > 0.0, no(stays_b), pulled_b * equal(at_a, 0.0))
-    return leaves_a, leaves_b
-
-
-@physics
-def would_rest(side, u, press, mode, let_go, e, limit):
+def would_rest(c: Contact, speed: Any, press: Any, restitution: Any) -> Any:
     """Whether a slider at a stop, pressed onto it, bounces less than 1e-9 m; an elastic one rests
     only if its bounce is lost in rounding."""
-    height = where(e < 1.0, 1e-9, 8.881784197001252e-16 * maximum(abs(limit), 1.0))
-    low = where(u * u <= 2.0 * press * height, 1.0, 0.0)
-    new = equal(mode, 0.0) * no(equal(side, 0.0)) * no(let_go)
-    return positive(press) * low * where(u <= 0.0, 1.0, 0.0) * new
+    limit = where(c.side > 0.0, c.upper, c.lower)
+    height = where(restitution < 1.0, LOWEST_BOUNCE, ROUNDING * maximum(abs(limit), 1.0))
+    low = (speed * speed <= 2.0 * press * height) & (speed <= 0.0)
+    return (press > 0.0) & low & c.free & (c.side != 0.0) & logical_not(c.released)
 
 
-@physics(
-    gives="touches over_budget strikes going_on impulse_a impulse_b struck_a struck_b mode_a_new mode_b_new "
-    "events_new changes_new phase_new holds_a holds_b let_go_a_new let_go_b_new "
-    "told_now_a told_now_b told_speed_now_a told_speed_now_b"
-)
-def touch(
-    phase, changes, events, place_a, place_b, rate_a, rate_b, mode_a, mode_b,
-    lower_a, lower_b, upper_a, upper_b, restitution, let_go_a, let_go_b,
-    accel_a, accel_b, hold_a, hold_b, waa, wab, wbb,
-):  # fmt: skip
-    """With accelerations, holding forces and mobilities at hand: strike, let go, rest, or go on."""
-    on = equal(phase, 1.0)
-    sa = at_stop(place_a, mode_a, lower_a, upper_a)
-    sb = at_stop(place_b, mode_b, lower_b, upper_b)
-    # 1e-13 m/s into a stop is rounding: taken away, not struck back and forth.
-    still_a = negligible(sa * rate_a)
-    still_b = negligible(sb * rate_b)
-    rate_a = where(still_a > 0.0, 0.0, rate_a)
-    rate_b = where(still_b > 0.0, 0.0, rate_b)
-    ua = sa * rate_a
-    ub = sb * rate_b
-    spent = either(where(changes >= 512.0, 1.0, 0.0), where(events > 256.0, 1.0, 0.0))
-    strikes = either(positive(ua), positive(ub))
-    # One that moves away from its stop is no longer supported by it, however near it is: should an impact
-    # of the other send it back, it is struck next.
-    supported_a = either(abs(mode_a), positive(ua))
-    supported_b = either(abs(mode_b), positive(ub))
-    pa, pb = impulses(ua, ub, sa * supported_a, sb * supported_b, waa, wab, wbb, restitution)
-    by_turns = abs(sa * sb) * equal(mode_a, 0.0) * equal(mode_b, 0.0) * no(supported_a * supported_b)
-    stop_both = strikes * by_turns * collapses(ua, ub, sa, sb, waa, wab, wbb, restitution)
-    hit_a = strikes * positive(pa)
-    hit_b = strikes * positive(pb)
-    free_a = no(strikes) * positive(mode_a * hold_a)  # the stop would have to pull
-    free_b = no(strikes) * positive(mode_b * hold_b)
-    limit_a = where(sa > 0.0, upper_a, lower_a)
-    limit_b = where(sb > 0.0, upper_b, lower_b)
-    calm = no(strikes) * no(free_a) * no(free_b)
-    rest_a = calm * would_rest(sa, ua, sa * accel_a, mode_a, let_go_a, restitution, limit_a)
-    rest_b = calm * would_rest(sb, ub, sb * accel_b, mode_b, let_go_b, restitution, limit_b)
-    # What one does changes the force on the other, so of two both are decided at once.
-    force_a = where(mode_a == 0.0, 0.0, hold_a)
-    force_b = where(mode_b == 0.0, 0.0, hold_b)
-    fa = sa * (accel_a - waa * force_a - wab * force_b)
-    fb = sb * (accel_b - wab * force_a - wbb * force_b)
-    may_a = either(
-        abs(mode_a), would_rest(sa, ua, maximum(fa, sa * accel_a), mode_a, let_go_a, restitution, limit_a)
-    )
-    may_b = either(
-        abs(mode_b), would_rest(sb, ub, maximum(fb, sb * accel_b), mode_b, let_go_b, restitution, limit_b)
-    )
-    stays_a, stays_b = pressed(fa, fb, waa, sa * sb * wab, wbb)
-    changes_two = may_a * may_b * either(either(free_a, free_b), either(rest_a, rest_b))
-    free_a = where(changes_two > 0.0, abs(mode_a) * no(stays_a), free_a)
-    free_b = where(changes_two > 0.0, abs(mode_b) * no(stays_b), free_b)
-    rest_a = where(changes_two > 0.0, equal(mode_a, 0.0) * stays_a, rest_a)
-    rest_b = where(changes_two > 0.0, equal(mode_b, 0.0) * stays_b, rest_b)
+def resolve_contacts(
+    phase: Any, changes: Any, impacts: Any, contacts: Sequence[Contact], w: Matrix, restitution: Any
+) -> Resolved:
+    """Strike, release, rest, or go on."""
+    count = range(len(contacts))
+    on = phase == Phase.AT_STOP
+    sides = [c.side for c in contacts]
+    still = []
+    for side, c in zip(sides, contacts, strict=True):
+        out = side * c.velocity
+        still.append((out > 0.0) & (out <= NEGLIGIBLE_SPEED))
+    rates = [where(s, 0.0, c.velocity) for s, c in zip(still, contacts, strict=True)]
+    speeds = [side * v for side, v in zip(sides, rates, strict=True)]
+    spent = (changes >= MOST_CHANGES) | (impacts > MOST_IMPACTS)
+    strikes = any_of(u > 0.0 for u in speeds)
+    # A slider that moves away from its stop is no longer supported by it, however near it is: should an
+    # impact of another send it back, it is struck next.
+    supported = [c.resting | (u > 0.0) for c, u in zip(contacts, speeds, strict=True)]
+    struck_sides = [where(s, side, 0.0) for s, side in zip(supported, sides, strict=True)]
+    p = impulses(speeds, struck_sides, w, restitution)
+    stop_all: Any = False
+    if len(contacts) == 2:
+        touching = [(side != 0.0) & c.free for side, c in zip(sides, contacts, strict=True)]
+        by_turns = touching[0] & touching[1] & logical_not(supported[0] & supported[1])
+        stop_all = strikes & by_turns & collapses(speeds, sides, w, restitution)
+    hit = [strikes & (x > 0.0) for x in p]
+    released = [logical_not(strikes) & (c.active_stop * c.force > 0.0) for c in contacts]
+    calm = logical_not(strikes) & logical_not(any_of(released))
+    rest = [
+        calm & would_rest(c, u, side * c.acceleration, restitution)
+        for c, u, side in zip(contacts, speeds, sides, strict=True)
+    ]
+    # What one does changes the force on the others, so those that may rest are decided at once.
+    held = [where(c.free, 0.0, c.force) for c in contacts]
+    free = []
+    for i, c in enumerate(contacts):
+        acceleration = c.acceleration
+        for j in count:
+            acceleration = acceleration - w[i][j] * held[j]
+        free.append(sides[i] * acceleration)
+    may = [
+        c.resting | would_rest(c, u, maximum(f, side * c.acceleration), restitution)
+        for c, u, side, f in zip(contacts, speeds, sides, free, strict=True)
+    ]
+    if len(contacts) > 1:
+        if len(contacts) > 2:
+            free_of_may = [where(m, f, -1e300) for m, f in zip(may, free, strict=True)]
+            several = any_of(may[i] & may[j] for i, j in itertools.combinations(count, 2))
+        else:
+            free_of_may, several = free, may[0] & may[1]
+        stays = pressed(free_of_may, _signed(w, sides))
+        decide = several & (any_of(released) | any_of(rest))
+        released = [
+            where(decide & m, c.resting & logical_not(s), r)
+            for m, c, s, r in zip(may, contacts, stays, released, strict=True)
+        ]
+        rest = [
+            where(decide & m, c.free & s, r) for m, c, s, r in zip(may, contacts, stays, rest, strict=True)
+        ]
     # The impulses along the sliders, and the rates they have then. One that comes to rest must not
-    # set off the other, if that rests or comes to rest too.
-    rests = either(rest_a, rest_b)
-    stop_a = either(stop_both, either(rest_a, rests * abs(mode_a) * no(free_a)))
-    stop_b = either(stop_both, either(rest_b, rests * abs(mode_b) * no(free_b)))
-    halt_a, halt_b = halting(rate_a, rate_b, stop_a, stop_b, waa, wab, wbb)
-    # A second look is for one at its stop that has lost, or gained, the support of the other, and for an
-    # arm that was moved when a bounce was taken away.
-    changed = either(either(free_a, free_b), either(rest_a, rest_b))
-    waits_a = abs(sa) * equal(mode_a, 0.0) * no(rest_a) * no(let_go_a)
-    waits_b = abs(sb) * equal(mode_b, 0.0) * no(rest_b) * no(let_go_b)
-    moved = either(positive(abs(halt_a)), positive(abs(halt_b)))
-    going = no(strikes) * no(changed * either(moved, either(waits_a, waits_b)))
-    struck = strikes * no(stop_both)
-    ja = where(struck > 0.0, -sa * pa, halt_a)
-    jb = where(struck > 0.0, -sb * pb, halt_b)
-    va = rate_a + ja * waa + jb * wab
-    vb = rate_b + ja * wab + jb * wbb
-    va = where(stop_a > 0.0, 0.0, where(hit_a > 0.0, -sa * restitution * maximum(ua, 0.0), va))
-    vb = where(stop_b > 0.0, 0.0, where(hit_b > 0.0, -sb * restitution * maximum(ub, 0.0), vb))
-    mode_a_new = where(
-        rest_a > 0.0, sa, where(either(free_a, strikes * positive(-sa * va)) > 0.0, 0.0, mode_a)
+    # set off another that rests or comes to rest too.
+    rests = any_of(rest)
+    stop = [
+        stop_all | r | (rests & c.resting & logical_not(x))
+        for r, c, x in zip(rest, contacts, released, strict=True)
+    ]
+    halts = halting(rates, stop, w)
+    # A second look is for a slider at its stop that has lost, or gained, the support of another, and for
+    # an arm that was moved when a bounce was taken away.
+    changed = any_of(released) | any_of(rest)
+    waits = any_of(
+        (side != 0.0) & c.free & logical_not(r) & logical_not(c.released)
+        for side, c, r in zip(sides, contacts, rest, strict=True)
     )
-    mode_b_new = where(
-        rest_b > 0.0, sb, where(either(free_b, strikes * positive(-sb * vb)) > 0.0, 0.0, mode_b)
-    )
+    moved = any_of(abs(h) > 0.0 for h in halts)
+    going = logical_not(strikes) & logical_not(changed & (moved | waits))
+    struck = strikes & logical_not(stop_all)
+    pushes = [where(struck, -side * x, h) for side, x, h in zip(sides, p, halts, strict=True)]
+    velocities, active = [], []
+    for i, c in enumerate(contacts):
+        v = rates[i]
+        for k in count:
+            v = v + pushes[k] * w[i][k]
+        v = where(stop[i], 0.0, where(hit[i], -sides[i] * restitution * maximum(speeds[i], 0.0), v))
+        velocities.append(v)
+        off = released[i] | (strikes & (-sides[i] * v > 0.0))
+        active.append(where(rest[i], sides[i], where(off, 0.0, c.active_stop)))
     # What stops a speed stops an acceleration: the forces that hold from now on.
-    holds_a, holds_b = halting(sa * fa, sb * fb, abs(mode_a_new), abs(mode_b_new), waa, wab, wbb)
-    impact_a = hit_a * positive(ua)
-    impact_b = hit_b * positive(ub)
-    thrown_a = strikes * abs(mode_a) * equal(mode_a_new, 0.0)  # off its stop, by the other's impact
-    thrown_b = strikes * abs(mode_b) * equal(mode_b_new, 0.0)
-    acts = on * no(spent)
-    return (
-        on,
-        on * spent,
-        acts * either(either(strikes, rests), either(still_a, still_b)),
-        acts * going,
-        ja,
-        jb,
-        va,
-        vb,
-        where(acts > 0.0, mode_a_new, mode_a),
-        where(acts > 0.0, mode_b_new, mode_b),
-        events + acts * (impact_a + impact_b),
-        changes + on,
-        where(on * spent > 0.0, 6.0, where(acts * going > 0.0, 2.0, phase)),
-        holds_a,
-        holds_b,
-        where(acts > 0.0, either(free_a, let_go_a) * no(going), let_go_a),
-        where(acts > 0.0, either(free_b, let_go_b) * no(going), let_go_b),
-        # Of the event of each slider: 1 and 2 impacts at the upper and lower stop, 3 rest, 4 let go.
-        acts * (impact_a * where(sa > 0.0, 1.0, 2.0) + 3.0 * rest_a + 4.0 * (free_a + thrown_a)),
-        acts * (impact_b * where(sb > 0.0, 1.0, 2.0) + 3.0 * rest_b + 4.0 * (free_b + thrown_b)),
-        where(acts * impact_a > 0.0, ua, 0.0),
-        where(acts * impact_b > 0.0, ub, 0.0),
+    outward = [side * f for side, f in zip(sides, free, strict=True)]
+    forces = halting(outward, [a != 0.0 for a in active], w)
+    impact = [x & (u > 0.0) for x, u in zip(hit, speeds, strict=True)]
+    thrown = [strikes & c.resting & (a == 0.0) for c, a in zip(contacts, active, strict=True)]
+    acts = on & logical_not(spent)
+    happened = [
+        cases(
+            (logical_not(acts), Event.NONE),
+            (impact[i], where(sides[i] > 0.0, Event.UPPER_IMPACT, Event.LOWER_IMPACT)),
+            (rest[i], Event.REST), (released[i] | thrown[i], Event.RELEASE), default=Event.NONE,
+        )
+        for i in count
+    ]  # fmt: skip
+    for i in count:
+        impacts = impacts + where(acts & impact[i], 1.0, 0.0)
+    return Resolved(
+        given_up=on & spent,
+        strikes=acts & (strikes | rests | any_of(still)),
+        going_on=acts & going,
+        impulses=pushes,
+        velocities=velocities,
+        active_stops=[where(acts, a, c.active_stop) for a, c in zip(active, contacts, strict=True)],
+        forces=forces,
+        released=[
+            where(acts, (r | c.released) & logical_not(going), c.released)
+            for r, c in zip(released, contacts, strict=True)
+        ],
+        happened=happened,
+        speeds=[where(acts & x, u, 0.0) for x, u in zip(impact, speeds, strict=True)],
+        impacts=impacts,
     )

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs import scene
-from redundant_envs.evaluators import arrays
+from redundant_envs.backends.numpy import evaluate
 from redundant_envs.extras import needs
 from redundant_envs.robots.four_r import FourRArm
 from redundant_envs.robots.parameters import Arm
@@ -37,7 +37,7 @@ class ModelFunctions(Arm):
         return values
 
     def _vector(self, names: str, g: float = 0.0, **vectors: ArrayLike) -> Array:
-        parts = arrays.evaluate(self, names.split(), self._values(g, vectors))
+        parts = evaluate(self, names.split(), self._values(g, vectors))
         shape = np.broadcast_shapes(*(np.shape(v)[:-1] for v in vectors.values()))
         return np.stack([np.broadcast_to(p, shape) for p in parts], axis=-1)
 
@@ -113,7 +113,7 @@ class ModelFunctions(Arm):
         columns = []
         for k in range(4):
             t = {f"t{i + 1}": float(i == k) for i in range(4)}
-            columns.append(arrays.evaluate(self, ("Q1", "Q2", "Q3", "Q4"), t))
+            columns.append(evaluate(self, ("Q1", "Q2", "Q3", "Q4"), t))
         return np.array(columns, dtype=np.float64).T
 
     def symbols(self) -> dict[str, Any]:
@@ -127,7 +127,7 @@ class ModelFunctions(Arm):
         """
         with needs("verify"):
             import sympy as sp
-        from redundant_envs.evaluators import symbols
+        import redundant_envs.backends.sympy  # noqa: F401 - lets expressions be numbers
 
         def make(names: Any) -> dict[str, Any]:
             return {n: sp.Symbol(n, real=True) for n in names}
@@ -139,7 +139,7 @@ class ModelFunctions(Arm):
         state = {**parameters, **q, **qd, **field}
 
         def get(names: str, extra: dict[str, Any] | None = None) -> list[Any]:
-            return symbols.evaluate(self, names.split(), {**state, **(extra or {})})
+            return evaluate(self, names.split(), {**state, **(extra or {})})
 
         def matrix(letter: str, rows: int) -> Any:
             names = " ".join(f"{letter}{i}{j}" for i in range(1, rows + 1) for j in range(1, 5))

@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import copy
-import enum
-import itertools
-import os
 import sys
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -16,36 +12,23 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from redundant_envs.evaluators import cpu
-from redundant_envs.evaluators.assemble import LANES, assemble
-from redundant_envs.evaluators.assemble_stops import MOST_LOGGED
-from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.model import parameters
+from redundant_envs.model.memory import Memory
+from redundant_envs.model.programs import Team, batch_simulator
 from redundant_envs.model.snapshot import check_facts, check_keys, check_numbers, simulator_facts
 from redundant_envs.scene import Scene
+from redundant_envs.simulator.blocks import LANES
+from redundant_envs.simulator.interval import MOST_LOGGED, Fault
+from redundant_envs.simulator.lane import LOG
 from redundant_envs.values import shown
 
-MADE_ANEW = ("_kernel", "_parts", "_scratch", "_pool", "_process", "_unchanging")
+MADE_ANEW = ("_simulator", "_team", "_unchanging")
 """Attributes of a simulator that its copies do not take over."""
 
+Numerics = Fault
+"""Its name beside ``info["numerics"]``."""
+
 EVENT_KINDS = {1: "upper impact", 2: "lower impact", 3: "rest", 4: "release"}
-
-
-class Numerics(enum.IntFlag):
-    """Trouble of a lane; the one place where it is reported (``info["numerics"]``).
-
-    NON_FINITE, BAD_ACTION, SPEED_BOUND, EVENT_BUDGET (more than 256 impacts or 65536 pieces of motion in
-    an interval, or an event that no search finds) and NO_STEP_FOUND (dop853 would need steps too short or
-    more than a million) end a lane of an environment; TOLERANCE_NOT_REACHED alone does not. After
-    EVENT_BUDGET and NO_STEP_FOUND the lane is back where its interval began.
-    """
-
-    NON_FINITE = 1
-    BAD_ACTION = 2
-    SPEED_BOUND = 4
-    TOLERANCE_NOT_REACHED = 8
-    EVENT_BUDGET = 16
-    NO_STEP_FOUND = 32
 
 
 @dataclass(frozen=True)
@@ -131,42 +114,32 @@ class BatchSimulator:
         self.scene = scene
         self.num_envs = int(num_envs)
         self.threads = int(threads)
-        self._assembly = assemble(scene, track_work=track_work)
-        self._memory = cpu.Memory(self._assembly, self.num_envs)
+        self.track_work = bool(track_work)
+        self._simulator = batch_simulator(scene, self.track_work)
+        dynamics, layout = self._simulator.dynamics, self._simulator.blocks.layout
+        self._memory = Memory(dynamics, layout, self.num_envs, {})
         self._connect()
 
     def _connect(self) -> None:
         """Make what a copy cannot take over: the kernel, threads, views and arrays shown read-only."""
-        self._kernel = cpu.compiled(self._assembly)["advance"]
-        blocks = self._memory.blocks.shape[0]
-        cuts = np.linspace(0, blocks, min(self.threads, blocks) + 1).astype(int)
-        stride = self._assembly.stride
-        self._parts = [
-            (self._memory.flat[a * stride : b * stride], slice(a * LANES, b * LANES))
-            for a, b in itertools.pairwise(cuts)
-        ]
-        self._scratch = [np.zeros(self._assembly.scratch) for _ in self._parts]
-        self._start_threads()
-        count = blocks * LANES
-        stages = self.scene.substeps * METHODS[self.scene.integrator].stages
-        own = self._assembly.lanes
+        simulator, memory = self._simulator, self._memory
+        self._team = Team(simulator, "advance", memory, self.threads)
+        count = memory.blocks * LANES
+        stages = self.scene.substeps * simulator.dynamics.method.stages
+        interval = simulator.interval
         # What is the same in every interval is one array for all calls, to be read only.
         self._unchanging = (
-            None if self._assembly.estimates else _constant(np.full(count, np.nan)),
-            None if own else _constant(np.full(count, stages)),
-            None if own and own.stops else _constant(np.zeros(count, dtype=np.int64)),
+            None if interval.estimates else _constant(np.full(count, np.nan)),
+            None if interval.local else _constant(np.full(count, stages)),
+            None if interval.stops else _constant(np.zeros(count, dtype=np.int64)),
         )
-
-    def _start_threads(self) -> None:
-        """Threads belong to a process: one that was forked off starts its own."""
-        self._pool = ThreadPoolExecutor(len(self._parts)) if len(self._parts) > 1 else None
-        self._process = os.getpid()
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name not in MADE_ANEW}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
+        self._simulator = batch_simulator(self.scene, self.track_work)
         self._connect()
 
     def __copy__(self) -> BatchSimulator:
@@ -185,7 +158,7 @@ class BatchSimulator:
     @property
     def work(self) -> NDArray[np.float64]:
         """Work done since the state was set, (num_envs,), J; needs ``track_work``."""
-        if "work" not in self._memory.rows:
+        if "work" not in self._memory:
             raise ValueError("the work is not tracked; build BatchSimulator with track_work=True")
         return self._memory.read(("work",))[:, 0]
 
@@ -194,22 +167,24 @@ class BatchSimulator:
 
         A ValueError if a lane had more events, rests and releases included, than are kept.
         """
-        lanes = self._assembly.lanes
-        if lanes is None or not lanes.stops:
+        interval, memory = self._simulator.interval, self._memory
+        if not interval.stops:
             return []
-        if not lanes.log:
+        if not interval.logs:
             raise ValueError("events are not kept; build BatchSimulator with track_work=True")
-        entries = self._memory.read(lanes.log)
+        counts = memory.read(("logged",))[:, 0]
+        log = memory.arrays[str(LOG)]
         happened = []
-        for lane, row in enumerate(entries):
-            if row[0] >= MOST_LOGGED:
+        for lane in np.flatnonzero(counts).tolist():
+            if counts[lane] >= MOST_LOGGED:
                 raise ValueError(
                     f"environment {lane} had {MOST_LOGGED} events or more at its stops in one interval, and "
                     f"no more are kept; shorten control_dt, which is {self.scene.control_dt} s"
                 )
-            for time, code, speed in row[1 : 1 + 3 * int(row[0])].reshape(-1, 3).tolist():
+            row = log[lane // LANES, : 3 * int(counts[lane]), lane % LANES]
+            for time, code, speed in row.reshape(-1, 3).tolist():
                 slider, kind = divmod(int(code), 10)
-                joint = self.scene.robot.joints[lanes.stops[slider][1].joint]
+                joint = interval.stops[slider].name
                 happened.append(Event(start + time, EVENT_KINDS[kind], joint, speed, lane))
         return happened
 
@@ -221,7 +196,7 @@ class BatchSimulator:
         parameters.check_stops(self.scene, self._memory, lanes, tables[0], None)
         for values, rows in zip(tables, (arm.coordinates, arm.rates), strict=True):
             self._memory.write(rows, values, lanes)
-        if "work" in self._memory.rows:
+        if "work" in self._memory:
             self._memory.write(("work",), 0.0, lanes)
         self._memory.forget(lanes)
 
@@ -248,7 +223,7 @@ class BatchSimulator:
         It may be pickled, and ``np.savez(file, **snapshot)`` writes it; :meth:`restore` takes what
         ``np.load(file)`` gives.
         """
-        return {"simulator": self._facts, "numbers": self._memory.flat.copy()}
+        return {"simulator": self._facts, **self._memory.save()}
 
     def restore(self, snapshot: Mapping[str, Any]) -> None:
         """Return to a snapshot of :meth:`save`; the continuation is the same to the last bit.
@@ -256,15 +231,14 @@ class BatchSimulator:
         A ValueError that says what differs, and nothing changes, if the snapshot is of another scene,
         ``num_envs`` or ``track_work``.
         """
-        check_keys("snapshot", snapshot, ("simulator", "numbers"), "save")
+        check_keys("snapshot", snapshot, ("simulator", "states", "parameters"), "save")
         check_facts("snapshot", snapshot["simulator"], self._facts)
-        numbers = snapshot["numbers"]
-        check_numbers("snapshot", numbers, self._memory, self._assembly.parameters)
-        self._memory.flat[:] = numbers
+        check_numbers("snapshot", snapshot, self._memory)
+        self._memory.restore(snapshot["states"], snapshot["parameters"])
 
     @cached_property
     def _facts(self) -> str:
-        return simulator_facts(self._assembly, self.num_envs)
+        return simulator_facts(self._simulator, self.num_envs)
 
     def advance(self, efforts: ArrayLike | None = None) -> Status:
         """Advance all lanes by one control interval under constant efforts.
@@ -283,26 +257,19 @@ class BatchSimulator:
                 table = self._table("efforts", efforts, n, 4)
             if not table.flags.carray:
                 table = table.copy(order="C")
-        count = self._memory.flat.size // self._assembly.stride * LANES
+        count = self._memory.blocks * LANES
         no_error, no_evaluations, no_events = self._unchanging
         error, shown_error = no_error or 2 * (np.empty(count),)
         evaluations, shown_evaluations = no_evaluations or 2 * (np.empty(count, np.int64),)
         events, shown_events = no_events or 2 * (np.empty(count, np.int64),)
         finite, numerics = np.empty(count, np.bool_), np.empty(count, np.int8)
-        outputs = (error, finite, evaluations, events, numerics)
-        substeps = self.scene.substeps
-        if self._pool is None:
-            (scratch,) = self._scratch
-            self._kernel(self._memory.flat, scratch, table, *outputs, substeps)
-        else:
-            if self._process != os.getpid():
-                self._start_threads()
-            jobs = [
-                self._pool.submit(self._kernel, part, scratch, table[s], *(x[s] for x in outputs), substeps)
-                for (part, s), scratch in zip(self._parts, self._scratch, strict=True)
-            ]
-            for job in jobs:
-                job.result()
+        for part in self._team.parts:
+            first = part.first * LANES
+            part.set(
+                efforts=table[first:], error=error[first:], evaluations=evaluations[first:],
+                events=events[first:], finite=finite[first:], numerics=numerics[first:],
+            )  # fmt: skip
+        self._team()
         if count == n:
             return Status(finite, shown_evaluations, shown_error, shown_events, numerics)
         # The last block is not full.
@@ -313,14 +280,15 @@ class BatchSimulator:
         number = isinstance(duration, int | float | np.integer | np.floating)
         if not number or not 0.0 < duration <= sys.float_info.max:
             raise ValueError(f"duration is {shown(duration)} s; it must be a finite and positive number")
-        rows = self._memory.rows
-        h = self._memory.blocks[:, [rows["h"], rows["interval"]]].copy()
-        self._memory.blocks[:, rows["h"]] = duration / self.scene.substeps
-        self._memory.blocks[:, rows["interval"]] = duration
+        memory, names = self._memory, ("h", "interval")
+        usual = [memory.column(name).copy() for name in names]
+        memory.column("h")[:] = duration / self.scene.substeps
+        memory.column("interval")[:] = duration
         try:
             return self.advance(efforts)
         finally:
-            self._memory.blocks[:, [rows["h"], rows["interval"]]] = h
+            for name, value in zip(names, usual, strict=True):
+                memory.column(name)[:] = value
 
     def _lanes(self, index: ArrayLike | None) -> NDArray[np.int64]:
         if index is None:

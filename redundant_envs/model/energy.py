@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.algebra import arguments_of
+from redundant_envs.backends.numpy import evaluate
 from redundant_envs.effects.hooks import Effect, Field, Force
-from redundant_envs.evaluators.arrays import PRIMITIVES, evaluate
-from redundant_envs.evaluators.binding import bind
 from redundant_envs.robots.parameters import Arm
 from redundant_envs.scene import Scene
 
@@ -46,4 +45,4 @@ def hook_value(
     own = effect.parameters()
     sources = [hook.bind.get(a, a) for a in arguments_of(function)]
     arguments = [own[s[1:]] if s.startswith(".") else evaluate(arm, [s], values)[0] for s in sources]
-    return bind(function, PRIMITIVES)(*arguments)
+    return function(*arguments)

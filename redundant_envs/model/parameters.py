@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.effects.hooks import Impact
-from redundant_envs.evaluators import cpu
+from redundant_envs.model.memory import Memory
 from redundant_envs.robots.parameters import LARGEST, LARGEST_RATIO, SMALLEST
 from redundant_envs.scene import Scene, identifier
 from redundant_envs.values import shown
@@ -74,7 +74,7 @@ def check_start(name: str, columns: NDArray[np.float64]) -> None:
 
 
 def lane_values(
-    scene: Scene, memory: cpu.Memory, lanes: NDArray[np.intp], given: Mapping[str, Any], fresh: bool
+    scene: Scene, memory: Memory, lanes: NDArray[np.intp], given: Mapping[str, Any], fresh: bool
 ) -> Table:
     """All parameters of some lanes once the given ones are set; ValueError if one is not valid.
 
@@ -104,7 +104,7 @@ def lane_values(
 
 
 def check_stops(
-    scene: Scene, memory: cpu.Memory, lanes: NDArray[np.intp], q: NDArray[np.float64], values: Table | None
+    scene: Scene, memory: Memory, lanes: NDArray[np.intp], q: NDArray[np.float64], values: Table | None
 ) -> None:
     """ValueError if a slider stands beyond a hard end of its travel: no motion leads there.
 
@@ -156,7 +156,7 @@ def _check_effect(effect: Any, values: Table) -> None:
         type(effect)(**fields)
 
 
-def write(scene: Scene, memory: cpu.Memory, lanes: NDArray[np.intp], values: Table) -> None:
+def write(scene: Scene, memory: Memory, lanes: NDArray[np.intp], values: Table) -> None:
     """Set parameters of lanes, and what follows from them."""
     columns = np.stack([values[p] for p in values], axis=1)
     memory.write(tuple(identifier(p) for p in values), columns, lanes)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import json
 import types
 from collections.abc import Iterable, Iterator, Mapping
@@ -12,18 +11,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.evaluators import cpu
-from redundant_envs.evaluators.assemble import Assembly
+from redundant_envs.model.memory import Memory
+from redundant_envs.model.programs import Simulator
+from redundant_envs.simulator.blocks import LANES
+from redundant_envs.simulator.lane import PARAMETER, STATE
 
-KEPT_ROWS = ("h", "interval", "tip_tolerance", "limit")
-"""Rows of the memory that belong to a simulator and to none of its states."""
+KEPT_FIELDS = ("h", "interval", "tip_tolerance", "limit")
+"""Parameters that belong to a simulator and to none of its states."""
+OF_THE_FIRST_CORE = "numbers"
+"""What snapshots had instead of states and parameters before the core was traced."""
 
 
-def simulator_facts(assembly: Assembly, num_envs: int, more: Mapping[str, Any] | None = None) -> str:
+def simulator_facts(simulator: Simulator, num_envs: int, more: Mapping[str, Any] | None = None) -> str:
     """What a state and the simulator that takes it must have in common, as JSON text."""
-    facts: dict[str, Any] = {"num_envs": num_envs, **assembly.scene.to_dict(), **(more or {})}
-    facts["track_work"] = assembly.track_work
-    facts["program"] = hashlib.sha256(assembly.text.encode()).hexdigest()[:16]
+    dynamics = simulator.dynamics
+    facts: dict[str, Any] = {"num_envs": num_envs, **dynamics.scene.to_dict(), **(more or {})}
+    facts["track_work"] = dynamics.track_work
+    facts["program"] = simulator.key[:16]
     return json.dumps(plain(facts))
 
 
@@ -85,6 +89,11 @@ def check_keys(name: str, state: Any, keys: Iterable[str], source: str) -> None:
     if not isinstance(state, Mapping):
         shape = f" of shape {state.shape} and dtype {state.dtype}" if isinstance(state, np.ndarray) else ""
         raise ValueError(f"{name} is a {type(state).__name__}{shape}; use the mapping that {source} returned")
+    if OF_THE_FIRST_CORE in state:
+        raise ValueError(
+            f"{name} is of a version before lanes kept states and parameters apart, and cannot be continued "
+            f"to the same bits; take a new one from {source}"
+        )
     missing = [k for k in keys if k not in state]
     if missing:
         raise ValueError(f"{name} lacks {', '.join(missing)}; use what {source} returned")
@@ -156,36 +165,49 @@ def check_array(name: str, key: str, value: Any, like: NDArray[Any]) -> None:
 
 
 def check_numbers(
-    name: str, numbers: Any, memory: cpu.Memory, finite: Iterable[str], kept: Iterable[str] = ()
+    name: str, state: Mapping[str, Any], memory: Memory, kept: Iterable[str] = (), finite: Iterable[str] = ()
 ) -> None:
-    """ValueError unless numbers may replace those of a memory.
+    """ValueError unless the numbers of a state may replace those of a memory.
 
     Parameters
     ----------
     name : str
         What the caller calls the state.
-    numbers : (n,) array
-        All rows of all lanes.
+    state : mapping
+        With "states" and "parameters", as :meth:`Memory.save` gives them.
     memory : Memory
-    finite : names of rows
-        Rows that no state leaves without a number.
-    kept : names of rows
-        Rows that are equal in all states, beside :data:`KEPT_ROWS`.
+    kept : names of fields
+        Parameters that are equal in all states, beside :data:`KEPT_FIELDS`.
+    finite : names of fields
+        States that are never without a number.
     """
-    check_array(name, "numbers", numbers, memory.flat)
-    blocks = numbers.reshape(memory.blocks.shape)
-    names = tuple(finite)
-    places = [memory.rows[row] for row in names]
-    given = blocks[:, places]
-    good = np.isfinite(given) | (given == memory.blocks[:, places])  # a side without a stop is infinite
-    if not good.all():
-        row = names[int(np.argmin(good.all(axis=(0, 2))))]
-        raise ValueError(f"{name}['numbers'] has a {row} that is not finite; give finite numbers")
-    for row in (*KEPT_ROWS, *kept):
-        if row in memory.rows:
-            there, here = (b[:, memory.rows[row]] for b in (blocks, memory.blocks))
-            if not np.array_equal(there, here):
+    own, layout = memory.save(), memory.layout
+    check_array(name, "states", state["states"], own["states"])
+    given, width = state["parameters"], layout.size(PARAMETER) * LANES
+    sizes = (width, memory.blocks * width)
+    if (
+        not isinstance(given, np.ndarray)
+        or given.dtype != np.float64
+        or given.shape not in [(n,) for n in sizes]
+    ):
+        shape = f"an array of shape {given.shape}" if isinstance(given, np.ndarray) else _short(given)
+        raise ValueError(
+            f"{name}['parameters'] is {shape}; give an array of {sizes[0]} or {sizes[1]} float64"
+        )
+    blocks = given.reshape(-1, layout.size(PARAMETER), LANES)
+    states = state["states"][: memory.arrays[str(STATE)].size].reshape(memory.arrays[str(STATE)].shape)
+    for row in memory.dynamics.parameters:
+        numbers, here = blocks[:, layout.place(row)[1]], memory.column(row)
+        if not (np.isfinite(numbers) | (numbers == here[:1, :1])).all():  # a side without a stop is infinite
+            raise ValueError(f"{name}['parameters'] has a {row} that is not finite; give finite ones")
+    for row in finite:
+        if not np.isfinite(states[:, layout.place(row)[1]]).all():
+            raise ValueError(f"{name}['states'] has a {row} that is not finite; give finite numbers")
+    for row in (*KEPT_FIELDS, *kept):
+        if row in layout:
+            there, here = blocks[:, layout.place(row)[1]], memory.column(row)
+            if not (there == here[0, 0]).all():
                 raise ValueError(
-                    f"{name}['numbers'] has the {row} {there.flat[0]:.6g} and this one {here.flat[0]:.6g}: "
+                    f"{name}['parameters'] has the {row} {there.flat[0]:.6g} and this one {here.flat[0]:.6g}: "
                     "it belongs to the scene and not to a state"
                 )

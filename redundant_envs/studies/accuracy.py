@@ -34,7 +34,7 @@ from redundant_envs.studies.throughput import dgemm_rate, one_core, versions
 Array = NDArray[np.float64]
 Row = dict[str, Any]
 
-STAMP = ("machine", "date", "python", "numba", "numpy", "mujoco", "scipy", "commit", "dgemm_gflops")
+STAMP = ("machine", "date", "python", "llvmlite", "numpy", "mujoco", "scipy", "commit", "dgemm_gflops")
 WHAT = ("panel", "peer", "method", "setting")
 COLUMNS = (
     *STAMP, *WHAT, "ns_best", "ns_median", "evaluations", "tip_mm_median", "tip_mm_p99", "tip_mm_max",

@@ -127,7 +127,7 @@ def markdown(study: Study, results: Sequence[PanelResult], command: str, figures
         Pictures that lie beside it.
     """
     stamp, long = results[0].rows[0], study.long_runs
-    names = ("python", "numba", "numpy", *PEERS)
+    names = ("python", "llvmlite", "numpy", *PEERS)
     packages = ", ".join(f"{name} {stamp[name]}" for name in names if stamp[name])
     absent = [peer for peer in PEERS if not stamp[peer]]
     exponents = ", ".join(f"{r.panel.name} {r.free.exponent:.2g}" for r in results)

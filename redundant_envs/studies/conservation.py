@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from redundant_envs.backends.numpy import evaluate
 from redundant_envs.effects.hooks import Effect, Field, Force
-from redundant_envs.evaluators.arrays import evaluate
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.model.energy import hook_value, kinetic_energy, potential_energy
 from redundant_envs.scene import Scene

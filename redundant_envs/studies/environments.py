@@ -16,7 +16,7 @@ from redundant_envs.scene import load_scene
 from redundant_envs.studies.throughput import one_core, versions
 
 COLUMNS = (
-    "machine", "date", "python", "numba", "numpy", "commit", "gymnasium", "env", "lanes",
+    "machine", "date", "python", "llvmlite", "numpy", "commit", "gymnasium", "env", "lanes",
     "vector_steps_per_s_best", "vector_steps_per_s_median", "vector_renewed_actions_best",
     "vector_one_rk8_step_best", "vector_one_rk8_step_renewed_actions_best", "single_us_per_step",
     "cartpole_us_per_step", "single_over_cartpole", "import_to_first_step_s",

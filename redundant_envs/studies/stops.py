@@ -18,7 +18,7 @@ from redundant_envs.scene import Scene, load_scene
 from redundant_envs.studies.throughput import one_core, versions
 
 COLUMNS = (
-    "machine", "date", "python", "numba", "numpy", "commit", "states", "lanes", "touched_share",
+    "machine", "date", "python", "llvmlite", "numpy", "commit", "states", "lanes", "touched_share",
     "ns_without", "ns_with", "ratio", "evaluations_without", "evaluations_with", "events_per_lane",
 )  # fmt: skip
 ENVIRONMENT = "redundant_envs/RPRPReach-v0"

@@ -20,17 +20,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from redundant_envs.backends import llvm
 from redundant_envs.effects import Gravity, LimitSpring, ViscousFriction
-from redundant_envs.evaluators import cpu
-from redundant_envs.evaluators.assemble import assemble
 from redundant_envs.files import exists, explained, read_yaml
 from redundant_envs.model.arms import RPRP, FourR
 from redundant_envs.model.batch import BatchSimulator
+from redundant_envs.model.programs import batch_simulator
 from redundant_envs.scene import Scene, check_keys, scene_folder
 from redundant_envs.values import shown
 
 COLUMNS = (
-    "machine", "date", "python", "numba", "numpy", "commit", "dgemm_gflops", "arm", "integrator",
+    "machine", "date", "python", "llvmlite", "numpy", "commit", "dgemm_gflops", "arm", "integrator",
     "lanes", "ns_per_step_best", "ns_per_step_median", "bar_ns", "scaled_bar_ns", "within_bar",
     "tolerance", "evaluations_mean", "bar_evaluations", "share_below_tolerance",
     "packed_instructions", "vector_register",
@@ -204,11 +204,7 @@ def packed_instructions(scene: Scene) -> tuple[int | None, str]:
     """
     if platform.machine().lower() not in ("x86_64", "amd64"):
         return None, ""
-    # Compiled anew: numba cannot show the assembly of what it loads from the cache on disk.
-    assembly = assemble(scene)
-    what = f"{scene.robot.kind} {scene.integrator} to count"
-    kernel: Any = cpu.compiled_in_memory(assembly.text, what)["advance"]
-    found = PACKED.findall("\n".join(kernel.inspect_asm().values()))
+    found = PACKED.findall(llvm.assembly(batch_simulator(scene, track_work=False).program))
     return len(found), next((REGISTERS[r] for r in "zyx" if r in found), "")
 
 
@@ -259,7 +255,7 @@ def versions() -> dict[str, str]:
         "machine": machine_name(),
         "date": datetime.date.today().isoformat(),
         "python": platform.python_version(),
-        "numba": importlib.metadata.version("numba"),
+        "llvmlite": importlib.metadata.version("llvmlite"),
         "numpy": np.__version__,
         "commit": commit(),
     }

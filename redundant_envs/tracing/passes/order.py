@@ -5,9 +5,11 @@ waits for chains of divisions and sums although there are others farther on that
 order brings them near.
 """
 
+from __future__ import annotations
+
 import heapq
 
-from redundant_envs.evaluators.instructions import NO_COST, Operation, reached
+from redundant_envs.tracing.graph import FREE, Operation, Value, reached
 
 ISSUED = 3
 """Instructions that may begin in a cycle; two are vectors of 512 bits, but more of 256 bits."""
@@ -17,14 +19,14 @@ FAR = 120
 """Cycles between the first and the last use of a value beyond which it will wait in memory."""
 
 
-def source_of(value):
+def source_of(value: Operation) -> Operation:
     """The value that an operand is another name of."""
-    while isinstance(value, Operation) and value.name in ("bitcast", "fneg"):
+    while value.name == "neg" and isinstance(value.arguments[0], Operation):
         value = value.arguments[0]
     return value
 
 
-def in_order(results):
+def in_order(results: list[Value]) -> list[Operation]:
     """The operations that some results need and that cost time, in an order that keeps a processor busy.
 
     A list schedule: in every cycle, of the operations whose operands are there, those begin that have
@@ -32,16 +34,16 @@ def in_order(results):
     those that use values up. Values used again after long are not counted: they wait in memory.
     """
     nodes = reached(results)
-    users = {n: [] for n in nodes}
+    users: dict[Operation, list[Operation]] = {n: [] for n in nodes}
     for n in nodes:
         for a in dict.fromkeys(n.operands):
             users[a].append(n)
-    chain = {}  # cycles from the beginning of an operation to the end of all
+    chain: dict[Operation, int] = {}  # cycles from the beginning of an operation to the end of all
     for n in reversed(nodes):
         chain[n] = n.latency + max((chain[u] for u in users[n]), default=0)
-    real = [n for n in nodes if n.name not in NO_COST]
-    inputs = {n: dict.fromkeys(s for s in map(source_of, n.operands) if s.name not in NO_COST) for n in real}
-    uses = {n: [] for n in real}
+    real = [n for n in nodes if n.name not in FREE]
+    inputs = {n: dict.fromkeys(s for s in map(source_of, n.operands) if s.name not in FREE) for n in real}
+    uses: dict[Operation, list[int]] = {n: [] for n in real}
     for n in real:
         for a in inputs[n]:
             uses[a].append(chain[n])
@@ -51,15 +53,16 @@ def in_order(results):
     place = {n: k for k, n in enumerate(nodes)}
     begins = dict.fromkeys(place, 0)
 
-    def more_waiting(n):
+    def more_waiting(n: Operation) -> int:
         freed = sum(left[a] == 1 and a not in far for a in inputs[n])
         return (n not in far and left[n] > 0) - freed
 
-    order, waiting, cycle = [], 0, 0
+    order: list[Operation] = []
+    waiting = cycle = 0
     coming = [(0, place[n]) for n in nodes if missing[n] == 0]
-    ready = set()
+    ready: set[int] = set()
 
-    def done(n, cycle):
+    def done(n: Operation, cycle: int) -> None:
         for u in users[n]:
             begins[u] = max(begins[u], cycle + n.latency)
             missing[u] -= 1
@@ -69,7 +72,7 @@ def in_order(results):
     while coming or ready:
         while coming and coming[0][0] <= cycle:
             k = heapq.heappop(coming)[1]
-            if nodes[k].name in NO_COST:
+            if nodes[k].name in FREE:
                 done(nodes[k], cycle)
             else:
                 ready.add(k)

@@ -1,0 +1,206 @@
+"""Machine code, kept: in this process, and in a folder of the user's from process to process."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import os
+import platform
+import re
+import sys
+import tempfile
+import threading
+import time
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+from redundant_envs.backends import llvm
+from redundant_envs.tracing.flow import Program
+from redundant_envs.tracing.listing import lines
+
+CACHE_VARIABLE = "REDUNDANT_ENVS_CACHE"
+KEPT_PROGRAMS = 400
+"""Programs that the folder keeps; the ones not used for longest go."""
+SUFFIX = ".code"
+OWN_FILE = re.compile(r"[0-9a-f]{40}\.(code|lock)")
+"""Names of files that this module makes; it deletes no others."""
+DIGEST = 32
+"""Bytes of the checksum that a file begins with."""
+
+_kept: dict[str, dict[str, llvm.Entry]] = {}
+_lock = threading.RLock()
+_warned: set[str] = set()
+
+
+def kernels(key: str, program: Program, what: str) -> dict[str, llvm.Entry]:
+    """The kernels of a program in machine code, by name.
+
+    Parameters
+    ----------
+    key : str
+        The program's :func:`program_key`, found before anything was compiled: that changes its graphs.
+    program : Program
+    what : str
+        Names the program where it has to be compiled.
+    """
+    with _lock:
+        if key not in _kept:
+            _forks_wait()
+            _kept[key] = llvm.load(_code(key, program, what), [k.name for k in program.kernels])
+        return _kept[key]
+
+
+def program_key(program: Program) -> str:
+    """Name of a program's machine code: the program, what compiles it, and for which processor."""
+    text = hashlib.sha256("\n".join(lines(program)).encode())
+    text.update("\0".join(_compiler()).encode())
+    return text.hexdigest()[:40]
+
+
+@functools.cache
+def _compiler() -> tuple[str, ...]:
+    """The compiler: LLVM's, our own passes, and the processor."""
+    own = Path(__file__).parent
+    files = sorted([*own.glob("llvm*.py"), *own.parent.glob("tracing/**/*.py")])
+    return (platform.machine(), *llvm.facts(), *(p.read_text(encoding="utf-8") for p in files))
+
+
+def _code(key: str, program: Program, what: str) -> bytes:
+    folder = cache_folder()
+    if folder is not None:
+        try:
+            return _code_in(folder, key, program, what)
+        except OSError as error:  # no file lock, no room left, files of somebody else
+            _warn_of_memory_only(folder, error)
+    with _announced(what):
+        return llvm.object_code(program)
+
+
+def _code_in(folder: Path, key: str, program: Program, what: str) -> bytes:
+    """The machine code in a folder; compiled if it is not there whole."""
+    path = folder / f"{key}{SUFFIX}"
+    with _file_lock(path.with_suffix(".lock")):
+        code = _whole(path)
+        if code is None:
+            damaged = os.path.lexists(path)
+            with _announced(what):
+                code = llvm.object_code(program)
+            if path.is_dir() and not path.is_symlink():
+                raise OSError(f"{path} is a folder")
+            _write_whole(path, hashlib.sha256(code).digest() + code)
+            _prune(folder)
+            if damaged:
+                warnings.warn(
+                    f"the compiled simulator {path} was damaged or not ours; it is compiled anew",
+                    stacklevel=2,
+                )
+        else:
+            os.utime(path)
+    return code
+
+
+def _whole(path: Path) -> bytes | None:
+    """What a file keeps, if its checksum says that nothing has changed.
+
+    This finds accidents. It cannot protect from one who may write to the folder.
+    """
+    if not path.is_file():  # a pipe would be read without end
+        return None
+    try:
+        data = path.read_bytes()
+    except OSError:
+        return None
+    code = data[DIGEST:]
+    return code if hashlib.sha256(code).digest() == data[:DIGEST] and code else None
+
+
+def _write_whole(path: Path, data: bytes) -> None:
+    """Let a file appear whole, or not at all."""
+    handle, name = tempfile.mkstemp(dir=path.parent)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(data)
+        os.replace(name, path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def _prune(folder: Path) -> None:
+    """Delete the programs not used for longest beyond the number kept."""
+    own = [p for p in folder.iterdir() if p.suffix == SUFFIX and OWN_FILE.fullmatch(p.name) and p.is_file()]
+    if len(own) <= KEPT_PROGRAMS:
+        return
+    own.sort(key=lambda p: p.stat().st_mtime)
+    for path in own[:-KEPT_PROGRAMS]:
+        for old in (path, path.with_suffix(".lock")):
+            old.unlink(missing_ok=True)
+
+
+def cache_folder() -> Path | None:
+    """Where machine code is kept, or None where nothing may be written."""
+    chosen = os.environ.get(CACHE_VARIABLE)
+    if chosen:
+        base = Path(chosen)
+    elif sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA") or "~") / "redundant-envs"
+    elif sys.platform == "darwin":
+        base = Path("~/Library/Caches/redundant-envs")
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache") / "redundant-envs"
+    try:
+        base = base.expanduser().absolute()
+        base.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=base):
+            pass
+    except (OSError, RuntimeError) as error:  # RuntimeError: nobody knows a home for "~"
+        _warn_of_memory_only(base, error)
+        return None
+    return base
+
+
+def _warn_of_memory_only(folder: Path, error: Exception) -> None:
+    if str(folder) in _warned:
+        return
+    _warned.add(str(folder))
+    warnings.warn(
+        f"compiled simulators are kept in memory only: {folder} cannot be used "
+        f"({error}); set {CACHE_VARIABLE} to a folder of yours to keep them",
+        stacklevel=3,
+    )
+
+
+@contextlib.contextmanager
+def _announced(what: str) -> Iterator[None]:
+    print(f"redundant-envs: compiling {what} (once on this machine) ...", file=sys.stderr, end="", flush=True)
+    start = time.perf_counter()
+    yield
+    print(f" {time.perf_counter() - start:.1f} s", file=sys.stderr, flush=True)
+
+
+@contextlib.contextmanager
+def _file_lock(path: Path) -> Iterator[None]:
+    """One process at a time for one program."""
+    with open(path, "a+b") as file:
+        if sys.platform == "win32":
+            import msvcrt
+
+            msvcrt.locking(file.fileno(), msvcrt.LK_LOCK, 1)
+        else:
+            import fcntl
+
+            fcntl.flock(file, fcntl.LOCK_EX)
+        try:
+            yield
+        finally:
+            if sys.platform != "win32":  # a process forked meanwhile has the file open too
+                fcntl.flock(file, fcntl.LOCK_UN)
+
+
+@functools.cache
+def _forks_wait() -> None:
+    """A fork waits until no thread compiles: its child would never see that thread's locks released."""
+    if hasattr(os, "register_at_fork"):
+        os.register_at_fork(before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release)

@@ -1,0 +1,313 @@
+"""Functions of a block of lanes as LLVM functions on vectors of 8 doubles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite import ir
+
+from redundant_envs.tracing.flow import LaneFunction, Output
+from redundant_envs.tracing.graph import Operation, Value, reached
+from redundant_envs.tracing.passes.join import join_products
+from redundant_envs.tracing.passes.order import in_order
+from redundant_envs.tracing.passes.specialise import specialise
+from redundant_envs.tracing.passes.stages import Part, Stages
+
+LANES = 8
+DOUBLE, FLOAT = ir.DoubleType(), ir.FloatType()
+INT64, INT32, INT8, BIT = ir.IntType(64), ir.IntType(32), ir.IntType(8), ir.IntType(1)
+BLOCK = ir.VectorType(DOUBLE, LANES)
+TRUTHS = ir.VectorType(BIT, LANES)
+ELEMENT = {"f64": DOUBLE, "f32": FLOAT, "i64": INT64, "u32": INT32, "i8": INT8}
+ARITHMETIC = {"+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv", "and": "and_", "or": "or_", "xor": "xor"}
+INTRINSICS = {
+    "sqrt": "llvm.sqrt",
+    "exp": "llvm.exp",
+    "floor": "llvm.floor",
+    "abs": "llvm.fabs",
+    "fma": "llvm.fma",
+}
+
+
+def integer(k: int) -> ir.Constant:
+    return ir.Constant(INT64, k)
+
+
+def address(builder: ir.IRBuilder, base: Any, offset: Any, type_: ir.Type) -> Any:
+    """Where ``offset`` elements after ``base`` a value of a type lives."""
+    at = builder.gep(base, [integer(offset) if isinstance(offset, int) else offset])
+    return builder.bitcast(at, type_.as_pointer())
+
+
+def widened(function: ir.Function) -> ir.Function:
+    """Ask LLVM for full-width vectors, and for an aligned stack to spill them to."""
+    for attribute in ('"prefer-vector-width"="512"', '"stackrealign"'):
+        set.add(function.attributes, attribute)
+    return function
+
+
+def signature(function: LaneFunction) -> dict[str, ir.Type]:
+    """Arguments of the LLVM function: spaces, tables, columns and their strides."""
+    arguments: dict[str, ir.Type] = {}
+    for name, (element, _) in function.inputs.items():
+        arguments[name] = ELEMENT[element].as_pointer()
+    for space in function.spaces:
+        arguments[space] = DOUBLE.as_pointer()
+    for output in function.outputs:
+        arguments[output.array] = ELEMENT[output.element].as_pointer()
+        if not output.columns and output.column:
+            arguments[f"{output.array}_stride"] = INT64
+    return arguments
+
+
+class Emitter:
+    """Emits the operations of a graph into a block, each when it is first needed."""
+
+    def __init__(
+        self, builder: ir.IRBuilder, load: Callable[[str, int], Any], stages: EmittedStages | None = None
+    ) -> None:
+        """``load`` emits the load of number k of a space."""
+        self.builder = builder
+        self.load = load
+        self.stages = stages
+        self.values: dict[Operation, Any] = {}
+
+    def value(self, node: Value) -> Any:
+        if isinstance(node, bool):
+            return ir.Constant(TRUTHS, [int(node)] * LANES)
+        if isinstance(node, float):
+            return ir.Constant(BLOCK, [node] * LANES)
+        if node not in self.values:
+            self.values[node] = self._emit(node)
+        return self.values[node]
+
+    def _emit(self, node: Operation) -> Any:
+        if node.name == "load":
+            return self.load(*node.extra)
+        if node.name in ("stage", "result"):
+            assert self.stages is not None
+            return self.stages.emit(self, node) if node.name == "stage" else self.stages.result(self, node)
+        b = self.builder
+        arguments = [self.value(a) for a in node.arguments]
+        if node.name in INTRINSICS:
+            return b.call(_intrinsic(b.module, INTRINSICS[node.name], len(arguments)), arguments)
+        if node.name in ARITHMETIC:
+            return getattr(b, ARITHMETIC[node.name])(*arguments)
+        if node.name == "neg":
+            return b.fneg(arguments[0])
+        if node.name == "not":
+            return b.xor(arguments[0], ir.Constant(TRUTHS, [1] * LANES))
+        if node.name == "select":
+            return b.select(*arguments)
+        if node.name == "bit":
+            whole = ir.VectorType(INT64, LANES)
+            masked = b.and_(b.bitcast(arguments[0], whole), ir.Constant(whole, [node.extra] * LANES))
+            return b.icmp_signed("!=", masked, ir.Constant(whole, [0] * LANES))
+        if node.name == "!=":
+            return b.fcmp_unordered("!=", *arguments)
+        return b.fcmp_ordered(node.name, *arguments)
+
+
+def _intrinsic(module: ir.Module, name: str, count: int) -> ir.Function:
+    full = f"{name}.v{LANES}f64"
+    return module.globals.get(full) or ir.Function(module, ir.FunctionType(BLOCK, [BLOCK] * count), full)
+
+
+class EmittedStages:
+    """The functions that the stages of a step call, and the calls."""
+
+    def __init__(self, stages: Stages, caller: ir.Function, spaces: dict[str, Any], ordered: bool) -> None:
+        self.stages = stages
+        self.spaces = spaces
+        self.returned = ir.LiteralStructType([BLOCK] * len(stages.returned))
+        self.functions = {
+            name: self._function(caller, name, part, ordered) for name, part in stages.parts.items()
+        }
+        self.memory: dict[str, Any] = {}
+
+    def _function(self, caller: ir.Function, name: str, part: Part, ordered: bool) -> ir.Function:
+        """An LLVM function: spaces of the lanes, memories of the calls, arguments."""
+        result = self.returned if part.returned else ir.VoidType()
+        memories = ["shared", "kept", "before", "after", "told"]
+        pointers = [*self.spaces, *memories]
+        types = [DOUBLE.as_pointer()] * len(pointers) + [BLOCK] * len(self.stages.given)
+        function = widened(
+            ir.Function(caller.module, ir.FunctionType(result, types), f"{caller.name}_{name}_stage")
+        )
+        function.linkage = "internal"
+        set.add(function.attributes, "noinline")
+        bases = dict(zip(pointers, function.args, strict=False))
+        for base in bases.values():
+            base.add_attribute("noalias")
+        given = dict(zip(self.stages.given, function.args[len(pointers) :], strict=True))
+        builder = ir.IRBuilder(function.append_basic_block())
+
+        def load(space: str, k: int) -> Any:
+            if space == "given":
+                return given[k]
+            return builder.load(address(builder, bases[space], k * LANES, BLOCK), align=8)
+
+        emitter = Emitter(builder, load)
+        places: dict[Any, list[tuple[str, int]]] = {}
+        for space, k, value in part.stores:
+            places.setdefault(value, []).append((space, k))
+        values = [*part.returned, *(v for _, _, v in part.stores)]
+        for node in [*(in_order(values) if ordered else reached(values)), *places]:
+            emitted = emitter.value(node)
+            for space, k in places.pop(node, ()):  # at once, so that it needs no register
+                builder.store(emitted, address(builder, bases[space], k * LANES, BLOCK), align=8)
+        if not part.returned:
+            builder.ret_void()
+            return function
+        returned: Any = ir.Constant(result, ir.Undefined)
+        for k, r in enumerate(part.returned):
+            returned = builder.insert_value(returned, emitter.value(r), k)
+        builder.ret(returned)
+        return function
+
+    def emit(self, emitter: Emitter, node: Operation) -> Any:
+        """The call of a stage; the first is preceded by the earlier part of its own."""
+        stages, b = self.stages, emitter.builder
+        i = stages.calls.index(node)
+        if not self.memory:
+            sizes = {
+                "shared": len(stages.shared), "kept": len(stages.kept), "even": len(stages.carried),
+                "odd": len(stages.carried), "told": len(stages.told) * len(stages.calls),
+            }  # fmt: skip
+            self.memory = {name: self._memory(b, n) for name, n in sizes.items()}
+            for j, k in stages.kept.items():
+                value = emitter.value(node.arguments[k])
+                b.store(value, address(b, self.memory["kept"], j * LANES, BLOCK), align=8)
+            self._call(emitter, "first", 1, node, None)
+        if i + 1 == len(stages.calls):
+            return self._call(emitter, "last", i, None, node)
+        return self._call(emitter, "middle", i, stages.calls[i + 1], node)
+
+    def _memory(self, builder: ir.IRBuilder, vectors: int) -> Any:
+        memory = builder.alloca(DOUBLE, ir.Constant(INT32, LANES * max(1, vectors)))
+        memory.align = 8 * LANES  # a vector that straddles cache lines is read twice
+        return memory
+
+    def _told(self, builder: ir.IRBuilder, call: int) -> Any:
+        """Where a call tells the results that it does not return."""
+        return builder.gep(self.memory["told"], [integer(LANES * len(self.stages.told) * call)])
+
+    def _call(
+        self, emitter: Emitter, part: str, number: int, upcoming: Operation | None, present: Operation | None
+    ) -> Any:
+        stages = self.stages
+        values = []
+        for k in stages.given:
+            stage = upcoming if k < stages.subroutine.positions else present
+            values.append(emitter.value(stage.arguments[k]) if stage else ir.Constant(BLOCK, ir.Undefined))
+        before, after = ("even", "odd") if number % 2 == 0 else ("odd", "even")
+        told = self._told(emitter.builder, stages.calls.index(present) if present else 0)
+        memories = [self.memory[n] for n in ("shared", "kept", before, after)]
+        return emitter.builder.call(self.functions[part], [*self.spaces.values(), *memories, told, *values])
+
+    def result(self, emitter: Emitter, node: Operation) -> Any:
+        """A result of a stage: returned, told in memory, or known without the call."""
+        stages = self.stages
+        (stage,), k = node.arguments, stages.first[node.extra]
+        value = emitter.value(stage)
+        if k in stages.returned:
+            return emitter.builder.extract_value(value, stages.returned.index(k))
+        if k in stages.told:
+            place = self._told(emitter.builder, stages.calls.index(stage))
+            at = address(emitter.builder, place, LANES * stages.told.index(k), BLOCK)
+            return emitter.builder.load(at, align=8)
+        return emitter.value(stages.results[k])
+
+
+def emit_lane_function(module: ir.Module, function: LaneFunction, ordered: bool) -> ir.Function:
+    """The LLVM function of a lane function; ``ordered`` puts its instructions in the order of our own."""
+    results = function.results
+    join_products(results)
+    calls = [n for n in reached(results) if n.name == "stage"]
+    stages = Stages(calls, function.spaces, function.known) if calls else None
+    results = specialise(results, function.known)
+    arguments = signature(function)
+    made = widened(
+        ir.Function(
+            module, ir.FunctionType(ir.VoidType(), list(arguments.values())), f"lanes_{function.name}"
+        )
+    )
+    made.linkage = "internal"
+    bases = dict(zip(arguments, made.args, strict=True))
+    for name, base in bases.items():
+        if not name.endswith("_stride"):
+            base.add_attribute("noalias")
+    builder = ir.IRBuilder(made.append_basic_block())
+    tables = {name: _columns(builder, bases[name], *shape) for name, shape in function.inputs.items()}
+
+    def load(space: str, k: int) -> Any:
+        if space in tables:
+            return tables[space](k)
+        return builder.load(address(builder, bases[space], k * LANES, BLOCK), align=8)
+
+    spaces = {n: b for n, b in bases.items() if n in function.spaces}
+    emitted = EmittedStages(stages, made, spaces, ordered) if stages else None
+    emitter = Emitter(builder, load, emitted)
+    order = stages.in_order(results) if stages else in_order(results) if ordered else reached(results)
+    for node in order:
+        emitter.value(node)
+    values = [emitter.value(r) for r in results]
+    for (space, k, _), value in zip(function.stores, values, strict=False):
+        builder.store(value, address(builder, bases[space], k * LANES, BLOCK), align=8)
+    _emit_outputs(builder, function.outputs, values[len(function.stores) :], bases)
+    builder.ret_void()
+    return made
+
+
+def _columns(builder: ir.IRBuilder, base: Any, element: str, columns: int) -> Callable[[int], Any]:
+    """The columns of a table with a line for each lane, as vectors of doubles."""
+    whole = builder.load(address(builder, base, 0, ir.VectorType(ELEMENT[element], LANES * columns)), align=4)
+
+    def column(k: int) -> Any:
+        chosen = ir.Constant(ir.VectorType(INT32, LANES), [columns * i + k for i in range(LANES)])
+        values = builder.shuffle_vector(whole, whole, chosen)
+        return values if element == "f64" else builder.fpext(values, BLOCK)
+
+    return column
+
+
+def _emit_outputs(builder: ir.IRBuilder, outputs: list[Output], values: list[Any], bases: Any) -> None:
+    tables: dict[str, dict[int, Any]] = {}
+    for output, value in zip(outputs, values, strict=True):
+        type_ = ELEMENT[output.element]
+        vector = ir.VectorType(type_, LANES)
+        if value.type == TRUTHS:
+            value = builder.zext(value, vector)
+        elif type_ == FLOAT:
+            value = builder.fptrunc(value, vector)
+        elif isinstance(type_, ir.IntType):
+            value = builder.fptosi(value, vector)
+        if output.columns:
+            tables.setdefault(output.array, {})[output.column] = value
+            continue
+        base = bases[output.array]
+        if output.column:
+            stride = bases[f"{output.array}_stride"]
+            base = builder.gep(base, [builder.mul(stride, integer(output.column))])
+        builder.store(value, address(builder, base, 0, vector), align=1)
+    for array, columns in tables.items():
+        _emit_lines(builder, bases[array], [columns[k] for k in range(len(columns))])
+
+
+def _emit_lines(builder: ir.IRBuilder, base: Any, columns: list[Any]) -> None:
+    """Columns to the lines of a table: four of them at once, transposed in registers."""
+
+    def shuffled(a: Any, b: Any, chosen: list[int]) -> Any:
+        return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(INT32, len(chosen)), chosen))
+
+    width = len(columns)
+    for first in range(0, width, 4):
+        four = columns[first : first + 4]
+        four += [four[-1]] * (4 - len(four))
+        pairs = [shuffled(four[k], four[k + 1], list(range(2 * LANES))) for k in (0, 2)]
+        whole = shuffled(pairs[0], pairs[1], list(range(4 * LANES)))
+        count = min(4, width - first)
+        for i in range(LANES):
+            piece = shuffled(whole, whole, [i + LANES * k for k in range(count)])
+            builder.store(piece, address(builder, base, i * width + first, piece.type), align=4)

@@ -1,0 +1,215 @@
+"""Error control: what an estimate is in metres at the tip, and what steps a lane takes for it."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from redundant_envs.algebra import cases, logical_not, maximum, minimum, sqrt, where
+
+
+def blended_error(e5: Any, e3: Any) -> Any:
+    """Hairer's blend of the two embedded estimates of DOP853."""
+    blend = e5 * e5 / sqrt(e5 * e5 + 0.01 * e3 * e3 + 1e-300)  # 1e-300: no division of 0 by 0
+    return where(e3 < 1e150, blend, e3)  # the square of a larger e3 is infinite, and the blend 0
+
+
+def tip_error(e5: Any, e3: Any) -> Any:
+    """Twice Hairer's blend, m. Of nine million random steps of both arms that pass by it two are off by more
+    than twice the tolerance; of those that pass by the blend itself, 34."""
+    return 2.0 * blended_error(e5, e3)
+
+
+def tip_weight(norm: Any, reach: Any, tip_tolerance: Any) -> Any:
+    """Metres at the tip per radian of a link, for the error of its angle in a step.
+
+    The norm is that of the Jacobian's column, but for links shorter than a hundredth of the reach: they
+    fall over within milliseconds, so their errors grow. Theirs count ten times, and stay below 1/400 rad.
+    """
+    return maximum(norm, minimum(0.01 * reach, maximum(10.0 * norm, 400.0 * tip_tolerance)))
+
+
+def rounding_scale(before: Any, after: Any) -> Any:
+    """One over the error that dop853 allows a coordinate or velocity in a step: near rounding."""
+    return 1.0 / (1e-14 + 1e-13 * maximum(abs(before), abs(after)))
+
+
+def steps_of_spring(stiffness: Any, mobility: Any) -> Any:
+    """Steps per second that follow an oscillation: 2 rad of its phase in each."""
+    return 0.5 * sqrt(stiffness * mobility)
+
+
+def steps_of_damper(damping: Any, mobility: Any) -> Any:
+    """Steps per second that follow a decay: two of its time constants in each."""
+    return 0.5 * damping * mobility
+
+
+def least_steps(fastest: Any, steady: Any, interval: Any) -> Any:
+    """Steps of an interval before any estimate is asked: half a radian of the fastest link in each,
+    and what springs and dampers need, since an estimate cannot see one it has not touched."""
+    return interval * maximum(2.0 * fastest, steady)
+
+
+class Plan(NamedTuple):
+    """The first step of a lane that the common step does not serve.
+
+    Attributes
+    ----------
+    left : the time of the step that is planned, s
+    void : whether the common step is of no use to it
+    steps : into how many steps the interval is divided
+    following : the step after it, s
+    """
+
+    left: Any
+    void: Any
+    steps: Any = None
+    following: Any = None
+
+
+class Verdict(NamedTuple):
+    """Whether a trial step is accurate enough, and what is planned if not."""
+
+    good: Any
+    left: Any
+    steps: Any = None
+    following: Any = None
+
+
+class Ending(NamedTuple):
+    """At the end of a planned step.
+
+    Attributes
+    ----------
+    last : whether the interval is crossed
+    left : the time of the next planned step, s
+    flagged : whether the accuracy asked for is not reached
+    steps_left : planned steps to go
+    unsure : whether the interval is to be crossed again with twice the steps
+    min_steps : the least number of steps that is allowed from now on
+    """
+
+    last: Any
+    left: Any
+    flagged: Any
+    steps_left: Any = None
+    unsure: Any = False
+    min_steps: Any = None
+
+
+# ---- a tolerance: 1, 2, 4, ... 16384 equal steps, until the sum of their errors passes ----------------
+
+# A sum of errors does not know how they grow, which matters where many steps are needed, or many impacts
+# happen. From 128 steps on an interval must come out the same, to the tolerance, with half as many, unless
+# errors that grow a hundred thousand times would pass; with 32 impacts always.
+
+MOST_STEPS = 16384.0
+CHECKED_STEPS = 128.0
+CHECKED_IMPACTS = 32.0
+GROWTH = 1e5
+MOST_STEPS_OF_IMPACTS = 256.0
+"""Beyond it impacts multiply no more than rounding."""
+TOO_FAST = 1.1
+"""A link may have become faster by a tenth than the number of steps was chosen for."""
+NEVER_SEEN = 1e300
+"""Positions at the end of an interval that was not crossed before: none is near them."""
+
+
+def first_doubling(failed: Any, error: Any, min_steps: Any, tip_tolerance: Any, interval: Any) -> Plan:
+    """The first number of steps, after the single step that all lanes make ``failed``.
+
+    The error falls like n^-7, and that of a single step says little about more than 64.
+    """
+    n = 1.0 + where(failed, 1.0, 0.0)
+    known = where(failed, 1.0, 0.0) * error
+    for _ in range(6):
+        n = where(known > 4.0 * tip_tolerance * n**4 * n**3, 2.0 * n, n)
+    for _ in range(14):
+        n = where(n < MOST_STEPS, where(n < min_steps, 2.0 * n, n), n)
+    return Plan(interval / n, failed, n)
+
+
+def judge_doubling(error: Any, tip_tolerance: Any, steps: Any, interval: Any) -> Verdict:
+    """Whether the errors so far pass, or cannot; else the interval is begun anew with twice the steps."""
+    good = (error <= tip_tolerance) | (steps >= MOST_STEPS)
+    return Verdict(good, interval / (2.0 * steps), 2.0 * steps)
+
+
+class Crossed(NamedTuple):
+    """What is known of an interval after a trial step.
+
+    Attributes
+    ----------
+    ended, accepted : of the trial step: a planned step ends with it; it has no event
+    steps_left, steps : planned steps to go and in all
+    least : steps that the present rates need
+    change : by how much the tip comes out otherwise than the time before, m
+    impacts : so far
+    """
+
+    ended: Any
+    accepted: Any
+    steps_left: Any
+    steps: Any
+    least: Any
+    change: Any
+    impacts: Any
+
+
+def end_doubling(c: Crossed, error: Any, tip_tolerance: Any, min_steps: Any, interval: Any) -> Ending:
+    """At the end of a step: whether it was the last; whether more than 16384 were needed.
+
+    The interval is to be crossed again if a link has become too fast for its steps, or if it comes out
+    otherwise than the time before.
+    """
+    left = c.steps_left - 1.0
+    last = logical_not(left > 0.0)
+    grown = where(c.steps < CHECKED_STEPS, 0.0, GROWTH * error)
+    few = c.impacts < CHECKED_IMPACTS
+    grown = where(few, grown, 2.0 * tip_tolerance)
+    same = (grown <= tip_tolerance) | (c.change <= tip_tolerance)
+    min_steps = where(c.accepted, maximum(min_steps, c.least), min_steps)
+    again = (c.ended & last & logical_not(same)) | ((min_steps > TOO_FAST * c.steps) & c.accepted)
+    unsure = (c.steps < where(few, MOST_STEPS, MOST_STEPS_OF_IMPACTS)) & again
+    passed = (error <= tip_tolerance) & (min_steps <= MOST_STEPS) & same
+    return Ending(last, interval / c.steps, logical_not(passed), left, unsure, min_steps)
+
+
+# ---- dop853: each step as long as its error allows (Hairer, Norsett, Wanner I, II.4) ------------------
+
+MOST_ADAPTIVE_STEPS = 1e6
+SHORTEST_SHARE = 1e-13
+"""Of the interval, below which no step is tried."""
+CROSSED_SHARE = 1e-14
+"""Of the interval, that is not worth a step."""
+
+
+def first_adaptive(next_step: Any, min_steps: Any, interval: Any) -> Plan:
+    """A first step as long as the last one before, if there was one and it is not too long."""
+    longest = interval / maximum(min_steps, 1.0)
+    first = where(next_step > 0.0, where(next_step <= longest, next_step, longest), longest)
+    return Plan(first, True, None, first)
+
+
+def judge_adaptive(error: Any, h: Any, next_step: Any, min_steps: Any, interval: Any, taken: Any) -> Verdict:
+    """Whether the error of a step, in units of the tolerance, is at most 1; the next step to try.
+
+    A lane that has made a million steps, or must make one of 1e-13 of the interval, has no next one.
+    """
+    eighth = sqrt(sqrt(sqrt(maximum(error, 1e-12))))
+    factor = where(eighth > 0.0, minimum(maximum(0.9 / eighth, 1.0 / 3.0), 6.0), 1.0 / 3.0)
+    passed = error <= 1.0
+    grown = minimum(h * factor, interval / maximum(min_steps, 1.0))
+    grown = where(h < next_step, maximum(grown, next_step), grown)  # the end cut that step short
+    shorter = h * minimum(factor, 0.9)
+    hopeless = (taken > MOST_ADAPTIVE_STEPS) | ((shorter < SHORTEST_SHARE * interval) & logical_not(passed))
+    following = cases((hopeless, 0.0), (passed, grown), default=shorter)
+    return Verdict(passed | hopeless, shorter, None, following)
+
+
+def end_adaptive(interval: Any, elapsed: Any, following: Any) -> Ending:
+    """At the end of a step: whether the interval is crossed; the last two steps share the rest."""
+    rest = interval - elapsed
+    half = minimum(following, 0.5 * rest)
+    left = where(rest <= following, rest, where(rest < 2.0 * following, half, following))
+    given_up = logical_not(following > 0.0)
+    return Ending(logical_not(rest > CROSSED_SHARE * interval) | given_up, left, given_up)

@@ -1,0 +1,117 @@
+"""What a scene's simulator computes: its program to be read, and a bill of its operations."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import NamedTuple
+
+from redundant_envs.scene import Scene, identifier
+from redundant_envs.simulator.advance import advance_kernel
+from redundant_envs.simulator.blocks import Blocks
+from redundant_envs.simulator.dynamics import Dynamics
+from redundant_envs.simulator.lane import LOG
+from redundant_envs.tracing.flow import LaneFunction, Program
+from redundant_envs.tracing.graph import Operation, located, reached
+from redundant_envs.tracing.listing import lines
+
+PACKAGE = Path(__file__).parents[1]
+PARTS = {"robots": "arm", "integrators": "integrator", "simulator": "interval"}
+"""Folders of the package, and whose operations those are that are written there."""
+COUNTED = {"+": "additions", "-": "additions", "*": "products", "/": "divisions", "sqrt": "roots"}
+BYTES = 8
+
+
+class Operations(NamedTuple):
+    """Operations of one step of a lane, and bytes of its memory; a sine and a cosine are one pair."""
+
+    additions: int = 0
+    products: int = 0
+    divisions: int = 0
+    roots: int = 0
+    sine_pairs: int = 0
+    bytes: int = 0
+
+
+def listing(scene: Scene, track_work: bool = False) -> str:
+    """The traced program of a scene, instruction by instruction.
+
+    Each function of a lane is a list of operations under the function, file and line that they come from;
+    ``%3`` is the result of operation 3, ``name <- %3`` is what is left in a field of the lane. Kernels
+    follow: the loops and branches around these functions.
+    """
+    with located():
+        kernel, blocks = advance_kernel(Dynamics(scene, track_work))
+        names = {blocks.layout.place(name): name for name in blocks.layout.fields}
+        efforts = blocks.interval.dynamics.commands
+
+        def name_of(space: str, k: int) -> str:
+            if space == "efforts":
+                return efforts[k]
+            return names.get((space, k), f"{space}[{k}]")
+
+        text = "\n".join(lines(Program([kernel]), name_of)) + "\n"
+    return text.replace(f"{PACKAGE.parent}/", "")
+
+
+def bill(scene: Scene, track_work: bool = False) -> dict[str, Operations]:
+    """What a step of a lane costs, by effect: "arm", "integrator" and "interval" are the rest.
+
+    Counted in the step that all lanes make together, its stages as often as they are evaluated, before
+    products are joined with sums. What two ask for counts for the first. Bytes are those of the fields.
+    """
+    dynamics = Dynamics(scene, track_work)
+    with located():
+        _, blocks = advance_kernel(dynamics)
+        total = _counted(_step_of(blocks), dynamics)
+    counts: dict[str, Counter[str]] = {}
+    for (owner, what), number in total.items():
+        counts.setdefault(owner, Counter())[what] += number
+    for name, field in blocks.layout.fields.items():
+        if field.lifetime is not LOG:
+            counts.setdefault(_owner_of_field(scene, name), Counter())["bytes"] += BYTES
+    return {owner: Operations(**counts[owner]) for owner in sorted(counts)}
+
+
+def _step_of(blocks: Blocks) -> LaneFunction:
+    functions = blocks.functions
+    return next(functions[n] for n in ("interval", "step", "common") if n in functions)
+
+
+def _counted(step: LaneFunction, dynamics: Dynamics) -> Counter[tuple[str, str]]:
+    nodes = reached(step.results)
+    total = _count(nodes)
+    calls = [n for n in nodes if n.name == "stage"]
+    if calls:
+        _, inner = calls[0].extra.traced()
+        for key, number in _count(inner).items():
+            total[key] += number * len(calls)
+    return total
+
+
+def _count(nodes: list[Operation]) -> Counter[tuple[str, str]]:
+    counts: Counter[tuple[str, str]] = Counter()
+    for n in nodes:
+        if n.place is None or n.name == "load":
+            continue
+        owner = n.place.owner or _part(n.place.file)
+        if n.place.function == "sincos":
+            counts[owner, "sine_pairs"] += n.name == "bit" and n.extra == 1
+        elif n.name in COUNTED:
+            counts[owner, COUNTED[n.name]] += 1
+    return counts
+
+
+def _part(file: str) -> str:
+    path = Path(file)
+    folder = path.relative_to(PACKAGE).parts[0] if path.is_relative_to(PACKAGE) else "robots"
+    return PARTS.get(folder, "arm")
+
+
+def _owner_of_field(scene: Scene, name: str) -> str:
+    for effect in scene.effects:
+        if name in {identifier(f"{effect.key}.{k}") for k in effect.parameters()}:
+            return effect.key
+    arm = scene.robot
+    of_arm = (*arm.coordinates, *arm.rates, *arm.parameter_values())
+    return "arm" if name in of_arm else "interval"

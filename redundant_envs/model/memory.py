@@ -1,0 +1,153 @@
+"""The numbers of all lanes of a simulator: one array for each lifetime, in blocks of 8 lanes."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from redundant_envs.simulator.blocks import LANES
+from redundant_envs.simulator.dynamics import Dynamics
+from redundant_envs.simulator.lane import LOG, PARAMETER, STATE, Layout
+
+Array = NDArray[np.float64]
+KEPT = (STATE, LOG, PARAMETER)
+
+
+def aligned(*shape: int) -> Array:
+    """Zeros that begin at a cache line: a vector that straddles two is read twice."""
+    size = int(np.prod(shape))
+    raw = np.zeros(size + LANES)
+    first = (-raw.ctypes.data % 64) // 8
+    return raw[first : first + size].reshape(shape)
+
+
+class Memory:
+    """The numbers of ``count`` lanes.
+
+    Lanes beyond ``count`` pad the last block; they hold the nominal scene at rest. All lanes share one block
+    of parameters until they are given different ones. A copy has arrays of its own.
+    """
+
+    def __init__(self, dynamics: Dynamics, layout: Layout, count: int, more: dict[str, float]) -> None:
+        """``more`` are parameters beside those of the scene."""
+        self.dynamics, self.layout, self.count = dynamics, layout, count
+        self.blocks = -(-count // LANES)
+        self.index = np.arange(count)
+        self.arrays: dict[str, Array] = {
+            str(life): aligned(1 if life is PARAMETER else self.blocks, layout.size(life), LANES)
+            for life in KEPT
+        }
+        scene = dynamics.scene
+        steps = {"h": scene.control_dt / scene.substeps, "interval": scene.control_dt}
+        for name, value in {**dynamics.parameters, **steps, **more}.items():
+            self.column(name)[:] = value
+        self.prepare()
+
+    def __getstate__(self) -> dict[str, Any]:
+        arrays = {name: array.copy() for name, array in self.arrays.items()}
+        return {**self.__dict__, "arrays": arrays}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self.arrays = {name: _aligned_copy(array) for name, array in state["arrays"].items()}
+
+    def __copy__(self) -> Memory:
+        return copy.deepcopy(self)
+
+    @property
+    def shared(self) -> bool:
+        """Whether all lanes have the same parameters."""
+        return len(self.arrays[str(PARAMETER)]) == 1
+
+    @property
+    def parameter_stride(self) -> int:
+        """Numbers from the parameters of one block to those of the next."""
+        return 0 if self.shared else self.layout.size(PARAMETER) * LANES
+
+    def column(self, name: str) -> Array:
+        """A field of all blocks, (blocks, 8); of shared parameters (1, 8)."""
+        space, row = self.layout.place(name)
+        return self.arrays[space][:, row]
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.layout and self.layout.fields[name].lifetime in KEPT
+
+    def read(self, names: Sequence[str], index: NDArray[Any] | None = None) -> Array:
+        """Numbers of some lanes as a new array (lanes, names)."""
+        lanes = self.index if index is None else np.asarray(index)
+        table = np.empty((len(lanes), len(names)))
+        for k, name in enumerate(names):
+            column = self.column(name)
+            if len(column) < self.blocks:
+                table[:, k] = column[0, 0]
+            else:
+                table[:, k] = column.reshape(-1)[lanes]
+        return table
+
+    def write(self, names: Sequence[str], values: Any, index: NDArray[Any] | None = None) -> None:
+        """Set numbers of some lanes from an array that broadcasts to (lanes, names)."""
+        lanes = self.index if index is None else np.asarray(index)
+        table = np.broadcast_to(np.asarray(values, dtype=np.float64), (len(lanes), len(names)))
+        for name, column in zip(names, table.T, strict=True):
+            if self.layout.fields[name].lifetime is PARAMETER and self.shared and len(column):
+                same = column.view(np.int64) if column.flags.c_contiguous else column.copy().view(np.int64)
+                present = self.column(name)[0, :1].copy().view(np.int64)
+                if (same == present).all():
+                    continue
+                if len(lanes) == self.count and (same == same[0]).all():
+                    self.column(name)[:] = column[0]
+                    continue
+                self.part()
+            # Not by a view: the blocks of a field are not side by side.
+            self.column(name)[lanes // LANES, lanes % LANES] = column
+
+    def part(self) -> None:
+        """Give each lane parameters of its own."""
+        if self.shared:
+            array = self.arrays[str(PARAMETER)]
+            own = aligned(self.blocks, *array.shape[1:])
+            own[:] = array
+            self.arrays[str(PARAMETER)] = own
+
+    def prepare(self) -> None:
+        """Renew what follows from the parameters alone; to be called after they are set."""
+        values = {name: self.column(name) for name in self.dynamics.parameters}
+        with np.errstate(all="ignore"):  # both sides of a choice are computed, as in compiled code
+            made = self.dynamics.prepare(values)
+        for name, value in made.items():
+            self.column(name)[:] = value
+
+    def forget(self, index: NDArray[Any]) -> None:
+        """Lanes that a stop holds are released, and their steps chosen anew: a new motion begins."""
+        names = [n for n in self.layout.rows[STATE] if n.startswith("active_stop_") or n == "next_step"]
+        if names:
+            self.write(names, 0.0, index)
+
+    # ---- snapshots -------------------------------------------------------------------------------------
+
+    def save(self) -> dict[str, Array]:
+        """Copies of all numbers, in one dimension."""
+        states = [self.arrays[str(life)].reshape(-1) for life in (STATE, LOG)]
+        return {
+            "states": np.concatenate(states),
+            "parameters": self.arrays[str(PARAMETER)].reshape(-1).copy(),
+        }
+
+    def restore(self, states: Array, parameters: Array) -> None:
+        """Take numbers of :meth:`save`, of as many lanes."""
+        split = self.arrays[str(STATE)].size
+        self.arrays[str(STATE)][:] = states[:split].reshape(self.arrays[str(STATE)].shape)
+        self.arrays[str(LOG)][:] = states[split:].reshape(self.arrays[str(LOG)].shape)
+        self.arrays[str(PARAMETER)] = _aligned_copy(
+            parameters.reshape(-1, self.layout.size(PARAMETER), LANES)
+        )
+
+
+def _aligned_copy(array: Array) -> Array:
+    own = aligned(*array.shape)
+    own[:] = array
+    return own

@@ -1,0 +1,142 @@
+"""Compiled programs of scenes, and calls of their kernels."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from redundant_envs.backends import cache
+from redundant_envs.backends.llvm import Entry
+from redundant_envs.model.memory import Memory, aligned
+from redundant_envs.scene import Scene
+from redundant_envs.simulator.advance import advance_kernel
+from redundant_envs.simulator.blocks import LANES, Blocks
+from redundant_envs.simulator.dynamics import Dynamics
+from redundant_envs.simulator.environment import EnvironmentKernel, goal_reward_kernel
+from redundant_envs.simulator.episode import Episode
+from redundant_envs.simulator.interval import Interval
+from redundant_envs.tracing.flow import Kernel, Program
+
+
+@dataclass(frozen=True)
+class Simulator:
+    """A scene, traced: its kernels, and the lanes that they work on."""
+
+    dynamics: Dynamics
+    blocks: Blocks
+    program: Program
+    episode: Episode | None = None
+
+    @property
+    def interval(self) -> Interval:
+        return self.blocks.interval
+
+    @functools.cached_property
+    def key(self) -> str:
+        """Name of the program: equal for scenes that differ in numbers only."""
+        return cache.program_key(self.program)
+
+    @functools.cached_property
+    def kernels(self) -> dict[str, Entry]:
+        """The kernels in machine code, from this process, the folder of the user, or the compiler."""
+        scene = self.dynamics.scene
+        effects = ", ".join(type(e).__name__ for e in scene.effects) or "no effects"
+        what = f"{scene.robot.kind} {scene.integrator} with {effects}"
+        return cache.kernels(self.key, self.program, what + (", as an environment" if self.episode else ""))
+
+
+def batch_simulator(scene: Scene, track_work: bool) -> Simulator:
+    """The simulator of a batch."""
+    dynamics = Dynamics(scene, track_work)
+    kernel, blocks = advance_kernel(dynamics)
+    return Simulator(dynamics, blocks, Program([kernel]))
+
+
+def environment_simulator(scene: Scene, task: Any) -> Simulator:
+    """The simulator of an environment."""
+    episode = Episode(Interval(Dynamics(scene)), task)
+    made = EnvironmentKernel(episode)
+    program = Program([made.p, goal_reward_kernel(task)])
+    return Simulator(episode.dynamics, made.blocks, program, episode)
+
+
+class Call:
+    """A kernel and its arguments, which stay from call to call."""
+
+    def __init__(self, kernel: Kernel, entry: Entry) -> None:
+        self._entry = entry
+        self._places = {name: k for k, name in enumerate(kernel.arguments)}
+        self._frame = np.zeros(len(self._places), dtype=np.int64)
+        self._address = self._frame.ctypes.data
+        self._alive: dict[str, Any] = {}
+
+    def set(self, **arguments: Any) -> None:
+        """Arguments by name: whole numbers and arrays."""
+        for name, value in arguments.items():
+            whole = isinstance(value, int | np.integer)
+            self._frame[self._places[name]] = value if whole else value.ctypes.data
+            self._alive[name] = value
+
+    def __call__(self) -> None:
+        self._entry(self._address)
+
+
+class Part(Call):
+    """A call for some blocks of a memory: those from ``first`` to ``last``."""
+
+    def __init__(self, simulator: Simulator, name: str, memory: Memory, first: int, last: int) -> None:
+        kernel = next(k for k in simulator.program.kernels if k.name == name)
+        super().__init__(kernel, simulator.kernels[name])
+        self.memory, self.first, self.last = memory, first, last
+        self.lanes = slice(first * LANES, min(last * LANES, memory.count))
+        scratch = aligned(simulator.blocks.scratch_size)
+        queue = np.zeros(simulator.blocks.queue_size, dtype=np.int64)
+        self.set(
+            scratch=scratch, queue=queue, substeps=simulator.dynamics.scene.substeps,
+            count=self.lanes.stop - self.lanes.start,
+        )  # fmt: skip
+        self._arrays: dict[str, Any] = {}
+        self.place()
+
+    def place(self) -> None:
+        """Tell the kernel where the memory is: arrays of parameters are replaced when lanes differ."""
+        arrays = self.memory.arrays
+        if all(self._arrays.get(name) is array for name, array in arrays.items()):
+            return
+        self._arrays = dict(arrays)
+        first = 0 if self.memory.shared else self.first
+        self.set(
+            state=arrays["state"][self.first :], log=arrays["log"][self.first :],
+            parameter=arrays["parameter"][first:], parameter_stride=self.memory.parameter_stride,
+        )  # fmt: skip
+
+
+class Team:
+    """A kernel on all blocks of a memory, by as many threads as asked for; they change no bit."""
+
+    def __init__(self, simulator: Simulator, name: str, memory: Memory, threads: int) -> None:
+        cuts = np.linspace(0, memory.blocks, min(threads, memory.blocks) + 1).astype(int).tolist()
+        self.parts = [Part(simulator, name, memory, a, b) for a, b in itertools.pairwise(cuts)]
+        self._start()
+
+    def _start(self) -> None:
+        """Threads belong to a process: one that was forked off starts its own."""
+        self._pool = ThreadPoolExecutor(len(self.parts)) if len(self.parts) > 1 else None
+        self._process = os.getpid()
+
+    def __call__(self) -> None:
+        for part in self.parts:
+            part.place()
+        if self._pool is None:
+            self.parts[0]()
+            return
+        if self._process != os.getpid():
+            self._start()
+        for job in [self._pool.submit(part) for part in self.parts]:
+            job.result()

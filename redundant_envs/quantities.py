@@ -1,0 +1,83 @@
+"""Quantities by their names: found through the functions that give them, when they are asked for."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+from redundant_envs.algebra import arguments_of, gives_of, sincos
+
+Function = Callable[..., Any]
+
+
+@functools.cache
+def givers_of(functions: tuple[Function, ...]) -> dict[str, Function]:
+    """Which function gives a quantity; ValueError if two do."""
+    givers: dict[str, Function] = {}
+    for f in functions:
+        for name in gives_of(f):
+            if givers.setdefault(name, f) is not f:
+                both = " and ".join(f"{g.__module__}.{g.__qualname__}" for g in (givers[name], f))
+                raise ValueError(f"the quantity {name!r} is given by both {both}; rename one of them")
+    return givers
+
+
+class Quantities(dict[str, Any]):
+    """Values by name; one that is not there yet follows from the others, and then stays.
+
+    Parameters
+    ----------
+    known : mapping
+        Values to begin with.
+    functions : sequence of functions
+        What gives further ones, by the names of their arguments.
+    sincos : mapping
+        Angle -> names of its sine and cosine.
+    source : mapping or Lane, optional
+        Has further values, by name, that are looked for before they are computed.
+    rename : mapping, optional
+        Names of arguments -> names of the quantities that they stand for.
+    """
+
+    def __init__(
+        self,
+        known: Mapping[str, Any],
+        functions: Sequence[Function],
+        sincos: Mapping[str, tuple[str, str]],
+        source: Any = (),
+        rename: Mapping[str, str] | None = None,
+    ) -> None:
+        super().__init__(known)
+        self._givers = givers_of(tuple(functions))
+        self._angles = {name: angle for angle, pair in sincos.items() for name in pair}
+        self._sincos = sincos
+        self._source = source
+        self._rename = rename or {}
+        self._asked = ["the scene"]
+
+    def __missing__(self, name: str) -> Any:
+        if name in self._source:
+            self[name] = self._source[name]
+        elif name in self._angles:
+            angle = self._angles[name]
+            self.update(zip(self._sincos[angle], sincos(self[angle]), strict=True))
+        elif name in self._givers:
+            function = self._givers[name]
+            self._asked.append(function.__qualname__)
+            arguments = [self[self._rename.get(a, a)] for a in arguments_of(function)]
+            self._asked.pop()
+            results = function(*arguments)
+            names = gives_of(function)
+            self.update(zip(names, results if len(names) > 1 else (results,), strict=True))
+        else:
+            known = sorted({*self, *self._givers, *self._angles})
+            raise ValueError(
+                f"{self._asked[-1]} needs the quantity {name!r}, which nothing gives; known: "
+                f"{', '.join(known)}"
+            )
+        return self[name]
+
+    def each(self, names: Iterable[str]) -> list[Any]:
+        """Several values, in order."""
+        return [self[name] for name in names]

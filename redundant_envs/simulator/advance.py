@@ -1,0 +1,57 @@
+"""The program of a batch: all lanes through a control interval under given efforts."""
+
+from __future__ import annotations
+
+from functools import reduce
+from typing import Any
+
+from redundant_envs.algebra import where
+from redundant_envs.simulator.blocks import MEMORY, Block, Blocks, Ends
+from redundant_envs.simulator.dynamics import Dynamics
+from redundant_envs.simulator.interval import GIVEN_UP, Fault, Interval, Plan
+from redundant_envs.simulator.lane import Lane
+from redundant_envs.tracing.flow import Kernel
+
+COLUMNS = {"error": "f64", "finite": "i8", "evaluations": "i64", "events": "i64", "numerics": "i8"}
+"""What the kernel tells of each lane, and the types of these arrays."""
+
+
+def advance_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:
+    """A kernel that takes ``efforts`` (lanes, joints) and fills :data:`COLUMNS`."""
+    interval = Interval(dynamics)
+    p = Kernel("advance", {**MEMORY, "efforts": "f64", **COLUMNS})
+    blocks = Blocks(p, interval, interval.layout())
+    gives_up = interval.local and (bool(interval.stops) or interval.plan is Plan.ADAPTIVE)
+
+    def end(lane: Lane) -> dict[Any, Any]:
+        motion = lane.get(dynamics.states[: 2 * dynamics.count])
+        defect = reduce(lambda total, x: total + 0.0 * x, motion[1:], 0.0 * motion[0])
+        told: dict[str, Any] = {}
+        fault: Any = 0.0
+        if interval.local:
+            fault, given_up = lane.fault, lane.fault >= GIVEN_UP
+            defect = where(given_up, 0.0, defect)
+            told["evaluations"] = lane.evaluations
+        if interval.stops:
+            told["events"] = where(given_up, 0.0, lane.impacts)
+        if gives_up:
+            interval.undo(lane, given_up)
+        if interval.logs:
+            lane.logged = where(given_up, 0.0, lane.logged)
+        if interval.estimates:
+            told["error"] = lane.error
+        told["finite"] = defect == 0.0
+        told["numerics"] = where(defect == 0.0, 0.0, float(Fault.NON_FINITE)) + fault
+        return {(name, COLUMNS[name], 0, 0): value for name, value in told.items()}
+
+    told = ["finite", "numerics"]
+    told += ["evaluations"] if interval.local else []
+    told += ["error"] if interval.estimates else []
+    told += ["events"] if interval.stops else []
+
+    def outputs(block: Block) -> dict[str, Any]:
+        return {name: p[name] + block.first for name in told}
+
+    blocks.advance(Ends(lambda lane: None, {"efforts": ("f64", dynamics.commands)}, end, outputs))
+    blocks.prune()
+    return p, blocks

@@ -1,0 +1,210 @@
+"""The dynamics of a scene: what its arm and its effects give, found by the names of quantities."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, reduce
+from typing import Any
+
+from redundant_envs.algebra import arguments_of, gives_of, maximum
+from redundant_envs.effects.hooks import Actuation, Effect, Field, Force, Impact
+from redundant_envs.integrators import step_control
+from redundant_envs.integrators.tableaus import METHODS, Tableau
+from redundant_envs.quantities import Quantities
+from redundant_envs.scene import Scene, identifier
+from redundant_envs.tracing.graph import owned
+
+NO_FIELD = -0.0
+"""The additive identity: x + (-0.0) is x for every x, so an absent field leaves no operation."""
+
+
+@dataclass(frozen=True)
+class Stop:
+    """A slider whose travel ends at stops: its joint, and the fields with its numbers."""
+
+    joint: int
+    name: str
+    lower: str
+    upper: str
+    restitution: str
+
+
+@dataclass(frozen=True)
+class Dynamics:
+    """The equations of motion of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    track_work : bool
+        Whether the work of motors and of forces without a potential is a state, too.
+    """
+
+    scene: Scene
+    track_work: bool = False
+
+    @property
+    def arm(self) -> Any:
+        return self.scene.robot
+
+    @property
+    def method(self) -> Tableau:
+        return METHODS[self.scene.integrator]
+
+    @property
+    def count(self) -> int:
+        """Joints of the arm."""
+        return len(self.arm.coordinates)
+
+    @cached_property
+    def others(self) -> tuple[str, ...]:
+        """States of first order."""
+        return ("work",) if self.track_work else ()
+
+    @cached_property
+    def states(self) -> tuple[str, ...]:
+        """Integrated states: coordinates, velocities, and others."""
+        return (*self.arm.coordinates, *self.arm.rates, *self.others)
+
+    @cached_property
+    def commands(self) -> tuple[str, ...]:
+        """Fields of the commanded efforts."""
+        return tuple(f"command{k + 1}" for k in range(self.count))
+
+    @cached_property
+    def hooks(self) -> list[tuple[Effect, Any]]:
+        """Where the scene's effects attach."""
+        return [(e, h) for e in self.scene.effects for h in e.hooks(self.arm)]
+
+    @cached_property
+    def stops(self) -> tuple[Stop, ...]:
+        """Sliders that have stops."""
+        return tuple(
+            Stop(
+                h.joint, self.arm.joints[h.joint],
+                *(identifier(f"{e.key}{own}") for own in (h.lower, h.upper, h.restitution)),
+            )
+            for e, h in self.hooks
+            if isinstance(h, Impact)
+        )  # fmt: skip
+
+    # ---- parameters, and what follows from them alone ---------------------------------------------
+
+    @cached_property
+    def parameters(self) -> dict[str, float]:
+        """Numbers of the scene: identifier -> nominal value."""
+        values = {identifier(k): v for k, v in self.scene.parameters().items()}
+        if self.scene.tolerance is not None:
+            values["tip_tolerance"] = self.scene.tolerance
+        return values
+
+    def prepare(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
+        """What follows from the parameters alone, to be found when they are set."""
+        functions = (*self.arm.prepared, self.arm.mobility_bounds)
+        x = Quantities(parameters, functions, {})
+        made = {name: x[name] for f in self.arm.prepared for name in gives_of(f)}
+        for effect, hook in self.hooks:
+            if isinstance(hook, Field) and set(self.bound(effect, hook, hook.function)) <= set(parameters):
+                made["ax"], made["ay"] = self.apply(effect, hook, hook.function, x)
+        rates = self._rates_of_steps(x) if self.controlled else []
+        return {**made, "steady": reduce(maximum, rates)} if rates else made
+
+    @cached_property
+    def prepared(self) -> tuple[str, ...]:
+        """Names of :meth:`prepare`."""
+        return tuple(self.prepare(self.parameters))
+
+    @property
+    def controlled(self) -> bool:
+        """Whether steps are chosen for their error."""
+        return self.scene.tolerance is not None or self.scene.integrator == "dop853"
+
+    def _rates_of_steps(self, x: Quantities) -> list[Any]:
+        """Steps per second that each spring and damper needs at least."""
+        rates = []
+        for effect, hook in self.hooks:
+            if not isinstance(hook, Force):
+                continue
+            for function, rule in (
+                (hook.stiffness, step_control.steps_of_spring),
+                (hook.damping, step_control.steps_of_damper),
+            ):
+                if function is not None:
+                    rates.append(rule(self.apply(effect, hook, function, x), x[f"W{hook.joint + 1}"]))
+        return rates
+
+    @cached_property
+    def numbers(self) -> tuple[str, ...]:
+        """Everything that is constant in a step: parameters and what is prepared from them."""
+        return (*self.parameters, *self.prepared)
+
+    # ---- effects -----------------------------------------------------------------------------------
+
+    def bound(self, effect: Effect, hook: Any, function: Callable[..., Any]) -> list[str]:
+        """Names of the quantities that a function of a hook takes."""
+        sources = [hook.bind.get(a, a) for a in arguments_of(function)]
+        return [identifier(f"{effect.key}{s}") if s.startswith(".") else s for s in sources]
+
+    def apply(self, effect: Effect, hook: Any, function: Callable[..., Any], x: Quantities) -> Any:
+        """A function of a hook on quantities."""
+        arguments = x.each(self.bound(effect, hook, function))
+        with owned(effect.key):
+            return function(*arguments)
+
+    # ---- equations of motion -----------------------------------------------------------------------
+
+    def quantities(self, states: Sequence[Any], numbers: Any, held: bool = False) -> Quantities:
+        """Quantities of the arm, from states, and numbers and efforts by name; ``held``: with the dynamics of
+        sliders that may rest at their stops."""
+        functions: Iterable[Any] = self.arm.functions
+        if held:
+            functions = [f for f in functions if "qdd1" not in gives_of(f)]
+            functions = (*functions, self.arm.held_dynamics, self.arm.slider_mobility)
+        return Quantities(
+            dict(zip(self.states, states, strict=False)), tuple(functions), self.arm.sincos, numbers
+        )
+
+    def accelerations(self, x: Quantities) -> list[Any]:
+        """Accelerations from quantities, and the power if the work is tracked; ``x`` then has the forces."""
+        joints = range(self.count)
+        effort = x.each(self.commands)
+        if "ax" not in self.prepared:
+            x["ax"], x["ay"] = NO_FIELD, NO_FIELD
+        for effect, hook in self.hooks:
+            if isinstance(hook, Field) and "ax" not in self.prepared:
+                del x["ax"], x["ay"]
+                x["ax"], x["ay"] = self.apply(effect, hook, hook.function, x)
+            elif isinstance(hook, Actuation):
+                effort[hook.joint] = self.apply(effect, hook, hook.function, x)
+        at_joints = self.scene.actuation == "joint"
+        total: list[Any] = list(effort) if at_joints else [None for _ in joints]
+        working: list[Any] = list(total)
+        for effect, hook in self.hooks:
+            if not isinstance(hook, Force):
+                continue
+            k, force = hook.joint, self.apply(effect, hook, hook.function, x)
+            total[k] = _plus(total[k], force)
+            if hook.conservative is hook.function:
+                continue
+            working[k] = _plus(working[k], force)
+            if hook.conservative is not None and self.track_work:
+                working[k] = working[k] + (-self.apply(effect, hook, hook.conservative, x))
+        if any(t is not None for t in total):
+            x.update({f"t{k + 1}": 0.0 if total[k] is None else total[k] for k in joints})
+            forces = x.each(f"Q{k + 1}" for k in joints)
+            if not at_joints:
+                x.update({f"Q{k + 1}": forces[k] + effort[k] for k in joints})
+        else:
+            x.update({f"Q{k + 1}": effort[k] for k in joints})
+        results = x.each(f"qdd{k + 1}" for k in joints)
+        if self.track_work:
+            power = [working[k] * x[f"phid{k + 1}"] for k in joints if working[k] is not None]
+            if not at_joints:
+                power += [e * x[v] for e, v in zip(effort, self.arm.rates, strict=True)]
+            results.append(sum(power[1:], power[0]) if power else 0.0)
+        return results
+
+
+def _plus(a: Any, b: Any) -> Any:
+    return b if a is None else a + b

@@ -1,0 +1,234 @@
+"""The programs of an environment: step, reset and observe all lanes, and the reward of goals."""
+
+from __future__ import annotations
+
+import enum
+from typing import Any
+
+from redundant_envs.quantities import Quantities
+from redundant_envs.simulator.blocks import LANES, MEMORY, Block, Blocks, Ends
+from redundant_envs.simulator.episode import ENDS, Episode
+from redundant_envs.simulator.lane import PARAMETER, SCRATCH, STATE, Field, Lane, Layout, traced
+from redundant_envs.tasks.reach import goal_error
+from redundant_envs.tracing.flow import Kernel, Scalar
+
+
+class Operation(enum.IntEnum):
+    """What a call of the kernel does."""
+
+    STEP = 0
+    RESET = 1
+    OBSERVE = 2
+    CHECKED_STEP = 3
+    """A step that does nothing but give a first reward that is not a number, if an action is not finite."""
+
+
+class Autoreset(enum.IntEnum):
+    """When lanes whose episodes have ended begin anew."""
+
+    DISABLED = 0
+    NEXT_STEP = 1
+    SAME_STEP = 2
+
+
+KEY_WORDS = 4
+TICKET = KEY_WORDS + 1
+"""A ticket is the key of a lane's next episode, four words, and whether the lane is to begin or has begun."""
+DUE, BEGUN = 1, 2
+ROUNDS = 10
+ARGUMENTS = {
+    "actions": "f32", "obs": "f32", "out": "f64", "out_stride": "int", "last_obs": "f32", "last_out": "f64",
+    "tickets": "u32", "operation": "int", "autoreset": "int", "any_due": "int",
+}  # fmt: skip
+NOT_A_NUMBER = float("nan")
+INFINITY = float("inf")
+
+
+class EnvironmentKernel:
+    """Step, reset or observe all environments in one call.
+
+    After an autoreset in the same step ``last_obs`` and ``last_out`` hold what was before it.
+    """
+
+    def __init__(self, episode: Episode) -> None:
+        self.episode = episode
+        self.p = p = Kernel("environment", {**MEMORY, **ARGUMENTS})
+        self.blocks = Blocks(p, episode.interval, episode.layout())
+        self.inputs = {"actions": ("f32", episode.actions)}
+        self.observed = self.blocks.function("observe", episode.observe)
+        self.reset = self.blocks.function("reset", episode.reset)
+        self._record()
+        self.blocks.prune()
+
+    def _record(self) -> None:
+        p = self.p
+        operation = p["operation"]
+        checked, count = operation == Operation.CHECKED_STEP, p["count"] * len(self.episode.actions)
+        with p.when(checked), p.each(count) as k:
+            action = p.load(p["actions"], k)
+            bad = (action != action) | (action == INFINITY) | (action == -INFINITY)
+            with p.when(bad):
+                p.store(p["out"], 0, NOT_A_NUMBER)
+                p.leave()
+        steps = (operation == Operation.STEP) | (operation == Operation.CHECKED_STEP)
+        with p.when(steps):
+            ends = Ends(self.episode.command, self.inputs, self.end, self.outputs, self.renew)
+            self.blocks.advance(ends)
+        with p.when(~steps), p.each(self.blocks.count) as number:
+            block = self.blocks.block(number, 0)
+            with p.when(operation == Operation.RESET):
+                self.begin_due(block)
+            p.call(self.observed, **block.places, **self.outputs(block))
+
+    def end(self, lane: Lane) -> Any:
+        self.episode.finish_control_step(lane)
+        lane.next_part()
+        return self.episode.observe(lane)
+
+    def outputs(self, block: Block) -> dict[str, Any]:
+        p = self.p
+        obs = p["obs"] + block.first * len(self.episode.observed)
+        return {"obs": obs, "out": p["out"] + block.first, "out_stride": p["out_stride"]}
+
+    # ---- new episodes ----------------------------------------------------------------------------------
+
+    def _flag(self, lane: Scalar) -> Scalar:
+        return lane * TICKET + KEY_WORDS
+
+    def begin_due(self, block: Block, then: int = DUE) -> Scalar:
+        """New episodes of the lanes of a block whose tickets say so; tells whether there are any."""
+        p = self.p
+        some = p.variable(0)
+        self._clear(block)
+        with p.each(block.lanes) as k:
+            lane = block.first + k
+            with p.when(p.load(p["tickets"], self._flag(lane)) != 0):
+                self.draw(block, k)
+                p.store(p["tickets"], self._flag(lane), then)
+                some.value = 1
+        with p.when(some.value != 0):
+            p.call(self.reset, **block.places)
+        return some.value
+
+    def _clear(self, block: Block) -> None:
+        space, row = self._place("resetting")
+        with self.p.each(LANES) as k:
+            self.p.store(block.places[space], k + row * LANES, 0.0)
+
+    def _place(self, name: str) -> tuple[str, int]:
+        return self.blocks.layout.place(name)
+
+    def draw(self, block: Block, k: Scalar) -> None:
+        """The draws of a lane's next episode, from its key and nothing else."""
+        p = self.p
+        key = [p.load(p["tickets"], (block.first + k) * TICKET + w) for w in range(KEY_WORDS)]
+        draws = self.episode.draws
+        for group in range(0, len(draws), 4):
+            words = philox(p, key[:2], [group // 4, 0, key[2], key[3]])
+            for name, word in zip(draws[group : group + 4], words, strict=False):
+                space, row = self._place(name)
+                p.store(block.places[space], k + row * LANES, uniform(p, word))
+        space, row = self._place("resetting")
+        p.store(block.places[space], k + row * LANES, 1.0)
+
+    def renew(self, block: Block) -> None:
+        """Autoreset of a block that has made its step."""
+        p, blocks = self.p, self.blocks
+        valid = p.record("<<", 1, block.lanes) - 1
+        places = block.places
+        done = (blocks.mask(places, "terminated") | blocks.mask(places, "truncated")) & valid
+        with p.when(p["autoreset"] == Autoreset.NEXT_STEP):
+            begun = p.variable(0)
+            with p.when(p["any_due"] != 0):
+                with p.each(block.lanes) as k, p.when(self._due(block.first + k)):
+                    begun.value = begun.value | p.record("<<", 1, k)
+                with p.when(begun.value != 0):
+                    self.begin_due(block, BEGUN)
+                    p.call(self.observed, **places, **self.outputs(block))
+            with p.each_set(done & ~begun.value) as k:
+                p.store(p["tickets"], self._flag(block.first + k), DUE)
+        with p.when((p["autoreset"] == Autoreset.SAME_STEP) & (done != 0)):
+            self._clear(block)
+            with p.each_set(done) as k:
+                self._keep_last(block.first + k)
+                self.draw(block, k)
+                p.store(p["tickets"], self._flag(block.first + k), DUE)
+            p.call(self.reset, **places)
+            p.call(self.observed, **places, **self.outputs(block))
+            with p.each_set(done) as k, p.each(len(ENDS)) as column:
+                at = column * p["out_stride"] + (block.first + k)
+                p.store(p["out"], at, p.load(p["last_out"], at))
+
+    def _due(self, lane: Scalar) -> Scalar:
+        return self.p.load(self.p["tickets"], self._flag(lane)) == DUE
+
+    def _keep_last(self, lane: Scalar) -> None:
+        """What a lane shows before it begins anew."""
+        p, width = self.p, len(self.episode.observed)
+        with p.each(width) as column:
+            p.store(p["last_obs"], lane * width + column, p.load(p["obs"], lane * width + column))
+        with p.each(len(self.episode.outputs)) as column:
+            at = column * p["out_stride"] + lane
+            p.store(p["last_out"], at, p.load(p["out"], at))
+
+
+def philox(p: Kernel, key: list[Any], counter: list[Any]) -> list[Any]:
+    """Philox4x32-10 (Salmon et al., SC11): four 32-bit words from a key and a counter."""
+    low = 0xFFFFFFFF
+    k0, k1 = key
+    c0, c1, c2, c3 = counter
+    zero = k0 & 0
+    c0, c1 = zero + c0, zero + c1
+    for _ in range(ROUNDS):
+        a = c0 * 0xD2511F53
+        b = c2 * 0xCD9E8D57
+        c0, c1, c2, c3 = (b >> 32) ^ c1 ^ k0, b & low, (a >> 32) ^ c3 ^ k1, a & low
+        k0, k1 = (k0 + 0x9E3779B9) & low, (k1 + 0xBB67AE85) & low
+    return [c0, c1, c2, c3]
+
+
+def uniform(p: Kernel, word: Scalar) -> Scalar:
+    """A 32-bit word as a float in (0, 1)."""
+    return (p.number(word) + 0.5) * 2.3283064365386963e-10
+
+
+GOAL_FIELDS = ("achieved_x", "achieved_y", "desired_x", "desired_y")
+
+
+def goal_layout() -> Layout:
+    """Fields of the reward of goals: pairs, and the numbers that it depends on."""
+    return Layout(
+        [
+            *(Field(name, "m", "of a pair of goals", SCRATCH) for name in GOAL_FIELDS),
+            Field("reach", "m", "of the arm", PARAMETER),
+            Field("goal_tolerance", "", "in units of the reach", PARAMETER),
+            Field("unused", "", "a state that lanes must have", STATE),
+        ]
+    )
+
+
+def goal_reward_kernel(task: Any) -> Kernel:
+    """A kernel for the reward of goal environments, from both goals alone, in whole blocks."""
+    p = Kernel(
+        "goal_reward",
+        {"pairs": "f64", "numbers": "f64", "reward": "f64", "blocks": "int"},
+    )  # fmt: skip
+    layout = goal_layout()
+
+    def reward(lane: Lane) -> dict[Any, Any]:
+        known = {
+            "tip_x": lane.achieved_x, "tip_y": lane.achieved_y, "goal_x": lane.desired_x,
+            "goal_y": lane.desired_y, "reach": lane.reach, "goal_tolerance": lane.goal_tolerance,
+        }  # fmt: skip
+        x = Quantities(known, (goal_error, task.goal_reward), {})
+        return {("reward", "f64", 0, 0): x["goal_reward"]}
+
+    function = traced("goal_reward", layout, reward, inputs={"pairs": ("f64", GOAL_FIELDS)})
+    function.stores.clear()  # these lanes have no memory
+    with p.each(p["blocks"]) as block:
+        pairs = p["pairs"] + block * (LANES * len(GOAL_FIELDS))
+        p.call(
+            function, pairs=pairs, reward=p["reward"] + block * LANES, parameter=p["numbers"],
+            state=p["numbers"], scratch=p["numbers"], log=p["numbers"],
+        )  # fmt: skip
+    return p

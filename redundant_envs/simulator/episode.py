@@ -1,0 +1,254 @@
+"""Episodes of a task: efforts from actions, reward and faults after an interval, observation, new starts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property, reduce
+from typing import Any
+
+from redundant_envs.algebra import gives_of, logical_not, maximum, minimum, where
+from redundant_envs.quantities import Quantities
+from redundant_envs.scene import identifier
+from redundant_envs.simulator.dynamics import Dynamics
+from redundant_envs.simulator.fields import copies
+from redundant_envs.simulator.interval import GIVEN_UP, Fault, Interval
+from redundant_envs.simulator.lane import PARAMETER, SCRATCH, STATE, Field, Lane, Layout
+from redundant_envs.tasks.limits import depth_beyond, hard_stops, narrowed, spring_limits
+
+TIP, GOAL = ("tip_x", "tip_y"), ("goal_x", "goal_y")
+"""Achieved and desired goal, the last columns of the outputs."""
+ENDS = ("reward", "terminated", "truncated")
+"""The first columns of the outputs."""
+
+
+@dataclass(frozen=True)
+class Episode:
+    """What the lanes of an environment do beside moving.
+
+    Parameters
+    ----------
+    interval : Interval
+    task : ReachTask
+    """
+
+    interval: Interval
+    task: Any
+
+    @property
+    def dynamics(self) -> Dynamics:
+        return self.interval.dynamics
+
+    @property
+    def arm(self) -> Any:
+        return self.dynamics.arm
+
+    @cached_property
+    def actions(self) -> tuple[str, ...]:
+        return tuple(f"action{k + 1}" for k in range(self.dynamics.count))
+
+    @cached_property
+    def draws(self) -> tuple[str, ...]:
+        """Uniform draws of an episode."""
+        return tuple(f"u{k + 1}" for k in range(self.task.draws))
+
+    @cached_property
+    def returns(self) -> tuple[str, ...]:
+        """Sums of the reward terms."""
+        return tuple(f"{t}_sum" for t in self.task.reward_terms())
+
+    @cached_property
+    def spent(self) -> tuple[str, ...]:
+        """Of an episode so far: evaluations, located events, and the largest error of an interval."""
+        interval = self.interval
+        if not interval.local:
+            return ()
+        counts = ("evaluations_sum", "events_sum") if interval.stops else ("evaluations_sum",)
+        return (*counts, "error_most") if self.dynamics.scene.tolerance is not None else counts
+
+    @cached_property
+    def counts(self) -> tuple[str, ...]:
+        """What a lane remembers of its episode beside its state and the task's memory."""
+        return (*self.returns, *self.spent, "steps", "saturated", "numerics")
+
+    @cached_property
+    def observed(self) -> tuple[str, ...]:
+        """Observed quantities in order."""
+        return tuple(self.task.observation(self.dynamics.scene))
+
+    @cached_property
+    def outputs(self) -> tuple[str, ...]:
+        """Columns of the table that a step of an environment fills."""
+        beyond = ("beyond_limit",) if spring_limits(self.dynamics.scene) else ()
+        counted = ("numerics", "saturated", "steps", *self.spent, *self.returns)
+        return (*ENDS, *self.task.measures, *beyond, *counted, *TIP, *GOAL)
+
+    @cached_property
+    def aliases(self) -> dict[str, str]:
+        """Quantities the task names otherwise than the scene."""
+        return {k: identifier(v) for k, v in self.task.aliases(self.dynamics.scene).items()}
+
+    def fields(self) -> Iterator[Field]:
+        """Fields of the lanes, those of the interval included."""
+        interval = self.interval
+        yield from interval.fields()
+        if not interval.local:
+            kept = [Field(name, "", name, STATE) for name in interval.kept]
+            yield from copies(kept, "{}_start", "when the interval began")
+        for name in self.task.parameters():
+            yield Field(name, "", "number of the task", PARAMETER)
+        yield Field("limit", "", "control steps of an episode", PARAMETER)
+        for name in self.task.memory:
+            yield Field(name, "", "memory of the task", STATE)
+        for name in self.counts:
+            yield Field(name, "", "of the episode so far", STATE)
+        for name in self.task.results:
+            yield Field(name, "", "of the last step", STATE)
+        for name in self.actions:
+            yield Field(name, "", "action in [-1, 1] of the last step, which pictures show", STATE)
+        for name in self.draws:
+            yield Field(name, "", "uniform draw in (0, 1)", SCRATCH)
+        yield Field("resetting", "", "a new episode begins", SCRATCH, truth=True)
+
+    def layout(self) -> Layout:
+        return Layout(self.fields())
+
+    def quantities(self, lane: Lane, known: Mapping[str, Any], functions: Any = None) -> Quantities:
+        """Quantities of the arm and the task."""
+        if functions is None:
+            functions = (*self.arm.functions, *self.task.functions(self.dynamics.scene))
+        names = self._numbers
+        source = {n: lane[self.aliases.get(n, n)] for n in names}
+        return Quantities(
+            {**source, **known}, functions, {**self.arm.sincos, **self.task.angles}, (), self.aliases
+        )
+
+    @cached_property
+    def _numbers(self) -> tuple[str, ...]:
+        return (*self.dynamics.numbers, *self.task.parameters())
+
+    # ---- a control step --------------------------------------------------------------------------------
+
+    def command(self, lane: Lane) -> None:
+        """Efforts from actions: saturate and count; a bad one is noted and commands nothing."""
+        if not self.interval.local:
+            lane.set(self.interval.kept, lane.get(self.interval.kept), of="{}_start")
+        count: Any = 0.0
+        defect: Any = 0.0
+        for k, name in enumerate(self.actions):
+            action = lane[name]
+            clipped = minimum(maximum(action, -1.0), 1.0)
+            count = count + where(clipped != action, 1.0, 0.0)
+            defect = defect + (action - action)
+            used = where(action - action == 0.0, clipped, 0.0)
+            lane[name] = used
+            lane[self.dynamics.commands[k]] = used * lane[f"effort_limits_limits_{k}"]
+        lane.numerics = where(defect == 0.0, 0.0, float(Fault.BAD_ACTION))
+        lane.saturated = lane.saturated + where(defect == 0.0, count, 0.0)
+
+    def finish_control_step(self, lane: Lane) -> None:
+        """After an interval: faults, task memory, reward and the ends of episodes.
+
+        A faulty lane goes back to its last good state; its neighbours do not notice.
+        """
+        interval, task, states = self.interval, self.task, self.dynamics.states
+        defect = interval.defect(lane.get(states))
+        code = lane.numerics + where(defect == 0.0, 0.0, float(Fault.NON_FINITE))
+        if interval.local:
+            code = code + where(lane.fault >= GIVEN_UP, lane.fault, 0.0)
+        fastest = reduce(maximum, (abs(lane[v]) for v in self.arm.rates))
+        too_fast = logical_not(code > 0.0) & (fastest > lane.speed_bound)
+        fast = where(too_fast, float(Fault.SPEED_BOUND), 0.0)
+        if task.speed_bound_ends:
+            code = code + fast
+        faulty = code > 0.0
+        interval.undo(lane, faulty)
+        x = self.quantities(lane, {n: lane[n] for n in (*states, *task.memory, *self.actions)})
+        terms = task.reward_terms()
+        earned = [t for t in terms if t != "end_term"]
+        if len(earned) < len(terms):
+            x["ended"] = code
+            x["paid"] = _sum([lane[f"{t}_sum"] + x[t] for t in earned])
+        lane.reward = _sum(x.each(terms))
+        new = {name: x[source] for name, source in task.renewed.items()}
+        for t in terms:
+            lane[f"{t}_sum"] = lane[f"{t}_sum"] + x[t]
+        for name, value in new.items():
+            lane[name] = value
+        told = code if task.speed_bound_ends else code + fast
+        if interval.local:
+            told = told + where(lane.fault < GIVEN_UP, lane.fault, 0.0)
+        lane.numerics = told
+        lane.steps = lane.steps + 1.0
+        lane.terminated = where(faulty, 1.0, 0.0)
+        lane.truncated = where(lane.steps >= lane.limit, 1.0, 0.0)
+        for name in task.results:
+            if name not in ENDS:
+                lane[name] = x[name]
+        for name in self.spent:
+            lane[name] = self._spent(lane, name)
+
+    @staticmethod
+    def _spent(lane: Lane, name: str) -> Any:
+        if name == "error_most":
+            return maximum(lane.error_most, lane.error)
+        return lane[name] + (lane.evaluations if name == "evaluations_sum" else lane.impacts)
+
+    # ---- observation -----------------------------------------------------------------------------------
+
+    def observe(self, lane: Lane) -> dict[Any, Any]:
+        """Observations and outputs: a function of the state and the goal alone."""
+        scene, memory = self.dynamics.scene, (*self.task.memory, *self.counts, *self.task.results)
+        x = self.quantities(lane, {n: lane[n] for n in (*self.dynamics.states, *self.task.memory)})
+        count = len(self.observed)
+        shown = {("obs", "f32", k, count): x[name] for k, name in enumerate(self.observed)}
+        for k, name in enumerate(self.outputs):
+            if name == "beyond_limit":
+                depths = [
+                    depth_beyond(x[f"phi{joint + 1}"], lane[identifier(low)], lane[identifier(high)])
+                    for joint, low, high in spring_limits(scene)
+                ]
+                value = reduce(maximum, depths)
+            else:
+                value = lane[name] if name in memory else x[name]
+            shown["out", "f64", k, 0] = value
+        return shown
+
+    # ---- a new episode ---------------------------------------------------------------------------------
+
+    def reset(self, lane: Lane) -> None:
+        """A new episode in the lanes that are ``resetting``, from their draws."""
+        task, arm, interval = self.task, self.arm, self.interval
+        functions = (
+            *(f for f in arm.functions if "phi1" not in gives_of(f)),
+            *task.functions(self.dynamics.scene), *task.begin_functions, arm.coordinates_of_joints,
+        )  # fmt: skip
+        drawn = [m for m in task.memory if m not in task.renewed]
+        x = self.quantities(lane, {**{u: lane[u] for u in self.draws}, **self.start_ranges(lane)}, functions)
+        values = {name: x[name] for name in (*arm.coordinates, *drawn)}
+        remembered = [m for m in (*task.memory, *self.counts) if m not in drawn]
+        zero = [*arm.rates, *remembered, *interval.active, *task.results]
+        zero += ["next_step"] if "next_step" in lane else []
+        for name, value in {**values, **dict.fromkeys(zero, 0.0)}.items():
+            lane[name] = where(lane.resetting, value, lane[name])
+
+    def start_ranges(self, lane: Lane) -> dict[str, Any]:
+        """Each joint's range of starts inside the lane's own limits."""
+        scene, ranges = self.dynamics.scene, {}
+        limits = [*spring_limits(scene), *hard_stops(scene)]  # a hard stop has the last word
+        for joint in range(self.dynamics.count):
+            low, high = (_signed(lane, text) for text in self.task.start_range(scene, joint))
+            for limited, lower, upper in limits:
+                if limited == joint:
+                    low, high = narrowed(low, high, lane[identifier(lower)], lane[identifier(upper)])
+            ranges[f"start_low{joint + 1}"], ranges[f"start_high{joint + 1}"] = low, high
+        return ranges
+
+
+def _signed(lane: Lane, text: str) -> Any:
+    name = identifier(text.removeprefix("-"))
+    return -lane[name] if text.startswith("-") else lane[name]
+
+
+def _sum(terms: list[Any]) -> Any:
+    return sum(terms[1:], terms[0])

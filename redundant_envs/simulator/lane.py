@@ -1,0 +1,182 @@
+"""The memory of a lane: declared fields, and lanes of any kind of numbers that have them."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from redundant_envs.algebra import where
+from redundant_envs.tracing.flow import LaneFunction, Output
+from redundant_envs.tracing.graph import Graph
+from redundant_envs.tracing.number import Condition, Number, value_of
+
+
+class Lifetime(enum.StrEnum):
+    """How long a field is remembered; also the name of the memory it lives in."""
+
+    STATE = "state"
+    """From interval to interval: saved, restored and reset."""
+    PARAMETER = "parameter"
+    """Set by a user, and what follows from that alone; one for all lanes until they differ."""
+    SCRATCH = "scratch"
+    """Within an interval."""
+    LOG = "log"
+    """What happened in an interval, to be read after it."""
+
+
+STATE, PARAMETER, SCRATCH, LOG = Lifetime
+
+
+@dataclass(frozen=True)
+class Field:
+    """A number that every lane has.
+
+    Attributes
+    ----------
+    name, unit, doc : str
+    lifetime : Lifetime
+    truth : bool
+        Whether it holds a condition, as 1 or 0.
+    """
+
+    name: str
+    unit: str
+    doc: str
+    lifetime: Lifetime
+    truth: bool = False
+
+
+class Layout:
+    """Fields, and the rows where they live."""
+
+    def __init__(self, fields: Iterable[Field]) -> None:
+        self.fields: dict[str, Field] = {}
+        self.rows: dict[Lifetime, dict[str, int]] = {lifetime: {} for lifetime in Lifetime}
+        for f in fields:
+            if f.name in self.fields:
+                raise ValueError(f"two fields are called {f.name!r}; rename one")
+            self.fields[f.name] = f
+            self.rows[f.lifetime][f.name] = len(self.rows[f.lifetime])
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.fields
+
+    def place(self, name: str) -> tuple[str, int]:
+        """Memory and row of a field; an unknown name lists those there are."""
+        if name not in self.fields:
+            raise AttributeError(f"a lane has no field {name!r}; it has {', '.join(self.fields)}")
+        lifetime = self.fields[name].lifetime
+        return str(lifetime), self.rows[lifetime][name]
+
+    def size(self, lifetime: Lifetime) -> int:
+        """Number of rows of a memory."""
+        return len(self.rows[lifetime])
+
+
+class Lane:
+    """One lane, or many alike: fields are read and set as attributes, or by ``lane[name]``.
+
+    A field that was set is read as it is then. ``load`` gives what a field was before, by its name.
+    """
+
+    __slots__ = ("_layout", "_load", "_now", "_written")
+
+    def __init__(self, layout: Layout, load: Callable[[str], Any]) -> None:
+        object.__setattr__(self, "_layout", layout)
+        object.__setattr__(self, "_load", load)
+        object.__setattr__(self, "_now", {})
+        object.__setattr__(self, "_written", {})
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._now:
+            self._layout.place(name)
+            value = self._load(name)
+            self._now[name] = value > 0.0 if self._layout.fields[name].truth else value
+        return self._now[name]
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        self._layout.place(name)
+        self._now[name] = self._written[name] = value
+
+    def __getattr__(self, name: str) -> Any:
+        return self[name]
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        self[name] = value
+
+    def next_part(self) -> None:
+        """What follows is computed apart from what was before, to the bits that it has alone."""
+
+    def get(self, names: Iterable[str], of: str = "{}") -> list[Any]:
+        """Several fields, ``of`` being a form of their names such as "{}_start"."""
+        return [self[of.format(name)] for name in names]
+
+    def set(self, names: Iterable[str], values: Iterable[Any], of: str = "{}") -> None:
+        """Set several fields."""
+        for name, value in zip(names, values, strict=True):
+            self[of.format(name)] = value
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._layout
+
+    def written(self) -> dict[str, Any]:
+        """Fields that were set, and the last values of each: conditions as 1 or 0."""
+        return {
+            name: where(value, 1.0, 0.0) if self._layout.fields[name].truth else value
+            for name, value in self._written.items()
+        }
+
+
+class TracedLane(Lane):
+    """A lane whose numbers are recorded in a graph."""
+
+    __slots__ = ("_graph",)
+
+    def __init__(self, layout: Layout, graph: Graph, columns: Mapping[str, tuple[str, int]]) -> None:
+        super().__init__(layout, lambda n: Number(graph, graph.load(*columns.get(n) or layout.place(n))))
+        object.__setattr__(self, "_graph", graph)
+
+    def next_part(self) -> None:
+        self._graph.part += 1
+
+
+def traced(
+    name: str,
+    layout: Layout,
+    function: Callable[[Lane], Mapping[tuple[str, str, int, int], Any] | None],
+    inputs: Mapping[str, tuple[str, tuple[str, ...]]] | None = None,
+    known: Mapping[str, float] | None = None,
+) -> LaneFunction:
+    """What a function does with a lane, recorded.
+
+    Parameters
+    ----------
+    name : str
+    layout : Layout
+    function : callable
+        Takes a lane; may return values for arrays, by (array, type of its elements, column, columns).
+    inputs : mapping
+        Array -> type of its elements, and the fields that its columns give.
+    known : mapping
+        Fields that are known to hold certain numbers.
+    """
+    graph = Graph()
+    columns = {f: (array, k) for array, (_, fields) in (inputs or {}).items() for k, f in enumerate(fields)}
+    lane = TracedLane(layout, graph, columns)
+    for field in columns:
+        lane[field] = lane[field]
+    outputs = function(lane) or {}
+    stores = [(*layout.place(n), value_of(v)) for n, v in lane.written().items()]
+    return LaneFunction(
+        name,
+        tuple(str(lifetime) for lifetime in Lifetime),
+        stores,
+        [
+            Output(*place, v.value if isinstance(v, Condition) else value_of(v))
+            for place, v in outputs.items()
+        ],
+        {array: (element, len(fields)) for array, (element, fields) in (inputs or {}).items()},
+        {layout.place(n): x for n, x in (known or {}).items()},
+    )

@@ -1,0 +1,121 @@
+"""One step of a lane: its state after ``h``, and what it tells of its error and of its sliders."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from redundant_envs.algebra import sqrt, where
+from redundant_envs.integrators import step_control
+from redundant_envs.integrators.methods import Step, explicit_step
+from redundant_envs.quantities import Quantities
+from redundant_envs.simulator.dynamics import Dynamics
+from redundant_envs.simulator.lane import Lane
+from redundant_envs.tracing.passes.stages import Subroutine
+
+MOST_INLINED = 4
+"""Stages of a step up to which each has its own copy of the right-hand side."""
+
+
+def known_numbers(dynamics: Dynamics, lane: Lane, held: bool) -> dict[str, Any]:
+    """What the equations need beside the state: efforts, parameters, and which stops sliders rest at."""
+    stops = [active_stop(s.name) for s in dynamics.stops] if held else []
+    names = [*dynamics.commands, *dynamics.numbers, *stops]
+    return dict(zip(names, lane.get(names), strict=True))
+
+
+def active_stop(slider: str) -> str:
+    """The field that tells at which stop a slider rests."""
+    return f"active_stop_{slider}"
+
+
+def contact_quantities(dynamics: Dynamics, states: Sequence[Any], numbers: dict[str, Any]) -> Quantities:
+    """Quantities while sliders rest at their stops, accelerations among them."""
+    x = dynamics.quantities(states, numbers, held=True)
+    for stop in dynamics.stops:
+        x[f"held{stop.joint + 1}"] = abs(numbers[active_stop(stop.name)])
+    return x
+
+
+def pull(x: Quantities, joint: int, side: Any) -> Any:
+    """How hard the stop of a slider that rests there has to pull it; 0 of a free one."""
+    return where(x[f"held{joint + 1}"] > 0.0, side * x[f"hold{joint + 1}"], 0.0)
+
+
+def lane_step(dynamics: Dynamics, lane: Lane, h: Any, held: bool = False) -> Step:
+    """A step of length ``h``; of sliders that may rest (``held``) accelerations or pulls are watched."""
+    numbers = known_numbers(dynamics, lane, held)
+    width = len(dynamics.states)
+
+    def derivatives(*values: Any) -> list[Any]:
+        given = dict(zip(numbers, values[width:], strict=True))
+        if not held:
+            x = dynamics.quantities(values[:width], given)
+            return dynamics.accelerations(x)
+        x = contact_quantities(dynamics, values[:width], given)
+        results = dynamics.accelerations(x)
+        for stop in dynamics.stops:
+            k = stop.joint + 1
+            pulled = pull(x, stop.joint, given[active_stop(stop.name)])
+            results.append(where(x[f"held{k}"] > 0.0, pulled, x[f"qdd{k}"]))
+        return results
+
+    count, more = dynamics.count, len(dynamics.stops) if held else 0
+    right_hand_side: Any = derivatives
+    if dynamics.method.stages > MOST_INLINED:
+        right_hand_side = Subroutine(derivatives, count, count + len(dynamics.others) + more)
+    inputs = list(numbers.values())
+    states = lane.get(dynamics.states)
+    return explicit_step(
+        dynamics.method,
+        lambda q, v, z: right_hand_side(*q, *v, *z, *inputs),
+        states[:count], states[count : 2 * count], states[2 * count :], h,
+    )  # fmt: skip
+
+
+def step_error(dynamics: Dynamics, lane: Lane, step: Step) -> Any:
+    """The error of a step: in metres at the tip, or for dop853 in units of its tolerance."""
+    names = dynamics.states[: 2 * dynamics.count]
+    if dynamics.scene.integrator == "dop853":
+        after = [*step.positions, *step.velocities]
+        scales = [step_control.rounding_scale(a, b) for a, b in zip(lane.get(names), after, strict=True)]
+
+        def size(errors: Sequence[Any], h: Any) -> Any:
+            squares = [(e * s) ** 2 for e, s in zip(errors, scales, strict=True)]
+            return h * sqrt(sum(squares[1:], squares[0]) * (1.0 / len(names)))
+
+        return step_control.blended_error(size(step.error5, step.h5), size(step.error3, step.h3))
+    weights = tip_weights(dynamics, lane)
+
+    def tip_size(errors: Sequence[Any], h: Any) -> Any:
+        n = dynamics.count
+        terms = [
+            w * (abs(q) + lane.interval * abs(v))
+            for w, q, v in zip(weights, errors[:n], errors[n:], strict=True)
+        ]
+        return h * sum(terms[1:], terms[0])
+
+    return step_control.tip_error(tip_size(step.error5, step.h5), tip_size(step.error3, step.h3))
+
+
+def tip_norms(dynamics: Dynamics, lane: Lane) -> list[Any]:
+    """Metres at the tip per unit of each coordinate."""
+    arm = dynamics.arm
+    x = Quantities(
+        dict(zip(dynamics.states, lane.get(dynamics.states), strict=True)),
+        (*arm.functions, arm.column_norms), arm.sincos, lane,
+    )  # fmt: skip
+    return x.each(f"n{k + 1}" for k in range(dynamics.count))
+
+
+def tip_weights(dynamics: Dynamics, lane: Lane) -> list[Any]:
+    """Metres at the tip per unit of the error of each coordinate."""
+    norms, arm = tip_norms(dynamics, lane), dynamics.arm
+    if dynamics.scene.tolerance is None:
+        return norms
+    lengths = lane.get(f"l{k + 1}" for k in range(arm.num_lengths))
+    reach = sum(lengths[1:], lengths[0])
+    return [
+        n if slides else step_control.tip_weight(n, reach, lane.tip_tolerance)
+        for n, slides in zip(norms, arm.prismatic, strict=True)
+    ]

@@ -1,0 +1,300 @@
+"""Loops, branches and calls of compiled functions, recorded as a tree: what a kernel does around its lanes.
+
+A kernel is written with a :class:`Kernel` ``p``: ``with p.each(count) as i``, ``with p.loop_while(...)``,
+``with p.when(condition)``, ``p.call(function, ...)``. Its scalars are whole numbers, floats and truths.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+INT, FLOAT, TRUTH = "int", "float", "truth"
+ELEMENTS = {
+    "f64": FLOAT, "f32": FLOAT, "i64": INT, "u32": INT, "i8": INT,
+}  # fmt: skip
+"""Types of the elements of arrays, and as what they are loaded."""
+
+
+class Output(NamedTuple):
+    """A result that goes to an array: ``element`` is its type, ``stride`` 1 if lanes lie side by side."""
+
+    array: str
+    element: str
+    column: int
+    columns: int
+    value: Any
+
+
+@dataclass
+class LaneFunction:
+    """Straight-line code for a block of lanes, from values of a graph.
+
+    Attributes
+    ----------
+    name : str
+    spaces : names of the memories of the lanes
+    stores : list of (space, number, value)
+        What is left in these memories.
+    outputs : list of Output
+        What goes to arrays; a table has a line for each lane if it has columns.
+    inputs : array -> (element type, number of columns)
+        Tables with a line for each lane, which loads of a space of the same name read.
+    known : places and the numbers that they are known to hold
+    """
+
+    name: str
+    spaces: tuple[str, ...]
+    stores: list[tuple[str, int, Any]]
+    outputs: list[Output] = field(default_factory=list)
+    inputs: dict[str, tuple[str, int]] = field(default_factory=dict)
+    known: Mapping[tuple[str, int], float] = field(default_factory=dict)
+
+    @property
+    def results(self) -> list[Any]:
+        """All values that it needs."""
+        return [v for _, _, v in self.stores] + [o.value for o in self.outputs]
+
+
+class Scalar:
+    """A value of a kernel: what an instruction of it gives."""
+
+    __slots__ = ("index", "kernel", "kind")
+    __hash__ = None  # type: ignore[assignment]
+
+    def __init__(self, kernel: Kernel, index: int, kind: str) -> None:
+        self.kernel, self.index, self.kind = kernel, index, kind
+
+    def _with(self, name: str, other: Any, kind: str | None = None, swapped: bool = False) -> Scalar:
+        a, b = (other, self) if swapped else (self, other)
+        return self.kernel.record(name, a, b, kind=kind or self.kind)
+
+    def __add__(self, other: Any) -> Scalar:
+        return self._with("+", other)
+
+    def __radd__(self, other: Any) -> Scalar:
+        return self._with("+", other, swapped=True)
+
+    def __sub__(self, other: Any) -> Scalar:
+        return self._with("-", other)
+
+    def __rsub__(self, other: Any) -> Scalar:
+        return self._with("-", other, swapped=True)
+
+    def __mul__(self, other: Any) -> Scalar:
+        return self._with("*", other)
+
+    __rmul__ = __mul__
+
+    def __and__(self, other: Any) -> Scalar:
+        return self._with("and", other)
+
+    def __or__(self, other: Any) -> Scalar:
+        return self._with("or", other)
+
+    def __xor__(self, other: Any) -> Scalar:
+        return self._with("xor", other)
+
+    def __rshift__(self, other: int) -> Scalar:
+        return self._with(">>", other)
+
+    def __lshift__(self, other: Any) -> Scalar:
+        return self._with("<<", other)
+
+    def __lt__(self, other: Any) -> Scalar:
+        return self._with("<", other, TRUTH)
+
+    def __le__(self, other: Any) -> Scalar:
+        return self._with("<=", other, TRUTH)
+
+    def __gt__(self, other: Any) -> Scalar:
+        return self._with(">", other, TRUTH)
+
+    def __ge__(self, other: Any) -> Scalar:
+        return self._with(">=", other, TRUTH)
+
+    def __eq__(self, other: Any) -> Scalar:  # type: ignore[override]
+        return self._with("==", other, TRUTH)
+
+    def __ne__(self, other: Any) -> Scalar:  # type: ignore[override]
+        return self._with("!=", other, TRUTH)
+
+    def __invert__(self) -> Scalar:
+        return self.kernel.record("not", self, kind=self.kind)
+
+    def __bool__(self) -> bool:
+        raise TypeError("a scalar of a kernel is not known yet: write with p.when(condition)")
+
+
+@dataclass
+class Array:
+    """Elements of memory from a place on: an argument of a kernel, or a part of one."""
+
+    element: str
+    start: Scalar
+
+    def __add__(self, offset: Any) -> Array:
+        """The same from ``offset`` elements on."""
+        kernel = self.start.kernel
+        return Array(self.element, kernel.record("offset", self.start, offset, kind=self.element))
+
+
+@dataclass
+class Variable:
+    """A scalar that changes."""
+
+    kernel: Kernel
+    place: Scalar
+    kind: str
+
+    @property
+    def value(self) -> Scalar:
+        return self.kernel.record("get", self.place, kind=self.kind)
+
+    @value.setter
+    def value(self, new: Any) -> None:
+        self.kernel.record("set", self.place, new, kind=self.kind)
+
+
+class Instruction(NamedTuple):
+    """``result`` is the number of what it gives; bodies are those of a loop or a branch."""
+
+    result: int
+    name: str
+    arguments: tuple[Any, ...]
+    kind: str
+    extra: Any
+    bodies: tuple[list[Any], ...]
+
+
+class Kernel:
+    """A function that other programs call: its arguments by name, and the tree of its instructions."""
+
+    def __init__(self, name: str, arguments: Mapping[str, str]) -> None:
+        self.name = name
+        self.arguments = dict(arguments)
+        self.functions: dict[str, LaneFunction] = {}
+        self.masked: set[tuple[str, int]] = set()
+        """Places of memory that the kernel itself reads."""
+        self.body: list[Instruction] = []
+        self._open = [self.body]
+        self._count = 0
+        self._given = {
+            n: self.record("argument", kind=t, extra=k) for k, (n, t) in enumerate(arguments.items())
+        }
+
+    def __getitem__(self, name: str) -> Any:
+        """An argument: a whole number, or an array."""
+        kind = self.arguments[name]
+        return Array(kind, self._given[name]) if kind in ELEMENTS else self._given[name]
+
+    def record(
+        self, name: str, *arguments: Any, kind: str = INT, extra: Any = None,
+        bodies: tuple[list[Any], ...] = (),
+    ) -> Scalar:  # fmt: skip
+        self._open[-1].append(Instruction(self._count, name, arguments, kind, extra, bodies))
+        self._count += 1
+        return Scalar(self, self._count - 1, kind)
+
+    # ---- scalars ---------------------------------------------------------------------------------
+
+    def variable(self, initial: Any, kind: str = INT) -> Variable:
+        variable = Variable(self, self.record("variable", kind=kind), kind)
+        variable.value = initial
+        return variable
+
+    def load(self, array: Array, index: Any = 0) -> Scalar:
+        return self.record("load", array.start, index, kind=ELEMENTS[array.element], extra=array.element)
+
+    def store(self, array: Array, index: Any, value: Any) -> None:
+        self.record("store", array.start, index, value, extra=array.element)
+
+    def select(self, condition: Scalar, a: Any, b: Any, kind: str = INT) -> Scalar:
+        return self.record("select", condition, a, b, kind=kind)
+
+    def number(self, value: Scalar) -> Scalar:
+        """A whole number or a truth as a float."""
+        return self.record("float", value, kind=FLOAT)
+
+    def whole(self, value: Scalar) -> Scalar:
+        """A float, or a truth, as a whole number."""
+        return self.record("int", value, kind=INT)
+
+    def space(self, count: int, element: str = "f64") -> Array:
+        """Room for some elements of the kernel's own, at the beginning of a cache line."""
+        return Array(element, self.record("space", kind=element, extra=count))
+
+    def choose(self, condition: Scalar, a: Array, b: Array) -> Array:
+        """One of two arrays."""
+        return Array(a.element, self.record("select", condition, a.start, b.start, kind=a.element))
+
+    def mask(self, block: Array, row: int) -> Scalar:
+        """Which lanes of a block have a number in a row that is not 0, as the bits of a whole number."""
+        return self.record("mask", block.start, extra=row)
+
+    # ---- loops, branches and calls ---------------------------------------------------------------
+
+    @contextlib.contextmanager
+    def _inside(self) -> Iterator[list[Any]]:
+        body: list[Any] = []
+        self._open.append(body)
+        try:
+            yield body
+        finally:
+            self._open.pop()
+
+    @contextlib.contextmanager
+    def each(self, count: Any, start: Any = 0) -> Iterator[Scalar]:
+        """for i in range(start, count)"""
+        with self._inside() as body:
+            i = self.record("counter")
+            yield i
+        self.record("each", start, count, extra=i.index, bodies=(body,))
+
+    @contextlib.contextmanager
+    def each_set(self, mask: Scalar) -> Iterator[Scalar]:
+        """for i in the numbers of the bits of a mask that are set"""
+        with self._inside() as body:
+            i = self.record("counter")
+            yield i
+        self.record("each_set", mask, extra=i.index, bodies=(body,))
+
+    @contextlib.contextmanager
+    def loop_while(self, condition: Callable[[], Scalar]) -> Iterator[None]:
+        """while condition(): ..."""
+        with self._inside() as head:
+            goes_on = condition()
+        with self._inside() as body:
+            yield
+        self.record("while", goes_on, bodies=(head, body))
+
+    @contextlib.contextmanager
+    def when(self, condition: Scalar) -> Iterator[None]:
+        """if condition: ..."""
+        with self._inside() as body:
+            yield
+        self.record("when", condition, bodies=(body,))
+
+    def leave(self) -> None:
+        """Return from the kernel."""
+        self.record("leave")
+
+    def call(self, function: LaneFunction, **places: Array | Scalar) -> None:
+        """Run a function on a block; ``places`` are where its spaces and arrays begin for that block, and
+        the strides of columns."""
+        self.functions[function.name] = function
+        starts = (x.start if isinstance(x, Array) else x for x in places.values())
+        self.record("call", *starts, extra=(function.name, tuple(places)))
+
+
+@dataclass
+class Program:
+    """Kernels and the functions they call."""
+
+    kernels: list[Kernel]
+
+    @property
+    def functions(self) -> dict[str, LaneFunction]:
+        return {name: f for k in self.kernels for name, f in k.functions.items()}

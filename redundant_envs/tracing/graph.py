@@ -1,0 +1,173 @@
+"""What traced numbers were asked to do, as a graph without doubles: operations, constants, loads."""
+
+from __future__ import annotations
+
+import contextlib
+import struct
+import sys
+from collections.abc import Iterable, Iterator
+from contextvars import ContextVar
+from pathlib import Path
+from typing import Any, NamedTuple
+
+Value = Any
+"""An :class:`Operation`, or a float that all lanes share."""
+
+CONDITIONS = ("<", "<=", ">", ">=", "==", "!=", "and", "or", "xor", "not", "bit")
+"""Operations whose result is a condition; "bit" asks for one bit of a number's representation."""
+FREE = ("neg", "and", "result", "load")
+"""They become part of the instructions that use their results, or are only names of values."""
+LATENCY = {"/": 24, "sqrt": 32, "select": 2}
+"""Cycles until a result can be used, of vectors of 8; those of an addition if not listed."""
+ADDITION = 4
+
+
+class Place(NamedTuple):
+    """Who asked for an operation.
+
+    Attributes
+    ----------
+    owner : what it is computed for, such as the key of an effect; "" if nobody said
+    function, file, line : where it is written
+    """
+
+    owner: str
+    function: str
+    file: str
+    line: int
+
+
+_located: ContextVar[bool] = ContextVar("located", default=False)
+_owner: ContextVar[str] = ContextVar("owner", default="")
+_TRANSPARENT = {str(Path(__file__).parents[1] / name) for name in ("algebra.py", "quantities.py")}
+"""Files whose functions only pass on what others ask for; so do those of this folder, but for sines."""
+
+
+@contextlib.contextmanager
+def located() -> Iterator[None]:
+    """Graphs that are made meanwhile keep the places of their operations."""
+    token = _located.set(True)
+    try:
+        yield
+    finally:
+        _located.reset(token)
+
+
+@contextlib.contextmanager
+def owned(owner: str) -> Iterator[None]:
+    """What is recorded meanwhile is computed for an owner."""
+    token = _owner.set(owner)
+    try:
+        yield
+    finally:
+        _owner.reset(token)
+
+
+def _place() -> Place:
+    frame: Any = sys._getframe(2)
+    here = str(Path(__file__).parent)
+    while frame.f_back is not None:
+        file, name = frame.f_code.co_filename, frame.f_code.co_name
+        if name == "sincos" or not (file.startswith(here) or file in _TRANSPARENT):
+            break
+        frame = frame.f_back
+    return Place(_owner.get(), frame.f_code.co_qualname, frame.f_code.co_filename, frame.f_lineno)
+
+
+class Operation:
+    """One operation of a graph; ``extra`` is what it needs beside the values of its arguments."""
+
+    __slots__ = ("arguments", "extra", "name", "place")
+
+    def __init__(self, name: str, arguments: list[Value], extra: Any = None, place: Any = None) -> None:
+        self.name = name
+        self.arguments = arguments
+        self.extra = extra
+        self.place = place
+        """Its :class:`Place`, if the graph keeps them."""
+
+    @property
+    def operands(self) -> list[Operation]:
+        """Those of its arguments that are operations."""
+        return [a for a in self.arguments if isinstance(a, Operation)]
+
+    @property
+    def latency(self) -> int:
+        return 0 if self.name in FREE else LATENCY.get(self.name, ADDITION)
+
+    @property
+    def is_condition(self) -> bool:
+        return self.name in CONDITIONS
+
+
+def bits_of(x: float) -> bytes:
+    """The representation of a float: 0.0 and -0.0 are two constants."""
+    return struct.pack("<d", x)
+
+
+def is_zero(value: Value, sign: float) -> bool:
+    """Whether a value is the constant 0.0 or -0.0, of the same sign as ``sign``."""
+    return isinstance(value, float) and bits_of(value) == bits_of(sign * 0.0)
+
+
+class Graph:
+    """Records operations; equal ones are one."""
+
+    def __init__(self) -> None:
+        self._known: dict[Any, Operation] = {}
+        self._located = _located.get()
+        self.part = 0
+        """Products of different parts of a program are never one: what is joined in one part does not depend
+        on what another one computes."""
+
+    def record(self, name: str, *arguments: Value, extra: Any = None) -> Operation:
+        key = (
+            name,
+            extra,
+            self.part if name == "*" else 0,
+            *(a if isinstance(a, Operation) else bits_of(a) for a in arguments),
+        )
+        found = self._known.get(key)
+        if found is None:
+            place = _place() if self._located else None
+            found = self._known[key] = Operation(name, list(arguments), extra, place)
+        return found
+
+    def load(self, space: str, k: int) -> Operation:
+        """Number ``k`` of a space of memory."""
+        return self.record("load", extra=(space, k))
+
+    # What x + (-0), x - 0, x * 1 and x / 1 leave of x is x, bit for bit.
+
+    def add(self, a: Value, b: Value) -> Value:
+        if is_zero(a, -1.0):
+            return b
+        return a if is_zero(b, -1.0) else self.record("+", a, b)
+
+    def subtract(self, a: Value, b: Value) -> Value:
+        return a if is_zero(b, 1.0) else self.record("-", a, b)
+
+    def multiply(self, a: Value, b: Value) -> Value:
+        if isinstance(a, float) and a == 1.0:
+            return b
+        return a if isinstance(b, float) and b == 1.0 else self.record("*", a, b)
+
+    def divide(self, a: Value, b: Value) -> Value:
+        return a if isinstance(b, float) and b == 1.0 else self.record("/", a, b)
+
+
+def reached(results: Iterable[Value]) -> list[Operation]:
+    """All operations that some results need, each after its operands."""
+    order: list[Operation] = []
+    seen: set[Operation] = set()
+    for result in results:
+        stack = [(result, False)]
+        while stack:
+            node, complete = stack.pop()
+            if complete:
+                order.append(node)
+            elif isinstance(node, Operation) and node not in seen:
+                seen.add(node)
+                stack.append((node, True))
+                stack.extend((a, False) for a in reversed(node.operands))
+    return order

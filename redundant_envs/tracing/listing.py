@@ -1,0 +1,88 @@
+"""A program as text: to be read, and to be told from others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+
+from redundant_envs.tracing.flow import Instruction, Kernel, LaneFunction, Program, Scalar
+from redundant_envs.tracing.graph import Operation, Value, reached
+
+Namer = Callable[[str, int], str]
+"""Name of number k of a space of memory."""
+
+
+def plain_name(space: str, k: int) -> str:
+    return f"{space}[{k}]"
+
+
+def function_lines(f: LaneFunction, name_of: Namer = plain_name) -> Iterator[str]:
+    """Instructions of a function, what it stores and what it tells, those of its subroutine before it."""
+    calls = {n.extra for n in reached(f.results) if n.name == "stage"}
+    for subroutine in calls:
+        results, nodes = subroutine.traced()
+        yield f"subroutine of {f.name}:"
+        numbers = {n: k for k, n in enumerate(nodes)}
+        yield from _numbered(numbers, name_of)
+        yield f"  gives {_arguments(results, numbers)}"
+    yield f"function {f.name}:"
+    if f.inputs:
+        yield f"  reads tables {sorted(f.inputs.items())}"
+    if f.known:
+        yield f"  known {sorted(f.known.items())}"
+    numbers = {n: k for k, n in enumerate(reached(f.results))}
+    yield from _numbered(numbers, name_of)
+    for space, row, value in f.stores:
+        yield f"  {name_of(space, row)} <- {_argument(value, numbers)}"
+    for o in f.outputs:
+        at = f"{o.array}[{o.column}/{o.columns}] ({o.element})"
+        yield f"  {at} <- {_argument(o.value, numbers)}"
+
+
+def _numbered(numbers: dict[Operation, int], name_of: Namer) -> Iterator[str]:
+    """Operations, under the functions that they come from where these are known."""
+    present = None
+    for n, k in numbers.items():
+        if n.place is not None and n.place[:3] != present:
+            present = n.place[:3]
+            owner = f" for {n.place.owner}" if n.place.owner else ""
+            yield f"  # {n.place.function}{owner}, {n.place.file}:{n.place.line}"
+        yield f"  %{k} = {_operation(n, numbers, name_of)}"
+
+
+def _argument(x: Value, numbers: dict[Operation, int]) -> str:
+    return repr(x) if isinstance(x, float | bool) else f"%{numbers[x]}"
+
+
+def _arguments(xs: Iterable[Value], numbers: dict[Operation, int]) -> str:
+    return ", ".join(_argument(x, numbers) for x in xs)
+
+
+def _operation(n: Operation, numbers: dict[Operation, int], name_of: Namer) -> str:
+    if n.name == "load":
+        return name_of(*n.extra)
+    extra = f" {n.extra}" if isinstance(n.extra, int) else ""
+    return f"{n.name}{extra} {_arguments(n.arguments, numbers)}"
+
+
+def kernel_lines(kernel: Kernel) -> Iterator[str]:
+    """The tree of a kernel."""
+    arguments = ", ".join(f"{name}: {kind}" for name, kind in kernel.arguments.items())
+    yield f"kernel {kernel.name}({arguments}):"
+    yield from _body(kernel.body, "  ")
+
+
+def _body(body: Iterable[Instruction], indent: str) -> Iterator[str]:
+    for i in body:
+        arguments = ", ".join(f"%{x.index}" if isinstance(x, Scalar) else repr(x) for x in i.arguments)
+        yield f"{indent}{i.result} = {i.name} {i.kind} {arguments} {i.extra or ''}".rstrip()
+        for part in i.bodies:
+            yield from _body(part, indent + "  ")
+            yield f"{indent}end"
+
+
+def lines(program: Program, name_of: Namer = plain_name) -> Iterator[str]:
+    """The whole program."""
+    for f in program.functions.values():
+        yield from function_lines(f, name_of)
+    for kernel in program.kernels:
+        yield from kernel_lines(kernel)

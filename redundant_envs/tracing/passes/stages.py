@@ -1,0 +1,211 @@
+"""A long step as calls of one right-hand side.
+
+Twelve copies of a right-hand side do not fit into a processor's instruction cache, so it becomes a
+function of its own, in two parts that do not wait for each other. The later part follows from the
+velocities of a stage and is a long chain. The earlier part, the sines above all, follows from its
+positions alone; those are known before the accelerations of the stage before are. So a call does the
+later part of its stage together with the earlier part of the next one.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from redundant_envs.tracing.graph import Graph, Operation, Value, reached
+from redundant_envs.tracing.number import Number, value_of
+from redundant_envs.tracing.passes.join import join_products
+from redundant_envs.tracing.passes.specialise import specialise
+
+RETURNED = 4
+"""Results of a call that processors return in registers."""
+
+
+class Subroutine:
+    """A function of numbers that each stage calls.
+
+    Its first ``positions`` arguments do not depend on the results of the stage before.
+    """
+
+    def __init__(self, function: Callable[..., Sequence[Any]], positions: int, results: int) -> None:
+        self.function = function
+        self.positions = positions
+        self.results = results
+        self.arguments = 0
+
+    def __call__(self, *numbers: Any) -> Sequence[Any]:
+        traced = next((n for n in numbers if isinstance(n, Number)), None)
+        if traced is None:
+            return self.function(*numbers)
+        graph = traced.graph
+        made = graph.record("stage", *(value_of(n) for n in numbers), extra=self)
+        self.arguments = len(numbers)
+        return [Number(graph, graph.record("result", made, extra=k)) for k in range(self.results)]
+
+    def traced(self) -> tuple[list[Value], list[Operation]]:
+        """Its results, and all operations that they need, on arguments "given"."""
+        graph = Graph()
+        given = [Number(graph, graph.load("given", k)) for k in range(self.arguments)]
+        results = [value_of(r) for r in self.function(*given)]
+        return results, reached(results)
+
+
+class Part(NamedTuple):
+    """What one of the functions that stages call does.
+
+    Attributes
+    ----------
+    returned : values that are returned in registers
+    stores : (space, number, value) of what it leaves in memory: "shared" for all calls, "after" for the
+        next one, "told" for the caller
+    """
+
+    returned: list[Value]
+    stores: list[tuple[str, int, Value]]
+
+
+class Stages:
+    """The calls of a subroutine in a graph, and the functions that they call.
+
+    Arguments that are the same place of memory in every call are loaded by the functions, others that
+    are the same are ``kept`` in memory by the caller; what follows from both alone, the first call finds
+    for all ("shared"). What the earlier part finds for the later one is carried to the next call in
+    memory ("before" to "after").
+    """
+
+    def __init__(
+        self, calls: list[Operation], spaces: Sequence[str], known: Mapping[tuple[str, int], float]
+    ) -> None:
+        """``spaces`` are the memories that the functions may load from."""
+        self.calls = calls
+        self.subroutine: Subroutine = calls[0].extra
+        if any(c.extra is not self.subroutine for c in calls):
+            raise ValueError("a function calls two subroutines; give it one")
+        for before, after in itertools.pairwise(calls):
+            if before in reached(after.arguments[: self.subroutine.positions]):
+                raise ValueError("positions given to a stage follow from its results in the stage before")
+        columns = list(zip(*(c.arguments for c in calls), strict=True))
+        same = [all(a is column[0] for a in column) for column in columns]
+        self.given = [k for k, alike in enumerate(same) if not alike]
+        """Numbers of the arguments that a call passes."""
+        kept = [
+            k
+            for k, alike in enumerate(same)
+            if alike and isinstance(columns[k][0], Operation) and not _is_load(columns[k][0], spaces)
+        ]
+        graph = Graph()
+        sources = list(calls[0].arguments)
+        for k in self.given:
+            sources[k] = graph.load("given", k)
+        for j, k in enumerate(kept):
+            sources[k] = graph.load("kept", j)
+        numbers = [Number(graph, x) for x in sources]
+        results = [value_of(r) for r in self.subroutine.function(*numbers)]
+        join_products(results)
+        results = specialise(results, known)
+        needed = {n.extra[1] for n in reached(results) if n.name == "load" and n.extra[0] == "kept"}
+        self.kept = {j: k for j, k in enumerate(kept) if j in needed}
+        """Places in the caller's memory -> numbers of the arguments that it keeps there."""
+        self.results, self.carried, self.shared = self._split(results)
+        # Results that are the same number are given once.
+        self.first = [self.results.index(r) for r in self.results]
+        computed = [k for k, r in enumerate(self.results) if isinstance(r, Operation) and self.first[k] == k]
+        self.returned, self.told = computed[:RETURNED], computed[RETURNED:]
+        later = [self.results[k] for k in self.returned]
+        told = [("told", j, self.results[k]) for j, k in enumerate(self.told)]
+
+        def carrying(values: Iterable[Value]) -> list[tuple[str, int, Value]]:
+            return [("after", j, n) for j, n in enumerate(values)]
+
+        shared = [("shared", j, n) for j, n in enumerate(self.shared)]
+        self.parts = {
+            "first": Part([], [*carrying(self.carried), *shared]),
+            "middle": Part(later, [*carrying(self._with_shared(self.carried)), *told]),
+            "last": Part(later, told),
+        }
+
+    def _split(self, results: list[Value]) -> tuple[list[Value], list[Operation], list[Operation]]:
+        """The results as they follow from velocities, carried and shared values, and what those are."""
+        early: dict[Operation, bool] = {}
+        given: dict[Operation, bool] = {}
+        for n in reached(results):
+            is_given = n.name == "load" and n.extra[0] == "given"
+            given[n] = is_given or any(given[a] for a in n.operands)
+            early[n] = (
+                n.extra[1] < self.subroutine.positions if is_given else all(early[a] for a in n.operands)
+            )
+        graph = Graph()
+        carried: list[Operation] = []
+        shared = {n for n in reached(results) if not given[n] and _kept_in_memory(n)}
+        used: list[Operation] = []
+
+        def loaded(n: Operation) -> Operation | None:
+            if not _kept_in_memory(n):
+                return None
+            if n in shared:
+                if n not in used:
+                    used.append(n)
+                return graph.load("shared", used.index(n))
+            if early[n]:
+                carried.append(n)
+                return graph.load("before", len(carried) - 1)
+            return None
+
+        later = _replaced(results, loaded)
+        # What is carried follows from shared values too.
+        _replaced(carried, lambda n: loaded(n) if n in shared else None)
+        return later, carried, used
+
+    def _with_shared(self, nodes: Sequence[Operation]) -> list[Value]:
+        """Operations that load what all stages share."""
+        graph, places = Graph(), {n: k for k, n in enumerate(self.shared)}
+        return _replaced(nodes, lambda n: graph.load("shared", places[n]) if n in places else None)
+
+    def in_order(self, results: Iterable[Value]) -> list[Operation]:
+        """What some results of the caller need, with sums for the next call before the present one.
+
+        They fill its waits; sums for later ones would fill the registers.
+        """
+        nodes = reached(results)
+        calls = {c: i for i, c in enumerate(self.calls)}
+        # Calls that must be done before an operation, and calls before it is needed.
+        ready: dict[Operation, int] = {}
+        wanted: dict[Operation, int] = {}
+        for n in nodes:
+            ready[n] = calls[n] + 1 if n in calls else max((ready[a] for a in n.operands), default=0)
+        for c, i in calls.items():
+            for k, a in enumerate(c.arguments):
+                for n in reached([a]):
+                    call = max(i - 1, 0) if k < self.subroutine.positions else i
+                    wanted[n] = min(call, wanted.get(n, call))
+
+        def place(n: Operation) -> tuple[int, bool]:
+            return calls.get(n, max(ready[n], wanted.get(n, len(calls)) - 1)), n in calls
+
+        return sorted(nodes, key=place)
+
+
+def _is_load(node: Operation, spaces: Sequence[str]) -> bool:
+    return node.name == "load" and node.extra[0] in spaces
+
+
+def _kept_in_memory(node: Operation) -> bool:
+    """Whether an operation is worth a place in memory."""
+    return not node.is_condition and node.name not in ("load", "neg")
+
+
+def _replaced(nodes: Iterable[Value], replacement: Callable[[Operation], Operation | None]) -> list[Value]:
+    """Operations anew, where ``replacement`` gives another one for some of those they follow from."""
+    made: dict[Operation, Operation] = {}
+
+    def anew(n: Value) -> Value:
+        if not isinstance(n, Operation):
+            return n
+        if n not in made:
+            made[n] = replacement(n) or (
+                n if n.name == "load" else Operation(n.name, [anew(a) for a in n.arguments], n.extra, n.place)
+            )
+        return made[n]
+
+    return [anew(n) for n in nodes]
