@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import Any
 
@@ -13,10 +13,12 @@ from gymnasium.utils import seeding
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.effects import EffortLimits
+from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.envs.registration import check_arm
+from redundant_envs.envs.single_lane import SingleLane
 from redundant_envs.model import parameters
 from redundant_envs.model.memory import Memory, aligned
-from redundant_envs.model.programs import Call, Team, environment_simulator
+from redundant_envs.model.programs import Call, Part, Team, environment_simulator
 from redundant_envs.model.snapshot import (
     check_array,
     check_facts,
@@ -27,15 +29,14 @@ from redundant_envs.model.snapshot import (
 from redundant_envs.scene import Scene, scene_at
 from redundant_envs.simulator.blocks import LANES
 from redundant_envs.simulator.environment import BEGUN, DUE, GOAL_FIELDS, TICKET, Autoreset, Operation
+from redundant_envs.simulator.episode import GOAL, TABLES, TIP
 from redundant_envs.tasks.limits import hard_stops, narrowed, spring_limits
 from redundant_envs.tasks.reach import ReachTask
 from redundant_envs.values import shown
 
 OPTION_KEYS = ("q", "qd", "goal", "parameters")
 STATE_KEYS = ("states", "parameters", "keys", "mask", "waiting", "generators", "simulator")
-MADE_ANEW = (
-    "simulator", "keys", "mask", "_team", "_one", "_goal_reward", "_action", "_obs", "_out", "_column",
-)  # fmt: skip
+MADE_ANEW = ("simulator", "keys", "mask", "_team", "_goal_reward")
 """Attributes of a core that its copies do not take over: compiled code and views of other arrays."""
 LARGEST_WHOLE = 2**53
 """Largest number of control steps: floats count exactly up to it."""
@@ -87,12 +88,11 @@ class Core:
         episode = self.simulator.episode
         assert episode is not None
         self.actions = episode.actions
-        self.columns = {name: k for k, name in enumerate(episode.outputs)}
+        self.columns = Columns(episode)
         self.generators: list[np.random.Generator | None] = [None] * num_envs
         self._tickets = np.zeros((num_envs, TICKET), dtype=np.uint32)
         self.waiting = np.zeros(num_envs, dtype=np.bool_)  # keys drawn and not yet used
         self.obs_size = len(episode.observed)
-        self._width = len(self.columns)
         self.reach = float(sum(arm.lengths)) + sum(
             self.scene.parameters()[high] for high in self._extensions()
         )
@@ -104,13 +104,11 @@ class Core:
         self._team = Team(simulator, "environment", memory, self.threads)
         self._goal_reward = Call(simulator.program.kernels[1], simulator.kernels["goal_reward"])
         self.keys, self.mask = self._tickets[:, :-1], self._tickets[:, -1]
-        # A single lane is stepped with arrays that stay.
-        self._action = np.zeros(len(self.scene.robot.joints) * LANES, dtype=np.float32)
-        self._obs = np.zeros((LANES, self.obs_size), dtype=np.float32)
-        self._out = np.zeros((self._width, LANES))
-        self._column = self._out[:, 0]
-        self._one = self._team.parts[0]
-        self._single = self._checked = False  # whether the arguments of a single lane are set
+
+    def single_lane(self) -> SingleLane:
+        """The first lane of a core with one lane, to be stepped alone."""
+        part = Part(self.simulator, "environment", self.memory, 0, 1)
+        return SingleLane(part, self.columns, self.obs_size, len(self.actions), self._tickets)
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name not in MADE_ANEW}
@@ -167,7 +165,7 @@ class Core:
 
     def step(
         self, actions: NDArray[np.float32], autoreset: int
-    ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.float32], NDArray[np.float64]]:
+    ) -> tuple[NDArray[np.float32], Outputs, NDArray[np.float32], Outputs]:
         """One control step of all lanes: observations, outputs, and those before an autoreset.
 
         Observations have a line for each lane, outputs a column. With autoreset NEXT_STEP the
@@ -175,61 +173,44 @@ class Core:
         """
         if autoreset == Autoreset.SAME_STEP and not self.waiting.all():
             self.provide_keys(np.flatnonzero(~self.waiting))
-        n = self.num_envs
-        obs, out, *last = self._run(Operation.STEP, actions, autoreset)
+        tables = self._run(Operation.STEP, actions, autoreset)
         self.begun = None
         if autoreset != Autoreset.DISABLED and self.mask.any():
             self.begun = self.mask == (BEGUN if autoreset == Autoreset.NEXT_STEP else DUE)
             self.waiting[self.begun] = False
             self.mask[self.begun] = 0
             self.provide_keys(np.flatnonzero(self.mask))
-        last_obs, last_out = last if last else (obs[n:], out[:, n:])
-        return obs, out, last_obs, last_out
+        return tables
 
-    def _run(self, operation: int, actions: NDArray[np.float32], autoreset: int) -> list[Any]:
+    def _run(
+        self, operation: int, actions: NDArray[np.float32], autoreset: int
+    ) -> tuple[NDArray[np.float32], Outputs, NDArray[np.float32], Outputs]:
         """Observations and outputs of an operation on all lanes, and those before an autoreset in it."""
         n, count = self.num_envs, self.memory.blocks * LANES
-        obs, out = np.empty((count, self.obs_size), np.float32), np.empty((self._width, count))
+        obs, out = np.empty((count, self.obs_size), np.float32), Outputs.made(self.columns, count)
         last_obs, last_out = obs, out
         if autoreset == Autoreset.SAME_STEP:
-            last_obs, last_out = np.zeros_like(obs), np.zeros_like(out)
+            last_obs, last_out = np.zeros_like(obs), Outputs.made(self.columns, count, np.zeros)
         any_due = int(self.mask.any())
-        self._single = False
         for part in self._team.parts:
-            first = part.first * LANES
+            first = slice(part.first * LANES, None)
             part.set(
-                actions=actions[first:], obs=obs[first:], out=out[:, first:], out_stride=count,
-                last_obs=last_obs[first:], last_out=last_out[:, first:], tickets=self._tickets[first:],
-                operation=operation, autoreset=autoreset, any_due=any_due,
+                actions=actions[first], obs=obs[first], stride=count, last_obs=last_obs[first],
+                tickets=self._tickets[first], operation=operation, autoreset=autoreset, any_due=any_due,
+                **_named(out.lanes(first), ""), **_named(last_out.lanes(first), "last_"),
             )  # fmt: skip
         self._team()
-        tables = [obs[:n], out[:, :n]]
-        return [*tables, last_obs[:n], last_out[:, :n]] if last_obs is not obs else tables
+        if count > n:
+            obs, last_obs = obs[:n], last_obs[:n]
+            out, last_out = out.lanes(slice(n)), last_out.lanes(slice(n))
+        return obs, out, last_obs, last_out
 
-    def step_one(self, action: NDArray[np.float32], checked: bool) -> tuple[NDArray[np.float32], list[float]]:
-        """:meth:`step` of a single lane without autoreset: its observations and its outputs.
-
-        The same kernel; only the observation is a new array, for some microseconds less. ``checked``
-        leaves the lane as it is if the action is not finite; the reward is NaN then.
-        """
-        one = self._one
-        if not self._single:
-            one.set(
-                actions=self._action, obs=self._obs, out=self._out, out_stride=LANES, last_obs=self._obs,
-                last_out=self._out, tickets=self._tickets, autoreset=Autoreset.DISABLED, any_due=0,
-            )  # fmt: skip
-            one.set(operation=Operation.CHECKED_STEP if checked else Operation.STEP)
-            self._single, self._checked = True, checked
-        elif checked is not self._checked:
-            one.set(operation=Operation.CHECKED_STEP if checked else Operation.STEP)
-            self._checked = checked
-        self._action[: action.size] = action
-        one.place()
-        one()
-        return self._obs[0].copy(), self._column.tolist()
-
-    def begin(self, lanes: NDArray[np.bool_], checked: Checked) -> None:
+    def begin(
+        self, lanes: NDArray[np.bool_], checked: Checked, run: Callable[[int], Any] | None = None
+    ) -> None:
         """Begin new episodes in the lanes of a mask, with what :meth:`checked` made of their options.
+
+        ``run`` takes the place of what runs the kernel for all lanes.
 
         Options are checked before a generator is seeded or a number is set, so a refused reset
         changes nothing. Parameters are set before start and goal are drawn: equal seeds and options
@@ -242,16 +223,24 @@ class Core:
         self.provide_keys(index)
         due = self.mask.copy()
         self.mask[:] = lanes
-        self._run(Operation.RESET, self._action, Autoreset.DISABLED)
+        if run is not None:
+            run(Operation.RESET)
+        else:
+            self._run(Operation.RESET, self._no_actions, Autoreset.DISABLED)
         self.mask[:] = np.where(lanes, 0, due)
         self.waiting[lanes] = False
         for rows, numbers in writes:
             self.memory.write(rows, numbers, index)
 
-    def observe(self) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+    def observe(self) -> tuple[NDArray[np.float32], Outputs]:
         """Observations and outputs of the present states."""
-        obs, out = self._run(Operation.OBSERVE, self._action, Autoreset.DISABLED)
+        obs, out, *_ = self._run(Operation.OBSERVE, self._no_actions, Autoreset.DISABLED)
         return obs, out
+
+    @property
+    def _no_actions(self) -> NDArray[np.float32]:
+        """Actions of an operation that takes none."""
+        return np.zeros((self.num_envs, len(self.actions)), dtype=np.float32)
 
     # ---- options ---------------------------------------------------------------------------------
 
@@ -319,15 +308,12 @@ class Core:
 
     # ---- goals and snapshots ---------------------------------------------------------------------
 
-    def observation(self, obs: NDArray[np.float32], out: NDArray[np.float64], goal: bool) -> Any:
+    def observation(self, obs: NDArray[np.float32], out: Outputs, goal: bool) -> Any:
         """Observations as their space has them, from the tables of a step."""
         if not goal:
             return obs
-        return {
-            "observation": obs,
-            "achieved_goal": out[-4:-2].T.copy(),
-            "desired_goal": out[-2:].T.copy(),
-        }
+        tips, goals = (self.columns.points(out, names) for names in (TIP, GOAL))
+        return {"observation": obs, "achieved_goal": tips, "desired_goal": goals}
 
     def goal_reward(self, achieved: ArrayLike, desired: ArrayLike) -> NDArray[np.float64]:
         """The compiled reward of goal pairs, (n, 2) each."""
@@ -355,7 +341,7 @@ class Core:
     def tips(self) -> NDArray[np.float64]:
         """Tip positions, (num_envs, 2), m: the bits that goal environments call achieved_goal."""
         _, out = self.observe()
-        return np.ascontiguousarray(out[[self.columns["tip_x"], self.columns["tip_y"]]].T)
+        return self.columns.points(out, TIP)
 
     def goals(self) -> NDArray[np.float64]:
         """Goals, (num_envs, 2), m."""
@@ -409,6 +395,11 @@ class Core:
             "fixed_geometry": self.fixed_geometry,
         }
         return simulator_facts(self.simulator, self.num_envs, more)
+
+
+def _named(out: Outputs, prefix: str) -> dict[str, Any]:
+    """Tables as arguments of the kernel."""
+    return {f"{prefix}{name}": table for name, table in zip(TABLES, out, strict=True)}
 
 
 def checked_options(options: Any) -> dict[str, Any]:

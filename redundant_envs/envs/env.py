@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import gymnasium as gym
@@ -22,26 +22,13 @@ from redundant_envs.envs.core import (
 from redundant_envs.envs.lane_values import LaneValue
 from redundant_envs.envs.vector_env import (
     ON_BAD_ACTION,
-    info_columns,
     make_task,
     observation_space,
 )
+from redundant_envs.simulator.environment import Operation
+from redundant_envs.simulator.episode import TIP
 
 RENDER_MODES = (None, "rgb_array", "human")
-
-
-def info_maker(core: Core) -> Callable[[list[float]], dict[str, Any]]:
-    """A function from the outputs of a step to ``info``.
-
-    Written out as one display of a dictionary, as namedtuple writes its methods: a third of the
-    time of zipping names and values, which is a tenth of a step.
-    """
-    form = {"bool": "{} > 0.0", "int": "int({})", "float": "{}"}
-    entries = [f"{name!r}: {form[kind].format(f'v{k}')}" for name, k, kind in info_columns(core)]
-    names = ", ".join(f"v{k}" for k in range(len(core.columns)))
-    namespace: dict[str, Any] = {}
-    exec(f"def info(values):\n    {names}, = values\n    return {{{', '.join(entries)}}}", namespace)
-    return namespace["info"]  # type: ignore[no-any-return]
 
 
 class ReachEnv(LaneValue, gym.Env[Any, Any]):
@@ -81,17 +68,17 @@ class ReachEnv(LaneValue, gym.Env[Any, Any]):
         self.metadata = {**self.metadata, "render_fps": round(1.0 / self.core.scene.control_dt)}
         self.observation_space = observation_space(self.core, self.goal_conditioned)
         self.action_space = spaces.Box(-1.0, 1.0, (4,), np.float32)
-        self._info = info_maker(self.core)
+        self._names = self.core.columns.names
+        self._lane = self.core.single_lane()
         self._renderer: Any = None
-        self._steps_column = self.core.columns["steps"]
-        self._strict: bool | None = None  # whether bad actions raise; None before the first reset
+        self._operation: Operation | None = None  # of a step; None before the first reset
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_info": None, "_renderer": None}
+        return {**self.__dict__, "_lane": None, "_renderer": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._info = info_maker(self.core)
+        self._lane = self.core.single_lane()
 
     def __copy__(self) -> ReachEnv:
         return copy.deepcopy(self)
@@ -117,31 +104,32 @@ class ReachEnv(LaneValue, gym.Env[Any, Any]):
         if self.core.generators[0] is not self.np_random:
             self.core.generators[0] = self.np_random
             self.core.waiting[0] = False
-        self.core.begin(lanes, checked)
-        obs, out = self.core.observe()
-        self._strict = self.on_bad_action == "raise"
-        values = out[:, 0].tolist()
+        self.core.begin(lanes, checked, self._lane.run)
+        obs = self._lane.run(Operation.OBSERVE)
+        self._operation = Operation.CHECKED_STEP if self.on_bad_action == "raise" else Operation.STEP
         if self._renderer is not None:
             self._renderer.clear()
         if self.render_mode is not None:
-            self._see(values)
-        return self._observation(obs[0], values), self._info(values)
+            self._see()
+        return self._observation(obs), dict(zip(self._names, self._lane.shown(), strict=True))
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One control step; the action is (4,) in [-1, 1], in units of the effort limits."""
-        if self._strict is None:
+        if self._operation is None:
             raise ValueError("step was called before reset; call reset() first")
         action = check_action(action, (4,))
-        obs, values = self.core.step_one(action, self._strict)
-        reward, terminated = values[0], values[1] > 0.0
-        if reward != reward and self._strict:
+        lane = self._lane
+        obs = lane.step(action, self._operation)
+        terminated, reward = lane.ends()
+        if reward != reward and self._operation == Operation.CHECKED_STEP:
             refuse_bad_action(action)
         if self.render_mode is not None:
-            self._see(values)
-        observation = self._observation(obs, values) if self.goal_conditioned else obs
-        return observation, reward, terminated, False, self._info(values)
+            self._see()
+        observation = self._observation(obs) if self.goal_conditioned else obs
+        info = dict(zip(self._names, lane.shown()))  # noqa: B905 - strict takes time, and they are as many
+        return observation, reward, terminated, False, info
 
-    def _observation(self, obs: NDArray[np.float32], values: list[float]) -> Any:
+    def _observation(self, obs: NDArray[np.float32]) -> Any:
         return obs
 
     def get_state(self) -> dict[str, Any]:
@@ -151,15 +139,16 @@ class ReachEnv(LaneValue, gym.Env[Any, Any]):
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Return to a snapshot; the continuation is the same to the last bit."""
         self.core.set_state(state)
-        self._strict = self.on_bad_action == "raise"
+        self._operation = Operation.CHECKED_STEP if self.on_bad_action == "raise" else Operation.STEP
         generator = self.core.generators[0]
         if generator is not None:
             self._np_random = generator
 
-    def _see(self, values: list[float]) -> None:
+    def _see(self) -> None:
         """Remember where the tip is, for its trail; show it in the mode "human"."""
-        renderer = self._made_renderer()
-        renderer.record(np.array([values[self._steps_column]]), np.array([values[-4:-2]]))
+        renderer, columns = self._made_renderer(), self.core.columns
+        out = self._lane.outputs.lanes(slice(1))
+        renderer.record(columns.of(out, "steps"), columns.points(out, TIP))
         if self.render_mode == "human":
             renderer.show(0)
 
@@ -200,8 +189,8 @@ class ReachGoalEnv(ReachEnv):
         reward = self.compute_reward(obs["achieved_goal"], obs["desired_goal"], info)
         return obs, reward, terminated, truncated, info
 
-    def _observation(self, obs: NDArray[np.float32], values: list[float]) -> Any:
-        places = np.array(values[-4:])
+    def _observation(self, obs: NDArray[np.float32]) -> Any:
+        places = np.array(self._lane.points())
         return {"observation": obs, "achieved_goal": places[:2], "desired_goal": places[2:]}
 
     def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -14,22 +14,21 @@ from numpy.typing import NDArray
 
 from redundant_envs.envs.core import Core, check_action, checked_options, checked_seed, refuse_bad_action
 from redundant_envs.envs.lane_values import LANE_VALUES, LaneValues
+from redundant_envs.envs.outputs import Outputs
 from redundant_envs.envs.registration import ARGUMENTS, ids
 from redundant_envs.envs.vector_env import (
     ON_BAD_ACTION,
-    info_columns,
     make_task,
     observation_space,
 )
 from redundant_envs.extras import needs
 from redundant_envs.scene import Scene
 from redundant_envs.simulator.environment import Autoreset
+from redundant_envs.simulator.episode import TIP
 
 with needs("train"):
     from stable_baselines3.common.vec_env import VecEnv
     from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
-
-CAST: dict[str, Callable[[float], Any]] = {"bool": lambda x: x > 0.0, "int": int, "float": float}
 
 
 class SB3VecEnv(LaneValues, VecEnv):
@@ -63,8 +62,6 @@ class SB3VecEnv(LaneValues, VecEnv):
             "render_modes": ["rgb_array"],
             "render_fps": round(1.0 / self.core.scene.control_dt),
         }
-        self._columns = info_columns(self.core)
-        self._success = self.core.columns["is_success"]
         self._renderer: Any = None
         self._ready = False
         self.spec: EnvSpec | None = None
@@ -102,7 +99,7 @@ class SB3VecEnv(LaneValues, VecEnv):
         if self.render_mode is not None:
             self._see(out)
         self._ready = True
-        self.reset_infos = [self._info(row) for row in out.T.tolist()]
+        self.reset_infos = [self.core.columns.info(out, lane) for lane in range(self.num_envs)]
         return self.core.observation(obs, out, self.goal_conditioned)
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
@@ -135,11 +132,12 @@ class SB3VecEnv(LaneValues, VecEnv):
         obs, out, last_obs, last_out = core.step(self._actions, Autoreset.SAME_STEP)
         if self.render_mode is not None:
             self._see(out)
-        dones = (out[1] + out[2]) > 0.0
-        success = (out[self._success] > 0.0).tolist()
+        columns = core.columns
+        dones = columns.of(out, "terminated") | columns.of(out, "truncated")
+        success = columns.of(out, "is_success").tolist()
         infos: list[dict[str, Any]] = [{"TimeLimit.truncated": False, "is_success": s} for s in success]
         observation = core.observation(obs, out, self.goal_conditioned)
-        reward = out[0]
+        reward = columns.of(out, "reward")
         if self.goal_conditioned:
             reward = core.goal_reward(observation["achieved_goal"], observation["desired_goal"])
         if dones.any():
@@ -148,17 +146,14 @@ class SB3VecEnv(LaneValues, VecEnv):
             if self.goal_conditioned:
                 reward[lanes] = core.goal_reward(last["achieved_goal"][lanes], last["desired_goal"][lanes])
             for n in lanes.tolist():
-                row = last_out[:, n].tolist()
-                infos[n] = self._info(row)
+                infos[n] = columns.info(last_out, n)
                 infos[n]["terminal_observation"] = (
                     {k: v[n] for k, v in last.items()} if self.goal_conditioned else last[n]
                 )
-                infos[n]["TimeLimit.truncated"] = row[2] > 0.0 and not row[1] > 0.0
-                self.reset_infos[n] = self._info(out[:, n].tolist())
+                ends = (bool(columns.of(last_out, end)[n]) for end in ("truncated", "terminated"))
+                infos[n]["TimeLimit.truncated"] = next(ends) and not next(ends)
+                self.reset_infos[n] = columns.info(out, n)
         return observation, reward.astype(np.float32), dones, infos
-
-    def _info(self, row: list[float]) -> dict[str, Any]:
-        return {name: CAST[kind](row[k]) for name, k, kind in self._columns}
 
     def close(self) -> None:
         """Nothing to release."""
@@ -191,9 +186,10 @@ class SB3VecEnv(LaneValues, VecEnv):
             self._renderer = Renderer(self.core)
         return self._renderer
 
-    def _see(self, out: NDArray[np.float64]) -> None:
+    def _see(self, out: Outputs) -> None:
         """Remember where the tips are, for their trails."""
-        self._made_renderer().record(out[self.core.columns["steps"]], out[-4:-2].T)
+        columns = self.core.columns
+        self._made_renderer().record(columns.of(out, "steps"), columns.points(out, TIP))
 
     # ---- attributes and methods as SB3 reaches them ----------------------------------------------
 

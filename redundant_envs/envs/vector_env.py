@@ -22,58 +22,24 @@ from redundant_envs.envs.core import (
     refuse_bad_action,
 )
 from redundant_envs.envs.lane_values import LaneValues
+from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.model import snapshot
 from redundant_envs.model.programs import environment_simulator
 from redundant_envs.scene import Scene, check_keys
 from redundant_envs.simulator.environment import Autoreset
-from redundant_envs.simulator.episode import ENDS, GOAL, TIP, Episode
+from redundant_envs.simulator.episode import TIP
 from redundant_envs.tasks.reach import GoalReachTask, ReachTask
 from redundant_envs.values import shown
 
 KERNEL_MODE = {mode: Autoreset[mode.name] for mode in AutoresetMode}
 ON_BAD_ACTION = ("raise", "terminate")
-BOOLEAN = ("is_success", "touched_new")
-WHOLE = ("numerics", "saturated", "steps", "evaluations_sum", "events_sum")
-INFO_NAMES = {
-    "touched_new": "touch_success",
-    "saturated": "saturated_actions",
-    "steps": "episode_steps",
-    "evaluations_sum": "evaluations",
-    "events_sum": "events",
-    "error_most": "error_estimate",
-}
-
-
-def info_name(column: str) -> str:
-    """Name of an output column in ``info``."""
-    if column.endswith("_term_sum"):
-        return f"return_{column.removesuffix('_term_sum')}"
-    return INFO_NAMES.get(column, column)
-
-
-def info_columns(core: Core) -> list[tuple[str, int, str]]:
-    """What ``info`` shows: (name, column, kind)."""
-    kinds = {**dict.fromkeys(BOOLEAN, "bool"), **dict.fromkeys(WHOLE, "int")}
-    return [
-        (info_name(c), core.columns[c], kinds.get(c, "float")) for c in shown_columns(core.simulator.episode)
-    ]
-
-
-def rows_of_kind(columns: list[tuple[str, int, str]], kind: str) -> slice:
-    """The rows of the outputs from the first to the last of a kind: converted at once, not one by one."""
-    rows = [k for _, k, of in columns if of == kind]
-    return slice(min(rows), max(rows) + 1)
-
-
-def shown_columns(episode: Episode | None) -> list[str]:
-    """Columns of the outputs that ``info`` shows."""
-    assert episode is not None
-    return [c for c in episode.outputs if c not in (*ENDS, *TIP, *GOAL)]
 
 
 def info_names(scene: Scene, task: ReachTask) -> list[str]:
     """Keys of ``info`` in an environment of a scene, in order."""
-    return [info_name(c) for c in shown_columns(environment_simulator(scene, task).episode)]
+    episode = environment_simulator(scene, task).episode
+    assert episode is not None
+    return Columns(episode).names
 
 
 def observation_space(core: Core, goal: bool) -> spaces.Space[Any]:
@@ -151,9 +117,6 @@ class ReachVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
         self.single_action_space = spaces.Box(-1.0, 1.0, (4,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._columns = info_columns(self.core)
-        self._flags = rows_of_kind(self._columns, "bool")
-        self._counts = rows_of_kind(self._columns, "int")
         self._ended = np.zeros(num_envs, dtype=np.bool_)
         self._ready = False
         self._renderer: Any = None
@@ -224,10 +187,11 @@ class ReachVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
                 "reset(options={'reset_mask': mask}) for them first (autoreset_mode is disabled)"
             )
         obs, out, last_obs, last_out = core.step(actions, KERNEL_MODE[mode])
-        terminated, truncated = out[1:3] > 0.0
+        columns = core.columns
+        terminated, truncated = columns.of(out, "terminated"), columns.of(out, "truncated")
         ended = terminated | truncated
         observation = core.observation(obs, out, self.goal_conditioned)
-        reward = out[0].copy()
+        reward = columns.of(out, "reward")
         if self.goal_conditioned:
             reward = core.goal_reward(observation["achieved_goal"], observation["desired_goal"])
         if self.render_mode is not None:
@@ -291,27 +255,23 @@ class ReachVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
             self._renderer = Renderer(self.core)
         return self._renderer
 
-    def _see(self, out: NDArray[np.float64]) -> None:
+    def _see(self, out: Outputs) -> None:
         """Remember where the tips are, for their trails."""
-        self._made_renderer().record(out[self.core.columns["steps"]], out[-4:-2].T)
+        columns = self.core.columns
+        self._made_renderer().record(columns.of(out, "steps"), columns.points(out, TIP))
 
     # ---- shapes of what is returned --------------------------------------------------------------
 
-    def _infos(self, out: NDArray[np.float64], mask: NDArray[np.bool_] | None) -> dict[str, Any]:
+    def _infos(self, out: Outputs, mask: NDArray[np.bool_] | None) -> dict[str, Any]:
         infos: dict[str, Any] = {}
+        columns = self.core.columns
         present = np.ones(
-            (len(self._columns), self.num_envs), np.bool_
+            (len(columns.names), self.num_envs), np.bool_
         )  # a line for each: one call, not many
         if mask is not None:
             present &= mask
-        flags, counts = out[self._flags] > 0.0, out[self._counts].astype(np.int64)
-        for (name, column, kind), valid in zip(self._columns, present, strict=True):
-            if kind == "bool":
-                infos[name] = flags[column - self._flags.start]
-            elif kind == "int":
-                infos[name] = counts[column - self._counts.start]
-            else:
-                infos[name] = out[column]
+        for name, (_, table, row), valid in zip(columns.names, columns.places_shown, present, strict=True):
+            infos[name] = out[table][row]
             infos[f"_{name}"] = valid
         return infos
 

@@ -18,8 +18,8 @@ from redundant_envs.model.programs import Team, batch_simulator
 from redundant_envs.model.snapshot import check_facts, check_keys, check_numbers, simulator_facts
 from redundant_envs.scene import Scene
 from redundant_envs.simulator.blocks import LANES
-from redundant_envs.simulator.interval import MOST_LOGGED, Fault
 from redundant_envs.simulator.lane import LOG
+from redundant_envs.simulator.setting import MOST_LOGGED, Fault
 from redundant_envs.values import shown
 
 MADE_ANEW = ("_simulator", "_team", "_unchanging")

@@ -37,6 +37,8 @@ class Memory:
         self.dynamics, self.layout, self.count = dynamics, layout, count
         self.blocks = -(-count // LANES)
         self.index = np.arange(count)
+        self.version = 0
+        """Grows when an array is replaced by another one."""
         self.arrays: dict[str, Array] = {
             str(life): aligned(1 if life is PARAMETER else self.blocks, layout.size(life), LANES)
             for life in KEPT
@@ -112,6 +114,7 @@ class Memory:
             own = aligned(self.blocks, *array.shape[1:])
             own[:] = array
             self.arrays[str(PARAMETER)] = own
+            self.version += 1
 
     def prepare(self) -> None:
         """Renew what follows from the parameters alone; to be called after they are set."""
@@ -142,6 +145,7 @@ class Memory:
         split = self.arrays[str(STATE)].size
         self.arrays[str(STATE)][:] = states[:split].reshape(self.arrays[str(STATE)].shape)
         self.arrays[str(LOG)][:] = states[split:].reshape(self.arrays[str(LOG)].shape)
+        self.version += 1
         self.arrays[str(PARAMETER)] = _aligned_copy(
             parameters.reshape(-1, self.layout.size(PARAMETER), LANES)
         )

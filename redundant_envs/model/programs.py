@@ -70,10 +70,10 @@ class Call:
     """A kernel and its arguments, which stay from call to call."""
 
     def __init__(self, kernel: Kernel, entry: Entry) -> None:
-        self._entry = entry
+        self.entry = entry
         self._places = {name: k for k, name in enumerate(kernel.arguments)}
         self._frame = np.zeros(len(self._places), dtype=np.int64)
-        self._address = self._frame.ctypes.data
+        self.address = self._frame.ctypes.data
         self._alive: dict[str, Any] = {}
 
     def set(self, **arguments: Any) -> None:
@@ -84,7 +84,7 @@ class Call:
             self._alive[name] = value
 
     def __call__(self) -> None:
-        self._entry(self._address)
+        self.entry(self.address)
 
 
 class Part(Call):
@@ -101,15 +101,19 @@ class Part(Call):
             scratch=scratch, queue=queue, substeps=simulator.dynamics.scene.substeps,
             count=self.lanes.stop - self.lanes.start,
         )  # fmt: skip
-        self._arrays: dict[str, Any] = {}
+        self._version = -1
         self.place()
+
+    @property
+    def moved(self) -> bool:
+        """Whether the memory is elsewhere than the kernel was told."""
+        return self._version != self.memory.version
 
     def place(self) -> None:
         """Tell the kernel where the memory is: arrays of parameters are replaced when lanes differ."""
-        arrays = self.memory.arrays
-        if all(self._arrays.get(name) is array for name, array in arrays.items()):
+        if not self.moved:
             return
-        self._arrays = dict(arrays)
+        arrays, self._version = self.memory.arrays, self.memory.version
         first = 0 if self.memory.shared else self.first
         self.set(
             state=arrays["state"][self.first :], log=arrays["log"][self.first :],

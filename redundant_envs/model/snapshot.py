@@ -208,6 +208,6 @@ def check_numbers(
             there, here = blocks[:, layout.place(row)[1]], memory.column(row)
             if not (there == here[0, 0]).all():
                 raise ValueError(
-                    f"{name}['parameters'] has the {row} {there.flat[0]:.6g} and this one {here.flat[0]:.6g}: "
+                    f"{name}['parameters'] has the {row} {there.flat[0]:.6g}, this one {here.flat[0]:.6g}: "
                     "it belongs to the scene and not to a state"
                 )

@@ -8,8 +8,10 @@ from typing import Any
 from redundant_envs.algebra import where
 from redundant_envs.simulator.blocks import MEMORY, Block, Blocks, Ends
 from redundant_envs.simulator.dynamics import Dynamics
-from redundant_envs.simulator.interval import GIVEN_UP, Fault, Interval, Plan
+from redundant_envs.simulator.interval import Interval
 from redundant_envs.simulator.lane import Lane
+from redundant_envs.simulator.setting import GIVEN_UP, Fault, Plan
+from redundant_envs.simulator.slots import advance
 from redundant_envs.tracing.flow import Kernel
 
 COLUMNS = {"error": "f64", "finite": "i8", "evaluations": "i64", "events": "i64", "numerics": "i8"}
@@ -52,6 +54,6 @@ def advance_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:
     def outputs(block: Block) -> dict[str, Any]:
         return {name: p[name] + block.first for name in told}
 
-    blocks.advance(Ends(lambda lane: None, {"efforts": ("f64", dynamics.commands)}, end, outputs))
+    advance(blocks, Ends(lambda lane: None, {"efforts": ("f64", dynamics.commands)}, end, outputs))
     blocks.prune()
     return p, blocks

@@ -7,8 +7,9 @@ from typing import Any
 
 from redundant_envs.quantities import Quantities
 from redundant_envs.simulator.blocks import LANES, MEMORY, Block, Blocks, Ends
-from redundant_envs.simulator.episode import ENDS, Episode
+from redundant_envs.simulator.episode import ENDS, TABLES, Episode
 from redundant_envs.simulator.lane import PARAMETER, SCRATCH, STATE, Field, Lane, Layout, traced
+from redundant_envs.simulator.slots import advance
 from redundant_envs.tasks.reach import goal_error
 from redundant_envs.tracing.flow import Kernel, Scalar
 
@@ -37,9 +38,18 @@ TICKET = KEY_WORDS + 1
 DUE, BEGUN = 1, 2
 ROUNDS = 10
 ARGUMENTS = {
-    "actions": "f32", "obs": "f32", "out": "f64", "out_stride": "int", "last_obs": "f32", "last_out": "f64",
-    "tickets": "u32", "operation": "int", "autoreset": "int", "any_due": "int",
-}  # fmt: skip
+    "actions": "f32",
+    "obs": "f32",
+    **TABLES,
+    "stride": "int",
+    "last_obs": "f32",
+    **{f"last_{table}": element for table, element in TABLES.items()},
+    "tickets": "u32",
+    "operation": "int",
+    "autoreset": "int",
+    "any_due": "int",
+}
+"""Arguments of the kernel beside memories. The stride is that of the rows of tables."""
 NOT_A_NUMBER = float("nan")
 INFINITY = float("inf")
 
@@ -68,12 +78,12 @@ class EnvironmentKernel:
             action = p.load(p["actions"], k)
             bad = (action != action) | (action == INFINITY) | (action == -INFINITY)
             with p.when(bad):
-                p.store(p["out"], 0, NOT_A_NUMBER)
+                p.store(p["values"], 0, NOT_A_NUMBER)
                 p.leave()
         steps = (operation == Operation.STEP) | (operation == Operation.CHECKED_STEP)
         with p.when(steps):
             ends = Ends(self.episode.command, self.inputs, self.end, self.outputs, self.renew)
-            self.blocks.advance(ends)
+            advance(self.blocks, ends)
         with p.when(~steps), p.each(self.blocks.count) as number:
             block = self.blocks.block(number, 0)
             with p.when(operation == Operation.RESET):
@@ -88,7 +98,8 @@ class EnvironmentKernel:
     def outputs(self, block: Block) -> dict[str, Any]:
         p = self.p
         obs = p["obs"] + block.first * len(self.episode.observed)
-        return {"obs": obs, "out": p["out"] + block.first, "out_stride": p["out_stride"]}
+        tables: dict[str, Any] = {table: p[table] + block.first for table in TABLES}
+        return {"obs": obs, **tables, **{f"{table}_stride": p["stride"] for table in TABLES}}
 
     # ---- new episodes ----------------------------------------------------------------------------------
 
@@ -155,9 +166,10 @@ class EnvironmentKernel:
                 p.store(p["tickets"], self._flag(block.first + k), DUE)
             p.call(self.reset, **places)
             p.call(self.observed, **places, **self.outputs(block))
-            with p.each_set(done) as k, p.each(len(ENDS)) as column:
-                at = column * p["out_stride"] + (block.first + k)
-                p.store(p["out"], at, p.load(p["last_out"], at))
+            with p.each_set(done) as k:
+                for table, names in self.episode.tables.items():
+                    rows = [row for row, name in enumerate(names) if name in ENDS]
+                    self._copy(table, f"last_{table}", table, block.first + k, rows)
 
     def _due(self, lane: Scalar) -> Scalar:
         return self.p.load(self.p["tickets"], self._flag(lane)) == DUE
@@ -167,9 +179,15 @@ class EnvironmentKernel:
         p, width = self.p, len(self.episode.observed)
         with p.each(width) as column:
             p.store(p["last_obs"], lane * width + column, p.load(p["obs"], lane * width + column))
-        with p.each(len(self.episode.outputs)) as column:
-            at = column * p["out_stride"] + lane
-            p.store(p["last_out"], at, p.load(p["out"], at))
+        for table, names in self.episode.tables.items():
+            self._copy(f"last_{table}", table, table, lane, range(len(names)))
+
+    def _copy(self, goal: str, source: str, table: str, lane: Scalar, rows: Any) -> None:
+        """Rows of a lane from one table to another."""
+        p = self.p
+        for row in rows:
+            at = p["stride"] * row + lane
+            p.store(p[goal], at, p.load(p[source], at))
 
 
 def philox(p: Kernel, key: list[Any], counter: list[Any]) -> list[Any]:

@@ -12,14 +12,18 @@ from redundant_envs.quantities import Quantities
 from redundant_envs.scene import identifier
 from redundant_envs.simulator.dynamics import Dynamics
 from redundant_envs.simulator.fields import copies
-from redundant_envs.simulator.interval import GIVEN_UP, Fault, Interval
+from redundant_envs.simulator.interval import Interval
 from redundant_envs.simulator.lane import PARAMETER, SCRATCH, STATE, Field, Lane, Layout
+from redundant_envs.simulator.setting import GIVEN_UP, Fault
 from redundant_envs.tasks.limits import depth_beyond, hard_stops, narrowed, spring_limits
 
 TIP, GOAL = ("tip_x", "tip_y"), ("goal_x", "goal_y")
 """Achieved and desired goal, the last columns of the outputs."""
-ENDS = ("reward", "terminated", "truncated")
-"""The first columns of the outputs."""
+ENDS = ("terminated", "truncated", "reward")
+"""What tells of the end of a step, and stays when a new episode begins with it."""
+TABLES = {"flags": "i8", "counts": "i64", "values": "f64"}
+"""Tables that a step of an environment fills, and the types of their numbers."""
+FLAGS = ("is_success", "touched_new")
 
 
 @dataclass(frozen=True)
@@ -77,11 +81,17 @@ class Episode:
         return tuple(self.task.observation(self.dynamics.scene))
 
     @cached_property
-    def outputs(self) -> tuple[str, ...]:
-        """Columns of the table that a step of an environment fills."""
+    def tables(self) -> dict[str, tuple[str, ...]]:
+        """Quantities in the rows of the tables."""
         beyond = ("beyond_limit",) if spring_limits(self.dynamics.scene) else ()
-        counted = ("numerics", "saturated", "steps", *self.spent, *self.returns)
-        return (*ENDS, *self.task.measures, *beyond, *counted, *TIP, *GOAL)
+        whole = ("numerics", "saturated", "steps", *(n for n in self.spent if n != "error_most"))
+        most = tuple(n for n in self.spent if n == "error_most")
+        measured = tuple(m for m in self.task.measures if m not in FLAGS)
+        return {
+            "flags": ("terminated", "truncated", *(m for m in self.task.measures if m in FLAGS)),
+            "counts": whole,
+            "values": ("reward", *measured, *beyond, *most, *self.returns, *TIP, *GOAL),
+        }
 
     @cached_property
     def aliases(self) -> dict[str, str]:
@@ -202,16 +212,17 @@ class Episode:
         x = self.quantities(lane, {n: lane[n] for n in (*self.dynamics.states, *self.task.memory)})
         count = len(self.observed)
         shown = {("obs", "f32", k, count): x[name] for k, name in enumerate(self.observed)}
-        for k, name in enumerate(self.outputs):
-            if name == "beyond_limit":
-                depths = [
-                    depth_beyond(x[f"phi{joint + 1}"], lane[identifier(low)], lane[identifier(high)])
-                    for joint, low, high in spring_limits(scene)
-                ]
-                value = reduce(maximum, depths)
-            else:
-                value = lane[name] if name in memory else x[name]
-            shown["out", "f64", k, 0] = value
+        for table, element in TABLES.items():
+            for k, name in enumerate(self.tables[table]):
+                if name == "beyond_limit":
+                    depths = [
+                        depth_beyond(x[f"phi{joint + 1}"], lane[identifier(low)], lane[identifier(high)])
+                        for joint, low, high in spring_limits(scene)
+                    ]
+                    value = reduce(maximum, depths)
+                else:
+                    value = lane[name] if name in memory else x[name]
+                shown[table, element, k, 0] = value > 0.0 if table == "flags" else value
         return shown
 
     # ---- a new episode ---------------------------------------------------------------------------------

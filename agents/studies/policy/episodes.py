@@ -84,7 +84,6 @@ def _replay(
     env = make_sb3(env_id, len(outcome.hold), **kwargs)
     core, times = env.core, np.empty((repeats, len(actions)))
     codes = np.zeros((len(actions), len(outcome.hold)), dtype=np.int64)
-    column = core.columns["numerics"]
     for i in range(repeats):
         env.seed(seed)
         env.reset()
@@ -92,7 +91,7 @@ def _replay(
             start = time.perf_counter()
             out = core.step(action, NO_AUTORESET)[1]
             times[i, k] = time.perf_counter() - start
-            codes[k] = out[column]
+            codes[k] = core.columns.of(out, "numerics")
     codes[np.arange(len(actions))[:, None] >= outcome.steps] = 0  # what came after an episode's end
     counts = {str(flag.name): int(np.count_nonzero(codes & flag)) for flag in Numerics}
     return core, {name: n for name, n in counts.items() if n}, float(times.min(axis=0).sum())

@@ -1,0 +1,116 @@
+"""The step that all lanes make together, and why a lane leaves it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import reduce
+from typing import Any
+
+from redundant_envs.algebra import any_of, cases, maximum, where
+from redundant_envs.integrators import events, step_control
+from redundant_envs.simulator.at_stops import AtStops
+from redundant_envs.simulator.lane import Lane
+from redundant_envs.simulator.setting import WATCHED, Plan, Reason
+from redundant_envs.simulator.step import lane_step, step_error
+
+
+@dataclass(frozen=True)
+class CommonStep(AtStops):
+    """Procedures of the common step."""
+
+    def clear(self, lane: Lane) -> None:
+        """Before an interval."""
+        lane.error = 0.0
+        if not self.local:
+            return
+        lane.evaluations = lane.fault = 0.0
+        if self.stops:
+            lane.impacts = 0.0
+        if self.logs:
+            lane.logged = 0.0
+            lane.span_start = -lane.h if self.plan is Plan.FIXED else 0.0
+        if self.origin != "{}_start":
+            lane.set(self.kept, lane.get(self.kept), of=self.origin)
+
+    def start(self, lane: Lane) -> None:
+        """Before a common step: keep the state, and see which lanes that step may serve."""
+        lane.set(self.kept, lane.get(self.kept), of="{}_start")
+        lane.error_start = lane.error
+        if self.stops:
+            lane.impacts_start = lane.impacts
+        if self.plan is not Plan.FIXED:
+            steps = self.least_steps(lane)
+            lane.min_steps = where(steps <= 1.0, 0.0, steps)
+        if self.logs:
+            lane.logged_start = lane.logged
+            if self.plan is Plan.FIXED:
+                lane.span_start = lane.span_start + lane.h
+
+    def least_steps(self, lane: Lane) -> Any:
+        """How many steps the present rates and all springs and dampers need."""
+        arm = self.dynamics.arm
+        turning = [abs(lane[v]) for v, slides in zip(arm.rates, arm.prismatic, strict=True) if not slides]
+        steady = lane.steady if "steady" in self.dynamics.prepared else 0.0
+        return step_control.least_steps(reduce(maximum, turning), steady, lane.interval)
+
+    def common_step(self, lane: Lane) -> None:
+        """The step of all lanes."""
+        self._set_step(lane, lane.h, None)
+
+    def _set_step(self, lane: Lane, h: Any, moving: Any) -> None:
+        """The fields of a step; of lanes that are not ``moving`` the state stays."""
+        dynamics = self.dynamics
+        step = lane_step(dynamics, lane, h, held=bool(self.stops))
+        if self.estimates:
+            error = step_error(dynamics, lane, step)
+            # The error of an adaptive step decides on that step, all others are summed up.
+            lane.error = error if self.plan is Plan.ADAPTIVE else lane.error + error
+        new = [*step.positions, *step.velocities, *step.others]
+        if moving is not None:
+            new = [where(moving, x, lane[s]) for s, x in zip(dynamics.states, new, strict=True)]
+        lane.set(dynamics.states, new)
+        for stop, watched in zip(self.stops, step.watched, strict=True):
+            lane.set(WATCHED, watched, of=f"{{}}_{stop.name}")
+
+    def judge(self, lane: Lane) -> None:
+        """After a common step: why a lane leaves it, if it does.
+
+        What the step did to a lane that it could not serve is never looked at.
+        """
+        reason: Any = Reason.NONE
+        if self.stops:
+            sliders = self.sliders(lane, "{}_start", lane.h)
+            pulled = any_of(events.most_pull(s, self.unseen) > 0.0 for s in sliders)
+            near = any_of(events.may_meet(s, lane.h, self.unseen) for s in sliders)
+            reason = cases((pulled, Reason.STOP), (near, Reason.NEAR_STOP), default=Reason.NONE)
+        stages = float(self.dynamics.method.stages)
+        if self.plan is Plan.FIXED:
+            lane.evaluations = lane.evaluations + stages
+        elif self.plan is Plan.DOUBLING:
+            # A link that has become fast in the step may have been too fast for it.
+            slow = self.least_steps(lane) <= step_control.TOO_FAST
+            single = lane.min_steps == 0.0
+            served = single & slow & (lane.error <= lane.tip_tolerance)
+            reason = where(served, reason, Reason.ACCURACY)
+            lane.evaluations = where(single, lane.evaluations + stages, lane.evaluations)
+            lane.error = where(single, lane.error, 0.0)
+        self._leave(lane, reason)
+
+    def refuse(self, lane: Lane) -> None:
+        """Instead of a common step: no lane is served by it."""
+        if self.plan is Plan.DOUBLING:
+            lane.error = 0.0
+        self._leave(lane, Reason.ACCURACY)
+
+    def _leave(self, lane: Lane, reason: Any) -> None:
+        # Steps of their own do not help lanes whose state or effort is not finite.
+        names = [f"{s}_start" for s in self.dynamics.states[: 2 * self.dynamics.count]]
+        defect = self.defect(lane.get((*names, *self.dynamics.commands)))
+        lane.reason = where(defect == 0.0, reason, Reason.NONE)
+        first = self.dynamics.states[0]
+        lane[first] = where(defect == 0.0, lane[first], defect)  # if no step has shown it, this does
+
+    @staticmethod
+    def defect(values: list[Any]) -> Any:
+        """0 if some numbers are finite, else NaN."""
+        return reduce(lambda total, x: total + (x - x), values[1:], values[0] - values[0])

@@ -1,0 +1,122 @@
+"""How the lanes of a scene cross a control interval: what is decided before anything runs."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+from functools import cached_property
+
+from redundant_envs.integrators import events
+from redundant_envs.integrators.methods import Watched
+from redundant_envs.simulator.dynamics import Dynamics, Stop
+from redundant_envs.simulator.step import active_stop
+
+
+class Fault(enum.IntFlag):
+    """What went wrong in a lane; the one place where it is reported (``info["numerics"]``)."""
+
+    NON_FINITE = 1
+    BAD_ACTION = 2
+    SPEED_BOUND = 4
+    TOLERANCE_NOT_REACHED = 8
+    EVENT_BUDGET = 16
+    NO_STEP_FOUND = 32
+
+
+GIVEN_UP = Fault.EVENT_BUDGET
+"""From this fault on the interval was not crossed, and its lane is back where it began."""
+
+
+class Reason(enum.IntEnum):
+    """Why a lane leaves the common step."""
+
+    NONE = 0
+    ACCURACY = 1
+    STOP = 2
+    NEAR_STOP = 3
+    """Not known yet, but near a stop."""
+
+
+class Plan(enum.Enum):
+    """How the steps of a lane are chosen."""
+
+    FIXED = "fixed"
+    DOUBLING = "doubling"
+    ADAPTIVE = "adaptive"
+
+
+MOST_SEARCHED = 500
+"""Trial steps in search of one event; with more the interval is given up."""
+MOST_TRIALS = 65536
+"""Of an interval that is crossed with 1, 2, 4, ... 16384 steps: twice as many as those without an event."""
+MOST_LOGGED = 256
+"""Events of an interval that are kept where the work is tracked."""
+WATCHED = Watched._fields
+SEARCH = events.Search._fields
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What is known of the intervals of a scene, and names of the fields of its lanes."""
+
+    dynamics: Dynamics
+
+    @cached_property
+    def plan(self) -> Plan:
+        scene = self.dynamics.scene
+        if scene.integrator == "dop853":
+            return Plan.ADAPTIVE
+        return Plan.FIXED if scene.tolerance is None else Plan.DOUBLING
+
+    @cached_property
+    def stops(self) -> tuple[Stop, ...]:
+        return self.dynamics.stops
+
+    @property
+    def local(self) -> bool:
+        """Whether lanes may take steps of their own."""
+        return bool(self.stops) or self.plan is not Plan.FIXED
+
+    @property
+    def repeated(self) -> bool:
+        """Whether an interval is several common steps."""
+        return self.dynamics.scene.substeps > 1
+
+    @property
+    def estimates(self) -> bool:
+        """Whether the method has an error estimate."""
+        return bool(self.dynamics.method.error5)
+
+    @property
+    def logs(self) -> bool:
+        """Whether events are kept."""
+        return bool(self.stops) and self.dynamics.track_work
+
+    @property
+    def origin(self) -> str:
+        """Form of the fields that hold what a lane was when the interval began."""
+        return "{}_interval" if self.local and self.plan is Plan.FIXED and self.repeated else "{}_start"
+
+    @cached_property
+    def active(self) -> tuple[str, ...]:
+        """Fields of the stops at which sliders rest."""
+        return tuple(active_stop(s.name) for s in self.stops)
+
+    @property
+    def kept(self) -> tuple[str, ...]:
+        """What a lane has when an interval begins, and again when the interval is given up."""
+        return (*self.dynamics.states, *self.active)
+
+    @property
+    def positions(self) -> list[str]:
+        """Coordinates of the sliders with stops."""
+        return [self.dynamics.arm.coordinates[s.joint] for s in self.stops]
+
+    @property
+    def rates(self) -> list[str]:
+        return [self.dynamics.arm.rates[s.joint] for s in self.stops]
+
+    @cached_property
+    def unseen(self) -> events.Unseen:
+        method = self.dynamics.method
+        return events.Unseen(method.unseen(at_ends=False), method.unseen(at_ends=True))

@@ -1,0 +1,297 @@
+"""Local time stepping in a kernel: lanes that leave the common step go through slots, eight at a time."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+from redundant_envs.integrators.contacts import Event
+from redundant_envs.simulator.blocks import GROUP, LANES, Block, Blocks, Ends, Procedure, reads_of, written_by
+from redundant_envs.simulator.lane import LOG, PARAMETER, SCRATCH, STATE
+from redundant_envs.simulator.setting import MOST_LOGGED, Plan
+from redundant_envs.tracing.flow import Scalar
+
+
+class Slots:
+    """Local time stepping: lanes that the common step does not serve go through slots, eight at a time."""
+
+    def __init__(self, blocks: Blocks, ends: Ends) -> None:
+        self.blocks, self.p, self.interval = blocks, blocks.p, blocks.interval
+        self.layout = blocks.layout
+        self.begin, self.inputs, self.ends = ends.begin, ends.inputs, ends
+        p, group = self.p, GROUP * blocks.width(SCRATCH)
+        slots = p["scratch"] + group
+        self.slots = {
+            str(STATE): slots,
+            str(SCRATCH): slots + blocks.width(STATE),
+            str(PARAMETER): slots + (blocks.width(STATE) + blocks.width(SCRATCH)),
+            str(LOG): p["log"] + 0,
+        }
+        self.shared = p["parameter_stride"] == 0
+        self.slots[str(PARAMETER)] = p.choose(self.shared, p["parameter"], self.slots[str(PARAMETER)])
+        self.waiting = p["queue"] + 0
+        self.pending = p["queue"] + GROUP * LANES
+        self.homes = p["queue"] + (GROUP * LANES + GROUP)
+        self.head, self.tail, self.busy = p.variable(0), p.variable(0), p.variable(0)
+        self.free = p.variable(0)
+
+    def finish(self, block: Block) -> None:
+        """The lanes of a block have crossed the interval."""
+        self.p.call(self.ended, **block.places, **self.ends.outputs(block))
+        self.ends.finish(block)
+
+    def advance(self) -> None:
+        p, interval = self.p, self.interval
+        self.trace()
+        with p.each((self.blocks.count + (GROUP - 1)) >> 6) as group:
+            first = group * GROUP
+            end = p.select(first + GROUP < self.blocks.count, first + GROUP, self.blocks.count)
+            if not interval.repeated:
+                self.group(first, end, first_step=True, last_step=True)
+            else:
+                with p.each(end, start=first) as number:
+                    block = self.blocks.block(number, number - first)
+                    self.blocks.call_with_tables(self.cleared, block, self.inputs)
+                with p.each(p["substeps"]):
+                    self.group(first, end, first_step=False, last_step=False)
+                with p.each(end, start=first) as number:
+                    self.finish(self.blocks.block(number, number - first))
+
+    def trace(self) -> None:
+        """The functions of blocks, and those of slots."""
+        i, make = self.interval, self.blocks.function
+        before: tuple[Procedure, ...] = (self.begin, i.clear, i.start)
+        if i.repeated:
+            self.cleared = make("clear", self.begin, i.clear, inputs=self.inputs)
+            before = (i.start,)
+        inputs = {} if i.repeated else self.inputs
+        known = dict.fromkeys(i.active, 0.0)
+        # Which lanes the common step may serve is known before it where steps are chosen for their error,
+        # and which sliders rest where there are stops.
+        self.started = make("start", *before, inputs=inputs)
+        self.common = make("common", i.common_step, i.judge, known=known)
+        if i.stops:
+            self.common_held = make("common_held", i.common_step, i.press, i.judge)
+            self.released = make("release", i.release)
+            self.met = make("meet", i.meet)
+        if i.plan is not Plan.FIXED:
+            self.refused = make("refuse", i.refuse)
+        of_blocks = list(self.blocks.functions.values())
+        self.ended = make("end", self.ends.end)
+        self.entered = make("enter", i.enter)
+        self.stepped = make("trial_step", i.trial_step)
+        self.looked = make("look", i.look)
+        self.decided = make("decide", i.decide)
+        of_slots = [self.entered, self.stepped, self.looked, self.decided]
+        if i.stops:
+            self.contact = make("look_at_contacts", i.look_at_contacts)
+            self.resolved = make("resolve_contacts", i.resolve_contacts)
+            of_slots += [self.contact, self.resolved]
+        self.of_blocks, self.of_slots = of_blocks, of_slots
+
+    def group(self, first: Scalar, end: Scalar, first_step: bool, last_step: bool) -> None:
+        """A common step of a group of blocks, and the steps of their own of the lanes it does not serve."""
+        p, blocks = self.p, self.blocks
+        self.head.value = self.tail.value = self.busy.value = 0
+        self.free.value = 255
+        with p.each(end, start=first) as number:
+            block = blocks.block(number, number - first)
+            if first_step:
+                blocks.call_with_tables(self.started, block, self.inputs)
+            else:
+                p.call(self.started, **block.places)
+            self.common_step(block)
+            valid = (p.record("<<", 1, block.lanes)) - 1
+            leaving = blocks.mask(block.places, "reason") & valid
+            waiting = p.variable(0)
+            with p.each_set(leaving) as lane:
+                p.store(self.waiting, self.tail.value, block.first + lane)
+                self.tail.value = self.tail.value + 1
+                waiting.value = waiting.value + 1
+            p.store(self.pending, number - first, waiting.value)
+            if last_step:
+                with p.when(leaving == 0):
+                    self.finish(block)
+        with p.loop_while(lambda: (self.head.value < self.tail.value) | (self.busy.value > 0)):
+            with p.each_set(self.free.value) as slot, p.when(self.head.value < self.tail.value):
+                self.take(slot, first)
+            self.trial()
+            complete = blocks.mask(self.slots, "complete")
+            with p.each_set(complete) as slot:
+                self.leave(slot, first, last_step)
+
+    def common_step(self, block: Block) -> None:
+        p, i, places = self.p, self.interval, block.places
+        if i.plan is Plan.ADAPTIVE:
+            p.call(self.refused, **places)
+            return
+        serves = None
+        if i.plan is Plan.DOUBLING:
+            mask = self.blocks.mask(places, "min_steps")
+            serves = mask != 255
+            with p.when(mask == 255):
+                p.call(self.refused, **places)
+        if not i.stops:
+            assert serves is not None
+            with p.when(serves):
+                p.call(self.common, **places)
+            return
+        with p.when(serves) if serves is not None else contextlib.nullcontext():
+            resting = p.variable(0)
+            for name in i.active:
+                resting.value = resting.value | self.blocks.mask(places, name)
+            with p.when(resting.value == 0):
+                p.call(self.common, **places)
+            with p.when(resting.value != 0):
+                p.call(self.released, **places)
+                if i.logs:
+                    self.tell_released(block)
+                p.call(self.common_held, **places)
+            with p.when(self.blocks.mask(places, "reason") != 0):
+                p.call(self.met, **places)
+
+    # ---- slots -----------------------------------------------------------------------------------------
+
+    def trial(self) -> None:
+        """A trial step of all slots."""
+        p, i, slots, mask = self.p, self.interval, self.slots, self.blocks.mask
+        with p.when(mask(slots, "entered") != 0):
+            p.call(self.entered, **slots)
+            if i.stops:
+                with p.when(mask(slots, "due") != 0):
+                    p.call(self.decided, **slots)
+        if i.stops:
+            with p.loop_while(lambda: mask(slots, "touching") != 0):
+                p.call(self.contact, **slots)
+                p.call(self.resolved, **slots)
+                if i.logs:
+                    self.tell()
+        p.call(self.stepped, **slots)
+        p.call(self.looked, **slots)
+        if i.stops:
+            with p.when(mask(slots, "held") != 0):
+                p.call(self.contact, **slots)
+        p.call(self.decided, **slots)
+
+    @cached_property
+    def carried_in(self) -> list[str]:
+        """Fields that slots read of what blocks know."""
+        known = {place for f in self.of_blocks for place in written_by(f)}
+        read = {place for f in self.of_slots for place in reads_of(f)}
+        return [
+            n
+            for n in self.layout.fields
+            for place in [self.layout.place(n)]
+            if place in read and (place[0] == STATE or place in known)
+        ]
+
+    @cached_property
+    def carried_out(self) -> list[str]:
+        """Fields that slots give back: states, and what is read at the end of the interval."""
+        written = {place for f in self.of_slots for place in written_by(f)}
+        read = reads_of(self.ended) | {self.layout.place("fault")}
+        return [
+            n
+            for n in self.layout.fields
+            for place in [self.layout.place(n)]
+            if place in written and (place[0] == STATE or place in read)
+        ]
+
+    def _home(self, lane: Scalar, first: Scalar) -> tuple[Block, Scalar]:
+        number = lane >> 3
+        return self.blocks.block(number, number - first), lane & (LANES - 1)
+
+    def _copy(self, names: Sequence[str], goal: Any, goal_lane: Any, source: Any, source_lane: Any) -> None:
+        for name in names:
+            space, row = self.layout.place(name)
+            value = self.p.load(source[space], source_lane + row * LANES)
+            self.p.store(goal[space], goal_lane + row * LANES, value)
+
+    def _set(self, slot: Scalar, name: str, value: float) -> None:
+        space, row = self.layout.place(name)
+        self.p.store(self.slots[space], slot + row * LANES, value)
+
+    def take(self, slot: Scalar, first: Scalar) -> None:
+        """A lane that waits goes into a free slot."""
+        p = self.p
+        lane = p.load(self.waiting, self.head.value)
+        self.head.value = self.head.value + 1
+        self.busy.value = self.busy.value + 1
+        self.free.value = self.free.value & ~p.record("<<", 1, slot)
+        p.store(self.homes, slot, lane)
+        home, k = self._home(lane, first)
+        self._copy(self.carried_in, self.slots, slot, home.places, k)
+        with p.when(~self.shared):
+            numbers = [n for n, f in self.layout.fields.items() if f.lifetime is PARAMETER]
+            self._copy(numbers, self.slots, slot, home.places, k)
+        self._set(slot, "entered", 1.0)
+
+    def leave(self, slot: Scalar, first: Scalar, last_step: bool) -> None:
+        """A lane that has crossed its interval goes home."""
+        p = self.p
+        lane = p.load(self.homes, slot)
+        self.busy.value = self.busy.value - 1
+        self.free.value = self.free.value | p.record("<<", 1, slot)
+        home, k = self._home(lane, first)
+        self._copy(self.carried_out, home.places, k, self.slots, slot)
+        self._set(slot, "phase", 0.0)
+        self._set(slot, "complete", 0.0)
+        place = home.number - first
+        left = p.load(self.pending, place) - 1
+        p.store(self.pending, place, left)
+        if last_step:
+            with p.when(left == 0):
+                self.finish(home)
+
+    # ---- the log of events -----------------------------------------------------------------------------
+
+    def _append(
+        self, block: Any, lane: Any, counts: Any, slot: Any, time: Any, kind: Any, speed: Any
+    ) -> None:
+        """An event into the log of a lane, if that has room."""
+        p = self.p
+        space, row = self.layout.place("logged")
+        count = p.load(counts[space], slot + row * LANES)
+        with p.when(count < float(MOST_LOGGED)):
+            at = p.whole(count) * (3 * LANES) + lane
+            for k, value in enumerate((time, kind, speed)):
+                p.store(block[str(LOG)], at + k * LANES, value)
+            p.store(counts[space], slot + row * LANES, count + 1.0)
+
+    def _of(self, places: Any, lane: Any, name: str) -> Scalar:
+        space, row = self.layout.place(name)
+        self.p.masked.add((space, row))
+        return self.p.load(places[space], lane + row * LANES)
+
+    def tell(self) -> None:
+        """What has happened to the sliders in the slots."""
+        p = self.p
+        with p.each_set(self.free.value ^ 255) as slot:
+            lane = p.load(self.homes, slot)
+            log = {str(LOG): p["log"] + (lane >> 3) * self.blocks.width(LOG)}
+            for k, s in enumerate(self.interval.stops):
+                happened = self._of(self.slots, slot, f"happened_{s.name}")
+                with p.when(happened > 0.0):
+                    time = self._of(self.slots, slot, "span_start") + self._of(self.slots, slot, "elapsed")
+                    speed = self._of(self.slots, slot, f"speed_{s.name}")
+                    self._append(log, lane & (LANES - 1), self.slots, slot, time, happened + 10.0 * k, speed)
+
+    def tell_released(self, block: Block) -> None:
+        """Which sliders were released before the common step."""
+        p, places = self.p, block.places
+        with p.each(LANES) as lane:
+            for k, name in enumerate(self.interval.active):
+                now, was = self._of(places, lane, name), self._of(places, lane, f"{name}_start")
+                with p.when(now != was):
+                    time = self._of(places, lane, "span_start")
+                    self._append(places, lane, places, lane, time, Event.RELEASE + 10.0 * k, 0.0)
+
+
+def advance(blocks: Blocks, ends: Ends) -> None:
+    """All lanes through a control interval."""
+    if blocks.interval.local:
+        Slots(blocks, ends).advance()
+    else:
+        blocks.advance(ends)
