@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from redundant_envs.model.arms import RPRP, FourR
     from redundant_envs.model.batch import BatchSimulator, Event, Numerics
     from redundant_envs.model.listing import bill, listing
+    from redundant_envs.model.torch_step import torch_step as torch_step  # not in __all__
     from redundant_envs.model.trajectory import simulate
     from redundant_envs.scene import Scene, load_scene
 
@@ -31,13 +32,14 @@ _HOMES = {
     "check_vec_env": "envs.check",
     "listing": "model.listing",
     "bill": "model.listing",
+    "torch_step": "model.torch_step",
     "effects": "",
 }
 __all__ = [
     "RPRP", "BatchSimulator", "Event", "FourR", "Numerics", "Scene", "bill", "check_vec_env", "effects",
     "listing", "load_scene", "simulate",
 ]  # fmt: skip
-"""The public names, but for ``make_sb3``: it needs the extra "train", and ``import *`` must not."""
+"""The public names, but for ``make_sb3`` and ``torch_step``: they need torch, and ``import *`` must not."""
 
 _registration.register()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import reprlib
 from collections.abc import Mapping
+from numbers import Integral
 from typing import Any
 
 DEEPEST = 20
@@ -54,3 +55,10 @@ def check_bounds(where: str, data: Any) -> None:
             raise ValueError(f"{where} holds more than {MOST_VALUES} values; give fewer")
         inner = value.values() if isinstance(value, Mapping) else value
         waiting += [(v, depth + 1) for v in inner]
+
+
+def whole_number(name: str, value: Any) -> int:
+    """A whole number of at least 1, or a ValueError that names it."""
+    if isinstance(value, bool) or not isinstance(value, Integral) or value < 1:
+        raise ValueError(f"{name} is {value!r}; give a whole number of at least 1")
+    return int(value)

@@ -19,11 +19,11 @@ DOUBLE, FLOAT = ir.DoubleType(), ir.FloatType()
 INT64, INT32, INT8, BIT = ir.IntType(64), ir.IntType(32), ir.IntType(8), ir.IntType(1)
 BLOCK = ir.VectorType(DOUBLE, LANES)
 TRUTHS = ir.VectorType(BIT, LANES)
+EXPONENT_BIAS, MANTISSA_BITS = 1023, 52
 ELEMENT = {"f64": DOUBLE, "f32": FLOAT, "i64": INT64, "u32": INT32, "i8": INT8}
 ARITHMETIC = {"+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv", "and": "and_", "or": "or_", "xor": "xor"}
 INTRINSICS = {
     "sqrt": "llvm.sqrt",
-    "exp": "llvm.exp",
     "floor": "llvm.floor",
     "abs": "llvm.fabs",
     "fma": "llvm.fma",
@@ -104,6 +104,10 @@ class Emitter:
             whole = ir.VectorType(INT64, LANES)
             masked = b.and_(b.bitcast(arguments[0], whole), ir.Constant(whole, [node.extra] * LANES))
             return b.icmp_signed("!=", masked, ir.Constant(whole, [0] * LANES))
+        if node.name == "power":  # of two, from a whole number to which 1.5 * 2^52 was added
+            whole = ir.VectorType(INT64, LANES)
+            biased = b.add(b.bitcast(arguments[0], whole), ir.Constant(whole, [EXPONENT_BIAS] * LANES))
+            return b.bitcast(b.shl(biased, ir.Constant(whole, [MANTISSA_BITS] * LANES)), BLOCK)
         if node.name == "!=":
             return b.fcmp_unordered("!=", *arguments)
         return b.fcmp_ordered(node.name, *arguments)

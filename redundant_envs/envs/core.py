@@ -32,7 +32,7 @@ from redundant_envs.simulator.environment import BEGUN, DUE, GOAL_FIELDS, TICKET
 from redundant_envs.simulator.episode import GOAL, TABLES, TIP
 from redundant_envs.tasks.limits import hard_stops, narrowed, spring_limits
 from redundant_envs.tasks.reach import ReachTask
-from redundant_envs.values import shown
+from redundant_envs.values import shown, whole_number
 
 OPTION_KEYS = ("q", "qd", "goal", "parameters")
 STATE_KEYS = ("states", "parameters", "keys", "mask", "waiting", "generators", "simulator")
@@ -73,7 +73,7 @@ class Core:
             )
         check_arm(env_id, self.scene.robot.kind)
         self.num_envs = num_envs
-        self.threads = threads
+        self.threads = whole_number("threads", threads)
         self.simulator = environment_simulator(self.scene, self.task)
         numbers = {**self.task.parameters(), "limit": episode_limit(max_episode_steps)}
         self.memory = Memory(self.simulator.dynamics, self.simulator.blocks.layout, num_envs, numbers)

@@ -25,6 +25,7 @@ from redundant_envs.extras import needs
 from redundant_envs.scene import Scene
 from redundant_envs.simulator.environment import Autoreset
 from redundant_envs.simulator.episode import TIP
+from redundant_envs.values import whole_number
 
 with needs("train"):
     from stable_baselines3.common.vec_env import VecEnv
@@ -49,12 +50,15 @@ class SB3VecEnv(LaneValues, VecEnv):
         render_mode: str | None = None,
         accuracy: str | float | None = None,
         env_id: str | None = None,
+        threads: int = 1,
     ) -> None:
         if on_bad_action not in ON_BAD_ACTION:
             raise ValueError(f"on_bad_action is {on_bad_action!r}; choose {', '.join(ON_BAD_ACTION)}")
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode is {render_mode!r}; choose None or 'rgb_array'")
-        self.core = Core(scene, num_envs, make_task(task, goal), max_episode_steps, goal, accuracy, env_id)
+        self.core = Core(
+            scene, num_envs, make_task(task, goal), max_episode_steps, goal, accuracy, env_id, threads
+        )
         self.goal_conditioned = goal
         self.on_bad_action = on_bad_action
         self.render_mode = render_mode
@@ -230,16 +234,15 @@ def make_sb3(env_id: str, num_envs: int = 256, **kwargs: Any) -> SB3VecEnv:
     num_envs : int
     **kwargs
         Those of ``gymnasium.make``: scene, accuracy, task, on_bad_action, render_mode,
-        max_episode_steps.
+        max_episode_steps; and threads, over blocks of 8 environments.
     """
     full = env_id if "/" in env_id else f"redundant_envs/{env_id}"
     if full not in ids():
         raise ValueError(f"env_id is {env_id!r}; valid: {', '.join(ids())}")
-    if isinstance(num_envs, bool) or not isinstance(num_envs, int) or num_envs < 1:
-        raise ValueError(f"num_envs is {num_envs!r}; give a whole number of at least 1")
+    num_envs = whole_number("num_envs", num_envs)
     spec = gym.spec(full)
     arguments = {"max_episode_steps": spec.max_episode_steps, **spec.kwargs, **kwargs}
-    valid = (*ARGUMENTS, "render_mode")
+    valid = (*ARGUMENTS, "render_mode", "threads")
     for key in arguments:
         if key not in valid:
             raise ValueError(f"make_sb3 has no argument {key!r}; valid: {', '.join(valid)}")

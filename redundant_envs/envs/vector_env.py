@@ -29,7 +29,7 @@ from redundant_envs.scene import Scene, check_keys
 from redundant_envs.simulator.environment import Autoreset
 from redundant_envs.simulator.episode import TIP
 from redundant_envs.tasks.reach import GoalReachTask, ReachTask
-from redundant_envs.values import shown
+from redundant_envs.values import shown, whole_number
 
 KERNEL_MODE = {mode: Autoreset[mode.name] for mode in AutoresetMode}
 ON_BAD_ACTION = ("raise", "terminate")
@@ -71,6 +71,8 @@ class ReachVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
     accuracy : {"standard", "exact"} or float, optional
         Tip error per control interval [m] of the simulation: 1e-6, 1e-12 or the number given. None
         keeps what the scene gives; "standard" where it gives nothing.
+    threads : int
+        Threads over blocks of 8 environments; they change no bit.
     """
 
     goal_conditioned = False
@@ -88,9 +90,9 @@ class ReachVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
         task: Mapping[str, Any] | None = None,
         render_mode: str | None = None,
         accuracy: str | float | None = None,
+        threads: int = 1,
     ) -> None:
-        if isinstance(num_envs, bool) or not isinstance(num_envs, int) or num_envs < 1:
-            raise ValueError(f"num_envs is {num_envs!r}; give a whole number of at least 1")
+        num_envs = whole_number("num_envs", num_envs)
         self.autoreset_mode = autoreset(autoreset_mode)
         if on_bad_action not in ON_BAD_ACTION:
             raise ValueError(f"on_bad_action is {on_bad_action!r}; choose {', '.join(ON_BAD_ACTION)}")
@@ -104,6 +106,7 @@ class ReachVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
             self.goal_conditioned,
             accuracy,
             self.env_id,
+            threads,
         )
         self.num_envs = num_envs
         self.on_bad_action = on_bad_action

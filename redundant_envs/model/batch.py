@@ -20,7 +20,7 @@ from redundant_envs.scene import Scene
 from redundant_envs.simulator.blocks import LANES
 from redundant_envs.simulator.lane import LOG
 from redundant_envs.simulator.setting import MOST_LOGGED, Fault
-from redundant_envs.values import shown
+from redundant_envs.values import shown, whole_number
 
 MADE_ANEW = ("_simulator", "_team", "_unchanging")
 """Attributes of a simulator that its copies do not take over."""
@@ -108,12 +108,9 @@ class BatchSimulator:
     """
 
     def __init__(self, scene: Scene, num_envs: int = 1, threads: int = 1, track_work: bool = False) -> None:
-        for name, value in (("num_envs", num_envs), ("threads", threads)):
-            if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-                raise ValueError(f"{name} is {value!r}; give a whole number of at least 1")
         self.scene = scene
-        self.num_envs = int(num_envs)
-        self.threads = int(threads)
+        self.num_envs = whole_number("num_envs", num_envs)
+        self.threads = whole_number("threads", threads)
         self.track_work = bool(track_work)
         self._simulator = batch_simulator(scene, self.track_work)
         dynamics, layout = self._simulator.dynamics, self._simulator.blocks.layout

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, NoReturn
 
@@ -136,8 +137,8 @@ def sincos(x: Number) -> tuple[Any, Any]:
     Cody and Waite's reduction by multiples of pi/2 held in two parts, then the polynomials of
     fdlibm (k_sin.c, k_cos.c) on [-pi/4, pi/4]; the quadrant swaps them and sets the signs.
     """
-    shifted = fma(x, 0.6366197723675814, 6755399441055744.0)  # 2/pi, 1.5 * 2^52
-    k = shifted - 6755399441055744.0
+    shifted = fma(x, 0.6366197723675814, ROUND)  # 2/pi
+    k = shifted - ROUND
     r = fma(-k, 1.5707963267948966, x)
     r = fma(-k, 6.123233995736766e-17, r)
     z = r * r
@@ -153,9 +154,35 @@ def sincos(x: Number) -> tuple[Any, Any]:
     return where(upper, -s, s), where(odd ^ upper, -c, c)
 
 
+ROUND = 6755399441055744.0
+"""1.5 * 2^52: a float to which it is added loses what is behind the point, and ends with its last bits."""
+
+
+def exp(x: Number) -> Any:
+    """Exponential function to one unit in the last place, without a branch.
+
+    Cody and Waite's reduction by multiples of ln 2 held in two parts (fdlibm, e_exp.c), the Taylor polynomial
+    of degree 13 on [-ln 2 / 2, ln 2 / 2], and two powers of two, neither of which overflows.
+    """
+    x = algebra.minimum(algebra.maximum(x, -746.0), 746.0)
+    k = fma(x, 1.4426950408889634, ROUND) - ROUND
+    r = fma(-k, 6.93147180369123816490e-01, x)
+    r = fma(-k, 1.90821492927058770002e-10, r)
+    p: Any = 1.0 / math.factorial(13)
+    for n in range(12, 1, -1):
+        p = 1.0 / math.factorial(n) + r * p
+    half = algebra.floor(0.5 * k)
+    return (1.0 + (r + r * r * p)) * _power_of_two(half) * _power_of_two(k - half)
+
+
+def _power_of_two(k: Number) -> Number:
+    """2^k of a whole number from -1022 to 1023."""
+    return Number(k.graph, k.graph.record("power", (k + ROUND).value))
+
+
 algebra.register_numbers(
     algebra.Primitives(
-        _unary("sqrt"), _unary("exp"), _unary("floor"), sincos, where, lambda condition: ~condition
+        _unary("sqrt"), exp, _unary("floor"), sincos, where, lambda condition: ~condition
     ),
     Number, Condition,
 )  # fmt: skip

@@ -1,0 +1,30 @@
+"""Numbers as torch tensors of float64, with gradients (needs torch)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from redundant_envs.algebra import Primitives, register_numbers
+from redundant_envs.extras import needs
+
+with needs("train"):
+    import torch
+
+
+def number(x: Any) -> torch.Tensor:
+    """A number or tensor as a tensor of float64; conditions stay what they are."""
+    if isinstance(x, torch.Tensor):
+        return x if x.dtype in (torch.bool, torch.float64) else x.to(torch.float64)
+    return torch.tensor(x, dtype=torch.bool if isinstance(x, bool) else torch.float64)
+
+
+def _where(condition: Any, a: Any, b: Any) -> torch.Tensor:
+    return torch.where(torch.as_tensor(condition), number(a), number(b))
+
+
+register_numbers(
+    Primitives(
+        torch.sqrt, torch.exp, torch.floor, lambda x: (torch.sin(x), torch.cos(x)), _where, torch.logical_not
+    ),
+    torch.Tensor,
+)  # fmt: skip

@@ -1,0 +1,103 @@
+"""A control interval on torch tensors, to be differentiated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from redundant_envs.backends.torch import number, torch
+from redundant_envs.model.parameters import names_of
+from redundant_envs.scene import Scene, identifier
+from redundant_envs.simulator.direct import cross_interval, fields_of
+from redundant_envs.simulator.dynamics import Dynamics
+from redundant_envs.simulator.interval import Interval
+from redundant_envs.simulator.lane import Lane
+from redundant_envs.simulator.setting import Plan
+from redundant_envs.simulator.step import lane_step
+
+Step = Callable[..., tuple[Any, Any]]
+
+
+def torch_step(scene: Scene) -> Step:
+    """A differentiable control interval of a scene.
+
+    The steps are those of the compiled simulator, run on tensors of float64; motions agree to rounding.
+    With a tolerance the number of steps of each lane is found first, without gradients, and then taken as
+    given.
+
+    Parameters
+    ----------
+    scene : Scene
+        Without hard stops and not with ``dop853``: an impact, and a choice of step lengths, have no
+        derivative that a motion through them would keep. ``LimitSpring`` and a tolerance serve instead.
+
+    Returns
+    -------
+    callable
+        ``step(q, qd, efforts, parameters=None) -> (q, qd)``: tensors (..., joints) of any batch shape,
+        N m and N; ``parameters`` maps names such as "masses", "lengths" or "gravity.g" to tensors
+        (..., entries), or (...) of a single number.
+
+    Raises
+    ------
+    ValueError
+        If the scene has stops or chooses its steps as it goes.
+    """
+    dynamics = Dynamics(scene)
+    interval = Interval(dynamics)
+    if interval.stops:
+        raise ValueError(
+            "scene has a PrismaticStop, whose impacts have no derivative that could be relied on; use a "
+            "LimitSpring for its joints"
+        )
+    if interval.plan is Plan.ADAPTIVE:
+        raise ValueError(
+            "scene.integrator is 'dop853', which chooses each step as it goes; use 'rk8', with a tolerance if "
+            "errors are to be controlled"
+        )
+    count, layout = dynamics.count, interval.layout()
+
+    def step(q: Any, qd: Any, efforts: Any, parameters: Mapping[str, Any] | None = None) -> tuple[Any, Any]:
+        tensors = [_checked(name, x, count) for name, x in (("q", q), ("qd", qd), ("efforts", efforts))]
+        states = [*tensors[0].unbind(-1), *tensors[1].unbind(-1)]
+        fields = {
+            **fields_of(dynamics, _named(scene, parameters or {})),
+            **dict(zip(dynamics.commands, tensors[2].unbind(-1), strict=True)),
+        }
+        steps = number(float(scene.substeps))
+        if scene.tolerance is not None:
+            with torch.no_grad():
+                now = dict(zip(dynamics.states, states, strict=True))
+                crossed = cross_interval(interval, {**fields, **now})
+                steps = number(crossed.divisions).clamp(min=1.0)
+        h = fields["interval"] / steps
+        for k in range(int(steps.max())):
+            now = dict(zip(dynamics.states, states, strict=True))
+            made = lane_step(dynamics, Lane(layout, {**fields, **now}.__getitem__), h)
+            new = (*made.positions, *made.velocities)
+            states = [torch.where(k < steps, x, y) for x, y in zip(new, states, strict=True)]
+        shape = torch.broadcast_shapes(*(x.shape for x in states))
+        wide = [x.expand(shape) for x in states]
+        return torch.stack(wide[:count], -1), torch.stack(wide[count:], -1)
+
+    return step
+
+
+def _checked(name: str, value: Any, width: int) -> torch.Tensor:
+    tensor = number(value)
+    if tensor.dtype is torch.bool or tensor.ndim == 0 or tensor.shape[-1] != width:
+        raise ValueError(f"{name} has shape {tuple(tensor.shape)}; the last axis must have {width} numbers")
+    return tensor
+
+
+def _named(scene: Scene, parameters: Mapping[str, Any]) -> dict[str, torch.Tensor]:
+    """Parameters by the names of their fields."""
+    values: dict[str, torch.Tensor] = {}
+    for name, given in parameters.items():
+        names, tensor = names_of(scene, name), number(given)
+        if len(names) == 1 and (tensor.ndim == 0 or tensor.shape[-1] != 1):
+            tensor = tensor.unsqueeze(-1)
+        if tensor.shape[-1] != len(names):
+            raise ValueError(f"{name} has shape {tuple(tensor.shape)}; the last axis must have {len(names)}")
+        values.update({identifier(n): x for n, x in zip(names, tensor.unbind(-1), strict=True)})
+    return values

@@ -1,0 +1,133 @@
+"""The differentiable control interval: its motions are those of the simulator, its gradients are right."""
+
+import numpy as np
+import pytest
+
+import redundant_envs as rde
+from redundant_envs.backends.torch import torch
+
+e = rde.effects
+ARMS = {
+    "4R": rde.FourR(masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3, 0.5, 0.4, 0.6)),
+    "RPRP": rde.RPRP(masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3, 0.5)),
+}
+STEPS = {
+    "euler": {"integrator": "euler"},
+    "three rk4": {"integrator": "rk4", "substeps": 3},
+    "rk8": {"integrator": "rk8"},
+    "1e-9": {"tolerance": 1e-9},
+}
+
+
+def scene_of(arm, steps):
+    # Always beyond its limits: there is no derivative at its kink, and error control takes thousands of steps.
+    spring = e.LimitSpring(arm.joints[1], -6.0, -5.0, 2.0, 0.1)
+    return rde.Scene(arm, (e.Gravity(), e.ViscousFriction(0.1), spring), **STEPS[steps])
+
+
+def start(arm, lanes=12):
+    rng = np.random.default_rng(1)
+    q = rng.uniform(-1.0, 1.0, (lanes, 4))
+    q[:, np.array(arm.prismatic)] *= 0.5
+    return [torch.tensor(x) for x in (q, rng.normal(size=(lanes, 4)), rng.normal(size=(lanes, 4)))]
+
+
+def tip_error(arm, q):
+    """Squared distance of the tips from a point, from lengths as they are in the arm."""
+    if arm.kind == "FourR":
+        reach = torch.tensor(arm.lengths)
+        x, y = (reach * torch.cos(q)).sum(-1), (reach * torch.sin(q)).sum(-1)
+    else:
+        a, b = arm.lengths[0] + q[..., 1], arm.lengths[1] + q[..., 3]
+        x = a * torch.cos(q[..., 0]) + b * torch.cos(q[..., 2])
+        y = a * torch.sin(q[..., 0]) + b * torch.sin(q[..., 2])
+    return ((x - 0.3) ** 2 + (y - 0.2) ** 2).sum()
+
+
+@pytest.mark.parametrize("steps", STEPS)
+@pytest.mark.parametrize("arm", ARMS.values(), ids=ARMS)
+def test_motion_is_that_of_the_simulator(arm, steps):
+    scene = scene_of(arm, steps)
+    q, qd, efforts = start(arm)
+    batch = rde.BatchSimulator(scene, len(q))
+    batch.set_state(q.numpy(), qd.numpy())
+    batch.advance(efforts.numpy())
+    q_new, qd_new = rde.torch_step(scene)(q, qd, efforts)
+    np.testing.assert_allclose(q_new.numpy(), batch.q, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(qd_new.numpy(), batch.qd, rtol=1e-12, atol=1e-11)
+
+
+@pytest.mark.parametrize("steps", STEPS)
+@pytest.mark.parametrize("arm", ARMS.values(), ids=ARMS)
+def test_gradients_agree_with_central_differences(arm, steps):
+    step = rde.torch_step(scene_of(arm, steps))
+    masses = torch.tensor(arm.masses, dtype=torch.float64)
+    gravity = torch.tensor(9.81, dtype=torch.float64)
+    given = [*start(arm), masses, gravity]
+
+    def error(q, qd, efforts, masses, g):
+        for _ in range(3):
+            q, qd = step(q, qd, efforts, {"masses": masses, "gravity.g": g})
+        return tip_error(arm, q) + 0.01 * (qd**2).sum()
+
+    leaves = [x.clone().requires_grad_() for x in given]
+    error(*leaves).backward()
+    for k, leaf in enumerate(leaves):
+        direction = torch.ones_like(given[k])
+        moved = [
+            error(*(x + sign * 1e-5 * direction if j == k else x for j, x in enumerate(given)))
+            for sign in (1.0, -1.0)
+        ]
+        difference = float(moved[0] - moved[1]) / 2e-5
+        gradient = float((leaf.grad * direction).sum())
+        assert gradient == pytest.approx(difference, rel=1e-6, abs=1e-7)
+
+
+def test_any_batch_shape_and_parameters_of_each_lane():
+    arm = ARMS["4R"]
+    step = rde.torch_step(scene_of(arm, "rk8"))
+    q, qd, efforts = (x.reshape(3, 4, 4) for x in start(arm))
+    masses = torch.tensor(arm.masses) * torch.linspace(0.5, 2.0, 4)[:, None]
+    together, _ = step(q, qd, efforts, {"masses": masses})
+    assert together.shape == (3, 4, 4)
+    alone, _ = step(q[2, 1], qd[2, 1], efforts[2, 1], {"masses": masses[1]})
+    torch.testing.assert_close(alone, together[2, 1])
+
+
+def test_gradient_descent_on_efforts_brings_the_tip_nearer():
+    arm = ARMS["4R"]
+    scene = rde.Scene(arm, (e.Gravity(),), "rk4", control_dt=0.05)
+    step = rde.torch_step(scene)
+    q, qd, _ = start(arm, 1)
+    efforts = torch.zeros((6, 1, 4), dtype=torch.float64, requires_grad=True)
+    optimiser = torch.optim.Adam([efforts], lr=0.5)
+    errors = []
+    for _ in range(30):
+        here, speed = q, qd
+        for effort in efforts:
+            here, speed = step(here, speed, effort)
+        loss = tip_error(arm, here)
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+        errors.append(float(loss.detach()))
+    assert errors[-1] < 0.05 * errors[0]
+
+
+def test_what_has_no_derivative_is_refused_with_what_to_use():
+    arm = ARMS["RPRP"]
+    with pytest.raises(ValueError, match=r"PrismaticStop, whose impacts have no derivative.*LimitSpring"):
+        rde.torch_step(rde.Scene(arm, (e.PrismaticStop((0.0, 0.0), (1.0, 1.0)),)))
+    with pytest.raises(ValueError, match=r"'dop853', which chooses each step as it goes; use 'rk8'"):
+        rde.torch_step(rde.Scene(arm, (), "dop853"))
+
+
+def test_shapes_that_do_not_fit_are_named():
+    step = rde.torch_step(rde.Scene(ARMS["4R"]))
+    q, qd, efforts = start(ARMS["4R"])
+    with pytest.raises(ValueError, match=r"efforts has shape \(12, 3\); the last axis must have 4"):
+        step(q, qd, efforts[:, :3])
+    with pytest.raises(ValueError, match=r"masses has shape \(3,\); the last axis must have 4"):
+        step(q, qd, efforts, {"masses": torch.ones(3)})
+    with pytest.raises(ValueError, match=r"parameter is 'mass'; this scene has masses, lengths"):
+        step(q, qd, efforts, {"mass": torch.ones(4)})
