@@ -52,8 +52,8 @@ def torch_step(scene: Scene) -> Step:
         )
     if interval.plan is Plan.ADAPTIVE:
         raise ValueError(
-            "scene.integrator is 'dop853', which chooses each step as it goes; use 'rk8', with a tolerance if "
-            "errors are to be controlled"
+            "scene.integrator is 'dop853', which chooses each step as it goes; use 'rk8', with a tolerance "
+            "if errors are to be controlled"
         )
     count, layout = dynamics.count, interval.layout()
 

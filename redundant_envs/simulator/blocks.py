@@ -86,8 +86,8 @@ class Blocks:
 
     @property
     def queue_size(self) -> int:
-        """Whole numbers of the queue: lanes that wait, lanes of the blocks that wait, homes of the slots."""
-        return GROUP * LANES + GROUP + LANES if self.interval.local else 1
+        """Whole numbers of the queue: lanes that wait, and homes of the slots."""
+        return GROUP * LANES + LANES if self.interval.local else 1
 
     def block(self, number: Any, in_group: Any) -> Block:
         """The block of a number; ``in_group`` is its place in the scratch memory."""

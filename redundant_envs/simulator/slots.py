@@ -32,8 +32,7 @@ class Slots:
         self.shared = p["parameter_stride"] == 0
         self.slots[str(PARAMETER)] = p.choose(self.shared, p["parameter"], self.slots[str(PARAMETER)])
         self.waiting = p["queue"] + 0
-        self.pending = p["queue"] + GROUP * LANES
-        self.homes = p["queue"] + (GROUP * LANES + GROUP)
+        self.homes = p["queue"] + GROUP * LANES
         self.head, self.tail, self.busy = p.variable(0), p.variable(0), p.variable(0)
         self.free = p.variable(0)
 
@@ -49,15 +48,15 @@ class Slots:
             first = group * GROUP
             end = p.select(first + GROUP < self.blocks.count, first + GROUP, self.blocks.count)
             if not interval.repeated:
-                self.group(first, end, first_step=True, last_step=True)
+                self.group(first, end)
             else:
                 with p.each(end, start=first) as number:
                     block = self.blocks.block(number, number - first)
                     self.blocks.call_with_tables(self.cleared, block, self.inputs)
                 with p.each(p["substeps"]):
-                    self.group(first, end, first_step=False, last_step=False)
-                with p.each(end, start=first) as number:
-                    self.finish(self.blocks.block(number, number - first))
+                    self.group(first, end)
+            with p.each(end, start=first) as number:
+                self.finish(self.blocks.block(number, number - first))
 
     def trace(self) -> None:
         """The functions of blocks, and those of slots."""
@@ -91,36 +90,28 @@ class Slots:
             of_slots += [self.contact, self.resolved]
         self.of_blocks, self.of_slots = of_blocks, of_slots
 
-    def group(self, first: Scalar, end: Scalar, first_step: bool, last_step: bool) -> None:
+    def group(self, first: Scalar, end: Scalar) -> None:
         """A common step of a group of blocks, and the steps of their own of the lanes it does not serve."""
         p, blocks = self.p, self.blocks
         self.head.value = self.tail.value = self.busy.value = 0
         self.free.value = 255
         with p.each(end, start=first) as number:
             block = blocks.block(number, number - first)
-            if first_step:
-                blocks.call_with_tables(self.started, block, self.inputs)
-            else:
-                p.call(self.started, **block.places)
+            inputs = {} if self.interval.repeated else self.inputs
+            blocks.call_with_tables(self.started, block, inputs)
             self.common_step(block)
             valid = (p.record("<<", 1, block.lanes)) - 1
             leaving = blocks.mask(block.places, "reason") & valid
-            waiting = p.variable(0)
             with p.each_set(leaving) as lane:
                 p.store(self.waiting, self.tail.value, block.first + lane)
                 self.tail.value = self.tail.value + 1
-                waiting.value = waiting.value + 1
-            p.store(self.pending, number - first, waiting.value)
-            if last_step:
-                with p.when(leaving == 0):
-                    self.finish(block)
         with p.loop_while(lambda: (self.head.value < self.tail.value) | (self.busy.value > 0)):
             with p.each_set(self.free.value) as slot, p.when(self.head.value < self.tail.value):
                 self.take(slot, first)
             self.trial()
             complete = blocks.mask(self.slots, "complete")
             with p.each_set(complete) as slot:
-                self.leave(slot, first, last_step)
+                self.leave(slot, first)
 
     def common_step(self, block: Block) -> None:
         p, i, places = self.p, self.interval, block.places
@@ -228,7 +219,7 @@ class Slots:
             self._copy(numbers, self.slots, slot, home.places, k)
         self._set(slot, "entered", 1.0)
 
-    def leave(self, slot: Scalar, first: Scalar, last_step: bool) -> None:
+    def leave(self, slot: Scalar, first: Scalar) -> None:
         """A lane that has crossed its interval goes home."""
         p = self.p
         lane = p.load(self.homes, slot)
@@ -238,12 +229,6 @@ class Slots:
         self._copy(self.carried_out, home.places, k, self.slots, slot)
         self._set(slot, "phase", 0.0)
         self._set(slot, "complete", 0.0)
-        place = home.number - first
-        left = p.load(self.pending, place) - 1
-        p.store(self.pending, place, left)
-        if last_step:
-            with p.when(left == 0):
-                self.finish(home)
 
     # ---- the log of events -----------------------------------------------------------------------------
 
