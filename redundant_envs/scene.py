@@ -28,7 +28,7 @@ SHORTEST_INTERVAL, LONGEST_INTERVAL = 1e-9, 1e3
 """Allowed control intervals, s."""
 
 OWN_KEYS = frozenset(snake_case(name) for name in EFFECTS)
-"""First parts of the parameter names of this package's effects; none is like a name of generated text."""
+"""First parts of the parameter names of this package's effects; none is like a name of a field."""
 
 ACTUATIONS = ("joint", "generalized")
 
@@ -340,7 +340,7 @@ def scene_at(scene: str | Path | Mapping[str, Any] | Scene, accuracy: str | floa
 
 
 def identifier(parameter: str) -> str:
-    """A parameter name as an identifier of generated text: "gravity.down[0]" -> gravity_down_0.
+    """A parameter name as the name of a field of a lane: "gravity.down[0]" -> gravity_down_0.
 
     Effects of users get two underscores, "my_spring.k" -> my_spring__k, which no generated name has.
     """

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from typing import Any
 
 from redundant_envs.effects import EffortLimits
@@ -54,13 +53,12 @@ def observation_table(scene: Scene, task: ReachTask) -> str:
 
 
 def reward_table(task: ReachTask) -> str:
-    """Reward terms with their expressions as written in the code."""
+    """Reward terms with the formulas that their functions state."""
     rows = []
     for function in task.reward_functions:
-        source = inspect.getsource(function)
-        expression = source.rsplit("    return ", 1)[1].strip()
+        formula = (function.__doc__ or "").partition("\n")[0]
         name = function.__name__.removesuffix("_term")
-        rows.append((name, f"`{' '.join(expression.split())}`", f"`return_{name}`"))
+        rows.append((name, f"`{formula}`", f"`return_{name}`"))
     return table(("Term", "Value per step", "Sum over the episode in info"), rows)
 
 

@@ -1,1 +1,1 @@
-"""Integration methods: data and the text of one step."""
+"""Integration methods, error control, events and contacts, on any kind of numbers."""

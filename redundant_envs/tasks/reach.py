@@ -81,37 +81,46 @@ def success(hold_new, hold_steps):
 
 @physics(gives="far_term")
 def far_term(distance, reach):
+    """0.25 tolerance(distance, 0.5 reach)"""
     return 0.25 * tolerance(distance, 0.5 * reach)
 
 
 @physics(gives="near_term")
 def near_term(distance, reach):
+    """0.25 tolerance(distance, 0.1 reach)"""
     return 0.25 * tolerance(distance, 0.1 * reach)
 
 
 @physics(gives="precise_term")
 def precise_term(distance, reach, goal_tolerance):
+    """0.36 tolerance(distance, goal_tolerance reach)"""
     return 0.36 * tolerance(distance, goal_tolerance * reach)
 
 
 @physics(gives="effort_term")
 def effort_term(action1, action2, action3, action4):
+    """0.01 (4 - |action|^2)"""
     return 0.01 * (4.0 - action1**2 - action2**2 - action3**2 - action4**2)
 
 
 @physics(gives="settle_term")
 def settle_term(distance, speed, reach):
+    """0.08 (1 - saturation(speed, 1.6 reach) tolerance(distance, 0.1 reach))"""
     return 0.08 * (1.0 - saturation(speed, 1.6 * reach) * tolerance(distance, 0.1 * reach))
 
 
 @physics(gives="rate_term")
 def rate_term(phid1, phid2, phid3, phid4):
+    """0.02 (1 - saturation(sum of |joint rates|, 40))"""
     return 0.02 * (1.0 - saturation(abs(phid1) + abs(phid2) + abs(phid3) + abs(phid4), 40.0))
 
 
 @physics(gives="end_term")
 def end_term(ended, paid):
-    """Takes back all that an episode paid if a fault ends it: it returns 0, and no episode returns less."""
+    """-(what the episode paid) if a fault ends it, else 0
+
+    So such an episode returns 0, and no episode returns less.
+    """
     return where(ended > 0.0, -paid, 0.0)
 
 
@@ -128,6 +137,7 @@ def goal_reward(distance, reach, goal_tolerance):
 
 @physics(gives="reached_term")
 def reached_term(goal_reward):
+    """1 if distance <= goal_tolerance reach, else 0"""
     return goal_reward
 
 
