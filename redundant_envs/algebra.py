@@ -42,22 +42,26 @@ FLOATS = Primitives(
     lambda condition, a, b: a if condition else b,
     operator.not_,
 )
-_KINDS: dict[type, Primitives] = {float: FLOATS, int: FLOATS, bool: FLOATS}
+_registered: dict[type, Primitives] = {float: FLOATS, int: FLOATS, bool: FLOATS}
+_found: dict[type, Primitives] = {}
+"""Those of every class that was met, its bases looked through."""
 
 
 def register_numbers(primitives: Primitives, *kinds: type) -> None:
     """Let objects of some classes, and of classes derived from them, be numbers or conditions here."""
-    _KINDS.update(dict.fromkeys(kinds, primitives))
+    _registered.update(dict.fromkeys(kinds, primitives))
+    _found.clear()
 
 
 def _primitives_of(*numbers: Any) -> Primitives:
     """Those of the first of some numbers that is no plain one."""
     for x in numbers:
         kind = type(x)
-        if kind not in _KINDS:
-            _KINDS[kind] = next((_KINDS[base] for base in kind.__mro__ if base in _KINDS), FLOATS)
-        if _KINDS[kind] is not FLOATS:
-            return _KINDS[kind]
+        if kind not in _found:
+            known = (_registered[base] for base in kind.__mro__ if base in _registered)
+            _found[kind] = next(known, FLOATS)
+        if _found[kind] is not FLOATS:
+            return _found[kind]
     return FLOATS
 
 

@@ -13,7 +13,7 @@ import tempfile
 import threading
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from redundant_envs.backends import llvm
@@ -69,35 +69,39 @@ def _compiler() -> tuple[str, ...]:
 
 def _code(key: str, program: Program, what: str) -> bytes:
     folder = cache_folder()
+    made: list[bytes] = []  # what was compiled, should it be impossible to keep
+
+    def compiled() -> bytes:
+        if not made:
+            with _announced(what):
+                made.append(llvm.object_code(program))
+        return made[0]
+
     if folder is not None:
         try:
-            return _code_in(folder, key, program, what)
+            return _code_in(folder, key, compiled)
         except OSError as error:  # no file lock, no room left, files of somebody else
             _warn_of_memory_only(folder, error)
-    with _announced(what):
-        return llvm.object_code(program)
+    return compiled()
 
 
-def _code_in(folder: Path, key: str, program: Program, what: str) -> bytes:
+def _code_in(folder: Path, key: str, compiled: Callable[[], bytes]) -> bytes:
     """The machine code in a folder; compiled if it is not there whole."""
     path = folder / f"{key}{SUFFIX}"
     with _file_lock(path.with_suffix(".lock")):
         code = _whole(path)
-        if code is None:
-            damaged = os.path.lexists(path)
-            with _announced(what):
-                code = llvm.object_code(program)
-            if path.is_dir() and not path.is_symlink():
-                raise OSError(f"{path} is a folder")
-            _write_whole(path, hashlib.sha256(code).digest() + code)
-            _prune(folder)
-            if damaged:
-                warnings.warn(
-                    f"the compiled simulator {path} was damaged or not ours; it is compiled anew",
-                    stacklevel=2,
-                )
-        else:
+        if code is not None:
             os.utime(path)
+            return code
+        damaged, code = os.path.lexists(path), compiled()
+        if path.is_dir() and not path.is_symlink():
+            raise OSError(f"{path} is a folder")
+        _write_whole(path, hashlib.sha256(code).digest() + code)
+        _prune(folder)
+    if damaged:
+        warnings.warn(
+            f"the compiled simulator {path} was damaged or not ours; it is compiled anew", stacklevel=2
+        )
     return code
 
 
@@ -133,8 +137,11 @@ def _prune(folder: Path) -> None:
     own = [p for p in folder.iterdir() if p.suffix == SUFFIX and OWN_FILE.fullmatch(p.name) and p.is_file()]
     if len(own) <= KEPT_PROGRAMS:
         return
-    own.sort(key=lambda p: p.stat().st_mtime)
-    for path in own[:-KEPT_PROGRAMS]:
+    used = []
+    for path in own:
+        with contextlib.suppress(OSError):  # another process may have deleted it
+            used.append((path.stat().st_mtime, path))
+    for _, path in sorted(used)[:-KEPT_PROGRAMS]:
         for old in (path, path.with_suffix(".lock")):
             old.unlink(missing_ok=True)
 

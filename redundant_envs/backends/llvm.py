@@ -116,7 +116,9 @@ class KernelEmitter:
         return self.builder.select(self.value(condition), *(self.value(x, i.kind) for x in two))
 
     def _float(self, i: Instruction) -> Any:
-        return self.builder.sitofp(self.value(i.arguments[0]), DOUBLE)
+        truth = i.arguments[0].kind == "truth"
+        convert = self.builder.uitofp if truth else self.builder.sitofp
+        return convert(self.value(i.arguments[0]), DOUBLE)
 
     def _int(self, i: Instruction) -> Any:
         value = self.value(i.arguments[0])

@@ -37,6 +37,8 @@ class Memory:
         self.dynamics, self.layout, self.count = dynamics, layout, count
         self.blocks = -(-count // LANES)
         self.index = np.arange(count)
+        self.shared = True
+        """Whether all lanes have the same parameters, in one block."""
         self.version = 0
         """Grows when an array is replaced by another one."""
         self.arrays: dict[str, Array] = {
@@ -61,11 +63,6 @@ class Memory:
         return copy.deepcopy(self)
 
     @property
-    def shared(self) -> bool:
-        """Whether all lanes have the same parameters."""
-        return len(self.arrays[str(PARAMETER)]) == 1
-
-    @property
     def parameter_stride(self) -> int:
         """Numbers from the parameters of one block to those of the next."""
         return 0 if self.shared else self.layout.size(PARAMETER) * LANES
@@ -84,7 +81,7 @@ class Memory:
         table = np.empty((len(lanes), len(names)))
         for k, name in enumerate(names):
             column = self.column(name)
-            if len(column) < self.blocks:
+            if self.shared and self.layout.fields[name].lifetime is PARAMETER:
                 table[:, k] = column[0, 0]
             else:
                 table[:, k] = column.reshape(-1)[lanes]
@@ -114,6 +111,7 @@ class Memory:
             own = aligned(self.blocks, *array.shape[1:])
             own[:] = array
             self.arrays[str(PARAMETER)] = own
+            self.shared = False
             self.version += 1
 
     def prepare(self) -> None:
@@ -145,10 +143,11 @@ class Memory:
         split = self.arrays[str(STATE)].size
         self.arrays[str(STATE)][:] = states[:split].reshape(self.arrays[str(STATE)].shape)
         self.arrays[str(LOG)][:] = states[split:].reshape(self.arrays[str(LOG)].shape)
+        blocks = parameters.reshape(-1, self.layout.size(PARAMETER), LANES)
+        alike = (blocks.view(np.int64) == blocks[:1, :, :1].view(np.int64)).all()
+        self.arrays[str(PARAMETER)] = _aligned_copy(blocks)
+        self.shared = len(blocks) == 1 and bool(self.blocks > 1 or alike)
         self.version += 1
-        self.arrays[str(PARAMETER)] = _aligned_copy(
-            parameters.reshape(-1, self.layout.size(PARAMETER), LANES)
-        )
 
 
 def _aligned_copy(array: Array) -> Array:

@@ -63,7 +63,9 @@ def lane_step(dynamics: Dynamics, lane: Lane, h: Any, held: bool = False) -> Ste
     count, more = dynamics.count, len(dynamics.stops) if held else 0
     right_hand_side: Any = derivatives
     if dynamics.method.stages > MOST_INLINED:
-        right_hand_side = Subroutine(derivatives, count, count + len(dynamics.others) + more)
+        right_hand_side = Subroutine(
+            derivatives, count, count + len(dynamics.others) + more, (*dynamics.states, *numbers)
+        )
     inputs = list(numbers.values())
     states = lane.get(dynamics.states)
     return explicit_step(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from redundant_envs.tracing.flow import Instruction, Kernel, LaneFunction, Program, Scalar
 from redundant_envs.tracing.graph import Operation, Value, reached
@@ -22,7 +22,12 @@ def function_lines(f: LaneFunction, name_of: Namer = plain_name) -> Iterator[str
         results, nodes = subroutine.traced()
         yield f"subroutine of {f.name}:"
         numbers = {n: k for k, n in enumerate(nodes)}
-        yield from _numbered(numbers, name_of)
+        names = subroutine.names
+
+        def given(space: str, k: int, names: Sequence[str] = names) -> str:
+            return names[k] if space == "given" and names else name_of(space, k)
+
+        yield from _numbered(numbers, given)
         yield f"  gives {_arguments(results, numbers)}"
     yield f"function {f.name}:"
     if f.inputs:
@@ -42,7 +47,7 @@ def _numbered(numbers: dict[Operation, int], name_of: Namer) -> Iterator[str]:
     """Operations, under the functions that they come from where these are known."""
     present = None
     for n, k in numbers.items():
-        if n.place is not None and n.place[:3] != present:
+        if n.place is not None and n.name != "load" and n.place[:3] != present:
             present = n.place[:3]
             owner = f" for {n.place.owner}" if n.place.owner else ""
             yield f"  # {n.place.function}{owner}, {n.place.file}:{n.place.line}"

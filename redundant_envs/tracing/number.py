@@ -53,7 +53,7 @@ class Number:
     __hash__ = None  # type: ignore[assignment]
 
     def __pow__(self, exponent: int) -> Number:
-        if exponent not in EXPONENTS:
+        if not isinstance(exponent, int | float) or exponent not in EXPONENTS:
             raise TypeError(f"the exponent is {exponent!r}; write a product, sqrt or exp, or 2, 3 or 4")
         square = self * self
         return {2: square, 3: square * self, 4: square * square}[exponent]  # type: ignore[no-any-return]
@@ -90,11 +90,15 @@ class Condition:
     def __and__(self, other: Any) -> Any:
         if isinstance(other, bool):
             return self if other else False
+        if not isinstance(other, Condition):
+            return NotImplemented
         return Condition(self.graph, self.graph.record("and", self.value, other.value))
 
     def __or__(self, other: Any) -> Any:
         if isinstance(other, bool):
             return True if other else self
+        if not isinstance(other, Condition):
+            return NotImplemented
         return Condition(self.graph, self.graph.record("or", self.value, other.value))
 
     __rand__, __ror__ = __and__, __or__
@@ -104,6 +108,12 @@ class Condition:
 
     def __invert__(self) -> Condition:
         return Condition(self.graph, self.graph.record("not", self.value))
+
+    def __eq__(self, other: object) -> Any:
+        _refuse("conditions are compared by ^ (exclusive or), & and |")
+
+    __ne__ = __eq__
+    __hash__ = None  # type: ignore[assignment]
 
     def __bool__(self) -> bool:
         _refuse("write where(condition, a, b), cases(...), and & | logical_not instead of if, and, or, not")
@@ -125,6 +135,8 @@ def fma(a: Any, b: Any, c: Any) -> Number:
 
 
 def where(condition: Condition, a: Any, b: Any) -> Any:
+    if not isinstance(condition, Condition):
+        raise TypeError("where chooses by a condition, not by a number; compare it first, such as x > 0.0")
     graph = condition.graph
     if isinstance(a, Condition | bool) and isinstance(b, Condition | bool):
         return (condition & a) | (~condition & b)

@@ -28,10 +28,14 @@ class Subroutine:
     Its first ``positions`` arguments do not depend on the results of the stage before.
     """
 
-    def __init__(self, function: Callable[..., Sequence[Any]], positions: int, results: int) -> None:
+    def __init__(
+        self, function: Callable[..., Sequence[Any]], positions: int, results: int, names: Sequence[str] = ()
+    ) -> None:
+        """``names`` are those of the arguments, to be shown."""
         self.function = function
         self.positions = positions
         self.results = results
+        self.names = names
         self.arguments = 0
 
     def __call__(self, *numbers: Any) -> Sequence[Any]:
@@ -141,7 +145,8 @@ class Stages:
         used: list[Operation] = []
 
         def loaded(n: Operation) -> Operation | None:
-            if not _kept_in_memory(n):
+            position = n.name == "load" and n.extra[0] == "given" and early[n]
+            if not position and not _kept_in_memory(n):
                 return None
             if n in shared:
                 if n not in used:
@@ -195,17 +200,25 @@ def _kept_in_memory(node: Operation) -> bool:
     return not node.is_condition and node.name not in ("load", "neg")
 
 
-def _replaced(nodes: Iterable[Value], replacement: Callable[[Operation], Operation | None]) -> list[Value]:
+def _replaced(nodes: Sequence[Value], replacement: Callable[[Operation], Operation | None]) -> list[Value]:
     """Operations anew, where ``replacement`` gives another one for some of those they follow from."""
     made: dict[Operation, Operation] = {}
 
     def anew(n: Value) -> Value:
-        if not isinstance(n, Operation):
-            return n
-        if n not in made:
-            made[n] = replacement(n) or (
-                n if n.name == "load" else Operation(n.name, [anew(a) for a in n.arguments], n.extra, n.place)
-            )
-        return made[n]
+        return made[n] if isinstance(n, Operation) else n
 
+    roots = [n for n in nodes if isinstance(n, Operation)]
+    for root in roots:
+        stack = [(root, False)]
+        while stack:
+            n, complete = stack.pop()
+            if complete:
+                made[n] = Operation(n.name, [anew(a) for a in n.arguments], n.extra, n.place)
+            elif n not in made:
+                other = replacement(n) or (n if n.name == "load" else None)
+                if other is not None:
+                    made[n] = other
+                else:
+                    stack.append((n, True))
+                    stack.extend((a, False) for a in reversed(n.operands))
     return [anew(n) for n in nodes]
