@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 
-from redundant_envs import load_scene
+from redundant_envs import bill, listing, load_scene
 from redundant_envs.__main__ import main
 from redundant_envs.envs.registration import ids
 from redundant_envs.integrators.tableaus import METHODS
@@ -88,10 +88,28 @@ def test_scene_prints_itself(capsys):
     assert main(["scene", "rprp_limit_springs"]) == 0
     printed = yaml.safe_load(capsys.readouterr().out)
     assert load_scene(printed) == load_scene("rprp_limit_springs")
-    assert main(["scene", "four_r_free", "--source"]) == 0
+
+
+def test_scene_prints_its_listing(capsys):
+    assert main(["scene", "four_r_free", "--listing"]) == 0
     text = capsys.readouterr().out
-    compile(text, "source", "exec")
-    assert "def rhs(" in text
+    assert text == listing(load_scene("four_r_free"))
+    assert "redundant_envs/robots/four_r.py:" in text
+
+
+def test_scene_prints_its_bill(capsys):
+    assert main(["scene", "rprp_limit_springs", "--bill"]) == 0
+    head, *rows = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert head == ["of", "additions", "products", "divisions", "roots", "sine_pairs", "bytes"]
+    counted = bill(load_scene("rprp_limit_springs"))
+    assert {owner: tuple(map(int, numbers)) for owner, *numbers in rows} == counted
+
+
+def test_the_option_of_the_first_core_says_what_took_its_place(capsys):
+    assert main(["scene", "four_r_free", "--source"]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "use --listing or --bill" in err
 
 
 def test_list_names_everything(capsys):

@@ -1,18 +1,23 @@
-"""The physics dialect: what a function marked @physics may say, and that the checker sees the rest."""
+"""The physics dialect: the package keeps to a small language, and what is outside it is refused."""
 
 import ast
 import importlib
 import inspect
+import math
 import pkgutil
+import re
 import textwrap
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 import redundant_envs
 from redundant_envs import algebra, dialect
-from redundant_envs.algebra import PRIMITIVES, gives_of, is_physics, physics, sqrt
+from redundant_envs.algebra import PRIMITIVES, arguments_of, gives_of, is_physics, physics
 
-PLACES = ("algebra", "robots", "effects", "tasks", "evaluators.assemble")
+PLACES = ("algebra", "robots", "effects", "tasks")
+PACKAGE = Path(redundant_envs.__file__).parent
 
 
 def marked_functions():
@@ -36,22 +41,24 @@ def marked_functions():
 FUNCTIONS = marked_functions()
 
 
-def violations(source, names):
-    """What a function's text has that the dialect does not allow, as "line: what"."""
-    function = ast.parse(textwrap.dedent(source)).body[0]
-    return [f"{line}: {what}" for line, what in dialect.violations(function, names)]
-
-
 def test_the_scan_finds_the_physics():
-    """The functions of both arms, of the effects and of the task are all looked at."""
+    """As many functions as there are marks in the files of the package, of both arms and all effects."""
+    marks = {
+        path.relative_to(PACKAGE).as_posix(): len(re.findall(r"(?m)^@physics\b", path.read_text()))
+        for path in PACKAGE.rglob("*.py")
+    }
+    found = [f"{name.split('.', 1)[1].rpartition('.')[0].replace('.', '/')}.py" for name in FUNCTIONS]
+    assert {file: found.count(file) for file in found} == {file: n for file, n in marks.items() if n}
+
+
+def test_the_arms_and_the_tasks_are_made_of_marked_functions():
     from redundant_envs.model.arms import RPRP, FourR
     from redundant_envs.tasks.reach import ReachTask
 
     scanned = set(FUNCTIONS.values())
-    arms = (*RPRP.functions, *FourR.functions)
-    assert set(arms) <= scanned
     for arm in (RPRP, FourR):
-        assert {arm.column_norms, arm.coordinates_of_joints} <= scanned
+        assert set(arm.functions) <= scanned
+        assert {arm.column_norms, arm.coordinates_of_joints, arm.held_dynamics} <= scanned | {None}
         robot = arm((1, 1, 1, 1), (1,) * arm.num_lengths)
         for effect in effects_of(robot):
             for hook in effect.hooks(robot):
@@ -62,7 +69,7 @@ def test_the_scan_finds_the_physics():
 
 
 def effects_of(robot):
-    """One of every effect that fits an arm."""
+    """One of every effect with functions that fits an arm."""
     effects = redundant_envs.effects
     joint = "r1" if robot.kind == "RPRP" else "joint1"
     found = [
@@ -76,147 +83,213 @@ def effects_of(robot):
     return found
 
 
+# ---- the package's own functions -----------------------------------------------------------------
+
+OPERATORS = (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow, ast.BitAnd, ast.BitOr)
+COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq)
+
+
+def violations(function):
+    """What the text of a function has beyond straight lines of arithmetic and calls, as "line: what"."""
+    node = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
+    a = node.args
+    known = {x.arg for x in a.args}
+    if a.defaults or a.kw_defaults or a.vararg or a.kwarg or a.kwonlyargs or a.posonlyargs:
+        yield f"{node.lineno}: arguments other than plain ones"
+    body = node.body[ast.get_docstring(node) is not None :]
+    for i, statement in enumerate(body):
+        last = i == len(body) - 1
+        if not isinstance(statement, ast.Return if last else ast.Assign) or statement.value is None:
+            yield f"{statement.lineno}: {type(statement).__name__}"
+            continue
+        for part in ast.walk(statement.value):
+            if not _allowed(part, known, function.__globals__):
+                yield f"{statement.lineno}: {ast.unparse(part)}"
+        if not last:
+            known |= {t.id for t in ast.walk(statement.targets[0]) if isinstance(t, ast.Name)}
+
+
+def _allowed(part, known, names):
+    match part:
+        case ast.Constant():
+            return type(part.value) in (int, float)
+        case ast.Name():
+            return (
+                part.id in known
+                or part.id == "abs"
+                or is_physics(names.get(part.id))
+                or part.id in PRIMITIVES
+            )
+        case ast.BinOp(op=ast.Pow()):
+            return isinstance(part.right, ast.Constant) and part.right.value in (2, 3, 4)
+        case ast.BinOp():
+            return isinstance(part.op, OPERATORS)
+        case ast.UnaryOp():
+            return isinstance(part.op, ast.USub)
+        case ast.Compare():
+            return len(part.ops) == 1 and isinstance(part.ops[0], COMPARISONS)
+        case ast.Call():
+            return isinstance(part.func, ast.Name) and part.func.id not in known and not part.keywords
+    return isinstance(part, ast.Tuple | ast.operator | ast.unaryop | ast.cmpop | ast.expr_context)
+
+
 @pytest.mark.parametrize("name", sorted(FUNCTIONS))
-def test_function_is_dialect(name):
-    """Every marked function keeps to the dialect."""
-    function = FUNCTIONS[name]
-    assert violations(inspect.getsource(function), function.__globals__) == []
+def test_every_marked_function_keeps_to_the_small_language(name):
+    assert list(violations(FUNCTIONS[name])) == []
+    dialect.check(FUNCTIONS[name])
 
 
 @pytest.mark.parametrize("name", sorted(n for n, f in FUNCTIONS.items() if gives_of(f)))
 def test_function_returns_what_it_gives(name):
     """As many values are returned as quantities are named, and no quantity twice."""
-    function = FUNCTIONS[name]
-    gives = gives_of(function)
-    assert len(set(gives)) == len(gives)
-    last = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0].body[-1]
-    if isinstance(last.value, ast.Tuple):
-        assert len(last.value.elts) == len(gives)
-    elif not isinstance(last.value, ast.Call):
-        assert len(gives) == 1
+    gives = gives_of(FUNCTIONS[name])
+    assert len(set(gives)) == len(gives) == dialect.results_of(FUNCTIONS[name])
 
 
-BROKEN = {
-    "import": "import math\nreturn x",
-    "import from": "from math import sin\nreturn x",
-    "if": "if x > 0.0:\n    y = x\nreturn x",
-    "conditional expression": "return x if x > 0.0 else y",
+def test_the_small_language_is_known_when_it_is_left():
+    """What is looked for in the package's functions is found."""
+
+    def loop(x):
+        for _ in (1, 2):
+            x = 2.0 * x
+        return x
+
+    def many(x, k=2.0):
+        y = x[0] if x is k else x.real
+        z = +x // 2.0 + x**0.5 + OTHER
+        return [y, z]
+
+    assert list(violations(loop)) == ["2: For"]
+    found = "\n".join(violations(many))
+    for what in (
+        "plain ones",
+        "x[0] if x is k",
+        "x is k",
+        "x[0]",
+        "x.real",
+        "+x // 2.0",
+        "x ** 0.5",
+        "OTHER",
+        "[y, z]",
+    ):
+        assert f": {what}" in found or what == "plain ones" in found, what
+
+
+OTHER = 2.0
+
+
+# ---- what is refused -----------------------------------------------------------------------------
+
+BRANCH = "where(condition, a, b)"
+OPERATIONS = "write + - * /, ** 2 to 4"
+REFUSED = {
+    "if": ("if x > 0.0:\n    y = x\nreturn y", BRANCH),
+    "conditional expression": ("return x if x > 0.0 else y", BRANCH),
+    "while": ("while x > 0.0:\n    x = x - 1.0\nreturn x", BRANCH),
+    "assert": ("assert x > 0.0\nreturn x", BRANCH),
+    "and": ("return where((x > 0.0) and (y > 0.0), x, y)", BRANCH),
+    "not of a condition": ("return where(not x > 0.0, x, y)", BRANCH),
+    "not of a number": ("return where(not x, x, y)", BRANCH),
+    "chained comparison": ("return where(0.0 < x < 1.0, x, y)", BRANCH),
+    "max": ("return max(x, y)", BRANCH),
+    "one of some": ("return where(x in (1.0, 2.0), x, y)", BRANCH),
+    "numpy's where": ("return np.where(x > 0.0, x, y)", BRANCH),
+    "equal conditions": ("return where((x > 0.0) == (y > 0.0), x, y)", "conditions"),
+    "number as condition": ("return where(x, 1.0, y)", "condition"),
+    "invert": ("return where(~(x > 0.0), x, y)", "logical_not"),
+    "math": ("return math.sin(x)", "not those of math"),
+    "float": ("return float(x)", "not those of math"),
+    "range": ("return sum(x for _ in range(x))", "not those of math"),
+    "numpy": ("return np.sin(x)", "NumPy's sin does not know it"),
+    "floor division": ("return x // y", OPERATIONS),
+    "modulo": ("return x % y", OPERATIONS),
+    "matrix product": ("return x @ y", OPERATIONS),
+    "complex": ("return x + 1j", OPERATIONS),
+    "subscript": ("return x[0]", OPERATIONS),
+    "attribute": ("return x.real", OPERATIONS),
+    "method": ("return x.sum()", OPERATIONS),
+    "unpacking": ("a, b = x\nreturn a", OPERATIONS),
+    "rounding": ("return round(x)", OPERATIONS),
+    "key": ("return {x: 1.0}[x]", OPERATIONS),
+    "product with a condition": ("return (x > 0.0) * x", OPERATIONS),
+    "unknown name": ("return sin(x)", "name 'sin' is not defined"),
+    "name before it is assigned": ("z = w + x\nw = y\nreturn z", "'w'"),
+    "variable exponent": ("return x**y", "exponent"),
+    "half exponent": ("return x**0.5", "the exponent is 0.5; write a product, sqrt or exp"),
+    "negative exponent": ("return x**-1", "the exponent is -1"),
+    "list": ("return [x, y]", "returns a list"),
+    "text": ("return f'{x}'", "returns a str"),
+    "nothing": ("z = x", "returns a NoneType"),
+    "generator": ("return (x for x in (x, y))", "returns a generator"),
+    "condition": (
+        "return x > 0.0",
+        "returns a condition; return numbers, such as where(condition, 1.0, 0.0)",
+    ),
+    "truth": ("return x, True", "returns a condition"),
+    "recursion": ("return f(y, x)", "f calls itself"),
+    "division of constants": ("return x * (1.0 / 0.0)", "division by zero"),
+}
+
+
+def made(body):
+    """A marked function of x and y, as a prompt makes it."""
+    names = {**{p: getattr(algebra, p) for p in PRIMITIVES}, "np": np, "math": math, "__name__": "prompt"}
+    exec(f"def f(x, y):\n{textwrap.indent(body, '    ')}", names)
+    return physics(names["f"])
+
+
+@pytest.mark.parametrize("what", sorted(REFUSED))
+def test_what_is_outside_the_dialect_is_refused_and_said(what):
+    body, words = REFUSED[what]
+    with pytest.raises(ValueError) as error:
+        dialect.check(made(body))
+    message = str(error.value)
+    assert message.startswith("prompt.f ")
+    assert words in message
+
+
+ALLOWED = {
+    "import": "import math\nreturn x * math.pi",
     "for": "for i in (1, 2):\n    x = x + i\nreturn x",
-    "while": "while x > 0.0:\n    x = x - 1.0\nreturn x",
-    "comprehension": "return (x for x in (x, y))",
-    "subscript": "return x[0]",
-    "attribute": "return x.real",
-    "method": "return x.sum()",
-    "lambda": "f = lambda z: z\nreturn x",
+    "branch on what is known": "return x if 2.0 > 1.0 else y",
     "inner function": "def f(z):\n    return z\nreturn f(x)",
-    "sin": "return sin(x)",
-    "numpy": "return np.sin(x)",
-    "and": "return where((x > 0.0) and (y > 0.0), x, y)",
-    "not": "return where(not x, x, y)",
-    "chained comparison": "return where(0.0 < x < 1.0, x, y)",
-    "is": "return where(x is y, x, y)",
-    "floor division": "return x // y",
-    "modulo": "return x % y",
-    "matrix product": "return x @ y",
-    "unary plus": "return +x",
-    "invert": "return where(~(x > 0.0), x, y)",
-    "list": "return [x, y]",
-    "text": "return 'x'",
-    "true": "return where(True, x, y)",
-    "complex": "return x + 1j",
     "augmented assignment": "x += 1.0\nreturn x",
-    "annotated assignment": "z: float = x\nreturn z",
-    "chained assignment": "z = w = x\nreturn z",
     "walrus": "return (z := x) + z",
-    "global name": "return x * TWO",
-    "name before it is assigned": "z = w + x\nw = y\nreturn z",
-    "no return": "z = x",
-    "empty return": "return",
-    "early return": "return x\nreturn y",
-    "assert": "assert x\nreturn x",
-    "raise": "raise x",
-    "unmarked function": "return unmarked(x)",
-    "unmarked builtin": "return max(x, y)",
     "keyword": "return minimum(x, b=y)",
-    "star": "return minimum(*x)",
-    "variable exponent": "return x**y",
-    "half exponent": "return x**0.5",
-    "negative exponent": "return x**-1",
-    "formatted": "return f'{x}'",
-    "second docstring": "'one'\n'two'\nreturn x",
-}
-
-NAMES = {
-    **{p: getattr(algebra, p) for p in PRIMITIVES},
-    "clamp": algebra.clamp,
-    "unmarked": lambda x: x,
-    "TWO": 2.0,
+    "star": "return minimum(*(x, y))",
+    "sum": "return sum([x, y, 2.0])",
+    "constant": "return 3",
+    "numbers of numpy": "return x * np.float64(2.0) + np.float64(3.0) * y + np.int64(2) * x",
+    "whole power": "return x**2.0 + y**3",
 }
 
 
-@pytest.mark.parametrize("what", sorted(BROKEN))
-def test_the_checker_sees(what):
-    """Each deliberate break of the dialect is found."""
-    source = "def f(x, y):\n" + textwrap.indent(BROKEN[what], "    ")
-    assert violations(source, NAMES)
+@pytest.mark.parametrize("body", ALLOWED.values(), ids=ALLOWED)
+def test_python_that_comes_to_the_same_is_allowed(body):
+    dialect.check(made(body))
+
+
+def test_the_whole_dialect_is_allowed():
+    @physics
+    def f(x, y):
+        """Docstring."""
+        a, b = algebra.clamp(x, -1.0, 1), -y
+        z = algebra.where((a > 0.0) & (b <= 2.0) | (a == b), algebra.sqrt(abs(a)) / 2, algebra.exp(b) ** 2)
+        return algebra.minimum(z, a), algebra.maximum(algebra.floor(z), b) - x * y + 1.0
+
+    assert dialect.results_of(f) == 2
+    assert arguments_of(f) == ("x", "y")
 
 
 @pytest.mark.parametrize(
-    "source",
+    ("function", "words"),
     [
-        "def f(x, y=1.0):\n    return x",
-        "def f(*x):\n    return 1.0",
-        "def f(**x):\n    return 1.0",
-        "def f(*, x):\n    return x",
-        "class f:\n    pass",
-        "async def f(x):\n    return x",
+        (3.0, r"3\.0 is no function; write one with 'def', marked @physics"),
+        (None, "None is no function"),
+        (made, r"test_dialect\.made is not marked; write @physics above its 'def'"),
     ],
+    ids=["number", "nothing", "unmarked"],
 )
-def test_the_checker_sees_the_head(source):
-    """Arguments are plain names."""
-    assert violations(source, NAMES)
-
-
-def test_the_checker_passes_the_whole_dialect():
-    """Everything that is allowed, in one function."""
-    source = '''
-    def f(x, y):
-        """Docstring."""
-        a, b = clamp(x, -1.0, 1), -y
-        z = where((a > 0.0) & (b <= 2.0) | (a == b), sqrt(abs(a)) / 2, exp(b) ** 2)
-        return minimum(z, a), maximum(floor(z), b) - x * y + 1.0
-    '''
-    assert violations(source, NAMES) == []
-
-
-def _plain(x):
-    return 2.0 * x
-
-
-@physics
-def _calls_unmarked(x):
-    return sqrt(_plain(x))
-
-
-@physics
-def _calls_marked(x):
-    return sqrt(algebra_clamp(x, 0.0, 1.0))
-
-
-algebra_clamp = algebra.clamp
-
-
-def test_a_call_of_an_unmarked_function_is_found():
-    """The callee is looked up where the function stands; the mark decides."""
-    source = inspect.getsource(_calls_unmarked)
-    assert violations(source, _calls_unmarked.__globals__) == ["3: a call of _plain"]
-    assert violations(inspect.getsource(_calls_marked), _calls_marked.__globals__) == []
-
-
-def test_a_primitive_of_another_library_is_found():
-    """A name of a primitive must be the dialect's own."""
-    import math
-
-    source = "def f(x):\n    return sqrt(x)"
-    assert violations(source, {"sqrt": math.sqrt})
-    assert violations(source, {"sqrt": algebra.sqrt}) == []
+def test_what_is_no_marked_function_is_refused(function, words):
+    with pytest.raises(ValueError, match=words):
+        dialect.check(function)

@@ -75,6 +75,7 @@ ARM = "import redundant_envs as rde; arm = rde.FourR((1,) * 4, (1,) * 4);"
 SCENE = f"{ARM} from redundant_envs.studies import peers; s = rde.Scene(arm); z = [[0.0] * 4];"
 CALLS = {
     "symbols": (f"{ARM} arm.symbols()", "sympy", "verify"),
+    "the numbers of sympy": ("import redundant_envs.backends.sympy", "sympy", "verify"),
     "make_sb3": ("import redundant_envs as rde; rde.make_sb3('RPRPReach-v0')", "stable_baselines3", "train"),
     "make_sb3, torch": ("import redundant_envs as rde; rde.make_sb3('RPRPReach-v0')", "torch", "train"),
     "the module of make_sb3": ("import redundant_envs.envs.sb3", "stable_baselines3", "train"),

@@ -4,6 +4,7 @@ import email
 import importlib
 import json
 import os
+import re
 import subprocess
 import sys
 import tomllib
@@ -31,10 +32,13 @@ names = scene_names()
 assert "rprp_reach" in names
 for name in names:
     rde.BatchSimulator(rde.load_scene(name)).advance()
+    listing = rde.listing(rde.load_scene(name))
+    assert ", redundant_envs/robots/" in listing and "site-packages" not in listing
 for module in ("torch", "stable_baselines3", "matplotlib", "scipy", "pygame", "mujoco"):
     assert module not in sys.modules
 import importlib.util
-assert importlib.util.find_spec("agents") is None
+for module in ("agents", "numba"):
+    assert importlib.util.find_spec(module) is None
 print(len(ids()), len(names))
 """
 USER = """
@@ -162,6 +166,8 @@ def test_the_wheel_tells_what_it_is(wheel):
         "redundant_envs", "redundant_envs_train",
     }  # fmt: skip
     assert "redundant_envs/configs/training/rprp_reach_ppo.yaml" in names
+    core = {re.match(r"[\w-]+", d)[0] for d in about.get_all("Requires-Dist") if "extra ==" not in d}
+    assert core == {"numpy", "llvmlite", "gymnasium", "pyyaml"}
     classifiers = about.get_all("Classifier", [])
     assert "Typing :: Typed" in classifiers
     for minor in (11, 12, 13):

@@ -176,7 +176,8 @@ class EmittedStages:
         i = stages.calls.index(node)
         if not self.memory:
             sizes = {
-                "shared": len(stages.shared), "kept": max(stages.kept, default=0) + 1, "even": len(stages.carried),
+                "shared": len(stages.shared), "kept": max(stages.kept, default=0) + 1,
+                "even": len(stages.carried),
                 "odd": len(stages.carried), "told": len(stages.told) * len(stages.calls),
             }  # fmt: skip
             self.memory = {name: self._memory(b, n) for name, n in sizes.items()}

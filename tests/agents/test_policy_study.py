@@ -287,7 +287,7 @@ def test_a_study_explains_itself(tmp_path, run, capsys):
     assert main([*command, "--out", str(out), "train_seeds=0"]) == 0
     report = (out / "report.md").read_text()
     assert report in capsys.readouterr().out
-    for text in ("# What the physics costs a policy", "20 episodes", "euler 20 ms", "machine", "numba"):
+    for text in ("# What the physics costs a policy", "20 episodes", "euler 20 ms", "machine", "llvmlite"):
         assert text in report
     for name in ("figures/rprp.png", "figures/rprp.svg", "scenes/rprp_euler_20_ms.yaml", "study.yaml"):
         assert (out / name).stat().st_size > 100

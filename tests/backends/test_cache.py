@@ -1,226 +1,236 @@
-"""The cache of compiled modules: damage is found, homes may be missing, forked processes do not hang."""
+"""The folder of machine code: damage is found, nothing is half written, and without it memory serves."""
 
+import hashlib
 import os
 import shutil
-import signal
-import subprocess
 import sys
-import time
+import threading
 import warnings
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-import redundant_envs as rde
-from redundant_envs.evaluators import checksums, cpu
-from redundant_envs.evaluators.assemble import assemble
-
-ROOT = Path(rde.__file__).parents[1]
-SCENE = rde.Scene(rde.FourR((1, 1, 1, 1), (1, 1, 1, 1)), (rde.effects.ViscousFriction(0.5),), "euler")
-TEXT = assemble(SCENE).text
-KEY = cpu.module_key(TEXT)
-PROGRAM = """
-import redundant_envs as rde
-scene = rde.Scene(rde.FourR((1, 1, 1, 1), (1, 1, 1, 1)), (rde.effects.ViscousFriction(0.5),), "euler")
-batch = rde.BatchSimulator(scene, 32, threads=2)
-batch.set_state((0.1, 0.2, 0.3, 0.4), (1.0, 2.0, 3.0, 4.0))
-batch.advance()
-print(batch.q[0].tolist(), flush=True)
-"""
+from redundant_envs.backends import cache
+from redundant_envs.tracing.flow import Kernel, Program
 
 
-def program(text=PROGRAM, **environment):
-    env = {**os.environ, "PYTHONPATH": str(ROOT), **environment}
-    return subprocess.run([sys.executable, "-c", text], env=env, capture_output=True, text=True, timeout=90)
+def small_program():
+    """A kernel that doubles a number."""
+    p = Kernel("double", {"x": "f64"})
+    p.store(p["x"], 0, p.load(p["x"]) * 2.0)
+    return Program([p])
 
 
-def load(cache, monkeypatch):
-    """The kernels from a cache, and what was told."""
-    monkeypatch.setenv(cpu.CACHE_VARIABLE, str(cache))
+KEY = cache.program_key(small_program())
+NAME = f"{KEY}{cache.SUFFIX}"
+
+
+def load(folder, monkeypatch):
+    """The kernel as another process would get it, run; and what was told."""
+    monkeypatch.setenv(cache.CACHE_VARIABLE, str(folder))
+    monkeypatch.setattr(cache, "_kept", {})
+    monkeypatch.setattr(cache, "_warned", set())
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
-        kernels = cpu._load(KEY, TEXT, "a test")
-    assert set(kernels) == {"advance"}
+        kernels = cache.kernels(KEY, small_program(), "a test")
+    x = np.array([21.0])
+    kernels["double"](np.array([x.ctypes.data]).ctypes.data)
+    assert x[0] == 42.0
     return [str(w.message) for w in told]
 
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """A cache with one module."""
-    cache = tmp_path_factory.mktemp("cache")
+    """A folder with one program."""
+    folder = tmp_path_factory.mktemp("cache")
     with pytest.MonkeyPatch.context() as monkeypatch:
-        assert load(cache, monkeypatch) == []
-    return cache
+        assert load(folder, monkeypatch) == []
+    return folder
 
 
 @pytest.fixture
-def cache(whole, tmp_path, capsys):
-    """A cache of one's own; caches may be moved."""
+def folder(whole, tmp_path, capsys):
+    """A folder of one's own; folders may be moved."""
     shutil.copytree(whole, tmp_path / "cache")
     capsys.readouterr()
     return tmp_path / "cache"
 
 
-def file_of(cache, kind):
-    (found,) = (cache / KEY).rglob(kind)
-    return found
+def compilations(capsys):
+    return capsys.readouterr().err.count("compiling a test")
 
 
-KINDS = (cpu.MODULE, cpu.CODE, checksums.FILE, "*.nbi", "*.nbc")
+def test_what_is_kept_is_the_code_and_its_checksum(folder, monkeypatch, capsys):
+    assert sorted(p.name for p in folder.iterdir()) == sorted([NAME, f"{KEY}.lock"])
+    data = (folder / NAME).read_bytes()
+    assert data[:32] == hashlib.sha256(data[32:]).digest()
+    assert load(folder, monkeypatch) == []
+    assert compilations(capsys) == 0
+
+
+def test_a_process_asks_the_folder_once(folder, monkeypatch):
+    assert load(folder, monkeypatch) == []
+    shutil.rmtree(folder)
+    kernels = cache.kernels(KEY, small_program(), "a test")
+    assert cache.kernels(KEY, small_program(), "a test") is kernels
+    assert not folder.exists()
+
+
+# ---- damage ----------------------------------------------------------------------------------------
+
 DAMAGES = {
     "empty": lambda p: p.write_bytes(b""),
     "cut": lambda p: p.write_bytes(p.read_bytes()[: p.stat().st_size // 2]),
+    "only a checksum": lambda p: p.write_bytes(hashlib.sha256(b"").digest()),
     "one byte short": lambda p: p.write_bytes(p.read_bytes()[:-1]),
+    "one byte more": lambda p: p.write_bytes(p.read_bytes() + b"\0"),
     "zeroed": lambda p: p.write_bytes(bytes(p.stat().st_size)),
     "one byte": lambda p: p.write_bytes(p.read_bytes()[:-9] + b"?" + p.read_bytes()[-8:]),
-    "gone": lambda p: p.unlink(),
-    "a folder": lambda p: (p.unlink(), p.mkdir()),
+    "a byte of the checksum": lambda p: p.write_bytes(b"?" + p.read_bytes()[1:]),
+    "foreign": lambda p: p.write_text("notes of mine"),
+    "a pipe": lambda p: (p.unlink(), os.mkfifo(p)),
+    "a link to itself": lambda p: (p.unlink(), p.symlink_to(p)),
+    "a broken link": lambda p: (p.unlink(), p.symlink_to(p.with_name("nowhere"))),
+    "a link to a folder": lambda p: (p.unlink(), p.symlink_to(p.parent)),
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
 @pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
-def test_a_damaged_file_is_found_told_once_and_compiled_anew(cache, kind, damage, monkeypatch, capsys):
-    assert load(cache, monkeypatch) == []
-    assert "compiling" not in capsys.readouterr().err
-    damage(file_of(cache, kind))
-    (told,) = load(cache, monkeypatch)
-    assert KEY in told
-    assert "damaged or left unfinished" in told
-    assert "compiling" in capsys.readouterr().err
-    assert load(cache, monkeypatch) == []
-    assert "compiling" not in capsys.readouterr().err
+def test_a_damaged_file_is_found_told_once_and_compiled_anew(folder, damage, monkeypatch, capsys):
+    damage(folder / NAME)
+    (told,) = load(folder, monkeypatch)
+    assert str(folder / NAME) in told
+    assert "damaged or not ours; it is compiled anew" in told
+    assert compilations(capsys) == 1
+    assert load(folder, monkeypatch) == []
+    assert compilations(capsys) == 0
+    assert (folder / NAME).is_file()
+    assert not (folder / NAME).is_symlink()
 
 
-def test_a_module_altered_together_with_its_checksum_is_not_run(cache, monkeypatch):
-    module = file_of(cache, cpu.MODULE)
-    module.write_text(f"raise SystemExit('altered')\n{module.read_text()}")
-    file_of(cache, checksums.FILE).unlink()
-    checksums.write_checksums(cache / KEY)
-    (told,) = load(cache, monkeypatch)
-    assert "damaged" in told
-    assert "altered" not in module.read_text()
+def test_a_file_that_cannot_be_read_is_damage(folder, monkeypatch, capsys):
+    def refused(path):
+        raise PermissionError(13, "not yours", str(path))
+
+    with monkeypatch.context() as context:
+        context.setattr(Path, "read_bytes", refused)
+        (told,) = load(folder, context)
+    assert "damaged or not ours" in told
+    assert compilations(capsys) == 1
+    assert load(folder, monkeypatch) == []
 
 
-CHECKSUMS = {
-    "brackets in brackets": lambda p: p.write_text("[" * 200_000),
-    "a list": lambda p: p.write_text("[]"),
-    "no checksums": lambda p: p.write_text(f'{{"{cpu.MODULE}": null, "{cpu.CODE}": 3}}'),
-    "too large": lambda p: p.write_text(p.read_text() + " " * checksums.LARGEST),
-    "a pipe": lambda p: (p.unlink(), os.mkfifo(p)),
-    "a link to itself": lambda p: (p.unlink(), p.symlink_to(p)),
-}
+def test_a_file_that_is_gone_is_no_damage(folder, monkeypatch, capsys):
+    (folder / NAME).unlink()
+    assert load(folder, monkeypatch) == []
+    assert compilations(capsys) == 1
 
 
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
-@pytest.mark.parametrize("damage", CHECKSUMS.values(), ids=CHECKSUMS)
-def test_checksums_that_are_none_are_damage(cache, damage):
-    folder = cache / KEY
-    text = file_of(cache, cpu.MODULE).read_text()
-    assert checksums.is_whole(folder, (cpu.MODULE, cpu.CODE), text)
-    damage(folder / checksums.FILE)
-    assert not checksums.is_whole(folder, (cpu.MODULE, cpu.CODE), text)
+def test_a_folder_in_the_place_of_a_file_stays_and_memory_serves(folder, monkeypatch, capsys):
+    (folder / NAME).unlink()
+    (folder / NAME).mkdir()
+    (folder / NAME / "mine").write_text("?")
+    (told,) = load(folder, monkeypatch)
+    assert "kept in memory only" in told
+    assert "is a folder" in told
+    assert compilations(capsys) == 1
+    assert (folder / NAME / "mine").read_text() == "?"
 
 
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_pipe_in_the_place_of_a_file_keeps_nobody_waiting(cache, kind, monkeypatch):
-    path = file_of(cache, kind)
-    path.unlink()
-    os.mkfifo(path)
-    (told,) = load(cache, monkeypatch)
-    assert "damaged" in told
-    assert load(cache, monkeypatch) == []
+def test_where_no_lock_can_be_had_memory_serves(folder, monkeypatch, capsys):
+    (folder / f"{KEY}.lock").unlink()
+    (folder / f"{KEY}.lock").mkdir()
+    (told,) = load(folder, monkeypatch)
+    assert "kept in memory only" in told
+    assert compilations(capsys) == 1
 
 
-@pytest.mark.parametrize("kind", ["file", "empty folder", "folder of something else", "broken link"])
-def test_something_else_in_the_place_of_a_module_is_replaced(tmp_path, kind, monkeypatch):
-    place = tmp_path / KEY
-    if kind == "file":
-        place.write_text("?")
-    elif kind == "broken link":
-        place.symlink_to(tmp_path / "nowhere")
-    else:
-        place.mkdir()
-    if kind == "folder of something else":
-        (place / "deep").mkdir()
-        (place / "deep" / "file").write_text("?")
-    (told,) = load(tmp_path, monkeypatch)
-    assert "damaged or left unfinished" in told
+@pytest.mark.parametrize("broken", ["replace", "fdopen"])
+def test_a_file_that_cannot_be_written_is_not_there_at_all(tmp_path, monkeypatch, capsys, broken):
+    def no_room(*_):
+        raise OSError("no room left")
+
+    with monkeypatch.context() as context:
+        context.setattr(os, broken, no_room)
+        (told,) = load(tmp_path, context)
+    assert "no room left" in told
+    assert f"set {cache.CACHE_VARIABLE}" in told
+    assert [p.name for p in tmp_path.iterdir()] == [f"{KEY}.lock"]
+    assert compilations(capsys) == 1
     assert load(tmp_path, monkeypatch) == []
 
 
-def test_a_cache_that_cannot_keep_a_module_leaves_it_in_memory(cache, monkeypatch, capsys):
-    shutil.rmtree(cache)
-    cache.mkdir()
-    (cache / f"{KEY}.lock").mkdir()
-    (told,) = load(cache, monkeypatch)
-    assert "kept in memory only" in told
-    (cache / f"{KEY}.lock").rmdir()
-    monkeypatch.setattr(cpu, "write_checksums", lambda folder: (_ for _ in ()).throw(OSError("no room left")))
-    cpu._warned.clear()
-    (told,) = load(cache, monkeypatch)
-    assert "no room left" in told
+def test_one_process_at_a_time_compiles_a_program(folder, monkeypatch, capsys):
+    (folder / NAME).unlink()
+    thread = threading.Thread(target=load, args=(folder, monkeypatch))
+    with cache._file_lock(folder / f"{KEY}.lock"):
+        thread.start()
+        thread.join(0.3)
+        assert thread.is_alive()
+        assert not (folder / NAME).exists()
+    thread.join(60)
+    assert not thread.is_alive()
+    assert compilations(capsys) == 1
 
 
-@pytest.mark.parametrize(
-    "delay", [*(pytest.param(t, marks=pytest.mark.long) for t in (0.0, 0.3)), "files"], ids=str
-)
-def test_a_process_killed_while_it_compiles_leaves_nothing_that_hurts(tmp_path, delay):
-    env = {**os.environ, "PYTHONPATH": str(ROOT), cpu.CACHE_VARIABLE: str(tmp_path)}
-    process = subprocess.Popen(
-        [sys.executable, "-c", PROGRAM], env=env, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL
-    )
-    begun = b""
-    while b"compiling" not in begun:
-        begun += process.stderr.read(1)
-    if delay == "files":
-        while not list(tmp_path.rglob("*.nb*")) and process.poll() is None:
-            time.sleep(0.001)
-    else:
-        time.sleep(delay)
-    process.send_signal(signal.SIGKILL)
-    process.communicate()
-    first, second = (
-        program(**{cpu.CACHE_VARIABLE: str(tmp_path)}),
-        program(**{cpu.CACHE_VARIABLE: str(tmp_path)}),
-    )
-    assert first.returncode == second.returncode == 0, first.stderr
-    assert first.stdout == second.stdout != ""
-    if first.stderr:  # the killed process may have been faster
-        assert first.stderr.count("left unfinished") == 1
-        assert "compiling" in first.stderr
-    assert second.stderr == ""
+def test_threads_that_want_the_same_program_compile_it_once(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv(cache.CACHE_VARIABLE, str(tmp_path))
+    monkeypatch.setattr(cache, "_kept", {})
+    found = []
+    ask = [
+        threading.Thread(target=lambda: found.append(cache.kernels(KEY, small_program(), "a test")))
+        for _ in range(6)
+    ]
+    for thread in ask:
+        thread.start()
+    for thread in ask:
+        thread.join(60)
+    assert len(found) == 6
+    assert all(kernels is found[0] for kernels in found)
+    assert compilations(capsys) == 1
 
 
-def test_what_numba_is_told_of_its_own_cache_moves_nothing(tmp_path):
-    settings = {cpu.CACHE_VARIABLE: str(tmp_path / "ours"), "NUMBA_CACHE_DIR": str(tmp_path / "numbas")}
-    assert program(**settings).returncode == 0
-    assert len(list((tmp_path / "ours" / KEY).rglob("*.nbc"))) == 1
-    assert not list(tmp_path.glob("numbas/**/*.nbc"))
-    assert program(**settings).stderr == ""
+# ---- how many are kept -----------------------------------------------------------------------------
 
 
-@pytest.mark.long
-def test_another_setting_of_numba_is_another_module(tmp_path):
-    """Numba would else compile into a folder that is complete, and its checksums were no longer true."""
-    kept = {cpu.CACHE_VARIABLE: str(tmp_path)}
-    for count, setting in enumerate(({}, {"NUMBA_CPU_NAME": "generic"}, {"NUMBA_OPT": "1"}), 1):
-        assert program(**kept, **setting).stderr.count("compiling") == 1
-        assert len(list(tmp_path.glob("*/" + cpu.MODULE))) == count
-        for again in ({}, setting):
-            assert program(**kept, **again).stderr == ""
+def test_only_the_programs_used_last_are_kept_and_nothing_else_is_touched(folder, monkeypatch):
+    monkeypatch.setattr(cache, "KEPT_PROGRAMS", 3)
+    names = [c * 40 for c in "abcd"]
+    others = ["notes.code", "x" * 40 + ".code", "a" * 39 + ".code", "0" * 40 + ".txt", "0" * 40]
+    for i, name in enumerate([*names, *others]):
+        for path in (folder / (name if name in others else f"{name}.code"), folder / f"{name}.lock"):
+            path.write_text("")
+            os.utime(path, (i, i))
+    (folder / f"{'e' * 40}.code").mkdir()  # named like a program, but not one
+    left = {p.name for p in folder.iterdir()}
+    gone = {f"{name}.{kind}" for name in names[:2] for kind in ("code", "lock")}
+    os.utime(folder / NAME, (0, 0))  # the one not used for longest, but it is used now
+    assert load(folder, monkeypatch) == []
+    cache._prune(folder)
+    assert {p.name for p in folder.iterdir()} == left - gone
 
 
-@pytest.mark.parametrize("name", cpu.SETTINGS)
-def test_the_key_of_a_module_tells_settings_of_numba_apart(name, monkeypatch):
-    from numba import config
+def test_programs_that_another_process_deletes_meanwhile_are_no_error(folder, monkeypatch):
+    monkeypatch.setattr(cache, "KEPT_PROGRAMS", 1)
+    is_file = Path.is_file
 
-    monkeypatch.setattr(config, name, "another")
-    assert cpu.module_key(TEXT) != KEY
+    def is_file_and_then_gone(path):
+        found = is_file(path)
+        if path.name.startswith("a" * 40):
+            path.unlink(missing_ok=True)
+        return found
+
+    for letter in "ab":
+        (folder / f"{letter * 40}.code").write_text("")
+        os.utime(folder / f"{letter * 40}.code", (0, 0))
+    monkeypatch.setattr(Path, "is_file", is_file_and_then_gone)
+    cache._prune(folder)
+    assert [p.name for p in folder.glob("*.code")] == [NAME]
 
 
-# ---- where the cache is ----------------------------------------------------------------------------
+# ---- where the folder is ---------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -228,7 +238,7 @@ def homeless(monkeypatch):
     """No HOME, and a user whom nobody knows."""
     import pwd
 
-    for name in ("HOME", "XDG_CACHE_HOME", cpu.CACHE_VARIABLE):
+    for name in ("HOME", "XDG_CACHE_HOME", cache.CACHE_VARIABLE):
         monkeypatch.delenv(name, raising=False)
 
     def unknown(user):
@@ -236,134 +246,25 @@ def homeless(monkeypatch):
 
     monkeypatch.setattr(pwd, "getpwuid", unknown)
     monkeypatch.setattr(pwd, "getpwnam", unknown)
-    cpu._warned.clear()
+    monkeypatch.setattr(cache, "_warned", set())
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other systems have other places")
-def test_where_the_cache_is(homeless, tmp_path, monkeypatch):
-    with pytest.warns(UserWarning, match=f"kept in memory only: ~.*set {cpu.CACHE_VARIABLE}"):
-        assert cpu.cache_folder() is None
+def test_where_the_folder_is(homeless, tmp_path, monkeypatch):
+    with pytest.warns(UserWarning, match=f"kept in memory only: ~.*set {cache.CACHE_VARIABLE}"):
+        assert cache.cache_folder() is None
+    assert cache.cache_folder() is None  # told once
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg"))
-    assert cpu.cache_folder() == tmp_path / "xdg" / "redundant-envs"
+    assert cache.cache_folder() == tmp_path / "xdg" / "redundant-envs"
     monkeypatch.setenv("XDG_CACHE_HOME", "")
     monkeypatch.setenv("HOME", str(tmp_path))
-    assert cpu.cache_folder() == tmp_path / ".cache" / "redundant-envs"
-    monkeypatch.setenv(cpu.CACHE_VARIABLE, "~/own")
-    assert cpu.cache_folder() == tmp_path / "own"
+    assert cache.cache_folder() == tmp_path / ".cache" / "redundant-envs"
+    monkeypatch.setenv(cache.CACHE_VARIABLE, "~/own")
+    assert cache.cache_folder() == tmp_path / "own"
+    assert (tmp_path / "own").stat().st_mode & 0o77 == 0
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv(cpu.CACHE_VARIABLE, "here")
-    assert cpu.cache_folder() == tmp_path / "here"
-    monkeypatch.setenv(cpu.CACHE_VARIABLE, "~nobody_of_this_name/cache")
+    monkeypatch.setenv(cache.CACHE_VARIABLE, "here")
+    assert cache.cache_folder() == tmp_path / "here"
+    monkeypatch.setenv(cache.CACHE_VARIABLE, "~nobody_of_this_name/cache")
     with pytest.warns(UserWarning, match="kept in memory only"):
-        assert cpu.cache_folder() is None
-
-
-def test_a_program_runs_without_any_environment():
-    text = f"""
-import sys, pwd
-def unknown(user):
-    raise KeyError(user)
-pwd.getpwuid = unknown
-sys.path.insert(0, {str(ROOT)!r})
-{PROGRAM}
-"""
-    command = [sys.executable, "-c", text]
-    done = subprocess.run(command, env={}, capture_output=True, text=True, timeout=90)
-    assert done.returncode == 0, done.stderr
-    assert done.stderr.count("kept in memory only") == 1
-    assert done.stdout
-
-
-# ---- fork ------------------------------------------------------------------------------------------
-
-needs_fork = pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
-USED = """
-scene = rde.Scene(rde.FourR((1, 1, 1, 1), (1, 1, 1, 1)), (rde.effects.ViscousFriction(0.5),), "euler")
-def made():
-    batch = rde.BatchSimulator(scene, 64, threads=2)
-    batch.set_state(np.linspace(0, 1, 256).reshape(64, 4), np.ones((64, 4)))
-    return batch
-"""
-
-
-@needs_fork
-@pytest.mark.parametrize("leave", ["os._exit(0)", "sys.exit(0)"])
-def test_a_simulator_with_threads_goes_on_in_a_forked_process(leave):
-    body = f"""
-def wait(pid):
-    assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
-{USED}
-batch, twin = made(), made()
-for _ in range(3):
-    batch.advance(), twin.advance()
-pid = os.fork()
-if not pid:
-    import copy
-    batch.advance()
-    twin.advance()
-    assert (batch.q == twin.q).all()
-    another = copy.deepcopy(batch)
-    another.advance(), batch.advance(), made().advance()
-    assert (batch.q == another.q).all()
-    inner = os.fork()
-    if not inner:
-        batch.advance(), another.advance()
-        assert (batch.q == another.q).all()
-        {leave}
-    wait(inner)
-    {leave}
-wait(pid)
-batch.advance(), twin.advance()
-assert (batch.q == twin.q).all()
-print("done")
-"""
-    done = program("import os, sys\nimport numpy as np\nimport redundant_envs as rde\n" + body)
-    assert done.stdout == "done\n", done.stderr
-
-
-@needs_fork
-def test_a_process_forked_while_another_thread_compiles_can_compile(tmp_path):
-    text = """
-import os, sys, threading, time
-import redundant_envs as rde
-arm = rde.FourR((1,) * 4, (1,) * 4)
-def compile(kind):
-    rde.BatchSimulator(rde.Scene(arm, (rde.effects.Gravity(),), kind)).advance()
-worker = threading.Thread(target=compile, args=("rk8",))
-worker.start()
-from redundant_envs.evaluators import cpu
-while cpu._lock.acquire(blocking=False):
-    cpu._lock.release()
-    time.sleep(0.001)
-pid = os.fork()
-if not pid:
-    compile("euler")
-    compile("rk8")
-    os._exit(0)
-status = os.waitpid(pid, 0)[1]
-worker.join()
-compile("rk4")
-print(os.waitstatus_to_exitcode(status))
-"""
-    done = program(text, **{cpu.CACHE_VARIABLE: str(tmp_path)})
-    assert done.stdout == "0\n", done.stderr
-    assert done.stderr.count("compiling") == 3
-
-
-@needs_fork
-def test_workers_forked_from_a_process_with_threads_step(tmp_path):
-    text = (
-        USED.replace("\nscene", "import numpy as np\nimport redundant_envs as rde\nscene")
-        + """
-import gymnasium as gym
-made().advance()
-make = lambda: gym.make("redundant_envs/FourRReach-v0")
-make().reset(seed=0)
-env = gym.vector.AsyncVectorEnv([make] * 2, context="fork")
-env.reset(seed=0)
-env.step(env.action_space.sample())
-env.close()
-print("done")
-"""
-    )
-    assert program(text).stdout == "done\n"
+        assert cache.cache_folder() is None

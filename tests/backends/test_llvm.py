@@ -1,310 +1,88 @@
-"""The compiled core: bits that depend on the lane alone, sines, draws, the cache."""
+"""Machine code of lane functions: sines, choices, draws, tables, stages, the order of instructions."""
 
 import dataclasses
-import os
-import re
-import shutil
-import subprocess
-import sys
-from pathlib import Path
+import itertools
+import math
 
+import llvmlite.binding as binding
 import numpy as np
 import pytest
+from compiled import compiled, on_columns
+from small_scenes import FOUR_R, RPRP, e
 
 import redundant_envs as rde
+import redundant_envs.simulator.step as steps
 from redundant_envs import algebra
-from redundant_envs.algebra import sqrt, where
-from redundant_envs.effects.hooks import Effect, Field
-from redundant_envs.evaluators import arrays, cpu
-from redundant_envs.evaluators.assemble import assemble, source
-from redundant_envs.tasks.reach import ReachTask
+from redundant_envs.algebra import physics
+from redundant_envs.backends import llvm
+from redundant_envs.effects.hooks import Effect, Force
+from redundant_envs.model.memory import aligned
+from redundant_envs.model.programs import batch_simulator
+from redundant_envs.simulator.blocks import LANES
+from redundant_envs.simulator.environment import philox, uniform
+from redundant_envs.simulator.lane import PARAMETER, SCRATCH, STATE, Field, Layout, Lifetime, traced
+from redundant_envs.tracing.flow import Kernel, LaneFunction, Program
+from redundant_envs.tracing.graph import Graph
 
-FOUR_R = rde.FourR(masses=(2, 1.5, 1, 0.5), lengths=(0.3, 0.5, 0.4, 0.6))
-RPRP = rde.RPRP(masses=(2, 1.5, 1, 0.5), lengths=(0.3, 0.5))
-e = rde.effects
-SCENES = {
-    f"{arm.kind}-{method}": rde.Scene(
-        arm,
-        (
-            e.Gravity(),
-            e.ViscousFriction((0.1, 0.2, 0.3, 0.05)),
-            e.LimitSpring(arm.joints[1], -0.4, 0.4, 800.0, 100.0),
-            e.EffortLimits((5.0, 4.0, 3.0, 2.0)),
-        ),
-        integrator=method,
-        control_dt=0.01,
-        substeps=2,
-    )
-    for arm in (FOUR_R, RPRP)
-    for method in ("euler", "rk4", "rk8")
-}
-every_scene = pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
-
-
-def states(n, seed=0):
-    rng = np.random.default_rng(seed)
-    q = rng.uniform(-0.4, 0.4, (n, 4))
-    return q, rng.normal(0, 2, (n, 4)), rng.uniform(-6, 6, (n, 4))
-
-
-def run(scene, q, qd, u, steps=5, **kwargs):
-    batch = rde.BatchSimulator(scene, len(q), **kwargs)
-    batch.set_state(q, qd)
-    for _ in range(steps):
-        status = batch.advance(u)
-    return np.concatenate([batch.q, batch.qd], axis=1), status
-
-
-@every_scene
-def test_single_is_a_batch_of_one_bit_for_bit(scene):
-    q, qd, u = states(37)
-    whole, status = run(scene, q, qd, u)
-    assert status.finite.all()
-    for lane in (0, 7, 8, 15, 16, 36):
-        alone, _ = run(scene, q[lane : lane + 1], qd[lane : lane + 1], u[lane : lane + 1])
-        np.testing.assert_array_equal(alone[0], whole[lane])
-
-
-@every_scene
-def test_result_is_independent_of_the_place_in_the_batch(scene):
-    q, qd, u = states(50)
-    order = np.random.default_rng(1).permutation(50)
-    whole, _ = run(scene, q, qd, u)
-    mixed, _ = run(scene, q[order], qd[order], u[order])
-    np.testing.assert_array_equal(mixed, whole[order])
-
-
-@every_scene
-def test_threads_change_nothing(scene):
-    q, qd, u = states(100)
-    one, _ = run(scene, q, qd, u)
-    for threads in (2, 3, 7):
-        many, status = run(scene, q, qd, u, threads=threads)
-        np.testing.assert_array_equal(many, one)
-        assert status.finite.all()
-
-
-@every_scene
-def test_a_neighbours_nan_changes_nothing(scene):
-    q, qd, u = states(20)
-    clean, _ = run(scene, q, qd, u)
-    q[5, 2] = np.nan
-    dirty, status = run(scene, q, qd, u)
-    others = np.arange(20) != 5
-    np.testing.assert_array_equal(dirty[others], clean[others])
-    assert (status.finite == others).all()
-    assert status.numerics[5] == rde.Numerics.NON_FINITE
-
-
-@every_scene
-def test_tracking_the_work_hardly_changes_the_motion(scene):
-    q, qd, u = states(20)
-    without, _ = run(scene, q, qd, u)
-    with_work, _ = run(scene, q, qd, u, track_work=True)
-    np.testing.assert_allclose(with_work, without, rtol=1e-10, atol=1e-12)
-
-
-@every_scene
-def test_save_and_restore_continue_to_the_last_bit(scene):
-    q, qd, u = states(9)
-    batch = rde.BatchSimulator(scene, 9)
-    batch.set_state(q, qd)
-    batch.advance(u)
-    snapshot = batch.save()
-    batch.advance(u)
-    first = batch.q
-    batch.restore(snapshot)
-    batch.advance(u)
-    np.testing.assert_array_equal(batch.q, first)
-
-
-@every_scene
-def test_a_lanes_own_parameters_equal_those_of_its_own_scene(scene):
-    q, qd, u = states(3)
-    batch = rde.BatchSimulator(scene, 3)
-    batch.set_state(q, qd)
-    batch.set_parameters({"masses": (1.0, 0.7, 0.6, 0.9), "gravity.g": 3.7}, index=[1])
-    batch.advance(u)
-    kind = type(scene.robot)
-    other = rde.Scene(
-        kind((1.0, 0.7, 0.6, 0.9), scene.robot.lengths),
-        (e.Gravity(3.7), *scene.effects[1:]),
-        scene.integrator,
-        scene.control_dt,
-        scene.substeps,
-    )
-    expected, _ = run(other, q, qd, u, steps=1)
-    plain, _ = run(scene, q, qd, u, steps=1)
-    np.testing.assert_array_equal(np.concatenate([batch.q, batch.qd], 1)[1], expected[1])
-    np.testing.assert_array_equal(np.concatenate([batch.q, batch.qd], 1)[[0, 2]], plain[[0, 2]])
-
-
-@pytest.mark.parametrize(
-    ("value", "expected"),
-    [
-        (2.0, [[2, 2, 2, 2]] * 3),
-        ((1, 2, 3, 4), [[1, 2, 3, 4]] * 3),
-        (np.arange(1, 13).reshape(3, 4), np.arange(1, 13).reshape(3, 4)),
-    ],
-)
-def test_shapes_of_parameters(value, expected):
-    batch = rde.BatchSimulator(SCENES["FourR-rk4"], 3)
-    batch.set_parameters({"effort_limits.limits": value, "masses": value})
-    names = tuple(f"effort_limits_limits_{k}" for k in range(4))
-    np.testing.assert_array_equal(batch._memory.read(names), expected)
-    np.testing.assert_array_equal(batch._memory.read(("m1", "m2", "m3", "m4")), expected)
-    batch.set_parameters({"gravity.g": (1.0, 2.0, 3.0)})
-    np.testing.assert_array_equal(batch._memory.read(("gravity_g",))[:, 0], (1, 2, 3))
-
-
-@every_scene
-@pytest.mark.parametrize(("count", "threads"), [(1, 1), (7, 1), (9, 2), (17, 3)])
-def test_status_of_a_partly_filled_block(scene, count, threads):
-    q, qd, u = states(24)
-    qd[count - 1, 2] = np.nan
-    _, whole = run(scene, q, qd, u, steps=1)
-    _, part = run(scene, q[:count], qd[:count], u[:count], steps=1, threads=threads)
-    for name in ("finite", "numerics", "error_estimate", "evaluations"):
-        assert getattr(part, name).shape == (count,)
-        np.testing.assert_array_equal(getattr(part, name), getattr(whole, name)[:count])
-    assert not part.finite[-1]
-    assert part.finite[:-1].all()
-
-
-def test_status_of_each_method():
-    q, qd, u = states(4)
-    for scene in SCENES.values():
-        _, status = run(scene, q, qd, u, steps=1)
-        stages = {"euler": 1, "rk4": 4, "rk8": 12}[scene.integrator]
-        assert (status.evaluations == 2 * stages).all()
-        assert np.isnan(status.error_estimate).all() == (scene.integrator != "rk8")
-        assert (status.events == 0).all()
-
-
-def test_error_estimate_follows_the_error():
-    scene = rde.Scene(FOUR_R, (e.Gravity(),), control_dt=0.05)
-    q, qd, u = states(200)
-    one, status = run(scene, q, 2 * qd, 0 * u, steps=1)
-    fine = rde.Scene(FOUR_R, (e.Gravity(),), control_dt=0.05, substeps=16)
-    exact, _ = run(fine, q, 2 * qd, 0 * u, steps=1)
-    error = np.linalg.norm(
-        FOUR_R.forward_kinematics(one[:, :4]) - FOUR_R.forward_kinematics(exact[:, :4]), axis=1
-    )
-    assert (status.error_estimate > error).mean() > 0.95
-    assert np.corrcoef(np.log(error + 1e-16), np.log(status.error_estimate))[0, 1] > 0.7
-
-
-@pytest.mark.parametrize(
-    ("call", "words"),
-    [
-        (lambda b: b.set_state(np.zeros(3), np.zeros(4)), ["q", "(3,)"]),
-        (lambda b: b.set_state(np.zeros(4), np.zeros(4), index=[9]), ["index", "0..3"]),
-        (lambda b: b.set_parameters({"payload.mass": 1.0}), ["payload.mass", "masses", "gravity.g"]),
-        (lambda b: b.set_parameters({"masses": (1, 2, -1, 1)}), ["masses", "-1"]),
-        (lambda b: b.set_parameters({"gravity.g": np.nan}), ["gravity.g", "finite"]),
-        (lambda b: b.advance(np.zeros((4, 3))), ["efforts", "(4, 3)"]),
-        (lambda b: b.restore(np.zeros(5)), ["snapshot", "(5,)"]),
-        (
-            lambda b: b.restore({**b.save(), "numbers": b.save()["numbers"].astype(np.float32)}),
-            ["snapshot", "float32"],
-        ),
-        (lambda b: b.restore(rde.BatchSimulator(b.scene, 5).save()), ["snapshot", "num_envs 4"]),
-        (lambda b: b.work, ["track_work"]),
-    ],
-)
-def test_bad_calls_name_the_field(call, words):
-    batch = rde.BatchSimulator(SCENES["FourR-rk4"], 4)
-    with pytest.raises(ValueError) as error:
-        call(batch)
-    for word in words:
-        assert word in str(error.value)
-
-
-@algebra.physics(gives="ax ay")
-def choosing_field(g):
-    return where(g > 0.0, sqrt(g), 0.0), where(g == 0.0, 0.0, 1.0 / g)
-
-
-@dataclasses.dataclass(frozen=True)
-class Weightless(Effect):
-    """A field of a parameter alone, one side of whose choices is no number."""
-
-    g: float = 1.0
-
-    def hooks(self, arm):
-        return (Field(choosing_field, {"g": ".g"}),)
+# ---- primitives ------------------------------------------------------------------------------------
 
 
 def test_sines_and_cosines_to_the_last_places():
-    probe = rde.Scene(FOUR_R, (), integrator="euler", control_dt=1.0)
-    text = assemble(probe).text
-    namespace = {"CACHE": False}
-    code = """
-
-def table(x, s, c, row):
-    for n in range(x.size):
-        row[n % LANES] = x[n]
-        pair(row, 0)
-        s[n] = row[LANES + n % LANES]
-        c[n] = row[2 * LANES + n % LANES]
-
-pair = straight_line(lambda x: sincos(x), reads=(0,), writes=(1, 2))
-SIGNATURES = {"table": "void(float64[::1], float64[::1], float64[::1], float64[::1])"}
-"""
-    exec(compile(text.split("SIGNATURES")[0] + code + cpu.KERNELS, "probe", "exec"), namespace)
     rng = np.random.default_rng(0)
     x = np.concatenate(
         [rng.uniform(-1e6, 1e6, 200_000), rng.uniform(-10, 10, 200_000), np.arange(-8, 9) * np.pi / 4]
     )
-    s, c, row = np.empty_like(x), np.empty_like(x), np.zeros(3 * 8)
-    namespace["table"](x, s, c, row)
+    s, c = on_columns(algebra.sincos, x)
     assert np.abs(s - np.sin(x)).max() <= 2.3e-16
     assert np.abs(c - np.cos(x)).max() <= 2.3e-16
-    namespace["table"](np.array([np.nan, np.inf]), s[:2], c[:2], row)
-    assert np.isnan(s[:2]).all()
+    np.testing.assert_array_equal(on_columns(algebra.sincos, np.zeros(1)), [[0.0], [1.0]])
+    assert np.isnan(on_columns(algebra.sincos, np.array([np.nan, np.inf, -np.inf]))).all()
 
 
-def test_kernels_count_no_references():
-    """A locked instruction for every block waits for all that was written before."""
-    made = rde.load_scene(
-        {**rde.load_scene("four_r_reach").to_dict(), "integrator": "euler", "tolerance": None}
+def test_exponentials_to_the_last_place_and_at_both_ends():
+    rng = np.random.default_rng(0)
+    x = np.concatenate(
+        [rng.uniform(-745.2, 709.8, 200_000), rng.uniform(-1, 1, 200_000), [0.0, -0.0, 709.782712893384]]
     )
-    kernels = cpu.compiled_in_memory(assemble(made, ReachTask()).text, "a probe")
-    for name, kernel in kernels.items():
-        (text,) = kernel.inspect_llvm().values()
-        body = re.search(rf"define [^\n]*{name}[^\n]* {{\n.*?\n}}", text, re.DOTALL)
-        assert "NRT" not in body[0]
+    expected = np.array([math.exp(v) if v < 709.7827128933841 else np.inf for v in x])
+    (values,) = on_columns(algebra.exp, x)
+    finite = np.isfinite(expected)
+    error = np.abs(values[finite] - expected[finite])
+    assert (error <= np.spacing(expected[finite])).all()  # subnormal ones too
+    assert np.isinf(values[~finite]).all()
+    (values,) = on_columns(algebra.exp, np.array([0.0, -0.0, 800.0, np.inf, -746.0, -np.inf, np.nan]))
+    np.testing.assert_array_equal(values, [1.0, 1.0, np.inf, np.inf, 0.0, 0.0, np.nan])
 
 
-def test_primitives_agree_in_every_evaluator_on_ties_zeros_and_nan():
+CASES = [0.0, -0.0, 1.0, -2.5, np.inf, -np.inf, np.nan]
+PAIRS = np.array([(a, b) for a in CASES for b in CASES]).T
+
+
+@pytest.mark.parametrize("name", ["minimum", "maximum"])
+def test_primitives_agree_everywhere_on_ties_zeros_and_nan(name):
     """minimum, maximum: the first of two equal numbers and of a pair with a NaN, bit for bit."""
-    cases = [0.0, -0.0, 1.0, -2.5, np.inf, -np.inf, np.nan]
-    pairs = np.array([(a, b) for a in cases for b in cases])
-    code = """
-both = straight_line(lambda a, b: (minimum(a, b), maximum(a, b)), reads=(0, 1), writes=(2, 3))
+    primitive = getattr(algebra, name)
+    plain = np.array([primitive(*pair) for pair in PAIRS.T.tolist()])
+    for got in (on_columns(lambda a, b: primitive(a, b), *PAIRS)[0], primitive(*PAIRS)):
+        np.testing.assert_array_equal(got, plain)
+        np.testing.assert_array_equal(np.signbit(got), np.signbit(plain))
 
 
-def table(rows):
-    both(rows, 0)
+def test_comparisons_and_choices_agree_with_plain_ones():
+    def function(a, b):
+        conditions = (a < b, a <= b, a > b, a >= b, a == b, a != b, (a < b) | (a == 1.0), ~(a < b) & (b != b))
+        chosen = [algebra.where(c, 1.0, 0.0) for c in conditions]
+        return (*chosen, algebra.where((a < b) ^ (a < 0.0), a, b), abs(a), -a, algebra.floor(b * 0.5))
+
+    with np.errstate(invalid="ignore"):
+        expected = np.array(np.broadcast_arrays(*function(*PAIRS)))
+    got = on_columns(function, *PAIRS)
+    np.testing.assert_array_equal(got, expected)
+    number = ~np.isnan(expected)  # the sign of a NaN is nobody's promise
+    np.testing.assert_array_equal(np.signbit(got[number]), np.signbit(expected[number]))
 
 
-SIGNATURES = {"table": "void(float64[::1])"}
-"""
-    text = assemble(rde.Scene(FOUR_R, (), integrator="euler")).text
-    namespace = {"CACHE": False}
-    exec(compile(text.split("SIGNATURES")[0] + code + cpu.KERNELS, "probe", "exec"), namespace)
-    lanes = namespace["LANES"]
-    for first in range(0, len(pairs), lanes):
-        some = pairs[first : first + lanes]
-        rows = np.zeros((4, lanes))
-        rows[:2, : len(some)] = some.T
-        namespace["table"](rows.reshape(-1))
-        for row, name in ((2, "minimum"), (3, "maximum")):
-            plain = np.array([getattr(algebra, name)(*pair) for pair in some])
-            vector = arrays.PRIMITIVES[name](some[:, 0], some[:, 1])
-            for got in (rows[row, : len(some)], vector):
-                np.testing.assert_array_equal(got, plain)
-                np.testing.assert_array_equal(np.signbit(got), np.signbit(plain))
+# ---- draws -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -320,158 +98,219 @@ SIGNATURES = {"table": "void(float64[::1])"}
     ],
 )
 def test_philox_known_answers(key, counter, words):
-    from redundant_envs.evaluators.prelude import philox
-
-    got = philox(*(np.uint64(k) for k in (*key, *counter)))
-    assert tuple(int(w) for w in got) == words
-
-
-def test_source_is_the_whole_simulator_and_holds_only_what_the_scene_names():
-    bare = rde.evaluators.source(rde.Scene(FOUR_R, ()))
-    assert "def four_r__forward_dynamics" in bare
-    for word in ("gravity__", "viscous", "limit_spring", "rprp__", "work"):
-        assert word not in bare
-    assert "viscous_friction__force" in source(rde.Scene(FOUR_R, (e.ViscousFriction(0.1),)))
+    p = Kernel("draw", {"given": "u32", "words": "u32", "numbers": "f64"})
+    given = [p.load(p["given"], k) for k in range(6)]
+    for k, word in enumerate(philox(p, given[:2], given[2:])):
+        p.store(p["words"], k, word)
+        p.store(p["numbers"], k, uniform(p, word))
+    got, numbers = np.zeros(4, np.uint32), np.zeros(4)
+    compiled(p)(given=np.array([*key, *counter], np.uint32), words=got, numbers=numbers)
+    assert tuple(got) == words
+    np.testing.assert_array_equal(numbers, (np.array(words) + 0.5) / 2**32)
 
 
-PROGRAM = """
-import sys
-sys.path.insert(0, {path!r})
-import numpy as np
-import redundant_envs as rde
-assert rde.__file__.startswith({path!r}), rde.__file__
-scene = rde.Scene(rde.FourR((1, 1, 1, 1), (1, 1, 1, 1)), (rde.effects.ViscousFriction(0.5),), "euler")
-batch = rde.BatchSimulator(scene)
-batch.set_state((0.1, 0.2, 0.3, 0.4), (1.0, 2.0, 3.0, 4.0))
-batch.advance()
-print(repr(float(batch.qd[0, 3])))
-"""
+@pytest.mark.parametrize("word", [0, 2**32 - 1])
+def test_a_draw_is_neither_zero_nor_one(word):
+    p = Kernel("draw", {"words": "u32", "numbers": "f64"})
+    p.store(p["numbers"], 0, uniform(p, p.load(p["words"])))
+    numbers = np.zeros(1)
+    compiled(p)(words=np.array([word], np.uint32), numbers=numbers)
+    assert 0.0 < numbers[0] < 1.0
 
 
-def program(path, cache, **environment):
-    env = {**os.environ, "REDUNDANT_ENVS_CACHE": str(cache), **environment}
-    command = [sys.executable, "-c", PROGRAM.format(path=str(path))]
-    done = subprocess.run(command, env=env, capture_output=True, text=True, cwd=path)
-    assert done.returncode == 0, done.stderr
-    return done
+# ---- tables ----------------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def copied(tmp_path):
-    package = Path(rde.__file__).parent
-    target = tmp_path / "copy"
-    shutil.copytree(package, target / "redundant_envs", ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copytree(package.parent / "configs", target / "configs")
-    return target
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+@pytest.mark.parametrize("columns", [1, 2, 3, 4, 5, 7, 8, 11])
+def test_tables_of_any_number_of_columns_are_read_and_written(columns, kind):
+    """Their lines, one for each lane, lie one after the other; a line beyond the last is not touched."""
+    element = {np.float32: "f32", np.float64: "f64"}[kind]
+    names = tuple(f"x{k}" for k in range(columns))
+    layout = Layout([Field(n, "", "", SCRATCH) for n in names])
+
+    def turned(lane):
+        return {("out", element, k, columns): lane[names[-1 - k]] * 2.0 for k in range(columns)}
+
+    function = traced("turned", layout, turned, inputs={"given": (element, names)})
+    p = Kernel("turn", {"given": element, "out": element, "rows": "f64"})
+    with p.each(2) as block:
+        first = block * (LANES * columns)
+        memory = dict.fromkeys(map(str, Lifetime), p["rows"])
+        p.call(function, given=p["given"] + first, out=p["out"] + first, **memory)
+    given = np.random.default_rng(0).normal(size=(2 * LANES, columns)).astype(kind)
+    out, rows = np.full((2 * LANES + 1, columns), 9.0, kind), np.zeros((columns, LANES))
+    compiled(p)(given=given, out=out, rows=rows)
+    np.testing.assert_array_equal(out[:-1], 2.0 * given[:, ::-1])
+    assert (out[-1] == 9.0).all()
+    np.testing.assert_array_equal(rows, given[LANES:].T)  # what was read is kept in the lane
 
 
-def test_a_stale_kernel_is_impossible(copied, tmp_path):
-    cache = tmp_path / "cache"
-    first = program(copied, cache)
-    assert "compiling FourR euler with ViscousFriction" in first.stderr
-    again = program(copied, cache)
-    assert again.stdout == first.stdout
-    assert "compiling" not in again.stderr
-    file = copied / "redundant_envs" / "effects" / "viscous_friction.py"
-    file.write_text(
-        file.read_text().replace("return -coefficient * rate", "return -2.0 * coefficient * rate")
-    )
-    changed = program(copied, cache)
-    assert "compiling" in changed.stderr
-    assert changed.stdout != first.stdout
+def test_numbers_and_conditions_go_to_arrays_of_every_type():
+    layout = Layout([Field("x", "", "", STATE), Field("y", "", "", STATE)])
+
+    def told(lane):
+        return {
+            ("less", "i8", 0, 0): lane.x < lane.y, ("whole", "i64", 0, 0): lane.x,
+            ("short", "i8", 0, 0): lane.y, ("real", "f64", 0, 0): lane.x,
+            ("real", "f64", 2, 0): lane.y, ("single", "f32", 1, 0): lane.x,
+        }  # fmt: skip
+
+    function = traced("told", layout, told)
+    arrays = {"less": "i8", "whole": "i64", "short": "i8", "real": "f64", "single": "f32"}
+    strides = {"real_stride": "int", "single_stride": "int"}
+    p = Kernel("tell", {"rows": "f64", **arrays, **strides})
+    memory = dict.fromkeys(map(str, Lifetime), p["rows"])
+    p.call(function, **memory, **{name: p[name] for name in (*arrays, *strides)})
+    rows = np.array([[-3.7, -2.0, -0.5, 0.0, 0.5, 1.0, 2.9, 100.0], np.arange(8.0)])
+    out = {
+        "less": np.zeros(8, np.int8), "whole": np.zeros(8, np.int64), "short": np.zeros(8, np.int8),
+        "real": np.zeros((3, 10)), "single": np.zeros((2, 8), np.float32),
+    }  # fmt: skip
+    compiled(p)(rows=rows.reshape(-1).copy(), **out, real_stride=10, single_stride=8)
+    np.testing.assert_array_equal(out["less"], rows[0] < rows[1])
+    np.testing.assert_array_equal(out["whole"], [-3, -2, 0, 0, 0, 1, 2, 100])
+    np.testing.assert_array_equal(out["short"], range(8))
+    np.testing.assert_array_equal(out["real"][:, :8], [rows[0], np.zeros(8), rows[1]])
+    np.testing.assert_array_equal(out["single"], np.float32([np.zeros(8), rows[0]]))
 
 
-def test_a_cache_that_cannot_be_written_warns_once_and_works(copied, tmp_path):
-    blocked = tmp_path / "file"
-    blocked.write_text("not a folder")
-    done = program(copied, blocked / "cache")
-    assert done.stderr.count("kept in memory only") == 1
-    assert float(done.stdout) != 0.0
+# ---- a long step as calls --------------------------------------------------------------------------
 
 
-def test_eight_processes_starting_at_once(copied, tmp_path):
-    cache = tmp_path / "cache"
-    env = {**os.environ, "REDUNDANT_ENVS_CACHE": str(cache)}
-    command = [sys.executable, "-c", PROGRAM.format(path=str(copied))]
-    processes = [
-        subprocess.Popen(command, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        for _ in range(8)
-    ]
-    results = [p.communicate() for p in processes]
-    assert len({out for out, _ in results}) == 1
-    assert sum("compiling" in err for _, err in results) == 1
-    assert all(p.returncode == 0 for p in processes)
+@physics
+def braking(coordinate, rate, level):
+    return -level * (coordinate * rate)
 
 
-def test_only_the_newest_modules_are_kept_and_nothing_else_is_touched(tmp_path, monkeypatch):
-    monkeypatch.setattr(cpu, "KEPT_MODULES", 2)
-    names = [c * 32 for c in "abcd"]
-    for i, name in enumerate(names):
-        (tmp_path / name).mkdir()
-        (tmp_path / name / cpu.MODULE).write_text("")
-        os.utime(tmp_path / name, (i, i))
-    for i in range(5):
-        (tmp_path / f"project_{i}").mkdir()
-        os.utime(tmp_path / f"project_{i}", (0, 0))
-    (tmp_path / ("e" * 32)).mkdir()  # named like a module, but not one
-    cpu._prune(tmp_path)
-    left = sorted(p.name for p in tmp_path.iterdir())
-    assert left == sorted([*names[2:], "e" * 32, *(f"project_{i}" for i in range(5))])
+@dataclasses.dataclass(frozen=True)
+class Brake(Effect):
+    """A force of a position times a rate: the later part of a stage needs its own position."""
+
+    level: float = 0.5
+
+    def hooks(self, arm):
+        bind = {"coordinate": arm.coordinates[1], "rate": arm.rates[1], "level": ".level"}
+        return (Force(1, braking, bind=bind),)
 
 
-def test_changing_numbers_compiles_nothing():
-    one = rde.Scene(FOUR_R, (e.Gravity(9.81),), control_dt=0.01, substeps=2)
-    other = rde.Scene(rde.FourR((1,) * 4, (1,) * 4), (e.Gravity(1.6),), control_dt=0.02, substeps=5)
-    assert assemble(one).text == assemble(other).text
-    assert assemble(one).text != assemble(rde.Scene(FOUR_R, ())).text
+STEPPED = {
+    "4R": rde.Scene(FOUR_R, (e.Gravity(), e.ViscousFriction(0.1)), integrator="rk8"),
+    "RPRP held": rde.Scene(
+        RPRP, (e.Gravity(), e.PrismaticStop((0.0, 0.0), (0.3, 0.3))), integrator="rk8"
+    ),
+    "RPRP, springs in positions alone": rde.Scene(
+        RPRP, (e.CentringSpring((30.0, 20.0), (0.0, 0.0), (0.3, 0.3)),), integrator="rk8"
+    ),
+    "RPRP, a force of position times rate": rde.Scene(RPRP, (Brake(),), integrator="rk8"),
+}  # fmt: skip
+LONG = ("RPRP held", "RPRP, springs in positions alone")
 
 
-def test_one_rk8_step_of_a_control_interval_is_far_below_a_micrometre():
-    """What the README says of calm, smooth motion: rates of 4 rad/s, 20 ms, one step."""
-    arm = rde.FourR((0.5,) * 4, (0.25,) * 4)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.long) if n in LONG else n for n in STEPPED]
+)
+def test_a_step_by_calls_is_the_step_of_copies(name, monkeypatch):
+    """One function for all stages or a copy in each: the same to rounding."""
+    scene = dataclasses.replace(STEPPED[name], control_dt=0.02)
     rng = np.random.default_rng(0)
-    q, qd = rng.uniform(-np.pi, np.pi, (4096, 4)), rng.normal(0, 4, (4096, 4))
-    ends = []
-    for substeps in (1, 16):
-        scene = rde.Scene(arm, (e.Gravity(),), "rk8", 0.02, substeps)
-        ends.append(arm.forward_kinematics(run(scene, q, qd, np.zeros((4096, 4)), steps=1)[0][:, :4]))
-    error = np.linalg.norm(ends[0] - ends[1], axis=1)
-    assert np.quantile(error, 0.99) < 1e-7
+    q, qd = rng.uniform(0.0, 0.3, (40, 4)), rng.normal(0.0, 1.0, (40, 4))
+    states, keys = [], set()
+    for most in (4, 12):
+        monkeypatch.setattr(steps, "MOST_INLINED", most)
+        batch = rde.BatchSimulator(scene, 40)
+        batch.set_state(q, qd)
+        for _ in range(3):
+            assert batch.advance().finite.all()
+        states.append(np.hstack([batch.q, batch.qd]))
+        keys.add(batch._simulator.key)
+    np.testing.assert_allclose(states[0], states[1], rtol=1e-12, atol=1e-13)
+    assert len(keys) == 2
 
 
-@pytest.mark.parametrize("integrator", ["euler", "rk4", "rk8", "dop853"])
-def test_an_effort_that_is_no_number_is_reported(integrator):
-    batch = rde.BatchSimulator(rde.Scene(FOUR_R, (e.Gravity(),), integrator=integrator), 9)
-    efforts = np.zeros((9, 4))
-    efforts[5, 1] = np.nan
-    status = batch.advance(efforts)
-    assert np.flatnonzero(~status.finite).tolist() == [5]
-    assert status.numerics[5] == rde.Numerics.NON_FINITE
+@pytest.mark.parametrize("integrator", ["euler", "rk4", "rk8"])
+def test_the_step_of_free_sliders_is_the_step_of_all_to_the_last_bit(integrator):
+    """Which of the two a lane goes through depends on its neighbours, so no bit may."""
+    simulator = batch_simulator(dataclasses.replace(STEPPED["RPRP held"], integrator=integrator), False)
+    blocks, layout = simulator.blocks, simulator.blocks.layout
+    interval, known = simulator.interval, dict.fromkeys(simulator.interval.active, 0.0)
+    p = Kernel("both", {f"{life}_{name}": "f64" for name in ("free", "every") for life in Lifetime})
+    for name, numbers in (("free", known), ("every", {})):
+        function = traced(name, layout, interval.common_step, known=numbers)
+        p.call(function, **{str(life): p[f"{life}_{name}"] for life in Lifetime})
+    step = compiled(p)
+    assert {"common", "common_held"} <= set(blocks.functions)
+    rng = np.random.default_rng(0)
+    parameters = rde.BatchSimulator(simulator.dynamics.scene)._memory.arrays[str(PARAMETER)][0]
+    held_somewhere = 0
+    for _ in range(300):
+        memories = {
+            name: {str(life): aligned(layout.size(life), LANES) for life in Lifetime}
+            for name in ("free", "every")
+        }
+        for field in (*simulator.dynamics.states, *simulator.dynamics.commands, *interval.active):
+            space, row = layout.place(field)
+            values = rng.normal(0.0, 2.0, LANES)
+            if field in interval.active:
+                values = rng.choice([0.0, 0.0, 1.0, -1.0], LANES)
+            for memory in memories.values():
+                memory[space][row] = values
+        for memory in memories.values():
+            memory[str(PARAMETER)][:] = parameters
+        before = memories["free"][str(STATE)].copy()
+        step(**{f"{life}_{name}": a for name, memory in memories.items() for life, a in memory.items()})
+        free, every = (memory[str(STATE)] for memory in memories.values())
+        held = {n: before[layout.place(n)[1]] != 0.0 for n in interval.active}
+        unheld = ~np.any(list(held.values()), axis=0)
+        np.testing.assert_array_equal(free[:, unheld], every[:, unheld])
+        rates = {n: layout.place(v)[1] for n, v in zip(interval.active, interval.rates, strict=True)}
+        assert (free[0, unheld] != before[0, unheld]).all()
+        for name, row in rates.items():
+            assert (every[row, held[name]] == before[row, held[name]]).all()
+        held_somewhere += (~unheld).sum()
+    assert held_somewhere > 100
 
 
-def test_an_effort_that_is_no_number_is_reported_of_a_slider_at_rest_too():
-    arm = rde.RPRP((1.0, 0.8, 0.6, 0.4), (0.5, 0.4))
-    stops = e.PrismaticStop((0.0, 0.0), (0.3, 0.3), restitution=0.0)
-    batch = rde.BatchSimulator(rde.Scene(arm, (e.Gravity(), stops), tolerance=1e-6), 1)
-    batch.set_state([[-1.5, 0.3, -1.5, 0.3]], np.zeros((1, 4)))
-    batch.advance()
-    assert batch._memory.read(("mode_a",))[0, 0] == 1.0
-    assert not batch.advance([[np.nan, 0.0, 0.0, 0.0]]).finite[0]
+# ---- the compiler ----------------------------------------------------------------------------------
 
 
-def test_what_is_the_same_in_every_interval_is_read_only():
-    """One array serves all calls: adding to it in place must not change later ones."""
-    batch = rde.BatchSimulator(rde.Scene(FOUR_R, (), integrator="rk4"), 5)
-    status = batch.advance()
-    for shared in (status.evaluations, status.events, status.error_estimate):
-        with pytest.raises(ValueError, match="read-only"):
-            shared += 1
-    assert batch.advance().evaluations.tolist() == [4] * 5
+def probe():
+    """A program whose order LLVM would change: sums and products of many rows."""
+    graph = Graph()
+    rows = [graph.load("row", k) for k in range(40)]
+    total = rows[0]
+    for a, b in itertools.pairwise(rows):
+        total = graph.add(graph.multiply(graph.divide(a, b), total), b)
+    p = Kernel("probe", {"row": "f64"})
+    p.call(LaneFunction("probe", ("row",), [("row", 40, total)]), row=p["row"])
+    return Program([p])
 
 
-def test_prepared_numbers_warn_no_more_than_compiled_ones(recwarn):
-    arm = rde.FourR((1.0,) * 4, (0.5,) * 4)
-    batch = rde.BatchSimulator(rde.Scene(arm, (Weightless(),), integrator="rk4"), 2)
-    batch.set_parameters({"weightless.g": [0.0, -2.0]})
-    assert batch.advance().finite.all()
-    assert not recwarn.list
+def test_llvm_has_its_own_order_again_afterwards():
+    """The switch is one for all of LLVM: what others compile is as it would be without us."""
+    llvm.initialise()
+    text = str(llvm.module_of(probe(), False))
+
+    def by_others():
+        return llvm.machine().emit_assembly(binding.parse_assembly(text))
+
+    before = by_others()
+    binding.set_option("test", llvm.ORDER_OPTION.format("false"))
+    try:
+        assert by_others() != before
+    finally:
+        binding.set_option("test", llvm.ORDER_OPTION.format("true"))
+    assert by_others() == before
+    llvm.object_code(probe())
+    assert by_others() == before
+    with pytest.raises(RuntimeError):
+        llvm._emitted(probe(), lambda target, module: binding.parse_assembly("no assembly"))
+    assert by_others() == before
+
+
+def test_a_program_is_compiled_to_the_same_code_every_time():
+    """In another process too the same program is asked for; one whose graphs were changed as well."""
+    program = batch_simulator(STEPPED["4R"], False).program
+    code = llvm.object_code(program)
+    assert llvm.object_code(program) == code
+    assert llvm.object_code(batch_simulator(STEPPED["4R"], False).program) == code

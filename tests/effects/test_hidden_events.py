@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs import algebra
-from redundant_envs.effects import prismatic_stop
-from redundant_envs.evaluators.binding import bind
-from redundant_envs.integrators import contacts, stops
+from redundant_envs.integrators import events
+from redundant_envs.integrators.methods import Watched
 from redundant_envs.studies import hidden_impacts
 
 REACH = rde.load_scene("rprp_reach").to_dict()
@@ -61,7 +59,6 @@ def test_events_undone_within_the_interval_are_found(kwargs):
     np.testing.assert_array_equal(found, events)
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("tolerance", [1e-6, 1e-12, None])
 def test_an_impact_before_another_event_of_the_same_slider_is_found(tolerance):
     """The slider strikes its upper stop after 0.3 ms, and is at the lower one before 20 ms are over."""
@@ -82,7 +79,6 @@ def test_an_impact_before_another_event_of_the_same_slider_is_found(tolerance):
     [{"tolerance": 1e-6}, {"tolerance": 1e-10}, {"integrator": "dop853"}],
     ids=str,
 )
-@pytest.mark.long
 def test_a_slider_that_leaves_its_stop_slowly_does_not_rest_there_at_the_start(kwargs):
     """The other one strikes at once and moves it; at rest it would not."""
     arm, stop = rde.RPRP((0.5,) * 4, (0.25, 0.25)), rde.effects.PrismaticStop((0.0, 0.0), (0.25, 0.25), 0.9)
@@ -94,7 +90,6 @@ def test_a_slider_that_leaves_its_stop_slowly_does_not_rest_there_at_the_start(k
 
 
 @pytest.mark.parametrize("number", range(len(hidden_impacts.NAMED)))
-@pytest.mark.long
 def test_no_interval_of_a_family_hides_an_impact(number):
     """Of every thousand, up to 43 did. ``study impacts`` judges a million."""
     tally = hidden_impacts.judge(hidden_impacts.NAMED[number], 1024, seed=number)
@@ -103,7 +98,6 @@ def test_no_interval_of_a_family_hides_an_impact(number):
     assert tally.flagged <= 1
 
 
-@pytest.mark.long
 def test_errors_that_grow_over_many_impacts_are_kept_or_flagged():
     """Up to 256 impacts in 0.1 s: what two references agree in is right, and little is given up."""
     family = hidden_impacts.Family(control_dt=0.1, travel=0.02, restitution=0.99)
@@ -116,9 +110,10 @@ def test_errors_that_grow_over_many_impacts_are_kept_or_flagged():
 @pytest.mark.parametrize("side", [1.0, -1.0], ids=["upper", "lower"])
 def test_a_slider_that_leaves_a_single_stop_at_zero_may_come_back_to_it(side):
     """No limit and no position gives a length there, so what is rounding must not become 0."""
-    excursions = bind(stops.excursions, {p: getattr(algebra, p) for p in algebra.PRIMITIVES})
     ends = (-np.inf, 0.0) if side > 0.0 else (0.0, np.inf)
-    beyond = excursions(0.0, 0.0, -1e-3 * side, 0.1 * side, 0.02, -60.0, 60.0, *ends)
+    watched = Watched(0.0, 0.0, -60.0, 60.0)
+    slider = events.Slider(-1e-3 * side, 0.1 * side, 0.0, 0.0, watched, 0.0, *ends)
+    beyond = events.excursions(slider, 0.02, -60.0, 60.0)
     assert beyond[0 if side > 0.0 else 1] > 0.0
 
 
@@ -206,44 +201,18 @@ def test_nearly_no_interval_of_random_actions_hides_an_event():
     assert off == 0  # of 40960
 
 
-def test_pressed_is_the_one_set_in_which_no_stop_pulls_and_none_is_entered():
-    pressed = bind(contacts.pressed, {p: getattr(algebra, p) for p in algebra.PRIMITIVES})
-    rng = np.random.default_rng(4)
-    seen = set()
-    for _ in range(2000):
-        A = rng.normal(size=(2, 2))
-        W = A @ A.T + 0.01 * np.eye(2)
-        free = rng.normal(size=2)
-        fitting = []
-        for held in ([], [0], [1], [0, 1]):
-            force = np.zeros(2)
-            if held:
-                force[held] = np.linalg.solve(W[np.ix_(held, held)], free[held])
-            left = free - W @ force
-            if (force >= 0.0).all() and (np.delete(left, held) <= 0.0).all():
-                fitting.append((0 in held, 1 in held))
-        assert len(fitting) == 1
-        got = pressed(free[0], free[1], W[0, 0], W[0, 1], W[1, 1])
-        assert (got[0] > 0.0, got[1] > 0.0) == fitting[0]
-        seen.add(fitting[0])
-    assert len(seen) == 4
-
-
 def test_what_is_not_near_a_stop_does_not_meet_one():
-    names = {p: getattr(algebra, p) for p in algebra.PRIMITIVES}
-    near, meeting = bind(stops.near, names), bind(prismatic_stop.meeting, names)
     rng = np.random.default_rng(6)
-    met, quiet = 0, 0
-    for _ in range(20000):
-        (q0, q1), (v0, v1), h = rng.uniform(-0.2, 0.2, 2), rng.normal(0.0, 3.0, 2), 0.02
-        least, most = np.sort(rng.normal(0.0, 2000.0, 2))
-        step = (q0, v0, q1, v1, h, least, most, *rng.uniform(least, most, 2), 0.1, 0.01)
-        place, _ = meeting(*step, -0.2, 0.2)
-        close = near(q0, q1, h, least, most, 0.1, 0.0, -0.2, 0.2)
-        assert close > 0.0 or place == 0.0
-        met += place != 0.0
-        quiet += close == 0.0
-    assert min(met, quiet) > 500
+    unseen = events.Unseen(between=0.1, at_ends=0.01)
+    q0, q1 = rng.uniform(-0.2, 0.2, (2, 20000))
+    v0, v1 = rng.normal(0.0, 3.0, (2, 20000))
+    least, most = np.sort(rng.normal(0.0, 2000.0, (2, 20000)), axis=0)
+    watched = Watched(*rng.uniform(least, most, (2, 20000)), least, most)
+    slider = events.Slider(q1, v1, q0, v0, watched, 0.0, -0.2, 0.2)
+    met = events.crossing_of(slider, 0.02, unseen) != 0.0
+    near = events.may_meet(slider, 0.02, unseen)
+    assert not (met & ~near).any()
+    assert min(np.count_nonzero(met), np.count_nonzero(~near)) > 500
 
 
 def test_a_release_near_the_end_of_an_euler_step_is_found_in_it():

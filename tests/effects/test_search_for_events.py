@@ -3,16 +3,17 @@
 import gymnasium as gym
 import numpy as np
 import pytest
+from contact_problems import contact, mobility, resolved
 
 import redundant_envs as rde
-from redundant_envs import algebra
-from redundant_envs.evaluators import arrays, assemble_lanes
-from redundant_envs.evaluators.binding import bind
-from redundant_envs.integrators import contacts, stops
+from redundant_envs.integrators import contacts, events
+from redundant_envs.integrators.contacts import Event
+from redundant_envs.integrators.events import Crossing, Phase
+from redundant_envs.integrators.methods import Watched
+from redundant_envs.simulator import blocks
 
-NAMES = {p: getattr(algebra, p) for p in algebra.PRIMITIVES}
 ARM = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
-GROUP = 8 * assemble_lanes.GROUP
+GROUP = blocks.LANES * blocks.GROUP
 """Lanes that go through a step together."""
 
 
@@ -31,18 +32,21 @@ def random_states(count, seed=1):
 # ---- the first guess -----------------------------------------------------------------------------
 
 
-def first_guess(motion, h, upper, turns=0.0):
-    """What ``first_event`` makes of a slider whose position is a polynomial of time."""
-    event = bind(stops.first_event, arrays.PRIMITIVES)
+def slider_along(motion, h, upper, lower=-9.0):
+    """A free slider whose position is a polynomial of time, in a step of h."""
     v, a = motion.deriv(), motion.deriv(2)
-    ends = [x(t) for x in (motion, v) for t in (0.0, h)]
+    seen = [a(t) for t in np.linspace(0.0, h, 13)]
+    watched = Watched(seen[0], seen[-1], min(seen), max(seen))
+    return events.Slider(motion(h), v(h), motion(0.0), v(0.0), watched, 0.0, lower, upper)
+
+
+def first_guess(motion, h, upper, turns=0.0):
+    """When ``first_event`` takes such a slider to be at its upper stop."""
+    contact = events.Contact(0.0, 0.0, Crossing.NONE, turns, False, 1.0)
     with np.errstate(all="ignore"):  # both sides of a choice are computed
-        at, side, peak = event(
-            *(ends[k] for k in (0, 2, 1, 3)), a(0.0), a(h), h, 1.0 / h, 1.0,
-            0.0, 0.0, 0.0, 0.0, turns, -9.0, upper, 0.0,
-        )  # fmt: skip
-    assert (side, peak) == (1.0, 0.0)
-    return at
+        found = events.first_event(slider_along(motion, h, upper), contact, h, 1.0 / h, smooth=True)
+    assert (found.side, found.turn) == (1.0, False)
+    return found.time
 
 
 def test_the_first_guess_of_an_impact_is_the_zero_of_the_quintic():
@@ -181,53 +185,80 @@ def test_one_that_is_let_go_and_comes_back_in_the_same_step_is_not_beyond_its_st
 
 
 def test_sliders_that_leave_before_a_step_are_those_that_would_leave_at_a_contact():
-    leaving, pressed = bind(contacts.leaving, NAMES), bind(contacts.pressed, NAMES)
     rng = np.random.default_rng(3)
     seen = set()
     for _ in range(2000):
-        A = rng.normal(size=(2, 2))
-        W = A @ A.T + 0.01 * np.eye(2)
-        sides, hold = rng.choice([-1.0, 1.0], 2), rng.normal(size=2)
-        got = leaving(*sides, *hold, *sides, W[0, 0], W[0, 1], W[1, 1])
-        if (sides * hold <= 0.0).all():  # both are pushed: nothing changes
-            assert got == (0.0, 0.0)
-            continue
-        outward = -sides * (W @ hold)  # free accelerations
-        stays = pressed(*outward, W[0, 0], sides[0] * sides[1] * W[0, 1], W[1, 1])
-        assert got == (1.0 - stays[0], 1.0 - stays[1])
-        seen.add(got)
-    assert seen == {(0.0, 1.0), (1.0, 0.0), (1.0, 1.0)}
+        w = mobility(rng, 2)
+        sides, force = rng.choice([-1.0, 1.0], 2), rng.normal(size=2)
+        pair = [contact(0.0, s, resting=True, force=f) for s, f in zip(sides, force.tolist(), strict=True)]
+        got = contacts.leaving(pair, w.tolist())
+        resolution = resolved(pair, w)
+        assert got == [x == Event.RELEASE for x in resolution.happened]
+        if (sides * force <= 0.0).all():  # both are pushed: nothing changes
+            assert got == [False, False]
+        seen.add(tuple(got))
+    assert seen == {(False, False), (False, True), (True, False), (True, True)}
     # one alone: if the other is on its way, not if that touches a stop and is not at rest there
+    w = [[1.0, 0.2], [0.2, 1.0]]
     for side in (-1.0, 1.0):
-        assert leaving(side, 0.0, side, 0.0, side, 0.0, 1.0, 0.2, 1.0) == (1.0, 0.0)
-        assert leaving(side, 0.0, -side, 0.0, side, 0.0, 1.0, 0.2, 1.0) == (0.0, 0.0)
-        assert leaving(side, 0.0, side, 0.0, side, 1.0, 1.0, 0.2, 1.0) == (0.0, 0.0)
-        assert leaving(0.0, side, 0.0, side, 0.0, side, 1.0, 0.2, 1.0) == (0.0, 1.0)
+        held, other = contact(0.0, side, resting=True, force=side), contact(-1.0, 1.0, force=side)
+        on_its_way = contact(-1.0, away=True, force=side)
+        pushed = contact(0.0, side, resting=True, force=-side)
+        assert contacts.leaving([held, on_its_way], w) == [True, False]
+        assert contacts.leaving([pushed, on_its_way], w) == [False, False]
+        assert contacts.leaving([held, other], w) == [False, False]
+        assert contacts.leaving([on_its_way, held], w) == [False, True]
 
 
 def test_an_arm_that_a_bounce_taken_away_has_moved_is_looked_at_again():
-    """r2 comes to rest, which sets off r1, that is let go at the same instant."""
-    touch = bind(contacts.touch, NAMES)
-    state = {
-        "phase": 1.0, "changes": 0.0, "events": 0.0, "place_a": 0.0, "place_b": 0.3, "rate_a": 0.0,
-        "rate_b": -1.1996e-4, "mode_a": -1.0, "mode_b": 0.0, "lower_a": 0.0, "lower_b": 0.0,
-        "upper_a": 0.3, "upper_b": 0.3, "restitution": 0.0, "let_go_a": 0.0, "let_go_b": 0.0,
-        "accel_a": 0.0, "accel_b": 10.6508, "hold_a": 11.7263, "hold_b": 0.0,
-        "waa": 1.09944, "wab": -0.267404, "wbb": 0.0758599,
-    }  # fmt: skip
-    result = dict(zip(algebra.gives_of(contacts.touch), touch(**state), strict=True))
-    assert result["struck_a"] < -1e-4  # into its stop
-    assert (result["mode_a_new"], result["mode_b_new"]) == (0.0, 1.0)
-    assert result["phase_new"] == 1.0
+    """r2 comes to rest, which sets off r1, that is released at the same instant."""
+    r1 = contact(0.0, -1.0, resting=True, force=11.7263)
+    r2 = contact(-1.1996e-4, 1.0, acceleration=10.6508)
+    got = resolved([r1, r2], [[1.09944, -0.267404], [-0.267404, 0.0758599]], 0.0)
+    assert got.velocities[0] < -1e-4  # into its stop
+    assert got.active_stops == [0.0, 1.0]
+    assert got.happened == [Event.RELEASE, Event.REST]
+    assert not got.going_on
 
 
 def test_a_slider_a_rounding_error_beyond_its_stop_is_put_on_it():
-    arrived = bind(stops.arrived, NAMES)
-    for lower, upper, place, at in ((0.0, 9.0, -7.8e-32, 0.0), (-9.0, 0.25, 0.25 + 6e-17, 0.25)):
-        for rate in (-1.0, 0.0, 1.0):
-            assert arrived(1.0, 0.0, 5.0, place, rate, 0.0, 8.9e-16, lower, upper) == at
-    assert arrived(1.0, 0.0, 5.0, 0.1, 1.0, 0.0, 8.9e-16, 0.0, 0.25) == 0.1  # on its way
-    assert arrived(0.0, 0.0, 5.0, -7.8e-32, 1.0, 0.0, 8.9e-16, 0.0, 0.25) == -7.8e-32  # no event
+    def placed(position, velocity, lower, upper):
+        s = events.Slider(position, velocity, 0.1, 0.0, None, 0.0, lower, upper)
+        return events.arrived(s, position, 8.9e-16, False, 5.0)
+
+    for lower, upper, position, at in ((0.0, 9.0, -7.8e-32, 0.0), (-9.0, 0.25, 0.25 + 6e-17, 0.25)):
+        for velocity in (-1.0, 0.0, 1.0):
+            assert placed(position, velocity, lower, upper) == at
+    assert placed(0.1, 1.0, 0.0, 0.25) == 0.1  # on its way
+    assert placed(0.25 - 5e-16, 1.0, 0.0, 0.25) == 0.25  # there in no time
+    assert placed(0.25 - 5e-16, -1.0, 0.0, 0.25) == 0.25 - 5e-16  # but not backwards
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1), (1, 2, 0)], ids=str)
+def test_of_three_sliders_the_first_that_comes_to_its_stop_is_looked_for(order):
+    """They glide beyond theirs at three times; a search for another one's event changes to the first."""
+    h = 0.02
+    times = np.array([0.004, 0.009, 0.014])[list(order)]
+    glides = [np.polynomial.Polynomial([0.3 - t, 1.0]) for t in times]
+    sliders = [slider_along(glide, h, 0.3, 0.0) for glide in glides]
+    touching = [events.Contact(0.0, 0.0, Crossing.ENDS_BEYOND, h, False, 1.0)] * 3
+    unseen = events.Unseen(0.1, 0.1)
+    none = events.Search(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    with np.errstate(all="ignore"):
+        trial = events.Trial(True, Phase.RUN, h, h, True)
+        tried = events.after_trial(trial, none, sliders, touching, unseen, True)
+    first = order.index(0)
+    assert (tried.again, tried.accepted, tried.phase) == (True, False, Phase.FIND_EVENT)
+    assert (tried.search.target, tried.search.side) == (first, 1.0)
+    assert tried.h == pytest.approx(0.004, abs=1e-12)
+    # Towards the last of them: the trial step shows that two others came before.
+    last = order.index(2)
+    search = events.Search(float(last), 1.0, 0.0, h, 0.0, 0.006, 1.0)
+    with np.errstate(all="ignore"):
+        trial = events.Trial(True, Phase.FIND_EVENT, h, h, True)
+        changed = events.after_trial(trial, search, sliders, touching, unseen, True)
+    assert changed.search.target != last
+    assert changed.h < h
 
 
 # ---- many blocks ---------------------------------------------------------------------------------

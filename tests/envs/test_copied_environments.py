@@ -122,7 +122,9 @@ def test_a_copied_environment_is_independent(way):
     twin = way(env)
     twin.reset(seed=7, options={"parameters": {"masses": 1.0, "prismatic_stop.upper": 0.1}})
     single_motion(twin)
-    np.testing.assert_array_equal(env.get_state()["numbers"], state["numbers"])
+    now = env.get_state()
+    for name in ("states", "parameters"):
+        np.testing.assert_array_equal(now[name], state[name])
     expected = single_motion(env)
     twin.set_state(state)
     twin.action_space.seed(3)

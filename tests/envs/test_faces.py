@@ -50,12 +50,12 @@ def test_q_qd_tip_and_goal_are_copies_and_change_nothing(env_id):
     single = gym.make(env_id).unwrapped
     single.reset(seed=0)
     for env in (vector.unwrapped, sb3, single):
-        before = env.core.memory.flat.copy()
+        before = env.core.memory.save()
         for name in NAMES:
             kept = getattr(env, name)
             kept[...] = 7.0
             assert (getattr(env, name) != 7.0).all()
-        np.testing.assert_array_equal(env.core.memory.flat, before)
+        np.testing.assert_equal(env.core.memory.save(), before)
 
 
 @pytest.mark.parametrize("env_id", [i for i in ids() if "Goal" in i])

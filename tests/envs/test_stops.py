@@ -6,6 +6,7 @@ import pytest
 
 import redundant_envs as rde
 
+RESTING = ("active_stop_r1", "active_stop_r2")
 ENVIRONMENT = "redundant_envs/RPRPReach-v0"
 
 
@@ -37,11 +38,11 @@ def test_a_reset_lets_go_of_sliders_that_rest():
     env.reset(seed=2)
     driven(env, 60)
     core = env.unwrapped.core
-    resting = core.memory.read(("mode_a", "mode_b"))
+    resting = core.memory.read(RESTING)
     assert (resting != 0.0).any()
     mask = (resting != 0.0).any(axis=1)
     env.reset(seed=2, options={"reset_mask": mask})
-    assert not core.memory.read(("mode_a", "mode_b"))[mask].any()
+    assert not core.memory.read(RESTING)[mask].any()
 
 
 def test_a_snapshot_continues_where_sliders_rest():
@@ -49,7 +50,7 @@ def test_a_snapshot_continues_where_sliders_rest():
     env.reset(seed=3)
     driven(env, 50)
     state = env.unwrapped.get_state()
-    assert (env.unwrapped.core.memory.read(("mode_a", "mode_b")) != 0.0).any()
+    assert (env.unwrapped.core.memory.read(RESTING) != 0.0).any()
     first = driven(env, 20, seed=9)
     env.unwrapped.set_state(state)
     again = driven(env, 20, seed=9)

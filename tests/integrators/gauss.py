@@ -1,30 +1,22 @@
 """Gauss-Legendre collocation of 8 stages (order 16) in mpmath: motions by another family of methods.
 
 In each step the velocity is the polynomial of degree 8 whose derivative at the 8 Gauss points is the
-acceleration there. Accelerations come from the assembled text, or from M, h and G solved densely.
+acceleration there. Accelerations come from the dynamics that are compiled, run on mpmath's numbers, or
+from M, h and G solved densely.
 """
 
 import functools
-import inspect
 
 import mpmath
+from exact_numbers import exactly
+from lanes_of_numbers import constants
 
 from redundant_envs.effects import Gravity, ViscousFriction
-from redundant_envs.evaluators.assemble import assemble
-from redundant_envs.evaluators.binding import run
-from redundant_envs.evaluators.quantities import calls
+from redundant_envs.quantities import Quantities
+from redundant_envs.simulator.dynamics import Dynamics
 
 STAGES = 8
 GUARD = 6  # decimal digits carried beyond those asked for
-PRIMITIVES = {
-    "sqrt": mpmath.sqrt,
-    "exp": mpmath.exp,
-    "minimum": min,
-    "maximum": max,
-    "where": lambda condition, a, b: a if condition else b,
-    "floor": mpmath.floor,
-    "sincos": lambda x: mpmath.cos_sin(x)[::-1],
-}
 
 
 @functools.cache
@@ -48,14 +40,10 @@ def tableau(digits, n=STAGES):
 
 
 def eliminated(scene, efforts):
-    """qdd(q, qd) by the right-hand side of the scene's assembled text, which takes (q, qd, numbers)."""
-    assembly, names = assemble(scene), dict(PRIMITIVES)
-    exec(assembly.scalar_text, names)
-    values = {name: mpmath.mpf(v) for name, v in assembly.parameters.items()}
-    run(assembly.prepared, values, PRIMITIVES)
-    values.update((f"command{k + 1}", e) for k, e in enumerate(efforts))
-    rest = [values[name] for name in inspect.signature(names["rhs"]).parameters if name in values]
-    return lambda q, qd: names["rhs"](*q, *qd, *rest)
+    """qdd(q, qd) by the equations of motion that each stage of a compiled step has."""
+    dynamics = Dynamics(scene)
+    numbers = constants(dynamics, mpmath.mpf) | dict(zip(dynamics.commands, efforts, strict=True))
+    return lambda q, qd: dynamics.accelerations(dynamics.quantities([*q, *qd], numbers))
 
 
 def dense(scene, efforts):
@@ -71,14 +59,12 @@ def dense(scene, efforts):
         else:
             raise ValueError(f"scene has {effect}; give gravity and viscous friction only")
     states = (*arm.coordinates, *arm.rates)
-    constants = {name: mpmath.mpf(v) for name, v in arm.parameter_values().items()} | field
+    numbers = exactly(arm.parameter_values()) | field
     rows = range(1, 5)
-    wanted = [*(f"M{i}{j}" for i in rows for j in rows), *(f"{x}{i}" for x in "hG" for i in rows)]
-    order = calls(wanted, {*states, *constants}, arm.functions, arm.sincos)
 
     def acceleration(q, qd):
-        values = dict(zip(states, (*q, *qd), strict=True)) | constants
-        run(order, values, PRIMITIVES)
+        known = dict(zip(states, (*q, *qd), strict=True)) | numbers
+        values = Quantities(known, arm.functions, arm.sincos)
         mass = mpmath.matrix([[values[f"M{i}{j}"] for j in rows] for i in rows])
         bias = mpmath.matrix([values[f"h{i}"] + values[f"G{i}"] for i in rows])
         return list(mpmath.lu_solve(mass, Q - friction * mpmath.matrix(qd) - bias))

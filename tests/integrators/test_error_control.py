@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs import algebra
-from redundant_envs.evaluators import arrays, cpu
-from redundant_envs.evaluators.assemble import assemble
-from redundant_envs.evaluators.binding import bind, run
-from redundant_envs.integrators import error_control
+from redundant_envs.integrators.step_control import blended_error
+from redundant_envs.model.programs import batch_simulator
+from redundant_envs.quantities import Quantities
 from redundant_envs.studies.verification import random_states
 
 e = rde.effects
@@ -135,12 +133,8 @@ def test_mobility_bounds_hold_in_every_pose_and_are_near(arm):
     B = np.asarray(arm.motor_map)
     inverse = np.linalg.inv(arm.mass_matrix(q))
     mobility = np.einsum("ki,nkl,li->ni", B, inverse, B)
-    order = [f"W{k}" for k in range(1, 5)]
-    from redundant_envs.evaluators.quantities import calls
-
     values = {k: float(v) for k, v in arm.parameter_values().items()}
-    run(calls(order, values, (arm.mobility_bounds,), {}), values, arrays.PRIMITIVES)
-    bounds = np.array([values[name] for name in order])
+    bounds = np.array(Quantities(values, (arm.mobility_bounds,), {}).each(f"W{k}" for k in range(1, 5)))
     assert (mobility <= bounds * (1.0 + 1e-12)).all()
     assert (mobility.max(axis=0) >= 0.5 * bounds).all()
 
@@ -178,9 +172,15 @@ def test_polar_fly_by_is_a_straight_line(b):
 
 
 def test_the_tolerance_is_a_number_of_the_lane_not_of_the_code():
-    texts = [assemble(rde.Scene(LAB, FREE, tolerance=t)).text for t in (1e-6, 1e-12)]
-    assert cpu.module_key(texts[0]) == cpu.module_key(texts[1])
-    assert "redo" not in assemble(rde.Scene(LAB, FREE)).text
+    one, other, without = (
+        batch_simulator(rde.Scene(LAB, FREE, tolerance=t), False) for t in (1e-6, 1e-12, None)
+    )
+    assert one.key == other.key
+    assert "tip_tolerance" in one.blocks.layout
+    # Where none is asked for, no lane ever leaves the common step.
+    assert "reason" in one.blocks.layout
+    assert "reason" not in without.blocks.layout
+    assert set(without.blocks.functions) == {"interval"}
 
 
 @pytest.mark.parametrize(
@@ -232,9 +232,7 @@ def test_tolerance_is_kept_with_nearly_vanishing_links(arm, tolerance):
 
 def test_an_estimate_that_overflows_does_not_pass():
     """The third-order estimate may be so large that its square is infinite: a blend of 0 would pass."""
-    names = {p: getattr(algebra, p) for p in algebra.PRIMITIVES}
-    blend = bind(error_control.blended_error, names)
-    assert blend(1e100, 1e200) > 1e100
-    assert blend(0.0, 0.0) == 0.0
-    assert blend(1e-200, 1e-200) == 0.0
-    assert blend(3e-7, 4e-6) == pytest.approx(3e-7**2 / np.hypot(3e-7, 4e-7), rel=1e-12)
+    assert blended_error(1e100, 1e200) > 1e100
+    assert blended_error(0.0, 0.0) == 0.0
+    assert blended_error(1e-200, 1e-200) == 0.0
+    assert blended_error(3e-7, 4e-6) == pytest.approx(3e-7**2 / np.hypot(3e-7, 4e-7), rel=1e-12)

@@ -1,16 +1,18 @@
-"""Measured orders of the methods, and the compiled step against the same text on floats."""
+"""Measured orders of the methods, and the compiled step against the same functions on plain floats."""
 
 import itertools
 import math
 
 import numpy as np
 import pytest
+from lanes_of_numbers import lane_of
 
 import redundant_envs as rde
-from redundant_envs import algebra
 from redundant_envs.effects import Gravity, LimitSpring, ViscousFriction
-from redundant_envs.evaluators.assemble import assemble
+from redundant_envs.integrators.methods import explicit_step
 from redundant_envs.integrators.tableaus import METHODS
+from redundant_envs.simulator.dynamics import Dynamics
+from redundant_envs.simulator.step import lane_step, step_error
 
 FOUR_R = rde.FourR((2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35))
 RPRP = rde.RPRP((2.3, 0.7, 1.9, 0.4), (1.1, 0.6))
@@ -54,47 +56,19 @@ def test_order_in_float64(exact, method, counts, tolerance):
     assert slopes(errors) == pytest.approx([METHODS[method].order] * 2, abs=tolerance)
 
 
-def scalar_step(assembly, primitives):
-    """The step of a lane with a meaning for the primitives, as a function of the names it reads."""
-    names = dict(primitives)
-    exec(assembly.scalar_text, names)
-    code = names["step"].__code__
-    return names["step"], code.co_varnames[: code.co_argcount]
-
-
-def numbers_of(assembly):
-    """Values of everything that is constant in a step."""
-    values = dict(assembly.parameters)
-    for call in assembly.prepared:
-        results = call.function(*(values[a] for a in call.arguments))
-        values.update(zip(call.names, results if len(call.names) > 1 else (results,), strict=True))
-    return values
-
-
 def test_rk8_has_order_8_in_mpmath():
-    """The assembled text in 40-digit arithmetic, where round-off is out of the way."""
+    """The step in 40-digit arithmetic, where round-off is out of the way."""
     mpmath = pytest.importorskip("mpmath", reason="mpmath is in the extra 'verify'")
-    primitives = {
-        "sqrt": mpmath.sqrt,
-        "exp": mpmath.exp,
-        "minimum": min,
-        "maximum": max,
-        "where": lambda condition, a, b: a if condition else b,
-        "floor": mpmath.floor,
-        "sincos": lambda x: (mpmath.sin(x), mpmath.cos(x)),
-    }
-    assembly = assemble(scene("rk8"))
-    step, arguments = scalar_step(assembly, primitives)
+    import exact_numbers  # noqa: F401
+
+    dynamics = Dynamics(scene("rk8"))
     with mpmath.workdps(40):
-        values = {k: mpmath.mpf(v) for k, v in numbers_of(assembly).items()}
-        values.update({f"command{k + 1}": mpmath.mpf(e) for k, e in enumerate(EFFORTS)})
 
         def run(count):
-            state = [mpmath.mpf(x) for x in (*Q0, *QD0)]
-            values["h"] = values["interval"] = mpmath.mpf("0.48") / count
+            state, h = (*Q0, *QD0), mpmath.mpf("0.48") / count
             for _ in range(count):
-                values.update(zip(assembly.states, state, strict=True))
-                state = step(*(values[a] for a in arguments))
+                step = lane_step(dynamics, lane_of(dynamics, state, EFFORTS, mpmath.mpf), h)
+                state = [*step.positions, *step.velocities]
             return state
 
         exact = run(48)
@@ -108,10 +82,39 @@ def test_rk8_has_order_8_in_mpmath():
     assert max(measured) <= 9.5
 
 
+@pytest.mark.parametrize(("method", "orders"), [("rk4", (4,)), ("rk8", (8, 5, 3))])
+def test_a_step_and_its_estimates_have_the_orders_that_they_are_for(method, orders):
+    """On y'' = -y, with y' a state of first order as well; an estimate of order p is one of h^p in its sum.
+
+    In 40 digits, but for the weights, which are those of double precision.
+    """
+    mpmath = pytest.importorskip("mpmath", reason="mpmath is in the extra 'verify'")
+    import exact_numbers  # noqa: F401
+
+    with mpmath.workdps(40):
+
+        def defects(h):
+            y, v = mpmath.mpf("0.8"), mpmath.mpf("0.6")
+            step = explicit_step(METHODS[method], lambda q, v, z: (-q[0], v[0], 7.0), [y], [v], [y], h)
+            assert step.others[0] == step.positions[0]
+            assert {*step.watched[0]} == {7.0}
+            wrong = abs(step.positions[0] - (y * mpmath.cos(h) + v * mpmath.sin(h)))
+            found = [wrong]
+            if METHODS[method].error5:
+                found += [abs(step.h5 * step.error5[0]), abs(step.h3 * step.error3[0])]
+            return found
+
+        steps = [mpmath.mpf(1) / 4, mpmath.mpf(1) / 8]
+        pairs = zip(*(defects(h) for h in steps), strict=True)
+        measured = [float(mpmath.log(a / b, 2)) for a, b in pairs]
+    # A step of order p is off by h^(p + 1).
+    assert measured == pytest.approx([p + 1 for p in orders], abs=0.25)
+
+
 @pytest.mark.parametrize("method", sorted(set(METHODS) - {"dop853"}))
 @pytest.mark.parametrize("robot", [FOUR_R, RPRP], ids=["FourR", "RPRP"])
-def test_compiled_step_is_the_scalar_text(method, robot):
-    """The kernel's step is the text on plain floats to a few roundings."""
+def test_compiled_step_is_the_step_on_plain_floats(method, robot):
+    """The kernel's step is that of the same functions on floats to a few roundings."""
     joint = "r1" if robot.kind == "RPRP" else "joint2"
     effects = (
         Gravity(9.81),
@@ -119,23 +122,22 @@ def test_compiled_step_is_the_scalar_text(method, robot):
         LimitSpring(joint, -0.1, 0.1, 300.0, 2.0),
     )
     made = rde.Scene(robot, effects, integrator=method, control_dt=0.004)
-    assembly = assemble(made)
-    primitives = {p: getattr(algebra, p) for p in algebra.PRIMITIVES}
-    primitives["sincos"] = lambda x: (math.sin(x), math.cos(x))
-    step, arguments = scalar_step(assembly, primitives)
-    values = numbers_of(assembly)
+    dynamics = Dynamics(made)
     rng = np.random.default_rng(5)
     q, qd = rng.uniform(-3.0, 3.0, (20, 4)), rng.uniform(-4.0, 4.0, (20, 4))
     q[:, list(robot.prismatic)] /= 6.0
     efforts = rng.uniform(-5.0, 5.0, (20, 4))
     batch = rde.BatchSimulator(made, 20)
     batch.set_state(q, qd)
-    batch.advance(efforts)
+    status = batch.advance(efforts)
     compiled = np.concatenate([batch.q, batch.qd], axis=1)
     assert np.abs(compiled[:, 4:] - qd).max() > 0.01
     for i in range(20):
-        values.update(zip(assembly.states, (*q[i].tolist(), *qd[i].tolist()), strict=True))
-        values.update({f"command{k + 1}": float(efforts[i, k]) for k in range(4)})
-        values.update(h=0.004, interval=0.004)
-        plain = np.array(step(*(values[a] for a in arguments)))
+        lane = lane_of(dynamics, (*q[i], *qd[i]), efforts[i], float)
+        step = lane_step(dynamics, lane, 0.004)
+        plain = np.array([*step.positions, *step.velocities])
         assert np.abs(compiled[i] - plain).max() <= 1e-14 * np.abs(plain).max()
+        if METHODS[method].error5:
+            lane.interval = 0.004
+            error = step_error(dynamics, lane, step)
+            assert status.error_estimate[i] == pytest.approx(error, rel=1e-4, abs=1e-20)

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.evaluators import cpu
-from redundant_envs.evaluators.assemble import assemble
+from redundant_envs.model.memory import Memory
+from redundant_envs.model.programs import batch_simulator, environment_simulator
 from redundant_envs.tasks.reach import ReachTask
 
 e = rde.effects
@@ -106,18 +106,27 @@ def test_a_copy_is_independent(way):
 
 
 @pytest.mark.parametrize("task", [None, ReachTask()])
+@pytest.mark.parametrize("apart", [False, True], ids=["shared parameters", "own parameters"])
 @every_way
-def test_views_of_copied_memory_share_one_aligned_array(way, task):
-    assembly = assemble(rde.load_scene("rprp_reach"), task)
+def test_a_copy_of_a_memory_has_aligned_arrays_of_its_own(way, apart, task):
+    scene = rde.load_scene("rprp_reach")
+    simulator = environment_simulator(scene, task) if task else batch_simulator(scene, True)
+    more = {**task.parameters(), "limit": 9.0} if task else {}
     for _ in range(5):
-        memory = way(cpu.Memory(assembly, 11))
-        assert memory.flat.ctypes.data % 64 == 0
-        assert memory.with_scratch.size == memory.flat.size + assembly.scratch
-        memory.blocks[1, 3, 2] = 7.0
-        assert memory.flat[assembly.stride + 3 * 8 + 2] == 7.0
-        memory.with_scratch[5] = 9.0
-        assert memory.blocks[0, 0, 5] == 9.0
-        assert memory.assembly.rows is memory.rows
+        memory = Memory(simulator.dynamics, simulator.blocks.layout, 11, more)
+        memory.write(("m1", "v1"), 3.0)
+        if apart:
+            memory.write(("m2",), 5.0, [10])
+        twin = way(memory)
+        assert twin.shared is memory.shared is not apart
+        np.testing.assert_array_equal(twin.read(("m1", "m2", "v1")), memory.read(("m1", "m2", "v1")))
+        for name, array in twin.arrays.items():
+            assert array.ctypes.data % 64 == 0 or not array.size
+            assert array.shape == memory.arrays[name].shape
+            assert not np.shares_memory(array, memory.arrays[name])
+        twin.write(("m1", "v1"), 7.0, [10])
+        assert (memory.read(("m1", "v1")) == 3.0).all()
+        assert (twin.read(("m1", "v1"))[10] == 7.0).all()
 
 
 def test_shown_numbers_of_a_copy_are_read_only_too():
@@ -226,6 +235,7 @@ def test_threads_of_simulators_end_with_them():
 
 
 def test_a_pickle_is_not_much_larger_than_the_numbers():
-    small, large = (len(pickle.dumps(rde.BatchSimulator(SCENES["fixed"], n))) for n in (8, 80_008))
-    assert large - small < 1.01 * 80_000 * 8 * len(assemble(SCENES["fixed"]).rows)
+    small, large = (rde.BatchSimulator(SCENES["fixed"], n) for n in (8, 80_008))
+    of_a_lane = (len(pickle.dumps(large)) - len(pickle.dumps(small))) / 80_000
+    assert of_a_lane < 1.01 * 8 * (8 + 1)  # eight states and its number; the parameters are shared
     assert io.BytesIO(pickle.dumps(SCENES["fixed"])).getbuffer().nbytes < 4000

@@ -233,13 +233,7 @@ STEPPED = {
 every_step = pytest.mark.parametrize("kwargs", STEPPED.values(), ids=STEPPED)
 
 
-@pytest.mark.parametrize(
-    "kwargs",
-    [
-        pytest.param(kwargs, id=name, marks=() if name in ("rk8", "dop853") else pytest.mark.long)
-        for name, kwargs in STEPPED.items()
-    ],
-)
+@pytest.mark.parametrize("kwargs", STEPPED.values(), ids=STEPPED)
 def test_times_around_a_control_instant_give_states_of_their_own(kwargs):
     scene = rde.Scene(SLIDING, STOPPED, **kwargs)
     order = 0.2 if scene.integrator == "euler" else 1e-3  # how far an end of its step moves otherwise than qd

@@ -4,41 +4,30 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.evaluators.arrays import PRIMITIVES
-from redundant_envs.evaluators.binding import run
-from redundant_envs.evaluators.quantities import calls
+from redundant_envs.quantities import Quantities
 
 mpmath = pytest.importorskip("mpmath", reason="mpmath is in the extra 'verify'")
 
-EXACT = {
-    "sqrt": mpmath.sqrt,
-    "exp": mpmath.exp,
-    "minimum": lambda a, b: b if a > b else a,
-    "maximum": lambda a, b: b if a < b else a,
-    "where": lambda condition, a, b: a if condition else b,
-    "floor": mpmath.floor,
-    "sincos": lambda x: (mpmath.sin(x), mpmath.cos(x)),
-}
+from exact_numbers import exactly  # noqa: E402
+
 ACCELERATIONS = ("qdd1", "qdd2", "qdd3", "qdd4")
 
 
 def error_and_sensitivity(arm, wanted, values, functions):
     """Error of some quantities, and the sum of what half an ulp of each input does, of their largest."""
-    order = calls(wanted, values, functions, arm.sincos)
-    got = [run(order, dict(values), PRIMITIVES)[name] for name in wanted]
+
+    def found(values):
+        return Quantities(values, functions, arm.sincos).each(wanted)
+
+    got = found(values)
     with mpmath.workdps(60):
-
-        def exactly(values):
-            found = run(order, dict(values), EXACT)
-            return [found[name] for name in wanted]
-
-        inputs = {name: mpmath.mpf(value) for name, value in values.items()}
-        exact = exactly(inputs)
+        inputs = exactly(values)
+        exact = found(inputs)
         scale = max(abs(x) for x in exact)
         moved = [mpmath.mpf(0)] * len(wanted)
         for name, value in inputs.items():
             if value and not name.startswith("held"):
-                other = exactly({**inputs, name: value + mpmath.mpf(np.spacing(abs(values[name]))) / 2})
+                other = found({**inputs, name: value + mpmath.mpf(np.spacing(abs(values[name]))) / 2})
                 moved = [m + abs(a - b) for m, a, b in zip(moved, other, exact, strict=True)]
         error = max(abs(mpmath.mpf(float(a)) - b) for a, b in zip(got, exact, strict=True))
         return float(error / scale), float(max(moved) / scale)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.evaluators import arrays
+from redundant_envs.backends.numpy import evaluate
 
 ROBOTS = {
     "RPRP": rde.RPRP((2.3, 0.7, 1.9, 0.4), (1.1, 0.6)),
@@ -28,11 +28,11 @@ def relative(value, reference, axes=-1):
 
 
 def complex_step(robot, wanted, q, qd, step=1e-30):
-    """Exact derivatives of named quantities along q + t qd: the text on complex numbers."""
+    """Exact derivatives of named quantities along q + t qd: the functions on complex numbers."""
     values = {**robot.parameter_values(), "ax": 0.0, "ay": G}
     values.update({n: q[..., k] + 1j * step * qd[..., k] for k, n in enumerate(robot.coordinates)})
     values.update({n: qd[..., k] for k, n in enumerate(robot.rates)})
-    parts = arrays.evaluate(robot, wanted.split(), values)
+    parts = evaluate(robot, wanted.split(), values)
     return np.stack([np.broadcast_to(np.imag(p) / step, q.shape[:-1]) for p in parts], axis=-1)
 
 
@@ -105,15 +105,15 @@ def test_derivatives_by_complex_step(robot):
 
 @EVERY
 def test_gravity_forces_in_a_field_of_any_direction(robot):
-    """G is the slope of U with both components of the field, as the simulator's text has it."""
+    """G is the slope of U with both components of the field, as the simulator's equations have it."""
     q = states(robot)[0]
     field = {**robot.parameter_values(), "ax": 3.1, "ay": -2.3}
     names = robot.coordinates
-    forces = arrays.evaluate(robot, ["G1", "G2", "G3", "G4"], {**field, **dict(zip(names, q.T, strict=True))})
+    forces = evaluate(robot, ["G1", "G2", "G3", "G4"], {**field, **dict(zip(names, q.T, strict=True))})
     scale = np.abs(forces).max(0)
     for k in range(4):
         shifted = dict(zip(names, (q + 1e-30j * np.eye(4)[k]).T, strict=True))
-        slope = np.imag(arrays.evaluate(robot, ["U"], {**field, **shifted})[0]) / 1e-30
+        slope = np.imag(evaluate(robot, ["U"], {**field, **shifted})[0]) / 1e-30
         assert (np.abs(slope - forces[k]) <= 1e-14 * scale).all()
 
 
@@ -128,7 +128,7 @@ def test_tip_velocity(robot):
 
 @EVERY
 def test_kinetic_energy_is_the_quadratic_form(robot):
-    """T = qd M qd / 2, from another text."""
+    """T = qd M qd / 2, from another function."""
     q, qd, _ = states(robot)
     T = 0.5 * np.einsum("...i,...ij,...j", qd, robot.mass_matrix(q), qd)
     assert np.abs(robot.kinetic_energy(q, qd) / T - 1.0).max() <= 1e-13
@@ -185,7 +185,7 @@ def test_joint_coordinates(robot):
     values = {n: q[..., k] for k, n in enumerate(robot.coordinates)}
     values.update({n: qd[..., k] for k, n in enumerate(robot.rates)})
     names = [f"phi{k}" for k in range(1, 5)] + [f"phid{k}" for k in range(1, 5)]
-    phi = np.stack(arrays.evaluate(robot, names, values), axis=-1)
+    phi = np.stack(evaluate(robot, names, values), axis=-1)
     B = robot.motor_map
     assert np.abs(phi[..., :4] - q @ B).max() <= 1e-15 * np.abs(q).max()
     assert np.abs(phi[..., 4:] - qd @ B).max() <= 1e-15 * np.abs(qd).max()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import importlib.metadata
 import os
 
 import numpy as np
@@ -29,7 +30,6 @@ def test_sliders_reach_their_limit_springs():
         assert run.trajectory.q[:, joint].max() > high
 
 
-@pytest.mark.long
 def test_balance_closes_where_energy_is_lost():
     scene = dataclasses.replace(load_scene("rprp_reach"), substeps=100, tolerance=None)
     run = energy.energy_run("reach", scene, 0.5, (0.5, 0.1, 0.0, 0.1))
@@ -92,6 +92,7 @@ def test_throughput_columns_and_numbers():
     assert 0.0 < row["ns_per_step_best"] <= row["ns_per_step_median"]
     assert row["scaled_bar_ns"] == pytest.approx(28 * 53 / row["dgemm_gflops"], rel=1e-2)
     assert row["within_bar"] == (row["ns_per_step_best"] <= row["scaled_bar_ns"])
+    assert row["llvmlite"] == importlib.metadata.version("llvmlite")
 
 
 def test_throughput_of_error_control_counts_evaluations_and_true_errors():

@@ -120,17 +120,7 @@ def effect_with(hooks):
     return Own
 
 
-def some(cases, *short):
-    """Arguments of cases by their names; those that are not named here are long."""
-    return [
-        pytest.param(*arguments, id=name, marks=() if name in short else pytest.mark.long)
-        for name, arguments in cases.items()
-    ]
-
-
-@pytest.mark.parametrize(
-    "hooks", some({k: (v,) for k, v in RIGHT.items()}, "between two joints", "with a damper")
-)
+@pytest.mark.parametrize("hooks", RIGHT.values(), ids=RIGHT)
 def test_a_right_potential_is_green(hooks):
     result = verify(rde.Scene(FOUR_R, (effect_with(hooks)(),)), STATES)
     assert result.faults == ()
@@ -138,7 +128,7 @@ def test_a_right_potential_is_green(hooks):
     assert result.good
 
 
-@pytest.mark.parametrize(("hooks", "joint"), some(WRONG, "joint", "damper that is not counted"))
+@pytest.mark.parametrize(("hooks", "joint"), WRONG.values(), ids=WRONG)
 def test_a_wrong_potential_is_red(hooks, joint):
     result = verify(rde.Scene(FOUR_R, (effect_with(hooks)(),)), STATES)
     assert not result.good
@@ -217,9 +207,7 @@ def test_verify_refuses_before_it_measures(capsys):
     assert "four_r_free  " not in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=pytest.mark.long) if n.startswith("rprp") else n for n in scene_names()]
-)
+@pytest.mark.parametrize("name", scene_names())
 def test_scenes_of_the_package_are_good(name):
     result = verify(rde.load_scene(name), 256)
     assert result.faults == ()

@@ -1,0 +1,247 @@
+"""Machine code from process to process: kept, never stale, compiled once by many, through kills and forks."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import redundant_envs as rde
+from redundant_envs.backends.cache import CACHE_VARIABLE, SUFFIX
+
+ROOT = Path(rde.__file__).parents[1]
+SCENE = """
+import redundant_envs as rde
+scene = rde.Scene(rde.FourR((1, 1, 1, 1), (1, 1, 1, 1)), (rde.effects.ViscousFriction(0.5),), "euler")
+"""
+PROGRAM = f"""{SCENE}
+batch = rde.BatchSimulator(scene, 32, threads=2)
+batch.set_state((0.1, 0.2, 0.3, 0.4), (1.0, 2.0, 3.0, 4.0))
+batch.advance()
+print(batch.q[0].tolist(), batch.qd[0].tolist(), flush=True)
+"""
+
+
+def started(text, root=ROOT, **environment):
+    """A process that runs a program with a package and a folder of its own."""
+    env = {**os.environ, "PYTHONPATH": str(root), **environment}
+    command = [sys.executable, "-c", text]
+    pipe = subprocess.PIPE
+    return subprocess.Popen(command, env=env, cwd=root, stdout=pipe, stderr=pipe, text=True)
+
+
+def program(text, root=ROOT, **environment):
+    """What such a process has written."""
+    process = started(text, root, **environment)
+    output, told = process.communicate(timeout=90)
+    assert process.returncode == 0, told
+    return output, told
+
+
+@pytest.fixture
+def copied(tmp_path):
+    """The package and its configurations, to be changed."""
+    target = tmp_path / "copy"
+    ignored = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(ROOT / "redundant_envs", target / "redundant_envs", ignore=ignored)
+    shutil.copytree(ROOT / "configs", target / "configs")
+    return target
+
+
+def test_a_program_is_kept_from_process_to_process_and_wherever_its_folder_goes(tmp_path):
+    first, told = program(PROGRAM, **{CACHE_VARIABLE: str(tmp_path / "cache")})
+    assert told.count("compiling FourR euler with ViscousFriction") == 1
+    again, told = program(PROGRAM, **{CACHE_VARIABLE: str(tmp_path / "cache")})
+    assert (again, told) == (first, "")
+    (tmp_path / "cache").rename(tmp_path / "moved")
+    again, told = program(PROGRAM, **{CACHE_VARIABLE: str(tmp_path / "moved")})
+    assert (again, told) == (first, "")
+
+
+CHANGES = {
+    "effects/viscous_friction.py": ("return -coefficient * rate", "return -2.0 * coefficient * rate", True),
+    "integrators/methods.py": ("p + h * v for p, v", "p - h * v for p, v", True),
+    "tracing/passes/join.py": ("uses[a] == 1", "uses[a] == -1", False),
+    "backends/llvm_lanes.py": ('"prefer-vector-width"="512"', '"prefer-vector-width"="256"', False),
+}
+"""What is changed in a file, and whether the motion changes with it."""
+
+
+@pytest.mark.parametrize(
+    "file",
+    [pytest.param(f, marks=pytest.mark.long) if f.startswith(("integ", "trac")) else f for f in CHANGES],
+)
+def test_stale_machine_code_is_impossible(copied, tmp_path, file):
+    kept = {CACHE_VARIABLE: str(tmp_path / "cache")}
+    first, _ = program(PROGRAM, copied, **kept)
+    old, new, moves = CHANGES[file]
+    path = copied / "redundant_envs" / file
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    changed, told = program(PROGRAM, copied, **kept)
+    assert told.count("compiling") == 1
+    if moves:
+        assert changed != first
+    path.write_text(text)
+    again, told = program(PROGRAM, copied, **kept)
+    assert (again, told) == (first, "")
+
+
+def test_a_folder_that_cannot_be_written_is_told_once_and_memory_serves(tmp_path):
+    blocked = tmp_path / "file"
+    blocked.write_text("not a folder")
+    text = PROGRAM + PROGRAM.replace('"euler"', '"rk4"')
+    output, told = program(text, **{CACHE_VARIABLE: str(blocked / "cache")})
+    assert told.count("kept in memory only") == 1
+    assert told.count("compiling") == 2
+    assert len(output.splitlines()) == 2
+
+
+def test_a_program_runs_without_any_environment():
+    text = f"""
+import sys, pwd
+def unknown(user):
+    raise KeyError(user)
+pwd.getpwuid = unknown
+sys.path.insert(0, {str(ROOT)!r})
+{PROGRAM}
+"""
+    done = subprocess.run([sys.executable, "-c", text], env={}, capture_output=True, text=True, timeout=90)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count("kept in memory only") == 1
+    assert done.stdout
+
+
+def test_of_eight_processes_that_start_at_once_one_compiles(tmp_path):
+    processes = [started(PROGRAM, **{CACHE_VARIABLE: str(tmp_path)}) for _ in range(8)]
+    results = [p.communicate(timeout=120) for p in processes]
+    assert len({output for output, _ in results}) == 1
+    assert sum("compiling" in told for _, told in results) == 1
+    assert all(p.returncode == 0 for p in processes)
+
+
+@pytest.mark.parametrize("moment", ["compiling", "writing"])
+def test_a_process_killed_on_its_way_leaves_nothing_that_hurts(tmp_path, moment):
+    slow = f"""
+import os, sys, time
+import redundant_envs.backends.cache as cache
+def wait(*_):
+    print("now", file=sys.stderr, flush=True)
+    time.sleep(60)
+if {moment!r} == "writing":
+    os.replace = wait
+else:
+    cache.llvm.object_code = wait
+"""
+    process = started(slow + PROGRAM, **{CACHE_VARIABLE: str(tmp_path)})
+    told = ""
+    while not told.endswith("now\n"):
+        told += process.stderr.read(1)
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    assert not list(tmp_path.glob(f"*{SUFFIX}"))
+    first, told = program(PROGRAM, **{CACHE_VARIABLE: str(tmp_path)})
+    assert told.count("compiling") == 1
+    assert "damaged" not in told
+    assert program(PROGRAM, **{CACHE_VARIABLE: str(tmp_path)}) == (first, "")
+
+
+# ---- fork ------------------------------------------------------------------------------------------
+
+needs_fork = pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
+USED = f"""
+import os, sys
+import numpy as np
+{SCENE}
+def made():
+    batch = rde.BatchSimulator(scene, 64, threads=2)
+    batch.set_state(np.linspace(0, 1, 256).reshape(64, 4), np.ones((64, 4)))
+    return batch
+"""
+
+
+@needs_fork
+@pytest.mark.parametrize("leave", ["os._exit(0)", "sys.exit(0)"])
+def test_a_simulator_with_threads_goes_on_in_a_forked_process(leave):
+    text = f"""{USED}
+def wait(pid):
+    assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
+batch, twin = made(), made()
+for _ in range(3):
+    batch.advance(), twin.advance()
+pid = os.fork()
+if not pid:
+    import copy
+    batch.advance()
+    twin.advance()
+    assert (batch.q == twin.q).all()
+    another = copy.deepcopy(batch)
+    another.advance(), batch.advance(), made().advance()
+    assert (batch.q == another.q).all()
+    inner = os.fork()
+    if not inner:
+        batch.advance(), another.advance()
+        assert (batch.q == another.q).all()
+        {leave}
+    wait(inner)
+    {leave}
+wait(pid)
+batch.advance(), twin.advance()
+assert (batch.q == twin.q).all()
+print("done")
+"""
+    assert program(text)[0] == "done\n"
+
+
+@needs_fork
+def test_a_process_forked_while_another_thread_compiles_can_compile(tmp_path):
+    text = """
+import os, sys, threading, time
+import redundant_envs as rde
+from redundant_envs.backends import cache
+arm = rde.FourR((1,) * 4, (1,) * 4)
+slowly = cache.llvm.object_code
+def object_code(program):
+    time.sleep(0.2)
+    return slowly(program)
+cache.llvm.object_code = object_code
+def compile(kind):
+    rde.BatchSimulator(rde.Scene(arm, (rde.effects.Gravity(),), kind)).advance()
+worker = threading.Thread(target=compile, args=("rk8",))
+worker.start()
+while cache._lock.acquire(blocking=False):
+    cache._lock.release()
+    time.sleep(0.001)
+pid = os.fork()
+if not pid:
+    compile("euler")
+    compile("rk8")
+    os._exit(0)
+status = os.waitpid(pid, 0)[1]
+worker.join()
+compile("rk4")
+print(os.waitstatus_to_exitcode(status))
+"""
+    output, told = program(text, **{CACHE_VARIABLE: str(tmp_path)})
+    assert output == "0\n", told
+    assert told.count("compiling") == 3
+
+
+@needs_fork
+def test_workers_forked_from_a_process_with_threads_step():
+    text = f"""{USED}
+import gymnasium as gym
+made().advance()
+make = lambda: gym.make("redundant_envs/FourRReach-v0")
+make().reset(seed=0)
+env = gym.vector.AsyncVectorEnv([make] * 2, context="fork")
+env.reset(seed=0)
+env.step(env.action_space.sample())
+env.close()
+print("done")
+"""
+    assert program(text)[0] == "done\n"

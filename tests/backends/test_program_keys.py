@@ -1,0 +1,97 @@
+"""Keys of programs: equal where machine code may be shared, in every process, and different otherwise."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import redundant_envs as rde
+from redundant_envs.backends import cache, llvm
+from redundant_envs.model.programs import batch_simulator, environment_simulator
+from redundant_envs.scene import Scene
+from redundant_envs.tasks.reach import ReachTask
+from redundant_envs.tracing.flow import Kernel, Program
+
+e = rde.effects
+ROOT = Path(rde.__file__).parents[1]
+FOUR_R = rde.FourR((1,) * 4, (1,) * 4)
+BASE = Scene(FOUR_R, (e.Gravity(9.81), e.ViscousFriction(0.1)), control_dt=0.01, substeps=2)
+
+
+def key(scene, track_work=False):
+    return batch_simulator(scene, track_work).key
+
+
+def test_scenes_that_differ_in_numbers_have_one_program():
+    other = rde.FourR((1, 2, 3, 4), (0.5,) * 4)
+    effects = (e.Gravity(1.6, (0.6, -0.7)), e.ViscousFriction((0.1, 0.2, 0.3, 0.4)))
+    assert key(Scene(other, effects, control_dt=0.02, substeps=5)) == key(BASE)
+    stops = [
+        Scene(rde.RPRP((1,) * 4, (1, 1)), (e.PrismaticStop((0, 0), (0.3, 0.2), r),), tolerance=t)
+        for r, t in ((0.0, 1e-6), (1.0, 1e-9))
+    ]
+    assert key(stops[0]) == key(stops[1])
+
+
+def test_scenes_that_differ_otherwise_have_programs_of_their_own():
+    gravity, friction = BASE.effects
+    scenes = [
+        BASE,
+        Scene(FOUR_R, (gravity,), control_dt=0.01, substeps=2),
+        Scene(FOUR_R, (friction, gravity), control_dt=0.01, substeps=2),
+        Scene(FOUR_R, (gravity, friction), control_dt=0.01),
+        Scene(FOUR_R, (gravity, friction), "rk4", control_dt=0.01, substeps=2),
+        Scene(FOUR_R, (gravity, friction), "euler", control_dt=0.01, substeps=2),
+        Scene(FOUR_R, (gravity, friction), "dop853"),
+        Scene(FOUR_R, (gravity, friction), tolerance=1e-6),
+        Scene(FOUR_R, (gravity, friction), control_dt=0.01, substeps=2, actuation="generalized"),
+        Scene(rde.RPRP((1,) * 4, (1, 1)), (gravity, friction), control_dt=0.01, substeps=2),
+    ]
+    keys = [key(s) for s in scenes] + [key(BASE, True)]
+    limited = Scene(FOUR_R, (gravity, e.EffortLimits((1.0,) * 4)), "euler")
+    keys += [key(limited), environment_simulator(limited, ReachTask()).key]
+    assert len(set(keys)) == len(keys)
+
+
+def small_key(name="scale", factor=0.0, place=0, element="f64", swapped=False):
+    """The key of a kernel that multiplies a number."""
+    p = Kernel(name, {"x": element})
+    x = p.load(p["x"])
+    p.store(p["x"], place, factor * x if not swapped else x - factor)
+    return cache.program_key(Program([p]))
+
+
+def test_programs_that_differ_in_one_thing_have_keys_of_their_own():
+    changes = [
+        {}, {"name": "other"}, {"factor": -0.0}, {"factor": 5e-324}, {"place": 1}, {"element": "f32"},
+        {"swapped": True},
+    ]  # fmt: skip
+    assert small_key() == small_key()
+    assert len({small_key(**change) for change in changes}) == len(changes)
+
+
+def test_what_compiles_and_for_which_processor_is_part_of_the_key(monkeypatch):
+    before = small_key()
+    monkeypatch.setattr(llvm, "facts", lambda: ("another processor",))
+    cache._compiler.cache_clear()
+    try:
+        assert small_key() != before
+    finally:
+        cache._compiler.cache_clear()
+
+
+def test_keys_are_the_same_in_every_process():
+    text = """
+import redundant_envs as rde
+from redundant_envs.model.programs import environment_simulator
+from redundant_envs.tasks.reach import ReachTask
+print(environment_simulator(rde.load_scene("rprp_reach"), ReachTask()).key)
+"""
+    keys = set()
+    for seed in ("1", "2"):
+        env = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONHASHSEED": seed}
+        done = subprocess.run(
+            [sys.executable, "-c", text], env=env, capture_output=True, text=True, timeout=90
+        )
+        keys.add(done.stdout.strip())
+    assert keys == {environment_simulator(rde.load_scene("rprp_reach"), ReachTask()).key}

@@ -1,0 +1,48 @@
+"""Problems of sliders at their stops, and their solutions by trying every set of stops that may act."""
+
+import itertools
+
+import numpy as np
+
+from redundant_envs.integrators.contacts import Contact, resolve_contacts
+from redundant_envs.integrators.events import Phase
+
+
+def mobility(rng, count):
+    """A symmetric and positive definite matrix."""
+    a = rng.normal(size=(count, count))
+    return a @ a.T + 0.01 * np.eye(count)
+
+
+def sets(count):
+    for size in range(count + 1):
+        yield from (list(s) for s in itertools.combinations(range(count), size))
+
+
+def complementary(w, d):
+    """The one x >= 0 with w x - d >= 0 and x (w x - d) = 0."""
+    fitting = []
+    for acting in sets(len(d)):
+        x = np.zeros(len(d))
+        if acting:
+            x[acting] = np.linalg.solve(w[np.ix_(acting, acting)], d[acting])
+        idle = [k for k in range(len(d)) if k not in acting]
+        if (x >= 0.0).all() and ((w @ x - d)[idle] >= 0.0).all():
+            fitting.append(x)
+    assert len(fitting) == 1
+    return fitting[0]
+
+
+def contact(
+    velocity=0.0, side=1.0, resting=False, acceleration=0.0, force=0.0, released=False, away=False
+):  # fmt: skip
+    """A slider at the stop of a side, at 0.3 m; or away from both."""
+    position = 0.15 if away else 0.3
+    lower, upper = (0.0, 0.3) if side > 0.0 else (0.3, 0.6)
+    if away:
+        lower, upper = 0.0, 0.3
+    return Contact(position, velocity, side if resting else 0.0, lower, upper, acceleration, force, released)
+
+
+def resolved(contacts, w, restitution=0.5, phase=Phase.AT_STOP, changes=0.0, impacts=0.0):
+    return resolve_contacts(phase, changes, impacts, contacts, np.asarray(w).tolist(), restitution)

@@ -1,0 +1,89 @@
+"""Intervals with too many impacts, or searches without end: given up, flagged, and as if they never began."""
+
+import numpy as np
+import pytest
+from stopped_scenes import ARM, scene
+
+import redundant_envs as rde
+
+
+def test_too_many_impacts_end_the_lane_and_leave_its_neighbours():
+    arm = rde.RPRP((1.0,) * 4, (0.5, 0.5))
+    made = scene(arm, 1.0, gravity=0.0, tolerance=1e-6)
+    batch = rde.BatchSimulator(made, 3)
+    q = np.tile([0.3, 0.1, 0.3, 0.1], (3, 1))
+    qd = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 1e5, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]])
+    batch.set_state(q, qd)
+    status = batch.advance()
+    np.testing.assert_array_equal(status.numerics, [0, rde.Numerics.EVENT_BUDGET, 0])
+    np.testing.assert_array_equal(batch.q[1], q[1])  # back where its interval began
+    np.testing.assert_array_equal(batch.qd[1], qd[1])
+    np.testing.assert_array_equal(batch.q[0], batch.q[2])
+
+
+@pytest.mark.parametrize(
+    "kwargs", [{"integrator": "rk8"}, {"integrator": "rk4"}, {"tolerance": 1e-6}], ids=str
+)
+@pytest.mark.parametrize("speed", [50.0, 1e3, 1e8])
+def test_steps_far_too_long_end_lanes_but_never_hang(kwargs, speed):
+    """Radians per step, impacts that no search finds: flagged, between the stops, and over."""
+    rng = np.random.default_rng(0)
+    q = np.column_stack([rng.uniform(-3, 3, 512), rng.uniform(0, 0.3, 512)] * 2)
+    batch = rde.BatchSimulator(scene(restitution=0.5, **kwargs), 512)
+    batch.set_state(q, rng.normal(0, speed, (512, 4)))
+    status = batch.advance(rng.normal(0, 20, (512, 4)))
+    finite = np.isfinite(np.column_stack([batch.q, batch.qd])).all(axis=1)
+    np.testing.assert_array_equal(finite, status.numerics & rde.Numerics.NON_FINITE == 0)
+    np.testing.assert_array_equal(finite, status.finite)
+    sliders = batch.q[status.finite][:, [1, 3]]
+    assert (sliders >= 0.0).all()
+    assert (sliders <= 0.3).all()
+
+
+@pytest.mark.parametrize("kwargs", [{"tolerance": 1e-6}, {"integrator": "rk4", "substeps": 4}], ids=str)
+def test_a_lane_whose_events_are_given_up_has_not_moved(kwargs):
+    batch = rde.BatchSimulator(scene(gravity=0.0, **kwargs), 2, track_work=True)
+    q, qd = [[0.3, 0.1, 0.3, 0.1]] * 2, [[0.0, 1e5, 0.0, 0.0], [0.1, 0.5, 0.0, 0.0]]
+    batch.set_state(q, qd)
+    status = batch.advance()
+    assert status.numerics.tolist() == [rde.Numerics.EVENT_BUDGET, 0]
+    np.testing.assert_array_equal(batch.q[0], q[0])
+    np.testing.assert_array_equal(batch.qd[0], qd[0])
+    assert batch.work[0] == 0.0
+    assert status.events[0] == 0
+    assert not [x for x in batch.events() if x.lane == 0]
+
+
+def test_a_lane_given_up_in_a_later_substep_is_back_where_its_interval_began():
+    """Ever faster bounces: 25 in the first substep, too many in the second."""
+    stop = rde.effects.PrismaticStop((0.0, None), (None, None), 0.97)
+    made = rde.Scene(ARM, (stop,), integrator="rk4", substeps=4, control_dt=0.02, actuation="generalized")
+    batch = rde.BatchSimulator(made, 1)
+    batch.set_state([0.0, 0.2, 0.0, 0.2], [0.0] * 4)
+    status = batch.advance([[0.0, -4e7, 0.0, 0.0]])
+    assert status.numerics.tolist() == [rde.Numerics.EVENT_BUDGET]
+    np.testing.assert_array_equal(batch.q, [[0.0, 0.2, 0.0, 0.2]])
+    np.testing.assert_array_equal(batch.qd, np.zeros((1, 4)))
+
+
+def test_the_budget_of_impacts_is_that_of_the_interval_not_of_a_substep():
+    batch = rde.BatchSimulator(scene(gravity=0.0, integrator="rk4", substeps=64), 1, track_work=True)
+    q, qd = [0.3, 0.1, 0.3, 0.1], [0.0, 1.5e4, 0.0, 0.0]  # some thirteen in each substep
+    batch.set_state(q, qd)
+    assert batch.advance().numerics.tolist() == [rde.Numerics.EVENT_BUDGET]
+    np.testing.assert_array_equal(batch.q[0], q)
+    assert batch.events() == []
+
+
+def test_a_log_of_events_that_is_full_says_so():
+    batch = rde.BatchSimulator(scene(gravity=0.0, tolerance=1e-6), 2, track_work=True)
+    batch.set_state([[0.3, 0.1, 0.3, 0.1]] * 2, np.zeros((2, 4)))
+    batch.advance()
+    batch._memory.write(("logged",), 256.0, np.array([1]))
+    with pytest.raises(ValueError, match="environment 1 had 256 events or more"):
+        batch.events()
+
+
+def test_simulate_refuses_a_motion_with_too_many_impacts():
+    with pytest.raises(ValueError, match="more than 256 times in the control interval at t = 0 s"):
+        rde.simulate(scene(gravity=0.0, tolerance=1e-6), [0.3, 0.1, 0.3, 0.1], [0, 1e5, 0, 0], [0.02, 0.04])

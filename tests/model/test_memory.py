@@ -1,0 +1,259 @@
+"""The memory of lanes: parameters are shared until they differ, and nobody sees it; copies, snapshots."""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+
+import redundant_envs as rde
+from redundant_envs.model.memory import Memory, aligned
+from redundant_envs.model.programs import batch_simulator
+from redundant_envs.simulator.blocks import LANES
+from redundant_envs.simulator.lane import LOG, PARAMETER, STATE
+
+e = rde.effects
+MASSES = ("m1", "m2", "m3", "m4")
+RPRP = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
+STOP = e.PrismaticStop((0.0, 0.0), (0.3, 0.2), 0.4)
+SCENES = {
+    "equal steps": rde.Scene(rde.FourR((1.0,) * 4, (0.3,) * 4), (e.Gravity(),), "rk4", substeps=2),
+    "steps of their own": rde.Scene(RPRP, (e.Gravity(), STOP), tolerance=1e-6),
+}
+COUNTS = (1, 3, 8, 9, 30)
+every_count = pytest.mark.parametrize("count", COUNTS)
+SIMULATOR = batch_simulator(SCENES["steps of their own"], False)
+
+
+def memory_of(count):
+    return Memory(SIMULATOR.dynamics, SIMULATOR.blocks.layout, count, {})
+
+
+def bits(array):
+    return np.ascontiguousarray(array).view(np.int64)
+
+
+# ---- shared or not ---------------------------------------------------------------------------------
+
+
+@every_count
+def test_parameters_are_shared_until_they_differ(count):
+    memory = memory_of(count)
+    assert memory.shared
+    assert memory.parameter_stride == 0
+    assert len(memory.arrays[str(PARAMETER)]) == 1
+    assert memory.read(MASSES).tolist() == [[2.0, 1.5, 1.0, 0.5]] * count
+    own = np.arange(1.0, 1.0 + 4 * count).reshape(count, 4)
+    memory.write(MASSES, own)
+    if count > 1:
+        assert not memory.shared
+        assert memory.parameter_stride == memory.layout.size(PARAMETER) * LANES
+        assert len(memory.arrays[str(PARAMETER)]) == memory.blocks
+    assert memory.read(MASSES).tolist() == own.tolist()
+    assert memory.read(("gravity_g",)).tolist() == [[9.81]] * count
+
+
+@every_count
+def test_parameters_set_alike_for_all_stay_shared(count):
+    memory = memory_of(count)
+    memory.write(MASSES, (4.0, 3.0, 2.0, 1.0))
+    memory.write(("gravity_g",), np.full((count, 1), 1.6), np.arange(count)[::-1])
+    assert memory.shared
+    assert memory.read((*MASSES, "gravity_g")).tolist() == [[4.0, 3.0, 2.0, 1.0, 1.6]] * count
+
+
+@every_count
+def test_lanes_given_what_they_have_stay_shared(count):
+    memory = memory_of(count)
+    memory.write(MASSES, (2.0, 1.5, 1.0, 0.5), np.array([count - 1]))
+    assert memory.shared
+
+
+def test_zeros_of_different_signs_are_not_alike():
+    memory = memory_of(9)
+    memory.write(("prismatic_stop_lower_0",), -0.0, np.array([4]))
+    assert not memory.shared
+    np.testing.assert_array_equal(
+        np.signbit(memory.read(("prismatic_stop_lower_0",))[:, 0]), np.arange(9) == 4
+    )
+
+
+@pytest.mark.parametrize("count", [3, 8, 9, 30])
+@pytest.mark.parametrize("value", [1.0, 2.0, 7.0])
+def test_after_lanes_have_differed_what_is_set_for_all_is_so_for_all(count, value):
+    memory = memory_of(count)
+    memory.write(("m1",), np.arange(1.0, count + 1.0)[:, None])
+    memory.write(("m1",), value)
+    assert memory.read(("m1",)).tolist() == [[value]] * count
+
+
+@pytest.mark.parametrize("count", [3, 8, 9])
+def test_after_lanes_have_differed_one_is_set_to_what_another_has(count):
+    memory = memory_of(count)
+    expected = np.arange(1.0, count + 1.0)
+    memory.write(("m1",), expected[:, None])
+    for lane, other in ((2, 0), (0, 1), (1, 2)):
+        expected[lane] = expected[other]
+        memory.write(("m1",), expected[other], np.array([lane]))
+        assert memory.read(("m1",))[:, 0].tolist() == expected.tolist()
+
+
+@every_count
+@pytest.mark.parametrize("name", SCENES)
+def test_lanes_have_the_same_bits_with_shared_parameters_as_with_their_own(name, count):
+    rng = np.random.default_rng(0)
+    q, qd = rng.uniform(0.0, 0.2, (count, 4)), rng.normal(0.0, 2.0, (count, 4))
+    states = []
+    for own in (False, True):
+        batch = rde.BatchSimulator(SCENES[name], count)
+        batch.set_state(q, qd)
+        batch.set_parameters({"gravity.g": 3.7})
+        if own:
+            batch._memory.part()
+        for _ in range(4):
+            batch.advance()
+        states.append(np.hstack([batch.q, batch.qd]))
+    np.testing.assert_array_equal(*states)
+
+
+def test_lanes_that_begin_to_differ_between_intervals_go_on_with_their_own():
+    """The kernel learns where the parameters are now, those of other threads as well."""
+    q, qd = np.full(4, 0.1), np.ones(4)
+    batches = [rde.BatchSimulator(SCENES["equal steps"], 40, threads) for threads in (1, 3)]
+    for batch in batches:
+        batch.set_state(q, qd)
+        batch.advance()
+        batch.set_parameters({"gravity.g": np.arange(40.0)})
+        batch.advance()
+        assert len(np.unique(batch.q[:, 0])) == 40
+    np.testing.assert_array_equal(*(batch.q for batch in batches))
+    alone = rde.BatchSimulator(SCENES["equal steps"], 1)
+    alone.set_state(q, qd)
+    alone.advance()
+    alone.set_parameters({"gravity.g": 33.0})
+    alone.advance()
+    np.testing.assert_array_equal(alone.q[0], batches[0].q[33])
+
+
+# ---- what follows, and what is beside --------------------------------------------------------------
+
+
+@every_count
+def test_what_follows_from_parameters_is_renewed_with_them(count):
+    memory = memory_of(count)
+    prepared = memory.dynamics.prepared
+    before = memory.read(prepared)
+    memory.write(MASSES, np.linspace(1.0, 2.0, 4 * count).reshape(count, 4))
+    memory.prepare()
+    after = memory.read(prepared)
+    assert (before != after).any(axis=1).all()
+    for lane in range(count):
+        alone = memory_of(1)
+        alone.write(MASSES, memory.read(MASSES)[[lane]])
+        alone.prepare()
+        np.testing.assert_array_equal(alone.read(prepared)[0], after[lane])
+
+
+def test_lanes_beyond_the_last_hold_the_scene_at_rest():
+    memory = memory_of(3)
+    memory.write(("theta1", "m1"), [[5.0, 6.0], [5.0, 7.0], [5.0, 8.0]])
+    np.testing.assert_array_equal(memory.column("theta1")[0], [5.0] * 3 + [0.0] * 5)
+    np.testing.assert_array_equal(memory.column("m1")[0], [6.0, 7.0, 8.0] + [2.0] * 5)
+
+
+def test_lanes_are_read_and_written_in_any_order():
+    memory = memory_of(20)
+    lanes = np.array([17, 0, 8, 7])
+    memory.write(("theta1", "w1", "m2"), np.arange(12.0).reshape(4, 3), lanes)
+    np.testing.assert_array_equal(
+        memory.read(("m2", "theta1"), lanes[::-1]), [[11, 9], [8, 6], [5, 3], [2, 0]]
+    )
+    rest = np.setdiff1d(np.arange(20), lanes)
+    np.testing.assert_array_equal(memory.read(("theta1", "m2"), rest), [[0.0, 1.5]] * 16)
+    memory.write(("theta1",), 3.0, np.array([], dtype=int))
+    assert (memory.read(("theta1",), rest) == 0.0).all()
+
+
+def test_what_is_read_is_a_copy():
+    memory = memory_of(9)
+    memory.read(("theta1", "m1"))[:] = 99.0
+    assert memory.read(("theta1", "m1")).tolist() == [[0.0, 2.0]] * 9
+
+
+def test_memory_has_what_outlives_an_interval_and_names_what_it_has_not():
+    memory = memory_of(1)
+    assert "theta1" in memory
+    assert "m1" in memory
+    assert "reason" in memory.layout
+    assert "reason" not in memory
+    with pytest.raises(AttributeError, match="no field 'mass'; it has "):
+        memory.read(("mass",))
+
+
+def test_a_new_motion_forgets_stops_that_hold_and_steps_that_were_chosen():
+    memory = memory_of(10)
+    memory.write(("active_stop_r1", "theta1"), 1.0)
+    memory.forget(np.array([2, 9]))
+    kept = ~np.isin(np.arange(10), (2, 9))
+    np.testing.assert_array_equal(memory.read(("active_stop_r1",))[:, 0], kept * 1.0)
+    assert (memory.read(("theta1",)) == 1.0).all()
+
+
+@pytest.mark.parametrize("shape", [(1,), (3, 5), (7, 1, 8), (2, 0, 8)])
+def test_arrays_begin_at_cache_lines(shape):
+    kept = [aligned(*shape) for _ in range(20)]
+    assert all(a.ctypes.data % 64 == 0 or a.size == 0 for a in kept)
+    assert all(a.shape == shape and not a.any() for a in kept)
+
+
+# ---- copies and snapshots --------------------------------------------------------------------------
+
+WAYS = {
+    "copy": copy.copy,
+    "deepcopy": copy.deepcopy,
+    "pickle": lambda x: pickle.loads(pickle.dumps(x)),
+    "copy of a copy": lambda x: copy.copy(pickle.loads(pickle.dumps(x, protocol=2))),
+}
+OWN = {"shared": lambda m: None, "own": lambda m: m.write(("m1",), np.arange(1.0, m.count + 1.0)[:, None])}
+
+
+@every_count
+@pytest.mark.parametrize("own", OWN.values(), ids=OWN)
+@pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
+def test_a_copy_is_equal_aligned_and_independent(way, own, count):
+    memory = memory_of(count)
+    own(memory)
+    memory.write(("theta1",), np.linspace(0.0, 1.0, count)[:, None])
+    before = {name: array.copy() for name, array in memory.arrays.items()}
+    twin = way(memory)
+    assert twin.shared == memory.shared
+    for name, array in twin.arrays.items():
+        np.testing.assert_array_equal(bits(array), bits(before[name]))
+        assert array.ctypes.data % 64 == 0 or not array.size
+        assert not np.shares_memory(array, memory.arrays[name])
+    twin.write(("m1", "theta1"), 50.0)
+    for name, array in memory.arrays.items():
+        np.testing.assert_array_equal(bits(array), bits(before[name]))
+
+
+@pytest.mark.parametrize("later", OWN.values(), ids=[f"then {n}" for n in OWN])
+@pytest.mark.parametrize("own", OWN.values(), ids=OWN)
+@every_count
+def test_a_snapshot_brings_back_every_number_and_whether_lanes_differ(count, own, later):
+    memory = memory_of(count)
+    own(memory)
+    memory.write(("theta1", "active_stop_r1"), np.linspace(0.0, 1.0, 2 * count).reshape(count, 2))
+    before = {name: array.copy() for name, array in memory.arrays.items()}
+    shared = memory.shared
+    saved = memory.save()
+    later(memory)
+    memory.write(("theta1", "w1", "m2"), 9.0)
+    memory.restore(saved["states"], saved["parameters"])
+    assert memory.shared == shared
+    for name in map(str, (STATE, LOG, PARAMETER)):
+        np.testing.assert_array_equal(bits(memory.arrays[name]), bits(before[name]))
+    value = memory.read(("m1",))[0, 0]
+    memory.write(("m1",), value)  # not taken for what all have
+    assert memory.read(("m1",)).tolist() == [[value]] * count
+    saved["states"][:] = saved["parameters"][:] = 77.0
+    assert memory.read(("m2",)).tolist() == [[1.5]] * count

@@ -1,0 +1,212 @@
+"""Lanes: declared fields and no others, what is read and set, on plain and on traced numbers."""
+
+import numpy as np
+import pytest
+
+import redundant_envs as rde
+from redundant_envs.model.programs import batch_simulator, environment_simulator
+from redundant_envs.simulator.lane import LOG, PARAMETER, SCRATCH, STATE, Field, Lane, Layout, traced
+from redundant_envs.tasks.reach import ReachTask
+from redundant_envs.tracing.graph import reached
+from redundant_envs.tracing.number import Condition
+
+LAYOUT = Layout(
+    [
+        Field("q", "rad", "an angle", STATE),
+        Field("q_start", "rad", "the angle before", SCRATCH),
+        Field("mass", "kg", "of the link", PARAMETER),
+        Field("resting", "", "has no speed", SCRATCH, truth=True),
+        Field("v", "rad/s", "its rate", STATE),
+        Field("v_start", "rad/s", "the rate before", SCRATCH),
+        Field("time", "s", "of an event", LOG),
+    ]
+)
+NUMBERS = {"q": 1.0, "q_start": 2.0, "mass": 3.0, "resting": 1.0, "v": 5.0, "v_start": 6.0, "time": 7.0}
+
+
+@pytest.fixture
+def lane():
+    return Lane(LAYOUT, NUMBERS.__getitem__)
+
+
+def names_read(function):
+    """Places that a traced function loads."""
+    return [n.extra for n in reached(function.results) if n.name == "load"]
+
+
+# ---- fields ----------------------------------------------------------------------------------------
+
+
+def test_fields_live_one_after_the_other_in_the_memory_of_their_lifetime():
+    assert {name: LAYOUT.place(name) for name in LAYOUT.fields} == {
+        "q": ("state", 0), "q_start": ("scratch", 0), "mass": ("parameter", 0), "resting": ("scratch", 1),
+        "v": ("state", 1), "v_start": ("scratch", 2), "time": ("log", 0),
+    }  # fmt: skip
+    assert [LAYOUT.size(life) for life in (STATE, PARAMETER, SCRATCH, LOG)] == [2, 1, 3, 1]
+    assert "mass" in LAYOUT
+    assert "weight" not in LAYOUT
+
+
+@pytest.mark.parametrize("second", [Field("q", "rad", "again", STATE), Field("q", "m", "other", SCRATCH)])
+def test_two_fields_of_one_name_are_refused(second):
+    with pytest.raises(ValueError, match="two fields are called 'q'; rename one"):
+        Layout([Field("q", "rad", "an angle", STATE), second])
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        lambda lane: lane.weight,
+        lambda lane: lane["weight"],
+        lambda lane: setattr(lane, "weight", 1.0),
+        lambda lane: lane.__setitem__("weight", 1.0),
+        lambda lane: lane.get(["q"], of="{}_weight"),
+        lambda lane: LAYOUT.place("weight"),
+    ],
+)
+def test_an_unknown_field_lists_those_there_are(lane, use):
+    with pytest.raises(AttributeError, match=r"a lane has no field '\w*weight'; it has q, q_start, mass,"):
+        use(lane)
+    assert lane.written() == {}
+
+
+SCENES = {
+    "4R": rde.Scene(rde.FourR((1.0,) * 4, (0.5,) * 4), (rde.effects.Gravity(),), "dop853"),
+    "stops": rde.Scene(
+        rde.RPRP((1.0,) * 4, (0.5,) * 2), (rde.effects.PrismaticStop((0.0, 0.0), (0.3, 0.3)),),
+        tolerance=1e-6,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
+def test_every_field_of_a_scene_says_what_it_is(scene):
+    limited = rde.load_scene("rprp_reach")
+    for simulator in (batch_simulator(scene, True), environment_simulator(limited, ReachTask())):
+        fields = simulator.blocks.layout.fields
+        assert len(fields) > 20
+        assert all(f.doc and name == f.name for name, f in fields.items())
+
+
+# ---- reading and setting ---------------------------------------------------------------------------
+
+
+def test_a_field_is_read_as_it_was_until_it_is_set_and_then_as_it_is(lane):
+    assert lane.q == lane["q"] == 1.0
+    lane.q = lane.q + 10.0
+    lane["v"] = 20.0
+    assert (lane.q, lane.v) == (11.0, 20.0)
+    lane.q = 12.0
+    assert lane.written() == {"q": 12.0, "v": 20.0}
+
+
+def test_a_field_is_loaded_once():
+    asked = []
+    lane = Lane(LAYOUT, lambda name: asked.append(name) or 1.0)
+    assert (lane.q, lane.q, lane["q"]) == (1.0, 1.0, 1.0)
+    lane.v = 2.0
+    assert lane.v == 2.0
+    assert asked == ["q"]
+
+
+def test_several_fields_are_read_and_set_by_the_form_of_their_names(lane):
+    assert lane.get(("q", "v")) == [1.0, 5.0]
+    assert lane.get(("q", "v"), of="{}_start") == [2.0, 6.0]
+    lane.set(("v", "q"), (8.0, 9.0), of="{}_start")
+    assert lane.written() == {"v_start": 8.0, "q_start": 9.0}
+    with pytest.raises(ValueError, match="shorter"):
+        lane.set(("v", "q"), (8.0,))
+
+
+def test_a_lane_knows_which_fields_it_has(lane):
+    assert "resting" in lane
+    assert "weight" not in lane
+    assert not hasattr(lane, "weight")
+
+
+# ---- truths ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("number", "truth"), [(1.0, True), (0.0, False)])
+def test_a_truth_is_read_as_a_condition_and_kept_as_a_number(number, truth):
+    lane = Lane(LAYOUT, lambda name: number)
+    assert lane.resting is truth
+    lane.resting = lane.resting | (lane.q > 5.0)
+    assert lane.written() == {"resting": number}
+
+
+def test_truths_of_many_lanes_are_arrays():
+    lane = Lane(LAYOUT, lambda name: np.array([0.0, 1.0]))
+    np.testing.assert_array_equal(lane.resting, [False, True])
+    lane.resting = ~lane.resting
+    np.testing.assert_array_equal(lane.written()["resting"], [1.0, 0.0])
+
+
+def test_truths_of_a_traced_lane_are_conditions():
+    kinds = []
+
+    def look(lane):
+        kinds.append(type(lane.resting))
+        lane.resting = lane.v == 0.0
+        kinds.append(type(lane.resting))
+
+    function = traced("look", LAYOUT, look)
+    assert kinds == [Condition, Condition]
+    ((space, row, value),) = function.stores
+    assert (space, row, value.name, value.arguments[1:]) == ("scratch", 1, "select", [1.0, 0.0])
+
+
+# ---- traced functions ------------------------------------------------------------------------------
+
+
+def test_a_traced_function_loads_what_it_reads_and_stores_what_it_set():
+    def move(lane):
+        lane.v = lane.v * lane.mass
+        lane.q = lane.q + lane.v
+        lane.q_start = 4.0
+
+    function = traced("move", LAYOUT, move)
+    assert set(names_read(function)) == {("state", 0), ("state", 1), ("parameter", 0)}
+    assert [(space, row) for space, row, _ in function.stores] == [("state", 1), ("state", 0), ("scratch", 0)]
+    assert function.stores[2][2] == 4.0
+    assert function.stores[1][2].arguments[1] is function.stores[0][2]
+    assert set(function.spaces) == {"state", "parameter", "scratch", "log"}
+
+
+def test_what_a_table_gives_is_read_from_it_and_kept():
+    function = traced(
+        "given", LAYOUT, lambda lane: {("out", "f64", 0, 0): lane.v_start - lane.q_start},
+        inputs={"efforts": ("f32", ("q_start", "v_start"))},
+    )  # fmt: skip
+    assert function.inputs == {"efforts": ("f32", 2)}
+    assert sorted(names_read(function)) == [("efforts", 0), ("efforts", 1)]
+    assert {(space, row): value.extra for space, row, value in function.stores} == {
+        ("scratch", 0): ("efforts", 0), ("scratch", 2): ("efforts", 1),
+    }  # fmt: skip
+    (output,) = function.outputs
+    assert (output.array, output.value.name) == ("out", "-")
+
+
+def test_known_fields_are_told_by_their_places():
+    function = traced("known", LAYOUT, lambda lane: None, known={"v": 0.0, "mass": 1.0})
+    assert function.known == {("state", 1): 0.0, ("parameter", 0): 1.0}
+    assert not function.stores
+    assert not function.outputs
+
+
+def test_parts_of_a_traced_function_have_products_of_their_own_and_the_same_sums():
+    def work(lane):
+        before = lane.q * lane.v, lane.q + lane.v
+        lane.next_part()
+        after = lane.q * lane.v, lane.q + lane.v
+        for name, value in zip(("q", "q_start", "v", "v_start"), (*before, *after), strict=True):
+            lane[name] = value
+
+    values = [value for _, _, value in traced("work", LAYOUT, work).stores]
+    assert values[0] is not values[2]
+    assert values[1] is values[3]
+
+
+def test_a_plain_lane_has_parts_too(lane):
+    lane.next_part()
+    assert lane.q == 1.0

@@ -1,0 +1,80 @@
+"""A program as text: everything that it does, in the order of its operations."""
+
+import re
+
+from redundant_envs.simulator.lane import SCRATCH, STATE, Field, Layout, traced
+from redundant_envs.tracing.flow import Kernel, LaneFunction, Program
+from redundant_envs.tracing.graph import Graph
+from redundant_envs.tracing.listing import function_lines, lines
+from redundant_envs.tracing.passes.stages import Subroutine
+
+LAYOUT = Layout([Field(n, "", "", STATE) for n in ("x", "v")] + [Field("f", "", "", SCRATCH)])
+
+
+def listed(function, **more):
+    return [line.strip() for line in function_lines(traced("work", LAYOUT, function, **more))]
+
+
+def test_a_function_is_its_operations_what_it_leaves_and_what_it_tells():
+    def work(lane):
+        lane.x = lane.x + 2.5 * lane.v
+        return {("out", "f32", 1, 3): lane.x, ("fast", "i8", 0, 0): lane.v > 1.0}
+
+    assert listed(work) == [
+        "function work:", "%0 = state[0]", "%1 = state[1]", "%2 = * 2.5, %1", "%3 = + %0, %2",
+        "%4 = > %1, 1.0", "state[0] <- %3", "out[1/3] (f32) <- %3", "fast[0/0] (i8) <- %4",
+    ]  # fmt: skip
+
+
+def test_tables_and_known_numbers_are_listed():
+    found = listed(lambda lane: None, inputs={"efforts": ("f64", ("f",))}, known={"v": 0.0})
+    assert "reads tables [('efforts', ('f64', 1))]" in found
+    assert "known [(('state', 1), 0.0)]" in found
+    assert found[-1] == "scratch[0] <- %0"
+
+
+def test_a_kernel_is_its_loops_and_branches_and_calls():
+    p = Kernel("walk", {"x": "f64", "n": "int"})
+    graph = Graph()
+    function = LaneFunction("half", ("x",), [("x", 0, graph.multiply(graph.load("x", 0), 0.5))])
+    with p.each(p["n"]) as i, p.when(i > 2):
+        p.call(function, x=p["x"] + i)
+    text = "\n".join(lines(Program([p])))
+    assert "function half:\n  %0 = x[0]\n  %1 = * %0, 0.5\n  x[0] <- %1" in text
+    assert "kernel walk(x: f64, n: int):" in text
+    inside = text[text.index("kernel walk") :]
+    assert re.search(r"counter int.*\n.*> truth.*\n.*when int.*\n.*offset.*\n.*call.*'half'", inside)
+    assert inside.count("end") == 2
+
+
+def test_a_subroutine_is_listed_once_and_its_calls_where_they_are():
+    rate = Subroutine(lambda x, v: (-2.0 * x,), 1, 1)
+
+    def step(lane):
+        for _ in range(2):
+            (slope,) = rate(lane.x, lane.v)
+            lane.x, lane.v = lane.x + lane.v, lane.v + slope
+
+    found = listed(step)
+    assert found[:4] == ["subroutine of work:", "%0 = given[0]", "%1 = * -2.0, %0", "gives %1"]
+    assert found[4] == "function work:"
+    calls = [line.split(" = ")[1] for line in found if " = stage " in line]
+    assert calls[0] == "stage %0, %1"
+    assert len(calls) == 2
+    assert sum(" = result 0 %" in line for line in found) == 2
+
+
+def test_names_are_those_that_are_given():
+    function = traced("work", LAYOUT, lambda lane: lane.set(["v"], [lane.x + 1.0]))
+    text = "\n".join(function_lines(function, lambda space, k: f"{space}.{'xv'[k]}"))
+    assert text == "function work:\n  %0 = state.x\n  %1 = + %0, 1.0\n  state.v <- %1"
+
+
+def test_programs_are_told_apart_by_the_places_of_arguments_whatever_they_are_called():
+    """The text is the key of the machine code: one that shows names alone takes these two for one."""
+    doubled = [
+        Subroutine(lambda k, g: (2.0 * k,), 1, 1, ("k", "g")),
+        Subroutine(lambda g, k: (2.0 * k,), 1, 1, ("g", "k")),
+    ]
+    first, second = (listed(lambda lane, f=f: lane.set(["v"], f(lane.x, lane.v))) for f in doubled)
+    assert first != second
