@@ -92,6 +92,7 @@ class Memory:
         lanes = self.index if index is None else np.asarray(index)
         table = np.broadcast_to(np.asarray(values, dtype=np.float64), (len(lanes), len(names)))
         for name, column in zip(names, table.T, strict=True):
+            self.layout.place(name)  # an unknown name lists those there are
             if self.layout.fields[name].lifetime is PARAMETER and self.shared and len(column):
                 same = column.view(np.int64) if column.flags.c_contiguous else column.copy().view(np.int64)
                 present = self.column(name)[0, :1].copy().view(np.int64)

@@ -25,7 +25,8 @@ def function_lines(f: LaneFunction, name_of: Namer = plain_name) -> Iterator[str
         names = subroutine.names
 
         def given(space: str, k: int, names: Sequence[str] = names) -> str:
-            return names[k] if space == "given" and names else name_of(space, k)
+            shown = space == "given" and names and name_of is not plain_name
+            return names[k] if shown else name_of(space, k)
 
         yield from _numbered(numbers, given)
         yield f"  gives {_arguments(results, numbers)}"

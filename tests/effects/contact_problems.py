@@ -3,9 +3,12 @@
 import itertools
 
 import numpy as np
+import pytest
 
 from redundant_envs.integrators.contacts import Contact, resolve_contacts
 from redundant_envs.integrators.events import Phase
+
+SLIDERS = pytest.mark.parametrize("count", [1, 2, 3], ids=["one slider", "two", "three"])
 
 
 def mobility(rng, count):

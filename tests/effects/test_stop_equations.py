@@ -2,17 +2,14 @@
 
 import numpy as np
 import pytest
-from contact_problems import complementary, contact, mobility, resolved
+from contact_problems import SLIDERS, complementary, contact, mobility, resolved
 
 import redundant_envs as rde
 from redundant_envs.integrators import contacts
-from redundant_envs.integrators.contacts import Event
-from redundant_envs.integrators.events import Phase
 from redundant_envs.simulator.dynamics import Dynamics
 
 UNEQUAL = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
 STOPPED = Dynamics(rde.Scene(UNEQUAL, (rde.effects.PrismaticStop((0.0, 0.0), (0.3, 0.3)),)))
-sliders = pytest.mark.parametrize("count", [1, 2, 3], ids=["one slider", "two", "three"])
 
 
 @pytest.mark.parametrize("held", [(0, 0), (1, 0), (0, 1), (1, 1)])
@@ -59,7 +56,7 @@ def test_slider_mobility_is_two_columns_of_the_inverse():
 # ---- impulses ------------------------------------------------------------------------------------
 
 
-@sliders
+@SLIDERS
 def test_impulses_solve_the_complementarity_problem(count):
     """No stop pulls, none is entered, and only those that act decide; at no stop there is no impulse."""
     rng = np.random.default_rng(2)
@@ -81,7 +78,7 @@ def test_impulses_solve_the_complementarity_problem(count):
     assert len(struck) == 2**count - 1
 
 
-@sliders
+@SLIDERS
 def test_impulses_do_not_know_the_order_of_the_sliders(count):
     rng = np.random.default_rng(12)
     for _ in range(300):
@@ -95,7 +92,7 @@ def test_impulses_do_not_know_the_order_of_the_sliders(count):
         np.testing.assert_allclose(np.array(p)[order], again, rtol=1e-9, atol=1e-12)
 
 
-@sliders
+@SLIDERS
 def test_halting_stops_those_that_must_stand_still_and_pushes_no_other(count):
     rng = np.random.default_rng(3)
     for _ in range(500):
@@ -107,7 +104,7 @@ def test_halting_stops_those_that_must_stand_still_and_pushes_no_other(count):
         np.testing.assert_allclose((v + w @ push)[still], 0.0, atol=1e-12 * scale)
 
 
-@sliders
+@SLIDERS
 def test_pressed_is_the_one_set_in_which_no_stop_pulls_and_none_is_entered(count):
     rng = np.random.default_rng(4)
     seen = set()
@@ -119,7 +116,7 @@ def test_pressed_is_the_one_set_in_which_no_stop_pulls_and_none_is_entered(count
     assert len(seen) == 2**count
 
 
-@sliders
+@SLIDERS
 def test_the_equations_on_arrays_are_those_on_numbers(count):
     rng = np.random.default_rng(5)
     many = [mobility(rng, count) for _ in range(64)]
@@ -140,179 +137,6 @@ def test_the_equations_on_arrays_are_those_on_numbers(count):
         )
         for columns, numbers in zip(got, one, strict=True):
             np.testing.assert_allclose(table(columns)[:, k], np.array(numbers, dtype=float), rtol=1e-12)
-
-
-# ---- a contact resolved --------------------------------------------------------------------------
-
-
-@sliders
-def test_struck_sliders_have_the_speeds_of_the_impulses(count):
-    """Those that rest or move onto their stops are struck; one that moves away has no support."""
-    rng = np.random.default_rng(6)
-    tried = 0
-    for _ in range(1000):
-        w, e = mobility(rng, count), rng.uniform(0, 1)
-        sides, v = rng.choice([-1.0, 1.0], count), rng.normal(size=count)
-        resting = rng.random(count) < 0.3
-        v[resting] = 0.0
-        u = sides * v
-        if not (u > 0).any():
-            continue
-        got = resolved(
-            [contact(*x) for x in zip(v.tolist(), sides.tolist(), resting.tolist(), strict=True)], w, e
-        )
-        by_turns = count == 2 and not resting.any() and (u < 0).any()
-        if by_turns and contacts.collapses(u.tolist(), sides.tolist(), w, e):
-            np.testing.assert_allclose(got.velocities, 0.0, atol=1e-12)
-            continue
-        acting = np.flatnonzero(resting | (u > 0))
-        outward = np.outer(sides, sides) * w
-        d = u + e * np.maximum(u, 0.0)
-        p = np.zeros(count)
-        p[acting] = complementary(outward[np.ix_(acting, acting)], d[acting])
-        after = v - w @ (sides * p)
-        assert got.strikes
-        assert not got.going_on
-        np.testing.assert_allclose(got.velocities, after, atol=1e-10 * max(1.0, np.abs(after).max()))
-        np.testing.assert_allclose(got.impulses, -sides * p, rtol=1e-9, atol=1e-12)
-        assert got.impacts == np.count_nonzero((p > 0) & (u > 0))
-        kinds = np.where((p > 0) & (u > 0), np.where(sides > 0, Event.UPPER_IMPACT, Event.LOWER_IMPACT), 0)
-        left = resting & (sides * np.array(got.velocities) < 0.0)
-        assert got.happened == np.where(left, Event.RELEASE, kinds).tolist()
-        assert (np.array(got.active_stops) != 0.0).tolist() == (resting & ~left).tolist()
-        tried += 1
-    assert tried > 300
-
-
-@sliders
-def test_of_sliders_that_rest_those_leave_whose_stops_would_pull_in_the_end(count):
-    """What one does changes the forces on the others, so all are decided at once."""
-    rng = np.random.default_rng(7)
-    seen = set()
-    for _ in range(1000):
-        w, sides, force = mobility(rng, count), rng.choice([-1.0, 1.0], count), rng.normal(size=count)
-        at = [
-            contact(0.0, s, resting=True, force=f)
-            for s, f in zip(sides.tolist(), force.tolist(), strict=True)
-        ]
-        got = resolved(at, w)
-        free = -sides * (w @ force)  # accelerations without any stop
-        holds = complementary(np.outer(sides, sides) * w, free)
-        if not (sides * force > 0.0).any():
-            holds = -sides * force  # all are pushed: nothing changes
-        stays = holds > 0.0
-        assert (np.array(got.active_stops) != 0.0).tolist() == stays.tolist()
-        assert got.happened == np.where(stays, Event.NONE, Event.RELEASE).tolist()
-        assert got.going_on
-        np.testing.assert_allclose(got.forces, -sides * holds, rtol=1e-8, atol=1e-10)
-        leaves = contacts.leaving(at, w)
-        assert leaves == (~stays).tolist()  # the same before a common step
-        seen.add(tuple(stays))
-    assert len(seen) == 2**count
-
-
-@sliders
-def test_a_slider_that_comes_to_rest_beside_others_that_rest(count):
-    """It does not move, it sets off no other, and what no stop presses is let go."""
-    rng = np.random.default_rng(8)
-    rested = 0
-    for _ in range(1000):
-        w, sides = mobility(rng, count), rng.choice([-1.0, 1.0], count)
-        force, slow = -sides * rng.uniform(0.1, 2.0, count), -1e-7 * rng.random() * sides[0]
-        others = [
-            contact(0.0, s, resting=True, force=f)
-            for s, f in zip(sides[1:].tolist(), force[1:].tolist(), strict=True)
-        ]
-        press = rng.normal()
-        free = sides * (np.array([sides[0] * press, *np.zeros(count - 1)]) - w[:, 1:] @ force[1:])
-        got = resolved([contact(slow, sides[0], acceleration=sides[0] * press), *others], w)
-        if press <= 0.0:
-            assert got.active_stops[0] == 0.0
-            continue
-        stays = complementary(np.outer(sides, sides) * w, free) > 0.0
-        assert (np.array(got.active_stops) != 0.0).tolist() == stays.tolist()
-        if stays[0]:
-            assert got.happened[0] == Event.REST
-            np.testing.assert_allclose(np.array(got.velocities)[stays], 0.0, atol=1e-15)
-            rested += 1
-    assert rested > 300
-
-
-def test_a_single_slider_bounces_rests_and_goes():
-    """One stop, mobility 2: the formulas of a ball."""
-    w = [[2.0]]
-    got = resolved([contact(0.6, 1.0)], w, 0.5)
-    assert got.velocities == [pytest.approx(-0.3)]
-    assert got.impulses == [pytest.approx(-0.45)]
-    assert (got.happened, got.speeds) == ([Event.UPPER_IMPACT], [0.6])
-    got = resolved([contact(-1e-6, 1.0, acceleration=3.0)], w, 0.5)
-    assert (got.velocities, got.active_stops, got.happened) == ([0.0], [1.0], [Event.REST])
-    assert got.forces == [pytest.approx(-1.5)]
-    assert resolved([contact(-1e-3, 1.0, acceleration=3.0)], w, 0.5).active_stops == [0.0]
-    assert resolved([contact(-1e-6, 1.0, acceleration=3.0, released=True)], w, 0.5).active_stops == [0.0]
-    got = resolved([contact(0.0, -1.0, resting=True, force=-0.1)], w, 0.5)
-    assert (got.active_stops, got.happened, got.released) == ([0.0], [Event.RELEASE], [False])
-    away = resolved([contact(0.6, away=True)], w, 0.5)
-    assert (away.velocities, away.happened, away.going_on) == ([0.6], [Event.NONE], True)
-
-
-@sliders
-def test_a_lane_that_is_not_at_a_stop_or_has_spent_its_budget_is_left_as_it_was(count):
-    at = [contact(0.5, 1.0, resting=False)] * count
-    w = np.eye(count)
-    moving = resolved(at, w, phase=Phase.RUN)
-    assert not moving.strikes
-    assert not moving.given_up
-    assert (moving.happened, moving.impacts) == ([Event.NONE] * count, 0.0)
-    for spent in ({"changes": 512.0}, {"impacts": 257.0}):
-        got = resolved(at, w, **spent)
-        assert got.given_up
-        assert not got.strikes
-        assert not got.going_on
-        assert got.happened == [Event.NONE] * count
-    assert not resolved(at, w, changes=511.0, impacts=256.0).given_up
-
-
-def struck_by_turns(u, W, restitution, most=100_000):
-    """Outward speeds after impacts of one slider at a time, at stops without any gap; None if they go on."""
-    u = u.copy()
-    for _ in range(most):
-        if (u <= 1e-13).all():
-            return u
-        k = int(np.argmax(u))
-        u -= W[:, k] * (1.0 + restitution) * u[k] / W[k, k]
-    return None
-
-
-@pytest.mark.parametrize("restitution", [0.0, 0.02, 0.1, 0.3, 0.9, 1.0])
-def test_sliders_that_strike_by_turns_end_where_single_impacts_end(restitution):
-    """One moves onto its stop, the other away from its own: never struck together, but by turns; a chain that
-    never ends stops both."""
-    rng = np.random.default_rng(5)
-    chains = ended = 0
-    for _ in range(400):
-        angle = rng.uniform(0.05, np.pi - 0.05)
-        scale = 10.0 ** rng.uniform(-2.0, 2.0, 2)
-        W = np.outer(scale, scale) * [[1.0, np.cos(angle)], [np.cos(angle), 1.0]]
-        sides = rng.choice([-1.0, 1.0], 2)
-        u = scale * rng.permutation([1.0, -(10.0 ** rng.uniform(-3.0, 0.5))])
-        expected = struck_by_turns(u, W, restitution)
-        rates, w = (sides * u).tolist(), (np.outer(sides, sides) * W).tolist()
-        for _ in range(300):
-            pair = [contact(v, s, acceleration=-s) for v, s in zip(rates, sides.tolist(), strict=True)]
-            got = resolved(pair, w, restitution)
-            if not got.strikes:
-                break
-            rates = got.velocities
-            chains += 1
-        u_end = sides * rates
-        assert (u_end <= 1e-13 * max(1.0, scale.max())).all()
-        if expected is None:  # slower than any count: it tends to rest at both stops
-            continue
-        ended += 1
-        np.testing.assert_allclose(u_end / scale, expected / scale, atol=1e-9)
-    assert chains >= 400
-    assert ended > 300
 
 
 def test_the_energy_of_an_impact_to_rounding():

@@ -20,7 +20,7 @@ STEPS = {
 
 
 def scene_of(arm, steps):
-    # Always beyond its limits: it has no derivative at its kink, where error control takes thousands of steps.
+    # Always beyond its limits: its kink has no derivative, and error control takes thousands of steps there.
     spring = e.LimitSpring(arm.joints[1], -6.0, -5.0, 2.0, 0.1)
     return rde.Scene(arm, (e.Gravity(), e.ViscousFriction(0.1), spring), **STEPS[steps])
 

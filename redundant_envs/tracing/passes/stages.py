@@ -13,7 +13,7 @@ import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from redundant_envs.tracing.graph import Graph, Operation, Value, reached
+from redundant_envs.tracing.graph import Graph, Operation, Value, bits_of, reached
 from redundant_envs.tracing.number import Number, value_of
 from redundant_envs.tracing.passes.join import join_products
 from redundant_envs.tracing.passes.specialise import specialise
@@ -113,7 +113,8 @@ class Stages:
         """Places in the caller's memory -> numbers of the arguments that it keeps there."""
         self.results, self.carried, self.shared = self._split(results)
         # Results that are the same number are given once.
-        self.first = [self.results.index(r) for r in self.results]
+        alike = [bits_of(r) if isinstance(r, float) else r for r in self.results]  # 0.0 is not -0.0
+        self.first = [alike.index(r) for r in alike]
         computed = [k for k, r in enumerate(self.results) if isinstance(r, Operation) and self.first[k] == k]
         self.returned, self.told = computed[:RETURNED], computed[RETURNED:]
         later = [self.results[k] for k in self.returned]

@@ -1,0 +1,209 @@
+"""A contact resolved: who is struck, comes to rest and is released, of one slider, two and three."""
+
+import numpy as np
+import pytest
+from contact_problems import SLIDERS, complementary, contact, mobility, resolved
+
+from redundant_envs.integrators import contacts, events
+from redundant_envs.integrators.contacts import Event
+from redundant_envs.integrators.events import Phase
+
+
+@SLIDERS
+def test_struck_sliders_have_the_speeds_of_the_impulses(count):
+    """Those that rest or move onto their stops are struck; one that moves away has no support."""
+    rng = np.random.default_rng(6)
+    tried = 0
+    for _ in range(1000):
+        w, e = mobility(rng, count), rng.uniform(0, 1)
+        sides, v = rng.choice([-1.0, 1.0], count), rng.normal(size=count)
+        resting = rng.random(count) < 0.3
+        v[resting] = 0.0
+        u = sides * v
+        if not (u > 0).any():
+            continue
+        got = resolved(
+            [contact(*x) for x in zip(v.tolist(), sides.tolist(), resting.tolist(), strict=True)], w, e
+        )
+        by_turns = count == 2 and not resting.any() and (u < 0).any()
+        if by_turns and contacts.collapses(u.tolist(), sides.tolist(), w, e):
+            np.testing.assert_allclose(got.velocities, 0.0, atol=1e-12)
+            continue
+        acting = np.flatnonzero(resting | (u > 0))
+        outward = np.outer(sides, sides) * w
+        d = u + e * np.maximum(u, 0.0)
+        p = np.zeros(count)
+        p[acting] = complementary(outward[np.ix_(acting, acting)], d[acting])
+        after = v - w @ (sides * p)
+        assert got.strikes
+        assert not got.going_on
+        np.testing.assert_allclose(got.velocities, after, atol=1e-10 * max(1.0, np.abs(after).max()))
+        np.testing.assert_allclose(got.impulses, -sides * p, rtol=1e-9, atol=1e-12)
+        assert got.impacts == np.count_nonzero((p > 0) & (u > 0))
+        kinds = np.where((p > 0) & (u > 0), np.where(sides > 0, Event.UPPER_IMPACT, Event.LOWER_IMPACT), 0)
+        left = resting & (sides * np.array(got.velocities) < 0.0)
+        assert got.happened == np.where(left, Event.RELEASE, kinds).tolist()
+        assert (np.array(got.active_stops) != 0.0).tolist() == (resting & ~left).tolist()
+        tried += 1
+    assert tried > 300
+
+
+@SLIDERS
+def test_of_sliders_that_rest_those_leave_whose_stops_would_pull_in_the_end(count):
+    """What one does changes the forces on the others, so all are decided at once."""
+    rng = np.random.default_rng(7)
+    seen = set()
+    for _ in range(1000):
+        w, sides, force = mobility(rng, count), rng.choice([-1.0, 1.0], count), rng.normal(size=count)
+        at = [
+            contact(0.0, s, resting=True, force=f)
+            for s, f in zip(sides.tolist(), force.tolist(), strict=True)
+        ]
+        got = resolved(at, w)
+        free = -sides * (w @ force)  # accelerations without any stop
+        holds = complementary(np.outer(sides, sides) * w, free)
+        if not (sides * force > 0.0).any():
+            holds = -sides * force  # all are pushed: nothing changes
+        stays = holds > 0.0
+        assert (np.array(got.active_stops) != 0.0).tolist() == stays.tolist()
+        assert got.happened == np.where(stays, Event.NONE, Event.RELEASE).tolist()
+        assert got.going_on
+        np.testing.assert_allclose(got.forces, -sides * holds, rtol=1e-8, atol=1e-10)
+        leaves = contacts.leaving(at, w)
+        assert leaves == (~stays).tolist()  # the same before a common step
+        seen.add(tuple(stays))
+    assert len(seen) == 2**count
+
+
+@SLIDERS
+def test_a_slider_that_comes_to_rest_beside_others_that_rest(count):
+    """Who stays is decided at once; those that stay do not move, and what no stop presses is let go."""
+    rng = np.random.default_rng(8)
+    seen = set()
+    for _ in range(1500):
+        w, sides = mobility(rng, count), rng.choice([-1.0, 1.0], count)
+        force, slow = rng.normal(size=count), -1e-7 * rng.random() * sides[0]
+        others = [
+            contact(0.0, s, resting=True, force=f)
+            for s, f in zip(sides[1:].tolist(), force[1:].tolist(), strict=True)
+        ]
+        press = rng.normal()
+        free = sides * (np.array([sides[0] * press, *np.zeros(count - 1)]) - w[:, 1:] @ force[1:])
+        got = resolved([contact(slow, sides[0], acceleration=sides[0] * press), *others], w)
+        pulled = (sides * force)[1:] > 0.0
+        may = np.array([max(free[0], press) > 0.0, *[True] * (count - 1)])
+        stays = may & (pulled.any() or press > 0.0)
+        if stays.any():
+            stays[may] = complementary((np.outer(sides, sides) * w)[np.ix_(may, may)], free[may]) > 0.0
+        else:
+            stays[1:] = True  # nothing asks for a decision
+        assert (np.array(got.active_stops) != 0.0).tolist() == stays.tolist()
+        if stays[0]:
+            assert got.happened[0] == Event.REST
+            np.testing.assert_allclose(np.array(got.velocities)[stays], 0.0, atol=1e-15)
+        seen.add((stays[0], stays[1:].all()))
+    assert len(seen) >= min(4, 2 * count)
+
+
+def test_a_slider_on_its_way_from_its_stop_does_not_decide_who_rests():
+    """Two of three rest; the third leaves its stop, however it is accelerated."""
+    rng = np.random.default_rng(13)
+    for _ in range(500):
+        w, sides = mobility(rng, 3), rng.choice([-1.0, 1.0], 3)
+        force = rng.normal(size=2)
+        at = [contact(0.0, s, resting=True, force=f) for s, f in zip(sides[:2], force.tolist(), strict=True)]
+        got = resolved([*at, contact(-sides[2], sides[2], acceleration=9.0 * sides[2])], w)
+        free = -sides[:2] * (w[:2, :2] @ force)
+        stays = complementary((np.outer(sides, sides) * w)[:2, :2], free) > 0.0
+        if not (sides[:2] * force > 0.0).any():
+            stays[:] = True
+        assert [a != 0.0 for a in got.active_stops] == [*stays, False]
+
+
+def test_an_elastic_slider_rests_where_its_bounce_is_lost_in_rounding():
+    """Less than four units in the last place of the stop it is at."""
+    for side, upper in ((1.0, 4096.0), (-1.0, 4096.0)):
+        for height, rests in ((0.5, True), (2.0, False)):
+            c = contact(0.0, side, acceleration=side)._replace(lower=0.0, upper=upper)
+            unit = events.ROUNDING * (upper if side > 0.0 else 1.0)
+            c = c._replace(
+                position=upper if side > 0.0 else 0.0, velocity=-side * (2.0 * height * unit) ** 0.5
+            )
+            assert (resolved([c], [[1.0]], 1.0).active_stops[0] != 0.0) is rests
+
+
+def test_a_single_slider_bounces_rests_and_goes():
+    """One stop, mobility 2: the formulas of a ball."""
+    w = [[2.0]]
+    got = resolved([contact(0.6, 1.0)], w, 0.5)
+    assert got.velocities == [pytest.approx(-0.3)]
+    assert got.impulses == [pytest.approx(-0.45)]
+    assert (got.happened, got.speeds) == ([Event.UPPER_IMPACT], [0.6])
+    got = resolved([contact(-1e-6, 1.0, acceleration=3.0)], w, 0.5)
+    assert (got.velocities, got.active_stops, got.happened) == ([0.0], [1.0], [Event.REST])
+    assert got.forces == [pytest.approx(-1.5)]
+    assert resolved([contact(-1e-3, 1.0, acceleration=3.0)], w, 0.5).active_stops == [0.0]
+    assert resolved([contact(-1e-6, 1.0, acceleration=3.0, released=True)], w, 0.5).active_stops == [0.0]
+    got = resolved([contact(0.0, -1.0, resting=True, force=-0.1)], w, 0.5)
+    assert (got.active_stops, got.happened, got.released) == ([0.0], [Event.RELEASE], [False])
+    away = resolved([contact(0.6, away=True)], w, 0.5)
+    assert (away.velocities, away.happened, away.going_on) == ([0.6], [Event.NONE], True)
+
+
+@SLIDERS
+def test_a_lane_that_is_not_at_a_stop_or_has_spent_its_budget_is_left_as_it_was(count):
+    at = [contact(0.5, 1.0, resting=False)] * count
+    w = np.eye(count)
+    moving = resolved(at, w, phase=Phase.RUN)
+    assert not moving.strikes
+    assert not moving.given_up
+    assert (moving.happened, moving.impacts) == ([Event.NONE] * count, 0.0)
+    for spent in ({"changes": 512.0}, {"impacts": 257.0}):
+        got = resolved(at, w, **spent)
+        assert got.given_up
+        assert not got.strikes
+        assert not got.going_on
+        assert got.happened == [Event.NONE] * count
+    assert not resolved(at, w, changes=511.0, impacts=256.0).given_up
+
+
+def struck_by_turns(u, W, restitution, most=100_000):
+    """Outward speeds after impacts of one slider at a time, at stops without any gap; None if they go on."""
+    u = u.copy()
+    for _ in range(most):
+        if (u <= 1e-13).all():
+            return u
+        k = int(np.argmax(u))
+        u -= W[:, k] * (1.0 + restitution) * u[k] / W[k, k]
+    return None
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.02, 0.1, 0.3, 0.9, 1.0])
+def test_sliders_that_strike_by_turns_end_where_single_impacts_end(restitution):
+    """One moves onto its stop, the other away from its own: never struck together, but by turns; a chain that
+    never ends stops both."""
+    rng = np.random.default_rng(5)
+    chains = ended = 0
+    for _ in range(400):
+        angle = rng.uniform(0.05, np.pi - 0.05)
+        scale = 10.0 ** rng.uniform(-2.0, 2.0, 2)
+        W = np.outer(scale, scale) * [[1.0, np.cos(angle)], [np.cos(angle), 1.0]]
+        sides = rng.choice([-1.0, 1.0], 2)
+        u = scale * rng.permutation([1.0, -(10.0 ** rng.uniform(-3.0, 0.5))])
+        expected = struck_by_turns(u, W, restitution)
+        rates, w = (sides * u).tolist(), (np.outer(sides, sides) * W).tolist()
+        for _ in range(300):
+            pair = [contact(v, s, acceleration=-s) for v, s in zip(rates, sides.tolist(), strict=True)]
+            got = resolved(pair, w, restitution)
+            if not got.strikes:
+                break
+            rates = got.velocities
+            chains += 1
+        u_end = sides * rates
+        assert (u_end <= 1e-13 * max(1.0, scale.max())).all()
+        if expected is None:  # slower than any count: it tends to rest at both stops
+            continue
+        ended += 1
+        np.testing.assert_allclose(u_end / scale, expected / scale, atol=1e-9)
+    assert chains >= 400
+    assert ended > 300
