@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import redundant_envs.backends.numpy  # so that functions of the dialect know arrays
+import redundant_envs.backends.numpy  # noqa: F401 - functions of the dialect then know arrays
 from redundant_envs.envs import registration as _registration
 
 if TYPE_CHECKING:
