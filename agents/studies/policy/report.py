@@ -134,7 +134,7 @@ def report_text(study: Study, results: Sequence[ArmResult], about: Mapping[str, 
         "* `physics.csv`: the tables of the first part, a row per arm and physics.",
         "* `episodes_<arm>.csv`: every episode under every physics, with its goal.",
         "* `figures/`: the differences and their intervals, PNG and SVG.",
-        "* `scenes/`: the scenes as they were simulated; `python -m redundant_envs scene FILE --source` "
+        "* `scenes/`: the scenes as they were simulated; `python -m redundant_envs scene FILE --listing` "
         "prints the simulator of one.",
         *(["* `training.csv`, `training_differences.csv`: the second part."] if study.train_seeds else []),
     ]  # fmt: skip
