@@ -163,10 +163,20 @@ def gives_of(function: Callable[..., Any]) -> tuple[str, ...]:
     return function.physics_gives  # type: ignore[attr-defined,no-any-return]
 
 
-@functools.cache
 def arguments_of(function: Callable[..., Any]) -> tuple[str, ...]:
     """Names of a function's arguments, in order."""
+    return _arguments_of(function, getattr(function, "__code__", None))
+
+
+@functools.cache
+def _arguments_of(function: Callable[..., Any], code: Any) -> tuple[str, ...]:
+    """As long as the function has this code, which tools that reload modules replace."""
     return tuple(inspect.signature(function).parameters)
+
+
+def name_of(function: Any) -> str:
+    """How a function is called in messages."""
+    return getattr(function, "__qualname__", repr(function))
 
 
 @physics

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from redundant_envs import dialect
-from redundant_envs.algebra import arguments_of, gives_of
+from redundant_envs.algebra import arguments_of, gives_of, name_of
 from redundant_envs.effects.hooks import Actuation, Effect, Field, Force, Hook, Impact
 from redundant_envs.robots.parameters import Arm
 
@@ -63,7 +63,7 @@ def _check_hook(hook: Hook, own: Mapping[str, float], arm: Arm) -> None:
     _check_function("function", hook.function, hook, own, arm)
     if dialect.results_of(hook.function) != RESULTS[type(hook)]:
         raise ValueError(
-            f"function {hook.function.__qualname__} returns {dialect.results_of(hook.function)} values; "
+            f"function {name_of(hook.function)} returns {dialect.results_of(hook.function)} values; "
             f"a {type(hook).__name__} needs {RESULTS[type(hook)]}"
         )
     if not isinstance(hook, Force):
@@ -75,7 +75,7 @@ def _check_hook(hook: Hook, own: Mapping[str, float], arm: Arm) -> None:
             continue
         roots = _check_function(name, function, hook, own, arm)
         if dialect.results_of(function) != 1:
-            raise ValueError(f"{name} {function.__qualname__} must return one value")
+            raise ValueError(f"{name} {name_of(function)} must return one value")
         fixed = name in ("stiffness", "damping")
         allowed = numbers if fixed else {*numbers, *arm.coordinates}
         moving = ", ".join(sorted(source for source, behind in roots.items() if behind - allowed))
@@ -83,11 +83,11 @@ def _check_hook(hook: Hook, own: Mapping[str, float], arm: Arm) -> None:
             continue
         if function is hook.function and name == "conservative":
             raise ValueError(
-                f"{function.__qualname__} has a potential and depends on {moving}, so it is not all the "
+                f"{name_of(function)} has a potential and depends on {moving}, so it is not all the "
                 "derivative of that; give conservative=, the part that is, as a function of its own"
             )
         raise ValueError(
-            f"{name} {function.__qualname__} depends on {moving}; it may depend on "
+            f"{name} {name_of(function)} depends on {moving}; it may depend on "
             f"{'parameters' if fixed else 'the position'} alone"
         )
 
@@ -106,7 +106,7 @@ def _check_function(
     found: dict[str, set[str]] = {}
     for argument in arguments_of(function):
         source = hook.bind.get(argument, argument)
-        where = f"{field} {function.__qualname__}, argument {argument!r}"
+        where = f"{field} {name_of(function)}, argument {argument!r}"
         if not isinstance(source, str):
             raise ValueError(f"{where}: bind gives {source!r:.80}; give a name in quotation marks")
         if source.startswith("."):

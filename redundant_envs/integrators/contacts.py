@@ -107,7 +107,7 @@ def _solved(w: Matrix, b: Sequence[Any], unsigned: Matrix | None = None) -> list
     if len(b) == 1:
         return [b[0] * (1.0 / w[0][0])]
     if len(b) == 2:
-        m = unsigned or w
+        m = w if unsigned is None else unsigned
         per_det = 1.0 / (m[0][0] * m[1][1] - m[0][1] * m[0][1])
         first = (w[1][1] * b[0] - w[0][1] * b[1]) * per_det
         return [first, (w[0][0] * b[1] - w[0][1] * b[0]) * per_det]

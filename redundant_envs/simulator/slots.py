@@ -171,6 +171,8 @@ class Slots:
         """Fields that slots read of what blocks know."""
         known = {place for f in self.of_blocks for place in written_by(f)}
         read = {place for f in self.of_slots for place in reads_of(f)}
+        if self.interval.logs:
+            read.add(self.layout.place("span_start"))  # read by tell, and by no function
         return [
             n
             for n in self.layout.fields

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable
 from typing import Any, NoReturn
 
@@ -10,6 +11,7 @@ from redundant_envs import algebra
 from redundant_envs.tracing.graph import Graph, Value
 
 EXPONENTS = (2, 3, 4)
+OPERATORS = ("add", "sub", "mul", "truediv")
 
 
 def _arithmetic(name: str, swapped: bool = False) -> Callable[[Number, Any], Any]:
@@ -74,7 +76,12 @@ class Number:
 
     __int__ = __index__ = __float__  # type: ignore[assignment]
 
-    def __array_ufunc__(self, ufunc: Any, *_: Any, **__: Any) -> NoReturn:
+    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **_: Any) -> Any:
+        """A single number of NumPy is one here too, on either side."""
+        name = {"divide": "truediv", "subtract": "sub", "multiply": "mul"}.get(ufunc.__name__, ufunc.__name__)
+        if name in OPERATORS and method == "__call__" and not any(getattr(x, "ndim", 0) for x in inputs):
+            a, b = (x if isinstance(x, Number) else float(x) for x in inputs)
+            return getattr(operator, name)(a, b)
         _refuse(f"NumPy's {ufunc.__name__} does not know it; use the functions of redundant_envs.algebra")
 
 
@@ -106,8 +113,8 @@ class Condition:
     def __xor__(self, other: Condition) -> Condition:
         return Condition(self.graph, self.graph.record("xor", self.value, other.value))
 
-    def __invert__(self) -> Condition:
-        return Condition(self.graph, self.graph.record("not", self.value))
+    def __invert__(self) -> NoReturn:
+        _refuse("write logical_not(condition) instead of ~, which makes a number of a truth of Python")
 
     def __eq__(self, other: object) -> Any:
         _refuse("conditions are compared by ^ (exclusive or), & and |")
@@ -134,12 +141,16 @@ def fma(a: Any, b: Any, c: Any) -> Number:
     return Number(graph, graph.record("fma", value_of(a), value_of(b), value_of(c)))
 
 
+def negation(x: Condition) -> Condition:
+    return Condition(x.graph, x.graph.record("not", x.value))
+
+
 def where(condition: Condition, a: Any, b: Any) -> Any:
     if not isinstance(condition, Condition):
         raise TypeError("where chooses by a condition, not by a number; compare it first, such as x > 0.0")
     graph = condition.graph
     if isinstance(a, Condition | bool) and isinstance(b, Condition | bool):
-        return (condition & a) | (~condition & b)
+        return (condition & a) | (negation(condition) & b)
     return Number(graph, graph.record("select", condition.value, value_of(a), value_of(b)))
 
 
@@ -194,7 +205,7 @@ def _power_of_two(k: Number) -> Number:
 
 algebra.register_numbers(
     algebra.Primitives(
-        _unary("sqrt"), exp, _unary("floor"), sincos, where, lambda condition: ~condition
+        _unary("sqrt"), exp, _unary("floor"), sincos, where, negation
     ),
     Number, Condition,
 )  # fmt: skip

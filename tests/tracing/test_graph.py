@@ -173,7 +173,6 @@ def test_the_first_case_that_holds_is_chosen():
         (lambda a, b: int(a), "not those of math"),
         (lambda a, b: [1.0, 2.0][a], "no single number"),
         (lambda a, b: np.sin(a), "NumPy's sin does not know it; use the functions of redundant_envs.algebra"),
-        (lambda a, b: np.float64(2.0) * a, "NumPy's multiply"),
         (lambda a, b: np.ones(3) * a, "NumPy's multiply"),
         (lambda a, b: np.maximum(a, b), "NumPy's maximum"),
         (lambda a, b: a**0.5, r"the exponent is 0\.5; write a product, sqrt or exp, or 2, 3 or 4"),
