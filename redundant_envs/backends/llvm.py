@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import ctypes
+import platform
 import threading
+import warnings
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm
 from llvmlite import ir
@@ -31,6 +33,7 @@ Entry = Callable[[int], None]
 
 ORDER_OPTION = "-enable-misched={}"
 """LLVM's option for an order of its own. It is one for the whole process, so it is set under a lock."""
+JOINED = "fma"
 WIDE = "avx512f"
 """A feature of processors with 32 vector registers, for which our order of instructions is made."""
 
@@ -253,20 +256,43 @@ def module_of(program: Program, ordered: bool) -> ir.Module:
     return module
 
 
+class Processor(NamedTuple):
+    """For whom machine code is made: LLVM's name of a processor, and what it can do beside that."""
+
+    name: str
+    features: str
+
+    @property
+    def wide(self) -> bool:
+        """Whether it has 32 vector registers."""
+        return f"+{WIDE}" in self.features.split(",")
+
+    @property
+    def joins(self) -> bool:
+        """Whether it multiplies and adds with one rounding; processors other than x86 all do."""
+        x86 = platform.machine().lower() in ("x86_64", "amd64")
+        return not x86 or f"+{JOINED}" in self.features.split(",")
+
+
+def processor() -> Processor:
+    """This machine's."""
+    return Processor(llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
+
+
 def facts() -> tuple[str, ...]:
     """What machine code depends on beside the program."""
     import llvmlite
 
     version = ".".join(map(str, llvm.llvm_version_info))
-    return llvmlite.__version__, version, llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+    return llvmlite.__version__, version, *processor()
 
 
 def machine() -> Any:
-    """This processor, as LLVM knows it."""
+    """The processor, as LLVM knows it."""
+    cpu, features = processor()
     return llvm.Target.from_default_triple().create_target_machine(
-        cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=3,
-        codemodel="jitdefault", jit=True,
-    )  # fmt: skip
+        cpu=cpu, features=features, opt=3, codemodel="jitdefault", jit=True
+    )
 
 
 def object_code(program: Program) -> bytes:
@@ -281,7 +307,13 @@ def assembly(program: Program) -> str:
 
 def _emitted(program: Program, emit: Callable[[Any, Any], Any]) -> Any:
     initialise()
-    ordered = llvm.get_host_cpu_features().get(WIDE, False)
+    ordered = processor().wide
+    if not processor().joins:
+        warnings.warn(
+            "this processor cannot multiply and add with one rounding (FMA); simulations have the same bits "
+            "as elsewhere, many times slower",
+            stacklevel=2,
+        )
     text = str(module_of(program, ordered))
     with _lock:
         llvm.set_option("redundant-envs", ORDER_OPTION.format("false" if ordered else "true"))
@@ -289,13 +321,25 @@ def _emitted(program: Program, emit: Callable[[Any, Any], Any]) -> Any:
             target = machine()
             module = llvm.parse_assembly(text)
             module.verify()
-            options = llvm.create_pipeline_tuning_options(speed_level=2)
-            options.slp_vectorization = False
-            passes = llvm.create_pass_builder(target, options)
-            passes.getModulePassManager().run(module, passes)
+            _tidy(module, target)
             return emit(target, module)
         finally:
             llvm.set_option("redundant-envs", ORDER_OPTION.format("true"))
+
+
+def _tidy(module: Any, target: Any) -> None:
+    """Variables of kernels into registers, and no empty blocks.
+
+    That is all that is left for LLVM: what its pipelines would do for speed our own passes have done, and it
+    gains nothing for twice the time.
+    """
+    builder = llvm.create_pass_builder(target, llvm.create_pipeline_tuning_options())
+    passes = llvm.create_new_function_pass_manager()
+    passes.add_sroa_pass()
+    passes.add_simplify_cfg_pass()
+    for function in module.functions:
+        if not function.is_declaration:
+            passes.run(function, builder)
 
 
 def load(code: bytes, names: Sequence[str]) -> dict[str, Entry]:

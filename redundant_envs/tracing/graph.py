@@ -169,5 +169,5 @@ def reached(results: Iterable[Value]) -> list[Operation]:
             elif isinstance(node, Operation) and node not in seen:
                 seen.add(node)
                 stack.append((node, True))
-                stack.extend((a, False) for a in reversed(node.operands))
+                stack.extend([(a, False) for a in reversed(node.arguments) if isinstance(a, Operation)])
     return order

@@ -180,11 +180,13 @@ class Stages:
         wanted: dict[Operation, int] = {}
         for n in nodes:
             ready[n] = calls[n] + 1 if n in calls else max((ready[a] for a in n.operands), default=0)
-        for c, i in calls.items():
-            for k, a in enumerate(c.arguments):
-                for n in reached([a]):
-                    call = max(i - 1, 0) if k < self.subroutine.positions else i
-                    wanted[n] = min(call, wanted.get(n, call))
+        for n in reversed(nodes):
+            for k, a in enumerate(n.arguments):
+                if isinstance(a, Operation):
+                    call = wanted.get(n, len(calls))
+                    if n in calls:
+                        call = max(calls[n] - 1, 0) if k < self.subroutine.positions else calls[n]
+                    wanted[a] = min(call, wanted.get(a, call))
 
         def place(n: Operation) -> tuple[int, bool]:
             return calls.get(n, max(ready[n], wanted.get(n, len(calls)) - 1)), n in calls
