@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from redundant_envs import effects
     from redundant_envs.envs.check import check_vec_env
     from redundant_envs.envs.sb3 import make_sb3 as make_sb3  # not in __all__
-    from redundant_envs.model.arms import RPRP, FourR
+    from redundant_envs.robots import RPRP, Arm, FourR
     from redundant_envs.model.batch import BatchSimulator, Event, Numerics
     from redundant_envs.model.listing import bill, listing
     from redundant_envs.model.torch_step import torch_step as torch_step  # not in __all__
@@ -21,8 +21,9 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
-    "RPRP": "model.arms",
-    "FourR": "model.arms",
+    "Arm": "robots",
+    "RPRP": "robots",
+    "FourR": "robots",
     "Scene": "scene",
     "load_scene": "scene",
     "BatchSimulator": "model.batch",
@@ -56,7 +57,6 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'redundant_envs' has no attribute {name!r}")
     from importlib import import_module
 
-    import_module("redundant_envs.model.arms")
     home = _HOMES[name]
     if not home:
         return import_module(f"redundant_envs.{name}")

@@ -135,8 +135,10 @@ def all_of(conditions: Iterable[Any]) -> Any:
 @overload
 def physics(function: Callable[..., Any]) -> Callable[..., Any]: ...
 @overload
-def physics(*, gives: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]: ...
-def physics(function: Callable[..., Any] | None = None, *, gives: str = "") -> Any:
+def physics(*, gives: str, takes: str | None = None) -> Callable[[Callable[..., Any]], Callable[..., Any]]: ...
+def physics(
+    function: Callable[..., Any] | None = None, *, gives: str = "", takes: str | None = None
+) -> Any:
     """Mark a function as text of the physics dialect.
 
     Parameters
@@ -144,10 +146,14 @@ def physics(function: Callable[..., Any] | None = None, *, gives: str = "") -> A
     gives : str
         Names of the quantities that the function returns, separated by blanks. A function
         without it is a helper, called by other marked functions only.
+    takes : str, optional
+        Names of its arguments, where it is written for any number of them (``*values``).
     """
 
     def mark(f: Callable[..., Any]) -> Callable[..., Any]:
         f.physics_gives = tuple(gives.split())  # type: ignore[attr-defined]
+        if takes is not None:
+            f.physics_takes = tuple(takes.split())  # type: ignore[attr-defined]
         return f
 
     return mark if function is None else mark(function)
@@ -165,6 +171,8 @@ def gives_of(function: Callable[..., Any]) -> tuple[str, ...]:
 
 def arguments_of(function: Callable[..., Any]) -> tuple[str, ...]:
     """Names of a function's arguments, in order."""
+    if hasattr(function, "physics_takes"):
+        return function.physics_takes  # type: ignore[no-any-return]
     return _arguments_of(function, getattr(function, "__code__", None))
 
 
@@ -172,6 +180,11 @@ def arguments_of(function: Callable[..., Any]) -> tuple[str, ...]:
 def _arguments_of(function: Callable[..., Any], code: Any) -> tuple[str, ...]:
     """As long as the function has this code, which tools that reload modules replace."""
     return tuple(inspect.signature(function).parameters)
+
+
+def numbered(form: str, count: int) -> list[str]:
+    """Names with the numbers from 1 on: ``numbered("phi{}", 2)`` is phi1, phi2."""
+    return [form.format(k + 1) for k in range(count)]
 
 
 def name_of(function: Any) -> str:

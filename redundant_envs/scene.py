@@ -6,21 +6,19 @@ import dataclasses
 import functools
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from importlib import import_module
 from numbers import Integral
 from pathlib import Path
 from typing import Any
 
 from redundant_envs.effects import REGISTRY as EFFECTS
 from redundant_envs.effects.attaching import attached
-from redundant_envs.effects.hooks import Actuation, Effect, Field, Hook, Impact, snake_case
+from redundant_envs.effects.hooks import Effect, Field, Hook, Impact, State, snake_case
 from redundant_envs.files import exists, explained, read_yaml
 from redundant_envs.integrators.tableaus import METHODS
-from redundant_envs.robots.parameters import Arm, number
+from redundant_envs.robots import REGISTRY as ARMS
+from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.parameters import number
 from redundant_envs.values import check_bounds, shown
-
-ARMS: dict[str, type[Arm]] = {}
-"""Arms by their name in scene files; filled by ``redundant_envs.model``. :func:`arms` has them all."""
 
 MOST_SUBSTEPS = 1_000_000
 """Steps per control interval: with more a single interval takes a second or longer."""
@@ -45,11 +43,11 @@ class Scene:
 
     Parameters
     ----------
-    robot : RPRP or FourR
+    robot : Arm
     effects : sequence of effects
         Only these are simulated. Two effects may not have the same key.
     integrator : {"euler", "rk4", "rk8", "dop853"}
-        "dop853" takes steps of any length, so short that their error stays near rounding.
+        Or one that was registered. "dop853" takes steps of any length, so short that their error stays near rounding.
     control_dt : float
         Control interval [s], 1e-9 to 1000; efforts are constant over it.
     substeps : int
@@ -72,7 +70,7 @@ class Scene:
 
     def __post_init__(self) -> None:
         if not isinstance(self.robot, Arm):
-            raise ValueError(f"robot is {shown(self.robot)}; give an arm: {', '.join(sorted(arms()))}")
+            raise ValueError(f"robot is {shown(self.robot)}; give an arm: {', '.join(sorted(ARMS))}")
         if isinstance(self.effects, Effect):
             one = shown(self.effects)
             raise ValueError(f"effects is the effect {one}; give a sequence, effects=({one},)")
@@ -81,6 +79,7 @@ class Scene:
                 f"effects is {shown(self.effects)}; give a sequence of effects, such as effects=(Gravity(),)"
             )
         object.__setattr__(self, "effects", tuple(self.effects))
+        fitted: list[Effect] = []
         seen: dict[str, Effect] = {}
         hooks: list[Hook] = []
         for i, effect in enumerate(self.effects):
@@ -89,6 +88,8 @@ class Scene:
                     f"effects[{i}] is {shown(effect)}; give an effect, such as Gravity(): "
                     f"{', '.join(sorted(EFFECTS))}"
                 )
+            effect = effect.fitted(self.robot)
+            fitted.append(effect)
             hooks += attached(f"effects[{i}]", effect, self.robot)
             if effect.key in seen:
                 fix = "combine the two into one"
@@ -96,12 +97,10 @@ class Scene:
                     fix = "two classes share this name of their parameters: give one a 'key' of its own"
                 raise ValueError(f"effects[{i}] is a second {effect.key!r}; {fix}")
             seen[effect.key] = effect
+        object.__setattr__(self, "effects", tuple(fitted))
         self._check_identifiers()
         if sum(isinstance(h, Field) for h in hooks) > 1:
             raise ValueError("effects has two uniform fields; combine them into one Gravity")
-        joints = [h.joint for h in hooks if isinstance(h, Actuation)]
-        if len(set(joints)) < len(joints):
-            raise ValueError("effects has two effects on the same motor; combine them into one")
         if not isinstance(self.integrator, str) or self.integrator not in METHODS:
             raise ValueError(f"integrator is {shown(self.integrator)}; choose {', '.join(METHODS)}")
         dt = number("control_dt", self.control_dt)
@@ -130,7 +129,7 @@ class Scene:
     def _check_identifiers(self) -> None:
         """Every parameter is a row of its own in the compiled core."""
         taken: dict[str, str] = {}
-        for name in self._parameters:
+        for name in (*self._parameters, *self.states()):
             other = taken.setdefault(identifier(name), name)
             if other != name:
                 raise ValueError(
@@ -162,6 +161,10 @@ class Scene:
     def parameters(self) -> dict[str, float]:
         """All numbers of the scene by parameter name: "m1", "gravity.g", "limit_spring.r1.upper"."""
         return dict(self._parameters)
+
+    def states(self) -> dict[str, State]:
+        """States of the effects by name: "actuator_lag.effort[0]"."""
+        return {f"{e.key}.{n}": s for e in self.effects for n, s in e.states(self.robot).items()}
 
     @functools.cached_property
     def _parameters(self) -> dict[str, float]:
@@ -208,7 +211,7 @@ class Scene:
         check_keys("scene", data, fields)
         if "robot" not in data:
             raise ValueError("scene has no 'robot'; give its type, masses and lengths")
-        robot = typed("robot", data["robot"], arms())
+        robot = typed("robot", data["robot"], ARMS)
         effects = data.get("effects", ())
         if not isinstance(effects, list | tuple):
             raise ValueError(f"effects is {shown(effects)}; give a list of mappings with a 'type'")
@@ -249,12 +252,6 @@ def typed(where: str, data: Any, registry: Mapping[str, type[Any]]) -> Any:
         if required and f.name not in arguments:
             raise ValueError(f"{where} ({kind}) lacks {f.name!r}")
     return target(**arguments)
-
-
-def arms() -> Mapping[str, type[Arm]]:
-    """Arms by their name in scene files, whatever was imported before."""
-    import_module("redundant_envs.model.arms")  # it stands above this module, and registers them
-    return ARMS
 
 
 def scene_folder() -> Path:

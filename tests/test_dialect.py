@@ -52,7 +52,7 @@ def test_the_scan_finds_the_physics():
 
 
 def test_the_arms_and_the_tasks_are_made_of_marked_functions():
-    from redundant_envs.model.arms import RPRP, FourR
+    from redundant_envs.robots import RPRP, FourR
     from redundant_envs.tasks.reach import ReachTask
 
     scanned = set(FUNCTIONS.values())

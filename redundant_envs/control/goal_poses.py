@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.robots.parameters import Arm
+from redundant_envs.robots.arm import Arm
 
 Array = NDArray[np.float64]
 

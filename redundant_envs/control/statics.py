@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from redundant_envs.backends.numpy import evaluate
 from redundant_envs.effects import EffortLimits
 from redundant_envs.effects.hooks import Actuation, Field, Force, Impact
 from redundant_envs.model.energy import hook_value
@@ -50,7 +49,7 @@ def static_efforts(scene: Scene, q: ArrayLike) -> Array:
     for effect, hook in hooks:
         if isinstance(hook, Field):
             values["ax"], values["ay"] = hook_value(arm, effect, hook, hook.function, values)
-    gravity = np.stack(np.broadcast_arrays(*evaluate(arm, ("G1", "G2", "G3", "G4"), values)), axis=-1)
+    gravity = np.stack(np.broadcast_arrays(*arm.evaluate(("G1", "G2", "G3", "G4"), values)), axis=-1)
     efforts: Array = gravity @ np.linalg.inv(arm.motor_map).T
     for effect, hook in hooks:
         if isinstance(hook, Force):

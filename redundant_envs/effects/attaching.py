@@ -7,13 +7,16 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from redundant_envs import dialect
-from redundant_envs.algebra import arguments_of, gives_of, name_of
-from redundant_envs.effects.hooks import Actuation, Effect, Field, Force, Hook, Impact
-from redundant_envs.robots.parameters import Arm
+from redundant_envs.algebra import arguments_of, gives_of, name_of, numbered
+from redundant_envs.effects.hooks import Actuation, Effect, Field, Force, Hook, Impact, Link, State
+from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.parameters import number
 
 RESULTS = {Field: 2, Force: 1, Actuation: 1}
 """Values that the function of a hook returns."""
-COMMANDS = tuple(f"command{k}" for k in range(1, 5))
+STATE_NAME = re.compile(r"[^\W\d]\w*(\[\d+\])?")
+Own = dict[str, bool]
+"""Names of an effect's own numbers, and whether they are states."""
 KEY = re.compile(r"[^\W\d]\w*(\.\w+)*")
 
 
@@ -35,7 +38,16 @@ def attached(where: str, effect: Effect, arm: Arm) -> tuple[Hook, ...]:
         raise ValueError(
             f"{kind}.hooks gives {hooks!r:.80}; give a tuple of Field, Force, Actuation or Impact"
         )
-    own = effect.parameters()
+    own: Own = dict.fromkeys(effect.parameters(), False)
+    for hook in hooks:
+        for state in _states_of(hook):
+            name = getattr(state, "name", None)
+            if not isinstance(name, str) or not STATE_NAME.fullmatch(name) or name in own:
+                raise ValueError(
+                    f"{where} ({kind}) has the state {name!r}; give a State with a name of its own, 'name' or "
+                    "'name[k]', that no other number of the effect has"
+                )
+            own[name] = True
     for n, hook in enumerate(hooks):
         try:
             _check_hook(hook, own, arm)
@@ -51,14 +63,18 @@ def attached(where: str, effect: Effect, arm: Arm) -> tuple[Hook, ...]:
     return tuple(hooks)
 
 
-def _check_hook(hook: Hook, own: Mapping[str, float], arm: Arm) -> None:
+def _states_of(hook: Any) -> tuple[State, ...]:
+    return hook.states if isinstance(hook, Force | Actuation) else ()
+
+
+def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
     if not isinstance(hook, Field):
         count = len(arm.coordinates)
         if isinstance(hook.joint, bool) or not isinstance(hook.joint, int) or not 0 <= hook.joint < count:
             raise ValueError(f"joint is {hook.joint!r}; give 0 to {count - 1} ({', '.join(arm.joints)})")
     if isinstance(hook, Impact):
         for name in ("lower", "upper", "restitution"):
-            _own(name, getattr(hook, name), own)
+            _own(name, getattr(hook, name), {n: False for n, moves in own.items() if not moves})
         return
     _check_function("function", hook.function, hook, own, arm)
     if dialect.results_of(hook.function) != RESULTS[type(hook)]:
@@ -66,6 +82,10 @@ def _check_hook(hook: Hook, own: Mapping[str, float], arm: Arm) -> None:
             f"function {name_of(hook.function)} returns {dialect.results_of(hook.function)} values; "
             f"a {type(hook).__name__} needs {RESULTS[type(hook)]}"
         )
+    if isinstance(hook, Actuation) and not isinstance(hook.link, Link):
+        raise ValueError(f"link is {hook.link!r}; choose {', '.join(f'Link.{link.name}' for link in Link)}")
+    for state in _states_of(hook):
+        _check_state(state, own, arm)
     if not isinstance(hook, Force):
         return
     numbers = set(arm.parameter_values())
@@ -92,11 +112,27 @@ def _check_hook(hook: Hook, own: Mapping[str, float], arm: Arm) -> None:
         )
 
 
+def _check_state(state: State, own: Own, arm: Arm) -> None:
+    """Refuse a state that does not say how it changes, or says it twice."""
+    if (state.derivative is None) == (state.update is None):
+        raise ValueError(f"the state {state.name!r} needs either a derivative or an update")
+    number(f"initial of the state {state.name!r}", state.initial)
+    for name in ("derivative", "update", "rate"):
+        function = getattr(state, name)
+        if function is None:
+            continue
+        roots = _check_function(f"{name} of the state {state.name!r},", function, state, own, arm)
+        if dialect.results_of(function) != 1:
+            raise ValueError(f"{name} {name_of(function)} must return one value")
+        if name == "rate" and any(behind - set(arm.parameter_values()) for behind in roots.values()):
+            raise ValueError(f"rate {name_of(function)} may depend on parameters alone")
+
+
 def _check_function(
     field: str,
     function: Callable[..., Any],
-    hook: Field | Force | Actuation,
-    own: Mapping[str, float],
+    hook: Field | Force | Actuation | State,
+    own: Own,
     arm: Arm,
 ) -> dict[str, set[str]]:
     """Check a hook's function and its names; returns what is behind each quantity of the arm in it."""
@@ -111,12 +147,14 @@ def _check_function(
             raise ValueError(f"{where}: bind gives {source!r:.80}; give a name in quotation marks")
         if source.startswith("."):
             _own(where, source, own)
+            if own[source[1:]]:
+                found[source] = {source}
         else:
             found[source] = roots_of(where, source, arm)
     return found
 
 
-def _own(where: str, source: str, own: Mapping[str, float]) -> None:
+def _own(where: str, source: str, own: Own) -> None:
     """Refuse the name of a number that the effect does not have."""
     if not isinstance(source, str) or source[:1] != "." or source[1:] not in own:
         valid = ", ".join(f".{name}" for name in own) or "none"
@@ -127,7 +165,8 @@ def roots_of(where: str, quantity: str, arm: Arm) -> set[str]:
     """States, commands and parameters that a quantity of an arm follows from."""
     givers = {name: f for f in arm.functions for name in gives_of(f)}
     angles = {name: angle for angle, pair in arm.sincos.items() for name in pair}
-    base = {*arm.coordinates, *arm.rates, *arm.parameter_values(), *COMMANDS, "ax", "ay"}
+    commands = numbered("command{}", len(arm.joints))
+    base = {*arm.coordinates, *arm.rates, *arm.parameter_values(), *commands, "ax", "ay"}
     roots: set[str] = set()
     waiting, seen = [quantity], {quantity}
     while waiting:

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from redundant_envs.algebra import physics
 from redundant_envs.effects.hooks import Effect, Force, Hook
-from redundant_envs.robots.parameters import Arm, numbers, strength, travel
+from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.parameters import for_sliders, numbers, strength, travel
 
 
 @physics
@@ -28,27 +29,28 @@ def steepness(stiffness):
 
 @dataclass(frozen=True)
 class CentringSpring(Effect):
-    """k/2 (r_max - r)^2 + k/2 (r_min - r)^2 on both prismatic joints of the RPRP arm, always on.
+    """k/2 (r_max - r)^2 + k/2 (r_min - r)^2 on the prismatic joints of an arm, always on.
 
     It pulls towards the middle of the travel with stiffness 2k and does not limit anything;
     :class:`LimitSpring` is what the report's text describes.
 
     Parameters
     ----------
-    stiffness : (float, float)
+    stiffness : sequence of one for each slider
         k1, k2, N/m, not negative.
-    lower, upper : (float, float)
-        r_min and r_max of both joints, m.
+    lower, upper : sequences of one for each slider
+        r_min and r_max, m.
     """
 
-    stiffness: tuple[float, float]
-    lower: tuple[float, float]
-    upper: tuple[float, float]
+    stiffness: tuple[float, ...]
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
 
     def __post_init__(self) -> None:
+        count = len(self.stiffness) if hasattr(self.stiffness, "__len__") else 1
         for name in ("stiffness", "lower", "upper"):
-            object.__setattr__(self, name, numbers(f"CentringSpring.{name}", getattr(self, name), 2))
-        for i in range(2):
+            object.__setattr__(self, name, numbers(f"CentringSpring.{name}", getattr(self, name), count))
+        for i in range(count):
             if self.stiffness[i] < 0.0:
                 raise ValueError(
                     f"CentringSpring.stiffness[{i}] is {self.stiffness[i]}; it must not be negative"
@@ -58,11 +60,7 @@ class CentringSpring(Effect):
             travel(next(names), self.lower[i], next(names), self.upper[i])
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        joints = [k for k in range(4) if arm.prismatic[k]]
-        if len(joints) != 2:
-            raise ValueError(
-                f"CentringSpring acts on the two prismatic joints of RPRP; {arm.kind} has {len(joints)}"
-            )
+        joints = for_sliders("CentringSpring", arm.kind, arm.sliders(), len(self.stiffness))
         return tuple(
             Force(
                 k,

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from redundant_envs.algebra import clamp, physics
-from redundant_envs.effects.hooks import Actuation, Effect, Hook
-from redundant_envs.effects.viscous_friction import four_not_negative
-from redundant_envs.robots.parameters import Arm
+from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link
+from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.parameters import not_negative
 
 
 @physics
@@ -21,16 +21,19 @@ class EffortLimits(Effect):
 
     Parameters
     ----------
-    limits : float or sequence of 4 floats
+    limits : float or sequence of one for each joint
         N m (revolute) or N (prismatic), not negative.
     """
 
-    limits: tuple[float, ...]
+    limits: float | tuple[float, ...]
+
+    of_joints = ("limits",)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "limits", four_not_negative("EffortLimits.limits", self.limits))
+        object.__setattr__(self, "limits", not_negative("EffortLimits.limits", self.limits))
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(
-            Actuation(k, saturate, {"command": f"command{k + 1}", "limit": f".limits[{k}]"}) for k in range(4)
+            Actuation(k, saturate, {"command": f"command{k + 1}", "limit": f".limits[{k}]"}, Link.LIMITS)
+            for k in range(len(arm.joints))
         )

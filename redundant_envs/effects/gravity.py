@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from redundant_envs.algebra import physics
 from redundant_envs.effects.hooks import Effect, Field, Hook
-from redundant_envs.robots.parameters import Arm, number, numbers, strength
+from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.parameters import number, numbers, strength
 
 
 @physics(gives="ax ay")

@@ -2,18 +2,50 @@
 
 An effect is a frozen dataclass whose numbers are per-environment parameters, plus marked functions
 of the physics dialect. ``hooks(arm)`` says where they attach. In ``bind`` an argument of the
-function is mapped to the name of a quantity, or to one of the effect's own numbers as ".field" or
-".field[k]"; an argument that is not mapped takes the quantity of its own name.
+function is mapped to the name of a quantity, or to one of the effect's own numbers or states as ".field"
+or ".field[k]"; an argument that is not mapped takes the quantity of its own name.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import enum
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from redundant_envs.robots.parameters import Arm
+from redundant_envs.robots.arm import Arm
+
+
+@dataclass(frozen=True)
+class State:
+    """A number of an effect that changes with the motion: saved, restored and reset as coordinates are.
+
+    Parameters
+    ----------
+    name : str
+        "name" or "name[k]"; the effect's functions bind it as ".name".
+    unit : str
+    derivative : function, optional
+        Its rate of change: it is integrated beside the arm's states.
+    update : function, optional
+        Its value after a control interval, from the quantities at the interval's end; within the interval
+        it is constant. Give this or ``derivative``.
+    bind : mapping
+    initial : float
+        At the start of an episode or a motion.
+    rate : function, optional
+        Largest change of the derivative per change of the state [1/s], from the parameters alone: error
+        control takes steps that are short enough for it.
+    """
+
+    name: str
+    unit: str
+    derivative: Callable[..., Any] | None = None
+    update: Callable[..., Any] | None = None
+    bind: Mapping[str, str] = field(default_factory=dict)
+    initial: float = 0.0
+    rate: Callable[..., Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -37,6 +69,8 @@ class Force:
     ``stiffness`` [N/m or N m/rad] and ``damping`` [N s/m or N m s/rad] give the largest that the
     force can have, from the parameters alone: error control takes steps short enough for a spring
     before an estimate could have seen it.
+
+    ``states`` belong to the force: friction with memory has one for each joint.
     """
 
     joint: int
@@ -46,19 +80,36 @@ class Force:
     conservative: Callable[..., Any] | None = None
     stiffness: Callable[..., Any] | None = None
     damping: Callable[..., Any] | None = None
+    states: tuple[State, ...] = ()
 
     def __post_init__(self) -> None:
         if self.potential is not None and self.conservative is None:
             object.__setattr__(self, "conservative", self.function)
 
 
+class Link(enum.IntEnum):
+    """Where an effect stands in the chain from the command of a motor to its effort."""
+
+    DELAY = 0
+    DEAD_ZONE = 1
+    LAG = 2
+    TORQUE_SPEED = 3
+    LIMITS = 4
+
+
 @dataclass(frozen=True)
 class Actuation:
-    """What becomes of the commanded effort of one joint: the function maps it to the real one."""
+    """Maps the effort that reaches a link in the chain of one motor to the effort that leaves it.
+
+    In ``function``, and in the functions of ``states``, ``command<k>`` (k counts from 1) is what reaches the
+    link. Links act in the order of :class:`Link`, those of one kind in the order of the scene's effects.
+    """
 
     joint: int
     function: Callable[..., Any]
     bind: Mapping[str, str] = field(default_factory=dict)
+    link: Link = Link.LIMITS
+    states: tuple[State, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -84,6 +135,8 @@ class Effect:
 
     static: ClassVar[tuple[str, ...]] = ()
     """Fields that choose the structure; all others are per-environment numbers."""
+    of_joints: ClassVar[tuple[str, ...]] = ()
+    """Fields with a number for each joint; a single number serves all of them."""
 
     @property
     def key(self) -> str:
@@ -93,6 +146,24 @@ class Effect:
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         """Where the effect attaches to an arm; ValueError if it does not fit."""
         raise NotImplementedError(f"{type(self).__name__} does not say where it attaches")
+
+    def fitted(self, arm: Arm) -> Effect:
+        """The effect as a scene with this arm has it: with a number for each joint."""
+        count, wide = len(arm.joints), {}
+        for name in self.of_joints:
+            value = getattr(self, name)
+            wide[name] = value if isinstance(value, tuple) else (value,) * count
+            if len(wide[name]) != count:
+                raise ValueError(
+                    f"{type(self).__name__}.{name} has {len(value)} entries; {arm.kind} has {count} joints: give "
+                    f"{count} numbers, or one for all"
+                )
+        return dataclasses.replace(self, **wide) if wide else self
+
+    def states(self, arm: Arm) -> dict[str, State]:
+        """Its states by their names."""
+        found = [s for h in self.hooks(arm) if isinstance(h, Force | Actuation) for s in h.states]
+        return {s.name: s for s in found}
 
     def travel(self, arm: Arm) -> dict[int, tuple[str, str]]:
         """Joints this effect limits: joint -> own fields of the lower and the upper limit."""

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from redundant_envs.algebra import clamp, maximum, physics, where
 from redundant_envs.effects.hooks import Effect, Force, Hook
-from redundant_envs.robots.parameters import Arm, strength, travel
+from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.parameters import strength, travel
 
 
 @physics

@@ -1,19 +1,19 @@
-"""Hard ends of the travel of both sliders: impacts with restitution, located in time."""
+"""Hard ends of the travel of sliders: impacts with restitution, located in time."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 from redundant_envs.effects.hooks import Effect, Hook, Impact
-from redundant_envs.robots.parameters import Arm, number, travel
+from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.parameters import for_sliders, number, travel
 from redundant_envs.values import shown
 
 
 @dataclass(frozen=True)
 class PrismaticStop(Effect):
-    """Limited travel of both sliders of the RPRP arm: what the report describes in words.
+    """Limited travel of the sliders of an arm: what the report describes in words.
 
     A slider that reaches an end of its travel turns back with ``restitution`` times its speed, by
     an impulse along it that moves the whole arm, M dqd = e_j lambda. Impacts are located in time by
@@ -22,22 +22,24 @@ class PrismaticStop(Effect):
 
     Parameters
     ----------
-    lower, upper : (float, float)
-        Ends of the travel of r1 and r2, m; None where there is none.
+    lower, upper : sequences of one for each slider
+        Ends of the travel of r1, r2, ..., m; None where there is none.
     restitution : float
         Speed after an impact over speed before, 0 to 1.
     """
 
-    lower: tuple[float | None, float | None]
-    upper: tuple[float | None, float | None]
+    lower: tuple[float | None, ...]
+    upper: tuple[float | None, ...]
     restitution: float = 1.0
 
     def __post_init__(self) -> None:
         for name, none in (("lower", -math.inf), ("upper", math.inf)):
             ends = getattr(self, name)
             given = ends.tolist() if hasattr(ends, "tolist") else ends
-            if not isinstance(given, tuple | list) or len(given) != 2:
-                raise ValueError(f"PrismaticStop.{name} is {shown(ends)}; give two ends, those of r1 and r2")
+            if not isinstance(given, tuple | list) or not given:
+                raise ValueError(
+                    f"PrismaticStop.{name} is {shown(ends)}; give an end for each slider, those of r1 and r2"
+                )
             checked = tuple(
                 None
                 if end is None or (isinstance(end, float) and end == none)
@@ -45,6 +47,11 @@ class PrismaticStop(Effect):
                 for i, end in enumerate(given)
             )
             object.__setattr__(self, name, checked)
+        if len(self.lower) != len(self.upper):
+            raise ValueError(
+                f"PrismaticStop.lower has {len(self.lower)} entries and upper {len(self.upper)}; give as many: "
+                "one for each slider"
+            )
         for i, (low, high) in enumerate(zip(self.lower, self.upper, strict=True)):
             if low is not None and high is not None:
                 travel(f"PrismaticStop.lower[{i}]", low, f"PrismaticStop.upper[{i}]", high)
@@ -55,7 +62,7 @@ class PrismaticStop(Effect):
 
     def parameters(self) -> dict[str, float]:
         values = {"restitution": self.restitution}
-        for i in range(2):
+        for i in range(len(self.lower)):
             low, high = self.lower[i], self.upper[i]
             values[f"lower[{i}]"] = -math.inf if low is None else low
             values[f"upper[{i}]"] = math.inf if high is None else high
@@ -64,21 +71,14 @@ class PrismaticStop(Effect):
     def travel(self, arm: Arm) -> dict[int, tuple[str, str]]:
         return {
             k: (f"lower[{i}]", f"upper[{i}]")
-            for i, k in enumerate(sliders(arm))
+            for i, k in enumerate(self._sliders(arm))
             if self.lower[i] is not None and self.upper[i] is not None
         }
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(
-            Impact(k, f".lower[{i}]", f".upper[{i}]", ".restitution") for i, k in enumerate(sliders(arm))
+            Impact(k, f".lower[{i}]", f".upper[{i}]", ".restitution") for i, k in enumerate(self._sliders(arm))
         )
 
-
-def sliders(arm: Any) -> list[int]:
-    """Joint numbers of the two sliders; ValueError for an arm without."""
-    joints = [k for k in range(4) if arm.prismatic[k]]
-    if len(joints) != 2:
-        raise ValueError(
-            f"PrismaticStop ends the travel of the two sliders of RPRP; {arm.kind} has {len(joints)}"
-        )
-    return joints
+    def _sliders(self, arm: Arm) -> list[int]:
+        return for_sliders("PrismaticStop", arm.kind, arm.sliders(), len(self.lower))

@@ -43,6 +43,11 @@ def steps_of_damper(damping: Any, mobility: Any) -> Any:
     return 0.5 * damping * mobility
 
 
+def steps_of_state(rate: Any) -> Any:
+    """Steps per second that follow a state of an effect: two of its time constants in each."""
+    return 0.5 * rate
+
+
 def least_steps(fastest: Any, steady: Any, interval: Any) -> Any:
     """Steps of an interval before any estimate is asked: half a radian of the fastest link in each,
     and what springs and dampers need, since an estimate cannot see one it has not touched."""

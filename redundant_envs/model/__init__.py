@@ -1,5 +1,1 @@
-"""The public faces of the physics: arms, batches, trajectories."""
-
-from redundant_envs.model.arms import RPRP, FourR
-
-__all__ = ["RPRP", "FourR"]
+"""The public faces of simulation: batches, trajectories, programs."""

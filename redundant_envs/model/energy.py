@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.algebra import arguments_of
-from redundant_envs.backends.numpy import evaluate
 from redundant_envs.effects.hooks import Effect, Field, Force
-from redundant_envs.robots.parameters import Arm
+from redundant_envs.robots.arm import Arm
 from redundant_envs.scene import Scene
 
 Array = NDArray[np.float64]
@@ -19,7 +18,7 @@ Array = NDArray[np.float64]
 
 def kinetic_energy(scene: Scene, q: Array, qd: Array) -> Array:
     """Kinetic energy, (...), J."""
-    return scene.robot.kinetic_energy(q, qd)  # type: ignore[attr-defined,no-any-return]
+    return scene.robot.kinetic_energy(q, qd)
 
 
 def potential_energy(scene: Scene, q: Array) -> Array:
@@ -34,7 +33,7 @@ def potential_energy(scene: Scene, q: Array) -> Array:
                 values["ax"], values["ay"] = hook_value(arm, effect, hook, hook.function, values)
             elif isinstance(hook, Force) and hook.potential is not None:
                 springs.append(hook_value(arm, effect, hook, hook.potential, values))
-    total = evaluate(arm, ["U"], values)[0] + sum(springs)
+    total = arm.evaluate(["U"], values)[0] + sum(springs)
     return np.broadcast_to(total, q.shape[:-1]).astype(np.float64)
 
 
@@ -44,5 +43,5 @@ def hook_value(
     """A function of a hook on known quantities of the arm, the effect's own numbers given."""
     own = effect.parameters()
     sources = [hook.bind.get(a, a) for a in arguments_of(function)]
-    arguments = [own[s[1:]] if s.startswith(".") else evaluate(arm, [s], values)[0] for s in sources]
+    arguments = [own[s[1:]] if s.startswith(".") else arm.evaluate([s], values)[0] for s in sources]
     return function(*arguments)

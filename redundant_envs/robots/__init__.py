@@ -1,1 +1,10 @@
-"""The arms: parameters and equations, no numerics."""
+"""Arms: every printed equation, marked with its place. A new arm is one file here and one line below."""
+
+from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.four_r import FourR
+from redundant_envs.robots.rprp import RPRP
+
+__all__ = ["RPRP", "Arm", "FourR"]
+
+REGISTRY: dict[str, type[Arm]] = {arm.kind: arm for arm in (RPRP, FourR)}
+"""Arms by their name in scene files."""

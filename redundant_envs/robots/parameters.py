@@ -1,11 +1,10 @@
-"""What every arm has: validated masses and lengths, and the names its equations use."""
+"""Numbers that are checked: masses, lengths, strengths and travels, of arms and of effects."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from collections.abc import Mapping
+from typing import Any
 
 from redundant_envs.values import shown
 
@@ -71,6 +70,30 @@ def numbers(field: str, values: Any, count: int) -> tuple[float, ...]:
     return tuple(number(f"{field}[{i}]", v) for i, v in enumerate(values))
 
 
+def for_sliders(effect: str, arm: str, sliders: list[int], count: int) -> list[int]:
+    """The sliders of an arm; ValueError unless an effect has numbers for each of them."""
+    if not sliders:
+        raise ValueError(f"{effect} acts on prismatic joints, and {arm} has none: leave it out")
+    if len(sliders) != count:
+        raise ValueError(f"{effect} has numbers for {count} prismatic joints and {arm} has {len(sliders)}: give as many")
+    return sliders
+
+
+def not_negative(field: str, values: Any) -> float | tuple[float, ...]:
+    """A strength, or a sequence of one for each joint, none negative."""
+    if not hasattr(values, "__len__") or getattr(values, "ndim", 1) == 0:
+        x = strength(field, values)
+        if x < 0.0:
+            raise ValueError(f"{field} is {x}; it must not be negative")
+        return x
+    xs = numbers(field, values, len(values))
+    for i, x in enumerate(xs):
+        strength(f"{field}[{i}]", x)
+        if x < 0.0:
+            raise ValueError(f"{field}[{i}] is {x}; it must not be negative")
+    return xs
+
+
 def positive_numbers(field: str, values: Any, count: int, unit: str) -> tuple[float, ...]:
     """Positive numbers within a ratio of 1e12 of each other."""
     xs = numbers(field, values, count)
@@ -91,58 +114,3 @@ def positive_numbers(field: str, values: Any, count: int, unit: str) -> tuple[fl
             "is supported in float64: raise the smallest or lower the largest"
         )
     return xs
-
-
-@dataclass(frozen=True)
-class Arm:
-    """Masses [kg] and lengths [m] of a planar arm, with the names of its coordinates.
-
-    Parameters
-    ----------
-    masses : sequence of 4 floats
-        Point masses at the four link ends, kg, positive.
-    lengths : sequence of floats
-        Link lengths, m, positive.
-    """
-
-    masses: tuple[float, ...]
-    lengths: tuple[float, ...]
-
-    kind: ClassVar[str]
-    num_lengths: ClassVar[int]
-    coordinates: ClassVar[tuple[str, ...]]
-    """Names of the four generalized coordinates in the equations."""
-    rates: ClassVar[tuple[str, ...]]
-    """Names of the four generalized velocities."""
-    joints: ClassVar[tuple[str, ...]]
-    """Names of the four joints, as users write them (``LimitSpring("r1", ...)``)."""
-    prismatic: ClassVar[tuple[bool, ...]]
-    sincos: ClassVar[dict[str, tuple[str, str]]]
-    """Angle quantity -> names of its sine and cosine."""
-    functions: ClassVar[tuple[Callable[..., Any], ...]]
-    """The quantities of the model: dialect functions found by what they give."""
-
-    prepared: ClassVar[tuple[Callable[..., Any], ...]]
-    """Functions of the parameters alone, evaluated when a parameter is set, not in the step."""
-    column_norms: ClassVar[Callable[..., Any]]
-    mobility_bounds: ClassVar[Callable[..., Any]]
-    held_dynamics: ClassVar[Callable[..., Any] | None] = None
-    """Dynamics with sliders at rest, and columns of M^-1; None for an arm without sliders."""
-    slider_mobility: ClassVar[Callable[..., Any] | None] = None
-    coordinates_of_joints: ClassVar[Callable[..., Any]]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "masses", positive_numbers("masses", self.masses, 4, "kg"))
-        object.__setattr__(self, "lengths", positive_numbers("lengths", self.lengths, self.num_lengths, "m"))
-
-    def joint_index(self, name: str) -> int:
-        """Position of a joint by its name; an unknown name lists the valid ones."""
-        if name not in self.joints:
-            raise ValueError(f"coordinate is {shown(name)}; {self.kind} has {', '.join(self.joints)}")
-        return self.joints.index(name)
-
-    def parameter_values(self) -> dict[str, float]:
-        """Values of the parameters m1..m4 and l1.. that the equations name."""
-        values = {f"m{i + 1}": m for i, m in enumerate(self.masses)}
-        values.update({f"l{i + 1}": length for i, length in enumerate(self.lengths)})
-        return values

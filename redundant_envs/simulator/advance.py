@@ -26,6 +26,7 @@ def advance_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:
     gives_up = interval.local and (bool(interval.stops) or interval.plan is Plan.ADAPTIVE)
 
     def end(lane: Lane) -> dict[Any, Any]:
+        interval.renew(lane)
         motion = lane.get(dynamics.states[: 2 * dynamics.count])
         defect = reduce(lambda total, x: total + 0.0 * x, motion[1:], 0.0 * motion[0])
         told: dict[str, Any] = {}

@@ -52,6 +52,7 @@ def cross_interval(interval: Interval, fields: Mapping[str, Any]) -> Lane:
             _local_step(interval, lane)
         else:
             interval.common_step(lane)
+    interval.renew(lane)
     if interval.local:
         interval.undo(lane, lane.fault >= GIVEN_UP)
     return lane

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property, reduce
 from typing import Any
 
-from redundant_envs.algebra import arguments_of, gives_of, maximum
-from redundant_envs.effects.hooks import Actuation, Effect, Field, Force, Impact
+from redundant_envs.algebra import arguments_of, gives_of, maximum, numbered
+from redundant_envs.effects.hooks import Actuation, Effect, Field, Force, Impact, State
 from redundant_envs.integrators import step_control
 from redundant_envs.integrators.tableaus import METHODS, Tableau
 from redundant_envs.quantities import Quantities
@@ -59,8 +59,19 @@ class Dynamics:
 
     @cached_property
     def others(self) -> tuple[str, ...]:
-        """States of first order."""
-        return ("work",) if self.track_work else ()
+        """States of first order: those of effects, and the work."""
+        integrated = (n for n, s in self.effect_states.items() if s.derivative is not None)
+        return (*integrated, *(("work",) if self.track_work else ()))
+
+    @cached_property
+    def effect_states(self) -> dict[str, State]:
+        """States of effects, by the names of their fields."""
+        return {identifier(name): state for name, state in self.scene.states().items()}
+
+    @cached_property
+    def remembered(self) -> tuple[str, ...]:
+        """States of effects that are constant within an interval."""
+        return tuple(n for n, s in self.effect_states.items() if s.update is not None)
 
     @cached_property
     def states(self) -> tuple[str, ...]:
@@ -70,12 +81,19 @@ class Dynamics:
     @cached_property
     def commands(self) -> tuple[str, ...]:
         """Fields of the commanded efforts."""
-        return tuple(f"command{k + 1}" for k in range(self.count))
+        return tuple(numbered("command{}", self.count))
 
     @cached_property
     def hooks(self) -> list[tuple[Effect, Any]]:
         """Where the scene's effects attach."""
         return [(e, h) for e in self.scene.effects for h in e.hooks(self.arm)]
+
+    @cached_property
+    def chains(self) -> list[list[tuple[Effect, Actuation]]]:
+        """For each motor what lies between its command and its effort, in order."""
+        links = [(e, h) for e, h in self.hooks if isinstance(h, Actuation)]
+        links.sort(key=lambda link: link[1].link)
+        return [[link for link in links if link[1].joint == k] for k in range(self.count)]
 
     @cached_property
     def stops(self) -> tuple[Stop, ...]:
@@ -101,7 +119,8 @@ class Dynamics:
 
     def prepare(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
         """What follows from the parameters alone, to be found when they are set."""
-        functions = (*self.arm.prepared, self.arm.mobility_bounds)
+        bounds = self.arm.mobility_bounds
+        functions = self.arm.prepared if bounds is None else (*self.arm.prepared, bounds)
         x = Quantities(parameters, functions, {})
         made = {name: x[name] for f in self.arm.prepared for name in gives_of(f)}
         for effect, hook in self.hooks:
@@ -124,6 +143,9 @@ class Dynamics:
         """Steps per second that each spring and damper needs at least."""
         rates = []
         for effect, hook in self.hooks:
+            for state in hook.states if isinstance(hook, Force | Actuation) else ():
+                if state.rate is not None:
+                    rates.append(step_control.steps_of_state(self.apply(effect, state, state.rate, x)))
             if not isinstance(hook, Force):
                 continue
             for function, rule in (
@@ -131,6 +153,12 @@ class Dynamics:
                 (hook.damping, step_control.steps_of_damper),
             ):
                 if function is not None:
+                    if self.arm.mobility_bounds is None:
+                        raise ValueError(
+                            f"{self.arm.kind} has no mobility_bounds, from which error control knows what "
+                            f"{type(effect).__name__} asks of its steps; give the arm these bounds, or the scene "
+                            "an integrator and substeps"
+                        )
                     rates.append(rule(self.apply(effect, hook, function, x), x[f"W{hook.joint + 1}"]))
         return rates
 
@@ -152,6 +180,31 @@ class Dynamics:
         with owned(effect.key):
             return function(*arguments)
 
+    def efforts(self, x: Quantities, change: str) -> tuple[list[Any], dict[str, Any]]:
+        """Efforts at the ends of the chains of all motors, and what their states' functions give, of which
+        ``change`` is "derivative" or "update"."""
+        efforts, changes = x.each(self.commands), {}
+        for k, chain in enumerate(self.chains):
+            command = efforts[k]
+            for effect, hook in chain:
+                x[self.commands[k]] = efforts[k]
+                changes |= self._changes(effect, hook, change, x)
+                efforts[k] = self.apply(effect, hook, hook.function, x)
+            x[self.commands[k]] = command
+        return efforts, changes
+
+    def _changes(self, effect: Effect, hook: Any, change: str, x: Quantities) -> dict[str, Any]:
+        named = {identifier(f"{effect.key}.{s.name}"): (s, getattr(s, change)) for s in hook.states}
+        return {n: self.apply(effect, s, f, x) for n, (s, f) in named.items() if f is not None}
+
+    def updates(self, x: Quantities) -> dict[str, Any]:
+        """What states that are constant within an interval are after it, from quantities at its end."""
+        _, changes = self.efforts(x, "update")
+        for effect, hook in self.hooks:
+            if isinstance(hook, Force):
+                changes |= self._changes(effect, hook, "update", x)
+        return changes
+
     # ---- equations of motion -----------------------------------------------------------------------
 
     def quantities(self, states: Sequence[Any], numbers: Any, held: bool = False) -> Quantities:
@@ -166,17 +219,16 @@ class Dynamics:
         )
 
     def accelerations(self, x: Quantities) -> list[Any]:
-        """Accelerations from quantities, and the power if the work is tracked; ``x`` then has the forces."""
+        """Accelerations from quantities, rates of change of effects' states, and the power if the work is
+        tracked; ``x`` then has the forces."""
         joints = range(self.count)
-        effort = x.each(self.commands)
         if "ax" not in self.prepared:
             x["ax"], x["ay"] = NO_FIELD, NO_FIELD
         for effect, hook in self.hooks:
             if isinstance(hook, Field) and "ax" not in self.prepared:
                 del x["ax"], x["ay"]
                 x["ax"], x["ay"] = self.apply(effect, hook, hook.function, x)
-            elif isinstance(hook, Actuation):
-                effort[hook.joint] = self.apply(effect, hook, hook.function, x)
+        effort, changes = self.efforts(x, "derivative")
         at_joints = self.scene.actuation == "joint"
         total: list[Any] = list(effort) if at_joints else [None for _ in joints]
         working: list[Any] = list(total)
@@ -184,6 +236,7 @@ class Dynamics:
             if not isinstance(hook, Force):
                 continue
             k, force = hook.joint, self.apply(effect, hook, hook.function, x)
+            changes |= self._changes(effect, hook, "derivative", x)
             total[k] = _plus(total[k], force)
             if hook.conservative is hook.function:
                 continue
@@ -198,6 +251,7 @@ class Dynamics:
         else:
             x.update({f"Q{k + 1}": effort[k] for k in joints})
         results = x.each(f"qdd{k + 1}" for k in joints)
+        results += [changes[name] for name in self.others if name != "work"]
         if self.track_work:
             power = [working[k] * x[f"phid{k + 1}"] for k in joints if working[k] is not None]
             if not at_joints:

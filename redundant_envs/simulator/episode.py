@@ -162,6 +162,7 @@ class Episode:
         A faulty lane goes back to its last good state; its neighbours do not notice.
         """
         interval, task, states = self.interval, self.task, self.dynamics.states
+        interval.renew(lane)
         defect = interval.defect(lane.get(states))
         code = lane.numerics + where(defect == 0.0, 0.0, float(Fault.NON_FINITE))
         if interval.local:

@@ -16,6 +16,8 @@ def motion_fields(dynamics: Dynamics) -> Iterator[Field]:
         yield Field(name, unit, "generalized coordinate", STATE)
     for name, unit in zip(arm.rates, units, strict=True):
         yield Field(name, f"{unit}/s", "generalized velocity", STATE)
+    for name, state in dynamics.effect_states.items():
+        yield Field(name, state.unit, "state of an effect", STATE)
     if dynamics.track_work:
         yield Field("work", "J", "work of motors and of forces without a potential", STATE)
     yield Field("h", "s", "length of the common step", PARAMETER)

@@ -15,6 +15,7 @@ from redundant_envs.simulator.fields import copies, motion_fields
 from redundant_envs.simulator.lane import LOG, SCRATCH, STATE, Field, Lane, Layout
 from redundant_envs.simulator.local_steps import LocalSteps
 from redundant_envs.simulator.setting import MOST_LOGGED, SEARCH, WATCHED, Plan
+from redundant_envs.simulator.step import known_numbers
 
 
 @dataclass(frozen=True)
@@ -103,6 +104,15 @@ class Interval(LocalSteps):
             for n in range(MOST_LOGGED):
                 for name, unit in (("time", "s"), ("kind", ""), ("speed", "m/s")):
                     yield Field(f"log_{name}_{n}", unit, f"{name} of event {n}", LOG)
+
+    def renew(self, lane: Lane) -> None:
+        """At the end of an interval: states of effects that were constant in it."""
+        dynamics = self.dynamics
+        if dynamics.remembered:
+            numbers = known_numbers(dynamics, lane, held=False)
+            x = dynamics.quantities(lane.get(dynamics.states), numbers)
+            for name, value in dynamics.updates(x).items():
+                lane[name] = value
 
     def undo(self, lane: Lane, failed: Any) -> None:
         """Lanes that failed go back to where the interval began."""

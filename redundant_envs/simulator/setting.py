@@ -105,7 +105,7 @@ class Setting:
     @property
     def kept(self) -> tuple[str, ...]:
         """What a lane has when an interval begins, and again when the interval is given up."""
-        return (*self.dynamics.states, *self.active)
+        return (*self.dynamics.states, *self.dynamics.remembered, *self.active)
 
     @property
     def positions(self) -> list[str]:

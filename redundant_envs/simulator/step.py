@@ -20,7 +20,7 @@ MOST_INLINED = 4
 def known_numbers(dynamics: Dynamics, lane: Lane, held: bool) -> dict[str, Any]:
     """What the equations need beside the state: efforts, parameters, and which stops sliders rest at."""
     stops = [active_stop(s.name) for s in dynamics.stops] if held else []
-    names = [*dynamics.commands, *dynamics.numbers, *stops]
+    names = [*dynamics.commands, *dynamics.numbers, *dynamics.remembered, *stops]
     return dict(zip(names, lane.get(names), strict=True))
 
 

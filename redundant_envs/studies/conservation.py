@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.backends.numpy import evaluate
 from redundant_envs.effects.hooks import Effect, Field, Force
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.model.energy import hook_value, kinetic_energy, potential_energy
@@ -127,7 +126,7 @@ def conservative_force(scene: Scene, effect: Effect, q: Array) -> Array:
             force[:, hook.joint] += hook_value(arm, effect, hook, hook.conservative, values)
         elif isinstance(hook, Field):
             ax, ay = hook_value(arm, effect, hook, hook.function, values)
-            weight = evaluate(arm, ["G1", "G2", "G3", "G4"], {**values, "ax": ax, "ay": ay})
+            weight = arm.evaluate(["G1", "G2", "G3", "G4"], {**values, "ax": ax, "ay": ay})
             columns = np.stack([np.broadcast_to(g, len(q)) for g in weight], axis=1)
             force -= columns @ np.linalg.inv(arm.motor_map).T
     return force

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.envs.rendering import BACKGROUND, JOINT, LINKS, RAIL, TRAIL
-from redundant_envs.model.arms import RPRP, FourR
+from redundant_envs.robots import RPRP, FourR
 from redundant_envs.studies.plots import new_figure
 
 Point = NDArray[np.float64]

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.backends.numpy import evaluate
 
 ROBOTS = {
     "RPRP": rde.RPRP((2.3, 0.7, 1.9, 0.4), (1.1, 0.6)),

@@ -1,0 +1,290 @@
+"""An arm: its equations as functions that find each other by names, and their numerical faces.
+
+An arm of any number of joints is a frozen dataclass derived from :class:`Arm`. What it must give, and what
+follows from that, is listed there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from redundant_envs.algebra import gives_of, numbered
+from redundant_envs.extras import needs
+from redundant_envs.quantities import Quantities
+from redundant_envs.robots import derived
+from redundant_envs.robots.parameters import positive_numbers
+from redundant_envs.values import shown
+
+Array = NDArray[np.float64]
+Function = Callable[..., Any]
+
+
+@dataclass(frozen=True)
+class Arm:
+    """A planar arm of point masses.
+
+    A subclass names its coordinates and gives functions of the physics dialect for n joints:
+
+    * ``x1 y1 ... xn yn`` the point masses, ``tip_x tip_y``, the Jacobian ``J11 .. J2n`` and ``Jdqd1 Jdqd2``;
+    * ``M11 .. Mnn``, ``h1 .. hn``, and in the field (ax, ay) ``G1 .. Gn`` and ``U``;
+    * if its coordinates are not those of the joints: ``phi1 ..``, ``phid1 ..``, ``Q1 ..`` of ``t1 ..``, and
+      ``coordinates_of_joints``.
+
+    The rest follows (:mod:`redundant_envs.robots.derived`), unless it gives that too. Angles are absolute in
+    the arms of this package; (ax, ay) is minus the gravity vector [m/s^2].
+
+    Parameters
+    ----------
+    masses : sequence of floats
+        Point masses, kg, positive.
+    lengths : sequence of floats
+        Link lengths, m, positive.
+    """
+
+    masses: tuple[float, ...]
+    lengths: tuple[float, ...]
+
+    kind: ClassVar[str]
+    """Name of the arm in scene files: that of the class, unless it says otherwise."""
+    num_masses: ClassVar[int]
+    num_lengths: ClassVar[int]
+    coordinates: ClassVar[tuple[str, ...]]
+    """Names of the generalized coordinates in the equations."""
+    rates: ClassVar[tuple[str, ...]]
+    """Names of the generalized velocities."""
+    joints: ClassVar[tuple[str, ...]]
+    """Names of the joints, as users write them (``LimitSpring("r1", ...)``)."""
+    prismatic: ClassVar[tuple[bool, ...]]
+    sincos: ClassVar[dict[str, tuple[str, str]]]
+    """Angle quantity -> names of its sine and cosine."""
+    functions: ClassVar[tuple[Function, ...]]
+    """The quantities of the model: dialect functions found by what they give."""
+
+    prepared: ClassVar[tuple[Function, ...]] = ()
+    """Functions of the parameters alone, evaluated when a parameter is set, not in the step."""
+    column_norms: ClassVar[Function]
+    """``n1 .. nn``: metres at the tip per unit of each coordinate."""
+    mobility_bounds: ClassVar[Function | None] = None
+    """``W1 .. Wn`` of the parameters: upper bounds of diag(B^T M^-1 B) in every pose, from which error control
+    knows how fast springs and dampers may make the arm. None allows neither with a tolerance."""
+    held_dynamics: ClassVar[Function | None] = None
+    """Dynamics with sliders at rest; None of an arm without sliders."""
+    slider_mobility: ClassVar[Function | None] = None
+    """Columns of M^-1, of the sliders."""
+    coordinates_of_joints: ClassVar[Function]
+    extent: ClassVar[tuple[str, ...]]
+    """Lengths and upper ends of sliders (``high2``) whose sum is the full reach, from base to tip."""
+    posture: ClassVar[dict[str, str]]
+    """Quantities that tell where the revolute joints are, bounded by 1, and what they mean."""
+    description: ClassVar[str] = "A planar arm in a vertical plane"
+    schematic: ClassVar[str] = ""
+    """The arm stretched along +x, drawn in text, with its coordinates, masses and lengths."""
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if "functions" not in cls.__dict__:
+            return
+        n, own = len(cls.coordinates), set(vars(cls))
+        given = {name for f in cls.functions for name in gives_of(f)}
+        made: list[Function] = []
+        if "phi1" not in given:
+            made += derived.joint_coordinates(cls.coordinates, cls.rates)
+        for name, function in (
+            ("tip_vx", derived.tip_velocity(cls.rates)),
+            ("manipulability", derived.manipulability(n)),
+            ("T", derived.kinetic_energy(cls.rates)),
+            ("qdd1", derived.forward_dynamics(n)),
+        ):
+            made += [function] if name not in given else []
+        cls.functions = (*cls.functions, *made)
+        sliders = [k for k, slides in enumerate(cls.prismatic) if slides]
+        defaults: dict[str, Any] = {
+            "kind": cls.__name__,
+            "num_masses": n,
+            "coordinates_of_joints": staticmethod(derived.coordinates_of_joints(cls.coordinates)),
+            "column_norms": staticmethod(derived.column_norms(n)),
+            "extent": (*numbered("l{}", cls.num_lengths), *(f"high{k + 1}" for k in sliders)),
+            "posture": {
+                name: f"{what} of {angle}"
+                for angle, pair in cls.sincos.items()
+                for what, name in zip(("sine", "cosine"), pair, strict=True)
+            },
+        }
+        if sliders:
+            defaults["held_dynamics"] = staticmethod(derived.held_dynamics(n, sliders))
+            defaults["slider_mobility"] = staticmethod(derived.slider_mobility(n, sliders))
+        for name, value in defaults.items():
+            if name not in own:
+                setattr(cls, name, value)
+
+    def __post_init__(self) -> None:
+        masses = positive_numbers("masses", self.masses, self.num_masses, "kg")
+        object.__setattr__(self, "masses", masses)
+        object.__setattr__(self, "lengths", positive_numbers("lengths", self.lengths, self.num_lengths, "m"))
+
+    def joint_index(self, name: str) -> int:
+        """Position of a joint by its name; an unknown name lists the valid ones."""
+        if name not in self.joints:
+            raise ValueError(f"coordinate is {shown(name)}; {self.kind} has {', '.join(self.joints)}")
+        return self.joints.index(name)
+
+    def sliders(self) -> list[int]:
+        """Joints that are prismatic."""
+        return [k for k, slides in enumerate(self.prismatic) if slides]
+
+    def parameter_values(self) -> dict[str, float]:
+        """Values of the parameters m1, m2, ... and l1, ... that the equations name."""
+        values = {f"m{i + 1}": m for i, m in enumerate(self.masses)}
+        values.update({f"l{i + 1}": length for i, length in enumerate(self.lengths)})
+        return values
+
+    # ---- numerical faces of the equations; ``...`` is any batch shape, arguments broadcast -----------------
+
+    def evaluate(self, wanted: Iterable[str], values: Mapping[str, Any]) -> list[Any]:
+        """Quantities from known ones (numbers, or arrays that broadcast), in the order wanted."""
+        return Quantities(values, self.functions, self.sincos).each(wanted)
+
+    def _vector(self, names: Iterable[str], g: float = 0.0, **vectors: ArrayLike) -> Array:
+        n = len(self.coordinates)
+        meant = {"q": self.coordinates, "qd": self.rates, "Q": numbered("Q{}", n)}
+        values: dict[str, Any] = {**self.parameter_values(), "ax": 0.0, "ay": float(g)}
+        for key, vector in vectors.items():
+            array = np.asarray(vector, dtype=np.float64)
+            if array.shape[-1:] != (n,):
+                raise ValueError(f"{key} has shape {array.shape}; the last axis must have {n} entries")
+            values.update({name: array[..., k] for k, name in enumerate(meant[key])})
+        parts = self.evaluate(names, values)
+        shape = np.broadcast_shapes(*(np.shape(v)[:-1] for v in vectors.values()))
+        return np.stack([np.broadcast_to(p, shape) for p in parts], axis=-1)
+
+    def _numbered(self, letter: str, g: float = 0.0, **vectors: ArrayLike) -> Array:
+        return self._vector(numbered(f"{letter}{{}}", len(self.coordinates)), g, **vectors)
+
+    def _matrix(self, letter: str, rows: int, **vectors: ArrayLike) -> Array:
+        n = len(self.coordinates)
+        flat = self._vector([f"{letter}{i + 1}{j + 1}" for i in range(rows) for j in range(n)], 0.0, **vectors)
+        return flat.reshape(*flat.shape[:-1], rows, n)
+
+    def mass_matrix(self, q: ArrayLike) -> Array:
+        """M(q), (..., n, n): kg m^2, kg m or kg."""
+        return self._matrix("M", len(self.coordinates), q=q)
+
+    def bias_forces(self, q: ArrayLike, qd: ArrayLike) -> Array:
+        """h(q, qd), (..., n): Coriolis and centrifugal forces without gravity, N m or N."""
+        return self._numbered("h", q=q, qd=qd)
+
+    def coriolis_matrix(self, q: ArrayLike, qd: ArrayLike) -> Array:
+        """C(q, qd), (..., n, n), in Christoffel form: C qd = h, M' = C + C^T."""
+        return self._matrix("C", len(self.coordinates), q=q, qd=qd)
+
+    def gravity_forces(self, q: ArrayLike, g: float = 9.81) -> Array:
+        """G(q) = dU/dq, (..., n), N m or N; gravity along -y."""
+        return self._numbered("G", g, q=q)
+
+    def forward_dynamics(self, q: ArrayLike, qd: ArrayLike, Q: ArrayLike, g: float = 9.81) -> Array:
+        """qdd from generalized forces Q, (..., n): by an O(n) elimination where the arm has one."""
+        return self._numbered("qdd", g, q=q, qd=qd, Q=Q)
+
+    def inverse_dynamics(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, g: float = 9.81) -> Array:
+        """Q = M qdd + h + G, (..., n), N m or N."""
+        acceleration, n = np.asarray(qdd, dtype=np.float64), len(self.coordinates)
+        if acceleration.shape[-1:] != (n,):
+            raise ValueError(f"qdd has shape {acceleration.shape}; the last axis must have {n} entries")
+        inertial = np.einsum("...ij,...j->...i", self.mass_matrix(q), acceleration)
+        return inertial + self.bias_forces(q, qd) + self.gravity_forces(q, g)
+
+    def points(self, q: ArrayLike) -> Array:
+        """Positions of the point masses, (..., masses, 2), m."""
+        flat = self._vector([f"{axis}{k + 1}" for k in range(self.num_masses) for axis in "xy"], q=q)
+        return flat.reshape(*flat.shape[:-1], self.num_masses, 2)
+
+    def forward_kinematics(self, q: ArrayLike) -> Array:
+        """Tip position, (..., 2), m."""
+        return self._vector(("tip_x", "tip_y"), q=q)
+
+    def jacobian(self, q: ArrayLike) -> Array:
+        """J(q) of the tip, (..., 2, n): m/rad or 1."""
+        return self._matrix("J", 2, q=q)
+
+    def jacobian_dot_qd(self, q: ArrayLike, qd: ArrayLike) -> Array:
+        """J'(q, qd) qd, (..., 2), m/s^2."""
+        return self._vector(("Jdqd1", "Jdqd2"), q=q, qd=qd)
+
+    def kinetic_energy(self, q: ArrayLike, qd: ArrayLike) -> Array:
+        """T, (...), J."""
+        return self._vector("T", q=q, qd=qd)[..., 0]
+
+    def potential_energy(self, q: ArrayLike, g: float = 9.81) -> Array:
+        """U, (...), J; zero at the height of the base."""
+        return self._vector("U", g, q=q)[..., 0]
+
+    def angular_momentum(self, q: ArrayLike, qd: ArrayLike) -> Array:
+        """About the base, (...), kg m^2/s."""
+        return self._vector(("Lz",), q=q, qd=qd)[..., 0]
+
+    def manipulability(self, q: ArrayLike) -> Array:
+        """sqrt(det J J^T), (...)."""
+        return self._vector(("manipulability",), q=q)[..., 0]
+
+    @property
+    def motor_map(self) -> Array:
+        """B, (n, n): generalized forces Q = B t of joint efforts t."""
+        n = len(self.coordinates)
+        efforts, forces = numbered("t{}", n), numbered("Q{}", n)
+        unit = np.eye(n).tolist()
+        columns = [self.evaluate(forces, dict(zip(efforts, row, strict=True))) for row in unit]
+        return np.array(columns, dtype=np.float64).T
+
+    def symbols(self) -> dict[str, Any]:
+        """sympy expressions of the same text.
+
+        Returns
+        -------
+        dict
+            "q", "qd", "Q", "parameters" (symbols); "M", "C", "J" (Matrix); "h", "G", "qdd",
+            "tip", "Jdot_qd" (column Matrix); "T", "U", "Lz", "manipulability" (expressions); of these
+            what the arm has.
+        """
+        with needs("verify"):
+            import sympy as sp
+        import redundant_envs.backends.sympy  # noqa: F401 - lets expressions be numbers
+
+        def make(names: Iterable[str], **assumed: bool) -> dict[str, Any]:
+            return {n: sp.Symbol(n, **assumed) for n in names}
+
+        n = len(self.coordinates)
+        parameters = make(self.parameter_values(), positive=True)
+        q, qd = make(self.coordinates, real=True), make(self.rates, real=True)
+        forces = make(numbered("Q{}", n), real=True)
+        field = {"ax": sp.Integer(0), "ay": sp.Symbol("g", real=True)}
+        state = {**parameters, **q, **qd, **field}
+        given = {name for f in self.functions for name in gives_of(f)}
+
+        def matrix(letter: str, rows: int) -> Any:
+            names = [f"{letter}{i + 1}{j + 1}" for i in range(rows) for j in range(n)]
+            return sp.Matrix(rows, n, self.evaluate(names, state)) if names[0] in given else None
+
+        def column(letter: str, extra: Mapping[str, Any] | None = None) -> Any:
+            return sp.Matrix(self.evaluate(numbered(f"{letter}{{}}", n), {**state, **(extra or {})}))
+
+        made = {
+            "q": list(q.values()),
+            "qd": list(qd.values()),
+            "Q": list(forces.values()),
+            "parameters": {**parameters, "g": field["ay"]},
+            "M": matrix("M", n),
+            "C": matrix("C", n),
+            "J": matrix("J", 2),
+            "h": column("h"),
+            "G": column("G"),
+            "qdd": column("qdd", forces),
+            "tip": sp.Matrix(self.evaluate(("tip_x", "tip_y"), state)),
+            "Jdot_qd": sp.Matrix(self.evaluate(("Jdqd1", "Jdqd2"), state)),
+        }
+        made |= {name: self.evaluate((name,), state)[0] for name in ("T", "U", "Lz", "manipulability") if name in given}
+        return {name: value for name, value in made.items() if value is not None}

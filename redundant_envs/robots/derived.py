@@ -1,0 +1,168 @@
+"""What an arm need not say itself, because it follows from what it says: for any number of joints.
+
+An arm may give each of these in a better form, as the arms of this package do.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from redundant_envs.algebra import numbered, physics, sqrt, where
+
+Function = Callable[..., Any]
+
+
+def joint_coordinates(coordinates: Sequence[str], rates: Sequence[str]) -> list[Function]:
+    """Of an arm whose coordinates are those of its joints: positions, rates and motor map are the identity."""
+    n = len(coordinates)
+    pairs = (("phi{}", coordinates), ("phid{}", rates), ("Q{}", numbered("t{}", n)))
+    return [_identity(numbered(form, n), taken) for form, taken in pairs]
+
+
+def _identity(given: Sequence[str], taken: Sequence[str]) -> Function:
+    @physics(gives=" ".join(given), takes=" ".join(taken))
+    def identity(*values):
+        return values
+
+    return identity
+
+
+def coordinates_of_joints(coordinates: Sequence[str]) -> Function:
+    """Of such an arm: coordinates from joint positions."""
+    return _identity(coordinates, numbered("phi{}", len(coordinates)))
+
+
+def tip_velocity(rates: Sequence[str]) -> Function:
+    n = len(rates)
+
+    @physics(gives="tip_vx tip_vy", takes=" ".join((*_jacobian(n), *rates)))
+    def tip_velocity(*values):
+        qd = values[2 * n :]
+        return _dot(values[:n], qd), _dot(values[n : 2 * n], qd)
+
+    return tip_velocity
+
+
+def manipulability(n: int) -> Function:
+    @physics(gives="manipulability", takes=" ".join(_jacobian(n)))
+    def manipulability(*jacobian):
+        """sqrt(det J J^T), a sum of squares by the theorem of Binet and Cauchy."""
+        x, y = jacobian[:n], jacobian[n:]
+        minors = [x[i] * y[j] - x[j] * y[i] for i, j in itertools.combinations(range(n), 2)]
+        return sqrt(_dot(minors, minors))
+
+    return manipulability
+
+
+def column_norms(n: int) -> Function:
+    @physics(gives=" ".join(numbered("n{}", n)), takes=" ".join(_jacobian(n)))
+    def column_norms(*jacobian):
+        """Metres at the tip per unit of each coordinate."""
+        return tuple(sqrt(x * x + y * y) for x, y in zip(jacobian[:n], jacobian[n:], strict=True))
+
+    return column_norms
+
+
+def kinetic_energy(rates: Sequence[str]) -> Function:
+    n = len(rates)
+
+    @physics(gives="T", takes=" ".join((*_matrix(n), *rates)))
+    def kinetic_energy(*values):
+        M, qd = _rows(values[: n * n]), values[n * n :]
+        return 0.5 * _dot(qd, [_dot(row, qd) for row in M])
+
+    return kinetic_energy
+
+
+def forward_dynamics(n: int) -> Function:
+    @physics(gives=" ".join(numbered("qdd{}", n)), takes=" ".join(_of_motion(n)))
+    def forward_dynamics(*values):
+        """M qdd = Q - h - G, by L D L^T."""
+        M, forces = _equations(values, n)
+        return tuple(solved(M, forces))
+
+    return forward_dynamics
+
+
+def held_dynamics(n: int, sliders: Sequence[int]) -> Function:
+    """Accelerations while sliders with held > 0 rest on their links, and the forces that hold them [N]."""
+    held, hold = ([f"{name}{k + 1}" for k in sliders] for name in ("held", "hold"))
+
+    @physics(gives=" ".join((*numbered("qdd{}", n), *hold)), takes=" ".join((*_of_motion(n), *held)))
+    def held_dynamics(*values):
+        M, forces = _equations(values, n)
+        rests = dict(zip(sliders, (h > 0.0 for h in values[-len(sliders) :]), strict=True))
+        rows = [
+            [_unless(rests.get(i), _unless(rests.get(j), M[i][j], float(i == j)), float(i == j)) for j in range(n)]
+            for i in range(n)
+        ]
+        qdd = solved(rows, [_unless(rests.get(i), f, 0.0) for i, f in enumerate(forces)])
+        return (*qdd, *(_dot(M[k], qdd) - forces[k] for k in sliders))
+
+    return held_dynamics
+
+
+def slider_mobility(n: int, sliders: Sequence[int]) -> Function:
+    """Columns of M^-1: what a unit impulse along each slider does to the velocities."""
+    names = [f"W{i + 1}{k + 1}" for k in sliders for i in range(n)]
+
+    @physics(gives=" ".join(names), takes=" ".join(_matrix(n)))
+    def slider_mobility(*matrix):
+        columns = (solved(_rows(matrix), [float(i == k) for i in range(n)]) for k in sliders)
+        return tuple(itertools.chain.from_iterable(columns))
+
+    return slider_mobility
+
+
+def solved(matrix: Sequence[Sequence[Any]], right: Sequence[Any]) -> list[Any]:
+    """x of matrix x = right, for a symmetric and positive definite matrix: L D L^T, without pivoting."""
+    n = len(right)
+    L = [[0.0] * n for _ in range(n)]
+    pivots: list[Any] = []
+    for j in range(n):
+        shares = [L[j][k] * pivots[k] for k in range(j)]
+        pivots.append(matrix[j][j] - _dot(L[j][:j], shares) if j else matrix[j][j])
+        for i in range(j + 1, n):
+            L[i][j] = (matrix[i][j] - _dot(L[i][:j], shares) if j else matrix[i][j]) / pivots[j]
+    x = list(right)
+    for i in range(1, n):
+        x[i] = x[i] - _dot(L[i][:i], x[:i])
+    x = [value / pivot for value, pivot in zip(x, pivots, strict=True)]
+    for i in reversed(range(n - 1)):
+        x[i] = x[i] - _dot([L[j][i] for j in range(i + 1, n)], x[i + 1 :])
+    return x
+
+
+def _unless(condition: Any, value: Any, otherwise: float) -> Any:
+    """A value, or another where a condition holds; None never does."""
+    return value if condition is None else where(condition, otherwise, value)
+
+
+def _equations(values: Sequence[Any], n: int) -> tuple[list[Sequence[Any]], list[Any]]:
+    M, rest = _rows(values[: n * n], n), values[n * n :]
+    h, G, Q = rest[:n], rest[n : 2 * n], rest[2 * n : 3 * n]
+    return M, [q - a - b for q, a, b in zip(Q, h, G, strict=True)]
+
+
+def _rows(values: Sequence[Any], n: int = 0) -> list[Sequence[Any]]:
+    n = n or round(len(values) ** 0.5)
+    return [values[i * n : (i + 1) * n] for i in range(n)]
+
+
+def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
+    products = [x * y for x, y in zip(a, b, strict=True)]
+    return sum(products[1:], products[0])
+
+
+def _jacobian(n: int) -> list[str]:
+    return [f"J{i}{j + 1}" for i in (1, 2) for j in range(n)]
+
+
+def _matrix(n: int) -> list[str]:
+    return [f"M{i + 1}{j + 1}" for i in range(n) for j in range(n)]
+
+
+def _of_motion(n: int) -> list[str]:
+    return [*_matrix(n), *numbered("h{}", n), *numbered("G{}", n), *numbered("Q{}", n)]
