@@ -10,13 +10,21 @@ from redundant_envs.envs import registration as _registration
 if TYPE_CHECKING:
     from redundant_envs import effects
     from redundant_envs.envs.check import check_vec_env
+    from redundant_envs.envs.registration import (
+        register_arm,
+        register_effect,
+        register_integrator,
+        register_task,
+    )
     from redundant_envs.envs.sb3 import make_sb3 as make_sb3  # not in __all__
-    from redundant_envs.robots import RPRP, Arm, FourR
+    from redundant_envs.integrators.tableaus import Tableau
     from redundant_envs.model.batch import BatchSimulator, Event, Numerics
     from redundant_envs.model.listing import bill, listing
     from redundant_envs.model.torch_step import torch_step as torch_step  # not in __all__
     from redundant_envs.model.trajectory import simulate
+    from redundant_envs.robots import RPRP, Arm, FourR
     from redundant_envs.scene import Scene, load_scene
+    from redundant_envs.tasks import GoalReachTask, ReachTask, Task
 
 __version__ = "0.1.0"
 
@@ -35,11 +43,20 @@ _HOMES = {
     "listing": "model.listing",
     "bill": "model.listing",
     "torch_step": "model.torch_step",
+    "Task": "tasks",
+    "ReachTask": "tasks",
+    "GoalReachTask": "tasks",
+    "Tableau": "integrators.tableaus",
+    "register_arm": "envs.registration",
+    "register_effect": "envs.registration",
+    "register_integrator": "envs.registration",
+    "register_task": "envs.registration",
     "effects": "",
 }
 __all__ = [
-    "RPRP", "BatchSimulator", "Event", "FourR", "Numerics", "Scene", "bill", "check_vec_env", "effects",
-    "listing", "load_scene", "simulate",
+    "RPRP", "Arm", "BatchSimulator", "Event", "FourR", "GoalReachTask", "Numerics", "ReachTask", "Scene",
+    "Tableau", "Task", "bill", "check_vec_env", "effects", "listing", "load_scene", "register_arm",
+    "register_effect", "register_integrator", "register_task", "simulate",
 ]  # fmt: skip
 """The public names, but for ``make_sb3`` and ``torch_step``: they need torch, and ``import *`` must not."""
 

@@ -135,10 +135,10 @@ def all_of(conditions: Iterable[Any]) -> Any:
 @overload
 def physics(function: Callable[..., Any]) -> Callable[..., Any]: ...
 @overload
-def physics(*, gives: str, takes: str | None = None) -> Callable[[Callable[..., Any]], Callable[..., Any]]: ...
 def physics(
-    function: Callable[..., Any] | None = None, *, gives: str = "", takes: str | None = None
-) -> Any:
+    *, gives: str, takes: str | None = None
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]: ...
+def physics(function: Callable[..., Any] | None = None, *, gives: str = "", takes: str | None = None) -> Any:
     """Mark a function as text of the physics dialect.
 
     Parameters

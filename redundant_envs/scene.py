@@ -47,7 +47,7 @@ class Scene:
     effects : sequence of effects
         Only these are simulated. Two effects may not have the same key.
     integrator : {"euler", "rk4", "rk8", "dop853"}
-        Or one that was registered. "dop853" takes steps of any length, so short that their error stays near rounding.
+        Or a registered one. "dop853" takes steps of any length, whose error stays near rounding.
     control_dt : float
         Control interval [s], 1e-9 to 1000; efforts are constant over it.
     substeps : int
@@ -183,6 +183,11 @@ class Scene:
             for joint, (low, high) in effect.travel(self.robot).items():
                 limits[joint] = (f"{effect.key}.{low}", f"{effect.key}.{high}")
         return limits
+
+    def action_units(self) -> tuple[str, ...]:
+        """Parameters in units of which an environment takes its actions, one for each motor; () if none."""
+        units = ((e.key, e.action_units(self.robot)) for e in self.effects)
+        return next((tuple(f"{key}.{own}" for own in names) for key, names in units if names), ())
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON data that :meth:`from_dict` turns back into an equal scene."""

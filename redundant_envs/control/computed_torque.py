@@ -28,12 +28,12 @@ def pose_at(scene: Scene, start: Array, goal: Array, iterations: int = 60) -> Ar
 
     Parameters
     ----------
-    start : (n, 4) generalized coordinates
+    start : (n, joints) generalized coordinates
     goal : (n, 2) m
 
     Returns
     -------
-    (n, 4) generalized coordinates; where the iteration does not arrive, the nearest it came.
+    (n, joints) generalized coordinates; where the iteration does not arrive, the nearest it came.
     """
     robot: Any = scene.robot
     b = robot.motor_map
@@ -80,7 +80,7 @@ def lightest_pose(scene: Scene, start: Array, goal: Array) -> Array:
 
 
 def _damped(jacobian: Array, error: Array, damping: float = 1e-4) -> Array:
-    """Damped least-squares step, (n, 4)."""
+    """Damped least-squares step, (n, joints)."""
     transposed = jacobian.transpose(0, 2, 1)
     gram = jacobian @ transposed + damping * np.eye(2)
     return (transposed @ np.linalg.solve(gram, error[..., None]))[..., 0]  # type: ignore[no-any-return]
@@ -122,16 +122,16 @@ class ComputedTorque:
             raise ValueError("scene has no EffortLimits; the expert returns actions in their units")
         self.limits = np.array(limits[0].limits)
         friction = [e for e in scene.effects if isinstance(e, ViscousFriction)]
-        self.friction = np.array(friction[0].coefficients) if friction else np.zeros(4)
+        self.friction = np.array(friction[0].coefficients) if friction else np.zeros(len(scene.robot.joints))
         gravity = [e for e in scene.effects if isinstance(e, Gravity)]
         if gravity and gravity[0].down[0] != 0.0:
             raise ValueError("scene has gravity along x; the expert handles gravity along -y")
         self.g = -gravity[0].g * gravity[0].down[1] if gravity else 0.0
-        self._start: Array = np.zeros((0, 4))
-        self._end: Array = np.zeros((0, 4))
+        self._start: Array = np.zeros((0, len(scene.robot.joints)))
+        self._end: Array = np.zeros((0, len(scene.robot.joints)))
 
     def begin(self, q: Array, goal: Array, index: NDArray[np.intp] | None = None) -> None:
-        """Plan new episodes from poses (n, 4) to goals (n, 2), of all lanes or those in ``index``."""
+        """Plan new episodes from poses (n, joints) to goals (n, 2), of all lanes or those in ``index``."""
         end = self.pose(self.scene, q, goal)
         if index is None:
             self._start, self._end = q.copy(), end
@@ -139,7 +139,7 @@ class ComputedTorque:
             self._start[index], self._end[index] = q, end
 
     def action(self, t: Array | float, q: Array, qd: Array) -> NDArray[np.float32]:
-        """Actions (n, 4) in [-1, 1] at times ``t`` [s] since each episode began."""
+        """Actions (n, joints) in [-1, 1] at times ``t`` [s] since each episode began."""
         s = np.clip(np.asarray(t, dtype=np.float64) / self.duration, 0.0, 1.0)
         s = np.broadcast_to(s, len(q))[:, None]
         distance = self._end - self._start

@@ -1,4 +1,4 @@
-"""All poses of an arm with its tip at a goal, as a function of two parameters and a sheet.
+"""All poses of an arm with its tip at a goal, as a function of parameters and a sheet.
 
 A pose is built from the base outwards. Each step chooses how far from the goal the next point of the arm
 comes, between the least and the largest distance that the rest of the arm can still close; the law of
@@ -22,8 +22,20 @@ SLACK = 1e-9
 
 
 def num_sheets(arm: Arm) -> int:
-    """Number of sheets: each free turn goes to either side, three turns of 4R and one of RPRP."""
-    return 2 if any(arm.prismatic) else 8
+    """Number of sheets: each turn but that of the last link goes to either side."""
+    return 2 ** (_links(arm) - 1)
+
+
+def _links(arm: Arm) -> int:
+    """Links of an arm whose links all have fixed lengths, or that has two of which both extend."""
+    if not any(arm.prismatic):
+        return len(arm.joints)
+    if arm.prismatic == (False, True) * 2 and arm.num_lengths == 2:
+        return 2
+    raise ValueError(
+        f"the poses of {arm.kind} at a goal are not known; they are of arms of revolute joints, and of two "
+        "links that both extend"
+    )
 
 
 def goal_poses(
@@ -37,40 +49,43 @@ def goal_poses(
 
     Parameters
     ----------
-    arm : FourR or RPRP
+    arm : Arm
+        Of revolute joints, or of two links that both extend.
     travel : dict
-        Joint -> lower and upper end [m], of both sliders of RPRP; empty for 4R.
+        Joint -> lower and upper end of sliders [m].
     goals : (..., 2) m
-    psi : (..., 2)
+    psi : (..., joints - 2)
         Parameters from 0 to pi. At 0 a slider is at the lower end of what the goal allows, at pi at the
-        upper, exactly at an end of its travel where that is it. For 4R they choose distances likewise.
+        upper, exactly at an end of its travel where that is it. Of fixed links they choose distances.
     sheet : (...)
         0 to :func:`num_sheets` - 1: to which side each turn goes, one bit each.
 
     Returns
     -------
-    (..., 4)
+    (..., joints)
         Generalized coordinates; NaN where the goal is out of reach.
     """
     shape = np.broadcast_shapes(goals.shape[:-1], psi.shape[:-1], sheet.shape)
-    sides = [1.0 - 2.0 * ((sheet >> k) & 1) for k in range(3)]
-    build = _rprp if any(arm.prismatic) else _four_r
+    sides = [1.0 - 2.0 * ((sheet >> k) & 1) for k in range(_links(arm) - 1)]
+    build = _two_extending_links if any(arm.prismatic) else _fixed_links
     columns, reached = build(arm.lengths, travel, goals, psi, sides)
     q = np.stack([np.broadcast_to(c, shape) for c in columns], axis=-1)
     return np.where(np.broadcast_to(reached, shape)[..., None], q, np.nan)
 
 
-def _four_r(lengths: Any, travel: Any, goals: Array, psi: Array, sides: list[Any]) -> tuple[list[Any], Any]:
+def _fixed_links(
+    lengths: Any, travel: Any, goals: Array, psi: Array, sides: list[Any]
+) -> tuple[list[Any], Any]:
     to_goal_x, to_goal_y = goals[..., 0], goals[..., 1]
     distance = np.hypot(to_goal_x, to_goal_y)
     reached = (distance <= sum(lengths) + SLACK) & (distance >= _least_reach(lengths) - SLACK)
     angles: list[Any] = []
-    for k in range(3):
+    for k in range(len(lengths) - 1):
         rest = lengths[k + 1 :]
         low = np.maximum(_least_reach(rest), abs(distance - lengths[k]))
         high = np.minimum(sum(rest), distance + lengths[k])
         # The last link has one length: low and high are the same there.
-        free = psi[..., k] if k < 2 else np.zeros(())
+        free = psi[..., k] if k < len(lengths) - 2 else np.zeros(())
         turn = _turn(distance, lengths[k], _between(low, high, free), free)
         angles.append(np.arctan2(to_goal_y, to_goal_x) + sides[k] * turn)
         to_goal_x = to_goal_x - lengths[k] * np.cos(angles[k])
@@ -79,7 +94,9 @@ def _four_r(lengths: Any, travel: Any, goals: Array, psi: Array, sides: list[Any
     return [*angles, np.arctan2(to_goal_y, to_goal_x)], reached
 
 
-def _rprp(lengths: Any, travel: Any, goals: Array, psi: Array, sides: list[Any]) -> tuple[list[Any], Any]:
+def _two_extending_links(
+    lengths: Any, travel: Any, goals: Array, psi: Array, sides: list[Any]
+) -> tuple[list[Any], Any]:
     l1, l2 = lengths
     (low1, high1), (low2, high2) = travel[1], travel[3]
     distance = np.hypot(goals[..., 0], goals[..., 1])

@@ -1,6 +1,6 @@
 """Which goals an arm can hold at rest: the least motor load among all poses with the tip at a goal.
 
-An arm has four joints and two are enough for a goal, so the poses at a goal form a surface. The search
+An arm of four joints has two more than a goal needs, so its poses at a goal form a surface. The search
 covers that surface by a grid, in which the stops of the sliders are exact, and goes down from the best
 points of the grid by a pattern search.
 
@@ -23,8 +23,10 @@ from redundant_envs.values import shown
 
 Array = NDArray[np.float64]
 Load = Callable[[Array], Array]
-"""Poses (..., 4) -> largest effort / limit (...)."""
+"""Poses (..., joints) -> largest effort / limit (...)."""
 
+PARAMETERS = 2
+"""Of the poses at a goal."""
 GRID = 25
 """Points of the grid along either parameter. With 49 the loads of 2000 goals of the reach scenes change by
 at most 1.4e-3, and one alone by more than 1e-3."""
@@ -92,7 +94,7 @@ def holding_poses(
 
     Returns
     -------
-    q : (n, 4)
+    q : (n, joints)
         NaN where the goal is out of reach.
     load : (n,)
         Largest effort / limit of a joint in that pose, 1; inf where the goal is out of reach. It is an upper
@@ -103,6 +105,12 @@ def holding_poses(
     ValueError
         If the scene has effects whose part at rest is not known, or another argument is not as above.
     """
+    joints = len(scene.robot.joints)
+    if joints - 2 != PARAMETERS:
+        raise ValueError(
+            f"{scene.robot.kind} has {joints} joints; the search is for arms whose poses at a goal form a "
+            f"surface, those of {PARAMETERS + 2}"
+        )
     limits, travel = effort_limits(scene), slider_travel(scene)
     points = _goals(goals)
     margin = number("tolerance", tolerance)
@@ -118,7 +126,7 @@ def holding_poses(
     sheets = num_sheets(scene.robot)
     per_goal = max(sheets * grid**2 * (1 + RING * (margin > 0.0)), CANDIDATES * DIRECTIONS)
     size = max(1, CHUNK // per_goal)
-    q, best = np.full((len(points), 4), np.nan), np.full(len(points), np.inf)
+    q, best = np.full((len(points), joints), np.nan), np.full(len(points), np.inf)
     for start in range(0, len(points), size):
         part = slice(start, start + size)
         search = _Search(scene, travel, load, points[part], margin)
@@ -137,7 +145,7 @@ class _Search:
         return goal_poses(self.arm, self.travel, goals + self.margin * x[..., 2:], x[..., :2], sheet)
 
     def run(self, sheets: int, grid: int) -> tuple[Array, Array]:
-        """q (n, 4) and load (n,)."""
+        """q (n, joints) and load (n,)."""
         psi = np.linspace(0.0, np.pi, grid)
         turn = 2.0 * np.pi * np.arange(RING) / RING
         ring = np.stack([np.cos(turn), np.sin(turn)], axis=-1)

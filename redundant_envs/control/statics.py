@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from redundant_envs.algebra import numbered
 from redundant_envs.effects import EffortLimits
 from redundant_envs.effects.hooks import Actuation, Field, Force, Impact
 from redundant_envs.model.energy import hook_value
@@ -24,12 +25,12 @@ def static_efforts(scene: Scene, q: ArrayLike) -> Array:
     ----------
     scene : Scene
         Efforts act at its joints: Q = B t.
-    q : (..., 4)
+    q : (..., joints)
         Generalized coordinates.
 
     Returns
     -------
-    (..., 4) N m and N
+    (..., joints) N m and N
         t with B (t + f) = G(q), where f are the forces of the other effects on the joints at rest.
 
     Raises
@@ -39,8 +40,9 @@ def static_efforts(scene: Scene, q: ArrayLike) -> Array:
     """
     arm: Any = scene.robot
     place = np.asarray(q, dtype=np.float64)
-    if place.shape[-1:] != (4,):
-        raise ValueError(f"q has shape {place.shape}; the last axis must have 4 entries")
+    joints = len(arm.joints)
+    if place.shape[-1:] != (joints,):
+        raise ValueError(f"q has shape {place.shape}; the last axis must have {joints} entries")
     if scene.actuation != "joint":
         raise ValueError(f"scene.actuation is {scene.actuation!r}; efforts are those of joints: use 'joint'")
     values: dict[str, Any] = {**arm.parameter_values(), "ax": 0.0, "ay": 0.0, **dict.fromkeys(arm.rates, 0.0)}
@@ -49,7 +51,7 @@ def static_efforts(scene: Scene, q: ArrayLike) -> Array:
     for effect, hook in hooks:
         if isinstance(hook, Field):
             values["ax"], values["ay"] = hook_value(arm, effect, hook, hook.function, values)
-    gravity = np.stack(np.broadcast_arrays(*arm.evaluate(("G1", "G2", "G3", "G4"), values)), axis=-1)
+    gravity = np.stack(np.broadcast_arrays(*arm.evaluate(numbered("G{}", joints), values)), axis=-1)
     efforts: Array = gravity @ np.linalg.inv(arm.motor_map).T
     for effect, hook in hooks:
         if isinstance(hook, Force):
@@ -69,10 +71,10 @@ def motor_efforts(scene: Scene, q: ArrayLike) -> Array:
 
     Returns
     -------
-    (..., 4) N m and N
+    (..., joints) N m and N
     """
     efforts = static_efforts(scene, q)
-    joints = np.asarray(q, dtype=np.float64) @ scene.robot.motor_map  # type: ignore[attr-defined]
+    joints = np.asarray(q, dtype=np.float64) @ scene.robot.motor_map
     for k, (low, high) in stops(scene).items():
         share = efforts[..., k]
         share = np.where(joints[..., k] <= low, np.minimum(share, 0.0), share)
@@ -95,20 +97,19 @@ def slider_travel(scene: Scene) -> Travel:
     """The stops of every slider; ValueError where the travel has an end without a stop."""
     travel = stops(scene)
     lengths = iter(scene.robot.lengths)
-    for k in range(4):
-        if scene.robot.prismatic[k]:
-            low, high = travel.get(k, (-np.inf, np.inf))
-            least = -next(lengths)
-            if not (least <= low and high < np.inf):
-                raise ValueError(
-                    f"PrismaticStop leaves {scene.robot.joints[k]!r} a travel of {low} to {high} m; give "
-                    f"both ends, the lower at least {least} m (no link is shorter than nothing)"
-                )
+    for k in scene.robot.sliders():
+        low, high = travel.get(k, (-np.inf, np.inf))
+        least = -next(lengths)
+        if not (least <= low and high < np.inf):
+            raise ValueError(
+                f"PrismaticStop leaves {scene.robot.joints[k]!r} a travel of {low} to {high} m; give "
+                f"both ends, the lower at least {least} m (no link is shorter than nothing)"
+            )
     return travel
 
 
 def effort_limits(scene: Scene) -> Array:
-    """Effort limits of the joints, (4,), N m and N.
+    """Effort limits of the joints, (joints,), N m and N.
 
     Raises
     ------
@@ -127,9 +128,10 @@ def effort_limits(scene: Scene) -> Array:
                     f"effects[{i}] is {shown(effect)}; the load at rest is known with gravity, friction, "
                     "effort limits, stops, and springs on sliders: leave this effect out"
                 )
-    limits = next((e.limits for e in scene.effects if isinstance(e, EffortLimits)), None)
-    if limits is None or min(limits) <= 0.0:
+    limits = next((e.limits for e in scene.effects if isinstance(e, EffortLimits)), ())
+    given = np.atleast_1d(limits)
+    if not given.size or given.min() <= 0.0:
         raise ValueError(
-            f"EffortLimits.limits is {limits}; loads are told in units of them: give four positive numbers"
+            f"EffortLimits.limits is {limits or None}; loads are told in units of them: give positive numbers"
         )
-    return np.array(limits)
+    return given

@@ -44,8 +44,8 @@ def attached(where: str, effect: Effect, arm: Arm) -> tuple[Hook, ...]:
             name = getattr(state, "name", None)
             if not isinstance(name, str) or not STATE_NAME.fullmatch(name) or name in own:
                 raise ValueError(
-                    f"{where} ({kind}) has the state {name!r}; give a State with a name of its own, 'name' or "
-                    "'name[k]', that no other number of the effect has"
+                    f"{where} ({kind}) has the state {name!r}; give a State with a name of its own, 'name' "
+                    "or 'name[k]', that no other number of the effect has"
                 )
             own[name] = True
     for n, hook in enumerate(hooks):

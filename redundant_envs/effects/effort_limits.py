@@ -37,3 +37,6 @@ class EffortLimits(Effect):
             Actuation(k, saturate, {"command": f"command{k + 1}", "limit": f".limits[{k}]"}, Link.LIMITS)
             for k in range(len(arm.joints))
         )
+
+    def action_units(self, arm: Arm) -> tuple[str, ...]:
+        return tuple(f"limits[{k}]" for k in range(len(arm.joints)))

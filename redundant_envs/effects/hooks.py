@@ -155,8 +155,8 @@ class Effect:
             wide[name] = value if isinstance(value, tuple) else (value,) * count
             if len(wide[name]) != count:
                 raise ValueError(
-                    f"{type(self).__name__}.{name} has {len(value)} entries; {arm.kind} has {count} joints: give "
-                    f"{count} numbers, or one for all"
+                    f"{type(self).__name__}.{name} has {len(value)} entries; {arm.kind} has {count} joints: "
+                    f"give {count} numbers, or one for all"
                 )
         return dataclasses.replace(self, **wide) if wide else self
 
@@ -168,6 +168,10 @@ class Effect:
     def travel(self, arm: Arm) -> dict[int, tuple[str, str]]:
         """Joints this effect limits: joint -> own fields of the lower and the upper limit."""
         return {}
+
+    def action_units(self, arm: Arm) -> tuple[str, ...]:
+        """Own numbers in units of which an environment takes its actions, one for each motor; () if none."""
+        return ()
 
     def parameters(self) -> dict[str, float]:
         """The effect's numbers: "field" or "field[k]" -> value."""

@@ -38,7 +38,7 @@ class PrismaticStop(Effect):
             given = ends.tolist() if hasattr(ends, "tolist") else ends
             if not isinstance(given, tuple | list) or not given:
                 raise ValueError(
-                    f"PrismaticStop.{name} is {shown(ends)}; give an end for each slider, those of r1 and r2"
+                    f"PrismaticStop.{name} is {shown(ends)}; give an end for each slider, in their order"
                 )
             checked = tuple(
                 None
@@ -49,8 +49,8 @@ class PrismaticStop(Effect):
             object.__setattr__(self, name, checked)
         if len(self.lower) != len(self.upper):
             raise ValueError(
-                f"PrismaticStop.lower has {len(self.lower)} entries and upper {len(self.upper)}; give as many: "
-                "one for each slider"
+                f"PrismaticStop.lower has {len(self.lower)} entries and upper {len(self.upper)}; give as "
+                "many: one for each slider"
             )
         for i, (low, high) in enumerate(zip(self.lower, self.upper, strict=True)):
             if low is not None and high is not None:
@@ -77,7 +77,8 @@ class PrismaticStop(Effect):
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(
-            Impact(k, f".lower[{i}]", f".upper[{i}]", ".restitution") for i, k in enumerate(self._sliders(arm))
+            Impact(k, f".lower[{i}]", f".upper[{i}]", ".restitution")
+            for i, k in enumerate(self._sliders(arm))
         )
 
     def _sliders(self, arm: Arm) -> list[int]:

@@ -12,7 +12,6 @@ import numpy as np
 from gymnasium.utils import seeding
 from numpy.typing import ArrayLike, NDArray
 
-from redundant_envs.effects import EffortLimits
 from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.envs.registration import check_arm
 from redundant_envs.envs.single_lane import SingleLane
@@ -29,9 +28,9 @@ from redundant_envs.model.snapshot import (
 from redundant_envs.scene import Scene, scene_at
 from redundant_envs.simulator.blocks import LANES
 from redundant_envs.simulator.environment import BEGUN, DUE, GOAL_FIELDS, TICKET, Autoreset, Operation
-from redundant_envs.simulator.episode import GOAL, TABLES, TIP
+from redundant_envs.simulator.episode import TABLES, TIP
+from redundant_envs.tasks import Task
 from redundant_envs.tasks.limits import hard_stops, narrowed, spring_limits
-from redundant_envs.tasks.reach import ReachTask
 from redundant_envs.values import shown, whole_number
 
 OPTION_KEYS = ("q", "qd", "goal", "parameters")
@@ -46,7 +45,7 @@ Checked = tuple[parameters.Table | None, list[tuple[tuple[str, ...], NDArray[np.
 
 
 class Core:
-    """Lanes of a reach scene.
+    """Lanes of a scene, with a task.
 
     Lane i owns ``np_random(seed + i)``; each episode draws one 128-bit key from it, and all else
     of the episode follows from that key inside the compiled code.
@@ -56,17 +55,15 @@ class Core:
         self,
         scene: str | Mapping[str, Any] | Scene,
         num_envs: int,
-        task: ReachTask | None = None,
+        task: Task,
         max_episode_steps: int | None = None,
-        fixed_geometry: bool = False,
         accuracy: str | float | None = None,
         env_id: str | None = None,
         threads: int = 1,
     ) -> None:
         self.scene = scene_at(scene, accuracy)
-        self.task = task or ReachTask()
-        limits = [e for e in self.scene.effects if isinstance(e, EffortLimits)]
-        if not limits or self.scene.actuation != "joint":
+        self.task: Any = task  # its numbers are its own
+        if not self.scene.action_units() or self.scene.actuation != "joint":
             raise ValueError(
                 "scene cannot be an environment: actions are fractions of the motors' limits, so "
                 "its effects need EffortLimits and its actuation must be 'joint'"
@@ -82,13 +79,14 @@ class Core:
         named = {f"phi{k + 1}": value for k, value in enumerate(rest)}
         for name, value in zip(arm.coordinates, arm.coordinates_of_joints(**named), strict=True):
             self.memory.column(name)[:] = value
-        self.fixed_geometry = fixed_geometry
+        self.fixed_geometry = task.goal_conditioned  # rewards are a function of the two goals alone
         self.begun: NDArray[np.bool_] | None = None
         """Lanes that began a new episode in the last step, if any did."""
         episode = self.simulator.episode
         assert episode is not None
         self.actions = episode.actions
         self.columns = Columns(episode)
+        self.goal_fields = episode.goal
         self.generators: list[np.random.Generator | None] = [None] * num_envs
         self._tickets = np.zeros((num_envs, TICKET), dtype=np.uint32)
         self.waiting = np.zeros(num_envs, dtype=np.bool_)  # keys drawn and not yet used
@@ -102,7 +100,9 @@ class Core:
         """Make what a copy cannot take over."""
         simulator, memory = self.simulator, self.memory
         self._team = Team(simulator, "environment", memory, self.threads)
-        self._goal_reward = Call(simulator.program.kernels[1], simulator.kernels["goal_reward"])
+        self._goal_reward = None
+        if self.task.goal_functions:
+            self._goal_reward = Call(simulator.program.kernels[1], simulator.kernels["goal_reward"])
         self.keys, self.mask = self._tickets[:, :-1], self._tickets[:, -1]
 
     def single_lane(self) -> SingleLane:
@@ -264,12 +264,16 @@ class Core:
         if given is not None:
             values = parameters.lane_values(self.scene, self.memory, lanes, given, fresh=True)
         present = values or parameters.lane_values(self.scene, self.memory, lanes, {}, fresh=False)
-        arm = self.scene.robot
+        arm, joints = self.scene.robot, len(self.actions)
+        if options.get("goal") is not None and not self.goal_fields:
+            raise ValueError(
+                f"options['goal'] is given, and the task {self.task.name} has no goal; leave it out"
+            )
         writes: list[tuple[tuple[str, ...], NDArray[np.float64]]] = []
         for key, rows, width in (
-            ("q", arm.coordinates, 4),
-            ("qd", arm.rates, 4),
-            ("goal", ("goal_x", "goal_y"), 2),
+            ("q", arm.coordinates, joints),
+            ("qd", arm.rates, joints),
+            ("goal", self.goal_fields, 2),
         ):
             if options.get(key) is not None:
                 numbers = parameters.table(f"options[{key!r}]", options[key], len(lanes), width)
@@ -295,7 +299,7 @@ class Core:
     def _check_stops(self, q: NDArray[np.float64], values: parameters.Table) -> None:
         """Refuse starts beyond a hard stop, where no motion leads; beyond a spring they are allowed."""
         arm = self.scene.robot
-        positions = q @ np.asarray(arm.motor_map)  # type: ignore[attr-defined]
+        positions = q @ arm.motor_map
         for joint, low, high in hard_stops(self.scene):
             x = positions[:, joint]
             outside = (x < values[low]) | (x > values[high])
@@ -312,7 +316,7 @@ class Core:
         """Observations as their space has them, from the tables of a step."""
         if not goal:
             return obs
-        tips, goals = (self.columns.points(out, names) for names in (TIP, GOAL))
+        tips, goals = (self.columns.points(out, names) for names in (TIP, self.columns.goal))
         return {"observation": obs, "achieved_goal": tips, "desired_goal": goals}
 
     def goal_reward(self, achieved: ArrayLike, desired: ArrayLike) -> NDArray[np.float64]:
@@ -332,8 +336,10 @@ class Core:
         blocks = -(-len(a) // LANES)
         pairs, reward = np.zeros((blocks * LANES, len(GOAL_FIELDS))), np.empty(blocks * LANES)
         pairs[: len(a), :2], pairs[: len(a), 2:] = a, d
-        numbers = aligned(2, LANES)
-        numbers[0], numbers[1] = self.reach, self.task.goal_tolerance
+        assert self._goal_reward is not None
+        task = self.task.parameters()
+        numbers = aligned(1 + len(task), LANES)
+        numbers[:] = np.array([self.reach, *task.values()])[:, None]
         self._goal_reward.set(pairs=pairs, numbers=numbers, reward=reward, blocks=blocks)
         self._goal_reward()
         return reward[: len(a)]
@@ -345,7 +351,9 @@ class Core:
 
     def goals(self) -> NDArray[np.float64]:
         """Goals, (num_envs, 2), m."""
-        return self.memory.read(("goal_x", "goal_y"))
+        if not self.goal_fields:
+            raise AttributeError(f"the task {self.task.name} has no goal")
+        return self.memory.read(self.goal_fields)
 
     def get_state(self) -> dict[str, Any]:
         """Everything that decides the future: numbers, keys and generators."""

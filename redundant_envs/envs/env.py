@@ -31,11 +31,11 @@ from redundant_envs.simulator.episode import TIP
 RENDER_MODES = (None, "rgb_array", "human")
 
 
-class ReachEnv(LaneValue, gym.Env[Any, Any]):
-    """A torque-controlled arm that brings its tip to a goal; made by ``gymnasium.make``."""
+class ArmEnv(LaneValue, gym.Env[Any, Any]):
+    """A torque-controlled arm with a task; made by ``gymnasium.make``."""
 
     metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 50}
-    goal_conditioned = False
+    task_name: ClassVar[str] = "Reach"
     env_id: ClassVar[str | None] = None
     """The id that the class stands for; its scenes have the arm of that id."""
 
@@ -58,16 +58,17 @@ class ReachEnv(LaneValue, gym.Env[Any, Any]):
         self.core = Core(
             plain_scene(scene),
             1,
-            make_task(task, self.goal_conditioned),
-            fixed_geometry=self.goal_conditioned,
+            make_task(task, self.task_name),
             accuracy=accuracy,
             env_id=self.env_id,
         )
         self.on_bad_action = on_bad_action
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": round(1.0 / self.core.scene.control_dt)}
-        self.observation_space = observation_space(self.core, self.goal_conditioned)
-        self.action_space = spaces.Box(-1.0, 1.0, (4,), np.float32)
+        self.goal_conditioned = self.core.task.goal_conditioned
+        self.observation_space = observation_space(self.core)
+        self._shape = (len(self.core.actions),)
+        self.action_space = spaces.Box(-1.0, 1.0, self._shape, np.float32)
         self._names = self.core.columns.names
         self._lane = self.core.single_lane()
         self._renderer: Any = None
@@ -80,7 +81,7 @@ class ReachEnv(LaneValue, gym.Env[Any, Any]):
         self.__dict__.update(state)
         self._lane = self.core.single_lane()
 
-    def __copy__(self) -> ReachEnv:
+    def __copy__(self) -> ArmEnv:
         return copy.deepcopy(self)
 
     def reset(
@@ -92,7 +93,7 @@ class ReachEnv(LaneValue, gym.Env[Any, Any]):
         ----------
         seed : int, optional
         options : dict, optional
-            "q", "qd": (4,); "goal": (2,) [m]; "parameters": {name: numbers}, set on top of the
+            "q", "qd": (joints,); "goal": (2,) [m]; "parameters": {name: numbers}, set on top of the
             scene's own and kept until a reset gives "parameters" again ({} returns to the scene's).
         """
         options = checked_options(options)
@@ -114,10 +115,10 @@ class ReachEnv(LaneValue, gym.Env[Any, Any]):
         return self._observation(obs), dict(zip(self._names, self._lane.shown(), strict=True))
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """One control step; the action is (4,) in [-1, 1], in units of the effort limits."""
+        """One control step; the action is (joints,) in [-1, 1], in units of the effort limits."""
         if self._operation is None:
             raise ValueError("step was called before reset; call reset() first")
-        action = check_action(action, (4,))
+        action = check_action(action, self._shape)
         lane = self._lane
         obs = lane.step(action, self._operation)
         terminated, reward = lane.ends()
@@ -178,10 +179,10 @@ class ReachEnv(LaneValue, gym.Env[Any, Any]):
             self._renderer.close()
 
 
-class ReachGoalEnv(ReachEnv):
+class GoalArmEnv(ArmEnv):
     """The goal-conditioned form: Dict observations and a reward of the two goals alone, for HER."""
 
-    goal_conditioned = True
+    task_name = "GoalReach"
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One control step; the reward is 1 at the goal and 0 elsewhere."""

@@ -21,12 +21,12 @@ class LaneValues:
 
     @property
     def q(self) -> NDArray[np.float64]:
-        """Generalized coordinates, (num_envs, 4), or (4,) of a single environment; rad and m."""
+        """Generalized coordinates, (num_envs, joints), or (joints,) of a single environment; rad and m."""
         return self.core.memory.read(self.core.scene.robot.coordinates)
 
     @property
     def qd(self) -> NDArray[np.float64]:
-        """Generalized velocities, (num_envs, 4), or (4,) of a single environment; rad/s and m/s."""
+        """Generalized velocities, (num_envs, joints), or (joints,) of a single environment; rad/s and m/s."""
         return self.core.memory.read(self.core.scene.robot.rates)
 
     @property

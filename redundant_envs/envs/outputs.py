@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from redundant_envs.simulator.episode import ENDS, GOAL, TIP, Episode
 
 INFO_NAMES = {
-    "touched_new": "touch_success",
     "saturated": "saturated_actions",
     "steps": "episode_steps",
     "evaluations_sum": "evaluations",
@@ -43,13 +42,15 @@ class Columns:
 
     def __init__(self, episode: Episode) -> None:
         self.tables = episode.tables
+        self.goal = episode.goal
         self._places = {
             name: (k, row) for k, t in enumerate(self.tables.values()) for row, name in enumerate(t)
         }
         hidden = (*ENDS, *TIP, *GOAL)
         self.places_shown = [(name, *place) for name, place in self._places.items() if name not in hidden]
         """What ``info`` shows: quantity, table, row."""
-        self.names = [info_name(name) for name, *_ in self.places_shown]
+        labels = {**INFO_NAMES, **episode.task.labels}
+        self.names = [info_name(name, labels) for name, *_ in self.places_shown]
         """Names of these in ``info``."""
 
     def of(self, out: Outputs, name: str) -> Any:
@@ -57,7 +58,7 @@ class Columns:
         table, row = self._places[name]
         return out[table][row]
 
-    def points(self, out: Outputs, names: tuple[str, str]) -> NDArray[np.float64]:
+    def points(self, out: Outputs, names: tuple[str, ...]) -> NDArray[np.float64]:
         """Two coordinates of all lanes, (lanes, 2)."""
         return np.stack([self.of(out, name) for name in names], axis=1)
 
@@ -68,8 +69,8 @@ class Columns:
         return dict(zip(self.names, values, strict=True))
 
 
-def info_name(column: str) -> str:
+def info_name(column: str, labels: Mapping[str, str]) -> str:
     """Name of a column in ``info``."""
     if column.endswith("_term_sum"):
         return f"return_{column.removesuffix('_term_sum')}"
-    return INFO_NAMES.get(column, column)
+    return labels.get(column, column)

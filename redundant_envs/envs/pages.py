@@ -2,32 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 import inspect
 from typing import Any
 
-from redundant_envs.effects import EffortLimits
 from redundant_envs.envs.registration import MAX_EPISODE_STEPS
 from redundant_envs.envs.vector_env import info_names
 from redundant_envs.scene import Scene, load_scene
-from redundant_envs.tasks.reach import GoalReachTask, ReachTask
+from redundant_envs.tasks import REGISTRY as TASKS
+from redundant_envs.tasks import Task
 
-DESCRIPTIONS = {
-    "RPRP": "A planar revolute-prismatic-revolute-prismatic arm in a vertical plane",
-    "FourR": "A planar arm of four revolute joints in a vertical plane",
-}
-SCHEMATICS = {
-    "RPRP": """\
-    base              m1         m2              m3         m4
-     O================#----------O================#----------o  tip
-     |<----- l1 ----->|<-- r1 -->|<----- l2 ----->|<-- r2 -->|
-    theta1                      theta2""",
-    "FourR": """\
-    base          m1            m2            m3            m4
-     O=============O=============O=============O=============o  tip
-     |<--- l1 ---->|<--- l2 ---->|<--- l3 ---->|<--- l4 ---->|
-    theta1        theta2        theta3        theta4""",
-}
-"""The arms stretched along +x, with their coordinates, masses and lengths."""
 UNITS = {False: "N m", True: "N"}
 
 
@@ -39,7 +23,8 @@ def table(head: tuple[str, ...], rows: list[tuple[Any, ...]]) -> str:
 
 def action_table(scene: Scene) -> str:
     """Actions with their limits."""
-    limits = next(e for e in scene.effects if isinstance(e, EffortLimits)).limits
+    values = scene.parameters()
+    limits = [values[name] for name in scene.action_units()]
     rows = [
         (k, f"effort at {joint} / {limits[k]:g} {UNITS[prismatic]}", -1, 1, joint, UNITS[prismatic])
         for k, (joint, prismatic) in enumerate(zip(scene.robot.joints, scene.robot.prismatic, strict=True))
@@ -47,16 +32,16 @@ def action_table(scene: Scene) -> str:
     return table(("Num", "Action", "Control Min", "Control Max", "Joint", "Unit of the effort"), rows)
 
 
-def observation_table(scene: Scene, task: ReachTask) -> str:
+def observation_table(scene: Scene, task: Task) -> str:
     """Observed quantities in order."""
     rows = [(k, text, -1, 1) for k, text in enumerate(task.observation(scene).values())]
     return table(("Num", "Observation", "Min", "Max"), rows)
 
 
-def reward_table(task: ReachTask) -> str:
+def reward_table(scene: Scene, task: Task) -> str:
     """Reward terms with the formulas that their functions state."""
     rows = []
-    for function in task.reward_functions:
+    for function in task.reward_functions(scene):
         formula = (function.__doc__ or "").partition("\n")[0]
         name = function.__name__.removesuffix("_term")
         rows.append((name, f"`{formula}`", f"`return_{name}`"))
@@ -96,11 +81,13 @@ INFO_WHERE = {
 """Where keys of ``info`` are found that are not found everywhere."""
 
 
-def info_table(scene: Scene, task: ReachTask) -> str:
+def info_table(scene: Scene, task: Task) -> str:
     """Keys of info: those that the environment's columns give, then those of some scenes and faces."""
     given = [name if not name.startswith("return_") else "return_*" for name in info_names(scene, task)]
     names = [*dict.fromkeys(given), *(name for name in INFO_WHERE if name not in given)]
-    rows = [(f"`{name}`", INFO[name], INFO_WHERE.get(name, "")) for name in names]
+    rows = [
+        (f"`{name}`", INFO.get(name, "A metric of the task."), INFO_WHERE.get(name, "")) for name in names
+    ]
     return table(("Key", "Meaning", "Only in"), rows)
 
 
@@ -124,56 +111,51 @@ ARGUMENTS = {
 }
 
 
-def task_table(task: ReachTask) -> str:
+def task_table(task: Task) -> str:
     """Numbers of the task."""
-    rows = [(f"`{name}`", getattr(task, name)) for name in task.__dataclass_fields__]
+    rows = [(f"`{field.name}`", getattr(task, field.name)) for field in dataclasses.fields(task)]
     return table(("Number", "Default"), rows)
 
 
-def page(kind: type[Any], arm: str, scene_name: str) -> str:
+def page(kind: type[Any], scene_name: Any) -> str:
     """The docstring of an environment under Gymnasium's headings."""
-    goal = bool(kind.goal_conditioned)
-    scene, task = load_scene(scene_name), GoalReachTask() if goal else ReachTask()
-    masses = ", ".join(f"{m:g}" for m in scene.robot.masses)
-    lengths = ", ".join(f"{length:g}" for length in scene.robot.lengths)
+    scene, task = load_scene(scene_name), TASKS[kind.task_name]()
+    arm, joints = scene.robot, len(scene.robot.joints)
+    masses = ", ".join(f"{m:g}" for m in arm.masses)
+    lengths = ", ".join(f"{length:g}" for length in arm.lengths)
+    effects = ", ".join(type(effect).__name__ for effect in scene.effects)
     dt, rate = f"{scene.control_dt:g}", f"{1 / scene.control_dt:g}"
-    percent, held = f"{100 * task.goal_tolerance:g}", task.hold_steps
+    accuracy = f"\nto a tip error of {scene.tolerance:g} m" if scene.tolerance else f" by {scene.integrator}"
     observation = (
         "A dictionary: `observation` below, `achieved_goal` the tip and `desired_goal` the goal "
         "(2 numbers each, m, float64).\n\n"
-        if goal
+        if task.goal_conditioned
         else ""
     )
-    reward = (
-        "1 when the tip is within the goal tolerance, 0 otherwise: a function of the two goals "
-        "alone, `compute_reward(achieved_goal, desired_goal, info)`, for hindsight replay."
-        if goal
-        else "The sum of the terms; `tolerance(x, margin)` is 1 / (1 + (x / margin)^2), and "
-        "`saturation(x, scale)` is x / (x + scale). A step pays 0 to 1. A fault that ends the "
-        "episode takes back what was `paid`, so that nothing is gained by ending early."
-    )
-    reward += "\n\n" + reward_table(task)
+    reward = f"{task.reward_note()}\n\n{reward_table(scene, task)}"
     fast = f"4 a velocity beyond {task.speed_bound:g} rad/s or m/s"
-    ends, flags = ("", f"{fast}, ") if goal else (f"{fast}, ", "")
-    sliders = any(scene.robot.prismatic)
+    ends, flags = (f"{fast}, ", "") if task.speed_bound_ends else ("", f"{fast}, ")
+    sliders = any(arm.prismatic)
     slider = ", and `#` is a slider, whose\ntravel r extends its link" if sliders else ""
     travel = "; prismatic\njoints uniform over their travel" if sliders else ""
-    return f"""{DESCRIPTIONS[arm]} brings its tip to a goal and holds it there.
+    drawn = ""
+    if arm.schematic:
+        drawn = f"""
+{arm.schematic}
 
-## Description
-Point masses of {masses} kg, link lengths {lengths} m, joint friction and gravity. Efforts act at
-the joints and are constant over a control interval of {dt} s ({rate} Hz), which is simulated to a
-tip error of {scene.tolerance:g} m; `accuracy` chooses another. The reach is redundant: four joints place
-a tip in two dimensions.
-
-{SCHEMATICS[arm]}
-
-The arm stretched along +x: `O` is a revolute joint, m1 to m4 are point masses{slider}.
+The arm stretched along +x: `O` is a revolute joint, m1 to m{joints} are point masses{slider}.
 Angles are absolute, counterclockwise from +x, and gravity acts along -y. `docs/figures/arms.svg` in
 the repository shows the arm bent.
+"""
+    return f"""{arm.description} {task.summary}.
 
+## Description
+Point masses of {masses} kg, link lengths {lengths} m; effects: {effects}.
+Efforts act at the joints and are constant over a control interval of {dt} s ({rate} Hz), which is simulated
+{accuracy.lstrip()}; `accuracy` chooses another. A tip in two dimensions has {joints} joints.
+{drawn}
 ## Action Space
-`Box(-1.0, 1.0, (4,), float32)`. Finite actions outside saturate and are counted in
+`Box(-1.0, 1.0, ({joints},), float32)`. Finite actions outside saturate and are counted in
 `info["saturated_actions"]`.
 
 {action_table(scene)}
@@ -187,14 +169,11 @@ squash(x) is x / sqrt(1 + x^2).
 ## Rewards
 {reward}
 
-`info["is_success"]` is hold success, at every step: the tip was within {percent} % of the
-full reach of the goal and slower than {task.hold_speed:g} reaches per second for the last {held} steps.
-`info["touch_success"]` says whether the goal was ever touched.
+{task.success_note()}
 
 ## Starting State
 At rest; joint angles uniform in +-{task.start_angle:g} rad{travel}; all inside the lane's own limits
-(springs and stops). The goal is uniform over the area of the annulus from {task.inner:g} to
-{task.outer:g} of the full reach.
+(springs and stops). {task.start_note()}
 
 `reset(options=...)` sets `q`, `qd`, `goal` and `parameters` exactly. A `q` beyond a hard stop is
 refused; one beyond a limit spring is allowed, and `info["beyond_limit"]` shows how far.

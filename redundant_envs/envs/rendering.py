@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.envs.core import Core
+from redundant_envs.robots.arm import Arm
 from redundant_envs.scene import identifier
 
 SIZE = 480
@@ -125,10 +126,10 @@ class Canvas:
         mix(patch, strongest[at], color)
         flat[at] = patch
 
-    def bar(self, index: int, value: float) -> None:
-        """A horizontal bar in the lower left corner, from its middle, for a value in [-1, 1]."""
+    def bar(self, index: int, count: int, value: float) -> None:
+        """One of some horizontal bars in the lower left corner, from its middle, for a value in [-1, 1]."""
         left, width, height = 16, 84, 7
-        top = SIZE - 16 - (4 - index) * (height + 6)
+        top = SIZE - 16 - (count - index) * (height + 6)
         self.pixels[top : top + height, left : left + width] = BAR_TRACK
         middle = left + width // 2
         end = middle + round(float(np.clip(value, -1.0, 1.0)) * width / 2)
@@ -159,7 +160,46 @@ def lane_arm(core: Core, lane: NDArray[np.intp]) -> Any:
     arm = core.scene.robot
     names = tuple(arm.parameter_values())
     numbers = core.memory.read(names, lane)[0].tolist()
-    return type(arm)(tuple(numbers[:4]), tuple(numbers[4:]))
+    return type(arm)(tuple(numbers[: arm.num_masses]), tuple(numbers[arm.num_masses :]))
+
+
+def draw_links(
+    canvas: Canvas, arm: Arm, points: NDArray[np.float64], travel: Mapping[int, tuple[float, float]]
+) -> None:
+    """The links of an arm between its point masses; a slider's rail spans its ``travel`` [m]."""
+    ends = [np.zeros(2), *points]
+    link = -1
+    for k, slides in enumerate(arm.prismatic):
+        link += not slides
+        color = LINKS[k % len(LINKS)]
+        if k + 1 in travel and k + 1 < len(arm.joints) and arm.prismatic[k + 1]:
+            _rail(canvas, ends[k + 1], _direction(ends[k], ends[k + 1]), travel[k + 1])
+        if slides:
+            along = _direction(ends[k - 1], ends[k]) if k else np.array([1.0, 0.0])
+            across = 7.0 / canvas.scale * along
+            canvas.capsule(ends[k], ends[k + 1], max(8.0 - 2.0 * link, 4.0), color)
+            carriage = max(13.0 - 2.0 * link, 7.0)
+            canvas.capsule(
+                ends[k + 1] - across, ends[k + 1] + across, carriage, LINKS[max(k - 1, 0) % len(LINKS)]
+            )
+        else:
+            width = 17.0 - 5.0 * link if any(arm.prismatic) else 17.0 - 3.0 * k + (k > 2)
+            canvas.capsule(ends[k], ends[k + 1], max(width, 7.0), color)
+    for k, slides in enumerate(arm.prismatic):
+        if not slides:
+            canvas.disc(ends[k], 4.5, JOINT)
+
+
+def _direction(a: NDArray[np.float64], b: NDArray[np.float64]) -> Any:
+    return (b - a) / np.linalg.norm(b - a)
+
+
+def _rail(canvas: Canvas, start: Any, along: Any, travel: tuple[float, float]) -> None:
+    stops = [start + limit * along for limit in travel]
+    canvas.capsule(stops[0], stops[1], 7.0, RAIL)
+    across = 9.0 / canvas.scale * np.array([-along[1], along[0]])
+    for stop in stops:
+        canvas.capsule(stop - across, stop + across, 3.0, RAIL)
 
 
 class Renderer:
@@ -207,31 +247,26 @@ class Renderer:
         core, arm = self.core, self.core.scene.robot
         index = np.array([lane])
         q = core.memory.read(arm.coordinates, index)[0]
-        goal = core.memory.read(("goal_x", "goal_y"), index)[0]
         steps, *efforts = core.memory.read(("steps", *core.actions), index)[0]
         own_arm = lane_arm(core, index)
         points = own_arm.points(q)
-        self._catch_up(lane, float(steps), points[3])
+        tip = own_arm.forward_kinematics(q)
+        self._catch_up(lane, float(steps), tip)
 
         canvas = Canvas(self.half_width, self._background)
         base = np.zeros(2)
-        radius = canvas.scale * core.reach * core.task.goal_tolerance
-        canvas.disc(goal, radius + 9.0, GOAL, alpha=0.18)
-        canvas.disc(goal, max(radius, 3.0), GOAL)
+        if core.goal_fields:
+            goal = core.memory.read(core.goal_fields, index)[0]
+            radius = canvas.scale * core.reach * getattr(core.task, "goal_tolerance", 0.0)
+            canvas.disc(goal, radius + 9.0, GOAL, alpha=0.18)
+            canvas.disc(goal, max(radius, 3.0), GOAL)
         canvas.trail(self.trail(lane), 3.0, TRAIL, faint=0.15, strong=0.9)
-        if arm.kind == "RPRP":
-            self._sliders(canvas, own_arm, q, points, index)
-        else:
-            joints = [base, *points]
-            for k, width in enumerate((17.0, 14.0, 11.0, 9.0)):
-                canvas.capsule(joints[k], joints[k + 1], width, LINKS[k])
-            for joint in joints[:4]:
-                canvas.disc(joint, 4.5, JOINT)
+        draw_links(canvas, own_arm, points, self._travel(index))
         canvas.disc(base, 9.0, JOINT)
         canvas.disc(base, 4.0, BACKGROUND)
-        canvas.disc(points[3], 5.0, TRAIL)
-        for k, effort in enumerate(efforts if steps > 0 else (0.0,) * 4):
-            canvas.bar(k, effort)
+        canvas.disc(tip, 5.0, TRAIL)
+        for k, effort in enumerate(efforts):
+            canvas.bar(k, len(efforts), effort if steps > 0 else 0.0)
         return canvas.pixels
 
     def _catch_up(self, lane: int, steps: float, tip: NDArray[np.float64]) -> None:
@@ -256,33 +291,11 @@ class Renderer:
             self._window.close()
             self._window = None
 
-    def _limits(self, lane: NDArray[np.intp]) -> dict[str, float]:
-        names = [name for pair in self.core.scene.travel().values() for name in pair]
-        numbers = self.core.memory.read(tuple(identifier(n) for n in names), lane)[0].tolist()
-        return dict(zip(names, numbers, strict=True))
-
-    def _sliders(
-        self, canvas: Canvas, arm: Any, q: NDArray[np.float64], points: NDArray[np.float64],
-        lane: NDArray[np.intp],
-    ) -> None:  # fmt: skip
-        """Both links with their rails: the rail spans the whole travel, the slider rides on it."""
-        values, travel, base = self._limits(lane), self.core.scene.travel(), np.zeros(2)
-        for k, (root, fixed, end) in enumerate(
-            ((base, points[0], points[1]), (points[1], points[2], points[3]))
-        ):
-            angle, length = q[2 * k], arm.lengths[k]
-            direction = np.array([np.cos(angle), np.sin(angle)])
-            low, high = travel[2 * k + 1]
-            canvas.capsule(
-                root + (length + values[low]) * direction,
-                root + (length + values[high]) * direction, 7.0, RAIL,
-            )  # fmt: skip
-            for limit in (values[low], values[high]):
-                stop = root + (length + limit) * direction
-                across = 9.0 / canvas.scale * np.array([-direction[1], direction[0]])
-                canvas.capsule(stop - across, stop + across, 3.0, RAIL)
-            canvas.capsule(root, fixed, 17.0 - 5.0 * k, LINKS[2 * k])
-            canvas.capsule(fixed, end, 8.0 - 2.0 * k, LINKS[2 * k + 1])
-            across = 7.0 / canvas.scale * direction
-            canvas.capsule(end - across, end + across, 13.0 - 2.0 * k, LINKS[2 * k])
-        canvas.disc(points[1], 4.5, JOINT)
+    def _travel(self, lane: NDArray[np.intp]) -> dict[int, tuple[float, float]]:
+        """Ends of the travel of a lane's sliders, m."""
+        arm, travel = self.core.scene.robot, {}
+        for joint, ends in self.core.scene.travel().items():
+            if arm.prismatic[joint]:
+                low, high = self.core.memory.read(tuple(identifier(n) for n in ends), lane)[0].tolist()
+                travel[joint] = (low, high)
+        return travel

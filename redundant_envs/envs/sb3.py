@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from redundant_envs.envs.core import Core, check_action, checked_options, checked_seed, refuse_bad_action
 from redundant_envs.envs.lane_values import LANE_VALUES, LaneValues
 from redundant_envs.envs.outputs import Outputs
-from redundant_envs.envs.registration import ARGUMENTS, ids
+from redundant_envs.envs.registration import ARGUMENTS, IDS, ids
 from redundant_envs.envs.vector_env import (
     ON_BAD_ACTION,
     make_task,
@@ -33,7 +33,7 @@ with needs("train"):
 
 
 class SB3VecEnv(LaneValues, VecEnv):
-    """Lanes of a reach scene as a VecEnv; use :func:`make_sb3`.
+    """Lanes of a scene with a task as a VecEnv; use :func:`make_sb3`.
 
     A done environment begins its next episode in the same step; the last observation is in
     ``infos[i]["terminal_observation"]``.
@@ -44,7 +44,7 @@ class SB3VecEnv(LaneValues, VecEnv):
         scene: str | Mapping[str, Any] | Scene,
         num_envs: int,
         max_episode_steps: int | None,
-        goal: bool = False,
+        task_name: str = "Reach",
         on_bad_action: str = "terminate",
         task: Mapping[str, Any] | None = None,
         render_mode: str | None = None,
@@ -57,9 +57,9 @@ class SB3VecEnv(LaneValues, VecEnv):
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode is {render_mode!r}; choose None or 'rgb_array'")
         self.core = Core(
-            scene, num_envs, make_task(task, goal), max_episode_steps, goal, accuracy, env_id, threads
+            scene, num_envs, make_task(task, task_name), max_episode_steps, accuracy, env_id, threads
         )
-        self.goal_conditioned = goal
+        self.goal_conditioned = self.core.task.goal_conditioned
         self.on_bad_action = on_bad_action
         self.render_mode = render_mode
         self.metadata: dict[str, Any] = {
@@ -71,8 +71,8 @@ class SB3VecEnv(LaneValues, VecEnv):
         self.spec: EnvSpec | None = None
         super().__init__(
             num_envs,
-            observation_space(self.core, goal),
-            gym.spaces.Box(-1.0, 1.0, (4,), np.float32),
+            observation_space(self.core),
+            gym.spaces.Box(-1.0, 1.0, (len(self.core.actions),), np.float32),
         )
 
     def __getstate__(self) -> dict[str, Any]:
@@ -123,7 +123,7 @@ class SB3VecEnv(LaneValues, VecEnv):
         """Keep the actions for :meth:`step_wait`."""
         if not self._ready:
             raise ValueError("step was called before reset; call reset() first")
-        actions = check_action(actions, (self.num_envs, 4))
+        actions = check_action(actions, (self.num_envs, len(self.core.actions)))
         if self.on_bad_action == "raise":
             refuse_bad_action(actions)
         self._actions = actions
@@ -246,7 +246,7 @@ def make_sb3(env_id: str, num_envs: int = 256, **kwargs: Any) -> SB3VecEnv:
     for key in arguments:
         if key not in valid:
             raise ValueError(f"make_sb3 has no argument {key!r}; valid: {', '.join(valid)}")
-    env = SB3VecEnv(num_envs=num_envs, goal="Goal" in full, env_id=full, **arguments)
+    env = SB3VecEnv(num_envs=num_envs, task_name=IDS[full].task, env_id=full, **arguments)
     env.spec = dataclasses.replace(
         spec,
         kwargs={k: v for k, v in arguments.items() if k != "max_episode_steps"},

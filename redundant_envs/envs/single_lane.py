@@ -12,7 +12,7 @@ from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.model.programs import Part
 from redundant_envs.simulator.blocks import LANES
 from redundant_envs.simulator.environment import Autoreset
-from redundant_envs.simulator.episode import GOAL, TABLES, TIP
+from redundant_envs.simulator.episode import TABLES, TIP
 
 FORMATS = {"flags": "?", "counts": "q", "values": "d"}
 """Numbers of the tables as :mod:`struct` reads them; a row has one for each lane of a block."""
@@ -42,7 +42,7 @@ class SingleLane:
         self._buffer, self.outputs = _in_one_buffer(columns)
         self._ends = _reader(columns, ("terminated", "reward"))
         self._shown = _reader(columns, [column for column, *_ in columns.places_shown])
-        self._points = _reader(columns, (*TIP, *GOAL))
+        self._points = _reader(columns, (*TIP, *columns.goal))
         self._operation = -1
         self._entry, self._address = part.entry, part.address
         tables = dict(zip(TABLES, self.outputs, strict=True))
@@ -76,7 +76,7 @@ class SingleLane:
         """What ``info`` shows, in its order."""
         return self._shown.unpack_from(self._buffer)
 
-    def points(self) -> tuple[float, float, float, float]:
+    def points(self) -> tuple[float, ...]:
         """Tip and goal, m."""
         return self._points.unpack_from(self._buffer)  # type: ignore[return-value]
 

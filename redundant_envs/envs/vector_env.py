@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
@@ -28,31 +29,32 @@ from redundant_envs.model.programs import environment_simulator
 from redundant_envs.scene import Scene, check_keys
 from redundant_envs.simulator.environment import Autoreset
 from redundant_envs.simulator.episode import TIP
-from redundant_envs.tasks.reach import GoalReachTask, ReachTask
+from redundant_envs.tasks import REGISTRY as TASKS
+from redundant_envs.tasks import Task
 from redundant_envs.values import shown, whole_number
 
 KERNEL_MODE = {mode: Autoreset[mode.name] for mode in AutoresetMode}
 ON_BAD_ACTION = ("raise", "terminate")
 
 
-def info_names(scene: Scene, task: ReachTask) -> list[str]:
+def info_names(scene: Scene, task: Task) -> list[str]:
     """Keys of ``info`` in an environment of a scene, in order."""
     episode = environment_simulator(scene, task).episode
     assert episode is not None
     return Columns(episode).names
 
 
-def observation_space(core: Core, goal: bool) -> spaces.Space[Any]:
+def observation_space(core: Core) -> spaces.Space[Any]:
     """Space of one environment's observation."""
     box = spaces.Box(-1.0, 1.0, (core.obs_size,), np.float32)
-    if not goal:
+    if not core.task.goal_conditioned:
         return box
     place = spaces.Box(-2.0 * core.reach, 2.0 * core.reach, (2,), np.float64)
     return spaces.Dict({"observation": box, "achieved_goal": place, "desired_goal": place})
 
 
-class ReachVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
-    """Native vector environment of a reach task; made by ``gymnasium.make_vec``.
+class ArmVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
+    """Native vector environment of an arm with a task; made by ``gymnasium.make_vec``.
 
     Parameters
     ----------
@@ -66,7 +68,7 @@ class ReachVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
     on_bad_action : {"terminate", "raise"}
         What a non-finite action does to its lane.
     task : mapping
-        Numbers of :class:`~redundant_envs.tasks.reach.ReachTask` other than the defaults.
+        Numbers of the task other than the defaults.
     render_mode : {None, "rgb_array"}
     accuracy : {"standard", "exact"} or float, optional
         Tip error per control interval [m] of the simulation: 1e-6, 1e-12 or the number given. None
@@ -75,8 +77,7 @@ class ReachVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
         Threads over blocks of 8 environments; they change no bit.
     """
 
-    goal_conditioned = False
-    """Whether observations are goal dictionaries and the reward is that of the goals."""
+    task_name: ClassVar[str] = "Reach"
     env_id: ClassVar[str | None] = None
     """The id that the class stands for; its scenes have the arm of that id."""
 
@@ -101,9 +102,8 @@ class ReachVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
         self.core = Core(
             plain_scene(scene),
             num_envs,
-            make_task(task, self.goal_conditioned),
+            make_task(task, self.task_name),
             max_episode_steps,
-            self.goal_conditioned,
             accuracy,
             self.env_id,
             threads,
@@ -116,8 +116,10 @@ class ReachVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
             "render_fps": round(1.0 / self.core.scene.control_dt),
             "autoreset_mode": self.autoreset_mode,
         }
-        self.single_observation_space = observation_space(self.core, self.goal_conditioned)
-        self.single_action_space = spaces.Box(-1.0, 1.0, (4,), np.float32)
+        self.goal_conditioned = self.core.task.goal_conditioned
+        """Whether observations are goal dictionaries and the reward is that of the goals."""
+        self.single_observation_space = observation_space(self.core)
+        self.single_action_space = spaces.Box(-1.0, 1.0, (len(self.core.actions),), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._ended = np.zeros(num_envs, dtype=np.bool_)
@@ -127,7 +129,7 @@ class ReachVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_renderer": None}
 
-    def __copy__(self) -> ReachVectorEnv:
+    def __copy__(self) -> ArmVectorEnv:
         return copy.deepcopy(self)
 
     def reset(
@@ -143,7 +145,8 @@ class ReachVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
         seed : int, sequence of ints, optional
             Environment i gets ``seed + i``, or its entry of the sequence.
         options : dict, optional
-            "reset_mask": (num_envs,) bool, the environments to reset; "q", "qd": (4,) or (n, 4);
+            "reset_mask": (num_envs,) bool, the environments to reset; "q", "qd": (joints,) or (n,
+            joints);
             "goal": (2,) or (n, 2) [m]; "parameters": {name: numbers}; n counts those reset.
             Parameters are set on top of the scene's own and stay, through autoresets too, until
             a reset of the environment gives "parameters" again ({} returns to the scene's).
@@ -177,10 +180,10 @@ class ReachVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
     def step(
         self, actions: Any
     ) -> tuple[Any, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """One control step of all environments; actions are (num_envs, 4) in [-1, 1]."""
+        """One control step of all environments; actions are (num_envs, joints) in [-1, 1]."""
         if not self._ready:
             raise ValueError("step was called before reset; call reset() first")
-        actions = check_action(actions, (self.num_envs, 4))
+        actions = check_action(actions, (self.num_envs, len(self.core.actions)))
         if self.on_bad_action == "raise" and not np.isfinite(actions).all():
             refuse_bad_action(actions[self.core.mask == 0])  # the others begin anew and ignore theirs
         core, mode = self.core, self.autoreset_mode
@@ -279,16 +282,21 @@ class ReachVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
         return infos
 
 
-def make_task(task: Mapping[str, Any] | None, goal: bool) -> ReachTask:
-    """The task from its keyword argument, or its goal-conditioned form."""
-    kind = GoalReachTask if goal else ReachTask
-    if task is None:
+def make_task(given: Mapping[str, Any] | None, name: str) -> Task:
+    """The task of a name, with the numbers of the keyword argument; its "type" may only say the same."""
+    kind = TASKS[name]
+    if given is None:
         return kind()
-    valid = list(ReachTask.__dataclass_fields__)
-    if not isinstance(task, Mapping):
-        raise ValueError(f"task is {shown(task)}; give a mapping of {', '.join(valid)}")
-    check_keys("task", task, valid)
-    return kind(**task)
+    valid = [field.name for field in dataclasses.fields(kind)]
+    if not isinstance(given, Mapping):
+        raise ValueError(f"task is {shown(given)}; give a mapping of {', '.join(valid)}")
+    check_keys("task", given, ["type", *valid])
+    if given.get("type", name) != name:
+        raise ValueError(
+            f"task.type is {shown(given['type'])} and the environment's task is {name}; make the id of that "
+            f"task (registered: {', '.join(TASKS)})"
+        )
+    return kind(**{key: value for key, value in given.items() if key != "type"})
 
 
 def autoreset(mode: AutoresetMode | str) -> AutoresetMode:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 
 
@@ -26,6 +27,31 @@ class Tableau:
     def stages(self) -> int:
         """Evaluations of the right-hand side per step."""
         return len(self.b)
+
+    def check(self) -> None:
+        """ValueError unless this is a consistent explicit method."""
+        s = len(self.b)
+        rows = [len(row) for row in self.a]
+        if not s or len(self.c) != s or len(rows) != s or any(n > k for k, n in enumerate(rows)):
+            raise ValueError(
+                f"the tableau {self.name!r} has rows of {rows} numbers, {s} weights and {len(self.c)} nodes; "
+                "give as many rows and nodes as weights, row k (from 0) with at most k numbers"
+            )
+        if self.name == "euler" or (self.error5 or self.error3):
+            raise ValueError(
+                f"the tableau {self.name!r} gives error weights; only methods of this package may"
+            )
+        for k, row in enumerate((*self.a, self.b)):
+            wanted = 1.0 if k == s else self.c[k]
+            if not all(math.isfinite(x) for x in row) or abs(sum(row) - wanted) > 1e-12:
+                what = "weights" if k == s else f"row {k}"
+                raise ValueError(
+                    f"the {what} of the tableau {self.name!r} sum to {sum(row)!r}; give {wanted!r}"
+                )
+        if isinstance(self.order, bool) or not isinstance(self.order, int) or self.order < 1:
+            raise ValueError(
+                f"the tableau {self.name!r} has the order {self.order!r}; give a whole number from 1 on"
+            )
 
     def unseen(self, at_ends: bool) -> float:
         """By how much a parabola may leave the range of its values at the nodes, in units of that range.

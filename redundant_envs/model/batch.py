@@ -42,7 +42,7 @@ class Event:
     kind : str
         "upper impact", "lower impact", "rest" or "release".
     joint : str
-        "r1" or "r2".
+        Name of the slider, such as "r1".
     speed : float
         Before an impact, towards the stop, m/s; else 0.
     lane : int
@@ -144,13 +144,22 @@ class BatchSimulator:
 
     @property
     def q(self) -> NDArray[np.float64]:
-        """Generalized coordinates, (num_envs, 4): rad and m. A copy."""
+        """Generalized coordinates, (num_envs, joints): rad and m. A copy."""
         return self._memory.read(self.scene.robot.coordinates)
 
     @property
     def qd(self) -> NDArray[np.float64]:
-        """Generalized velocities, (num_envs, 4). A copy."""
+        """Generalized velocities, (num_envs, joints). A copy."""
         return self._memory.read(self.scene.robot.rates)
+
+    @property
+    def z(self) -> NDArray[np.float64]:
+        """States of the effects, (num_envs, states), in the order of ``Scene.states()``. A copy."""
+        return self._memory.read(tuple(self._simulator.dynamics.effect_states))
+
+    @property
+    def _joints(self) -> int:
+        return self._simulator.dynamics.count
 
     @property
     def work(self) -> NDArray[np.float64]:
@@ -186,16 +195,19 @@ class BatchSimulator:
         return happened
 
     def set_state(self, q: ArrayLike, qd: ArrayLike, index: ArrayLike | None = None) -> None:
-        """Set coordinates and velocities, (..., 4), of all lanes or of those in ``index``."""
+        """Set coordinates and velocities, (..., joints), of all lanes or of those in ``index``.
+
+        States of effects begin anew, and sliders rest at no stop.
+        """
         lanes = self._lanes(index)
         arm = self.scene.robot
-        tables = [self._table(name, values, len(lanes), 4) for name, values in (("q", q), ("qd", qd))]
+        tables = [
+            self._table(name, values, len(lanes), self._joints) for name, values in (("q", q), ("qd", qd))
+        ]
         parameters.check_stops(self.scene, self._memory, lanes, tables[0], None)
         for values, rows in zip(tables, (arm.coordinates, arm.rates), strict=True):
             self._memory.write(rows, values, lanes)
-        if "work" in self._memory:
-            self._memory.write(("work",), 0.0, lanes)
-        self._memory.forget(lanes)
+        self._memory.begin(lanes)
 
     def set_parameters(self, values: Mapping[str, ArrayLike], index: ArrayLike | None = None) -> None:
         """Set physical parameters of lanes.
@@ -242,16 +254,16 @@ class BatchSimulator:
 
         Parameters
         ----------
-        efforts : (num_envs, 4) array, optional
+        efforts : (num_envs, joints) array, optional
             N m and N at the joints (``Scene.actuation``); none is zero.
         """
-        n = self.num_envs
+        n, joints = self.num_envs, self._joints
         if efforts is None:
-            table = np.zeros((n, 4))
+            table = np.zeros((n, joints))
         else:
             table = parameters.numbers("efforts", efforts)
-            if table.shape != (n, 4):
-                table = self._table("efforts", efforts, n, 4)
+            if table.shape != (n, joints):
+                table = self._table("efforts", efforts, n, joints)
             if not table.flags.carray:
                 table = table.copy(order="C")
         count = self._memory.blocks * LANES

@@ -113,5 +113,8 @@ def _owner_of_field(scene: Scene, name: str) -> str:
         if name in {identifier(f"{effect.key}.{k}") for k in effect.parameters()}:
             return effect.key
     arm = scene.robot
+    for effect in scene.effects:
+        if name in {identifier(f"{effect.key}.{k}") for k in effect.states(arm)}:
+            return effect.key
     of_arm = (*arm.coordinates, *arm.rates, *arm.parameter_values())
     return "arm" if name in of_arm else "interval"

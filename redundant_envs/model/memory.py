@@ -47,7 +47,8 @@ class Memory:
         }
         scene = dynamics.scene
         steps = {"h": scene.control_dt / scene.substeps, "interval": scene.control_dt}
-        for name, value in {**dynamics.parameters, **steps, **more}.items():
+        initial = {name: state.initial for name, state in dynamics.effect_states.items()}
+        for name, value in {**dynamics.parameters, **steps, **more, **initial}.items():
             self.column(name)[:] = value
         self.prepare()
 
@@ -128,6 +129,14 @@ class Memory:
         names = [n for n in self.layout.rows[STATE] if n.startswith("active_stop_") or n == "next_step"]
         if names:
             self.write(names, 0.0, index)
+
+    def begin(self, index: NDArray[Any]) -> None:
+        """A new motion of some lanes: what they remember beside their motion is as at the start."""
+        self.forget(index)
+        for name, state in self.dynamics.effect_states.items():
+            self.write((name,), state.initial, index)
+        if "work" in self:
+            self.write(("work",), 0.0, index)
 
     # ---- snapshots -------------------------------------------------------------------------------------
 

@@ -20,7 +20,7 @@ Table = dict[str, NDArray[np.float64]]
 
 
 def names_of(scene: Scene, name: str) -> list[str]:
-    """Scalar parameters behind a user's name: "masses" -> m1..m4, "gravity.down" -> down[0], down[1]."""
+    """Scalar parameters behind a user's name: "masses" -> m1, m2, ..., "gravity.down" -> down[0], down[1]."""
     parameters = scene.parameters()
     if name in ("masses", "lengths"):
         return [p for p in parameters if p[0] == name[0] and p[1:].isdigit()]

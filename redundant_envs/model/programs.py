@@ -21,6 +21,7 @@ from redundant_envs.simulator.dynamics import Dynamics
 from redundant_envs.simulator.environment import EnvironmentKernel, goal_reward_kernel
 from redundant_envs.simulator.episode import Episode
 from redundant_envs.simulator.interval import Interval
+from redundant_envs.tasks.base import Task
 from redundant_envs.tracing.flow import Kernel, Program
 
 
@@ -58,11 +59,11 @@ def batch_simulator(scene: Scene, track_work: bool) -> Simulator:
     return Simulator(dynamics, blocks, Program([kernel]))
 
 
-def environment_simulator(scene: Scene, task: Any) -> Simulator:
+def environment_simulator(scene: Scene, task: Task) -> Simulator:
     """The simulator of an environment."""
     episode = Episode(Interval(Dynamics(scene)), task)
     made = EnvironmentKernel(episode)
-    program = Program([made.p, goal_reward_kernel(task)])
+    program = Program([made.p, *([goal_reward_kernel(task)] if task.goal_functions else [])])
     return Simulator(episode.dynamics, made.blocks, program, episode)
 
 

@@ -15,7 +15,7 @@ from redundant_envs.simulator.lane import Lane
 from redundant_envs.simulator.setting import Plan
 from redundant_envs.simulator.step import lane_step
 
-Step = Callable[..., tuple[Any, Any]]
+Step = Callable[..., tuple[Any, ...]]
 
 
 def torch_step(scene: Scene) -> Step:
@@ -36,7 +36,9 @@ def torch_step(scene: Scene) -> Step:
     callable
         ``step(q, qd, efforts, parameters=None) -> (q, qd)``: tensors (..., joints) of any batch shape,
         N m and N; ``parameters`` maps names such as "masses", "lengths" or "gravity.g" to tensors
-        (..., entries), or (...) of a single number.
+        (..., entries), or (...) of a single number. If effects of the scene have states,
+        ``step(q, qd, efforts, parameters=None, z=...) -> (q, qd, z)`` takes and gives these too,
+        (..., states) in the order of ``Scene.states()``.
 
     Raises
     ------
@@ -57,12 +59,22 @@ def torch_step(scene: Scene) -> Step:
         )
     count, layout = dynamics.count, interval.layout()
 
-    def step(q: Any, qd: Any, efforts: Any, parameters: Mapping[str, Any] | None = None) -> tuple[Any, Any]:
+    of_effects = tuple(dynamics.effect_states)
+
+    def step(
+        q: Any, qd: Any, efforts: Any, parameters: Mapping[str, Any] | None = None, z: Any = None
+    ) -> tuple[Any, ...]:
         tensors = [_checked(name, x, count) for name, x in (("q", q), ("qd", qd), ("efforts", efforts))]
-        states = [*tensors[0].unbind(-1), *tensors[1].unbind(-1)]
+        effects: dict[str, Any] = {}
+        if of_effects:
+            effects = dict(zip(of_effects, _checked("z", z, len(of_effects)).unbind(-1), strict=True))
+        elif z is not None:
+            raise ValueError("z is given, and no effect of the scene has a state; leave it out")
+        states = [*tensors[0].unbind(-1), *tensors[1].unbind(-1), *(effects[n] for n in dynamics.others)]
         fields = {
             **fields_of(dynamics, _named(scene, parameters or {})),
             **dict(zip(dynamics.commands, tensors[2].unbind(-1), strict=True)),
+            **{n: effects[n] for n in dynamics.remembered},
         }
         steps = number(float(scene.substeps))
         if scene.tolerance is not None:
@@ -74,16 +86,22 @@ def torch_step(scene: Scene) -> Step:
         for k in range(int(steps.max())):
             now = dict(zip(dynamics.states, states, strict=True))
             made = lane_step(dynamics, Lane(layout, {**fields, **now}.__getitem__), h)
-            new = (*made.positions, *made.velocities)
+            new = (*made.positions, *made.velocities, *made.others)
             states = [torch.where(k < steps, x, y) for x, y in zip(new, states, strict=True)]
+        lane = Lane(layout, {**fields, **dict(zip(dynamics.states, states, strict=True))}.__getitem__)
+        interval.renew(lane)
+        states += [lane[n] for n in of_effects]
         shape = torch.broadcast_shapes(*(x.shape for x in states))
         wide = [x.expand(shape) for x in states]
-        return torch.stack(wide[:count], -1), torch.stack(wide[count:], -1)
+        moved = torch.stack(wide[:count], -1), torch.stack(wide[count : 2 * count], -1)
+        return (*moved, torch.stack(wide[-len(of_effects) :], -1)) if of_effects else moved
 
     return step
 
 
 def _checked(name: str, value: Any, width: int) -> torch.Tensor:
+    if value is None:
+        raise ValueError(f"{name} is missing; give a tensor whose last axis has {width} numbers")
     tensor = number(value)
     if tensor.dtype is torch.bool or tensor.ndim == 0 or tensor.shape[-1] != width:
         raise ValueError(f"{name} has shape {tuple(tensor.shape)}; the last axis must have {width} numbers")

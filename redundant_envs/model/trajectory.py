@@ -24,7 +24,7 @@ class Trajectory:
     Attributes
     ----------
     t : (T,) s
-    q, qd : (T, ..., 4)
+    q, qd : (T, ..., joints)
     kinetic_energy, potential_energy : (T, ...) J
     work : (T, ...) J
         Work of the motors and of forces without a potential since the start:
@@ -50,11 +50,11 @@ def simulate(
     Parameters
     ----------
     scene : Scene
-    q, qd : (..., 4) arrays
+    q, qd : (..., joints) arrays
         State at t = 0.
     times : (T,) array
         Increasing, not negative, s; hit exactly. Asking for more times does not change the motion.
-    efforts : None, (4,) array, or callable(t, q, qd)
+    efforts : None, (joints,) array, or callable(t, q, qd)
         Joint efforts, N m and N; a callable is asked once per control instant.
 
     Returns
@@ -67,19 +67,20 @@ def simulate(
     if t.size and not t[-1] < 2.0**53 * scene.control_dt:
         raise ValueError(f"times must be shorter than 2^53 control intervals of {scene.control_dt} s")
     q0, qd0 = np.broadcast_arrays(np.asarray(q, float), np.asarray(qd, float))
-    if q0.shape[-1:] != (4,):
-        raise ValueError(f"q has shape {q0.shape}; the last axis must have 4 entries")
+    joints = len(scene.robot.joints)
+    if q0.shape[-1:] != (joints,):
+        raise ValueError(f"q has shape {q0.shape}; the last axis must have {joints} entries")
     if not (np.isfinite(q0).all() and np.isfinite(qd0).all()):
         raise ValueError("q or qd has non-finite entries; give finite numbers")
     shape, count = q0.shape[:-1], int(np.prod(q0.shape[:-1], dtype=int))
     batch = BatchSimulator(scene, count, track_work=True)
-    batch.set_state(q0.reshape(count, 4), qd0.reshape(count, 4))
+    batch.set_state(q0.reshape(count, joints), qd0.reshape(count, joints))
     dt = scene.control_dt
     qs: list[Array] = []
     qds: list[Array] = []
     works: list[Array] = []
     events: list[Event] = []
-    step, command = 0, np.zeros((count, 4))
+    step, command = 0, np.zeros((count, joints))
     commanded = -1
     for time in t:
         target = _instant(float(time), dt)
@@ -106,8 +107,8 @@ def simulate(
             )
         for store, value in zip((qs, qds, works), state, strict=True):
             store.append(value)
-    q_all = np.array(qs).reshape(len(t), *shape, 4)
-    qd_all = np.array(qds).reshape(len(t), *shape, 4)
+    q_all = np.array(qs).reshape(len(t), *shape, joints)
+    qd_all = np.array(qds).reshape(len(t), *shape, joints)
     return Trajectory(
         t=t,
         q=q_all,
@@ -154,14 +155,15 @@ def _command(
     """Efforts of the control interval ``step``; a callable is asked once for each."""
     if commanded == step:
         return last, commanded
+    joints = len(batch.scene.robot.joints)
     if efforts is None:
-        return np.zeros((batch.num_envs, 4)), step
+        return np.zeros((batch.num_envs, joints)), step
     value = efforts
     if callable(efforts):
-        value = efforts(step * dt, batch.q.reshape(*shape, 4), batch.qd.reshape(*shape, 4))
+        value = efforts(step * dt, batch.q.reshape(*shape, joints), batch.qd.reshape(*shape, joints))
     table = np.asarray(value, dtype=np.float64)
-    if table.shape != (4,) and table.shape != (*shape, 4):
-        raise ValueError(f"efforts has shape {table.shape}; give (4,) or {(*shape, 4)}")
+    if table.shape != (joints,) and table.shape != (*shape, joints):
+        raise ValueError(f"efforts has shape {table.shape}; give ({joints},) or {(*shape, joints)}")
     if not np.isfinite(table).all():
         raise ValueError(f"efforts has non-finite entries at t = {step * dt:.6g} s; give finite numbers")
-    return np.broadcast_to(table, (*shape, 4)).reshape(batch.num_envs, 4), step
+    return np.broadcast_to(table, (*shape, joints)).reshape(batch.num_envs, joints), step

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.algebra import gives_of, numbered
 from redundant_envs.extras import needs
-from redundant_envs.quantities import Quantities
+from redundant_envs.quantities import Quantities, givers_of
 from redundant_envs.robots import derived
 from redundant_envs.robots.parameters import positive_numbers
 from redundant_envs.values import shown
@@ -30,10 +30,12 @@ class Arm:
 
     A subclass names its coordinates and gives functions of the physics dialect for n joints:
 
-    * ``x1 y1 ... xn yn`` the point masses, ``tip_x tip_y``, the Jacobian ``J11 .. J2n`` and ``Jdqd1 Jdqd2``;
-    * ``M11 .. Mnn``, ``h1 .. hn``, and in the field (ax, ay) ``G1 .. Gn`` and ``U``;
-    * if its coordinates are not those of the joints: ``phi1 ..``, ``phid1 ..``, ``Q1 ..`` of ``t1 ..``, and
-      ``coordinates_of_joints``.
+    * ``x1 y1 ...`` the point masses, the last of them at the tip, ``J11 .. J2n`` and ``Jdqd1 Jdqd2``;
+    * ``M11 .. Mnn``, ``h1 .. hn``, and in the field (ax, ay) ``G1 .. Gn``;
+    * if its coordinates are not those of the joints: ``phi1 ..``, ``phid1 ..``, ``Q1 ..`` of ``t1 ..``, each
+      by a function of its own, and ``coordinates_of_joints``.
+
+    Functions of the position alone give nothing that depends on rates.
 
     The rest follows (:mod:`redundant_envs.robots.derived`), unless it gives that too. Angles are absolute in
     the arms of this package; (ax, ay) is minus the gravity vector [m/s^2].
@@ -70,8 +72,8 @@ class Arm:
     column_norms: ClassVar[Function]
     """``n1 .. nn``: metres at the tip per unit of each coordinate."""
     mobility_bounds: ClassVar[Function | None] = None
-    """``W1 .. Wn`` of the parameters: upper bounds of diag(B^T M^-1 B) in every pose, from which error control
-    knows how fast springs and dampers may make the arm. None allows neither with a tolerance."""
+    """``W1 .. Wn`` of the parameters: upper bounds of diag(B^T M^-1 B) in every pose, from which error
+    control knows how fast springs and dampers may make the arm. None allows neither with a tolerance."""
     held_dynamics: ClassVar[Function | None] = None
     """Dynamics with sliders at rest; None of an arm without sliders."""
     slider_mobility: ClassVar[Function | None] = None
@@ -86,41 +88,39 @@ class Arm:
     """The arm stretched along +x, drawn in text, with its coordinates, masses and lengths."""
 
     def __init_subclass__(cls) -> None:
+        """Add what follows from what the class gives, and refuse a class that lacks something."""
         super().__init_subclass__()
         if "functions" not in cls.__dict__:
             return
-        n, own = len(cls.coordinates), set(vars(cls))
+        own = vars(cls)
+        for name in (
+            "column_norms",
+            "mobility_bounds",
+            "held_dynamics",
+            "slider_mobility",
+            "coordinates_of_joints",
+        ):
+            if callable(own.get(name)) and not isinstance(own[name], staticmethod):
+                setattr(cls, name, staticmethod(own[name]))
+        for name, value in _defaults(cls).items():
+            if name not in own:
+                setattr(cls, name, value)
         given = {name for f in cls.functions for name in gives_of(f)}
-        made: list[Function] = []
+        n = len(cls.coordinates)
         if "phi1" not in given:
-            made += derived.joint_coordinates(cls.coordinates, cls.rates)
+            cls.functions += tuple(derived.joint_coordinates(cls.coordinates, cls.rates))
+            if "coordinates_of_joints" not in own:
+                cls.coordinates_of_joints = staticmethod(derived.coordinates_of_joints(cls.coordinates))
         for name, function in (
+            ("tip_x", derived.tip(cls.num_masses)),
             ("tip_vx", derived.tip_velocity(cls.rates)),
             ("manipulability", derived.manipulability(n)),
+            ("U", derived.potential_energy(cls.num_masses)),
             ("T", derived.kinetic_energy(cls.rates)),
             ("qdd1", derived.forward_dynamics(n)),
         ):
-            made += [function] if name not in given else []
-        cls.functions = (*cls.functions, *made)
-        sliders = [k for k, slides in enumerate(cls.prismatic) if slides]
-        defaults: dict[str, Any] = {
-            "kind": cls.__name__,
-            "num_masses": n,
-            "coordinates_of_joints": staticmethod(derived.coordinates_of_joints(cls.coordinates)),
-            "column_norms": staticmethod(derived.column_norms(n)),
-            "extent": (*numbered("l{}", cls.num_lengths), *(f"high{k + 1}" for k in sliders)),
-            "posture": {
-                name: f"{what} of {angle}"
-                for angle, pair in cls.sincos.items()
-                for what, name in zip(("sine", "cosine"), pair, strict=True)
-            },
-        }
-        if sliders:
-            defaults["held_dynamics"] = staticmethod(derived.held_dynamics(n, sliders))
-            defaults["slider_mobility"] = staticmethod(derived.slider_mobility(n, sliders))
-        for name, value in defaults.items():
-            if name not in own:
-                setattr(cls, name, value)
+            cls.functions += () if name in given else (function,)
+        _check(cls)
 
     def __post_init__(self) -> None:
         masses = positive_numbers("masses", self.masses, self.num_masses, "kg")
@@ -167,7 +167,9 @@ class Arm:
 
     def _matrix(self, letter: str, rows: int, **vectors: ArrayLike) -> Array:
         n = len(self.coordinates)
-        flat = self._vector([f"{letter}{i + 1}{j + 1}" for i in range(rows) for j in range(n)], 0.0, **vectors)
+        flat = self._vector(
+            [f"{letter}{i + 1}{j + 1}" for i in range(rows) for j in range(n)], 0.0, **vectors
+        )
         return flat.reshape(*flat.shape[:-1], rows, n)
 
     def mass_matrix(self, q: ArrayLike) -> Array:
@@ -286,5 +288,51 @@ class Arm:
             "tip": sp.Matrix(self.evaluate(("tip_x", "tip_y"), state)),
             "Jdot_qd": sp.Matrix(self.evaluate(("Jdqd1", "Jdqd2"), state)),
         }
-        made |= {name: self.evaluate((name,), state)[0] for name in ("T", "U", "Lz", "manipulability") if name in given}
+        made |= {
+            name: self.evaluate((name,), state)[0]
+            for name in ("T", "U", "Lz", "manipulability")
+            if name in given
+        }
         return {name: value for name, value in made.items() if value is not None}
+
+
+def _defaults(arm: type[Arm]) -> dict[str, Any]:
+    """What an arm need not say that is no function of the model."""
+    n = len(arm.coordinates)
+    sliders = [k for k, slides in enumerate(arm.prismatic) if slides]
+    made: dict[str, Any] = {
+        "kind": arm.__name__,
+        "num_masses": n,
+        "column_norms": staticmethod(derived.column_norms(n)),
+        "extent": (*numbered("l{}", arm.num_lengths), *(f"high{k + 1}" for k in sliders)),
+        "posture": {
+            name: f"{what} of {angle}"
+            for angle, pair in arm.sincos.items()
+            for what, name in zip(("sine", "cosine"), pair, strict=True)
+        },
+    }
+    if sliders:
+        made["held_dynamics"] = staticmethod(derived.held_dynamics(n, sliders))
+        made["slider_mobility"] = staticmethod(derived.slider_mobility(n, sliders))
+    return made
+
+
+def _check(arm: type[Arm]) -> None:
+    """ValueError unless an arm gives what it must, once, and as often as it has joints."""
+    n = len(arm.coordinates)
+    for name in ("rates", "joints", "prismatic"):
+        count = len(getattr(arm, name))
+        if count != n:
+            raise ValueError(f"{arm.kind}.{name} has {count} entries; its coordinates are {n}: give as many")
+    if not hasattr(arm, "coordinates_of_joints"):
+        raise ValueError(f"{arm.kind} gives phi1 and no coordinates_of_joints; give that function too")
+    names = givers_of(tuple(arm.functions))
+    required = [
+        *(f"{axis}{k + 1}" for k in range(arm.num_masses) for axis in "xy"), "tip_x", "tip_y",
+        *(f"J{i}{j + 1}" for i in (1, 2) for j in range(n)), "Jdqd1", "Jdqd2",
+        *(f"M{i + 1}{j + 1}" for i in range(n) for j in range(n)),
+        *(form.format(k + 1) for form in ("h{}", "G{}", "phi{}", "phid{}", "Q{}", "qdd{}") for k in range(n)),
+    ]  # fmt: skip
+    missing = [name for name in required if name not in names]
+    if missing:
+        raise ValueError(f"{arm.kind} gives no {', '.join(missing[:8])}; add functions that do")

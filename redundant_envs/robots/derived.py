@@ -15,7 +15,7 @@ Function = Callable[..., Any]
 
 
 def joint_coordinates(coordinates: Sequence[str], rates: Sequence[str]) -> list[Function]:
-    """Of an arm whose coordinates are those of its joints: positions, rates and motor map are the identity."""
+    """Of an arm whose coordinates are those of its joints: positions, rates, motor map are the identity."""
     n = len(coordinates)
     pairs = (("phi{}", coordinates), ("phid{}", rates), ("Q{}", numbered("t{}", n)))
     return [_identity(numbered(form, n), taken) for form, taken in pairs]
@@ -43,6 +43,28 @@ def tip_velocity(rates: Sequence[str]) -> Function:
         return _dot(values[:n], qd), _dot(values[n : 2 * n], qd)
 
     return tip_velocity
+
+
+def tip(masses: int) -> Function:
+    @physics(gives="tip_x tip_y", takes=f"x{masses} y{masses}")
+    def tip(x, y):
+        """The last point mass."""
+        return x, y
+
+    return tip
+
+
+def potential_energy(masses: int) -> Function:
+    names = [f"{letter}{k + 1}" for letter in "mxy" for k in range(masses)]
+
+    @physics(gives="U", takes=" ".join((*names, "ax", "ay")))
+    def potential_energy(*values):
+        *masses_and_points, ax, ay = values
+        n = len(masses_and_points) // 3
+        m, x, y = (masses_and_points[i * n : (i + 1) * n] for i in range(3))
+        return _dot(m, [ax * p + ay * q for p, q in zip(x, y, strict=True)])
+
+    return potential_energy
 
 
 def manipulability(n: int) -> Function:
@@ -95,7 +117,10 @@ def held_dynamics(n: int, sliders: Sequence[int]) -> Function:
         M, forces = _equations(values, n)
         rests = dict(zip(sliders, (h > 0.0 for h in values[-len(sliders) :]), strict=True))
         rows = [
-            [_unless(rests.get(i), _unless(rests.get(j), M[i][j], float(i == j)), float(i == j)) for j in range(n)]
+            [
+                _unless(rests.get(i), _unless(rests.get(j), M[i][j], float(i == j)), float(i == j))
+                for j in range(n)
+            ]
             for i in range(n)
         ]
         qdd = solved(rows, [_unless(rests.get(i), f, 0.0) for i, f in enumerate(forces)])

@@ -75,7 +75,9 @@ def for_sliders(effect: str, arm: str, sliders: list[int], count: int) -> list[i
     if not sliders:
         raise ValueError(f"{effect} acts on prismatic joints, and {arm} has none: leave it out")
     if len(sliders) != count:
-        raise ValueError(f"{effect} has numbers for {count} prismatic joints and {arm} has {len(sliders)}: give as many")
+        raise ValueError(
+            f"{effect} has numbers for {count} prismatic joints and {arm} has {len(sliders)}: give as many"
+        )
     return sliders
 
 

@@ -156,8 +156,8 @@ class Dynamics:
                     if self.arm.mobility_bounds is None:
                         raise ValueError(
                             f"{self.arm.kind} has no mobility_bounds, from which error control knows what "
-                            f"{type(effect).__name__} asks of its steps; give the arm these bounds, or the scene "
-                            "an integrator and substeps"
+                            f"{type(effect).__name__} asks of its steps; give the arm these bounds, or the "
+                            "scene an integrator and substeps"
                         )
                     rates.append(rule(self.apply(effect, hook, function, x), x[f"W{hook.joint + 1}"]))
         return rates
@@ -183,7 +183,7 @@ class Dynamics:
     def efforts(self, x: Quantities, change: str) -> tuple[list[Any], dict[str, Any]]:
         """Efforts at the ends of the chains of all motors, and what their states' functions give, of which
         ``change`` is "derivative" or "update"."""
-        efforts, changes = x.each(self.commands), {}
+        efforts, changes = x.each(self.commands), dict[str, Any]()
         for k, chain in enumerate(self.chains):
             command = efforts[k]
             for effect, hook in chain:

@@ -10,7 +10,7 @@ from redundant_envs.simulator.blocks import LANES, MEMORY, Block, Blocks, Ends
 from redundant_envs.simulator.episode import ENDS, TABLES, Episode
 from redundant_envs.simulator.lane import PARAMETER, SCRATCH, STATE, Field, Lane, Layout, traced
 from redundant_envs.simulator.slots import advance
-from redundant_envs.tasks.reach import goal_error
+from redundant_envs.tasks.base import Task
 from redundant_envs.tracing.flow import Kernel, Scalar
 
 
@@ -213,32 +213,32 @@ def uniform(p: Kernel, word: Scalar) -> Scalar:
 GOAL_FIELDS = ("achieved_x", "achieved_y", "desired_x", "desired_y")
 
 
-def goal_layout() -> Layout:
-    """Fields of the reward of goals: pairs, and the numbers that it depends on."""
+def goal_layout(task: Task) -> Layout:
+    """Fields of the reward of goals: pairs, and the numbers that it may depend on."""
     return Layout(
         [
             *(Field(name, "m", "of a pair of goals", SCRATCH) for name in GOAL_FIELDS),
             Field("reach", "m", "of the arm", PARAMETER),
-            Field("goal_tolerance", "", "in units of the reach", PARAMETER),
+            *(Field(name, "", "number of the task", PARAMETER) for name in task.parameters()),
             Field("unused", "", "a state that lanes must have", STATE),
         ]
     )
 
 
-def goal_reward_kernel(task: Any) -> Kernel:
+def goal_reward_kernel(task: Task) -> Kernel:
     """A kernel for the reward of goal environments, from both goals alone, in whole blocks."""
     p = Kernel(
         "goal_reward",
         {"pairs": "f64", "numbers": "f64", "reward": "f64", "blocks": "int"},
     )  # fmt: skip
-    layout = goal_layout()
+    layout = goal_layout(task)
 
     def reward(lane: Lane) -> dict[Any, Any]:
         known = {
             "tip_x": lane.achieved_x, "tip_y": lane.achieved_y, "goal_x": lane.desired_x,
-            "goal_y": lane.desired_y, "reach": lane.reach, "goal_tolerance": lane.goal_tolerance,
+            "goal_y": lane.desired_y, **{name: lane[name] for name in ("reach", *task.parameters())},
         }  # fmt: skip
-        x = Quantities(known, (goal_error, task.goal_reward), {})
+        x = Quantities(known, task.goal_functions, {})
         return {("reward", "f64", 0, 0): x["goal_reward"]}
 
     function = traced("goal_reward", layout, reward, inputs={"pairs": ("f64", GOAL_FIELDS)})

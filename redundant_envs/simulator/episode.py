@@ -7,7 +7,15 @@ from dataclasses import dataclass
 from functools import cached_property, reduce
 from typing import Any
 
-from redundant_envs.algebra import gives_of, logical_not, maximum, minimum, where
+from redundant_envs.algebra import (
+    arguments_of,
+    gives_of,
+    logical_not,
+    maximum,
+    minimum,
+    numbered,
+    where,
+)
 from redundant_envs.quantities import Quantities
 from redundant_envs.scene import identifier
 from redundant_envs.simulator.dynamics import Dynamics
@@ -15,7 +23,8 @@ from redundant_envs.simulator.fields import copies
 from redundant_envs.simulator.interval import Interval
 from redundant_envs.simulator.lane import PARAMETER, SCRATCH, STATE, Field, Lane, Layout
 from redundant_envs.simulator.setting import GIVEN_UP, Fault
-from redundant_envs.tasks.limits import depth_beyond, hard_stops, narrowed, spring_limits
+from redundant_envs.tasks.base import Task
+from redundant_envs.tasks.limits import depth_beyond, hard_stops, narrowed, spring_limits, start_position
 
 TIP, GOAL = ("tip_x", "tip_y"), ("goal_x", "goal_y")
 """Achieved and desired goal, the last columns of the outputs."""
@@ -23,7 +32,6 @@ ENDS = ("terminated", "truncated", "reward")
 """What tells of the end of a step, and stays when a new episode begins with it."""
 TABLES = {"flags": "i8", "counts": "i64", "values": "f64"}
 """Tables that a step of an environment fills, and the types of their numbers."""
-FLAGS = ("is_success", "touched_new")
 
 
 @dataclass(frozen=True)
@@ -33,11 +41,11 @@ class Episode:
     Parameters
     ----------
     interval : Interval
-    task : ReachTask
+    task : Task
     """
 
     interval: Interval
-    task: Any
+    task: Task
 
     @property
     def dynamics(self) -> Dynamics:
@@ -49,17 +57,32 @@ class Episode:
 
     @cached_property
     def actions(self) -> tuple[str, ...]:
-        return tuple(f"action{k + 1}" for k in range(self.dynamics.count))
+        return tuple(numbered("action{}", self.dynamics.count))
 
     @cached_property
     def draws(self) -> tuple[str, ...]:
-        """Uniform draws of an episode."""
-        return tuple(f"u{k + 1}" for k in range(self.task.draws))
+        """Uniform draws of an episode: of the start of each joint, then those of the task."""
+        return (*numbered("u{}", self.dynamics.count), *numbered("draw{}", self.task.draws))
+
+    @cached_property
+    def terms(self) -> tuple[str, ...]:
+        """Terms of the reward."""
+        return self.task.reward_terms(self.dynamics.scene)
+
+    @cached_property
+    def goal(self) -> tuple[str, ...]:
+        """Coordinates of the goal, if the task has one."""
+        return GOAL if set(GOAL) <= set(self.task.memory) else ()
+
+    @cached_property
+    def held_outputs(self) -> tuple[str, ...]:
+        """What is known only after a step, and kept until the next one."""
+        return (*ENDS, *self.task.held_outputs)
 
     @cached_property
     def returns(self) -> tuple[str, ...]:
         """Sums of the reward terms."""
-        return tuple(f"{t}_sum" for t in self.task.reward_terms())
+        return tuple(f"{t}_sum" for t in self.terms)
 
     @cached_property
     def spent(self) -> tuple[str, ...]:
@@ -86,11 +109,11 @@ class Episode:
         beyond = ("beyond_limit",) if spring_limits(self.dynamics.scene) else ()
         whole = ("numerics", "saturated", "steps", *(n for n in self.spent if n != "error_most"))
         most = tuple(n for n in self.spent if n == "error_most")
-        measured = tuple(m for m in self.task.measures if m not in FLAGS)
+        measured = tuple(m for m in self.task.metrics if m not in self.task.flags)
         return {
-            "flags": ("terminated", "truncated", *(m for m in self.task.measures if m in FLAGS)),
+            "flags": ("terminated", "truncated", *(m for m in self.task.metrics if m in self.task.flags)),
             "counts": whole,
-            "values": ("reward", *measured, *beyond, *most, *self.returns, *TIP, *GOAL),
+            "values": ("reward", *measured, *beyond, *most, *self.returns, *TIP, *self.goal),
         }
 
     @cached_property
@@ -112,7 +135,7 @@ class Episode:
             yield Field(name, "", "memory of the task", STATE)
         for name in self.counts:
             yield Field(name, "", "of the episode so far", STATE)
-        for name in self.task.results:
+        for name in self.held_outputs:
             yield Field(name, "", "of the last step", STATE)
         for name in self.actions:
             yield Field(name, "", "action in [-1, 1] of the last step, which pictures show", STATE)
@@ -128,10 +151,15 @@ class Episode:
         if functions is None:
             functions = (*self.arm.functions, *self.task.functions(self.dynamics.scene))
         names = self._numbers
-        source = {n: lane[self.aliases.get(n, n)] for n in names}
+        source = {n: lane[self.aliases.get(n, n)] for n in (*names, "interval", "steps")}
         return Quantities(
             {**source, **known}, functions, {**self.arm.sincos, **self.task.angles}, (), self.aliases
         )
+
+    @cached_property
+    def units(self) -> tuple[str, ...]:
+        """Fields with the units of the actions."""
+        return tuple(identifier(name) for name in self.dynamics.scene.action_units())
 
     @cached_property
     def _numbers(self) -> tuple[str, ...]:
@@ -152,7 +180,7 @@ class Episode:
             defect = defect + (action - action)
             used = where(action - action == 0.0, clipped, 0.0)
             lane[name] = used
-            lane[self.dynamics.commands[k]] = used * lane[f"effort_limits_limits_{k}"]
+            lane[self.dynamics.commands[k]] = used * lane[self.units[k]]
         lane.numerics = where(defect == 0.0, 0.0, float(Fault.BAD_ACTION))
         lane.saturated = lane.saturated + where(defect == 0.0, count, 0.0)
 
@@ -174,14 +202,19 @@ class Episode:
             code = code + fast
         faulty = code > 0.0
         interval.undo(lane, faulty)
+        if task.moves:
+            x = self.quantities(lane, {n: lane[n] for n in (*states, *task.memory, *self.actions)})
+            for name, source in task.moves.items():
+                lane[name] = where(faulty, lane[name], x[source])
         x = self.quantities(lane, {n: lane[n] for n in (*states, *task.memory, *self.actions)})
-        terms = task.reward_terms()
-        earned = [t for t in terms if t != "end_term"]
-        if len(earned) < len(terms):
+        terms = self.terms
+        taking = [f for f in task.reward_functions(self.dynamics.scene) if "paid" in arguments_of(f)]
+        earned = [t for t in terms if not any(t in gives_of(f) for f in taking)]
+        if taking:
             x["ended"] = code
             x["paid"] = _sum([lane[f"{t}_sum"] + x[t] for t in earned])
         lane.reward = _sum(x.each(terms))
-        new = {name: x[source] for name, source in task.renewed.items()}
+        new = {name: x[source] for name, source in task.updates.items()}
         for t in terms:
             lane[f"{t}_sum"] = lane[f"{t}_sum"] + x[t]
         for name, value in new.items():
@@ -193,9 +226,8 @@ class Episode:
         lane.steps = lane.steps + 1.0
         lane.terminated = where(faulty, 1.0, 0.0)
         lane.truncated = where(lane.steps >= lane.limit, 1.0, 0.0)
-        for name in task.results:
-            if name not in ENDS:
-                lane[name] = x[name]
+        for name in task.held_outputs:
+            lane[name] = x[name]
         for name in self.spent:
             lane[name] = self._spent(lane, name)
 
@@ -209,7 +241,7 @@ class Episode:
 
     def observe(self, lane: Lane) -> dict[Any, Any]:
         """Observations and outputs: a function of the state and the goal alone."""
-        scene, memory = self.dynamics.scene, (*self.task.memory, *self.counts, *self.task.results)
+        scene, memory = self.dynamics.scene, (*self.task.memory, *self.counts, *self.held_outputs)
         x = self.quantities(lane, {n: lane[n] for n in (*self.dynamics.states, *self.task.memory)})
         count = len(self.observed)
         shown = {("obs", "f32", k, count): x[name] for k, name in enumerate(self.observed)}
@@ -235,26 +267,28 @@ class Episode:
             *(f for f in arm.functions if "phi1" not in gives_of(f)),
             *task.functions(self.dynamics.scene), *task.begin_functions, arm.coordinates_of_joints,
         )  # fmt: skip
-        drawn = [m for m in task.memory if m not in task.renewed]
-        x = self.quantities(lane, {**{u: lane[u] for u in self.draws}, **self.start_ranges(lane)}, functions)
+        drawn = [m for m in task.memory if m not in task.updates]
+        draws = {name: lane[name] for name in self.draws}
+        x = self.quantities(lane, {**draws, **self.start(lane)}, functions)
         values = {name: x[name] for name in (*arm.coordinates, *drawn)}
         remembered = [m for m in (*task.memory, *self.counts) if m not in drawn]
-        zero = [*arm.rates, *remembered, *interval.active, *task.results]
+        zero = [*arm.rates, *remembered, *interval.active, *self.held_outputs]
         zero += ["next_step"] if "next_step" in lane else []
+        values |= {name: state.initial for name, state in self.dynamics.effect_states.items()}
         for name, value in {**values, **dict.fromkeys(zero, 0.0)}.items():
             lane[name] = where(lane.resetting, value, lane[name])
 
-    def start_ranges(self, lane: Lane) -> dict[str, Any]:
-        """Each joint's range of starts inside the lane's own limits."""
-        scene, ranges = self.dynamics.scene, {}
+    def start(self, lane: Lane) -> dict[str, Any]:
+        """Joint positions, uniform in each joint's range of starts inside the lane's own limits."""
+        scene, positions = self.dynamics.scene, {}
         limits = [*spring_limits(scene), *hard_stops(scene)]  # a hard stop has the last word
         for joint in range(self.dynamics.count):
             low, high = (_signed(lane, text) for text in self.task.start_range(scene, joint))
             for limited, lower, upper in limits:
                 if limited == joint:
                     low, high = narrowed(low, high, lane[identifier(lower)], lane[identifier(upper)])
-            ranges[f"start_low{joint + 1}"], ranges[f"start_high{joint + 1}"] = low, high
-        return ranges
+            positions[f"phi{joint + 1}"] = start_position(lane[f"u{joint + 1}"], low, high)
+        return positions
 
 
 def _signed(lane: Lane, text: str) -> Any:

@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.effects import Gravity, PrismaticStop, ViscousFriction
-from redundant_envs.robots import RPRP
 from redundant_envs.model.batch import BatchSimulator, Numerics
+from redundant_envs.robots import RPRP
 from redundant_envs.scene import Scene
 from redundant_envs.studies.independent_stops import StoppedArm
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.envs.rendering import BACKGROUND, JOINT, LINKS, RAIL, REACH, TRAIL, Canvas
+from redundant_envs.envs.rendering import BACKGROUND, JOINT, REACH, TRAIL, Canvas, draw_links
 from redundant_envs.extras import needs
 from redundant_envs.studies.clips import write_clip
 from redundant_envs.studies.energy import EnergyRun, stated_limits
@@ -31,7 +31,7 @@ def new_figure(height: float) -> Any:
 def energies_figure(run: EnergyRun) -> Any:
     """Figure 1: kinetic and potential energy; below, the travel of the sliders if there are any."""
     motion = run.trajectory
-    sliders = [k for k in range(4) if run.scene.robot.prismatic[k]]
+    sliders = run.scene.robot.sliders()
     figure = new_figure(5.4 if sliders else 3.6)
     panels = figure.subplots(
         2 if sliders else 1, sharex=True, squeeze=False, height_ratios=[3, 2][: 1 + bool(sliders)]
@@ -42,7 +42,7 @@ def energies_figure(run: EnergyRun) -> Any:
     energy.set_ylabel("energy [J]")
     energy.set_title(f"{run.name}: kinetic and potential energy", loc="left")
     limits = stated_limits(run.scene)
-    for k, color in zip(sliders, SLIDERS, strict=True) if sliders else ():
+    for k, color in zip(sliders, itertools.cycle(SLIDERS), strict=False):
         name = run.scene.robot.coordinates[k]
         panels[1].plot(motion.t, motion.q[:, k], color=color, lw=1.4, label=name)
         for i, limit in enumerate(limits.get(k, ())):
@@ -113,27 +113,13 @@ def save_figures(run: EnergyRun, folder: Path) -> list[Path]:
 def arm_picture(
     run: EnergyRun, q: NDArray[np.float64], trail: NDArray[np.float64], half_width: float
 ) -> NDArray[np.uint8]:
-    """One frame, (480, 480, 3) uint8: the arm at q (4,), and where its tip has been (n, 2), m."""
+    """One frame, (480, 480, 3) uint8: the arm at q (joints,), and where its tip has been (n, 2), m."""
     arm = run.scene.robot
     points = arm.points(q)  # type: ignore[attr-defined]
     base = np.zeros(2)
     canvas = Canvas(half_width)
     canvas.trail(trail, 3.0, TRAIL, faint=0.1, strong=0.8)
-    if arm.kind == "RPRP":
-        limits = stated_limits(run.scene)
-        for k, root, fixed, end in ((0, base, points[0], points[1]), (1, points[1], points[2], points[3])):
-            along = np.array([np.cos(q[2 * k]), np.sin(q[2 * k])])
-            if 2 * k + 1 in limits:
-                stops = [root + (arm.lengths[k] + limit) * along for limit in limits[2 * k + 1]]
-                canvas.capsule(stops[0], stops[1], 7.0, RAIL)
-                across = 9.0 / canvas.scale * np.array([-along[1], along[0]])
-                for stop in stops:
-                    canvas.capsule(stop - across, stop + across, 3.0, RAIL)
-            canvas.capsule(root, fixed, 15.0 - 4.0 * k, LINKS[2 * k])
-            canvas.capsule(fixed, end, 8.0 - 2.0 * k, LINKS[2 * k + 1])
-    else:
-        for k, (a, b) in enumerate(itertools.pairwise([base, *points])):
-            canvas.capsule(a, b, 15.0 - 2.5 * k, LINKS[k])
+    draw_links(canvas, arm, points, stated_limits(run.scene))
     for mass, point in zip(arm.masses, points, strict=True):
         # The area of a disc shows the mass of the point.
         canvas.disc(point, 9.0 * np.sqrt(mass / max(arm.masses)), JOINT)
@@ -150,7 +136,7 @@ def save_clip(run: EnergyRun, path: Path) -> None:
     half_width = 1.08 * float(np.hypot(points[..., 0], points[..., 1]).max())
     times = np.arange(0.0, motion.t[-1] + 1e-9, 1.0 / FRAMES_PER_SECOND)
     rows = np.searchsorted(motion.t, times - 1e-9).clip(max=len(motion.t) - 1)
-    tips = points[:, 3]
+    tips = points[:, -1]
     frames = [
         arm_picture(run, motion.q[row], tips[max(0, row - 4 * TRAIL_FRAMES) : row + 1 : 4], half_width)
         for row in rows

@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from redundant_envs.backends import llvm
 from redundant_envs.effects import Gravity, LimitSpring, ViscousFriction
 from redundant_envs.files import exists, explained, read_yaml
-from redundant_envs.robots import RPRP, FourR
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.model.programs import batch_simulator
+from redundant_envs.robots import RPRP, FourR
 from redundant_envs.scene import Scene, check_keys, scene_folder
 from redundant_envs.values import shown
 

@@ -41,5 +41,11 @@ def narrowed(low, high, lower, upper):
 
 
 @physics
+def start_position(draw, low, high):
+    """Uniform in a range."""
+    return low + draw * (high - low)
+
+
+@physics
 def depth_beyond(position, lower, upper):
     return maximum(maximum(lower - position, position - upper), 0.0)

@@ -2,50 +2,27 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from redundant_envs.algebra import gives_of, physics, saturation, sqrt, squash, tolerance, where
-from redundant_envs.robots.parameters import number
+from redundant_envs.algebra import numbered, physics, saturation, sqrt, squash, tolerance, where
 from redundant_envs.scene import Scene
+from redundant_envs.tasks.base import Task
+from redundant_envs.tasks.observed import observed_rates, observed_tip, observed_travel, posture_and_tip
 
-# ---- goal and start, from uniform draws u1.. in (0, 1) -------------------------------------------
-
-
-@physics(gives="phi1 phi2 phi3 phi4")
-def start_joints(
-    u1, u2, u3, u4, start_low1, start_low2, start_low3, start_low4,
-    start_high1, start_high2, start_high3, start_high4,
-):  # fmt: skip
-    return (
-        start_low1 + u1 * (start_high1 - start_low1),
-        start_low2 + u2 * (start_high2 - start_low2),
-        start_low3 + u3 * (start_high3 - start_low3),
-        start_low4 + u4 * (start_high4 - start_low4),
-    )
+# ---- goal, from uniform draws in (0, 1) ----------------------------------------------------------
 
 
 @physics(gives="goal_radius goal_angle")
-def goal_polar(u5, u6, reach, inner, outer):
+def goal_polar(draw1, draw2, reach, inner, outer):
     """Uniform over the area of the annulus from inner to outer times the full reach."""
-    return reach * sqrt(inner * inner + u5 * (outer * outer - inner * inner)), 6.283185307179586 * u6
+    return reach * sqrt(inner * inner + draw1 * (outer * outer - inner * inner)), 6.283185307179586 * draw2
 
 
 @physics(gives="goal_x goal_y")
 def goal_position(goal_radius, goal_s, goal_c):
     return goal_radius * goal_c, goal_radius * goal_s
-
-
-@physics(gives="reach")
-def reach_four_r(l1, l2, l3, l4):
-    return l1 + l2 + l3 + l4
-
-
-@physics(gives="reach")
-def reach_rprp(l1, l2, high2, high4):
-    return l1 + high2 + l2 + high4
 
 
 # ---- measures ------------------------------------------------------------------------------------
@@ -97,10 +74,16 @@ def precise_term(distance, reach, goal_tolerance):
     return 0.36 * tolerance(distance, goal_tolerance * reach)
 
 
-@physics(gives="effort_term")
-def effort_term(action1, action2, action3, action4):
-    """0.01 (4 - |action|^2)"""
-    return 0.01 * (4.0 - action1**2 - action2**2 - action3**2 - action4**2)
+def effort_term(joints: int) -> Callable[..., Any]:
+    @physics(gives="effort_term", takes=" ".join(numbered("action{}", joints)))
+    def effort_term(*actions):
+        rest: Any = float(joints)
+        for action in actions:
+            rest = rest - action**2
+        return 0.04 / joints * rest
+
+    effort_term.__doc__ = f"{0.04 / joints:.4g} ({joints} - |action|^2)"
+    return effort_term
 
 
 @physics(gives="settle_term")
@@ -109,10 +92,16 @@ def settle_term(distance, speed, reach):
     return 0.08 * (1.0 - saturation(speed, 1.6 * reach) * tolerance(distance, 0.1 * reach))
 
 
-@physics(gives="rate_term")
-def rate_term(phid1, phid2, phid3, phid4):
-    """0.02 (1 - saturation(sum of |joint rates|, 40))"""
-    return 0.02 * (1.0 - saturation(abs(phid1) + abs(phid2) + abs(phid3) + abs(phid4), 40.0))
+def rate_term(joints: int) -> Callable[..., Any]:
+    @physics(gives="rate_term", takes=" ".join(numbered("phid{}", joints)))
+    def rate_term(first, *others):
+        total = abs(first)
+        for rate in others:
+            total = total + abs(rate)
+        return 0.02 * (1.0 - saturation(total, 10.0 * joints))
+
+    rate_term.__doc__ = f"0.02 (1 - saturation(sum of |joint rates|, {10 * joints}))"
+    return rate_term
 
 
 @physics(gives="end_term")
@@ -122,11 +111,6 @@ def end_term(ended, paid):
     So such an episode returns 0, and no episode returns less.
     """
     return where(ended > 0.0, -paid, 0.0)
-
-
-REWARD_TERMS: tuple[Callable[..., Any], ...] = (
-    far_term, near_term, precise_term, effort_term, settle_term, rate_term, end_term,
-)  # fmt: skip
 
 
 @physics(gives="goal_reward")
@@ -141,35 +125,7 @@ def reached_term(goal_reward):
     return goal_reward
 
 
-# ---- observation: bounded by construction --------------------------------------------------------
-
-
-@physics(gives="rate1_obs rate2_obs rate3_obs rate4_obs")
-def observed_rates(phid1, phid2, phid3, phid4, rate_scale):
-    return (
-        squash(phid1, rate_scale),
-        squash(phid2, rate_scale),
-        squash(phid3, rate_scale),
-        squash(phid4, rate_scale),
-    )
-
-
-@physics(gives="travel2_obs travel4_obs")
-def observed_travel(phi2, phi4, low2, low4, high2, high4):
-    return (
-        squash(2.0 * phi2 - low2 - high2, high2 - low2),
-        squash(2.0 * phi4 - low4 - high4, high4 - low4),
-    )
-
-
-@physics(gives="tip_x_obs tip_y_obs tip_vx_obs tip_vy_obs")
-def observed_tip(tip_x, tip_y, tip_vx, tip_vy, reach):
-    return (
-        squash(tip_x, reach),
-        squash(tip_y, reach),
-        squash(tip_vx, 0.5 * reach),
-        squash(tip_vy, 0.5 * reach),
-    )
+# ---- observation ---------------------------------------------------------------------------------
 
 
 @physics(gives="goal_x_obs goal_y_obs error_x_obs error_y_obs")
@@ -182,32 +138,6 @@ def observed_goal(goal_x, goal_y, error_x, error_y, reach):
     )
 
 
-POSTURE = {
-    "FourR": {
-        "s1": "sine of joint angle 1", "c1": "cosine of joint angle 1",
-        "s21": "sine of joint angle 2", "c21": "cosine of joint angle 2",
-        "s32": "sine of joint angle 3", "c32": "cosine of joint angle 3",
-        "s43": "sine of joint angle 4", "c43": "cosine of joint angle 4",
-    },
-    "RPRP": {
-        "s1": "sine of theta1", "c1": "cosine of theta1",
-        "s12": "sine of theta1 - theta2", "c12": "cosine of theta1 - theta2",
-        "travel2_obs": "squash(r1 from mid-travel / half travel)",
-        "travel4_obs": "squash(r2 from mid-travel / half travel)",
-    },
-}  # fmt: skip
-
-COMMON = {
-    "rate1_obs": "squash(joint rate 1 / rate_scale)",
-    "rate2_obs": "squash(joint rate 2 / rate_scale)",
-    "rate3_obs": "squash(joint rate 3 / rate_scale)",
-    "rate4_obs": "squash(joint rate 4 / rate_scale)",
-    "tip_x_obs": "squash(tip x / reach)",
-    "tip_y_obs": "squash(tip y / reach)",
-    "tip_vx_obs": "squash(tip velocity x / (0.5 reach per s))",
-    "tip_vy_obs": "squash(tip velocity y / (0.5 reach per s))",
-}
-
 GOAL = {
     "goal_x_obs": "squash(goal x / reach)",
     "goal_y_obs": "squash(goal y / reach)",
@@ -216,22 +146,14 @@ GOAL = {
 }
 
 
-RANGES = {
-    "goal_tolerance": (1e-9, 2.0),  # the tip is never farther from a goal than two reaches
-    "hold_speed": (1e-9, 1e9),
-    "hold_steps": (1, 1e9),
-    "start_angle": (0.0, 1e6),  # sines are exact to the last places up to here
-    "rate_scale": (1e-9, 1e9),
-}
-"""Allowed numbers of the task: their squares neither overflow nor vanish beside those of a motion."""
-
-
 @dataclass(frozen=True)
-class ReachTask:
+class ReachTask(Task):
     """Bring the tip to a random goal and hold it there.
 
     Parameters
     ----------
+    start_angle, speed_bound : float
+        As of every task.
     goal_tolerance : float
         Largest distance from the goal that counts as there, in units of the full reach.
     hold_speed : float
@@ -240,13 +162,8 @@ class ReachTask:
         Control steps in a row for hold success.
     inner, outer : float
         Radii of the annulus of goals, in units of the full reach.
-    start_angle : float
-        Start angles of the revolute joints are uniform in +- this, inside their limits, rad.
     rate_scale : float
         Joint rate observed as 0.707, rad/s or m/s.
-    speed_bound : float
-        Generalized velocity beyond which a lane ends (in goal environments: is flagged), rad/s or
-        m/s: at 50 rad/s a control interval of 20 ms is a whole radian.
     """
 
     goal_tolerance: float = 0.02
@@ -254,32 +171,31 @@ class ReachTask:
     hold_steps: int = 10
     inner: float = 0.1
     outer: float = 0.95
-    start_angle: float = 2.0
     rate_scale: float = 4.0
-    speed_bound: float = 50.0
 
-    draws = 6
+    name = "Reach"
+    summary = "brings its tip to a goal and holds it there"
+    draws = 2
     memory = ("goal_x", "goal_y", "hold", "touched")
-    renewed = {"hold": "hold_new", "touched": "touched_new"}
-    """Memory that each step renews, and from which quantity."""
-    measures = ("is_success", "touched_new", "distance", "manipulability")
-    results = ("reward", "terminated", "truncated", "is_success", "touched_new")
-    """What is known only after a step, and kept until the next one."""
+    begin_functions = (goal_polar, goal_position)
+    updates = {"hold": "hold_new", "touched": "touched_new"}
+    metrics = ("is_success", "touched_new", "distance", "manipulability")
+    flags = ("is_success", "touched_new")
+    labels = {"touched_new": "touch_success"}
+    held_outputs = ("is_success", "touched_new")
     angles = {"goal_angle": ("goal_s", "goal_c")}
-    begin_functions = (start_joints, goal_polar, goal_position)
-    goal_reward = staticmethod(goal_reward)
-    reward_functions = REWARD_TERMS
-    speed_bound_ends = True
-    """Whether passing the speed bound ends an episode, or is only reported."""
+    goal_functions = (goal_error, goal_reward)
+    # The squares of these numbers neither overflow nor vanish beside those of a motion.
+    ranges = {
+        "goal_tolerance": (1e-9, 2.0),  # the tip is never farther from a goal than two reaches
+        "hold_speed": (1e-9, 1e9),
+        "hold_steps": (1, 1e9),
+        "start_angle": (0.0, 1e6),  # sines are exact to the last places up to here
+        "rate_scale": (1e-9, 1e9),
+    }
 
     def __post_init__(self) -> None:
-        for name in self.__dataclass_fields__:
-            value = number(f"ReachTask.{name}", getattr(self, name))
-            if value <= 0.0:
-                raise ValueError(f"ReachTask.{name} is {value}; it must be positive")
-            low, high = RANGES.get(name, (0.0, math.inf))
-            if not low <= value <= high:
-                raise ValueError(f"ReachTask.{name} is {value}; it must lie in {low:g} to {high:g}")
+        super().__post_init__()
         if self.hold_steps != int(self.hold_steps):
             raise ValueError(f"ReachTask.hold_steps is {self.hold_steps}; give a whole number")
         if not self.inner < self.outer <= 1.0:
@@ -288,55 +204,43 @@ class ReachTask:
                 "inner must be below outer, and outer at most 1"
             )
 
-    def functions(self, scene: Scene) -> tuple[Callable[..., Any], ...]:
-        """The task's quantities for the arm of a scene."""
-        full_reach = reach_rprp if scene.robot.kind == "RPRP" else reach_four_r
+    def reward_functions(self, scene: Scene) -> tuple[Callable[..., Any], ...]:
+        joints = len(scene.robot.joints)
         return (
-            full_reach, goal_error, tip_speed, hold_counter, success, *self.reward_functions,
-            observed_rates, observed_travel, observed_tip, observed_goal, goal_reward,
+            far_term, near_term, precise_term, effort_term(joints), settle_term, rate_term(joints), end_term,
         )  # fmt: skip
 
+    def functions(self, scene: Scene) -> tuple[Callable[..., Any], ...]:
+        arm = scene.robot
+        return (
+            *super().functions(scene), tip_speed, hold_counter, success, observed_rates(arm),
+            *observed_travel(arm), observed_tip, observed_goal,
+        )  # fmt: skip
+
+    def reward_note(self) -> str:
+        return (
+            "The sum of the terms; `tolerance(x, margin)` is 1 / (1 + (x / margin)^2), and "
+            "`saturation(x, scale)` is x / (x + scale). A step pays 0 to 1. A fault that ends the "
+            "episode takes back what was `paid`, so that nothing is gained by ending early."
+        )
+
+    def success_note(self) -> str:
+        percent = f"{100 * self.goal_tolerance:g} %"
+        return (
+            f'`info["is_success"]` is hold success, at every step: the tip was within {percent} of the\n'
+            f"full reach of the goal and slower than {self.hold_speed:g} reaches per second for the last "
+            f"{self.hold_steps} steps.\n"
+            '`info["touch_success"]` says whether the goal was ever touched.'
+        )
+
+    def start_note(self) -> str:
+        return (
+            f"The goal is uniform over the area of the annulus from {self.inner:g} to\n{self.outer:g} of the "
+            "full reach."
+        )
+
     def observation(self, scene: Scene) -> dict[str, str]:
-        """Observed quantities in order, with what they mean."""
-        return {**POSTURE[scene.robot.kind], **COMMON, **GOAL}
-
-    def reward_terms(self) -> tuple[str, ...]:
-        """Names of the reward terms; their sum is the reward."""
-        return tuple(name for f in self.reward_functions for name in gives_of(f))
-
-    def parameters(self) -> dict[str, float]:
-        """Numbers of the task, per environment."""
-        return {
-            "goal_tolerance": self.goal_tolerance,
-            "hold_speed": self.hold_speed,
-            "hold_steps": float(self.hold_steps),
-            "inner": self.inner,
-            "outer": self.outer,
-            "start_angle": self.start_angle,
-            "rate_scale": self.rate_scale,
-            "speed_bound": self.speed_bound,
-        }
-
-    def aliases(self, scene: Scene) -> dict[str, str]:
-        """low<k>, high<k> of the prismatic joints: the parameters that limit their travel."""
-        travel = scene.travel()
-        names: dict[str, str] = {}
-        for k in range(4):
-            if scene.robot.prismatic[k]:
-                if k not in travel:
-                    raise ValueError(
-                        f"the reach task needs limited travel of {scene.robot.joints[k]!r}; "
-                        "add a PrismaticStop with both ends or a LimitSpring for it to the scene's effects"
-                    )
-                names[f"low{k + 1}"], names[f"high{k + 1}"] = travel[k]
-        return names
-
-    def start_range(self, scene: Scene, joint: int) -> tuple[str, str]:
-        """Range of a joint's start before its limits narrow it, as text of parameters."""
-        if scene.robot.prismatic[joint]:
-            names = self.aliases(scene)
-            return names[f"low{joint + 1}"], names[f"high{joint + 1}"]
-        return "-start_angle", "start_angle"
+        return {**posture_and_tip(scene.robot), **GOAL}
 
 
 @dataclass(frozen=True)
@@ -348,9 +252,19 @@ class GoalReachTask(ReachTask):
     an episode early.
     """
 
-    reward_functions = (reached_term,)
+    name = "GoalReach"
+    goal_conditioned = True
     speed_bound_ends = False
+
+    def reward_note(self) -> str:
+        return (
+            "1 when the tip is within the goal tolerance, 0 otherwise: a function of the two goals "
+            "alone, `compute_reward(achieved_goal, desired_goal, info)`, for hindsight replay."
+        )
+
+    def reward_functions(self, scene: Scene) -> tuple[Callable[..., Any], ...]:
+        return (reached_term,)
 
     def observation(self, scene: Scene) -> dict[str, str]:
         """Observed quantities in order, with what they mean: none depends on the goal."""
-        return {k: v for k, v in super().observation(scene).items() if k not in GOAL}
+        return posture_and_tip(scene.robot)

@@ -111,7 +111,7 @@ def potential_energy(m1, m2, m3, x1, y1, x2, y2, x3, y3, ax, ay):
 
 @physics(gives="W1 W2 W3")
 def mobility_bounds(m1, m2, m3, l1, l2, l3):
-    """The most in any pose, and that of a straight arm: the masses at the ends of two links as free points."""
+    """The most in any pose, if the masses were free points; a straight arm attains it."""
     return (
         1.0 / (m1 * l1 * l1),
         1.0 / (m2 * l2 * l2) + (1.0 / l1 + 1.0 / l2) ** 2 / m1,
