@@ -25,6 +25,7 @@ from redundant_envs.model.snapshot import (
     check_numbers,
     simulator_facts,
 )
+from redundant_envs.quantities import Quantities
 from redundant_envs.scene import Scene, scene_at
 from redundant_envs.simulator.blocks import LANES
 from redundant_envs.simulator.environment import BEGUN, DUE, GOAL_FIELDS, TICKET, Autoreset, Operation
@@ -77,8 +78,9 @@ class Core:
         arm = self.scene.robot
         rest = [0.5 * (low + high) for low, high in self.start_ranges()]
         named = {f"phi{k + 1}": value for k, value in enumerate(rest)}
-        for name, value in zip(arm.coordinates, arm.coordinates_of_joints(**named), strict=True):
-            self.memory.column(name)[:] = value
+        at_rest = Quantities(named, (arm.coordinates_of_joints,), {})
+        for name in arm.coordinates:
+            self.memory.column(name)[:] = at_rest[name]
         self.fixed_geometry = task.goal_conditioned  # rewards are a function of the two goals alone
         self.begun: NDArray[np.bool_] | None = None
         """Lanes that began a new episode in the last step, if any did."""

@@ -57,9 +57,9 @@ class Tableau:
         """By how much a parabola may leave the range of its values at the nodes, in units of that range.
 
         The largest over all places of its vertex whose nearest node is the first or last one, or is
-        not; found on a grid of those.
+        not; found on a grid of those. 0 of methods with fewer than three nodes, which tell nothing of it.
         """
-        if self.stages == 1:
+        if len(set(self.c)) < 3:
             return 0.0
         shares = []
         for vertex in (k / 1000 for k in range(1001)):
@@ -67,7 +67,7 @@ class Tableau:
             nearest = min(squares, key=lambda c: squares[c])
             if (nearest in (0.0, 1.0)) == at_ends:
                 shares.append(squares[nearest] / (max(squares.values()) - squares[nearest]))
-        return max(shares)
+        return max(shares, default=0.0)
 
 
 EULER = Tableau(name="euler", order=1, a=((),), b=(1.0,), c=(0.0,))

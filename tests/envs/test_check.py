@@ -10,12 +10,12 @@ from gymnasium import spaces
 import redundant_envs as rde
 from redundant_envs.envs.check import SB3_RULES, VECTOR_RULES, BrokenRule
 from redundant_envs.envs.sb3 import SB3VecEnv
-from redundant_envs.envs.vector_env import ReachVectorEnv
+from redundant_envs.envs.vector_env import ArmVectorEnv
 
 KWARGS = {"scene": "four_r_reach", "num_envs": 3, "max_episode_steps": 6}
 
 
-class Broken(ReachVectorEnv):
+class Broken(ArmVectorEnv):
     """A vector environment whose results pass through ``spoil`` functions."""
 
     def __init__(self, mode="next_step", spoil_reset=None, spoil_step=None):

@@ -33,11 +33,6 @@ def points(l1, l2, b, s1, c1, s2, c2):
     return x1, y1, x1 + l2 * c2, y1 + l2 * s2, x1 + b * c2, y1 + b * s2
 
 
-@physics(gives="tip_x tip_y")
-def tip(x3, y3):
-    return x3, y3
-
-
 @physics(gives="J11 J12 J13 J21 J22 J23")
 def jacobian(l1, b, s1, c1, s2, c2):
     return -l1 * s1 - b * s2, -b * s2, c2, l1 * c1 + b * c2, b * c2, s2
@@ -72,11 +67,6 @@ def gravity_forces(m1, m2, m3, l1, sigma, s1, c1, s2, c2, ax, ay):
     return on_first + on_second, on_second, m3 * (ax * c2 + ay * s2)
 
 
-@physics(gives="U")
-def potential_energy(m1, m2, m3, x1, y1, x2, y2, x3, y3, ax, ay):
-    return m1 * (ax * x1 + ay * y1) + m2 * (ax * x2 + ay * y2) + m3 * (ax * x3 + ay * y3)
-
-
 @physics(gives="W1 W2 W3")
 def mobility_bounds(m1, m2, m3, l1, l2):
     """The most in any pose: m1 and m2 as free points for the angles; both as one, along link 2, for r."""
@@ -99,7 +89,20 @@ class RRP(rde.Arm):
     prismatic = (False, False, True)
     sincos = {"alpha1": ("s1", "c1"), "alpha2": ("s21", "c21")}
     functions = (
-        second_direction, link_rates, second_link, points, tip, jacobian, jacobian_dot_qd, mass_matrix,
-        bias_forces, gravity_forces, potential_energy,
+        second_direction, link_rates, second_link, points, jacobian, jacobian_dot_qd, mass_matrix,
+        bias_forces, gravity_forces,
     )  # fmt: skip
-    mobility_bounds = staticmethod(mobility_bounds)
+    mobility_bounds = mobility_bounds
+
+
+SCENE = {
+    "robot": {"type": "RRP", "masses": [0.5, 0.5, 0.5], "lengths": [0.4, 0.3]},
+    "effects": [
+        {"type": "Gravity"},
+        {"type": "ViscousFriction", "coefficients": [0.2, 0.2, 0.2]},
+        {"type": "EffortLimits", "limits": [20.0, 10.0, 16.0]},
+        {"type": "PrismaticStop", "lower": [0.0], "upper": [0.3], "restitution": 0.0},
+    ],
+    "tolerance": 1e-6,
+}
+rde.register_arm(RRP, SCENE)

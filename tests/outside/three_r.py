@@ -58,11 +58,6 @@ def points(l1, l2, l3, s1, c1, s2, c2, s3, c3):
     return x1, y1, x2, y2, x2 + l3 * c3, y2 + l3 * s3
 
 
-@physics(gives="tip_x tip_y")
-def tip(x3, y3):
-    return x3, y3
-
-
 @physics(gives="J11 J12 J13 J21 J22 J23")
 def jacobian(l1, l2, l3, s1, c1, s2, c2, s3, c3):
     return -l1 * s1, -l2 * s2, -l3 * s3, l1 * c1, l2 * c2, l3 * c3
@@ -104,11 +99,6 @@ def gravity_forces(m1, m2, m3, J11, J12, J13, J21, J22, J23, ax, ay):
     return (m1 + m23) * (ax * J11 + ay * J21), m23 * (ax * J12 + ay * J22), m3 * (ax * J13 + ay * J23)
 
 
-@physics(gives="U")
-def potential_energy(m1, m2, m3, x1, y1, x2, y2, x3, y3, ax, ay):
-    return m1 * (ax * x1 + ay * y1) + m2 * (ax * x2 + ay * y2) + m3 * (ax * x3 + ay * y3)
-
-
 @physics(gives="W1 W2 W3")
 def mobility_bounds(m1, m2, m3, l1, l2, l3):
     """The most in any pose, if the masses were free points; a straight arm attains it."""
@@ -131,8 +121,20 @@ class ThreeR(rde.Arm):
     prismatic = (False, False, False)
     sincos = {"theta1": ("s1", "c1"), "theta21": ("s21", "c21"), "theta32": ("s32", "c32")}
     functions = (
-        angle_differences, directions, joint_positions, joint_rates, motor_map, points, tip, jacobian,
-        jacobian_dot_qd, inertia_products, mass_matrix, bias_forces, gravity_forces, potential_energy,
+        angle_differences, directions, joint_positions, joint_rates, motor_map, points, jacobian,
+        jacobian_dot_qd, inertia_products, mass_matrix, bias_forces, gravity_forces,
     )  # fmt: skip
-    mobility_bounds = staticmethod(mobility_bounds)
-    coordinates_of_joints = staticmethod(coordinates_of_joints)
+    mobility_bounds = mobility_bounds
+    coordinates_of_joints = coordinates_of_joints
+
+
+SCENE = {
+    "robot": {"type": "ThreeR", "masses": [0.5, 0.5, 0.5], "lengths": [0.4, 0.35, 0.25]},
+    "effects": [
+        {"type": "Gravity"},
+        {"type": "ViscousFriction", "coefficients": 0.2},
+        {"type": "EffortLimits", "limits": [20.0, 10.0, 4.0]},
+    ],
+    "tolerance": 1e-6,
+}
+rde.register_arm(ThreeR, SCENE)

@@ -1,0 +1,471 @@
+"""Arms, effects, a task, an integrator and an observation from outside the package work like its own."""
+
+import copy
+import dataclasses
+import json
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import actuator_lag
+import elbow
+import gymnasium as gym
+import held_command
+import heun
+import numpy as np
+import pytest
+import rrp
+import three_r
+import track
+from gymnasium.utils.env_checker import check_env
+
+import redundant_envs as rde
+import redundant_envs.backends.torch
+from redundant_envs.backends.torch import torch
+from redundant_envs.simulator.direct import cross_interval, fields_of
+from redundant_envs.simulator.dynamics import Dynamics
+from redundant_envs.simulator.interval import Interval
+
+e = rde.effects
+FOLDER = Path(__file__).parent
+ARMS = {
+    "3R": three_r.ThreeR((2.3, 0.7, 1.9), (1.1, 0.6, 0.9)),
+    "RRP": rrp.RRP((2.3, 0.7, 1.9), (1.1, 0.6)),
+    "4R": rde.FourR((2.0, 1.5, 1.0, 0.5), (0.3, 0.5, 0.4, 0.6)),
+    "RPRP": rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5)),
+}
+ADDED = ("3R", "RRP")
+IDS = [
+    f"redundant_envs/{name}-v0"
+    for name in ("ThreeRReach", "RRPReach", "RRPTrack", "FourRTrack", "ThreeRElbowReach")
+]
+
+
+def states(arm, count, spread=1.0):
+    rng = np.random.default_rng(3)
+    q = rng.uniform(-spread, spread, (count, len(arm.joints)))
+    q[:, arm.sliders()] *= 0.1
+    return q, 2.0 * rng.normal(size=q.shape), 4.0 * rng.normal(size=q.shape)
+
+
+# ---- arms --------------------------------------------------------------------------------------------
+
+
+def mujoco_model(mujoco, arm, g):
+    """A chain of bodies with a mass point each, a motor on every joint."""
+    text, before = "", 0.0
+    lengths = iter(arm.lengths)
+    for k, slides in enumerate(arm.prismatic):
+        kind = 'type="slide" axis="1 0 0"' if slides else 'type="hinge" axis="0 0 1"'
+        where = 0.0 if slides else next(lengths)
+        text += (
+            f'<body pos="{before!r} 0 0"><joint name="j{k}" {kind}/><inertial pos="{where!r} 0 0" '
+            f'mass="{arm.masses[k]!r}" diaginertia="1e-14 1e-14 1e-14"/>'
+        )
+        before = where
+    text += f'<site name="tip" pos="{before!r} 0 0"/>' + "</body>" * len(arm.joints)
+    motors = "".join(f'<motor joint="j{k}"/>' for k in range(len(arm.joints)))
+    return mujoco.MjModel.from_xml_string(
+        '<mujoco><compiler angle="radian" inertiafromgeom="false" boundinertia="0"/>'
+        f'<option gravity="0 {-g!r} 0"><flag contact="disable"/></option>'
+        f"<worldbody>{text}</worldbody><actuator>{motors}</actuator></mujoco>"
+    )
+
+
+@pytest.mark.parametrize("name", ADDED)
+def test_dynamics_and_kinematics_agree_with_mujoco(name):
+    mujoco = pytest.importorskip("mujoco", reason="MuJoCo is in the extra 'verify'")
+    arm = ARMS[name]
+    model = mujoco_model(mujoco, arm, 9.81)
+    data, B = mujoco.MjData(model), arm.motor_map
+    q, qd, efforts = states(arm, 100, spread=6.0)
+    qdd = arm.forward_dynamics(q, qd, efforts @ B.T)
+    tips, jacobians = arm.forward_kinematics(q), arm.jacobian(q)
+    for k in range(len(q)):
+        data.qpos[:], data.qvel[:], data.ctrl[:] = q[k] @ B, qd[k] @ B, efforts[k]
+        mujoco.mj_forward(model, data)
+        assert np.abs(data.qacc - qdd[k] @ B).max() <= 1e-10 * (1.0 + np.abs(data.qacc).max())
+        assert np.abs(data.site_xpos[0, :2] - tips[k]).max() <= 1e-13
+        found = np.zeros((3, len(arm.joints)))
+        mujoco.mj_jacSite(model, data, found, None, 0)
+        assert np.abs(found[:2] @ B.T - jacobians[k]).max() <= 1e-13
+
+
+@pytest.mark.parametrize("name", ADDED)
+def test_what_follows_from_the_equations_is_consistent(name):
+    arm = ARMS[name]
+    q, qd, Q = states(arm, 50)
+    qdd = arm.forward_dynamics(q, qd, Q)
+    assert np.abs(arm.inverse_dynamics(q, qd, qdd) - Q).max() < 1e-11
+    M, J = arm.mass_matrix(q), arm.jacobian(q)
+    assert np.allclose(arm.kinetic_energy(q, qd), 0.5 * np.einsum("ni,nij,nj->n", qd, M, qd), rtol=1e-14)
+    assert np.allclose(arm.manipulability(q), np.sqrt(np.linalg.det(J @ J.transpose(0, 2, 1))), rtol=1e-10)
+    phi = arm.evaluate([f"phi{k + 1}" for k in range(3)], dict(zip(arm.coordinates, q.T, strict=True)))
+    assert np.allclose(np.stack(phi, axis=-1), q @ arm.motor_map, atol=1e-15)
+    for k in range(3):
+        step = np.eye(3)[k] * 1e-6
+        slope = (arm.potential_energy(q + step) - arm.potential_energy(q - step)) / 2e-6
+        assert np.allclose(slope, arm.gravity_forces(q)[:, k], atol=1e-7)
+    assert set(arm.symbols()) >= {"M", "h", "G", "J", "T", "U"}
+
+
+def test_a_slider_added_from_outside_never_is_beyond_its_stops_and_keeps_its_energy():
+    scene = rde.Scene(ARMS["RRP"], (e.Gravity(), e.PrismaticStop((0.0,), (0.2,), 1.0)), tolerance=1e-9)
+    times = np.linspace(0.0, 3.0, 151)
+    motion = rde.simulate(scene, [0.3, -0.4, 0.1], [1.0, 2.0, 0.5], times)
+    assert len(motion.events) > 5
+    assert motion.q[:, 2].min() >= 0.0
+    assert motion.q[:, 2].max() <= 0.2
+    total = motion.kinetic_energy + motion.potential_energy
+    assert np.abs(total - total[0]).max() < 1e-7 * np.abs(total).max()
+
+
+def test_a_slider_added_from_outside_comes_to_rest_and_leaves_its_stop():
+    scene = rde.Scene(ARMS["RRP"], (e.Gravity(), e.PrismaticStop((0.0,), (0.2,), 0.0)), tolerance=1e-9)
+    motion = rde.simulate(scene, [-1.5, 0.0, 0.1], [0.0, 0.0, 0.0], np.linspace(0.0, 4.0, 201))
+    kinds = {event.kind for event in motion.events}
+    assert {"upper impact", "rest"} <= kinds
+    balance = motion.kinetic_energy + motion.potential_energy - motion.work
+    assert np.abs(balance - balance[0]).max() < 1e-6 * np.abs(balance).max()
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"rates": ("w1", "w2")}, "rates has 2 entries; its coordinates are 3"),
+        ({"prismatic": (False,)}, "prismatic has 1 entries"),
+        ({"functions": three_r.ThreeR.functions[:-10]}, "gives no"),
+        ({"functions": (*three_r.ThreeR.functions, three_r.points, rrp.points)}, "is given by both"),
+    ],
+)
+def test_an_arm_that_lacks_something_is_refused_when_its_class_is_made(change, said):
+    body = {k: v for k, v in vars(three_r.ThreeR).items() if k in rde.Arm.__annotations__}
+    with pytest.raises(ValueError, match=said):
+        type("Half", (rde.Arm,), {**body, **change})
+
+
+def test_an_arm_with_positions_of_its_own_needs_the_way_back():
+    body = {k: v for k, v in vars(three_r.ThreeR).items() if k in rde.Arm.__annotations__}
+    del body["coordinates_of_joints"]
+    with pytest.raises(ValueError, match="no coordinates_of_joints"):
+        type("Half", (rde.Arm,), body)
+
+
+# ---- effects with states -----------------------------------------------------------------------------
+
+
+def test_a_lag_follows_its_equation():
+    """Constant commands: the effort is command (1 - exp(-t / T)), and its work closes the energy book."""
+    scene = rde.Scene(ARMS["4R"], (e.Gravity(), actuator_lag.ActuatorLag(0.05)), tolerance=1e-9)
+    batch = rde.BatchSimulator(scene, 3, track_work=True)
+    command = np.array([5.0, -3.0, 2.0, 1.0])
+    before = energy_of(scene, batch)
+    for _ in range(10):
+        batch.advance(np.tile(command, (3, 1)))
+    assert np.abs(batch.z - command * (1.0 - np.exp(-0.2 / 0.05))).max() < 1e-9
+    assert np.abs(energy_of(scene, batch) - batch.work - before).max() < 1e-8
+
+
+def energy_of(scene, batch):
+    arm = scene.robot
+    return arm.kinetic_energy(batch.q, batch.qd) + arm.potential_energy(batch.q)
+
+
+def test_a_short_lag_makes_error_control_take_more_steps():
+    counts = []
+    for constant in (1.0, 1e-4):
+        batch = rde.BatchSimulator(
+            rde.Scene(ARMS["4R"], (actuator_lag.ActuatorLag(constant),), tolerance=1e-6), 8
+        )
+        status = batch.advance(np.ones((8, 4)))
+        assert not status.numerics.any()
+        counts.append(status.evaluations.max())
+    assert counts[1] > 20 * counts[0]
+    assert np.abs(batch.z - 1.0).max() < 1e-9
+
+
+def test_commands_of_the_interval_before_act_to_the_bit():
+    free = rde.Scene(ARMS["RPRP"], (e.Gravity(),), tolerance=1e-6)
+    late = dataclasses.replace(free, effects=(*free.effects, held_command.HeldCommand()))
+    commands = np.random.default_rng(0).normal(size=(6, 5, 4))
+    a, b = rde.BatchSimulator(free, 5), rde.BatchSimulator(late, 5)
+    for k in range(6):
+        a.advance(commands[k - 1] if k else None)
+        b.advance(commands[k])
+        assert np.array_equal(a.q, b.q)
+        assert np.array_equal(b.z, commands[k])
+
+
+def test_links_act_in_their_stated_order_whatever_the_order_of_effects():
+    chain = (held_command.HeldCommand(), actuator_lag.ActuatorLag(0.03), e.EffortLimits(1.5))
+    results = []
+    for effects in (chain, chain[::-1]):
+        batch = rde.BatchSimulator(rde.Scene(ARMS["3R"], effects, integrator="rk4", substeps=4), 4)
+        for _ in range(5):
+            batch.advance(np.full((4, 3), 4.0))
+        results.append(batch)
+    lagged = results[0].z[0, 3:]
+    assert (
+        np.abs(lagged - 4.0 * (1.0 - np.exp(-0.08 / 0.03))).max() < 1e-4
+    )  # the first interval has no command
+    assert lagged.min() > 1.5  # what acts is less: limits come last
+    assert np.array_equal(results[0].q, results[1].q)
+    free = rde.BatchSimulator(rde.Scene(ARMS["3R"], chain[:2], integrator="rk4", substeps=4), 4)
+    for _ in range(5):
+        free.advance(np.full((4, 3), 4.0))
+    assert np.abs(free.qd - results[0].qd).max() > 0.1
+
+
+def test_states_of_effects_are_saved_restored_copied_and_begin_anew():
+    scene = rde.Scene(
+        ARMS["RRP"], (actuator_lag.ActuatorLag(0.1), held_command.HeldCommand()), tolerance=1e-6
+    )
+    batch = rde.BatchSimulator(scene, 9)
+    efforts = np.random.default_rng(1).normal(size=(9, 3))
+    batch.advance(efforts)
+    batch.advance(efforts)
+    saved, twin = batch.save(), pickle.loads(pickle.dumps(copy.deepcopy(batch)))
+    batch.advance(efforts)
+    twin.advance(efforts)
+    assert np.array_equal(batch.z, twin.z)
+    after = batch.z
+    batch.restore(saved)
+    batch.advance(efforts)
+    assert np.array_equal(batch.z, after)
+    batch.set_state(np.zeros((1, 3)), np.zeros((1, 3)), index=[4])
+    assert not batch.z[4].any()
+    assert np.array_equal(np.delete(batch.z, 4, 0), np.delete(after, 4, 0))
+    alone = rde.BatchSimulator(scene, 1)
+    for _ in range(3):
+        alone.advance(efforts[6])
+    assert np.array_equal(alone.z[0], after[6])
+
+
+def test_lanes_have_time_constants_of_their_own():
+    batch = rde.BatchSimulator(rde.Scene(ARMS["3R"], (actuator_lag.ActuatorLag(0.1),), tolerance=1e-8), 3)
+    constants = np.array([0.06, 0.1, 1.0])
+    batch.set_parameters({"actuator_lag.time_constant": constants})
+    batch.advance(np.ones((3, 3)))
+    assert np.abs(batch.z - (1.0 - np.exp(-0.02 / constants))[:, None]).max() < 1e-9
+
+
+# ---- compiled, on single numbers, on NumPy and on torch ------------------------------------------------
+
+WITH_STATES = (actuator_lag.ActuatorLag(0.04), held_command.HeldCommand(), e.EffortLimits(3.0))
+STEPS = {"heun": {"integrator": "heun", "substeps": 3}, "rk8": {}, "1e-6": {"tolerance": 1e-6}}
+
+
+@pytest.mark.parametrize("steps", STEPS)
+@pytest.mark.parametrize("name", ARMS)
+def test_evaluators_agree_after_an_interval(name, steps):
+    arm = ARMS[name]
+    stops = (
+        (e.PrismaticStop([-0.1] * len(arm.sliders()), [0.1] * len(arm.sliders()), 0.0),)
+        if arm.sliders()
+        else ()
+    )
+    scene = rde.Scene(arm, (e.Gravity(), e.ViscousFriction(0.1), *stops, *WITH_STATES), **STEPS[steps])
+    q, qd, efforts = states(arm, 12)
+    batch = rde.BatchSimulator(scene, 12)
+    batch.set_state(q, qd)
+    batch.advance(efforts)
+    q, qd, z = batch.q, batch.qd, batch.z
+    batch.advance(efforts)
+    compiled = np.concatenate([batch.q, batch.qd, batch.z], axis=1)
+    dynamics = Dynamics(scene)
+    names = (*arm.coordinates, *arm.rates, *dynamics.effect_states)
+    table = np.concatenate([q, qd, z, efforts], axis=1)
+    for convert in (np.ascontiguousarray, lambda x: torch.tensor(np.ascontiguousarray(x))):
+        columns = map(convert, table.T)
+        fields = {**fields_of(dynamics), **dict(zip((*names, *dynamics.commands), columns, strict=True))}
+        fields |= {n: convert(np.zeros(12)) for n in Interval(dynamics).active}
+        with np.errstate(all="ignore"):
+            lane = cross_interval(Interval(dynamics), fields)
+        found = np.stack([np.asarray(lane[n]) for n in names], axis=1)
+        resting = batch._memory.read(Interval(dynamics).active).any(axis=1) if stops else np.zeros(12, bool)
+        assert np.abs(found - compiled)[~resting].max() <= 1e-12 * np.abs(compiled).max()
+    row = {
+        **fields_of(dynamics),
+        **dict(zip((*names, *dynamics.commands), map(np.float64, table[0]), strict=True)),
+    }
+    with np.errstate(all="ignore"):
+        lane = cross_interval(Interval(dynamics), row)
+    if not resting[0]:
+        assert np.abs([lane[n] for n in names] - compiled[0]).max() <= 1e-12 * np.abs(compiled).max()
+
+
+@pytest.mark.parametrize("name", ADDED)
+def test_torch_steps_agree_with_compiled_ones_and_have_gradients(name):
+    arm = ARMS[name]
+    scene = rde.Scene(arm, (e.Gravity(), *WITH_STATES[:2]), tolerance=1e-7)
+    q, qd, efforts = (torch.tensor(x) for x in states(arm, 4))
+    z = torch.linspace(-1.0, 1.0, 4 * 6, dtype=torch.float64).reshape(4, 6)
+    step = rde.torch_step(scene)
+    moved = step(q, qd, efforts, z=z)
+    batch = rde.BatchSimulator(scene, 4)
+    batch.set_state(q.numpy(), qd.numpy())
+    batch._memory.write(tuple(Dynamics(scene).effect_states), z.numpy())
+    batch.advance(efforts.numpy())
+    for found, compiled in zip(moved, (batch.q, batch.qd, batch.z), strict=True):
+        assert np.abs(found.numpy() - compiled).max() < 1e-12 * max(1.0, np.abs(compiled).max())
+    z.requires_grad_(True)
+    step(q, qd, efforts, z=z)[1].sum().backward()
+    shift = 1e-5 * torch.eye(24, dtype=torch.float64)[0].reshape(4, 6)
+    with torch.no_grad():
+        up, down = (step(q, qd, efforts, z=z + s)[1].sum() for s in (shift, -shift))
+    assert abs(float(z.grad[0, 0]) - float((up - down) / 2e-5)) < 1e-6
+    with pytest.raises(ValueError, match="z is missing"):
+        step(q, qd, efforts)
+
+
+# ---- environments --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_single_vector_and_sb3_environments_are_sound_and_have_the_same_bits(env_id):
+    single, vector = gym.make(env_id), gym.make_vec(env_id, num_envs=11)
+    sb3 = rde.make_sb3(env_id, 11)
+    check_env(single.unwrapped, skip_render_check=True)
+    rde.check_vec_env(gym.make_vec(env_id, num_envs=3))
+    rde.check_vec_env(rde.make_sb3(env_id, 3))
+    obs, _ = vector.reset(seed=4)
+    sb3.seed(4)
+    assert np.array_equal(obs, sb3.reset())
+    assert np.array_equal(obs[2], single.reset(seed=6)[0])
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        actions = rng.uniform(-1.0, 1.0, vector.action_space.shape).astype(np.float32)
+        obs, reward, *_, info = vector.step(actions)
+        same, same_reward, *_ = sb3.step(actions)
+        one, one_reward, *_, one_info = single.step(actions[2])
+        assert np.array_equal(obs, same)
+        assert np.array_equal(reward.astype(np.float32), same_reward)
+        assert np.array_equal(obs[2], one)
+        assert reward[2] == one_reward
+        assert info["distance"][2] == one_info["distance"]
+    assert (
+        len(set(map(len, (single.unwrapped.core.task.observation(single.unwrapped.core.scene), obs[0])))) == 1
+    )
+
+
+@pytest.mark.parametrize("env_id", IDS[1:3])
+def test_environments_copy_render_and_tell_of_themselves(env_id):
+    env = gym.make(env_id, render_mode="rgb_array")
+    env.reset(seed=0)
+    for _ in range(3):
+        env.step(env.action_space.sample())
+    picture = env.render()
+    assert picture.shape == (480, 480, 3)
+    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 50
+    json.dumps(dataclasses.asdict(env.spec)["kwargs"])
+    page = type(env.unwrapped).__doc__
+    assert "effort at r / 16 N" in page
+    twin = pickle.loads(pickle.dumps(env.unwrapped))
+    action = np.full(3, 0.3, np.float32)
+    assert np.array_equal(env.unwrapped.step(action)[0], twin.step(action)[0])
+
+
+def test_a_target_moves_before_it_is_measured_and_observed():
+    env = gym.make("redundant_envs/RPRPTrack-v0", task={"period": 2.0}).unwrapped
+    env.reset(seed=0, options={"goal": (0.6, 0.0)})
+    for k in range(1, 6):
+        _, _, _, _, info = env.step(np.zeros(4, np.float32))
+        angle = 2.0 * np.pi * 0.02 * k / 2.0
+        assert np.allclose(env.goal, 0.6 * np.array([np.cos(angle), np.sin(angle)]), atol=1e-14)
+        assert info["distance"] == pytest.approx(np.linalg.norm(env.goal - env.tip), abs=1e-14)
+
+
+def test_a_target_stays_while_a_fault_holds_its_lane():
+    env = gym.make("redundant_envs/RPRPTrack-v0", on_bad_action="terminate").unwrapped
+    env.reset(seed=0)
+    goal = env.goal
+    _, _, terminated, *_ = env.step(np.full(4, np.nan, np.float32))
+    assert terminated
+    assert np.array_equal(env.goal, goal)
+
+
+def test_effects_with_states_begin_anew_with_each_episode():
+    scene = {**three_r.SCENE}
+    scene["effects"] = [*scene["effects"], {"type": "ActuatorLag", "time_constant": 0.1}]
+    env = gym.make_vec("redundant_envs/ThreeRReach-v0", num_envs=9, scene=scene, max_episode_steps=5)
+    env.reset(seed=0)
+    memory = env.unwrapped.core.memory
+    names = tuple(env.unwrapped.core.simulator.dynamics.effect_states)
+    for _ in range(5):
+        env.step(np.ones((9, 3), np.float32))
+        assert memory.read(names).min() > 0.1
+    env.step(np.ones((9, 3), np.float32))
+    assert not memory.read(names).any()
+    restored = env.unwrapped.get_state()
+    first = env.step(np.ones((9, 3), np.float32))[0]
+    env.unwrapped.set_state(restored)
+    assert np.array_equal(env.step(np.ones((9, 3), np.float32))[0], first)
+
+
+def test_a_method_added_from_outside_converges_with_its_order():
+    arm, errors = ARMS["4R"], []
+    q, qd, efforts = states(arm, 1)
+    exact = rde.BatchSimulator(rde.Scene(arm, (e.Gravity(),), tolerance=1e-12))
+    exact.set_state(q, qd)
+    exact.advance(efforts)
+    for steps in (8, 16, 32):
+        batch = rde.BatchSimulator(rde.Scene(arm, (e.Gravity(),), integrator="heun", substeps=steps))
+        batch.set_state(q, qd)
+        batch.advance(efforts)
+        errors.append(np.abs(batch.q - exact.q).max())
+    assert np.allclose(np.log2(np.divide(errors[:-1], errors[1:])), heun.HEUN.order, atol=0.15)
+
+
+def test_one_more_observation_has_its_value():
+    env = gym.make("redundant_envs/FourRElbowReach-v0").unwrapped
+    obs, _ = env.reset(seed=3)
+    height, reach = env.core.scene.robot.points(env.q)[1, 1], env.core.reach
+    assert obs[-1] == np.float32(height / np.sqrt(reach**2 + height**2))
+    assert len(obs) % 2 == 1
+    assert elbow.ElbowReachTask.name == "ElbowReach"
+
+
+# ---- registration --------------------------------------------------------------------------------------
+
+
+def test_registering_again_does_nothing_and_other_things_of_the_name_are_refused():
+    rde.register_arm(three_r.ThreeR, three_r.SCENE)
+    rde.register_task(track.TrackTask)
+    rde.register_integrator(heun.HEUN)
+    other = type("ThreeR", (rde.FourR,), {"kind": "ThreeR"})
+    with pytest.raises(ValueError, match="'ThreeR' is taken"):
+        rde.register_arm(other)
+    with pytest.raises(ValueError, match="'rk4' is taken"):
+        rde.register_integrator(dataclasses.replace(heun.HEUN, name="rk4"))
+    with pytest.raises(ValueError, match="weights of the tableau"):
+        rde.register_integrator(dataclasses.replace(heun.HEUN, name="wrong", b=(0.5, 0.6)))
+    with pytest.raises(ValueError, match=r"derived from redundant_envs\.Task"):
+        rde.register_task(three_r.ThreeR)
+    with pytest.raises(ValueError, match="one with a robot of type ThreeR"):
+        rde.register_arm(three_r.ThreeR, "rprp_reach")
+
+
+def test_scenes_of_an_arm_from_outside_are_plain_data():
+    scene = rde.load_scene(rrp.SCENE)
+    assert rde.Scene.from_dict(json.loads(json.dumps(scene.to_dict()))) == scene
+    with pytest.raises(ValueError, match="RRP"):
+        gym.make("redundant_envs/ThreeRReach-v0", scene=rrp.SCENE)
+
+
+def test_without_its_module_an_environment_from_outside_says_what_is_missing():
+    code = (
+        "import redundant_envs, gymnasium as gym\n"
+        "try: gym.make('redundant_envs/ThreeRReach-v0')\n"
+        "except gym.error.Error as error: print(type(error).__name__)\n"
+        "from redundant_envs.scene import load_scene\n"
+        "try: load_scene({'robot': {'type': 'ThreeR'}})\n"
+        "except ValueError as error: print(error)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "robot.type is 'ThreeR'; valid: FourR, RPRP" in done.stdout
+    make = "import gymnasium; gymnasium.make('three_r:redundant_envs/ThreeRReach-v0').reset()"
+    told = subprocess.run(
+        [sys.executable, "-c", make], capture_output=True, text=True, cwd=FOLDER, check=False
+    )
+    assert told.returncode == 0, told.stderr
