@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from redundant_envs.algebra import any_of, cases, maximum, minimum, where
-from redundant_envs.integrators import contacts, events
-from redundant_envs.integrators.events import Phase
+from redundant_envs.integrators import contact_resolution, contacts, crossings
 from redundant_envs.integrators.methods import Watched
+from redundant_envs.integrators.sliders import Slider, side_touched, starts_at_stop
+from redundant_envs.integrators.trial_steps import Phase
 from redundant_envs.simulator.lane import Lane
 from redundant_envs.simulator.setting import WATCHED, Fault, Reason, Setting
 from redundant_envs.simulator.step import active_stop, contact_quantities, known_numbers, pull
@@ -18,10 +19,10 @@ from redundant_envs.simulator.step import active_stop, contact_quantities, known
 class AtStops(Setting):
     """Procedures of lanes whose sliders may be at stops."""
 
-    def sliders(self, lane: Lane, origin: str, h: Any) -> list[events.Slider]:
+    def sliders(self, lane: Lane, origin: str, h: Any) -> list[Slider]:
         """The sliders in a step that began where the fields of a form tell."""
         return [
-            events.Slider(
+            Slider(
                 lane[q], lane[v], lane[origin.format(q)], lane[origin.format(v)],
                 Watched(*lane.get(WATCHED, of=f"{{}}_{s.name}")), lane[active_stop(s.name)],
                 lane[s.lower], lane[s.upper],
@@ -29,13 +30,13 @@ class AtStops(Setting):
             for s, q, v in zip(self.stops, self.positions, self.rates, strict=True)
         ]  # fmt: skip
 
-    def _set_crossings(self, lane: Lane, sliders: list[events.Slider], h: Any) -> None:
+    def _set_crossings(self, lane: Lane, sliders: list[Slider], h: Any) -> None:
         for s, slider in zip(self.stops, sliders, strict=True):
-            lane[f"crossing_{s.name}"] = events.crossing_of(slider, h, self.unseen)
-            lane[f"turning_{s.name}"] = events.turning_time(slider, h)
+            lane[f"crossing_{s.name}"] = crossings.crossing_of(slider, h, self.unseen)
+            lane[f"turning_{s.name}"] = crossings.turning_time(slider, h)
 
     def begun_at(self, lane: Lane, rule: Any) -> list[Any]:
-        """A rule of :mod:`events` on every slider as it was before the common step."""
+        """A rule of :mod:`sliders` on every slider as it was before the common step."""
         return [
             rule(*lane.get((q, v, active_stop(s.name)), of="{}_start"), lane[s.lower], lane[s.upper])
             for s, q, v in zip(self.stops, self.positions, self.rates, strict=True)
@@ -44,7 +45,7 @@ class AtStops(Setting):
     def _touched_before(self, lane: Lane) -> Any:
         """Whether a slider was at a stop, or rested there, before the common step."""
         return any_of(
-            events.side_touched(lane[f"{q}_start"], lane[f"{a}_start"], lane[s.lower], lane[s.upper]) != 0.0
+            side_touched(lane[f"{q}_start"], lane[f"{a}_start"], lane[s.lower], lane[s.upper]) != 0.0
             for s, q, a in zip(self.stops, self.positions, self.active, strict=True)
         )
 
@@ -53,7 +54,7 @@ class AtStops(Setting):
         sliders = self.sliders(lane, "{}_start", lane.h)
         self._set_crossings(lane, sliders, lane.h)
         # A slider that was released before the step starts at its stop and may leave it.
-        starts = self.begun_at(lane, events.starts_at_stop)
+        starts = self.begun_at(lane, starts_at_stop)
         meets = any_of(
             slider.free & ((lane[f"crossing_{s.name}"] != 0.0) | start)
             for s, slider, start in zip(self.stops, sliders, starts, strict=True)
@@ -112,7 +113,7 @@ class AtStops(Setting):
                 lane[f"mobility_{v}_{s.name}"] = x[f"W{k + 1}{s.joint + 1}"]
 
     def resolve_contacts(self, lane: Lane) -> None:
-        """At a stop: impulses, rest and release, as :func:`contacts.resolve_contacts` decides."""
+        """At a stop: impulses, rest and release, as :mod:`contact_resolution` decides."""
         dynamics = self.dynamics
         moving = dynamics.states[dynamics.count :]
         # What a Taylor step to the stop has left to do, now that accelerations are known.
@@ -129,9 +130,8 @@ class AtStops(Setting):
         ]  # fmt: skip
         rates, names = self.rates, [s.name for s in self.stops]
         w = self.mobility(lambda i, j: lane[f"mobility_{rates[i]}_{names[j]}"])
-        r = contacts.resolve_contacts(
-            lane.phase, lane.changes, lane.impacts, touching, w, lane[self.stops[0].restitution]
-        )
+        at_stop, restitution = lane.phase == Phase.AT_STOP, lane[self.stops[0].restitution]
+        r = contact_resolution.resolve_contacts(at_stop, lane.changes, lane.impacts, touching, w, restitution)
         struck = dict(zip(rates, r.velocities, strict=True))
         for v in dynamics.arm.rates:
             if v not in struck:
@@ -149,7 +149,7 @@ class AtStops(Setting):
         lane.error_trial = where(r.going_on, lane.error, lane.error_trial)
         lane.step = where(r.going_on, lane.left, lane.step)
         lane.impacts = where(r.given_up, lane.impacts_start, r.impacts)
-        lane.changes = lane.changes + where(lane.phase == Phase.AT_STOP, 1.0, 0.0)
+        lane.changes = lane.changes + where(at_stop, 1.0, 0.0)
         lane.fault = where(r.given_up, Fault.EVENT_BUDGET, lane.fault)
         lane.slide = 0.0
         self._set_phase(

@@ -7,7 +7,7 @@ from functools import reduce
 from typing import Any
 
 from redundant_envs.algebra import any_of, cases, maximum, where
-from redundant_envs.integrators import events, step_control
+from redundant_envs.integrators import crossings, step_control
 from redundant_envs.simulator.at_stops import AtStops
 from redundant_envs.simulator.lane import Lane
 from redundant_envs.simulator.setting import WATCHED, Plan, Reason
@@ -80,8 +80,8 @@ class CommonStep(AtStops):
         reason: Any = Reason.NONE
         if self.stops:
             sliders = self.sliders(lane, "{}_start", lane.h)
-            pulled = any_of(events.most_pull(s, self.unseen) > 0.0 for s in sliders)
-            near = any_of(events.may_meet(s, lane.h, self.unseen) for s in sliders)
+            pulled = any_of(crossings.most_pull(s, self.unseen) > 0.0 for s in sliders)
+            near = any_of(crossings.may_meet(s, lane.h, self.unseen) for s in sliders)
             reason = cases((pulled, Reason.STOP), (near, Reason.NEAR_STOP), default=Reason.NONE)
         stages = float(self.dynamics.method.stages)
         if self.plan is Plan.FIXED:

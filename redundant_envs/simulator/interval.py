@@ -70,7 +70,7 @@ class Interval(LocalSteps):
             ("changes", "", "times that contacts were resolved"),
             ("searched", "", "trial steps in search of the present event"),
             ("slide", "s", "time of the Taylor step to a stop"),
-            *((name, "", "of the search for an event (events.Search)") for name in SEARCH),
+            *((name, "", "of the search for an event (Search)") for name in SEARCH),
         ):
             yield Field(name, unit, doc, SCRATCH)
         for name, doc in (("touching", "contacts come next"), ("held", "a slider rests at its stop")):
@@ -82,11 +82,11 @@ class Interval(LocalSteps):
                 doc = "acceleration at the stages, or pull of the stop"
                 yield Field(f"{name}_{s.name}", "m/s^2 or N", f"{name} {doc}", SCRATCH)
             for name, unit, doc in (
-                ("crossing", "", "how the trial step meets a stop (events.Crossing)"),
+                ("crossing", "", "how the trial step meets a stop (Crossing)"),
                 ("turning", "s", "when the slider turns in the trial step"),
                 ("force", "N", "that holds the slider"),
                 ("force_trial", "N", "force at the start of the trial step"),
-                ("happened", "", "what the contact was resolved to (contacts.Event)"),
+                ("happened", "", "what the contact was resolved to (Event)"),
                 ("speed", "m/s", "into the stop, before an impact"),
             ):
                 yield Field(f"{name}_{s.name}", unit, doc, SCRATCH)

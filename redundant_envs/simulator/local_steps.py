@@ -6,8 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from redundant_envs.algebra import any_of, cases, logical_not, where
-from redundant_envs.integrators import events, step_control
-from redundant_envs.integrators.events import Phase
+from redundant_envs.integrators import step_control
+from redundant_envs.integrators.event_search import after_trial
+from redundant_envs.integrators.event_times import Encounter
+from redundant_envs.integrators.sliders import leaves_stop, side_touched, starts_at_stop
+from redundant_envs.integrators.trial_steps import Outcome, Phase, Search, Trial
 from redundant_envs.simulator.common_step import CommonStep
 from redundant_envs.simulator.lane import Lane
 from redundant_envs.simulator.setting import MOST_SEARCHED, MOST_TRIALS, SEARCH, Fault, Plan, Reason
@@ -25,7 +28,7 @@ class LocalSteps(CommonStep):
         fresh: Any = False
         phase: Any = Phase.RUN
         if self.stops:
-            begun = any_of(self.begun_at(lane, events.starts_at_stop))
+            begun = any_of(self.begun_at(lane, starts_at_stop))
             rested = any_of(a != 0.0 for a in lane.get(self.active, of="{}_start"))
             fresh = logical_not(plan.void | begun | rested)
             touched = self._touched_before(lane)
@@ -45,7 +48,7 @@ class LocalSteps(CommonStep):
         if self.stops:
             values |= dict.fromkeys(("changes", "searched", "tries", "slide"), 0.0)
             values |= {a: lane[f"{a}_start"] for a in self.active}
-            for s, leaves in zip(self.stops, self.begun_at(lane, events.leaves_stop), strict=True):
+            for s, leaves in zip(self.stops, self.begun_at(lane, leaves_stop), strict=True):
                 lane[f"cleared_{s.name}"] = logical_not(new) & lane[f"cleared_{s.name}"]
                 lane[f"released_{s.name}"] = where(new, leaves, lane[f"released_{s.name}"])
         if self.logs:
@@ -88,7 +91,7 @@ class LocalSteps(CommonStep):
         dynamics, due, phase = self.dynamics, lane.due, lane.phase
         doubling = self.plan is Plan.DOUBLING
         verdict = self._verdict(lane)
-        trial = events.Trial(due, phase, lane.step, lane.left, verdict.good)
+        trial = Trial(due, phase, lane.step, lane.left, verdict.good)
         outcome = self._outcome(lane, trial)
         again, there, accepted = outcome.again, outcome.there, outcome.accepted
         tried = (phase == Phase.RUN) | (phase == Phase.RUN_PAST_TURN)
@@ -115,8 +118,7 @@ class LocalSteps(CommonStep):
             # A held slider has just shown that it stays; a free one at its stop must be looked at.
             sliders = self.sliders(lane, "{}_trial", lane.step)
             touches = any_of(
-                s.free & (events.side_touched(s.position, s.active_stop, s.lower, s.upper) != 0.0)
-                for s in sliders
+                s.free & (side_touched(s.position, s.active_stop, s.lower, s.upper) != 0.0) for s in sliders
             )
             touched_before = self._touched_before(lane)
         goes = continuing & logical_not(touches)
@@ -182,14 +184,14 @@ class LocalSteps(CommonStep):
             )
         return step_control.judge_doubling(lane.error, lane.tip_tolerance, lane.divisions, lane.interval)
 
-    def _outcome(self, lane: Lane, trial: events.Trial) -> events.Outcome:
-        search = events.Search(*lane.get(SEARCH)) if self.stops else None
+    def _outcome(self, lane: Lane, trial: Trial) -> Outcome:
+        search = Search(*lane.get(SEARCH)) if self.stops else None
         if search is None:
             nothing = trial.due & trial.good
-            return events.Outcome(nothing, False, False, None, None, None, [], 0.0, [])  # type: ignore[arg-type]
+            return Outcome(nothing, False, False, None, None, None, [], 0.0, [])  # type: ignore[arg-type]
         rates = self.rates
-        touching = [
-            events.Contact(
+        encounters = [
+            Encounter(
                 *lane.get(
                     ("force", "force_trial", "crossing", "turning", "cleared", f"mobility_{v}"),
                     of=f"{{}}_{s.name}",
@@ -199,7 +201,7 @@ class LocalSteps(CommonStep):
         ]
         sliders = self.sliders(lane, "{}_trial", lane.step)
         smooth = self.dynamics.method.stages > 1
-        return events.after_trial(trial, search, sliders, touching, self.unseen, smooth)
+        return after_trial(trial, search, sliders, encounters, self.unseen, smooth)
 
     def _lost(self, lane: Lane) -> Any:
         """No event is looked for without end, and no time that is not a number is waited for."""
@@ -231,7 +233,7 @@ class LocalSteps(CommonStep):
         )
 
     def _after_search(
-        self, lane: Lane, outcome: events.Outcome, goes: Any, back: Any, lost: Any, new: dict[str, Any]
+        self, lane: Lane, outcome: Outcome, goes: Any, back: Any, lost: Any, new: dict[str, Any]
     ) -> dict[str, Any]:
         """What a trial step changes of searches, contacts and events."""
         again, due = outcome.again, lane.due
@@ -248,7 +250,7 @@ class LocalSteps(CommonStep):
         }
         if self.logs:
             values["logged"] = where(back, lane.logged_start, lane.logged)
-        leaves = self.begun_at(lane, events.leaves_stop)
+        leaves = self.begun_at(lane, leaves_stop)
         for s, cleared, leave in zip(self.stops, outcome.cleared, leaves, strict=True):
             was, released = lane[f"cleared_{s.name}"], lane[f"released_{s.name}"]
             values[f"cleared_{s.name}"] = where(again, cleared, logical_not(due) & was)

@@ -6,8 +6,9 @@ import enum
 from dataclasses import dataclass
 from functools import cached_property
 
-from redundant_envs.integrators import events
+from redundant_envs.integrators.crossings import Unseen
 from redundant_envs.integrators.methods import Watched
+from redundant_envs.integrators.trial_steps import Search
 from redundant_envs.simulator.dynamics import Dynamics, Stop
 from redundant_envs.simulator.step import active_stop
 
@@ -52,7 +53,7 @@ MOST_TRIALS = 65536
 MOST_LOGGED = 256
 """Events of an interval that are kept where the work is tracked."""
 WATCHED = Watched._fields
-SEARCH = events.Search._fields
+SEARCH = Search._fields
 
 
 @dataclass(frozen=True)
@@ -117,6 +118,6 @@ class Setting:
         return [self.dynamics.arm.rates[s.joint] for s in self.stops]
 
     @cached_property
-    def unseen(self) -> events.Unseen:
+    def unseen(self) -> Unseen:
         method = self.dynamics.method
-        return events.Unseen(method.unseen(at_ends=False), method.unseen(at_ends=True))
+        return Unseen(method.unseen(at_ends=False), method.unseen(at_ends=True))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
-from redundant_envs.integrators.contacts import Event
+from redundant_envs.integrators.contact_resolution import Event
 from redundant_envs.simulator.blocks import GROUP, LANES, Block, Blocks, Ends, Procedure, reads_of, written_by
 from redundant_envs.simulator.lane import LOG, PARAMETER, SCRATCH, STATE
 from redundant_envs.simulator.setting import MOST_LOGGED, Plan

@@ -5,8 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from redundant_envs.integrators.contacts import Contact, resolve_contacts
-from redundant_envs.integrators.events import Phase
+from redundant_envs.integrators.contact_resolution import resolve_contacts
+from redundant_envs.integrators.contacts import Contact
 
 SLIDERS = pytest.mark.parametrize("count", [1, 2, 3], ids=["one slider", "two", "three"])
 
@@ -47,5 +47,5 @@ def contact(
     return Contact(position, velocity, side if resting else 0.0, lower, upper, acceleration, force, released)
 
 
-def resolved(contacts, w, restitution=0.5, phase=Phase.AT_STOP, changes=0.0, impacts=0.0):
-    return resolve_contacts(phase, changes, impacts, contacts, np.asarray(w).tolist(), restitution)
+def resolved(contacts, w, restitution=0.5, at_stop=True, changes=0.0, impacts=0.0):
+    return resolve_contacts(at_stop, changes, impacts, contacts, np.asarray(w).tolist(), restitution)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from contact_problems import SLIDERS, complementary, contact, mobility, resolved
 
-from redundant_envs.integrators import contacts, events
-from redundant_envs.integrators.contacts import Event
-from redundant_envs.integrators.events import Phase
+from redundant_envs.integrators import contacts
+from redundant_envs.integrators.contact_resolution import Event
+from redundant_envs.integrators.sliders import ROUNDING
 
 
 @SLIDERS
@@ -125,7 +125,7 @@ def test_an_elastic_slider_rests_where_its_bounce_is_lost_in_rounding():
     for side, upper in ((1.0, 4096.0), (-1.0, 4096.0)):
         for height, rests in ((0.5, True), (2.0, False)):
             c = contact(0.0, side, acceleration=side)._replace(lower=0.0, upper=upper)
-            unit = events.ROUNDING * (upper if side > 0.0 else 1.0)
+            unit = ROUNDING * (upper if side > 0.0 else 1.0)
             c = c._replace(
                 position=upper if side > 0.0 else 0.0, velocity=-side * (2.0 * height * unit) ** 0.5
             )
@@ -154,7 +154,7 @@ def test_a_single_slider_bounces_rests_and_goes():
 def test_a_lane_that_is_not_at_a_stop_or_has_spent_its_budget_is_left_as_it_was(count):
     at = [contact(0.5, 1.0, resting=False)] * count
     w = np.eye(count)
-    moving = resolved(at, w, phase=Phase.RUN)
+    moving = resolved(at, w, at_stop=False)
     assert not moving.strikes
     assert not moving.given_up
     assert (moving.happened, moving.impacts) == ([Event.NONE] * count, 0.0)

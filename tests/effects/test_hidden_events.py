@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.integrators import events
+from redundant_envs.integrators import crossings
 from redundant_envs.integrators.methods import Watched
+from redundant_envs.integrators.sliders import Slider
 from redundant_envs.studies import hidden_impacts
 
 REACH = rde.load_scene("rprp_reach").to_dict()
@@ -112,8 +113,8 @@ def test_a_slider_that_leaves_a_single_stop_at_zero_may_come_back_to_it(side):
     """No limit and no position gives a length there, so what is rounding must not become 0."""
     ends = (-np.inf, 0.0) if side > 0.0 else (0.0, np.inf)
     watched = Watched(0.0, 0.0, -60.0, 60.0)
-    slider = events.Slider(-1e-3 * side, 0.1 * side, 0.0, 0.0, watched, 0.0, *ends)
-    beyond = events.excursions(slider, 0.02, -60.0, 60.0)
+    slider = Slider(-1e-3 * side, 0.1 * side, 0.0, 0.0, watched, 0.0, *ends)
+    beyond = crossings.excursions(slider, 0.02, -60.0, 60.0)
     assert beyond[0 if side > 0.0 else 1] > 0.0
 
 
@@ -203,14 +204,14 @@ def test_nearly_no_interval_of_random_actions_hides_an_event():
 
 def test_what_is_not_near_a_stop_does_not_meet_one():
     rng = np.random.default_rng(6)
-    unseen = events.Unseen(between=0.1, at_ends=0.01)
+    unseen = crossings.Unseen(between=0.1, at_ends=0.01)
     q0, q1 = rng.uniform(-0.2, 0.2, (2, 20000))
     v0, v1 = rng.normal(0.0, 3.0, (2, 20000))
     least, most = np.sort(rng.normal(0.0, 2000.0, (2, 20000)), axis=0)
     watched = Watched(*rng.uniform(least, most, (2, 20000)), least, most)
-    slider = events.Slider(q1, v1, q0, v0, watched, 0.0, -0.2, 0.2)
-    met = events.crossing_of(slider, 0.02, unseen) != 0.0
-    near = events.may_meet(slider, 0.02, unseen)
+    slider = Slider(q1, v1, q0, v0, watched, 0.0, -0.2, 0.2)
+    met = crossings.crossing_of(slider, 0.02, unseen) != 0.0
+    near = crossings.may_meet(slider, 0.02, unseen)
     assert not (met & ~near).any()
     assert min(np.count_nonzero(met), np.count_nonzero(~near)) > 500
 

@@ -6,10 +6,14 @@ import pytest
 from contact_problems import contact, mobility, resolved
 
 import redundant_envs as rde
-from redundant_envs.integrators import contacts, events
-from redundant_envs.integrators.contacts import Event
-from redundant_envs.integrators.events import Crossing, Phase
+from redundant_envs.integrators import contacts
+from redundant_envs.integrators.contact_resolution import Event
+from redundant_envs.integrators.crossings import Crossing, Unseen
+from redundant_envs.integrators.event_search import after_trial, position_at_event
+from redundant_envs.integrators.event_times import Encounter, first_event
 from redundant_envs.integrators.methods import Watched
+from redundant_envs.integrators.sliders import Slider
+from redundant_envs.integrators.trial_steps import Phase, Search, Trial
 from redundant_envs.simulator import blocks
 
 ARM = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
@@ -37,15 +41,15 @@ def slider_along(motion, h, upper, lower=-9.0):
     v, a = motion.deriv(), motion.deriv(2)
     seen = [a(t) for t in np.linspace(0.0, h, 13)]
     watched = Watched(seen[0], seen[-1], min(seen), max(seen))
-    return events.Slider(motion(h), v(h), motion(0.0), v(0.0), watched, 0.0, lower, upper)
+    return Slider(motion(h), v(h), motion(0.0), v(0.0), watched, 0.0, lower, upper)
 
 
 def first_guess(motion, h, upper, turns=0.0):
     """When ``first_event`` takes such a slider to be at its upper stop."""
-    contact = events.Contact(0.0, 0.0, Crossing.NONE, turns, False, 1.0)
+    encounter = Encounter(0.0, 0.0, Crossing.NONE, turns, False, 1.0)
     with np.errstate(all="ignore"):  # both sides of a choice are computed
-        found = events.first_event(slider_along(motion, h, upper), contact, h, 1.0 / h, smooth=True)
-    assert (found.side, found.turn) == (1.0, False)
+        found = first_event(slider_along(motion, h, upper), encounter, h, 1.0 / h, smooth=True)
+    assert (found.side, found.turns) == (1.0, False)
     return found.time
 
 
@@ -223,8 +227,8 @@ def test_an_arm_that_a_bounce_taken_away_has_moved_is_looked_at_again():
 
 def test_a_slider_a_rounding_error_beyond_its_stop_is_put_on_it():
     def placed(position, velocity, lower, upper):
-        s = events.Slider(position, velocity, 0.1, 0.0, None, 0.0, lower, upper)
-        return events.arrived(s, position, 8.9e-16, False, 5.0)
+        s = Slider(position, velocity, 0.1, 0.0, None, 0.0, lower, upper)
+        return position_at_event(s, position, False, 5.0)
 
     for lower, upper, position, at in ((0.0, 9.0, -7.8e-32, 0.0), (-9.0, 0.25, 0.25 + 6e-17, 0.25)):
         for velocity in (-1.0, 0.0, 1.0):
@@ -241,22 +245,22 @@ def test_of_three_sliders_the_first_that_comes_to_its_stop_is_looked_for(order):
     times = np.array([0.004, 0.009, 0.014])[list(order)]
     glides = [np.polynomial.Polynomial([0.3 - t, 1.0]) for t in times]
     sliders = [slider_along(glide, h, 0.3, 0.0) for glide in glides]
-    touching = [events.Contact(0.0, 0.0, Crossing.ENDS_BEYOND, h, False, 1.0)] * 3
-    unseen = events.Unseen(0.1, 0.1)
-    none = events.Search(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    encounters = [Encounter(0.0, 0.0, Crossing.ENDS_BEYOND, h, False, 1.0)] * 3
+    unseen = Unseen(0.1, 0.1)
+    none = Search(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     with np.errstate(all="ignore"):
-        trial = events.Trial(True, Phase.RUN, h, h, True)
-        tried = events.after_trial(trial, none, sliders, touching, unseen, True)
+        trial = Trial(True, Phase.RUN, h, h, True)
+        tried = after_trial(trial, none, sliders, encounters, unseen, True)
     first = order.index(0)
     assert (tried.again, tried.accepted, tried.phase) == (True, False, Phase.FIND_EVENT)
     assert (tried.search.target, tried.search.side) == (first, 1.0)
     assert tried.h == pytest.approx(0.004, abs=1e-12)
     # Towards the last of them: the trial step shows that two others came before.
     last = order.index(2)
-    search = events.Search(float(last), 1.0, 0.0, h, 0.0, 0.006, 1.0)
+    search = Search(float(last), 1.0, 0.0, h, 0.0, 0.006, 1.0)
     with np.errstate(all="ignore"):
-        trial = events.Trial(True, Phase.FIND_EVENT, h, h, True)
-        changed = events.after_trial(trial, search, sliders, touching, unseen, True)
+        trial = Trial(True, Phase.FIND_EVENT, h, h, True)
+        changed = after_trial(trial, search, sliders, encounters, unseen, True)
     assert changed.search.target != last
     assert changed.h < h
 

@@ -5,7 +5,7 @@ import pytest
 from contact_problems import SLIDERS, complementary, contact, mobility, resolved
 
 import redundant_envs as rde
-from redundant_envs.integrators import contacts
+from redundant_envs.integrators import complementarity
 from redundant_envs.simulator.dynamics import Dynamics
 
 UNEQUAL = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
@@ -72,7 +72,7 @@ def test_impulses_solve_the_complementarity_problem(count):
         d = u + restitution * np.maximum(u, 0.0)
         expected = np.zeros(count)
         expected[at] = complementary(outward[np.ix_(at, at)], d[at])
-        p = contacts.impulses(u.tolist(), sides.tolist(), w.tolist(), restitution)
+        p = complementarity.impulses(u.tolist(), sides.tolist(), w.tolist(), restitution)
         np.testing.assert_allclose(p, expected, rtol=1e-9, atol=1e-12)
         struck.add(tuple(expected > 0.0))
     assert len(struck) == 2**count - 1
@@ -86,9 +86,9 @@ def test_impulses_do_not_know_the_order_of_the_sliders(count):
         sides, u = rng.choice([-1.0, 1.0], count), rng.normal(size=count)
         if not (u > 0).any():
             continue
-        p = contacts.impulses(u.tolist(), sides.tolist(), w.tolist(), 0.5)
+        p = complementarity.impulses(u.tolist(), sides.tolist(), w.tolist(), 0.5)
         others = w[np.ix_(order, order)].tolist()
-        again = contacts.impulses(u[order].tolist(), sides[order].tolist(), others, 0.5)
+        again = complementarity.impulses(u[order].tolist(), sides[order].tolist(), others, 0.5)
         np.testing.assert_allclose(np.array(p)[order], again, rtol=1e-9, atol=1e-12)
 
 
@@ -98,7 +98,7 @@ def test_halting_stops_those_that_must_stand_still_and_pushes_no_other(count):
     for _ in range(500):
         w, v = mobility(rng, count), rng.normal(size=count)
         still = rng.random(count) < 0.5
-        push = np.array(contacts.halting(v.tolist(), still.tolist(), w))
+        push = np.array(complementarity.halting(v.tolist(), still.tolist(), w))
         assert (push[~still] == 0.0).all()
         scale = np.abs(w).max() * np.abs(push).max(initial=1.0)
         np.testing.assert_allclose((v + w @ push)[still], 0.0, atol=1e-12 * scale)
@@ -111,7 +111,7 @@ def test_pressed_is_the_one_set_in_which_no_stop_pulls_and_none_is_entered(count
     for _ in range(2000):
         w, free = mobility(rng, count), rng.normal(size=count)
         expected = complementary(w, free) > 0.0
-        assert contacts.pressed(free.tolist(), w) == expected.tolist()
+        assert complementarity.pressed(free.tolist(), w) == expected.tolist()
         seen.add(tuple(expected))
     assert len(seen) == 2**count
 
@@ -128,12 +128,16 @@ def test_the_equations_on_arrays_are_those_on_numbers(count):
     def table(columns):
         return np.array(np.broadcast_arrays(*columns, np.zeros(64))[:-1], dtype=float)
 
-    got = contacts.impulses(v, sides, list(w), 0.3), contacts.halting(v, still, w), contacts.pressed(v, w)
+    got = (
+        complementarity.impulses(v, sides, list(w), 0.3),
+        complementarity.halting(v, still, w),
+        complementarity.pressed(v, w),
+    )
     for k in range(64):
         one = (
-            contacts.impulses(v[:, k].tolist(), sides[:, k].tolist(), many[k].tolist(), 0.3),
-            contacts.halting(v[:, k].tolist(), still[:, k].tolist(), many[k]),
-            contacts.pressed(v[:, k].tolist(), many[k]),
+            complementarity.impulses(v[:, k].tolist(), sides[:, k].tolist(), many[k].tolist(), 0.3),
+            complementarity.halting(v[:, k].tolist(), still[:, k].tolist(), many[k]),
+            complementarity.pressed(v[:, k].tolist(), many[k]),
         )
         for columns, numbers in zip(got, one, strict=True):
             np.testing.assert_allclose(table(columns)[:, k], np.array(numbers, dtype=float), rtol=1e-12)

@@ -1,0 +1,231 @@
+"""Contact resolution: what becomes of the motion when sliders are at their stops, and nothing else moves.
+
+Sides are 1 at the upper stop, -1 at the lower one, 0 at none.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from redundant_envs.algebra import any_of, cases, logical_not, maximum, where
+from redundant_envs.integrators.complementarity import Matrix, halting
+from redundant_envs.integrators.contacts import (
+    Approach,
+    Contact,
+    Impact,
+    Support,
+    approach_of,
+    impact_of,
+    support_of,
+    unheld_accelerations,
+)
+
+MOST_IMPACTS = 256
+"""Of an interval; with more it is given up."""
+MOST_CHANGES = 512
+"""Times that contacts are resolved in an interval; with more it is given up."""
+
+
+class Event(enum.IntEnum):
+    """What happened to a slider at a stop."""
+
+    NONE = 0
+    UPPER_IMPACT = 1
+    LOWER_IMPACT = 2
+    REST = 3
+    RELEASE = 4
+
+
+class Halt(NamedTuple):
+    """Sliders that have to stand still, and the impulses along them that do it, N s."""
+
+    still: list[Any]
+    impulses: list[Any]
+
+
+class Resolved(NamedTuple):
+    """What becomes of the contacts of a lane.
+
+    Attributes
+    ----------
+    given_up : more impacts or changes than an interval may have
+    strikes : impulses act
+    going_on : the motion goes on
+    impulses : along the sliders, N s
+    velocities, active_stops, forces, released : of the sliders, after it
+    happened, speeds : the :class:`Event` of each slider, and its speed into the stop, m/s
+    impacts : their number
+    """
+
+    given_up: Any
+    strikes: Any
+    going_on: Any
+    impulses: list[Any]
+    velocities: list[Any]
+    active_stops: list[Any]
+    forces: list[Any]
+    released: list[Any]
+    happened: list[Any]
+    speeds: list[Any]
+    impacts: Any
+
+
+def halt_of(
+    contacts: Sequence[Contact], approach: Approach, impact: Impact, support: Support, w: Matrix
+) -> Halt:
+    """Which sliders have to stand still: one that comes to rest must not set off another that rests too.
+
+    Parameters
+    ----------
+    contacts, approach : the sliders, and how they move at their stops
+    impact, support : what happens to them there
+    w : mobilities of the sliders, 1/kg
+    """
+    someone = any_of(support.rests)
+    still = [
+        impact.stops_all | rests | (someone & c.resting & logical_not(released))
+        for c, rests, released in zip(contacts, *support, strict=True)
+    ]
+    return Halt(still, halting(approach.velocities, still, w))
+
+
+def looks_again(contacts: Sequence[Contact], sides: Sequence[Any], support: Support, halt: Halt) -> Any:
+    """Whether contacts are resolved once more before the motion goes on.
+
+    That is for a slider at its stop that has lost, or gained, the support of another, and for an arm that was
+    moved when a bounce was taken away.
+    """
+    waits = any_of(
+        (side != 0.0) & c.free & logical_not(rests) & logical_not(c.released)
+        for side, c, rests in zip(sides, contacts, support.rests, strict=True)
+    )
+    moved = any_of(abs(j) > 0.0 for j in halt.impulses)
+    return support.changes & (moved | waits)
+
+
+def impulses_of(approach: Approach, impact: Impact, halt: Halt) -> list[Any]:
+    """Impulses along the sliders, N s: those of impacts, or else those that stop sliders."""
+    bounces = impact.strikes & logical_not(impact.stops_all)
+    return [
+        where(bounces, -side * p, h)
+        for side, p, h in zip(approach.sides, impact.impulses, halt.impulses, strict=True)
+    ]
+
+
+def velocities_after(
+    pushes: Sequence[Any], approach: Approach, impact: Impact, halt: Halt, w: Matrix, restitution: Any
+) -> list[Any]:
+    """Velocities of the sliders after impulses, m/s.
+
+    That of a slider that stands still or bounces is exact, without the rounding of the impulses.
+
+    Parameters
+    ----------
+    pushes : impulses along the sliders, N s
+    approach, impact, halt : how they move at their stops, what happens there, and which stand still
+    w, restitution : mobilities of the sliders, 1/kg, and of the impacts
+    """
+    velocities = []
+    for i, (side, velocity, speed) in enumerate(
+        zip(approach.sides, approach.velocities, approach.speeds, strict=True)
+    ):
+        for push, mobility in zip(pushes, w[i], strict=True):
+            velocity = velocity + push * mobility
+        bounced = -side * restitution * maximum(speed, 0.0)
+        velocities.append(where(halt.still[i], 0.0, where(impact.pushed[i], bounced, velocity)))
+    return velocities
+
+
+def stops_after(
+    contacts: Sequence[Contact], sides: Sequence[Any], strikes: Any, support: Support,
+    velocities: Sequence[Any],
+) -> list[Any]:  # fmt: skip
+    """Sides of the stops at which the sliders rest from now on.
+
+    Parameters
+    ----------
+    contacts, sides : the sliders, and the sides of the stops that they touch
+    strikes : whether one of them moves into its stop
+    support : which come to rest and which are released
+    velocities : that they have now, m/s
+    """
+    active = []
+    for c, side, v, rests, released in zip(contacts, sides, velocities, *support, strict=True):
+        off = released | (strikes & (-side * v > 0.0))
+        active.append(where(rests, side, where(off, 0.0, c.active_stop)))
+    return active
+
+
+def happened_to(
+    contacts: Sequence[Contact], sides: Sequence[Any], impact: Impact, support: Support, active: Sequence[Any]
+) -> list[Any]:
+    """What has happened to each slider, an :class:`Event`.
+
+    Parameters
+    ----------
+    contacts, sides : the sliders, and the sides of the stops that they touch
+    impact, support : what happens to them there
+    active : sides of the stops at which they rest from now on
+    """
+    happened = []
+    for k, c in enumerate(contacts):
+        hit = where(sides[k] > 0.0, Event.UPPER_IMPACT, Event.LOWER_IMPACT)
+        thrown = impact.strikes & c.resting & (active[k] == 0.0)
+        leaves = support.released[k] | thrown
+        happened.append(
+            cases(
+                (impact.hits[k], hit), (support.rests[k], Event.REST), (leaves, Event.RELEASE),
+                default=Event.NONE,
+            )
+        )  # fmt: skip
+    return happened
+
+
+def resolve_contacts(
+    at_stop: Any, changes: Any, impacts: Any, contacts: Sequence[Contact], w: Matrix, restitution: Any
+) -> Resolved:
+    """Strike, release, rest, or go on.
+
+    Parameters
+    ----------
+    at_stop : whether the lane is at a stop, and its contacts are to be resolved
+    changes, impacts : how often contacts were resolved in the interval, and its impacts
+    contacts : the sliders
+    w : their mobilities, 1/kg
+    restitution : of the impacts
+    """
+    approach = approach_of(contacts)
+    sides, impact = approach.sides, impact_of(contacts, approach, w, restitution)
+    unheld = unheld_accelerations(contacts, sides, w)
+    support = support_of(contacts, approach, impact.strikes, unheld, w, restitution)
+    halt = halt_of(contacts, approach, impact, support, w)
+    pushes = impulses_of(approach, impact, halt)
+    velocities = velocities_after(pushes, approach, impact, halt, w, restitution)
+    active = stops_after(contacts, sides, impact.strikes, support, velocities)
+    happened = happened_to(contacts, sides, impact, support, active)
+    # What stops a speed stops an acceleration: the forces that hold from now on.
+    accelerations = [side * a for side, a in zip(sides, unheld, strict=True)]
+    forces = halting(accelerations, [a != 0.0 for a in active], w)
+    going = logical_not(impact.strikes) & logical_not(looks_again(contacts, sides, support, halt))
+    spent = (changes >= MOST_CHANGES) | (impacts > MOST_IMPACTS)
+    acts = at_stop & logical_not(spent)
+    for hit in impact.hits:
+        impacts = impacts + where(acts & hit, 1.0, 0.0)
+    return Resolved(
+        given_up=at_stop & spent,
+        strikes=acts & (impact.strikes | any_of(support.rests) | any_of(approach.negligible)),
+        going_on=acts & going,
+        impulses=pushes,
+        velocities=velocities,
+        active_stops=[where(acts, a, c.active_stop) for a, c in zip(active, contacts, strict=True)],
+        forces=forces,
+        released=[
+            where(acts, (r | c.released) & logical_not(going), c.released)
+            for r, c in zip(support.released, contacts, strict=True)
+        ],
+        happened=[where(logical_not(acts), Event.NONE, event) for event in happened],
+        speeds=[where(acts & hit, u, 0.0) for hit, u in zip(impact.hits, approach.speeds, strict=True)],
+        impacts=impacts,
+    )

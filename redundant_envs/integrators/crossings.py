@@ -1,0 +1,137 @@
+"""Whether a trial step meets a stop, and how: bounds from the accelerations that its stages have seen.
+
+Sides are 1 at the upper stop, -1 at the lower one, 0 at none. The decision record 0003 explains the bounds.
+"""
+
+from __future__ import annotations
+
+import enum
+from typing import Any, NamedTuple
+
+from redundant_envs.algebra import logical_not, maximum, minimum, sqrt, where
+from redundant_envs.integrators.sliders import Slider
+
+
+class Crossing(enum.IntEnum):
+    """How a trial step meets a stop; negative at the lower one."""
+
+    NONE = 0
+    ENDS_BEYOND = 1
+    """It ends beyond it, and passes it once."""
+    TURNS_NEAR = 2
+    """It turns once, and may be beyond it then."""
+    UNCLEAR = 4
+    """It may pass it more often than its ends and its turn tell."""
+
+
+class Unseen(NamedTuple):
+    """What an acceleration may do between the stages of a step and near its ends (Tableau.unseen)."""
+
+    between: float
+    at_ends: float
+
+
+def may_meet(s: Slider, h: Any, unseen: Unseen) -> Any:
+    """Whether a free slider may meet a stop in a step.
+
+    A cheap bound of :func:`excursions`: if q'' >= -A, q exceeds its ends by at most A h^2 / 8.
+    """
+    more = unseen.between * (s.watched.most - s.watched.least)
+    eighth = 0.125 * h * h
+    top = maximum(s.start_position, s.position) + eighth * maximum(more - s.watched.least, 0.0)
+    bottom = minimum(s.start_position, s.position) - eighth * maximum(s.watched.most + more, 0.0)
+    return s.free & logical_not((top < s.upper) & (bottom > s.lower))
+
+
+def most_pull(s: Slider, unseen: Unseen) -> Any:
+    """How hard the stop of a resting slider may have to pull it at any time of a step; 0 if not at all."""
+    w = s.watched
+    share = where(w.most > maximum(w.first, w.last), unseen.between, unseen.at_ends)
+    return where(s.free, 0.0, maximum(w.most + share * (w.most - w.least), 0.0))
+
+
+def acceleration_bounds(s: Slider, unseen: Unseen) -> tuple[Any, Any]:
+    """Bounds of an acceleration in a step, from its least and greatest value at the stages.
+
+    What a parabola may add between the stages is added; but a slider that starts at its stop was struck or
+    released there, so its first stage is an end of the range: nothing is added towards that stop.
+    """
+    w = s.watched
+    down = where(w.least < minimum(w.first, w.last), unseen.between, unseen.at_ends) * (w.most - w.least)
+    up = where(w.most > maximum(w.first, w.last), unseen.between, unseen.at_ends) * (w.most - w.least)
+    return (
+        where(s.start_position > s.lower, w.least - down, w.least),
+        where(s.start_position < s.upper, w.most + up, w.most),
+    )
+
+
+def excursions(s: Slider, h: Any, lo: Any, hi: Any) -> tuple[Any, Any]:
+    """Whether a slider may turn beyond its upper and its lower stop between the ends of a step.
+
+    It cannot if these are 0 or less, as long as its acceleration stays in lo..hi.
+    With q'' >= -A and A h^2 = p, q exceeds its ends by at most (p/2 - |q1 - q0|)^2 / (2 p), and not at
+    all if p/2 < |q1 - q0|; with q'' <= B it stays below q0 + v0 h + B h^2 / 2, and if B < 0 it is at
+    most v^2 / (2 |B|) above each end.
+    """
+    q0, v0, q1, v1 = s.start_position, s.start_velocity, s.position, s.velocity
+    top = s.upper + s.closeness
+    bottom = s.lower - s.closeness
+    up0 = top - q0
+    up1 = top - q1
+    down0 = q0 - bottom
+    down1 = q1 - bottom
+    sinks = h * h * maximum(-lo, 0.0)
+    lifts = h * h * maximum(hi, 0.0)
+    way = abs(q1 - q0)
+    rest = maximum(0.5 * sinks - way, 0.0)
+    above = rest * rest - 2.0 * sinks * minimum(up0, up1)
+    above = minimum(above, h * maximum(v0, 0.0) + 0.5 * lifts - up0)
+    above = minimum(above, minimum(v0 * v0 + 2.0 * hi * up0, v1 * v1 + 2.0 * hi * up1))
+    rest = maximum(0.5 * lifts - way, 0.0)
+    below = rest * rest - 2.0 * lifts * minimum(down0, down1)
+    below = minimum(below, 0.5 * sinks - h * minimum(v0, 0.0) - down0)
+    below = minimum(below, minimum(v0 * v0 - 2.0 * lo * down0, v1 * v1 - 2.0 * lo * down1))
+    return above, below
+
+
+def turning_time(s: Slider, h: Any) -> Any:
+    """Time at which the cubic through both ends of a step turns; the end if it does not."""
+    v0, v1 = s.start_velocity, s.velocity
+    s0 = h * v0
+    d = s.position - s.start_position
+    c2 = 3.0 * d - h * (2.0 * v0 + v1)
+    c3 = h * (v0 + v1) - 2.0 * d
+    root = sqrt(maximum(c2 * c2 - 3.0 * c3 * s0, 0.0))
+    return h * where(v0 * v1 < 0.0, s0 / (where(v0 > 0.0, root, -root) - c2), 1.0)
+
+
+def keeps_direction(s: Slider, h: Any, lo: Any, hi: Any) -> Any:
+    """Whether a velocity keeps its sign in a step: it does if this is 0 or more.
+
+    Either it cannot change that much from one of its ends, as long as its acceleration stays in lo..hi. Or
+    that grows all along, and the velocity stays below its ends; or falls, and the velocity stays above them.
+    """
+    w, v0, v1 = s.watched, s.start_velocity, s.velocity
+    slower = h * maximum(-lo, 0.0)  # by how much a velocity can fall and rise
+    faster = h * maximum(hi, 0.0)
+    rises = maximum(v0 - slower, v1 - faster)
+    falls = maximum(-v0 - faster, -v1 - slower)
+    stays_below = minimum(minimum(w.least - w.first, w.last - w.most), -maximum(v0, v1))
+    stays_above = minimum(minimum(w.first - w.most, w.least - w.last), minimum(v0, v1))
+    return maximum(maximum(rises, falls), maximum(stays_below, stays_above))
+
+
+def crossing_of(s: Slider, h: Any, unseen: Unseen) -> Any:
+    """How a step meets a stop: a :class:`Crossing`, with the sign of the side unless it is unclear.
+
+    A velocity that keeps its sign meets a stop once at most, an acceleration that does turns once.
+    """
+    ends_above, ends_below = s.position > s.upper, s.position < s.lower
+    lo, hi = acceleration_bounds(s, unseen)
+    above, below = excursions(s, h, lo, hi)
+    ends = where(ends_above, Crossing.ENDS_BEYOND, where(ends_below, -Crossing.ENDS_BEYOND, Crossing.NONE))
+    turns = where(above > 0.0, where(ends_above, Crossing.ENDS_BEYOND, Crossing.TURNS_NEAR), ends)
+    turns = where(below > 0.0, where(ends_below, -Crossing.ENDS_BEYOND, -Crossing.TURNS_NEAR), turns)
+    bent_once = maximum(lo, -hi) >= 0.0
+    turns = where(bent_once, turns, where(turns == Crossing.NONE, Crossing.NONE, Crossing.UNCLEAR))
+    return where(keeps_direction(s, h, lo, hi) >= 0.0, ends, turns)

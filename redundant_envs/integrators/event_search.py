@@ -1,0 +1,312 @@
+"""The search for events of a lane: what follows from a trial step.
+
+A trial step is made to the end of the planned step. If it has an event, trial steps from the same start
+end ever nearer to it: an extension of the method's own order, no interpolation. The last 1e-9 s to a stop
+are a Taylor step, exact to rounding: positions here, velocities when the accelerations there are known.
+Then contacts are resolved, and the motion goes on. Sides are 1 at the upper stop, -1 at the lower one, 0 at
+none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from redundant_envs.algebra import any_of, cases, logical_not, maximum, minimum, where
+from redundant_envs.integrators.crossings import Crossing, Unseen, most_pull
+from redundant_envs.integrators.event_brackets import (
+    Guesses,
+    Sought,
+    guesses_after,
+    sought_slider,
+    taylor_step,
+)
+from redundant_envs.integrators.event_times import Candidate, Encounter, first_event
+from redundant_envs.integrators.sliders import ROUNDING, Slider, pick
+from redundant_envs.integrators.trial_steps import Bracket, Outcome, Phase, Search, Trial
+
+ARRIVAL_TIME = 1e-14
+"""Seconds from a stop at which another slider's event finds a slider there."""
+
+
+class Decision(NamedTuple):
+    """What a trial step of a lane means; at most one of these holds.
+
+    Attributes
+    ----------
+    accepted : it has no event
+    unclear : it may hide an event: half of it shows more
+    event_found : a step to the end of the planned one has an event, which is looked for from now on
+    other_sooner : another slider has an event before the one that was looked for
+    at_event : it ends at the event
+    near_event : it ends only near the event, and the next one nearer
+    beyond_at_turn : it ends near a turn beyond the stop, so there is an impact before
+    past_turn : the slider turns, and stays before its stop
+    near_turn : it ends only near the turn, and the next one nearer
+    """
+
+    accepted: Any
+    unclear: Any
+    event_found: Any
+    other_sooner: Any
+    at_event: Any
+    near_event: Any
+    beyond_at_turn: Any
+    past_turn: Any
+    near_turn: Any
+
+    @property
+    def begins(self) -> Any:
+        """Whether a search begins, with a bracket of its own."""
+        return self.event_found | self.other_sooner | self.beyond_at_turn
+
+
+class Aim(NamedTuple):
+    """An event that may be looked for from now on.
+
+    Attributes
+    ----------
+    exists : whether there is one
+    chosen : of each slider, whether the event is its; the first slider's if it is no other's
+    target, side : number of the slider, and side of the stop
+    turns : whether it is a turn
+    h : where the first trial step towards it ends, s
+    """
+
+    exists: Any
+    chosen: list[Any]
+    target: Any
+    side: Any
+    turns: Any
+    h: Any
+
+
+class Aims(NamedTuple):
+    """The first event of a step that looked for none, and one that came before the event looked for."""
+
+    first: Aim
+    other: Aim
+
+
+def earliest_event(trial: Trial, candidates: Sequence[Candidate]) -> Aim:
+    """The first event of all sliders in a step to the end of the planned one."""
+    events = [c.event for c in candidates]
+    time, chosen = events[0].time, [True]
+    for event in events[1:]:
+        sooner = event.time < time
+        chosen = [*(other & logical_not(sooner) for other in chosen), sooner]
+        time = where(sooner, event.time, time)
+    free = pick(chosen, [c.slider.free for c in candidates])
+    return Aim(
+        exists=time <= trial.h, chosen=chosen,
+        target=pick(chosen, [c.number for c in candidates]),
+        side=pick(chosen, [event.side for event in events]),
+        turns=pick(chosen, [event.turns for event in events]) & free,
+        h=minimum(maximum(time, 0.0), trial.h),
+    )  # fmt: skip
+
+
+def came_before(trial: Trial, search: Search, c: Candidate) -> Any:
+    """Whether an event of a slider came before the end of a trial step."""
+    s, side = c.slider, c.slider.side_beyond
+    passed = c.event.turns | ((side != 0.0) & (side * (s.position - s.stop(side)) > s.closeness))
+    pulled = (c.pull > 0.0) & (trial.h - search.low > ROUNDING * trial.left)
+    return where(s.free, passed, pulled)
+
+
+def other_event(trial: Trial, search: Search, sought: Sought, candidates: Sequence[Candidate]) -> Aim:
+    """An event that came before the end of a trial step, of a slider that is not the sought one."""
+    late = [
+        came_before(trial, search, c) & logical_not(is_sought)
+        for c, is_sought in zip(candidates, sought.chosen, strict=True)
+    ]
+    chosen = [is_late & logical_not(any_of(late[:k])) for k, is_late in enumerate(late)]
+    free = pick(chosen, [c.slider.free for c in candidates])
+    h = where(free, pick(chosen, [c.event.time for c in candidates]), 0.5 * trial.h)
+    sides = [where(c.event.turns, c.event.side, c.slider.side_beyond) for c in candidates]
+    return Aim(
+        exists=any_of(late), chosen=chosen,
+        target=pick(chosen, [c.number for c in candidates]),
+        side=pick(chosen, sides), turns=pick(chosen, [c.event.turns for c in candidates]),
+        h=where(h < trial.h, h, 0.5 * trial.h),  # never the same step again
+    )  # fmt: skip
+
+
+def may_hide_event(h: Any, c: Candidate, unseen: Unseen) -> Any:
+    """Whether a step may hide an event of a slider, by more than is lost in rounding.
+
+    A free slider may come to its stop and leave it, a resting one may be pulled though not at the end. Either
+    is followed in half the step.
+    """
+    s, encounter = c.slider, c.encounter
+    moves = most_pull(s, unseen) * encounter.mobility * (h * h)
+    pulled = logical_not(c.pull > 0.0) & (moves > s.closeness)
+    return where(s.free, encounter.crossing == Crossing.UNCLEAR, pulled)
+
+
+def decided(trial: Trial, hides: Any, aims: Aims, sought: Sought, guesses: Guesses) -> Decision:
+    """What a trial step means.
+
+    Parameters
+    ----------
+    trial, sought : the step, and the slider whose event is looked for
+    hides : whether the step may hide an event
+    aims : events that it may have
+    guesses : what it has shown of the event, or the turn, that is looked for
+    """
+    tried, seeks_event, seeks_turn = trial.tried, trial.seeks_event, trial.seeks_turn
+    at_event, at_turn = guesses.event.reached, guesses.turn.reached
+    unclear = tried & hides
+    event_found = tried & logical_not(unclear) & aims.first.exists
+    sooner = seeks_event & aims.other.exists
+    beyond = seeks_turn & (sought.gap > sought.closeness)
+    past_turn = seeks_turn & logical_not(beyond) & at_turn
+    return Decision(
+        accepted=tried & logical_not(event_found) & logical_not(unclear),
+        unclear=unclear, event_found=event_found, other_sooner=sooner,
+        at_event=seeks_event & logical_not(sooner) & at_event,
+        near_event=seeks_event & logical_not(sooner) & logical_not(at_event),
+        beyond_at_turn=beyond, past_turn=past_turn,
+        near_turn=seeks_turn & logical_not(beyond) & logical_not(past_turn),
+    )  # fmt: skip
+
+
+def next_phase(trial: Trial, decision: Decision, for_turn: Any) -> Any:
+    """Of what kind the next trial step is."""
+    return cases(
+        (decision.near_turn, Phase.FIND_TURN), (decision.unclear, trial.phase), (for_turn, Phase.FIND_TURN),
+        (decision.past_turn, Phase.RUN_PAST_TURN), default=Phase.FIND_EVENT,
+    )  # fmt: skip
+
+
+def next_length(trial: Trial, decision: Decision, sought: Sought, aims: Aims, guesses: Guesses) -> Any:
+    """Where the next trial step ends, s.
+
+    Parameters
+    ----------
+    trial, decision : the step before, and what it means
+    sought : the slider whose event is looked for
+    aims, guesses : events that may be looked for now, and what is known of the one that is
+    """
+    return cases(
+        (decision.near_turn, guesses.turn.h), (decision.unclear, 0.5 * trial.h),
+        (decision.beyond_at_turn, sought.time), (decision.past_turn, trial.left),
+        (decision.event_found, aims.first.h), (decision.other_sooner, aims.other.h), default=guesses.event.h,
+    )  # fmt: skip
+
+
+def search_continued(
+    trial: Trial, search: Search, decision: Decision, sought: Sought, guesses: Guesses
+) -> Search:
+    """The same search after one more trial step.
+
+    Parameters
+    ----------
+    trial, decision : the step, and what it means
+    search, sought : the search before it, and its slider
+    guesses : what the step has shown of the event, or the turn
+    """
+    brackets = zip(guesses.event.bracket, guesses.turn.bracket, search.bracket, strict=True)
+    bracket = Bracket(
+        *(
+            cases((decision.near_event, event), (decision.near_turn, turn), default=before)
+            for event, turn, before in brackets
+        )
+    )
+    side = where(sought.free, search.side, where(sought.over, 1.0, -1.0))
+    one = where(trial.seeks_event | trial.seeks_turn, 1.0, 0.0)
+    return Search(search.target, side, *bracket, search.tries + one)
+
+
+def search_begun(
+    trial: Trial, search: Search, decision: Decision, for_turn: Any, aims: Aims,
+    candidates: Sequence[Candidate],
+) -> Search:  # fmt: skip
+    """A search that begins, with the whole step as its bracket, or else the one that goes on.
+
+    Parameters
+    ----------
+    trial, decision : the step, and what it means
+    search : that goes on
+    for_turn, aims : whether a turn is looked for, and what may be
+    candidates : the sliders
+    """
+    found, sooner, begins = decision.event_found, decision.other_sooner, decision.begins
+    chosen = [where(found, f, o) for f, o in zip(aims.first.chosen, aims.other.chosen, strict=True)]
+    start_speed = abs(pick(chosen, [c.slider.start_velocity for c in candidates]))
+    speed = abs(pick(chosen, [c.slider.velocity for c in candidates]))
+    start_pull = minimum(pick(chosen, [c.start_pull for c in candidates]), 0.0)
+    pull = pick(chosen, [c.pull for c in candidates])
+    return Search(
+        target=cases((found, aims.first.target), (sooner, aims.other.target), default=search.target),
+        side=cases((found, aims.first.side), (sooner, aims.other.side), default=search.side),
+        low=where(begins, 0.0, search.low),
+        high=where(begins, trial.h, search.high),
+        gap_low=where(begins, where(for_turn, start_speed, start_pull), search.gap_low),
+        gap_high=where(begins, where(for_turn, speed, pull), search.gap_high),
+        tries=where(begins, 0.0, search.tries),
+    )
+
+
+def position_at_event(s: Slider, position: Any, is_sought: Any, stop: Any) -> Any:
+    """Where a free slider is at an event, m: at ``position``, or at its stop exactly.
+
+    It is at its stop if its event was looked for, if it comes there in no time, or if it is beyond.
+    """
+    near = s.closeness + ARRIVAL_TIME * abs(s.velocity)
+    up = (position > s.upper) | ((position >= s.upper - near) & (s.velocity > 0.0))
+    down = (position < s.lower) | ((position <= s.lower + near) & (-s.velocity > 0.0))
+    return where(is_sought, stop, where(up, s.upper, where(down, s.lower, position)))
+
+
+def positions_after(sliders: Sequence[Slider], sought: Sought, at_event: Any, slide: Any) -> list[Any]:
+    """Positions of the sliders after a trial step, and the Taylor step behind it."""
+    positions = []
+    for s, is_sought in zip(sliders, sought.chosen, strict=True):
+        moved = s.position + slide * s.velocity
+        there = position_at_event(s, moved, is_sought, sought.stop)
+        positions.append(where(at_event & s.free, there, moved))
+    return positions
+
+
+def after_trial(
+    trial: Trial, search: Search, sliders: Sequence[Slider], encounters: Sequence[Encounter], unseen: Unseen,
+    smooth: bool,
+) -> Outcome:  # fmt: skip
+    """After a trial step: its earliest event, how to come nearer to the one looked for, or its end.
+
+    Parameters
+    ----------
+    trial, search : the step, and the search that it belongs to
+    sliders, encounters : motions of the sliders with stops in the step, and what is known of their stops
+    unseen, smooth : of the method: what may happen between its stages, and whether it is not Euler's
+    """
+    per_h = 1.0 / trial.h
+    candidates = [
+        Candidate(float(k), s, e, first_event(s, e, trial.h, per_h, smooth))
+        for k, (s, e) in enumerate(zip(sliders, encounters, strict=True))
+    ]
+    sought = sought_slider(search, candidates)
+    rest_of_way = taylor_step(trial, sought)
+    guesses = guesses_after(trial, search, sought, rest_of_way)
+    aims = Aims(earliest_event(trial, candidates), other_event(trial, search, sought, candidates))
+    hides = any_of(may_hide_event(trial.h, c, unseen) for c in candidates)
+    decision = decided(trial, hides, aims, sought, guesses)
+    for_turn = where(decision.event_found, aims.first.turns, decision.other_sooner & aims.other.turns)
+    goes_on = search_continued(trial, search, decision, sought, guesses)
+    slide = where(decision.at_event & sought.free & rest_of_way.possible, rest_of_way.time, 0.0)
+    return Outcome(
+        accepted=decision.accepted, there=decision.at_event,
+        again=(
+            decision.event_found | decision.near_event | decision.other_sooner | trial.seeks_turn
+            | decision.unclear
+        ),
+        phase=next_phase(trial, decision, for_turn),
+        h=next_length(trial, decision, sought, aims, guesses),
+        search=search_begun(trial, goes_on, decision, for_turn, aims, candidates),
+        positions=positions_after(sliders, sought, decision.at_event, slide), slide=slide,
+        cleared=[
+            e.cleared | (decision.past_turn & is_sought)
+            for e, is_sought in zip(encounters, sought.chosen, strict=True)
+        ],
+    )  # fmt: skip

@@ -1,0 +1,105 @@
+"""A slider between its two stops: how it moves in a step, and which stop it touches or is beyond.
+
+Sides are 1 at the upper stop, -1 at the lower one, 0 at none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from redundant_envs.algebra import maximum, where
+from redundant_envs.integrators.methods import Watched
+
+ROUNDING = 8.881784197001252e-16
+"""Four units in the last place, relative: nearer than that positions and times are not told apart."""
+NO_STOP = 1e300
+"""Larger limits are none: infinite ones must not make every position close."""
+SMALLEST_SCALE = 1e-280
+"""Positions and limits that are all 0 still round at something that is not 0."""
+
+
+class Slider(NamedTuple):
+    """A slider in a step.
+
+    Attributes
+    ----------
+    position, velocity : at the end of the step, m and m/s
+    start_position, start_velocity : at its start
+    watched : accelerations at the stages, m/s^2; of a slider that rests, how hard its stop has to pull, N
+    active_stop : side of the stop it rests at
+    lower, upper : its stops, m
+    """
+
+    position: Any
+    velocity: Any
+    start_position: Any
+    start_velocity: Any
+    watched: Watched
+    active_stop: Any
+    lower: Any
+    upper: Any
+
+    @property
+    def free(self) -> Any:
+        """Whether it rests at no stop."""
+        return self.active_stop == 0.0
+
+    @property
+    def closeness(self) -> Any:
+        """Positions nearer than this to a stop are at it: four units in the last place, m, but never 0."""
+        low = where(abs(self.lower) < NO_STOP, abs(self.lower), 0.0)
+        high = where(abs(self.upper) < NO_STOP, abs(self.upper), 0.0)
+        return ROUNDING * maximum(maximum(low, high), maximum(abs(self.start_position), SMALLEST_SCALE))
+
+    @property
+    def side_beyond(self) -> Any:
+        """Side of the stop that it is beyond at the end of the step, if it is free."""
+        beyond = where(self.position > self.upper, 1.0, where(self.position < self.lower, -1.0, 0.0))
+        return where(self.free, beyond, 0.0)
+
+    def stop(self, side: Any) -> Any:
+        """Position of the stop of a side, m."""
+        return where(side > 0.0, self.upper, self.lower)
+
+
+def side_touched(position: Any, active_stop: Any, lower: Any, upper: Any) -> Any:
+    """Side of the stop that a slider touches."""
+    at = where(position >= upper, 1.0, where(position <= lower, -1.0, 0.0))
+    return where(active_stop == 0.0, at, active_stop)
+
+
+def starts_at_stop(position: Any, velocity: Any, active_stop: Any, lower: Any, upper: Any) -> Any:
+    """Whether a free slider starts at a stop and does not move away from it.
+
+    Parameters
+    ----------
+    position, velocity : of the slider, m and m/s
+    active_stop : side of the stop it rests at
+    lower, upper : its stops, m
+    """
+    up, down = (position >= upper) & (velocity >= 0.0), (position <= lower) & (velocity <= 0.0)
+    return (active_stop == 0.0) & (up | down)
+
+
+def leaves_stop(position: Any, velocity: Any, active_stop: Any, lower: Any, upper: Any) -> Any:
+    """Whether a free slider starts at a stop and moves away from it.
+
+    Such a slider does not come to rest there, however slow it is.
+
+    Parameters
+    ----------
+    position, velocity : of the slider, m and m/s
+    active_stop : side of the stop it rests at
+    lower, upper : its stops, m
+    """
+    up, down = (position >= upper) & (velocity < 0.0), (position <= lower) & (velocity > 0.0)
+    return (active_stop == 0.0) & (up | down)
+
+
+def pick(chosen: Sequence[Any], values: Sequence[Any]) -> Any:
+    """The value of the slider that is chosen; the first one's if none of the others is."""
+    value = values[0]
+    for is_chosen, other in zip(chosen[1:], values[1:], strict=True):
+        value = where(is_chosen, other, value)
+    return value
