@@ -323,8 +323,8 @@ def test_what_is_no_number_is_refused_by_name(value):
 @pytest.mark.parametrize("masses", [np.ones(4), np.ones(4, np.float32), np.ones(4, int), [1, 1, 1, 1]])
 def test_arrays_of_numbers_are_taken(masses):
     assert rde.RPRP(masses, (0.5, 0.5)).masses == (1.0, 1.0, 1.0, 1.0)
-    assert rde.effects.ViscousFriction(np.float32(0.5)).coefficients == (0.5,) * 4
-    assert rde.effects.ViscousFriction(np.array(0.5)).coefficients == (0.5,) * 4
+    assert rde.effects.ViscousFriction(np.float32(0.5)).coefficients == 0.5
+    assert rde.effects.ViscousFriction(np.array(0.5)).coefficients == 0.5
 
 
 @pytest.mark.parametrize(

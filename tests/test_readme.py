@@ -21,11 +21,11 @@ def test_links_lead_to_files(page):
 def test_programs_run(capsys):
     namespace = {}
     blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.S)
-    assert len(blocks) == 4
+    assert len(blocks) == 5
     for block in blocks:
         exec(compile(block, "README.md", "exec"), namespace)
     out = capsys.readouterr().out
-    assert "# forward_dynamics, redundant_envs/robots/four_r.py:" in out
+    assert "# forward_dynamics, redundant_envs/robots/four_r_elimination.py:" in out
     assert "# force for limit_spring.joint2, redundant_envs/effects/limit_spring.py:" in out
 
 

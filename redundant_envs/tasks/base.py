@@ -71,15 +71,15 @@ class Task:
     speed_bound_ends: ClassVar[bool] = True
     """Whether passing the speed bound ends an episode, or is only reported."""
     ranges: ClassVar[Mapping[str, tuple[float, float]]] = {}
-    """Allowed numbers; of those not named any positive one is."""
+    """Allowed numbers; of those not named any positive one is allowed, and 0 only if negative ones are."""
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
             where = f"{type(self).__name__}.{field.name}"
             value = number(where, getattr(self, field.name))
-            if field.name not in self.ranges and value <= 0.0:
-                raise ValueError(f"{where} is {value}; it must be positive")
             low, high = self.ranges.get(field.name, (0.0, math.inf))
+            if low >= 0.0 and value <= 0.0:
+                raise ValueError(f"{where} is {value}; it must be positive")
             if not low <= value <= high:
                 raise ValueError(f"{where} is {value}; it must lie in {low:g} to {high:g}")
 

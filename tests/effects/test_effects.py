@@ -17,7 +17,8 @@ from redundant_envs.model.energy import potential_energy
 def test_every_effect_is_tested():
     """A new effect of the package must join the scene of all effects here, or have a file of its own."""
     used = {type(e).__name__ for r in ROBOTS.values() for e in all_effects(r)} | {"PrismaticStop"}
-    assert used == set(effects.REGISTRY) == set(effects.__all__)
+    assert used == {n for n, x in effects.REGISTRY.items() if x.__module__.startswith("redundant_envs.")}
+    assert used <= set(effects.__all__)
 
 
 @EVERY
@@ -142,9 +143,8 @@ BAD = [
     (lambda: Gravity(9.81, (0.0, NAN)), "Gravity.down[1] is nan"),
     (lambda: Gravity.on_plane(9.81, NAN), "tilt is nan"),
     (lambda: Gravity.on_plane(9.81, 0.0, "x"), "roll is 'x'"),
-    (lambda: ViscousFriction(-0.1), "ViscousFriction.coefficients[0] is -0.1"),
+    (lambda: ViscousFriction(-0.1), "ViscousFriction.coefficients is -0.1"),
     (lambda: ViscousFriction((0.1, 0.1, NAN, 0.1)), "ViscousFriction.coefficients[2] is nan"),
-    (lambda: ViscousFriction((0.1, 0.1)), "ViscousFriction.coefficients has 2 entries"),
     (lambda: EffortLimits((1.0, 1.0, 1.0, -1.0)), "EffortLimits.limits[3] is -1.0"),
     (lambda: EffortLimits("9"), "EffortLimits.limits"),
     (lambda: EffortLimits(None), "EffortLimits.limits is None"),
@@ -157,7 +157,7 @@ BAD = [
     (lambda: LimitSpring("r1", 0.0, 0.3, 5.0, -1.0), "LimitSpring.damping is -1.0"),
     (lambda: CentringSpring((1.0, -2.0), (0, 0), (1, 1)), "CentringSpring.stiffness[1] is -2.0"),
     (lambda: CentringSpring((1.0, 2.0), (0, 2), (1, 1)), "CentringSpring.lower[1] is 2.0"),
-    (lambda: CentringSpring((1.0,), (0, 0), (1, 1)), "CentringSpring.stiffness has 1 entries"),
+    (lambda: CentringSpring((1.0,), (0, 0), (1, 1)), "CentringSpring.lower has 2 entries; give 1"),
     (lambda: CentringSpring((1.0, 1.0), (0, 0), (1, "b")), "CentringSpring.upper[1] is 'b'"),
     (lambda: StiffeningSpring("k"), "StiffeningSpring.k is 'k'"),
 ]
@@ -174,7 +174,13 @@ def test_bad_numbers(make, message):
     ("robot", "found", "message"),
     [
         (FOUR_R, (LimitSpring("r1", 0.0, 0.3),), "coordinate is 'r1'"),
-        (FOUR_R, (CentringSpring((1, 1), (0, 0), (1, 1)),), "FourR has 0"),
+        (FOUR_R, (CentringSpring((1, 1), (0, 0), (1, 1)),), "FourR has none"),
+        (RPRP, (CentringSpring((1,), (0,), (1,)),), "for 1 prismatic joints and RPRP has 2: give as many"),
+        (
+            RPRP,
+            (ViscousFriction((0.1, 0.1)),),
+            "ViscousFriction.coefficients has 2 entries; RPRP has 4 joints",
+        ),
         (RPRP, (Gravity(), Gravity(1.62)), "effects[1] is a second 'gravity'"),
         (
             RPRP,
@@ -184,7 +190,16 @@ def test_bad_numbers(make, message):
         (RPRP, ("gravity",), "effects[0] is 'gravity'"),
         (RPRP, (Effect(),), "does not say where it attaches"),
     ],
-    ids=["no such joint", "no sliders", "two gravities", "two stops", "not an effect", "no hooks"],
+    ids=[
+        "no such joint",
+        "no sliders",
+        "one of two sliders",
+        "two of four joints",
+        "two gravities",
+        "two stops",
+        "not an effect",
+        "no hooks",
+    ],
 )
 def test_effects_that_do_not_fit(robot, found, message):
     """A scene refuses what cannot act, and says why."""

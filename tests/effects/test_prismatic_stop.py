@@ -293,7 +293,7 @@ def test_a_slider_beyond_its_stop_is_refused():
     [
         (((0.3, 0.0), (0.0, 0.3)), ("lower[0]", "0.3", "below")),
         (((0.0, 0.0), (0.3, math.nan)), ("upper[1]", "nan", "finite")),
-        (((0.0,), (0.3, 0.3)), ("lower", "two")),
+        (((0.0,), (0.3, 0.3)), ("lower has 1 entries", "upper 2")),
         (((0.0, 0.0), (0.3, 0.3), 1.5), ("restitution", "1.5", "0 to 1")),
     ],
 )
@@ -303,8 +303,10 @@ def test_stops_that_cannot_be(arguments, words):
     assert all(w in str(error.value) for w in words)
 
 
-def test_stops_are_for_the_sliders_of_rprp():
-    with pytest.raises(ValueError, match="FourR has 0"):
+def test_stops_are_for_arms_with_as_many_sliders():
+    with pytest.raises(ValueError, match="RPRP has 2: give as many"):
+        rde.Scene(ARM, (e.PrismaticStop((0,), (1,)),))
+    with pytest.raises(ValueError, match="FourR has none"):
         rde.Scene(rde.FourR((1,) * 4, (1,) * 4), (e.PrismaticStop((0, 0), (1, 1)),))
 
 

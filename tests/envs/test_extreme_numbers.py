@@ -1,5 +1,7 @@
 """Numbers of every size: an environment refuses them by name, or observes finite numbers."""
 
+import dataclasses
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -65,7 +67,7 @@ def test_parameters_and_starts_of_every_size(env_id):
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @pytest.mark.parametrize("env_id", IDS[:2])
-@pytest.mark.parametrize("name", ReachTask.__dataclass_fields__)
+@pytest.mark.parametrize("name", [field.name for field in dataclasses.fields(ReachTask)])
 def test_task_numbers_of_every_size(env_id, name):
     for size in SIZES:
         try:
@@ -83,7 +85,7 @@ RPRP, FOUR_R = rde.RPRP((1,) * 4, (0.5, 0.5)), rde.FourR((1,) * 4, (0.5,) * 4)
     ("make", "words"),
     [
         (lambda: Gravity(1e300), ["Gravity.g is 1e+300", "-1e+100 to 1e+100"]),
-        (lambda: ViscousFriction(1e300), ["ViscousFriction.coefficients[0] is 1e+300", "1e+100"]),
+        (lambda: ViscousFriction(1e300), ["ViscousFriction.coefficients is 1e+300", "1e+100"]),
         (lambda: EffortLimits((1, 1, 1e300, 1)), ["EffortLimits.limits[2] is 1e+300", "1e+100"]),
         (lambda: LimitSpring("r1", 0, 1, 1e300), ["LimitSpring.stiffness is 1e+300", "1e+100"]),
         (lambda: LimitSpring("r1", 0, 1, 1, 1e300), ["LimitSpring.damping is 1e+300", "1e+100"]),

@@ -1,5 +1,7 @@
 """The task: start, goal, success, reward, observation."""
 
+import dataclasses
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -232,7 +234,7 @@ def test_pages_agree_with_the_code(env_id):
     for limit in limits:
         assert f"/ {limit:g} N" in page
     # every number of the task, and every keyword with its default
-    for name in env.core.task.__dataclass_fields__:
+    for name in (field.name for field in dataclasses.fields(env.core.task)):
         assert f"| `{name}` | {getattr(env.core.task, name)} |" in page
     for name in ("scene", "render_mode", "on_bad_action", "task"):
         assert f"| `{name}` |" in page

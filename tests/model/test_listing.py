@@ -62,7 +62,9 @@ def scene(arm=FOUR_R, effects=(), integrator="rk4", **kwargs):
 
 
 def test_every_effect_is_looked_at():
-    assert {type(x).__name__ for found in EFFECTS.values() for x in found} >= set(e.REGISTRY)
+    assert {type(x).__name__ for found in EFFECTS.values() for x in found} >= {
+        name for name, effect in e.REGISTRY.items() if effect.__module__.startswith("redundant_envs.")
+    }
 
 
 # ---- only the effects named ----------------------------------------------------------------------

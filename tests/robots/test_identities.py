@@ -31,7 +31,7 @@ def complex_step(robot, wanted, q, qd, step=1e-30):
     values = {**robot.parameter_values(), "ax": 0.0, "ay": G}
     values.update({n: q[..., k] + 1j * step * qd[..., k] for k, n in enumerate(robot.coordinates)})
     values.update({n: qd[..., k] for k, n in enumerate(robot.rates)})
-    parts = evaluate(robot, wanted.split(), values)
+    parts = robot.evaluate(wanted.split(), values)
     return np.stack([np.broadcast_to(np.imag(p) / step, q.shape[:-1]) for p in parts], axis=-1)
 
 
@@ -108,11 +108,11 @@ def test_gravity_forces_in_a_field_of_any_direction(robot):
     q = states(robot)[0]
     field = {**robot.parameter_values(), "ax": 3.1, "ay": -2.3}
     names = robot.coordinates
-    forces = evaluate(robot, ["G1", "G2", "G3", "G4"], {**field, **dict(zip(names, q.T, strict=True))})
+    forces = robot.evaluate(["G1", "G2", "G3", "G4"], {**field, **dict(zip(names, q.T, strict=True))})
     scale = np.abs(forces).max(0)
     for k in range(4):
         shifted = dict(zip(names, (q + 1e-30j * np.eye(4)[k]).T, strict=True))
-        slope = np.imag(evaluate(robot, ["U"], {**field, **shifted})[0]) / 1e-30
+        slope = np.imag(robot.evaluate(["U"], {**field, **shifted})[0]) / 1e-30
         assert (np.abs(slope - forces[k]) <= 1e-14 * scale).all()
 
 
@@ -184,7 +184,7 @@ def test_joint_coordinates(robot):
     values = {n: q[..., k] for k, n in enumerate(robot.coordinates)}
     values.update({n: qd[..., k] for k, n in enumerate(robot.rates)})
     names = [f"phi{k}" for k in range(1, 5)] + [f"phid{k}" for k in range(1, 5)]
-    phi = np.stack(evaluate(robot, names, values), axis=-1)
+    phi = np.stack(robot.evaluate(names, values), axis=-1)
     B = robot.motor_map
     assert np.abs(phi[..., :4] - q @ B).max() <= 1e-15 * np.abs(q).max()
     assert np.abs(phi[..., 4:] - qd @ B).max() <= 1e-15 * np.abs(qd).max()
