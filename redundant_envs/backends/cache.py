@@ -18,7 +18,7 @@ from pathlib import Path
 
 from redundant_envs.backends import llvm
 from redundant_envs.tracing.flow import Program
-from redundant_envs.tracing.listing import lines
+from redundant_envs.tracing.listing import fingerprints
 
 CACHE_VARIABLE = "REDUNDANT_ENVS_CACHE"
 KEPT_PROGRAMS = 400
@@ -54,7 +54,7 @@ def kernels(key: str, program: Program, what: str) -> dict[str, llvm.Entry]:
 
 def program_key(program: Program) -> str:
     """Name of a program's machine code: the program, what compiles it, and for which processor."""
-    text = hashlib.sha256("\n".join(lines(program)).encode())
+    text = hashlib.sha256("\n".join(fingerprints(program)).encode())
     text.update("\0".join(_compiler()).encode())
     return text.hexdigest()[:40]
 

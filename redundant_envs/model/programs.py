@@ -23,6 +23,7 @@ from redundant_envs.simulator.episode import Episode
 from redundant_envs.simulator.interval import Interval
 from redundant_envs.tasks.base import Task
 from redundant_envs.tracing.flow import Kernel, Program
+from redundant_envs.tracing.graph import uncollected
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,8 @@ class Simulator:
     @functools.cached_property
     def key(self) -> str:
         """Name of the program: equal for scenes that differ in numbers only."""
-        return cache.program_key(self.program)
+        with uncollected():
+            return cache.program_key(self.program)
 
     @functools.cached_property
     def kernels(self) -> dict[str, Entry]:
@@ -55,15 +57,17 @@ class Simulator:
 def batch_simulator(scene: Scene, track_work: bool) -> Simulator:
     """The simulator of a batch."""
     dynamics = Dynamics(scene, track_work)
-    kernel, blocks = advance_kernel(dynamics)
+    with uncollected():
+        kernel, blocks = advance_kernel(dynamics)
     return Simulator(dynamics, blocks, Program([kernel]))
 
 
 def environment_simulator(scene: Scene, task: Task) -> Simulator:
     """The simulator of an environment."""
     episode = Episode(Interval(Dynamics(scene)), task)
-    made = EnvironmentKernel(episode)
-    program = Program([made.p, *([goal_reward_kernel(task)] if task.goal_functions else [])])
+    with uncollected():
+        made = EnvironmentKernel(episode)
+        program = Program([made.p, *([goal_reward_kernel(task)] if task.goal_functions else [])])
     return Simulator(episode.dynamics, made.blocks, program, episode)
 
 

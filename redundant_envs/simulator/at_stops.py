@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 from redundant_envs.algebra import any_of, cases, maximum, minimum, where
@@ -15,7 +14,6 @@ from redundant_envs.simulator.setting import WATCHED, Fault, Reason, Setting
 from redundant_envs.simulator.step import active_stop, contact_quantities, known_numbers, pull
 
 
-@dataclass(frozen=True)
 class AtStops(Setting):
     """Procedures of lanes whose sliders may be at stops."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import reduce
 from typing import Any
 
@@ -14,7 +13,6 @@ from redundant_envs.simulator.setting import WATCHED, Plan, Reason
 from redundant_envs.simulator.step import lane_step, step_error
 
 
-@dataclass(frozen=True)
 class CommonStep(AtStops):
     """Procedures of the common step."""
 

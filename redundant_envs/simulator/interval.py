@@ -7,7 +7,6 @@ integrator dop853, whose steps are always a lane's own.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 from redundant_envs.algebra import where
@@ -18,7 +17,6 @@ from redundant_envs.simulator.setting import MOST_LOGGED, SEARCH, WATCHED, Plan
 from redundant_envs.simulator.step import known_numbers
 
 
-@dataclass(frozen=True)
 class Interval(LocalSteps):
     """What the lanes of a scene do in a control interval, and the fields that they have."""
 

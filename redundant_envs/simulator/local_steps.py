@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 from redundant_envs.algebra import any_of, cases, logical_not, where
@@ -17,7 +16,6 @@ from redundant_envs.simulator.setting import MOST_SEARCHED, MOST_TRIALS, SEARCH,
 from redundant_envs.simulator.step import tip_norms
 
 
-@dataclass(frozen=True)
 class LocalSteps(CommonStep):
     """Procedures of lanes that leave the common step."""
 

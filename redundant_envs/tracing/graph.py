@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import struct
 import sys
 from collections.abc import Iterable, Iterator
@@ -61,6 +62,19 @@ def owned(owner: str) -> Iterator[None]:
         yield
     finally:
         _owner.reset(token)
+
+
+@contextlib.contextmanager
+def uncollected() -> Iterator[None]:
+    """Python does not look for garbage meanwhile: a graph is many objects of which none is, looked at again
+    and again, which would take a third of the time of recording it."""
+    active = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if active:
+            gc.enable()
 
 
 def _place() -> Place:

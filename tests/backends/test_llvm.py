@@ -14,7 +14,7 @@ import redundant_envs as rde
 import redundant_envs.simulator.step as steps
 from redundant_envs import algebra
 from redundant_envs.algebra import physics
-from redundant_envs.backends import llvm
+from redundant_envs.backends import llvm, llvm_kernels
 from redundant_envs.effects.hooks import Effect, Force
 from redundant_envs.model.memory import aligned
 from redundant_envs.model.programs import batch_simulator
@@ -298,7 +298,7 @@ def probe():
 def test_llvm_has_its_own_order_again_afterwards():
     """The switch is one for all of LLVM: what others compile is as it would be without us."""
     llvm.initialise()
-    text = str(llvm.module_of(probe(), False))
+    text = str(llvm_kernels.module_of(probe(), False))
 
     def by_others():
         return llvm.machine().emit_assembly(binding.parse_assembly(text))
