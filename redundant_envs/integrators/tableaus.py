@@ -61,13 +61,13 @@ class Tableau:
         """
         if len(set(self.c)) < 3:
             return 0.0
-        shares = []
+        shares = [0.0]
         for vertex in (k / 1000 for k in range(1001)):
-            squares = {c: (c - vertex) ** 2 for c in self.c}
-            nearest = min(squares, key=lambda c: squares[c])
-            if (nearest in (0.0, 1.0)) == at_ends:
-                shares.append(squares[nearest] / (max(squares.values()) - squares[nearest]))
-        return max(shares, default=0.0)
+            squares = [(c - vertex) ** 2 for c in self.c]
+            least = min(squares)
+            if (self.c[squares.index(least)] in (0.0, 1.0)) == at_ends:
+                shares.append(least / (max(squares) - least))
+        return max(shares)
 
 
 EULER = Tableau(name="euler", order=1, a=((),), b=(1.0,), c=(0.0,))

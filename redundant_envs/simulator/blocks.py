@@ -70,6 +70,8 @@ class Blocks:
         self.interval = interval
         self.layout = layout
         self.functions: dict[str, LaneFunction] = {}
+        self.reads: dict[str, set[tuple[str, int]]] = {}
+        """Places of memory that each function loads."""
         self.count = (p["count"] + (LANES - 1)) >> 3
         """Number of blocks."""
 
@@ -111,6 +113,7 @@ class Blocks:
 
         made = traced(name, self.layout, run, **more)
         self.functions[name] = made
+        self.reads[name] = reads_of(made)
         return made
 
     def mask(self, block: Mapping[str, Array], name: str) -> Scalar:
@@ -165,7 +168,7 @@ class Blocks:
 
     def prune(self) -> None:
         """Nothing is stored within an interval that no function and no loop reads."""
-        read = {place for f in self.functions.values() for place in reads_of(f)} | self.p.masked
+        read = self.p.masked.union(*self.reads.values())
         for f in self.functions.values():
             f.stores[:] = [s for s in f.stores if s[0] != SCRATCH or (s[0], s[1]) in read]
 

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any
 
 from redundant_envs.integrators.contact_resolution import Event
-from redundant_envs.simulator.blocks import GROUP, LANES, Block, Blocks, Ends, Procedure, reads_of, written_by
+from redundant_envs.simulator.blocks import GROUP, LANES, Block, Blocks, Ends, Procedure, written_by
 from redundant_envs.simulator.lane import LOG, PARAMETER, SCRATCH, STATE
 from redundant_envs.simulator.setting import MOST_LOGGED, Plan
 from redundant_envs.tracing.flow import Scalar
@@ -170,7 +170,7 @@ class Slots:
     def carried_in(self) -> list[str]:
         """Fields that slots read of what blocks know."""
         known = {place for f in self.of_blocks for place in written_by(f)}
-        read = {place for f in self.of_slots for place in reads_of(f)}
+        read = set().union(*(self.blocks.reads[f.name] for f in self.of_slots))
         if self.interval.logs:
             read.add(self.layout.place("span_start"))  # read by tell, and by no function
         return [
@@ -184,7 +184,7 @@ class Slots:
     def carried_out(self) -> list[str]:
         """Fields that slots give back: states, and what is read at the end of the interval."""
         written = {place for f in self.of_slots for place in written_by(f)}
-        read = reads_of(self.ended) | {self.layout.place("fault")}
+        read = self.blocks.reads[self.ended.name] | {self.layout.place("fault")}
         return [
             n
             for n in self.layout.fields

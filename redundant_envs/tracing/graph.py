@@ -139,7 +139,7 @@ class Graph:
             name,
             extra,
             self.part if name == "*" else 0,
-            *(a if isinstance(a, Operation) else bits_of(a) for a in arguments),
+            *[a if type(a) is Operation else bits_of(a) for a in arguments],
         )
         found = self._known.get(key)
         if found is None:
@@ -175,13 +175,18 @@ def reached(results: Iterable[Value]) -> list[Operation]:
     order: list[Operation] = []
     seen: set[Operation] = set()
     for result in results:
-        stack = [(result, False)]
+        if type(result) is not Operation or result in seen:
+            continue
+        seen.add(result)
+        stack = [(result, iter(result.arguments))]
         while stack:
-            node, complete = stack.pop()
-            if complete:
+            node, rest = stack[-1]
+            for a in rest:
+                if type(a) is Operation and a not in seen:
+                    seen.add(a)
+                    stack.append((a, iter(a.arguments)))
+                    break
+            else:
                 order.append(node)
-            elif isinstance(node, Operation) and node not in seen:
-                seen.add(node)
-                stack.append((node, True))
-                stack.extend([(a, False) for a in reversed(node.arguments) if isinstance(a, Operation)])
+                stack.pop()
     return order
