@@ -22,7 +22,7 @@ STUDY_SEED = 3_000_000
 """Goals of the policy study."""
 
 Act = Callable[[Any, Core, int], NDArray[np.float32]]
-"""(observations, core, step) -> actions (n, 4)."""
+"""(observations, core, step) -> actions (n, joints)."""
 
 
 @dataclass(frozen=True)
@@ -127,10 +127,12 @@ def expert_act(pose: Callable[..., Any] = pose_at) -> Act:
 
 def zero_act() -> Act:
     """No effort."""
-    return lambda obs, core, step: np.zeros((core.num_envs, 4), dtype=np.float32)
+    return lambda obs, core, step: np.zeros((core.num_envs, len(core.actions)), dtype=np.float32)
 
 
 def random_act(seed: int = 0) -> Act:
     """Uniform random actions."""
     generator = np.random.default_rng(seed)
-    return lambda obs, core, step: generator.uniform(-1, 1, (core.num_envs, 4)).astype(np.float32)
+    return lambda obs, core, step: generator.uniform(-1, 1, (core.num_envs, len(core.actions))).astype(
+        np.float32
+    )

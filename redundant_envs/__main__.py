@@ -42,6 +42,8 @@ def verify(options: argparse.Namespace) -> int:
     from redundant_envs.scene import load_scene, scene_names
     from redundant_envs.studies.verification import verify as measure
 
+    if options.bits:
+        return verify_bits(options.bits == "all")
     print(
         f"Errors of one control interval from {options.states} random states, against 32 times the steps;\n"
         "missed: beyond the scene's own tolerance without a flag\n"
@@ -73,6 +75,24 @@ def verify(options: argparse.Namespace) -> int:
     return 1 if faults else 0
 
 
+def verify_bits(everything: bool) -> int:
+    """Say whether recorded motions have the same bits on this machine; 1 if one has not."""
+    from redundant_envs.studies import recorded_bits
+    from redundant_envs.studies.progress import Progress
+
+    names = list(recorded_bits.RECORDED if everything else recorded_bits.SHORT)
+    expected, same = recorded_bits.recorded(), 0
+    progress = Progress("recorded bits", len(names))
+    for name in names:
+        progress.step(name)
+        if recorded_bits.found(name) == expected[name]:
+            same += 1
+        else:
+            print(f"{name}: other bits")
+    print(f"{same} of {len(names)} recorded motions have the same bits on this machine")
+    return int(same < len(names))
+
+
 def parser() -> argparse.ArgumentParser:
     """All commands and their options."""
     top = argparse.ArgumentParser(prog="python -m redundant_envs", description="Planar redundant arms.")
@@ -84,8 +104,8 @@ def parser() -> argparse.ArgumentParser:
         "--scene", nargs="+", default=None, metavar="NAME_OR_PATH", help="default: the report's runs"
     )
     p.add_argument("--seconds", type=float, default=5.0)
-    p.add_argument("--q", nargs=4, type=float, metavar="Q", help="coordinates at the start, rad and m")
-    p.add_argument("--qd", nargs=4, type=float, metavar="QD", default=(0.0,) * 4, help="velocities, 1/s, m/s")
+    p.add_argument("--q", nargs="+", type=float, metavar="Q", help="coordinates at the start, rad and m")
+    p.add_argument("--qd", nargs="+", type=float, metavar="QD", help="velocities, 1/s, m/s; none is rest")
     p.add_argument("--out", type=Path, default=Path("runs/simulate"), metavar="FOLDER")
     p.add_argument(
         "--clip", type=Path, metavar="FILE", help="also draw the motion: .gif or .mp4; one --scene"
@@ -95,6 +115,10 @@ def parser() -> argparse.ArgumentParser:
     p = commands.add_parser("verify", help="check a scene's energies and whether its own step is fine enough")
     p.add_argument("scene", nargs="*", metavar="NAME_OR_PATH", help="default: all named scenes")
     p.add_argument("--states", type=int, default=1024)
+    p.add_argument(
+        "--bits", nargs="?", const="short", choices=("short", "all"),
+        help="instead, see whether recorded motions have the same bits on this machine",
+    )  # fmt: skip
     p.set_defaults(handler=verify)
 
     studies = commands.add_parser("study", help="measure the library").add_subparsers(

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from redundant_envs.algebra import numbered
 from redundant_envs.effects.hooks import Effect, Field, Force
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.model.energy import hook_value, kinetic_energy, potential_energy
@@ -70,7 +71,7 @@ class Potential:
 
 
 def potentials(scene: Scene, q: Array) -> tuple[Potential, ...]:
-    """Compare every effect that has a potential with its conservative force, at coordinates (n, 4)."""
+    """Compare every effect that has a potential with its conservative force, at coordinates (n, joints)."""
 
     def has_one(effect: Effect) -> bool:
         hooks = effect.hooks(scene.robot)
@@ -85,7 +86,7 @@ def _potential(scene: Scene, effect: Effect, q: Array) -> Potential:
     inverse = np.linalg.inv(arm.motor_map)  # from joint positions to coordinates
     here = np.abs(potential_energy(alone, q))
     slope, rough = np.empty_like(q), np.empty_like(q)
-    for k in range(4):
+    for k in range(len(arm.joints)):
 
         def difference(steps: int, joint: int = k) -> Array:
             move = steps * STEP * inverse[joint]
@@ -116,7 +117,7 @@ def _potential(scene: Scene, effect: Effect, q: Array) -> Potential:
 
 
 def conservative_force(scene: Scene, effect: Effect, q: Array) -> Array:
-    """The forces at the joints that an effect books as potential energy, (n, 4), N m or N."""
+    """The forces at the joints that an effect books as potential energy, (n, joints), N m or N."""
     arm: Any = scene.robot
     values = {**arm.parameter_values(), "ax": 0.0, "ay": 0.0}
     values |= {name: q[:, k] for k, name in enumerate(arm.coordinates)}
@@ -126,7 +127,7 @@ def conservative_force(scene: Scene, effect: Effect, q: Array) -> Array:
             force[:, hook.joint] += hook_value(arm, effect, hook, hook.conservative, values)
         elif isinstance(hook, Field):
             ax, ay = hook_value(arm, effect, hook, hook.function, values)
-            weight = arm.evaluate(["G1", "G2", "G3", "G4"], {**values, "ax": ax, "ay": ay})
+            weight = arm.evaluate(numbered("G{}", len(arm.joints)), {**values, "ax": ax, "ay": ay})
             columns = np.stack([np.broadcast_to(g, len(q)) for g in weight], axis=1)
             force -= columns @ np.linalg.inv(arm.motor_map).T
     return force
@@ -177,7 +178,7 @@ class Book:
 
 
 def energy_book(scene: Scene, q: Array, qd: Array, efforts: Array) -> Book:
-    """The energy book of a control interval from states and efforts, (n, 4) each."""
+    """The energy book of a control interval from states and efforts, (n, joints) each."""
     whole, scale, kept, good = _change(scene, q, qd, efforts, 1)
     parts, _, _, also_good = _change(scene, q, qd, efforts, PARTS)
     noise = ROUNDING * kept

@@ -86,7 +86,7 @@ def default_start(name: str, scene: Scene) -> tuple[float, ...]:
         return STARTS[name]
     values, travel = scene.parameters(), scene.travel()
     q = []
-    for k in range(4):
+    for k in range(len(scene.robot.joints)):
         middle = 0.0
         if scene.robot.prismatic[k] and k in travel:
             low, high = travel[k]
@@ -104,13 +104,13 @@ def stated_limits(scene: Scene) -> dict[int, tuple[float, float]]:
     limits = {k: (values[a], values[b]) for k, (a, b) in scene.travel().items() if scene.robot.prismatic[k]}
     for effect in scene.effects:
         if isinstance(effect, CentringSpring):
-            joints = [k for k in range(4) if scene.robot.prismatic[k]]
+            joints = scene.robot.sliders()
             limits.update(zip(joints, zip(effect.lower, effect.upper, strict=True), strict=True))
     return limits
 
 
 def energy_run(
-    name: str, scene: Scene, seconds: float, q: ArrayLike, qd: ArrayLike = (0.0,) * 4
+    name: str, scene: Scene, seconds: float, q: ArrayLike, qd: ArrayLike | None = None
 ) -> EnergyRun:
     """Let the arm go without motor efforts and record states and energies.
 
@@ -118,14 +118,16 @@ def energy_run(
     ----------
     seconds : float
         Length of the motion, positive, s.
-    q, qd : (4,) arrays
-        State at the start.
+    q, qd : (joints,) arrays
+        State at the start; no velocities are those of rest.
     """
     if not np.isfinite(seconds) or seconds <= 0.0:
         raise ValueError(f"seconds is {seconds}; it must be positive and finite")
+    joints = len(scene.robot.joints)
+    qd = (0.0,) * joints if qd is None else qd
     for field, value in (("q", q), ("qd", qd)):
-        if np.shape(value) != (4,) or not np.isfinite(value).all():
-            raise ValueError(f"{field} is {value!r}; give four finite numbers")
+        if np.shape(value) != (joints,) or not np.isfinite(value).all():
+            raise ValueError(f"{field} is {value!r}; give {joints} finite numbers")
     rows = max(1, round(seconds / min(scene.control_dt, SAMPLE_INTERVAL)))
     trajectory = simulate(scene, q, qd, np.linspace(0.0, seconds, rows + 1))
     finite = np.isfinite(trajectory.q).all(axis=1) & np.isfinite(trajectory.qd).all(axis=1)

@@ -69,7 +69,7 @@ class Verification:
 def random_states(
     scene: Scene, count: int, seed: int, beyond: float = 0.0
 ) -> tuple[NDArray[np.float64], ...]:
-    """Coordinates, velocities and efforts, (count, 4) each.
+    """Coordinates, velocities and efforts, (count, joints) each.
 
     Angles uniform all around, travel uniform, rates normal: 2 rad/s, 0.5 m/s. One slider in four
     stands still at an end of its travel. Efforts are uniform within the scene's limits, if it has some.
@@ -77,22 +77,22 @@ def random_states(
     """
     arm: Any = scene.robot
     rng = np.random.default_rng(seed)
-    prismatic = np.array(arm.prismatic)
-    joints = rng.uniform(-np.pi, np.pi, (count, 4))
+    prismatic, shape = np.array(arm.prismatic), (count, len(arm.joints))
+    joints = rng.uniform(-np.pi, np.pi, shape)
     joints[:, prismatic] = rng.uniform(0.0, 0.2, (count, int(prismatic.sum())))
     values = scene.parameters()
     for joint, (low, high) in scene.travel().items():
         margin = beyond * (values[high] - values[low])
         joints[:, joint] = rng.uniform(values[low] - margin, values[high] + margin, count)
-    rates = rng.normal(0.0, 1.0, (count, 4)) * np.where(prismatic, 0.5, 2.0)
+    rates = rng.normal(0.0, 1.0, shape) * np.where(prismatic, 0.5, 2.0)
     for joint, (low, high) in scene.travel().items():
         if prismatic[joint]:
             at_end = rng.random(count) < 0.25
             ends = np.where(rng.random(count) < 0.5, values[low], values[high])
             joints[at_end, joint], rates[at_end, joint] = ends[at_end], 0.0
-    limits = np.array([values.get(f"effort_limits.limits[{k}]", 0.0) for k in range(4)])
+    limits = np.array([values[name] for name in scene.action_units()] or [0.0])
     inverse = np.linalg.inv(arm.motor_map)
-    return joints @ inverse, rates @ inverse, rng.uniform(-1.0, 1.0, (count, 4)) * limits
+    return joints @ inverse, rates @ inverse, rng.uniform(-1.0, 1.0, shape) * limits
 
 
 def verify(scene: Scene, count: int = 1024, seed: int = 0) -> Verification:
@@ -130,7 +130,7 @@ def verify(scene: Scene, count: int = 1024, seed: int = 0) -> Verification:
     before = kinetic_energy(scene, q, qd) + potential_energy(scene, q)
     after = kinetic_energy(scene, own[0], own[1]) + potential_energy(scene, own[0])
     book = np.abs(after - before - own[2])
-    forces = np.random.default_rng(seed + 1).normal(0.0, 5.0, (count, 4))
+    forces = np.random.default_rng(seed + 1).normal(0.0, 5.0, q.shape)
     back = arm.inverse_dynamics(q, qd, arm.forward_dynamics(q, qd, forces))
     return Verification(
         tip_error=(float(np.median(error)), float(np.quantile(error, 0.99)), float(error.max())),

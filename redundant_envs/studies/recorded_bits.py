@@ -1,20 +1,24 @@
-"""Scenes and environments whose every bit is recorded, and digests of their motions.
+"""Scenes and environments whose every bit is recorded: on every machine they are the same.
 
-``python tests/bits/recorded_scenes.py`` writes the record anew; a commit that changes it says why.
+``python -m redundant_envs.studies.recorded_bits`` writes the record anew; a commit that changes it says why.
 """
+
+from __future__ import annotations
 
 import hashlib
 import json
-import sys
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from numpy.typing import NDArray
 
 import redundant_envs as rde
+from redundant_envs import effects as e
 
-e = rde.effects
-RECORD = Path(__file__).with_name("record.json")
+RECORD = Path(__file__).with_name("recorded_bits.json")
 LANES, INTERVALS = 256, 50
 FOUR_R = rde.FourR(masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3, 0.5, 0.4, 0.6))
 RPRP = rde.RPRP(masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3, 0.5))
@@ -24,11 +28,11 @@ GRAVITY = e.Gravity(9.81, (0.6, -0.7))
 CENTRING = e.CentringSpring((80.0, 40.0), (-0.2, -0.1), (0.2, 0.3))
 
 
-def stop(restitution, lower=(-0.2, -0.1), upper=(0.2, 0.15)):
+def stop(restitution: float, lower: Any = (-0.2, -0.1), upper: Any = (0.2, 0.15)) -> e.Effect:
     return e.PrismaticStop(lower, upper, restitution)
 
 
-def spring(joint):
+def spring(joint: str) -> e.Effect:
     return e.LimitSpring(joint, -0.4, 0.4, 800.0, 100.0)
 
 
@@ -70,7 +74,7 @@ WORKED = ("4R all rk8", "stops 1e-6, elastic", "RPRP gravity dop853")
 VARIED = ("4R all 1e-6", "RPRP generalized rk8", "stops 1e-6, inelastic")
 """Scenes that are recorded with masses, lengths and friction of each lane's own, too."""
 
-ENVIRONMENTS = {
+ENVIRONMENTS: dict[str, dict[str, Any]] = {
     "FourRReach-v0": {},
     "RPRPReach-v0": {},
     "FourRGoalReach-v0": {},
@@ -81,7 +85,7 @@ ENVIRONMENTS = {
 """Environments and what is asked of them beside their ids."""
 
 
-def starts(scene):
+def starts(scene: rde.Scene) -> tuple[NDArray[Any], NDArray[Any], np.random.Generator]:
     """States and efforts that are the same on every machine."""
     rng = np.random.default_rng(len(scene.effects))
     q = 0.8 * rng.random((LANES, 4)) - 0.4
@@ -89,13 +93,13 @@ def starts(scene):
         q[:, k] *= 0.4 if prismatic else 4.0
     for effect in scene.effects:
         if isinstance(effect, e.PrismaticStop):
-            for i, k in enumerate(np.flatnonzero(scene.robot.prismatic)):
+            for i, k in enumerate(scene.robot.sliders()):
                 low, high = effect.lower[i], effect.upper[i]
                 q[:, k] = np.clip(q[:, k], low, high)  # some begin at their stops
     return q, 6.0 * rng.random((LANES, 4)) - 3.0, rng
 
 
-def motion(scene, work=False, varied=False):
+def motion(scene: rde.Scene, work: bool = False, varied: bool = False) -> Iterator[NDArray[Any]]:
     """Tables of numbers, interval by interval, of 256 lanes of a scene."""
     q, qd, rng = starts(scene)
     batch = rde.BatchSimulator(scene, LANES, track_work=work)
@@ -115,7 +119,7 @@ def motion(scene, work=False, varied=False):
             yield np.array([(x.lane, x.time, x.speed) for x in batch.events()])
 
 
-def episodes(name):
+def episodes(name: str) -> Iterator[NDArray[Any]]:
     """Tables of numbers, step by step, of 256 environments."""
     arguments = dict(ENVIRONMENTS[name])
     if "integrator" in arguments:
@@ -145,12 +149,12 @@ def episodes(name):
         env.close()
 
 
-def tables(observations):
+def tables(observations: Any) -> list[NDArray[Any]]:
     """The arrays of observations, with or without goals."""
     return list(observations.values()) if isinstance(observations, dict) else [observations]
 
 
-def digest(numbers):
+def digest(numbers: Iterable[Any]) -> str:
     """A digest of tables of numbers, to the last bit."""
     whole = hashlib.sha256()
     for table in numbers:
@@ -161,7 +165,7 @@ def digest(numbers):
     return whole.hexdigest()[:32]
 
 
-RECORDED = {
+RECORDED: dict[str, tuple[Callable[..., Iterable[Any]], tuple[Any, ...]]] = {
     **{name: (motion, (scene,)) for name, scene in SCENES.items()},
     **{f"{name}, work": (motion, (SCENES[name], True)) for name in WORKED},
     **{f"{name}, varied": (motion, (SCENES[name], False, True)) for name in VARIED},
@@ -170,13 +174,32 @@ RECORDED = {
 """Everything that is recorded: a function, and what it is called with."""
 
 
-def main():
-    record = {}
-    for name, (function, arguments) in RECORDED.items():
-        record[name] = digest(function(*arguments))
-        print(f"{record[name]}  {name}", flush=True)
-    RECORD.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+SHORT = (
+    "4R all rk8", "4R all 1e-6", "RPRP generalized rk8", "stops 1e-6, inelastic", "stops rk4, inelastic",
+    "stops dop853", "4R all rk8, work", "FourRReach-v0", "RPRPReach-v0",
+)  # fmt: skip
+"""Some of everything: what is looked at where all would take too long."""
+
+
+def recorded() -> dict[str, str]:
+    """Digests by name."""
+    return json.loads(RECORD.read_text(encoding="utf-8"))  # type: ignore[no-any-return]
+
+
+def found(name: str) -> str:
+    """The digest of one of :data:`RECORDED` on this machine."""
+    function, arguments = RECORDED[name]
+    return digest(function(*arguments))
+
+
+def record() -> None:
+    """Write the record anew."""
+    digests = {}
+    for name in RECORDED:
+        digests[name] = found(name)
+        print(f"{digests[name]}  {name}", flush=True)
+    RECORD.write_text(json.dumps(digests, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    record()
