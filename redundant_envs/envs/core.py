@@ -12,6 +12,7 @@ import numpy as np
 from gymnasium.utils import seeding
 from numpy.typing import ArrayLike, NDArray
 
+from redundant_envs.envs.arguments import Checked, ResetOptions, episode_limit, extensions
 from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.envs.registration import check_arm
 from redundant_envs.envs.single_lane import SingleLane
@@ -32,17 +33,11 @@ from redundant_envs.simulator.environment import BEGUN, DUE, GOAL_FIELDS, TICKET
 from redundant_envs.simulator.episode import TABLES, TIP
 from redundant_envs.tasks import Task
 from redundant_envs.tasks.limits import hard_stops, narrowed, spring_limits
-from redundant_envs.values import shown, whole_number
+from redundant_envs.values import whole_number
 
-OPTION_KEYS = ("q", "qd", "goal", "parameters")
 STATE_KEYS = ("states", "parameters", "keys", "mask", "waiting", "generators", "simulator")
 MADE_ANEW = ("simulator", "keys", "mask", "_team", "_goal_reward")
 """Attributes of a core that its copies do not take over: compiled code and views of other arrays."""
-LARGEST_WHOLE = 2**53
-"""Largest number of control steps: floats count exactly up to it."""
-FLOAT32 = np.dtype(np.float32)  # a singleton: comparing by identity is quicker
-Checked = tuple[parameters.Table | None, list[tuple[tuple[str, ...], NDArray[np.float64]]]]
-"""What options of a reset set, all valid: parameters, and rows with their numbers."""
 
 
 class Core:
@@ -94,7 +89,7 @@ class Core:
         self.waiting = np.zeros(num_envs, dtype=np.bool_)  # keys drawn and not yet used
         self.obs_size = len(episode.observed)
         self.reach = float(sum(arm.lengths)) + sum(
-            self.scene.parameters()[high] for high in self._extensions()
+            self.scene.parameters()[high] for high in extensions(self.scene)
         )
         self._connect()
 
@@ -137,11 +132,6 @@ class Core:
                     ends = narrowed(*ends, values[lower], values[upper])
             ranges.append(ends)
         return ranges
-
-    def _extensions(self) -> list[str]:
-        """Parameters that tell how far the sliders extend."""
-        prismatic = self.scene.robot.prismatic
-        return [high for joint, (_, high) in self.scene.travel().items() if prismatic[joint]]
 
     # ---- randomness ------------------------------------------------------------------------------
 
@@ -244,73 +234,11 @@ class Core:
         """Actions of an operation that takes none."""
         return np.zeros((self.num_envs, len(self.actions)), dtype=np.float32)
 
-    # ---- options ---------------------------------------------------------------------------------
-
     def checked(self, options: Mapping[str, Any], lanes: NDArray[np.intp]) -> Checked:
-        """Parameters and rows that options set, all valid."""
-        if not options:
-            return None, []
-        for key in options:
-            if key not in OPTION_KEYS:
-                raise ValueError(f"options has the unknown key {shown(key)}; valid: {', '.join(OPTION_KEYS)}")
-        given = options.get("parameters")
-        if self.fixed_geometry and isinstance(given, Mapping):
-            names = [n for n in given if isinstance(n, str)]
-            moved = [n for n in names if n == "lengths" or n.startswith(("limit_spring.", "prismatic_stop."))]
-            if moved:
-                raise ValueError(
-                    f"parameter is {moved[0]!r}; goal environments keep lengths and travel, because "
-                    "compute_reward is a function of the two goals alone"
-                )
-        values = None
-        if given is not None:
-            values = parameters.lane_values(self.scene, self.memory, lanes, given, fresh=True)
-        present = values or parameters.lane_values(self.scene, self.memory, lanes, {}, fresh=False)
-        arm, joints = self.scene.robot, len(self.actions)
-        if options.get("goal") is not None and not self.goal_fields:
-            raise ValueError(
-                f"options['goal'] is given, and the task {self.task.name} has no goal; leave it out"
-            )
-        writes: list[tuple[tuple[str, ...], NDArray[np.float64]]] = []
-        for key, rows, width in (
-            ("q", arm.coordinates, joints),
-            ("qd", arm.rates, joints),
-            ("goal", self.goal_fields, 2),
-        ):
-            if options.get(key) is not None:
-                numbers = parameters.table(f"options[{key!r}]", options[key], len(lanes), width)
-                parameters.check_start(key, numbers)
-                writes.append((rows, numbers))
-                if key == "q":
-                    self._check_stops(numbers, present)
-                elif key == "goal":
-                    self._check_goal(numbers, present)
-        return values, writes
-
-    def _check_goal(self, goal: NDArray[np.float64], values: parameters.Table) -> None:
-        lengths = [p for p in values if p[0] == "l" and p[1:].isdigit()]
-        reach = np.sum([values[p] for p in (*lengths, *self._extensions())], axis=0)
-        radius = np.linalg.norm(goal, axis=1)
-        if (radius > reach).any():
-            lane = int(np.argmax(radius - reach))
-            raise ValueError(
-                f"options['goal'] is {radius[lane]:.6g} m from the base; the arm reaches "
-                f"{reach[lane]:.6g} m: choose a goal within it"
-            )
-
-    def _check_stops(self, q: NDArray[np.float64], values: parameters.Table) -> None:
-        """Refuse starts beyond a hard stop, where no motion leads; beyond a spring they are allowed."""
-        arm = self.scene.robot
-        positions = q @ arm.motor_map
-        for joint, low, high in hard_stops(self.scene):
-            x = positions[:, joint]
-            outside = (x < values[low]) | (x > values[high])
-            if outside.any():
-                lane = int(np.flatnonzero(outside)[0])
-                raise ValueError(
-                    f"options['q'] puts {arm.joints[joint]} at {x[lane]:.6g}; its travel is "
-                    f"[{values[low][lane]:.6g}, {values[high][lane]:.6g}]: start inside it"
-                )
+        """Parameters and rows that options of a reset set, all valid."""
+        episode = self.simulator.episode
+        assert episode is not None
+        return ResetOptions(episode, self.memory).checked(options, lanes)
 
     # ---- goals and snapshots ---------------------------------------------------------------------
 
@@ -412,24 +340,6 @@ def _named(out: Outputs, prefix: str) -> dict[str, Any]:
     return {f"{prefix}{name}": table for name, table in zip(TABLES, out, strict=True)}
 
 
-def checked_options(options: Any) -> dict[str, Any]:
-    """Options of a reset as a dictionary of their own, or a ValueError if they are no mapping."""
-    if options is None:
-        return {}
-    if not isinstance(options, Mapping):
-        raise ValueError(f"options is {shown(options)}; give a mapping with some of {', '.join(OPTION_KEYS)}")
-    return dict(options)
-
-
-def checked_seed(name: str, seed: Any) -> int | None:
-    """A seed as Gymnasium takes it; a ValueError if it is neither a whole number from 0 on nor None."""
-    if seed is None:
-        return None
-    if isinstance(seed, bool | np.bool_) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise ValueError(f"{name} is {seed!r}; give a whole number of at least 0, or None")
-    return int(seed)
-
-
 def episode_key(generator: Any) -> NDArray[np.uint64]:
     """128 random bits: two words."""
     bits = generator.bit_generator
@@ -437,58 +347,3 @@ def episode_key(generator: Any) -> NDArray[np.uint64]:
         return bits.random_raw(2)  # what follows, in a sixth of its time
     words: NDArray[np.uint32] = generator.integers(0, 2**32, size=4, dtype=np.uint32)
     return words.astype("<u4").view("<u8")
-
-
-def check_action(actions: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """Actions as float32, or a ValueError about their shape or dtype."""
-    if not (
-        type(actions) is np.ndarray
-        and actions.dtype is FLOAT32
-        and actions.shape == shape
-        and actions.flags.carray
-    ):
-        array = np.asarray(actions)
-        if array.dtype == np.float64:  # a finite action must stay finite as float32
-            array = np.where(np.isfinite(array), np.clip(array, -1e30, 1e30), array)
-        if array.dtype.kind not in "fiu":
-            raise ValueError(f"action has dtype {array.dtype}; give numbers")
-        if array.shape != shape:
-            raise ValueError(f"action has shape {array.shape}; give {shape}")
-        actions = np.ascontiguousarray(array, dtype=np.float32)
-        return actions if actions.flags.carray else actions.copy()
-    return actions
-
-
-def refuse_bad_action(actions: NDArray[np.float32]) -> None:
-    """Raise for actions that are not finite."""
-    if not np.isfinite(actions).all():
-        raise ValueError(
-            f"action has non-finite entries: {actions.tolist()}; give finite numbers, or make the "
-            "environment with on_bad_action='terminate'"
-        )
-
-
-def episode_limit(max_episode_steps: Any) -> float:
-    """Control steps until truncation; None and -1 mean never."""
-    whole = isinstance(max_episode_steps, int | np.integer)
-    if max_episode_steps is None or (whole and max_episode_steps == -1):
-        return float("inf")
-    number = isinstance(max_episode_steps, int | float | np.integer | np.floating)
-    if (
-        not number
-        or isinstance(max_episode_steps, bool)
-        or not 1 <= max_episode_steps <= LARGEST_WHOLE
-        or max_episode_steps != int(max_episode_steps)
-    ):
-        raise ValueError(
-            f"max_episode_steps is {shown(max_episode_steps)}; give a whole number of at least 1, or -1 "
-            "for no limit"
-        )
-    return float(max_episode_steps)
-
-
-def plain_scene(scene: Any) -> Any:
-    """A scene as the spec of an environment can hold it."""
-    if isinstance(scene, Scene):
-        raise ValueError("scene is a Scene, which a spec cannot hold; pass scene.to_dict()")
-    return scene

@@ -11,14 +11,14 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from redundant_envs.envs.core import (
-    Core,
+from redundant_envs.envs.arguments import (
     check_action,
     checked_options,
     checked_seed,
     plain_scene,
     refuse_bad_action,
 )
+from redundant_envs.envs.core import Core
 from redundant_envs.envs.lane_values import LaneValue
 from redundant_envs.envs.vector_env import (
     ON_BAD_ACTION,

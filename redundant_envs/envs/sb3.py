@@ -12,7 +12,8 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
-from redundant_envs.envs.core import Core, check_action, checked_options, checked_seed, refuse_bad_action
+from redundant_envs.envs.arguments import check_action, checked_options, checked_seed, refuse_bad_action
+from redundant_envs.envs.core import Core
 from redundant_envs.envs.lane_values import LANE_VALUES, LaneValues
 from redundant_envs.envs.outputs import Outputs
 from redundant_envs.envs.registration import ARGUMENTS, IDS, ids

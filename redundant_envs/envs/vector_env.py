@@ -13,15 +13,14 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from redundant_envs.envs.core import (
-    STATE_KEYS,
-    Core,
+from redundant_envs.envs.arguments import (
     check_action,
     checked_options,
     checked_seed,
     plain_scene,
     refuse_bad_action,
 )
+from redundant_envs.envs.core import STATE_KEYS, Core
 from redundant_envs.envs.lane_values import LaneValues
 from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.model import snapshot
