@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import llvmlite.binding as llvm
 
 from redundant_envs.tracing.flow import Program
+from redundant_envs.tracing.graph import uncollected
 
 Entry = Callable[[int], None]
 """A kernel in machine code: it takes the address of a frame, its arguments as 8 bytes each."""
@@ -92,7 +93,8 @@ def _emitted(program: Program, emit: Callable[[Any, Any], Any]) -> Any:
             "as elsewhere, many times slower",
             stacklevel=2,
         )
-    text = str(module_of(program, ordered))
+    with uncollected():
+        text = str(module_of(program, ordered))
     with _lock:
         llvm.set_option("redundant-envs", ORDER_OPTION.format("false" if ordered else "true"))
         try:

@@ -150,7 +150,7 @@ class Core:
                 self.seed(lane, None)
             words.append(episode_key(self.generators[lane]))
         if words:
-            self.keys[lanes] = np.array(words, dtype="<u8").view("<u4")
+            self.keys[lanes] = np.concatenate(words).astype("<u8").view("<u4").reshape(len(words), -1)
             self.waiting[lanes] = True
 
     # ---- stepping --------------------------------------------------------------------------------
