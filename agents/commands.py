@@ -281,7 +281,7 @@ def study_stops(
     trust: Trust = False,
 ) -> None:
     """What hard stops cost on the states of an RPRP policy."""
-    from redundant_envs.studies import stops, throughput
+    from redundant_envs.studies import common, stops
 
     from .policies import load_policy
     from .run_folder import read_config
@@ -297,8 +297,8 @@ def study_stops(
         "random actions": stops.random_policy(0),
     }
     rows = stops.run(policies, lanes)
-    throughput.write_rows(rows, stops.COLUMNS, out)
-    print(throughput.table(rows, stops.COLUMNS[stops.COLUMNS.index("states") :]))
+    common.write_rows(rows, stops.COLUMNS, out)
+    print(common.table(rows, stops.COLUMNS[stops.COLUMNS.index("states") :]))
     print(out)
 
 
@@ -314,7 +314,7 @@ def study_policy(
     trust: Trust = False,
 ) -> None:
     """What the physics costs a policy, and training under the cheapest."""
-    from redundant_envs.studies.throughput import study_path
+    from redundant_envs.studies.common import study_path
 
     from .report import check_drawing
     from .studies.policy.report import write_report

@@ -81,8 +81,7 @@ def verify_bits(everything: bool) -> int:
     from redundant_envs.studies.progress import Progress
 
     names = list(recorded_bits.RECORDED if everything else recorded_bits.SHORT)
-    expected, same = recorded_bits.recorded(), 0
-    progress = Progress("recorded bits", len(names))
+    expected, same, progress = recorded_bits.recorded(), 0, Progress("recorded bits", len(names))
     for name in names:
         progress.step(name)
         if recorded_bits.found(name) == expected[name]:
@@ -213,9 +212,10 @@ def simulate(options: argparse.Namespace) -> None:
 
 def throughput(options: argparse.Namespace) -> None:
     """Time the compiled core."""
+    from redundant_envs.studies import common
     from redundant_envs.studies import throughput as study
 
-    config = study.load_config(options.config or study.study_path("throughput"))
+    config = study.load_config(options.config or common.study_path("throughput"))
     _report(study.run(config), study.COLUMNS, "dgemm_gflops", options.out, "throughput")
 
 
@@ -255,7 +255,7 @@ def impacts(options: argparse.Namespace) -> None:
 def accuracy(options: argparse.Namespace) -> None:
     """Measure errors and costs; write tables, figures and a page."""
     from redundant_envs.studies import accuracy_config, accuracy_report
-    from redundant_envs.studies.throughput import study_path
+    from redundant_envs.studies.common import study_path
 
     command = "python -m redundant_envs study accuracy"
     if options.config:
@@ -280,7 +280,7 @@ def schematic(options: argparse.Namespace) -> None:
 
 def _report(rows: list[dict[str, Any]], columns: Sequence[str], first: str, out: Path, name: str) -> None:
     """Write a study's rows as CSV and print them; what is the same in all rows goes on one line."""
-    from redundant_envs.studies.throughput import table, write_rows
+    from redundant_envs.studies.common import table, write_rows
 
     path = out if out.suffix == ".csv" else out / f"{name}.csv"
     write_rows(rows, columns, path)
@@ -307,7 +307,7 @@ def show_scene(options: argparse.Namespace) -> None:
         return
     if options.bill:
         from redundant_envs.model.listing import bill
-        from redundant_envs.studies.throughput import table
+        from redundant_envs.studies.common import table
 
         rows = [{"of": owner, **counts._asdict()} for owner, counts in bill(scene).items()]
         print(table(rows, list(rows[0])))

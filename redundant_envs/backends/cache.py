@@ -55,16 +55,16 @@ def kernels(key: str, program: Program, what: str) -> dict[str, llvm.Entry]:
 def program_key(program: Program) -> str:
     """Name of a program's machine code: the program, what compiles it, and for which processor."""
     text = hashlib.sha256("\n".join(fingerprints(program)).encode())
-    text.update("\0".join(_compiler()).encode())
+    text.update("\0".join((platform.machine(), *llvm.facts(), *_sources())).encode())
     return text.hexdigest()[:40]
 
 
 @functools.cache
-def _compiler() -> tuple[str, ...]:
-    """The compiler: LLVM's, our own passes, and the processor."""
+def _sources() -> list[str]:
+    """The text of what compiles: our own passes and emitters."""
     own = Path(__file__).parent
     files = sorted([*own.glob("llvm*.py"), *own.parent.glob("tracing/**/*.py")])
-    return (platform.machine(), *llvm.facts(), *(p.read_text(encoding="utf-8") for p in files))
+    return [p.read_text(encoding="utf-8") for p in files]
 
 
 def _code(key: str, program: Program, what: str) -> bytes:

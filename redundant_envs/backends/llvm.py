@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import platform
 import threading
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextvars import ContextVar
 from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm
@@ -51,9 +53,29 @@ class Processor(NamedTuple):
         return not x86 or f"+{JOINED}" in self.features.split(",")
 
 
+AVX2 = Processor("haswell", "+fma,+avx2")
+"""What most laptops have: vectors of four doubles."""
+_target: ContextVar[Processor | None] = ContextVar("target", default=None)
+
+
+@contextlib.contextmanager
+def target(chosen: Processor) -> Iterator[None]:
+    """Programs are made for another processor meanwhile; this one must be able to run them."""
+    token = _target.set(chosen)
+    try:
+        yield
+    finally:
+        _target.reset(token)
+
+
 def processor() -> Processor:
-    """This machine's."""
-    return Processor(llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
+    """The one that programs are made for: this machine's, unless another was chosen."""
+    chosen = _target.get()
+    return (
+        chosen
+        if chosen is not None
+        else Processor(llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
+    )
 
 
 def facts() -> tuple[str, ...]:

@@ -27,9 +27,9 @@ from redundant_envs.studies.accuracy_long import (
     second_reference,
 )
 from redundant_envs.studies.accuracy_methods import Method, installed, long_methods, panel_methods
+from redundant_envs.studies.common import dgemm_rate, one_core, versions
 from redundant_envs.studies.impacts import impact_motion
 from redundant_envs.studies.progress import Progress
-from redundant_envs.studies.throughput import dgemm_rate, one_core, versions
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]

@@ -13,7 +13,7 @@ import numpy as np
 
 from redundant_envs.envs.registration import NAMESPACE, SCENES
 from redundant_envs.scene import load_scene
-from redundant_envs.studies.throughput import one_core, versions
+from redundant_envs.studies.common import one_core, versions
 
 COLUMNS = (
     "machine", "date", "python", "llvmlite", "numpy", "commit", "gymnasium", "env", "lanes",

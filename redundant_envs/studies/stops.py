@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from redundant_envs.effects import PrismaticStop
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.scene import Scene, load_scene
-from redundant_envs.studies.throughput import one_core, versions
+from redundant_envs.studies.common import one_core, versions
 
 COLUMNS = (
     "machine", "date", "python", "llvmlite", "numpy", "commit", "states", "lanes", "touched_share",

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
-import csv
 import dataclasses
-import datetime
-import importlib.metadata
-import os
+import functools
 import platform
 import re
-import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -26,27 +21,22 @@ from redundant_envs.files import exists, explained, read_yaml
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.model.programs import batch_simulator
 from redundant_envs.robots import RPRP, FourR
-from redundant_envs.scene import Scene, check_keys, scene_folder
+from redundant_envs.scene import Scene, check_keys
+from redundant_envs.studies.common import dgemm_rate, one_core, versions
 from redundant_envs.values import shown
 
 COLUMNS = (
     "machine", "date", "python", "llvmlite", "numpy", "commit", "dgemm_gflops", "arm", "integrator",
     "lanes", "ns_per_step_best", "ns_per_step_median", "bar_ns", "scaled_bar_ns", "within_bar",
     "tolerance", "evaluations_mean", "bar_evaluations", "share_below_tolerance",
-    "packed_instructions", "vector_register",
+    "packed_instructions", "vector_register", "avx2_over_avx512",
 )  # fmt: skip
 CASE = ("arm", "integrator", "bar_ns")
 """What every case of the study gives; one with error control also gives these."""
 CONTROLLED = ("tolerance", "bar_evaluations")
-MATRIX = 1024
 PACKED = re.compile(r"^\s+v?[a-z0-9]+pd\s.*?%?\b([xyz])mm\d", re.MULTILINE)
 REGISTERS = {"z": "zmm", "y": "ymm", "x": "xmm"}
 """Vector registers, widest first."""
-
-
-def study_path(name: str) -> Path:
-    """The file of a named study: package data in a wheel, configs/studies in a checkout."""
-    return scene_folder().parent / "studies" / f"{name}.yaml"
 
 
 def load_config(path: Path) -> dict[str, Any]:
@@ -116,6 +106,13 @@ def lively_states(lanes: int, seed: int = 0) -> tuple[NDArray[np.float64], ...]:
     return q, qd, efforts
 
 
+def lively_batch(scene: Scene, lanes: int) -> BatchSimulator:
+    q, qd, _ = lively_states(lanes)
+    batch = BatchSimulator(scene, lanes)
+    batch.set_state(q, qd)
+    return batch
+
+
 def control_figures(scene: Scene, lanes: int) -> tuple[float, float]:
     """Mean evaluations of an interval, and the share of lanes whose true tip error is in tolerance."""
     q, qd, efforts = lively_states(lanes)
@@ -137,15 +134,14 @@ def filled_batch(scene: Scene, lanes: int, seed: int = 0) -> BatchSimulator:
     arm = scene.robot
     batch.set_parameters(
         {
-            "masses": np.multiply(arm.masses, rng.uniform(0.9, 1.1, (lanes, 4))),
+            "masses": np.multiply(arm.masses, rng.uniform(0.9, 1.1, (lanes, arm.num_masses))),
             "lengths": np.multiply(arm.lengths, rng.uniform(0.9, 1.1, (lanes, len(arm.lengths)))),
         }
     )
-    q = rng.uniform(-np.pi, np.pi, (lanes, 4))
-    for k in range(4):
-        if arm.prismatic[k]:
-            q[:, k] = rng.uniform(0.0, 0.25, lanes)
-    batch.set_state(q, rng.uniform(-1.0, 1.0, (lanes, 4)))
+    q = rng.uniform(-np.pi, np.pi, (lanes, len(arm.joints)))
+    for k in arm.sliders():
+        q[:, k] = rng.uniform(0.0, 0.25, lanes)
+    batch.set_state(q, rng.uniform(-1.0, 1.0, q.shape))
     return batch
 
 
@@ -158,7 +154,7 @@ def advance_times(
     a snapshot put back has just gone through the caches.
     """
     if efforts is None:
-        efforts = np.random.default_rng(0).uniform(-1.0, 1.0, (batch.num_envs, 4))
+        efforts = np.random.default_rng(0).uniform(-1.0, 1.0, batch.q.shape)
     snapshot = batch.save()
     times = np.empty(repeats)
     for i in range(repeats):
@@ -169,18 +165,6 @@ def advance_times(
         times[i] = time.perf_counter() - start
     batch.restore(snapshot)
     return times
-
-
-def dgemm_rate(repeats: int = 4, size: int = MATRIX) -> float:
-    """Best rate of a product of two square matrices, 1e9 floating point operations per second."""
-    a = np.random.default_rng(0).standard_normal((size, size))
-    out = np.empty_like(a)
-    best = np.inf
-    for _ in range(repeats):
-        start = time.perf_counter()
-        np.matmul(a, a, out=out)
-        best = min(best, time.perf_counter() - start)
-    return 2.0 * size**3 / best / 1e9
 
 
 def interleaved(
@@ -197,6 +181,22 @@ def interleaved(
     return np.concatenate(times), max(rates)
 
 
+def avx2_over_avx512(make: Callable[[], BatchSimulator], repeats: int, efforts: Any) -> float | None:
+    """Time with code for AVX2 over time with code for AVX-512, by turns on the same core, the median.
+
+    None on a processor without AVX-512.
+    """
+    if not llvm.processor().wide:
+        return None
+    wide = make()
+    with llvm.target(llvm.AVX2):
+        narrow = make()
+    turns = [
+        (advance_times(narrow, 4, efforts), advance_times(wide, 4, efforts)) for _ in range(repeats // 8 + 1)
+    ]
+    return float(np.median([a.min() / b.min() for a, b in turns]))
+
+
 def packed_instructions(scene: Scene) -> tuple[int | None, str]:
     """Packed double instructions in the assembly of ``advance``, and the widest register among them.
 
@@ -208,59 +208,6 @@ def packed_instructions(scene: Scene) -> tuple[int | None, str]:
     return len(found), next((REGISTERS[r] for r in "zyx" if r in found), "")
 
 
-@contextlib.contextmanager
-def one_core() -> Iterator[None]:
-    """Keep the calling thread on one core and BLAS in the calling thread, as far as possible."""
-    allowed = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else None
-    with contextlib.ExitStack() as stack:
-        try:
-            from threadpoolctl import threadpool_limits
-        except ImportError:
-            if os.environ.get("OPENBLAS_NUM_THREADS") != "1":
-                print(
-                    "threadpoolctl is not installed: set OPENBLAS_NUM_THREADS=1 for the rate of one core",
-                    file=sys.stderr,
-                )
-        else:
-            stack.enter_context(threadpool_limits(limits=1, user_api="blas"))
-        if allowed is not None:
-            os.sched_setaffinity(0, {min(allowed)})
-            stack.callback(os.sched_setaffinity, 0, allowed)
-        yield
-
-
-def machine_name() -> str:
-    """Model of the processor."""
-    with contextlib.suppress(OSError):
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor() or platform.machine()
-
-
-def commit() -> str:
-    """Short commit of the checkout this runs from, "-dirty" if it is changed; empty elsewhere."""
-    root = scene_folder().parents[1]
-    if not (root / ".git").exists():
-        return ""
-    with contextlib.suppress(OSError, subprocess.CalledProcessError):
-        command = ["git", "-C", str(root), "describe", "--always", "--dirty", "--exclude=*"]
-        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
-    return ""
-
-
-def versions() -> dict[str, str]:
-    """Where and with what a figure was measured."""
-    return {
-        "machine": machine_name(),
-        "date": datetime.date.today().isoformat(),
-        "python": platform.python_version(),
-        "llvmlite": importlib.metadata.version("llvmlite"),
-        "numpy": np.__version__,
-        "commit": commit(),
-    }
-
-
 def run(config: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Time every case of the study; one row of ``COLUMNS`` for each."""
     rows, about = [], versions()
@@ -270,17 +217,18 @@ def run(config: Mapping[str, Any]) -> list[dict[str, Any]]:
             if "tolerance" in case:
                 scene = controlled_scene(case["arm"], case["tolerance"])
                 figures = control_figures(scene, lanes)
-                q, qd, efforts = lively_states(lanes)
-                batch = BatchSimulator(scene, lanes)
-                batch.set_state(q, qd)
+                *_, efforts = lively_states(lanes)
+                make = functools.partial(lively_batch, scene, lanes)
             else:
                 scene = study_scene(case["arm"], case["integrator"])
-                batch = filled_batch(scene, lanes)
+                make = functools.partial(filled_batch, scene, lanes)
+            batch = make()
             seconds, rate = interleaved(batch, config["repeats"], efforts)
             nanoseconds = 1e9 * seconds / (config["lanes"] * scene.substeps)
             best = float(nanoseconds.min())
             scaled = case["bar_ns"] * config["bar_gflops"] / rate
             count, register = packed_instructions(scene)
+            ratio = avx2_over_avx512(make, config["repeats"], efforts)
             rows.append(
                 {
                     **about,
@@ -299,6 +247,7 @@ def run(config: Mapping[str, Any]) -> list[dict[str, Any]]:
                     "share_below_tolerance": round(figures[1], 5) if figures else "",
                     "packed_instructions": "" if count is None else count,
                     "vector_register": register,
+                    "avx2_over_avx512": "" if ratio is None else round(ratio, 2),
                 }
             )
             print(
@@ -307,20 +256,3 @@ def run(config: Mapping[str, Any]) -> list[dict[str, Any]]:
                 file=sys.stderr,
             )
     return rows
-
-
-def write_rows(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], path: Path) -> None:
-    """Write rows as CSV."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, columns)
-        writer.writeheader()
-        writer.writerows(rows)
-
-
-def table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> str:
-    """Rows as text in aligned columns."""
-    lines = [list(columns), *([str(row[c]) for c in columns] for row in rows)]
-    widths = [max(len(line[k]) for line in lines) for k in range(len(columns))]
-    padded = (" ".join(f"{c:>{w}}" for c, w in zip(line, widths, strict=True)) for line in lines)
-    return "\n".join(padded)

@@ -8,6 +8,7 @@ import pytest
 
 import redundant_envs as rde
 from redundant_envs.backends import cache, llvm
+from redundant_envs.model.programs import batch_simulator
 
 e = rde.effects
 pytestmark = pytest.mark.skipif(
@@ -50,10 +51,8 @@ def made_for(monkeypatch, tmp_path):
         monkeypatch.setenv(cache.CACHE_VARIABLE, str(tmp_path))
         monkeypatch.setattr(llvm, "processor", lambda: processor)
         monkeypatch.setattr(cache, "_kept", {})
-        cache._compiler.cache_clear()
 
-    yield change
-    cache._compiler.cache_clear()
+    return change
 
 
 @pytest.mark.parametrize("processor", ["AVX2", "128 bits"])
@@ -89,3 +88,12 @@ def test_code_of_one_processor_is_not_another_ones(made_for):
         made_for(processor)
         keys.append(batch_simulator(SCENES["4R rk8"], track_work=False).key)
     assert len(set(keys)) == len(keys)
+
+
+def test_programs_are_made_for_another_processor_as_long_as_it_is_chosen():
+    key = batch_simulator(SCENES["4R rk8"], False).key
+    with llvm.target(llvm.AVX2):
+        assert batch_simulator(SCENES["4R rk8"], False).key != key
+        assert not llvm.processor().wide
+        assert llvm.processor().joins
+    assert batch_simulator(SCENES["4R rk8"], False).key == key

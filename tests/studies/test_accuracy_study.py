@@ -19,7 +19,7 @@ from redundant_envs.studies import accuracy_long as long
 from redundant_envs.studies import accuracy_metrics as metrics
 from redundant_envs.studies.accuracy_config import Panel, Study, build, load_study
 from redundant_envs.studies.accuracy_methods import MuJoCo, Ours
-from redundant_envs.studies.throughput import study_path
+from redundant_envs.studies.common import study_path
 
 e = rde.effects
 LAB = rde.FourR((1.0,) * 4, (0.5,) * 4)

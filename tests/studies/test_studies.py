@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from redundant_envs import load_scene
-from redundant_envs.studies import energy, environments, plots, throughput
+from redundant_envs.studies import common, energy, environments, plots, throughput
 
 
 @pytest.mark.parametrize("name", sorted(energy.STARTS))
@@ -120,7 +120,7 @@ def test_filled_batch_differs_by_lane_within_ten_percent():
 
 
 def test_shipped_config_loads():
-    config = throughput.load_config(throughput.study_path("throughput"))
+    config = throughput.load_config(common.study_path("throughput"))
     assert {c["arm"] for c in config["cases"]} == {"FourR", "RPRP"}
 
 
@@ -152,7 +152,7 @@ def test_environment_columns(monkeypatch, tmp_path):
     assert all(row["vector_steps_per_s_best"] > 0 for row in rows)
     assert all(row["single_us_per_step"] > 0 and row["cartpole_us_per_step"] > 0 for row in rows)
     path = tmp_path / "rows.csv"
-    throughput.write_rows(rows, environments.COLUMNS, path)
+    common.write_rows(rows, environments.COLUMNS, path)
     with path.open(encoding="utf-8") as file:
         assert [r["env"] for r in csv.DictReader(file)] == list(environments.IDS)
 
