@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
+from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from redundant_envs.envs.arguments import (
@@ -117,7 +118,7 @@ class ArmEnv(LaneValue, gym.Env[Any, Any]):
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One control step; the action is (joints,) in [-1, 1], in units of the effort limits."""
         if self._operation is None:
-            raise ValueError("step was called before reset; call reset() first")
+            raise ResetNeeded("step was called before reset; call reset() first")
         action = check_action(action, self._shape)
         lane = self._lane
         obs = lane.step(action, self._operation)

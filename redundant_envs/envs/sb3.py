@@ -10,6 +10,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
+from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from redundant_envs.envs.arguments import check_action, checked_options, checked_seed, refuse_bad_action
@@ -123,7 +124,7 @@ class SB3VecEnv(LaneValues, VecEnv):
     def step_async(self, actions: NDArray[Any]) -> None:
         """Keep the actions for :meth:`step_wait`."""
         if not self._ready:
-            raise ValueError("step was called before reset; call reset() first")
+            raise ResetNeeded("step was called before reset; call reset() first")
         actions = check_action(actions, (self.num_envs, len(self.core.actions)))
         if self.on_bad_action == "raise":
             refuse_bad_action(actions)

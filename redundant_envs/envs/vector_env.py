@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium import spaces
+from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
@@ -181,7 +182,7 @@ class ArmVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
     ) -> tuple[Any, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """One control step of all environments; actions are (num_envs, joints) in [-1, 1]."""
         if not self._ready:
-            raise ValueError("step was called before reset; call reset() first")
+            raise ResetNeeded("step was called before reset; call reset() first")
         actions = check_action(actions, (self.num_envs, len(self.core.actions)))
         if self.on_bad_action == "raise" and not np.isfinite(actions).all():
             refuse_bad_action(actions[self.core.mask == 0])  # the others begin anew and ignore theirs

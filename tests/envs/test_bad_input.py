@@ -217,7 +217,7 @@ def test_bad_action_raises_in_a_vector_when_asked():
 
 def test_step_before_reset_and_after_the_end():
     env = gym.make_vec(ID, num_envs=2, autoreset_mode="disabled")
-    with pytest.raises(ValueError, match="before reset"):
+    with pytest.raises(gym.error.ResetNeeded, match="before reset"):
         env.step(np.zeros((2, 4), np.float32))
     env.reset(seed=0)
     for _ in range(100):
@@ -325,7 +325,7 @@ def test_snapshots_of_another_number_of_environments_change_nothing(count):
 
 def test_sb3_steps_only_after_reset_and_forgets_bad_options():
     env = rde.make_sb3(ID, 2)
-    with pytest.raises(ValueError, match="before reset"):
+    with pytest.raises(gym.error.ResetNeeded, match="before reset"):
         env.step(np.zeros((2, 4), np.float32))
     env.set_options({"reset_mask": 5})
     with pytest.raises(ValueError, match="reset_mask"):
