@@ -96,7 +96,9 @@ def run(program: str, package: str, folder: Path) -> subprocess.CompletedProcess
 PACKAGES = list(dict.fromkeys(package for _, _, package, _ in COMMANDS.values()))
 
 
-@pytest.mark.parametrize("package", PACKAGES)
+@pytest.mark.parametrize(
+    "package", [p if p in PACKAGES[:3] else pytest.param(p, marks=pytest.mark.long) for p in PACKAGES]
+)
 def test_commands_name_the_extra_in_one_line(package, tmp_path):
     of_package = {name: command for name, command in COMMANDS.items() if command[2] == package}
     done = run(EACH.format(calls=[command[:2] for command in of_package.values()]), package, tmp_path)

@@ -188,10 +188,10 @@ def test_wilson_refuses_nonsense():
     "overrides",
     [
         ["num_envs=64", "ppo.n_steps=16", "ppo.batch_size=512", "total_steps=4096"],
-        [
+        pytest.param([
             "algo=sac", "num_envs=16", "total_steps=600", "sac.learning_starts=200",
             "sac.gradient_steps=1", "sac.batch_size=64",
-        ],
+        ], marks=pytest.mark.long),
     ],
 )  # fmt: skip
 def test_a_run_explains_itself(tmp_path, overrides, capsys):

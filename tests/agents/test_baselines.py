@@ -55,7 +55,7 @@ class Killed(Exception):
 
 @pytest.mark.parametrize(
     "algo",
-    ["plain_ppo", "td3", "crossq", *(pytest.param(a, marks=pytest.mark.long) for a in ("plain_sac", "tqc"))],
+    ["td3", *(pytest.param(a, marks=pytest.mark.long) for a in ("plain_ppo", "crossq", "plain_sac", "tqc"))],
 )
 def test_a_killed_baseline_goes_on_to_the_same_bits(algo, runs, tmp_path, monkeypatch):
     plain = Watch._on_step

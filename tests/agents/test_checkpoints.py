@@ -93,7 +93,7 @@ def kill_at(steps, monkeypatch):
         ("ppo", 0.3),
         pytest.param("sac", 0.8, marks=pytest.mark.long),
         pytest.param("auto", 0.3, marks=pytest.mark.long),
-        ("her", 0.8),
+        pytest.param("her", 0.8, marks=pytest.mark.long),
     ],
 )
 def test_a_killed_training_goes_on_to_the_same_bits(case, share, tmp_path, monkeypatch):
@@ -268,7 +268,7 @@ def test_seeds_of_runs_have_goals_of_their_own(tmp_path, monkeypatch):
     assert not first & second
 
 
-@pytest.mark.parametrize("case", ["ppo", "auto"])
+@pytest.mark.parametrize("case", ["ppo", pytest.param("auto", marks=pytest.mark.long)])
 def test_a_falling_rate_ends_at_zero_and_not_below(case, tmp_path, monkeypatch):
     rates = []
     step = Adam.step

@@ -29,6 +29,7 @@ def ppo():
     del sys.modules["cleanrl_ppo"]
 
 
+@pytest.mark.long
 def test_the_ppo_example_trains_evaluates_and_saves(tmp_path):
     small = ["--total-steps", "4096", "--num-envs", "32", "--batch-size", "256"]
     small += ["--evaluation-episodes", "10", "--save", str(tmp_path / "agent.pt")]

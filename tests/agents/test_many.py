@@ -59,6 +59,7 @@ def test_processes_are_checked_before_anything_begins(more, word, tmp_path, caps
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.long
 def test_what_is_finished_stays_and_what_was_stopped_or_killed_early_does_not(tmp_path):
     folder, config = tmp_path / "seed3", load("rprp_reach_ppo", [*SMALL, "seed=3"])
     silent = Progress(disable=True)

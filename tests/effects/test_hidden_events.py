@@ -90,7 +90,10 @@ def test_a_slider_that_leaves_its_stop_slowly_does_not_rest_there_at_the_start(k
     np.testing.assert_allclose(motion.q, fine.q, rtol=0, atol=1e-6)
 
 
-@pytest.mark.parametrize("number", range(len(hidden_impacts.NAMED)))
+@pytest.mark.parametrize(
+    "number",
+    [k if k < 3 else pytest.param(k, marks=pytest.mark.long) for k in range(len(hidden_impacts.NAMED))],
+)
 def test_no_interval_of_a_family_hides_an_impact(number):
     """Of every thousand, up to 43 did. ``study impacts`` judges a million."""
     tally = hidden_impacts.judge(hidden_impacts.NAMED[number], 1024, seed=number)
@@ -182,6 +185,7 @@ def test_hidden_events_are_found_again_after_many_others(case):
     np.testing.assert_allclose(ends[0], ends[1], rtol=0, atol=1e-8)
 
 
+@pytest.mark.long
 def test_nearly_no_interval_of_random_actions_hides_an_event():
     count = 1024
     env = gym.make_vec("redundant_envs/RPRPReach-v0", num_envs=count)

@@ -56,7 +56,9 @@ def check(env_id, policies, **kwargs):
     return ends
 
 
-@every_id
+@pytest.mark.parametrize(
+    "env_id", [i if "RPRP" in i else pytest.param(i, marks=pytest.mark.long) for i in ids()]
+)
 def test_constant_full_efforts_gain_nothing_by_ending_early(env_id):
     policies = [lambda obs, core, step, a=a: np.tile(a, (LANES, 1)) for a in SIGNS]
     ends = check(env_id, policies)
