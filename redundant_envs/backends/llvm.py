@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import functools
 import platform
 import threading
 import warnings
@@ -68,14 +69,15 @@ def target(chosen: Processor) -> Iterator[None]:
         _target.reset(token)
 
 
+@functools.cache
+def host() -> Processor:
+    """This machine's."""
+    return Processor(llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
+
+
 def processor() -> Processor:
     """The one that programs are made for: this machine's, unless another was chosen."""
-    chosen = _target.get()
-    return (
-        chosen
-        if chosen is not None
-        else Processor(llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
-    )
+    return _target.get() or host()
 
 
 def facts() -> tuple[str, ...]:

@@ -5,14 +5,15 @@ from __future__ import annotations
 import functools
 import itertools
 import os
+from collections import OrderedDict
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from redundant_envs.backends import cache
-from redundant_envs.backends.llvm import Entry
+from redundant_envs.backends import cache, llvm
 from redundant_envs.model.memory import Memory, aligned
 from redundant_envs.scene import Scene
 from redundant_envs.simulator.advance import advance_kernel
@@ -46,7 +47,7 @@ class Simulator:
             return cache.program_key(self.program)
 
     @functools.cached_property
-    def kernels(self) -> dict[str, Entry]:
+    def kernels(self) -> dict[str, llvm.Entry]:
         """The kernels in machine code, from this process, the folder of the user, or the compiler."""
         scene = self.dynamics.scene
         effects = ", ".join(type(e).__name__ for e in scene.effects) or "no effects"
@@ -54,16 +55,47 @@ class Simulator:
         return cache.kernels(self.key, self.program, what + (", as an environment" if self.episode else ""))
 
 
+KEPT_SIMULATORS = 64
+"""Simulators that are traced once for all that use them; the ones not used for longest go."""
+_kept: OrderedDict[str, Simulator] = OrderedDict()
+
+
+def _kept_or_made(make: Callable[[], Simulator], scene: Scene, *more: Any) -> Simulator:
+    """A simulator of this process, where all that it is made of is of this package.
+
+    What users write is traced each time: a function may have been defined again. Names tell scenes apart to
+    the sign of a zero, which equality does not.
+    """
+    parts = (scene.robot, *scene.effects, *more)
+    if not all(type(part).__module__.partition(".")[0] in ("redundant_envs", "builtins") for part in parts):
+        return make()
+    name = repr((scene, *more, llvm.processor()))
+    if name not in _kept:
+        _kept[name] = make()
+    _kept.move_to_end(name)
+    if len(_kept) > KEPT_SIMULATORS:
+        _kept.popitem(last=False)
+    return _kept[name]
+
+
 def batch_simulator(scene: Scene, track_work: bool) -> Simulator:
     """The simulator of a batch."""
+    return _kept_or_made(lambda: _traced_batch(scene, track_work), scene, track_work)
+
+
+def environment_simulator(scene: Scene, task: Task) -> Simulator:
+    """The simulator of an environment."""
+    return _kept_or_made(lambda: _traced_environment(scene, task), scene, task)
+
+
+def _traced_batch(scene: Scene, track_work: bool) -> Simulator:
     dynamics = Dynamics(scene, track_work)
     with uncollected():
         kernel, blocks = advance_kernel(dynamics)
     return Simulator(dynamics, blocks, Program([kernel]))
 
 
-def environment_simulator(scene: Scene, task: Task) -> Simulator:
-    """The simulator of an environment."""
+def _traced_environment(scene: Scene, task: Task) -> Simulator:
     episode = Episode(Interval(Dynamics(scene)), task)
     with uncollected():
         made = EnvironmentKernel(episode)
@@ -74,7 +106,7 @@ def environment_simulator(scene: Scene, task: Task) -> Simulator:
 class Call:
     """A kernel and its arguments, which stay from call to call."""
 
-    def __init__(self, kernel: Kernel, entry: Entry) -> None:
+    def __init__(self, kernel: Kernel, entry: llvm.Entry) -> None:
         self.entry = entry
         self._places = {name: k for k, name in enumerate(kernel.arguments)}
         self._frame = np.zeros(len(self._places), dtype=np.int64)

@@ -3,6 +3,7 @@
 import dataclasses
 import itertools
 import math
+from collections import OrderedDict
 
 import llvmlite.binding as binding
 import numpy as np
@@ -16,6 +17,7 @@ from redundant_envs import algebra
 from redundant_envs.algebra import physics
 from redundant_envs.backends import llvm, llvm_kernels
 from redundant_envs.effects.hooks import Effect, Force
+from redundant_envs.model import programs
 from redundant_envs.model.memory import aligned
 from redundant_envs.model.programs import batch_simulator
 from redundant_envs.simulator.blocks import LANES
@@ -227,6 +229,7 @@ def test_a_step_by_calls_is_the_step_of_copies(name, monkeypatch):
     states, keys = [], set()
     for most in (4, 12):
         monkeypatch.setattr(steps, "MOST_INLINED", most)
+        monkeypatch.setattr(programs, "_kept", OrderedDict())
         batch = rde.BatchSimulator(scene, 40)
         batch.set_state(q, qd)
         for _ in range(3):
