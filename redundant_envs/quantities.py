@@ -16,6 +16,9 @@ def givers_of(functions: tuple[Function, ...]) -> dict[str, Function]:
     """Which function gives a quantity; ValueError if two do."""
     givers: dict[str, Function] = {}
     for f in functions:
+        if len(set(gives_of(f))) < len(gives_of(f)):
+            twice = sorted({name for name in gives_of(f) if gives_of(f).count(name) > 1})
+            raise ValueError(f"{f.__qualname__} gives {', '.join(twice)} twice; rename one of them")
         for name in gives_of(f):
             if givers.setdefault(name, f) is not f:
                 both = " and ".join(f"{g.__module__}.{g.__qualname__}" for g in (givers[name], f))
@@ -69,7 +72,7 @@ class Quantities(dict[str, Any]):
             self._asked.pop()
             results = function(*arguments)
             names = gives_of(function)
-            self.update(zip(names, results if len(names) > 1 else (results,), strict=True))
+            self.update(zip(names, results if isinstance(results, tuple) else (results,), strict=True))
         else:
             known = sorted({*self, *self._givers, *self._angles})
             raise ValueError(

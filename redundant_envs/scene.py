@@ -98,6 +98,13 @@ class Scene:
                 raise ValueError(f"effects[{i}] is a second {effect.key!r}; {fix}")
             seen[effect.key] = effect
         object.__setattr__(self, "effects", tuple(fitted))
+        impacts = [(e.key, h) for e in fitted for h in e.hooks(self.robot) if isinstance(h, Impact)]
+        if len({(key, h.restitution) for key, h in impacts}) > 1:
+            raise ValueError(
+                "effects has stops with several restitutions; one number serves all stops: combine them"
+            )
+        if len({h.joint for _, h in impacts}) < len(impacts):
+            raise ValueError("effects has two stops for one slider; combine them into one")
         self._check_identifiers()
         if sum(isinstance(h, Field) for h in hooks) > 1:
             raise ValueError("effects has two uniform fields; combine them into one Gravity")

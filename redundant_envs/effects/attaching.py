@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
@@ -39,6 +40,9 @@ def attached(where: str, effect: Effect, arm: Arm) -> tuple[Hook, ...]:
             f"{kind}.hooks gives {hooks!r:.80}; give a tuple of Field, Force, Actuation or Impact"
         )
     own: Own = dict.fromkeys(effect.parameters(), False)
+    for field, value in effect.parameters().items():
+        if isinstance(value, bool) or not isinstance(value, int | float) or value != value:
+            raise ValueError(f"{where} ({kind}).{field} is {value!r:.80}; give a number")
     for hook in hooks:
         for state in _states_of(hook):
             name = getattr(state, "name", None)
@@ -75,6 +79,10 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
     if isinstance(hook, Impact):
         for name in ("lower", "upper", "restitution"):
             _own(name, getattr(hook, name), {n: False for n, moves in own.items() if not moves})
+        if not arm.prismatic[hook.joint]:
+            raise ValueError(
+                f"{arm.joints[hook.joint]!r} is no slider; hard ends of travel are those of sliders"
+            )
         return
     _check_function("function", hook.function, hook, own, arm)
     if dialect.results_of(hook.function) != RESULTS[type(hook)]:
@@ -140,6 +148,12 @@ def _check_function(
     if not isinstance(hook.bind, Mapping):
         raise ValueError(f"bind is {hook.bind!r:.80}; give a mapping of arguments to names")
     found: dict[str, set[str]] = {}
+    takes = (*hook_arguments(hook),)
+    for name in hook.bind:
+        if name not in takes:
+            raise ValueError(
+                f"bind has {name!r}, which no function here takes; they take {', '.join(takes) or 'nothing'}"
+            )
     for argument in arguments_of(function):
         source = hook.bind.get(argument, argument)
         where = f"{field} {name_of(function)}, argument {argument!r}"
@@ -152,6 +166,12 @@ def _check_function(
         else:
             found[source] = roots_of(where, source, arm)
     return found
+
+
+def hook_arguments(hook: Any) -> list[str]:
+    """Arguments of all functions of a hook or a state, those of a hook's states included."""
+    values = [getattr(x, field.name) for x in (hook, *_states_of(hook)) for field in dataclasses.fields(x)]
+    return list(dict.fromkeys(a for f in values if callable(f) for a in arguments_of(f)))
 
 
 def _own(where: str, source: str, own: Own) -> None:

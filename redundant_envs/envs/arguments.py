@@ -23,10 +23,16 @@ Checked = tuple[parameters.Table | None, list[tuple[tuple[str, ...], NDArray[np.
 """What options of a reset set, all valid: parameters, and rows with their numbers."""
 
 
-def extensions(scene: Scene) -> list[str]:
-    """Parameters that tell how far the sliders extend."""
-    prismatic = scene.robot.prismatic
-    return [high for joint, (_, high) in scene.travel().items() if prismatic[joint]]
+def full_reach(scene: Scene, values: Mapping[str, Any]) -> Any:
+    """How far the stretched arm reaches, m: the sum of its extent, in the order of the compiled code."""
+    ends = {f"high{joint + 1}": high for joint, (_, high) in scene.travel().items()}
+    terms = [values[ends.get(name, name)] for name in scene.robot.extent]
+    return sum(terms[1:], terms[0])
+
+
+def _entries(scene: Scene, name: str) -> list[str]:
+    """Parameters behind a name; none if it is unknown, which is told later."""
+    return [p for p in scene.parameters() if p == name or p.startswith(f"{name}[")]
 
 
 class ResetOptions:
@@ -45,8 +51,10 @@ class ResetOptions:
                 raise ValueError(f"options has the unknown key {shown(key)}; valid: {', '.join(OPTION_KEYS)}")
         given = options.get("parameters")
         if self.episode.task.goal_conditioned and isinstance(given, Mapping):
+            fixed = {n for ends in self.scene.travel().values() for n in ends}
+            fixed |= {n for _, *ends in hard_stops(self.scene) for n in ends}
             names = [n for n in given if isinstance(n, str)]
-            moved = [n for n in names if n == "lengths" or n.startswith(("limit_spring.", "prismatic_stop."))]
+            moved = [n for n in names if n == "lengths" or fixed & set(_entries(self.scene, n))]
             if moved:
                 raise ValueError(
                     f"parameter is {moved[0]!r}; goal environments keep lengths and travel, because "
@@ -78,8 +86,7 @@ class ResetOptions:
         return values, writes
 
     def _check_goal(self, goal: NDArray[np.float64], values: parameters.Table) -> None:
-        lengths = [p for p in values if p[0] == "l" and p[1:].isdigit()]
-        reach = np.sum([values[p] for p in (*lengths, *extensions(self.scene))], axis=0)
+        reach = full_reach(self.scene, values)
         radius = np.linalg.norm(goal, axis=1)
         if (radius > reach).any():
             lane = int(np.argmax(radius - reach))

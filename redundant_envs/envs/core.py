@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium.utils import seeding
 from numpy.typing import ArrayLike, NDArray
 
-from redundant_envs.envs.arguments import Checked, ResetOptions, episode_limit, extensions
+from redundant_envs.envs.arguments import Checked, ResetOptions, episode_limit, full_reach
 from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.envs.registration import check_arm
 from redundant_envs.envs.single_lane import SingleLane
@@ -32,6 +32,7 @@ from redundant_envs.simulator.blocks import LANES
 from redundant_envs.simulator.environment import BEGUN, DUE, GOAL_FIELDS, TICKET, Autoreset, Operation
 from redundant_envs.simulator.episode import TABLES, TIP
 from redundant_envs.tasks import Task
+from redundant_envs.tasks.checks import check_task
 from redundant_envs.tasks.limits import hard_stops, narrowed, spring_limits
 from redundant_envs.values import whole_number
 
@@ -65,6 +66,7 @@ class Core:
                 "its effects need EffortLimits and its actuation must be 'joint'"
             )
         check_arm(env_id, self.scene.robot.kind)
+        check_task(task, self.scene)
         self.num_envs = num_envs
         self.threads = whole_number("threads", threads)
         self.simulator = environment_simulator(self.scene, self.task)
@@ -88,9 +90,7 @@ class Core:
         self._tickets = np.zeros((num_envs, TICKET), dtype=np.uint32)
         self.waiting = np.zeros(num_envs, dtype=np.bool_)  # keys drawn and not yet used
         self.obs_size = len(episode.observed)
-        self.reach = float(sum(arm.lengths)) + sum(
-            self.scene.parameters()[high] for high in extensions(self.scene)
-        )
+        self.reach = full_reach(self.scene, self.scene.parameters())
         self._connect()
 
     def _connect(self) -> None:
@@ -120,13 +120,11 @@ class Core:
 
     def start_ranges(self) -> list[tuple[float, float]]:
         """Range of the starts of each joint in the scene, inside its limits."""
-        values, angle = self.scene.parameters(), self.task.start_angle
+        values = {**self.scene.parameters(), **self.task.parameters()}
         ranges = []
-        for joint, prismatic in enumerate(self.scene.robot.prismatic):
-            ends = -angle, angle
-            if prismatic:
-                low, high = self.task.start_range(self.scene, joint)
-                ends = values[low], values[high]
+        for joint in range(len(self.scene.robot.joints)):
+            low, high = self.task.start_range(self.scene, joint)
+            ends = (_signed(values, low), _signed(values, high))
             for limited, lower, upper in (*spring_limits(self.scene), *hard_stops(self.scene)):
                 if limited == joint:
                     ends = narrowed(*ends, values[lower], values[upper])
@@ -313,7 +311,8 @@ class Core:
         """ValueError if :meth:`set_state` cannot take a state."""
         check_keys("state", state, STATE_KEYS, "get_state")
         check_facts("state", state["simulator"], self._facts)
-        finite = (*self.simulator.dynamics.states, *self.task.memory)
+        dynamics = self.simulator.dynamics
+        finite = (*dynamics.states, *dynamics.remembered, *self.task.memory)
         check_numbers("state", state, self.memory, self.task.parameters(), finite)
         for key, own in (("keys", self.keys), ("mask", self.mask), ("waiting", self.waiting)):
             check_array("state", key, state[key], own)
@@ -333,6 +332,11 @@ class Core:
             "fixed_geometry": self.fixed_geometry,
         }
         return simulator_facts(self.simulator, self.num_envs, more)
+
+
+def _signed(values: Mapping[str, float], text: str) -> float:
+    value = values[text.removeprefix("-")]
+    return -value if text.startswith("-") else value
 
 
 def _named(out: Outputs, prefix: str) -> dict[str, Any]:

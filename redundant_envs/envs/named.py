@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 from redundant_envs.envs.env import ArmEnv, GoalArmEnv
@@ -29,11 +30,15 @@ def __getattr__(name: str) -> type[Any]:
             f"module {__name__!r} has no class {name!r}; if it is of an arm or task of yours, import the "
             "module that registers it first"
         )
+    return _made(name, env_id, task, TASKS[task])  # type: ignore[arg-type]  # classes are hashable
+
+
+@functools.cache
+def _made(name: str, env_id: str, task: str, kind: type[Any]) -> type[Any]:
+    """The class, made anew if the task was loaded anew."""
     home: dict[str, Any] = {"__module__": __name__, "__qualname__": name, "env_id": env_id, "task_name": task}
-    single: type[Any] = GoalArmEnv if TASKS[task].goal_conditioned else ArmEnv
     if name.endswith("VectorEnv"):
-        made = type(name, (ArmVectorEnv,), {**home, "__doc__": f"Native vector form of {arm}{task}."})
-    else:
-        made = type(name, (single,), {**home, "__doc__": _Page()})
-    globals()[name] = made
-    return made
+        text = f"Native vector form of {name.removesuffix('VectorEnv')}."
+        return type(name, (ArmVectorEnv,), {**home, "__doc__": text})
+    single: type[Any] = GoalArmEnv if kind.goal_conditioned else ArmEnv
+    return type(name, (single,), {**home, "__doc__": _Page()})

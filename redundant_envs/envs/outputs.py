@@ -71,6 +71,6 @@ class Columns:
 
 def info_name(column: str, labels: Mapping[str, str]) -> str:
     """Name of a column in ``info``."""
-    if column.endswith("_term_sum"):
-        return f"return_{column.removesuffix('_term_sum')}"
+    if column.endswith("_sum") and column not in labels:
+        return f"return_{column.removesuffix('_sum').removesuffix('_term')}"
     return labels.get(column, column)

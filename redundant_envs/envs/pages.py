@@ -6,6 +6,7 @@ import dataclasses
 import inspect
 from typing import Any
 
+from redundant_envs.algebra import gives_of
 from redundant_envs.envs.registration import MAX_EPISODE_STEPS
 from redundant_envs.envs.vector_env import info_names
 from redundant_envs.scene import Scene, load_scene
@@ -43,8 +44,9 @@ def reward_table(scene: Scene, task: Task) -> str:
     rows = []
     for function in task.reward_functions(scene):
         formula = (function.__doc__ or "").partition("\n")[0]
-        name = function.__name__.removesuffix("_term")
-        rows.append((name, f"`{formula}`", f"`return_{name}`"))
+        for term in gives_of(function):
+            name = term.removesuffix("_term")
+            rows.append((name, f"`{formula}`", f"`return_{name}`"))
     return table(("Term", "Value per step", "Sum over the episode in info"), rows)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
     from redundant_envs.effects import Effect
     from redundant_envs.integrators.tableaus import Tableau
     from redundant_envs.robots import Arm
+    from redundant_envs.scene import Scene
     from redundant_envs.tasks import Task
 
 NAMESPACE = "redundant_envs"
@@ -60,9 +62,13 @@ def register() -> None:
     for arm, scene in SCENES.items():
         for task in TASKS:
             name = id_of(arm, task)
-            IDS[name] = Made(arm, task)
-            if name in gym.registry:
+            if IDS.setdefault(name, Made(arm, task)) != (arm, task):
+                raise ValueError(
+                    f"{name} is the id of {IDS[name]} already; call the arm or the task otherwise"
+                )
+            if name in gym.registry and gym.registry[name].kwargs.get("scene") == scene:
                 continue
+            gym.registry.pop(name, None)
             gym.register(
                 id=name,
                 entry_point=f"redundant_envs.envs.named:{arm}{task}Env",
@@ -89,8 +95,12 @@ def _add(what: str, registry: dict[str, Any], name: str, value: Any) -> None:
 
 
 def _check_name(what: str, name: Any) -> None:
-    if not isinstance(name, str) or not name.isidentifier() or not name.isascii():
-        raise ValueError(f"{what} is called {name!r}; give a name of letters and digits, as ids have")
+    word = isinstance(name, str) and name.isidentifier() and name.isascii()
+    if not word or name.endswith(("Vector", "Env")):
+        raise ValueError(
+            f"{what} is called {name!r}; give a name of letters and digits, as ids have, that does not end "
+            "with Vector or Env"
+        )
 
 
 def register_arm(arm: type[Arm], scene: Mapping[str, Any] | str | Path | None = None) -> None:
@@ -108,19 +118,46 @@ def register_arm(arm: type[Arm], scene: Mapping[str, Any] | str | Path | None = 
     ValueError
         If another arm has the name, or the scene is not one of this arm.
     """
-    from redundant_envs import robots
+    from redundant_envs import dialect, robots
     from redundant_envs.scene import load_scene
 
     if not (isinstance(arm, type) and issubclass(arm, robots.Arm)):
         raise ValueError(f"arm is {arm!r}; give a class derived from redundant_envs.Arm")
-    _check_name("the arm", arm.kind)
+    _check_name("the arm", getattr(arm, "kind", None))
+    for f in arm.functions:
+        dialect.check(f)
+    before, scenes = robots.REGISTRY.get(arm.kind), dict(SCENES)
     _add("the arm", robots.REGISTRY, arm.kind, arm)
-    if scene is not None:
-        kind = load_scene(scene).robot.kind
-        if kind != arm.kind:
-            raise ValueError(f"scene has the arm {kind}; give one with a robot of type {arm.kind}")
-        SCENES[arm.kind] = str(scene) if isinstance(scene, Path) else scene
-        register()
+    try:
+        if scene is not None:
+            _check_scene(load_scene(scene), arm.kind)
+            SCENES[arm.kind] = str(scene) if isinstance(scene, Path) else copy.deepcopy(scene)
+            register()
+    except ValueError:
+        SCENES.clear()
+        SCENES.update(scenes)
+        del robots.REGISTRY[arm.kind]
+        if before is not None:
+            robots.REGISTRY[arm.kind] = before
+        raise
+
+
+def _check_scene(scene: Scene, kind: str) -> None:
+    """ValueError unless a scene can be an environment of an arm."""
+    from redundant_envs.simulator.dynamics import Dynamics
+
+    if scene.robot.kind != kind:
+        raise ValueError(f"scene has the arm {scene.robot.kind}; give one with a robot of type {kind}")
+    if not scene.action_units() or scene.actuation != "joint":
+        raise ValueError(
+            "scene has no EffortLimits at joints, in whose units actions are; add them to its effects"
+        )
+    loose = [scene.robot.joints[k] for k in scene.robot.sliders() if k not in scene.travel()]
+    if loose:
+        raise ValueError(
+            f"scene leaves {', '.join(loose)} without limits; add a PrismaticStop with both ends"
+        )
+    Dynamics(scene).prepared  # noqa: B018 - it says what error control lacks
 
 
 def register_task(task: type[Task]) -> None:
@@ -154,6 +191,8 @@ def register_effect(effect: type[Effect]) -> None:
 
     if not (isinstance(effect, type) and issubclass(effect, effects.Effect)):
         raise ValueError(f"effect is {effect!r}; give a class derived from redundant_envs.effects.Effect")
+    if effect is effects.Effect:
+        raise ValueError("effect is the base of all effects; give a class derived from it")
     _add("the effect", effects.REGISTRY, effect.__name__, effect)
 
 

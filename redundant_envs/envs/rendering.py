@@ -191,7 +191,9 @@ def draw_links(
 
 
 def _direction(a: NDArray[np.float64], b: NDArray[np.float64]) -> Any:
-    return (b - a) / np.linalg.norm(b - a)
+    """From a to b, or along +x where these are one point."""
+    length = np.linalg.norm(b - a)
+    return (b - a) / length if length > 0.0 else np.array([1.0, 0.0])
 
 
 def _rail(canvas: Canvas, start: Any, along: Any, travel: tuple[float, float]) -> None:

@@ -140,8 +140,10 @@ class SB3VecEnv(LaneValues, VecEnv):
             self._see(out)
         columns = core.columns
         dones = columns.of(out, "terminated") | columns.of(out, "truncated")
-        success = columns.of(out, "is_success").tolist()
-        infos: list[dict[str, Any]] = [{"TimeLimit.truncated": False, "is_success": s} for s in success]
+        infos: list[dict[str, Any]] = [{"TimeLimit.truncated": False} for _ in range(self.num_envs)]
+        if "is_success" in core.task.metrics:
+            for info, success in zip(infos, columns.of(out, "is_success").tolist(), strict=True):
+                info["is_success"] = success
         observation = core.observation(obs, out, self.goal_conditioned)
         reward = columns.of(out, "reward")
         if self.goal_conditioned:

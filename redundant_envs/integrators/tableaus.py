@@ -37,13 +37,15 @@ class Tableau:
                 f"the tableau {self.name!r} has rows of {rows} numbers, {s} weights and {len(self.c)} nodes; "
                 "give as many rows and nodes as weights, row k (from 0) with at most k numbers"
             )
-        if self.name == "euler" or (self.error5 or self.error3):
+        if not isinstance(self.name, str) or not self.name.isidentifier():
+            raise ValueError(f"the tableau is called {self.name!r}; give a name of letters and digits")
+        if self.error5 or self.error3:
             raise ValueError(
                 f"the tableau {self.name!r} gives error weights; only methods of this package may"
             )
         for k, row in enumerate((*self.a, self.b)):
             wanted = 1.0 if k == s else self.c[k]
-            if not all(math.isfinite(x) for x in row) or abs(sum(row) - wanted) > 1e-12:
+            if not all(math.isfinite(x) for x in row) or not abs(sum(row) - wanted) <= 1e-12:
                 what = "weights" if k == s else f"row {k}"
                 raise ValueError(
                     f"the {what} of the tableau {self.name!r} sum to {sum(row)!r}; give {wanted!r}"

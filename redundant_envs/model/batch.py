@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from redundant_envs.effects.hooks import Impact
 from redundant_envs.model import parameters
 from redundant_envs.model.memory import Memory
 from redundant_envs.model.programs import Team, batch_simulator
@@ -223,7 +224,10 @@ class BatchSimulator:
         present = self._memory.read(self.scene.robot.coordinates, lanes)
         parameters.check_stops(self.scene, self._memory, lanes, present, given)
         parameters.write(self.scene, self._memory, lanes, given)
-        if any(name.startswith("prismatic_stop.") for name in values):
+        stops = {
+            e.key for e in self.scene.effects for h in e.hooks(self.scene.robot) if isinstance(h, Impact)
+        }
+        if any(name.startswith(f"{key}.") for key in stops for name in values):
             self._memory.forget(lanes)  # a stop that holds a slider may be gone
 
     def save(self) -> dict[str, Any]:

@@ -15,8 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.algebra import gives_of, numbered
 from redundant_envs.extras import needs
-from redundant_envs.quantities import Quantities, givers_of
+from redundant_envs.quantities import Quantities
 from redundant_envs.robots import derived
+from redundant_envs.robots.checks import check_joints, check_quantities
 from redundant_envs.robots.parameters import positive_numbers
 from redundant_envs.values import shown
 
@@ -51,6 +52,8 @@ class Arm:
     masses: tuple[float, ...]
     lengths: tuple[float, ...]
 
+    _derived: ClassVar[frozenset[str]] = frozenset()
+    """Names of what the class has without having said it."""
     kind: ClassVar[str]
     """Name of the arm in scene files: that of the class, unless it says otherwise."""
     num_masses: ClassVar[int]
@@ -93,6 +96,7 @@ class Arm:
         if "functions" not in cls.__dict__:
             return
         own = vars(cls)
+        check_joints(cls)
         for name in (
             "column_norms",
             "mobility_bounds",
@@ -102,14 +106,18 @@ class Arm:
         ):
             if callable(own.get(name)) and not isinstance(own[name], staticmethod):
                 setattr(cls, name, staticmethod(own[name]))
-        for name, value in _defaults(cls).items():
+        said = {name for base in cls.__mro__[:-2] for name in vars(base)} - cls._derived
+        made = {name: value for name, value in _defaults(cls).items() if name not in said or name == "kind"}
+        for name, value in made.items():
             if name not in own:
                 setattr(cls, name, value)
+        cls._derived = cls._derived | frozenset(made)
         given = {name for f in cls.functions for name in gives_of(f)}
         n = len(cls.coordinates)
         if "phi1" not in given:
             cls.functions += tuple(derived.joint_coordinates(cls.coordinates, cls.rates))
             if "coordinates_of_joints" not in own:
+                cls._derived |= {"coordinates_of_joints"}
                 cls.coordinates_of_joints = staticmethod(derived.coordinates_of_joints(cls.coordinates))
         for name, function in (
             ("tip_x", derived.tip(cls.num_masses)),
@@ -120,7 +128,7 @@ class Arm:
             ("qdd1", derived.forward_dynamics(n)),
         ):
             cls.functions += () if name in given else (function,)
-        _check(cls)
+        check_quantities(cls)
 
     def __post_init__(self) -> None:
         masses = positive_numbers("masses", self.masses, self.num_masses, "kg")
@@ -315,24 +323,3 @@ def _defaults(arm: type[Arm]) -> dict[str, Any]:
         made["held_dynamics"] = staticmethod(derived.held_dynamics(n, sliders))
         made["slider_mobility"] = staticmethod(derived.slider_mobility(n, sliders))
     return made
-
-
-def _check(arm: type[Arm]) -> None:
-    """ValueError unless an arm gives what it must, once, and as often as it has joints."""
-    n = len(arm.coordinates)
-    for name in ("rates", "joints", "prismatic"):
-        count = len(getattr(arm, name))
-        if count != n:
-            raise ValueError(f"{arm.kind}.{name} has {count} entries; its coordinates are {n}: give as many")
-    if not hasattr(arm, "coordinates_of_joints"):
-        raise ValueError(f"{arm.kind} gives phi1 and no coordinates_of_joints; give that function too")
-    names = givers_of(tuple(arm.functions))
-    required = [
-        *(f"{axis}{k + 1}" for k in range(arm.num_masses) for axis in "xy"), "tip_x", "tip_y",
-        *(f"J{i}{j + 1}" for i in (1, 2) for j in range(n)), "Jdqd1", "Jdqd2",
-        *(f"M{i + 1}{j + 1}" for i in range(n) for j in range(n)),
-        *(form.format(k + 1) for form in ("h{}", "G{}", "phi{}", "phid{}", "Q{}", "qdd{}") for k in range(n)),
-    ]  # fmt: skip
-    missing = [name for name in required if name not in names]
-    if missing:
-        raise ValueError(f"{arm.kind} gives no {', '.join(missing[:8])}; add functions that do")

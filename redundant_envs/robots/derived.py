@@ -72,6 +72,8 @@ def manipulability(n: int) -> Function:
     def manipulability(*jacobian):
         """sqrt(det J J^T), a sum of squares by the theorem of Binet and Cauchy."""
         x, y = jacobian[:n], jacobian[n:]
+        if n == 1:
+            return 0.0
         minors = [x[i] * y[j] - x[j] * y[i] for i, j in itertools.combinations(range(n), 2)]
         return sqrt(_dot(minors, minors))
 

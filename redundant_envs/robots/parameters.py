@@ -110,7 +110,7 @@ def positive_numbers(field: str, values: Any, count: int, unit: str) -> tuple[fl
                 f"{field}[{i}] is {x} {unit}; it must lie in {SMALLEST} to {LARGEST}: choose units "
                 "in which it does"
             )
-    if max(xs) > LARGEST_RATIO * min(xs):
+    if xs and max(xs) > LARGEST_RATIO * min(xs):
         raise ValueError(
             f"{field} spans a ratio of {max(xs) / min(xs):.1e}; at most {LARGEST_RATIO:.0e} "
             "is supported in float64: raise the smallest or lower the largest"

@@ -27,7 +27,7 @@ def advance_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:
 
     def end(lane: Lane) -> dict[Any, Any]:
         interval.renew(lane)
-        motion = lane.get(dynamics.states[: 2 * dynamics.count])
+        motion = lane.get((*dynamics.states[: 2 * dynamics.count], *dynamics.effect_states))
         defect = reduce(lambda total, x: total + 0.0 * x, motion[1:], 0.0 * motion[0])
         told: dict[str, Any] = {}
         fault: Any = 0.0

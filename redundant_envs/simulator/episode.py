@@ -191,7 +191,7 @@ class Episode:
         """
         interval, task, states = self.interval, self.task, self.dynamics.states
         interval.renew(lane)
-        defect = interval.defect(lane.get(states))
+        defect = interval.defect(lane.get((*states, *self.dynamics.remembered)))
         code = lane.numerics + where(defect == 0.0, 0.0, float(Fault.NON_FINITE))
         if interval.local:
             code = code + where(lane.fault >= GIVEN_UP, lane.fault, 0.0)

@@ -32,6 +32,7 @@ def active_stop(slider: str) -> str:
 def contact_quantities(dynamics: Dynamics, states: Sequence[Any], numbers: dict[str, Any]) -> Quantities:
     """Quantities while sliders rest at their stops, accelerations among them."""
     x = dynamics.quantities(states, numbers, held=True)
+    x.update({f"held{k + 1}": 0.0 for k in dynamics.arm.sliders()})
     for stop in dynamics.stops:
         x[f"held{stop.joint + 1}"] = abs(numbers[active_stop(stop.name)])
     return x

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.model.energy import kinetic_energy, potential_energy
 from redundant_envs.scene import Scene
+from redundant_envs.studies.arm_equations import arm_faults
 from redundant_envs.studies.conservation import Book, Potential, energy_book, potentials
 
 FINE, FINER = 16, 32
@@ -37,6 +38,7 @@ class Verification:
     inverse : largest residual of inverse(forward) dynamics, relative
     missed : share of states whose tip error is above the scene's tolerance without a flag; None
         for a scene without a tolerance
+    equations : what contradicts the point masses in the equations of the arm
     potentials : every effect that has a potential, against its force
     book : kinetic + potential - work of the interval, with steps of dop853
     """
@@ -46,6 +48,7 @@ class Verification:
     energy: float
     inverse: float
     missed: float | None
+    equations: tuple[str, ...]
     potentials: tuple[Potential, ...]
     book: Book
 
@@ -56,8 +59,8 @@ class Verification:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """What is wrong with the scene's effects: no step is fine enough to mend it."""
-        faults = (*(p.fault for p in self.potentials), self.book.fault)
+        """What is wrong with the scene's arm and effects: no step is fine enough to mend it."""
+        faults = (*self.equations, *(p.fault for p in self.potentials), self.book.fault)
         return tuple(fault for fault in faults if fault)
 
     @property
@@ -137,6 +140,7 @@ def verify(scene: Scene, count: int = 1024, seed: int = 0) -> Verification:
         reference=float(np.linalg.norm(tips[1] - tips[2], axis=1).max()),
         energy=float(np.quantile(book, 0.99)),
         missed=None if scene.tolerance is None else float(np.mean((error > scene.tolerance) & (own[3] == 0))),
+        equations=arm_faults(arm, q, qd),
         potentials=potentials(scene, random_states(scene, count, seed, BEYOND)[0]),
         book=energy_book(scene, q, qd, efforts),
         inverse=float((np.abs(back - forces).max(axis=1) / np.abs(forces).max(axis=1)).max()),

@@ -1,0 +1,82 @@
+"""Does an arm say what it must? Looked at when its class is made."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from redundant_envs.algebra import gives_of, numbered
+from redundant_envs.quantities import Quantities, givers_of
+
+MOST_JOINTS = 10
+"""With more M111 is an entry of two places."""
+OWN_NAMES = re.compile(
+    r"(m|l|t|Q|G|h|n|x|y|phi|phid|qdd|command|action|held|hold|low|high|u|draw)\d+|tip_v?[xy]|manipulability|Jdqd\d|[JMCW]\d{2,3}|a[xy]"
+)
+"""Names of the quantities that every arm has."""
+OF_LANES = ("h", "interval", "work", "error", "fault", "limit", "steps", "reach", "U", "T", "Lz")
+
+
+def check_joints(arm: Any) -> None:
+    """ValueError unless an arm names its coordinates, rates and joints, each once."""
+    for name in ("num_lengths", "coordinates", "rates", "joints", "prismatic", "sincos"):
+        if not hasattr(arm, name):
+            raise ValueError(f"{arm.__name__} lacks {name}; give it (see redundant_envs.Arm)")
+    n = len(arm.coordinates)
+    if not 1 <= n <= MOST_JOINTS:
+        raise ValueError(f"{arm.__name__} has {n} coordinates; give 1 to {MOST_JOINTS}")
+    for name in ("rates", "joints", "prismatic"):
+        count = len(getattr(arm, name))
+        if count != n:
+            raise ValueError(
+                f"{arm.__name__}.{name} has {count} entries; its coordinates are {n}: give as many"
+            )
+    if not all(isinstance(slides, bool) for slides in arm.prismatic):
+        raise ValueError(f"{arm.__name__}.prismatic is {arm.prismatic!r}; give True or False for each joint")
+    if len(set(arm.joints)) < n:
+        raise ValueError(f"{arm.__name__}.joints is {arm.joints!r}; give each joint a name of its own")
+    for f in arm.functions:
+        if not hasattr(f, "physics_gives"):
+            raise ValueError(f"{arm.__name__}.functions has {f!r:.60}; mark it, write @physics above")
+    taken = {name for f in arm.functions for name in gives_of(f)}
+    taken |= {name for pair in arm.sincos.values() for name in pair}
+    names = [*arm.coordinates, *arm.rates]
+    for name in names:
+        own = not isinstance(name, str) or not name.isidentifier() or OWN_NAMES.fullmatch(name)
+        if own or name in taken or name in OF_LANES or names.count(name) > 1:
+            raise ValueError(
+                f"{arm.__name__} calls a coordinate or a rate {name!r}, which is the name of something else; "
+                "rename it"
+            )
+
+
+def check_quantities(arm: Any) -> None:
+    """ValueError unless an arm gives what it must, and its sliders move along coordinates of their own."""
+    n = len(arm.coordinates)
+    if not hasattr(arm, "coordinates_of_joints"):
+        raise ValueError(f"{arm.kind} gives phi1 and no coordinates_of_joints; give that function too")
+    names = givers_of(tuple(arm.functions))
+    required = [
+        *(f"{axis}{k + 1}" for k in range(arm.num_masses) for axis in "xy"), "tip_x", "tip_y",
+        *(f"J{i}{j + 1}" for i in (1, 2) for j in range(n)), "Jdqd1", "Jdqd2",
+        *(f"M{i + 1}{j + 1}" for i in range(n) for j in range(n)),
+        *(form.format(k + 1) for form in ("h{}", "G{}", "phi{}", "phid{}", "Q{}", "qdd{}") for k in range(n)),
+    ]  # fmt: skip
+    missing = [name for name in required if name not in names]
+    if missing:
+        raise ValueError(f"{arm.kind} gives no {', '.join(missing[:8])}; add functions that do")
+    known = {f"high{k + 1}" for k, slides in enumerate(arm.prismatic) if slides}
+    known |= set(numbered("l{}", arm.num_lengths))
+    for name in arm.extent:
+        if name not in known:
+            raise ValueError(f"{arm.kind}.extent has {name!r}; choose {', '.join(sorted(known))}")
+    places = {name: 0.3 + 0.17 * k for k, name in enumerate(arm.coordinates)}
+    lengths = {f"l{k + 1}": 0.7 + 0.1 * k for k in range(arm.num_lengths)}
+    x = Quantities({**places, **lengths}, tuple(arm.functions), arm.sincos)
+    for k, slides in enumerate(arm.prismatic):
+        if slides and x[f"phi{k + 1}"] != places[arm.coordinates[k]]:
+            raise ValueError(
+                f"the slider {arm.joints[k]!r} of {arm.kind} is not at coordinate {k + 1}, "
+                f"{arm.coordinates[k]!r}; use the position of a slider on its link as its coordinate: there "
+                "its stops act"
+            )
