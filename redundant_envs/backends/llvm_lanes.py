@@ -123,7 +123,10 @@ class EmittedStages:
 
     def __init__(self, stages: Stages, caller: ir.Function, spaces: dict[str, Any], ordered: bool) -> None:
         self.stages = stages
-        self.spaces = spaces
+        # Pointers that no part reads by would take registers from those that all read by.
+        values = [v for p in stages.parts.values() for v in (*p.returned, *(v for _, _, v in p.stores))]
+        read = {n.extra[0] for n in reached(values) if n.name == "load"}
+        self.spaces = {name: base for name, base in spaces.items() if name in read}
         self.returned = ir.LiteralStructType([BLOCK] * len(stages.returned))
         self.functions = {
             name: self._function(caller, name, part, ordered) for name, part in stages.parts.items()

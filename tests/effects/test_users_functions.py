@@ -103,7 +103,7 @@ def test_a_constant_is_that_of_the_time_when_the_simulator_is_made():
 
 def test_a_force_may_be_a_constant():
     assert acts_as(physics(lambda x: 3), 3.0)
-    assert acts_as(physics(lambda: -2.5), -2.5)
+    assert acts_as(physics(lambda x: -2.5), -2.5)
 
 
 def test_marked_functions_may_be_written_inside_a_function():
