@@ -168,7 +168,7 @@ class Team:
 
     def _start(self) -> None:
         """Threads belong to a process: one that was forked off starts its own."""
-        self._pool = ThreadPoolExecutor(len(self.parts)) if len(self.parts) > 1 else None
+        self._pool = ThreadPoolExecutor(len(self.parts) - 1) if len(self.parts) > 1 else None
         self._process = os.getpid()
 
     def __call__(self) -> None:
@@ -179,5 +179,7 @@ class Team:
             return
         if self._process != os.getpid():
             self._start()
-        for job in [self._pool.submit(part) for part in self.parts]:
+        jobs = [self._pool.submit(part) for part in self.parts[1:]]
+        self.parts[0]()  # the thread that asks works, too
+        for job in jobs:
             job.result()
