@@ -81,8 +81,8 @@ class Blocks:
 
     @property
     def scratch_size(self) -> int:
-        """Numbers of the scratch memory: of a group of blocks, and of slots with states and parameters."""
-        group = GROUP if self.interval.local else 1
+        """Numbers of the scratch memory: of two groups of blocks, and of slots with states and parameters."""
+        group = 2 * GROUP if self.interval.local else 1
         slots = self.width(STATE) + self.width(SCRATCH) + self.width(PARAMETER)
         return group * self.width(SCRATCH) + (slots if self.interval.local else 0)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -21,7 +21,7 @@ class Slots:
         self.blocks, self.p, self.interval = blocks, blocks.p, blocks.interval
         self.layout = blocks.layout
         self.begin, self.inputs, self.ends = ends.begin, ends.inputs, ends
-        p, group = self.p, GROUP * blocks.width(SCRATCH)
+        p, group = self.p, 2 * GROUP * blocks.width(SCRATCH)
         slots = p["scratch"] + group
         self.slots = {
             str(STATE): slots,
@@ -34,29 +34,45 @@ class Slots:
         self.waiting = p["queue"] + 0
         self.homes = p["queue"] + GROUP * LANES
         self.head, self.tail, self.busy = p.variable(0), p.variable(0), p.variable(0)
-        self.free = p.variable(0)
+        self.free = p.variable(255)
+        self.before = p.variable(0)
+        """Busy slots with lanes of the group before."""
 
     def finish(self, block: Block) -> None:
         """The lanes of a block have crossed the interval."""
         self.p.call(self.ended, **block.places, **self.ends.outputs(block))
         self.ends.finish(block)
 
+    def block(self, number: Scalar) -> Block:
+        """A block; two groups have scratch memories at the same time."""
+        return self.blocks.block(number, number & (2 * GROUP - 1))
+
     def advance(self) -> None:
-        p, interval = self.p, self.interval
+        p, interval, count = self.p, self.interval, self.blocks.count
         self.trace()
-        with p.each((self.blocks.count + (GROUP - 1)) >> 6) as group:
-            first = group * GROUP
-            end = p.select(first + GROUP < self.blocks.count, first + GROUP, self.blocks.count)
-            if not interval.repeated:
-                self.group(first, end)
-            else:
+        groups = (count + (GROUP - 1)) >> 6
+        if interval.repeated:
+            with p.each(groups) as group:
+                first = group * GROUP
+                end = p.select(first + GROUP < count, first + GROUP, count)
                 with p.each(end, start=first) as number:
-                    block = self.blocks.block(number, number - first)
-                    self.blocks.call_with_tables(self.cleared, block, self.inputs)
+                    self.blocks.call_with_tables(self.cleared, self.block(number), self.inputs)
                 with p.each(p["substeps"]):
                     self.group(first, end)
-            with p.each(end, start=first) as number:
-                self.finish(self.blocks.block(number, number - first))
+                    self.run(first, lambda: self.busy.value > 0)
+                with p.each(end, start=first) as number:
+                    self.finish(self.block(number))
+            return
+        # Slots never wait for the last lanes of a group: these go on beside those of the next one.
+        with p.each(groups + 1) as group:
+            first = group * GROUP
+            end = p.select(first + GROUP < count, first + GROUP, count)
+            self.before.value = self.busy.value
+            self.group(first, end)
+            self.run(first, lambda: self.before.value > 0)
+            start = p.select(group > 0, first - GROUP, 0)
+            with p.each(p.select(first < count, first, count), start=start) as number:
+                self.finish(self.block(number))
 
     def trace(self) -> None:
         """The functions of blocks, and those of slots."""
@@ -91,12 +107,11 @@ class Slots:
         self.of_blocks, self.of_slots = of_blocks, of_slots
 
     def group(self, first: Scalar, end: Scalar) -> None:
-        """A common step of a group of blocks, and the steps of their own of the lanes it does not serve."""
+        """A common step of a group of blocks; lanes that it does not serve wait for a slot."""
         p, blocks = self.p, self.blocks
-        self.head.value = self.tail.value = self.busy.value = 0
-        self.free.value = 255
+        self.head.value = self.tail.value = 0
         with p.each(end, start=first) as number:
-            block = blocks.block(number, number - first)
+            block = self.block(number)
             inputs = {} if self.interval.repeated else self.inputs
             blocks.call_with_tables(self.started, block, inputs)
             self.common_step(block)
@@ -105,11 +120,15 @@ class Slots:
             with p.each_set(leaving) as lane:
                 p.store(self.waiting, self.tail.value, block.first + lane)
                 self.tail.value = self.tail.value + 1
-        with p.loop_while(lambda: (self.head.value < self.tail.value) | (self.busy.value > 0)):
+
+    def run(self, first: Scalar, busy: Callable[[], Scalar]) -> None:
+        """Trial steps in the slots as long as lanes wait for one, or some are still ``busy``."""
+        p = self.p
+        with p.loop_while(lambda: (self.head.value < self.tail.value) | busy()):
             with p.each_set(self.free.value) as slot, p.when(self.head.value < self.tail.value):
-                self.take(slot, first)
+                self.take(slot)
             self.trial()
-            complete = blocks.mask(self.slots, "complete")
+            complete = self.blocks.mask(self.slots, "complete")
             with p.each_set(complete) as slot:
                 self.leave(slot, first)
 
@@ -192,9 +211,8 @@ class Slots:
             if place in written and (place[0] == STATE or place in read)
         ]
 
-    def _home(self, lane: Scalar, first: Scalar) -> tuple[Block, Scalar]:
-        number = lane >> 3
-        return self.blocks.block(number, number - first), lane & (LANES - 1)
+    def _home(self, lane: Scalar) -> tuple[Block, Scalar]:
+        return self.block(lane >> 3), lane & (LANES - 1)
 
     def _copy(self, names: Sequence[str], goal: Any, goal_lane: Any, source: Any, source_lane: Any) -> None:
         for name in names:
@@ -206,7 +224,7 @@ class Slots:
         space, row = self.layout.place(name)
         self.p.store(self.slots[space], slot + row * LANES, value)
 
-    def take(self, slot: Scalar, first: Scalar) -> None:
+    def take(self, slot: Scalar) -> None:
         """A lane that waits goes into a free slot."""
         p = self.p
         lane = p.load(self.waiting, self.head.value)
@@ -214,7 +232,7 @@ class Slots:
         self.busy.value = self.busy.value + 1
         self.free.value = self.free.value & ~p.record("<<", 1, slot)
         p.store(self.homes, slot, lane)
-        home, k = self._home(lane, first)
+        home, k = self._home(lane)
         self._copy(self.carried_in, self.slots, slot, home.places, k)
         with p.when(~self.shared):
             numbers = [n for n, f in self.layout.fields.items() if f.lifetime is PARAMETER]
@@ -222,12 +240,13 @@ class Slots:
         self._set(slot, "entered", 1.0)
 
     def leave(self, slot: Scalar, first: Scalar) -> None:
-        """A lane that has crossed its interval goes home."""
+        """A lane that has crossed its interval goes home; ``first`` is the present group's first block."""
         p = self.p
         lane = p.load(self.homes, slot)
         self.busy.value = self.busy.value - 1
+        self.before.value = self.before.value - p.select((lane >> 3) < first, 1, 0)
         self.free.value = self.free.value | p.record("<<", 1, slot)
-        home, k = self._home(lane, first)
+        home, k = self._home(lane)
         self._copy(self.carried_out, home.places, k, self.slots, slot)
         self._set(slot, "phase", 0.0)
         self._set(slot, "complete", 0.0)
