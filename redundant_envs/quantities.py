@@ -11,7 +11,7 @@ from redundant_envs.algebra import arguments_of, gives_of, sincos
 Function = Callable[..., Any]
 
 
-@functools.cache
+@functools.lru_cache(maxsize=256)
 def givers_of(functions: tuple[Function, ...]) -> dict[str, Function]:
     """Which function gives a quantity; ValueError if two do."""
     givers: dict[str, Function] = {}

@@ -38,3 +38,7 @@ def run(scene, q, qd, u, steps=5, **kwargs):
     for _ in range(steps):
         status = batch.advance(u)
     return np.concatenate([batch.q, batch.qd], axis=1), status
+
+
+OWN_IDS = [f"redundant_envs/{arm}{task}-v0" for arm in ("RPRP", "FourR") for task in ("Reach", "GoalReach")]
+"""Ids of this package: tests may have registered more."""

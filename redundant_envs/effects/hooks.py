@@ -152,7 +152,7 @@ class Effect:
         count, wide = len(arm.joints), {}
         for name in self.of_joints:
             value = getattr(self, name)
-            wide[name] = value if isinstance(value, tuple) else (value,) * count
+            wide[name] = tuple(value) if hasattr(value, "__len__") else (value,) * count
             if len(wide[name]) != count:
                 raise ValueError(
                     f"{type(self).__name__}.{name} has {len(value)} entries; {arm.kind} has {count} joints: "

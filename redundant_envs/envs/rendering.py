@@ -164,19 +164,22 @@ def lane_arm(core: Core, lane: NDArray[np.intp]) -> Any:
 
 
 def draw_links(
-    canvas: Canvas, arm: Arm, points: NDArray[np.float64], travel: Mapping[int, tuple[float, float]]
+    canvas: Canvas, arm: Arm, q: NDArray[np.float64], travel: Mapping[int, tuple[float, float]]
 ) -> None:
     """The links of an arm between its point masses; a slider's rail spans its ``travel`` [m]."""
+    points = arm.points(q)
     ends = [np.zeros(2), *points]
+    along = {k: (arm.points(q + np.eye(len(q))[k]) - points)[k] for k in arm.sliders()}
     link = -1
     for k, slides in enumerate(arm.prismatic):
         link += not slides
         color = LINKS[k % len(LINKS)]
-        if k + 1 in travel and k + 1 < len(arm.joints) and arm.prismatic[k + 1]:
-            _rail(canvas, ends[k + 1], _direction(ends[k], ends[k + 1]), travel[k + 1])
+        if k + 1 in along and k + 1 in travel:
+            _rail(canvas, ends[k + 2] - q[k + 1] * along[k + 1], along[k + 1], travel[k + 1])
         if slides:
-            along = _direction(ends[k - 1], ends[k]) if k else np.array([1.0, 0.0])
-            across = 7.0 / canvas.scale * along
+            if k == 0 and k in travel:
+                _rail(canvas, ends[1] - q[0] * along[0], along[0], travel[0])
+            across = 7.0 / canvas.scale * along[k]
             canvas.capsule(ends[k], ends[k + 1], max(8.0 - 2.0 * link, 4.0), color)
             carriage = max(13.0 - 2.0 * link, 7.0)
             canvas.capsule(
@@ -188,12 +191,6 @@ def draw_links(
     for k, slides in enumerate(arm.prismatic):
         if not slides:
             canvas.disc(ends[k], 4.5, JOINT)
-
-
-def _direction(a: NDArray[np.float64], b: NDArray[np.float64]) -> Any:
-    """From a to b, or along +x where these are one point."""
-    length = np.linalg.norm(b - a)
-    return (b - a) / length if length > 0.0 else np.array([1.0, 0.0])
 
 
 def _rail(canvas: Canvas, start: Any, along: Any, travel: tuple[float, float]) -> None:
@@ -251,7 +248,6 @@ class Renderer:
         q = core.memory.read(arm.coordinates, index)[0]
         steps, *efforts = core.memory.read(("steps", *core.actions), index)[0]
         own_arm = lane_arm(core, index)
-        points = own_arm.points(q)
         tip = own_arm.forward_kinematics(q)
         self._catch_up(lane, float(steps), tip)
 
@@ -263,7 +259,7 @@ class Renderer:
             canvas.disc(goal, radius + 9.0, GOAL, alpha=0.18)
             canvas.disc(goal, max(radius, 3.0), GOAL)
         canvas.trail(self.trail(lane), 3.0, TRAIL, faint=0.15, strong=0.9)
-        draw_links(canvas, own_arm, points, self._travel(index))
+        draw_links(canvas, own_arm, q, self._travel(index))
         canvas.disc(base, 9.0, JOINT)
         canvas.disc(base, 4.0, BACKGROUND)
         canvas.disc(tip, 5.0, TRAIL)

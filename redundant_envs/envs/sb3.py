@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import importlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -234,13 +235,16 @@ def make_sb3(env_id: str, num_envs: int = 256, **kwargs: Any) -> SB3VecEnv:
     Parameters
     ----------
     env_id : str
-        A registered id, with or without the namespace.
+        A registered id, with or without the namespace; "module:id" imports the module that registers it.
     num_envs : int
     **kwargs
         Those of ``gymnasium.make``: scene, accuracy, task, on_bad_action, render_mode,
         max_episode_steps; and threads, over blocks of 8 environments.
     """
-    full = env_id if "/" in env_id else f"redundant_envs/{env_id}"
+    module, _, name = env_id.rpartition(":")
+    if module:
+        importlib.import_module(module)
+    full = name if "/" in name else f"redundant_envs/{name}"
     if full not in ids():
         raise ValueError(f"env_id is {env_id!r}; valid: {', '.join(ids())}")
     num_envs = whole_number("num_envs", num_envs)

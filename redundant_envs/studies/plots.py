@@ -119,7 +119,7 @@ def arm_picture(
     base = np.zeros(2)
     canvas = Canvas(half_width)
     canvas.trail(trail, 3.0, TRAIL, faint=0.1, strong=0.8)
-    draw_links(canvas, arm, points, stated_limits(run.scene))
+    draw_links(canvas, arm, q, stated_limits(run.scene))
     for mass, point in zip(arm.masses, points, strict=True):
         # The area of a disc shows the mass of the point.
         canvas.disc(point, 9.0 * np.sqrt(mass / max(arm.masses)), JOINT)

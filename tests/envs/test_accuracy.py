@@ -3,9 +3,9 @@
 import gymnasium as gym
 import numpy as np
 import pytest
+from small_scenes import OWN_IDS
 
 import redundant_envs as rde
-from redundant_envs.envs.registration import ids
 
 ENVIRONMENT = "redundant_envs/FourRReach-v0"
 
@@ -18,7 +18,7 @@ def drive(env, steps=20):
     return env.unwrapped.core.memory.read(env.unwrapped.core.scene.robot.coordinates), info
 
 
-@pytest.mark.parametrize("env_id", ids())
+@pytest.mark.parametrize("env_id", OWN_IDS)
 def test_every_environment_is_simulated_to_a_micrometre(env_id):
     assert gym.make(env_id).unwrapped.core.scene.tolerance == 1e-6
 

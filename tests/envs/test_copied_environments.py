@@ -9,11 +9,11 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.wrappers import FlattenObservation, TransformReward
+from small_scenes import OWN_IDS
 from stable_baselines3.common.callbacks import EvalCallback
 from stable_baselines3.common.vec_env import VecNormalize
 
 import redundant_envs as rde
-from redundant_envs.envs.registration import ids
 
 WAYS = {
     "deepcopy": copy.deepcopy,
@@ -21,7 +21,7 @@ WAYS = {
     "cloudpickle": lambda x: cloudpickle.loads(cloudpickle.dumps(x)),
 }
 every_way = pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
-every_id = pytest.mark.parametrize("env_id", ids())
+every_id = pytest.mark.parametrize("env_id", OWN_IDS)
 MODES = ("next_step", "same_step", "disabled")
 COUNT = 11
 STEPS = 6

@@ -5,14 +5,14 @@ import itertools
 import gymnasium as gym
 import numpy as np
 import pytest
+from small_scenes import OWN_IDS
 
 import redundant_envs as rde
 from agents.rollout import expert_act
-from redundant_envs.envs.registration import ids
 
 LANES = 128
-every_id = pytest.mark.parametrize("env_id", ids())
-goal_ids = pytest.mark.parametrize("env_id", [i for i in ids() if "Goal" in i])
+every_id = pytest.mark.parametrize("env_id", OWN_IDS)
+goal_ids = pytest.mark.parametrize("env_id", [i for i in OWN_IDS if "Goal" in i])
 SIGNS = np.array(list(itertools.product((-1.0, 1.0), repeat=4)), np.float32)
 
 
@@ -57,7 +57,7 @@ def check(env_id, policies, **kwargs):
 
 
 @pytest.mark.parametrize(
-    "env_id", [i if "RPRP" in i else pytest.param(i, marks=pytest.mark.long) for i in ids()]
+    "env_id", [i if "RPRP" in i else pytest.param(i, marks=pytest.mark.long) for i in OWN_IDS]
 )
 def test_constant_full_efforts_gain_nothing_by_ending_early(env_id):
     policies = [lambda obs, core, step, a=a: np.tile(a, (LANES, 1)) for a in SIGNS]
@@ -83,7 +83,7 @@ def test_bang_bang_search_finds_no_gain_in_ending_early(env_id, case):
     assert ends > 0 or "Goal" in env_id or case == "as it is"
 
 
-@pytest.mark.parametrize("env_id", [i for i in ids() if "Goal" not in i])
+@pytest.mark.parametrize("env_id", [i for i in OWN_IDS if "Goal" not in i])
 def test_an_early_end_takes_back_what_was_paid_and_says_so(env_id):
     env = gym.make(env_id)
     env.reset(seed=0)
@@ -103,7 +103,7 @@ def test_an_early_end_takes_back_what_was_paid_and_says_so(env_id):
     assert info["return_end"] == 0.0
 
 
-@pytest.mark.parametrize("env_id", [i for i in ids() if "Goal" not in i])
+@pytest.mark.parametrize("env_id", [i for i in OWN_IDS if "Goal" not in i])
 def test_every_reward_term_lies_between_nothing_and_its_weight(env_id):
     env = gym.make_vec(env_id, num_envs=64)
     env.reset(seed=0)

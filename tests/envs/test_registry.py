@@ -11,10 +11,10 @@ import pytest
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
+from small_scenes import OWN_IDS
 from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
 import redundant_envs as rde
-from redundant_envs.envs.registration import ids
 
 MODES = ("next_step", "same_step", "disabled")
 
@@ -24,7 +24,7 @@ def scene_of(env_id, other=False):
     return "rprp_reach" if ("RPRP" in env_id) != other else "four_r_reach"
 
 
-every_id = pytest.mark.parametrize("env_id", ids())
+every_id = pytest.mark.parametrize("env_id", OWN_IDS)
 
 
 def test_the_ids_are_those_promised():

@@ -8,12 +8,12 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.error import DependencyNotInstalled
+from small_scenes import OWN_IDS
 
 import redundant_envs as rde
-from redundant_envs.envs.registration import ids
 from redundant_envs.envs.rendering import TRAIL, TRAIL_LENGTH, Canvas, from_segment
 
-every_id = pytest.mark.parametrize("env_id", ids())
+every_id = pytest.mark.parametrize("env_id", OWN_IDS)
 
 
 def actions(steps, n):

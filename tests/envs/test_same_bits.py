@@ -3,12 +3,12 @@
 import gymnasium as gym
 import numpy as np
 import pytest
+from small_scenes import OWN_IDS
 
 import redundant_envs as rde
-from redundant_envs.envs.registration import ids
 
-every_id = pytest.mark.parametrize("env_id", ids())
-plain_id = pytest.mark.parametrize("env_id", [i for i in ids() if "Goal" not in i])
+every_id = pytest.mark.parametrize("env_id", OWN_IDS)
+plain_id = pytest.mark.parametrize("env_id", [i for i in OWN_IDS if "Goal" not in i])
 
 
 def flat(obs):

@@ -323,3 +323,16 @@ def test_another_scene_of_a_registered_arm_takes_its_place_and_is_a_copy():
     finally:
         rde.register_arm(three_r.ThreeR, three_r.SCENE)
     assert gym.make("redundant_envs/ThreeRReach-v0").unwrapped.core.scene.robot.lengths[0] == 0.4
+
+
+def test_sb3_environments_import_the_module_that_registers_them():
+    assert rde.make_sb3("three_r:ThreeRReach-v0", 2).num_envs == 2
+    with pytest.raises(ModuleNotFoundError, match="no_such_module"):
+        rde.make_sb3("no_such_module:ThreeRReach-v0")
+
+
+def test_numbers_for_joints_may_be_lists_and_arrays():
+    arm = three_r.ThreeR((1.0,) * 3, (1.0,) * 3)
+    scenes = [rde.Scene(arm, (e.ViscousFriction(c),)) for c in ([0.1, 0.2, 0.3], np.array([0.1, 0.2, 0.3]))]
+    assert scenes[0] == scenes[1]
+    assert scenes[0].effects[0].coefficients == (0.1, 0.2, 0.3)
