@@ -163,6 +163,19 @@ def test_an_arm_of_one_joint_moves_as_a_pendulum():
     assert verify(scene, 16).faults == ()
 
 
+def test_there_is_one_reach_that_of_the_extent():
+    from redundant_envs.envs.core import Core
+
+    arm = arm_of(extent=("l1", "l2"), kind="ShortReach")
+    scene = rde.load_scene("four_r_reach")
+    effects = (e.Gravity(), e.EffortLimits((20.0, 10.0, 4.0)))
+    short = dataclasses.replace(scene, robot=arm((0.5,) * 3, (0.4, 0.3, 0.2)), effects=effects)
+    core = Core(short, 1, rde.ReachTask())
+    assert core.reach == 0.4 + 0.3
+    with pytest.raises(ValueError, match=r"the arm reaches 0.7 m"):
+        core.checked({"goal": (0.8, 0.0)}, np.array([0]))
+
+
 # ---- effects -----------------------------------------------------------------------------------------
 
 
@@ -229,6 +242,29 @@ def test_a_bind_that_no_function_takes_and_a_number_that_is_none_are_refused():
     for size in (None, float("nan"), "1"):
         with pytest.raises(ValueError, match="size is"):
             rde.Scene(three_r.ThreeR((1.0,) * 3, (1.0,) * 3), (Drag(size),))
+
+
+def test_a_state_of_an_effect_that_is_not_finite_is_told():
+    @physics
+    def grown(counter):
+        return 1e200 * (counter + 1.0)
+
+    @physics
+    def nothing():
+        return 0.0
+
+    @dataclasses.dataclass(frozen=True)
+    class Counter(Effect):
+        def hooks(self, arm):
+            state = e.State("counter", "", update=grown, bind={"counter": ".counter"})
+            return (Force(0, nothing, states=(state,)),)
+
+    batch = rde.BatchSimulator(rde.Scene(three_r.ThreeR((1.0,) * 3, (1.0,) * 3), (Counter(),)), 2)
+    assert batch.advance().finite.all()
+    status = batch.advance()
+    assert np.isinf(batch.z).all()
+    assert not status.finite.any()
+    assert (status.numerics == rde.Numerics.NON_FINITE).all()
 
 
 # ---- tasks -------------------------------------------------------------------------------------------
