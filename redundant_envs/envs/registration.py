@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+import itertools
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -57,15 +58,25 @@ def check_arm(env_id: str | None, kind: str) -> None:
     raise ValueError(f"scene has the arm {kind}; {env_id} is an environment of {arm}: {fix}")
 
 
+def _check_ids(arms: Iterable[str], tasks: Iterable[str]) -> None:
+    """ValueError if an arm with a task would have the id of another arm with another task."""
+    there = dict(IDS)
+    for arm, task in itertools.product(arms, tasks):
+        name = id_of(arm, task)
+        other = there.setdefault(name, Made(arm, task))
+        if other != (arm, task):
+            raise ValueError(
+                f"{name} is the id of the arm {other.arm} with the task {other.task} already; call the arm "
+                "or the task otherwise"
+            )
+
+
 def register() -> None:
     """Register all ids with Gymnasium; registering twice does nothing."""
     for arm, scene in SCENES.items():
         for task in TASKS:
             name = id_of(arm, task)
-            if IDS.setdefault(name, Made(arm, task)) != (arm, task):
-                raise ValueError(
-                    f"{name} is the id of {IDS[name]} already; call the arm or the task otherwise"
-                )
+            IDS[name] = Made(arm, task)
             if name in gym.registry and gym.registry[name].kwargs.get("scene") == scene:
                 continue
             gym.registry.pop(name, None)
@@ -116,7 +127,7 @@ def register_arm(arm: type[Arm], scene: Mapping[str, Any] | str | Path | None = 
     Raises
     ------
     ValueError
-        If another arm has the name, or the scene is not one of this arm.
+        If another arm has the name or one of the ids, or the scene is not one of this arm.
     """
     from redundant_envs import dialect, robots
     from redundant_envs.scene import load_scene
@@ -126,20 +137,21 @@ def register_arm(arm: type[Arm], scene: Mapping[str, Any] | str | Path | None = 
     _check_name("the arm", getattr(arm, "kind", None))
     for f in arm.functions:
         dialect.check(f)
-    before, scenes = robots.REGISTRY.get(arm.kind), dict(SCENES)
+    if scene is not None:
+        _check_ids([arm.kind], TASKS)
+    before = robots.REGISTRY.get(arm.kind)
     _add("the arm", robots.REGISTRY, arm.kind, arm)
+    if scene is None:
+        return
     try:
-        if scene is not None:
-            _check_scene(load_scene(scene), arm.kind)
-            SCENES[arm.kind] = str(scene) if isinstance(scene, Path) else copy.deepcopy(scene)
-            register()
-    except ValueError:
-        SCENES.clear()
-        SCENES.update(scenes)
+        _check_scene(load_scene(scene), arm.kind)
+    except Exception:
         del robots.REGISTRY[arm.kind]
         if before is not None:
             robots.REGISTRY[arm.kind] = before
         raise
+    SCENES[arm.kind] = str(scene) if isinstance(scene, Path) else copy.deepcopy(scene)
+    register()
 
 
 def _check_scene(scene: Scene, kind: str) -> None:
@@ -166,13 +178,14 @@ def register_task(task: type[Task]) -> None:
     Raises
     ------
     ValueError
-        If another task has the name.
+        If another task has the name, or an id that it would have is that of something else.
     """
     from redundant_envs import tasks
 
     if not (isinstance(task, type) and issubclass(task, tasks.Task)):
         raise ValueError(f"task is {task!r}; give a class derived from redundant_envs.Task")
     _check_name("the task", getattr(task, "name", None))
+    _check_ids(SCENES, [task.name])
     _add("the task", tasks.REGISTRY, task.name, task)
     if task.name not in TASKS:
         TASKS.append(task.name)

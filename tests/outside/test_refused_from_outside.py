@@ -349,6 +349,20 @@ def test_ids_that_clash_and_scenes_that_make_no_environment_are_refused():
         rde.register_effect(Effect)
 
 
+def test_a_task_whose_ids_clash_is_refused_and_the_next_one_is_registered():
+    scene = rde.load_scene("four_r_reach").to_dict()
+    arm = type("FourRNew", (rde.FourR,), {"kind": "FourRNew"})
+    rde.register_arm(arm, {**scene, "robot": {**scene["robot"], "type": "FourRNew"}})
+    before = dict(IDS), dict(rde.tasks.REGISTRY)
+    with pytest.raises(
+        ValueError, match="FourRNewReach-v0 is the id of the arm FourRNew with the task Reach"
+    ):
+        rde.register_task(type("NewReach", (rde.ReachTask,), {"name": "NewReach"}))
+    assert (dict(IDS), dict(rde.tasks.REGISTRY)) == before
+    rde.register_task(type("NextReach", (rde.ReachTask,), {"name": "NextReach"}))
+    assert "redundant_envs/FourRNewNextReach-v0" in IDS
+
+
 def test_another_scene_of_a_registered_arm_takes_its_place_and_is_a_copy():
     try:
         changed = copy.deepcopy(three_r.SCENE)
