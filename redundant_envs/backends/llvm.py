@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import functools
-import platform
 import threading
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -37,10 +36,11 @@ def initialise() -> None:
 
 
 class Processor(NamedTuple):
-    """For whom machine code is made: LLVM's name of a processor, and what it can do beside that."""
+    """For whom machine code is made: LLVM's names of a processor, of what it can do, and of its kind."""
 
     name: str
     features: str
+    triple: str = llvm.get_default_triple()
 
     @property
     def wide(self) -> bool:
@@ -50,8 +50,7 @@ class Processor(NamedTuple):
     @property
     def joins(self) -> bool:
         """Whether it multiplies and adds with one rounding; processors other than x86 all do."""
-        x86 = platform.machine().lower() in ("x86_64", "amd64")
-        return not x86 or f"+{JOINED}" in self.features.split(",")
+        return not self.triple.startswith("x86_64") or f"+{JOINED}" in self.features.split(",")
 
 
 AVX2 = Processor("haswell", "+fma,+avx2")
@@ -90,8 +89,8 @@ def facts() -> tuple[str, ...]:
 
 def machine() -> Any:
     """The processor, as LLVM knows it."""
-    cpu, features = processor()
-    return llvm.Target.from_default_triple().create_target_machine(
+    cpu, features, triple = processor()
+    return llvm.Target.from_triple(triple).create_target_machine(
         cpu=cpu, features=features, opt=3, codemodel="jitdefault", jit=True
     )
 
@@ -118,7 +117,7 @@ def _emitted(program: Program, emit: Callable[[Any, Any], Any]) -> Any:
             stacklevel=2,
         )
     with uncollected():
-        text = str(module_of(program, ordered))
+        text = str(module_of(program, ordered, processor().triple))
     with _lock:
         llvm.set_option("redundant-envs", ORDER_OPTION.format("false" if ordered else "true"))
         try:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import llvmlite.binding as llvm
 from llvmlite import ir
 
 from redundant_envs.backends.llvm_lanes import (
@@ -223,10 +222,10 @@ NAMES = {
 }  # fmt: skip
 
 
-def module_of(program: Program, ordered: bool) -> ir.Module:
-    """The LLVM module of a program."""
+def module_of(program: Program, ordered: bool, triple: str) -> ir.Module:
+    """The LLVM module of a program, for a kind of machine."""
     module = ir.Module("program")
-    module.triple = llvm.get_default_triple()
+    module.triple = triple
     functions = {
         name: (emit_lane_function(module, f, ordered), signature(f)) for name, f in program.functions.items()
     }

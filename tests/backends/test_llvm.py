@@ -301,7 +301,7 @@ def probe():
 def test_llvm_has_its_own_order_again_afterwards():
     """The switch is one for all of LLVM: what others compile is as it would be without us."""
     llvm.initialise()
-    text = str(llvm_kernels.module_of(probe(), False))
+    text = str(llvm_kernels.module_of(probe(), False, llvm.host().triple))
 
     def by_others():
         return llvm.machine().emit_assembly(binding.parse_assembly(text))

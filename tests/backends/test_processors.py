@@ -9,6 +9,8 @@ import pytest
 import redundant_envs as rde
 from redundant_envs.backends import cache, llvm
 from redundant_envs.model.programs import batch_simulator
+from redundant_envs.studies import recorded_bits
+from redundant_envs.studies.recorded_bits import RECORDED
 
 e = rde.effects
 pytestmark = pytest.mark.skipif(
@@ -63,6 +65,16 @@ def test_another_processors_code_gives_the_same_bits(scene, processor, made_for)
         pytest.skip("this machine cannot run code with fused multiply-adds")
     made_for(PROCESSORS[processor])
     np.testing.assert_array_equal(motion(scene), here)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("processor", ["AVX2", "128 bits"])
+@pytest.mark.parametrize("name", RECORDED)
+def test_the_recorded_bits_are_those_of_another_processors_code(name, processor, made_for):
+    if not llvm.processor().joins:
+        pytest.skip("this machine cannot run code with fused multiply-adds")
+    made_for(PROCESSORS[processor])
+    assert recorded_bits.found(name) == recorded_bits.recorded()[name]
 
 
 @pytest.mark.skipif(
