@@ -80,8 +80,8 @@ CALLS = {
     "make_sb3, torch": ("import redundant_envs as rde; rde.make_sb3('RPRPReach-v0')", "torch", "train"),
     "the module of make_sb3": ("import redundant_envs.envs.sb3", "stable_baselines3", "train"),
     "agents.zoo": ("import agents.zoo.experiment", "rl_zoo3", "zoo"),
-    "MuJoCo": (f"{SCENE} peers.mujoco_interval(s, 'RK4', .01, z, z, z, .02)", "mujoco", "verify"),
-    "SciPy": (f"{SCENE} peers.scipy_interval(s, 'RK45', .01, .01, z, z, z, .02)", "scipy", "verify"),
+    "MuJoCo": (f"{SCENE} peers.mujoco_interval(s, 'RK4', .01, (z, z, z), .02)", "mujoco", "verify"),
+    "SciPy": (f"{SCENE} peers.scipy_interval(s, 'RK45', .01, .01, (z, z, z), .02)", "scipy", "verify"),
 }
 
 

@@ -25,7 +25,6 @@ from redundant_envs.envs.vector_env import (
     observation_space,
 )
 from redundant_envs.extras import needs
-from redundant_envs.scene import Scene
 from redundant_envs.simulator.environment import Autoreset
 from redundant_envs.simulator.episode import TIP
 from redundant_envs.values import whole_number
@@ -36,32 +35,18 @@ with needs("train"):
 
 
 class SB3VecEnv(LaneValues, VecEnv):
-    """Lanes of a scene with a task as a VecEnv; use :func:`make_sb3`.
+    """Lanes of a core as a VecEnv; use :func:`make_sb3`.
 
     A done environment begins its next episode in the same step; the last observation is in
     ``infos[i]["terminal_observation"]``.
     """
 
-    def __init__(
-        self,
-        scene: str | Mapping[str, Any] | Scene,
-        num_envs: int,
-        max_episode_steps: int | None,
-        task_name: str = "Reach",
-        on_bad_action: str = "terminate",
-        task: Mapping[str, Any] | None = None,
-        render_mode: str | None = None,
-        accuracy: str | float | None = None,
-        env_id: str | None = None,
-        threads: int = 1,
-    ) -> None:
+    def __init__(self, core: Core, on_bad_action: str = "terminate", render_mode: str | None = None) -> None:
         if on_bad_action not in ON_BAD_ACTION:
             raise ValueError(f"on_bad_action is {on_bad_action!r}; choose {', '.join(ON_BAD_ACTION)}")
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode is {render_mode!r}; choose None or 'rgb_array'")
-        self.core = Core(
-            scene, num_envs, make_task(task, task_name), max_episode_steps, accuracy, env_id, threads
-        )
+        self.core = core
         self.goal_conditioned = self.core.task.goal_conditioned
         self.on_bad_action = on_bad_action
         self.render_mode = render_mode
@@ -73,7 +58,7 @@ class SB3VecEnv(LaneValues, VecEnv):
         self._ready = False
         self.spec: EnvSpec | None = None
         super().__init__(
-            num_envs,
+            core.num_envs,
             observation_space(self.core),
             gym.spaces.Box(-1.0, 1.0, (len(self.core.actions),), np.float32),
         )
@@ -254,7 +239,10 @@ def make_sb3(env_id: str, num_envs: int = 256, **kwargs: Any) -> SB3VecEnv:
     for key in arguments:
         if key not in valid:
             raise ValueError(f"make_sb3 has no argument {key!r}; valid: {', '.join(valid)}")
-    env = SB3VecEnv(num_envs=num_envs, task_name=IDS[full].task, env_id=full, **arguments)
+    own = {name: arguments[name] for name in ("on_bad_action", "render_mode") if name in arguments}
+    of_core = {name: value for name, value in arguments.items() if name not in (*own, "task")}
+    task = make_task(arguments.get("task"), IDS[full].task)
+    env = SB3VecEnv(Core(num_envs=num_envs, task=task, env_id=full, **of_core), **own)
     env.spec = dataclasses.replace(
         spec,
         kwargs={k: v for k, v in arguments.items() if k != "max_episode_steps"},

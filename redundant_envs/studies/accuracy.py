@@ -167,11 +167,11 @@ def check_reference(
         q = impact_motion(scene, few, seconds, rtol)[0][:, :4]
         found.append(agreement(f"SciPy's DOP853 with events, rtol {rtol:.0e}", q))
     elif "scipy" in panel.peers and installed("scipy"):
-        q = peers.scipy_interval(scene, "DOP853", rtol, rtol, *few, seconds)[0]
+        q = peers.scipy_interval(scene, "DOP853", rtol, rtol, few, seconds)[0]
         found.append(agreement(f"SciPy's DOP853, rtol {rtol:.0e}", q))
     if stops is None and "mujoco" in panel.peers and installed("mujoco"):
         dt = seconds / study.reference.mujoco_steps
-        q = peers.mujoco_interval(scene, "RK4", dt, *few, seconds)[0]
+        q = peers.mujoco_interval(scene, "RK4", dt, few, seconds)[0]
         found.append(agreement(f"MuJoCo's RK4, {1e3 * dt:.3g} ms", q))
     return found
 

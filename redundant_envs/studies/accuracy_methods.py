@@ -155,7 +155,7 @@ class MuJoCo:
 
     def motion(self, scene: Scene, start: States, seconds: float) -> tuple[Array, Array, float]:
         dt = scene.control_dt / self.substeps
-        ends = peers.mujoco_interval(scene, self.integrator, dt, *start, seconds, *self.stops(scene))
+        ends = peers.mujoco_interval(scene, self.integrator, dt, start, seconds, *self.stops(scene))
         return *ends, float(EVALUATIONS[self.integrator] * self.substeps)
 
     def path(self, scene: Scene, start: States, seconds: float, samples: int) -> tuple[Array, Impacts]:
@@ -171,11 +171,11 @@ class MuJoCo:
 
     def timer(self, scene: Scene, start: States) -> Callable[[], float]:
         dt = scene.control_dt / self.substeps
-        q, qd = start[0][: self.states], start[1][: self.states]
+        few = (start[0][: self.states], start[1][: self.states], start[2][: self.states])
 
         def sample() -> float:
             per_second = peers.mujoco_cost(
-                scene, self.integrator, dt, q, qd, self.steps * dt, 1, *self.stops(scene)
+                scene, self.integrator, dt, few, self.steps * dt, 1, *self.stops(scene)
             )
             return per_second * scene.control_dt
 
@@ -201,17 +201,16 @@ class SciPy:
 
     def motion(self, scene: Scene, start: States, seconds: float) -> tuple[Array, Array, float]:
         q, qd, evaluations = peers.scipy_interval(
-            scene, self.method, self.rtol, self.rtol, *start, seconds, together=True
+            scene, self.method, self.rtol, self.rtol, start, seconds, together=True
         )
         return q, qd, float(evaluations.mean()) * scene.control_dt / seconds
 
     def timer(self, scene: Scene, start: States) -> Callable[[], float]:
-        q, qd, _ = start
         dt = scene.control_dt
 
         def sample() -> float:
             per_second = peers.scipy_cost(
-                scene, self.method, self.rtol, self.rtol, q, qd, dt, repeats=1, together=True
+                scene, self.method, self.rtol, self.rtol, start, dt, repeats=1, together=True
             )
             return per_second * dt
 

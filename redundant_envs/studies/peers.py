@@ -23,6 +23,8 @@ from redundant_envs.scene import Scene
 
 Array = NDArray[np.float64]
 Limits = Mapping[int, tuple[float, float]]
+States = tuple[ArrayLike, ArrayLike, ArrayLike]
+"""q, qd and efforts of the joints, (n, 4) each."""
 
 MUJOCO_INTEGRATORS = ("Euler", "implicitfast", "implicit", "RK4")
 INERTIA = 1e-14
@@ -142,12 +144,19 @@ def bare_mujoco() -> Iterator[Any]:
         mujoco.set_mju_user_warning(warn)
 
 
-def _states(q: ArrayLike, qd: ArrayLike, efforts: ArrayLike) -> Array:
+def _states(start: States) -> Array:
     """The three tables as one, (3, n, 4)."""
-    shapes = [np.shape(x) for x in (q, qd, efforts)]
+    shapes = [np.shape(x) for x in start]
     if len(set(shapes)) > 1 or len(shapes[0]) != 2 or shapes[0][1] != 4:
         raise ValueError(f"q, qd, efforts have shapes {shapes}; give (n, 4) for each, a row per state")
-    return np.array([q, qd, efforts], dtype=np.float64)
+    return np.array(start, dtype=np.float64)
+
+
+def _at_rest(start: States) -> Array:
+    """The same without efforts."""
+    states = _states(start)
+    states[2] = 0.0
+    return states
 
 
 def _mujoco(scene: Scene, model: Any, start: Array, duration: float) -> tuple[Array, Array, Array]:
@@ -173,31 +182,30 @@ def _mujoco(scene: Scene, model: Any, start: Array, duration: float) -> tuple[Ar
 
 
 def mujoco_interval(
-    scene: Scene, integrator: str, dt: float, q: ArrayLike, qd: ArrayLike, efforts: ArrayLike,
-    duration: float, limits: Limits | None = None, solref: tuple[float, float] = ELASTIC,
+    scene: Scene, integrator: str, dt: float, start: States, duration: float,
+    limits: Limits | None = None, solref: tuple[float, float] = ELASTIC,
 ) -> tuple[Array, Array]:  # fmt: skip
-    """States (n, 4) after a ``duration`` [s] under constant joint efforts (n, 4) [N m, N], by MuJoCo.
+    """States (n, 4) after a ``duration`` [s] from ``start``, q, qd and constant joint efforts, by MuJoCo.
 
     The duration is a whole number of steps. A motion that diverges comes back huge or not finite. The
     other arguments are those of :func:`mujoco_model`.
     """
     model = mujoco_model(scene, integrator, dt, limits, solref)
-    return _mujoco(scene, model, _states(q, qd, efforts), duration)[:2]
+    return _mujoco(scene, model, _states(start), duration)[:2]
 
 
 def mujoco_cost(
-    scene: Scene, integrator: str, dt: float, q: ArrayLike, qd: ArrayLike, seconds: float = 1.0,
-    repeats: int = 5, limits: Limits | None = None, solref: tuple[float, float] = ELASTIC,
+    scene: Scene, integrator: str, dt: float, start: States, seconds: float = 1.0, repeats: int = 5,
+    limits: Limits | None = None, solref: tuple[float, float] = ELASTIC,
 ) -> float:  # fmt: skip
     """Nanoseconds of one core per simulated second of one arm, by MuJoCo without its Python clock.
 
-    From each state (n, 4) a motion of ``seconds`` without efforts, in one call; the best of ``repeats``
+    From each state of ``start`` a motion of ``seconds`` without efforts, in one call; the best of ``repeats``
     for each state, and the mean over the states. Take seconds of many steps: a call itself costs about
     a microsecond.
     """
     model = mujoco_model(scene, integrator, dt, limits, solref)
-    start = _states(q, qd, np.zeros(np.shape(q)))
-    spent = [_mujoco(scene, model, start, seconds)[2] for _ in range(repeats)]
+    spent = [_mujoco(scene, model, _at_rest(start), seconds)[2] for _ in range(repeats)]
     return 1e9 * float(np.min(spent, axis=0).mean()) / seconds
 
 
@@ -231,27 +239,27 @@ def _scipy(
 
 
 def scipy_interval(
-    scene: Scene, method: str, rtol: float, atol: float, q: ArrayLike, qd: ArrayLike,
-    efforts: ArrayLike, duration: float, together: bool = False,
+    scene: Scene, method: str, rtol: float, atol: float, start: States, duration: float,
+    together: bool = False,
 ) -> tuple[Array, Array, NDArray[np.int64]]:  # fmt: skip
-    """States (n, 4) after a ``duration`` [s] under constant joint efforts (n, 4) [N m, N], by SciPy.
+    """States (n, 4) after a ``duration`` [s] from ``start``, q, qd and constant joint efforts, by SciPy.
 
     Returned with the evaluations of the right-hand side for each state, (n,). The method and its
     tolerances are those of ``solve_ivp``; atol is in rad, m, rad/s and m/s alike. ``together`` makes one
     system of all states: common steps, SciPy controls a mean of their errors, and each costs far less
     Python. It is for explicit methods.
     """
-    return _scipy(scene, method, rtol, atol, _states(q, qd, efforts), duration, together)[:3]
+    return _scipy(scene, method, rtol, atol, _states(start), duration, together)[:3]
 
 
 def scipy_cost(
-    scene: Scene, method: str, rtol: float, atol: float, q: ArrayLike, qd: ArrayLike,
-    seconds: float = 1.0, repeats: int = 5, together: bool = False,
+    scene: Scene, method: str, rtol: float, atol: float, start: States, seconds: float = 1.0,
+    repeats: int = 5, together: bool = False,
 ) -> float:  # fmt: skip
     """Nanoseconds of one core per simulated second of one arm, by SciPy.
 
     As :func:`mujoco_cost`, but the best of ``repeats`` is that of all states together.
     """
-    start = _states(q, qd, np.zeros(np.shape(q)))
-    spent = [_scipy(scene, method, rtol, atol, start, seconds, together)[3] for _ in range(repeats)]
-    return 1e9 * min(spent) / (start.shape[1] * seconds)
+    states = _at_rest(start)
+    spent = [_scipy(scene, method, rtol, atol, states, seconds, together)[3] for _ in range(repeats)]
+    return 1e9 * min(spent) / (states.shape[1] * seconds)

@@ -145,6 +145,10 @@ def test_a_broken_vector_environment_is_caught(rule, make):
     assert VECTOR_RULES[rule] in str(error.value)
 
 
+def core():
+    return rde.make_sb3("FourRReach-v0", **KWARGS).core
+
+
 class BrokenSB3(SB3VecEnv):
     """An SB3 environment whose results pass through ``spoil`` functions."""
 
@@ -152,7 +156,7 @@ class BrokenSB3(SB3VecEnv):
         self.spoil_reset, self.spoil_step = spoil_reset, spoil_step
         self.calls = 0
         self.kept = None
-        super().__init__(**KWARGS)
+        super().__init__(core())
 
     def reset(self):
         self.calls += 1
@@ -210,7 +214,7 @@ SB3_CASES = {
         lambda: BrokenSB3(spoil_step=spoil_info(lambda i: i.update(terminal_observation=np.full(20, 9.0)))),
     ],
     "truncated": [lambda: BrokenSB3(spoil_step=spoil_info(lambda i: i.update({"TimeLimit.truncated": 1})))],
-    "attributes": [lambda: ShortAttributes(**KWARGS)],
+    "attributes": [lambda: ShortAttributes(core())],
 }
 
 

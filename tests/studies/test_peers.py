@@ -46,7 +46,7 @@ def ours(scene, q, qd, efforts):
 @pytest.mark.parametrize("name", ROBOTS)
 def test_mujoco_is_the_same_arm(name):
     scene, start = scene_of(name), states(ROBOTS[name])
-    theirs = peers.mujoco_interval(scene, "RK4", 2e-4, *start, DURATION)
+    theirs = peers.mujoco_interval(scene, "RK4", 2e-4, start, DURATION)
     assert np.abs(theirs - ours(scene, *start)).max() < 1e-10
 
 
@@ -55,7 +55,7 @@ def test_mujoco_is_the_same_arm(name):
 def test_scipy_is_the_same_arm(name, together):
     scene, start = scene_of(name), states(ROBOTS[name], 4)
     *theirs, evaluations = peers.scipy_interval(
-        scene, "DOP853", 1e-12, 1e-12, *start, DURATION, together=together
+        scene, "DOP853", 1e-12, 1e-12, start, DURATION, together=together
     )
     assert np.abs(theirs - ours(scene, *start)).max() < 1e-10
     assert evaluations.shape == (4,)
@@ -68,7 +68,7 @@ def test_order(name, integrator, order):
     scene, start = scene_of(name), states(ROBOTS[name])
     reference = ours(scene, *start)
     errors = [
-        np.abs(peers.mujoco_interval(scene, integrator, dt, *start, DURATION) - reference).max(axis=(0, 2))
+        np.abs(peers.mujoco_interval(scene, integrator, dt, start, DURATION) - reference).max(axis=(0, 2))
         for dt in (0.004, 0.002)
     ]
     assert abs(np.median(np.log2(errors[0] / errors[1])) - order) < 0.15
@@ -79,7 +79,7 @@ def test_elastic_stop():
     q, qd = np.array([[0.0, 0.2, 0.0, 0.2]]), np.array([[0.0, 0.0, 0.0, 1.0]])
     free, limits = rde.Scene(ROBOTS["RPRP"]), {3: (0.0, 0.4)}
     m2, m3, m4 = free.robot.masses[1:]
-    q_end, qd_end = peers.mujoco_interval(free, "RK4", 1e-4, q, qd, 0.0 * q, 0.4, limits=limits)
+    q_end, qd_end = peers.mujoco_interval(free, "RK4", 1e-4, (q, qd, 0.0 * q), 0.4, limits=limits)
     slider = 2.0 * m4 / (m2 + m3 + m4)
     np.testing.assert_allclose(qd_end[0], [0.0, slider, 0.0, -1.0], atol=1e-4)
     assert 0.2 < q_end[0, 3] < 0.22  # 0.2 from a rigid stop
@@ -118,7 +118,7 @@ def test_clock_is_away_and_comes_back():
 def test_divergence_is_in_the_state_and_nowhere_else(tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     q, qd, efforts = states(ROBOTS["RPRP"])
-    end = peers.mujoco_interval(scene_of("RPRP"), "RK4", 0.5, q, 1e3 * qd, efforts, 20.0)
+    end = peers.mujoco_interval(scene_of("RPRP"), "RK4", 0.5, (q, 1e3 * qd, efforts), 20.0)
     assert (~(np.abs(end) < 1e6)).any()
     assert not list(tmp_path.iterdir())
     assert capfd.readouterr().err == ""
@@ -126,9 +126,9 @@ def test_divergence_is_in_the_state_and_nowhere_else(tmp_path, monkeypatch, capf
 
 def test_costs():
     scene = scene_of("FourR")
-    q, qd, _ = states(scene.robot, 2)
-    costs = [peers.mujoco_cost(scene, i, 1e-3, q, qd, 0.02) for i in peers.MUJOCO_INTEGRATORS]
-    costs.append(peers.scipy_cost(scene, "RK45", 1e-3, 1e-3, q, qd, 0.02, repeats=1))
+    start = states(scene.robot, 2)
+    costs = [peers.mujoco_cost(scene, i, 1e-3, start, 0.02) for i in peers.MUJOCO_INTEGRATORS]
+    costs.append(peers.scipy_cost(scene, "RK45", 1e-3, 1e-3, start, 0.02, repeats=1))
     assert np.isfinite(costs).all()
     assert min(costs) > 0.0
 
@@ -143,9 +143,9 @@ def test_refuses_what_a_peer_cannot_express(change, said):
     scene = dataclasses.replace(scene_of("FourR"), **change)
     start = states(scene.robot)
     with pytest.raises(ValueError, match=said):
-        peers.mujoco_interval(scene, "RK4", 1e-3, *start, DURATION)
+        peers.mujoco_interval(scene, "RK4", 1e-3, start, DURATION)
     with pytest.raises(ValueError, match=said):
-        peers.scipy_interval(scene, "RK45", 1e-3, 1e-3, *start, DURATION)
+        peers.scipy_interval(scene, "RK45", 1e-3, 1e-3, start, DURATION)
 
 
 def test_refuses_bad_input():
@@ -155,9 +155,9 @@ def test_refuses_bad_input():
     with pytest.raises(ValueError, match="limits has the joint 4"):
         peers.mujoco_model(scene, "RK4", 1e-3, limits={4: (0.0, 1.0)})
     with pytest.raises(ValueError, match="whole number of steps"):
-        peers.mujoco_interval(scene, "RK4", 0.03, q, qd, efforts, DURATION)
+        peers.mujoco_interval(scene, "RK4", 0.03, (q, qd, efforts), DURATION)
     with pytest.raises(ValueError, match="have shapes"):
-        peers.mujoco_interval(scene, "RK4", 1e-3, q, qd, efforts[0], DURATION)
+        peers.mujoco_interval(scene, "RK4", 1e-3, (q, qd, efforts[0]), DURATION)
 
 
 def test_stops_of_mujoco_use_the_dense_jacobian():
