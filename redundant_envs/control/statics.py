@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.algebra import numbered
 from redundant_envs.effects import EffortLimits
-from redundant_envs.effects.hooks import Actuation, Field, Force, Impact
-from redundant_envs.model.energy import hook_value
+from redundant_envs.effects.hooks import Actuation, Field, Force, Impact, Point
+from redundant_envs.model.energy import at_joints, hook_value
 from redundant_envs.scene import Scene
 from redundant_envs.values import shown
 
@@ -55,7 +55,7 @@ def static_efforts(scene: Scene, q: ArrayLike) -> Array:
     efforts: Array = gravity @ np.linalg.inv(arm.motor_map).T
     for effect, hook in hooks:
         if isinstance(hook, Force):
-            efforts[..., hook.joint] -= hook_value(arm, effect, hook, hook.function, values)
+            efforts -= at_joints(arm, effect, hook, hook.function, values)
     return efforts
 
 
@@ -120,7 +120,8 @@ def effort_limits(scene: Scene) -> Array:
     for i, effect in enumerate(scene.effects):
         for hook in effect.hooks(scene.robot):
             if isinstance(hook, Force):
-                known = hook.potential is None or scene.robot.prismatic[hook.joint]
+                turns = not isinstance(hook.joint, Point) and not scene.robot.prismatic[hook.joint]
+                known = hook.potential is None or not turns
             else:
                 known = not isinstance(hook, Actuation) or isinstance(effect, EffortLimits)
             if not known:

@@ -9,12 +9,10 @@ from typing import Any
 
 from redundant_envs import dialect
 from redundant_envs.algebra import arguments_of, gives_of, name_of, numbered
-from redundant_envs.effects.hooks import Actuation, Effect, Field, Force, Hook, Impact, Link, State
+from redundant_envs.effects.hooks import Actuation, Effect, Field, Force, Hook, Impact, Link, Point, State
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import number
 
-RESULTS = {Field: 2, Force: 1, Actuation: 1}
-"""Values that the function of a hook returns."""
 STATE_NAME = re.compile(r"[^\W\d]\w*(\[\d+\])?")
 Own = dict[str, bool]
 """Names of an effect's own numbers, and whether they are states."""
@@ -72,7 +70,12 @@ def _states_of(hook: Any) -> tuple[State, ...]:
 
 
 def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
-    if not isinstance(hook, Field):
+    at_point = isinstance(hook, Force) and isinstance(hook.joint, Point)
+    if isinstance(hook, Force) and isinstance(hook.joint, Point):
+        place, count = hook.joint.number, arm.num_masses
+        if isinstance(place, bool) or not isinstance(place, int) or not 0 <= place < count:
+            raise ValueError(f"the number of the Point is {place!r}; give 0 to {count - 1}, the tip")
+    elif not isinstance(hook, Field):
         count = len(arm.coordinates)
         if isinstance(hook.joint, bool) or not isinstance(hook.joint, int) or not 0 <= hook.joint < count:
             raise ValueError(f"joint is {hook.joint!r}; give 0 to {count - 1} ({', '.join(arm.joints)})")
@@ -85,10 +88,11 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
             )
         return
     _check_function("function", hook.function, hook, own, arm)
-    if dialect.results_of(hook.function) != RESULTS[type(hook)]:
+    wanted = 2 if at_point or isinstance(hook, Field) else 1
+    if dialect.results_of(hook.function) != wanted:
         raise ValueError(
             f"function {name_of(hook.function)} returns {dialect.results_of(hook.function)} values; "
-            f"a {type(hook).__name__} needs {RESULTS[type(hook)]}"
+            f"a {type(hook).__name__}{' at a point' if at_point else ''} needs {wanted}"
         )
     if isinstance(hook, Actuation) and not isinstance(hook.link, Link):
         raise ValueError(f"link is {hook.link!r}; choose {', '.join(f'Link.{link.name}' for link in Link)}")
@@ -102,8 +106,9 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
         if function is None:
             continue
         roots = _check_function(name, function, hook, own, arm)
-        if dialect.results_of(function) != 1:
-            raise ValueError(f"{name} {name_of(function)} must return one value")
+        if dialect.results_of(function) != (wanted if name == "conservative" else 1):
+            values = "two values" if at_point and name == "conservative" else "one value"
+            raise ValueError(f"{name} {name_of(function)} must return {values}")
         fixed = name in ("stiffness", "damping")
         allowed = numbers if fixed else {*numbers, *arm.coordinates}
         moving = ", ".join(sorted(source for source, behind in roots.items() if behind - allowed))

@@ -57,11 +57,22 @@ class Field:
 
 
 @dataclass(frozen=True)
+class Point:
+    """A point mass of the arm, counted from 0; the last one is the tip."""
+
+    number: int
+
+
+@dataclass(frozen=True)
 class Force:
-    """A force on one joint: N m on a revolute joint, N on a prismatic one.
+    """A force on one joint, N m on a revolute joint and N on a prismatic one, or at a :class:`Point`.
+
+    At a point the function returns (fx, fy) [N]; it may depend on the point's position, such as x4, y4, and
+    velocity, vx4, vy4 (these count from 1).
 
     ``conservative`` is the part of it that is minus the derivative of ``potential`` [J] with respect
-    to the position of the joint: it is booked in the potential energy, the power of the rest as work.
+    to the position of the joint or the point: it is booked in the potential energy, the power of the rest
+    as work.
     With a potential and nothing else said it is the whole force, which then may depend on the position
     alone. A force without a potential is all booked as work. ``python -m redundant_envs verify``
     differentiates the potential and compares.
@@ -73,7 +84,7 @@ class Force:
     ``states`` belong to the force: friction with memory has one for each joint.
     """
 
-    joint: int
+    joint: int | Point
     function: Callable[..., Any]
     bind: Mapping[str, str] = field(default_factory=dict)
     potential: Callable[..., Any] | None = None
@@ -85,6 +96,13 @@ class Force:
     def __post_init__(self) -> None:
         if self.potential is not None and self.conservative is None:
             object.__setattr__(self, "conservative", self.function)
+
+    @property
+    def rates(self) -> tuple[str, ...]:
+        """Names of the velocities along which it acts: of the joint, or of the point."""
+        if isinstance(self.joint, Point):
+            return f"vx{self.joint.number + 1}", f"vy{self.joint.number + 1}"
+        return (f"phid{self.joint + 1}",)
 
 
 class Link(enum.IntEnum):

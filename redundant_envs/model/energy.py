@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.algebra import arguments_of
-from redundant_envs.effects.hooks import Effect, Field, Force
+from redundant_envs.effects.hooks import Effect, Field, Force, Point
 from redundant_envs.robots.arm import Arm
 from redundant_envs.scene import Scene
 
@@ -35,6 +35,23 @@ def potential_energy(scene: Scene, q: Array) -> Array:
                 springs.append(hook_value(arm, effect, hook, hook.potential, values))
     total = arm.evaluate(["U"], values)[0] + sum(springs)
     return np.broadcast_to(total, q.shape[:-1]).astype(np.float64)
+
+
+def at_joints(
+    arm: Arm, effect: Effect, hook: Force, function: Callable[..., Any], values: dict[str, Any]
+) -> Array:
+    """A force, or its conservative part, as forces at the joints, (..., joints), N m or N."""
+    force = hook_value(arm, effect, hook, function, values)
+    n, shape = len(arm.joints), np.shape(values[arm.coordinates[0]])
+    if not isinstance(hook.joint, Point):
+        alone = np.zeros((*shape, n))
+        alone[..., hook.joint] = force
+        return alone
+    k = hook.joint.number + 1
+    x, y = (arm.evaluate([f"{axis}{k}{j + 1}" for j in range(n)], values) for axis in "XY")
+    at_coordinates = [a * force[0] + b * force[1] for a, b in zip(x, y, strict=True)]
+    columns = np.stack([np.broadcast_to(f, shape) for f in at_coordinates], axis=-1)
+    return np.asarray(columns @ np.linalg.inv(arm.motor_map).T, dtype=np.float64)
 
 
 def hook_value(

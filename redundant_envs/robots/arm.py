@@ -112,6 +112,7 @@ class Arm:
             if name not in own:
                 setattr(cls, name, value)
         cls._derived = cls._derived | frozenset(made)
+        cls.functions = tuple(f for f in cls.functions if not derived.is_point_motion(f))
         given = {name for f in cls.functions for name in gives_of(f)}
         n = len(cls.coordinates)
         if "phi1" not in given:
@@ -128,6 +129,8 @@ class Arm:
             ("qdd1", derived.forward_dynamics(n)),
         ):
             cls.functions += () if name in given else (function,)
+        of_points = [f for k in range(cls.num_masses) for f in derived.point_motion(cls, k + 1)]
+        cls.functions += tuple(f for f in of_points if gives_of(f)[0] not in given)
         check_quantities(cls)
 
     def __post_init__(self) -> None:

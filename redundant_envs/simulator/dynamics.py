@@ -8,7 +8,7 @@ from functools import cached_property, reduce
 from typing import Any
 
 from redundant_envs.algebra import arguments_of, gives_of, maximum, numbered
-from redundant_envs.effects.hooks import Actuation, Effect, Field, Force, Impact, State
+from redundant_envs.effects.hooks import Actuation, Effect, Field, Force, Impact, Point, State
 from redundant_envs.integrators import step_control
 from redundant_envs.integrators.tableaus import METHODS, Tableau
 from redundant_envs.quantities import Quantities
@@ -153,14 +153,21 @@ class Dynamics:
                 (hook.damping, step_control.steps_of_damper),
             ):
                 if function is not None:
-                    if self.arm.mobility_bounds is None:
-                        raise ValueError(
-                            f"{self.arm.kind} has no mobility_bounds, from which error control knows what "
-                            f"{type(effect).__name__} asks of its steps; give the arm these bounds, or the "
-                            "scene an integrator and substeps"
-                        )
-                    rates.append(rule(self.apply(effect, hook, function, x), x[f"W{hook.joint + 1}"]))
+                    mobility = self._most_mobility(effect, hook, x)
+                    rates.append(rule(self.apply(effect, hook, function, x), mobility))
         return rates
+
+    def _most_mobility(self, effect: Effect, hook: Force, x: Quantities) -> Any:
+        """The most that a unit force can accelerate where it acts, in any pose."""
+        if isinstance(hook.joint, Point):  # no more than if the point mass were free
+            return 1.0 / x[f"m{hook.joint.number + 1}"]
+        if self.arm.mobility_bounds is None:
+            raise ValueError(
+                f"{self.arm.kind} has no mobility_bounds, from which error control knows what "
+                f"{type(effect).__name__} asks of its steps; give the arm these bounds, or the scene an "
+                "integrator and substeps"
+            )
+        return x[f"W{hook.joint + 1}"]
 
     @cached_property
     def numbers(self) -> tuple[str, ...]:
@@ -230,34 +237,59 @@ class Dynamics:
                 x["ax"], x["ay"] = self.apply(effect, hook, hook.function, x)
         effort, changes = self.efforts(x, "derivative")
         at_joints = self.scene.actuation == "joint"
-        total: list[Any] = list(effort) if at_joints else [None for _ in joints]
-        working: list[Any] = list(total)
+        total: dict[str, Any] = {f"phid{k + 1}": effort[k] if at_joints else None for k in joints}
+        working, at_points = dict(total), dict[str, Any]()
         for effect, hook in self.hooks:
             if not isinstance(hook, Force):
                 continue
-            k, force = hook.joint, self.apply(effect, hook, hook.function, x)
+            force = self._components(effect, hook, hook.function, x)
             changes |= self._changes(effect, hook, "derivative", x)
-            total[k] = _plus(total[k], force)
+            for rate, component in force.items():
+                total[rate] = _plus(total.get(rate), component)
+            if isinstance(hook.joint, Point):
+                self._add_at_coordinates(effect, hook, force, x, at_points)
             if hook.conservative is hook.function:
                 continue
-            working[k] = _plus(working[k], force)
+            for rate, component in force.items():
+                working[rate] = _plus(working.get(rate), component)
             if hook.conservative is not None and self.track_work:
-                working[k] = working[k] + (-self.apply(effect, hook, hook.conservative, x))
-        if any(t is not None for t in total):
-            x.update({f"t{k + 1}": 0.0 if total[k] is None else total[k] for k in joints})
+                for rate, component in self._components(effect, hook, hook.conservative, x).items():
+                    working[rate] = working[rate] + (-component)
+        if any(total[f"phid{k + 1}"] is not None for k in joints):
+            torques = (total[f"phid{k + 1}"] for k in joints)
+            x.update({f"t{k + 1}": 0.0 if t is None else t for k, t in enumerate(torques)})
             forces = x.each(f"Q{k + 1}" for k in joints)
             if not at_joints:
                 x.update({f"Q{k + 1}": forces[k] + effort[k] for k in joints})
         else:
             x.update({f"Q{k + 1}": effort[k] for k in joints})
+        x.update({name: x[name] + force for name, force in at_points.items()})
         results = x.each(f"qdd{k + 1}" for k in joints)
         results += [changes[name] for name in self.others if name != "work"]
         if self.track_work:
-            power = [working[k] * x[f"phid{k + 1}"] for k in joints if working[k] is not None]
+            power = [force * x[rate] for rate, force in working.items() if force is not None]
             if not at_joints:
                 power += [e * x[v] for e, v in zip(effort, self.arm.rates, strict=True)]
             results.append(sum(power[1:], power[0]) if power else 0.0)
         return results
+
+    def _components(self, effect: Effect, hook: Force, function: Any, x: Quantities) -> dict[str, Any]:
+        """A force by the names of the velocities along which it acts."""
+        force = self.apply(effect, hook, function, x)
+        return dict(zip(hook.rates, force if isinstance(force, tuple) else (force,), strict=True))
+
+    def _add_at_coordinates(
+        self, effect: Effect, hook: Force, force: Mapping[str, Any], x: Quantities, total: dict[str, Any]
+    ) -> None:
+        """Add what a force at a point is at the coordinates, J^T f of that point."""
+        assert isinstance(hook.joint, Point)
+        with owned(effect.key):
+            for j in range(self.count):
+                for axis, component in zip("XY", force.values(), strict=True):
+                    slope = x[f"{axis}{hook.joint.number + 1}{j + 1}"]
+                    if not (isinstance(slope, float) and slope == 0.0):  # links beyond the point
+                        name = f"Q{j + 1}"
+                        total[name] = _plus(total.get(name), slope * component)
 
 
 def _plus(a: Any, b: Any) -> Any:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from redundant_envs.algebra import numbered
 from redundant_envs.effects.hooks import Effect, Field, Force
 from redundant_envs.model.batch import BatchSimulator
-from redundant_envs.model.energy import hook_value, kinetic_energy, potential_energy
+from redundant_envs.model.energy import at_joints, hook_value, kinetic_energy, potential_energy
 from redundant_envs.scene import Scene
 
 Array = NDArray[np.float64]
@@ -124,7 +124,7 @@ def conservative_force(scene: Scene, effect: Effect, q: Array) -> Array:
     force = np.zeros_like(q)
     for hook in effect.hooks(arm):
         if isinstance(hook, Force) and hook.conservative is not None:
-            force[:, hook.joint] += hook_value(arm, effect, hook, hook.conservative, values)
+            force += at_joints(arm, effect, hook, hook.conservative, values)
         elif isinstance(hook, Field):
             ax, ay = hook_value(arm, effect, hook, hook.function, values)
             weight = arm.evaluate(numbered("G{}", len(arm.joints)), {**values, "ax": ax, "ay": ay})

@@ -136,7 +136,7 @@ def test_a_slider_added_from_outside_comes_to_rest_and_leaves_its_stop():
     [
         ({"rates": ("w1", "w2")}, "rates has 2 entries; its coordinates are 3"),
         ({"prismatic": (False,)}, "prismatic has 1 entries"),
-        ({"functions": three_r.ThreeR.functions[:-10]}, "gives no"),
+        ({"functions": tuple(f for f in three_r.ThreeR.functions if f is not three_r.points)}, "gives no x1"),
         ({"functions": (*three_r.ThreeR.functions, three_r.points, rrp.points)}, "is given by both"),
     ],
 )

@@ -1,0 +1,146 @@
+"""Numbers with a derivative: equations that are run on them give their own derivatives, to rounding."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from redundant_envs import algebra
+from redundant_envs.algebra import Primitives, register_numbers
+
+
+def _is_zero(x: Any) -> bool:
+    return isinstance(x, float) and x == 0.0
+
+
+def _plus(a: Any, b: Any) -> Any:
+    return b if _is_zero(a) else a if _is_zero(b) else a + b
+
+
+def _times(a: Any, b: Any) -> Any:
+    return 0.0 if _is_zero(a) or _is_zero(b) else a * b
+
+
+class Dual:
+    """A number, and its derivative: 0.0 where it has none, so that nothing is computed for it.
+
+    Parameters
+    ----------
+    value, slope : numbers of any kind
+    """
+
+    __slots__ = ("slope", "value")
+    __array_ufunc__ = None  # NumPy leaves operations with these numbers to them
+    __hash__ = None  # type: ignore[assignment]
+
+    def __init__(self, value: Any, slope: Any = 0.0) -> None:
+        self.value, self.slope = value, slope
+
+    def __add__(self, other: Any) -> Dual:
+        o = dual(other)
+        return Dual(self.value + o.value, _plus(self.slope, o.slope))
+
+    __radd__ = __add__
+
+    def __neg__(self) -> Dual:
+        return Dual(-self.value, _times(-1.0, self.slope))
+
+    def __sub__(self, other: Any) -> Dual:
+        return self + (-dual(other))
+
+    def __rsub__(self, other: Any) -> Dual:
+        return dual(other) + (-self)
+
+    def __mul__(self, other: Any) -> Dual:
+        o = dual(other)
+        slope = _plus(_times(self.slope, o.value), _times(self.value, o.slope))
+        return Dual(self.value * o.value, slope)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> Dual:
+        o = dual(other)
+        ratio = self.value / o.value
+        slope = _plus(self.slope, -_times(ratio, o.slope))
+        return Dual(ratio, 0.0 if _is_zero(slope) else slope / o.value)
+
+    def __rtruediv__(self, other: Any) -> Dual:
+        return dual(other) / self
+
+    def __pow__(self, exponent: int) -> Dual:
+        return Dual(self.value**exponent, _times(exponent * self.value ** (exponent - 1), self.slope))
+
+    def __abs__(self) -> Dual:
+        return where(self < 0.0, -self, self)
+
+    def __lt__(self, other: Any) -> Decision:
+        return Decision(self.value < dual(other).value)
+
+    def __le__(self, other: Any) -> Decision:
+        return Decision(self.value <= dual(other).value)
+
+    def __gt__(self, other: Any) -> Decision:
+        return Decision(self.value > dual(other).value)
+
+    def __ge__(self, other: Any) -> Decision:
+        return Decision(self.value >= dual(other).value)
+
+
+class Decision:
+    """A condition on numbers with derivatives."""
+
+    __slots__ = ("condition",)
+
+    def __init__(self, condition: Any) -> None:
+        self.condition = condition
+
+    def __and__(self, other: Any) -> Decision:
+        return Decision(self.condition & _condition(other))
+
+    def __or__(self, other: Any) -> Decision:
+        return Decision(self.condition | _condition(other))
+
+    __rand__, __ror__ = __and__, __or__
+
+
+def dual(x: Any) -> Dual:
+    """A number with a derivative as it is, any other with none."""
+    return x if isinstance(x, Dual) else Dual(x)
+
+
+def _condition(x: Any) -> Any:
+    return x.condition if isinstance(x, Decision) else x
+
+
+def where(condition: Any, a: Any, b: Any) -> Dual:
+    chosen, a, b = _condition(condition), dual(a), dual(b)
+    return Dual(algebra.where(chosen, a.value, b.value), algebra.where(chosen, a.slope, b.slope))
+
+
+def _derived(function: Callable[[Any], Any], slope: Callable[[Any, Any], Any]) -> Callable[[Dual], Dual]:
+    """A function with the derivative ``slope(x, function(x))``."""
+
+    def apply(x: Dual) -> Dual:
+        y = function(x.value)
+        return Dual(y, _times(slope(x.value, y), x.slope))
+
+    return apply
+
+
+def _sincos(x: Dual) -> tuple[Dual, Dual]:
+    s, c = algebra.sincos(x.value)
+    return Dual(s, _times(c, x.slope)), Dual(c, _times(-s, x.slope))
+
+
+register_numbers(
+    Primitives(
+        _derived(algebra.sqrt, lambda x, y: 0.5 / y),
+        _derived(algebra.exp, lambda x, y: y),
+        _derived(algebra.floor, lambda x, y: 0.0),
+        _sincos,
+        where,
+        lambda x: Decision(algebra.logical_not(_condition(x))),
+    ),
+    Dual,
+    Decision,
+)
