@@ -12,12 +12,13 @@ from typing import Any
 
 from redundant_envs.effects import REGISTRY as EFFECTS
 from redundant_envs.effects.attaching import attached
-from redundant_envs.effects.hooks import Effect, Field, Hook, Impact, State, snake_case
+from redundant_envs.effects.hooks import Effect, Field, Hook, Impact, PointMass, State, snake_case
 from redundant_envs.files import exists, explained, read_yaml
 from redundant_envs.integrators.tableaus import METHODS
+from redundant_envs.plain_data import check_keys, plain_effect, typed
 from redundant_envs.robots import REGISTRY as ARMS
 from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import number
+from redundant_envs.robots.parameters import number, positive_numbers
 from redundant_envs.values import check_bounds, shown
 
 MOST_SUBSTEPS = 1_000_000
@@ -106,6 +107,7 @@ class Scene:
         if len({h.joint for _, h in impacts}) < len(impacts):
             raise ValueError("effects has two stops for one slider; combine them into one")
         self._check_identifiers()
+        positive_numbers("masses with what effects add", self._masses, self.robot.num_masses, "kg")
         if sum(isinstance(h, Field) for h in hooks) > 1:
             raise ValueError("effects has two uniform fields; combine them into one Gravity")
         if not isinstance(self.integrator, str) or self.integrator not in METHODS:
@@ -180,6 +182,17 @@ class Scene:
             values.update({f"{effect.key}.{k}": v for k, v in effect.parameters().items()})
         return values
 
+    @functools.cached_property
+    def loaded_robot(self) -> Arm:
+        """The arm with the masses that effects add to its own."""
+        return dataclasses.replace(self.robot, masses=self._masses) if carried_masses(self) else self.robot
+
+    @property
+    def _masses(self) -> tuple[float, ...]:
+        values, loads = self._parameters, carried_masses(self)
+        own = {f"m{k + 1}": mass for k, mass in enumerate(self.robot.masses)}
+        return tuple(sum((values[n] for n in loads.get(m, ())), mass) for m, mass in own.items())
+
     def travel(self) -> dict[int, tuple[str, str]]:
         """Limited joints: joint index -> parameter names of its lower and upper limit."""
         limits: dict[int, tuple[str, str]] = {}
@@ -205,7 +218,7 @@ class Scene:
         }
         return {
             "robot": robot,
-            "effects": [effect_to_dict(e) for e in self.effects],
+            "effects": [plain_effect(e) for e in self.effects],
             "integrator": self.integrator,
             "control_dt": self.control_dt,
             "substeps": self.substeps,
@@ -232,38 +245,14 @@ class Scene:
         return cls(robot, built, **rest)
 
 
-def effect_to_dict(effect: Effect) -> dict[str, Any]:
-    """An effect as plain data."""
-    data: dict[str, Any] = {"type": type(effect).__name__}
-    for f in dataclasses.fields(effect):
-        value = getattr(effect, f.name)
-        data[f.name] = list(value) if isinstance(value, tuple) else value
-    return data
-
-
-def check_keys(where: str, data: Mapping[str, Any], valid: list[str]) -> None:
-    """Refuse keys that are not valid, naming the valid ones."""
-    for key in data:
-        if key not in valid:
-            raise ValueError(f"{where} has the unknown key {shown(key)}; valid: {', '.join(valid)}")
-
-
-def typed(where: str, data: Any, registry: Mapping[str, type[Any]]) -> Any:
-    """Build the class that ``data["type"]`` names in a registry."""
-    if not isinstance(data, Mapping) or "type" not in data:
-        raise ValueError(f"{where} is {shown(data)}; give a mapping with a 'type'")
-    kind = data["type"]
-    if not isinstance(kind, str) or kind not in registry:
-        raise ValueError(f"{where}.type is {shown(kind)}; valid: {', '.join(sorted(registry))}")
-    target = registry[kind]
-    arguments = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items() if k != "type"}
-    fields = dataclasses.fields(target)
-    check_keys(where, arguments, [f.name for f in fields])
-    for f in fields:
-        required = f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
-        if required and f.name not in arguments:
-            raise ValueError(f"{where} ({kind}) lacks {f.name!r}")
-    return target(**arguments)
+def carried_masses(scene: Scene) -> dict[str, list[str]]:
+    """Masses of the arm to which effects add others: the parameters of those."""
+    loads: dict[str, list[str]] = {}
+    for effect in scene.effects:
+        for hook in effect.hooks(scene.robot):
+            if isinstance(hook, PointMass):
+                loads.setdefault(f"m{hook.point.number + 1}", []).append(f"{effect.key}{hook.mass}")
+    return loads
 
 
 def scene_folder() -> Path:

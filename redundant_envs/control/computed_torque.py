@@ -148,7 +148,7 @@ class ComputedTorque:
         wanted = distance * 60.0 * s * (1.0 - 3.0 * s + 2.0 * s**2) / self.duration**2
         w = self.frequency
         qdd = wanted + 2.0 * w * (rate - qd) + w * w * (place - q)
-        robot: Any = self.scene.robot
+        robot: Any = self.scene.loaded_robot
         forces = robot.inverse_dynamics(q, qd, qdd, g=self.g)
         b = robot.motor_map
         efforts = np.linalg.solve(b, forces.T).T + self.friction * (qd @ b)

@@ -38,7 +38,7 @@ def static_efforts(scene: Scene, q: ArrayLike) -> Array:
     ValueError
         If q is of another shape, or the scene has ``actuation="generalized"``.
     """
-    arm: Any = scene.robot
+    arm: Any = scene.loaded_robot
     place = np.asarray(q, dtype=np.float64)
     joints = len(arm.joints)
     if place.shape[-1:] != (joints,):

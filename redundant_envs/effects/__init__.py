@@ -3,14 +3,24 @@
 from redundant_envs.effects.centring_spring import CentringSpring
 from redundant_envs.effects.effort_limits import EffortLimits
 from redundant_envs.effects.gravity import Gravity
-from redundant_envs.effects.hooks import Actuation, Effect, Field, Force, Impact, Link, Point, State
+from redundant_envs.effects.hooks import (
+    Actuation,
+    Effect,
+    Field,
+    Force,
+    Impact,
+    Link,
+    Point,
+    PointMass,
+    State,
+)
 from redundant_envs.effects.limit_spring import LimitSpring
 from redundant_envs.effects.prismatic_stop import PrismaticStop
 from redundant_envs.effects.viscous_friction import ViscousFriction
 
 __all__ = [
     "Actuation", "CentringSpring", "Effect", "EffortLimits", "Field", "Force", "Gravity", "Impact",
-    "LimitSpring", "Link", "Point", "PrismaticStop", "State", "ViscousFriction",
+    "LimitSpring", "Link", "Point", "PointMass", "PrismaticStop", "State", "ViscousFriction",
 ]  # fmt: skip
 
 REGISTRY: dict[str, type[Effect]] = {

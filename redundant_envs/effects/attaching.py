@@ -5,17 +5,29 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from typing import Any, get_args
 
 from redundant_envs import dialect
 from redundant_envs.algebra import arguments_of, gives_of, name_of, numbered
-from redundant_envs.effects.hooks import Actuation, Effect, Field, Force, Hook, Impact, Link, Point, State
+from redundant_envs.effects.hooks import (
+    Actuation,
+    Effect,
+    Field,
+    Force,
+    Hook,
+    Impact,
+    Link,
+    Point,
+    PointMass,
+    State,
+)
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import number
 
 STATE_NAME = re.compile(r"[^\W\d]\w*(\[\d+\])?")
 Own = dict[str, bool]
 """Names of an effect's own numbers, and whether they are states."""
+HOOKS = ", ".join(kind.__name__ for kind in get_args(Hook))
 KEY = re.compile(r"[^\W\d]\w*(\.\w+)*")
 
 
@@ -34,9 +46,7 @@ def attached(where: str, effect: Effect, arm: Arm) -> tuple[Hook, ...]:
     if not isinstance(effect.key, str) or not KEY.fullmatch(effect.key):
         raise ValueError(f"{where} has the key {effect.key!r}; give letters, digits, '_' and '.'")
     if not isinstance(hooks, tuple | list) or not all(isinstance(h, Hook) for h in hooks):
-        raise ValueError(
-            f"{kind}.hooks gives {hooks!r:.80}; give a tuple of Field, Force, Actuation or Impact"
-        )
+        raise ValueError(f"{kind}.hooks gives {hooks!r:.80}; give a tuple of {HOOKS}")
     own: Own = dict.fromkeys(effect.parameters(), False)
     for field, value in effect.parameters().items():
         if isinstance(value, bool) or not isinstance(value, int | float) or value != value:
@@ -71,10 +81,12 @@ def _states_of(hook: Any) -> tuple[State, ...]:
 
 def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
     at_point = isinstance(hook, Force) and isinstance(hook.joint, Point)
+    if isinstance(hook, PointMass):
+        _check_point(hook.point, arm)
+        _own("mass", hook.mass, {n: False for n, moves in own.items() if not moves})
+        return
     if isinstance(hook, Force) and isinstance(hook.joint, Point):
-        place, count = hook.joint.number, arm.num_masses
-        if isinstance(place, bool) or not isinstance(place, int) or not 0 <= place < count:
-            raise ValueError(f"the number of the Point is {place!r}; give 0 to {count - 1}, the tip")
+        _check_point(hook.joint, arm)
     elif not isinstance(hook, Field):
         count = len(arm.coordinates)
         if isinstance(hook.joint, bool) or not isinstance(hook.joint, int) or not 0 <= hook.joint < count:
@@ -122,6 +134,15 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
         raise ValueError(
             f"{name} {name_of(function)} depends on {moving}; it may depend on "
             f"{'parameters' if fixed else 'the position'} alone"
+        )
+
+
+def _check_point(point: Any, arm: Arm) -> None:
+    place, count = getattr(point, "number", point), arm.num_masses
+    whole = isinstance(point, Point) and isinstance(place, int) and not isinstance(place, bool)
+    if not whole or not 0 <= place < count:
+        raise ValueError(
+            f"the number of the Point is {place!r}; give Point(0) to Point({count - 1}), the tip"
         )
 
 

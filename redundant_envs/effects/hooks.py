@@ -140,7 +140,15 @@ class Impact:
     restitution: str
 
 
-Hook = Field | Force | Actuation | Impact
+@dataclass(frozen=True)
+class PointMass:
+    """A mass that moves with a point mass of the arm: its number is a field of the effect (".mass"), kg."""
+
+    point: Point
+    mass: str
+
+
+Hook = Field | Force | Actuation | Impact | PointMass
 
 
 @dataclass(frozen=True)

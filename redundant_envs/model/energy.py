@@ -18,12 +18,12 @@ Array = NDArray[np.float64]
 
 def kinetic_energy(scene: Scene, q: Array, qd: Array) -> Array:
     """Kinetic energy, (...), J."""
-    return scene.robot.kinetic_energy(q, qd)
+    return scene.loaded_robot.kinetic_energy(q, qd)
 
 
 def potential_energy(scene: Scene, q: Array) -> Array:
     """Potential energy of the field and of all springs, (...), J."""
-    arm = scene.robot
+    arm = scene.loaded_robot
     values: dict[str, Any] = {**arm.parameter_values(), "ax": 0.0, "ay": 0.0}
     values.update({name: q[..., k] for k, name in enumerate(arm.coordinates)})
     springs: list[Any] = []

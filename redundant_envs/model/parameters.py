@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from redundant_envs.effects.hooks import Impact
 from redundant_envs.model.memory import Memory
 from redundant_envs.robots.parameters import LARGEST, LARGEST_RATIO, SMALLEST
-from redundant_envs.scene import Scene, identifier
+from redundant_envs.scene import Scene, carried_masses, identifier
 from redundant_envs.values import shown
 
 Table = dict[str, NDArray[np.float64]]
@@ -86,7 +86,7 @@ def lane_values(
     if fresh:
         values = {p: np.full(len(lanes), v) for p, v in nominal.items()}
     else:
-        present = memory.read(tuple(identifier(p) for p in nominal), lanes)
+        present = memory.read(tuple(memory.dynamics.field_of(p) for p in nominal), lanes)
         values = {p: present[:, k] for k, p in enumerate(nominal)}
     changed: list[str] = []
     for name, value in given.items():
@@ -100,6 +100,9 @@ def lane_values(
     for effect in scene.effects:
         if any(p.startswith(f"{effect.key}.") for p in changed):
             _check_effect(effect, values)
+    for mass, loads in carried_masses(scene).items():
+        total = sum((values[name] for name in loads), values[mass])
+        _check_positive(f"{mass} with {', '.join(loads)}", total[:, None])
     return values
 
 
@@ -159,5 +162,5 @@ def _check_effect(effect: Any, values: Table) -> None:
 def write(scene: Scene, memory: Memory, lanes: NDArray[np.intp], values: Table) -> None:
     """Set parameters of lanes, and what follows from them."""
     columns = np.stack([values[p] for p in values], axis=1)
-    memory.write(tuple(identifier(p) for p in values), columns, lanes)
+    memory.write(tuple(memory.dynamics.field_of(p) for p in values), columns, lanes)
     memory.prepare()

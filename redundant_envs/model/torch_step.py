@@ -7,7 +7,7 @@ from typing import Any
 
 from redundant_envs.backends.torch import number, torch
 from redundant_envs.model.parameters import names_of
-from redundant_envs.scene import Scene, identifier
+from redundant_envs.scene import Scene
 from redundant_envs.simulator.direct import cross_interval, fields_of
 from redundant_envs.simulator.dynamics import Dynamics
 from redundant_envs.simulator.interval import Interval
@@ -72,7 +72,7 @@ def torch_step(scene: Scene) -> Step:
             raise ValueError("z is given, and no effect of the scene has a state; leave it out")
         states = [*tensors[0].unbind(-1), *tensors[1].unbind(-1), *(effects[n] for n in dynamics.others)]
         fields = {
-            **fields_of(dynamics, _named(scene, parameters or {})),
+            **fields_of(dynamics, _named(dynamics, parameters or {})),
             **dict(zip(dynamics.commands, tensors[2].unbind(-1), strict=True)),
             **{n: effects[n] for n in dynamics.remembered},
         }
@@ -108,14 +108,14 @@ def _checked(name: str, value: Any, width: int) -> torch.Tensor:
     return tensor
 
 
-def _named(scene: Scene, parameters: Mapping[str, Any]) -> dict[str, torch.Tensor]:
+def _named(dynamics: Dynamics, parameters: Mapping[str, Any]) -> dict[str, torch.Tensor]:
     """Parameters by the names of their fields."""
     values: dict[str, torch.Tensor] = {}
     for name, given in parameters.items():
-        names, tensor = names_of(scene, name), number(given)
+        names, tensor = names_of(dynamics.scene, name), number(given)
         if len(names) == 1 and (tensor.ndim == 0 or tensor.shape[-1] != 1):
             tensor = tensor.unsqueeze(-1)
         if tensor.shape[-1] != len(names):
             raise ValueError(f"{name} has shape {tuple(tensor.shape)}; the last axis must have {len(names)}")
-        values.update({identifier(n): x for n, x in zip(names, tensor.unbind(-1), strict=True)})
+        values.update({dynamics.field_of(n): x for n, x in zip(names, tensor.unbind(-1), strict=True)})
     return values

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
@@ -12,7 +13,7 @@ from redundant_envs.effects.hooks import Actuation, Effect, Field, Force, Impact
 from redundant_envs.integrators import step_control
 from redundant_envs.integrators.tableaus import METHODS, Tableau
 from redundant_envs.quantities import Quantities
-from redundant_envs.scene import Scene, identifier
+from redundant_envs.scene import Scene, carried_masses, identifier
 from redundant_envs.tracing.graph import owned
 
 NO_FIELD = -0.0
@@ -110,9 +111,18 @@ class Dynamics:
     # ---- parameters, and what follows from them alone ---------------------------------------------
 
     @cached_property
+    def carried(self) -> dict[str, list[str]]:
+        """Masses of the arm that carry others: the fields of those."""
+        return {m: [identifier(name) for name in loads] for m, loads in carried_masses(self.scene).items()}
+
+    def field_of(self, parameter: str) -> str:
+        """The field of a parameter of the scene; "m4" is what moves there, with all that it carries."""
+        return f"own_{parameter}" if parameter in self.carried else identifier(parameter)
+
+    @cached_property
     def parameters(self) -> dict[str, float]:
-        """Numbers of the scene: identifier -> nominal value."""
-        values = {identifier(k): v for k, v in self.scene.parameters().items()}
+        """Numbers of the scene: field -> nominal value."""
+        values = {self.field_of(k): v for k, v in self.scene.parameters().items()}
         if self.scene.tolerance is not None:
             values["tip_tolerance"] = self.scene.tolerance
         return values
@@ -121,10 +131,17 @@ class Dynamics:
         """What follows from the parameters alone, to be found when they are set."""
         bounds = self.arm.mobility_bounds
         functions = self.arm.prepared if bounds is None else (*self.arm.prepared, bounds)
-        x = Quantities(parameters, functions, {})
-        made = {name: x[name] for f in self.arm.prepared for name in gives_of(f)}
+        made: dict[str, Any] = {
+            mass: reduce(operator.add, (parameters[name] for name in loads), parameters[self.field_of(mass)])
+            for mass, loads in self.carried.items()
+        }
+        x = Quantities({**parameters, **made}, functions, {})
+        made |= {name: x[name] for f in self.arm.prepared for name in gives_of(f)}
         for effect, hook in self.hooks:
-            if isinstance(hook, Field) and set(self.bound(effect, hook, hook.function)) <= set(parameters):
+            if isinstance(hook, Field) and set(self.bound(effect, hook, hook.function)) <= {
+                *parameters,
+                *self.carried,
+            }:
                 made["ax"], made["ay"] = self.apply(effect, hook, hook.function, x)
         rates = self._rates_of_steps(x) if self.controlled else []
         return {**made, "steady": reduce(maximum, rates)} if rates else made

@@ -166,7 +166,7 @@ def _one(x4):
 @pytest.mark.parametrize(
     ("hook", "said"),
     [
-        (Force(Point(4), Tether.hooks, {}), "number of the Point is 4; give 0 to 3, the tip"),
+        (Force(Point(4), Tether.hooks, {}), r"Point is 4; give Point\(0\) to Point\(3\), the tip"),
         (Force(Point(True), Tether.hooks, {}), "number of the Point is True"),
         (Force(Point(3), _one, {}), "returns 1 values; a Force at a point needs 2"),
         (Force(1, _backwards, dict.fromkeys(("x", "y", "post_x", "post_y", "stiffness"), "x1")),

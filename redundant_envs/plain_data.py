@@ -1,0 +1,43 @@
+"""Arms and effects from plain JSON data, and back."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+from redundant_envs.values import shown
+
+
+def plain_effect(effect: Any) -> dict[str, Any]:
+    """An effect as plain data."""
+    data: dict[str, Any] = {"type": type(effect).__name__}
+    for f in dataclasses.fields(effect):
+        value = getattr(effect, f.name)
+        data[f.name] = list(value) if isinstance(value, tuple) else value
+    return data
+
+
+def check_keys(where: str, data: Mapping[str, Any], valid: list[str]) -> None:
+    """Refuse keys that are not valid, naming the valid ones."""
+    for key in data:
+        if key not in valid:
+            raise ValueError(f"{where} has the unknown key {shown(key)}; valid: {', '.join(valid)}")
+
+
+def typed(where: str, data: Any, registry: Mapping[str, type[Any]]) -> Any:
+    """Build the class that ``data["type"]`` names in a registry."""
+    if not isinstance(data, Mapping) or "type" not in data:
+        raise ValueError(f"{where} is {shown(data)}; give a mapping with a 'type'")
+    kind = data["type"]
+    if not isinstance(kind, str) or kind not in registry:
+        raise ValueError(f"{where}.type is {shown(kind)}; valid: {', '.join(sorted(registry))}")
+    target = registry[kind]
+    arguments = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items() if k != "type"}
+    fields = dataclasses.fields(target)
+    check_keys(where, arguments, [f.name for f in fields])
+    for f in fields:
+        required = f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
+        if required and f.name not in arguments:
+            raise ValueError(f"{where} ({kind}) lacks {f.name!r}")
+    return target(**arguments)
