@@ -40,7 +40,8 @@ def kernels(key: str, program: Program, what: str) -> dict[str, llvm.Entry]:
     Parameters
     ----------
     key : str
-        The program's :func:`program_key`, found before anything was compiled: that changes its graphs.
+        The :func:`program_key` of its :func:`identity`, found before anything was compiled: that changes its
+        graphs.
     program : Program
     what : str
         Names the program where it has to be compiled.
@@ -52,11 +53,15 @@ def kernels(key: str, program: Program, what: str) -> dict[str, llvm.Entry]:
         return _kept[key]
 
 
-def program_key(program: Program) -> str:
-    """Name of a program's machine code: the program, what compiles it, and for which processor."""
-    text = hashlib.sha256("\n".join(fingerprints(program)).encode())
-    text.update("\0".join((platform.machine(), *llvm.facts(), *_sources())).encode())
-    return text.hexdigest()[:40]
+def identity(program: Program) -> str:
+    """A digest of a program: equal for equal ones, on every machine."""
+    return hashlib.sha256("\n".join(fingerprints(program)).encode()).hexdigest()
+
+
+def program_key(program: str) -> str:
+    """Name of a program's machine code: its identity, what compiles it, and for which processor."""
+    text = "\0".join((program, platform.machine(), *llvm.facts(), *_sources()))
+    return hashlib.sha256(text.encode()).hexdigest()[:40]
 
 
 @functools.cache
@@ -88,21 +93,37 @@ def _code(key: str, program: Program, what: str) -> bytes:
 def _code_in(folder: Path, key: str, compiled: Callable[[], bytes]) -> bytes:
     """The machine code in a folder; compiled if it is not there whole."""
     path = folder / f"{key}{SUFFIX}"
+    code = _used(path)
+    if code is not None:  # whole files appear at once: no need to wait for who compiles another time
+        return code
     with _file_lock(path.with_suffix(".lock")):
-        code = _whole(path)
+        code = _used(path)
         if code is not None:
-            os.utime(path)
             return code
         damaged, code = os.path.lexists(path), compiled()
         if path.is_dir() and not path.is_symlink():
             raise OSError(f"{path} is a folder")
-        _write_whole(path, hashlib.sha256(code).digest() + code)
+        _write_whole(path, _checksum(path, code) + code)
         _prune(folder)
     if damaged:
         warnings.warn(
             f"the compiled simulator {path} was damaged or not ours; it is compiled anew", stacklevel=2
         )
     return code
+
+
+def _used(path: Path) -> bytes | None:
+    """What a file keeps, which is young again then."""
+    code = _whole(path)
+    if code is not None:
+        with contextlib.suppress(OSError):  # another process may have deleted it, or it is somebody else's
+            os.utime(path)
+    return code
+
+
+def _checksum(path: Path, code: bytes) -> bytes:
+    """Of the code and of its file's name: the code of another program is as wrong as a torn one."""
+    return hashlib.sha256(path.stem.encode() + code).digest()
 
 
 def _whole(path: Path) -> bytes | None:
@@ -117,7 +138,7 @@ def _whole(path: Path) -> bytes | None:
     except OSError:
         return None
     code = data[DIGEST:]
-    return code if hashlib.sha256(code).digest() == data[:DIGEST] and code else None
+    return code if _checksum(path, code) == data[:DIGEST] and code else None
 
 
 def _write_whole(path: Path, data: bytes) -> None:

@@ -18,7 +18,7 @@ from redundant_envs.envs.registration import check_arm
 from redundant_envs.envs.single_lane import SingleLane
 from redundant_envs.model import parameters
 from redundant_envs.model.memory import Memory, aligned
-from redundant_envs.model.programs import Call, Part, Team, environment_simulator
+from redundant_envs.model.programs import Call, Part, Simulator, Team, environment_simulator
 from redundant_envs.model.snapshot import (
     check_array,
     check_facts,
@@ -37,7 +37,7 @@ from redundant_envs.tasks.limits import hard_stops, narrowed, spring_limits
 from redundant_envs.values import whole_number
 
 STATE_KEYS = ("states", "parameters", "keys", "mask", "waiting", "generators", "simulator")
-MADE_ANEW = ("simulator", "keys", "mask", "_team", "_goal_reward")
+MADE_ANEW = ("simulator", "keys", "mask", "_team", "_goal_reward", "_facts")
 """Attributes of a core that its copies do not take over: compiled code and views of other arrays."""
 
 
@@ -108,11 +108,22 @@ class Core:
         return SingleLane(part, self.columns, self.obs_size, len(self.actions), self._tickets)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in self.__dict__.items() if name not in MADE_ANEW}
+        kept = {name: value for name, value in self.__dict__.items() if name not in MADE_ANEW}
+        return {**kept, "_identity": self.simulator.identity}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        self.simulator = environment_simulator(self.scene, self.task)
+        simulator = environment_simulator(state["scene"], state["task"])
+        simulator.check_same(state["_identity"])
+        self._take(state, simulator)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Core:
+        made = memo[id(self)] = object.__new__(type(self))
+        made._take(copy.deepcopy(self.__getstate__(), memo), self.simulator)
+        return made
+
+    def _take(self, state: dict[str, Any], simulator: Simulator) -> None:
+        self.__dict__.update({name: value for name, value in state.items() if name != "_identity"})
+        self.simulator = simulator
         self._connect()
 
     def __copy__(self) -> Core:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from redundant_envs.effects.hooks import Impact
 from redundant_envs.model import parameters
 from redundant_envs.model.memory import Memory
-from redundant_envs.model.programs import Team, batch_simulator
+from redundant_envs.model.programs import Simulator, Team, batch_simulator
 from redundant_envs.model.snapshot import check_facts, check_keys, check_numbers, simulator_facts
 from redundant_envs.scene import Scene
 from redundant_envs.simulator.blocks import LANES
@@ -23,7 +23,7 @@ from redundant_envs.simulator.lane import LOG
 from redundant_envs.simulator.setting import MOST_LOGGED, Fault
 from redundant_envs.values import shown, whole_number
 
-MADE_ANEW = ("_simulator", "_team", "_unchanging")
+MADE_ANEW = ("_simulator", "_team", "_unchanging", "_facts")
 """Attributes of a simulator that its copies do not take over."""
 
 Numerics = Fault
@@ -133,11 +133,22 @@ class BatchSimulator:
         )
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in self.__dict__.items() if name not in MADE_ANEW}
+        kept = {name: value for name, value in self.__dict__.items() if name not in MADE_ANEW}
+        return {**kept, "_identity": self._simulator.identity}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        self._simulator = batch_simulator(self.scene, self.track_work)
+        simulator = batch_simulator(state["scene"], state["track_work"])
+        simulator.check_same(state["_identity"])
+        self._take(state, simulator)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> BatchSimulator:
+        made = memo[id(self)] = object.__new__(type(self))
+        made._take(copy.deepcopy(self.__getstate__(), memo), self._simulator)
+        return made
+
+    def _take(self, state: dict[str, Any], simulator: Simulator) -> None:
+        self.__dict__.update({name: value for name, value in state.items() if name != "_identity"})
+        self._simulator = simulator
         self._connect()
 
     def __copy__(self) -> BatchSimulator:

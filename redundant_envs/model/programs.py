@@ -41,10 +41,25 @@ class Simulator:
         return self.blocks.interval
 
     @functools.cached_property
-    def key(self) -> str:
-        """Name of the program: equal for scenes that differ in numbers only."""
+    def identity(self) -> str:
+        """A digest of the program: equal for scenes that differ in numbers only, and on every machine."""
         with uncollected():
-            return cache.program_key(self.program)
+            return cache.identity(self.program)
+
+    @functools.cached_property
+    def key(self) -> str:
+        """Name of the program's machine code."""
+        return cache.program_key(self.identity)
+
+    def check_same(self, identity: str) -> None:
+        """ValueError unless a copy was made of a simulator with this program."""
+        if identity != self.identity:
+            scene = self.dynamics.scene
+            names = ", ".join(type(x).__name__ for x in (scene.robot, *scene.effects))
+            raise ValueError(
+                f"the copy is of a simulator with other equations: {names}, or the task, are not what they "
+                "were when it was made; go on with the definitions of then, or make a new simulator"
+            )
 
     @functools.cached_property
     def kernels(self) -> dict[str, llvm.Entry]:
@@ -66,8 +81,8 @@ def _kept_or_made(make: Callable[[], Simulator], scene: Scene, *more: Any) -> Si
     What users write is traced each time: a function may have been defined again. Names tell scenes apart to
     the sign of a zero, which equality does not.
     """
-    parts = (scene.robot, *scene.effects, *more)
-    if not all(type(part).__module__.partition(".")[0] in ("redundant_envs", "builtins") for part in parts):
+    parts = (scene.robot, *scene.effects, *(part for part in more if not isinstance(part, bool)))
+    if not all(type(part).__module__.partition(".")[0] == "redundant_envs" for part in parts):
         return make()
     name = repr((scene, *more, llvm.processor()))
     if name not in _kept:

@@ -27,7 +27,7 @@ def simulator_facts(simulator: Simulator, num_envs: int, more: Mapping[str, Any]
     dynamics = simulator.dynamics
     facts: dict[str, Any] = {"num_envs": num_envs, **dynamics.scene.to_dict(), **(more or {})}
     facts["track_work"] = dynamics.track_work
-    facts["program"] = simulator.key[:16]
+    facts["program"] = simulator.identity[:16]
     return json.dumps(plain(facts))
 
 

@@ -22,7 +22,7 @@ def small_program():
     return Program([p])
 
 
-KEY = cache.program_key(small_program())
+KEY = cache.program_key(cache.identity(small_program()))
 NAME = f"{KEY}{cache.SUFFIX}"
 
 
@@ -64,7 +64,7 @@ def compilations(capsys):
 def test_what_is_kept_is_the_code_and_its_checksum(folder, monkeypatch, capsys):
     assert sorted(p.name for p in folder.iterdir()) == sorted([NAME, f"{KEY}.lock"])
     data = (folder / NAME).read_bytes()
-    assert data[:32] == hashlib.sha256(data[32:]).digest()
+    assert data[:32] == hashlib.sha256(KEY.encode() + data[32:]).digest()
     assert load(folder, monkeypatch) == []
     assert compilations(capsys) == 0
 
@@ -140,11 +140,32 @@ def test_a_folder_in_the_place_of_a_file_stays_and_memory_serves(folder, monkeyp
 
 
 def test_where_no_lock_can_be_had_memory_serves(folder, monkeypatch, capsys):
+    (folder / NAME).unlink()
     (folder / f"{KEY}.lock").unlink()
     (folder / f"{KEY}.lock").mkdir()
     (told,) = load(folder, monkeypatch)
     assert "kept in memory only" in told
     assert compilations(capsys) == 1
+
+
+def test_code_of_another_program_under_this_ones_name_is_not_run(folder, monkeypatch, capsys):
+    data = (folder / NAME).read_bytes()
+    other = f"{'0' * 40}{cache.SUFFIX}"
+    (folder / other).write_bytes(hashlib.sha256(b"0" * 40 + data[32:]).digest() + data[32:])
+    shutil.copy(folder / other, folder / NAME)
+    (told,) = load(folder, monkeypatch)
+    assert "damaged or not ours" in told
+    assert compilations(capsys) == 1
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="flock is that of Unix")
+def test_whole_code_is_read_though_another_process_holds_the_lock(folder, monkeypatch, capsys):
+    import fcntl
+
+    with (folder / f"{KEY}.lock").open("w") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        assert load(folder, monkeypatch) == []
+    assert compilations(capsys) == 0
 
 
 @pytest.mark.parametrize("broken", ["replace", "fdopen"])

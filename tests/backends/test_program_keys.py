@@ -58,7 +58,7 @@ def small_key(name="scale", factor=0.0, place=0, element="f64", swapped=False):
     p = Kernel(name, {"x": element})
     x = p.load(p["x"])
     p.store(p["x"], place, factor * x if not swapped else x - factor)
-    return cache.program_key(Program([p]))
+    return cache.program_key(cache.identity(Program([p])))
 
 
 def test_programs_that_differ_in_one_thing_have_keys_of_their_own():

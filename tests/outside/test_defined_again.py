@@ -1,0 +1,133 @@
+"""What is defined again: copies go on as they were, new simulators have the new equations."""
+
+import copy
+import pickle
+import sys
+import types
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import redundant_envs as rde
+from redundant_envs.backends import llvm
+
+MODULE = "effect_defined_again"
+TEXT = """
+from dataclasses import dataclass
+import redundant_envs as rde
+from redundant_envs.algebra import physics
+
+@physics
+def drag(phid1, k):
+    return -{gain} * k * phid1
+
+@physics
+def unchanged():
+    return 0.0
+
+@dataclass(frozen=True)
+class Drag(rde.effects.Effect):
+    k: float = 1.0
+
+    def hooks(self, arm):
+        states = tuple(rde.effects.State(f"z[{{i}}]", "", derivative=unchanged) for i in range({states}))
+        return (rde.effects.Force(0, drag, {{"k": ".k"}}, states=states),)
+"""
+ARM = rde.FourR((1.0,) * 4, (0.5,) * 4)
+
+
+def define(gain, states=0):
+    """The module anew, as ``importlib.reload`` does it."""
+    module = sys.modules.setdefault(MODULE, types.ModuleType(MODULE))
+    exec(TEXT.format(gain=gain, states=states), vars(module))
+    return module.Drag
+
+
+@pytest.fixture(autouse=True)
+def forgotten():
+    yield
+    sys.modules.pop(MODULE, None)
+
+
+def simulator(effect):
+    batch = rde.BatchSimulator(rde.Scene(ARM, (effect(),), integrator="rk4"), 2)
+    batch.set_state(np.zeros(4), np.ones(4))
+    return batch
+
+
+@pytest.mark.parametrize("way", [copy.copy, copy.deepcopy])
+def test_a_copy_goes_on_as_it_was_when_its_effect_is_defined_again(way):
+    batch = simulator(define(1.0))
+    define(20.0)
+    other = way(batch)
+    batch.advance()
+    other.advance()
+    np.testing.assert_array_equal(batch.qd, other.qd)
+    other.restore(batch.save())
+    new = simulator(sys.modules[MODULE].Drag)
+    new.advance()
+    assert (new.qd != batch.qd).any()
+    with pytest.raises(ValueError, match="another scene"):
+        new.restore(batch.save())
+
+
+@pytest.mark.parametrize(("gain", "states"), [(20.0, 0), (1.0, 4)])
+def test_a_pickle_of_other_equations_is_refused(gain, states):
+    batch = simulator(define(1.0))
+    effect = type(batch.scene.effects[0])
+    data = pickle.dumps(batch)
+    changed = define(gain, states)
+    assert changed is not effect
+    with pytest.raises(ValueError, match="other equations: FourR, Drag, or the task, are not what they were"):
+        pickle.loads(data)
+    define(1.0)
+    again = pickle.loads(data)
+    batch.advance()
+    again.advance()
+    np.testing.assert_array_equal(batch.qd, again.qd)
+
+
+def test_a_copy_of_an_environment_goes_on_as_it_was_when_its_effect_is_defined_again():
+    scene = rde.load_scene("four_r_reach")
+    rde.register_effect(define(1.0))
+    try:
+        data = scene.to_dict()
+        data["effects"].append({"type": "Drag", "k": 1.0})
+        env = gym.make("redundant_envs/FourRReach-v0", scene=data).unwrapped
+        env.reset(seed=0)
+        define(20.0)
+        other = copy.deepcopy(env)
+        action = np.full(4, 0.3, np.float32)
+        np.testing.assert_array_equal(env.step(action)[0], other.step(action)[0])
+    finally:
+        rde.effects.REGISTRY.pop("Drag")
+
+
+def test_classes_without_a_module_are_traced_anew():
+    speeds = []
+    for gain in (1.0, 9.0):
+        names = {}
+        exec(TEXT.format(gain=gain, states=0), names)
+        assert names["Drag"].__module__ == "builtins"
+        batch = simulator(names["Drag"])
+        batch.advance()
+        speeds.append(batch.qd[0, 0])
+    assert speeds[0] > speeds[1] + 0.1
+
+
+def test_snapshots_of_another_processor_are_continued_to_the_same_bits():
+    scene = rde.Scene(ARM, (rde.effects.Gravity(),), integrator="rk4")
+    batch = rde.BatchSimulator(scene, 8)
+    batch.advance()
+    if not (llvm.processor().triple.startswith("x86_64") and llvm.processor().joins):
+        pytest.skip("this machine cannot run code for AVX2")
+    with llvm.target(llvm.AVX2):
+        other = rde.BatchSimulator(scene, 8)
+        other.restore(batch.save())
+        other.advance()
+        pickled = pickle.loads(pickle.dumps(batch))
+        pickled.advance()
+    batch.advance()
+    np.testing.assert_array_equal(batch.q, other.q)
+    np.testing.assert_array_equal(batch.q, pickled.q)
