@@ -22,6 +22,13 @@ from redundant_envs.simulator.dynamics import Dynamics
 from redundant_envs.simulator.fields import copies
 from redundant_envs.simulator.interval import Interval
 from redundant_envs.simulator.lane import PARAMETER, SCRATCH, STATE, Field, Lane, Layout
+from redundant_envs.simulator.names import (
+    OF_REWARDS,
+    OF_THE_FIELD,
+    check_names,
+    names_of_arm,
+    names_of_task,
+)
 from redundant_envs.simulator.setting import GIVEN_UP, Fault
 from redundant_envs.tasks.base import Task
 from redundant_envs.tasks.limits import depth_beyond, hard_stops, narrowed, spring_limits, start_position
@@ -144,7 +151,13 @@ class Episode:
         yield Field("resetting", "", "a new episode begins", SCRATCH, truth=True)
 
     def layout(self) -> Layout:
-        return Layout(self.fields())
+        layout, task, arm = Layout(self.fields()), self.task, self.arm
+        taken = (*layout.fields, *OF_THE_FIELD, *OF_REWARDS, *self.aliases)
+        check_names(arm.kind, names_of_arm(arm), taken)
+        check_names(type(task).__name__, names_of_task(task, self.dynamics.scene), taken)
+        own = (*task.parameters(), *task.memory)
+        check_names(type(task).__name__, own, (*OF_THE_FIELD, *OF_REWARDS, *self.aliases))
+        return layout
 
     def quantities(self, lane: Lane, known: Mapping[str, Any], functions: Any = None) -> Quantities:
         """Quantities of the arm and the task."""

@@ -16,6 +16,11 @@ BUILT_IN = (
     "beyond_limit",
 )  # fmt: skip
 """Keys of ``info`` that every task has."""
+COLUMNS = (
+    "terminated", "truncated", "reward", "numerics", "saturated", "steps", "evaluations_sum", "events_sum",
+    "error_most", "beyond_limit", "tip_x", "tip_y",
+)  # fmt: skip
+"""What a step tells of a lane whatever its task; sums of reward terms are told, too."""
 
 
 def check_task(task: Task, scene: Scene) -> None:
@@ -47,9 +52,13 @@ def check_task(task: Task, scene: Scene) -> None:
         for name in entries:
             if name not in allowed:
                 raise ValueError(f"{kind}.{field} has {name!r}; choose {', '.join(allowed) or 'none'}")
-    for label in task.labels.values():
-        if label in BUILT_IN:
-            raise ValueError(f"{kind}.labels has {label!r}, which info has already; choose another name")
+    returns = {f"{t}_sum" for t in task.reward_terms(scene)}
+    _own(kind, "metrics", task.metrics, {*COLUMNS, *returns})
+    shown = [task.labels.get(name, name) for name in task.metrics]
+    for label in shown:
+        if label in BUILT_IN or label.startswith("return_") or shown.count(label) > 1:
+            field = "labels" if label in task.labels.values() else "metrics"
+            raise ValueError(f"{kind}.{field} has {label!r}, which info has already; choose another name")
     if not 0 <= task.draws <= MOST_DRAWS:
         raise ValueError(f"{kind}.draws is {task.draws}; give 0 to {MOST_DRAWS}")
     if not task.observation(scene):
