@@ -47,6 +47,50 @@ _found: dict[type, Primitives] = {}
 """Those of every class that was met, its bases looked through."""
 
 
+class Absent:
+    """A number that is not there, such as the field of a scene without gravity.
+
+    A sum is what else is in it, and a product with it is not there either: no operation is left. Where a
+    number is asked for it is 0.
+    """
+
+    __slots__ = ()
+    __array_ufunc__ = None  # NumPy leaves operations with it to it
+
+    def _same(self, other: Any = None) -> Absent:
+        return self
+
+    def __add__(self, other: Any) -> Any:
+        return other
+
+    def __rsub__(self, other: Any) -> Any:
+        return other
+
+    def __sub__(self, other: Any) -> Any:
+        return -other
+
+    def __float__(self) -> float:
+        return 0.0
+
+    def __lt__(self, other: Any) -> Any:
+        return other > 0.0
+
+    def __le__(self, other: Any) -> Any:
+        return other >= 0.0
+
+    def __gt__(self, other: Any) -> Any:
+        return other < 0.0
+
+    def __ge__(self, other: Any) -> Any:
+        return other <= 0.0
+
+    __radd__ = __add__
+    __mul__ = __rmul__ = __truediv__ = __pow__ = __neg__ = __abs__ = _same
+
+
+ABSENT = Absent()
+
+
 def register_numbers(primitives: Primitives, *kinds: type) -> None:
     """Let objects of some classes, and of classes derived from them, be numbers or conditions here."""
     _registered.update(dict.fromkeys(kinds, primitives))
@@ -86,6 +130,7 @@ def where(condition: Any, a: Any, b: Any) -> Any:
         return a
     if condition is False:
         return b
+    a, b = (0.0 if isinstance(x, Absent) else x for x in (a, b))
     return _primitives_of(condition, a, b).where(condition, a, b)
 
 

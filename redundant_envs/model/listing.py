@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections import Counter
 from pathlib import Path
 from typing import NamedTuple
 
+from redundant_envs.effects.hooks import Field
 from redundant_envs.scene import Scene, identifier
 from redundant_envs.simulator.advance import advance_kernel
 from redundant_envs.simulator.blocks import Blocks
@@ -58,19 +60,32 @@ def bill(scene: Scene, track_work: bool = False) -> dict[str, Operations]:
     """What a step of a lane costs, by effect: "arm", "integrator" and "interval" are the rest.
 
     Counted in the step that all lanes make together, its stages as often as they are evaluated, before
-    products are joined with sums. What two ask for counts for the first. Bytes are those of the fields.
+    products are joined with sums. What two ask for counts for the first; what the arm computes only in a
+    uniform field counts for the effect that makes the field. Bytes are those of the fields.
     """
-    dynamics = Dynamics(scene, track_work)
-    with located():
-        _, blocks = advance_kernel(dynamics)
-        total = _counted(_step_of(blocks), dynamics)
-    counts: dict[str, Counter[str]] = {}
-    for (owner, what), number in total.items():
-        counts.setdefault(owner, Counter())[what] += number
+    counts, blocks = _counts(scene, track_work)
+    for effect in scene.effects:
+        if any(isinstance(hook, Field) for hook in effect.hooks(scene.robot)):
+            rest = tuple(e for e in scene.effects if e is not effect)
+            without, _ = _counts(dataclasses.replace(scene, effects=rest), track_work)
+            counts.setdefault(effect.key, Counter()).update(counts["arm"] - without["arm"])
+            counts["arm"] = without["arm"]
     for name, field in blocks.layout.fields.items():
         if field.lifetime is not LOG:
             counts.setdefault(_owner_of_field(scene, name), Counter())["bytes"] += BYTES
     return {owner: Operations(**counts[owner]) for owner in sorted(counts)}
+
+
+def _counts(scene: Scene, track_work: bool) -> tuple[dict[str, Counter[str]], Blocks]:
+    """Operations by owner and kind, and the blocks of the program."""
+    dynamics = Dynamics(scene, track_work)
+    with located():
+        _, blocks = advance_kernel(dynamics)
+        total = _counted(_step_of(blocks), dynamics)
+    counts: dict[str, Counter[str]] = {"arm": Counter()}
+    for (owner, what), number in total.items():
+        counts.setdefault(owner, Counter())[what] += number
+    return counts, blocks
 
 
 def _step_of(blocks: Blocks) -> LaneFunction:

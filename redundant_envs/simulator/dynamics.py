@@ -8,16 +8,13 @@ from dataclasses import dataclass
 from functools import cached_property, reduce
 from typing import Any
 
-from redundant_envs.algebra import arguments_of, gives_of, maximum, numbered
+from redundant_envs.algebra import ABSENT, arguments_of, gives_of, maximum, numbered
 from redundant_envs.effects.hooks import Actuation, Effect, Field, Force, Impact, Point, State
 from redundant_envs.integrators import step_control
 from redundant_envs.integrators.tableaus import METHODS, Tableau
 from redundant_envs.quantities import Quantities
 from redundant_envs.scene import Scene, carried_masses, identifier
 from redundant_envs.tracing.graph import owned
-
-NO_FIELD = -0.0
-"""The additive identity: x + (-0.0) is x for every x, so an absent field leaves no operation."""
 
 
 @dataclass(frozen=True)
@@ -247,7 +244,7 @@ class Dynamics:
         tracked; ``x`` then has the forces."""
         joints = range(self.count)
         if "ax" not in self.prepared:
-            x["ax"], x["ay"] = NO_FIELD, NO_FIELD
+            x["ax"] = x["ay"] = ABSENT
         for effect, hook in self.hooks:
             if isinstance(hook, Field) and "ax" not in self.prepared:
                 del x["ax"], x["ay"]

@@ -6,6 +6,7 @@ gcc-aarch64-linux-gnu).
 
 import shutil
 import subprocess
+from collections import OrderedDict
 from pathlib import Path
 
 import llvmlite.binding
@@ -90,6 +91,7 @@ def on_arm(monkeypatch, tmp_path):
         monkeypatch.setattr(llvm, "processor", lambda: CORTEX)
         monkeypatch.setattr(llvm, "load", load)
         monkeypatch.setattr(cache, "_kept", {})
+        monkeypatch.setattr(programs, "_kept", OrderedDict())
         monkeypatch.setattr(programs.Call, "__call__", call)
 
     yield change

@@ -222,14 +222,14 @@ def test_the_bill_of_an_effect_is_what_a_hand_counts(integrator):
     assert found(e.LimitSpring("joint2", -1.0, 1.0)) == (2 * n, 2 * n, 0, 0, 0, 32)
     assert found(e.CentringSpring((1, 1), (0, 0), (1, 1)), arm=RPRP) == (6 * n, 4 * n, 0, 0, 0, 48)
     assert found(e.EffortLimits(1.0)) == (0, 0, 0, 0, 0, 32)  # comparisons are not counted
-    assert found(e.Gravity()) == (0, 0, 0, 0, 0, 24)  # found with the parameters, not in a step
+    assert found(e.Gravity()) == (4 * n, 4 * n, 0, 0, n, 24)  # (ax, ay) turned to the first link, and added
     assert found(e.PrismaticStop((0, 0), (1, 1)), arm=RPRP)[:5] == (0, 0, 0, 0, 0)
 
 
 @pytest.mark.parametrize("integrator", STAGES)
 def test_the_bill_of_an_arm_grows_with_the_stages(integrator):
     arm = rde.bill(scene(FOUR_R, (e.Gravity(),), integrator))["arm"]
-    assert arm.sine_pairs == 4 * STAGES[integrator]  # of the first link and of three differences
+    assert arm.sine_pairs == 3 * STAGES[integrator]  # of the differences; gravity asks for the first link's
     assert arm.divisions == 3 * STAGES[integrator]
     assert arm.bytes == 8 * (4 + 4 + 4 + 4)  # coordinates, rates, masses, lengths
 
