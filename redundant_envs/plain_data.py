@@ -9,13 +9,24 @@ from typing import Any
 from redundant_envs.values import shown
 
 
-def plain_effect(effect: Any) -> dict[str, Any]:
-    """An effect as plain data."""
-    data: dict[str, Any] = {"type": type(effect).__name__}
-    for f in dataclasses.fields(effect):
-        value = getattr(effect, f.name)
+def plain(kind: str, thing: Any) -> dict[str, Any]:
+    """An arm or an effect as plain data, by its name in scene files."""
+    data: dict[str, Any] = {"type": kind}
+    for f in dataclasses.fields(thing):
+        value = getattr(thing, f.name)
         data[f.name] = list(value) if isinstance(value, tuple) else value
     return data
+
+
+def check_registered(where: str, kind: str, thing: Any, registry: Mapping[str, type[Any]]) -> None:
+    """ValueError if the name of a thing is that of another class, which plain data would turn it into."""
+    there = registry.get(kind, type(thing))
+    if there is not type(thing):
+        mine, other = (f"{c.__module__}.{c.__qualname__}" for c in (type(thing), there))
+        raise ValueError(
+            f"{where} is a {mine}, and {kind!r} in plain data is {other}; give the class a name of its own "
+            "and register it"
+        )
 
 
 def check_keys(where: str, data: Mapping[str, Any], valid: list[str]) -> None:

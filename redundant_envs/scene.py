@@ -15,7 +15,7 @@ from redundant_envs.effects.attaching import attached
 from redundant_envs.effects.hooks import Effect, Field, Hook, Impact, PointMass, State, snake_case
 from redundant_envs.files import exists, explained, read_yaml
 from redundant_envs.integrators.tableaus import METHODS
-from redundant_envs.plain_data import check_keys, plain_effect, typed
+from redundant_envs.plain_data import check_keys, check_registered, plain, typed
 from redundant_envs.robots import REGISTRY as ARMS
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import number, positive_numbers
@@ -211,14 +211,16 @@ class Scene:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON data that :meth:`from_dict` turns back into an equal scene."""
-        robot = {
-            "type": self.robot.kind,
-            "masses": list(self.robot.masses),
-            "lengths": list(self.robot.lengths),
-        }
+        check_registered("robot", self.robot.kind, self.robot, ARMS)
+        for i, effect in enumerate(self.effects):
+            check_registered(f"effects[{i}]", type(effect).__name__, effect, EFFECTS)
+        return self.facts()
+
+    def facts(self) -> dict[str, Any]:
+        """The same of any scene, to be compared and not to be turned back."""
         return {
-            "robot": robot,
-            "effects": [plain_effect(e) for e in self.effects],
+            "robot": plain(self.robot.kind, self.robot),
+            "effects": [plain(type(e).__name__, e) for e in self.effects],
             "integrator": self.integrator,
             "control_dt": self.control_dt,
             "substeps": self.substeps,

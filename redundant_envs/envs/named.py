@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import importlib
 from typing import Any
 
 from redundant_envs.envs.env import ArmEnv, GoalArmEnv
@@ -21,7 +22,11 @@ class _Page:
 
 
 def __getattr__(name: str) -> type[Any]:
-    """The class of an id: ``RPRPReachEnv``, ``RPRPReachVectorEnv``."""
+    """The class of an id: ``RPRPReachEnv``, ``RPRPReachVectorEnv``; "my_arms/ThreeRReachEnv" imports my_arms,
+    which registers it."""
+    *modules, name = name.split("/")
+    for module in modules:
+        importlib.import_module(module)
     for env_id, (arm, task) in IDS.items():  # noqa: B007 - the last one is used
         if name in (f"{arm}{task}Env", f"{arm}{task}VectorEnv"):
             break

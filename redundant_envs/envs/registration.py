@@ -36,6 +36,8 @@ SCENES: dict[str, Any] = {"RPRP": "rprp_reach", "FourR": "four_r_reach"}
 TASKS = ["Reach", "GoalReach"]
 IDS: dict[str, Made] = {}
 """All ids."""
+HOMES: dict[tuple[str, str], str] = {}
+"""("arm" or "task", its name), of those from outside: the modules of their classes."""
 
 
 def ids() -> list[str]:
@@ -71,6 +73,19 @@ def _check_ids(arms: Iterable[str], tasks: Iterable[str]) -> None:
             )
 
 
+def homes(arm: str, task: str) -> str:
+    """Modules from outside that another process must import for an environment, as in "my_arms/": entry
+    points begin with them."""
+    modules = dict.fromkeys(HOMES.get(key) for key in (("arm", arm), ("task", task)))
+    return "".join(f"{module}/" for module in modules if module)
+
+
+def _remember_home(what: str, name: str, kind: type[Any]) -> None:
+    module = kind.__module__
+    if module.partition(".")[0] not in (NAMESPACE, "__main__", "builtins"):
+        HOMES[what, name] = module
+
+
 def register() -> None:
     """Register all ids with Gymnasium; registering twice does nothing."""
     for arm, scene in SCENES.items():
@@ -82,8 +97,8 @@ def register() -> None:
             gym.registry.pop(name, None)
             gym.register(
                 id=name,
-                entry_point=f"redundant_envs.envs.named:{arm}{task}Env",
-                vector_entry_point=f"redundant_envs.envs.named:{arm}{task}VectorEnv",
+                entry_point=f"redundant_envs.envs.named:{homes(arm, task)}{arm}{task}Env",
+                vector_entry_point=f"redundant_envs.envs.named:{homes(arm, task)}{arm}{task}VectorEnv",
                 max_episode_steps=MAX_EPISODE_STEPS,
                 kwargs={"scene": scene},
             )
@@ -150,6 +165,7 @@ def register_arm(arm: type[Arm], scene: Mapping[str, Any] | str | Path | None = 
         if before is not None:
             robots.REGISTRY[arm.kind] = before
         raise
+    _remember_home("arm", arm.kind, arm)
     SCENES[arm.kind] = str(scene) if isinstance(scene, Path) else copy.deepcopy(scene)
     register()
 
@@ -189,6 +205,7 @@ def register_task(task: type[Task]) -> None:
     _add("the task", tasks.REGISTRY, task.name, task)
     if task.name not in TASKS:
         TASKS.append(task.name)
+    _remember_home("task", task.name, task)
     register()
 
 

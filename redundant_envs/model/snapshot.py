@@ -25,7 +25,7 @@ OF_THE_FIRST_CORE = "numbers"
 def simulator_facts(simulator: Simulator, num_envs: int, more: Mapping[str, Any] | None = None) -> str:
     """What a state and the simulator that takes it must have in common, as JSON text."""
     dynamics = simulator.dynamics
-    facts: dict[str, Any] = {"num_envs": num_envs, **dynamics.scene.to_dict(), **(more or {})}
+    facts: dict[str, Any] = {"num_envs": num_envs, **dynamics.scene.facts(), **(more or {})}
     facts["track_work"] = dynamics.track_work
     facts["program"] = simulator.identity[:16]
     return json.dumps(plain(facts))

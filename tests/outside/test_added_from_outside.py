@@ -472,6 +472,19 @@ def test_scenes_of_an_arm_from_outside_are_plain_data():
         gym.make("redundant_envs/ThreeRReach-v0", scene=rrp.SCENE)
 
 
+def test_spawned_processes_import_the_module_of_an_environment():
+    spec = gym.spec("redundant_envs/ThreeRTrack-v0")
+    assert spec.entry_point == "redundant_envs.envs.named:three_r/track/ThreeRTrackEnv"
+    assert gym.spec("redundant_envs/FourRReach-v0").entry_point == "redundant_envs.envs.named:FourRReachEnv"
+    program = (
+        "import sys; sys.path.insert(0, sys.argv[1]); import gymnasium as gym;"
+        "from gymnasium.envs.registration import EnvSpec;"
+        "env = gym.make(EnvSpec.from_json(sys.argv[2])); print(env.reset(seed=0)[0].shape)"
+    )
+    command = [sys.executable, "-c", program, str(FOLDER), spec.to_json()]
+    assert subprocess.run(command, check=True, capture_output=True, text=True).stdout.startswith("(")
+
+
 def test_without_its_module_an_environment_from_outside_says_what_is_missing():
     code = (
         "import redundant_envs, gymnasium as gym\n"
