@@ -14,6 +14,8 @@ with needs("train"):
 def number(x: Any) -> torch.Tensor:
     """A number or tensor as a tensor of float64; conditions stay what they are."""
     if isinstance(x, torch.Tensor):
+        if x.is_complex():
+            raise ValueError(f"a tensor is of {x.dtype}; give real numbers")
         return x if x.dtype in (torch.bool, torch.float64) else x.to(torch.float64)
     return torch.tensor(x, dtype=torch.bool if isinstance(x, bool) else torch.float64)
 

@@ -47,6 +47,12 @@ def attached(where: str, effect: Effect, arm: Arm) -> tuple[Hook, ...]:
         raise ValueError(f"{where} has the key {effect.key!r}; give letters, digits, '_' and '.'")
     if not isinstance(hooks, tuple | list) or not all(isinstance(h, Hook) for h in hooks):
         raise ValueError(f"{kind}.hooks gives {hooks!r:.80}; give a tuple of {HOOKS}")
+    for f in dataclasses.fields(effect):
+        if not f.init and f.name not in effect.static:
+            raise ValueError(
+                f"{where} ({kind}).{f.name} is no argument of its class, and would not follow when others "
+                "are set; compute it in the effect's functions, or name it in 'static'"
+            )
     own: Own = dict.fromkeys(effect.parameters(), False)
     for field, value in effect.parameters().items():
         if isinstance(value, bool) or not isinstance(value, int | float) or value != value:
@@ -99,13 +105,20 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
                 f"{arm.joints[hook.joint]!r} is no slider; hard ends of travel are those of sliders"
             )
         return
-    _check_function("function", hook.function, hook, own, arm)
+    roots = _check_function("function", hook.function, hook, own, arm)
     wanted = 2 if at_point or isinstance(hook, Field) else 1
     if dialect.results_of(hook.function) != wanted:
         raise ValueError(
             f"function {name_of(hook.function)} returns {dialect.results_of(hook.function)} values; "
             f"a {type(hook).__name__}{' at a point' if at_point else ''} needs {wanted}"
         )
+    if isinstance(hook, Field):
+        moving = _beyond(roots, set(arm.parameter_values()))
+        if moving:
+            raise ValueError(
+                f"{name_of(hook.function)} depends on {moving}; a uniform field may depend on "
+                "parameters alone: give a Force at each point for another"
+            )
     if isinstance(hook, Actuation) and not isinstance(hook.link, Link):
         raise ValueError(f"link is {hook.link!r}; choose {', '.join(f'Link.{link.name}' for link in Link)}")
     for state in _states_of(hook):
@@ -123,7 +136,7 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
             raise ValueError(f"{name} {name_of(function)} must return {values}")
         fixed = name in ("stiffness", "damping")
         allowed = numbers if fixed else {*numbers, *arm.coordinates}
-        moving = ", ".join(sorted(source for source, behind in roots.items() if behind - allowed))
+        moving = _beyond(roots, allowed)
         if not moving:
             continue
         if function is hook.function and name == "conservative":
@@ -144,6 +157,11 @@ def _check_point(point: Any, arm: Arm) -> None:
         raise ValueError(
             f"the number of the Point is {place!r}; give Point(0) to Point({count - 1}), the tip"
         )
+
+
+def _beyond(roots: Mapping[str, set[str]], allowed: set[str]) -> str:
+    """Names of the quantities with more behind them than is allowed."""
+    return ", ".join(sorted(source for source, behind in roots.items() if behind - allowed))
 
 
 def _check_state(state: State, own: Own, arm: Arm) -> None:

@@ -50,7 +50,7 @@ class State:
 
 @dataclass(frozen=True)
 class Field:
-    """A uniform field: the function returns (ax, ay), minus the gravity vector [m/s^2]."""
+    """A uniform field: the function of parameters returns (ax, ay), minus the gravity vector [m/s^2]."""
 
     function: Callable[..., Any]
     bind: Mapping[str, str] = field(default_factory=dict)

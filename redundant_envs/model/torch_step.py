@@ -90,7 +90,7 @@ def torch_step(scene: Scene) -> Step:
             states = [torch.where(k < steps, x, y) for x, y in zip(new, states, strict=True)]
         lane = Lane(layout, {**fields, **dict(zip(dynamics.states, states, strict=True))}.__getitem__)
         interval.renew(lane)
-        states += [lane[n] for n in of_effects]
+        states += [number(lane[n]) for n in of_effects]
         shape = torch.broadcast_shapes(*(x.shape for x in states))
         wide = [x.expand(shape) for x in states]
         moved = torch.stack(wide[:count], -1), torch.stack(wide[count : 2 * count], -1)
@@ -115,7 +115,9 @@ def _named(dynamics: Dynamics, parameters: Mapping[str, Any]) -> dict[str, torch
         names, tensor = names_of(dynamics.scene, name), number(given)
         if len(names) == 1 and (tensor.ndim == 0 or tensor.shape[-1] != 1):
             tensor = tensor.unsqueeze(-1)
-        if tensor.shape[-1] != len(names):
-            raise ValueError(f"{name} has shape {tuple(tensor.shape)}; the last axis must have {len(names)}")
+        if tensor.dtype is torch.bool or tensor.ndim == 0 or tensor.shape[-1] != len(names):
+            raise ValueError(
+                f"{name} has shape {tuple(tensor.shape)}; the last axis must have {len(names)} numbers"
+            )
         values.update({dynamics.field_of(n): x for n, x in zip(names, tensor.unbind(-1), strict=True)})
     return values

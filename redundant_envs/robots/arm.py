@@ -1,6 +1,6 @@
 """An arm: its equations as functions that find each other by names, and their numerical faces.
 
-An arm of any number of joints is a frozen dataclass derived from :class:`Arm`. What it must give, and what
+An arm of 1 to 10 joints is a frozen dataclass derived from :class:`Arm`. What it must give, and what
 follows from that, is listed there.
 """
 
