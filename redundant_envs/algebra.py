@@ -84,6 +84,13 @@ class Absent:
     def __ge__(self, other: Any) -> Any:
         return other <= 0.0
 
+    def __eq__(self, other: Any) -> Any:
+        return True if isinstance(other, Absent) else other == 0.0
+
+    def __ne__(self, other: Any) -> Any:
+        return False if isinstance(other, Absent) else other != 0.0
+
+    __hash__ = None  # type: ignore[assignment]
     __radd__ = __add__
     __mul__ = __rmul__ = __truediv__ = __pow__ = __neg__ = __abs__ = _same
 

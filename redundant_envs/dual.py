@@ -68,7 +68,10 @@ class Dual:
         return dual(other) / self
 
     def __pow__(self, exponent: int) -> Dual:
-        return Dual(self.value**exponent, _times(exponent * self.value ** (exponent - 1), self.slope))
+        factor = float(exponent)
+        for _ in range(exponent - 1):
+            factor = factor * self.value
+        return Dual(self.value**exponent, _times(factor, self.slope))
 
     def __abs__(self) -> Dual:
         return where(self < 0.0, -self, self)
@@ -84,6 +87,12 @@ class Dual:
 
     def __ge__(self, other: Any) -> Decision:
         return Decision(self.value >= dual(other).value)
+
+    def __eq__(self, other: Any) -> Any:
+        return Decision(self.value == dual(other).value)
+
+    def __ne__(self, other: Any) -> Any:
+        return Decision(self.value != dual(other).value)
 
 
 class Decision:

@@ -54,4 +54,8 @@ def test_a_number_that_is_not_there_leaves_sums_as_they_are(x):
     assert abs(-ABSENT) ** 2 + ABSENT is ABSENT
     assert np.ravel(np.asarray(maximum(x, ABSENT)))[0] == 3.0
     assert float(np.ravel(np.asarray(where(x > ABSENT, ABSENT, x)))[0]) == 0.0
+    assert not np.any(np.asarray(x == ABSENT))
+    assert np.all(np.asarray(x != ABSENT))
+    assert ABSENT == -ABSENT
+    assert ABSENT == 0.0
     assert (sqrt(ABSENT), exp(ABSENT), float(ABSENT)) == (0.0, 1.0, 0.0)

@@ -1,0 +1,58 @@
+"""Numbers with a derivative give the derivatives of what is computed with them."""
+
+import numpy as np
+import pytest
+
+from redundant_envs.algebra import exp, floor, logical_not, maximum, minimum, sincos, sqrt, where
+from redundant_envs.backends.torch import torch
+from redundant_envs.dual import Dual, dual
+from redundant_envs.tracing.graph import Graph
+from redundant_envs.tracing.number import Number
+
+FUNCTIONS = {
+    "sum": lambda x: 2.0 + x + 1.0,
+    "difference": lambda x: 2.0 - x - 0.25 * (x - 1.0),
+    "product": lambda x: 3.0 * x * x * (x + 1.0),
+    "ratio": lambda x: (x + 2.0) / (1.0 + x * x) + 1.0 / x + x / 4.0,
+    "powers": lambda x: x**2 - x**3 + 0.5 * x**4,
+    "root": lambda x: sqrt(1.0 + x * x),
+    "exponential": lambda x: exp(-0.5 * x),
+    "sine": lambda x: sincos(2.0 * x)[0],
+    "cosine": lambda x: sincos(2.0 * x)[1],
+    "size": lambda x: abs(x - 1.0) + abs(-x),
+    "largest": lambda x: maximum(minimum(x, 0.8), 0.2 * x * x),
+    "chosen": lambda x: where((x > 0.5) & logical_not(x >= 2.0), x * x, -x),
+    "chosen by one of two": lambda x: where((x < -0.5) | (x <= -3.0), 2.0 * x, 3.0),
+    "equal": lambda x: where(x == 0.7, 2.0 * x, where(x != 0.7, x, 0.0)),
+    "whole": lambda x: x * floor(3.0 * x),
+    "constant": lambda x: where(x > 0.0, 1.0, 2.0),
+}
+PLACES = (-1.3, -0.3, 0.7, 1.6)
+
+
+@pytest.mark.parametrize("function", FUNCTIONS.values(), ids=FUNCTIONS)
+@pytest.mark.parametrize("kind", [float, np.array, torch.tensor], ids=["float", "array", "tensor"])
+def test_derivatives_are_those_of_differences(function, kind):
+    for place in PLACES:
+        x = kind(place) if kind is not torch.tensor else torch.tensor(place, dtype=torch.float64)
+        found = dual(function(Dual(x, 1.0)))
+        assert float(found.value) == pytest.approx(float(function(place)), rel=1e-12)
+        step = 1e-6 if function is not FUNCTIONS["equal"] else 0.0
+        if step:
+            slope = (function(place + step) - function(place - step)) / (2.0 * step)
+            assert float(found.slope) == pytest.approx(float(slope), rel=1e-6, abs=1e-8)
+    if function is FUNCTIONS["equal"]:
+        assert dual(function(Dual(0.7, 1.0))).slope == 2.0
+
+
+@pytest.mark.parametrize("function", FUNCTIONS.values(), ids=FUNCTIONS)
+def test_traced_numbers_have_derivatives(function):
+    graph = Graph()
+    made = dual(function(Dual(Number(graph, graph.load("argument", 0)), 1.0)))
+    assert isinstance(made.slope, Number | float)
+
+
+def test_nothing_is_computed_for_what_has_no_derivative():
+    made = sqrt(Dual(2.0) * 3.0 + 1.0) / Dual(4.0) - sincos(Dual(1.0))[0]
+    assert made.slope == 0.0
+    assert isinstance(made.slope, float)
