@@ -17,10 +17,12 @@ import redundant_envs as rde
 from redundant_envs.backends import cache, llvm
 from redundant_envs.model import programs
 from redundant_envs.studies import recorded_bits
-from redundant_envs.studies.recorded_bits import RECORDED, SHORT
+from redundant_envs.studies.recorded_bits import RECORDED
 
 EMULATOR, COMPILER = "qemu-aarch64", "aarch64-linux-gnu-gcc"
 CORTEX = llvm.Processor("cortex-a72", "", "aarch64-unknown-linux-gnu")
+QUICK = ("4R all rk8", "stops 1e-6, inelastic", "FourRReach-v0")
+"""What is looked at where all of the record would take too long."""
 pytestmark = pytest.mark.skipif(
     not (shutil.which(EMULATOR) and shutil.which(COMPILER)),
     reason=f"{EMULATOR} or {COMPILER} is not installed",
@@ -101,7 +103,7 @@ def on_arm(monkeypatch, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "name", [n if n in SHORT else pytest.param(n, marks=pytest.mark.long) for n in RECORDED]
+    "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.long) for n in RECORDED]
 )
 def test_the_recorded_bits_are_those_of_arm(name, on_arm):
     on_arm()

@@ -18,7 +18,7 @@ from redundant_envs.effects import (
     centring_spring,
     limit_spring,
 )
-from redundant_envs.effects.hooks import Effect, Field, Force
+from redundant_envs.effects.hooks import Effect, Force
 from redundant_envs.scene import scene_names
 from redundant_envs.studies.verification import verify
 
@@ -77,11 +77,6 @@ def one_sided_energy(x, k):
     return 0.5 * k * maximum(x, 0.0) ** 2
 
 
-@physics
-def uneven(x):
-    return 0.0, 9.81 + 0.5 * x
-
-
 X, Y = {"x": "phi2", "k": ".k"}, {"x": "phi3", "k": ".k"}
 RIGHT = {
     "nothing else said": (Force(1, force, X, potential=energy),),
@@ -105,7 +100,6 @@ WRONG = {
     "half of a coupling": (
         (Force(1, coupled_force, {**X, "y": "phi3"}, potential=coupled_energy),), "joint3",
     ),
-    "field that is not uniform": ((Field(uneven, {"x": "phi2"}),), r"joint\d"),
 }  # fmt: skip
 
 
