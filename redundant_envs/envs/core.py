@@ -113,7 +113,7 @@ class Core:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         simulator = environment_simulator(state["scene"], state["task"])
-        simulator.check_same(state["_identity"])
+        simulator.check_same(state.get("_identity", ""))
         self._take(state, simulator)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Core:

@@ -138,7 +138,7 @@ class BatchSimulator:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         simulator = batch_simulator(state["scene"], state["track_work"])
-        simulator.check_same(state["_identity"])
+        simulator.check_same(state.get("_identity", ""))
         self._take(state, simulator)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> BatchSimulator:
