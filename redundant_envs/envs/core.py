@@ -19,13 +19,7 @@ from redundant_envs.envs.single_lane import SingleLane
 from redundant_envs.model import parameters
 from redundant_envs.model.memory import Memory, aligned
 from redundant_envs.model.programs import Call, Part, Simulator, Team, environment_simulator
-from redundant_envs.model.snapshot import (
-    check_array,
-    check_facts,
-    check_keys,
-    check_numbers,
-    simulator_facts,
-)
+from redundant_envs.model.snapshot import check_array, check_facts, check_keys, check_numbers, simulator_facts
 from redundant_envs.quantities import Quantities
 from redundant_envs.scene import Scene, scene_at
 from redundant_envs.simulator.blocks import LANES
@@ -33,7 +27,7 @@ from redundant_envs.simulator.environment import BEGUN, DUE, GOAL_FIELDS, TICKET
 from redundant_envs.simulator.episode import TABLES, TIP
 from redundant_envs.tasks import Task
 from redundant_envs.tasks.checks import check_task
-from redundant_envs.tasks.limits import hard_stops, narrowed, spring_limits
+from redundant_envs.tasks.limits import range_of_starts
 from redundant_envs.values import whole_number
 
 STATE_KEYS = ("states", "parameters", "keys", "mask", "waiting", "generators", "simulator")
@@ -78,7 +72,6 @@ class Core:
         at_rest = Quantities(named, (arm.coordinates_of_joints,), {})
         for name in arm.coordinates:
             self.memory.column(name)[:] = at_rest[name]
-        self.fixed_geometry = task.goal_conditioned  # rewards are a function of the two goals alone
         self.begun: NDArray[np.bool_] | None = None
         """Lanes that began a new episode in the last step, if any did."""
         episode = self.simulator.episode
@@ -132,15 +125,8 @@ class Core:
     def start_ranges(self) -> list[tuple[float, float]]:
         """Range of the starts of each joint in the scene, inside its limits."""
         values = {**self.scene.parameters(), **self.task.parameters()}
-        ranges = []
-        for joint in range(len(self.scene.robot.joints)):
-            low, high = self.task.start_range(self.scene, joint)
-            ends = (_signed(values, low), _signed(values, high))
-            for limited, lower, upper in (*spring_limits(self.scene), *hard_stops(self.scene)):
-                if limited == joint:
-                    ends = narrowed(*ends, values[lower], values[upper])
-            ranges.append(ends)
-        return ranges
+        joints = range(len(self.scene.robot.joints))
+        return [range_of_starts(self.task, self.scene, k, values.__getitem__) for k in joints]
 
     # ---- randomness ------------------------------------------------------------------------------
 
@@ -340,14 +326,9 @@ class Core:
         more = {
             "task": dataclasses.asdict(self.task),
             "max_episode_steps": float(self.memory.column("limit")[0, 0]),
-            "fixed_geometry": self.fixed_geometry,
+            "goal_conditioned": self.task.goal_conditioned,
         }
         return simulator_facts(self.simulator, self.num_envs, more)
-
-
-def _signed(values: Mapping[str, float], text: str) -> float:
-    value = values[text.removeprefix("-")]
-    return -value if text.startswith("-") else value
 
 
 def _named(out: Outputs, prefix: str) -> dict[str, Any]:

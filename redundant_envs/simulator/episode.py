@@ -31,7 +31,7 @@ from redundant_envs.simulator.names import (
 )
 from redundant_envs.simulator.setting import GIVEN_UP, Fault
 from redundant_envs.tasks.base import Task
-from redundant_envs.tasks.limits import depth_beyond, hard_stops, narrowed, spring_limits, start_position
+from redundant_envs.tasks.limits import depth_beyond, range_of_starts, spring_limits, start_position
 
 TIP, GOAL = ("tip_x", "tip_y"), ("goal_x", "goal_y")
 """Achieved and desired goal, the last columns of the outputs."""
@@ -293,20 +293,13 @@ class Episode:
 
     def start(self, lane: Lane) -> dict[str, Any]:
         """Joint positions, uniform in each joint's range of starts inside the lane's own limits."""
-        scene, positions = self.dynamics.scene, {}
-        limits = [*spring_limits(scene), *hard_stops(scene)]  # a hard stop has the last word
+        positions = {}
         for joint in range(self.dynamics.count):
-            low, high = (_signed(lane, text) for text in self.task.start_range(scene, joint))
-            for limited, lower, upper in limits:
-                if limited == joint:
-                    low, high = narrowed(low, high, lane[identifier(lower)], lane[identifier(upper)])
+            low, high = range_of_starts(
+                self.task, self.dynamics.scene, joint, lambda name: lane[identifier(name)]
+            )
             positions[f"phi{joint + 1}"] = start_position(lane[f"u{joint + 1}"], low, high)
         return positions
-
-
-def _signed(lane: Lane, text: str) -> Any:
-    name = identifier(text.removeprefix("-"))
-    return -lane[name] if text.startswith("-") else lane[name]
 
 
 def _sum(terms: list[Any]) -> Any:

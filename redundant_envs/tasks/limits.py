@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 from redundant_envs.algebra import clamp, maximum, minimum, physics, where
 from redundant_envs.effects.hooks import Impact
 from redundant_envs.scene import Scene
@@ -38,6 +41,19 @@ def narrowed(low, high, lower, upper):
     shifted = clamp(low, lower, maximum(upper - width, lower))
     start = where(empty, shifted, maximum(low, lower))
     return start, minimum(where(empty, shifted + width, high), upper)
+
+
+def range_of_starts(task: Any, scene: Scene, joint: int, value: Callable[[str], Any]) -> tuple[Any, Any]:
+    """Range of the starts of a joint inside its limits; ``value`` gives a parameter by its name."""
+
+    def signed(text: str) -> Any:
+        return -value(text[1:]) if text.startswith("-") else value(text)
+
+    low, high = map(signed, task.start_range(scene, joint))
+    for limited, lower, upper in (*spring_limits(scene), *hard_stops(scene)):  # the last word is a stop's
+        if limited == joint:
+            low, high = narrowed(low, high, value(lower), value(upper))
+    return low, high
 
 
 @physics

@@ -73,7 +73,7 @@ OTHERS = {
     "task.speed_bound is 20": {"task": {"speed_bound": 20.0}},
     "max_episode_steps is 50.0 there": {"max_episode_steps": 50},
     "of another scene": {"id": "redundant_envs/FourRReach-v0"},
-    "fixed_geometry|another scene": {"id": "redundant_envs/RPRPGoalReach-v0"},
+    "goal_conditioned|another scene": {"id": "redundant_envs/RPRPGoalReach-v0"},
 }
 
 
