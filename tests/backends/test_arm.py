@@ -21,7 +21,7 @@ from redundant_envs.studies.recorded_bits import RECORDED
 
 EMULATOR, COMPILER = "qemu-aarch64", "aarch64-linux-gnu-gcc"
 CORTEX = llvm.Processor("cortex-a72", "", "aarch64-unknown-linux-gnu")
-QUICK = ("4R all rk8", "FourRReach-v0")
+QUICK = ("4R all rk8", "stops rk4, inelastic")
 """What is looked at where all of the record would take too long."""
 pytestmark = pytest.mark.skipif(
     not (shutil.which(EMULATOR) and shutil.which(COMPILER)),
