@@ -4,12 +4,6 @@ In a checkout it is the module ``agents``; a wheel ships it as ``redundant_envs_
 here import each other relatively.
 """
 
-import shlex
+from .naming import COMMAND, command
 
-COMMAND = "python -m agents" if __name__ == "agents" else "redundant-envs-train"
-"""What a user types to run this application."""
-
-
-def command(*words: object) -> str:
-    """A command of this application to paste into a shell: paths are quoted where they need it."""
-    return f"{COMMAND} {shlex.join(map(str, words))}"
+__all__ = ["COMMAND", "command"]

@@ -6,6 +6,7 @@ import sys
 
 from redundant_envs import __version__
 from redundant_envs.extras import MissingPackage
+from redundant_envs.modules import take_imports
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -21,6 +22,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"redundant-envs {__version__}")
         return 0
     try:
+        words = take_imports(words)
         from .commands import run
 
         return run(words)

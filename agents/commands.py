@@ -33,7 +33,8 @@ class _Commands(typer.core.TyperGroup):
 
 
 app = typer.Typer(
-    help="Train, evaluate, play and report policies.", no_args_is_help=True, rich_markup_mode=None,
+    help="Train, evaluate, play and report policies. --import MODULE before the command imports a module of "
+    "yours first, whose arms, effects and tasks are then known.", no_args_is_help=True, rich_markup_mode=None,
     pretty_exceptions_enable=False, cls=_Commands,
 )  # fmt: skip
 study = typer.Typer(help="Measure what policies depend on.", no_args_is_help=True, rich_markup_mode=None)

@@ -10,6 +10,7 @@ from typing import Any
 
 from redundant_envs import __version__
 from redundant_envs.extras import MissingPackage
+from redundant_envs.modules import OPTION, take_imports
 
 # Only argparse here: each command imports what it needs, so that --help is instant.
 
@@ -25,7 +26,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0, or 1 if verify found a fault; after a message 2 for a mistake in what was asked for or a missing
         package, and 130 for Ctrl-C.
     """
-    options = parser().parse_args(arguments)
+    try:
+        words = take_imports(list(sys.argv[1:] if arguments is None else arguments))
+    except ValueError as error:
+        print(f"redundant_envs: {error}", file=sys.stderr)
+        return 2
+    options = parser().parse_args(words)
     try:
         result: int | None = options.handler(options)
     except (ValueError, MissingPackage) as error:
@@ -95,6 +101,10 @@ def verify_bits(everything: bool) -> int:
 def parser() -> argparse.ArgumentParser:
     """All commands and their options."""
     top = argparse.ArgumentParser(prog="python -m redundant_envs", description="Planar redundant arms.")
+    top.add_argument(
+        OPTION, metavar="MODULE",
+        help="import a module of yours first, whose arms, effects, tasks are then known; before the command",
+    )  # fmt: skip
     top.add_argument("--version", action="version", version=f"redundant-envs {__version__}")
     commands = top.add_subparsers(dest="command", required=True)
 
@@ -161,7 +171,7 @@ def parser() -> argparse.ArgumentParser:
     p.set_defaults(handler=show_scene)
 
     p = commands.add_parser("list", help="ids, scenes, effects, integrators, studies")
-    p.set_defaults(handler=show_list)
+    p.set_defaults(handler=list_names)
     return top
 
 
@@ -291,6 +301,13 @@ def _report(rows: list[dict[str, Any]], columns: Sequence[str], first: str, out:
     print(path)
 
 
+def list_names(options: argparse.Namespace) -> None:
+    """Print every name that the other commands and gymnasium.make take."""
+    from redundant_envs.studies.names import names
+
+    print(names(STUDIES), end="")
+
+
 def show_scene(options: argparse.Namespace) -> None:
     """Print a scene as YAML, its traced program, or what that costs."""
     from redundant_envs import load_scene
@@ -315,35 +332,6 @@ def show_scene(options: argparse.Namespace) -> None:
     import yaml
 
     print(yaml.safe_dump(scene.to_dict(), sort_keys=False, default_flow_style=None), end="")
-
-
-def show_list(options: argparse.Namespace) -> None:
-    """Print every name that the other commands and gymnasium.make take."""
-    import dataclasses
-
-    from redundant_envs import effects
-    from redundant_envs.envs.registration import ids
-    from redundant_envs.integrators.tableaus import METHODS
-    from redundant_envs.scene import scene_names
-
-    def signature(effect: type[Any]) -> str:
-        parts = []
-        for f in dataclasses.fields(effect):
-            required = f.default is dataclasses.MISSING
-            parts.append(f.name if required else f"{f.name}={f.default}")
-        return f"{effect.__name__}({', '.join(parts)})"
-
-    groups = {
-        "environments": ids(),
-        "scenes": scene_names(),
-        "effects": [signature(e) for _, e in sorted(effects.REGISTRY.items())],
-        "integrators": list(METHODS),
-        "studies": list(STUDIES),
-    }
-    print(
-        "\n".join(f"{title}\n" + "".join(f"  {n}\n" for n in names) for title, names in groups.items()),
-        end="",
-    )
 
 
 if __name__ == "__main__":

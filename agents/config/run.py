@@ -97,7 +97,10 @@ class Config(Model):
     @model_validator(mode="after")
     def _consistent(self) -> Config:
         if self.env not in ids():
-            raise ValueError(f"env is {shown(self.env)}; choose {', '.join(ids())}")
+            raise ValueError(
+                f"env is {shown(self.env)}; choose {', '.join(ids())} (--import MODULE before the command "
+                "makes those known that a module of yours registers)"
+            )
         for name in ALGORITHMS:
             if name != self.algo and getattr(self, name) is not None:
                 raise ValueError(

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from redundant_envs.extras import needs
+from redundant_envs.modules import IMPORTED, import_named
 
 from ..config import MOST_SEEDS, Config
 from ..run_folder import check_out, read_config, read_evaluation, read_facts
@@ -84,7 +85,7 @@ def train_many(configs: Mapping[str, Config], folder: Path, processes: int | Non
     workers = []
     for k in range(count):
         core = own[k] if alone and count <= len(own) else None
-        worker = context.Process(target=_work, args=(jobs, news, core), daemon=True)
+        worker = context.Process(target=_work, args=(jobs, news, core, tuple(IMPORTED)), daemon=True)
         worker.start()
         workers.append(worker)
         jobs.put(None)
@@ -165,8 +166,10 @@ class Teller(Progress):
             self.news.put((self.name, 0.99 * changes["completed"] / total, changes.get("note", ""), False))
 
 
-def _work(jobs: Any, news: Any, core: int | None) -> None:
+def _work(jobs: Any, news: Any, core: int | None, modules: tuple[str, ...] = ()) -> None:
     """Finish jobs until there is none."""
+    for module in modules:
+        import_named(module)
     from ..config import checked
 
     # Ctrl-C of a terminal reaches all processes: the first one hears it, and asks the others by SIGTERM.

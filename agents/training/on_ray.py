@@ -19,6 +19,7 @@ from typing import Any
 
 from redundant_envs import __version__
 from redundant_envs.extras import needs
+from redundant_envs.modules import IMPORTED, OPTION
 from redundant_envs.values import shown
 
 from ..config import Config, checked
@@ -76,6 +77,11 @@ def train_on_ray(
         There is no cluster at ``address``, a folder holds another run, or a run failed, after the others
         were finished.
     """
+    if IMPORTED:
+        raise ValueError(
+            f"{OPTION} names {', '.join(IMPORTED)}, which the machines of a cluster may not have; train on "
+            "this machine, without Ray"
+        )
     if address is not None and not address.strip():
         raise ValueError("address is empty; give host:port, ray://host:port or auto, or leave it out")
     check_out(folder)

@@ -2,5 +2,8 @@
 
 from pathlib import Path
 
-COMMAND = "redundant-envs-train"
 __path__ = [str(Path(__file__).parents[2] / "agents")]
+
+from .naming import COMMAND, command
+
+__all__ = ["COMMAND", "command"]

@@ -114,7 +114,7 @@ def test_ctrl_c_elsewhere_is_one_line(monkeypatch, capsys):
 
     monkeypatch.setattr(report, "report", interrupted)
     assert main(["report", "anything"]) == 130
-    monkeypatch.setattr(library, "show_list", interrupted)
+    monkeypatch.setattr(library, "list_names", interrupted)
     assert library.main(["list"]) == 130
     assert capsys.readouterr().err.splitlines() == ["stopped", "redundant_envs: stopped"]
 

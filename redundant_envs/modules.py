@@ -1,0 +1,44 @@
+"""Modules of users, named on the command line: what they register is known to the command."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+
+from redundant_envs.values import shown
+
+OPTION = "--import"
+IMPORTED: list[str] = []
+"""Modules that the command named: its other processes import them, too."""
+
+
+def import_named(module: str) -> None:
+    """Import a module that lies in the present folder or is installed.
+
+    Raises
+    ------
+    ValueError
+        If there is none of that name, or it imports one that there is not.
+    """
+    if os.getcwd() not in sys.path:
+        sys.path.insert(0, os.getcwd())
+    try:
+        importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        raise ValueError(
+            f"{OPTION} is {shown(module)}: {error}; give the name of a module, without .py, that lies in "
+            "this folder or is installed"
+        ) from None
+    IMPORTED.append(module)
+
+
+def take_imports(words: list[str]) -> list[str]:
+    """Import what ``--import MODULE`` at the beginning of a command names; returns the other words."""
+    while words and words[0].partition("=")[0] == OPTION:
+        first, *words = words
+        module = first.partition("=")[2] or (words.pop(0) if words else "")
+        if not module:
+            raise ValueError(f"{OPTION} names no module; give {OPTION} MODULE before the command")
+        import_named(module)
+    return words
