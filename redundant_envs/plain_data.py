@@ -42,7 +42,10 @@ def typed(where: str, data: Any, registry: Mapping[str, type[Any]]) -> Any:
         raise ValueError(f"{where} is {shown(data)}; give a mapping with a 'type'")
     kind = data["type"]
     if not isinstance(kind, str) or kind not in registry:
-        raise ValueError(f"{where}.type is {shown(kind)}; valid: {', '.join(sorted(registry))}")
+        raise ValueError(
+            f"{where}.type is {shown(kind)}; valid: {', '.join(sorted(registry))}, and what a module of "
+            "yours registers: import it first (command lines: --import MODULE before the command)"
+        )
     target = registry[kind]
     arguments = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items() if k != "type"}
     fields = dataclasses.fields(target)

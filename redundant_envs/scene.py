@@ -12,22 +12,27 @@ from typing import Any
 
 from redundant_envs.effects import REGISTRY as EFFECTS
 from redundant_envs.effects.attaching import attached
-from redundant_envs.effects.hooks import Effect, Field, Hook, Impact, PointMass, State, snake_case
+from redundant_envs.effects.hooks import (
+    Effect,
+    Field,
+    Hook,
+    Impact,
+    State,
+)
 from redundant_envs.files import exists, explained, read_yaml
 from redundant_envs.integrators.tableaus import METHODS
+from redundant_envs.loaded_arm import identifier, loaded_arm
 from redundant_envs.plain_data import check_keys, check_registered, plain, typed
 from redundant_envs.robots import REGISTRY as ARMS
+from redundant_envs.robots.added_inertia import Loaded
 from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import number, positive_numbers
+from redundant_envs.robots.parameters import number
 from redundant_envs.values import check_bounds, shown
 
 MOST_SUBSTEPS = 1_000_000
 """Steps per control interval: with more a single interval takes a second or longer."""
 SHORTEST_INTERVAL, LONGEST_INTERVAL = 1e-9, 1e3
 """Allowed control intervals, s."""
-
-OWN_KEYS = frozenset(snake_case(name) for name in EFFECTS)
-"""First parts of the parameter names of this package's effects; none is like a name of a field."""
 
 ACTUATIONS = ("joint", "generalized")
 
@@ -55,7 +60,7 @@ class Scene:
         Equal steps per control interval, at most a million.
     tolerance : float, optional
         Largest estimated tip error of a control interval [m]: every lane takes as many rk8 steps
-        as that needs, 1, 2, 4, ... 4096. None is the fixed step.
+        as that needs, 1, 2, 4, ... 16384. None is the fixed step.
     actuation : {"joint", "generalized"}
         "joint": efforts act at the joints, Q = B t. "generalized": the report's convention,
         efforts conjugate to the absolute angles.
@@ -107,7 +112,12 @@ class Scene:
         if len({h.joint for _, h in impacts}) < len(impacts):
             raise ValueError("effects has two stops for one slider; combine them into one")
         self._check_identifiers()
-        positive_numbers("masses with what effects add", self._masses, self.robot.num_masses, "kg")
+        if isinstance(self.robot, Loaded):
+            raise ValueError(
+                f"robot is a {self.robot.kind} with the inertias of another scene's effects; give that "
+                "scene's own robot, and the effects"
+            )
+        _ = self.loaded_robot  # refuses masses and inertias that no arm has
         if sum(isinstance(h, Field) for h in hooks) > 1:
             raise ValueError("effects has two uniform fields; combine them into one Gravity")
         if not isinstance(self.integrator, str) or self.integrator not in METHODS:
@@ -184,14 +194,8 @@ class Scene:
 
     @functools.cached_property
     def loaded_robot(self) -> Arm:
-        """The arm with the masses that effects add to its own."""
-        return dataclasses.replace(self.robot, masses=self._masses) if carried_masses(self) else self.robot
-
-    @property
-    def _masses(self) -> tuple[float, ...]:
-        values, loads = self._parameters, carried_masses(self)
-        own = {f"m{k + 1}": mass for k, mass in enumerate(self.robot.masses)}
-        return tuple(sum((values[n] for n in loads.get(m, ())), mass) for m, mass in own.items())
+        """The arm with the masses and inertias that effects add to its own."""
+        return loaded_arm(self.robot, self.effects, self._parameters)
 
     def travel(self) -> dict[int, tuple[str, str]]:
         """Limited joints: joint index -> parameter names of its lower and upper limit."""
@@ -247,14 +251,12 @@ class Scene:
         return cls(robot, built, **rest)
 
 
-def carried_masses(scene: Scene) -> dict[str, list[str]]:
-    """Masses of the arm to which effects add others: the parameters of those."""
-    loads: dict[str, list[str]] = {}
-    for effect in scene.effects:
-        for hook in effect.hooks(scene.robot):
-            if isinstance(hook, PointMass):
-                loads.setdefault(f"m{hook.point.number + 1}", []).append(f"{effect.key}{hook.mass}")
-    return loads
+def check_scene(scene: Any) -> None:
+    """ValueError unless it is a scene; names and files are loaded by :func:`load_scene`."""
+    if not isinstance(scene, Scene):
+        raise ValueError(
+            f"scene is {shown(scene)}; give a Scene, such as rde.load_scene makes of a name or a file"
+        )
 
 
 def scene_folder() -> Path:
@@ -337,12 +339,3 @@ def scene_at(scene: str | Path | Mapping[str, Any] | Scene, accuracy: str | floa
         accuracy = ACCURACIES[accuracy]
     tolerance = number("accuracy", accuracy)
     return dataclasses.replace(built, integrator="rk8", substeps=1, tolerance=tolerance)
-
-
-def identifier(parameter: str) -> str:
-    """A parameter name as the name of a field of a lane: "gravity.down[0]" -> gravity_down_0.
-
-    Effects of users get two underscores, "my_spring.k" -> my_spring__k, which no generated name has.
-    """
-    dot = "_" if parameter.partition(".")[0] in OWN_KEYS else "__"
-    return parameter.replace(".", dot).replace("[", dot).replace("]", "")

@@ -9,9 +9,12 @@ from redundant_envs.effects.hooks import (
     Field,
     Force,
     Impact,
+    Inertia,
     Link,
     Point,
     PointMass,
+    Reading,
+    Sensing,
     State,
 )
 from redundant_envs.effects.limit_spring import LimitSpring
@@ -20,7 +23,8 @@ from redundant_envs.effects.viscous_friction import ViscousFriction
 
 __all__ = [
     "Actuation", "CentringSpring", "Effect", "EffortLimits", "Field", "Force", "Gravity", "Impact",
-    "LimitSpring", "Link", "Point", "PointMass", "PrismaticStop", "State", "ViscousFriction",
+    "Inertia", "LimitSpring", "Link", "Point", "PointMass", "PrismaticStop",
+    "Reading", "Sensing", "State", "ViscousFriction",
 ]  # fmt: skip
 
 REGISTRY: dict[str, type[Effect]] = {

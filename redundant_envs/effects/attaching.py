@@ -16,9 +16,12 @@ from redundant_envs.effects.hooks import (
     Force,
     Hook,
     Impact,
+    Inertia,
     Link,
     Point,
     PointMass,
+    Reading,
+    Sensing,
     State,
 )
 from redundant_envs.robots.arm import Arm
@@ -56,9 +59,14 @@ def attached(where: str, effect: Effect, arm: Arm) -> tuple[Hook, ...]:
     own: Own = dict.fromkeys(effect.parameters(), False)
     for field, value in effect.parameters().items():
         if isinstance(value, bool) or not isinstance(value, int | float) or value != value:
-            raise ValueError(f"{where} ({kind}).{field} is {value!r:.80}; give a number")
-    for hook in hooks:
-        for state in _states_of(hook):
+            raise ValueError(f"{where} ({kind}).{field} is {value!r:.80}; give a number or a tuple of them")
+    for n, hook in enumerate(hooks):
+        states: Any = _states_of(hook)
+        if not isinstance(states, tuple | list):
+            raise ValueError(
+                f"{where} ({kind}), hook {n}: states is {states!r:.60}; give a tuple, such as (State(...),)"
+            )
+        for state in states:
             name = getattr(state, "name", None)
             if not isinstance(name, str) or not STATE_NAME.fullmatch(name) or name in own:
                 raise ValueError(
@@ -71,6 +79,7 @@ def attached(where: str, effect: Effect, arm: Arm) -> tuple[Hook, ...]:
             _check_hook(hook, own, arm)
         except ValueError as error:
             raise ValueError(f"{where} ({kind}), hook {n} ({type(hook).__name__}): {error}") from None
+    _check_entries(f"{where} ({kind})", effect, arm, hooks)
     forces = [h for h in hooks if isinstance(h, Force)]
     booked = [h for h in forces if h.conservative is not None]
     if booked and all(h.potential is None for h in forces):
@@ -79,6 +88,25 @@ def attached(where: str, effect: Effect, arm: Arm) -> tuple[Hook, ...]:
             "'conservative' out: a force without a potential is booked as work"
         )
     return tuple(hooks)
+
+
+def _check_entries(where: str, effect: Effect, arm: Arm, hooks: Iterable[Hook]) -> None:
+    """Refuse a field with several numbers of which some are used and some are not."""
+    used = {name for low_high in effect.travel(arm).values() for name in low_high}
+    used |= {*effect.action_units(arm)}
+    for hook in hooks:
+        for part in (hook, *_states_of(hook)):
+            used |= {source[1:] for source in getattr(part, "bind", {}).values()}
+            named = (getattr(part, field.name) for field in dataclasses.fields(part))
+            used |= {name[1:] for name in named if isinstance(name, str) and name[:1] == "."}
+    for field in dataclasses.fields(effect):
+        entries = [name for name in effect.parameters() if name.startswith(f"{field.name}[")]
+        unused = [name for name in entries if name not in used]
+        if unused and len(unused) < len(entries):
+            raise ValueError(
+                f"{where}.{field.name} has {len(entries)} entries, of which no hook uses "
+                f"{', '.join(unused)}; give {len(entries) - len(unused)}"
+            )
 
 
 def _states_of(hook: Any) -> tuple[State, ...]:
@@ -91,12 +119,14 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
         _check_point(hook.point, arm)
         _own("mass", hook.mass, {n: False for n, moves in own.items() if not moves})
         return
+    if isinstance(hook, Inertia):
+        _check_inertia(hook, arm)
+        _own("inertia", hook.inertia, {n: False for n, moves in own.items() if not moves})
+        return
     if isinstance(hook, Force) and isinstance(hook.joint, Point):
         _check_point(hook.joint, arm)
     elif not isinstance(hook, Field):
-        count = len(arm.coordinates)
-        if isinstance(hook.joint, bool) or not isinstance(hook.joint, int) or not 0 <= hook.joint < count:
-            raise ValueError(f"joint is {hook.joint!r}; give 0 to {count - 1} ({', '.join(arm.joints)})")
+        _check_joint(hook.joint, arm)
     if isinstance(hook, Impact):
         for name in ("lower", "upper", "restitution"):
             _own(name, getattr(hook, name), {n: False for n, moves in own.items() if not moves})
@@ -118,6 +148,16 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
             raise ValueError(
                 f"{name_of(hook.function)} depends on {moving}; a uniform field may depend on "
                 "parameters alone: give a Force at each point for another"
+            )
+    if isinstance(hook, Sensing):
+        if not isinstance(hook.reading, Reading):
+            raise ValueError(
+                f"reading is {hook.reading!r}; choose {', '.join(f'Reading.{r.name}' for r in Reading)}"
+            )
+        unknown = _beyond(roots, {*arm.parameter_values(), *arm.coordinates, *arm.rates})
+        if unknown:
+            raise ValueError(
+                f"{name_of(hook.function)} depends on {unknown}; a sensor knows the motion and its numbers"
             )
     if isinstance(hook, Actuation) and not isinstance(hook.link, Link):
         raise ValueError(f"link is {hook.link!r}; choose {', '.join(f'Link.{link.name}' for link in Link)}")
@@ -147,6 +187,24 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
         raise ValueError(
             f"{name} {name_of(function)} depends on {moving}; it may depend on "
             f"{'parameters' if fixed else 'the position'} alone"
+        )
+
+
+def _check_joint(joint: Any, arm: Arm) -> None:
+    count = len(arm.coordinates)
+    if isinstance(joint, bool) or not isinstance(joint, int) or not 0 <= joint < count:
+        raise ValueError(f"joint is {joint!r}; give 0 to {count - 1} ({', '.join(arm.joints)})")
+
+
+def _check_inertia(hook: Inertia, arm: Arm) -> None:
+    """Refuse joints whose rates make no sum."""
+    if not isinstance(hook.joints, tuple) or not hook.joints or len({*hook.joints}) < len(hook.joints):
+        raise ValueError(f"joints is {hook.joints!r}; give a tuple of joints, each once, such as (0,)")
+    for joint in hook.joints:
+        _check_joint(joint, arm)
+    if len({arm.prismatic[k] for k in hook.joints}) > 1:
+        raise ValueError(
+            f"joints is {hook.joints!r}, which turn and slide: rad/s and m/s have no sum; give one kind"
         )
 
 
@@ -183,7 +241,7 @@ def _check_state(state: State, own: Own, arm: Arm) -> None:
 def _check_function(
     field: str,
     function: Callable[..., Any],
-    hook: Field | Force | Actuation | State,
+    hook: Field | Force | Actuation | Sensing | State,
     own: Own,
     arm: Arm,
 ) -> dict[str, set[str]]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
@@ -148,7 +149,44 @@ class PointMass:
     mass: str
 
 
-Hook = Field | Force | Actuation | Impact | PointMass
+@dataclass(frozen=True)
+class Inertia:
+    """An inertia that resists a change of a joint's rate, or of the sum of some joints' rates.
+
+    A motor's rotor resists that of its joint, in kg m^2 (kg of a slider), gears squared. A link's inertia
+    about its point mass, where its centre of mass then is, resists that of its absolute angle: of all
+    revolute joints up to it. The number is a field of the effect (".inertias[0]"), at most a million times
+    the lightest mass on the shortest link.
+    """
+
+    joints: tuple[int, ...]
+    inertia: str
+
+
+class Reading(enum.Enum):
+    """What a sensor of a joint reads."""
+
+    POSITION = "phi{}"
+    RATE = "phid{}"
+
+
+@dataclass(frozen=True)
+class Sensing:
+    """What the sensor of one joint reads, rad and rad/s, m and m/s; observed postures follow from it.
+
+    In ``function`` ``phi<k>``, or ``phid<k>`` of a rate (k counts from 1), is what reaches the sensor; those
+    of one joint act in the order of the scene's effects. All else is true: motion, reward, ``info``, a task's
+    memory, and the goals beside the observation of goal environments. A reading that is no number, or beyond
+    1e6 rad or m, 1e100 rad/s or m/s, is a fault (NON_FINITE), at a start told by ``info`` alone.
+    """
+
+    joint: int
+    function: Callable[..., Any]
+    bind: Mapping[str, str] = field(default_factory=dict)
+    reading: Reading = Reading.POSITION
+
+
+Hook = Field | Force | Actuation | Impact | PointMass | Inertia | Sensing
 
 
 @dataclass(frozen=True)
@@ -164,6 +202,13 @@ class Effect:
     of_joints: ClassVar[tuple[str, ...]] = ()
     """Fields with a number for each joint; a single number serves all of them."""
 
+    def __init_subclass__(cls) -> None:
+        """Refuse numbers with the names of what every effect has."""
+        super().__init_subclass__()
+        for name, annotation in inspect.get_annotations(cls).items():
+            if hasattr(Effect, name) and "ClassVar" not in str(annotation):
+                raise ValueError(f"{cls.__name__} has a number {name!r}, as every effect has; rename it")
+
     @property
     def key(self) -> str:
         """Name of this effect in parameter names."""
@@ -171,7 +216,9 @@ class Effect:
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         """Where the effect attaches to an arm; ValueError if it does not fit."""
-        raise NotImplementedError(f"{type(self).__name__} does not say where it attaches")
+        raise NotImplementedError(
+            f"{type(self).__name__} does not say where it attaches; write a method hooks(self, arm)"
+        )
 
     def fitted(self, arm: Arm) -> Effect:
         """The effect as a scene with this arm has it: with a number for each joint."""

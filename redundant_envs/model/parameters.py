@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.effects.hooks import Impact
+from redundant_envs.loaded_arm import carried_masses, check_inertias, identifier
 from redundant_envs.model.memory import Memory
 from redundant_envs.robots.parameters import LARGEST, LARGEST_RATIO, SMALLEST
-from redundant_envs.scene import Scene, carried_masses, identifier
+from redundant_envs.scene import Scene
 from redundant_envs.values import shown
 
 Table = dict[str, NDArray[np.float64]]
@@ -100,9 +101,10 @@ def lane_values(
     for effect in scene.effects:
         if any(p.startswith(f"{effect.key}.") for p in changed):
             _check_effect(effect, values)
-    for mass, loads in carried_masses(scene).items():
+    for mass, loads in carried_masses(scene.robot, scene.effects).items():
         total = sum((values[name] for name in loads), values[mass])
         _check_positive(f"{mass} with {', '.join(loads)}", total[:, None])
+    check_inertias(scene.robot, scene.effects, values)
     return values
 
 

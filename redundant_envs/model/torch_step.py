@@ -7,7 +7,7 @@ from typing import Any
 
 from redundant_envs.backends.torch import number, torch
 from redundant_envs.model.parameters import names_of
-from redundant_envs.scene import Scene
+from redundant_envs.scene import Scene, check_scene
 from redundant_envs.simulator.direct import cross_interval, fields_of
 from redundant_envs.simulator.dynamics import Dynamics
 from redundant_envs.simulator.interval import Interval
@@ -45,6 +45,7 @@ def torch_step(scene: Scene) -> Step:
     ValueError
         If the scene has stops or chooses its steps as it goes.
     """
+    check_scene(scene)
     dynamics = Dynamics(scene)
     interval = Interval(dynamics)
     if interval.stops:

@@ -96,12 +96,14 @@ def point_motion(arm: Any, k: int) -> list[Function]:
     return [point_velocity, point_jacobian]
 
 
+def is_derived(function: Function) -> bool:
+    """Whether a function was made here."""
+    return getattr(function, "__module__", None) == __name__
+
+
 def is_point_motion(function: Function) -> bool:
     """Whether a function was made by :func:`point_motion`, perhaps for another arm."""
-    return getattr(function, "__module__", None) == __name__ and function.__name__ in (
-        "point_velocity",
-        "point_jacobian",
-    )
+    return is_derived(function) and function.__name__ in ("point_velocity", "point_jacobian")
 
 
 def manipulability(n: int) -> Function:

@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
 from typing import Any
 
 from redundant_envs.algebra import ABSENT, arguments_of, gives_of, maximum, numbered
-from redundant_envs.effects.hooks import Actuation, Effect, Field, Force, Impact, Point, State
+from redundant_envs.effects.hooks import (
+    Actuation,
+    Effect,
+    Field,
+    Force,
+    Impact,
+    Point,
+    State,
+)
 from redundant_envs.integrators import step_control
 from redundant_envs.integrators.tableaus import METHODS, Tableau
+from redundant_envs.loaded_arm import added_inertias, carried_masses, identifier
 from redundant_envs.quantities import Quantities
-from redundant_envs.scene import Scene, carried_masses, identifier
+from redundant_envs.robots.added_inertia import Added, functions_with, held_functions
+from redundant_envs.scene import Scene
 from redundant_envs.tracing.graph import owned
 
 
@@ -110,7 +120,13 @@ class Dynamics:
     @cached_property
     def carried(self) -> dict[str, list[str]]:
         """Masses of the arm that carry others: the fields of those."""
-        return {m: [identifier(name) for name in loads] for m, loads in carried_masses(self.scene).items()}
+        carried = carried_masses(self.arm, self.scene.effects)
+        return {m: [identifier(name) for name in loads] for m, loads in carried.items()}
+
+    @cached_property
+    def inertias(self) -> Added:
+        """Inertias that effects add to the arm, by their fields."""
+        return added_inertias(self.arm, self.scene.effects)
 
     def field_of(self, parameter: str) -> str:
         """The field of a parameter of the scene; "m4" is what moves there, with all that it carries."""
@@ -231,13 +247,20 @@ class Dynamics:
     def quantities(self, states: Sequence[Any], numbers: Any, held: bool = False) -> Quantities:
         """Quantities of the arm, from states, and numbers and efforts by name; ``held``: with the dynamics of
         sliders that may rest at their stops."""
-        functions: Iterable[Any] = self.arm.functions
-        if held:
-            functions = [f for f in functions if "qdd1" not in gives_of(f)]
-            functions = (*functions, self.arm.held_dynamics, self.arm.slider_mobility)
-        return Quantities(
-            dict(zip(self.states, states, strict=False)), tuple(functions), self.arm.sincos, numbers
-        )
+        functions = self.functions_held if held else self.functions
+        return Quantities(dict(zip(self.states, states, strict=False)), functions, self.arm.sincos, numbers)
+
+    @property
+    def functions(self) -> tuple[Callable[..., Any], ...]:
+        """Equations of the arm with what effects add to its inertia."""
+        return functions_with(self.arm, self.inertias) if self.inertias else tuple(self.arm.functions)
+
+    @property
+    def functions_held(self) -> tuple[Callable[..., Any], ...]:
+        """The same with the dynamics of sliders that may rest at their stops."""
+        arm = self.arm
+        held = held_functions(arm) if self.inertias else (arm.held_dynamics, arm.slider_mobility)
+        return (*(f for f in self.functions if "qdd1" not in gives_of(f)), *held)
 
     def accelerations(self, x: Quantities) -> list[Any]:
         """Accelerations from quantities, rates of change of effects' states, and the power if the work is

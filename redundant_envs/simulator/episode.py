@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, reduce
@@ -16,6 +17,7 @@ from redundant_envs.algebra import (
     numbered,
     where,
 )
+from redundant_envs.effects.hooks import Sensing
 from redundant_envs.quantities import Quantities
 from redundant_envs.scene import identifier
 from redundant_envs.simulator.dynamics import Dynamics
@@ -29,6 +31,7 @@ from redundant_envs.simulator.names import (
     names_of_arm,
     names_of_task,
 )
+from redundant_envs.simulator.sensing import measured, reads_nonsense
 from redundant_envs.simulator.setting import GIVEN_UP, Fault
 from redundant_envs.tasks.base import Task
 from redundant_envs.tasks.limits import depth_beyond, range_of_starts, spring_limits, start_position
@@ -65,6 +68,11 @@ class Episode:
     @cached_property
     def actions(self) -> tuple[str, ...]:
         return tuple(numbered("action{}", self.dynamics.count))
+
+    @cached_property
+    def sensors(self) -> bool:
+        """Whether observations follow from what sensors read."""
+        return any(isinstance(hook, Sensing) for _, hook in self.dynamics.hooks)
 
     @cached_property
     def draws(self) -> tuple[str, ...]:
@@ -162,7 +170,7 @@ class Episode:
     def quantities(self, lane: Lane, known: Mapping[str, Any], functions: Any = None) -> Quantities:
         """Quantities of the arm and the task."""
         if functions is None:
-            functions = (*self.arm.functions, *self.task.functions(self.dynamics.scene))
+            functions = (*self.dynamics.functions, *self.task.functions(self.dynamics.scene))
         names = self._numbers
         source = {n: lane[self.aliases.get(n, n)] for n in (*names, "interval", "steps")}
         return Quantities(
@@ -205,6 +213,10 @@ class Episode:
         interval, task, states = self.interval, self.task, self.dynamics.states
         interval.renew(lane)
         defect = interval.defect(lane.get((*states, *self.dynamics.remembered)))
+        if self.sensors:
+            x = self.quantities(lane, {n: lane[n] for n in (*states, *task.memory, *self.actions)})
+            defect = defect + where(reads_nonsense(self.dynamics, x), math.nan, 0.0)
+            lane.next_part()
         code = lane.numerics + where(defect == 0.0, 0.0, float(Fault.NON_FINITE))
         if interval.local:
             code = code + where(lane.fault >= GIVEN_UP, lane.fault, 0.0)
@@ -253,11 +265,14 @@ class Episode:
     # ---- observation -----------------------------------------------------------------------------------
 
     def observe(self, lane: Lane) -> dict[Any, Any]:
-        """Observations and outputs: a function of the state and the goal alone."""
+        """Observations, of what sensors read, and outputs: functions of the state and the goal alone."""
         scene, memory = self.dynamics.scene, (*self.task.memory, *self.counts, *self.held_outputs)
-        x = self.quantities(lane, {n: lane[n] for n in (*self.dynamics.states, *self.task.memory)})
+        known = {n: lane[n] for n in (*self.dynamics.states, *self.task.memory)}
+        x = self.quantities(lane, known)
+        read = measured(self.dynamics, x)
+        seen = self.quantities(lane, {**known, **read}) if read else x
         count = len(self.observed)
-        shown = {("obs", "f32", k, count): x[name] for k, name in enumerate(self.observed)}
+        shown = {("obs", "f32", k, count): seen[name] for k, name in enumerate(self.observed)}
         for table, element in TABLES.items():
             for k, name in enumerate(self.tables[table]):
                 if name == "beyond_limit":
@@ -266,6 +281,9 @@ class Episode:
                         for joint, low, high in spring_limits(scene)
                     ]
                     value = reduce(maximum, depths)
+                elif name == "numerics" and self.sensors:  # a start whose readings are no numbers, too
+                    bad = reads_nonsense(self.dynamics, x) & (lane.numerics == 0.0)
+                    value = where(bad, float(Fault.NON_FINITE), lane.numerics)
                 else:
                     value = lane[name] if name in memory else x[name]
                 shown[table, element, k, 0] = value > 0.0 if table == "flags" else value
@@ -277,7 +295,7 @@ class Episode:
         """A new episode in the lanes that are ``resetting``, from their draws."""
         task, arm, interval = self.task, self.arm, self.interval
         functions = (
-            *(f for f in arm.functions if "phi1" not in gives_of(f)),
+            *(f for f in self.dynamics.functions if "phi1" not in gives_of(f)),
             *task.functions(self.dynamics.scene), *task.begin_functions, arm.coordinates_of_joints,
         )  # fmt: skip
         drawn = [m for m in task.memory if m not in task.updates]

@@ -4,20 +4,13 @@ import dataclasses
 
 import numpy as np
 import pytest
-import rrp
-import three_r
+from arms import ARMS
 
 import redundant_envs as rde
 from redundant_envs.algebra import ABSENT, exp, maximum, sqrt, where
 from redundant_envs.backends.torch import torch
 
 e = rde.effects
-ARMS = {
-    "4R": rde.FourR(masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3, 0.5, 0.4, 0.6)),
-    "RPRP": rde.RPRP(masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3, 0.5)),
-    "3R": three_r.ThreeR(masses=(2.0, 1.5, 1.0), lengths=(0.3, 0.5, 0.4)),
-    "RRP": rrp.RRP(masses=(2.0, 1.5, 1.0), lengths=(0.3, 0.5)),
-}
 
 
 @pytest.mark.parametrize("name", ARMS)

@@ -4,8 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-import rrp
-import three_r
+from arms import ARMS
 from payload import Payload
 from tether import Tether
 
@@ -20,12 +19,6 @@ from redundant_envs.studies.verification import verify
 e = rde.effects
 LOAD = 0.7
 STEPS = {"rk4": {"integrator": "rk4"}, "1e-6": {"tolerance": 1e-6}}
-ARMS = {
-    "4R": rde.FourR(masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3, 0.5, 0.4, 0.6)),
-    "RPRP": rde.RPRP(masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3, 0.5)),
-    "3R": three_r.ThreeR(masses=(2.0, 1.5, 1.0), lengths=(0.3, 0.5, 0.4)),
-    "RRP": rrp.RRP(masses=(2.0, 1.5, 1.0), lengths=(0.3, 0.5)),
-}
 
 
 def heavier(arm, load=LOAD):
@@ -78,7 +71,9 @@ def test_lanes_have_loads_of_their_own(name):
     np.testing.assert_array_equal(found, motion(again))
 
 
-@pytest.mark.parametrize("name", ARMS)
+@pytest.mark.parametrize(
+    "name", ["4R", "RRP", *(pytest.param(n, marks=pytest.mark.long) for n in ("RPRP", "3R"))]
+)
 def test_energies_statics_and_verification_know_the_load(name):
     loaded, heavy = scenes(name)
     rng = np.random.default_rng(1)

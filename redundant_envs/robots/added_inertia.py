@@ -1,0 +1,152 @@
+"""An arm with inertias that effects add: of motors' rotors, or of links about their point masses.
+
+An inertia belongs to the rate of a joint, or to the sum of the rates of some: that of all revolute joints up
+to a link is the link's absolute rate. Such a sum is b . qd with the same b in every pose, so the inertia I
+adds I b b^T to the mass matrix, I (b . qd)^2 / 2 to the kinetic energy, and nothing to h and G. The arm's own
+elimination does not hold then: accelerations follow from the mass matrix, by L D L^T.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections import OrderedDict
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from redundant_envs.algebra import arguments_of, gives_of, physics
+from redundant_envs.robots import derived
+from redundant_envs.robots.arm import Arm
+
+Function = Callable[..., Any]
+Added = tuple[tuple[tuple[int, ...], str], ...]
+"""Joints of whose rates the sum is meant, and the name of the inertia, kg m^2 or kg."""
+BARE = "bare_{}"
+"""Names of what the point masses alone give; an arm's own functions take these."""
+LARGEST_RATIO = 1e6
+"""Of an inertia to the lightest mass, on the shortest link: L D L^T loses as many digits."""
+KEPT_CLASSES = 64
+
+
+@functools.lru_cache(maxsize=64)
+def functions_with(arm: Arm, added: Added) -> tuple[Function, ...]:
+    """The functions of an arm with inertias: of the mass matrix and what follows from it there are others."""
+    n = len(arm.coordinates)
+    entries = [f"M{i + 1}{j + 1}" for i in range(n) for j in range(n)]
+    kept = [f for f in arm.functions if "qdd1" not in gives_of(f)]
+    own = {name for f in kept if not derived.is_derived(f) for name in gives_of(f)}
+    bare = {*entries, *({"T", "Lz"} & own)}
+    functions = [f if derived.is_derived(f) else _of_point_masses(f, bare) for f in kept]
+    functions += [_mass_matrix(arm, added, entries), derived.forward_dynamics(n)]
+    if "T" in bare:
+        functions.append(_kinetic_energy(added))
+    if "Lz" in bare:
+        functions.append(_angular_momentum(added))
+    return tuple(functions)
+
+
+@functools.lru_cache(maxsize=64)
+def held_functions(arm: Arm) -> tuple[Function, Function]:
+    """Dynamics with sliders at rest, and mobilities of the sliders, from any mass matrix."""
+    n, sliders = len(arm.coordinates), arm.sliders()
+    return derived.held_dynamics(n, sliders), derived.slider_mobility(n, sliders)
+
+
+class Loaded:
+    """What arms with inertias of effects have in common: they are no arm of a scene."""
+
+
+_classes: OrderedDict[Any, type[Arm]] = OrderedDict()
+
+
+def with_inertias(arm: Arm, added: Added, values: Mapping[str, float]) -> Arm:
+    """An arm that has inertias, of the values that their names have, as its own."""
+    kind, own = type(arm), tuple((name, values[name]) for _, name in added)
+    key = kind, added, own
+    if key not in _classes:
+        _classes[key] = _loaded_class(arm, added, dict(own))
+        if len(_classes) > KEPT_CLASSES:
+            _classes.popitem(last=False)
+    return _classes[key](**_fields(arm))
+
+
+def _fields(arm: Any) -> dict[str, Any]:
+    return {f.name: getattr(arm, f.name) for f in dataclasses.fields(arm) if f.init}
+
+
+def _loaded_class(arm: Arm, added: Added, values: dict[str, float]) -> type[Arm]:
+    kind = type(arm)
+
+    def parameter_values(self: Any) -> dict[str, float]:
+        return {**kind.parameter_values(self), **values}
+
+    def reduced(self: Any) -> tuple[Any, ...]:
+        return with_inertias, (kind(**_fields(self)), added, values)
+
+    more = {
+        "functions": functions_with(arm, added), "kind": arm.kind, "parameter_values": parameter_values,
+        "__reduce__": reduced, "__module__": kind.__module__, "__doc__": kind.__doc__,
+    }  # fmt: skip
+    return type(kind.__name__, (kind, Loaded), more)
+
+
+def _of_point_masses(function: Function, bare: set[str]) -> Function:
+    """The same function of what the point masses alone give, under names that say so."""
+
+    def named(names: Sequence[str]) -> str:
+        return " ".join(BARE.format(name) if name in bare else name for name in names)
+
+    gives, takes = gives_of(function), arguments_of(function)
+    if not bare & {*gives, *takes}:
+        return function
+
+    @physics(gives=named(gives), takes=named(takes))
+    @functools.wraps(function)
+    def renamed(*values: Any) -> Any:
+        return function(*values)
+
+    return renamed
+
+
+def _mass_matrix(arm: Arm, added: Added, entries: Sequence[str]) -> Function:
+    n, rates = len(arm.coordinates), arm.motor_map.T  # joint rates are B^T qd
+    shares = [[sum(rates[k, j] for k in joints) for j in range(n)] for joints, _ in added]
+
+    @physics(
+        gives=" ".join(entries), takes=" ".join((*map(BARE.format, entries), *(name for _, name in added)))
+    )
+    def mass_matrix(*values: Any) -> tuple[Any, ...]:
+        matrix, inertias = list(values[: n * n]), values[n * n :]
+        for b, inertia in zip(shares, inertias, strict=True):
+            for i in range(n):
+                for j in range(n):
+                    if b[i] * b[j] != 0.0:
+                        matrix[i * n + j] = matrix[i * n + j] + float(b[i] * b[j]) * inertia
+        return tuple(matrix)
+
+    return mass_matrix
+
+
+def _sum_over(added: Added, quantity: str, term: Callable[[Any, Any], Any]) -> Function:
+    """A quantity of the point masses, and a term of each inertia and the rate that it resists."""
+    joints = sorted({k for group, _ in added for k in group})
+    rates, names = [f"phid{k + 1}" for k in joints], [name for _, name in added]
+
+    @physics(gives=quantity, takes=" ".join((BARE.format(quantity), *rates, *names)))
+    def total(of_point_masses: Any, *values: Any) -> Any:
+        rate, result = dict(zip(joints, values, strict=False)), of_point_masses
+        for (group, _), inertia in zip(added, values[len(joints) :], strict=True):
+            result = result + term(inertia, functools.reduce(lambda a, b: a + b, (rate[k] for k in group)))
+        return result
+
+    return total
+
+
+def _kinetic_energy(added: Added) -> Function:
+    return _sum_over(added, "T", lambda inertia, rate: 0.5 * inertia * rate * rate)
+
+
+def _angular_momentum(added: Added) -> Function:
+    """Of the inertias that turn with the first joint: the motors of the others are part of the arm."""
+    turning = tuple((group, name) for group, name in added if 0 in group)
+    return _sum_over(turning, "Lz", lambda inertia, rate: inertia * rate)
