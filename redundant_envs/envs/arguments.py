@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from redundant_envs.algebra import arguments_of
 from redundant_envs.model import parameters
 from redundant_envs.model.memory import Memory
 from redundant_envs.scene import Scene
 from redundant_envs.simulator.episode import Episode
+from redundant_envs.tasks.base import full_reach
 from redundant_envs.tasks.limits import hard_stops
 from redundant_envs.values import shown
 
@@ -23,11 +25,11 @@ Checked = tuple[parameters.Table | None, list[tuple[tuple[str, ...], NDArray[np.
 """What options of a reset set, all valid: parameters, and rows with their numbers."""
 
 
-def full_reach(scene: Scene, values: Mapping[str, Any]) -> Any:
-    """How far the stretched arm reaches, m: the sum of its extent, in the order of the compiled code."""
+def reach_of(scene: Scene, values: Mapping[str, Any]) -> Any:
+    """How far the stretched arm reaches, m, from all parameters of the scene."""
+    reach = full_reach(scene.robot)
     ends = {f"high{joint + 1}": high for joint, (_, high) in scene.travel().items()}
-    terms = [values[ends.get(name, name)] for name in scene.robot.extent]
-    return sum(terms[1:], terms[0])
+    return reach(*(values[ends.get(name, name)] for name in arguments_of(reach)))
 
 
 def _entries(scene: Scene, name: str) -> list[str]:
@@ -86,7 +88,7 @@ class ResetOptions:
         return values, writes
 
     def _check_goal(self, goal: NDArray[np.float64], values: parameters.Table) -> None:
-        reach = full_reach(self.scene, values)
+        reach = reach_of(self.scene, values)
         radius = np.linalg.norm(goal, axis=1)
         if (radius > reach).any():
             lane = int(np.argmax(radius - reach))

@@ -9,17 +9,19 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from gymnasium.utils import seeding
 from numpy.typing import ArrayLike, NDArray
 
-from redundant_envs.envs.arguments import Checked, ResetOptions, episode_limit, full_reach
+from redundant_envs.envs.arguments import Checked, ResetOptions, episode_limit, reach_of
+from redundant_envs.envs.episode_keys import EpisodeKeys
 from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.envs.registration import check_arm
 from redundant_envs.envs.single_lane import SingleLane
 from redundant_envs.model import parameters
+from redundant_envs.model.copies import Copied
 from redundant_envs.model.memory import Memory, aligned
-from redundant_envs.model.programs import Call, Part, Simulator, Team, environment_simulator
+from redundant_envs.model.programs import Call, Part, Simulator, address, environment_simulator
 from redundant_envs.model.snapshot import check_array, check_facts, check_keys, check_numbers, simulator_facts
+from redundant_envs.model.team import Team
 from redundant_envs.quantities import Quantities
 from redundant_envs.scene import Scene, scene_at
 from redundant_envs.simulator.blocks import LANES
@@ -31,16 +33,17 @@ from redundant_envs.tasks.limits import range_of_starts
 from redundant_envs.values import whole_number
 
 STATE_KEYS = ("states", "parameters", "keys", "mask", "waiting", "generators", "simulator")
-MADE_ANEW = ("simulator", "keys", "mask", "_team", "_goal_reward", "_facts")
-"""Attributes of a core that its copies do not take over: compiled code and views of other arrays."""
+LAST_TABLES = tuple(f"last_{name}" for name in TABLES)
 
 
-class Core:
+class Core(Copied):
     """Lanes of a scene, with a task.
 
     Lane i owns ``np_random(seed + i)``; each episode draws one 128-bit key from it, and all else
     of the episode follows from that key inside the compiled code.
     """
+
+    made_anew = ("keys", "mask", "_team", "_goal_reward", "_facts")
 
     def __init__(
         self,
@@ -79,15 +82,14 @@ class Core:
         self.actions = episode.actions
         self.columns = Columns(episode)
         self.goal_fields = episode.goal
-        self.generators: list[np.random.Generator | None] = [None] * num_envs
+        self._episode_keys = EpisodeKeys(num_envs)
         self._tickets = np.zeros((num_envs, TICKET), dtype=np.uint32)
         self.waiting = np.zeros(num_envs, dtype=np.bool_)  # keys drawn and not yet used
         self.obs_size = len(episode.observed)
-        self.reach = full_reach(self.scene, self.scene.parameters())
+        self.reach = reach_of(self.scene, self.scene.parameters())
         self._connect()
 
     def _connect(self) -> None:
-        """Make what a copy cannot take over."""
         simulator, memory = self.simulator, self.memory
         self._team = Team(simulator, "environment", memory, self.threads)
         self._goal_reward = None
@@ -100,27 +102,9 @@ class Core:
         part = Part(self.simulator, "environment", self.memory, 0, 1)
         return SingleLane(part, self.columns, self.obs_size, len(self.actions), self._tickets)
 
-    def __getstate__(self) -> dict[str, Any]:
-        kept = {name: value for name, value in self.__dict__.items() if name not in MADE_ANEW}
-        return {**kept, "_identity": self.simulator.identity}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        simulator = environment_simulator(state["scene"], state["task"])
-        simulator.check_same(state.get("_identity", ""))
-        self._take(state, simulator)
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> Core:
-        made = memo[id(self)] = object.__new__(type(self))
-        made._take(copy.deepcopy(self.__getstate__(), memo), self.simulator)
-        return made
-
-    def _take(self, state: dict[str, Any], simulator: Simulator) -> None:
-        self.__dict__.update({name: value for name, value in state.items() if name != "_identity"})
-        self.simulator = simulator
-        self._connect()
-
-    def __copy__(self) -> Core:
-        return copy.deepcopy(self)
+    @staticmethod
+    def _found_simulator(state: Mapping[str, Any]) -> Simulator:
+        return environment_simulator(state["scene"], state["task"])
 
     def start_ranges(self) -> list[tuple[float, float]]:
         """Range of the starts of each joint in the scene, inside its limits."""
@@ -130,22 +114,21 @@ class Core:
 
     # ---- randomness ------------------------------------------------------------------------------
 
+    @property
+    def generators(self) -> list[np.random.Generator | None]:
+        """Generators of the lanes: the next keys are the next words of each."""
+        return self._episode_keys.generators
+
     def seed(self, lane: int, seed: int | None) -> int:
         """Give a lane a new generator; returns the seed used."""
-        self.generators[lane], used = seeding.np_random(seed)
         self.waiting[lane] = False
-        return used
+        return self._episode_keys.seed(lane, seed)
 
     def provide_keys(self, lanes: NDArray[np.int64]) -> None:
         """Draw the key of the next episode for those of some lanes that have none waiting."""
         lanes = lanes[~self.waiting[lanes]]
-        words = []
-        for lane in lanes.tolist():
-            if self.generators[lane] is None:
-                self.seed(lane, None)
-            words.append(episode_key(self.generators[lane]))
-        if words:
-            self.keys[lanes] = np.concatenate(words).astype("<u8").view("<u4").reshape(len(words), -1)
+        if len(lanes):
+            self.keys[lanes] = self._episode_keys.take(lanes)
             self.waiting[lanes] = True
 
     # ---- stepping --------------------------------------------------------------------------------
@@ -179,13 +162,15 @@ class Core:
         if autoreset == Autoreset.SAME_STEP:
             last_obs, last_out = np.zeros_like(obs), Outputs.made(self.columns, count, np.zeros)
         any_due = int(self.mask.any())
+        lines = {"actions": actions, "obs": obs, "last_obs": last_obs, "tickets": self._tickets}
+        columns = {**dict(zip(TABLES, out, strict=True)), **dict(zip(LAST_TABLES, last_out, strict=True))}
+        places = {name: (address(table), table.strides[0]) for name, table in lines.items()}
+        places |= {name: (address(table), table.itemsize) for name, table in columns.items()}
         for part in self._team.parts:
-            first = slice(part.first * LANES, None)
-            part.set(
-                actions=actions[first], obs=obs[first], stride=count, last_obs=last_obs[first],
-                tickets=self._tickets[first], operation=operation, autoreset=autoreset, any_due=any_due,
-                **_named(out.lanes(first), ""), **_named(last_out.lanes(first), "last_"),
-            )  # fmt: skip
+            first = part.first * LANES
+            part.set(stride=count, operation=operation, autoreset=autoreset, any_due=any_due)
+            starts = {name: start + first * bytes_of_lane for name, (start, bytes_of_lane) in places.items()}
+            part.lend({**lines, **columns}, starts)
         self._team()
         if count > n:
             obs, last_obs = obs[:n], last_obs[:n]
@@ -302,7 +287,7 @@ class Core:
         self.keys[:] = state["keys"]
         self.mask[:] = state["mask"]
         self.waiting[:] = state["waiting"]
-        self.generators = copy.deepcopy(state["generators"])
+        self._episode_keys.generators = copy.deepcopy(state["generators"])
 
     def check_state(self, state: Mapping[str, Any]) -> None:
         """ValueError if :meth:`set_state` cannot take a state."""
@@ -329,17 +314,3 @@ class Core:
             "goal_conditioned": self.task.goal_conditioned,
         }
         return simulator_facts(self.simulator, self.num_envs, more)
-
-
-def _named(out: Outputs, prefix: str) -> dict[str, Any]:
-    """Tables as arguments of the kernel."""
-    return {f"{prefix}{name}": table for name, table in zip(TABLES, out, strict=True)}
-
-
-def episode_key(generator: Any) -> NDArray[np.uint64]:
-    """128 random bits: two words."""
-    bits = generator.bit_generator
-    if type(bits) is np.random.PCG64:
-        return bits.random_raw(2)  # what follows, in a sixth of its time
-    words: NDArray[np.uint32] = generator.integers(0, 2**32, size=4, dtype=np.uint32)
-    return words.astype("<u4").view("<u8")

@@ -169,6 +169,8 @@ class ArmEnv(LaneValue, gym.Env[Any, Any]):
         if self.render_mode is None:
             gym.logger.warn("render was called without a render_mode; make(..., render_mode='rgb_array')")
             return None
+        if self._operation is None:
+            raise ResetNeeded("render was called before reset; call reset() first")
         if self.render_mode == "human":
             self._made_renderer().show(0)
             return None

@@ -149,7 +149,10 @@ The arm stretched along +x: `O` is a revolute joint, m1 to m{joints} are point m
 Angles are absolute, counterclockwise from +x, and gravity acts along -y. `docs/figures/arms.svg` in
 the repository shows the arm bent.
 """
+    name = scene_name if isinstance(scene_name, str) else "given where the arm is registered"
     return f"""{arm.description} {task.summary}.
+
+This page describes the id with its own scene, {name}; made with another `scene`, numbers differ.
 
 ## Description
 Point masses of {masses} kg, link lengths {lengths} m; effects: {effects}.

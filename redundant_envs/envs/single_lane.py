@@ -36,7 +36,8 @@ class SingleLane:
     ) -> None:
         self.columns = columns
         self._part = part
-        self._action = np.zeros(actions, dtype=np.float32)
+        action = np.zeros(actions, dtype=np.float32)
+        self._action: Any = action.data  # written sooner than the array itself
         obs = np.zeros((LANES, observed), dtype=np.float32)
         self._obs = obs[0]
         self._buffer, self.outputs = _in_one_buffer(columns)
@@ -47,7 +48,7 @@ class SingleLane:
         self._entry, self._address = part.entry, part.address
         tables = dict(zip(TABLES, self.outputs, strict=True))
         part.set(
-            actions=self._action, obs=obs, stride=LANES, last_obs=obs, tickets=tickets, any_due=0,
+            actions=action, obs=obs, stride=LANES, last_obs=obs, tickets=tickets, any_due=0,
             autoreset=Autoreset.DISABLED, **tables, **{f"last_{name}": t for name, t in tables.items()},
         )  # fmt: skip
 

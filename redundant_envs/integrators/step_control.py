@@ -107,7 +107,8 @@ class Ending(NamedTuple):
 # happen. From 128 steps on an interval must come out the same, to the tolerance, with half as many, unless
 # errors that grow a hundred thousand times would pass; with 32 impacts always.
 
-MOST_STEPS = 16384.0
+MOST_DOUBLINGS = 14
+MOST_STEPS = 2.0**MOST_DOUBLINGS
 CHECKED_STEPS = 128.0
 CHECKED_IMPACTS = 32.0
 GROWTH = 1e5
@@ -124,12 +125,13 @@ def first_doubling(failed: Any, error: Any, min_steps: Any, tip_tolerance: Any, 
 
     The error falls like n^-7, and that of a single step says little about more than 64.
     """
-    n = 1.0 + where(failed, 1.0, 0.0)
-    known = where(failed, 1.0, 0.0) * error
-    for _ in range(6):
-        n = where(known > 4.0 * tip_tolerance * n**4 * n**3, 2.0 * n, n)
-    for _ in range(14):
-        n = where(n < MOST_STEPS, where(n < min_steps, 2.0 * n, n), n)
+    n: Any = 2.0
+    for k in range(1, 7):  # all comparisons at once: none waits for another
+        n = where(error > 4.0 * 2.0 ** (7 * k) * tip_tolerance, 2.0 ** (k + 1), n)
+    allowed: Any = 1.0
+    for k in range(MOST_DOUBLINGS):
+        allowed = where(min_steps > 2.0**k, 2.0 ** (k + 1), allowed)
+    n = maximum(where(failed, n, 1.0), allowed)
     return Plan(interval / n, failed, n)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,17 +13,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.effects.hooks import Impact
 from redundant_envs.model import parameters
+from redundant_envs.model.copies import Copied
 from redundant_envs.model.memory import Memory
-from redundant_envs.model.programs import Simulator, Team, batch_simulator
+from redundant_envs.model.programs import Simulator, batch_simulator
 from redundant_envs.model.snapshot import check_facts, check_keys, check_numbers, simulator_facts
-from redundant_envs.scene import Scene
+from redundant_envs.model.team import Team
+from redundant_envs.scene import Scene, check_scene
 from redundant_envs.simulator.blocks import LANES
 from redundant_envs.simulator.lane import LOG
 from redundant_envs.simulator.setting import MOST_LOGGED, Fault
 from redundant_envs.values import shown, whole_number
-
-MADE_ANEW = ("_simulator", "_team", "_unchanging", "_facts")
-"""Attributes of a simulator that its copies do not take over."""
 
 Numerics = Fault
 """Its name beside ``info["numerics"]``."""
@@ -91,7 +89,7 @@ def _constant(array: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     return array, shown
 
 
-class BatchSimulator:
+class BatchSimulator(Copied):
     """``num_envs`` copies of a scene with their own states and parameters.
 
     A lane's result does not depend on ``num_envs``, on its place, on ``threads`` or on its
@@ -108,19 +106,21 @@ class BatchSimulator:
         Also integrate the work of motors and of forces without a potential (``work``, J).
     """
 
+    made_anew = ("_team", "_unchanging", "_facts")
+
     def __init__(self, scene: Scene, num_envs: int = 1, threads: int = 1, track_work: bool = False) -> None:
+        check_scene(scene)
         self.scene = scene
         self.num_envs = whole_number("num_envs", num_envs)
         self.threads = whole_number("threads", threads)
         self.track_work = bool(track_work)
-        self._simulator = batch_simulator(scene, self.track_work)
-        dynamics, layout = self._simulator.dynamics, self._simulator.blocks.layout
+        self.simulator = batch_simulator(scene, self.track_work)
+        dynamics, layout = self.simulator.dynamics, self.simulator.blocks.layout
         self._memory = Memory(dynamics, layout, self.num_envs, {})
         self._connect()
 
     def _connect(self) -> None:
-        """Make what a copy cannot take over: the kernel, threads, views and arrays shown read-only."""
-        simulator, memory = self._simulator, self._memory
+        simulator, memory = self.simulator, self._memory
         self._team = Team(simulator, "advance", memory, self.threads)
         count = memory.blocks * LANES
         stages = self.scene.substeps * simulator.dynamics.method.stages
@@ -132,27 +132,9 @@ class BatchSimulator:
             None if interval.stops else _constant(np.zeros(count, dtype=np.int64)),
         )
 
-    def __getstate__(self) -> dict[str, Any]:
-        kept = {name: value for name, value in self.__dict__.items() if name not in MADE_ANEW}
-        return {**kept, "_identity": self._simulator.identity}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        simulator = batch_simulator(state["scene"], state["track_work"])
-        simulator.check_same(state.get("_identity", ""))
-        self._take(state, simulator)
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> BatchSimulator:
-        made = memo[id(self)] = object.__new__(type(self))
-        made._take(copy.deepcopy(self.__getstate__(), memo), self._simulator)
-        return made
-
-    def _take(self, state: dict[str, Any], simulator: Simulator) -> None:
-        self.__dict__.update({name: value for name, value in state.items() if name != "_identity"})
-        self._simulator = simulator
-        self._connect()
-
-    def __copy__(self) -> BatchSimulator:
-        return copy.deepcopy(self)
+    @staticmethod
+    def _found_simulator(state: Mapping[str, Any]) -> Simulator:
+        return batch_simulator(state["scene"], state["track_work"])
 
     @property
     def q(self) -> NDArray[np.float64]:
@@ -167,11 +149,11 @@ class BatchSimulator:
     @property
     def z(self) -> NDArray[np.float64]:
         """States of the effects, (num_envs, states), in the order of ``Scene.states()``. A copy."""
-        return self._memory.read(tuple(self._simulator.dynamics.effect_states))
+        return self._memory.read(tuple(self.simulator.dynamics.effect_states))
 
     @property
     def _joints(self) -> int:
-        return self._simulator.dynamics.count
+        return self.simulator.dynamics.count
 
     @property
     def work(self) -> NDArray[np.float64]:
@@ -185,7 +167,7 @@ class BatchSimulator:
 
         A ValueError if a lane had more events, rests and releases included, than are kept.
         """
-        interval, memory = self._simulator.interval, self._memory
+        interval, memory = self.simulator.interval, self._memory
         if not interval.stops:
             return []
         if not interval.logs:
@@ -262,7 +244,7 @@ class BatchSimulator:
 
     @cached_property
     def _facts(self) -> str:
-        return simulator_facts(self._simulator, self.num_envs)
+        return simulator_facts(self.simulator, self.num_envs)
 
     def advance(self, efforts: ArrayLike | None = None) -> Status:
         """Advance all lanes by one control interval under constant efforts.

@@ -7,8 +7,9 @@ from collections import Counter
 from pathlib import Path
 from typing import NamedTuple
 
-from redundant_envs.effects.hooks import Field
-from redundant_envs.scene import Scene, identifier
+from redundant_envs.effects.hooks import Field, Inertia
+from redundant_envs.loaded_arm import identifier
+from redundant_envs.scene import Scene, check_scene
 from redundant_envs.simulator.advance import advance_kernel
 from redundant_envs.simulator.blocks import Blocks
 from redundant_envs.simulator.dynamics import Dynamics
@@ -42,6 +43,7 @@ def listing(scene: Scene, track_work: bool = False) -> str:
     ``%3`` is the result of operation 3, ``name <- %3`` is what is left in a field of the lane. Kernels
     follow: the loops and branches around these functions.
     """
+    check_scene(scene)
     with located():
         kernel, blocks = advance_kernel(Dynamics(scene, track_work))
         names = {blocks.layout.place(name): name for name in blocks.layout.fields}
@@ -61,15 +63,19 @@ def bill(scene: Scene, track_work: bool = False) -> dict[str, Operations]:
 
     Counted in the step that all lanes make together, its stages as often as they are evaluated, before
     products are joined with sums. What two ask for counts for the first; what the arm computes only in a
-    uniform field counts for the effect that makes the field. Bytes are those of the fields.
+    uniform field, or because of an inertia, counts for the effect that brings it. Bytes are those of the
+    fields.
     """
+    check_scene(scene)
     counts, blocks = _counts(scene, track_work)
+    rest = scene
     for effect in scene.effects:
-        if any(isinstance(hook, Field) for hook in effect.hooks(scene.robot)):
-            rest = tuple(e for e in scene.effects if e is not effect)
-            without, _ = _counts(dataclasses.replace(scene, effects=rest), track_work)
-            counts.setdefault(effect.key, Counter()).update(counts["arm"] - without["arm"])
-            counts["arm"] = without["arm"]
+        if any(isinstance(hook, Field | Inertia) for hook in effect.hooks(scene.robot)):
+            rest = dataclasses.replace(rest, effects=tuple(e for e in rest.effects if e.key != effect.key))
+            without, _ = _counts(rest, track_work)
+            more = counts["arm"] - without["arm"]  # with an inertia the arm's own elimination falls away
+            counts.setdefault(effect.key, Counter()).update(more)
+            counts["arm"] -= more
     for name, field in blocks.layout.fields.items():
         if field.lifetime is not LOG:
             counts.setdefault(_owner_of_field(scene, name), Counter())["bytes"] += BYTES

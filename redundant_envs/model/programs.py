@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
+import ctypes
 import functools
-import itertools
-import os
 from collections import OrderedDict
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from redundant_envs.backends import cache, llvm
 from redundant_envs.model.memory import Memory, aligned
@@ -67,7 +66,11 @@ class Simulator:
         scene = self.dynamics.scene
         effects = ", ".join(type(e).__name__ for e in scene.effects) or "no effects"
         what = f"{scene.robot.kind} {scene.integrator} with {effects}"
-        return cache.kernels(self.key, self.program, what + (", as an environment" if self.episode else ""))
+        if self.episode:
+            what += ", as an environment"
+        elif self.dynamics.track_work:
+            what += ", and its work"
+        return cache.kernels(self.key, self.program, what)
 
 
 KEPT_SIMULATORS = 64
@@ -118,6 +121,14 @@ def _traced_environment(scene: Scene, task: Task) -> Simulator:
     return Simulator(episode.dynamics, made.blocks, program, episode)
 
 
+def address(array: NDArray[Any]) -> int:
+    """Where an array begins: a third of the time that ``array.ctypes.data`` takes, of what is written to."""
+    if array.flags.c_contiguous and array.flags.writeable and array.size:
+        memory: Any = array
+        return ctypes.addressof(ctypes.c_char.from_buffer(memory))
+    return array.ctypes.data
+
+
 class Call:
     """A kernel and its arguments, which stay from call to call."""
 
@@ -132,8 +143,14 @@ class Call:
         """Arguments by name: whole numbers and arrays."""
         for name, value in arguments.items():
             whole = isinstance(value, int | np.integer)
-            self._frame[self._places[name]] = value if whole else value.ctypes.data
+            self._frame[self._places[name]] = value if whole else address(value)
             self._alive[name] = value
+
+    def lend(self, arrays: Mapping[str, NDArray[Any]], starts: Mapping[str, int]) -> None:
+        """Arrays by name, and the addresses from which the kernel uses them."""
+        for name, start in starts.items():
+            self._frame[self._places[name]] = start
+        self._alive.update(arrays)
 
     def __call__(self) -> None:
         self.entry(self.address)
@@ -171,30 +188,3 @@ class Part(Call):
             state=arrays["state"][self.first :], log=arrays["log"][self.first :],
             parameter=arrays["parameter"][first:], parameter_stride=self.memory.parameter_stride,
         )  # fmt: skip
-
-
-class Team:
-    """A kernel on all blocks of a memory, by as many threads as asked for; they change no bit."""
-
-    def __init__(self, simulator: Simulator, name: str, memory: Memory, threads: int) -> None:
-        cuts = np.linspace(0, memory.blocks, min(threads, memory.blocks) + 1).astype(int).tolist()
-        self.parts = [Part(simulator, name, memory, a, b) for a, b in itertools.pairwise(cuts)]
-        self._start()
-
-    def _start(self) -> None:
-        """Threads belong to a process: one that was forked off starts its own."""
-        self._pool = ThreadPoolExecutor(len(self.parts) - 1) if len(self.parts) > 1 else None
-        self._process = os.getpid()
-
-    def __call__(self) -> None:
-        for part in self.parts:
-            part.place()
-        if self._pool is None:
-            self.parts[0]()
-            return
-        if self._process != os.getpid():
-            self._start()
-        jobs = [self._pool.submit(part) for part in self.parts[1:]]
-        self.parts[0]()  # the thread that asks works, too
-        for job in jobs:
-            job.result()

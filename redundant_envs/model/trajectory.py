@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.model.batch import BatchSimulator, Event, Numerics, Status
 from redundant_envs.model.energy import kinetic_energy, potential_energy
-from redundant_envs.scene import Scene
+from redundant_envs.scene import Scene, check_scene
+from redundant_envs.values import shown
 
 Array = NDArray[np.float64]
 Efforts = None | ArrayLike | Callable[[float, Array, Array], ArrayLike]
@@ -61,15 +62,24 @@ def simulate(
     -------
     Trajectory
     """
+    check_scene(scene)
     t = np.atleast_1d(np.asarray(times, dtype=np.float64))
     if t.ndim != 1 or not np.isfinite(t).all() or (t < 0.0).any() or (np.diff(t) <= 0.0).any():
-        raise ValueError("times must be finite, not negative and strictly increasing")
+        raise ValueError(
+            f"times must be finite, not negative and strictly increasing; they are {shown(times)}"
+        )
     if t.size and not t[-1] < 2.0**53 * scene.control_dt:
         raise ValueError(f"times must be shorter than 2^53 control intervals of {scene.control_dt} s")
-    q0, qd0 = np.broadcast_arrays(np.asarray(q, float), np.asarray(qd, float))
     joints = len(scene.robot.joints)
-    if q0.shape[-1:] != (joints,):
-        raise ValueError(f"q has shape {q0.shape}; the last axis must have {joints} entries")
+    for name, given in (("q", q), ("qd", qd)):
+        if np.shape(given)[-1:] != (joints,):
+            raise ValueError(f"{name} has shape {np.shape(given)}; the last axis must have {joints} entries")
+    try:
+        q0, qd0 = np.broadcast_arrays(np.asarray(q, float), np.asarray(qd, float))
+    except ValueError:
+        raise ValueError(
+            f"q and qd have shapes {np.shape(q)} and {np.shape(qd)}, which do not broadcast; give equal ones"
+        ) from None
     if not (np.isfinite(q0).all() and np.isfinite(qd0).all()):
         raise ValueError("q or qd has non-finite entries; give finite numbers")
     shape, count = q0.shape[:-1], int(np.prod(q0.shape[:-1], dtype=int))

@@ -235,7 +235,7 @@ def test_a_step_by_calls_is_the_step_of_copies(name, monkeypatch):
         for _ in range(3):
             assert batch.advance().finite.all()
         states.append(np.hstack([batch.q, batch.qd]))
-        keys.add(batch._simulator.key)
+        keys.add(batch.simulator.key)
     np.testing.assert_allclose(states[0], states[1], rtol=1e-12, atol=1e-13)
     assert len(keys) == 2
 

@@ -323,6 +323,17 @@ def test_snapshots_of_another_number_of_environments_change_nothing(count):
     np.testing.assert_equal(vector.core.memory.save(), before)
 
 
+def test_a_single_environment_steps_and_renders_only_after_reset():
+    env = gym.make(ID, render_mode="rgb_array")
+    for call in (lambda: env.step(np.zeros(4, np.float32)), env.render):
+        with pytest.raises(gym.error.ResetNeeded, match="before reset"):
+            call()
+    env.reset(seed=0)
+    assert env.render().ndim == 3
+    with pytest.raises(ValueError, match="seed"):
+        env.reset(seed="now")
+
+
 def test_sb3_steps_only_after_reset_and_forgets_bad_options():
     env = rde.make_sb3(ID, 2)
     with pytest.raises(gym.error.ResetNeeded, match="before reset"):

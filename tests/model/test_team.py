@@ -1,0 +1,87 @@
+"""Threads of a simulator: what they begin they finish, and they end with it."""
+
+import gc
+import signal
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import redundant_envs as rde
+from redundant_envs.model.team import Worker
+
+
+def workers():
+    return {t for t in threading.enumerate() if t.name.startswith("redundant-envs")}
+
+
+def test_a_worker_does_one_thing_after_another_and_raises_what_went_wrong():
+    worker, done = Worker(), []
+    for k in range(3):
+        worker.begin(lambda k=k: done.append(k))
+        worker.finish()
+    assert done == [0, 1, 2]
+
+    def fails():
+        raise ValueError("it went wrong")
+
+    worker.begin(fails)
+    with pytest.raises(ValueError, match="it went wrong"):
+        worker.finish()
+    worker.begin(lambda: done.append(3))
+    worker.finish()
+    assert done[-1] == 3
+
+
+def test_threads_end_with_their_simulator():
+    before = workers()
+    batch = rde.BatchSimulator(rde.load_scene("four_r_reach"), 64, threads=3)
+    batch.advance()
+    own = workers() - before
+    assert len(own) == 2
+    del batch
+    gc.collect()
+    for thread in own:
+        thread.join(10.0)
+        assert not thread.is_alive()
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="this system has no timer that interrupts")
+def test_an_interrupt_waits_for_the_thread_that_still_writes():
+    worker, done = Worker(), []
+
+    def interrupt(signum, frame):
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGALRM, interrupt)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.05)
+        worker.begin(lambda: (time.sleep(0.3), done.append(1)))
+        with pytest.raises(KeyboardInterrupt):
+            worker.finish()
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    assert done == [1]
+    worker.begin(lambda: done.append(2))
+    worker.finish()
+    assert done == [1, 2]
+
+
+def test_what_a_part_raises_leaves_no_other_part_running(monkeypatch):
+    batch = rde.BatchSimulator(rde.load_scene("four_r_reach"), 64, threads=2)
+    ran = []
+
+    def fails():
+        raise RuntimeError("no")
+
+    first = batch._team.parts[0]
+    monkeypatch.setattr(type(first), "__call__", lambda self: fails() if self is first else ran.append(1))
+    with pytest.raises(RuntimeError, match="no"):
+        batch._team()
+    assert ran == [1]
+    monkeypatch.undo()
+    q = np.zeros((64, 4))
+    batch.set_state(q, q)
+    assert np.isfinite(batch.advance().evaluations).all()
