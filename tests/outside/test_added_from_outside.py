@@ -261,7 +261,7 @@ STEPS = {"heun": {"integrator": "heun", "substeps": 3}, "rk8": {}, "1e-6": {"tol
     ("name", "steps"),
     [
         (name, steps)
-        if name in ADDED or steps == "1e-6"
+        if name in ADDED or (name, steps) == ("4R", "1e-6")
         else pytest.param(name, steps, marks=pytest.mark.long)
         for name in ARMS
         for steps in STEPS
