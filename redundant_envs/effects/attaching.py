@@ -10,6 +10,7 @@ from typing import Any, get_args
 from redundant_envs import dialect
 from redundant_envs.algebra import arguments_of, gives_of, name_of, numbered
 from redundant_envs.effects.hooks import (
+    SIDE,
     Actuation,
     Effect,
     Field,
@@ -123,6 +124,8 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
         _check_inertia(hook, arm)
         _own("inertia", hook.inertia, {n: False for n, moves in own.items() if not moves})
         return
+    if isinstance(hook, Force):
+        _check_switch(hook, own)
     if isinstance(hook, Force) and isinstance(hook.joint, Point):
         _check_point(hook.joint, arm)
     elif not isinstance(hook, Field):
@@ -208,6 +211,25 @@ def _check_inertia(hook: Inertia, arm: Arm) -> None:
         )
 
 
+def _check_switch(hook: Force, own: Own) -> None:
+    """Refuse positions at which a force changes its law that are no two numbers of the effect."""
+    if hook.switch is None:
+        return
+    if not isinstance(hook.switch, tuple) or len(hook.switch) != 2:
+        raise ValueError(f"switch is {hook.switch!r}; give the names of two numbers, ('.lower', '.upper')")
+    if isinstance(hook.joint, Point):
+        raise ValueError(
+            "switch is given, and the force acts at a Point; a change of law is located along a joint only"
+        )
+    for name in hook.switch:
+        _own("switch", name, {n: False for n, moves in own.items() if not moves})
+
+
+def _joint_of(hook: Force) -> int:
+    assert isinstance(hook.joint, int)
+    return hook.joint
+
+
 def _check_point(point: Any, arm: Arm) -> None:
     place, count = getattr(point, "number", point), arm.num_masses
     whole = isinstance(point, Point) and isinstance(place, int) and not isinstance(place, bool)
@@ -265,6 +287,8 @@ def _check_function(
             _own(where, source, own)
             if own[source[1:]]:
                 found[source] = {source}
+        elif source == SIDE and isinstance(hook, Force) and hook.switch is not None:
+            found[source] = roots_of(where, f"phi{_joint_of(hook) + 1}", arm)
         else:
             found[source] = roots_of(where, source, arm)
     return found

@@ -64,6 +64,10 @@ class Point:
     number: int
 
 
+SIDE = "side"
+"""Argument of a force's functions that tells which of its laws holds."""
+
+
 @dataclass(frozen=True)
 class Force:
     """A force on one joint, N m on a revolute joint and N on a prismatic one, or at a :class:`Point`.
@@ -83,6 +87,12 @@ class Force:
     before an estimate could have seen it.
 
     ``states`` belong to the force: friction with memory has one for each joint.
+
+    ``switch`` names two of the effect's numbers, (".lower", ".upper"): positions of the joint at which the
+    law of the force changes, as that of a spring at the end of a joint's travel. Its functions then may take
+    ``side``: 1 above the upper, -1 below the lower, 0 between. Where steps are chosen for their error, none
+    has two laws in it: the change is located in time, as an impact is. So each law must be smooth beyond its
+    own positions, too, and both must give the same force where they meet.
     """
 
     joint: int | Point
@@ -93,6 +103,7 @@ class Force:
     stiffness: Callable[..., Any] | None = None
     damping: Callable[..., Any] | None = None
     states: tuple[State, ...] = ()
+    switch: tuple[str, str] | None = None
 
     def __post_init__(self) -> None:
         if self.potential is not None and self.conservative is None:

@@ -11,8 +11,14 @@ from redundant_envs.robots.parameters import strength, travel
 
 
 @physics
-def spring(position, lower, upper, stiffness):
-    return -stiffness * (position - clamp(position, lower, upper))
+def depth_beyond(position, lower, upper, side):
+    """How far a joint is beyond the limit of a side; 0 between the limits."""
+    return position - where(side > 0.0, upper, where(side < 0.0, lower, position))
+
+
+@physics
+def spring(position, lower, upper, stiffness, side):
+    return -stiffness * depth_beyond(position, lower, upper, side)
 
 
 @physics
@@ -21,11 +27,11 @@ def spring_energy(position, lower, upper, stiffness):
 
 
 @physics
-def force(position, rate, lower, upper, stiffness, damping):
+def force(position, rate, lower, upper, stiffness, damping, side):
     """Spring and damper: the damper grows with depth, so the force is continuous at the limit,
     and the stop pushes, never pulls."""
-    depth = position - clamp(position, lower, upper)
-    speed_in = where(depth < 0.0, -rate, rate)
+    depth = depth_beyond(position, lower, upper, side)
+    speed_in = where(side < 0.0, -rate, rate)
     return -depth * maximum(stiffness + damping * speed_in, 0.0)
 
 
@@ -39,7 +45,7 @@ class LimitSpring(Effect):
     """Limited travel of one joint: the compliant form of the stop the report describes.
 
     Inside the limits there is no force. At depth d beyond one, the force back is
-    d max(k + c d', 0).
+    d max(k + c d', 0). Where steps are chosen for their error, one that reaches a limit ends there.
 
     Parameters
     ----------
@@ -89,4 +95,9 @@ class LimitSpring(Effect):
             "stiffness": ".stiffness",
             "damping": ".damping",
         }
-        return (Force(k, force, bind, potential=spring_energy, conservative=spring, stiffness=steepness),)
+        return (
+            Force(
+                k, force, bind, potential=spring_energy, conservative=spring, stiffness=steepness,
+                switch=(".lower", ".upper"),
+            ),
+        )  # fmt: skip

@@ -38,6 +38,7 @@ class Sought(NamedTuple):
     gap : how far the slider is beyond it, m; of a slider that rests, how hard it would have to pull, N
     speed, acceleration : outward, m/s and m/s^2
     time : of the first event that it has in the step, s
+    passes : whether it passes its limit, where a force on it changes its law
     """
 
     chosen: list[Any]
@@ -48,6 +49,7 @@ class Sought(NamedTuple):
     speed: Any
     acceleration: Any
     time: Any
+    passes: Any
 
     @property
     def over(self) -> Any:
@@ -104,6 +106,7 @@ def sought_slider(search: Search, candidates: Sequence[Candidate]) -> Sought:
         speed=search.side * pick(chosen, [s.velocity for s in sliders]),
         acceleration=search.side * pick(chosen, [s.watched.last for s in sliders]),
         time=pick(chosen, [c.event.time for c in candidates]),
+        passes=any(s.passes for s in sliders) and pick(chosen, [float(s.passes) for s in sliders]) > 0.0,
     )  # fmt: skip
 
 
@@ -179,7 +182,8 @@ def next_towards_turn(bracket: Bracket, correction: Any) -> Any:
 def taylor_step(trial: Trial, sought: Sought) -> TaylorStep:
     """The rest of the way of a sought slider to its stop."""
     time = where(sought.speed > 0.0, -sought.gap / sought.speed, 1.0)
-    return TaylorStep((abs(time) <= TAYLOR_TIME) & (time <= trial.left - trial.h), time)
+    near = (abs(time) <= TAYLOR_TIME) & (time <= trial.left - trial.h)
+    return TaylorStep(near & logical_not(sought.passes), time)
 
 
 def ends_at_event(

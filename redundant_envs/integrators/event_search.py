@@ -264,7 +264,7 @@ def positions_after(sliders: Sequence[Slider], sought: Sought, at_event: Any, sl
     positions = []
     for s, is_sought in zip(sliders, sought.chosen, strict=True):
         moved = s.position + slide * s.velocity
-        there = position_at_event(s, moved, is_sought, sought.stop)
+        there = moved if s.passes else position_at_event(s, moved, is_sought, sought.stop)
         positions.append(where(at_event & s.free, there, moved))
     return positions
 

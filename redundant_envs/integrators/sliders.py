@@ -1,10 +1,12 @@
 """A slider between its two stops: how it moves in a step, and which stop it touches or is beyond.
 
-Sides are 1 at the upper stop, -1 at the lower one, 0 at none.
+A joint whose force changes its law at two positions is followed in the same way: it passes them. Sides are
+1 at the upper stop, -1 at the lower one, 0 at none.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -15,6 +17,8 @@ ROUNDING = 8.881784197001252e-16
 """Four units in the last place, relative: nearer than that positions and times are not told apart."""
 NO_STOP = 1e300
 """Larger limits are none: infinite ones must not make every position close."""
+MARGIN = 1e-13
+"""m or rad, relative above 1: a force that changes its law so much later is off by less than tolerances."""
 SMALLEST_SCALE = 1e-280
 """Positions and limits that are all 0 still round at something that is not 0."""
 
@@ -29,6 +33,7 @@ class Slider(NamedTuple):
     watched : accelerations at the stages, m/s^2; of a slider that rests, how hard its stop has to pull, N
     active_stop : side of the stop it rests at
     lower, upper : its stops, m
+    passes : whether it passes these positions, where a force on it changes its law
     """
 
     position: Any
@@ -39,6 +44,7 @@ class Slider(NamedTuple):
     active_stop: Any
     lower: Any
     upper: Any
+    passes: bool = False
 
     @property
     def free(self) -> Any:
@@ -55,12 +61,38 @@ class Slider(NamedTuple):
     @property
     def side_beyond(self) -> Any:
         """Side of the stop that it is beyond at the end of the step, if it is free."""
-        beyond = where(self.position > self.upper, 1.0, where(self.position < self.lower, -1.0, 0.0))
-        return where(self.free, beyond, 0.0)
+        return where(self.free, side_beyond(self.position, self.lower, self.upper), 0.0)
 
     def stop(self, side: Any) -> Any:
         """Position of the stop of a side, m."""
         return where(side > 0.0, self.upper, self.lower)
+
+
+def side_beyond(position: Any, lower: Any, upper: Any) -> Any:
+    """Side of the limit that a position is beyond."""
+    return where(position > upper, 1.0, where(position < lower, -1.0, 0.0))
+
+
+def limits_of_law(side: Any, lower: Any, upper: Any) -> tuple[Any, Any]:
+    """Between which positions a joint keeps the law of a side.
+
+    They overlap by twice a margin, so that rounding does not change the law for and back.
+
+    Parameters
+    ----------
+    side : 1 above the upper position, -1 below the lower, 0 between
+    lower, upper : where the law changes, m or rad
+    """
+    low, high = MARGIN * maximum(abs(lower), 1.0), MARGIN * maximum(abs(upper), 1.0)
+    return (
+        where(side > 0.0, upper - high, where(side < 0.0, -math.inf, lower - low)),
+        where(side < 0.0, lower + low, where(side > 0.0, math.inf, upper + high)),
+    )
+
+
+def law_behind(side: Any, crossed: Any) -> Any:
+    """Side of the law that holds once a limit of the present one is crossed: upwards is 1, downwards -1."""
+    return where(side == 0.0, crossed, 0.0)
 
 
 def side_touched(position: Any, active_stop: Any, lower: Any, upper: Any) -> Any:

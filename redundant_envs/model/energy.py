@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.algebra import arguments_of
-from redundant_envs.effects.hooks import Effect, Field, Force, Point
+from redundant_envs.effects.hooks import SIDE, Effect, Field, Force, Point
 from redundant_envs.robots.arm import Arm
 from redundant_envs.scene import Scene
 
@@ -58,7 +58,14 @@ def hook_value(
     arm: Arm, effect: Effect, hook: Field | Force, function: Callable[..., Any], values: dict[str, Any]
 ) -> Any:
     """A function of a hook on known quantities of the arm, the effect's own numbers given."""
-    own = effect.parameters()
+    own, known = effect.parameters(), dict[str, Any]()
+    if isinstance(hook, Force) and hook.switch is not None:
+        lower, upper = (own[name[1:]] for name in hook.switch)
+        position = arm.evaluate([f"phi{cast(int, hook.joint) + 1}"], values)[0]
+        known[SIDE] = np.where(position > upper, 1.0, np.where(position < lower, -1.0, 0.0))
     sources = [hook.bind.get(a, a) for a in arguments_of(function)]
-    arguments = [own[s[1:]] if s.startswith(".") else arm.evaluate([s], values)[0] for s in sources]
+    arguments = [
+        own[s[1:]] if s.startswith(".") else known[s] if s in known else arm.evaluate([s], values)[0]
+        for s in sources
+    ]
     return function(*arguments)

@@ -46,7 +46,7 @@ def torch_step(scene: Scene) -> Step:
         If the scene has stops or chooses its steps as it goes.
     """
     check_scene(scene)
-    dynamics = Dynamics(scene)
+    dynamics = Dynamics(scene, located=False)  # equal steps have gradients, and a step may have two laws
     interval = Interval(dynamics)
     if interval.stops:
         raise ValueError(

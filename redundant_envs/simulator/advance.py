@@ -23,7 +23,7 @@ def advance_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:
     interval = Interval(dynamics)
     p = Kernel("advance", {**MEMORY, "efforts": "f64", **COLUMNS})
     blocks = Blocks(p, interval, interval.layout())
-    gives_up = interval.local and (bool(interval.stops) or interval.plan is Plan.ADAPTIVE)
+    gives_up = interval.local and (bool(interval.boundaries) or interval.plan is Plan.ADAPTIVE)
 
     def end(lane: Lane) -> dict[Any, Any]:
         interval.renew(lane)

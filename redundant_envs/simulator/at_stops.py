@@ -1,4 +1,5 @@
-"""Sliders at their stops: what a step tells of them, and what becomes of their contacts."""
+"""Sliders at their stops, and joints where forces change their laws: what a step tells of them, and how
+contacts are resolved."""
 
 from __future__ import annotations
 
@@ -7,19 +8,25 @@ from typing import Any
 from redundant_envs.algebra import any_of, cases, maximum, minimum, where
 from redundant_envs.integrators import contact_resolution, contacts, crossings
 from redundant_envs.integrators.methods import Watched
-from redundant_envs.integrators.sliders import Slider, side_touched, starts_at_stop
+from redundant_envs.integrators.sliders import Slider, limits_of_law, side_touched, starts_at_stop
 from redundant_envs.integrators.trial_steps import Phase
 from redundant_envs.simulator.lane import Lane
 from redundant_envs.simulator.setting import WATCHED, Fault, Reason, Setting
-from redundant_envs.simulator.step import active_stop, contact_quantities, known_numbers, pull
+from redundant_envs.simulator.step import (
+    active_stop,
+    contact_quantities,
+    joint_quantities,
+    known_numbers,
+    pull,
+)
 
 
 class AtStops(Setting):
     """Procedures of lanes whose sliders may be at stops."""
 
     def sliders(self, lane: Lane, origin: str, h: Any) -> list[Slider]:
-        """The sliders in a step that began where the fields of a form tell."""
-        return [
+        """The sliders in a step that began where the fields of a form tell, and the joints with switches."""
+        sliders = [
             Slider(
                 lane[q], lane[v], lane[origin.format(q)], lane[origin.format(v)],
                 Watched(*lane.get(WATCHED, of=f"{{}}_{s.name}")), lane[active_stop(s.name)],
@@ -27,9 +34,21 @@ class AtStops(Setting):
             )
             for s, q, v in zip(self.stops, self.positions, self.rates, strict=True)
         ]  # fmt: skip
+        if not self.switches:
+            return sliders
+        ends, starts = (joint_quantities(self.dynamics, lane, form) for form in ("{}", origin))
+        for s in self.switches:
+            names = f"phi{s.joint + 1}", f"phid{s.joint + 1}"
+            lower, upper = limits_of_law(lane[s.side], lane[s.lower], lane[s.upper])
+            (position, velocity), (start, start_velocity) = ends.each(names), starts.each(names)
+            watched = Watched(*lane.get(WATCHED, of=f"{{}}_{s.name}"))
+            sliders.append(
+                Slider(position, velocity, start, start_velocity, watched, 0.0, lower, upper, passes=True)
+            )
+        return sliders
 
     def _set_crossings(self, lane: Lane, sliders: list[Slider], h: Any) -> None:
-        for s, slider in zip(self.stops, sliders, strict=True):
+        for s, slider in zip(self.boundaries, sliders, strict=True):
             lane[f"crossing_{s.name}"] = crossings.crossing_of(slider, h, self.unseen)
             lane[f"turning_{s.name}"] = crossings.turning_time(slider, h)
 
@@ -52,10 +71,10 @@ class AtStops(Setting):
         sliders = self.sliders(lane, "{}_start", lane.h)
         self._set_crossings(lane, sliders, lane.h)
         # A slider that was released before the step starts at its stop and may leave it.
-        starts = self.begun_at(lane, starts_at_stop)
+        starts = [*self.begun_at(lane, starts_at_stop), *(False for _ in self.switches)]
         meets = any_of(
             slider.free & ((lane[f"crossing_{s.name}"] != 0.0) | start)
-            for s, slider, start in zip(self.stops, sliders, starts, strict=True)
+            for s, slider, start in zip(self.boundaries, sliders, starts, strict=True)
         )
         met = where(meets, Reason.STOP, Reason.NONE)
         lane.reason = where(lane.reason == Reason.NEAR_STOP, met, lane.reason)

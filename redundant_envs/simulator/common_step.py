@@ -7,10 +7,11 @@ from typing import Any
 
 from redundant_envs.algebra import any_of, cases, maximum, where
 from redundant_envs.integrators import crossings, step_control
+from redundant_envs.integrators.sliders import side_beyond
 from redundant_envs.simulator.at_stops import AtStops
 from redundant_envs.simulator.lane import Lane
 from redundant_envs.simulator.setting import WATCHED, Plan, Reason
-from redundant_envs.simulator.step import lane_step, step_error
+from redundant_envs.simulator.step import joint_quantities, lane_step, step_error
 
 
 class CommonStep(AtStops):
@@ -36,6 +37,9 @@ class CommonStep(AtStops):
         lane.error_start = lane.error
         if self.stops:
             lane.impacts_start = lane.impacts
+        for s in self.switches:
+            position = joint_quantities(self.dynamics, lane, "{}")[f"phi{s.joint + 1}"]
+            lane[s.side] = lane[f"{s.side}_start"] = side_beyond(position, lane[s.lower], lane[s.upper])
         if self.plan is not Plan.FIXED:
             steps = self.least_steps(lane)
             lane.min_steps = where(steps <= 1.0, 0.0, steps)
@@ -67,8 +71,8 @@ class CommonStep(AtStops):
         if moving is not None:
             new = [where(moving, x, lane[s]) for s, x in zip(dynamics.states, new, strict=True)]
         lane.set(dynamics.states, new)
-        for stop, watched in zip(self.stops, step.watched, strict=True):
-            lane.set(WATCHED, watched, of=f"{{}}_{stop.name}")
+        for boundary, watched in zip(self.boundaries, step.watched, strict=True):
+            lane.set(WATCHED, watched, of=f"{{}}_{boundary.name}")
 
     def judge(self, lane: Lane) -> None:
         """After a common step: why a lane leaves it, if it does.
@@ -76,7 +80,7 @@ class CommonStep(AtStops):
         What the step did to a lane that it could not serve is never looked at.
         """
         reason: Any = Reason.NONE
-        if self.stops:
+        if self.boundaries:
             sliders = self.sliders(lane, "{}_start", lane.h)
             pulled = any_of(crossings.most_pull(s, self.unseen) > 0.0 for s in sliders)
             near = any_of(crossings.may_meet(s, lane.h, self.unseen) for s in sliders)

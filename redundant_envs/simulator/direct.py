@@ -63,22 +63,22 @@ def _local_step(interval: Interval, lane: Lane) -> None:
     interval.start(lane)
     if interval.plan is Plan.ADAPTIVE:
         interval.refuse(lane)
-    elif not interval.stops:
-        interval.common_step(lane)
-        interval.judge(lane)
     else:
-        interval.release(lane)
+        if interval.stops:
+            interval.release(lane)
         interval.common_step(lane)
-        interval.press(lane)
+        if interval.stops:
+            interval.press(lane)
         interval.judge(lane)
-        interval.meet(lane)
+        if interval.boundaries:
+            interval.meet(lane)
     leaves = lane.reason != Reason.NONE
     if not some(leaves):
         return
     own = Lane(interval.layout(), lane.__getitem__)
     own.entered, own.due, own.complete, own.phase = leaves, False, False, 0.0
     interval.enter(own)
-    if interval.stops and some(own.due):
+    if interval.boundaries and some(own.due):
         interval.decide(own)
     while some(leaves & logical_not(own.complete)):
         while interval.stops and some(own.touching):

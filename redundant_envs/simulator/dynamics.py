@@ -10,6 +10,7 @@ from typing import Any
 
 from redundant_envs.algebra import ABSENT, arguments_of, gives_of, maximum, numbered
 from redundant_envs.effects.hooks import (
+    SIDE,
     Actuation,
     Effect,
     Field,
@@ -19,23 +20,14 @@ from redundant_envs.effects.hooks import (
     State,
 )
 from redundant_envs.integrators import step_control
+from redundant_envs.integrators.sliders import side_beyond
 from redundant_envs.integrators.tableaus import METHODS, Tableau
 from redundant_envs.loaded_arm import added_inertias, carried_masses, identifier
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots.added_inertia import Added, functions_with, held_functions
 from redundant_envs.scene import Scene
+from redundant_envs.simulator.boundaries import Stop, Switch
 from redundant_envs.tracing.graph import owned
-
-
-@dataclass(frozen=True)
-class Stop:
-    """A slider whose travel ends at stops: its joint, and the fields with its numbers."""
-
-    joint: int
-    name: str
-    lower: str
-    upper: str
-    restitution: str
 
 
 @dataclass(frozen=True)
@@ -47,10 +39,14 @@ class Dynamics:
     scene : Scene
     track_work : bool
         Whether the work of motors and of forces without a potential is a state, too.
+    located : bool
+        Whether changes of a force's law are located in time where steps are chosen for their error; else
+        the position tells at each evaluation which law holds.
     """
 
     scene: Scene
     track_work: bool = False
+    located: bool = True
 
     @property
     def arm(self) -> Any:
@@ -114,6 +110,21 @@ class Dynamics:
             for e, h in self.hooks
             if isinstance(h, Impact)
         )  # fmt: skip
+
+    @cached_property
+    def switch_of(self) -> dict[int, Switch]:
+        """Where forces change their laws, by the identities of their hooks."""
+        found: dict[int, Switch] = {}
+        for effect, hook in self.hooks:
+            if isinstance(hook, Force) and hook.switch is not None and isinstance(hook.joint, int):
+                lower, upper = (identifier(f"{effect.key}{own}") for own in hook.switch)
+                found[id(hook)] = Switch(hook.joint, f"switch{len(found) + 1}", lower, upper)
+        return found
+
+    @cached_property
+    def switches(self) -> tuple[Switch, ...]:
+        """Changes of law that are located in time."""
+        return tuple(self.switch_of.values()) if self.controlled and self.located else ()
 
     # ---- parameters, and what follows from them alone ---------------------------------------------
 
@@ -208,7 +219,8 @@ class Dynamics:
 
     def bound(self, effect: Effect, hook: Any, function: Callable[..., Any]) -> list[str]:
         """Names of the quantities that a function of a hook takes."""
-        sources = [hook.bind.get(a, a) for a in arguments_of(function)]
+        own = {SIDE: self.switch_of[id(hook)].side} if id(hook) in self.switch_of else {}
+        sources = [hook.bind.get(a, own.get(a, a)) for a in arguments_of(function)]
         return [identifier(f"{effect.key}{s}") if s.startswith(".") else s for s in sources]
 
     def apply(self, effect: Effect, hook: Any, function: Callable[..., Any], x: Quantities) -> Any:
@@ -279,6 +291,9 @@ class Dynamics:
         for effect, hook in self.hooks:
             if not isinstance(hook, Force):
                 continue
+            if hook.switch is not None and not self.switches:
+                switch = self.switch_of[id(hook)]
+                x[switch.side] = side_beyond(*x.each((f"phi{switch.joint + 1}", switch.lower, switch.upper)))
             force = self._components(effect, hook, hook.function, x)
             changes |= self._changes(effect, hook, "derivative", x)
             for rate, component in force.items():

@@ -58,42 +58,54 @@ class Interval(LocalSteps):
             yield Field(name, "", doc, SCRATCH, truth=True)
         for q in dynamics.arm.coordinates:
             yield Field(f"{q}_seen", "", f"{q} at the end of the interval the time before", SCRATCH)
+        if self.boundaries:
+            yield from self._fields_of_events()
         if self.stops:
             yield from self._fields_of_stops()
 
-    def _fields_of_stops(self) -> Iterator[Field]:
-        dynamics = self.dynamics
+    def _fields_of_events(self) -> Iterator[Field]:
         for name, unit, doc in (
-            ("impacts", "", "impacts of the interval"),
-            ("impacts_start", "", "impacts before the common step"),
-            ("changes", "", "times that contacts were resolved"),
             ("searched", "", "trial steps in search of the present event"),
             ("slide", "s", "time of the Taylor step to a stop"),
             *((name, "", "of the search for an event (Search)") for name in SEARCH),
         ):
             yield Field(name, unit, doc, SCRATCH)
+        for b in self.boundaries:
+            for name in WATCHED:
+                doc = "acceleration at the stages, or pull of the stop"
+                yield Field(f"{name}_{b.name}", "m/s^2 or N", f"{name} {doc}", SCRATCH)
+            for name, unit, doc in (
+                ("crossing", "", "how the trial step meets a stop (Crossing)"),
+                ("turning", "s", "when the joint turns in the trial step"),
+            ):
+                yield Field(f"{name}_{b.name}", unit, doc, SCRATCH)
+            yield Field(f"cleared_{b.name}", "", "is known to turn before its stop", SCRATCH, truth=True)
+        for s in self.switches:
+            yield Field(s.side, "", "which law of a force holds: 1 above, -1 below, 0 between", SCRATCH)
+            yield Field(f"{s.side}_start", "", f"{s.side} before the common step", SCRATCH)
+
+    def _fields_of_stops(self) -> Iterator[Field]:
+        dynamics = self.dynamics
+        for name, doc in (
+            ("impacts", "impacts of the interval"),
+            ("impacts_start", "impacts before the common step"),
+            ("changes", "times that contacts were resolved"),
+        ):
+            yield Field(name, "", doc, SCRATCH)
         for name, doc in (("touching", "contacts come next"), ("held", "a slider rests at its stop")):
             yield Field(name, "", doc, SCRATCH, truth=True)
         for v in dynamics.states[dynamics.count :]:
             yield Field(f"{v}_slope", "", f"time derivative of {v}", SCRATCH)
         for s in self.stops:
-            for name in WATCHED:
-                doc = "acceleration at the stages, or pull of the stop"
-                yield Field(f"{name}_{s.name}", "m/s^2 or N", f"{name} {doc}", SCRATCH)
             for name, unit, doc in (
-                ("crossing", "", "how the trial step meets a stop (Crossing)"),
-                ("turning", "s", "when the slider turns in the trial step"),
                 ("force", "N", "that holds the slider"),
                 ("force_trial", "N", "force at the start of the trial step"),
                 ("happened", "", "what the contact was resolved to (Event)"),
                 ("speed", "m/s", "into the stop, before an impact"),
             ):
                 yield Field(f"{name}_{s.name}", unit, doc, SCRATCH)
-            for name, doc in (
-                ("cleared", "is known to turn before its stop"),
-                ("released", "has left its stop and does not rest before it moves"),
-            ):
-                yield Field(f"{name}_{s.name}", "", doc, SCRATCH, truth=True)
+            doc = "has left its stop and does not rest before it moves"
+            yield Field(f"released_{s.name}", "", doc, SCRATCH, truth=True)
             for v in dynamics.arm.rates:
                 yield Field(f"mobility_{v}_{s.name}", "", f"{v} per impulse along {s.name}", SCRATCH)
         if self.logs:

@@ -8,7 +8,7 @@ from redundant_envs.algebra import any_of, cases, logical_not, where
 from redundant_envs.integrators import step_control
 from redundant_envs.integrators.event_search import after_trial
 from redundant_envs.integrators.event_times import Encounter
-from redundant_envs.integrators.sliders import leaves_stop, side_touched, starts_at_stop
+from redundant_envs.integrators.sliders import law_behind, leaves_stop, side_touched, starts_at_stop
 from redundant_envs.integrators.trial_steps import Outcome, Phase, Search, Trial
 from redundant_envs.simulator.common_step import CommonStep
 from redundant_envs.simulator.lane import Lane
@@ -25,7 +25,7 @@ class LocalSteps(CommonStep):
         plan = self._first_plan(lane)
         fresh: Any = False
         phase: Any = Phase.RUN
-        if self.stops:
+        if self.boundaries:
             begun = any_of(self.begun_at(lane, starts_at_stop))
             rested = any_of(a != 0.0 for a in lane.get(self.active, of="{}_start"))
             fresh = logical_not(plan.void | begun | rested)
@@ -43,11 +43,13 @@ class LocalSteps(CommonStep):
             values |= {f"{q}_seen": step_control.NEVER_SEEN for q in self.dynamics.arm.coordinates}
         elif self.plan is Plan.ADAPTIVE:
             values |= {"next_step": plan.following, "steps_left": 0.0}
+        if self.boundaries:
+            values |= dict.fromkeys(("searched", "tries", "slide"), 0.0)
+        for b in self.boundaries:
+            lane[f"cleared_{b.name}"] = logical_not(new) & lane[f"cleared_{b.name}"]
         if self.stops:
-            values |= dict.fromkeys(("changes", "searched", "tries", "slide"), 0.0)
-            values |= {a: lane[f"{a}_start"] for a in self.active}
+            values |= {"changes": 0.0} | {a: lane[f"{a}_start"] for a in self.active}
             for s, leaves in zip(self.stops, self.begun_at(lane, leaves_stop), strict=True):
-                lane[f"cleared_{s.name}"] = logical_not(new) & lane[f"cleared_{s.name}"]
                 lane[f"released_{s.name}"] = where(new, leaves, lane[f"released_{s.name}"])
         if self.logs:
             values["logged"] = lane.logged_start
@@ -78,8 +80,9 @@ class LocalSteps(CommonStep):
     def look(self, lane: Lane) -> None:
         """After a trial step: count it, and how it meets the stops."""
         moved = self._moving(lane)
-        if self.stops:
+        if self.boundaries:
             self._set_crossings(lane, self.sliders(lane, "{}_trial", lane.step), lane.step)
+        if self.stops:
             lane.held = any_of(a != 0.0 for a in lane.get(self.active))
         lane.due = moved
         lane.evaluations = lane.evaluations + where(moved, float(self.dynamics.method.stages), 0.0)
@@ -92,9 +95,10 @@ class LocalSteps(CommonStep):
         trial = Trial(due, phase, lane.step, lane.left, verdict.good)
         outcome = self._outcome(lane, trial)
         again, there, accepted = outcome.again, outcome.there, outcome.accepted
+        passed = self._passed(lane, there)
         tried = (phase == Phase.RUN) | (phase == Phase.RUN_PAST_TURN)
         failed = due & tried & logical_not(verdict.good)
-        span = lane.step + outcome.slide if self.stops else lane.step
+        span = lane.step + outcome.slide if self.boundaries else lane.step
         left_after = lane.left - span
         ended = accepted & logical_not(left_after > 0.0)
         lost = self._lost(lane)
@@ -114,15 +118,19 @@ class LocalSteps(CommonStep):
         touched_before: Any = False
         if self.stops:
             # A held slider has just shown that it stays; a free one at its stop must be looked at.
-            sliders = self.sliders(lane, "{}_trial", lane.step)
+            sliders = self.sliders(lane, "{}_trial", lane.step)[: len(self.stops)]
+            at = [s.position for s in sliders]
+            if self.switches:
+                at = [where(passed, x, p) for x, p in zip(outcome.positions, at, strict=False)]
             touches = any_of(
-                s.free & (side_touched(s.position, s.active_stop, s.lower, s.upper) != 0.0) for s in sliders
+                s.free & (side_touched(x, s.active_stop, s.lower, s.upper) != 0.0)
+                for s, x in zip(sliders, at, strict=True)
             )
             touched_before = self._touched_before(lane)
-        goes = continuing & logical_not(touches)
-        here = dict(zip(self.positions, outcome.positions, strict=True))
+        goes = (continuing | passed) & logical_not(touches)
+        here = dict(zip(self.positions, outcome.positions, strict=False))
         for q, v in zip(dynamics.arm.coordinates, dynamics.arm.rates, strict=True):
-            if self.stops and q not in here:
+            if self.boundaries and q not in here:
                 here[q] = lane[q] + outcome.slide * lane[v]
         new = {}
         for s in dynamics.states:
@@ -160,18 +168,36 @@ class LocalSteps(CommonStep):
             (done, Phase.COMPLETE),
             (lost, Phase.COMPLETE),
             (again, outcome.phase),
-            (there, Phase.AT_STOP),
-            (continuing, where(touches, Phase.AT_STOP, Phase.RUN)),
+            (there & logical_not(passed), Phase.AT_STOP),
+            (continuing | passed, where(touches, Phase.AT_STOP, Phase.RUN)),
             (back, where(touched_before, Phase.AT_STOP, Phase.RUN)),
             (retry, Phase.RUN),
             default=phase,
         )
-        if self.stops:
+        if self.boundaries:
             new |= self._after_search(lane, outcome, goes, back, lost, new)
+            new |= self._laws(lane, outcome, there, back)
         for name, value in new.items():
             lane[name] = value
         lane.due = False
         self._set_phase(lane, next_phase)
+
+    def _passed(self, lane: Lane, there: Any) -> Any:
+        """Whether a trial step ends where a force changes its law: the lane goes on without contacts."""
+        if not self.switches:
+            return False
+        return there & (lane.target >= float(len(self.stops)))
+
+    def _laws(self, lane: Lane, outcome: Outcome, there: Any, back: Any) -> dict[str, Any]:
+        """Which laws hold after a trial step. One more joint may have passed its limit, by rounding."""
+        new, joints = {}, self.sliders(lane, "{}_trial", lane.step)[len(self.stops) :]
+        for k, (s, joint) in enumerate(zip(self.switches, joints, strict=True)):
+            sought = lane.target == float(len(self.stops) + k)
+            crossed = where(sought, lane.side, joint.side_beyond)
+            changes = there & (crossed != 0.0)
+            side = where(changes, law_behind(lane[s.side], crossed), lane[s.side])
+            new[s.side] = where(back, lane[f"{s.side}_start"], side)
+        return new
 
     def _verdict(self, lane: Lane) -> step_control.Verdict:
         if self.plan is Plan.FIXED:
@@ -183,7 +209,7 @@ class LocalSteps(CommonStep):
         return step_control.judge_doubling(lane.error, lane.tip_tolerance, lane.divisions, lane.interval)
 
     def _outcome(self, lane: Lane, trial: Trial) -> Outcome:
-        search = Search(*lane.get(SEARCH)) if self.stops else None
+        search = Search(*lane.get(SEARCH)) if self.boundaries else None
         if search is None:
             nothing = trial.due & trial.good
             return Outcome(nothing, False, False, None, None, None, [], 0.0, [])  # type: ignore[arg-type]
@@ -197,13 +223,16 @@ class LocalSteps(CommonStep):
             )
             for s, v in zip(self.stops, rates, strict=True)
         ]
+        for s in self.switches:
+            crossing, turning, cleared = lane.get(("crossing", "turning", "cleared"), of=f"{{}}_{s.name}")
+            encounters.append(Encounter(0.0, 0.0, crossing, turning, cleared, 0.0))
         sliders = self.sliders(lane, "{}_trial", lane.step)
         smooth = self.dynamics.method.stages > 1
         return after_trial(trial, search, sliders, encounters, self.unseen, smooth)
 
     def _lost(self, lane: Lane) -> Any:
         """No event is looked for without end, and no time that is not a number is waited for."""
-        if not self.stops:
+        if not self.boundaries:
             return False
         rest = lane.left - lane.step
         lost = logical_not((lane.searched < MOST_SEARCHED) & (rest == rest))
@@ -242,6 +271,12 @@ class LocalSteps(CommonStep):
             "searched": cases((again, lane.searched + 1.0), (due, 0.0), default=lane.searched),
             "fault": where(lost, Fault.EVENT_BUDGET, new.get("fault", lane.fault)),
             "slide": where(due, outcome.slide, lane.slide),
+        }
+        for b, cleared in zip(self.boundaries, outcome.cleared, strict=True):
+            values[f"cleared_{b.name}"] = where(again, cleared, logical_not(due) & lane[f"cleared_{b.name}"])
+        if not self.stops:
+            return values
+        values |= {
             "changes": where(back, 0.0, lane.changes),
             "impacts": where(back, lane.impacts_start, lane.impacts),
             **{a: where(back, lane[f"{a}_start"], lane[a]) for a in self.active},
@@ -249,9 +284,8 @@ class LocalSteps(CommonStep):
         if self.logs:
             values["logged"] = where(back, lane.logged_start, lane.logged)
         leaves = self.begun_at(lane, leaves_stop)
-        for s, cleared, leave in zip(self.stops, outcome.cleared, leaves, strict=True):
-            was, released = lane[f"cleared_{s.name}"], lane[f"released_{s.name}"]
-            values[f"cleared_{s.name}"] = where(again, cleared, logical_not(due) & was)
+        for s, leave in zip(self.stops, leaves, strict=True):
+            released = lane[f"released_{s.name}"]
             values[f"released_{s.name}"] = where(back, leave, logical_not(goes) & released)
             force, trial_force = lane[f"force_{s.name}"], lane[f"force_trial_{s.name}"]
             values[f"force_trial_{s.name}"] = where(goes, force, trial_force)

@@ -9,7 +9,8 @@ from functools import cached_property
 from redundant_envs.integrators.crossings import Unseen
 from redundant_envs.integrators.methods import Watched
 from redundant_envs.integrators.trial_steps import Search
-from redundant_envs.simulator.dynamics import Dynamics, Stop
+from redundant_envs.simulator.boundaries import Stop, Switch
+from redundant_envs.simulator.dynamics import Dynamics
 from redundant_envs.simulator.step import active_stop
 
 
@@ -35,7 +36,7 @@ class Reason(enum.IntEnum):
     ACCURACY = 1
     STOP = 2
     NEAR_STOP = 3
-    """Not known yet, but near a stop."""
+    """Not known yet, but near a stop, or where a force changes its law."""
 
 
 class Plan(enum.Enum):
@@ -72,6 +73,15 @@ class Setting:
     @cached_property
     def stops(self) -> tuple[Stop, ...]:
         return self.dynamics.stops
+
+    @cached_property
+    def switches(self) -> tuple[Switch, ...]:
+        return self.dynamics.switches
+
+    @cached_property
+    def boundaries(self) -> tuple[Stop | Switch, ...]:
+        """Where motions have events."""
+        return (*self.stops, *self.switches)
 
     @property
     def local(self) -> bool:

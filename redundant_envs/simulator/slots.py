@@ -90,6 +90,7 @@ class Slots:
         if i.stops:
             self.common_held = make("common_held", i.common_step, i.press, i.judge)
             self.released = make("release", i.release)
+        if i.boundaries:
             self.met = make("meet", i.meet)
         if i.plan is not Plan.FIXED:
             self.refused = make("refuse", i.refuse)
@@ -147,6 +148,9 @@ class Slots:
             assert serves is not None
             with p.when(serves):
                 p.call(self.common, **places)
+                if i.switches:
+                    with p.when(self.blocks.mask(places, "reason") != 0):
+                        p.call(self.met, **places)
             return
         with p.when(serves) if serves is not None else contextlib.nullcontext():
             resting = p.variable(0)
@@ -169,7 +173,7 @@ class Slots:
         p, i, slots, mask = self.p, self.interval, self.slots, self.blocks.mask
         with p.when(mask(slots, "entered") != 0):
             p.call(self.entered, **slots)
-            if i.stops:
+            if i.boundaries:
                 with p.when(mask(slots, "due") != 0):
                     p.call(self.decided, **slots)
         if i.stops:

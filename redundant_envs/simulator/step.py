@@ -20,7 +20,8 @@ MOST_INLINED = 4
 def known_numbers(dynamics: Dynamics, lane: Lane, held: bool) -> dict[str, Any]:
     """What the equations need beside the state: efforts, parameters, and which stops sliders rest at."""
     stops = [active_stop(s.name) for s in dynamics.stops] if held else []
-    names = [*dynamics.commands, *dynamics.numbers, *dynamics.remembered, *stops]
+    sides = [s.side for s in dynamics.switches]
+    names = [*dynamics.commands, *dynamics.numbers, *dynamics.remembered, *stops, *sides]
     return dict(zip(names, lane.get(names), strict=True))
 
 
@@ -43,25 +44,39 @@ def pull(x: Quantities, joint: int, side: Any) -> Any:
     return where(x[f"held{joint + 1}"] > 0.0, side * x[f"hold{joint + 1}"], 0.0)
 
 
+def joint_acceleration(dynamics: Dynamics, x: Quantities, joint: int) -> Any:
+    """Acceleration of a joint: of its relative angle, or its travel."""
+    parts = [
+        x[f"qdd{k + 1}"] if share == 1.0 else share * x[f"qdd{k + 1}"]
+        for k, share in enumerate(dynamics.arm.motor_map[:, joint].tolist())
+        if share != 0.0
+    ]
+    return sum(parts[1:], parts[0])
+
+
 def lane_step(dynamics: Dynamics, lane: Lane, h: Any, held: bool = False) -> Step:
-    """A step of length ``h``; of sliders that may rest (``held``) accelerations or pulls are watched."""
+    """A step of length ``h``; of sliders that may rest (``held``) accelerations or pulls are watched, of
+    joints whose forces change their laws accelerations."""
     numbers = known_numbers(dynamics, lane, held)
     width = len(dynamics.states)
 
     def derivatives(*values: Any) -> list[Any]:
         given = dict(zip(numbers, values[width:], strict=True))
-        if not held:
+        if held:
+            x = contact_quantities(dynamics, values[:width], given)
+        else:
             x = dynamics.quantities(values[:width], given)
-            return dynamics.accelerations(x)
-        x = contact_quantities(dynamics, values[:width], given)
         results = dynamics.accelerations(x)
-        for stop in dynamics.stops:
+        for stop in stops:
             k = stop.joint + 1
             pulled = pull(x, stop.joint, given[active_stop(stop.name)])
             results.append(where(x[f"held{k}"] > 0.0, pulled, x[f"qdd{k}"]))
+        for switch in dynamics.switches:
+            results.append(joint_acceleration(dynamics, x, switch.joint))
         return results
 
-    count, more = dynamics.count, len(dynamics.stops) if held else 0
+    stops = dynamics.stops if held else ()
+    count, more = dynamics.count, len(stops) + len(dynamics.switches)
     right_hand_side: Any = derivatives
     if dynamics.method.stages > MOST_INLINED:
         right_hand_side = Subroutine(
@@ -99,6 +114,13 @@ def step_error(dynamics: Dynamics, lane: Lane, step: Step) -> Any:
         return h * sum(terms[1:], terms[0])
 
     return step_control.tip_error(tip_size(step.error5, step.h5), tip_size(step.error3, step.h3))
+
+
+def joint_quantities(dynamics: Dynamics, lane: Lane, form: str) -> Quantities:
+    """Positions and rates of joints from the fields of a form."""
+    states = lane.get(dynamics.states, of=form)
+    known = dict(zip(dynamics.states, states, strict=True))
+    return Quantities(known, tuple(dynamics.arm.functions), dynamics.arm.sincos, lane)
 
 
 def tip_norms(dynamics: Dynamics, lane: Lane) -> list[Any]:

@@ -10,6 +10,7 @@ import redundant_envs as rde
 from redundant_envs.algebra import arguments_of
 from redundant_envs.effects import CentringSpring, LimitSpring, limit_spring
 from redundant_envs.effects.hooks import Force
+from redundant_envs.integrators.sliders import side_beyond
 from redundant_envs.model.energy import potential_energy
 
 
@@ -32,6 +33,9 @@ def test_force_is_minus_the_slope_of_the_potential(effect, hook):
     values = {a: sp.Symbol(a, real=True) for a in names}
     x = values["position"]
     own = effect.parameters()
+    if "side" in values:
+        lower, upper = (sp.Rational(str(own[name[1:]])) for name in hook.switch)
+        values["side"] = sp.Piecewise((1, x > upper), (-1, x < lower), (0, True))
     numbers = {
         values[a]: sp.Rational(str(own[hook.bind[a][1:]]))
         for a in values
@@ -59,6 +63,8 @@ def test_force_is_conservative_part_plus_dissipation(effect, hook):
     own = effect.parameters()
     rng = np.random.default_rng(2)
     values = {"position": rng.uniform(-3.0, 3.0, 500), "rate": rng.uniform(-9.0, 9.0, 500)}
+    if hook.switch is not None:
+        values["side"] = side_beyond(values["position"], *(own[name[1:]] for name in hook.switch))
 
     def value(f):
         get = [
@@ -72,7 +78,8 @@ def test_force_is_conservative_part_plus_dissipation(effect, hook):
 
 
 def spring_force(position, rate, lower=-0.2, upper=0.3, stiffness=400.0, damping=7.0):
-    return limit_spring.force(position, rate, lower, upper, stiffness, damping)
+    side = side_beyond(position, lower, upper)
+    return limit_spring.force(position, rate, lower, upper, stiffness, damping, side)
 
 
 def test_limit_spring_is_one_sided_and_continuous():

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
+from redundant_envs.algebra import maximum, physics
+from redundant_envs.effects.hooks import Effect, Force
 from redundant_envs.integrators.step_control import blended_error
 from redundant_envs.model.programs import batch_simulator
 from redundant_envs.quantities import Quantities
@@ -114,12 +116,24 @@ def test_stiff_springs_get_their_steps_before_they_are_touched():
     assert status.evaluations[0] == 12 * 16  # 0.02 * 60 * 20 / 2 = 12
 
 
+@physics
+def untold(position):
+    return -1e5 * maximum(position - 0.5, 0.0)
+
+
+class UntoldSpring(Effect):
+    """A one-sided spring that does not say where its law changes: no order is kept there."""
+
+    def hooks(self, arm):
+        return (Force(1, untold, {"position": "phi2"}),)
+
+
 def test_a_tolerance_out_of_reach_is_flagged_not_hidden():
     scene = rde.Scene(LAB, (e.LimitSpring("joint2", -2.0, 2.0, 1e12),), tolerance=1e-6)
     _, status = advance(scene, np.zeros((1, 4)), np.zeros((1, 4)))
     assert status.numerics[0] == rde.Numerics.TOLERANCE_NOT_REACHED
     assert status.finite[0]
-    hit = rde.Scene(LAB, (e.LimitSpring("joint2", -0.5, 0.5, 1e5),), tolerance=1e-13)
+    hit = rde.Scene(LAB, (UntoldSpring(),), tolerance=1e-13)
     _, status = advance(hit, [[0.0, 0.499, 0.0, 0.0]], [[0.0, 5.0, 0.0, 0.0]])
     assert status.numerics[0] == rde.Numerics.TOLERANCE_NOT_REACHED
     assert status.error_estimate[0] > 1e-13
