@@ -14,7 +14,7 @@ from redundant_envs.modules import OPTION, take_imports
 
 # Only argparse here: each command imports what it needs, so that --help is instant.
 
-STUDIES = ("throughput", "environments", "stops", "impacts", "accuracy", "schematic")
+STUDIES = ("throughput", "environments", "stops", "impacts", "intervals", "accuracy", "schematic")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -154,6 +154,12 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--seed", type=int, default=0)
     p.set_defaults(handler=impacts)
     _add_study_out(p)
+    p = studies.add_parser("intervals", help="whether the tolerance is kept in families of hard scenes")
+    p.add_argument("--intervals", type=int, default=100_000, help="over all families")
+    p.add_argument("--processes", type=int, default=1, help="at once, each with families of its own")
+    p.add_argument("--seed", type=int, default=0)
+    p.set_defaults(handler=intervals)
+    _add_study_out(p)
     p = studies.add_parser("accuracy", help="error against cost, beside MuJoCo and SciPy")
     p.add_argument("--config", type=Path, metavar="YAML", help="default: configs/studies/accuracy.yaml")
     p.add_argument("--out", type=Path, default=Path("runs/studies"), metavar="FOLDER")
@@ -260,6 +266,17 @@ def impacts(options: argparse.Namespace) -> None:
         options.intervals, options.families, options.independent, options.seed, options.processes
     )
     _report(rows, study.COLUMNS, "family", options.out, "impacts")
+
+
+def intervals(options: argparse.Namespace) -> None:
+    """Judge intervals of many families of scenes."""
+    from redundant_envs.studies import intervals as study
+
+    for name, least in (("intervals", 1), ("seed", 0), ("processes", 1)):
+        if getattr(options, name) < least:
+            raise ValueError(f"{name} is {getattr(options, name)}; give at least {least}")
+    rows = study.run(options.intervals, options.seed, options.processes)
+    _report(rows, study.COLUMNS, "family", options.out, "intervals")
 
 
 def accuracy(options: argparse.Namespace) -> None:

@@ -1,0 +1,254 @@
+"""Families of control intervals: a scene each, with numbers, states and efforts of every lane's own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from redundant_envs.effects import (
+    CentringSpring,
+    Effect,
+    EffortLimits,
+    Gravity,
+    LimitSpring,
+    PrismaticStop,
+    ViscousFriction,
+)
+from redundant_envs.robots import RPRP, FourR
+from redundant_envs.scene import Scene
+
+Array = NDArray[np.float64]
+REACH = 1.0
+"""Of every arm about, m: 4R has four links of a quarter, RPRP two, and as much travel."""
+
+
+@dataclass
+class Draw:
+    """What is drawn for the lanes of a family.
+
+    Attributes
+    ----------
+    joints, rates : positions of the joints, (count, 4), rad and m, and their rates
+    efforts : of the motors, (count, 4), N m and N
+    parameters : numbers of the scene by name, (count, entries) each
+    """
+
+    joints: Array
+    rates: Array
+    efforts: Array
+    parameters: dict[str, Array]
+
+
+Change = Callable[[Draw, np.random.Generator], None]
+
+
+@dataclass(frozen=True)
+class Family:
+    """Scenes of one structure.
+
+    Attributes
+    ----------
+    name : str
+    arm : RPRP or FourR
+    effects : of the scene; their numbers may be drawn anew for each lane
+    changes : what is drawn otherwise than usual, in order
+    control_dt, tolerance : of the scene, s and m
+    actuation : "joint" or "generalized"
+    steps : equal steps of rk8 per interval that confirm the reference
+    """
+
+    name: str
+    arm: type[RPRP | FourR]
+    effects: tuple[Effect, ...] = (Gravity(),)
+    changes: tuple[Change, ...] = ()
+    control_dt: float = 0.02
+    tolerance: float = 1e-6
+    actuation: str = "joint"
+    steps: int = 96
+
+    @property
+    def robot(self) -> Any:
+        """The arm with unremarkable numbers."""
+        return self.arm((0.5,) * 4, (0.25,) * self.arm.num_lengths)
+
+    def scene(self, **how: Any) -> Scene:
+        """The scene; ``how`` it chooses its steps, by default for its tolerance."""
+        how = how or {"tolerance": self.tolerance}
+        return Scene(self.robot, self.effects, control_dt=self.control_dt, actuation=self.actuation, **how)
+
+    def draw(self, count: int, rng: np.random.Generator) -> Draw:
+        """Numbers of ``count`` lanes."""
+        slides = np.array(self.robot.prismatic)
+        joints = np.where(slides, rng.uniform(0.0, 0.25, (count, 4)), rng.uniform(-np.pi, np.pi, (count, 4)))
+        rates = rng.normal(0.0, 1.0, (count, 4)) * np.where(slides, 0.5, 3.0)
+        efforts = rng.uniform(-1.0, 1.0, (count, 4)) * np.where(slides, 10.0, 4.0)
+        hard = rng.random(count) < 0.5  # half of them bang-bang
+        efforts[hard] = np.sign(efforts[hard]) * np.abs(efforts).max(axis=0)
+        drawn = Draw(joints, rates, efforts, {})
+        drawn.parameters["masses"] = decades(rng, 0.2, 1.0, (count, 4))
+        drawn.parameters["lengths"] = decades(rng, 0.1, 0.5, (count, self.arm.num_lengths))
+        for change in self.changes:
+            change(drawn, rng)
+        return drawn
+
+
+def decades(rng: np.random.Generator, low: float, high: float, shape: Any) -> Array:
+    """Numbers whose logarithms are uniform."""
+    return np.exp(rng.uniform(np.log(low), np.log(high), shape))
+
+
+# ---- what is drawn otherwise ---------------------------------------------------------------------
+
+
+def masses(low: float, high: float) -> Change:
+    """Masses over decades."""
+
+    def change(drawn: Draw, rng: np.random.Generator) -> None:
+        drawn.parameters["masses"] = decades(rng, low, high, drawn.joints.shape)
+
+    return change
+
+
+def lengths(low: float, high: float) -> Change:
+    """Lengths over decades; of each lane one is a quarter of a metre."""
+
+    def change(drawn: Draw, rng: np.random.Generator) -> None:
+        shape = drawn.parameters["lengths"].shape
+        found = decades(rng, low, high, shape)
+        found[np.arange(shape[0]), rng.integers(0, shape[1], shape[0])] = 0.25
+        drawn.parameters["lengths"] = found
+
+    return change
+
+
+def heavy_tip(drawn: Draw, rng: np.random.Generator) -> None:
+    """A tip up to a thousand times as heavy as the rest."""
+    drawn.parameters["masses"][:, 3] *= decades(rng, 1.0, 1e3, len(drawn.joints))
+
+
+def weak(drawn: Draw, rng: np.random.Generator) -> None:
+    """Motors for the lightest and shortest link: strong ones would turn it thousands of times an interval."""
+    lightest, shortest = (drawn.parameters[name].min(axis=1) for name in ("masses", "lengths"))
+    slides = drawn.parameters["lengths"].shape[1] == 2
+    inertia = lightest / 0.5 * (1.0 if slides else (shortest / 0.25) ** 2)
+    drawn.efforts *= inertia[:, None]
+
+
+def faster(times: float) -> Change:
+    """All rates and efforts larger."""
+
+    def change(drawn: Draw, rng: np.random.Generator) -> None:
+        drawn.rates *= times
+        drawn.efforts *= times
+
+    return change
+
+
+def singular(drawn: Draw, rng: np.random.Generator) -> None:
+    """Links in line or folded, exactly or nearly; of RPRP some second sliders at the pole, l2 + r2 = 0."""
+    count, slides = len(drawn.joints), drawn.parameters["lengths"].shape[1] == 2
+    gap = rng.normal(size=(count, 4)) * decades(rng, 1e-12, 0.1, (count, 4))
+    near = np.where(rng.random((count, 4)) < 0.5, 0.0, gap)
+    folded = np.where(rng.random((count, 4)) < 0.5, 0.0, np.pi)
+    if not slides:
+        drawn.joints[:, 1:] = (folded + near)[:, 1:]
+        return
+    drawn.joints[:, 2] = (folded + near)[:, 2]
+    pole = rng.random(count) < 0.5
+    drawn.joints[pole, 3] = -drawn.parameters["lengths"][pole, 1] + 0.1 * near[pole, 3]
+
+
+def near_limits(arm: type[RPRP | FourR], *names: str) -> Change:
+    """Joints near the limits of springs, whose stiffness and damping are drawn over decades."""
+
+    def change(drawn: Draw, rng: np.random.Generator) -> None:
+        count = len(drawn.joints)
+        for name in names:
+            joint = arm.joints.index(name)
+            slides = name.startswith("r")
+            low, high = (0.0, 0.25) if slides else (-1.0, 1.0)
+            width = high - low
+            gap = width * rng.choice([-1.0, 1.0, 1.0], count) * decades(rng, 1e-9, 0.05, count)
+            side = rng.random(count) < 0.5
+            drawn.joints[:, joint] = np.where(side, low + gap, high - gap)
+            key, arms = f"limit_spring.{name}", 1.0 if slides else 0.03  # lever arms squared, m^2
+            drawn.parameters[f"{key}.stiffness"] = arms * decades(rng, 1e2, 2e4, (count, 1))
+            damped = rng.random((count, 1)) < 0.3
+            damping = np.where(damped, arms * decades(rng, 1.0, 100.0, (count, 1)), 0.0)
+            drawn.parameters[f"{key}.damping"] = damping
+
+    return change
+
+
+def near_stops(drawn: Draw, rng: np.random.Generator) -> None:
+    """A third of the sliders anywhere, a third near an end of the travel, a third at rest at one."""
+    count = len(drawn.joints)
+    for joint in (1, 3):
+        kind = rng.integers(0, 3, count)
+        gap = np.where(kind == 2, 0.0, 0.125 * 10.0 ** rng.uniform(-7.0, 0.0, count))
+        near = np.where(rng.random(count) < 0.5, gap, 0.25 - gap)
+        drawn.joints[:, joint] = np.where(kind == 0, drawn.joints[:, joint], near)
+        drawn.rates[kind == 2, joint] = 0.0
+    elastic = rng.choice([0.0, 0.0, 0.3, 0.7, 1.0], (count, 1))
+    drawn.parameters["prismatic_stop.restitution"] = elastic
+
+
+def friction(low: float, high: float) -> Change:
+    """Coefficients of viscous friction over decades."""
+
+    def change(drawn: Draw, rng: np.random.Generator) -> None:
+        drawn.parameters["viscous_friction.coefficients"] = decades(rng, low, high, drawn.joints.shape)
+
+    return change
+
+
+# ---- the families --------------------------------------------------------------------------------
+
+FRICTION = ViscousFriction(0.1)
+STOP = PrismaticStop((0.0, 0.0), (0.25, 0.25), 0.5)
+
+
+def spring(name: str) -> LimitSpring:
+    """A spring at the limits of a joint; its stiffness is drawn."""
+    low, high = (0.0, 0.25) if name.startswith("r") else (-1.0, 1.0)
+    return LimitSpring(name, low, high, 1000.0)
+
+
+TILTED = Gravity.on_plane(9.81, 0.6, 0.4)
+CENTRED = CentringSpring((50.0, 30.0), (0.0, 0.0), (0.25, 0.25))
+WEAK = EffortLimits((8.0, 4.0, 2.0, 1.0))
+
+FAMILIES = (
+    Family("4R, smooth", FourR),
+    Family("RPRP, smooth", RPRP),
+    Family("4R, friction", FourR, (Gravity(), FRICTION), (friction(1e-3, 3.0),)),
+    Family("RPRP, friction", RPRP, (Gravity(), FRICTION), (friction(1e-3, 3.0),)),
+    Family(
+        "4R, limit springs", FourR, (Gravity(), spring("joint2"), spring("joint3")),
+        (near_limits(FourR, "joint2", "joint3"),), steps=1024,
+    ),
+    Family(
+        "RPRP, limit springs", RPRP, (Gravity(), spring("r1"), spring("r2")),
+        (near_limits(RPRP, "r1", "r2"),), steps=1024,
+    ),
+    Family("RPRP, stops", RPRP, (Gravity(), FRICTION, STOP), (near_stops,)),
+    Family(
+        "RPRP, stops and springs", RPRP, (Gravity(), STOP, spring("joint2")),
+        (near_stops, near_limits(RPRP, "joint2")), steps=512,
+    ),
+    Family("4R, singular starts", FourR, changes=(singular,)),
+    Family("RPRP, singular starts", RPRP, changes=(singular,)),
+    Family("4R, masses over five decades", FourR, changes=(masses(1e-5, 1.0), weak), steps=512),
+    Family("RPRP, masses over six decades", RPRP, changes=(masses(1e-6, 1.0), weak), steps=512),
+    Family("4R, heavy tip", FourR, changes=(heavy_tip,), steps=512),
+    Family("4R, lengths over three decades", FourR, changes=(lengths(2.5e-4, 0.25), weak), steps=512),
+    Family("RPRP, lengths over six decades", RPRP, changes=(lengths(2.5e-7, 0.25), weak)),
+    Family("4R, fast", FourR, (Gravity(), WEAK), (faster(5.0),)),
+    Family("RPRP, 50 ms, generalized forces", RPRP, (TILTED, CENTRED), (), 0.05, actuation="generalized"),
+    Family("4R, 1e-9 m", FourR, (Gravity(), FRICTION), tolerance=1e-9),
+    Family("RPRP with stops, 1e-9 m", RPRP, (Gravity(), STOP), (near_stops,), tolerance=1e-9),
+)  # fmt: skip

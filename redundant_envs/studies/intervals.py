@@ -1,0 +1,141 @@
+"""Is the tolerance kept? Control intervals of many families of scenes, each judged by two other accounts.
+
+The reference is dop853, whose steps are chosen to rounding. It counts where equal steps of rk8, many times
+finer and without any choice, confirm it to a tenth of the tolerance. An interval is missed where the tip is
+off by more than twice the tolerance without a flag.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import itertools
+import multiprocessing
+from collections.abc import Iterable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from redundant_envs.model.batch import BatchSimulator, Numerics
+from redundant_envs.scene import Scene
+from redundant_envs.studies.interval_families import FAMILIES, Draw, Family
+from redundant_envs.studies.progress import Progress
+
+COLUMNS = (
+    "family", "tolerance", "intervals", "judged", "missed", "flagged", "spent", "largest_error", "events",
+    "evaluations",
+)  # fmt: skip
+CONFIRMED = 0.1
+"""The reference counts where the other account differs by less, in units of the tolerance."""
+LIMIT = 2.0
+"""An error beyond this is a miss, in units of the tolerance."""
+BATCH = 4096
+
+Array = NDArray[np.float64]
+
+
+@dataclass
+class Tally:
+    """Counts over the intervals of a family.
+
+    Attributes
+    ----------
+    intervals, judged, missed : how many, with a reference that is confirmed, and of these off without a flag
+    flagged : intervals with a flag of any kind, where less than 256 impacts happen
+    spent : intervals with more impacts than an interval may have
+    largest_error : of those judged, in units of the tolerance
+    events : impacts
+    evaluations : of the right-hand side, in all
+    """
+
+    intervals: int = 0
+    judged: int = 0
+    missed: int = 0
+    flagged: int = 0
+    spent: int = 0
+    largest_error: float = 0.0
+    events: int = 0
+    evaluations: int = 0
+
+
+def tips_after(family: Family, scene: Scene, drawn: Draw) -> tuple[Array, Any]:
+    """Tips after a control interval, (count, 2), m, and what it took."""
+    arm: Any = family.robot
+    inverse = np.linalg.inv(arm.motor_map)
+    batch = BatchSimulator(scene, len(drawn.joints))
+    batch.set_parameters(drawn.parameters)
+    batch.set_state(drawn.joints @ inverse, drawn.rates @ inverse)
+    efforts = drawn.efforts if family.actuation == "joint" else drawn.efforts @ np.asarray(arm.motor_map).T
+    status = batch.advance(efforts)
+    values = dict(zip(arm.coordinates, batch.q.T, strict=True))
+    values |= {f"l{k + 1}": length for k, length in enumerate(drawn.parameters["lengths"].T)}
+    return np.stack(arm.evaluate(["tip_x", "tip_y"], {**arm.parameter_values(), **values}), axis=-1), status
+
+
+def judge(family: Family, count: int, seed: Any, misses: list[Draw] | None = None) -> Tally:
+    """Judge intervals of a family; ``misses`` collects what was drawn for those that are missed."""
+    rng, tally = np.random.default_rng(seed), Tally()
+    asked = family.scene()
+    reference = family.scene(integrator="dop853")
+    equal = family.scene(integrator="rk8", substeps=family.steps)
+    while tally.intervals < count:
+        drawn = family.draw(min(BATCH, count - tally.intervals), rng)
+        (tip, status), (best, how), (other, also) = (
+            tips_after(family, scene, drawn) for scene in (asked, reference, equal)
+        )
+        spent = ((status.numerics | how.numerics | also.numerics) & Numerics.EVENT_BUDGET) > 0
+        whole = (how.numerics == 0) & (also.numerics == 0)
+        with np.errstate(invalid="ignore"):
+            confirmed = whole & (np.linalg.norm(best - other, axis=1) <= CONFIRMED * family.tolerance)
+            error = np.linalg.norm(tip - best, axis=1) / family.tolerance
+        judged = confirmed & (status.numerics == 0)
+        missed = judged & ~(error <= LIMIT)
+        tally.intervals += len(tip)
+        tally.judged += int(judged.sum())
+        tally.missed += int(missed.sum())
+        tally.flagged += int(((status.numerics != 0) & ~spent).sum())
+        tally.spent += int(spent.sum())
+        tally.events += int(status.events.sum())
+        tally.evaluations += int(status.evaluations.sum())
+        tally.largest_error = max(tally.largest_error, float(error[judged].max(initial=0.0)))
+        if misses is not None and missed.any():
+            misses.append(chosen(drawn, missed))
+    return tally
+
+
+def chosen(drawn: Draw, lanes: NDArray[np.bool_]) -> Draw:
+    """Some of the lanes."""
+    parameters = {name: values[lanes] for name, values in drawn.parameters.items()}
+    return Draw(drawn.joints[lanes], drawn.rates[lanes], drawn.efforts[lanes], parameters)
+
+
+def row(family: Family, intervals: int, seed: Any) -> dict[str, Any]:
+    """A row of ``COLUMNS``."""
+    tally = judge(family, intervals, seed)
+    return {
+        "family": family.name,
+        "tolerance": family.tolerance,
+        **dataclasses.asdict(tally),
+        "largest_error": f"{tally.largest_error:.2g}",
+        "evaluations": round(tally.evaluations / tally.intervals, 1),
+    }
+
+
+def run(intervals: int, seed: int = 0, processes: int = 1) -> list[dict[str, Any]]:
+    """Rows of ``COLUMNS``: ``intervals`` in all, as many of each family."""
+    each = -(-intervals // len(FAMILIES))
+    tasks = [(family, each, (seed, k)) for k, family in enumerate(FAMILIES)]
+    rows, progress = [], Progress("intervals", len(FAMILIES))
+    with contextlib.ExitStack() as stack:
+        found: Iterable[dict[str, Any]] = itertools.starmap(row, tasks)
+        if processes > 1:
+            context = multiprocessing.get_context("spawn")
+            pool = stack.enter_context(ProcessPoolExecutor(processes, context))
+            found = pool.map(row, *zip(*tasks, strict=True))
+        for one in found:
+            rows.append(one)
+            progress.step(f"{one['family']}: {one['missed']} missed of {one['judged']} judged")
+    return rows

@@ -1,0 +1,67 @@
+"""Families of intervals: the tolerance is kept in each, and a study of one that is not kept says so."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from redundant_envs.__main__ import main
+from redundant_envs.studies import intervals
+from redundant_envs.studies.interval_families import FAMILIES, Family
+
+QUICK = (
+    "4R, limit springs",
+    "RPRP, stops and springs",
+    "4R, singular starts",
+    "RPRP, lengths over six decades",
+)
+
+
+@pytest.mark.parametrize(
+    "family",
+    [pytest.param(f, id=f.name, marks=() if f.name in QUICK else pytest.mark.long) for f in FAMILIES],
+)
+def test_no_interval_of_a_family_is_off_without_a_flag(family):
+    """``study intervals`` judges a million."""
+    tally = intervals.judge(family, 1024, seed=12)
+    assert tally.missed == 0
+    assert tally.judged >= 0.8 * tally.intervals
+    assert tally.flagged <= 1
+    assert tally.largest_error <= 1.0
+
+
+class Loose(Family):
+    """A scene that keeps a tolerance ten thousand times the one it is judged by."""
+
+    def scene(self, **how):
+        return super().scene(**(how or {"tolerance": 1e4 * self.tolerance}))
+
+
+def test_a_tolerance_that_is_not_kept_is_told_with_the_intervals():
+    fast = next(f for f in FAMILIES if f.name == "4R, fast")
+    loose = Loose(**{f.name: getattr(fast, f.name) for f in dataclasses.fields(Family)})
+    misses = []
+    tally = intervals.judge(loose, 512, seed=1, misses=misses)
+    assert tally.missed > 20
+    assert tally.largest_error > intervals.LIMIT
+    drawn = np.concatenate([one.joints for one in misses])
+    assert drawn.shape == (tally.missed, 4)
+
+
+def test_an_unconfirmed_reference_judges_nothing():
+    coarse = dataclasses.replace(FAMILIES[0], steps=1)
+    tally = intervals.judge(coarse, 512, seed=1)
+    assert tally.judged < 0.9 * tally.intervals
+    assert tally.missed == 0
+
+
+def test_families_have_names_of_their_own_and_draw_the_same_again():
+    assert len({f.name for f in FAMILIES}) == len(FAMILIES) >= 10
+    one, other = (FAMILIES[5].draw(8, np.random.default_rng(3)) for _ in range(2))
+    assert (one.joints == other.joints).all()
+    assert all((one.parameters[k] == other.parameters[k]).all() for k in one.parameters)
+
+
+def test_the_command_refuses_no_intervals(capsys):
+    assert main(["study", "intervals", "--intervals", "0"]) == 2
+    assert "intervals is 0; give at least 1" in capsys.readouterr().err
