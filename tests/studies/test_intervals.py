@@ -31,10 +31,10 @@ def test_no_interval_of_a_family_is_off_without_a_flag(family):
 
 
 class Loose(Family):
-    """A scene that keeps a tolerance ten thousand times the one it is judged by."""
+    """A scene of equal steps that are too long."""
 
     def scene(self, **how):
-        return super().scene(**(how or {"tolerance": 1e4 * self.tolerance}))
+        return super().scene(**(how or {"integrator": "rk4"}))
 
 
 def test_a_tolerance_that_is_not_kept_is_told_with_the_intervals():
