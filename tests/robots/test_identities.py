@@ -37,12 +37,8 @@ def complex_step(robot, wanted, q, qd, step=1e-30):
 
 @EVERY
 def test_inverse_undoes_forward(robot):
-    """Forces -> accelerations -> forces, and back."""
+    """Accelerations -> forces -> accelerations."""
     q, qd, Q = states(robot)
-    qdd = robot.forward_dynamics(q, qd, Q, G)
-    scale = np.abs(robot.mass_matrix(q)).max((-1, -2)) * np.abs(qdd).max(-1)
-    scale += np.abs(robot.bias_forces(q, qd)).max(-1)
-    assert (np.abs(robot.inverse_dynamics(q, qd, qdd, G) - Q).max(-1) <= 2e-14 * scale).all()
     again = robot.forward_dynamics(q, qd, robot.inverse_dynamics(q, qd, Q, G), G)
     force = np.abs(robot.inverse_dynamics(q, qd, Q, G)).max(-1)
     force += np.abs(robot.bias_forces(q, qd)).max(-1)
@@ -73,24 +69,9 @@ def test_mass_matrix_is_symmetric_positive_definite(robot):
 
 
 @EVERY
-def test_coriolis_matrix(robot):
-    """C qd = h; M' = C + C^T, so M' - 2C is skew; M' by complex step."""
-    q, qd, _ = states(robot)
-    C = robot.coriolis_matrix(q, qd)
-    h = np.einsum("...ij,...j->...i", C, qd)
-    scale = np.einsum("...ij,...j->...i", np.abs(C), np.abs(qd)).max(-1)
-    assert (np.abs(h - robot.bias_forces(q, qd)).max(-1) <= 4e-15 * scale).all()
-    names = " ".join(f"M{i}{j}" for i in range(1, 5) for j in range(1, 5))
-    Mdot = complex_step(robot, names, q, qd).reshape(-1, 4, 4)
-    assert relative(Mdot, C + np.swapaxes(C, -1, -2), (-1, -2)) <= 1e-14
-    N = Mdot - 2.0 * C
-    assert (np.abs(N + np.swapaxes(N, -1, -2)).max((-1, -2)) <= 1e-14 * np.abs(C).max((-1, -2))).all()
-
-
-@EVERY
 def test_derivatives_by_complex_step(robot):
-    """J is the derivative of the tip, J'qd that of J qd, G that of U."""
-    q, qd, _ = states(robot)
+    """J is the derivative of the tip, G that of U."""
+    q = states(robot)[0]
     J, G_forces = robot.jacobian(q), robot.gravity_forces(q, G)
     for k in range(4):
         along = np.broadcast_to(np.eye(4)[k], q.shape)
@@ -98,8 +79,6 @@ def test_derivatives_by_complex_step(robot):
         scale = np.abs(G_forces).max(-1)
         slope = complex_step(robot, "U", q, along)[..., 0]
         assert (np.abs(slope - G_forces[..., k]) <= 1e-14 * scale).all()
-    acceleration = complex_step(robot, "tip_vx tip_vy", q, qd)
-    assert relative(acceleration, robot.jacobian_dot_qd(q, qd)) <= 1e-13
 
 
 @EVERY
