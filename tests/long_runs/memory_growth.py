@@ -1,0 +1,63 @@
+"""Resident memory that this process gains over many episodes or makes, as one line of JSON, bytes.
+
+``python memory_growth.py episodes FACE LANES WARM_UP MEASURED`` runs episodes of at most 20 steps in a
+vector environment of Gymnasium or stable-baselines3; ``makes WARM_UP MEASURED`` makes single and vector
+environments, uses and closes them. A process of its own: what other tests left to be freed does not count.
+"""
+
+import gc
+import json
+import os
+import sys
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+
+import redundant_envs as rde
+
+ID = "redundant_envs/RPRPReach-v0"
+STEPS = 20
+
+
+def resident():
+    """Resident memory of this process, bytes."""
+    gc.collect()
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+def episodes(face, lanes, warm_up, measured):
+    """Growth over ``measured`` episodes in all, after ``warm_up``; actions are random."""
+    rng = np.random.default_rng(0)
+    kwargs = {"max_episode_steps": STEPS}
+    env = rde.make_sb3(ID, lanes, **kwargs) if face == "sb3" else gym.make_vec(ID, num_envs=lanes, **kwargs)
+    env.reset()
+    ended = 0
+    before = None
+    while ended < warm_up + measured:
+        if before is None and ended >= warm_up:
+            before = resident()
+        out = env.step(rng.uniform(-1.0, 1.0, (lanes, 4)).astype(np.float32))
+        ended += int(out[2].sum() if face == "sb3" else (out[2] | out[3]).sum())
+    return resident() - before
+
+
+def makes(warm_up, measured):
+    """Growth over ``measured`` makes, after ``warm_up``."""
+    before = None
+    for n in range(warm_up + measured):
+        if n == warm_up:
+            before = resident()
+        env = gym.make(ID) if n % 2 else gym.make_vec(ID, num_envs=16, threads=2)
+        env.reset(seed=n)
+        env.step(env.action_space.sample())
+        env.close()
+    return resident() - before
+
+
+if __name__ == "__main__":
+    what, *rest = sys.argv[1:]
+    if what == "episodes":
+        print(json.dumps(episodes(rest[0], *(int(x) for x in rest[1:]))))
+    else:
+        print(json.dumps(makes(*(int(x) for x in rest))))

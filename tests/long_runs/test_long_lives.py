@@ -1,0 +1,55 @@
+"""Long lives of processes: memory that does not grow, threads that neither differ nor hang."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).parent
+MEGABYTE = 2**20
+LINUX = pytest.mark.skipif(
+    not Path("/proc/self/statm").exists(), reason="resident memory is read from Linux's /proc"
+)
+STARTING = 90.0
+"""Time for imports and a first compilation, s; a process that takes longer than this and its run hangs."""
+
+
+def result(script, *arguments, seconds=0.0):
+    """What a script of this folder prints; a TimeoutExpired if it hangs."""
+    command = [sys.executable, str(HERE / script), *map(str, arguments)]
+    run = subprocess.run(command, capture_output=True, text=True, timeout=STARTING + seconds, check=False)
+    assert run.returncode == 0, run.stderr
+    return json.loads(run.stdout)
+
+
+@LINUX
+@pytest.mark.parametrize("face", ["vector", "sb3"])
+@pytest.mark.parametrize(
+    ("lanes", "warm_up", "measured"),
+    [(256, 1000, 2000), pytest.param(1024, 1000, 10_000, marks=pytest.mark.long)],
+)
+def test_memory_does_not_grow_with_episodes(face, lanes, warm_up, measured):
+    """Of all environments in all; resident memory counts whole pages."""
+    growth = result("memory_growth.py", "episodes", face, lanes, warm_up, measured)
+    assert growth < 2 * MEGABYTE
+
+
+@LINUX
+@pytest.mark.parametrize(
+    ("warm_up", "measured"), [(50, 100), pytest.param(1000, 1000, marks=pytest.mark.long)]
+)
+def test_memory_does_not_grow_with_makes(warm_up, measured):
+    """A table of what was found of functions has its 256 entries after 300 makes or so: 1 MB."""
+    growth = result("memory_growth.py", "makes", warm_up, measured, seconds=60.0)
+    assert growth < 2 * MEGABYTE
+
+
+@pytest.mark.parametrize("seconds", [0.5, pytest.param(60.0, marks=pytest.mark.long)])
+def test_four_threads_on_two_busy_cores_give_the_same_bits(seconds):
+    """A vector environment and a simulator of four threads against those of one; four simulators at once."""
+    found = result("threads_under_load.py", seconds, seconds=seconds)
+    for compared, different in found.values():
+        assert compared > 2 * seconds
+        assert different == 0
