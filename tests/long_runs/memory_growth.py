@@ -1,7 +1,7 @@
 """Resident memory that this process gains over many episodes or makes, as one line of JSON, bytes.
 
-``python memory_growth.py episodes FACE LANES WARM_UP MEASURED`` runs episodes of at most 20 steps in a
-vector environment of Gymnasium or stable-baselines3; ``makes WARM_UP MEASURED`` makes single and vector
+``python memory_growth.py episodes FACE LANES WARM_UP MEASURED`` runs episodes in a vector
+environment of Gymnasium or stable-baselines3; ``makes WARM_UP MEASURED`` makes single and vector
 environments, uses and closes them. A process of its own: what other tests left to be freed does not count.
 """
 
@@ -17,7 +17,6 @@ import numpy as np
 import redundant_envs as rde
 
 ID = "redundant_envs/RPRPReach-v0"
-STEPS = 20
 
 
 def resident():
@@ -29,8 +28,7 @@ def resident():
 def episodes(face, lanes, warm_up, measured):
     """Growth over ``measured`` episodes in all, after ``warm_up``; actions are random."""
     rng = np.random.default_rng(0)
-    kwargs = {"max_episode_steps": STEPS}
-    env = rde.make_sb3(ID, lanes, **kwargs) if face == "sb3" else gym.make_vec(ID, num_envs=lanes, **kwargs)
+    env = rde.make_sb3(ID, lanes) if face == "sb3" else gym.make_vec(ID, num_envs=lanes)
     env.reset()
     ended = 0
     before = None
