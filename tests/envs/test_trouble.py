@@ -88,10 +88,14 @@ TROUBLES = {
         Trouble({"max_episode_steps": 3}, actions=(np.array([0.0, 1e300, 0.0, 0.0]), ZERO, ZERO))
     ],
     "an action of another shape": [
-        Trouble(actions=(np.zeros(shape, np.float32),)) for shape in ((3,), (5,), (4, 1), ())
+        Trouble(make, actions=(np.zeros(shape, np.float32),))
+        for shape in ((3,), (5,), (4, 1), ())
+        for make in ({}, {"on_bad_action": "terminate"})
     ],
     "an action of text, objects, booleans or complex numbers": [
-        Trouble(actions=(np.zeros(4, kind),)) for kind in (str, object, bool, complex)
+        Trouble(make, actions=(np.zeros(4, kind),))
+        for kind in (str, object, bool, complex)
+        for make in ({}, {"on_bad_action": "terminate"})
     ],
     "an action of float64 or whole numbers": [
         Trouble(actions=(np.zeros(4, kind),), harmless=True) for kind in (float, int, np.uint8)
