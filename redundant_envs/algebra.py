@@ -228,7 +228,7 @@ def arguments_of(function: Callable[..., Any]) -> tuple[str, ...]:
     return _arguments_of(function, getattr(function, "__code__", None))
 
 
-@functools.cache
+@functools.lru_cache(maxsize=4096)  # functions made anew at each make must not stay for ever
 def _arguments_of(function: Callable[..., Any], code: Any) -> tuple[str, ...]:
     """As long as the function has this code, which tools that reload modules replace."""
     return tuple(inspect.signature(function).parameters)

@@ -73,7 +73,8 @@ class ArmEnv(LaneValue, gym.Env[Any, Any]):
         self._names = self.core.columns.names
         self._lane = self.core.single_lane()
         self._renderer: Any = None
-        self._operation: Operation | None = None  # of a step; None before the first reset
+        self._begun = False
+        self._operation: Operation | None = None  # of a step; None where the next call has to be a reset
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_lane": None, "_renderer": None}
@@ -108,23 +109,30 @@ class ArmEnv(LaneValue, gym.Env[Any, Any]):
             self.core.waiting[0] = False
         self.core.begin(lanes, checked, self._lane.run)
         obs = self._lane.run(Operation.OBSERVE)
-        self._operation = Operation.CHECKED_STEP if self.on_bad_action == "raise" else Operation.STEP
+        self._begin()
         if self._renderer is not None:
             self._renderer.clear()
         if self.render_mode is not None:
             self._see()
         return self._observation(obs), dict(zip(self._names, self._lane.shown(), strict=True))
 
+    def _begin(self) -> None:
+        self._begun = True
+        self._operation = Operation.CHECKED_STEP if self.on_bad_action == "raise" else Operation.STEP
+
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One control step; the action is (joints,) in [-1, 1], in units of the effort limits."""
         if self._operation is None:
-            raise ResetNeeded("step was called before reset; call reset() first")
+            when = "after the end of the episode" if self._begun else "before reset"
+            raise ResetNeeded(f"step was called {when}; call reset() first")
         action = check_action(action, self._shape)
         lane = self._lane
         obs = lane.step(action, self._operation)
         terminated, reward = lane.ends()
         if reward != reward and self._operation == Operation.CHECKED_STEP:
             refuse_bad_action(action)
+        if terminated:
+            self._operation = None
         if self.render_mode is not None:
             self._see()
         observation = self._observation(obs) if self.goal_conditioned else obs
@@ -141,7 +149,7 @@ class ArmEnv(LaneValue, gym.Env[Any, Any]):
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Return to a snapshot; the continuation is the same to the last bit."""
         self.core.set_state(state)
-        self._operation = Operation.CHECKED_STEP if self.on_bad_action == "raise" else Operation.STEP
+        self._begin()
         generator = self.core.generators[0]
         if generator is not None:
             self._np_random = generator
@@ -169,7 +177,7 @@ class ArmEnv(LaneValue, gym.Env[Any, Any]):
         if self.render_mode is None:
             gym.logger.warn("render was called without a render_mode; make(..., render_mode='rgb_array')")
             return None
-        if self._operation is None:
+        if not self._begun:
             raise ResetNeeded("render was called before reset; call reset() first")
         if self.render_mode == "human":
             self._made_renderer().show(0)

@@ -130,6 +130,9 @@ class SB3VecEnv(LaneValues, VecEnv):
         if "is_success" in core.task.metrics:
             for info, success in zip(infos, columns.of(out, "is_success").tolist(), strict=True):
                 info["is_success"] = success
+        faults = columns.of(out, "numerics")
+        for n in np.flatnonzero(faults).tolist():
+            infos[n]["numerics"] = int(faults[n])
         observation = core.observation(obs, out, self.goal_conditioned)
         reward = columns.of(out, "reward")
         if self.goal_conditioned:

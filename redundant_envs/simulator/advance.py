@@ -44,7 +44,9 @@ def advance_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:
         if interval.estimates:
             told["error"] = lane.error
         told["finite"] = defect == 0.0
-        told["numerics"] = where(defect == 0.0, 0.0, float(Fault.NON_FINITE)) + fault
+        told["numerics"] = (
+            where(defect == 0.0, 0.0, float(Fault.NON_FINITE)) + fault + interval.angle_fault(lane)
+        )
         return {(name, COLUMNS[name], 0, 0): value for name, value in told.items()}
 
     told = ["finite", "numerics"]

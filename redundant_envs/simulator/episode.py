@@ -247,7 +247,7 @@ class Episode:
         told = code if task.speed_bound_ends else code + fast
         if interval.local:
             told = told + where(lane.fault < GIVEN_UP, lane.fault, 0.0)
-        lane.numerics = told
+        lane.numerics = told + interval.angle_fault(lane)
         lane.steps = lane.steps + 1.0
         lane.terminated = where(faulty, 1.0, 0.0)
         lane.truncated = where(lane.steps >= lane.limit, 1.0, 0.0)

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
+from typing import Any
 
+from redundant_envs.algebra import maximum, where
 from redundant_envs.integrators.crossings import Unseen
 from redundant_envs.integrators.methods import Watched
 from redundant_envs.integrators.trial_steps import Search
 from redundant_envs.simulator.boundaries import Stop, Switch
 from redundant_envs.simulator.dynamics import Dynamics
+from redundant_envs.simulator.lane import Lane
 from redundant_envs.simulator.step import active_stop
 
 
@@ -23,6 +26,7 @@ class Fault(enum.IntFlag):
     TOLERANCE_NOT_REACHED = 8
     EVENT_BUDGET = 16
     NO_STEP_FOUND = 32
+    LARGE_ANGLE = 64
 
 
 GIVEN_UP = Fault.EVENT_BUDGET
@@ -47,6 +51,8 @@ class Plan(enum.Enum):
     ADAPTIVE = "adaptive"
 
 
+LARGEST_ANGLE = 1e6
+"""rad: beyond it an angle is known to no more than 1e-10 rad, and rounding adds up."""
 MOST_SEARCHED = 500
 """Trial steps in search of one event; with more the interval is given up."""
 MOST_TRIALS = 65536
@@ -117,6 +123,16 @@ class Setting:
     def kept(self) -> tuple[str, ...]:
         """What a lane has when an interval begins, and again when the interval is given up."""
         return (*self.dynamics.states, *self.dynamics.remembered, *self.active)
+
+    def angle_fault(self, lane: Lane) -> Any:
+        """A fault where an angle is so large that its last digits are lost."""
+        arm = self.dynamics.arm
+        angles = [
+            abs(lane[q]) for q, slides in zip(arm.coordinates, arm.prismatic, strict=True) if not slides
+        ]
+        if not angles:
+            return 0.0
+        return where(reduce(maximum, angles) > LARGEST_ANGLE, float(Fault.LARGE_ANGLE), 0.0)
 
     @property
     def positions(self) -> list[str]:
