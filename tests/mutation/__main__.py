@@ -1,0 +1,190 @@
+"""Draw mutants at random and run the tests on each: ``python -m tests.mutation --count 300 --seed 1``.
+
+Mutants are those of cosmic-ray (``pip install cosmic-ray``), one operator, constant or condition of one line
+each. A worker has a copy of the repository of its own, in which it writes one mutant after the other; tests
+that are quick and see much run first, and the first that fails ends the run. Annotations, docstrings and
+error messages are left out: no test could see them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import csv
+import os
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from queue import SimpleQueue
+from typing import Any, NamedTuple
+
+from redundant_envs.studies.progress import Progress
+
+ROOT = Path(__file__).parents[2]
+PACKAGE = "redundant_envs"
+EQUATIONS = ("robots/rprp", "robots/rprp_elimination", "robots/four_r", "robots/four_r_elimination",
+             "robots/derived", "robots/added_inertia")  # fmt: skip
+STEPS = ("methods", "tableaus", "step_control", "trial_steps")
+STOPS = ("sliders", "crossings", "event_times", "event_brackets", "event_search", "contacts",
+         "contact_resolution", "complementarity")  # fmt: skip
+SIMULATOR = ("dynamics", "step", "common_step", "local_steps", "at_stops", "interval")
+MODULES = (
+    *EQUATIONS,
+    *(f"integrators/{m}" for m in (*STEPS, *STOPS)),
+    *(f"simulator/{m}" for m in SIMULATOR),
+)
+TESTS = ("tests/studies/test_recorded_bits.py", "tests/robots", "tests/integrators", "tests/effects",
+         "tests/simulator", "tests/oracles", "tests/hard_cases", "tests/outside", "tests/model",
+         "tests/control", "tests/test_dialect.py")  # fmt: skip
+SECONDS = 900.0
+"""For the tests of a mutant; one that hangs is killed, too."""
+COLUMNS = ("module", "line", "function", "operator", "outcome", "seconds", "before", "after")
+
+
+class Mutant(NamedTuple):
+    """A change of one place.
+
+    Attributes
+    ----------
+    module : path from the root of the repository
+    line : where it is
+    function : in which it is
+    operator : cosmic-ray's name of the change
+    code : of the whole module, changed
+    before, after : the line
+    """
+
+    module: str
+    line: int
+    function: str
+    operator: str
+    code: str
+    before: str
+    after: str
+
+
+def unseen_spans(tree: ast.AST) -> Iterator[tuple[int, int, int, int]]:
+    """Line and column of the ends of what no test could see: annotations, docstrings, messages of errors."""
+    for node in ast.walk(tree):
+        hidden: list[Any] = []
+        if isinstance(node, ast.FunctionDef):
+            arguments = (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)
+            hidden += [node.returns, *(a.annotation for a in arguments)]
+        elif isinstance(node, ast.AnnAssign):
+            hidden.append(node.annotation)
+        elif isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            hidden.append(node)
+        elif isinstance(node, ast.Raise | ast.ImportFrom | ast.Import):
+            hidden.append(node)
+        for part in hidden:
+            if part is not None:
+                yield part.lineno, part.col_offset, part.end_lineno, part.end_col_offset
+
+
+def mutants_of(module: str) -> Iterator[Mutant]:
+    """All mutants of a module."""
+    import cosmic_ray.plugins
+    from cosmic_ray.ast import ast_nodes, get_ast_from_path
+    from cosmic_ray.ast.ast_query import ASTQuery
+    from cosmic_ray.mutating import mutate_code
+
+    path = ROOT / module
+    code = path.read_text(encoding="utf-8")
+    hidden = list(unseen_spans(ast.parse(code)))
+    nodes = list(ast_nodes(get_ast_from_path(path)))
+    for name in cosmic_ray.plugins.operator_names():
+        operator = cosmic_ray.plugins.get_operator(name)
+        if operator.arguments():
+            continue
+        places = [(n, start) for n in nodes for start, _ in operator().mutation_positions(n)]
+        for occurrence, (node, start) in enumerate(places):
+            if any((a, b) <= tuple(start) < (c, d) for a, b, c, d in hidden):
+                continue
+            changed = mutate_code(code, operator(), occurrence)
+            line = start[0]
+            if changed is None or changed == code:
+                continue
+            lines = changed.splitlines()
+            after = lines[line - 1].strip() if line <= len(lines) else ""
+            function = ASTQuery(node).get_definition_name() or ""
+            yield Mutant(module, line, function, name, changed, code.splitlines()[line - 1].strip(), after)
+
+
+def tested(mutant: Mutant, clone: Path) -> dict[str, Any]:
+    """A row of ``COLUMNS``."""
+    path = clone / mutant.module
+    whole, start = path.read_text(encoding="utf-8"), time.monotonic()
+    path.write_text(mutant.code, encoding="utf-8")
+    environment = {
+        **os.environ, "PYTHONPATH": str(clone), "PYTHONDONTWRITEBYTECODE": "1",
+        "REDUNDANT_ENVS_CACHE": str(clone / "kernels"),
+    }  # fmt: skip
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-m", "not long", "-p", "no:cacheprovider", *TESTS]
+    try:
+        done = subprocess.run(command, cwd=clone, env=environment, capture_output=True, timeout=SECONDS)
+        outcome = "survived" if done.returncode == 0 else "killed"
+    except subprocess.TimeoutExpired:
+        outcome = "hung"
+    finally:
+        path.write_text(whole, encoding="utf-8")
+        shutil.rmtree(clone / "kernels", ignore_errors=True)
+    row = dict(zip(Mutant._fields, mutant, strict=True))
+    row |= {"outcome": outcome, "seconds": round(time.monotonic() - start, 1)}
+    return {name: row[name] for name in COLUMNS}
+
+
+def run(count: int, seed: int, workers: int, out: Path) -> list[dict[str, Any]]:
+    """Rows of ``count`` mutants, written as they come."""
+    everything = [m for name in MODULES for m in mutants_of(f"{PACKAGE}/{name}.py")]
+    drawn = random.Random(seed).sample(everything, count)
+    print(f"{count} of {len(everything)} mutants of {len(MODULES)} modules", file=sys.stderr)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    progress, rows = Progress("mutants", count), []
+    with tempfile.TemporaryDirectory() as folder, open(out, "w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, COLUMNS)
+        writer.writeheader()
+        clones: SimpleQueue[Path] = SimpleQueue()
+        for k in range(workers):
+            subprocess.run(["git", "clone", "-q", str(ROOT), f"{folder}/{k}"], check=True)
+            clones.put(Path(folder, str(k)))
+
+        def one(mutant: Mutant) -> dict[str, Any]:
+            clone = clones.get()
+            try:
+                return tested(mutant, clone)
+            finally:
+                clones.put(clone)
+
+        with ThreadPoolExecutor(workers) as pool:
+            for row in pool.map(one, drawn):
+                rows.append(row)
+                writer.writerow(row)
+                file.flush()
+                progress.step(f"{row['outcome']}: {row['module']}:{row['line']} {row['operator']}")
+    return rows
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m tests.mutation", description=__doc__)
+    parser.add_argument("--count", type=int, default=300)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--out", type=Path, default=Path("runs/mutation.csv"))
+    options = parser.parse_args()
+    rows = run(options.count, options.seed, options.workers, options.out)
+    survived = [row for row in rows if row["outcome"] == "survived"]
+    for row in survived:
+        print(f"{row['module']}:{row['line']} {row['operator']}\n  - {row['before']}\n  + {row['after']}")
+    killed = len(rows) - len(survived)
+    print(f"{killed} of {len(rows)} mutants killed, {100.0 * killed / len(rows):.1f} %")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
