@@ -1,0 +1,171 @@
+"""The catalogue of hard cases: what each is, what it promises, and which mistakes it finds.
+
+A case is a function of the implementation under test that gives figures. As a test it measures this
+package, and every figure must keep its bound; measured on a naive variant, a figure must miss its bound.
+"""
+
+from __future__ import annotations
+
+import importlib
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from subject import Subject
+
+THEMES = {
+    "test_masses_and_poses": "Masses, lengths and singular poses",
+    "test_chaos_and_long_runs": "Chaos, speed and long runs",
+    "test_stops_and_impacts": "Stops and impacts",
+    "test_rest_and_springs": "Rest, release and springs",
+    "test_numbers_and_parameters": "Numbers, actions and parameters",
+    "test_batches_and_copies": "Steps, batches and copies",
+}
+"""Modules with cases, in the order of the page, and their headings."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One number that a case measures, and what is promised of it.
+
+    Parameters
+    ----------
+    name : str
+        What was measured, to be read before "is 3e-5".
+    found : float
+        NaN keeps no promise.
+    at_most, at_least : float, optional
+        One of them is the bound.
+    unit : str
+        Empty where the name says it.
+    """
+
+    name: str
+    found: float
+    at_most: float | None = None
+    at_least: float | None = None
+    unit: str = ""
+
+    def __post_init__(self) -> None:
+        assert (self.at_most is None) != (self.at_least is None), "a figure has one bound"
+        object.__setattr__(self, "found", float(self.found))
+
+    @property
+    def bound(self) -> float:
+        return self.at_least if self.at_most is None else self.at_most
+
+    @property
+    def kept(self) -> bool:
+        return self.found >= self.bound if self.at_most is None else self.found <= self.bound
+
+    @property
+    def relation(self) -> str:
+        return "at least" if self.at_most is None else "at most"
+
+    def __str__(self) -> str:
+        unit = f" {self.unit}" if self.unit else ""
+        promise = f"{self.relation} {shown(self.bound)}{unit} is promised"
+        return f"{self.name} is {shown(self.found)}{unit}, {promise}"
+
+
+Measure = Callable[[Subject], Iterable[Figure]]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A hard case.
+
+    Parameters
+    ----------
+    number : str
+        "3", "27b".
+    title : str
+    hard : str
+        What is hard about it.
+    naive : str
+        What a naive implementation does.
+    measure : callable
+        Figures of a subject.
+    caught : tuple of classes
+        Naive variants that fail it.
+    module, function : str
+        Of its test.
+    mujoco : str
+        What MuJoCo does, if that is known and not measured.
+    compared : bool
+        Whether the same measurement can be made of MuJoCo.
+    waiting_for : str
+        The effect that does not exist yet; empty of a case that is measured.
+    """
+
+    number: str
+    title: str
+    hard: str
+    naive: str
+    measure: Measure
+    caught: tuple[type[Subject], ...]
+    module: str
+    function: str
+    mujoco: str = ""
+    compared: bool = False
+    waiting_for: str = ""
+
+    @property
+    def name(self) -> str:
+        return f"case {self.number}, {self.title}"
+
+    def figures(self, subject: Subject) -> list[Figure]:
+        """What a subject reaches; variants overflow and divide by zero, and their figures tell."""
+        with np.errstate(all="ignore"):
+            return list(self.measure(subject))
+
+
+CASES: dict[str, Case] = {}
+"""All cases by their numbers, once their modules are imported."""
+
+
+def check(case: Case, figures: Iterable[Figure]) -> None:
+    """AssertionError that says which case misses which promise, and by how much."""
+    missed = [f"{case.name}: {figure}" for figure in figures if not figure.kept]
+    assert not missed, "\n".join(missed)
+
+
+def hard_case(
+    number: str, title: str, *, hard: str, naive: str, caught: tuple[type[Subject], ...] = (),
+    mujoco: str = "", compared: bool = False, waiting_for: str = "",
+) -> Callable[[Measure], Callable[[], None]]:  # fmt: skip
+    """Register a function of a subject as a case, and make it a test of this package."""
+
+    def register(measure: Measure) -> Callable[[], None]:
+        assert number not in CASES, f"there is a case {number} already"
+        module = measure.__module__.rpartition(".")[2]
+        case = CASES[number] = Case(
+            number, title, hard, naive, measure, caught, module, measure.__name__, mujoco, compared,
+            waiting_for,
+        )  # fmt: skip
+
+        def test() -> None:
+            figures = case.figures(Subject())
+            assert figures, f"{case.name} measures nothing"
+            check(case, figures)
+
+        test.__name__ = test.__qualname__ = measure.__name__
+        test.__module__, test.__doc__ = measure.__module__, measure.__doc__
+        return test
+
+    return register
+
+
+def all_cases() -> list[Case]:
+    """Every case of every module, module by module."""
+    for theme in THEMES:
+        importlib.import_module(theme)
+    return [case for theme in THEMES for case in CASES.values() if case.module == theme]
+
+
+def shown(x: float) -> str:
+    """A number with two digits, or all of a whole one."""
+    if math.isnan(x):
+        return "not a number"
+    return f"{x:.0f}" if x == round(x) and abs(x) < 1e6 else f"{x:.2g}"

@@ -1,0 +1,68 @@
+"""What several cases measure: errors beside exact accelerations, energies, orders."""
+
+from __future__ import annotations
+
+import math
+
+import mpmath
+import numpy as np
+import places  # noqa: F401
+from exact_numbers import exactly
+
+import redundant_envs as rde
+from redundant_envs.model.energy import kinetic_energy, potential_energy
+from redundant_envs.quantities import Quantities
+
+LAB = rde.FourR((1.0,) * 4, (0.5,) * 4)
+"""The 4R arm of 1 kg and 0.5 m each."""
+GRAVITY = rde.effects.Gravity(9.81)
+STATE_A = (0.0,) * 4, (0.0,) * 4
+STATE_B = (0.2, 1.0, -0.5, 2.0), (6.0, -4.0, 8.0, -10.0)
+"""98 J: chaotic, a Lyapunov time of 0.16 s."""
+
+
+def exact_accelerations(arm, q, qd, Q, g=0.0, digits=60):
+    """qdd from M qdd = Q - h - G, solved densely in 60 digits."""
+    n = len(arm.coordinates)
+    with mpmath.workdps(digits):
+        numbers = dict(zip((*arm.coordinates, *arm.rates), (*q, *qd), strict=True))
+        known = exactly({**arm.parameter_values(), **numbers, "ax": 0.0, "ay": g})
+        values = Quantities(known, arm.functions, arm.sincos)
+        rows = range(1, n + 1)
+        mass = mpmath.matrix([[values[f"M{i}{j}"] for j in rows] for i in rows])
+        free = mpmath.matrix([mpmath.mpf(Q[i - 1]) - values[f"h{i}"] - values[f"G{i}"] for i in rows])
+        return [mpmath.mpf(x) for x in mpmath.lu_solve(mass, free)]
+
+
+def acceleration_error(subject, arm, q, qd, Q, g=0.0):
+    """Largest error of qdd beside its largest entry."""
+    exact = exact_accelerations(arm, q, qd, Q, g)
+    found = subject.accelerations(arm, np.array(q, float), np.array(qd, float), np.array(Q, float), g)
+    if not np.isfinite(found).all():
+        return math.nan
+    with mpmath.workdps(60):
+        worst = max(abs(mpmath.mpf(float(a)) - b) for a, b in zip(found, exact, strict=True))
+        return float(worst / max(abs(b) for b in exact))
+
+
+def energy(scene, q, qd):
+    """Kinetic and potential energy, (...), J."""
+    return kinetic_energy(scene, q, qd) + potential_energy(scene, q)
+
+
+def energy_error(scene, motion):
+    """Largest change of the energy of any lane since the start, J."""
+    total = energy(scene, motion.q, motion.qd)
+    change = np.abs(total - total[0])
+    return float(change.max()) if np.isfinite(change).all() else math.nan
+
+
+def tip_error(arm, q, reference):
+    """Largest distance of tips, m."""
+    off = np.linalg.norm(arm.forward_kinematics(q) - arm.forward_kinematics(np.asarray(reference)), axis=-1)
+    return float(np.max(off))
+
+
+def orders(errors, ratios):
+    """Measured orders of successive errors."""
+    return [math.log(a / b) / math.log(r) for a, b, r in zip(errors, errors[1:], ratios, strict=False)]

@@ -1,0 +1,14 @@
+"""Deliberately naive variants, each with one textbook mistake: what the hard cases are there to find."""
+
+from naive.accelerations import DenseSolve, InvertedJacobian, RegularisedMass
+from naive.angles import SinglePrecision, SummedClock, WrappedAngles
+from naive.printed import PrintedReport
+from naive.snapshots import SavedPositions
+from naive.steps import EstimateWithoutFloor, ExplicitEuler, FixedSteps
+from naive.stops import CubicGuess, FlippedVelocity, ImpulseAtStepEnd
+
+VARIANTS = (
+    DenseSolve, RegularisedMass, InvertedJacobian, ExplicitEuler, FixedSteps, EstimateWithoutFloor,
+    FlippedVelocity, ImpulseAtStepEnd, CubicGuess, WrappedAngles, SinglePrecision, SummedClock,
+    SavedPositions, PrintedReport,
+)  # fmt: skip

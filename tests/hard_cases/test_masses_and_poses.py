@@ -1,0 +1,246 @@
+"""Hard cases: masses and lengths of very different size, stretched and folded arms, sliders at the axis."""
+
+import dataclasses
+
+import numpy as np
+from catalogue import Figure, hard_case
+from measured import GRAVITY, LAB, STATE_A, acceleration_error, energy_error, tip_error
+from naive import DenseSolve, ExplicitEuler, FixedSteps, InvertedJacobian, RegularisedMass
+
+import redundant_envs as rde
+from redundant_envs.studies.verification import random_states
+
+RELATIVE = "of the largest acceleration"
+
+
+@hard_case(
+    "1", "the straight arm",
+    hard="All links of the 4R arm lie in one line: the Jacobian of the tip has rank 1.",
+    naive="Code that inverts J or J J^T dies or throws the arm about.",
+    caught=(InvertedJacobian, ExplicitEuler), compared=True,
+)  # fmt: skip
+def test_01_the_straight_arm(subject):
+    q, qd = STATE_A
+    error = acceleration_error(subject, LAB, q, qd, (0.5, -0.2, 0.1, 0.3), 9.81)
+    yield Figure("the error of qdd", error, at_most=1e-14, unit=RELATIVE)
+    # After 1 s, by collocation of order 16 in 34 digits.
+    end = (-2.2941618162353746, -2.4834802323820511, -2.7634110527282831, -2.7308771419242488)
+    for tolerance, bound in ((1e-6, 1e-5), (1e-12, 1e-10)):
+        motion = subject.motion(rde.Scene(LAB, (GRAVITY,), tolerance=tolerance), q, qd, 50)
+        off = 1e3 * tip_error(LAB, motion.q[-1, 0], end)
+        yield Figure(f"at tolerance {tolerance:g} m the tip after 1 s", off, at_most=bound, unit="mm off")
+    goal = np.array([1.5, 0.9])
+    pose = subject.pose_at(rde.Scene(LAB), q, goal)
+    distance = np.linalg.norm(LAB.forward_kinematics(pose) - goal)
+    yield Figure("a pose 1.75 m from the base, sought from there,", distance, at_most=1e-6, unit="m off")
+
+
+@hard_case(
+    "2", "the folded arm",
+    hard="The tip lies on the base: manipulability 0, and no effort of the tip turns the arm.",
+    naive="Steps of inverse kinematics are infinite, or NaN.",
+    caught=(InvertedJacobian,), compared=True,
+)  # fmt: skip
+def test_02_the_folded_arm(subject):
+    q, qd = (0.0, np.pi, 0.0, np.pi), (1.0, -2.0, 3.0, -4.0)
+    error = acceleration_error(subject, LAB, q, qd, (0.1,) * 4, 9.81)
+    yield Figure("the error of qdd", error, at_most=1e-14, unit=RELATIVE)
+    yield Figure("manipulability", LAB.manipulability(np.array(q)), at_most=1e-15)
+    goal = np.array([0.3, 0.6])
+    pose = subject.pose_at(rde.Scene(LAB), q, goal)
+    distance = np.linalg.norm(LAB.forward_kinematics(pose) - goal)
+    yield Figure("a pose 0.67 m from the base, sought from there,", distance, at_most=1e-6, unit="m off")
+
+
+LIGHT = rde.FourR((1e-12, 1e-12, 1e-12, 1.0), (0.5,) * 4)
+
+
+@hard_case(
+    "3", "three links of 1e-12 kg",
+    hard="All mass is at the tip: the condition number of M is 1e13.",
+    naive="A dense solve loses as many digits as M is badly conditioned; a regularised M is another arm.",
+    caught=(DenseSolve, RegularisedMass), compared=True,
+)  # fmt: skip
+def test_03_three_vanishing_masses(subject):
+    q, qd = (0.3, 1.2, -2.0, 0.8), (1.0, -2.0, 3.0, -4.0)
+    for g in (0.0, 9.81):
+        error = acceleration_error(subject, LIGHT, q, qd, (0.1,) * 4, g)
+        yield Figure(f"with g = {g:g} the error of qdd", error, at_most=1e-14, unit=RELATIVE)
+
+
+@hard_case(
+    "4", "three links of 1e-12 kg, nearly straight",
+    hard="Sines of differences of 1e-4 rad, from products of sines, lose four digits more.",
+    naive="sin(a) cos(b) - cos(a) sin(b) cancels; and a dense solve loses what it always does.",
+    caught=(DenseSolve, RegularisedMass), compared=True,
+)  # fmt: skip
+def test_04_three_vanishing_masses_nearly_straight(subject):
+    q, qd = (0.3, 0.3001, 0.2999, 0.30005), (1.0, -2.0, 3.0, -4.0)
+    error = acceleration_error(subject, LIGHT, q, qd, (0.1,) * 4)
+    yield Figure("the error of qdd", error, at_most=2e-10, unit=RELATIVE)
+
+
+@hard_case(
+    "5", "a tip of 1e-12 kg",
+    hard="A torque of 1e-12 N m turns the last link as quickly as one of 1 N m the others.",
+    naive="A regularised M does not let the last link move.",
+    caught=(RegularisedMass,), compared=True,
+)  # fmt: skip
+def test_05_a_vanishing_tip(subject):
+    arm = rde.FourR((1.0, 1.0, 1.0, 1e-12), (0.5,) * 4)
+    q, qd = (0.3, 1.2, -2.0, 0.8), (1.0, -2.0, 3.0, -4.0)
+    error = acceleration_error(subject, arm, q, qd, (0.1, 0.1, 0.1, 1e-12))
+    yield Figure("the error of qdd", error, at_most=1e-14, unit=RELATIVE)
+
+
+@hard_case(
+    "6", "two links of a micrometre",
+    hard="Lengths (1, 1e-6, 1, 1e-6) m: condition number 9e12, and motions of a millisecond.",
+    naive="Steps of the usual length miss the motion, and nobody is told.",
+    caught=(FixedSteps,), compared=True,
+)  # fmt: skip
+def test_06_links_of_a_micrometre(subject):
+    arm = rde.FourR((1.0,) * 4, (1.0, 1e-6, 1.0, 1e-6))
+    q, qd = (0.3, 1.2, -2.0, 0.8), (1.0, -2.0, 3.0, -4.0)
+    error = acceleration_error(subject, arm, q, qd, (0.1, 1e-7, 0.1, 1e-7))
+    yield Figure("the error of qdd", error, at_most=1e-14, unit=RELATIVE)
+    motion = subject.motion(rde.Scene(arm, (GRAVITY,), tolerance=1e-6), q, qd, 1)
+    told = motion.evaluations[0, 0] >= 24 or motion.numerics[0] != 0
+    yield Figure("intervals with more steps, or a flag,", told, at_least=1)
+    fine = rde.BatchSimulator(rde.Scene(arm, (GRAVITY,), substeps=16384))
+    fine.set_state(q, qd)
+    fine.advance()
+    off = 0.0 if motion.numerics[0] else tip_error(arm, motion.q[-1], fine.q)
+    yield Figure("an unflagged tip after 20 ms", off, at_most=1e-6, unit="m off")
+
+
+ONES, HALVES = (1.0,) * 4, (0.5,) * 4
+IMPOSSIBLE = [
+    ("masses[1]", "FourR", (1.0, 0.0, 1.0, 1.0), HALVES),
+    ("lengths[2]", "FourR", ONES, (0.5, 0.5, 0.0, 0.5)),
+    ("masses[0]", "FourR", (float("nan"), 1.0, 1.0, 1.0), HALVES),
+    ("masses[3]", "FourR", (1.0, 1.0, 1.0, -1.0), HALVES),
+    ("lengths[0]", "RPRP", ONES, (float("inf"), 0.5)),
+    ("lengths[1]", "RPRP", ONES, (0.5, -0.5)),
+    ("masses[2]", "RPRP", (1.0, 1.0, 0.0, 1.0), (0.5, 0.5)),
+]
+
+
+@hard_case(
+    "7", "masses and lengths that no arm has",
+    hard="A mass of 0 makes M singular where the arm is straight.",
+    naive="A regularised M hides it: the arm moves somehow.",
+    caught=(RegularisedMass,),
+    mujoco="Its compiler refuses masses below 1e-15 kg, NaN included, without a name; a length of 0 passes.",
+)  # fmt: skip
+def test_07_impossible_parameters_are_refused_by_name(subject):
+    named = 0
+    for field, kind, masses, lengths in IMPOSSIBLE:
+        try:
+            subject.arm(kind, masses, lengths)
+        except ValueError as error:
+            named += field in str(error)
+    yield Figure("the number of refusals that name the field", named, at_least=len(IMPOSSIBLE))
+
+
+SLIDERS = rde.RPRP((1.0,) * 4, (0.5, 0.5))
+
+
+@hard_case(
+    "8", "a slider through its axis",
+    hard="l2 + r2 = 0: the last mass sits on the joint of its link, and the Jacobian is singular there.",
+    naive='"Polar" equations divide by l2 + r2.',
+    caught=(InvertedJacobian, ExplicitEuler), compared=True,
+)  # fmt: skip
+def test_08_a_slider_through_its_axis(subject):
+    q, qd = (0.3, 0.1, -0.4, -0.5), (1.0, 0.8, -2.0, -0.6)
+    error = acceleration_error(subject, SLIDERS, q, qd, (0.1,) * 4, 9.81)
+    yield Figure("the error of qdd", error, at_most=1e-14, unit=RELATIVE)
+    scene = rde.Scene(SLIDERS, (GRAVITY,), tolerance=1e-12)
+    start = (0.3, 0.1, -0.4, -0.4), (1.0, 0.8, -2.0, -2.0)
+    motion = subject.motion(scene, *start, 10)
+    passed = motion.q[0, 0, 3] > -0.5 > motion.q[-1, 0, 3]
+    yield Figure("passes", passed, at_least=1)
+    yield Figure("the energy over the pass", energy_error(scene, motion), at_most=1e-11, unit="J off")
+
+
+@hard_case(
+    "9", "sliders near their axes, and light",
+    hard="m3 = 1e-9 kg with r2 = -l2 + 1e-6 m, and m1 = 1e-9 kg with r1 = -l1 + 1e-6 m: M is near singular.",
+    naive="A regularised M is another arm: what is added is more than what is there.",
+    caught=(RegularisedMass, FixedSteps), compared=True,
+)  # fmt: skip
+def test_09_light_sliders_near_their_axes(subject):
+    for masses, q in (
+        ((1.0, 1.0, 1e-9, 1.0), (0.3, 0.1, -0.4, -0.5 + 1e-6)),
+        ((1e-9, 1.0, 1.0, 1.0), (0.3, -0.5 + 1e-6, -0.4, 0.1)),
+    ):
+        arm = rde.RPRP(masses, (0.5, 0.5))
+        link = 2 if masses[2] < 1.0 else 1
+        error = acceleration_error(subject, arm, q, (1.0, 0.8, -2.0, -0.6), (0.1,) * 4)
+        yield Figure(f"at the axis of link {link} the error of qdd", error, at_most=1e-14, unit=RELATIVE)
+        scene = rde.Scene(arm, (GRAVITY,), tolerance=1e-6)
+        motion = subject.motion(scene, q, (1.0, 0.8, -2.0, -0.6), 1)
+        told = motion.evaluations[0, 0] >= 24 or motion.numerics[0] != 0
+        yield Figure(f"at the axis of link {link} intervals with more steps, or a flag,", told, at_least=1)
+
+
+@hard_case(
+    "10", "a free particle passes the base",
+    hard="Its angle turns half around within b / v: 1 ms at b = 1 mm. In Cartesian coordinates it is a line.",
+    naive="Equal steps jump over the turn or blow up in it; a look at the rate before the step is too early.",
+    caught=(FixedSteps,), compared=True,
+)  # fmt: skip
+def test_10_a_polar_fly_by_is_a_straight_line(subject):
+    arm = rde.RPRP((1e-12, 1.0, 1e-12, 1e-12), (0.5, 0.5))
+    scene = rde.Scene(arm, (), tolerance=1e-6)
+    for b in (0.1, 0.01, 0.001):
+        radius, angle = np.hypot(1.0, b), np.arctan2(b, -1.0)
+        q, qd = (angle, radius - 0.5, 0.0, 0.0), (-b / radius**2, -1.0 / radius, 0.0, 0.0)
+        motion = subject.motion(scene, q, qd, 100)
+        off = np.abs(arm.points(motion.q[-1, 0])[1] - (1.0, b)).max()
+        yield Figure(f"passing at {b:g} m the end of the line", off, at_most=1e-6, unit="m off")
+        yield Figure(f"passing at {b:g} m flagged intervals", motion.numerics[0], at_most=0)
+
+
+@hard_case(
+    "44", "links that nearly vanish",
+    hard="A link of 10 micrometres turns over within the interval: the error of its angle grows on the way.",
+    naive="An error in metres of the tip does not see the angle of so short a link.",
+    caught=(FixedSteps,),
+)  # fmt: skip
+def test_44_the_tolerance_is_kept_with_nearly_vanishing_links(subject):
+    arm, tolerance = rde.FourR((1.0,) * 4, (1.0, 1e-5, 1.0, 1e-5)), 1e-6
+    scene = rde.Scene(arm, (GRAVITY,), tolerance=tolerance)
+    q, qd, _ = random_states(scene, 512, 0)
+    motion = subject.motion(scene, q, qd, 1)
+    ends = []
+    for count in (2048, 4096):
+        batch = rde.BatchSimulator(dataclasses.replace(scene, tolerance=None, substeps=count), len(q))
+        batch.set_state(q, qd)
+        batch.advance()
+        ends.append(arm.forward_kinematics(batch.q))
+    judged = np.linalg.norm(ends[0] - ends[1], axis=1) <= 0.1 * tolerance
+    yield Figure("the number of intervals that two references agree in", judged.sum(), at_least=300)
+    error = np.linalg.norm(arm.forward_kinematics(motion.q[-1]) - ends[1], axis=1)
+    flagged = motion.numerics != 0
+    off = np.mean(~(error <= tolerance)[judged & ~flagged])
+    yield Figure("the share of unflagged intervals off by more than the tolerance", off, at_most=1e-3)
+    yield Figure("the share of flagged intervals", np.mean(flagged[judged]), at_most=4e-3)
+
+
+@hard_case(
+    "45", "heavy tips at speed",
+    hard="With no efforts and a tip a million times heavier, centrifugal forces cancel to nearly nothing.",
+    naive="A dense solve loses all digits of what is left.",
+    caught=(DenseSolve,), compared=True,
+)  # fmt: skip
+def test_45_heavy_tips_at_speed(subject):
+    rng = np.random.default_rng(11)
+    for kind, lengths in (("FourR", 4), ("RPRP", 2)):
+        worst = 0.0
+        for _ in range(10):
+            arm = getattr(rde, kind)((1e-6, 1e-6, 1e-6, 1.0), tuple(rng.uniform(0.3, 0.7, lengths)))
+            q, qd = rng.uniform(-1.5, 1.5, 4), rng.normal(0.0, 3.0, 4)
+            worst = np.fmax(worst, acceleration_error(subject, arm, q, qd, np.zeros(4)))
+        yield Figure(f"{kind}: the error of qdd", worst, at_most=1e-14, unit=RELATIVE)

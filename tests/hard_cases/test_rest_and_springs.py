@@ -1,0 +1,148 @@
+"""Hard cases: sliders that come to rest and are let go, springs, friction that is not there yet."""
+
+import math
+
+import numpy as np
+import places  # noqa: F401
+from actuator_lag import ActuatorLag
+from catalogue import Figure, hard_case
+from measured import GRAVITY, energy_error, tip_error
+from naive import ExplicitEuler, FixedSteps, ImpulseAtStepEnd
+from sliders import ARM, HEAVY
+
+import redundant_envs as rde
+from redundant_envs import effects as e
+
+
+@hard_case(
+    "25", "bounces that come to rest",
+    hard="Infinitely many bounces end at sqrt(2 h / g) (1 + e) / (1 - e); then the slider lies at its stop.",
+    naive="A search that ends each bounce never ends, a threshold on the speed ends early, a step sinks in.",
+    caught=(ImpulseAtStepEnd,),
+    mujoco="It has no coefficient of restitution.",
+)  # fmt: skip
+def test_25_bounces_come_to_rest_on_time(subject):
+    arm = rde.RPRP((1.0, 1.0, 1.0, 1e-12), (0.5, 0.5))
+    subject.longest = 0.02
+    hanging = [-math.pi / 2, 0.3, -math.pi / 2, 0.0]  # link 1 lies on its own stop: only the ball moves
+    for restitution, seconds in ((0.5, 11.0), (0.9, 15.0)):
+        stop = e.PrismaticStop((None, None), (0.3, 0.3), restitution)
+        scene = rde.Scene(arm, (GRAVITY, stop), control_dt=0.02, tolerance=1e-9)
+        motion = subject.motion(scene, hanging, 0.0, round(seconds / 0.02))
+        exact = math.sqrt(2.0 * 0.3 / 9.81) * (1.0 + restitution) / (1.0 - restitution)
+        last = motion.impacts("r2")[-1]
+        recorded = last.time + 2.0 * restitution * last.speed / (9.81 * (1.0 - restitution))
+        yield Figure(f"at restitution {restitution:g} the time of rest", abs(recorded - exact), at_most=1e-7,
+                     unit="s off")  # fmt: skip
+        late = math.ceil(exact / 0.02) + 1
+        moved = np.count_nonzero(motion.q[late:, 0, 3] != 0.3) + np.count_nonzero(motion.qd[late:, 0, 3])
+        yield Figure(f"at restitution {restitution:g} the number of intervals after it that end off the stop",
+                     moved, at_most=0)  # fmt: skip
+
+
+@hard_case(
+    "26", "pressed, and let go within an interval",
+    hard="A force that presses for 5 s turns within an interval, because the motor lags: release at T ln 2.",
+    naive="The slider creeps while it is pressed, and leaves with the next step.",
+    caught=(),
+    mujoco="A soft stop yields to the force, and gives it back.",
+)  # fmt: skip
+def test_26_a_pressed_slider_is_let_go_on_time(subject):
+    stop, lag = e.PrismaticStop((0.0, 0.0), (0.3, 0.3), 0.3), 7.3e-3
+    for tolerance in (1e-6, 1e-12):
+        scene = rde.Scene(ARM, (stop, ActuatorLag(lag)), control_dt=0.02, tolerance=tolerance)
+        force = np.array([0.0, 10.0, 0.0, 0.0])
+        motion = subject.motion(
+            scene, [0.0, 0.0, 0.0, 0.1], 0.0, 251, lambda k, u=force: u if k == 250 else -u
+        )
+        pressed = motion.q[:251, 0, 1]
+        yield Figure(f"at {tolerance:g} m the drift in 5 s", np.abs(pressed).max(), at_most=0, unit="m")
+        releases = [x.time for x in motion.events if x.kind == "release" and x.joint == "r1" and x.time > 0.0]
+        yield Figure(f"at {tolerance:g} m the number of releases less one", abs(len(releases) - 1), at_most=0)
+        off = abs(releases[0] - 5.0 - lag * math.log(2.0))
+        # A tolerance in metres says little about a force: 1e-8 s of it move the tip by 1e-20 m.
+        bound = 1e-8 if tolerance == 1e-6 else 1e-10
+        yield Figure(f"at {tolerance:g} m the time of release", off, at_most=bound, unit="s off")
+
+
+@hard_case(
+    "31", "a stiff spring that was not touched yet",
+    hard="A spring of 1e6 N/m is struck and left again within 3 ms, in a step of 20 ms.",
+    naive="A fixed step that meets the spring throws the arm out of the room.",
+    caught=(FixedSteps, ExplicitEuler),
+    mujoco="Its limits are springs themselves.",
+)  # fmt: skip
+def test_31_a_stiff_spring_is_seen_before_it_is_touched(subject):
+    springs = [e.LimitSpring(joint, 0.0, 0.3, 1e6) for joint in ("r1", "r2")]
+    scene = rde.Scene(ARM, springs, control_dt=0.02, tolerance=1e-6)
+    # Straight, and at rest but for the last slider: nothing turns.
+    motion = subject.motion(scene, [0.0, 0.1, 0.0, 0.2925], [0.0, 0.0, 0.0, 1.0], 5)
+    yield Figure("the energy over the bounce", energy_error(scene, motion), at_most=1e-3, unit="J off")
+    fine = rde.BatchSimulator(rde.Scene(ARM, springs, substeps=20000))
+    fine.set_state([0.0, 0.1, 0.0, 0.2925], [0.0, 0.0, 0.0, 1.0])
+    for _ in range(5):
+        fine.advance()
+    yield Figure(
+        "the tip after 5 intervals", tip_error(ARM, motion.q[-1], fine.q), at_most=5e-6, unit="m off"
+    )
+    # Turned back by a force, it is in the spring for 2 ms around 7.5 ms. The tip is light, and stays behind.
+    scene = rde.Scene(HEAVY, springs[:1], control_dt=0.02, tolerance=1e-6)
+    state, force = ((0.0, 0.3 - 0.00737, 0.0, 0.1), (0.0, 2.0, 0.0, 0.0)), [0.0, -2.0 / 0.0075, 0.0, 0.0]
+    motion = subject.motion(scene, *state, 1, force)
+    fine = rde.BatchSimulator(rde.Scene(HEAVY, springs[:1], substeps=20000))
+    fine.set_state(*state)
+    fine.advance([force])
+    off = np.abs(motion.q[-1] - fine.q).max()
+    yield Figure("struck within an interval the slider after it", off, at_most=1e-7, unit="m off")
+
+
+@hard_case(
+    "32", "the spring that the report prints",
+    hard="It acts everywhere, with twice its stiffness, and couples the sliders: two frequencies.",
+    naive="A drift of the phase is no loss of energy.",
+    caught=(FixedSteps,), compared=True,
+)  # fmt: skip
+def test_32_the_printed_spring_has_its_two_frequencies(subject):
+    arm = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
+    spring = e.CentringSpring((400.0, 200.0), (0.0, 0.0), (0.5, 0.4))
+    scene = rde.Scene(arm, (spring,), tolerance=1e-12)
+    mass = np.array([[3.0, 0.5], [0.5, 0.5]])
+    # K x = w^2 M x of two sliders along one line; no torque turns the links.
+    values, shapes = np.linalg.eig(np.linalg.solve(mass, np.diag([800.0, 400.0])))
+    for value, shape in zip(values, shapes.T, strict=True):
+        w, amplitude = math.sqrt(value), 0.05 * shape / np.abs(shape).max()
+        q = [0.0, 0.25 + amplitude[0], 0.0, 0.2 + amplitude[1]]
+        motion = subject.motion(scene, q, 0.0, 500)
+        x = (motion.q[-1, 0, [1, 3]] - (0.25, 0.2)) @ amplitude
+        v = motion.qd[-1, 0, [1, 3]] @ amplitude
+        phase = math.atan2(-v / w, x)
+        off = (phase - 10.0 * w + math.pi) % (2.0 * math.pi) - math.pi
+        yield Figure(f"the frequency of {w:.4g} rad/s", abs(off) / (10.0 * w), at_most=1e-10,
+                     unit="of itself off")  # fmt: skip
+
+
+@hard_case(
+    "33", "true stiction",
+    hard="Under 0.9 of its friction an arm must stand for ever, and under 1.01 of it slip at once.",
+    naive="A smoothed friction creeps by 0.015 rad in 10 s; sign(v) chatters.",
+    waiting_for="CoulombFriction",
+    mujoco="Its friction loss is soft, and creeps.",
+)  # fmt: skip
+def test_33_stiction_waits_for_its_effect(subject):
+    return waiting("CoulombFriction")
+
+
+@hard_case(
+    "34", "LuGre friction of 1e5 N m/rad",
+    hard="A bristle that relaxes within a microsecond, in steps of 10 ms.",
+    naive="An explicit step of it is NaN.",
+    waiting_for="LuGreFriction",
+)  # fmt: skip
+def test_34_lugre_friction_waits_for_its_effect(subject):
+    return waiting("LuGreFriction")
+
+
+def waiting(effect):
+    """The case must be written when its effect is there."""
+    there = hasattr(e, effect)
+    yield Figure(f"the number of effects {effect} (with one, this case must be written)", there, at_most=0)

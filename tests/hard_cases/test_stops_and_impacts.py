@@ -1,0 +1,257 @@
+"""Hard cases: hard stops, many impacts, impacts that a step hides."""
+
+import math
+
+import numpy as np
+from catalogue import Figure, hard_case
+from measured import GRAVITY, energy, energy_error, orders, tip_error
+from naive import CubicGuess, FlippedVelocity, ImpulseAtStepEnd
+from sliders import ARM, HEAVY, UNEQUAL, penetration, stopped
+from subject import Subject
+
+import redundant_envs as rde
+from redundant_envs import effects as e
+
+START = (0.3, 0.1, -0.4, 0.2), (1.0, 0.8, -2.0, -0.6)
+"""Five impacts in half a second."""
+
+
+@hard_case(
+    "23", "five impacts in half a second",
+    hard="Elastic stops: an impact found a step late, or half of one, is another motion.",
+    naive="A flipped velocity is off by 0.4 m at every step; an impulse at the end of the step has order 1.",
+    caught=(FlippedVelocity, ImpulseAtStepEnd, CubicGuess), compared=True,
+)  # fmt: skip
+def test_23_five_impacts_keep_the_order(subject):
+    reference = rde.simulate(stopped(integrator="dop853"), *START, [0.5]).q[-1]
+    errors = []
+    for h in (1e-2, 5e-3, 2.5e-3, 1e-3):
+        subject.longest = h
+        scene = stopped(integrator="rk4", control_dt=h)
+        motion = subject.motion(scene, *START, round(0.5 / h))
+        errors.append(tip_error(ARM, motion.q[-1, 0], reference))
+    yield Figure("the largest penetration", penetration(motion), at_most=0, unit="m")
+    yield Figure("the number of impacts less five", abs(len(motion.impacts()) - 5), at_most=0)
+    yield Figure("the tip at RK4 of 1 ms", 1e3 * errors[-1], at_most=1e-6, unit="mm off")
+    yield Figure("the order of RK4", min(orders(errors, (2.0, 2.0, 2.5))), at_least=3.9)
+    yield Figure("the energy at RK4 of 1 ms", energy_error(scene, motion), at_most=1e-8, unit="J off")
+    scene = stopped(tolerance=1e-12)
+    motion = subject.motion(scene, *START, 25)
+    yield Figure("at exact the energy", energy_error(scene, motion), at_most=1e-10, unit="J off")
+
+
+@hard_case(
+    "24", "one impact, a thousand states",
+    hard="With restitution e the energy lost is (1 - e^2) v^2 / (2 W), and all of M qd but one entry stays.",
+    naive="A flipped velocity leaves the others as they are, and loses or gains any energy.",
+    caught=(FlippedVelocity,),
+    mujoco="It has no coefficient of restitution.",
+)  # fmt: skip
+def test_24_an_impact_loses_what_restitution_says(subject):
+    rng, count, dt = np.random.default_rng(3), 1000, 1e-9
+    q = np.column_stack(
+        [
+            rng.uniform(-3, 3, count),
+            np.full(count, 0.3),
+            rng.uniform(-3, 3, count),
+            rng.uniform(0.05, 0.25, count),
+        ]
+    )
+    qd = rng.normal(0, 2, (count, 4))
+    qd[:, 1] = np.abs(qd[:, 1]) + 0.05
+    M = UNEQUAL.mass_matrix(q)
+    W = np.linalg.inv(M)[:, 1, 1]
+    before = UNEQUAL.kinetic_energy(q, qd)
+    for restitution in (0.0, 0.5, 1.0):
+        scene = stopped(UNEQUAL, restitution, gravity=0.0, control_dt=dt, integrator="rk4")
+        after = subject.motion(scene, q, qd, 1)
+        # Without gravity and efforts the motion keeps the energy; what is left is rounding.
+        left = UNEQUAL.kinetic_energy(after.q[-1], after.qd[-1])
+        lost = (1.0 - restitution**2) * qd[:, 1] ** 2 / (2.0 * W)
+        off = np.abs(before - left - lost) / before
+        yield Figure(f"at restitution {restitution:g} the energy lost", off.max(), at_most=1e-12,
+                     unit="of the kinetic energy off")  # fmt: skip
+        jump = np.einsum("nij,nj->ni", M, after.qd[-1] - qd)[:, [0, 2, 3]]
+        # Within the nanosecond forces change it by some 1e-7.
+        yield Figure(f"at restitution {restitution:g} the change of the other momenta", np.abs(jump).max(),
+                     at_most=1e-6, unit="kg m/s or kg m^2/s")  # fmt: skip
+
+
+@hard_case(
+    "27", "in and out within one step",
+    hard="2 mm from its stop at 1 m/s, turned back at 200 m/s^2: after 20 ms the slider is far away again.",
+    naive="A look at the end of the step finds nothing.",
+    caught=(FlippedVelocity, ImpulseAtStepEnd),
+    mujoco="With steps of 20 ms it sees nothing, either; with shorter ones it yields to the slider.",
+)  # fmt: skip
+def test_27_grazing_within_one_step_is_found(subject):
+    subject.longest = 0.02
+    v = math.sqrt(1.0 - 2.0 * 200.0 * 0.002)
+    t = (1.0 - v) / 200.0
+    exact = 0.3 - v * (0.02 - t) - 100.0 * (0.02 - t) ** 2
+    for integrator, tolerance in (("rk4", None), ("rk8", None), ("rk8", 1e-6), ("dop853", None)):
+        name = integrator if tolerance is None else "error control"
+        scene = stopped(HEAVY, gravity=0.0, integrator=integrator, tolerance=tolerance)
+        motion = subject.motion(scene, [0.0, 0.298, 0.0, 0.1], [0.0, 1.0, 0.0, 0.0], 1, [0, -200.0002, 0, 0])
+        yield Figure(
+            f"with {name} the number of impacts less one", abs(len(motion.impacts("r1")) - 1), at_most=0
+        )
+        yield Figure(f"with {name} the end", abs(motion.q[-1, 0, 1] - exact), at_most=1e-7, unit="m off")
+
+
+@hard_case(
+    "27b", "an apex at the stop",
+    hard="It turns back exactly at its stop, or 1e-17 m before or behind it.",
+    naive="Rounding decides, and an impact of any speed may follow.",
+    caught=(),
+)  # fmt: skip
+def test_27b_an_apex_at_the_stop_changes_no_energy(subject):
+    scene = stopped(HEAVY, gravity=0.0, tolerance=1e-6)
+    gaps = 0.0025 * (1.0 + np.array([0.0, 1e-14, -1e-14, 1e-12, -1e-12]))
+    q = np.tile([0.0, 0.3, 0.0, 0.1], (len(gaps), 1))
+    q[:, 1] -= gaps
+    motion = subject.motion(scene, q, [0.0, 1.0, 0.0, 0.0], 1, [0, -200.0002, 0, 0])
+    most = max(len(motion.impacts("r1", lane)) for lane in range(len(gaps)))
+    yield Figure("the largest number of impacts", most, at_most=1)
+    x, v = motion.q[..., 1], motion.qd[..., 1]
+    total = 0.5 * v**2 + 200.0 * x  # of the mass of 1 kg
+    yield Figure("the energy", np.abs(total[1] - total[0]).max(), at_most=1e-9, unit="J off")
+
+
+@hard_case(
+    "28", "both sliders at once",
+    hard="Two impacts within 1e-15 s: one after the other is another motion than both together.",
+    naive="The order of the joints decides what happens.",
+    caught=(FlippedVelocity,),
+)  # fmt: skip
+def test_28_both_sliders_at_once_do_not_know_their_order(subject):
+    scene = stopped(restitution=0.7, gravity=0.0, tolerance=1e-9)
+    q = np.array([[0.4, 0.299 + 1e-15, 0.4, 0.299], [0.4, 0.299, 0.4, 0.299 + 1e-15]])
+    motion = subject.motion(scene, q, [0.0, 1.0, 0.0, 1.0], 1)
+    yield Figure("the largest penetration", penetration(motion), at_most=0, unit="m")
+    yield Figure(
+        "the fastest slider after it", motion.qd[-1][:, [1, 3]].max(), at_most=0, unit="m/s outwards"
+    )
+    gain = (energy(scene, motion.q[-1], motion.qd[-1]) - energy(scene, motion.q[0], motion.qd[0])).max()
+    yield Figure("the energy gained", gain, at_most=0, unit="J")
+    differ = np.abs(motion.q[-1, 0] - motion.q[-1, 1]).max()
+    yield Figure("the difference that the order makes", differ, at_most=1e-12, unit="rad or m")
+    impulses = np.einsum("ij,nj->ni", ARM.mass_matrix(q[0]), motion.qd[-1] - motion.qd[0])
+    yield Figure("the momenta off the sliders", np.abs(impulses[:, [0, 2]]).max(), at_most=1e-9,
+                 unit="kg m^2/s changed")  # fmt: skip
+
+
+@hard_case(
+    "29", "three bounces in one step",
+    hard="50 m/s between stops 0.3 m apart: three impacts and more in 20 ms.",
+    naive="A step with one impact at most ends outside.",
+    caught=(FlippedVelocity, ImpulseAtStepEnd),
+    mujoco="With 20 ms it is 0.8 m outside before it looks.",
+)  # fmt: skip
+def test_29_many_bounces_in_one_step(subject):
+    subject.longest = 0.02
+    for name, more in (
+        ("rk4", {"integrator": "rk4"}), ("rk8", {}), ("error control", {"tolerance": 1e-6}),
+    ):  # fmt: skip
+        scene = stopped(gravity=0.0, **more)
+        motion = subject.motion(scene, [0.3, 0.1, 0.3, 0.1], [0.0, 50.0, 0.0, 0.0], 1)
+        yield Figure(f"with {name} the number of impacts", len(motion.impacts()), at_least=3)
+        before = energy(scene, motion.q[0], motion.qd[0])[0]
+        yield Figure(f"with {name} the energy", energy_error(scene, motion) / before, at_most=1e-9,
+                     unit="of itself off")  # fmt: skip
+        yield Figure(f"with {name} the penetration", penetration(motion), at_most=0, unit="m")
+
+
+@hard_case(
+    "30", "a stop that is moved past its slider",
+    hard="Parameters and starts may put a slider beyond its stop, where no motion leads.",
+    naive="The slider is thrown back with an energy that nothing gave.",
+    mujoco="A start 0.05 m beyond a limit leaves it at 0.9 m/s: energy from nowhere.",
+)  # fmt: skip
+def test_30_stops_do_not_pass_their_sliders(subject):
+    batch = rde.BatchSimulator(stopped(), 3)
+    inside = np.tile([0.0, 0.1, 0.0, 0.1], (3, 1))
+    batch.set_state(inside, np.zeros(4))
+    outside = inside.copy()
+    outside[1, 3] = 0.3000001
+    attempts = [
+        lambda: batch.set_state(outside, np.zeros(4)),
+        lambda: batch.set_parameters({"prismatic_stop.upper": [0.05, 0.3]}, index=[2]),
+        lambda: batch.set_parameters({"prismatic_stop.lower": [0.0, 0.2]}, index=[0]),
+        lambda: rde.simulate(stopped(), outside[1], np.zeros(4), [0.02]),
+    ]
+    refused = 0
+    for attempt in attempts:
+        try:
+            attempt()
+        except ValueError as error:
+            refused += "stops are at" in str(error)
+    yield Figure("the number of refusals that name slider and stops", refused, at_least=len(attempts))
+    yield Figure("the largest change of a state by them", np.abs(batch.q - inside).max(), at_most=0)
+
+
+@hard_case(
+    "43", "an impact hidden by a later event",
+    hard="The slider strikes one stop after 0.3 ms and lies at the other before 20 ms are over.",
+    naive="A cubic through both ends of the step, or a look at the end, knows of the last event only.",
+    caught=(CubicGuess, ImpulseAtStepEnd),
+)  # fmt: skip
+def test_43_an_impact_before_another_event_is_found(subject):
+    subject.longest = 0.02
+    stop = e.PrismaticStop((0.0, 0.0), (0.3, 0.05), 0.5)
+    state, efforts = ((0.0, 0.1, 0.0, 0.0497), (0.0, 0.0, 0.0, 1.0)), [0, 0, 0, -250.0]
+    fine = rde.BatchSimulator(rde.Scene(ARM, (stop,), substeps=160))
+    fine.set_state(*state)
+    fine.advance([efforts])
+    for tolerance in (1e-6, 1e-12, None):
+        name = "one step" if tolerance is None else f"{tolerance:g} m"
+        motion = subject.motion(rde.Scene(ARM, (stop,), tolerance=tolerance), *state, 1, efforts)
+        kinds = [x.kind for x in motion.impacts("r2")]
+        missed = kinds != ["upper impact", "lower impact"]
+        yield Figure(f"with {name} the number of wrong lists of impacts", missed, at_most=0)
+        yield Figure(f"with {name} the end", np.abs(motion.q[-1] - fine.q).max(), at_most=1e-12,
+                     unit="rad or m off")  # fmt: skip
+    rng, count = np.random.default_rng(43), 100
+    stop = e.PrismaticStop((0.0, 0.0), (0.05, 0.05), 1.0)
+    q = np.column_stack([rng.uniform(-3, 3, count), rng.uniform(0.005, 0.045, count)] * 2)
+    q[:, 3] = rng.uniform(0.005, 0.045, count)
+    qd = rng.normal(0, (3.0, 0.5, 3.0, 0.5), (count, 4))
+    efforts = rng.uniform(-1, 1, (count, 4)) * (30.0, 100.0, 30.0, 100.0)
+    told = []
+    for more in ({"tolerance": 1e-6}, {"substeps": 160}):
+        scene = rde.Scene(ARM, (GRAVITY, stop), **more)
+        told.append((subject if not told else Subject()).motion(scene, q, qd, 1, efforts))
+    counts = [[len(motion.impacts(lane=i)) for i in range(count)] for motion in told]
+    yield Figure("the number of 100 random intervals with other impacts than fine steps find",
+                 np.count_nonzero(np.subtract(*counts)), at_most=0)  # fmt: skip
+    off = np.abs(told[0].q[-1] - told[1].q[-1]).max()
+    yield Figure("the largest error of their ends", off, at_most=1e-6, unit="rad or m")
+
+
+@hard_case(
+    "47", "giving up in the middle of an interval",
+    hard="More than 256 impacts in an interval, the first of them in order: half an interval is no state.",
+    naive="The lane stands where its budget ended, at a time that nobody knows.",
+    mujoco="It does not know of impacts.",
+)  # fmt: skip
+def test_47_what_is_given_up_never_began(subject):
+    stop = e.PrismaticStop((0.0, None), (None, None), 0.97)
+    scene = rde.Scene(ARM, (stop,), integrator="rk4", substeps=4, actuation="generalized")
+    batch = rde.BatchSimulator(scene, 3)
+    q, qd = np.tile([0.0, 0.2, 0.0, 0.2], (3, 1)), np.zeros((3, 4))
+    batch.set_state(q, qd)
+    # Ever faster bounces of lane 1: 25 in the first substep, too many in the second.
+    efforts = np.zeros((3, 4))
+    efforts[1, 1] = -4e7
+    status = batch.advance(efforts)
+    wrong = int((status.numerics != [0, rde.Numerics.EVENT_BUDGET, 0]).sum())
+    yield Figure("the number of lanes with a wrong flag", wrong, at_most=0)
+    moved = np.abs(np.r_[batch.q[1] - q[1], batch.qd[1] - qd[1]]).max()
+    yield Figure("the change of the state that was given up", moved, at_most=0)
+    alone = rde.BatchSimulator(scene)
+    alone.set_state(q[0], qd[0])
+    alone.advance()
+    differing = np.count_nonzero(
+        np.r_[batch.q[[0, 2]], batch.qd[[0, 2]]] != np.r_[alone.q, alone.q, alone.qd, alone.qd]
+    )
+    yield Figure("the number of its neighbours' numbers that differ", differing, at_most=0)
