@@ -76,7 +76,7 @@ def test_37_two_substeps_are_two_intervals(subject):
         ]
         one, two = (np.concatenate([m.q[-1], m.qd[-1]]) for m in motions)
         differing = np.count_nonzero(one != two)
-        yield Figure(f"with {name} the number of numbers of 512 that differ", differing, at_most=0)
+        yield Figure(f"with {name} the count of differing numbers, of 512,", differing, at_most=0)
 
 
 @hard_case(
@@ -113,7 +113,7 @@ def test_38_a_lane_does_not_know_its_neighbours(subject):
         }
         for what, (one, other) in pairs.items():
             changed = np.count_nonzero(one != other)
-            yield Figure(f"with {name} the number of numbers that other {what} change", changed, at_most=0)
+            yield Figure(f"with {name} the count of numbers changed by other {what}", changed, at_most=0)
 
 
 @hard_case(
@@ -142,7 +142,7 @@ def test_42_a_restored_state_continues_to_the_same_bits(subject):
             ends.append(np.column_stack([batch.q, batch.qd, batch.z]))
         batch.advance(efforts * (-1) ** (k // 6))
     differing = np.count_nonzero(ends[0] != ends[1]) + np.count_nonzero(ends[2] != ends[3])
-    yield Figure("the number of numbers that differ after ten intervals", differing, at_most=0)
+    yield Figure("the count of differing numbers after ten intervals", differing, at_most=0)
 
     env = gym.make_vec("redundant_envs/RPRPReach-v0", num_envs=16, max_episode_steps=15)
     env.reset(seed=3)

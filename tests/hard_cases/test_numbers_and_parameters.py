@@ -63,7 +63,7 @@ def test_16_actions_of_any_size(subject):
     yield Figure("the number of bad lanes that end with their flag", right.sum(), at_least=3)
     yield Figure("the number of other lanes with a flag", np.count_nonzero(flags[others]), at_most=0)
     differing = np.count_nonzero(obs[others] != clean[others])
-    yield Figure("the number of their numbers that differ", differing, at_most=0)
+    yield Figure("the count of their changed numbers", differing, at_most=0)
 
 
 @hard_case(

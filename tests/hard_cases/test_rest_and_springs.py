@@ -124,7 +124,7 @@ def test_32_the_printed_spring_has_its_two_frequencies(subject):
 @hard_case(
     "33", "true stiction",
     hard="Under 0.9 of its friction an arm must stand for ever, and under 1.01 of it slip at once.",
-    naive="A smoothed friction creeps by 0.015 rad in 10 s; sign(v) chatters.",
+    naive="A smoothed friction creeps; sign(v) chatters.",
     waiting_for="CoulombFriction",
     mujoco="Its friction loss is soft, and creeps.",
 )  # fmt: skip

@@ -1,0 +1,38 @@
+"""Write docs/hard_cases.md and its pictures: ``python tests/hard_cases``, from the root of the repository."""
+
+import datetime
+import importlib.util
+import os
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+DOCS = HERE.parents[1] / "docs"
+sys.path.insert(0, str(HERE))
+os.environ.setdefault("REDUNDANT_ENVS_CACHE", str(HERE.parents[1] / ".pytest_cache" / "kernels"))
+
+import page  # noqa: E402
+from catalogue import all_cases  # noqa: E402
+
+from redundant_envs.studies.common import machine_name  # noqa: E402
+
+
+def main() -> None:
+    with_mujoco = importlib.util.find_spec("mujoco") is not None
+    if not with_mujoco:
+        print("mujoco is not installed: the page will have no figures of it", file=sys.stderr)
+    cases, results = all_cases(), {}
+    for case in cases:
+        print(case.name, flush=True)
+        results[case.number] = page.measured_by(case, with_mujoco)
+    today = datetime.date.today().isoformat()
+    (DOCS / "hard_cases.md").write_text(page.text(cases, results, machine_name(), today), encoding="utf-8")
+    import pictures
+
+    (DOCS / "hard_cases").mkdir(exist_ok=True)
+    for number in page.PICTURES:
+        pictures.draw(number, DOCS / "hard_cases", with_mujoco)
+
+
+if __name__ == "__main__":
+    main()

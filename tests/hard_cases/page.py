@@ -1,0 +1,112 @@
+"""docs/hard_cases.md from the catalogue: each case, and what naive variants, MuJoCo and this package do."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from catalogue import THEMES, Case, Figure, shown
+from engine import MuJoCo
+from subject import Subject
+
+COMMAND = "python tests/hard_cases"
+PICTURES = {
+    "3": ("vanishing_masses", "Error of the accelerations over the mass of the first three links"),
+    "10": ("fly_by", "Paths of the particle that passes the base at 1 cm"),
+    "11": ("chaos", "Energy error of the chaotic motion over time"),
+    "23": ("five_impacts", "Tip error after five impacts over the step"),
+}
+"""Cases with a picture: its file, and what it shows."""
+
+
+INTRODUCTION = f"""# Hard cases
+
+    {COMMAND}
+
+writes this page and its figures from the tests in [tests/hard_cases](../tests/hard_cases). Each case is a test
+whose pass conditions are numbers. The same measurement is made of naive variants, each with one textbook
+mistake ([tests/hard_cases/naive](../tests/hard_cases/naive)), and another test shows that they fail the case.
+Where MuJoCo can be asked the same, it is measured, too: RK4 with steps of 1 ms, the masses, efforts and travel
+of the case, links without inertia, and elastic limits.
+
+Bold numbers miss their bound. A dash stands where there is no finite number, or no answer. `standard` and
+`exact` are the tip errors of 1e-6 and 1e-12 m that error control allows in a control interval of 20 ms.
+"""
+
+
+def heading(case: Case) -> str:
+    return f"### {case.number}. {case.title[0].upper()}{case.title[1:]}"
+
+
+def measured_by(case: Case, with_mujoco: bool) -> dict[str, list[Figure]]:
+    """Figures of this package, of the variants that fail the case, and of MuJoCo where it can be asked."""
+    subjects: list[Subject] = [Subject(), *(variant() for variant in case.caught)]
+    if case.compared and with_mujoco:
+        subjects.append(MuJoCo())
+    return {subject.name: case.figures(subject) for subject in subjects}
+
+
+def cell(figure: Figure) -> str:
+    """A found number; bold where it misses its bound, a dash where there is none."""
+    if math.isnan(figure.found):
+        return "**–**"
+    return shown(figure.found) if figure.kept else f"**{shown(figure.found)}**"
+
+
+def table(rows: Sequence[Sequence[str]]) -> list[str]:
+    head, *body = ["| " + " | ".join(row) + " |" for row in rows]
+    return [head, "|" + " --- |" * len(rows[0]), *body]
+
+
+def section(case: Case, found: dict[str, list[Figure]]) -> list[str]:
+    """The part of the page about one case."""
+    lines = [heading(case), "", case.hard, "", f"*Naive:* {case.naive}"]
+    if case.mujoco:
+        lines += ["", f"*MuJoCo:* {case.mujoco}"]
+    if case.waiting_for:
+        return [*lines, "", f"The case waits for the effect `{case.waiting_for}`.", ""]
+    rows = [["", "promised", *found]]
+    for k, figure in enumerate(found[Subject.name]):
+        sign = "≥" if figure.at_most is None else "≤"
+        label = f"{figure.name.rstrip(',')}{', ' + figure.unit if figure.unit else ''}"
+        rows.append([label, f"{sign} {shown(figure.bound)}", *(cell(each[k]) for each in found.values())])
+    lines += ["", *table(rows), ""]
+    if case.number in PICTURES:
+        name, what = PICTURES[case.number]
+        lines += [f"![{what}](hard_cases/{name}.png)", ""]
+    return lines
+
+
+def summary(cases: Sequence[Case], results: dict[str, dict[str, list[Figure]]]) -> list[str]:
+    """One row for each case."""
+    rows = [["case", "", "figures that keep their bound", "naive variants that fail it", "test"]]
+    for case in cases:
+        own = results[case.number][Subject.name]
+        kept = f"{sum(f.kept for f in own)} of {len(own)}"
+        names = ", ".join(variant.name for variant in case.caught)
+        if case.waiting_for:
+            kept, names = f"waits for `{case.waiting_for}`", ""
+        rows.append([case.number, case.title, kept, names, f"`{case.function}`"])
+    return table(rows)
+
+
+def text(cases: Sequence[Case], results: dict[str, dict[str, list[Figure]]], machine: str, date: str) -> str:
+    """The whole page."""
+    waiting = [case for case in cases if case.waiting_for]
+    waits = ", ".join(f"{case.number} for `{case.waiting_for}`" for case in waiting)
+    counts = f"{len(cases) - len(waiting)} cases are measured, {len(waiting)} wait for effects"
+    lines = [
+        INTRODUCTION,
+        f"{counts} that do not exist yet: {waits}. Single precision (35) is left out: this package has none.",
+        "",
+        f"Measured on {date} on {machine}.",
+        "",
+        *summary(cases, results),
+    ]
+    for module, title in THEMES.items():
+        lines += ["", f"## {title}", ""]
+        for case in cases:
+            if case.module == module:
+                lines += section(case, results[case.number])
+        lines.pop()
+    return "\n".join(lines) + "\n"
