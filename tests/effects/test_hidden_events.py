@@ -60,21 +60,6 @@ def test_events_undone_within_the_interval_are_found(kwargs):
     np.testing.assert_array_equal(found, events)
 
 
-@pytest.mark.parametrize("tolerance", [1e-6, 1e-12, None])
-def test_an_impact_before_another_event_of_the_same_slider_is_found(tolerance):
-    """The slider strikes its upper stop after 0.3 ms, and is at the lower one before 20 ms are over."""
-    stop = rde.effects.PrismaticStop((0.0, 0.0), (0.3, 0.05), 0.5)
-    made = rde.Scene(rde.RPRP((1.0,) * 4, (0.5, 0.5)), (stop,), tolerance=tolerance)
-    motion = rde.simulate(
-        made, (0.0, 0.1, 0.0, 0.0497), (0.0, 0.0, 0.0, 1.0), [0.02], (0.0, 0.0, 0.0, -250.0)
-    )
-    assert [event.kind for event in motion.events] == ["upper impact", "lower impact"]
-    assert motion.events[0].time == pytest.approx(3.190911e-4, abs=1e-10)
-    fine = rde.Scene(made.robot, (stop,), substeps=160)
-    other = rde.simulate(fine, (0.0, 0.1, 0.0, 0.0497), (0.0, 0.0, 0.0, 1.0), [0.02], (0.0, 0.0, 0.0, -250.0))
-    np.testing.assert_allclose(motion.q, other.q, rtol=0, atol=1e-12)
-
-
 @pytest.mark.parametrize(
     "kwargs",
     [{"tolerance": 1e-6}, {"tolerance": 1e-10}, {"integrator": "dop853"}],

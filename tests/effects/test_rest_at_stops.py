@@ -9,7 +9,6 @@ from stopped_scenes import UNEQUAL, scene
 
 import redundant_envs as rde
 
-e = rde.effects
 REACH = rde.load_scene("rprp_reach")
 
 
@@ -65,29 +64,6 @@ def test_a_stop_that_is_moved_away_lets_go():
     for _ in range(5):
         batch.advance()
     assert batch.q[0, 1] == pytest.approx(0.3 + 0.5 * 9.81 * 0.1**2, abs=1e-9)
-
-
-@pytest.mark.parametrize(("restitution", "end"), [(0.5, 0.741929), (0.9, 4.6989)])
-def test_bounces_come_to_rest_when_they_should(restitution, end):
-    """A ball of 1e-12 kg falls 0.3 m: rest at sqrt(2 h / g) (1 + e) / (1 - e)."""
-    arm = rde.RPRP((1.0, 1.0, 1.0, 1e-12), (0.5, 0.5))
-    stop = e.PrismaticStop((None, None), (None, 0.3), restitution)
-    made = rde.Scene(arm, (e.Gravity(9.81), stop), control_dt=0.02, tolerance=1e-9)
-    start = [-math.pi / 2, 0.1, -math.pi / 2, 0.0]
-    # The slider of link 1 falls with its link's end; keep it where it is: it hangs on its own stop.
-    stop = e.PrismaticStop((None, None), (0.1, 0.3), restitution)
-    made = rde.Scene(arm, (e.Gravity(9.81), stop), control_dt=0.02, tolerance=1e-9)
-    trajectory = rde.simulate(made, start, [0.0] * 4, [end + 0.3, end + 10.0])
-    rests = [x for x in trajectory.events if x.kind == "rest" and x.joint == "r2"]
-    impacts = [x for x in trajectory.events if x.kind == "upper impact" and x.joint == "r2"]
-    assert len(rests) == 1
-    last = impacts[-1]
-    recorded = last.time + 2.0 * restitution * last.speed / (9.81 * (1.0 - restitution))
-    exact = math.sqrt(2.0 * 0.3 / 9.81) * (1.0 + restitution) / (1.0 - restitution)
-    assert exact == pytest.approx(end, abs=1e-4)
-    assert recorded == pytest.approx(exact, abs=1e-6)
-    assert trajectory.q[-1, 3] == trajectory.q[0, 3] == 0.3
-    assert trajectory.qd[-1, 3] == 0.0
 
 
 def test_an_elastic_slider_rests_only_where_it_does_not_bounce():

@@ -23,11 +23,11 @@ INTRODUCTION = f"""# Hard cases
 
     {COMMAND}
 
-writes this page and its figures from the tests in [tests/hard_cases](../tests/hard_cases). Each case is a test
-whose pass conditions are numbers. The same measurement is made of naive variants, each with one textbook
-mistake ([tests/hard_cases/naive](../tests/hard_cases/naive)), and another test shows that they fail the case.
-Where MuJoCo can be asked the same, it is measured, too: RK4 with steps of 1 ms, the masses, efforts and travel
-of the case, links without inertia, and elastic limits.
+writes this page and its figures from the tests in [tests/hard_cases](../tests/hard_cases). Each case is a
+test whose pass conditions are numbers. The same measurement is made of naive variants, each with one
+textbook mistake ([tests/hard_cases/naive](../tests/hard_cases/naive)), and another test shows that they fail
+the case. Where MuJoCo can be asked the same, it is measured, too: RK4 with steps of 1 ms, the masses,
+efforts and travel of the case, links without inertia, and elastic limits.
 
 Bold numbers miss their bound. A dash stands where there is no finite number, or no answer. `standard` and
 `exact` are the tip errors of 1e-6 and 1e-12 m that error control allows in a control interval of 20 ms.

@@ -153,38 +153,6 @@ def test_mobility_bounds_hold_in_every_pose_and_are_near(arm):
     assert (mobility.max(axis=0) >= 0.5 * bounds).all()
 
 
-def test_bang_bang_efforts_leave_no_lane_without_numbers():
-    """+-60 N m at 50 Hz for 4 s: a fixed step of 20 ms loses most lanes."""
-    rng = np.random.default_rng(5)
-    scene = rde.Scene(LAB, (e.Gravity(),), actuation="generalized")
-    batches = [rde.BatchSimulator(dataclasses.replace(scene, tolerance=t), 200) for t in (None, 1e-6)]
-    cost = 0.0
-    for _ in range(200):
-        efforts = rng.choice((-60.0, 60.0), (200, 4))
-        lost, kept = (batch.advance(efforts) for batch in batches)
-        cost += kept.evaluations.mean() / 200
-    assert lost.finite.mean() < 0.2
-    assert kept.finite.all()
-    assert cost <= 20 * 12
-
-
-@pytest.mark.parametrize("b", [0.1, 0.01, 0.001])
-def test_polar_fly_by_is_a_straight_line(b):
-    """A free particle passes the base at a distance b: its angle turns half around within b / v."""
-    arm = rde.RPRP((1e-12, 1.0, 1e-12, 1e-12), (0.5, 0.5))
-    batch = rde.BatchSimulator(rde.Scene(arm, (), tolerance=1e-6), 1)
-    radius, angle = np.hypot(1.0, b), np.arctan2(b, -1.0)
-    batch.set_state(
-        [angle, radius - 0.5, 0.0, 0.0],
-        [-b / radius**2, -1.0 / radius, 0.0, 0.0],
-    )
-    for _ in range(100):
-        assert not batch.advance().numerics.any()
-    x, y = np.asarray(arm.points(batch.q))[0, 1]
-    assert abs(x - 1.0) < 1e-6
-    assert abs(y - b) < 1e-6
-
-
 def test_the_tolerance_is_a_number_of_the_lane_not_of_the_code():
     one, other, without = (
         batch_simulator(rde.Scene(LAB, FREE, tolerance=t), False) for t in (1e-6, 1e-12, None)
