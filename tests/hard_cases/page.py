@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Sequence
 
+import numpy as np
 from catalogue import THEMES, Case, Figure, shown
 from engine import MuJoCo
 from subject import Subject
+
+import redundant_envs as rde
 
 COMMAND = "python tests/hard_cases"
 PICTURES = {
@@ -58,6 +62,25 @@ def table(rows: Sequence[Sequence[str]]) -> list[str]:
     return [head, "|" + " --- |" * len(rows[0]), *body]
 
 
+def subnormal_time() -> str:
+    """How long an interval with subnormal rates takes beside one with others: no test, as speeds are."""
+    lanes, seconds = 1024, []
+    scene = rde.Scene(rde.FourR((1.0,) * 4, (0.5,) * 4), (), tolerance=1e-6)
+    for rate in (1.0, 1e-310):
+        batch, best = rde.BatchSimulator(scene, lanes), math.inf
+        for _ in range(300):
+            batch.set_state(np.full(4, 0.3), np.full(4, rate))
+            start = time.perf_counter()
+            batch.advance()
+            best = min(best, time.perf_counter() - start)
+        seconds.append(best)
+    return f"An interval at 1e-310 rad/s takes {seconds[1] / seconds[0]:.2g} times as long as one at 1 rad/s."
+
+
+TIMED = {"18": subnormal_time}
+"""Sentences with a time, measured when the page is written."""
+
+
 def section(case: Case, found: dict[str, list[Figure]]) -> list[str]:
     """The part of the page about one case."""
     lines = [heading(case), "", case.hard, "", f"*Naive:* {case.naive}"]
@@ -71,6 +94,8 @@ def section(case: Case, found: dict[str, list[Figure]]) -> list[str]:
         label = f"{figure.name.rstrip(',')}{', ' + figure.unit if figure.unit else ''}"
         rows.append([label, f"{sign} {shown(figure.bound)}", *(cell(each[k]) for each in found.values())])
     lines += ["", *table(rows), ""]
+    if case.number in TIMED:
+        lines += [TIMED[case.number](), ""]
     if case.number in PICTURES:
         name, what = PICTURES[case.number]
         lines += [f"![{what}](hard_cases/{name}.png)", ""]
