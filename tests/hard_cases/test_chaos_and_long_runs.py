@@ -169,6 +169,19 @@ def test_20_a_long_spin_keeps_its_angle(subject):
     )
 
 
+@pytest.mark.long
+def test_a_million_turns_keep_their_angle():
+    """Case 20 in full: 1.26e7 steps."""
+    scene = rde.Scene(LAB, (), integrator="rk4", control_dt=50.0, substeps=10000)
+    motion = Subject().motion(scene, np.zeros(4), 100.0, 1257)
+    off = np.abs(motion.q[-1] - 6285000.0).max()
+    figures = [
+        Figure("the angle after 62850 s", off, at_most=1e-9, unit="rad off"),
+        Figure("the rate", np.abs(motion.qd[-1] - 100.0).max(), at_most=0, unit="rad/s off"),
+    ]
+    check(CASES["20"], figures)
+
+
 def releases(count):
     rng = np.random.default_rng(21)
     return rng.uniform(-np.pi, np.pi, (count, 4))

@@ -44,7 +44,6 @@ def test_25_bounces_come_to_rest_on_time(subject):
     "26", "pressed, and let go within an interval",
     hard="A force that presses for 5 s turns within an interval, because the motor lags: release at T ln 2.",
     naive="The slider creeps while it is pressed, and leaves with the next step.",
-    caught=(),
     mujoco="A soft stop yields to the force, and gives it back.",
 )  # fmt: skip
 def test_26_a_pressed_slider_is_let_go_on_time(subject):

@@ -74,11 +74,11 @@ def test_24_an_impact_loses_what_restitution_says(subject):
         off = np.abs(before - left - lost) / before
         yield Figure(f"at restitution {restitution:g} the energy lost", off.max(), at_most=1e-12,
                      unit="of the kinetic energy off")  # fmt: skip
-        jump = np.einsum("nij,nj->ni", M, after.qd[-1] - qd)[:, [0, 2, 3]]
         off = np.abs(after.qd[-1, :, 1] + restitution * qd[:, 1]).max()
         yield Figure(
             f"at restitution {restitution:g} the slider's velocity", off, at_most=1e-6, unit="m/s off"
         )
+        jump = np.einsum("nij,nj->ni", M, after.qd[-1] - qd)[:, [0, 2, 3]]
         # Within the nanosecond forces change it by some 1e-7.
         yield Figure(f"at restitution {restitution:g} the change of the other momenta", np.abs(jump).max(),
                      at_most=1e-6, unit="kg m/s or kg m^2/s")  # fmt: skip
@@ -108,9 +108,8 @@ def test_27_grazing_within_one_step_is_found(subject):
 
 @hard_case(
     "27b", "an apex at the stop",
-    hard="It turns back exactly at its stop, or 1e-17 m before or behind it.",
+    hard="It turns back exactly at its stop, or 1e-17 to 1e-9 m before or behind it.",
     naive="Rounding decides, and an impact of any speed may follow.",
-    caught=(),
 )  # fmt: skip
 def test_27b_an_apex_at_the_stop_changes_no_energy(subject):
     scene = stopped(HEAVY, gravity=0.0, tolerance=1e-6)
