@@ -1,12 +1,13 @@
-"""Hard cases: chaotic and unstable motions, speed without bound, millions of steps, the clock."""
+"""Hard cases: chaotic and unstable motions, speed without bound, a million steps, the clock.
+
+Their longer forms are in tests/long_runs.
+"""
 
 import gymnasium as gym
 import numpy as np
-import pytest
-from catalogue import CASES, Figure, check, hard_case
+from catalogue import Figure, hard_case
 from measured import GRAVITY, LAB, STATE_B, energy, energy_error, tip_error
 from naive import EstimateWithoutFloor, ExplicitEuler, FixedSteps, SinglePrecision, SummedClock
-from subject import Subject
 
 import redundant_envs as rde
 
@@ -169,19 +170,6 @@ def test_20_a_long_spin_keeps_its_angle(subject):
     )
 
 
-@pytest.mark.long
-def test_a_million_turns_keep_their_angle():
-    """Case 20 in full: 1.26e7 steps."""
-    scene = rde.Scene(LAB, (), integrator="rk4", control_dt=50.0, substeps=10000)
-    motion = Subject().motion(scene, np.zeros(4), 100.0, 1257)
-    off = np.abs(motion.q[-1] - 6285000.0).max()
-    figures = [
-        Figure("the angle after 62850 s", off, at_most=1e-9, unit="rad off"),
-        Figure("the rate", np.abs(motion.qd[-1] - 100.0).max(), at_most=0, unit="rad/s off"),
-    ]
-    check(CASES["20"], figures)
-
-
 def releases(count):
     rng = np.random.default_rng(21)
     return rng.uniform(-np.pi, np.pi, (count, 4))
@@ -206,19 +194,6 @@ def test_21_energy_drifts_as_the_method_does(subject):
     yield Figure("with RK4 of 1 ms the median energy", np.median(end), at_most=1e-3, unit="J off")
     _, end = drifts(subject, "rk8", 2.5e-3, 1000.0, 8)
     yield Figure("with RK8 of 2.5 ms the median energy", np.median(end), at_most=1e-7, unit="J off")
-
-
-@pytest.mark.long
-def test_ten_million_steps_drift_linearly():
-    """Case 21 in full: 10 000 s of RK4 of 1 ms."""
-    half, end = drifts(Subject(), "rk4", 1e-3, 10000.0, 16)
-    ratio = np.median(end) / np.median(half)
-    figures = [
-        Figure("after 10 000 s the median energy", np.median(end), at_most=5e-3, unit="J off"),
-        Figure("the drift beside that of half the time", ratio, at_least=1.5),
-        Figure("the drift beside that of half the time", ratio, at_most=2.5),
-    ]
-    check(CASES["21"], figures)
 
 
 @hard_case(
