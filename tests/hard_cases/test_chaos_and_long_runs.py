@@ -11,7 +11,7 @@ from naive import EstimateWithoutFloor, ExplicitEuler, FixedSteps, SinglePrecisi
 
 import redundant_envs as rde
 
-WEIGHT = 4 * 9.81 * (0.5 + 1.0 + 1.5 + 2.0) / 4
+WEIGHT = 9.81 * (0.5 + 1.0 + 1.5 + 2.0)
 """Energy scale of the lab arm, J: its masses lifted to their full height."""
 
 
