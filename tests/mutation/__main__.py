@@ -73,14 +73,13 @@ def unseen_spans(tree: ast.AST) -> Iterator[tuple[int, int, int, int]]:
     """Line and column of the ends of what no test could see: annotations, docstrings, messages of errors."""
     for node in ast.walk(tree):
         hidden: list[Any] = []
+        docstring = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
         if isinstance(node, ast.FunctionDef):
             arguments = (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)
             hidden += [node.returns, *(a.annotation for a in arguments)]
         elif isinstance(node, ast.AnnAssign):
             hidden.append(node.annotation)
-        elif isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
-            hidden.append(node)
-        elif isinstance(node, ast.Raise | ast.ImportFrom | ast.Import):
+        elif docstring or isinstance(node, ast.Raise | ast.ImportFrom | ast.Import):
             hidden.append(node)
         for part in hidden:
             if part is not None:
