@@ -47,8 +47,8 @@ SECONDS = 900.0
 COLUMNS = ("module", "line", "function", "operator", "outcome", "seconds", "before", "after")
 
 
-class Mutant(NamedTuple):
-    """A change of one place.
+class Place(NamedTuple):
+    """Where a mutant could be.
 
     Attributes
     ----------
@@ -56,17 +56,14 @@ class Mutant(NamedTuple):
     line : where it is
     function : in which it is
     operator : cosmic-ray's name of the change
-    code : of the whole module, changed
-    before, after : the line
+    occurrence : which of the places in the module where this operator has something to change
     """
 
     module: str
     line: int
     function: str
     operator: str
-    code: str
-    before: str
-    after: str
+    occurrence: int
 
 
 def unseen_spans(tree: ast.AST) -> Iterator[tuple[int, int, int, int]]:
@@ -86,45 +83,39 @@ def unseen_spans(tree: ast.AST) -> Iterator[tuple[int, int, int, int]]:
                 yield part.lineno, part.col_offset, part.end_lineno, part.end_col_offset
 
 
-def mutants_of(module: str) -> Iterator[Mutant]:
-    """All mutants of a module."""
+def places_of(module: str) -> Iterator[Place]:
+    """All places of a module."""
     import cosmic_ray.plugins
     from cosmic_ray.ast import ast_nodes, get_ast_from_path
     from cosmic_ray.ast.ast_query import ASTQuery
-    from cosmic_ray.mutating import mutate_code
 
     path = ROOT / module
-    code = path.read_text(encoding="utf-8")
-    hidden = list(unseen_spans(ast.parse(code)))
+    hidden = list(unseen_spans(ast.parse(path.read_text(encoding="utf-8"))))
     nodes = list(ast_nodes(get_ast_from_path(path)))
     for name in cosmic_ray.plugins.operator_names():
         operator = cosmic_ray.plugins.get_operator(name)
         if operator.arguments():
             continue
-        places = [(n, start) for n in nodes for start, _ in operator().mutation_positions(n)]
-        for occurrence, (node, start) in enumerate(places):
-            if any((a, b) <= tuple(start) < (c, d) for a, b, c, d in hidden):
-                continue
-            changed = mutate_code(code, operator(), occurrence)
-            line = start[0]
-            if changed is None or changed == code:
-                continue
-            lines = changed.splitlines()
-            after = lines[line - 1].strip() if line <= len(lines) else ""
-            function = ASTQuery(node).get_definition_name() or ""
-            yield Mutant(module, line, function, name, changed, code.splitlines()[line - 1].strip(), after)
+        starts = [(n, start) for n in nodes for start, _ in operator().mutation_positions(n)]
+        for occurrence, (node, start) in enumerate(starts):
+            if not any((a, b) <= tuple(start) < (c, d) for a, b, c, d in hidden):
+                yield Place(module, start[0], ASTQuery(node).get_definition_name() or "", name, occurrence)
 
 
-def tested(mutant: Mutant, clone: Path) -> dict[str, Any]:
+def tested(place: Place, clone: Path) -> dict[str, Any]:
     """A row of ``COLUMNS``."""
-    path = clone / mutant.module
+    import cosmic_ray.plugins
+    from cosmic_ray.mutating import mutate_code
+
+    path = clone / place.module
     whole, start = path.read_text(encoding="utf-8"), time.monotonic()
-    path.write_text(mutant.code, encoding="utf-8")
+    changed = mutate_code(whole, cosmic_ray.plugins.get_operator(place.operator)(), place.occurrence) or whole
     environment = {
         **os.environ, "PYTHONPATH": str(clone), "PYTHONDONTWRITEBYTECODE": "1",
         "REDUNDANT_ENVS_CACHE": str(clone / "kernels"),
     }  # fmt: skip
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-m", "not long", "-p", "no:cacheprovider", *TESTS]
+    path.write_text(changed, encoding="utf-8")
     try:
         done = subprocess.run(command, cwd=clone, env=environment, capture_output=True, timeout=SECONDS)
         outcome = "survived" if done.returncode == 0 else "killed"
@@ -133,14 +124,15 @@ def tested(mutant: Mutant, clone: Path) -> dict[str, Any]:
     finally:
         path.write_text(whole, encoding="utf-8")
         shutil.rmtree(clone / "kernels", ignore_errors=True)
-    row = dict(zip(Mutant._fields, mutant, strict=True))
-    row |= {"outcome": outcome, "seconds": round(time.monotonic() - start, 1)}
+    before, after = whole.splitlines(), changed.splitlines()
+    row = place._asdict() | {"outcome": outcome, "seconds": round(time.monotonic() - start, 1)}
+    row |= {"before": before[place.line - 1].strip(), "after": after[min(place.line, len(after)) - 1].strip()}
     return {name: row[name] for name in COLUMNS}
 
 
 def run(count: int, seed: int, workers: int, out: Path) -> list[dict[str, Any]]:
     """Rows of ``count`` mutants, written as they come."""
-    everything = [m for name in MODULES for m in mutants_of(f"{PACKAGE}/{name}.py")]
+    everything = [place for name in MODULES for place in places_of(f"{PACKAGE}/{name}.py")]
     drawn = random.Random(seed).sample(everything, count)
     print(f"{count} of {len(everything)} mutants of {len(MODULES)} modules", file=sys.stderr)
     out.parent.mkdir(parents=True, exist_ok=True)
@@ -153,10 +145,10 @@ def run(count: int, seed: int, workers: int, out: Path) -> list[dict[str, Any]]:
             subprocess.run(["git", "clone", "-q", str(ROOT), f"{folder}/{k}"], check=True)
             clones.put(Path(folder, str(k)))
 
-        def one(mutant: Mutant) -> dict[str, Any]:
+        def one(place: Place) -> dict[str, Any]:
             clone = clones.get()
             try:
-                return tested(mutant, clone)
+                return tested(place, clone)
             finally:
                 clones.put(clone)
 
