@@ -23,8 +23,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0, or 1 if verify found a fault; after a message 2 for a mistake in what was asked for or a missing
-        package, and 130 for Ctrl-C.
+        0, or 1 if verify found a broken promise; after a message 2 for a mistake in what was asked for or a
+        missing package, and 130 for Ctrl-C.
     """
     try:
         words = take_imports(list(sys.argv[1:] if arguments is None else arguments))
@@ -44,58 +44,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def verify(options: argparse.Namespace) -> int:
-    """Print the errors of scenes at their own step and the faults of their effects; 1 if there are any."""
-    from redundant_envs.scene import load_scene, scene_names
-    from redundant_envs.studies.verification import verify as measure
+    """Print what is promised of arms, scenes, effects and environments, and what is found; 1 on a miss."""
+    from redundant_envs.studies.verify import command
 
     if options.bits:
-        return verify_bits(options.bits == "all")
-    print(
-        f"Errors of one control interval from {options.states} random states, against 32 times the steps;\n"
-        "missed: beyond the scene's own tolerance without a flag\n"
-        f"{'scene':24} {'step':>16} {'tip error, mm: median':>22} {'99 %':>9} {'max':>9} {'missed':>8} "
-        f"{'references':>11} {'energy, J':>10} {'inverse':>9}"
+        return command.compare_bits(options.bits == "all")
+    return command.run(
+        options.subject, options.states, options.mode or "standard", options.json, options.markdown
     )
-    faults = 0
-    scenes = [(name, load_scene(name)) for name in options.scene or scene_names()]
-    for name, scene in scenes:
-        result = measure(scene, options.states)
-        missed = "" if result.missed is None else f"{100.0 * result.missed:.3g} %"
-        step = f"{scene.integrator} {1000 * scene.control_dt / scene.substeps:.3g} ms"
-        if scene.tolerance is not None:
-            step = f"{scene.integrator} to {scene.tolerance:g} m"
-        elif scene.integrator == "dop853":
-            step = "dop853"
-        median, high, most = (f"{1000 * e:.1e}" for e in result.tip_error)
-        print(
-            f"{name:24} {step:>16} {median:>22} {high:>9} {most:>9} {missed:>8} "
-            f"{1000 * result.reference:>11.1e} {result.energy:>10.1e} {result.inverse:>9.1e}"
-        )
-        if not result.fine_enough:
-            print(f"  {name}: more than 1 mm at the 99th percentile: take more substeps")
-        for fault in result.faults:
-            print(f"  {name}: FAULT: {fault}")
-        faults += len(result.faults)
-    if faults:
-        print(f"redundant_envs: verify found {faults} fault{'s'[: faults > 1]}", file=sys.stderr)
-    return 1 if faults else 0
-
-
-def verify_bits(everything: bool) -> int:
-    """Say whether recorded motions have the same bits on this machine; 1 if one has not."""
-    from redundant_envs.studies import recorded_bits
-    from redundant_envs.studies.progress import Progress
-
-    names = list(recorded_bits.RECORDED if everything else recorded_bits.SHORT)
-    expected, same, progress = recorded_bits.recorded(), 0, Progress("recorded bits", len(names))
-    for name in names:
-        progress.step(name)
-        if recorded_bits.found(name) == expected[name]:
-            same += 1
-        else:
-            print(f"{name}: other bits")
-    print(f"{same} of {len(names)} recorded motions have the same bits on this machine")
-    return int(same < len(names))
 
 
 def parser() -> argparse.ArgumentParser:
@@ -121,9 +77,17 @@ def parser() -> argparse.ArgumentParser:
     )
     p.set_defaults(handler=simulate)
 
-    p = commands.add_parser("verify", help="check a scene's energies and whether its own step is fine enough")
-    p.add_argument("scene", nargs="*", metavar="NAME_OR_PATH", help="default: all named scenes")
-    p.add_argument("--states", type=int, default=1024)
+    p = commands.add_parser("verify", help="is it simulated right? what is found beside what is promised")
+    p.add_argument(
+        "subject", nargs="*", metavar="SUBJECT",
+        help="scene, file of one, id, arm, effect, task or module:object; default: all named scenes",
+    )  # fmt: skip
+    how = p.add_mutually_exclusive_group()
+    for mode, text in (("quick", "the checks that take no time"), ("full", "all checks, and more states")):
+        how.add_argument(f"--{mode}", dest="mode", action="store_const", const=mode, help=text)
+    p.add_argument("--states", type=int, help="random states; default: 256, 1024, of --full 8192")
+    p.add_argument("--json", type=Path, metavar="FILE", help="also write what was found as JSON")
+    p.add_argument("--markdown", type=Path, metavar="FILE", help="also write the tables as Markdown")
     p.add_argument(
         "--bits", nargs="?", const="short", choices=("short", "all"),
         help="instead, see whether recorded motions have the same bits on this machine",

@@ -11,7 +11,7 @@ from redundant_envs.effects.hooks import Effect, Force
 from redundant_envs.integrators.step_control import blended_error
 from redundant_envs.model.programs import batch_simulator
 from redundant_envs.quantities import Quantities
-from redundant_envs.studies.verification import random_states
+from redundant_envs.studies.verify.states import random_states
 
 e = rde.effects
 LAB = rde.FourR((1.0,) * 4, (0.5,) * 4)

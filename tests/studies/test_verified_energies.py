@@ -4,7 +4,6 @@ import dataclasses
 import re
 from dataclasses import dataclass
 
-import numpy as np
 import pytest
 
 import redundant_envs as rde
@@ -20,11 +19,16 @@ from redundant_envs.effects import (
 )
 from redundant_envs.effects.hooks import Effect, Force
 from redundant_envs.scene import scene_names
-from redundant_envs.studies.verification import verify
+from redundant_envs.studies.verify import Mode, verify
+from redundant_envs.studies.verify.conservation import energy_book, potentials
 
 FOUR_R = rde.FourR((2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35))
 RPRP = rde.RPRP((2.3, 0.7, 1.9, 0.4), (1.1, 0.6))
 STATES = 64
+
+
+def energies(scene):
+    return verify(scene, STATES, checks=(potentials, energy_book))
 
 
 @physics
@@ -116,27 +120,26 @@ def effect_with(hooks):
 
 @pytest.mark.parametrize("hooks", RIGHT.values(), ids=RIGHT)
 def test_a_right_potential_is_green(hooks):
-    result = verify(rde.Scene(FOUR_R, (effect_with(hooks)(),)), STATES)
-    assert result.faults == ()
-    assert result.book.gap < 1e-10
+    result = energies(rde.Scene(FOUR_R, (effect_with(hooks)(),)))
     assert result.good
+    assert result.of("energy book").finding.found < 1e-10
 
 
 @pytest.mark.parametrize(("hooks", "joint"), WRONG.values(), ids=WRONG)
 def test_a_wrong_potential_is_red(hooks, joint):
-    result = verify(rde.Scene(FOUR_R, (effect_with(hooks)(),)), STATES)
+    result = energies(rde.Scene(FOUR_R, (effect_with(hooks)(),)))
     assert not result.good
-    assert re.search(f"own: at {joint} the conservative force is", result.faults[0])
+    assert re.search(f"own: at {joint} the conservative force is", result.misses[0])
 
 
 def test_a_book_that_does_not_close_is_red(monkeypatch):
     """Even where every potential is right: here the work of a damper is forgotten."""
     scene = rde.Scene(FOUR_R, (effect_with((Force(1, force, {"x": "phid2", "k": ".k"}),))(),))
-    assert verify(scene, STATES).faults == ()
+    assert energies(scene).good
     work = rde.BatchSimulator.work.fget
     monkeypatch.setattr(rde.BatchSimulator, "work", property(lambda batch: 0.99 * work(batch)))
-    (fault,) = verify(scene, STATES).faults
-    assert fault.startswith("energy: kinetic + potential - work changes by up to")
+    (miss,) = energies(scene).misses
+    assert miss.startswith("energy book: energy: kinetic + potential - work changes by up to")
 
 
 @physics
@@ -161,10 +164,10 @@ def raised(position, lower, upper, stiffness):
 def test_a_mutation_of_an_effect_of_the_package_is_red(module, effect, field, wrong, monkeypatch):
     """Springs at the ends of the travel act only beyond it: potentials are looked at there too."""
     scene = rde.Scene(RPRP, (Gravity(), effect))
-    assert verify(scene, STATES).faults == ()
+    assert energies(scene).good
     monkeypatch.setattr(module, field, wrong)
-    faults = verify(rde.Scene(RPRP, (Gravity(), effect)), STATES).faults
-    assert faults[0].startswith(f"{effect.key}: at r")
+    misses = energies(rde.Scene(RPRP, (Gravity(), effect))).misses
+    assert misses[0].startswith(f"potentials against forces: {effect.key}: at r")
 
 
 def test_energies_of_every_scale_are_judged_in_their_own_units():
@@ -173,10 +176,10 @@ def test_energies_of_every_scale_are_judged_in_their_own_units():
         arm = rde.FourR((mass,) * 4, (1.0, 1.0, 1.0, 1.0))
         for hooks, right in ((RIGHT["nothing else said"], True), (WRONG["factor"][0], False)):
             scene = rde.Scene(arm, (Gravity(), effect_with(hooks)(8.0 * mass)))
-            assert (verify(scene, STATES).faults == ()) is right
+            assert energies(scene).good is right
 
 
-def test_verify_exits_with_1_on_a_fault(tmp_path, monkeypatch, capsys):
+def test_verify_exits_with_1_on_a_miss(tmp_path, monkeypatch, capsys):
     """A registered effect is found by name in a file; the line names scene, effect and joint."""
     path = tmp_path / "mine.yaml"
     text = (
@@ -188,10 +191,10 @@ def test_verify_exits_with_1_on_a_fault(tmp_path, monkeypatch, capsys):
         kind.__name__ = name
         monkeypatch.setitem(REGISTRY, name, kind)
         path.write_text(text.format(name))
-        assert main(["verify", "--states", "64", "four_r_free", str(path)]) == status
+        assert main(["verify", "--quick", "--states", "64", "four_r_free", str(path)]) == status
         out, err = capsys.readouterr()
-        assert ("FAULT" in out) == bool(status)
-    assert f"{path}: FAULT: wrong: at joint2 the conservative force is" in out
+        assert ("MISSED" in out) == bool(status)
+    assert f"{path}: MISSED: potentials against forces: wrong: at joint2 the conservative force is" in out
     assert "verify found" in err
     assert "redundant_envs: 1 " not in err
 
@@ -203,11 +206,10 @@ def test_verify_refuses_before_it_measures(capsys):
 
 @pytest.mark.parametrize("name", scene_names())
 def test_scenes_of_the_package_are_good(name):
-    result = verify(rde.load_scene(name), 256)
-    assert result.faults == ()
-    assert result.good
-    assert all(p.gap < 1e-8 for p in result.potentials)
-    assert result.book.gap < 1e-10
+    result = verify(rde.load_scene(name), 256, Mode.QUICK)
+    assert result.misses == ()
+    assert result.of("potentials against forces").finding.found < 1e-8
+    assert result.of("energy book").finding.found < 1e-10
 
 
 def test_coarse_steps_do_not_open_the_book():
@@ -215,8 +217,6 @@ def test_coarse_steps_do_not_open_the_book():
     scene = dataclasses.replace(
         rde.load_scene("four_r_free"), integrator="euler", control_dt=0.1, tolerance=None
     )
-    result = verify(scene, STATES)
-    assert result.faults == ()
-    assert not result.fine_enough
-    assert not result.good
-    assert np.isfinite(result.energy)
+    result = verify(scene, STATES, Mode.QUICK)
+    assert result.good
+    assert "take more substeps" in result.of("tip error of the own step").finding.words

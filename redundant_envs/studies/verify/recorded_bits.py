@@ -1,6 +1,7 @@
 """Scenes and environments whose every bit is recorded: on every machine they are the same.
 
-``python -m redundant_envs.studies.recorded_bits`` writes the record anew; a commit that changes it says why.
+``python -m redundant_envs.studies.verify.recorded_bits`` writes the record anew; a commit that
+changes it says why.
 """
 
 from __future__ import annotations

@@ -1,0 +1,14 @@
+"""Is a motion simulated right? Checks of arms, scenes, effects, tasks and environments, and their table.
+
+A check is a function in one of the modules of its kind; :mod:`~.report` has the table of all of them. It
+measures one number of a subject, beside what is promised of that. What is promised is what the equations keep
+in float64 for any reasonable arm, not what those of this package happen to have.
+"""
+
+from redundant_envs.studies.verify.checks import Mode, Verdict
+from redundant_envs.studies.verify.report import Report, verify, verify_machine
+from redundant_envs.studies.verify.subjects import Subject, subject_from, subjects_of
+
+__all__ = [
+    "Mode", "Report", "Subject", "Verdict", "subject_from", "subjects_of", "verify", "verify_machine",
+]  # fmt: skip

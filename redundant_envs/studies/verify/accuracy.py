@@ -1,0 +1,166 @@
+"""Is a scene's step fine enough, is its tolerance kept, and has its method the order that it says?"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from redundant_envs.effects import Gravity
+from redundant_envs.integrators.tableaus import METHODS
+from redundant_envs.model.batch import BatchSimulator
+from redundant_envs.scene import Scene
+from redundant_envs.studies.verify.checks import (
+    Array,
+    Finding,
+    Mode,
+    NotApplicable,
+    Promise,
+    Trial,
+    at_least,
+    at_most,
+    check,
+    nothing,
+)
+from redundant_envs.studies.verify.conservation import (
+    ENOUGH_SMOOTH,
+    exact_in_parts,
+    exact_whole,
+)
+
+ENOUGH = 1e-3
+"""Tip error of a control interval [m] that is called good enough at its 99th percentile."""
+MISSED = 0.01
+"""Share of the states that may be off by more than the tolerance without a flag.
+
+No estimate sees everything: impacts amplify, and across a kink of a force an estimate of high order is blind.
+Smooth scenes and hard stops miss none, springs of 1e6 N/m that begin at a limit one in 4000; at one in a
+hundred a tolerance means little.
+"""
+SURE = 0.1
+"""States are judged where both references agree to this, in units of the tolerance."""
+
+
+class Interval(NamedTuple):
+    """A control interval at the scene's own step.
+
+    Attributes
+    ----------
+    q, qd : (n, joints), at its end
+    numerics, evaluations : (n,)
+    """
+
+    q: Array
+    qd: Array
+    numerics: NDArray[np.int8]
+    evaluations: NDArray[np.int64]
+
+
+def own_interval(trial: Trial) -> Interval:
+    q, qd, efforts = trial.states
+    batch = BatchSimulator(trial.scene, len(q), track_work=True)
+    batch.set_state(q, qd)
+    status = batch.advance(efforts)
+    return Interval(batch.q, batch.qd, status.numerics.copy(), status.evaluations.copy())
+
+
+def tip_errors(trial: Trial) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Tip errors at the scene's own step, differences of the two references, m, and whether those hold."""
+    whole, parts = trial.shared(exact_whole), trial.shared(exact_in_parts)
+    own, first, second = (
+        trial.arm.forward_kinematics(x.q) for x in (trial.shared(own_interval), whole, parts)
+    )
+    off, apart = (np.linalg.norm(x - second, axis=1) for x in (own, first))
+    return off, apart, whole.good & parts.good & np.isfinite(apart)
+
+
+@check("tip error of the own step", nothing("m, 99 % of the states"), Mode.QUICK)
+def own_step(trial: Trial) -> Finding:
+    """The tip error of a control interval at the scene's own step, against dop853 in parts."""
+    off, apart, sure = tip_errors(trial)
+    if not sure.any():
+        raise NotApplicable("dop853 crosses no interval of this scene without trouble")
+    off = np.where(np.isnan(off), np.inf, off)[sure]
+    median, high, most = np.median(off), np.quantile(off, 0.99), off.max()
+    where = f"median {median:.1e}, max {most:.1e}; references agree to {apart[sure].max():.0e}"
+    words = ""
+    if not high < ENOUGH:
+        words = "the tip is off by more than 1 mm at the 99th percentile: take more substeps, or a tolerance"
+    return Finding(float(high), where, words)
+
+
+@check("tolerance kept", at_most(MISSED, "of the states"), Mode.QUICK)
+def tolerance_kept(trial: Trial) -> Finding:
+    """The share of the states that are off by more than the scene's tolerance, and not flagged."""
+    tolerance = trial.scene.tolerance
+    if tolerance is None:
+        raise NotApplicable("the scene has no tolerance")
+    off, apart, sure = tip_errors(trial)
+    judged = sure & (apart <= SURE * tolerance)
+    if np.mean(judged) < ENOUGH_SMOOTH:
+        raise NotApplicable(f"references agree to a tenth of it at {np.mean(judged):.0%} of the states only")
+    missed = judged & ~(off <= tolerance) & (trial.shared(own_interval).numerics == 0)
+    share = float(missed.sum() / judged.sum())
+    most, where = trial.worst(np.where(missed, off, 0.0))
+    words = (
+        f"{100 * share:.2g} % of the intervals are off by more than the tolerance of {tolerance:g} m and not "
+        f"flagged, the worst by {most:.1e} m: a force jumps, or its stiffness does; a PrismaticStop is "
+        "located, a softer spring is seen, a shorter control_dt helps both"
+    )
+    return Finding(share, where if share else "", words)
+
+
+# ---- order of convergence --------------------------------------------------------------------------
+
+LANES = 64
+FINE = 1e-11
+"""The error of the finer steps from which an order is told, in radians and reaches: ten thousand roundings,
+and so small that the next order of the method adds nothing."""
+LONGEST, GROWTH = 1e3, 1.25
+"""Longest step that is tried, s, and the ratio of those that are tried in turn."""
+SHORT_OF = 0.3
+"""How far below the method's order the measured one may be: with a finite step the next order has a share."""
+
+
+def smooth_scene(trial: Trial, integrator: str) -> Scene:
+    """The scene's arm in a vertical plane, with a step of a method: no kink hides its order."""
+    return Scene(trial.scene.robot, (Gravity(),), integrator, trial.scene.control_dt)
+
+
+def declared(trial: Trial) -> Promise:
+    return at_least(METHODS[trial.scene.integrator].order - SHORT_OF)
+
+
+@check("order of convergence", declared)
+def order(trial: Trial) -> Finding:
+    """Halving the step divides the error by 2^order, on the scene's arm in a vertical plane."""
+    name = trial.scene.integrator
+    if name == "dop853":
+        raise NotApplicable("dop853 chooses its steps itself")
+    q, qd, efforts = (x[:LANES] for x in trial.states)
+    unit = np.where(trial.arm.prismatic, np.linalg.norm(trial.arm.points(q), axis=2).max(), 1.0)
+
+    batches = {method: BatchSimulator(smooth_scene(trial, method), len(q)) for method in ("rk8", name)}
+
+    def moved(method: str, steps: int, seconds: float) -> Array:
+        batch = batches[method]
+        batch.set_state(q, qd)
+        for _ in range(steps):
+            batch.advance_partly(efforts, seconds / steps)
+        return batch.q @ trial.scene.robot.motor_map / unit
+
+    seconds = 1e-7
+    while seconds < LONGEST:
+        exact = moved("rk8", 8, seconds)
+        coarse, fine = (np.abs(moved(name, n, seconds) - exact).max(axis=1) for n in (1, 2))
+        if not np.median(fine) < FINE:
+            break
+        seconds *= GROWTH
+    found = np.log2(coarse / fine)
+    median = float(np.median(found))
+    words = (
+        f"{name}: halving the step divides the error by 2^{median:.2f}, and its order is said to be "
+        f"{METHODS[name].order}: a coefficient is wrong"
+    )
+    return Finding(median, f"median of {len(q)} states, steps of {seconds:.1e} s", words)

@@ -1,0 +1,246 @@
+"""A check, what it promises, what was found, and the table of all checks of a subject."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from redundant_envs.extras import MissingPackage
+from redundant_envs.robots.arm import Arm
+from redundant_envs.scene import Scene
+from redundant_envs.studies.verify.states import random_states
+from redundant_envs.studies.verify.subjects import Subject
+
+Array = NDArray[Any]
+
+
+class Mode(enum.IntEnum):
+    """How much is checked; each mode runs what those before it run."""
+
+    QUICK = 0
+    STANDARD = 1
+    FULL = 2
+
+
+STATES = {Mode.QUICK: 256, Mode.STANDARD: 1024, Mode.FULL: 8192}
+"""Random states of each mode, where the command names no number."""
+
+
+class Verdict(enum.Enum):
+    KEPT = "kept"
+    MISSED = "MISSED"
+    MEASURED = "measured"
+    NOT_APPLICABLE = "not applicable"
+    NOT_RUN = "not run"
+
+
+class NotApplicable(Exception):
+    """A check says nothing about a subject; the message is the reason."""
+
+
+class NotRun(Exception):
+    """A check could not be run here; the message is the reason."""
+
+
+@dataclass(frozen=True)
+class Promise:
+    """What a number must be.
+
+    Parameters
+    ----------
+    bound : float
+        NaN where nothing is promised.
+    unit : str
+        "" of a ratio.
+    relation : {"at most", "at least", "equal bits", ""}
+        "equal bits" counts the lanes that differ, and promises none.
+    """
+
+    bound: float
+    unit: str
+    relation: str
+
+    def holds(self, found: float) -> bool:
+        """Whether a number is as promised; what is no number is not."""
+        return found >= self.bound if self.relation == "at least" else found <= self.bound
+
+    def __str__(self) -> str:
+        if self.relation in ("", "equal bits"):
+            return self.relation or "-"
+        return f"{self.relation} {self.bound:.3g} {self.unit}".rstrip()
+
+
+def at_most(bound: float, unit: str = "") -> Promise:
+    return Promise(bound, unit, "at most")
+
+
+def at_least(bound: float, unit: str = "") -> Promise:
+    return Promise(bound, unit, "at least")
+
+
+EQUAL_BITS = Promise(0.0, "lanes differ", "equal bits")
+
+
+def nothing(unit: str) -> Promise:
+    """Of a number that is measured, and judged by nobody but the reader."""
+    return Promise(math.nan, unit, "")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A number, and where it was found.
+
+    Attributes
+    ----------
+    found : float
+    where : str
+        State and joint of the worst case.
+    words : str
+        What is wrong if the promise is missed, or what a reader of a measured number should do.
+    """
+
+    found: float
+    where: str = ""
+    words: str = ""
+
+
+@dataclass(frozen=True)
+class Check:
+    """A function that measures a subject, and what is promised of its result.
+
+    Attributes
+    ----------
+    name, family : str
+    promise : Promise, or a function of the trial that gives one
+    mode : the least mode in which it runs
+    measure : function of a :class:`Trial`; it raises :class:`NotApplicable` or :class:`NotRun` with a reason
+    """
+
+    name: str
+    family: str
+    promise: Promise | Callable[[Trial], Promise]
+    mode: Mode
+    measure: Callable[[Trial], Finding]
+
+    def run(self, trial: Trial) -> Outcome:
+        """The outcome for a subject; an error of the subject's own code is a miss that tells it."""
+        promise = nothing("")
+        try:
+            promise = self.promise(trial) if callable(self.promise) else self.promise
+            with np.errstate(all="ignore"):
+                finding = self.measure(trial)
+        except NotApplicable as reason:
+            return self._outcome(trial, promise, Verdict.NOT_APPLICABLE, Finding(math.nan, "", str(reason)))
+        except (NotRun, MissingPackage) as reason:
+            return self._outcome(trial, promise, Verdict.NOT_RUN, Finding(math.nan, "", str(reason)))
+        except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
+            words = f"it could not be measured: {error}"
+            return self._outcome(trial, promise, Verdict.MISSED, Finding(math.nan, "", words))
+        if not promise.relation:
+            return self._outcome(trial, promise, Verdict.MEASURED, finding)
+        verdict = Verdict.KEPT if promise.holds(finding.found) else Verdict.MISSED
+        return self._outcome(trial, promise, verdict, finding)
+
+    def _outcome(self, trial: Trial, promise: Promise, verdict: Verdict, finding: Finding) -> Outcome:
+        return Outcome(trial.subject.name, self.family, self.name, promise, verdict, finding)
+
+
+def check(
+    name: str, promise: Promise | Callable[[Trial], Promise], mode: Mode = Mode.STANDARD
+) -> Callable[[Callable[[Trial], Finding]], Check]:
+    """Make a check of a function; :func:`checks_of` finds it in its module."""
+
+    def made(measure: Callable[[Trial], Finding]) -> Check:
+        return Check(name, measure.__module__.rpartition(".")[2], promise, mode, measure)
+
+    return made
+
+
+def checks_of(*modules: Any) -> tuple[Check, ...]:
+    """The checks of some modules, in the order in which they stand there."""
+    return tuple(x for module in modules for x in vars(module).values() if isinstance(x, Check))
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A line of the table: what was promised of a subject, and what was found."""
+
+    subject: str
+    family: str
+    check: str
+    promise: Promise
+    verdict: Verdict
+    finding: Finding
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A subject and the random states at which it is looked at; checks share what they measure.
+
+    Parameters
+    ----------
+    subject : Subject
+    count : int
+        Random states.
+    mode : Mode
+    seed : int
+        Of the states.
+    """
+
+    subject: Subject
+    count: int = STATES[Mode.STANDARD]
+    mode: Mode = Mode.STANDARD
+    seed: int = 0
+    _kept: dict[Any, Any] = dataclasses.field(default_factory=dict, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        if self.count < 1:
+            raise ValueError(f"states is {self.count}; give at least 1")
+
+    @property
+    def scene(self) -> Scene:
+        return self.subject.scene
+
+    @property
+    def arm(self) -> Arm:
+        """The arm with what effects add to it."""
+        return self.scene.loaded_robot
+
+    @cached_property
+    def states(self) -> tuple[Array, Array, Array]:
+        """Coordinates, velocities and joint efforts, (count, joints) each."""
+        q, qd, efforts = random_states(self.scene, self.count, self.seed)
+        return q, qd, efforts
+
+    def shared(self, make: Callable[[Trial], Any]) -> Any:
+        """What a function makes of this trial: made once."""
+        if make not in self._kept:
+            self._kept[make] = make(self)
+        return self._kept[make]
+
+    def worst(self, gaps: Array, names: Iterable[str] = ()) -> tuple[float, str]:
+        """The largest of (states,) or (states, joints, ...) numbers, with its state and joint.
+
+        ``names`` are those of the second axis: by default the joints.
+        """
+        told = np.where(np.isnan(gaps), np.inf, gaps)
+        place = np.unravel_index(int(np.argmax(told)), told.shape)
+        where = f"state {place[0]}"
+        if len(place) > 1:
+            where += f", {(tuple(names) or self.arm.joints)[place[1]]}"
+        return float(gaps[place]), where
+
+
+def ratio(difference: Any, scale: Any) -> Array:
+    """A difference in units of a scale; where the scale is 0, 0 or infinite."""
+    difference, scale = np.broadcast_arrays(np.abs(difference), scale)
+    with np.errstate(all="ignore"):
+        return np.where(scale > 0.0, difference / scale, np.where(difference == 0.0, 0.0, np.inf))

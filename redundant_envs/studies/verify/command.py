@@ -1,0 +1,88 @@
+"""The command: tables of what was found, on standard output and in files."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from redundant_envs.studies.progress import Progress
+from redundant_envs.studies.verify import recorded_bits, report
+from redundant_envs.studies.verify.checks import Mode, Verdict
+from redundant_envs.studies.verify.report import MACHINE, OF_THE_MACHINE, Report, checks_in
+from redundant_envs.studies.verify.subjects import subjects_of
+
+
+def run(
+    words: Sequence[str], states: int | None, mode: str, json_file: Path | None, markdown_file: Path | None
+) -> int:
+    """Verify what some words name; 1 if a promise is broken.
+
+    Parameters
+    ----------
+    words : sequence of str
+        All named scenes if there is none.
+    states : int, optional
+        Random states; by default as many as the mode has.
+    mode : {"quick", "standard", "full"}
+    json_file, markdown_file : Path, optional
+        Files to be written as well.
+    """
+    chosen, subjects = Mode[mode.upper()], subjects_of(words)
+    if states is not None and states < 1:
+        raise ValueError(f"states is {states}; give at least 1")
+    done = _progress(len(subjects), len(checks_in(chosen)))
+    reports: list[tuple[str, Report]] = []
+    for subject in subjects:
+        found = report.verify(subject, states, chosen, done)
+        reports.append((report.about(subject), found))
+        _show(*reports[-1])
+    reports.append((MACHINE, report.verify_machine(chosen, done)))
+    _show(*reports[-1])
+    if json_file is not None:
+        report.write(json_file, report.as_json(reports))
+    if markdown_file is not None:
+        report.write(markdown_file, report.markdown(reports))
+    missed = sum(len(r.misses) for _, r in reports)
+    kept = sum(o.verdict is Verdict.KEPT for _, r in reports for o in r.outcomes)
+    print(f"{kept} promises kept, {missed} missed")
+    if missed:
+        print(f"redundant_envs: verify found {missed} broken promise{'s'[: missed > 1]}", file=sys.stderr)
+    return int(missed > 0)
+
+
+def _show(title: str, found: Report) -> None:
+    print(f"{title}\n{report.text_table(found.outcomes)}")
+    for note in report.notes(found.outcomes):
+        print(f"  {title.partition(': ')[0]}: {note}")
+    print(flush=True)
+
+
+def _progress(subjects: int, checks: int) -> report.Done:
+    """Told of each check; in a file a line for each would be too many, and each subject has one."""
+    terminal = sys.stderr.isatty()
+    each = 1 if terminal else checks
+    bar = Progress("verify", (subjects * checks + len(OF_THE_MACHINE)) // each)
+    count = 0
+
+    def done(name: str) -> None:
+        nonlocal count
+        count += 1
+        if count % each == 0:
+            bar.step(name if terminal else name.partition(": ")[0])
+
+    return done
+
+
+def compare_bits(everything: bool) -> int:
+    """Say whether recorded motions have the same bits on this machine; 1 if one has not."""
+    names = list(recorded_bits.RECORDED if everything else recorded_bits.SHORT)
+    expected, same, progress = recorded_bits.recorded(), 0, Progress("recorded bits", len(names))
+    for name in names:
+        progress.step(name)
+        if recorded_bits.found(name) == expected[name]:
+            same += 1
+        else:
+            print(f"{name}: other bits")
+    print(f"{same} of {len(names)} recorded motions have the same bits on this machine")
+    return int(same < len(names))

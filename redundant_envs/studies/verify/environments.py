@@ -1,0 +1,139 @@
+"""Do environments keep their contract: the rules of vectors, and the bits of single ones?"""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from redundant_envs.envs.check import BrokenRule, check_vec_env
+from redundant_envs.studies.verify.checks import (
+    EQUAL_BITS,
+    Finding,
+    Mode,
+    NotApplicable,
+    Promise,
+    Trial,
+    check,
+)
+
+LANES, STEPS, SHORT_EPISODE = 9, 12, 5
+RULES = Promise(0.0, "rules broken", "at most")
+
+
+def _arguments(trial: Trial) -> dict[str, Any]:
+    if trial.subject.env_id is None:
+        raise NotApplicable("this is no environment")
+    return {} if trial.subject.task is None else {"task": dict(trial.subject.task)}
+
+
+def _vector(trial: Trial, lanes: int = LANES, **arguments: Any) -> Any:
+    own = {**_arguments(trial), **arguments}
+    return gym.make_vec(str(trial.subject.env_id), num_envs=lanes, max_episode_steps=SHORT_EPISODE, **own)
+
+
+def _actions(trial: Trial, env: Any) -> Any:
+    rng = np.random.default_rng(trial.seed)
+    return rng.uniform(-1.2, 1.2, (STEPS, env.num_envs, *env.single_action_space.shape)).astype(np.float32)
+
+
+def _bits(*tables: Any) -> list[bytes]:
+    """Each lane's bits in some tables, those of dictionaries too."""
+    flat = [v for x in tables for v in (x.values() if isinstance(x, dict) else (x,))]
+    return [b"".join(np.asarray(x)[lane].tobytes() for x in flat) for lane in range(len(flat[0]))]
+
+
+def _steps(env: Any, actions: Any) -> list[list[bytes]]:
+    return [_bits(*env.step(a)[:4]) for a in actions]
+
+
+def _differing(one: list[list[bytes]], other: list[list[bytes]], what: str) -> Finding:
+    lanes = {k for a, b in zip(one, other, strict=True) for k in range(len(a)) if a[k] != b[k]}
+    return Finding(len(lanes), f"lane {min(lanes)}" if lanes else "", f"{len(lanes)} lanes differ {what}")
+
+
+@check("environment: rules of vectors", RULES, Mode.QUICK)
+def rules(trial: Trial) -> Finding:
+    """``rde.check_vec_env`` finds no broken rule, in each autoreset mode."""
+    _arguments(trial)
+    broken = []
+    for mode in ("next_step", "same_step", "disabled"):
+        env = _vector(trial, 3, autoreset_mode=mode)
+        try:
+            check_vec_env(env)
+        except BrokenRule as error:
+            broken.append(f"{mode}: {error}")
+        env.close()
+    return Finding(len(broken), "", "; ".join(broken))
+
+
+@check("environment: single and vector", EQUAL_BITS, Mode.QUICK)
+def single(trial: Trial) -> Finding:
+    """Environment i of a vector has the bits of the single one with seed s + i."""
+    own, lanes = _arguments(trial), 3
+    many = _vector(trial, lanes, autoreset_mode="disabled")
+    actions = _actions(trial, many)[:SHORT_EPISODE]
+    first = _bits(many.reset(seed=7)[0])
+    together = [first, *_steps(many, actions)]
+    alone: list[list[bytes]] = [[b""] * lanes for _ in together]
+    for i in range(lanes):
+        env = gym.make(str(trial.subject.env_id), max_episode_steps=SHORT_EPISODE, **own)
+        tables = [(env.reset(seed=7 + i)[0],)] + [env.step(a[i])[:4] for a in actions]
+        for step, values in enumerate(tables):
+            kinds: Any = (None, np.float64, np.bool_, np.bool_)
+            wide = [
+                {k: v[None] for k, v in x.items()} if isinstance(x, dict) else np.asarray(x, kind)[None]
+                for x, kind in zip(values, kinds, strict=False)
+            ]
+            alone[step][i] = _bits(*wide)[0]
+        env.close()
+    many.close()
+    return _differing(together, alone, "from single environments with their seeds")
+
+
+@check("environment: states", EQUAL_BITS, Mode.QUICK)
+def states(trial: Trial) -> Finding:
+    """``get_state`` and ``set_state`` go on to the same bits, through the ends of episodes."""
+    env = _vector(trial, autoreset_mode="same_step")
+    env.reset(seed=3)
+    actions = _actions(trial, env)
+    _steps(env, actions[:4])
+    state = env.get_state()
+    first = _steps(env, actions[4:])
+    env.set_state(state)
+    again = _steps(env, actions[4:])
+    env.close()
+    return _differing(first, again, "after set_state")
+
+
+@check("environment: copies", EQUAL_BITS)
+def copies(trial: Trial) -> Finding:
+    """A copy goes on to the same bits, whatever becomes of the original."""
+    env = _vector(trial)
+    env.reset(seed=4)
+    actions = _actions(trial, env)
+    _steps(env, actions[:4])
+    other = copy.deepcopy(env)
+    first = _steps(env, actions[4:])
+    again = _steps(other, actions[4:])
+    env.close()
+    return _differing(first, again, "in a copy")
+
+
+@check("environment: seeds, threads and neighbours", EQUAL_BITS)
+def seeds(trial: Trial) -> Finding:
+    """Equal seeds and actions give equal bits, with two threads and in a larger vector, too."""
+    tables = []
+    for lanes, threads in ((LANES, 1), (LANES, 2), (3 * LANES, 1)):
+        env = _vector(trial, lanes, threads=threads)
+        first = _bits(env.reset(seed=5)[0])
+        actions = np.zeros((STEPS, lanes, *env.single_action_space.shape), np.float32)
+        rng = np.random.default_rng(trial.seed)
+        actions[:, :LANES] = rng.uniform(-1.0, 1.0, actions[:, :LANES].shape)
+        steps = [first, *_steps(env, actions)]
+        tables.append([step[:LANES] for step in steps])
+        env.close()
+    found = [_differing(tables[0], other, "with threads or more neighbours") for other in tables[1:]]
+    return max(found, key=lambda finding: finding.found)

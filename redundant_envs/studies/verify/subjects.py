@@ -1,0 +1,196 @@
+"""What the words of the command name: arms, scenes, effects, tasks and environments, each as a scene."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import os
+import re
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from itertools import cycle, islice
+from typing import Any
+
+from redundant_envs.effects import REGISTRY as EFFECTS
+from redundant_envs.effects import Effect, Field, Gravity
+from redundant_envs.envs import registration
+from redundant_envs.robots import REGISTRY as ARMS
+from redundant_envs.robots.arm import Arm
+from redundant_envs.scene import Scene, load_scene, scene_names
+from redundant_envs.tasks import REGISTRY as TASKS
+from redundant_envs.tasks import Task
+from redundant_envs.values import shown
+
+TOLERANCE = 1e-6
+"""Tip error [m] per control interval of scenes made here: that of the environments' standard accuracy."""
+MASSES, LENGTHS = (2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35)
+"""kg and m of an arm given by its class, taken in turn: with equal ones an equation that takes one for
+another is right by chance."""
+NAME = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*(\.[^\W\d]\w*)*")
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What is verified.
+
+    Attributes
+    ----------
+    name : str
+        The word that named it.
+    scene : Scene
+        With the arm or effect that is meant, or that of the environment.
+    env_id : str, optional
+        Of an environment, or of a task in one.
+    task : mapping, optional
+        Numbers of the task other than its defaults.
+    """
+
+    name: str
+    scene: Scene
+    env_id: str | None = None
+    task: Mapping[str, Any] | None = None
+
+
+def subjects_of(words: Iterable[str]) -> list[Subject]:
+    """The subjects that some words name; all named scenes if there is no word.
+
+    Raises
+    ------
+    ValueError
+        That names the word, and what is allowed.
+    """
+    return [subject_of(word) for word in [*words] or scene_names()]
+
+
+def subject_of(word: str) -> Subject:
+    """The subject that a word names.
+
+    Parameters
+    ----------
+    word : str
+        A scene by name or file, an id with or without its namespace, a registered arm, effect or task, or
+        ``module:object`` that is one of these.
+    """
+    if NAME.fullmatch(word) and not word.endswith((".yaml", ".yml")):
+        return subject_from(word, _imported(word))
+    if word.endswith((".yaml", ".yml")) or word in scene_names():
+        return Subject(word, load_scene(word))
+    env_id = word if "/" in word else f"{registration.NAMESPACE}/{word}"
+    if env_id in registration.IDS:
+        return _environment(word, env_id)
+    for registry in (ARMS, EFFECTS, TASKS):
+        if word in registry:
+            return subject_from(word, registry[word])
+    raise ValueError(
+        f"{shown(word)} is nothing that verify knows; give a scene ({', '.join(scene_names())}), a file of "
+        f"one (.yaml), an id ({', '.join(registration.ids())}), an arm ({', '.join(ARMS)}), an effect "
+        f"({', '.join(EFFECTS)}), a task ({', '.join(TASKS)}) or module:object"
+    )
+
+
+def subject_from(name: str, thing: Any) -> Subject:
+    """The subject of an arm, scene, effect or task, or of a class of these, called ``name``."""
+    kind = thing if isinstance(thing, type) else type(thing)
+    if isinstance(thing, Subject):
+        return thing
+    if isinstance(thing, Scene):
+        return Subject(name, thing)
+    if issubclass(kind, Arm) and kind is not Arm:
+        return Subject(name, bare_scene(_arm(name, kind) if thing is kind else thing))
+    if issubclass(kind, Effect) and kind is not Effect:
+        return Subject(name, effect_scene(name, _made(name, kind) if thing is kind else thing))
+    if issubclass(kind, Task) and kind is not Task:
+        return _task(name, _made(name, kind) if thing is kind else thing)
+    raise ValueError(
+        f"{name} is {shown(thing)}; verify takes an arm, a scene, an effect or a task, or a class of these"
+    )
+
+
+def bare_scene(arm: Arm) -> Scene:
+    """An arm in a vertical plane, and nothing else."""
+    return Scene(arm, (Gravity(),), tolerance=TOLERANCE)
+
+
+def effect_scene(name: str, effect: Effect) -> Scene:
+    """An effect on the first arm that it fits, in a vertical plane."""
+    refused = []
+    for kind in ARMS.values():
+        try:
+            arm = _arm(name, kind)
+            fields = any(isinstance(h, Field) for h in effect.hooks(arm))
+            return Scene(arm, (effect,) if fields else (Gravity(), effect), tolerance=TOLERANCE)
+        except ValueError as error:
+            refused.append(f"{kind.kind}: {error}")
+    raise ValueError(f"{name} fits no arm; {'; '.join(refused)}")
+
+
+def _imported(word: str) -> Any:
+    module, _, path = word.partition(":")
+    if os.getcwd() not in sys.path:
+        sys.path.insert(0, os.getcwd())
+    try:
+        thing: Any = importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        raise ValueError(
+            f"{word}: {error}; give the name of a module that lies in this folder or is installed"
+        ) from None
+    for part in path.split("."):
+        if not hasattr(thing, part):
+            names = [n for n, v in vars(thing).items() if not n.startswith("_") and _is_subject(v)]
+            raise ValueError(
+                f"{word}: {module} has no {part!r}; of what verify takes it has "
+                f"{', '.join(names) or 'nothing'}"
+            )
+        thing = getattr(thing, part)
+    return thing
+
+
+def _is_subject(value: Any) -> bool:
+    kind = value if isinstance(value, type) else type(value)
+    return issubclass(kind, Arm | Scene | Effect | Task)
+
+
+def _arm(name: str, kind: type[Arm]) -> Arm:
+    own = [f.name for f in dataclasses.fields(kind) if f.init and f.name not in ("masses", "lengths")]
+    try:
+        return kind(
+            masses=tuple(islice(cycle(MASSES), kind.num_masses)),
+            lengths=tuple(islice(cycle(LENGTHS), kind.num_lengths)),
+        )
+    except TypeError:
+        raise ValueError(
+            f"{name}: the arm {kind.__name__} needs {', '.join(own)}, too; name an arm that has them, "
+            "module:object"
+        ) from None
+
+
+def _made(name: str, kind: type[Any]) -> Any:
+    try:
+        return kind()
+    except TypeError:
+        needed = [
+            f.name
+            for f in dataclasses.fields(kind)
+            if f.init and f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
+        ]
+        raise ValueError(
+            f"{name}: {kind.__name__} has no default of {', '.join(needed)}; name one that has its numbers, "
+            "module:object, or a scene with it"
+        ) from None
+
+
+def _environment(name: str, env_id: str, task: Mapping[str, Any] | None = None) -> Subject:
+    from redundant_envs.scene import scene_at
+
+    scene = scene_at(registration.SCENES[registration.IDS[env_id].arm], None)
+    return Subject(name, scene, env_id, task)
+
+
+def _task(name: str, task: Task) -> Subject:
+    """A task with the first arm that has a scene; a class that nobody registered is registered."""
+    kind = type(task)
+    if TASKS.get(kind.name) is not kind:
+        registration.register_task(kind)
+    arm = next(iter(registration.SCENES))
+    return _environment(name, registration.id_of(arm, kind.name), task.parameters())
