@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Iterable
 from typing import Any
 
 import gymnasium as gym
@@ -73,24 +74,32 @@ def rules(trial: Trial) -> Finding:
 def single(trial: Trial) -> Finding:
     """Environment i of a vector has the bits of the single one with seed s + i."""
     own, lanes = _arguments(trial), 3
-    many = _vector(trial, lanes, autoreset_mode="disabled")
+    many = _vector(trial, lanes)
     actions = _actions(trial, many)[:SHORT_EPISODE]
-    first = _bits(many.reset(seed=7)[0])
-    together = [first, *_steps(many, actions)]
-    alone: list[list[bytes]] = [[b""] * lanes for _ in together]
+    first = many.reset(seed=7)[0]
+    vectors = [(first,), *(many.step(a)[:4] for a in actions)]
+    together = [_bits(*tables) for tables in vectors]
+    alone = [list(step) for step in together]  # after its end a lane is compared no more
     for i in range(lanes):
         env = gym.make(str(trial.subject.env_id), max_episode_steps=SHORT_EPISODE, **own)
-        tables = [(env.reset(seed=7 + i)[0],)] + [env.step(a[i])[:4] for a in actions]
-        for step, values in enumerate(tables):
-            kinds: Any = (None, np.float64, np.bool_, np.bool_)
-            wide = [
-                {k: v[None] for k, v in x.items()} if isinstance(x, dict) else np.asarray(x, kind)[None]
-                for x, kind in zip(values, kinds, strict=False)
-            ]
-            alone[step][i] = _bits(*wide)[0]
+        alone[0][i] = _bits(*_wide(env.reset(seed=7 + i)[:1]))[0]
+        for step, action in enumerate(actions):
+            result = env.step(action[i])
+            alone[step + 1][i] = _bits(*_wide(result[:4]))[0]
+            if result[2] or result[3]:
+                break
         env.close()
     many.close()
     return _differing(together, alone, "from single environments with their seeds")
+
+
+def _wide(values: Iterable[Any]) -> list[Any]:
+    """What a single environment returns, as a vector of one would."""
+    kinds: Any = (None, np.float64, np.bool_, np.bool_)
+    return [
+        {k: v[None] for k, v in x.items()} if isinstance(x, dict) else np.asarray(x, kind)[None]
+        for x, kind in zip(values, kinds, strict=False)
+    ]
 
 
 @check("environment: states", EQUAL_BITS, Mode.QUICK)

@@ -1,0 +1,209 @@
+"""verify finds what is wrong in an arm, and says by its check which equation it is."""
+
+import dataclasses
+import functools
+
+import pytest
+import rrp
+import three_r
+
+import redundant_envs as rde
+from redundant_envs.algebra import physics
+from redundant_envs.robots.arm import Arm
+from redundant_envs.simulator import common_step
+from redundant_envs.studies.verify import (
+    accuracy,
+    conservation,
+    engines,
+    equations,
+    impacts,
+    symmetries,
+    verify,
+)
+from redundant_envs.studies.verify.checks import checks_of
+
+e = rde.effects
+EQUATIONS = checks_of(equations)
+STATES = 24
+
+
+def changed(kind, give=(), **change):
+    """An arm like another, some of whose functions (by name) have their results changed."""
+    own = {n: v for n, v in vars(kind).items() if n in Arm.__annotations__ and n not in kind._derived}
+    functions = [f for f in own["functions"] if f.__module__ == kind.__module__]
+    for name, new in change.items():
+        right = next((f for f in functions if f.__name__ == name), None)
+        if right is None:
+            own[name] = new
+            continue
+        takes = right.__code__.co_varnames[: right.__code__.co_argcount]
+        functions[functions.index(right)] = _wrong(right, takes, new)
+    body = {**own, "functions": (*functions, *give), "kind": f"Wrong{kind.__name__}"}
+    made = dataclasses.dataclass(frozen=True)(type("Wrong", (Arm,), body))
+    return made((2.0, 1.5, 1.0), (0.3, 0.5, 0.4)[: kind.num_lengths])
+
+
+def _wrong(right, takes, new):
+    @physics(gives=" ".join(right.physics_gives), takes=" ".join(takes))
+    @functools.wraps(right)
+    def wrong(*values):
+        return new(dict(zip(takes, values, strict=True)), *right(*values))
+
+    return wrong
+
+
+GRAVITY = (e.Gravity(),)
+
+
+def misses(arm, checks=EQUATIONS, effects=GRAVITY, **step):
+    scene = rde.Scene(arm, effects, **(step or {"tolerance": 1e-6}))
+    report = verify(scene, STATES, checks=checks)
+    return {o.check for o in report.outcomes if o.verdict.value == "MISSED"}
+
+
+def factor(place, by=1.0 + 1e-6):
+    """One result, counted from 0, off by a millionth."""
+    return lambda x, *old: (*old[:place], by * old[place], *old[place + 1 :])
+
+
+@physics(gives="U")
+def wrong_potential(m1, m2, m3, y1, y2, y3, ay):
+    return ay * (m1 * y1 + m2 * y2 + m2 * y3)
+
+
+@physics(gives="T", takes="M11 M22 M33 w1 w2 w3")
+def wrong_energy(M11, M22, M33, w1, w2, w3):
+    return 0.5 * (M11 * w1 * w1 + M22 * w2 * w2 + M33 * w3 * w3)
+
+
+@physics(gives="qdd1 qdd2 qdd3", takes="M11 M22 M33 h1 h2 h3 G1 G2 G3 Q1 Q2 Q3")
+def wrong_dynamics(M11, M22, M33, h1, h2, h3, G1, G2, G3, Q1, Q2, Q3):
+    return (Q1 - h1 - G1) / M11, (Q2 - h2 - G2) / M22, (Q3 - h3 - G3) / M33
+
+
+@physics(gives="C11 C12 C13 C21 C22 C23 C31 C32 C33", takes="h1 h2 h3 w1 w2 w3")
+def wrong_coriolis(h1, h2, h3, w1, w2, w3):
+    return h1 / w1, 0.0, 0.0, 0.0, h2 / w2, 0.0, 0.0, 0.0, h3 / w3
+
+
+@physics(gives="W1 W2 W3")
+def too_small(m1, m2, m3, l1, l2, l3):
+    return 0.1 / (m1 * l1 * l1), 1.0 / (m2 * l2 * l2), 1.0 / (m3 * l3 * l3)
+
+
+@physics(gives="W13 W23 W33")
+def wrong_mobility(m3):
+    return 0.0, 0.0, 1.0 / m3
+
+
+@physics(gives="theta1 theta2 theta3")
+def wrong_way_back(phi1, phi2, phi3):
+    return phi1, phi1 + phi2, phi2 + phi3
+
+
+def gyroscopic(x, h1, h2, h3):
+    """A force that does no work, and that no mass makes."""
+    return h1 + 1e-3 * x["w2"], h2 - 1e-3 * x["w1"], h3
+
+
+T, R = three_r.ThreeR, rrp.RRP
+FAULTS = {
+    "M of one link": (changed(T, inertia_products=factor(5)), {"mass matrix", "kinetic energy"}),
+    "M of two links": (
+        changed(T, mass_matrix=lambda x, *M: (M[0], 1.001 * M[1], *M[2:])),
+        {"mass matrix", "bias forces", "passivity", "kinetic energy", "forward dynamics"},
+    ),
+    "M not positive": (
+        changed(T, mass_matrix=lambda x, *M: (*M[:8], -M[8])),
+        {"mass matrix", "mass matrix is positive", "kinetic energy"},
+    ),
+    "h": (changed(T, bias_forces=factor(1)), {"bias forces", "passivity"}),
+    "h that does no work": (changed(T, bias_forces=gyroscopic), {"bias forces"}),
+    "C": (changed(T, give=(wrong_coriolis,)), {"Coriolis matrix"}),
+    "G": (changed(T, gravity_forces=factor(2)), {"gravity forces"}),
+    "U": (changed(T, give=(wrong_potential,)), {"gravity forces"}),
+    "T": (changed(T, give=(wrong_energy,)), {"kinetic energy"}),
+    "J": (changed(T, jacobian=factor(2)), {"Jacobian", "gravity forces", "rate of the Jacobian"}),
+    "Jdqd": (changed(T, jacobian_dot_qd=factor(0)), {"rate of the Jacobian"}),
+    "rates of joints": (changed(T, joint_rates=factor(2)), {"joints"}),
+    "motors": (changed(T, motor_map=lambda x, *Q: (x["t1"], *Q[1:])), {"joints"}),
+    "way back": (changed(T, coordinates_of_joints=wrong_way_back), {"joints"}),
+    "accelerations": (changed(T, give=(wrong_dynamics,)), {"forward dynamics"}),
+    "mobility bounds": (changed(T, mobility_bounds=too_small), {"mobility bounds"}),
+    "mobility of a slider": (changed(R, slider_mobility=wrong_mobility), {"sliders held and struck"}),
+}
+
+
+@pytest.mark.parametrize(("arm", "red"), FAULTS.values(), ids=FAULTS)
+def test_a_wrong_equation_is_red_and_named(arm, red):
+    assert misses(arm) == red
+
+
+@pytest.mark.parametrize("kind", [T, R])
+def test_right_equations_are_green(kind):
+    assert misses(changed(kind)) == set()
+
+
+def test_every_check_of_equations_is_seen_red():
+    assert {c.name for c in EQUATIONS} == set().union(*(red for _, red in FAULTS.values()))
+
+
+# ---- motions -------------------------------------------------------------------------------------------
+
+
+def test_a_motor_without_its_reaction_changes_the_momentum():
+    assert misses(FAULTS["motors"][0], (conservation.momentum,)) == {"momentum"}
+
+
+def test_a_force_that_turns_with_the_velocities_is_not_reversible():
+    arm = FAULTS["h that does no work"][0]
+    assert misses(arm, (conservation.energy_book, symmetries.time_reversal)) == {"time reversal"}
+
+
+def test_a_term_without_its_mass_or_length_does_not_scale():
+    """An inertia that is a number, and one that is a mass: the equations that follow are consistent."""
+    numbers = changed(T, inertia_products=lambda x, *K: (*K[:5], K[5] + 0.01))
+    masses = changed(T, inertia_products=lambda x, *K: (*K[:5], K[5] + 0.01 * x["m3"]))
+    scaling = symmetries.scaling_of_masses, symmetries.scaling_of_lengths
+    assert misses(numbers, scaling) == {"scaling of masses", "scaling of lengths and time"}
+    assert misses(masses, scaling) == {"scaling of lengths and time"}
+
+
+def test_impulses_that_are_not_those_of_the_mass_matrix_are_red():
+    stop = e.PrismaticStop((0.0,), (0.3,), 0.5)
+    found = misses(FAULTS["mobility of a slider"][0], checks_of(impacts)[:3], (e.Gravity(), stop))
+    assert found == {"impacts: velocities", "impacts: momentum", "impacts: energy"}
+
+
+def test_mujoco_knows_masses_and_joints_of_its_own():
+    pytest.importorskip("mujoco", reason="MuJoCo is in the extra 'verify'")
+    checks = checks_of(engines)
+    assert misses(changed(R), checks) == set()
+    assert misses(FAULTS["M of two links"][0], checks) == {"MuJoCo: mass matrix and tip"}
+    assert misses(FAULTS["accelerations"][0], checks) == {"MuJoCo: accelerations"}
+
+
+def test_a_method_of_another_order_than_it_says_is_red(monkeypatch):
+    from redundant_envs.integrators.tableaus import METHODS
+
+    heun = rde.Tableau("said_three", 3, ((), (1.0,)), (0.5, 0.5), (0.0, 1.0))
+    monkeypatch.setitem(METHODS, heun.name, heun)
+    right = dataclasses.replace(heun, name="said_two", order=2)
+    monkeypatch.setitem(METHODS, right.name, right)
+    arm = three_r.ThreeR((2.0, 1.5, 1.0), (0.3, 0.5, 0.4))
+    assert misses(arm, (accuracy.order,), integrator="said_three") == {"order of convergence"}
+    assert misses(arm, (accuracy.order,), integrator="said_two") == set()
+
+
+def test_a_tolerance_that_is_not_kept_is_red(monkeypatch):
+    """The estimate of a step is a millionth of what it should be."""
+    arm = three_r.ThreeR((2.0, 1.5, 1.0), (0.3, 0.5, 0.4))
+    step = {"tolerance": 1e-9, "control_dt": 0.3}
+    assert misses(arm, (accuracy.tolerance_kept,), **step) == set()
+    right = common_step.step_error
+
+    def small(dynamics, *known):
+        return (1e-6 if dynamics.scene.tolerance else 1.0) * right(dynamics, *known)
+
+    monkeypatch.setattr(common_step, "step_error", small)
+    assert misses(arm, (accuracy.tolerance_kept,), **step) == {"tolerance kept"}
