@@ -114,9 +114,10 @@ def tolerance_kept(trial: Trial) -> Finding:
 # ---- order of convergence --------------------------------------------------------------------------
 
 LANES = 64
-FINE = 1e-11
-"""The error of the finer steps from which an order is told, in radians and reaches: ten thousand roundings,
-and so small that the next order of the method adds nothing."""
+FINE, SHARE = 1e-11, 0.75
+"""The error of the finer steps from which an order is told, in radians and reaches: far above rounding, and
+so small that the next order of the method adds little; and the quantile of the states. In an arm of very
+unequal links some motions change faster than any step that rounding allows, and show less."""
 LONGEST, GROWTH = 1e3, 1.25
 """Longest step that is tried, s, and the ratio of those that are tried in turn."""
 SHORT_OF = 0.3
@@ -150,17 +151,16 @@ def order(trial: Trial) -> Finding:
             batch.advance_partly(efforts, seconds / steps)
         return batch.q @ trial.scene.robot.motor_map / unit
 
-    seconds = 1e-7
-    while seconds < LONGEST:
+    # Each lane at the step from which it first has that error: some are much faster than others.
+    found, seconds = np.full(len(q), np.nan), 1e-7
+    while seconds < LONGEST and np.isnan(found).any():
         exact = moved("rk8", 8, seconds)
         coarse, fine = (np.abs(moved(name, n, seconds) - exact).max(axis=1) for n in (1, 2))
-        if not np.median(fine) < FINE:
-            break
+        found = np.where(np.isnan(found) & ~(fine < FINE), np.log2(coarse / fine), found)
         seconds *= GROWTH
-    found = np.log2(coarse / fine)
-    median = float(np.median(found))
+    high = float(np.nanquantile(found, SHARE))
     words = (
-        f"{name}: halving the step divides the error by 2^{median:.2f}, and its order is said to be "
+        f"{name}: halving the step divides the error by 2^{high:.2f}, and its order is said to be "
         f"{METHODS[name].order}: a coefficient is wrong"
     )
-    return Finding(median, f"median of {len(q)} states, steps of {seconds:.1e} s", words)
+    return Finding(high, f"{SHARE:.0%} quantile of {len(q)} states", words)

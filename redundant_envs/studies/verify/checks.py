@@ -220,6 +220,25 @@ class Trial:
         q, qd, efforts = random_states(self.scene, self.count, self.seed)
         return q, qd, efforts
 
+    @cached_property
+    def calm(self) -> Array:
+        """The longest time of each state, (count,) s, in which no joint turns by more than a radian or slides
+        by more than the reach, at its rate or from rest at its acceleration: rounding hardly grows in it."""
+        q, qd, efforts = self.states
+        B = self.scene.robot.motor_map
+        reach = np.linalg.norm(self.arm.points(q), axis=2).max()
+        unit = np.where(self.scene.robot.prismatic, reach, 1.0)
+        with np.errstate(all="ignore"):
+            qdd = self.arm.forward_dynamics(q, qd, efforts @ B.T)
+            rate, faster = (np.abs(x @ B / unit).max(axis=1) for x in (qd, qdd))
+            return np.minimum(1.0 / rate, 1.0 / np.sqrt(faster))
+
+    @cached_property
+    def calm_scene(self) -> Scene:
+        """The scene, with an interval that is calm at half of the states at least."""
+        seconds = min(self.scene.control_dt, float(np.median(self.calm)))
+        return dataclasses.replace(self.scene, control_dt=seconds)
+
     def shared(self, make: Callable[[Trial], Any]) -> Any:
         """What a function makes of this trial: made once."""
         if make not in self._kept:

@@ -169,6 +169,16 @@ def exact_whole(trial: Trial) -> Crossing:
     return crossed(trial.scene, *trial.states)
 
 
+def calm_whole(trial: Trial) -> Crossing:
+    if trial.calm_scene == trial.scene:
+        return trial.shared(exact_whole)  # type: ignore[no-any-return]
+    return crossed(trial.calm_scene, *trial.states)
+
+
+def calm_in_parts(trial: Trial) -> Crossing:
+    return crossed(trial.calm_scene, *trial.states, PARTS)
+
+
 def exact_in_parts(trial: Trial) -> Crossing:
     """The same interval by other steps, of which the scene's own is none.
 
@@ -193,9 +203,12 @@ def energy_changes(scene: Scene, q: Array, qd: Array, end: Crossing) -> tuple[Ar
 
 @check("energy book", at_most(OPEN), Mode.QUICK)
 def energy_book(trial: Trial) -> Finding:
-    """Kinetic + potential - work is constant over a control interval, in units of the energies at hand."""
+    """Kinetic + potential - work is constant over a control interval, in units of the energies at hand.
+
+    Where half of the motions are too wild for an interval, over a shorter one.
+    """
     q, qd, _ = trial.states
-    whole, parts = trial.shared(exact_whole), trial.shared(exact_in_parts)
+    whole, parts = trial.shared(calm_whole), trial.shared(calm_in_parts)
     change, scale, stored = energy_changes(trial.scene, q, qd, whole)
     other = energy_changes(trial.scene, q, qd, parts)[0]
     noise = ROUNDING * stored
@@ -250,7 +263,7 @@ def momentum(trial: Trial) -> Finding:
         x for x in trial.scene.effects
         if all(isinstance(h, PointMass | Inertia) for h in x.hooks(trial.scene.robot))
     )  # fmt: skip
-    scene = Scene(trial.scene.robot, kept, control_dt=trial.scene.control_dt)
+    scene = Scene(trial.scene.robot, kept, control_dt=trial.calm_scene.control_dt)
     forces = np.where(np.arange(q.shape[1]) == 0, 0.0, efforts)
     end = crossed(scene, q, qd, forces)
     after = equations_at(trial.arm, added_inertia(trial), end.q)

@@ -26,7 +26,10 @@ AGREE = at_most(1e-9)
 """Residual of MuJoCo's equations of motion, in units of its terms, and the difference of mass matrices in
 units of their diagonals: MuJoCo rounds poses of bodies, some 1e-14 of the reach in each joint."""
 SMALLEST = 1e-14
-"""Moment of inertia of a body, kg m^2: MuJoCo wants one above zero."""
+"""Moment of inertia of a body: MuJoCo wants one above zero."""
+LARGEST = 1e6
+"""Smallest entry on the diagonal of the mass matrix, in MuJoCo's unit of mass: beside it that inertia is
+below rounding. Equations of motion do not know the unit."""
 MOVED = 1e-9
 """Of the largest displacement: a mass that moves less with a joint is not carried by it."""
 STATES = 64
@@ -40,8 +43,8 @@ class Compared(NamedTuple):
     tip: Array
 
 
-def model_of(arm: Any, q: Array, slopes: Array, points: Array) -> Any:
-    """MuJoCo's model of an arm, from one pose."""
+def model_of(arm: Any, unit: float, slopes: Array, points: Array) -> Any:
+    """MuJoCo's model of an arm, from one pose; ``unit`` is its unit of mass, kg."""
     with needs("verify"):
         import mujoco
     joints, inverse = len(arm.joints), np.linalg.inv(arm.motor_map)
@@ -64,7 +67,7 @@ def model_of(arm: Any, q: Array, slopes: Array, points: Array) -> Any:
         own = carried[:, k] & ~carried[:, k + 1 :].any(axis=1)
         for i in np.flatnonzero(own):
             place = " ".join(map(repr, (*points[i].tolist(), 0.0)))
-            text += f'<body pos="{place}"><inertial pos="0 0 0" mass="{arm.masses[i]!r}" '
+            text += f'<body pos="{place}"><inertial pos="0 0 0" mass="{arm.masses[i] / unit!r}" '
             text += f'diaginertia="{small}"/><site name="p{i}"/></body>'
         # A body with a joint has a mass of its own in MuJoCo; this one is below rounding.
         text += f'<inertial pos="{x!r} {y!r} 0" mass="{SMALLEST!r}" diaginertia="{small}"/>'
@@ -86,7 +89,8 @@ def compared(trial: Trial) -> Compared:
     # The pose whose joints are told best: of those with a carried mass farthest from its joint.
     lever = np.linalg.norm(np.einsum("npaj,kj->npka", e.slopes, np.linalg.inv(arm.motor_map)), axis=3)
     pose = int(np.argmax(lever.max(axis=1).min(axis=1)))
-    model = model_of(arm, q[pose], e.slopes[pose], e.points[pose])
+    unit = float((e.scale**2).min()) / LARGEST
+    model = model_of(arm, unit, e.slopes[pose], e.points[pose])
     import mujoco
 
     data, n = mujoco.MjData(model), len(arm.joints)
@@ -101,8 +105,8 @@ def compared(trial: Trial) -> Compared:
             mujoco.mj_fullM(model, data, M[i])
         except TypeError:  # before MuJoCo 4
             mujoco.mj_fullM(model, M[i], data.qM)
-        M[i] += added
-        forces[i] = data.qfrc_bias
+        M[i] = unit * M[i] + added
+        forces[i] = unit * data.qfrc_bias
         tips[i] = data.site(f"p{arm.num_masses - 1}").xpos[:2]
     return Compared(M, forces, tips)
 

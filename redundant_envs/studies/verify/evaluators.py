@@ -26,7 +26,7 @@ from redundant_envs.studies.verify.checks import (
 
 AGREE = at_most(1e-10)
 """Of the largest number of a kind. They differ by the rounding of joined products, some 1e-15, which impacts
-and long intervals amplify; another text of an equation makes a thousandth and more."""
+amplify; another text of an equation makes a thousandth and more."""
 LANES, SINGLES = 16, 4
 MOST_STEPS = 4
 """Equal steps that are looked at: without a compiler each takes some milliseconds."""
@@ -40,7 +40,7 @@ class Ended(NamedTuple):
     Attributes
     ----------
     scene : Scene
-        The trial's, with an interval of fewer equal steps.
+        The trial's, with a calm interval of few equal steps.
     lanes : (lanes,) the states of the trial that are looked at
     states : (lanes, 2 joints)
     """
@@ -52,14 +52,15 @@ class Ended(NamedTuple):
 
 def compiled(trial: Trial) -> Ended:
     """States at the end of an interval by compiled code, of those whose interval is short."""
-    own = trial.scene
+    own = trial.calm_scene
     steps = min(own.substeps, MOST_STEPS)
     scene = dataclasses.replace(own, control_dt=own.control_dt / own.substeps * steps, substeps=steps)
     q, qd, efforts = trial.states
     batch = BatchSimulator(scene, len(q), track_work=True)
     batch.set_state(q, qd)
     status = batch.advance(efforts)
-    lanes = np.flatnonzero((status.evaluations <= MOST_EVALUATIONS) & (status.numerics == 0))[:LANES]
+    short = (status.evaluations <= MOST_EVALUATIONS) & (trial.calm >= scene.control_dt)
+    lanes = np.flatnonzero(short & (status.numerics == 0))[:LANES]
     if not len(lanes):
         raise NotApplicable(f"every interval takes more than {MOST_EVALUATIONS} evaluations")
     return Ended(scene, lanes, np.concatenate([batch.q, batch.qd], axis=1)[lanes])

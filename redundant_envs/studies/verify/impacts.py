@@ -24,6 +24,8 @@ from redundant_envs.studies.verify.equations import from_points
 
 SHORT = 1e-10
 """Time that follows an impact, s: forces change velocities by 1e-7 in it, which is taken out."""
+SMALL = 0.01
+"""Below this restitution a slider may come to rest at its stop instead of a bounce that nobody would see."""
 AGREE = at_most(1e-8)
 """Of velocities and energies: the impulse follows from an elimination that loses the condition of M, 1e6 at
 most of reasonable arms, and what is left of the time that follows is below 1e-10."""
@@ -37,7 +39,7 @@ class Struck(NamedTuple):
     joint : (n,) which slider
     qd, after, expected : (n, joints)
     M : (n, joints, joints)
-    restitution : float
+    restitution : (n,)
     good : (n,) bool
     """
 
@@ -46,7 +48,7 @@ class Struck(NamedTuple):
     after: Array
     expected: Array
     M: Array
-    restitution: float
+    restitution: Array
     good: Array
 
 
@@ -89,8 +91,11 @@ def struck(trial: Trial) -> Struck:
         ways.append(batch.qd)
     M = trial.arm.mass_matrix(q)
     push = np.linalg.solve(M, np.eye(q.shape[1])[struck_joint][..., None])[..., 0]
-    impulse = -(1.0 + e) * qd[rows, struck_joint] / push[rows, struck_joint]
-    return Struck(struck_joint, qd, 2.0 * ways[0] - ways[1], qd + push * impulse[:, None], M, e, good)
+    after = 2.0 * ways[0] - ways[1]
+    back = np.abs(after[rows, struck_joint]) <= 0.5 * e * np.abs(qd[rows, struck_joint])
+    own = np.where(back & (e < SMALL), 0.0, e)
+    impulse = -(1.0 + own) * qd[rows, struck_joint] / push[rows, struck_joint]
+    return Struck(struck_joint, qd, after, qd + push * impulse[:, None], M, own, good)
 
 
 def _finite(low: float, high: float) -> tuple[float, float]:
