@@ -25,6 +25,7 @@ from redundant_envs.studies.verify.checks import (
 )
 from redundant_envs.studies.verify.conservation import (
     ENOUGH_SMOOTH,
+    energy_changes,
     exact_in_parts,
     exact_whole,
 )
@@ -48,13 +49,14 @@ class Interval(NamedTuple):
     Attributes
     ----------
     q, qd : (n, joints), at its end
-    numerics, evaluations : (n,)
+    work : (n,) J
+    numerics : (n,)
     """
 
     q: Array
     qd: Array
+    work: Array
     numerics: NDArray[np.int8]
-    evaluations: NDArray[np.int64]
 
 
 def own_interval(trial: Trial) -> Interval:
@@ -62,7 +64,7 @@ def own_interval(trial: Trial) -> Interval:
     batch = BatchSimulator(trial.scene, len(q), track_work=True)
     batch.set_state(q, qd)
     status = batch.advance(efforts)
-    return Interval(batch.q, batch.qd, status.numerics.copy(), status.evaluations.copy())
+    return Interval(batch.q, batch.qd, batch.work, status.numerics)
 
 
 def tip_errors(trial: Trial) -> tuple[Array, Array, NDArray[np.bool_]]:
@@ -88,6 +90,16 @@ def own_step(trial: Trial) -> Finding:
     if not high < ENOUGH:
         words = "the tip is off by more than 1 mm at the 99th percentile: take more substeps, or a tolerance"
     return Finding(float(high), where, words)
+
+
+@check("energy of the own step", nothing("J, 99 % of the states"), Mode.QUICK)
+def own_energy(trial: Trial) -> Finding:
+    """How far kinetic + potential - work changes over a control interval at the scene's own step."""
+    q, qd, _ = trial.states
+    own = trial.shared(own_interval)
+    gap = np.abs(energy_changes(trial.scene, q, qd, own.q, own.qd, own.work)[0])
+    gap = np.where(np.isnan(gap), np.inf, gap)
+    return Finding(float(np.quantile(gap, 0.99)), f"median {np.median(gap):.1e}, max {gap.max():.1e}")
 
 
 @check("tolerance kept", at_most(MISSED, "of the states"), Mode.QUICK)

@@ -191,14 +191,16 @@ def exact_in_parts(trial: Trial) -> Crossing:
     return moved(fine, *trial.states)
 
 
-def energy_changes(scene: Scene, q: Array, qd: Array, end: Crossing) -> tuple[Array, Array, Array]:
+def energy_changes(
+    scene: Scene, q: Array, qd: Array, new_q: Array, new_qd: Array, work: Array
+) -> tuple[Array, Array, Array]:
     """Change of kinetic + potential - work, the energies that change hands, those stored; (n,) each, J."""
-    kinetic = [kinetic_energy(scene, *state) for state in ((q, qd), (end.q, end.qd))]
-    potential = [potential_energy(scene, x) for x in (q, end.q)]
+    kinetic = [kinetic_energy(scene, *state) for state in ((q, qd), (new_q, new_qd))]
+    potential = [potential_energy(scene, x) for x in (q, new_q)]
     gained = potential[1] - potential[0]
-    scale = kinetic[0] + kinetic[1] + np.abs(gained) + np.abs(end.work)
+    scale = kinetic[0] + kinetic[1] + np.abs(gained) + np.abs(work)
     stored = np.abs(potential[0]) + np.abs(potential[1])
-    return kinetic[1] - kinetic[0] + gained - end.work, scale, stored
+    return kinetic[1] - kinetic[0] + gained - work, scale, stored
 
 
 @check("energy book", at_most(OPEN), Mode.QUICK)
@@ -209,8 +211,8 @@ def energy_book(trial: Trial) -> Finding:
     """
     q, qd, _ = trial.states
     whole, parts = trial.shared(calm_whole), trial.shared(calm_in_parts)
-    change, scale, stored = energy_changes(trial.scene, q, qd, whole)
-    other = energy_changes(trial.scene, q, qd, parts)[0]
+    change, scale, stored = energy_changes(trial.scene, q, qd, *whole[:3])
+    other = energy_changes(trial.scene, q, qd, *parts[:3])[0]
     noise = ROUNDING * stored
     judged = whole.good & parts.good & ~(np.abs(change - other) > SAME * OPEN * scale + noise)
     if np.mean(judged) < ENOUGH_SMOOTH:
