@@ -23,7 +23,7 @@ from redundant_envs.studies.verify.checks import (
     check,
     ratio,
 )
-from redundant_envs.studies.verify.equations import added_inertia, equations_at, from_points
+from redundant_envs.studies.verify.equations import added_inertia, equations_at, from_points, slopes
 from redundant_envs.studies.verify.states import random_states
 
 BEYOND = 0.5
@@ -238,28 +238,30 @@ def energy_book(trial: Trial) -> Finding:
 ADRIFT = 1e-9
 """Largest change of a momentum, in units of the parts it is the sum of: forty times what dop853 leaves of a
 control interval, as of the energy book."""
-RIGID = 1e-9
-"""Largest rate at which distances of the points change with the first joint, in units of their speeds."""
+MOVE, RIGID = 0.5, 1e-9
+"""A joint that moves the whole arm by this, rad or m, changes its inertia by no more than that."""
 
 
 def at_base(trial: Trial) -> Array:
-    """Coordinates per unit of the first joint, (joints,)."""
-    return np.asarray(np.linalg.inv(trial.scene.robot.motor_map)[0])
+    """Coordinates per unit of the first joint, (joints,); joints are linear in coordinates."""
+    arm = trial.scene.robot
+    turned = slopes(arm, numbered("phi{}", len(arm.joints)), trial.states[0][:1])[0]
+    return np.asarray(np.linalg.inv(turned)[:, 0])
 
 
 @check("momentum", at_most(ADRIFT), Mode.QUICK)
 def momentum(trial: Trial) -> Finding:
     """Without a field, and with motors at all joints but the first, the momentum along that is kept.
 
-    It turns the whole arm about the base, or slides it: that changes no distance between the masses. The
-    momentum is taken from the point masses, with what effects add to the inertia.
+    It turns the whole arm about the base, or slides it: that changes no inertia. The momentum is taken from
+    the point masses, with what effects add to them.
     """
     q, qd, efforts = trial.states
     e, base = trial.shared(from_points), at_base(trial)
-    moved = e.slopes @ base
-    apart = e.points[:, :, None] - e.points[:, None]
-    stretch = ((moved[:, :, None] - moved[:, None]) * apart).sum(axis=-1)
-    if not np.abs(stretch).max() <= RIGID * (np.abs(moved).max() * np.abs(apart).max() + 1e-300):
+    added = added_inertia(trial)
+    elsewhere = equations_at(trial.arm, added, q + MOVE * base)
+    change = ratio(elsewhere.M - e.M, e.scale[:, :, None] * e.scale[:, None, :])
+    if not change.max() <= RIGID:
         raise NotApplicable("the first joint moves the masses against each other")
     kept = tuple(
         x for x in trial.scene.effects
@@ -268,7 +270,7 @@ def momentum(trial: Trial) -> Finding:
     scene = Scene(trial.scene.robot, kept, control_dt=trial.calm_scene.control_dt)
     forces = np.where(np.arange(q.shape[1]) == 0, 0.0, efforts)
     end = crossed(scene, q, qd, forces)
-    after = equations_at(trial.arm, added_inertia(trial), end.q)
+    after = equations_at(trial.arm, added, end.q)
     before, then = (_momentum(at.M, rates, base) for at, rates in ((e, qd), (after, end.qd)))
     good = end.good & np.isfinite(then).all(axis=1)
     if np.mean(good) < ENOUGH_SMOOTH:

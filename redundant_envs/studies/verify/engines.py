@@ -61,8 +61,13 @@ def model_of(arm: Any, unit: float, slopes: Array, points: Array) -> Any:
         dx, dy = moved[p, k].tolist()
         if arm.prismatic[k]:
             joint = f'type="slide" axis="{dx!r} {dy!r} 0"'
+            expected = np.broadcast_to((dx, dy), points.shape)
         else:  # a point turns about the place from which its displacement is seen at a right angle
             joint = f'type="hinge" axis="0 0 1" pos="{x - dy!r} {y + dx!r} 0"'
+            expected = np.stack([y + dx - points[:, 1], points[:, 0] - x + dy], axis=1)
+        apart = np.abs(moved[:, k] - expected)[carried[:, k]].max()
+        if not apart <= MOVED * np.abs(moved).max():
+            raise NotApplicable(f"{arm.joints[k]} moves masses against each other: this is no chain")
         text += f'<body><joint name="j{k}" {joint}/>'
         own = carried[:, k] & ~carried[:, k + 1 :].any(axis=1)
         for i in np.flatnonzero(own):
