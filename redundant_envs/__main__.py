@@ -48,6 +48,10 @@ def verify(options: argparse.Namespace) -> int:
     from redundant_envs.studies.verify import command
 
     if options.bits:
+        others = ("subject", "states", "mode", "json", "markdown")
+        given = [name for name in others if getattr(options, name)]
+        if given:
+            raise ValueError(f"--bits looks at the record alone; leave out {', '.join(given)}")
         return command.compare_bits(options.bits == "all")
     return command.run(
         options.subject, options.states, options.mode or "standard", options.json, options.markdown

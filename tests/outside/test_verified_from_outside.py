@@ -205,3 +205,43 @@ def test_a_joint_that_moves_masses_against_each_other_is_no_joint_of_mujoco():
     assert "against each other" in told["momentum"]
     if "mujoco" not in told["MuJoCo: accelerations"]:
         assert "joint1 moves masses against each other" in told["MuJoCo: accelerations"]
+
+
+@physics(gives="x1 y1")
+def on_rail(l1, r):
+    return l1 + r, 0.0
+
+
+@physics(gives="J11 J21 Jdqd1 Jdqd2 h1")
+def along_rail():
+    return 1.0, 0.0, 0.0, 0.0, 0.0
+
+
+@physics(gives="M11 G1")
+def on_slider(m1, ax):
+    return m1, m1 * ax
+
+
+@dataclasses.dataclass(frozen=True)
+class Rail(rde.Arm):
+    """A mass on a rail: one slider, and nothing that turns."""
+
+    num_lengths = 1
+    coordinates, rates, joints, prismatic, sincos = ("r",), ("v",), ("slide",), (True,), {}
+    functions = (on_rail, along_rail, on_slider)
+
+
+def test_equations_of_an_arm_that_only_slides_are_green():
+    assert verify(Rail((1.3,), (0.4,)), 16, checks=checks_of(equations)).misses == ()
+
+
+@pytest.mark.xfail(
+    strict=True, raises=TypeError,
+    reason="error control and dop853 take the largest rate of the revolute joints, of which there is none",
+)  # fmt: skip
+def test_an_arm_that_only_slides_moves_with_error_control():
+    scene = rde.Scene(Rail((1.3,), (0.4,)), (), tolerance=1e-6)
+    batch = rde.BatchSimulator(scene)
+    batch.set_state([0.1], [1.0])
+    batch.advance()
+    assert abs(batch.q[0, 0] - 0.12) < 1e-12

@@ -17,6 +17,7 @@ from redundant_envs.studies.verify import (
     Subject,
     Verdict,
     command,
+    engines,
     report,
     subject_from,
     subjects_of,
@@ -170,18 +171,31 @@ FOUND = {
     "not run": raising(NotRun("there is no engine")),
     "missing package": raising(MissingPackage("mujoco is not installed")),
     "error": raising(ValueError("not to be had")),
+    "mistake": raising(TypeError("not callable")),
 }
 
 
 def test_reasons_and_errors_stand_in_the_table():
     found = outcomes(*FOUND.values())
     verdicts = [o.verdict.value for o in found.outcomes]
-    assert verdicts == ["kept", "MISSED", "not applicable", "not run", "not run", "MISSED"]
-    assert found.misses == ("check 1: too much", "check 5: it could not be measured: not to be had")
+    assert verdicts == ["kept", "MISSED", "not applicable", "not run", "not run", "MISSED", "MISSED"]
+    assert found.misses == (
+        "check 1: too much",
+        "check 5: it could not be measured: not to be had",
+        "check 6: it could not be measured: TypeError: not callable",
+    )
     text = report.text_table(found.outcomes)
     assert "not applicable, there is none: check 2" in text
     assert "not run  mujoco is not installed" in text
     assert len({line.find("at most 1 m") for line in text.splitlines()[1:3]}) == 1
+
+
+def test_a_check_whose_package_is_missing_is_not_run_and_no_miss(monkeypatch):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    found = verify(FOUR_R, 8, checks=[engines.accelerations, engines.mass_matrix])
+    assert found.good
+    assert {o.verdict for o in found.outcomes} == {Verdict.NOT_RUN}
+    assert "pip install 'redundant-envs[verify]'" in found.outcomes[0].finding.words
 
 
 def test_a_measured_number_is_no_promise():
@@ -250,6 +264,8 @@ def test_a_miss_exits_with_1_in_words_and_files(few, tmp_path, capsys):
         ("four_r_free", "nowhere"),
         ("four_r_free", "--states", "0"),
         ("four_r_free", "--json", "/dev/null/found.json"),
+        ("four_r_free", "--bits"),
+        ("--bits", "all", "--quick"),
     ],
 )
 def test_a_mistake_in_what_is_asked_for_exits_with_2(words, few, capsys):

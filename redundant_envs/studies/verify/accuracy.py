@@ -130,8 +130,9 @@ FINE, SHARE = 1e-11, 0.75
 """The error of the finer steps from which an order is told, in radians and reaches: far above rounding, and
 so small that the next order of the method adds little; and the quantile of the states. In an arm of very
 unequal links some motions change faster than any step that rounding allows, and show less."""
-LONGEST, GROWTH = 1e3, 1.25
-"""Longest step that is tried, s, and the ratio of those that are tried in turn."""
+CALM, GROWTH = 3.0, 1.25
+"""Longest step that is tried, in units of the time in which a state stays calm: rounding grows beyond it; and
+the ratio of those that are tried in turn."""
 SHORT_OF = 0.3
 """How far below the method's order the measured one may be: with a finite step the next order has a share."""
 
@@ -163,16 +164,20 @@ def order(trial: Trial) -> Finding:
             batch.advance_partly(efforts, seconds / steps)
         return batch.q @ trial.scene.robot.motor_map / unit
 
-    # Each lane at the step from which it first has that error: some are much faster than others.
-    found, seconds = np.full(len(q), np.nan), 1e-7
-    while seconds < LONGEST and np.isnan(found).any():
+    # Each state at the step from which it first has that error: some are much faster than others.
+    found, seconds, longest = np.full(len(q), np.nan), 1e-7, CALM * trial.calm[: len(q)]
+    while seconds < longest.max() and np.isnan(found).any():
         exact = moved("rk8", 8, seconds)
         coarse, fine = (np.abs(moved(name, n, seconds) - exact).max(axis=1) for n in (1, 2))
-        found = np.where(np.isnan(found) & ~(fine < FINE), np.log2(coarse / fine), found)
+        due = np.isnan(found) & ~(fine < FINE) & (seconds <= longest)
+        found = np.where(due, np.log2(coarse / fine), found)
         seconds *= GROWTH
-    high = float(np.nanquantile(found, SHARE))
+    found = found[np.isfinite(found)]
+    if len(found) < ENOUGH_SMOOTH * len(q):
+        raise NotApplicable("the motions of this arm are too simple to show an order above rounding")
+    high = float(np.quantile(found, SHARE))
     words = (
         f"{name}: halving the step divides the error by 2^{high:.2f}, and its order is said to be "
         f"{METHODS[name].order}: a coefficient is wrong"
     )
-    return Finding(high, f"{SHARE:.0%} quantile of {len(q)} states", words)
+    return Finding(high, f"{SHARE:.0%} quantile of {len(found)} states", words)

@@ -141,8 +141,9 @@ class Check:
             return self._outcome(trial, promise, Verdict.NOT_APPLICABLE, Finding(math.nan, "", str(reason)))
         except (NotRun, MissingPackage) as reason:
             return self._outcome(trial, promise, Verdict.NOT_RUN, Finding(math.nan, "", str(reason)))
-        except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
-            words = f"it could not be measured: {error}"
+        except Exception as error:  # code of users may fail in any way, and the other checks go on
+            kind = "" if isinstance(error, ValueError) else f"{type(error).__name__}: "
+            words = f"it could not be measured: {kind}{error}"
             return self._outcome(trial, promise, Verdict.MISSED, Finding(math.nan, "", words))
         if not promise.relation:
             return self._outcome(trial, promise, Verdict.MEASURED, finding)
