@@ -14,7 +14,7 @@ from redundant_envs.effects import Effect, Force, Point
 from redundant_envs.simulator.direct import cross_interval, fields_of
 from redundant_envs.simulator.dynamics import Dynamics
 from redundant_envs.simulator.interval import Interval
-from redundant_envs.studies.verification import verify
+from redundant_envs.studies.verify import Mode, verify
 
 LANES = 24
 
@@ -83,7 +83,7 @@ def test_equal_steps_have_the_law_of_the_place():
 
 @pytest.mark.parametrize("name", ["4R", "RPRP"])
 def test_verify_finds_it_right_and_a_wrong_potential_wrong(name):
-    assert not verify(scene(name, tolerance=1e-6), 256).faults
+    assert not verify(scene(name, tolerance=1e-6), 256, Mode.QUICK).misses
 
     class Wrong(TwoStageSpring):
         @property
@@ -96,7 +96,7 @@ def test_verify_finds_it_right_and_a_wrong_potential_wrong(name):
 
     joint = len(ARMS[name].joints) - 1
     wrong = rde.Scene(ARMS[name], (Wrong(joint, -0.1, 0.05, 20.0, 4e3),), tolerance=1e-6)
-    assert any("wrong: at" in fault for fault in verify(wrong, 256).faults)
+    assert any("wrong: at" in miss for miss in verify(wrong, 256, Mode.QUICK).misses)
 
 
 @physics
