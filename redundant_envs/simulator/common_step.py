@@ -53,7 +53,8 @@ class CommonStep(AtStops):
         arm = self.dynamics.arm
         turning = [abs(lane[v]) for v, slides in zip(arm.rates, arm.prismatic, strict=True) if not slides]
         steady = lane.steady if "steady" in self.dynamics.prepared else 0.0
-        return step_control.least_steps(reduce(maximum, turning), steady, lane.interval)
+        fastest = reduce(maximum, turning) if turning else 0.0
+        return step_control.least_steps(fastest, steady, lane.interval)
 
     def common_step(self, lane: Lane) -> None:
         """The step of all lanes."""

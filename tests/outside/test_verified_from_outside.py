@@ -235,10 +235,6 @@ def test_equations_of_an_arm_that_only_slides_are_green():
     assert verify(Rail((1.3,), (0.4,)), 16, checks=checks_of(equations)).misses == ()
 
 
-@pytest.mark.xfail(
-    strict=True, raises=TypeError,
-    reason="error control and dop853 take the largest rate of the revolute joints, of which there is none",
-)  # fmt: skip
 def test_an_arm_that_only_slides_moves_with_error_control():
     scene = rde.Scene(Rail((1.3,), (0.4,)), (), tolerance=1e-6)
     batch = rde.BatchSimulator(scene)
