@@ -1,0 +1,144 @@
+"""What a control interval should give: the same scene in many equal steps, and its energies."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import redundant_envs as rde
+from redundant_envs.effects.hooks import Field, Force
+from redundant_envs.model import parameters
+from redundant_envs.model.energy import hook_value
+from redundant_envs.scene import Scene
+
+from .cases import Array, numbers
+from .playing import Lanes, Step, lanes_now
+
+FINE = ((96, 160), (1536, 2560), (12288, 20480))
+"""Steps per control interval of the two references; more of both for lanes where they do not agree."""
+AGREEMENT = 0.1
+"""The references agree where their tips differ by less than this, in units of the tolerance."""
+ROUNDING = 1e-9
+"""The tolerance of scenes that have none, in units of the arm's length."""
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """Of the lanes of an interval: those where the references agree, and what the finer one gives."""
+
+    agreed: NDArray[np.bool_]
+    finer: Lanes
+    coarser: Lanes
+
+
+def lane_parameters(scene: Scene, lanes: Lanes) -> dict[str, Array]:
+    """Parameter name -> its value in each lane."""
+    return {name: lanes.parameters[:, k] for k, name in enumerate(scene.parameters())}
+
+
+def quantities(
+    scene: Scene, lanes: Lanes, names: list[str], more: dict[str, Any] | None = None
+) -> list[Array]:
+    """Quantities of the arm, (num_envs,) each, with each lane's own masses and lengths."""
+    arm = scene.loaded_robot
+    values: dict[str, Any] = {**arm.parameter_values(), "ax": 0.0, "ay": 0.0, **(more or {})}
+    values |= {k: v for k, v in lane_parameters(scene, lanes).items() if "." not in k}
+    values |= {name: lanes.q[:, k] for k, name in enumerate(arm.coordinates)}
+    values |= {name: lanes.qd[:, k] for k, name in enumerate(arm.rates)}
+    with np.errstate(all="ignore"):
+        return [np.broadcast_to(x, len(lanes.q)) for x in arm.evaluate(names, values)]
+
+
+def tips(scene: Scene, lanes: Lanes) -> Array:
+    """(num_envs, 2), m."""
+    return np.stack(quantities(scene, lanes, ["tip_x", "tip_y"]), axis=1)
+
+
+class OwnNumbers:
+    """An effect whose numbers are those of lanes."""
+
+    def __init__(self, key: str, values: dict[str, Array]) -> None:
+        self.values = {k[len(key) + 1 :]: v for k, v in values.items() if k.startswith(f"{key}.")}
+
+    def parameters(self) -> dict[str, Any]:
+        return self.values
+
+
+def energies(scene: Scene, lanes: Lanes) -> tuple[Array, Array]:
+    """Kinetic and potential energy of each lane, J."""
+    arm = scene.loaded_robot
+    own = lane_parameters(scene, lanes)
+    values: dict[str, Any] = {**arm.parameter_values(), **{k: v for k, v in own.items() if "." not in k}}
+    values |= {"ax": 0.0, "ay": 0.0}
+    values |= {name: lanes.q[:, k] for k, name in enumerate(arm.coordinates)}
+    springs: Any = np.zeros(len(lanes.q))
+    field = {}
+    with np.errstate(all="ignore"):
+        for effect in scene.effects:
+            of_lanes: Any = OwnNumbers(effect.key, own)
+            for hook in effect.hooks(arm):
+                if isinstance(hook, Field):
+                    field["ax"], field["ay"] = hook_value(arm, of_lanes, hook, hook.function, values)
+                elif isinstance(hook, Force) and hook.potential is not None:
+                    springs = springs + hook_value(arm, of_lanes, hook, hook.potential, values)
+        kinetic, potential = quantities(scene, lanes, ["T", "U"], field)
+        return kinetic, potential + springs
+
+
+def tolerance_of(scene: Scene) -> float:
+    """m."""
+    robot: Any = scene.robot
+    return scene.tolerance if scene.tolerance is not None else ROUNDING * sum(robot.lengths)
+
+
+def fine_interval(scene: Scene, step: Step, lanes: NDArray[np.intp], steps: int) -> tuple[Lanes, Array]:
+    """Lanes after an interval of equal rk8 steps, and their flags."""
+    finer = dataclasses.replace(scene, integrator="rk8", tolerance=None, substeps=steps)
+    batch = rde.BatchSimulator(finer, len(lanes), track_work=True)
+    before = step.before
+    table = {name: before.parameters[lanes, k] for k, name in enumerate(scene.parameters())}
+    parameters.write(finer, batch._memory, np.arange(len(lanes)), table)
+    batch.set_state(before.q[lanes], before.qd[lanes])
+    if batch.z.size:
+        batch._memory.write(tuple(batch.simulator.dynamics.effect_states), before.z[lanes])
+    batch._memory.write(("work",), before.work[lanes, None])
+    efforts = numbers(step.call["efforts"])[lanes]
+    if step.call["call"] == "advance":
+        status = batch.advance(efforts)
+    else:
+        status = batch.advance_partly(efforts, step.call["duration"])
+    return lanes_now(batch), status.numerics
+
+
+def judged(scene: Scene, step: Step, lanes: NDArray[np.intp]) -> Judgement:
+    """What the references say of an interval of some lanes, whose states are finite."""
+    left, done = np.arange(len(lanes)), np.zeros(len(lanes), np.bool_)
+    pairs: list[list[Array]] = []
+    for steps in FINE:
+        if not len(left):
+            break
+        (coarser, flags), (finer, finer_flags) = (fine_interval(scene, step, lanes[left], n) for n in steps)
+        with np.errstate(all="ignore"):
+            apart = np.linalg.norm(tips(scene, coarser) - tips(scene, finer), axis=1)
+        agreed = (flags == 0) & (finer_flags == 0) & (apart <= AGREEMENT * tolerance_of(scene))
+        if not pairs:
+            pairs = [list(astuple(coarser)), list(astuple(finer))]
+        else:
+            for arrays, found in zip(pairs, (coarser, finer), strict=True):
+                for array, new in zip(arrays, astuple(found), strict=True):
+                    array[left] = new
+        done[left] = agreed
+        left = left[~agreed]
+    return Judgement(done, Lanes(*pairs[1]), Lanes(*pairs[0]))
+
+
+def astuple(lanes: Lanes) -> tuple[Array, ...]:
+    return tuple(getattr(lanes, f.name) for f in dataclasses.fields(Lanes))
+
+
+def of_lanes(all_lanes: Lanes, chosen: NDArray[np.intp]) -> Lanes:
+    return Lanes(*(array[chosen] for array in astuple(all_lanes)))
