@@ -69,7 +69,8 @@ def drawn_call(rng: Generator, scene: Scene, num_envs: int, kind: str) -> dict[s
         return {"call": "set_state", "lanes": lanes, "q": q, "qd": qd, **wrong, "refused": True}
     wrong = [
         {"masses": -1.0}, {"masses": [1.0] * (len(robot.masses) + 1)}, {"lengths": 0.0}, {"unknown": 1.0},
-        {"masses": float("nan")}, {"gravity.g": 1e200}, {"masses": [1e-29, *[1e29] * (len(robot.masses) - 1)]},
+        {"masses": float("nan")}, {"gravity.g": 1e200},
+        {"masses": [1e-29, *[1e29] * (len(robot.masses) - 1)]},
     ][rng.integers(7)]  # fmt: skip
     return {"call": "set_parameters", "lanes": lanes, "parameters": wrong, "refused": True}
 
@@ -79,6 +80,8 @@ def drawn_case(seed: int, number: int, lanes: int = 48, calls: int = 6) -> Case:
     rng = case_generator(seed, number)
     scene = drawn_scene(rng)
     count = int(rng.choice([1, 7, 8, 9, lanes, lanes, lanes]))
+    if scene.integrator == "dop853":  # takes as many steps as it needs, up to seconds for a wild lane
+        count, calls = min(count, 9), min(calls, 3)
     q, qd = drawn_states(scene, count, rng)
     made = [{"call": "set_state", "q": q, "qd": qd}]
     made += [drawn_call(rng, scene, count, str(rng.choice(CALLS))) for _ in range(calls)]

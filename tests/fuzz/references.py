@@ -18,7 +18,7 @@ from redundant_envs.scene import Scene
 from .cases import Array, numbers
 from .playing import Lanes, Step, lanes_now
 
-FINE = ((96, 160), (1536, 2560), (12288, 20480))
+FINE = ((96, 160), (1536, 2560))
 """Steps per control interval of the two references; more of both for lanes where they do not agree."""
 AGREEMENT = 0.1
 """The references agree where their tips differ by less than this, in units of the tolerance."""
@@ -124,7 +124,9 @@ def judged(scene: Scene, step: Step, lanes: NDArray[np.intp]) -> Judgement:
         (coarser, flags), (finer, finer_flags) = (fine_interval(scene, step, lanes[left], n) for n in steps)
         with np.errstate(all="ignore"):
             apart = np.linalg.norm(tips(scene, coarser) - tips(scene, finer), axis=1)
-        agreed = (flags == 0) & (finer_flags == 0) & (apart <= AGREEMENT * tolerance_of(scene))
+        within = apart <= AGREEMENT * tolerance_of(scene)
+        exact = rounding_of(scene, finer, steps[1]) <= tolerance_of(scene)
+        agreed = (flags == 0) & (finer_flags == 0) & within & exact
         if not pairs:
             pairs = [list(astuple(coarser)), list(astuple(finer))]
         else:
@@ -134,6 +136,16 @@ def judged(scene: Scene, step: Step, lanes: NDArray[np.intp]) -> Judgement:
         done[left] = agreed
         left = left[~agreed]
     return Judgement(done, Lanes(*pairs[1]), Lanes(*pairs[0]))
+
+
+def rounding_of(scene: Scene, lanes: Lanes, steps: int) -> Array:
+    """How far rounding may put the tip in so many steps that all round the same way, m."""
+    own, arm = lane_parameters(scene, lanes), scene.loaded_robot
+    slides = list(arm.sliders())
+    size = np.sum([own[name] for name in own if "." not in name and name.startswith("l")], axis=0)
+    size = size + np.abs(lanes.q[:, slides]).sum(axis=1)
+    angles = np.abs(np.delete(lanes.q, slides, axis=1)).max(axis=1, initial=1.0)
+    return np.asarray(steps * np.finfo(np.float64).eps * size * angles)
 
 
 def astuple(lanes: Lanes) -> tuple[Array, ...]:
