@@ -89,9 +89,10 @@ Invariant = Callable[[Played], list[Violation]]
 
 def same(one: Array, other: Array) -> Any:
     """Where two arrays have the same bits; a NaN is as good as another."""
-    if one.dtype != np.float64:
+    if one.dtype.kind != "f":
         return one == other
-    bits = np.ascontiguousarray(one).view(np.int64) == np.ascontiguousarray(other).view(np.int64)
+    whole = {8: np.int64, 4: np.int32}[one.dtype.itemsize]
+    bits = np.ascontiguousarray(one).view(whole) == np.ascontiguousarray(other).view(whole)
     return bits | (np.isnan(one) & np.isnan(other))
 
 

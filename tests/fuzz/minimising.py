@@ -7,11 +7,18 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from .cases import Case, with_lanes, without_calls
+from .cases import ENVIRONMENTS, Case, without_calls
+from .cases import with_lanes as lanes_of_calls
+from .invariants_episodes import of_lanes
 
 Fails = Callable[[Case], bool]
 SECONDS = 60.0
 """After so long a case is small enough."""
+
+
+def with_lanes(case: Case, order: list[int]) -> Case:
+    """The case of some lanes, the options of resets included."""
+    return of_lanes(case, order) if case["face"] in ENVIRONMENTS else lanes_of_calls(case, order)
 
 
 def fewer_lanes(case: Case) -> Iterator[Case]:

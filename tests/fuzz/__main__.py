@@ -1,0 +1,83 @@
+"""``python -m tests.fuzz --minutes 10 --seed 0``: fuzzing for as long as asked; ``--replay FILE`` plays a failure."""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import os
+import secrets
+import sys
+import time
+import warnings
+from concurrent.futures import ProcessPoolExecutor
+from itertools import count
+from pathlib import Path
+
+from . import cases
+from .invariants import Tally
+from .running import judged, kind_of, run, summary, write_summary
+
+TOLD = 10
+"""Cases between two lines of progress."""
+
+
+def worker(seed: int, first: int, stride: int, minutes: float, out: Path) -> tuple[Tally, list[Path]]:
+    """The cases first, first + stride, ... of a seed."""
+    warnings.simplefilter("ignore", RuntimeWarning)  # NumPy tells of overflows; they are what is looked for
+    start = time.monotonic()
+
+    def told(number: int, tally: Tally, failed: str) -> None:
+        if failed or tally.scenes % TOLD == 0:
+            text = f"fuzz: {time.monotonic() - start:.0f} of {60 * minutes:.0f} s, case {number}, {tally.scenes} "
+            text += f"scenes, {tally.intervals} intervals, {tally.judged} judged, {tally.episodes} episodes"
+            print(f"{text}: {failed} failed" if failed else text, file=sys.stderr, flush=True)
+
+    return run(seed, count(first, stride), start + 60.0 * minutes, out, told)
+
+
+def replay(path: Path) -> int:
+    """Plays a file; 1 if it fails."""
+    case = cases.read(path)
+    found = judged(case)
+    for violation in found:
+        print(f"{kind_of(case, violation)}: call {violation.call}, lane {violation.lane}: {violation.found}")
+    print("it fails" if found else "it does not fail")
+    return int(bool(found))
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser("python -m tests.fuzz", description=__doc__)
+    parser.add_argument("--minutes", type=float, default=10.0)
+    parser.add_argument("--seed", type=int, default=None, help="without one, a fresh one is drawn and told")
+    parser.add_argument("--first", type=int, default=0, help="number of the first case")
+    parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument("--out", type=Path, default=Path("runs/fuzz"))
+    parser.add_argument("--replay", type=Path, help="a file of a failure, to be played again")
+    given = parser.parse_args(arguments)
+    # Its kernels are many; those of the user and of the tests stay where they are.
+    os.environ.setdefault("REDUNDANT_ENVS_CACHE", str(given.out / "kernels"))
+    if given.replay is not None:
+        return replay(given.replay)
+    seed = secrets.randbelow(2**31) if given.seed is None else given.seed
+    print(f"fuzz: seed {seed}", file=sys.stderr)
+    rest = (given.processes, given.minutes, given.out)
+    if given.processes == 1:
+        parts = [worker(seed, given.first, *rest)]
+    else:
+        with ProcessPoolExecutor(given.processes, multiprocessing.get_context("spawn")) as pool:
+            asked = [pool.submit(worker, seed, given.first + k, *rest) for k in range(given.processes)]
+            parts = [one.result() for one in asked]
+    tally, files = Tally(), []
+    for own, paths in parts:
+        tally.add(own)
+        files += paths
+    data = summary(tally, seed, given.minutes, files)
+    path = write_summary(data, given.out)
+    for name, value in data.items():
+        print(f"{name}: {value}")
+    print(f"written to {path}")
+    return int(bool(files))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
