@@ -1,10 +1,11 @@
 # make test: set up and test.  make test-long: all tests, also those that compile many scenes.
 # make train: set up, learn to reach, report.  make coverage: what tests reach.
+# make fuzz MINUTES=10 SEED=0: random scenes, states and calls; failures become files in runs/fuzz.
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: test test-long coverage train check clean
+.PHONY: test test-long fuzz coverage train check clean
 .DEFAULT_GOAL := test
 
 $(VENV)/ready: pyproject.toml constraints.txt
@@ -23,6 +24,10 @@ test-long: $(VENV)/ready
 
 coverage: $(VENV)/ready
 	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal --cov --cov-report=term
+
+MINUTES ?= 10
+fuzz: $(VENV)/ready
+	$(BIN)/python -m tests.fuzz --minutes $(MINUTES) --processes 2 $(if $(SEED),--seed $(SEED))
 
 check: $(VENV)/ready
 	$(BIN)/ruff check .

@@ -1,4 +1,4 @@
-"""``python -m tests.fuzz --minutes 10 --seed 0``: fuzzing for as long as asked; ``--replay FILE`` plays a failure."""
+"""``python -m tests.fuzz --minutes 10 --seed 0`` fuzzes as long as asked; ``--replay FILE`` plays one."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from pathlib import Path
 
 from . import cases
 from .invariants import Tally
-from .running import judged, kind_of, run, summary, write_summary
+from .known import kind_of
+from .running import judged, run, summary, write_summary
 
 TOLD = 10
 """Cases between two lines of progress."""
@@ -28,8 +29,9 @@ def worker(seed: int, first: int, stride: int, minutes: float, out: Path) -> tup
 
     def told(number: int, tally: Tally, failed: str) -> None:
         if failed or tally.scenes % TOLD == 0:
-            text = f"fuzz: {time.monotonic() - start:.0f} of {60 * minutes:.0f} s, case {number}, {tally.scenes} "
-            text += f"scenes, {tally.intervals} intervals, {tally.judged} judged, {tally.episodes} episodes"
+            seconds, counts = time.monotonic() - start, (tally.scenes, tally.intervals, tally.judged)
+            text = f"fuzz: {seconds:.0f} of {60 * minutes:.0f} s, case {number}: "
+            text += "{} scenes, {} intervals, {} judged".format(*counts)
             print(f"{text}: {failed} failed" if failed else text, file=sys.stderr, flush=True)
 
     return run(seed, count(first, stride), start + 60.0 * minutes, out, told)
@@ -39,8 +41,8 @@ def replay(path: Path) -> int:
     """Plays a file; 1 if it fails."""
     case = cases.read(path)
     found = judged(case)
-    for violation in found:
-        print(f"{kind_of(case, violation)}: call {violation.call}, lane {violation.lane}: {violation.found}")
+    for v in found:
+        print(f"{kind_of(case, v.invariant)}: call {v.call}, lane {v.lane}: {v.found}")
     print("it fails" if found else "it does not fail")
     return int(bool(found))
 

@@ -38,9 +38,9 @@ def spread(rng: Generator, count: int, ratio: float) -> tuple[float, ...]:
     return tuple(float(x) for x in 0.99 * ratio ** (0.999 * places))
 
 
-def drawn_arm(rng: Generator) -> Arm:
+def drawn_arm(rng: Generator, calm: bool = False) -> Arm:
     kind, lengths = ARMS[rng.integers(len(ARMS))]
-    wild = rng.random()
+    wild = 0.0 if calm else rng.random()
     masses = spread(rng, 4, rng.choice([4.0, 30.0]) if wild < 0.7 else float(rng.choice([1e4, 1e8, 1e12])))
     longs = spread(rng, lengths, rng.choice([2.0, 8.0]) if wild < 0.85 else float(rng.choice([1e3, 1e6])))
     scale = decades(rng, 0.1, 2.0) if rng.random() < 0.9 else decades(rng, 1e-6, 1e6)
@@ -79,7 +79,7 @@ def draw_friction(rng: Generator, arm: Any) -> dict[str, Any]:
 
 
 def draw_limits(rng: Generator, arm: Any) -> dict[str, Any]:
-    strong = weight_of(arm) * decades(rng, 0.3, 10.0)
+    strong = weight_of(arm) * decades(rng, 0.05, 5.0)
     sliding = [1.0 / sum(arm.lengths) if s else 1.0 for s in arm.prismatic]
     return {"limits": tuple(float(strong * s * rng.uniform(0.2, 1.0)) for s in sliding)}
 
@@ -169,9 +169,11 @@ def drawn_stepping(rng: Generator) -> dict[str, Any]:
     return {"integrator": str(rng.choice(["euler", "rk4", "rk8"])), "substeps": int(rng.choice([1, 1, 2, 5]))}
 
 
-def drawn_scene(rng: Generator, needed: tuple[str, ...] = (), actuation: str | None = None) -> Scene:
-    """A scene of any registered effects, with ``needed`` among them."""
-    arm = drawn_arm(rng)
+def drawn_scene(
+    rng: Generator, needed: tuple[str, ...] = (), actuation: str | None = None, calm: bool = False
+) -> Scene:
+    """A scene of any registered effects, with ``needed`` among them; a calm one has links much alike."""
+    arm = drawn_arm(rng, calm)
     dt = float(rng.choice([0.02, 0.02, 0.005, 0.01, 0.05, 1e-6, 0.2]))
     actuation = actuation or str(rng.choice(["joint", "joint", "generalized"]))
     effects = drawn_effects(rng, arm, needed)

@@ -26,7 +26,7 @@ AUTORESETS = ("next_step", "same_step", "disabled")
 def limited_scene(rng: Generator) -> Scene:
     """A scene that an environment takes: motors, joint efforts, sliders of limited travel."""
     for _ in range(TRIES):
-        scene = drawn_scene(rng, (MOTORS,), "joint")
+        scene = drawn_scene(rng, (MOTORS,), "joint", calm=bool(rng.random() < 0.6))
         sliders = scene.robot.sliders()
         if all(k in scene.travel() for k in sliders) and any(
             type(e).__name__ == MOTORS for e in scene.effects
@@ -130,6 +130,8 @@ def drawn_episodes(seed: int, number: int, lanes: int = 12, calls: int = 30) -> 
         first = [{"call": "step", "actions": drawn_actions(rng, count, len(scene.robot.joints)),
                   "refused": True}]  # fmt: skip
     first.append({"call": "reset", "seed": [int(rng.integers(2**20)) + k for k in range(count)]})
-    first += [drawn_call(rng, case, scene, str(rng.choice(CALLS))) for _ in range(calls)]
+    waits = face == "env" or (face == "vector" and case["autoreset_mode"] == "disabled")
+    usual = (*CALLS, *("reset",) * 5) if waits else CALLS  # else most steps come after an end
+    first += [drawn_call(rng, case, scene, str(rng.choice(usual))) for _ in range(calls)]
     made: Case = plain({**case, "calls": first})
     return made

@@ -16,12 +16,11 @@ from .drawing_calls import drawn_case
 from .drawing_episodes import drawn_episodes
 from .invariants import Tally, Violation, violations
 from .invariants_episodes import episode_violations
+from .known import KNOWN, kind_of
 from .minimising import minimised
 
 HARNESS = "the_case_is_played"
 """The name of the failure of a case that could not be judged: an exception outside its calls."""
-WITH_SPRINGS = "tolerance_is_kept_or_flagged_with_limit_springs"
-"""Limit springs are known to miss their tolerance now and then: counted for themselves, and not kept."""
 KEPT = 5
 """Failures of one invariant that become files."""
 
@@ -43,22 +42,16 @@ def judged(case: Case, tally: Tally | None = None) -> list[Violation]:
         return [Violation(HARNESS, -1, -1, text)]
 
 
-def kind_of(case: Case, violation: Violation) -> str:
-    """The name under which a violation is counted."""
-    springs = any(e["type"] == "LimitSpring" for e in case["scene"]["effects"])
-    return WITH_SPRINGS if springs and violation.invariant in WITH_SPRINGS else violation.invariant
-
-
 def small(case: Case, kind: str, seconds: float) -> Case:
     """The case made small while it fails in the same way."""
-    return minimised(case, lambda c: any(kind_of(c, v) == kind for v in judged(c)), seconds)
+    return minimised(case, lambda c: any(kind_of(c, v.invariant) == kind for v in judged(c)), seconds)
 
 
 def case_failures(case: Case, tally: Tally) -> dict[str, Violation]:
     """The first violation of each kind."""
     found: dict[str, Violation] = {}
     for violation in judged(case, tally):
-        found.setdefault(kind_of(case, violation), violation)
+        found.setdefault(kind_of(case, violation.invariant), violation)
     for kind in found:
         tally.failures[kind] = tally.failures.get(kind, 0) + 1
     return found
@@ -67,7 +60,7 @@ def case_failures(case: Case, tally: Tally) -> dict[str, Violation]:
 def write_failure(case: Case, kind: str, violation: Violation, out: Path, seconds: float) -> Path:
     """A file that reproduces a violation, made small in some seconds."""
     made = small(case, kind, seconds) if seconds else case
-    again = next((v for v in judged(made) if kind_of(made, v) == kind), violation)
+    again = next((v for v in judged(made) if kind_of(made, v.invariant) == kind), violation)
     path = out / f"{kind}-{case['seed']}-{case['number']}.json"
     cases.write({"fails": kind, "found": again.found, **made}, path)
     return path
@@ -104,7 +97,7 @@ def run(
         case = drawn(seed, number)
         failures = case_failures(case, tally)
         for kind, violation in failures.items():
-            if kind == WITH_SPRINGS or written.get(kind, 0) >= KEPT:
+            if kind.startswith(KNOWN) or written.get(kind, 0) >= KEPT:
                 continue
             written[kind] = written.get(kind, 0) + 1
             files.append(write_failure(case, kind, violation, out, seconds))
