@@ -246,6 +246,7 @@ def drawn_state(scene: Scene, kind: str, rng: Generator) -> tuple[Array, Array]:
         high = max(high, low)
         qd[joint] *= 0.3 * size
         if not np.isfinite(q[joint]):
+            q[joint] = np.nan  # infinity is beyond its stop, and refused
             continue
         place = rng.uniform(low, high)
         if kind in ("at stop", "near stop"):

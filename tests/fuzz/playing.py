@@ -106,6 +106,10 @@ class Player:
 
 
 def play(case: Case, make: Make = rde.BatchSimulator) -> list[Step]:
-    """All calls of a case."""
+    """All calls of a case; a LookupError if it does not begin with a state that is taken."""
     player = Player(case, make)
-    return [player.play(call) for call in case["calls"]]
+    steps = [player.play(call) for call in case["calls"]]
+    first = steps[0]
+    if first.call["call"] != "set_state" or isinstance(first.error, ValueError):
+        raise LookupError(f"the case does not begin with a state: {first.error}")
+    return steps
