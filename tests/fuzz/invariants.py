@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -26,6 +27,8 @@ KINKED_ENERGY = 1e-3
 COARSE_ENERGY = 1e-3
 """The same of a scene at its own tolerance, if that is :data:`SMALL` arm lengths or less."""
 SMALL = 1e-5
+ROUNDING = 1e-8
+"""Differences of energies are known to this share of what they are differences of, times :data:`ENERGY`."""
 CONVERGING = 0.5
 """A book that is still off, but by less than this share of what the coarser reference is, only converges."""
 STRUCTURES = ("save", "copy", "pickle", "npz")
@@ -232,10 +235,21 @@ def drifts(scene: Scene, before: Lanes, after: Lanes) -> Array:
     (kinetic, potential), (kinetic_after, potential_after) = (energies(scene, x) for x in (before, after))
     with np.errstate(all="ignore"):
         work, gained = after.work - before.work, potential_after - potential
-        rounding = 1e-9 * (np.abs(potential) + np.abs(after.work))  # of differences of large numbers
+        rounding = ROUNDING * (np.abs(potential) + np.abs(after.work)) + rounding_of_places(scene, before)
         scale = np.maximum(kinetic, kinetic_after) + np.abs(gained) + np.abs(work) + rounding
         drift = np.abs(kinetic_after - kinetic + gained - work)
         return np.where(drift == 0.0, 0.0, drift / scale)
+
+
+def rounding_of_places(scene: Scene, lanes: Lanes) -> Array:
+    """How much the potential energy changes if each coordinate is off by :data:`ROUNDING` of itself, J."""
+    _, potential = energies(scene, lanes)
+    total = np.zeros(len(potential))
+    for k in range(lanes.q.shape[1]):
+        q = lanes.q.copy()
+        q[:, k] *= 1.0 + ROUNDING
+        total += np.abs(energies(scene, dataclasses.replace(lanes, q=q))[1] - potential)
+    return total
 
 
 def no_lane_depends_on_others(played: Played) -> list[Violation]:

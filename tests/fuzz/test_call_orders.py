@@ -26,7 +26,8 @@ SETTINGS = settings(
     stateful_step_count=20,
     deadline=None,
     database=None,
-    phases=(Phase.generate,),
+    phases=(Phase.generate, Phase.shrink),
+    print_blob=True,
     suppress_health_check=list(HealthCheck),
 )
 seeds = st.integers(0, 2**31 - 1)
