@@ -7,34 +7,13 @@ import multiprocessing
 import os
 import secrets
 import sys
-import time
-import warnings
 from concurrent.futures import ProcessPoolExecutor
-from itertools import count
 from pathlib import Path
 
 from . import cases
 from .invariants import Tally
 from .known import kind_of
-from .running import judged, run, summary, write_summary
-
-TOLD = 10
-"""Cases between two lines of progress."""
-
-
-def worker(seed: int, first: int, stride: int, minutes: float, out: Path) -> tuple[Tally, list[Path]]:
-    """The cases first, first + stride, ... of a seed."""
-    warnings.simplefilter("ignore", RuntimeWarning)  # NumPy tells of overflows; they are what is looked for
-    start = time.monotonic()
-
-    def told(number: int, tally: Tally, failed: str) -> None:
-        if failed or tally.scenes % TOLD == 0:
-            seconds, counts = time.monotonic() - start, (tally.scenes, tally.intervals, tally.judged)
-            text = f"fuzz: {seconds:.0f} of {60 * minutes:.0f} s, case {number}: "
-            text += "{} scenes, {} intervals, {} judged".format(*counts)
-            print(f"{text}: {failed} failed" if failed else text, file=sys.stderr, flush=True)
-
-    return run(seed, count(first, stride), start + 60.0 * minutes, out, told)
+from .running import judged, summary, worker, write_summary
 
 
 def replay(path: Path) -> int:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import sys
 import time
 import traceback
+import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +24,8 @@ from .minimising import minimised
 
 HARNESS = "the_case_is_played"
 """The name of the failure of a case that could not be judged: an exception outside its calls."""
+TOLD = 10
+"""Cases between two lines of progress."""
 KEPT = 5
 """Failures of one invariant that become files."""
 
@@ -103,6 +108,21 @@ def run(
             files.append(write_failure(case, kind, violation, out, seconds))
         told(number, tally, ", ".join(failures))
     return tally, files
+
+
+def worker(seed: int, first: int, stride: int, minutes: float, out: Path) -> tuple[Tally, list[Path]]:
+    """The cases first, first + stride, ... of a seed."""
+    warnings.simplefilter("ignore", RuntimeWarning)  # NumPy tells of overflows; they are what is looked for
+    start = time.monotonic()
+
+    def told(number: int, tally: Tally, failed: str) -> None:
+        if failed or tally.scenes % TOLD == 0:
+            seconds, counts = time.monotonic() - start, (tally.scenes, tally.intervals, tally.judged)
+            text = f"fuzz: {seconds:.0f} of {60 * minutes:.0f} s, case {number}: "
+            text += "{} scenes, {} intervals, {} judged".format(*counts)
+            print(f"{text}: {failed} failed" if failed else text, file=sys.stderr, flush=True)
+
+    return run(seed, count(first, stride), start + 60.0 * minutes, out, told)
 
 
 def summary(tally: Tally, seed: int, minutes: float, files: list[Path]) -> dict[str, Any]:

@@ -209,6 +209,14 @@ class Environment(RuleBasedStateMachine):
     def replace_the_twin(self, how):
         self.twin = how(self.env)
 
+    @rule()
+    def set_another_to_the_state(self):
+        """One that was made anew, whose generators are others."""
+        self.twin = self.made()
+        self.twin.reset()
+        self.inner(self.twin).set_state(self.inner(self.env).get_state())
+        self.set_count(self.twin, self.count(self.env))
+
     @staticmethod
     def inner(env):
         return env.unwrapped if isinstance(env, gym.Env) else env
