@@ -46,7 +46,7 @@ def test_an_unknown_arm_lists_the_arms_as_the_first_import():
 def test_functions_of_effects_take_arrays_as_the_first_import():
     code = (
         "import numpy as np; from redundant_envs.effects import limit_spring; "
-        "f = limit_spring.force(np.array([-0.5, 0.0, 0.5]), 0.0, -0.2, 0.3, 100.0, 0.0); "
+        "x = np.array([-0.5, 0.0, 0.5]); f = limit_spring.force(x, 0.0, -0.2, 0.3, 100.0, 0.0, np.sign(x)); "
         "assert np.allclose(f, [30.0, 0.0, -20.0])"
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)

@@ -32,6 +32,7 @@ from redundant_envs.simulator.environment import Autoreset
 from redundant_envs.simulator.episode import TIP
 from redundant_envs.tasks import REGISTRY as TASKS
 from redundant_envs.tasks import Task
+from redundant_envs.tasks.limits import is_confined
 from redundant_envs.values import shown, whole_number
 
 KERNEL_MODE = {mode: Autoreset[mode.name] for mode in AutoresetMode}
@@ -50,7 +51,8 @@ def observation_space(core: Core) -> spaces.Space[Any]:
     box = spaces.Box(-1.0, 1.0, (core.obs_size,), np.float32)
     if not core.task.goal_conditioned:
         return box
-    place = spaces.Box(-2.0 * core.reach, 2.0 * core.reach, (2,), np.float64)
+    far = 2.0 * core.reach if is_confined(core.scene) else np.inf
+    place = spaces.Box(-far, far, (2,), np.float64)
     return spaces.Dict({"observation": box, "achieved_goal": place, "desired_goal": place})
 
 

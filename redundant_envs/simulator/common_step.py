@@ -110,8 +110,9 @@ class CommonStep(AtStops):
         names = [f"{s}_start" for s in self.dynamics.states[: 2 * self.dynamics.count]]
         defect = self.defect(lane.get((*names, *self.dynamics.commands)))
         lane.reason = where(defect == 0.0, reason, Reason.NONE)
-        first = self.dynamics.states[0]
-        lane[first] = where(defect == 0.0, lane[first], defect)  # if no step has shown it, this does
+        # Some of them no step has shown, and of others what a step found depends on who made it with them.
+        for s in self.dynamics.states:
+            lane[s] = where(defect == 0.0, lane[s], defect)
 
     @staticmethod
     def defect(values: list[Any]) -> Any:

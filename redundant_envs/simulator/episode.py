@@ -32,7 +32,7 @@ from redundant_envs.simulator.names import (
     names_of_task,
 )
 from redundant_envs.simulator.sensing import measured, reads_nonsense
-from redundant_envs.simulator.setting import GIVEN_UP, Fault
+from redundant_envs.simulator.setting import GIVEN_UP, OBSERVED_ANGLE, OBSERVED_RATE, Fault
 from redundant_envs.tasks.base import Task
 from redundant_envs.tasks.limits import depth_beyond, range_of_starts, spring_limits, start_position
 
@@ -217,10 +217,11 @@ class Episode:
             x = self.quantities(lane, {n: lane[n] for n in (*states, *task.memory, *self.actions)})
             defect = defect + where(reads_nonsense(self.dynamics, x), math.nan, 0.0)
             lane.next_part()
-        code = lane.numerics + where(defect == 0.0, 0.0, float(Fault.NON_FINITE))
+        fastest = reduce(maximum, (abs(lane[v]) for v in self.arm.rates))
+        observable = (interval.largest_angle(lane) <= OBSERVED_ANGLE) & (fastest <= OBSERVED_RATE)
+        code = lane.numerics + where((defect == 0.0) & observable, 0.0, float(Fault.NON_FINITE))
         if interval.local:
             code = code + where(lane.fault >= GIVEN_UP, lane.fault, 0.0)
-        fastest = reduce(maximum, (abs(lane[v]) for v in self.arm.rates))
         too_fast = logical_not(code > 0.0) & (fastest > lane.speed_bound)
         fast = where(too_fast, float(Fault.SPEED_BOUND), 0.0)
         if task.speed_bound_ends:

@@ -53,6 +53,8 @@ class Plan(enum.Enum):
 
 LARGEST_ANGLE = 1e6
 """rad: beyond it an angle is known to no more than 1e-10 rad, and rounding adds up."""
+OBSERVED_ANGLE, OBSERVED_RATE = 1e14, 1e100
+"""rad; rad/s and m/s: nothing could be observed of a state beyond: sines of larger angles are no numbers."""
 MOST_SEARCHED = 500
 """Trial steps in search of one event; with more the interval is given up."""
 MOST_TRIALS = 65536
@@ -126,13 +128,15 @@ class Setting:
 
     def angle_fault(self, lane: Lane) -> Any:
         """A fault where an angle is so large that its last digits are lost."""
+        return where(self.largest_angle(lane) > LARGEST_ANGLE, float(Fault.LARGE_ANGLE), 0.0)
+
+    def largest_angle(self, lane: Lane) -> Any:
+        """The largest of the coordinates that are angles, rad."""
         arm = self.dynamics.arm
         angles = [
             abs(lane[q]) for q, slides in zip(arm.coordinates, arm.prismatic, strict=True) if not slides
         ]
-        if not angles:
-            return 0.0
-        return where(reduce(maximum, angles) > LARGEST_ANGLE, float(Fault.LARGE_ANGLE), 0.0)
+        return reduce(maximum, angles) if angles else 0.0
 
     @property
     def positions(self) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -31,6 +32,13 @@ def hard_stops(scene: Scene) -> list[Limit]:
         for hook in effect.hooks(scene.robot)
         if isinstance(hook, Impact)
     ]
+
+
+def is_confined(scene: Scene) -> bool:
+    """Whether hard stops keep every slider within its travel: else the tip may go anywhere."""
+    values = scene.parameters()
+    kept = {joint for joint, *ends in hard_stops(scene) if all(math.isfinite(values[end]) for end in ends)}
+    return kept >= {*scene.robot.sliders()}
 
 
 @physics

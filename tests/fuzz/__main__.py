@@ -12,7 +12,6 @@ from pathlib import Path
 
 from . import cases
 from .invariants import Tally
-from .known import kind_of
 from .running import judged, summary, worker, write_summary
 
 
@@ -21,7 +20,7 @@ def replay(path: Path) -> int:
     case = cases.read(path)
     found = judged(case)
     for v in found:
-        print(f"{kind_of(case, v.invariant)}: call {v.call}, lane {v.lane}: {v.found}")
+        print(f"{v.invariant}: call {v.call}, lane {v.lane}: {v.found}")
     print("it fails" if found else "it does not fail")
     return int(bool(found))
 

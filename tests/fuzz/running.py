@@ -19,7 +19,6 @@ from .drawing_calls import drawn_case
 from .drawing_episodes import drawn_episodes
 from .invariants import Tally, Violation, violations
 from .invariants_episodes import episode_violations
-from .known import KNOWN, kind_of
 from .minimising import minimised
 
 HARNESS = "the_case_is_played"
@@ -49,14 +48,14 @@ def judged(case: Case, tally: Tally | None = None) -> list[Violation]:
 
 def small(case: Case, kind: str, seconds: float) -> Case:
     """The case made small while it fails in the same way."""
-    return minimised(case, lambda c: any(kind_of(c, v.invariant) == kind for v in judged(c)), seconds)
+    return minimised(case, lambda c: any(v.invariant == kind for v in judged(c)), seconds)
 
 
 def case_failures(case: Case, tally: Tally) -> dict[str, Violation]:
     """The first violation of each kind."""
     found: dict[str, Violation] = {}
     for violation in judged(case, tally):
-        found.setdefault(kind_of(case, violation.invariant), violation)
+        found.setdefault(violation.invariant, violation)
     for kind in found:
         tally.failures[kind] = tally.failures.get(kind, 0) + 1
     return found
@@ -65,7 +64,7 @@ def case_failures(case: Case, tally: Tally) -> dict[str, Violation]:
 def write_failure(case: Case, kind: str, violation: Violation, out: Path, seconds: float) -> Path:
     """A file that reproduces a violation, made small in some seconds."""
     made = small(case, kind, seconds) if seconds else case
-    again = next((v for v in judged(made) if kind_of(made, v.invariant) == kind), violation)
+    again = next((v for v in judged(made) if v.invariant == kind), violation)
     path = out / f"{kind}-{case['seed']}-{case['number']}.json"
     cases.write({"fails": kind, "found": again.found, **made}, path)
     return path
@@ -102,7 +101,7 @@ def run(
         case = drawn(seed, number)
         failures = case_failures(case, tally)
         for kind, violation in failures.items():
-            if kind.startswith(KNOWN) or written.get(kind, 0) >= KEPT:
+            if written.get(kind, 0) >= KEPT:
                 continue
             written[kind] = written.get(kind, 0) + 1
             files.append(write_failure(case, kind, violation, out, seconds))

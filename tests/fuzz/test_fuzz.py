@@ -12,9 +12,6 @@ from redundant_envs.backends import cache
 
 from . import cases
 from .drawing import drawn_scene, own_effects
-from .invariants import INVARIANTS
-from .invariants_episodes import EPISODE_INVARIANTS
-from .known import KNOWN, is_known
 from .minimising import minimised
 from .running import drawn, judged, run
 
@@ -52,32 +49,6 @@ def test_cases_of_a_fresh_seed():
 def test_mended_failures_stay_mended():
     for path in sorted((HERE / "found").glob("*.json")):
         assert judged(cases.read(path)) == [], path.name
-
-
-@pytest.mark.parametrize(
-    "path",
-    [
-        pytest.param(
-            path, marks=pytest.mark.xfail(strict=True, reason=cases.read(path)["found"]), id=path.stem
-        )
-        for path in sorted((HERE / "open").glob("*.json"))
-    ],
-)
-def test_an_open_failure_is_mended(path):
-    """Expected to fail; once it does not, move the file to the folder found and forget it in known.py."""
-    case = cases.read(path)
-    assert case["fails"] not in {f"{KNOWN}{v.invariant}" for v in judged(case)}
-
-
-def test_every_known_failure_has_a_file_and_is_known_by_it():
-    files = {path.stem: cases.read(path) for path in (HERE / "open").glob("*.json")}
-    assert all(is_known(case, name) and case["fails"] == KNOWN + name for name, case in files.items())
-    everywhere = {"scene": {"effects": [{"type": "LimitSpring"}]}, "goal": True}
-    promises = [
-        "no_lost_lane_depends_on_others", "the_energy_book_closes", "tolerance_is_kept_or_flagged",
-        *(f.__name__ for f in (*INVARIANTS, *EPISODE_INVARIANTS)),
-    ]  # fmt: skip
-    assert {name for name in promises if is_known(everywhere, name)} == set(files)
 
 
 # ---- drawing, files, making small -----------------------------------------------------------------------
