@@ -295,10 +295,14 @@ def test_a_picture_can_be_drawn_of_the_end_and_a_reset_begins_anew():
     env.reset(seed=0)
     assert env.step(NAN)[2]
     assert env.render().shape[2] == 3
+    ended = env.unwrapped.get_state()
     with pytest.raises(ResetNeeded, match="step was called after the end of the episode"):
         env.step(ZERO)
     env.reset()
     assert not env.step(ZERO)[2]
+    env.unwrapped.set_state(ended)
+    with pytest.raises(ResetNeeded, match="step was called after the end of the episode"):
+        env.step(ZERO)
 
 
 def test_nothing_is_untold():

@@ -53,7 +53,7 @@ def only_documented_exceptions(played: PlayedEpisodes) -> list[Violation]:
     name, found, ready = "only_documented_exceptions", [], False
     for k, step in enumerate(played.steps):
         call, error = step.call, step.error
-        documented = (ValueError,) if ready else (ValueError, ResetNeeded)
+        documented = (ValueError, ResetNeeded)
         if type(error).__name__ == "ResetNeeded" and not ready:
             continue
         ready = ready or (call["call"] == "reset" and error is None)

@@ -70,6 +70,8 @@ class EpisodePlayer:
         self.env = make(case)
         self.saved: Any = None
         self.ended = np.zeros(case["num_envs"], np.bool_)
+        self.over = False
+        """Whether a fault has ended the episode of a single environment, which then needs a reset."""
 
     @property
     def core(self) -> Any:
@@ -97,7 +99,7 @@ class EpisodePlayer:
         if call["call"] == "step" and not call.get("refused"):
             bad = not np.isfinite(numbers(call["actions"])).all()
             waits = bool(self._waits_for_reset and self.ended.any())
-            return waits or (bad and self.case["on_bad_action"] == "raise")
+            return waits or self.over or (bad and self.case["on_bad_action"] == "raise")
         return bool(call.get("refusable"))
 
     @property
@@ -111,10 +113,11 @@ class EpisodePlayer:
         if kind == "reset":
             return self._reset(call)
         if kind == "save":
-            self.saved = (self.inner.get_state(), self.ended.copy(), copy.deepcopy(self._limit()))
+            ends = (self.ended.copy(), self.over)
+            self.saved = (self.inner.get_state(), ends, copy.deepcopy(self._limit()))
         elif kind == "restore":
             if self.saved is not None:
-                state, ended, limit = self.saved
+                state, (ended, self.over), limit = self.saved
                 self.inner.set_state(state)
                 self.ended = ended.copy()
                 self._limit().update(limit)
@@ -158,7 +161,7 @@ class EpisodePlayer:
         if "final_obs" in infos:
             for n in np.flatnonzero(infos["_final_obs"]).tolist():
                 last[n] = parts(infos["final_obs"][n], False)
-        self.ended = row[1] | row[2]
+        self.ended, self.over = row[1] | row[2], single and bool(row[1][0])
         return Given(parts(obs, not single), row[0], row[1], row[2], last)
 
     def _reset(self, call: dict[str, Any]) -> Given:
@@ -174,7 +177,7 @@ class EpisodePlayer:
             return Given(parts(obs, True))
         if face == "env":
             obs, _ = self.env.reset(seed=seeds and seeds[0], options=options)
-            self.ended[:] = False
+            self.ended[:], self.over = False, False
             return Given(parts(obs, False))
         mask = np.zeros(self.case["num_envs"], np.bool_)
         mask[lanes] = True

@@ -273,7 +273,12 @@ class Single(Environment):
         return obs, reward, terminated or truncated
 
     def step_both(self, actions):
-        """After an end, too: the arm goes on, or stays where a fault left it."""
+        """After the limit of steps, too: the arm goes on. After a fault it does not."""
+        if self.env.unwrapped.core.memory.read(("terminated",)).any():
+            for env in (self.env, self.twin):
+                with pytest.raises(ResetNeeded, match="after the end"):
+                    self.step_one(env, actions)
+            return
         if not np.isfinite(actions[0]).all():
             with pytest.raises(ValueError, match="non-finite"):
                 self.step_one(self.env, actions)

@@ -38,7 +38,7 @@ def test_memory_does_not_grow_with_episodes(face, lanes, warm_up, measured, most
 
 @LINUX
 @pytest.mark.parametrize(
-    ("warm_up", "measured"), [(50, 100), pytest.param(1000, 1000, marks=pytest.mark.long)]
+    ("warm_up", "measured"), [(300, 100), pytest.param(1000, 1000, marks=pytest.mark.long)]
 )
 def test_memory_does_not_grow_with_makes(warm_up, measured):
     """A table of what was found of functions has its 256 entries after 300 makes or so: 1 MB."""

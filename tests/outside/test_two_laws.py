@@ -53,7 +53,7 @@ def test_its_tolerance_is_kept(name):
 
 
 @pytest.mark.parametrize("name", ["4R", "RRP"])
-def test_compiled_code_numpy_and_torch_agree(name):
+def test_compiled_code_and_numpy_agree(name):
     q, qd, efforts = near_knees(ARMS[name])
     made = scene(name, tolerance=1e-8)
     found, _ = advance(made, q, qd, efforts)
@@ -67,9 +67,6 @@ def test_compiled_code_numpy_and_torch_agree(name):
         lane = cross_interval(Interval(dynamics), {**fields_of(dynamics), **given})
     count = dynamics.count
     np.testing.assert_allclose(np.stack(lane.get(dynamics.states[:count]), -1), found.q, rtol=0, atol=1e-12)
-    moved, _ = rde.torch_step(made)(*map(torch.as_tensor, (q, qd, efforts)))
-    tip = ARMS[name].forward_kinematics
-    assert np.linalg.norm(tip(moved.numpy()) - tip(found.q), axis=1).max() <= 2e-8
 
 
 def test_equal_steps_have_the_law_of_the_place():
