@@ -32,12 +32,13 @@ from redundant_envs.studies.verify.conservation import (
 
 ENOUGH = 1e-3
 """Tip error of a control interval [m] that is called good enough at its 99th percentile."""
-MISSED = 0.01
-"""Share of the states that may be off by more than the tolerance without a flag.
+LIMIT = 2.0
+"""An estimate is no bound: an error is beyond the tolerance from here on, in units of it."""
+MISSED = 1e-3
+"""Share of the states that may be beyond it without a flag.
 
-No estimate sees everything: impacts amplify, and across a kink of a force an estimate of high order is blind.
-Smooth scenes and hard stops miss none, springs of 1e6 N/m that begin at a limit one in 4000; at one in a
-hundred a tolerance means little.
+Scenes of the package miss none of a million (``study intervals``). Across a kink of a force that does not say
+where its law changes an estimate of high order is blind: then some of a hundred are missed, and some of ten.
 """
 SURE = 0.1
 """States are judged where both references agree to this, in units of the tolerance."""
@@ -104,7 +105,7 @@ def own_energy(trial: Trial) -> Finding:
 
 @check("tolerance kept", at_most(MISSED, "of the states"), Mode.QUICK)
 def tolerance_kept(trial: Trial) -> Finding:
-    """The share of the states that are off by more than the scene's tolerance, and not flagged."""
+    """The share of the states that are off by more than twice the scene's tolerance, and not flagged."""
     tolerance = trial.scene.tolerance
     if tolerance is None:
         raise NotApplicable("the scene has no tolerance")
@@ -112,13 +113,13 @@ def tolerance_kept(trial: Trial) -> Finding:
     judged = sure & (apart <= SURE * tolerance)
     if np.mean(judged) < ENOUGH_SMOOTH:
         raise NotApplicable(f"references agree to a tenth of it at {np.mean(judged):.0%} of the states only")
-    missed = judged & ~(off <= tolerance) & (trial.shared(own_interval).numerics == 0)
+    missed = judged & ~(off <= LIMIT * tolerance) & (trial.shared(own_interval).numerics == 0)
     share = float(missed.sum() / judged.sum())
     most, where = trial.worst(np.where(missed, off, 0.0))
     words = (
-        f"{100 * share:.2g} % of the intervals are off by more than the tolerance of {tolerance:g} m and not "
-        f"flagged, the worst by {most:.1e} m: a force jumps, or its stiffness does; a PrismaticStop is "
-        "located, a softer spring is seen, a shorter control_dt helps both"
+        f"{100 * share:.2g} % of the intervals are off by more than twice the tolerance of {tolerance:g} m "
+        f"and not flagged, the worst by {most:.1e} m: a force jumps, or its stiffness does; say where by "
+        "Force(switch=...), or take a shorter control_dt"
     )
     return Finding(share, where if share else "", words)
 
