@@ -26,7 +26,7 @@ KINKED_ENERGY = 1e-3
 """The same with limit springs: equal steps across the jump of a stiffness are of second order."""
 COARSE_ENERGY = 1e-3
 """The same of a scene at its own tolerance, if that is :data:`SMALL` arm lengths or less."""
-SMALL = 1e-5
+SMALL = 1e-6
 ROUNDING = 1e-8
 """Differences of energies are known to this share of what they are differences of, times :data:`ENERGY`."""
 CONVERGING = 0.5
