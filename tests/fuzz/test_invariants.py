@@ -17,7 +17,7 @@ from .playing import Step, lanes_now
 
 LANES = 10
 RNG = np.random.default_rng(0)
-SCENE = rde.load_scene("rprp_reach").to_dict()
+SCENE = {**rde.load_scene("rprp_reach").to_dict(), "tolerance": 1e-7}
 STARTS = {
     "q": np.tile([0.3, 0.1, -0.4, 0.2], (LANES, 1)) + 0.02 * RNG.uniform(size=(LANES, 4)),
     "qd": RNG.normal(size=(LANES, 4)),
