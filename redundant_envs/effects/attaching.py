@@ -168,6 +168,10 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
         _check_state(state, own, arm)
     if not isinstance(hook, Force):
         return
+    if hook.kink is not None:
+        _check_function("kink", hook.kink, hook, own, arm)
+        if dialect.results_of(hook.kink) != 1:
+            raise ValueError(f"kink {name_of(hook.kink)} must return one value")
     numbers = set(arm.parameter_values())
     for name in ("potential", "conservative", "stiffness", "damping"):
         function = getattr(hook, name)

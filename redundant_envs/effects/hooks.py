@@ -93,6 +93,9 @@ class Force:
     ``side``: 1 above the upper, -1 below the lower, 0 between. Where steps are chosen for their error, none
     has two laws in it: the change is located in time, as an impact is. So each law must be smooth beyond its
     own positions, too, and both must give the same force where they meet.
+
+    ``kink`` is a function that changes its sign where the force has another kink, which no position tells:
+    an interval in which it does has to come out the same with half as many steps.
     """
 
     joint: int | Point
@@ -104,6 +107,7 @@ class Force:
     damping: Callable[..., Any] | None = None
     states: tuple[State, ...] = ()
     switch: tuple[str, str] | None = None
+    kink: Callable[..., Any] | None = None
 
     def __post_init__(self) -> None:
         if self.potential is not None and self.conservative is None:

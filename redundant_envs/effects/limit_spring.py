@@ -36,6 +36,12 @@ def force(position, rate, lower, upper, stiffness, damping, side):
 
 
 @physics
+def hold(rate, stiffness, damping, side):
+    """Stiffness that is left at a rate: where it would be negative, the stop lets go."""
+    return where(side == 0.0, 1.0, stiffness + damping * where(side < 0.0, -rate, rate))
+
+
+@physics
 def steepness(stiffness):
     return stiffness
 
@@ -98,6 +104,6 @@ class LimitSpring(Effect):
         return (
             Force(
                 k, force, bind, potential=spring_energy, conservative=spring, stiffness=steepness,
-                switch=(".lower", ".upper"),
+                switch=(".lower", ".upper"), kink=hold,
             ),
         )  # fmt: skip

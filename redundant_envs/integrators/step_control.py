@@ -151,6 +151,7 @@ class Crossed(NamedTuple):
     least : steps that the present rates need
     change : by how much the tip comes out otherwise than the time before, m
     impacts : so far
+    kinked : whether a force has had a kink in it that no step ends at
     """
 
     ended: Any
@@ -160,6 +161,7 @@ class Crossed(NamedTuple):
     least: Any
     change: Any
     impacts: Any
+    kinked: Any = False
 
 
 def end_doubling(c: Crossed, error: Any, tip_tolerance: Any, min_steps: Any, interval: Any) -> Ending:
@@ -172,7 +174,7 @@ def end_doubling(c: Crossed, error: Any, tip_tolerance: Any, min_steps: Any, int
     last = logical_not(left > 0.0)
     grown = where(c.steps < CHECKED_STEPS, 0.0, GROWTH * error)
     few = c.impacts < CHECKED_IMPACTS
-    grown = where(few, grown, 2.0 * tip_tolerance)
+    grown = where(few & logical_not(c.kinked), grown, 2.0 * tip_tolerance)
     same = (grown <= tip_tolerance) | (c.change <= tip_tolerance)
     min_steps = where(c.accepted, maximum(min_steps, c.least), min_steps)
     again = (c.ended & last & logical_not(same)) | ((min_steps > TOO_FAST * c.steps) & c.accepted)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import reduce
 from typing import Any
 
-from redundant_envs.algebra import any_of, cases, maximum, where
+from redundant_envs.algebra import any_of, cases, logical_not, maximum, where
 from redundant_envs.integrators import crossings, step_control
 from redundant_envs.integrators.sliders import side_beyond
 from redundant_envs.simulator.at_stops import AtStops
@@ -23,6 +23,8 @@ class CommonStep(AtStops):
         if not self.local:
             return
         lane.evaluations = lane.fault = 0.0
+        if self.dynamics.kinks:
+            lane.kinked = False
         if self.stops:
             lane.impacts = 0.0
         if self.logs:
@@ -72,8 +74,11 @@ class CommonStep(AtStops):
         if moving is not None:
             new = [where(moving, x, lane[s]) for s, x in zip(dynamics.states, new, strict=True)]
         lane.set(dynamics.states, new)
-        for boundary, watched in zip(self.boundaries, step.watched, strict=True):
+        for boundary, watched in zip(self.boundaries, step.watched, strict=False):
             lane.set(WATCHED, watched, of=f"{{}}_{boundary.name}")
+        if dynamics.kinks:
+            kinked = any_of((w.least < 0.0) & (w.most > 0.0) for w in step.watched[len(self.boundaries) :])
+            lane.kinked = lane.kinked | (kinked if moving is None else kinked & moving)
 
     def judge(self, lane: Lane) -> None:
         """After a common step: why a lane leaves it, if it does.
@@ -94,6 +99,8 @@ class CommonStep(AtStops):
             slow = self.least_steps(lane) <= step_control.TOO_FAST
             single = lane.min_steps == 0.0
             served = single & slow & (lane.error <= lane.tip_tolerance)
+            if self.dynamics.kinks:
+                served = served & logical_not(lane.kinked)
             reason = where(served, reason, Reason.ACCURACY)
             lane.evaluations = where(single, lane.evaluations + stages, lane.evaluations)
             lane.error = where(single, lane.error, 0.0)

@@ -73,10 +73,11 @@ def lane_step(dynamics: Dynamics, lane: Lane, h: Any, held: bool = False) -> Ste
             results.append(where(x[f"held{k}"] > 0.0, pulled, x[f"qdd{k}"]))
         for switch in dynamics.switches:
             results.append(joint_acceleration(dynamics, x, switch.joint))
+        results += [dynamics.apply(effect, hook, kink, x) for effect, hook, kink in dynamics.kinks]
         return results
 
     stops = dynamics.stops if held else ()
-    count, more = dynamics.count, len(stops) + len(dynamics.switches)
+    count, more = dynamics.count, len(stops) + len(dynamics.switches) + len(dynamics.kinks)
     right_hand_side: Any = derivatives
     if dynamics.method.stages > MOST_INLINED:
         right_hand_side = Subroutine(
