@@ -80,6 +80,14 @@ def attached(where: str, effect: Effect, arm: Arm) -> tuple[Hook, ...]:
             _check_hook(hook, own, arm)
         except ValueError as error:
             raise ValueError(f"{where} ({kind}), hook {n} ({type(hook).__name__}): {error}") from None
+    for hook in hooks:
+        if isinstance(hook, Force) and hook.switch is not None:
+            lower, upper = (effect.parameters()[name[1:]] for name in hook.switch)
+            if not lower < upper:
+                raise ValueError(
+                    f"{where} ({kind}): switch is {hook.switch}, and these are {lower} and {upper}; the first "
+                    "must be below the second"
+                )
     _check_entries(f"{where} ({kind})", effect, arm, hooks)
     forces = [h for h in hooks if isinstance(h, Force)]
     booked = [h for h in forces if h.conservative is not None]

@@ -132,6 +132,12 @@ def test_a_switch_that_cannot_be_is_refused(switch, joint, message):
         rde.Scene(ARMS["4R"], (Badly(joint, switch),))
 
 
+def test_positions_of_a_switch_in_the_wrong_order_are_refused():
+    for lower, upper in ((0.2, 0.1), (0.1, 0.1)):
+        with pytest.raises(ValueError, match="the first must be below the second"):
+            rde.Scene(ARMS["RPRP"], (TwoStageSpring(1, lower, upper, 20.0, 2e3),))
+
+
 def test_its_functions_are_plain_python():
     assert pull_back(0.1, -0.1, 0.05, 1.0, 20.0, 4e3) == -20.0 * 0.1 - 4e3 * (0.1 - 0.05)
     assert pull_back(0.02, -0.1, 0.05, 0.0, 20.0, 4e3) == -20.0 * 0.02
