@@ -85,7 +85,7 @@ def attached(where: str, effect: Effect, arm: Arm) -> tuple[Hook, ...]:
             lower, upper = (effect.parameters()[name[1:]] for name in hook.switch)
             if not lower < upper:
                 raise ValueError(
-                    f"{where} ({kind}): switch is {hook.switch}, and these are {lower} and {upper}; the first "
+                    f"{where} ({kind}): switch is {hook.switch}, which are {lower} and {upper}; the first "
                     "must be below the second"
                 )
     _check_entries(f"{where} ({kind})", effect, arm, hooks)
