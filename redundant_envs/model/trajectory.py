@@ -142,8 +142,8 @@ def _check(status: Status, time: float) -> None:
     """Refuse to go on from an interval that was not crossed as the scene says."""
     if (status.numerics & Numerics.EVENT_BUDGET).any():
         raise ValueError(
-            f"the motion meets its stops more than 256 times in the control interval at t = {time:.6g} s; "
-            "take a shorter control_dt, or a smaller restitution"
+            "the motion has more than 256 impacts, or 65536 pieces, in the control interval at "
+            f"t = {time:.6g} s; take a shorter control_dt, more substeps, or a smaller restitution"
         )
     if (status.numerics & Numerics.NO_STEP_FOUND).any():
         raise ValueError(

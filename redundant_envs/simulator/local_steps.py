@@ -12,7 +12,15 @@ from redundant_envs.integrators.sliders import law_behind, leaves_stop, side_tou
 from redundant_envs.integrators.trial_steps import Outcome, Phase, Search, Trial
 from redundant_envs.simulator.common_step import CommonStep
 from redundant_envs.simulator.lane import Lane
-from redundant_envs.simulator.setting import MOST_SEARCHED, MOST_TRIALS, SEARCH, Fault, Plan, Reason
+from redundant_envs.simulator.setting import (
+    MOST_SEARCHED,
+    MOST_TRIALS,
+    SEARCH,
+    TRIALS_OF_SUBSTEP,
+    Fault,
+    Plan,
+    Reason,
+)
 from redundant_envs.simulator.step import tip_norms
 
 
@@ -235,10 +243,17 @@ class LocalSteps(CommonStep):
         if not self.boundaries:
             return False
         rest = lane.left - lane.step
-        lost = logical_not((lane.searched < MOST_SEARCHED) & (rest == rest))
+        found = (lane.searched < MOST_SEARCHED) & (rest == rest)
+        stages = float(self.dynamics.method.stages)
         if self.plan is Plan.DOUBLING:
-            lost = lost | logical_not(lane.evaluations < float(MOST_TRIALS * self.dynamics.method.stages))
-        return lane.due & lost
+            found = found & (lane.evaluations < MOST_TRIALS * stages)
+        elif self.plan is Plan.FIXED:
+            # Of a slider that such steps make unstable every step can seem to end beyond a stop.
+            most = MOST_TRIALS * lane.h + TRIALS_OF_SUBSTEP * lane.interval
+            found = found & (lane.evaluations * lane.h < stages * most)
+        else:
+            found = found & (lane.steps_left < step_control.MOST_ADAPTIVE_STEPS + MOST_TRIALS)
+        return lane.due & logical_not(found)
 
     def _ending(
         self, lane: Lane, ended: Any, accepted: Any, elapsed: Any, verdict: step_control.Verdict

@@ -58,7 +58,9 @@ OBSERVED_ANGLE, OBSERVED_RATE = 1e14, 1e100
 MOST_SEARCHED = 500
 """Trial steps in search of one event; with more the interval is given up."""
 MOST_TRIALS = 65536
-"""Of an interval that is crossed with 1, 2, 4, ... 16384 steps: twice as many as those without an event."""
+"""Of an interval that is crossed with 1, 2, 4, ... 16384 steps: twice as many as those without an event.
+Of one with fixed steps, too, and :data:`TRIALS_OF_SUBSTEP` more for each."""
+TRIALS_OF_SUBSTEP = 16
 MOST_LOGGED = 256
 """Events of an interval that are kept where the work is tracked."""
 WATCHED = Watched._fields

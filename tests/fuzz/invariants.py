@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 import redundant_envs as rde
+from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.scene import Scene
 from redundant_envs.tasks.limits import hard_stops
 
@@ -31,6 +32,8 @@ ROUNDING = 1e-8
 """Differences of energies are known to this share of what they are differences of, times :data:`ENERGY`."""
 CONVERGING = 0.5
 """A book that is still off, but by less than this share of what the coarser reference is, only converges."""
+MOST_TRIALS, MOST_MORE, MOST_ADAPTIVE = 65536, 18, 1_000_002
+"""Steps of an interval, more of each substep, and the most of dop853 beside them."""
 STRUCTURES = ("save", "copy", "pickle", "npz")
 NON_FINITE, GIVEN_UP = int(rde.Numerics.NON_FINITE), int(rde.Numerics.EVENT_BUDGET)
 
@@ -157,6 +160,20 @@ def a_given_up_interval_leaves_its_lane(played: Played) -> list[Violation]:
         for lane in np.flatnonzero(given_up & moved):
             apart = np.abs(step.after.q[lane] - step.before.q[lane]).max()
             found.append(Violation("a_given_up_interval_leaves_its_lane", k, int(lane), f"it moved {apart}"))
+    return found
+
+
+def the_work_of_an_interval_is_bounded(played: Played) -> list[Violation]:
+    """No interval takes more evaluations than the documented budgets allow, whatever is asked."""
+    scene, found = played.scene, []
+    stages = METHODS[scene.integrator].stages
+    most = stages * (MOST_TRIALS + MOST_MORE * scene.substeps)
+    if scene.integrator == "dop853":
+        most = stages * (MOST_ADAPTIVE + MOST_TRIALS)
+    for k, step in played.intervals():
+        for lane in np.flatnonzero(step.status["evaluations"] > most):
+            text = f"{step.status['evaluations'][lane]} evaluations, more than {most}"
+            found.append(Violation("the_work_of_an_interval_is_bounded", k, int(lane), text))
     return found
 
 
@@ -314,8 +331,8 @@ def what_is_saved_continues(played: Played) -> list[Violation]:
 
 INVARIANTS: tuple[Invariant, ...] = (
     only_documented_exceptions, a_refused_call_changes_nothing, what_is_not_finite_is_flagged,
-    a_given_up_interval_leaves_its_lane, no_slider_is_beyond_its_stop, tolerance_and_energies,
-    no_lane_depends_on_others, what_is_saved_continues,
+    a_given_up_interval_leaves_its_lane, the_work_of_an_interval_is_bounded,
+    no_slider_is_beyond_its_stop, tolerance_and_energies, no_lane_depends_on_others, what_is_saved_continues,
 )  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 import time
 import traceback
@@ -112,9 +113,11 @@ def run(
 def worker(seed: int, first: int, stride: int, minutes: float, out: Path) -> tuple[Tally, list[Path]]:
     """The cases first, first + stride, ... of a seed."""
     warnings.simplefilter("ignore", RuntimeWarning)  # NumPy tells of overflows; they are what is looked for
-    start = time.monotonic()
+    start, parent = time.monotonic(), os.getppid()
 
     def told(number: int, tally: Tally, failed: str) -> None:
+        if os.getppid() != parent:
+            sys.exit("fuzz: who asked for it is gone")
         if failed or tally.scenes % TOLD == 0:
             seconds, counts = time.monotonic() - start, (tally.scenes, tally.intervals, tally.judged)
             text = f"fuzz: {seconds:.0f} of {60 * minutes:.0f} s, case {number}: "

@@ -157,6 +157,13 @@ def test_a_fault_of_a_simulator_is_seen(make, name):
     assert name in broken(make)
 
 
+def test_an_interval_that_takes_too_many_evaluations_is_seen():
+    lanes = lanes_now(rde.BatchSimulator(rde.Scene.from_dict(SCENE), LANES, track_work=True))
+    status = {"evaluations": np.array([*[12] * 9, 12 * 70_000])}
+    played = Played(CASE, [Step(CASE["calls"][1], lanes, lanes, None, status)], rde.BatchSimulator, Tally())
+    assert [v.lane for v in invariants.the_work_of_an_interval_is_bounded(played)] == [9]
+
+
 def test_a_potential_that_is_not_its_forces_is_seen(monkeypatch):
     """In the references, too: they share the wrong book."""
     energies = invariants.energies
