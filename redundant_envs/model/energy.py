@@ -55,14 +55,20 @@ def at_joints(
 
 
 def hook_value(
-    arm: Arm, effect: Effect, hook: Field | Force, function: Callable[..., Any], values: dict[str, Any]
-) -> Any:
-    """A function of a hook on known quantities of the arm, the effect's own numbers given."""
+    arm: Arm, effect: Effect, hook: Field | Force, function: Callable[..., Any], values: dict[str, Any],
+    side: float | None = None,
+) -> Any:  # fmt: skip
+    """A function of a hook on known quantities of the arm, the effect's own numbers given.
+
+    ``side`` chooses the law of a force that has several; None takes that of the position.
+    """
     own, known = effect.parameters(), dict[str, Any]()
     if isinstance(hook, Force) and hook.switch is not None:
         lower, upper = (own[name[1:]] for name in hook.switch)
         position = arm.evaluate([f"phi{cast(int, hook.joint) + 1}"], values)[0]
         known[SIDE] = np.where(position > upper, 1.0, np.where(position < lower, -1.0, 0.0))
+        if side is not None:
+            known[SIDE] = side
     sources = [hook.bind.get(a, a) for a in arguments_of(function)]
     arguments = [
         own[s[1:]] if s.startswith(".") else known[s] if s in known else arm.evaluate([s], values)[0]

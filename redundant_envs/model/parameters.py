@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from redundant_envs.effects.attaching import check_switches
 from redundant_envs.effects.hooks import Impact
 from redundant_envs.loaded_arm import carried_masses, check_inertias, identifier
 from redundant_envs.model.memory import Memory
+from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import LARGEST, LARGEST_RATIO, SMALLEST
 from redundant_envs.scene import Scene
 from redundant_envs.values import shown
@@ -100,7 +102,7 @@ def lane_values(
             _check_positive(name, columns)
     for effect in scene.effects:
         if any(p.startswith(f"{effect.key}.") for p in changed):
-            _check_effect(effect, values)
+            _check_effect(scene.robot, effect, values)
     for mass, loads in carried_masses(scene.robot, scene.effects).items():
         total = sum((values[name] for name in loads), values[mass])
         _check_positive(f"{mass} with {', '.join(loads)}", total[:, None])
@@ -148,7 +150,7 @@ def _check_positive(name: str, columns: NDArray[np.float64]) -> None:
         raise ValueError(f"{name} spans a ratio of {ratio:.1e}; at most {LARGEST_RATIO:.0e} is supported")
 
 
-def _check_effect(effect: Any, values: Table) -> None:
+def _check_effect(arm: Arm, effect: Any, values: Table) -> None:
     """Build the effect with each lane's numbers: its own checks decide."""
     names = [p for p in values if p.startswith(f"{effect.key}.")]
     for row in np.unique(np.stack([values[p] for p in names], axis=1), axis=0):
@@ -158,7 +160,8 @@ def _check_effect(effect: Any, values: Table) -> None:
             parts = [v for p, v in numbers.items() if p.split("[")[0] == f.name]
             own = getattr(effect, f.name)
             fields[f.name] = own if not parts else tuple(parts) if isinstance(own, tuple) else parts[0]
-        type(effect)(**fields)
+        made = type(effect)(**fields)
+        check_switches(effect.key, made, made.hooks(arm))
 
 
 def write(scene: Scene, memory: Memory, lanes: NDArray[np.intp], values: Table) -> None:

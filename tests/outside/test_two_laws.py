@@ -138,6 +138,18 @@ def test_positions_of_a_switch_in_the_wrong_order_are_refused():
             rde.Scene(ARMS["RPRP"], (TwoStageSpring(1, lower, upper, 20.0, 2e3),))
 
 
+def test_positions_of_a_switch_in_the_wrong_order_are_refused_of_a_lane_too():
+    batch = rde.BatchSimulator(rde.Scene(ARMS["RPRP"], (TwoStageSpring(1, 0.1, 0.2, 20.0, 2e3),)), 3)
+    before = batch.save()["parameters"]
+    for lower, upper in ((0.3, 0.2), (0.2, 0.2)):
+        with pytest.raises(ValueError, match="the first must be below the second"):
+            batch.set_parameters(
+                {"two_stage_spring.lower": [0.1, lower], "two_stage_spring.upper": upper}, [0, 2]
+            )
+    np.testing.assert_array_equal(batch.save()["parameters"], before)
+    batch.set_parameters({"two_stage_spring.lower": 0.15}, [2])
+
+
 def test_its_functions_are_plain_python():
     assert pull_back(0.1, -0.1, 0.05, 1.0, 20.0, 4e3) == -20.0 * 0.1 - 4e3 * (0.1 - 0.05)
     assert pull_back(0.02, -0.1, 0.05, 0.0, 20.0, 4e3) == -20.0 * 0.02

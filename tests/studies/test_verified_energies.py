@@ -20,7 +20,8 @@ from redundant_envs.effects import (
 from redundant_envs.effects.hooks import Effect, Force
 from redundant_envs.scene import scene_names
 from redundant_envs.studies.verify import Mode, verify
-from redundant_envs.studies.verify.conservation import energy_book, potentials
+from redundant_envs.studies.verify.accuracy import order
+from redundant_envs.studies.verify.conservation import energy_book, forces_at_switches, potentials
 
 FOUR_R = rde.FourR((2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35))
 RPRP = rde.RPRP((2.3, 0.7, 1.9, 0.4), (1.1, 0.6))
@@ -168,6 +169,56 @@ def test_a_mutation_of_an_effect_of_the_package_is_red(module, effect, field, wr
     monkeypatch.setattr(module, field, wrong)
     misses = energies(rde.Scene(RPRP, (Gravity(), effect))).misses
     assert misses[0].startswith(f"potentials against forces: {effect.key}: at r")
+
+
+@pytest.mark.parametrize("width", [1e-6, 1e-4, 1.0, 1e3, 1e5])
+@pytest.mark.parametrize("joint", ["r1", "joint1"])
+def test_springs_at_any_distance_from_each_other_make_no_fault(width, joint):
+    """Differences do not straddle both limits, and rounding of an angle of many turns is no error."""
+    spring = LimitSpring(joint, -0.5 * width, 0.5 * width, 5000.0, 10.0)
+    for arm in (RPRP, rde.FourR((1.0,) * 4, (0.3,) * 4)) if joint == "joint1" else (RPRP,):
+        scene = rde.Scene(arm, (Gravity(), spring), tolerance=1e-6)
+        result = verify(scene, STATES, checks=(potentials, energy_book, forces_at_switches, order))
+        assert result.misses == ()
+
+
+@physics
+def jumping(x, lower, upper, k, side):
+    return -k * x - 1e-6 * k * (upper - lower) * side
+
+
+@physics
+def jumping_at_the_top(x, rate, lower, upper, k, side):
+    return -k * x - 1e-8 * k * maximum(side, 0.0) * rate
+
+
+@physics
+def meeting(x, lower, upper, k, side):
+    return -k * x - 9.0 * k * (maximum(side, 0.0) * (x - upper) - maximum(-side, 0.0) * (x - lower))
+
+
+@pytest.mark.parametrize(
+    ("function", "limit"),
+    [(jumping, ".lower"), (jumping_at_the_top, ".upper"), (meeting, None)],
+    ids=["everywhere", "at the top, with the rate", "nowhere"],
+)
+def test_a_force_that_jumps_where_its_law_changes_is_red(function, limit):
+    @dataclass(frozen=True)
+    class Switching(Effect):
+        lower: float = -0.3
+        upper: float = 0.7
+        k: float = 8.0
+
+        def hooks(self, arm):
+            bind = {"x": "phi2", "rate": "phid2", "k": ".k", "lower": ".lower", "upper": ".upper"}
+            used = {n: s for n, s in bind.items() if n in function.__code__.co_varnames}
+            return (Force(1, function, used, switch=(".lower", ".upper")),)
+
+    for arm in (FOUR_R, RPRP):
+        misses = verify(rde.Scene(arm, (Switching(),)), STATES, checks=(forces_at_switches,)).misses
+        assert len(misses) == (limit is not None)
+        if limit is not None:
+            assert f"switching: at ('.lower', '.upper'), {limit} = " in misses[0]
 
 
 def test_energies_of_every_scale_are_judged_in_their_own_units():

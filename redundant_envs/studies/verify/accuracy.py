@@ -154,6 +154,8 @@ def order(trial: Trial) -> Finding:
     if name == "dop853":
         raise NotApplicable("dop853 chooses its steps itself")
     q, qd, efforts = (x[:LANES] for x in trial.states)
+    # Of an angle of many turns rounding would be all that is seen.
+    q = np.where(trial.arm.prismatic, q, np.remainder(q, 2.0 * np.pi))
     unit = np.where(trial.arm.prismatic, np.linalg.norm(trial.arm.points(q), axis=2).max(), 1.0)
 
     batches = {method: BatchSimulator(smooth_scene(trial, method), len(q)) for method in ("rk8", name)}

@@ -31,6 +31,8 @@ BEYOND = 0.5
 STEP = 1e-5
 """Of the differences, rad and m: far below the lengths over which a potential changes its shape (1e-2),
 far above what rounding needs (1e-11)."""
+SHARE_OF_TRAVEL = 0.01
+"""Of the travel of a joint, above which no difference goes: few of them straddle its ends."""
 AGREEMENT = 1e-5
 """Largest gap between a force and the slope of its potential, in units of the force: a thousand times what
 the differences of a smooth potential are off."""
@@ -66,13 +68,16 @@ def _potential(trial: Trial, effect: Effect, q: Array) -> Finding:
     inverse = np.linalg.inv(arm.motor_map)  # from joint positions to coordinates
     here = np.abs(potential_energy(alone, q))
     slope, rough = np.empty_like(q), np.empty_like(q)
+    step = np.full(len(arm.joints), STEP)
+    for k, (lower, upper) in alone.travel().items():
+        step[k] = min(STEP, SHARE_OF_TRAVEL * (alone.parameters()[upper] - alone.parameters()[lower]))
     for k in range(len(arm.joints)):
 
         def difference(steps: int, joint: int = k) -> Array:
-            move = steps * STEP * inverse[joint]
-            return (potential_energy(alone, q + move) - potential_energy(alone, q - move)) / (
-                2 * steps * STEP
-            )
+            move = steps * step[joint] * inverse[joint]
+            above, below = q + move, q - move
+            moved = ((above - below) @ arm.motor_map)[:, joint]  # of a large angle not quite what was asked
+            return (potential_energy(alone, above) - potential_energy(alone, below)) / moved
 
         near, far = difference(1), difference(2)
         slope[:, k] = -(4.0 * near - far) / 3.0
@@ -80,7 +85,7 @@ def _potential(trial: Trial, effect: Effect, q: Array) -> Finding:
     force = conservative_force(alone, effect, q)
     largest = np.maximum(np.abs(force), np.abs(slope)).max(axis=1)
     scale = np.maximum(largest, SMALL_FORCE * largest.max())[:, None]
-    noise = (ROUNDING * here / STEP)[:, None]
+    noise = ROUNDING * here[:, None] / step
     smooth = np.all(rough <= SMOOTH * scale + noise, axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         gap = np.where(smooth[:, None], np.maximum(np.abs(force - slope) - noise, 0.0) / scale, 0.0)
@@ -117,6 +122,58 @@ def conservative_force(scene: Scene, effect: Effect, q: Array) -> Array:
             columns = np.stack([np.broadcast_to(g, len(q)) for g in weight], axis=1)
             force -= columns @ np.linalg.inv(arm.motor_map).T
     return force
+
+
+# ---- forces that change their law ----------------------------------------------------------------
+
+CONTINUOUS = 1e-9
+"""Largest jump of a force where its law changes, in units of the largest force nearby."""
+
+
+@check("forces at their switches", at_most(CONTINUOUS), Mode.QUICK)
+def forces_at_switches(trial: Trial) -> Finding:
+    """Both laws of a force with a ``switch`` are equal where they meet, at random rates."""
+    found = [
+        _jump(trial, effect, hook, limit, side)
+        for effect in trial.scene.effects
+        for hook in effect.hooks(trial.scene.robot)
+        if isinstance(hook, Force) and hook.switch is not None and not hook.states
+        for limit, side in zip(hook.switch, (-1.0, 1.0), strict=True)
+    ]
+    if not found:
+        raise NotApplicable("no force changes its law at a position")
+    return max(found, key=lambda f: f.found if f.found == f.found else np.inf)
+
+
+def _jump(trial: Trial, effect: Effect, hook: Force, limit: str, side: float) -> Finding:
+    arm: Any = trial.scene.robot
+    q, qd, _ = trial.states
+    own, joints = effect.parameters(), q @ arm.motor_map
+    lower, upper = (own[name[1:]] for name in hook.switch or ())
+    width = upper - lower if np.isfinite(upper - lower) else 1.0
+    if not np.isfinite(own[limit[1:]]):
+        return Finding(0.0)
+
+    def force(beyond: Array | float, side: float) -> Array:
+        joints[:, hook.joint] = own[limit[1:]] + beyond
+        at = joints @ np.linalg.inv(arm.motor_map)
+        values = {**arm.parameter_values(), "ax": 0.0, "ay": 0.0}
+        for names, numbers in ((arm.coordinates, at), (arm.rates, qd)):
+            values |= {name: numbers[:, k] for k, name in enumerate(names)}
+        told = hook_value(arm, effect, hook, hook.function, values, side)
+        return np.broadcast_to(np.asarray(told, np.float64), len(q))
+
+    inside, outside = force(0.0, 0.0), force(0.0, side)
+    share = np.linspace(0.0, BEYOND, len(q))
+    nearby = np.maximum(np.abs(force(side * share * width, side)), np.abs(force(-side * share * width, 0.0)))
+    most, where = trial.worst(ratio(inside - outside, nearby.max()))
+    state = int(np.argmax(np.abs(inside - outside)))
+    words = (
+        f"{effect.key}: at {hook.switch}, {limit} = {own[limit[1:]]:g} of {arm.joints[hook.joint]}, the "
+        f"force is {inside[state]:.6g} by the law between and {outside[state]:.6g} by the law beyond; they "
+        "must be equal, since a motion cannot be located where its force jumps to and fro"
+    )
+    return Finding(most, f"{where}, {effect.key}", words)
 
 
 # ---- the energy book -----------------------------------------------------------------------------
