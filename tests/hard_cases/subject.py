@@ -72,6 +72,8 @@ class Subject:
     name = "this package"
     longest = np.inf
     """Longest step of a variant, s, where it takes equal steps; a case may give it another."""
+    threads = 1
+    """Of its simulators; a case may ask for more."""
 
     def arm(self, kind: str, masses: object, lengths: object) -> rde.Arm:
         """An arm, or a refusal."""
@@ -89,7 +91,7 @@ class Subject:
         """A motion over control intervals; ``change(k, batch)`` may set parameters before the k-th."""
         q, qd = started(q, qd)
         stops = any(type(x) is rde.effects.PrismaticStop for x in scene.effects)
-        batch = rde.BatchSimulator(scene, len(q), track_work=stops)
+        batch = rde.BatchSimulator(scene, len(q), threads=self.threads, track_work=stops)
         batch.set_state(q, qd)
         command = commands(efforts, *q.shape)
         motion = unfilled(q, qd, intervals)

@@ -8,7 +8,7 @@ import places  # noqa: F401
 from catalogue import Figure, hard_case
 from held_command import HeldCommand
 from measured import GRAVITY, LAB, orders, tip_error
-from naive import ExplicitEuler, ImpulseAtStepEnd, SavedPositions
+from naive import EstimateWithoutFloor, ExplicitEuler, ImpulseAtStepEnd, SavedPositions, WrappedAngles
 
 import redundant_envs as rde
 from redundant_envs import effects as e
@@ -60,6 +60,7 @@ def test_36_steps_converge_within_the_interval(subject):
     "37", "two halves of an interval",
     hard="One interval of two steps, or two intervals of one: the same to the last bit, events or not.",
     naive="What the first half ends with is not what the second begins with.",
+    caught=(WrappedAngles,),
 )  # fmt: skip
 def test_37_two_substeps_are_two_intervals(subject):
     q, qd, efforts = random_states(64, 6)
@@ -83,6 +84,7 @@ def test_37_two_substeps_are_two_intervals(subject):
     "38", "a place in a batch",
     hard="Size of the batch, place, threads and a neighbour that is NaN must not change a bit.",
     naive="The remainder of a vector loop joins products and sums in another way; a batch shares its steps.",
+    caught=(EstimateWithoutFloor,),
     mujoco="Each state is simulated alone.",
 )  # fmt: skip
 def test_38_a_lane_does_not_know_its_neighbours(subject):
@@ -94,13 +96,11 @@ def test_38_a_lane_does_not_know_its_neighbours(subject):
         q, qd, efforts = random_states(count, 2)
 
         def end(index, threads=1, broken=(), scene=scene, q=q, qd=qd, efforts=efforts):
-            batch = rde.BatchSimulator(scene, len(index), threads=threads)
             rates = qd[index].copy()
             rates[list(broken)] = np.nan
-            batch.set_state(q[index], rates)
-            for _ in range(5):
-                batch.advance(efforts[index])
-            return np.column_stack([batch.q, batch.qd])
+            subject.threads = threads
+            motion = subject.motion(scene, q[index], rates, 5, efforts[index])
+            return np.column_stack([motion.q[-1], motion.qd[-1]])
 
         whole = end(np.arange(count))
         order = np.random.default_rng(0).permutation(count)

@@ -7,7 +7,7 @@ import places  # noqa: F401
 from actuator_lag import ActuatorLag
 from catalogue import Figure, hard_case
 from measured import GRAVITY, energy_error, tip_error
-from naive import ExplicitEuler, FixedSteps, ImpulseAtStepEnd
+from naive import ExplicitEuler, FixedSteps, FlippedVelocity, ImpulseAtStepEnd
 from sliders import ARM, HEAVY
 
 import redundant_envs as rde
@@ -44,6 +44,7 @@ def test_25_bounces_come_to_rest_on_time(subject):
     "26", "pressed, and let go within an interval",
     hard="A force that presses for 5 s turns within an interval, because the motor lags: release at T ln 2.",
     naive="The slider creeps while it is pressed, and leaves with the next step.",
+    caught=(ImpulseAtStepEnd, FlippedVelocity),
     mujoco="A soft stop yields to the force, and gives it back.",
 )  # fmt: skip
 def test_26_a_pressed_slider_is_let_go_on_time(subject):
@@ -58,7 +59,7 @@ def test_26_a_pressed_slider_is_let_go_on_time(subject):
         yield Figure(f"at {tolerance:g} m the drift in 5 s", np.abs(pressed).max(), at_most=0, unit="m")
         releases = [x.time for x in motion.events if x.kind == "release" and x.joint == "r1" and x.time > 0.0]
         yield Figure(f"at {tolerance:g} m the number of releases less one", abs(len(releases) - 1), at_most=0)
-        off = abs(releases[0] - 5.0 - lag * math.log(2.0))
+        off = abs(releases[0] - 5.0 - lag * math.log(2.0)) if releases else math.nan
         # A tolerance in metres says little about a force: 1e-8 s of it move the tip by 1e-20 m.
         bound = 1e-8 if tolerance == 1e-6 else 1e-10
         yield Figure(f"at {tolerance:g} m the time of release", off, at_most=bound, unit="s off")

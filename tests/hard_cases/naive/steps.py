@@ -3,6 +3,8 @@
 import math
 
 import numpy as np
+import places  # noqa: F401
+from actuator_lag import ActuatorLag
 from subject import Subject, commands, started, unfilled
 
 from redundant_envs.effects import CentringSpring, Gravity, LimitSpring, PrismaticStop, ViscousFriction
@@ -23,13 +25,15 @@ class EqualSteps(Subject):
         h = scene.control_dt / count
         motion = unfilled(q, qd, intervals)
         motion.evaluations[:] = self.stages * count
+        lag = next((x.time_constant for x in scene.effects if isinstance(x, ActuatorLag)), 0.0)
+        effort = np.zeros(q.shape)
         for k in range(intervals):
-            effort = command(k)
-
-            def acceleration(q, qd, effort=effort):
-                return self.scene_accelerations(scene, q, qd, effort)
-
             for i in range(count):
+                effort = effort + (command(k) - effort) * (-math.expm1(-h / lag) if lag else 1.0)
+
+                def acceleration(q, qd, effort=effort):
+                    return self.scene_accelerations(scene, q, qd, effort)
+
                 end = self.step(acceleration, q, qd, h)
                 start_time = k * scene.control_dt + i * h
                 q, qd = self.at_stops(scene, acceleration, (q, qd), end, h, start_time, motion)
@@ -55,7 +59,7 @@ class EqualSteps(Subject):
                     middle = 0.5 * (effect.lower[i] + effect.upper[i])
                     t[:, k] -= 2.0 * effect.stiffness[i] * (phi[:, k] - middle)
             else:
-                assert isinstance(effect, PrismaticStop), f"no naive variant knows {effect}"
+                assert isinstance(effect, PrismaticStop | ActuatorLag), f"no naive variant knows {effect}"
         Q = t if scene.actuation == "generalized" else t @ B.T
         return self.accelerations(arm, q, qd, Q, g)
 
