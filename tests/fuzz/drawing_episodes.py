@@ -106,7 +106,7 @@ def drawn_call(rng: Generator, case: Case, scene: Scene, kind: str) -> dict[str,
     return call
 
 
-def drawn_episodes(seed: int, number: int, lanes: int = 12, calls: int = 30) -> Case:
+def drawn_episodes(seed: int, number: int, lanes: int, calls: int = 30) -> Case:
     """A case of an environment."""
     rng = case_generator(seed, number)
     scene = limited_scene(rng)

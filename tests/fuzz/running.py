@@ -26,13 +26,17 @@ HARNESS = "the_case_is_played"
 """The name of the failure of a case that could not be judged: an exception outside its calls."""
 TOLD = 10
 """Cases between two lines of progress."""
+FEW, MANY = 12, 128
+"""Lanes of an environment, at most."""
 KEPT = 5
 """Failures of one invariant that become files."""
 
 
 def drawn(seed: int, number: int) -> Case:
-    """A case of a seed and a number: environments in two of five."""
-    return drawn_episodes(seed, number) if number % 5 in (1, 3) else drawn_case(seed, number)
+    """A case of a seed and a number: environments in two of five, one of them with many lanes."""
+    if number % 5 in (1, 3):
+        return drawn_episodes(seed, number, lanes=FEW if number % 5 == 1 else MANY)
+    return drawn_case(seed, number)
 
 
 def judged(case: Case, tally: Tally | None = None) -> list[Violation]:
