@@ -1,11 +1,12 @@
 # make test: set up and test.  make test-long: all tests, also those that compile many scenes.
 # make train: set up, learn to reach, report.  make coverage: what tests reach.
 # make fuzz MINUTES=10 SEED=0: random scenes, states and calls; failures become files in runs/fuzz.
+# make mutation COUNT=300 SEED=0: random faults in the equations and the simulator; do the tests see them?
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: test test-long fuzz coverage train check clean
+.PHONY: test test-long fuzz mutation coverage train check clean
 .DEFAULT_GOAL := test
 
 $(VENV)/ready: pyproject.toml constraints.txt
@@ -28,6 +29,11 @@ coverage: $(VENV)/ready
 MINUTES ?= 10
 fuzz: $(VENV)/ready
 	$(BIN)/python -m tests.fuzz --minutes $(MINUTES) --processes 2 $(if $(SEED),--seed $(SEED))
+
+COUNT ?= 300
+mutation: $(VENV)/ready
+	$(BIN)/python -m pip install --quiet 'cosmic-ray>=8.4'
+	$(BIN)/python -m tests.mutation --count $(COUNT) $(if $(SEED),--seed $(SEED))
 
 check: $(VENV)/ready
 	$(BIN)/ruff check .

@@ -18,7 +18,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, NamedTuple
@@ -151,7 +151,8 @@ def run(count: int, seed: int, workers: int, out: Path) -> list[dict[str, Any]]:
                 clones.put(clone)
 
         with ThreadPoolExecutor(workers) as pool:
-            for row in pool.map(one, drawn):
+            for done in as_completed([pool.submit(one, place) for place in drawn]):
+                row = done.result()
                 rows.append(row)
                 writer.writerow(row)
                 file.flush()

@@ -30,35 +30,43 @@ def impulse(arm, q, qd, k, restitution):
     return qd - (1.0 + restitution) * qd[..., [k]] / along[..., [k]] * along
 
 
-class FlippedVelocity(EqualSteps):
+class _ImpactAtStepEnd(EqualSteps):
+    """Looks at the end of each step which sliders are outside and go on outwards."""
+
+    def at_stops(self, scene, acceleration, start, end, h, time, motion):
+        q, qd = (x.copy() for x in end)
+        for stop in stops_of(scene):
+            k, lower, upper, _ = stop
+            outside = (q[:, k] > upper) & (qd[:, k] > 0.0) | (q[:, k] < lower) & (qd[:, k] < 0.0)
+            for i in np.flatnonzero(outside):
+                tell(motion, scene, k, time + h, qd[i, k], [i])
+            self.strike(scene.robot, q, qd, stop, outside)
+        return q, qd
+
+    def strike(self, arm, q, qd, stop, outside):
+        """Change states in place."""
+        raise NotImplementedError
+
+
+class FlippedVelocity(_ImpactAtStepEnd):
     """At a stop the slider's own velocity changes its sign; nothing else feels the blow."""
 
     name = "flipped velocity"
 
-    def at_stops(self, scene, acceleration, start, end, h, time, motion):
-        q, qd = (x.copy() for x in end)
-        for k, lower, upper, restitution in stops_of(scene):
-            outside = (q[:, k] > upper) & (qd[:, k] > 0.0) | (q[:, k] < lower) & (qd[:, k] < 0.0)
-            for i in np.flatnonzero(outside):
-                tell(motion, scene, k, time + h, qd[i, k], [i])
-            q[:, k] = np.clip(q[:, k], lower, upper)
-            qd[outside, k] *= -restitution
-        return q, qd
+    def strike(self, arm, q, qd, stop, outside):
+        k, lower, upper, restitution = stop
+        q[:, k] = np.clip(q[:, k], lower, upper)
+        qd[outside, k] *= -restitution
 
 
-class ImpulseAtStepEnd(EqualSteps):
+class ImpulseAtStepEnd(_ImpactAtStepEnd):
     """The right impulse at the wrong time: at the end of the step in which the slider is found outside."""
 
     name = "impulse at the end of a step"
 
-    def at_stops(self, scene, acceleration, start, end, h, time, motion):
-        q, qd = (x.copy() for x in end)
-        for k, lower, upper, restitution in stops_of(scene):
-            outside = (q[:, k] > upper) & (qd[:, k] > 0.0) | (q[:, k] < lower) & (qd[:, k] < 0.0)
-            for i in np.flatnonzero(outside):
-                tell(motion, scene, k, time + h, qd[i, k], [i])
-            qd[outside] = impulse(scene.robot, q[outside], qd[outside], k, restitution)
-        return q, qd
+    def strike(self, arm, q, qd, stop, outside):
+        k, *_, restitution = stop
+        qd[outside] = impulse(arm, q[outside], qd[outside], k, restitution)
 
 
 class CubicGuess(EqualSteps):
