@@ -41,7 +41,7 @@ MODULES = (
 TESTS = ("tests/studies/test_recorded_bits.py", "tests/robots", "tests/integrators", "tests/effects",
          "tests/simulator", "tests/oracles", "tests/hard_cases", "tests/outside", "tests/model",
          "tests/control", "tests/test_dialect.py")  # fmt: skip
-SECONDS = 600.0
+SECONDS = 1800.0
 """For the tests of a mutant; one that hangs is killed, too."""
 COLUMNS = ("module", "line", "function", "operator", "outcome", "seconds", "before", "after")
 
