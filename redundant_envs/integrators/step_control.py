@@ -105,7 +105,8 @@ class Ending(NamedTuple):
 
 # A sum of errors does not know how they grow, which matters where many steps are needed, or many impacts
 # happen. From 128 steps on an interval must come out the same, to the tolerance, with half as many, unless
-# errors that grow a hundred thousand times would pass; with 32 impacts always.
+# errors that grow a hundred thousand times would pass; with 32 impacts always, and where a force has had a kink
+# or sliders have carried the tip four times as far from a joint.
 
 MOST_DOUBLINGS = 14
 MOST_STEPS = 2.0**MOST_DOUBLINGS
@@ -116,6 +117,8 @@ MOST_STEPS_OF_IMPACTS = 256.0
 """Beyond it impacts multiply no more than rounding."""
 TOO_FAST = 1.1
 """A link may have become faster by a tenth than the number of steps was chosen for."""
+FARTHER = 4.0
+"""Times as far from a joint as it was, from where on the tip feels more than is left of its estimate."""
 NEVER_SEEN = 1e300
 """Positions at the end of an interval that was not crossed before: none is near them."""
 
@@ -151,7 +154,7 @@ class Crossed(NamedTuple):
     least : steps that the present rates need
     change : by how much the tip comes out otherwise than the time before, m
     impacts : so far
-    kinked : whether a force has had a kink in it that no step ends at
+    doubtful : whether the error may be more than its estimate
     """
 
     ended: Any
@@ -161,7 +164,7 @@ class Crossed(NamedTuple):
     least: Any
     change: Any
     impacts: Any
-    kinked: Any = False
+    doubtful: Any = False
 
 
 def end_doubling(c: Crossed, error: Any, tip_tolerance: Any, min_steps: Any, interval: Any) -> Ending:
@@ -174,7 +177,7 @@ def end_doubling(c: Crossed, error: Any, tip_tolerance: Any, min_steps: Any, int
     last = logical_not(left > 0.0)
     grown = where(c.steps < CHECKED_STEPS, 0.0, GROWTH * error)
     few = c.impacts < CHECKED_IMPACTS
-    grown = where(few & logical_not(c.kinked), grown, 2.0 * tip_tolerance)
+    grown = where(few & logical_not(c.doubtful), grown, 2.0 * tip_tolerance)
     same = (grown <= tip_tolerance) | (c.change <= tip_tolerance)
     min_steps = where(c.accepted, maximum(min_steps, c.least), min_steps)
     again = (c.ended & last & logical_not(same)) | ((min_steps > TOO_FAST * c.steps) & c.accepted)

@@ -11,7 +11,7 @@ from redundant_envs.integrators.sliders import side_beyond
 from redundant_envs.simulator.at_stops import AtStops
 from redundant_envs.simulator.lane import Lane
 from redundant_envs.simulator.setting import WATCHED, Plan, Reason
-from redundant_envs.simulator.step import joint_quantities, lane_step, step_error
+from redundant_envs.simulator.step import joint_quantities, lane_step, step_error, tip_norms
 
 
 class CommonStep(AtStops):
@@ -100,11 +100,21 @@ class CommonStep(AtStops):
             single = lane.min_steps == 0.0
             served = single & slow & (lane.error <= lane.tip_tolerance)
             if self.dynamics.kinks:
-                served = served & logical_not(lane.kinked)
+                lane.kinked = lane.kinked & single
+            served = served & logical_not(self.doubtful(lane))
             reason = where(served, reason, Reason.ACCURACY)
             lane.evaluations = where(single, lane.evaluations + stages, lane.evaluations)
             lane.error = where(single, lane.error, 0.0)
         self._leave(lane, reason)
+
+    def doubtful(self, lane: Lane) -> Any:
+        """Whether the error of an interval may be more than its estimate: a force has had a kink in it, or
+        sliders have carried the tip away, where an early error of an angle is more than it was."""
+        doubt = lane.kinked if self.dynamics.kinks else False
+        if not any(self.dynamics.arm.prismatic):
+            return doubt
+        norms = zip(*(tip_norms(self.dynamics, lane, form) for form in ("{}_start", "{}")), strict=True)
+        return any_of([doubt, *(after > step_control.FARTHER * before for before, after in norms)])
 
     def refuse(self, lane: Lane) -> None:
         """Instead of a common step: no lane is served by it."""

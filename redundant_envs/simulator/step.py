@@ -124,11 +124,11 @@ def joint_quantities(dynamics: Dynamics, lane: Lane, form: str) -> Quantities:
     return Quantities(known, tuple(dynamics.arm.functions), dynamics.arm.sincos, lane)
 
 
-def tip_norms(dynamics: Dynamics, lane: Lane) -> list[Any]:
-    """Metres at the tip per unit of each coordinate."""
+def tip_norms(dynamics: Dynamics, lane: Lane, form: str = "{}") -> list[Any]:
+    """Metres at the tip per unit of each coordinate, from the fields of a form."""
     arm = dynamics.arm
     x = Quantities(
-        dict(zip(dynamics.states, lane.get(dynamics.states), strict=True)),
+        dict(zip(dynamics.states, lane.get(dynamics.states, of=form), strict=True)),
         (*arm.functions, arm.column_norms), arm.sincos, lane,
     )  # fmt: skip
     return x.each(f"n{k + 1}" for k in range(dynamics.count))

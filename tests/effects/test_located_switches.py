@@ -175,6 +175,27 @@ class Estimated(e.LimitSpring):
         return tuple(dataclasses.replace(hook, kink=None) for hook in super().hooks(arm))
 
 
+@pytest.mark.parametrize("damping", [0.0, 35.0])
+@pytest.mark.parametrize("integrator", ["rk8", "dop853"])
+def test_fast_lanes_near_springs_do_not_know_of_calm_ones_beside_them(integrator, damping):
+    """Found by fuzzing: a step too long for fast lanes, made for a slow one in their block, told of a kink."""
+    springs = [e.LimitSpring(f"joint{k}", -0.2, 0.7, 1730.7, damping) for k in (1, 2)]
+    tolerance = None if integrator == "dop853" else 1e-6
+    made = rde.Scene(FOUR_R, springs, integrator=integrator, control_dt=0.005, tolerance=tolerance)
+    rng, count = np.random.default_rng(8), 128
+    states = rng.uniform(-1.5, 1.5, (count, 4)), rng.normal(0.0, 200.0, (count, 4))
+    q, qd, efforts = *states, rng.uniform(-20.0, 20.0, (count, 4))
+    fast = advance(made, q, qd, efforts)
+    places = rng.permutation(2 * count)[:count]
+    mixed = [np.zeros((2 * count, 4)) for _ in range(3)]
+    for table, values in zip(mixed, (q, qd, efforts), strict=True):
+        table[places] = values
+    beside = advance(made, *mixed)
+    for one, other in zip(fast[:2], beside[:2], strict=True):
+        np.testing.assert_array_equal(one, other[places])
+    np.testing.assert_array_equal(fast[2].evaluations, beside[2].evaluations[places])
+
+
 def test_an_interval_in_which_a_damper_lets_go_is_crossed_until_it_comes_out_the_same():
     """Thrown back at k / c the force ends with a kink: the estimate alone let two tolerances pass here."""
     arm = rde.FourR((0.2072, 0.1558, 0.1156, 0.0924), (0.1086, 0.1842, 0.1824, 0.1086))

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from redundant_envs.robots.parameters import LARGEST_RATIO
 from redundant_envs.scene import Scene
 
 from .cases import Case, plain
@@ -34,7 +35,9 @@ def drawn_parameters(rng: Generator, scene: Scene, lanes: int) -> tuple[dict[str
     for name in ("masses", "lengths"):
         if rng.random() < 0.6:
             own = np.array(getattr(robot, name))
-            values[name] = (own * rng.uniform(0.7, 1.4, (lanes, len(own)))).tolist()
+            near = own * rng.uniform(0.7, 1.4, (lanes, len(own)))
+            too_far_apart = near.max(axis=1) > LARGEST_RATIO * near.min(axis=1)
+            values[name] = np.where(too_far_apart[:, None], own, near).tolist()
     strengths = ("gravity.g", "viscous_friction.coefficients", "effort_limits.limits",
                  "prismatic_stop.restitution")  # fmt: skip
     parameters = scene.parameters()
