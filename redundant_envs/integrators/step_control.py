@@ -105,8 +105,8 @@ class Ending(NamedTuple):
 
 # A sum of errors does not know how they grow, which matters where many steps are needed, or many impacts
 # happen. From 128 steps on an interval must come out the same, to the tolerance, with half as many, unless
-# errors that grow a hundred thousand times would pass; with 32 impacts always, and where a force has had a kink
-# or sliders have carried the tip four times as far from a joint.
+# errors that grow a hundred thousand times would pass; with 32 impacts always, and where a force has had a
+# kink or sliders have carried the tip four times as far from a joint.
 
 MOST_DOUBLINGS = 14
 MOST_STEPS = 2.0**MOST_DOUBLINGS

@@ -82,12 +82,41 @@ def test_fixed_steps_that_a_damper_makes_unstable_are_given_up_before_long(integ
         np.testing.assert_array_equal(batch.q[0], q)
 
 
+def test_a_tolerance_is_not_sought_without_end():
+    """16384 steps, too, are unstable here, and each may end beyond a stop many times."""
+    robot = rde.RPRP((5e-7, 1.3e-5, 5e5, 1.3e-3), (0.14, 0.65))
+    stop = rde.effects.PrismaticStop(lower=(0.0, -0.08), upper=(0.04, 0.42), restitution=0.5)
+    friction = rde.effects.ViscousFriction((1.8e5, 1e5, 1.6e5, 1.4e5))
+    batch = rde.BatchSimulator(rde.Scene(robot, [stop, friction], tolerance=1e-6), 64)
+    rng = np.random.default_rng(0)
+    q, qd = np.tile([0.755, 0.0, 0.702, 0.42], (64, 1)), rng.normal(0.0, 3.0, (64, 4))
+    batch.set_state(q, qd)
+    status = batch.advance(rng.normal(0.0, 1e6, (64, 4)))
+    given_up = status.numerics == rde.Numerics.EVENT_BUDGET
+    assert given_up.sum() > 5
+    assert (status.numerics != 0).all()
+    assert (status.evaluations <= 12 * 65536).all()
+    np.testing.assert_array_equal(batch.q[given_up], q[given_up])
+    np.testing.assert_array_equal(batch.qd[given_up], qd[given_up])
+
+
 def test_a_budget_of_trial_steps_grows_with_the_substeps():
     """A slider that is near its stop in each of 20 000 substeps."""
     made = scene(rde.RPRP((1.0,) * 4, (0.5, 0.5)), gravity=0.0, integrator="rk4", substeps=20_000)
     batch = rde.BatchSimulator(made, 1)
     batch.set_state([0.0, 0.3 - 1e-9, 0.0, 0.3 - 1e-9], [0.0] * 4)
     assert batch.advance([[0.0, 1e-7, 0.0, -1e-7]]).numerics.tolist() == [0]
+
+
+def test_as_many_substeps_as_are_asked_for_are_made():
+    """More than the pieces of motion that an interval otherwise may have; the last ones have an impact."""
+    made = scene(rde.RPRP((1.0,) * 4, (0.5, 0.5)), gravity=0.0, integrator="rk4", substeps=70_000)
+    batch = rde.BatchSimulator(made, 1)
+    batch.set_state([0.0, 0.1, 0.0, 0.1], [0.0, 10.4, 0.0, 0.0])
+    status = batch.advance()
+    assert status.numerics.tolist() == [0]
+    assert status.events[0] >= 1
+    assert status.evaluations[0] > 4 * 70_000
 
 
 def test_a_log_of_events_that_is_full_says_so():

@@ -178,7 +178,7 @@ class Estimated(e.LimitSpring):
 @pytest.mark.parametrize("damping", [0.0, 35.0])
 @pytest.mark.parametrize("integrator", ["rk8", "dop853"])
 def test_fast_lanes_near_springs_do_not_know_of_calm_ones_beside_them(integrator, damping):
-    """Found by fuzzing: a step too long for fast lanes, made for a slow one in their block, told of a kink."""
+    """Found by fuzzing: a step too long for fast lanes, made for a slow one beside them, told of a kink."""
     springs = [e.LimitSpring(f"joint{k}", -0.2, 0.7, 1730.7, damping) for k in (1, 2)]
     tolerance = None if integrator == "dop853" else 1e-6
     made = rde.Scene(FOUR_R, springs, integrator=integrator, control_dt=0.005, tolerance=tolerance)
