@@ -105,16 +105,18 @@ class Ending(NamedTuple):
 
 # A sum of errors does not know how they grow, which matters where many steps are needed, or many impacts
 # happen. From 128 steps on an interval must come out the same, to the tolerance, with half as many, unless
-# errors that grow a hundred thousand times would pass; with 32 impacts always, and where a force has had a
-# kink or sliders have carried the tip four times as far from a joint.
+# errors that grow a hundred thousand times would pass. Two sliders between their stops may double an error
+# with each impact: from 4 impacts on errors that grow a hundred times must pass, and from 8 on it is checked
+# always, as where a force has had a kink or sliders have carried the tip four times as far from a joint.
 
 MOST_DOUBLINGS = 14
 MOST_STEPS = 2.0**MOST_DOUBLINGS
 CHECKED_STEPS = 128.0
-CHECKED_IMPACTS = 32.0
 GROWTH = 1e5
-MOST_STEPS_OF_IMPACTS = 256.0
-"""Beyond it impacts multiply no more than rounding."""
+SOME_IMPACTS, GROWTH_BY_SOME = 4.0, 100.0
+CHECKED_IMPACTS = 8.0
+MANY_IMPACTS, MOST_STEPS_OF_MANY = 32.0, 256.0
+"""With more steps as many impacts multiply no more than rounding."""
 TOO_FAST = 1.1
 """A link may have become faster by a tenth than the number of steps was chosen for."""
 FARTHER = 4.0
@@ -175,13 +177,14 @@ def end_doubling(c: Crossed, error: Any, tip_tolerance: Any, min_steps: Any, int
     """
     left = c.steps_left - 1.0
     last = logical_not(left > 0.0)
-    grown = where(c.steps < CHECKED_STEPS, 0.0, GROWTH * error)
-    few = c.impacts < CHECKED_IMPACTS
-    grown = where(few & logical_not(c.doubtful), grown, 2.0 * tip_tolerance)
+    grown = where(c.impacts < SOME_IMPACTS, 0.0, GROWTH_BY_SOME * error)
+    grown = where(c.steps < CHECKED_STEPS, grown, GROWTH * error)
+    grown = where((c.impacts >= CHECKED_IMPACTS) | c.doubtful, 2.0 * tip_tolerance, grown)
+    few = c.impacts < MANY_IMPACTS
     same = (grown <= tip_tolerance) | (c.change <= tip_tolerance)
     min_steps = where(c.accepted, maximum(min_steps, c.least), min_steps)
     again = (c.ended & last & logical_not(same)) | ((min_steps > TOO_FAST * c.steps) & c.accepted)
-    unsure = (c.steps < where(few, MOST_STEPS, MOST_STEPS_OF_IMPACTS)) & again
+    unsure = (c.steps < where(few, MOST_STEPS, MOST_STEPS_OF_MANY)) & again
     passed = (error <= tip_tolerance) & (min_steps <= MOST_STEPS) & same
     return Ending(last, interval / c.steps, logical_not(passed), left, unsure, min_steps)
 
