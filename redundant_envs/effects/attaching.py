@@ -176,12 +176,12 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
         raise ValueError(f"link is {hook.link!r}; choose {', '.join(f'Link.{link.name}' for link in Link)}")
     for state in _states_of(hook):
         _check_state(state, own, arm)
-    if not isinstance(hook, Force):
-        return
-    if hook.kink is not None:
+    if isinstance(hook, Force | Actuation) and hook.kink is not None:
         _check_function("kink", hook.kink, hook, own, arm)
         if dialect.results_of(hook.kink) != 1:
             raise ValueError(f"kink {name_of(hook.kink)} must return one value")
+    if not isinstance(hook, Force):
+        return
     numbers = set(arm.parameter_values())
     for name in ("potential", "conservative", "stiffness", "damping"):
         function = getattr(hook, name)

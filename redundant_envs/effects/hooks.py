@@ -137,6 +137,9 @@ class Actuation:
 
     In ``function``, and in the functions of ``states``, ``command<k>`` (k counts from 1) is what reaches the
     link. Links act in the order of :class:`Link`, those of one kind in the order of the scene's effects.
+
+    ``kink`` is that of :class:`Force`: where the limit of a motor is reached within an interval, because a
+    lag comes before it.
     """
 
     joint: int
@@ -144,6 +147,7 @@ class Actuation:
     bind: Mapping[str, str] = field(default_factory=dict)
     link: Link = Link.LIMITS
     states: tuple[State, ...] = ()
+    kink: Callable[..., Any] | None = None
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ class Step(NamedTuple):
     ----------
     positions, velocities, others : the new state
     watched : what the derivative gives beside derivatives
-    error5, error3 : the two estimates of each position and velocity, up to the factors ``h5`` and ``h3``
+    error5, error3 : the two estimates of each state, up to the factors ``h5`` and ``h3``
     """
 
     positions: list[Any]
@@ -95,7 +95,7 @@ def explicit_step(
     first = method.b[0]
     lower = [(e - b) / first for e, b in zip(method.error3, method.b, strict=True)]
     error5, error3 = [], []
-    for slope, (_, whole) in zip(slopes[: 2 * n], totals, strict=False):
+    for slope, (_, whole) in zip(slopes, totals, strict=True):
         factor5, total = weighted(method.error5, slope)
         error5.append(total)
         factor3, total = weighted(lower, slope)

@@ -107,7 +107,7 @@ class Ending(NamedTuple):
 # happen. From 128 steps on an interval must come out the same, to the tolerance, with half as many, unless
 # errors that grow a hundred thousand times would pass. Two sliders between their stops may double an error
 # with each impact: from 4 impacts on errors that grow a hundred times must pass, and from 8 on it is checked
-# always, as where a force has had a kink or sliders have carried the tip four times as far from a joint.
+# always, as where a force has had a kink or the tip has come to another distance from a joint.
 
 MOST_DOUBLINGS = 14
 MOST_STEPS = 2.0**MOST_DOUBLINGS
@@ -119,8 +119,11 @@ MANY_IMPACTS, MOST_STEPS_OF_MANY = 32.0, 256.0
 """With more steps as many impacts multiply no more than rounding."""
 TOO_FAST = 1.1
 """A link may have become faster by a tenth than the number of steps was chosen for."""
-FARTHER = 4.0
-"""Times as far from a joint as it was, from where on the tip feels more than is left of its estimate."""
+FARTHER, FAR = 4.0, 0.4
+"""Times as far from a joint as it was, from where on the tip feels more than is left of its estimate; and a
+way of sliders, in units of that distance, that may lead past the joint, where all is fast."""
+DOUBTFUL = 0.1
+"""Of the tolerance, from which what a state of an effect is off may be too much."""
 NEVER_SEEN = 1e300
 """Positions at the end of an interval that was not crossed before: none is near them."""
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.algebra import arguments_of
-from redundant_envs.effects.hooks import SIDE, Effect, Field, Force, Point
+from redundant_envs.effects.hooks import SIDE, Actuation, Effect, Field, Force, Point
 from redundant_envs.robots.arm import Arm
 from redundant_envs.scene import Scene
 
@@ -54,15 +54,23 @@ def at_joints(
     return np.asarray(columns @ np.linalg.inv(arm.motor_map).T, dtype=np.float64)
 
 
+def initial_states(effect: Effect, arm: Arm) -> dict[str, float]:
+    """Initial values of the states of an effect, by name; none of what only has numbers."""
+    hooks = effect.hooks(arm) if isinstance(effect, Effect) else ()
+    return {s.name: s.initial for h in hooks if isinstance(h, Force | Actuation) for s in h.states}
+
+
 def hook_value(
     arm: Arm, effect: Effect, hook: Field | Force, function: Callable[..., Any], values: dict[str, Any],
     side: float | None = None,
 ) -> Any:  # fmt: skip
     """A function of a hook on known quantities of the arm, the effect's own numbers given.
 
-    ``side`` chooses the law of a force that has several; None takes that of the position.
+    States of the effect have their initial values. ``side`` chooses the law of a force that has several;
+    None takes that of the position.
     """
-    own, known = effect.parameters(), dict[str, Any]()
+    own: dict[str, Any] = {**effect.parameters(), **initial_states(effect, arm)}
+    known: dict[str, Any] = {}
     if isinstance(hook, Force) and hook.switch is not None:
         lower, upper = (own[name[1:]] for name in hook.switch)
         position = arm.evaluate([f"phi{cast(int, hook.joint) + 1}"], values)[0]

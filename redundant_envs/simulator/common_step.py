@@ -5,13 +5,20 @@ from __future__ import annotations
 from functools import reduce
 from typing import Any
 
-from redundant_envs.algebra import any_of, cases, logical_not, maximum, where
+from redundant_envs.algebra import any_of, arguments_of, cases, logical_not, maximum, where
 from redundant_envs.integrators import crossings, step_control
 from redundant_envs.integrators.sliders import side_beyond
 from redundant_envs.simulator.at_stops import AtStops
 from redundant_envs.simulator.lane import Lane
 from redundant_envs.simulator.setting import WATCHED, Plan, Reason
-from redundant_envs.simulator.step import joint_quantities, lane_step, step_error, tip_norms
+from redundant_envs.simulator.step import (
+    integrated_states,
+    joint_quantities,
+    lane_step,
+    others_error,
+    step_error,
+    tip_norms,
+)
 
 
 class CommonStep(AtStops):
@@ -23,8 +30,8 @@ class CommonStep(AtStops):
         if not self.local:
             return
         lane.evaluations = lane.fault = 0.0
-        if self.dynamics.kinks:
-            lane.kinked = False
+        if self.doubts:
+            lane.doubt = False
         if self.stops:
             lane.impacts = 0.0
         if self.logs:
@@ -70,15 +77,18 @@ class CommonStep(AtStops):
             error = step_error(dynamics, lane, step)
             # The error of an adaptive step decides on that step, all others are summed up.
             lane.error = error if self.plan is Plan.ADAPTIVE else lane.error + error
+        if self.doubts:
+            found = [(w.least < 0.0) & (w.most > 0.0) for w in step.watched[len(self.boundaries) :]]
+            if integrated_states(dynamics):
+                limit = step_control.DOUBTFUL * lane.tip_tolerance
+                found.append(others_error(dynamics, lane, step, h) > limit)
+            lane.doubt = lane.doubt | (any_of(found) if moving is None else any_of(found) & moving)
         new = [*step.positions, *step.velocities, *step.others]
         if moving is not None:
             new = [where(moving, x, lane[s]) for s, x in zip(dynamics.states, new, strict=True)]
         lane.set(dynamics.states, new)
         for boundary, watched in zip(self.boundaries, step.watched, strict=False):
             lane.set(WATCHED, watched, of=f"{{}}_{boundary.name}")
-        if dynamics.kinks:
-            kinked = any_of((w.least < 0.0) & (w.most > 0.0) for w in step.watched[len(self.boundaries) :])
-            lane.kinked = lane.kinked | (kinked if moving is None else kinked & moving)
 
     def judge(self, lane: Lane) -> None:
         """After a common step: why a lane leaves it, if it does.
@@ -99,8 +109,8 @@ class CommonStep(AtStops):
             slow = self.least_steps(lane) <= step_control.TOO_FAST
             single = lane.min_steps == 0.0
             served = single & slow & (lane.error <= lane.tip_tolerance)
-            if self.dynamics.kinks:
-                lane.kinked = lane.kinked & single
+            if self.doubts:
+                lane.doubt = lane.doubt & single
             served = served & logical_not(self.doubtful(lane))
             reason = where(served, reason, Reason.ACCURACY)
             lane.evaluations = where(single, lane.evaluations + stages, lane.evaluations)
@@ -108,13 +118,23 @@ class CommonStep(AtStops):
         self._leave(lane, reason)
 
     def doubtful(self, lane: Lane) -> Any:
-        """Whether the error of an interval may be more than its estimate: a force has had a kink in it, or
-        sliders have carried the tip away, where an early error of an angle is more than it was."""
-        doubt = lane.kinked if self.dynamics.kinks else False
-        if not any(self.dynamics.arm.prismatic):
-            return doubt
-        norms = zip(*(tip_norms(self.dynamics, lane, form) for form in ("{}_start", "{}")), strict=True)
-        return any_of([doubt, *(after > step_control.FARTHER * before for before, after in norms)])
+        """Whether the error of an interval may be more than its estimate.
+
+        A step may have found so, or the tip has come near a joint, past it or away from it, where an error
+        of an angle is another one.
+        """
+        arm, doubts = self.dynamics.arm, [lane.doubt if self.doubts else False]
+        if set(arguments_of(arm.column_norms)) <= {*arm.parameter_values()}:  # no pose changes a distance
+            return doubts[0]
+        joints = list(zip(arm.coordinates, arm.prismatic, strict=True))
+        slid = [abs(lane[q] - lane[f"{q}_start"]) for q, slides in joints if slides]
+        starts, ends = (tip_norms(self.dynamics, lane, form) for form in ("{}_start", "{}"))
+        for start, end, (_, slides) in zip(starts, ends, joints, strict=True):
+            if not slides:
+                doubts.append(end > step_control.FARTHER * start)
+                if slid:
+                    doubts.append(sum(slid[1:], slid[0]) > step_control.FAR * start)
+        return any_of(doubts)
 
     def refuse(self, lane: Lane) -> None:
         """Instead of a common step: no lane is served by it."""

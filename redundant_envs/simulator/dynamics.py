@@ -126,13 +126,6 @@ class Dynamics:
         """Changes of law that are located in time."""
         return tuple(self.switch_of.values()) if self.controlled and self.located else ()
 
-    @cached_property
-    def kinks(self) -> list[tuple[Effect, Force, Callable[..., Any]]]:
-        """Forces with kinks that are looked for, and not located."""
-        if self.scene.tolerance is None or not self.located:
-            return []
-        return [(e, h, h.kink) for e, h in self.hooks if isinstance(h, Force) and h.kink is not None]
-
     # ---- parameters, and what follows from them alone ---------------------------------------------
 
     @cached_property

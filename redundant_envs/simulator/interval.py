@@ -58,8 +58,10 @@ class Interval(LocalSteps):
             yield Field(name, "", doc, SCRATCH, truth=True)
         for q in dynamics.arm.coordinates:
             yield Field(f"{q}_seen", "", f"{q} at the end of the interval the time before", SCRATCH)
-        if dynamics.kinks:
-            yield Field("kinked", "", "a force has had a kink in the interval", SCRATCH, truth=True)
+        if self.doubts:
+            yield Field(
+                "doubt", "", "a step of the interval makes its estimate doubtful", SCRATCH, truth=True
+            )
         if self.boundaries:
             yield from self._fields_of_events()
         if self.stops:

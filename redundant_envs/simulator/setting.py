@@ -13,8 +13,9 @@ from redundant_envs.integrators.methods import Watched
 from redundant_envs.integrators.trial_steps import Search
 from redundant_envs.simulator.boundaries import Stop, Switch
 from redundant_envs.simulator.dynamics import Dynamics
+from redundant_envs.simulator.kinks import kinks_of
 from redundant_envs.simulator.lane import Lane
-from redundant_envs.simulator.step import active_stop
+from redundant_envs.simulator.step import active_stop, integrated_states
 
 
 class Fault(enum.IntFlag):
@@ -92,6 +93,13 @@ class Setting:
     def boundaries(self) -> tuple[Stop | Switch, ...]:
         """Where motions have events."""
         return (*self.stops, *self.switches)
+
+    @cached_property
+    def doubts(self) -> bool:
+        """Whether something in a step may make its estimate doubtful."""
+        return self.plan is Plan.DOUBLING and bool(
+            kinks_of(self.dynamics) or integrated_states(self.dynamics)
+        )
 
     @property
     def local(self) -> bool:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from redundant_envs.algebra import sqrt, where
+from redundant_envs.algebra import maximum, sqrt, where
 from redundant_envs.integrators import step_control
 from redundant_envs.integrators.methods import Step, explicit_step
 from redundant_envs.quantities import Quantities
 from redundant_envs.simulator.dynamics import Dynamics
+from redundant_envs.simulator.kinks import kink_value, kinks_of
 from redundant_envs.simulator.lane import Lane
 from redundant_envs.tracing.passes.stages import Subroutine
 
@@ -54,6 +55,10 @@ def joint_acceleration(dynamics: Dynamics, x: Quantities, joint: int) -> Any:
     return sum(parts[1:], parts[0])
 
 
+SMALLEST_STATE = 1e-300
+"""No error is divided by less."""
+
+
 def lane_step(dynamics: Dynamics, lane: Lane, h: Any, held: bool = False) -> Step:
     """A step of length ``h``; of sliders that may rest (``held``) accelerations or pulls are watched, of
     joints whose forces change their laws accelerations."""
@@ -73,11 +78,11 @@ def lane_step(dynamics: Dynamics, lane: Lane, h: Any, held: bool = False) -> Ste
             results.append(where(x[f"held{k}"] > 0.0, pulled, x[f"qdd{k}"]))
         for switch in dynamics.switches:
             results.append(joint_acceleration(dynamics, x, switch.joint))
-        results += [dynamics.apply(effect, hook, kink, x) for effect, hook, kink in dynamics.kinks]
+        results += [kink_value(dynamics, effect, hook, x) for effect, hook in kinks]
         return results
 
-    stops = dynamics.stops if held else ()
-    count, more = dynamics.count, len(stops) + len(dynamics.switches) + len(dynamics.kinks)
+    stops, kinks = dynamics.stops if held else (), kinks_of(dynamics)
+    count, more = dynamics.count, len(stops) + len(dynamics.switches) + len(kinks)
     right_hand_side: Any = derivatives
     if dynamics.method.stages > MOST_INLINED:
         right_hand_side = Subroutine(
@@ -94,13 +99,13 @@ def lane_step(dynamics: Dynamics, lane: Lane, h: Any, held: bool = False) -> Ste
 
 def step_error(dynamics: Dynamics, lane: Lane, step: Step) -> Any:
     """The error of a step: in metres at the tip, or for dop853 in units of its tolerance."""
-    names = dynamics.states[: 2 * dynamics.count]
+    names = tuple(name for name in dynamics.states if name != "work")
     if dynamics.scene.integrator == "dop853":
-        after = [*step.positions, *step.velocities]
-        scales = [step_control.rounding_scale(a, b) for a, b in zip(lane.get(names), after, strict=True)]
+        after = [*step.positions, *step.velocities, *step.others]
+        scales = [step_control.rounding_scale(a, b) for a, b in zip(lane.get(names), after, strict=False)]
 
         def size(errors: Sequence[Any], h: Any) -> Any:
-            squares = [(e * s) ** 2 for e, s in zip(errors, scales, strict=True)]
+            squares = [(e * s) ** 2 for e, s in zip(errors, scales, strict=False)]
             return h * sqrt(sum(squares[1:], squares[0]) * (1.0 / len(names)))
 
         return step_control.blended_error(size(step.error5, step.h5), size(step.error3, step.h3))
@@ -110,11 +115,37 @@ def step_error(dynamics: Dynamics, lane: Lane, step: Step) -> Any:
         n = dynamics.count
         terms = [
             w * (abs(q) + lane.interval * abs(v))
-            for w, q, v in zip(weights, errors[:n], errors[n:], strict=True)
+            for w, q, v in zip(weights, errors[:n], errors[n : 2 * n], strict=True)
         ]
         return h * sum(terms[1:], terms[0])
 
     return step_control.tip_error(tip_size(step.error5, step.h5), tip_size(step.error3, step.h3))
+
+
+def integrated_states(dynamics: Dynamics) -> list[int]:
+    """States of effects that steps integrate, as places in ``Step.others``."""
+    return [k for k, name in enumerate(dynamics.others) if name != "work"]
+
+
+def others_error(dynamics: Dynamics, lane: Lane, step: Step, h: Any) -> Any:
+    """What errors of effects' states may be at the tip, m. An error that does not act yet is seen by nothing
+    else. Each is taken as a share of what its state is, or becomes in the interval at the pace of the step,
+    and that share of what the step's change of velocity moves the tip in the interval."""
+    n = dynamics.count
+    gained = [
+        norm * abs(after - before)
+        for norm, after, before in zip(
+            tip_norms(dynamics, lane), step.velocities, lane.get(dynamics.arm.rates), strict=True
+        )
+    ]
+    shares = []
+    for k in integrated_states(dynamics):
+        before, after = lane[dynamics.others[k]], step.others[k]
+        five, three = abs(step.error5[2 * n + k]) * step.h5, abs(step.error3[2 * n + k]) * step.h3
+        pace = abs(after - before) * (lane.interval / h)
+        size = maximum(maximum(abs(before), pace), SMALLEST_STATE)
+        shares.append(step_control.tip_error(five, three) / size)
+    return lane.interval * sum(gained[1:], gained[0]) * sum(shares[1:], shares[0])
 
 
 def joint_quantities(dynamics: Dynamics, lane: Lane, form: str) -> Quantities:

@@ -17,7 +17,7 @@ from redundant_envs.effects import (
     centring_spring,
     limit_spring,
 )
-from redundant_envs.effects.hooks import Effect, Force
+from redundant_envs.effects.hooks import Effect, Force, State
 from redundant_envs.scene import scene_names
 from redundant_envs.studies.verify import Mode, verify
 from redundant_envs.studies.verify.accuracy import order
@@ -171,12 +171,12 @@ def test_a_mutation_of_an_effect_of_the_package_is_red(module, effect, field, wr
     assert misses[0].startswith(f"potentials against forces: {effect.key}: at r")
 
 
-@pytest.mark.parametrize("width", [1e-6, 1e-4, 1.0, 1e3, 1e5])
-@pytest.mark.parametrize("joint", ["r1", "joint1"])
+@pytest.mark.parametrize("width", [1e-9, 1e-6, 1e-4, 1.0, 1e3, 1e5])
+@pytest.mark.parametrize("joint", ["r1", "joint2"])
 def test_springs_at_any_distance_from_each_other_make_no_fault(width, joint):
     """Differences do not straddle both limits, and rounding of an angle of many turns is no error."""
     spring = LimitSpring(joint, -0.5 * width, 0.5 * width, 5000.0, 10.0)
-    for arm in (RPRP, rde.FourR((1.0,) * 4, (0.3,) * 4)) if joint == "joint1" else (RPRP,):
+    for arm in (RPRP, rde.FourR((1.0,) * 4, (0.3,) * 4)) if joint == "joint2" else (RPRP,):
         scene = rde.Scene(arm, (Gravity(), spring), tolerance=1e-6)
         result = verify(scene, STATES, checks=(potentials, energy_book, forces_at_switches, order))
         assert result.misses == ()
@@ -197,12 +197,18 @@ def meeting(x, lower, upper, k, side):
     return -k * x - 9.0 * k * (maximum(side, 0.0) * (x - upper) - maximum(-side, 0.0) * (x - lower))
 
 
+@physics
+def forgets(memory):
+    return -memory
+
+
+@pytest.mark.parametrize("remembers", [False, True], ids=["", "with a state"])
 @pytest.mark.parametrize(
     ("function", "limit"),
     [(jumping, ".lower"), (jumping_at_the_top, ".upper"), (meeting, None)],
     ids=["everywhere", "at the top, with the rate", "nowhere"],
 )
-def test_a_force_that_jumps_where_its_law_changes_is_red(function, limit):
+def test_a_force_that_jumps_where_its_law_changes_is_red(function, limit, remembers):
     @dataclass(frozen=True)
     class Switching(Effect):
         lower: float = -0.3
@@ -212,7 +218,9 @@ def test_a_force_that_jumps_where_its_law_changes_is_red(function, limit):
         def hooks(self, arm):
             bind = {"x": "phi2", "rate": "phid2", "k": ".k", "lower": ".lower", "upper": ".upper"}
             used = {n: s for n, s in bind.items() if n in function.__code__.co_varnames}
-            return (Force(1, function, used, switch=(".lower", ".upper")),)
+            memory = (State("memory", "1", derivative=forgets, bind={"memory": ".memory"}),)
+            states = memory if remembers else ()
+            return (Force(1, function, used, switch=(".lower", ".upper"), states=states),)
 
     for arm in (FOUR_R, RPRP):
         misses = verify(rde.Scene(arm, (Switching(),)), STATES, checks=(forces_at_switches,)).misses

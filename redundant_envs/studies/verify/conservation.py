@@ -132,12 +132,13 @@ CONTINUOUS = 1e-9
 
 @check("forces at their switches", at_most(CONTINUOUS), Mode.QUICK)
 def forces_at_switches(trial: Trial) -> Finding:
-    """Both laws of a force with a ``switch`` are equal where they meet, at random rates."""
+    """Both laws of a force with a ``switch`` are equal where they meet, at random rates, its states as they
+    are at the start."""
     found = [
         _jump(trial, effect, hook, limit, side)
         for effect in trial.scene.effects
         for hook in effect.hooks(trial.scene.robot)
-        if isinstance(hook, Force) and hook.switch is not None and not hook.states
+        if isinstance(hook, Force) and hook.switch is not None
         for limit, side in zip(hook.switch, (-1.0, 1.0), strict=True)
     ]
     if not found:
@@ -166,7 +167,9 @@ def _jump(trial: Trial, effect: Effect, hook: Force, limit: str, side: float) ->
     inside, outside = force(0.0, 0.0), force(0.0, side)
     share = np.linspace(0.0, BEYOND, len(q))
     nearby = np.maximum(np.abs(force(side * share * width, side)), np.abs(force(-side * share * width, 0.0)))
-    most, where = trial.worst(ratio(inside - outside, nearby.max()))
+    # The place itself is rounded, which a stiff force between near limits feels.
+    rounding = ROUNDING * (1.0 + np.abs(joints).sum(axis=1)) * nearby.max() / (BEYOND * width)
+    most, where = trial.worst(ratio(np.maximum(np.abs(inside - outside) - rounding, 0.0), nearby.max()))
     state = int(np.argmax(np.abs(inside - outside)))
     words = (
         f"{effect.key}: at {hook.switch}, {limit} = {own[limit[1:]]:g} of {arm.joints[hook.joint]}, the "

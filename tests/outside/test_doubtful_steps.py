@@ -1,0 +1,115 @@
+"""Steps whose estimate cannot be trusted: near a joint, across kinks of motors, with states of effects.
+
+A hostile review found each of these off by 2 to 90 tolerances without a flag.
+"""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from actuator_lag import ActuatorLag
+from humming_stop import HummingStop
+from lag_chain import LagChain
+from relative_two_r import RelativeTwoR
+from rrp import RRP
+
+import redundant_envs as rde
+from redundant_envs import effects as e
+from redundant_envs.scene import Scene
+
+
+def crossed(scene, q, qd, efforts, parts=1, z=None, **how):
+    """Tips and states of effects after a control interval in so many parts, and its status."""
+    batch = rde.BatchSimulator(dataclasses.replace(scene, **how), len(q))
+    batch.set_state(q, qd)
+    if z is not None:
+        batch._memory.write(tuple(batch.simulator.dynamics.effect_states), z)
+    for _ in range(parts):
+        status = batch.advance_partly(efforts, scene.control_dt / parts)
+        assert (status.numerics & ~rde.Numerics.TOLERANCE_NOT_REACHED == 0).all()
+    return scene.robot.forward_kinematics(batch.q), batch, status
+
+
+def errors(scene, q, qd, efforts, z=None):
+    """Tip errors in units of the tolerance, where two references agree and nothing is flagged: nearly all."""
+    own, _, status = crossed(scene, q, qd, efforts, z=z)
+    how = {"tolerance": None, "integrator": "dop853"}
+    one, other = (crossed(scene, q, qd, efforts, z=z, parts=n, **how)[0] for n in (1, 7))
+    off, apart = (np.linalg.norm(x - other, axis=1) / scene.tolerance for x in (own, one))
+    judged = (status.numerics == 0) & (apart < 0.1)
+    assert judged.mean() > 0.99
+    return off[judged]
+
+
+PAST_A_JOINT = [  # arm, tolerance, q, qd, efforts: sliders that carry the tip past their joint, or close by
+    (rde.RPRP((0.0427695279365, 1.8721176053125, 0.0194275443888, 0.0111637409835), (0.2, 0.2)),
+     1e-9, [1.175051332368736, -2.158266319018274, -0.602821656996805, -0.1602405412553361],
+     [-0.07719073888489587, -0.08013074933194297, 0.08037475815078697, -1.4300779189232549],
+     [-0.3176548561476732, 1.3497422585645118, -1.0241912396808506, 0.22892973256708024]),
+    (rde.RPRP((0.2674309859975, 0.0217222570004, 0.7312062879027, 0.0436897278895), (0.2, 0.2)),
+     1e-6, [-2.551933086859295, 1.5218598099777925, -1.7725500606304223, -0.14427764567725393],
+     [-0.8181701621317538, -1.3800113817173059, 1.08283535154945, -13.495148901159393],
+     [-0.6577393873611658, -0.44021367649451865, 0.6749627987207422, 0.20294622279491042]),
+    (RRP((0.01208740184524503, 0.08005877789840588, 0.027690692772503207), (0.3, 0.2)),
+     1e-9, [-1.314285601434418, -2.4955923937554934, -0.2120306213350545],
+     [-0.31285751907604287, -0.17752224895112736, 1.8289170023427135],
+     [1.2746265196012447, 0.2728142142805186, 0.7103495210468126]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("case", PAST_A_JOINT, ids=["RPRP, 1e-9", "RPRP, 1e-6", "RRP"])
+def test_the_tolerance_is_kept_where_a_slider_passes_its_joint(case):
+    arm, tolerance, *states = case
+    rng = np.random.default_rng(0)
+    near = [np.array(x) + 1e-3 * rng.normal(size=(256, len(x))) for x in states]
+    near = [np.concatenate([[x], many]) for x, many in zip(states, near, strict=True)]
+    assert errors(Scene(arm, (e.Gravity(),), tolerance=tolerance), *near).max() < 1.0
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-8, 1e-10])
+def test_the_tolerance_is_kept_where_an_arm_in_relative_angles_starts_folded(tolerance):
+    rng, n = np.random.default_rng(1), 4000
+    masses = np.array((0.0027, 1.88))
+    q = np.column_stack([rng.uniform(-3.0, 3.0, n), np.pi + 1e-5 * rng.normal(size=n)])
+    qd, efforts = rng.normal(0.0, (10.0, 20.0), (n, 2)), rng.normal(0.0, 10.0, (n, 2)) * masses.min()
+    off = errors(
+        Scene(RelativeTwoR(tuple(masses), (0.5, 0.5)), (e.Gravity(),), tolerance=tolerance), q, qd, efforts
+    )
+    assert off.max() < 1.0
+
+
+@pytest.mark.parametrize("arm", [rde.FourR((0.5,) * 4, (0.25,) * 4), rde.RPRP((0.5,) * 4, (0.25, 0.25))])
+def test_the_tolerance_is_kept_where_a_lagging_motor_reaches_its_limit(arm):
+    """The effort stops to change within the interval: a kink that no command tells."""
+    scene = Scene(arm, (e.Gravity(), ActuatorLag(0.01), e.EffortLimits(3.0)), tolerance=1e-9)
+    rng, n = np.random.default_rng(0), 6000
+    low, high = np.where(arm.prismatic, 0.0, -3.0), np.where(arm.prismatic, 0.5, 3.0)
+    q, qd = rng.uniform(low, high, (n, 4)), rng.normal(0.0, 0.5, (n, 4))
+    first, then = rng.normal(0.0, 5.0, (2, n, 4))
+    _, batch, _ = crossed(scene, q, qd, first, tolerance=None, integrator="dop853")
+    off = errors(scene, batch.q, batch.qd, then, z=batch.z)
+    assert off.max() < 1.0
+
+
+def test_the_tolerance_is_kept_behind_a_row_of_lags():
+    """What is wrong in the first of them moves nothing before it has come through the others."""
+    arm = rde.FourR((0.002,) * 4, (0.25,) * 4)
+    scene = Scene(arm, (e.Gravity(), LagChain(0.0102, 12)), tolerance=1e-9)
+    rng, n = np.random.default_rng(0), 1000
+    off = errors(scene, rng.uniform(-3.0, 3.0, (n, 4)), np.zeros((n, 4)), rng.normal(0.0, 3.0, (n, 4)))
+    assert off.max() < 1.0
+
+
+@pytest.mark.parametrize("frequency", [300.0, 3000.0])
+def test_dop853_is_as_exact_in_states_of_effects_as_in_those_of_the_arm(frequency):
+    """Before the stop is touched its oscillation acts on nothing: only its own error tells of it."""
+    arm, n = rde.FourR((0.5,) * 4, (0.25,) * 4), 500
+    scene = Scene(arm, (e.Gravity(), HummingStop(0, -1.0, 1.0, 5000.0, frequency)), integrator="dop853")
+    rng = np.random.default_rng(0)
+    q, qd = np.zeros((n, 4)), np.zeros((n, 4))
+    q[:, 0], qd[:, 0] = 1.0 - rng.uniform(1e-3, 0.1, n), rng.uniform(0.3, 10.0, n)
+    q, qd = q.cumsum(axis=1), qd.cumsum(axis=1)
+    (whole, one, _), (parts, many, _) = (crossed(scene, q, qd, np.zeros((n, 4)), parts=k) for k in (1, 100))
+    assert np.abs(whole - parts).max() < 1e-13
+    assert np.abs(one.z - many.z).max() < 1e-11
+    assert np.abs(one.z[:, 0] - np.cos(frequency * 0.02)).max() < 1e-11
