@@ -170,9 +170,8 @@ def main() -> int:
     rows = run(options.count, options.seed, options.workers, options.out)
     left = [row for row in rows if row["outcome"] != "killed"]
     for row in left:
-        print(
-            f"{row['outcome']}: {row['module']}:{row['line']} {row['operator']}\n  - {row['before']}\n  + {row['after']}"
-        )
+        place = f"{row['outcome']}: {row['module']}:{row['line']} {row['operator']}"
+        print(f"{place}\n  - {row['before']}\n  + {row['after']}")
     killed = len(rows) - len(left)
     print(f"{killed} of {len(rows)} mutants killed, {100.0 * killed / len(rows):.1f} %")
     return 0
