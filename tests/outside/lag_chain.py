@@ -2,24 +2,10 @@
 
 from dataclasses import dataclass
 
+from actuator_lag import approach, effort_of, fastest_change
+
 import redundant_envs as rde
-from redundant_envs.algebra import physics
 from redundant_envs.effects import Actuation, Effect, Link, State
-
-
-@physics
-def approach(before, effort, time_constant):
-    return (before - effort) / time_constant
-
-
-@physics
-def last(effort):
-    return effort
-
-
-@physics
-def fastest_change(time_constant):
-    return 1.0 / time_constant
 
 
 @dataclass(frozen=True)
@@ -40,11 +26,11 @@ class LagChain(Effect):
         states = [
             State(
                 name, "N m", approach, rate=fastest_change,
-                bind={"before": before, "effort": f".{name}", "time_constant": ".time_constant"},
+                bind={"command": before, "effort": f".{name}", "time_constant": ".time_constant"},
             )
             for name, before in zip(names, inputs, strict=False)
         ]  # fmt: skip
-        return Actuation(joint, last, {"effort": f".{names[-1]}"}, Link.LAG, states=tuple(states))
+        return Actuation(joint, effort_of, {"effort": f".{names[-1]}"}, Link.LAG, states=tuple(states))
 
 
 rde.register_effect(LagChain)
