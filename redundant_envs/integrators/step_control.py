@@ -105,13 +105,14 @@ class Ending(NamedTuple):
 
 # A sum of errors does not know how they grow, which matters where many steps are needed, or many impacts
 # happen. From 128 steps on an interval must come out the same, to the tolerance, with half as many, unless
-# errors that grow a hundred thousand times would pass. Two sliders between their stops may double an error
-# with each impact: from 4 impacts on errors that grow a hundred times must pass, and from 8 on it is checked
-# always, as where a force has had a kink or the tip has come to another distance from a joint.
+# errors that grow a hundred thousand times would pass; from 1024 on always: such a motion may be chaotic. Two
+# sliders between their stops may double an error with each impact: from 4 impacts on errors that grow a hundred
+# times must pass, and from 8 on it is checked always, as where a force has had a kink or the tip has come to
+# another distance from a joint.
 
 MOST_DOUBLINGS = 14
 MOST_STEPS = 2.0**MOST_DOUBLINGS
-CHECKED_STEPS = 128.0
+CHECKED_STEPS, CHECKED_ALWAYS = 128.0, 1024.0
 GROWTH = 1e5
 SOME_IMPACTS, GROWTH_BY_SOME = 4.0, 100.0
 CHECKED_IMPACTS = 8.0
@@ -182,7 +183,8 @@ def end_doubling(c: Crossed, error: Any, tip_tolerance: Any, min_steps: Any, int
     last = logical_not(left > 0.0)
     grown = where(c.impacts < SOME_IMPACTS, 0.0, GROWTH_BY_SOME * error)
     grown = where(c.steps < CHECKED_STEPS, grown, GROWTH * error)
-    grown = where((c.impacts >= CHECKED_IMPACTS) | c.doubtful, 2.0 * tip_tolerance, grown)
+    always = (c.impacts >= CHECKED_IMPACTS) | (c.steps >= CHECKED_ALWAYS) | c.doubtful
+    grown = where(always, 2.0 * tip_tolerance, grown)
     few = c.impacts < MANY_IMPACTS
     same = (grown <= tip_tolerance) | (c.change <= tip_tolerance)
     min_steps = where(c.accepted, maximum(min_steps, c.least), min_steps)
