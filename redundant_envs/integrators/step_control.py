@@ -105,10 +105,10 @@ class Ending(NamedTuple):
 
 # A sum of errors does not know how they grow, which matters where many steps are needed, or many impacts
 # happen. From 128 steps on an interval must come out the same, to the tolerance, with half as many, unless
-# errors that grow a hundred thousand times would pass; from 1024 on always: such a motion may be chaotic. Two
-# sliders between their stops may double an error with each impact: from 4 impacts on errors that grow a hundred
-# times must pass, and from 8 on it is checked always, as where a force has had a kink or the tip has come to
-# another distance from a joint.
+# errors that grow a hundred thousand times would pass; from 1024 on always: such a motion may be chaotic.
+# Two sliders between their stops may double an error with each impact: from 4 impacts on errors that grow a
+# hundred times must pass, and from 8 on it is checked always, as where a force has had a kink or the tip has
+# come to another distance from a joint.
 
 MOST_DOUBLINGS = 14
 MOST_STEPS = 2.0**MOST_DOUBLINGS
