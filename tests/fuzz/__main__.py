@@ -30,6 +30,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--seed", type=int, default=None, help="without one, a fresh one is drawn and told")
     parser.add_argument("--first", type=int, default=0, help="number of the first case")
+    parser.add_argument("--stride", type=int, default=1, help="5 with --first 3: environments of many lanes")
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("runs/fuzz"))
     parser.add_argument("--replay", type=Path, help="a file of a failure, to be played again")
@@ -40,12 +41,12 @@ def main(arguments: list[str] | None = None) -> int:
         return replay(given.replay)
     seed = secrets.randbelow(2**31) if given.seed is None else given.seed
     print(f"fuzz: seed {seed}", file=sys.stderr)
-    rest = (given.processes, given.minutes, given.out)
+    rest = (given.processes * given.stride, given.minutes, given.out)
     if given.processes == 1:
         parts = [worker(seed, given.first, *rest)]
     else:
         with ProcessPoolExecutor(given.processes, multiprocessing.get_context("spawn")) as pool:
-            asked = [pool.submit(worker, seed, given.first + k, *rest) for k in range(given.processes)]
+            asked = [pool.submit(worker, seed, given.first + k * given.stride, *rest) for k in range(given.processes)]
             parts = [one.result() for one in asked]
     tally, files = Tally(), []
     for own, paths in parts:
