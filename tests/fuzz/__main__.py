@@ -46,7 +46,10 @@ def main(arguments: list[str] | None = None) -> int:
         parts = [worker(seed, given.first, *rest)]
     else:
         with ProcessPoolExecutor(given.processes, multiprocessing.get_context("spawn")) as pool:
-            asked = [pool.submit(worker, seed, given.first + k * given.stride, *rest) for k in range(given.processes)]
+            asked = [
+                pool.submit(worker, seed, given.first + k * given.stride, *rest)
+                for k in range(given.processes)
+            ]
             parts = [one.result() for one in asked]
     tally, files = Tally(), []
     for own, paths in parts:
