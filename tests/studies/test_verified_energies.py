@@ -21,7 +21,8 @@ from redundant_envs.effects.hooks import Effect, Force, State
 from redundant_envs.scene import scene_names
 from redundant_envs.studies.verify import Mode, verify
 from redundant_envs.studies.verify.accuracy import order
-from redundant_envs.studies.verify.conservation import energy_book, forces_at_switches, potentials
+from redundant_envs.studies.verify.conservation import energy_book
+from redundant_envs.studies.verify.forces import forces_at_switches, potentials
 
 FOUR_R = rde.FourR((2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35))
 RPRP = rde.RPRP((2.3, 0.7, 1.9, 0.4), (1.1, 0.6))

@@ -12,6 +12,7 @@ from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.scene import Scene
 from redundant_envs.studies.verify.checks import (
+    ENOUGH_SMOOTH,
     Array,
     Finding,
     Mode,
@@ -24,7 +25,6 @@ from redundant_envs.studies.verify.checks import (
     nothing,
 )
 from redundant_envs.studies.verify.conservation import (
-    ENOUGH_SMOOTH,
     energy_changes,
     exact_in_parts,
     exact_whole,

@@ -21,6 +21,11 @@ from redundant_envs.studies.verify.subjects import Subject
 
 Array = NDArray[Any]
 
+ROUNDING = 32 * np.finfo(np.float64).eps
+"""Of a quantity that differences are taken of, in units of itself."""
+ENOUGH_SMOOTH = 0.5
+"""Share of the states that must be smooth, and of the intervals that must be judged."""
+
 
 class Mode(enum.IntEnum):
     """How much is checked; each mode runs what those before it run."""

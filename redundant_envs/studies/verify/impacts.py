@@ -9,6 +9,7 @@ import numpy as np
 from redundant_envs.effects.hooks import Impact
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.studies.verify.checks import (
+    ENOUGH_SMOOTH,
     EQUAL_BITS,
     Array,
     Finding,
@@ -19,7 +20,6 @@ from redundant_envs.studies.verify.checks import (
     check,
     ratio,
 )
-from redundant_envs.studies.verify.conservation import ENOUGH_SMOOTH
 from redundant_envs.studies.verify.equations import from_points
 
 SHORT = 1e-10

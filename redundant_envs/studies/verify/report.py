@@ -19,6 +19,7 @@ from redundant_envs.studies.verify import (
     environments,
     equations,
     evaluators,
+    forces,
     impacts,
     symmetries,
 )
@@ -34,7 +35,7 @@ from redundant_envs.studies.verify.checks import (
 from redundant_envs.studies.verify.subjects import Subject, subject_from
 
 CHECKS: tuple[Check, ...] = checks_of(
-    equations, conservation, accuracy, impacts, symmetries, bits, evaluators, engines, environments
+    equations, forces, conservation, accuracy, impacts, symmetries, bits, evaluators, engines, environments
 )
 """All checks, in the order of the table. A new one is a function in one of these modules."""
 OF_THE_MACHINE = (bits.record,)

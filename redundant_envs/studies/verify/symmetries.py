@@ -12,6 +12,7 @@ from redundant_envs.effects.hooks import Effect, Field, Force, Inertia, PointMas
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.scene import Scene
 from redundant_envs.studies.verify.checks import (
+    ENOUGH_SMOOTH,
     EQUAL_BITS,
     Array,
     Finding,
@@ -20,7 +21,6 @@ from redundant_envs.studies.verify.checks import (
     at_most,
     check,
 )
-from redundant_envs.studies.verify.conservation import ENOUGH_SMOOTH
 
 BACK = at_most(1e-9, "rad or reaches")
 """How far a calm motion may end from its start, there and back by dop853: ten thousand times what that
