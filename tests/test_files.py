@@ -1,15 +1,14 @@
-"""Files and plain data of users: whatever they hold, one short ValueError, at once."""
+"""Files of users: whatever they hold, one short ValueError, at once."""
 
 import math
 import os
 import time
 
-import gymnasium as gym
-import numpy as np
 import pytest
 import yaml
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from refusals import ANYTHING, refusal, short
 
 import redundant_envs as rde
 from agents.__main__ import main as agents_main
@@ -76,19 +75,6 @@ BAD = {
     "long text": ((ROBOT + f"integrator: {'x' * 30_000}\n").encode(), "line 2: integrator is 'xxx"),
     "long key": ((ROBOT + f"{'x' * 900}: 1\n").encode(), "line 2: scene has the unknown key 'xxx"),
 }  # fmt: skip
-
-
-def short(message):
-    return len(message.splitlines()) <= 10 and len(message) < 1000
-
-
-def refusal(function, *arguments):
-    """The message of the ValueError that a call raises, or None; any other error is one of the test."""
-    try:
-        function(*arguments)
-    except ValueError as error:
-        return str(error)
-    return None
 
 
 @pytest.mark.parametrize(("content", "words"), BAD.values(), ids=BAD)
@@ -241,189 +227,7 @@ def test_the_longest_file_is_read_or_refused_within_a_second():
         assert time.process_time() - start < 1.0, unit
 
 
-# ---- plain data of programs ----------------------------------------------------------------------
-
-
-def loop():
-    data = {"robot": {}}
-    data["robot"]["self"] = data
-    return data
-
-
-def deep():
-    data = []
-    for _ in range(100_000):
-        data = [data]
-    return data
-
-
-def with_scene(**changes):
-    return {"robot": {"type": "FourR", "masses": [1] * 4, "lengths": [1] * 4}, **changes}
-
-
-@pytest.mark.parametrize(
-    ("data", "words"),
-    [
-        (loop(), "nested more than"),
-        (with_scene(effects=deep()), "nested more than"),
-        (with_scene(effects=[0] * 10_000_000), "more than 3000 values"),
-        (with_scene(robot=5), "robot is 5; give a mapping"),
-        (with_scene(effects=5), "effects is 5; give a list"),
-        (with_scene(effects="Gravity"), "effects is 'Gravity'"),
-        (with_scene(effects={"type": "Gravity"}), "effects is {'type': 'Gravity'}"),
-        (with_scene(effects=[None]), "effects[0] is None"),
-        (with_scene(effects=[{"type": 5}]), "effects[0].type is 5"),
-        (with_scene(integrator=["rk8"]), "integrator is ['rk8']"),
-        (with_scene(integrator=None), "integrator is None"),
-        (with_scene(actuation=np.zeros(3)), "actuation is array"),
-        (with_scene(substeps=2**70), "substeps is 1180591620717411303424; give at most"),
-        (with_scene(substeps=10**5000), "substeps is an integer of 16610 bits"),
-        (with_scene(substeps=True), "substeps is True; give a whole number"),
-        (with_scene(substeps=1.5), "substeps is 1.5; give a whole number"),
-        (with_scene(control_dt=10**400), "control_dt is an integer of"),
-        (with_scene(control_dt=1e300), "control_dt is 1e+300 s; it must lie in"),
-        (with_scene(control_dt=1e-300), "control_dt is 1e-300 s; it must lie in"),
-        (with_scene(tolerance=True), "tolerance is True"),
-        (with_scene(tolerance=[1e-6]), "tolerance is [1e-06]"),
-        ({1: 2}, "unknown key 1"),
-        ({("a", "b"): 2}, "unknown key ('a', 'b')"),
-        (5, "scene is 5; give a mapping"),
-    ],
-    ids=lambda v: v if isinstance(v, str) else "",
-)
-def test_bad_plain_data_is_one_short_error(data, words):
-    start = time.process_time()
-    with pytest.raises(ValueError) as error:
-        rde.Scene.from_dict(data)
-    assert time.process_time() - start < 1.0
-    assert words in str(error.value)
-    assert short(str(error.value))
-
-
-@pytest.mark.parametrize(
-    "value",
-    [True, "1", b"1", None, 1j, np.complex128(1), np.complex64(1), np.bool_(True), np.array([1.0]), [1.0],
-     np.datetime64("2026-01-01"), 10**400, float("nan"), float("inf"), object()],
-)  # fmt: skip
-def test_what_is_no_number_is_refused_by_name(value):
-    arm = rde.RPRP((1,) * 4, (0.5, 0.5))
-    with pytest.raises(ValueError, match=r"^masses\[1\] is .*; give a finite number"):
-        rde.RPRP((1, value, 1, 1), (0.5, 0.5))
-    with pytest.raises(ValueError, match=r"^Gravity.g is .*; give a finite number"):
-        rde.effects.Gravity(value)
-    with pytest.raises(ValueError, match=r"^LimitSpring.upper is .*; give a finite number"):
-        rde.effects.LimitSpring("r1", 0.0, value)
-    if value is not None and not (isinstance(value, float) and value == math.inf):
-        with pytest.raises(ValueError, match=r"^PrismaticStop.upper\[0\] is .*; give a finite number"):
-            rde.effects.PrismaticStop((0.0, 0.0), (value, 0.3))
-    with pytest.raises(ValueError, match=r"^control_dt is .*; give a finite number"):
-        rde.Scene(arm, control_dt=value)
-
-
-@pytest.mark.parametrize("masses", [np.ones(4), np.ones(4, np.float32), np.ones(4, int), [1, 1, 1, 1]])
-def test_arrays_of_numbers_are_taken(masses):
-    assert rde.RPRP(masses, (0.5, 0.5)).masses == (1.0, 1.0, 1.0, 1.0)
-    assert rde.effects.ViscousFriction(np.float32(0.5)).coefficients == 0.5
-    assert rde.effects.ViscousFriction(np.array(0.5)).coefficients == 0.5
-
-
-@pytest.mark.parametrize(
-    "masses",
-    [np.ones((4, 1)), np.ones((4, 4)), np.array(1.0), {1: 1, 2: 1, 3: 1, 4: 1}, {1, 2, 3, 4}, "1111", 5, None,
-     np.array(["1"] * 4), iter([1, 1, 1, 1])],
-)  # fmt: skip
-def test_what_is_no_sequence_of_numbers_is_refused_by_name(masses):
-    with pytest.raises(ValueError, match=r"^masses"):
-        rde.RPRP(masses, (0.5, 0.5))
-
-
-@pytest.mark.parametrize(
-    ("effects", "words"),
-    [
-        (rde.effects.Gravity(), "give a sequence, effects=(Gravity(g=9.81"),
-        (5, "effects is 5; give a sequence"),
-        ("Gravity", "effects is 'Gravity'; give a sequence"),
-        ({"Gravity": 1}, "give a sequence"),
-        (None, "effects is None; give a sequence"),
-        (["Gravity"], "effects[0] is 'Gravity'; give an effect, such as Gravity()"),
-        ([rde.effects.Gravity], "effects[0] is <class"),
-        (
-            [rde.effects.LimitSpring("r1", 0.0, 1.0)],
-            "coordinate is 'r1'; FourR has joint1, joint2, joint3, joint4",
-        ),
-        ([rde.effects.LimitSpring(5, 0.0, 1.0)], "coordinate is 5; FourR has joint1"),
-        ([rde.effects.LimitSpring(["joint1"], 0.0, 1.0)], "coordinate is ['joint1']; FourR has joint1"),
-    ],
-)
-def test_bad_effects_say_what_to_write(effects, words):
-    with pytest.raises(ValueError) as error:
-        rde.Scene(rde.FourR((1,) * 4, (1,) * 4), effects)
-    assert words in str(error.value)
-
-
-TASKS = [
-    (5, "task is 5; give a mapping"),
-    ("reach", "task is 'reach'; give a mapping"),
-    ([("inner", 0.1)], "task is [('inner', 0.1)]; give a mapping"),
-    ({"hold_steps": 1.5}, "ReachTask.hold_steps is 1.5; give a whole number"),
-    ({"hold_steps": True}, "ReachTask.hold_steps is True"),
-    ({"hold_steps": 2**70}, "ReachTask.hold_steps is 1.1805916207174113e+21; it must lie in 1 to 1e+09"),
-    ({5: 1}, "unknown key 5"),
-    ({"inner": "small"}, "ReachTask.inner is 'small'; give a finite number"),
-    ({"goal_tolerance": 1e200}, "ReachTask.goal_tolerance is 1e+200"),
-    ({"rate_scale": 5e-324}, "ReachTask.rate_scale is 5e-324"),
-    ({"speed_bound": 10**400}, "ReachTask.speed_bound is an integer of"),
-]
-
-
-@pytest.mark.filterwarnings("ignore:.*render_mode")
-@pytest.mark.parametrize(("task", "words"), TASKS, ids=lambda v: v if isinstance(v, str) else "")
-def test_a_bad_task_says_what_to_write(task, words):
-    makers = (
-        lambda: gym.make("redundant_envs/RPRPReach-v0", task=task),
-        lambda: gym.make_vec("redundant_envs/RPRPReach-v0", num_envs=2, task=task),
-        lambda: rde.make_sb3("redundant_envs/RPRPReach-v0", 2, task=task),
-    )
-    for maker in makers:
-        with pytest.raises(ValueError) as error:
-            maker()
-        assert words in str(error.value)
-
-
-# ---- anything at all -----------------------------------------------------------------------------
-
-NUMBERS = st.one_of(st.integers(), st.floats(), st.integers(min_value=10**400), st.booleans())
-PLAIN = st.recursive(
-    st.one_of(st.none(), NUMBERS, st.text(max_size=5), st.sampled_from(["FourR", "RPRP", "Gravity", "rk8"])),
-    lambda inner: st.lists(inner, max_size=5) | st.dictionaries(st.text(max_size=3), inner, max_size=3),
-    max_leaves=10,
-)
-FOUR = st.lists(NUMBERS, min_size=4, max_size=4)
-FIELDS = ("g", "down", "coordinate", "lower", "upper", "stiffness", "limits", "coefficients", "restitution")
-ARM = st.fixed_dictionaries(
-    {"type": st.sampled_from(["FourR", "RPRP"]) | PLAIN, "masses": FOUR | PLAIN},
-    optional={"lengths": FOUR | PLAIN},
-)
-EFFECT = st.fixed_dictionaries(
-    {"type": st.sampled_from(sorted(rde.effects.REGISTRY)) | PLAIN}, optional=dict.fromkeys(FIELDS, PLAIN)
-)
-SCENE = st.fixed_dictionaries(
-    {"robot": ARM | PLAIN},
-    optional={
-        "effects": st.lists(EFFECT | PLAIN, max_size=3) | PLAIN,
-        **dict.fromkeys(("integrator", "control_dt", "substeps", "tolerance", "actuation", "x"), PLAIN),
-    },
-)
-FUZZ = settings(max_examples=200, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
-
-
-@FUZZ
-@given(SCENE | PLAIN)
-def test_plain_data_makes_a_scene_or_a_value_error(data):
-    assert short(refusal(rde.Scene.from_dict, data) or "")
-
-
-@FUZZ
+@ANYTHING
 @given(
     st.one_of(
         st.text(alphabet="ab:-[]{}&*!|>'\"%@`#,? \n\t019.e<\x00\ufeff", max_size=60), st.text(max_size=30)
@@ -434,7 +238,7 @@ def test_text_is_plain_data_or_a_value_error(text):
     assert message is None or (message.startswith("text, line ") and short(message))
 
 
-@FUZZ
+@ANYTHING
 @given(st.binary(max_size=60))
 def test_bytes_are_plain_data_or_a_value_error(tmp_path_factory, raw):
     path = tmp_path_factory.getbasetemp() / "fuzz.yaml"

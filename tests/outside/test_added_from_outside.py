@@ -1,6 +1,5 @@
 """Arms, effects, a task, an integrator and an observation from outside the package work like its own."""
 
-import copy
 import dataclasses
 import json
 import pickle
@@ -18,6 +17,7 @@ import pytest
 import rrp
 import three_r
 import track
+from arms import ADDED, ARMS, states
 from gymnasium.utils.env_checker import check_env
 
 import redundant_envs as rde
@@ -30,225 +30,10 @@ from redundant_envs.studies.verify import Mode, verify
 
 e = rde.effects
 FOLDER = Path(__file__).parent
-ARMS = {
-    "3R": three_r.ThreeR((2.3, 0.7, 1.9), (1.1, 0.6, 0.9)),
-    "RRP": rrp.RRP((2.3, 0.7, 1.9), (1.1, 0.6)),
-    "4R": rde.FourR((2.0, 1.5, 1.0, 0.5), (0.3, 0.5, 0.4, 0.6)),
-    "RPRP": rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5)),
-}
-ADDED = ("3R", "RRP")
 IDS = [
     f"redundant_envs/{name}-v0"
     for name in ("ThreeRReach", "RRPReach", "RRPTrack", "FourRTrack", "ThreeRElbowReach")
 ]
-
-
-def states(arm, count, spread=1.0):
-    rng = np.random.default_rng(3)
-    q = rng.uniform(-spread, spread, (count, len(arm.joints)))
-    q[:, arm.sliders()] *= 0.1
-    return q, 2.0 * rng.normal(size=q.shape), 4.0 * rng.normal(size=q.shape)
-
-
-# ---- arms --------------------------------------------------------------------------------------------
-
-
-def mujoco_model(mujoco, arm, g):
-    """A chain of bodies with a mass point each, a motor on every joint."""
-    text, before = "", 0.0
-    lengths = iter(arm.lengths)
-    for k, slides in enumerate(arm.prismatic):
-        kind = 'type="slide" axis="1 0 0"' if slides else 'type="hinge" axis="0 0 1"'
-        where = 0.0 if slides else next(lengths)
-        text += (
-            f'<body pos="{before!r} 0 0"><joint name="j{k}" {kind}/><inertial pos="{where!r} 0 0" '
-            f'mass="{arm.masses[k]!r}" diaginertia="1e-14 1e-14 1e-14"/>'
-        )
-        before = where
-    text += f'<site name="tip" pos="{before!r} 0 0"/>' + "</body>" * len(arm.joints)
-    motors = "".join(f'<motor joint="j{k}"/>' for k in range(len(arm.joints)))
-    return mujoco.MjModel.from_xml_string(
-        '<mujoco><compiler angle="radian" inertiafromgeom="false" boundinertia="0"/>'
-        f'<option gravity="0 {-g!r} 0"><flag contact="disable"/></option>'
-        f"<worldbody>{text}</worldbody><actuator>{motors}</actuator></mujoco>"
-    )
-
-
-@pytest.mark.parametrize("name", ADDED)
-def test_dynamics_and_kinematics_agree_with_mujoco(name):
-    mujoco = pytest.importorskip("mujoco", reason="MuJoCo is in the extra 'verify'")
-    arm = ARMS[name]
-    model = mujoco_model(mujoco, arm, 9.81)
-    data, B = mujoco.MjData(model), arm.motor_map
-    q, qd, efforts = states(arm, 100, spread=6.0)
-    qdd = arm.forward_dynamics(q, qd, efforts @ B.T)
-    tips, jacobians = arm.forward_kinematics(q), arm.jacobian(q)
-    for k in range(len(q)):
-        data.qpos[:], data.qvel[:], data.ctrl[:] = q[k] @ B, qd[k] @ B, efforts[k]
-        mujoco.mj_forward(model, data)
-        assert np.abs(data.qacc - qdd[k] @ B).max() <= 1e-10 * (1.0 + np.abs(data.qacc).max())
-        assert np.abs(data.site_xpos[0, :2] - tips[k]).max() <= 1e-13
-        found = np.zeros((3, len(arm.joints)))
-        mujoco.mj_jacSite(model, data, found, None, 0)
-        assert np.abs(found[:2] @ B.T - jacobians[k]).max() <= 1e-13
-
-
-@pytest.mark.parametrize("name", ADDED)
-def test_what_follows_from_the_equations_is_consistent(name):
-    arm = ARMS[name]
-    q, qd, Q = states(arm, 50)
-    qdd = arm.forward_dynamics(q, qd, Q)
-    assert np.abs(arm.inverse_dynamics(q, qd, qdd) - Q).max() < 1e-11
-    M, J = arm.mass_matrix(q), arm.jacobian(q)
-    assert np.allclose(arm.kinetic_energy(q, qd), 0.5 * np.einsum("ni,nij,nj->n", qd, M, qd), rtol=1e-14)
-    assert np.allclose(arm.manipulability(q), np.sqrt(np.linalg.det(J @ J.transpose(0, 2, 1))), rtol=1e-10)
-    phi = arm.evaluate([f"phi{k + 1}" for k in range(3)], dict(zip(arm.coordinates, q.T, strict=True)))
-    assert np.allclose(np.stack(phi, axis=-1), q @ arm.motor_map, atol=1e-15)
-    for k in range(3):
-        step = np.eye(3)[k] * 1e-6
-        slope = (arm.potential_energy(q + step) - arm.potential_energy(q - step)) / 2e-6
-        assert np.allclose(slope, arm.gravity_forces(q)[:, k], atol=1e-7)
-    assert set(arm.symbols()) >= {"M", "h", "G", "J", "T", "U"}
-
-
-def test_a_slider_added_from_outside_never_is_beyond_its_stops_and_keeps_its_energy():
-    scene = rde.Scene(ARMS["RRP"], (e.Gravity(), e.PrismaticStop((0.0,), (0.2,), 1.0)), tolerance=1e-9)
-    times = np.linspace(0.0, 3.0, 151)
-    motion = rde.simulate(scene, [0.3, -0.4, 0.1], [1.0, 2.0, 0.5], times)
-    assert len(motion.events) > 5
-    assert motion.q[:, 2].min() >= 0.0
-    assert motion.q[:, 2].max() <= 0.2
-    total = motion.kinetic_energy + motion.potential_energy
-    assert np.abs(total - total[0]).max() < 1e-7 * np.abs(total).max()
-
-
-def test_a_slider_added_from_outside_comes_to_rest_and_leaves_its_stop():
-    scene = rde.Scene(ARMS["RRP"], (e.Gravity(), e.PrismaticStop((0.0,), (0.2,), 0.0)), tolerance=1e-9)
-    motion = rde.simulate(scene, [-1.5, 0.0, 0.1], [0.0, 0.0, 0.0], np.linspace(0.0, 4.0, 201))
-    kinds = {event.kind for event in motion.events}
-    assert {"upper impact", "rest"} <= kinds
-    balance = motion.kinetic_energy + motion.potential_energy - motion.work
-    assert np.abs(balance - balance[0]).max() < 1e-6 * np.abs(balance).max()
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ({"rates": ("w1", "w2")}, "rates has 2 entries; its coordinates are 3"),
-        ({"prismatic": (False,)}, "prismatic has 1 entries"),
-        ({"functions": tuple(f for f in three_r.ThreeR.functions if f is not three_r.points)}, "gives no x1"),
-        ({"functions": (*three_r.ThreeR.functions, three_r.points, rrp.points)}, "is given by both"),
-    ],
-)
-def test_an_arm_that_lacks_something_is_refused_when_its_class_is_made(change, said):
-    body = {k: v for k, v in vars(three_r.ThreeR).items() if k in rde.Arm.__annotations__}
-    with pytest.raises(ValueError, match=said):
-        type("Half", (rde.Arm,), {**body, **change})
-
-
-def test_an_arm_with_positions_of_its_own_needs_the_way_back():
-    body = {k: v for k, v in vars(three_r.ThreeR).items() if k in rde.Arm.__annotations__}
-    del body["coordinates_of_joints"]
-    with pytest.raises(ValueError, match="no coordinates_of_joints"):
-        type("Half", (rde.Arm,), body)
-
-
-# ---- effects with states -----------------------------------------------------------------------------
-
-
-def test_a_lag_follows_its_equation():
-    """Constant commands: the effort is command (1 - exp(-t / T)), and its work closes the energy book."""
-    scene = rde.Scene(ARMS["4R"], (e.Gravity(), actuator_lag.ActuatorLag(0.05)), tolerance=1e-9)
-    batch = rde.BatchSimulator(scene, 3, track_work=True)
-    command = np.array([5.0, -3.0, 2.0, 1.0])
-    before = energy_of(scene, batch)
-    for _ in range(10):
-        batch.advance(np.tile(command, (3, 1)))
-    assert np.abs(batch.z - command * (1.0 - np.exp(-0.2 / 0.05))).max() < 1e-9
-    assert np.abs(energy_of(scene, batch) - batch.work - before).max() < 1e-8
-
-
-def energy_of(scene, batch):
-    arm = scene.robot
-    return arm.kinetic_energy(batch.q, batch.qd) + arm.potential_energy(batch.q)
-
-
-def test_a_short_lag_makes_error_control_take_more_steps():
-    counts = []
-    for constant in (1.0, 1e-4):
-        batch = rde.BatchSimulator(
-            rde.Scene(ARMS["4R"], (actuator_lag.ActuatorLag(constant),), tolerance=1e-6), 8
-        )
-        status = batch.advance(np.ones((8, 4)))
-        assert not status.numerics.any()
-        counts.append(status.evaluations.max())
-    assert counts[1] > 20 * counts[0]
-    assert np.abs(batch.z - 1.0).max() < 1e-9
-
-
-def test_commands_of_the_interval_before_act_to_the_bit():
-    free = rde.Scene(ARMS["RPRP"], (e.Gravity(),), tolerance=1e-6)
-    late = dataclasses.replace(free, effects=(*free.effects, held_command.HeldCommand()))
-    commands = np.random.default_rng(0).normal(size=(6, 5, 4))
-    a, b = rde.BatchSimulator(free, 5), rde.BatchSimulator(late, 5)
-    for k in range(6):
-        a.advance(commands[k - 1] if k else None)
-        b.advance(commands[k])
-        assert np.array_equal(a.q, b.q)
-        assert np.array_equal(b.z, commands[k])
-
-
-def test_links_act_in_their_stated_order_whatever_the_order_of_effects():
-    chain = (held_command.HeldCommand(), actuator_lag.ActuatorLag(0.03), e.EffortLimits(1.5))
-    results = []
-    for effects in (chain, chain[::-1]):
-        batch = rde.BatchSimulator(rde.Scene(ARMS["3R"], effects, integrator="rk4", substeps=4), 4)
-        for _ in range(5):
-            batch.advance(np.full((4, 3), 4.0))
-        results.append(batch)
-    lagged = results[0].z[0, 3:]
-    assert (
-        np.abs(lagged - 4.0 * (1.0 - np.exp(-0.08 / 0.03))).max() < 1e-4
-    )  # the first interval has no command
-    assert lagged.min() > 1.5  # what acts is less: limits come last
-    assert np.array_equal(results[0].q, results[1].q)
-    free = rde.BatchSimulator(rde.Scene(ARMS["3R"], chain[:2], integrator="rk4", substeps=4), 4)
-    for _ in range(5):
-        free.advance(np.full((4, 3), 4.0))
-    assert np.abs(free.qd - results[0].qd).max() > 0.1
-
-
-def test_states_of_effects_are_saved_restored_copied_and_begin_anew():
-    scene = rde.Scene(
-        ARMS["RRP"], (actuator_lag.ActuatorLag(0.1), held_command.HeldCommand()), tolerance=1e-6
-    )
-    batch = rde.BatchSimulator(scene, 9)
-    efforts = np.random.default_rng(1).normal(size=(9, 3))
-    batch.advance(efforts)
-    batch.advance(efforts)
-    saved, twin = batch.save(), pickle.loads(pickle.dumps(copy.deepcopy(batch)))
-    batch.advance(efforts)
-    twin.advance(efforts)
-    assert np.array_equal(batch.z, twin.z)
-    after = batch.z
-    batch.restore(saved)
-    batch.advance(efforts)
-    assert np.array_equal(batch.z, after)
-    batch.set_state(np.zeros((1, 3)), np.zeros((1, 3)), index=[4])
-    assert not batch.z[4].any()
-    assert np.array_equal(np.delete(batch.z, 4, 0), np.delete(after, 4, 0))
-    alone = rde.BatchSimulator(scene, 1)
-    for _ in range(3):
-        alone.advance(efforts[6])
-    assert np.array_equal(alone.z[0], after[6])
-
-
-def test_lanes_have_time_constants_of_their_own():
-    batch = rde.BatchSimulator(rde.Scene(ARMS["3R"], (actuator_lag.ActuatorLag(0.1),), tolerance=1e-8), 3)
-    constants = np.array([0.06, 0.1, 1.0])
-    batch.set_parameters({"actuator_lag.time_constant": constants})
-    batch.advance(np.ones((3, 3)))
-    assert np.abs(batch.z - (1.0 - np.exp(-0.02 / constants))[:, None]).max() < 1e-9
 
 
 # ---- compiled, on single numbers, on NumPy and on torch ------------------------------------------------
