@@ -9,6 +9,7 @@ from typing import Any, get_args
 
 from redundant_envs import dialect
 from redundant_envs.algebra import arguments_of, gives_of, name_of, numbered
+from redundant_envs.effects.hook_numbers import check_numbers
 from redundant_envs.effects.hooks import (
     SIDE,
     Actuation,
@@ -80,7 +81,7 @@ def attached(where: str, effect: Effect, arm: Arm) -> tuple[Hook, ...]:
             _check_hook(hook, own, arm)
         except ValueError as error:
             raise ValueError(f"{where} ({kind}), hook {n} ({type(hook).__name__}): {error}") from None
-    check_switches(f"{where} ({kind})", effect, hooks)
+    check_numbers(f"{where} ({kind})", effect, hooks)
     _check_entries(f"{where} ({kind})", effect, arm, hooks)
     forces = [h for h in hooks if isinstance(h, Force)]
     booked = [h for h in forces if h.conservative is not None]
@@ -90,15 +91,6 @@ def attached(where: str, effect: Effect, arm: Arm) -> tuple[Hook, ...]:
             "'conservative' out: a force without a potential is booked as work"
         )
     return tuple(hooks)
-
-
-def check_switches(where: str, effect: Effect, hooks: Iterable[Hook]) -> None:
-    """ValueError if the positions at which a force changes its law are in the wrong order."""
-    for switch in (h.switch for h in hooks if isinstance(h, Force) and h.switch is not None):
-        lower, upper = (effect.parameters()[name[1:]] for name in switch)
-        if not lower < upper:
-            wrong = f"{where}: switch is {switch}, which are {lower} and {upper}"
-            raise ValueError(f"{wrong}; the first must be below the second")
 
 
 def _check_entries(where: str, effect: Effect, arm: Arm, hooks: Iterable[Hook]) -> None:

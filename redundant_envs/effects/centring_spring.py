@@ -47,8 +47,9 @@ class CentringSpring(Effect):
     upper: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        count = len(self.stiffness) if hasattr(self.stiffness, "__len__") else 1
-        for name in ("stiffness", "lower", "upper"):
+        object.__setattr__(self, "stiffness", numbers("CentringSpring.stiffness", self.stiffness))
+        count = len(self.stiffness)
+        for name in ("lower", "upper"):
             object.__setattr__(self, name, numbers(f"CentringSpring.{name}", getattr(self, name), count))
         for i in range(count):
             if self.stiffness[i] < 0.0:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 import enum
 import inspect
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
@@ -258,8 +259,13 @@ class Effect:
         return {s.name: s for s in found}
 
     def travel(self, arm: Arm) -> dict[int, tuple[str, str]]:
-        """Joints this effect limits: joint -> own fields of the lower and the upper limit."""
-        return {}
+        """Joints this effect limits: joint -> own fields of the lower and the upper limit.
+
+        Those of its impacts that have both ends; an effect that limits joints by forces gives its own.
+        """
+        numbers = self.parameters()
+        ends = {h.joint: (h.lower[1:], h.upper[1:]) for h in self.hooks(arm) if isinstance(h, Impact)}
+        return {k: names for k, names in ends.items() if all(math.isfinite(numbers[name]) for name in names)}
 
     def action_units(self, arm: Arm) -> tuple[str, ...]:
         """Own numbers in units of which an environment takes its actions, one for each motor; () if none."""

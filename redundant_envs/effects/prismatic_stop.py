@@ -68,13 +68,6 @@ class PrismaticStop(Effect):
             values[f"upper[{i}]"] = math.inf if high is None else high
         return values
 
-    def travel(self, arm: Arm) -> dict[int, tuple[str, str]]:
-        return {
-            k: (f"lower[{i}]", f"upper[{i}]")
-            for i, k in enumerate(self._sliders(arm))
-            if self.lower[i] is not None and self.upper[i] is not None
-        }
-
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(
             Impact(k, f".lower[{i}]", f".upper[{i}]", ".restitution")

@@ -14,8 +14,9 @@ from redundant_envs.integrators.event_times import Candidate
 from redundant_envs.integrators.sliders import pick
 from redundant_envs.integrators.trial_steps import Bracket, Search, Trial
 
-TAYLOR_TIME = 1e-9
-"""Seconds to a stop that a Taylor step crosses: its third order is below rounding."""
+TAYLOR_SHARE = 2e-8
+"""Of the planned step, that a Taylor step may take to a stop: half its square, by which positions and
+velocities may be off, is rounding."""
 RELEASE_SHARE = 1e-7
 """Of the step, by which a release may be late: what its stop pulls until then is lost in rounding."""
 PUSH_ON = 5e-8
@@ -182,7 +183,7 @@ def next_towards_turn(bracket: Bracket, correction: Any) -> Any:
 def taylor_step(trial: Trial, sought: Sought) -> TaylorStep:
     """The rest of the way of a sought slider to its stop."""
     time = where(sought.speed > 0.0, -sought.gap / sought.speed, 1.0)
-    near = (abs(time) <= TAYLOR_TIME) & (time <= trial.left - trial.h)
+    near = (abs(time) <= TAYLOR_SHARE * trial.left) & (time <= trial.left - trial.h)
     return TaylorStep(near & logical_not(sought.passes), time)
 
 

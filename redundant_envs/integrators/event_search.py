@@ -1,10 +1,10 @@
 """The search for events of a lane: what follows from a trial step.
 
 A trial step is made to the end of the planned step. If it has an event, trial steps from the same start
-end ever nearer to it: an extension of the method's own order, no interpolation. The last 1e-9 s to a stop
-are a Taylor step, exact to rounding: positions here, velocities when the accelerations there are known.
-Then contacts are resolved, and the motion goes on. Sides are 1 at the upper stop, -1 at the lower one, 0 at
-none.
+end ever nearer to it: an extension of the method's own order, no interpolation. The last 2e-8 of the planned
+step to a stop are a Taylor step, exact to rounding: positions here, velocities when the accelerations there
+are known. Then contacts are resolved, and the motion goes on. Sides are 1 at the upper stop, -1 at the lower
+one, 0 at none.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from redundant_envs.integrators.event_times import Candidate, Encounter, first_e
 from redundant_envs.integrators.sliders import ROUNDING, Slider, pick
 from redundant_envs.integrators.trial_steps import Bracket, Outcome, Phase, Search, Trial
 
-ARRIVAL_TIME = 1e-14
-"""Seconds from a stop at which another slider's event finds a slider there."""
+ARRIVAL_SHARE = 1e-13
+"""Of the planned step: a slider that comes to its stop so soon after another one's event is there."""
 
 
 class Decision(NamedTuple):
@@ -248,23 +248,26 @@ def search_begun(
     )
 
 
-def position_at_event(s: Slider, position: Any, is_sought: Any, stop: Any) -> Any:
+def position_at_event(s: Slider, position: Any, is_sought: Any, stop: Any, left: Any) -> Any:
     """Where a free slider is at an event, m: at ``position``, or at its stop exactly.
 
-    It is at its stop if its event was looked for, if it comes there in no time, or if it is beyond.
+    It is at its stop if its event was looked for, if it comes there in no part to speak of the planned step,
+    of which ``left`` seconds are left, or if it is beyond.
     """
-    near = s.closeness + ARRIVAL_TIME * abs(s.velocity)
+    near = s.closeness + ARRIVAL_SHARE * left * abs(s.velocity)
     up = (position > s.upper) | ((position >= s.upper - near) & (s.velocity > 0.0))
     down = (position < s.lower) | ((position <= s.lower + near) & (-s.velocity > 0.0))
     return where(is_sought, stop, where(up, s.upper, where(down, s.lower, position)))
 
 
-def positions_after(sliders: Sequence[Slider], sought: Sought, at_event: Any, slide: Any) -> list[Any]:
+def positions_after(
+    trial: Trial, sliders: Sequence[Slider], sought: Sought, at_event: Any, slide: Any
+) -> list[Any]:
     """Positions of the sliders after a trial step, and the Taylor step behind it."""
     positions = []
     for s, is_sought in zip(sliders, sought.chosen, strict=True):
         moved = s.position + slide * s.velocity
-        there = moved if s.passes else position_at_event(s, moved, is_sought, sought.stop)
+        there = moved if s.passes else position_at_event(s, moved, is_sought, sought.stop, trial.left)
         positions.append(where(at_event & s.free, there, moved))
     return positions
 
@@ -304,7 +307,7 @@ def after_trial(
         phase=next_phase(trial, decision, for_turn),
         h=next_length(trial, decision, sought, aims, guesses),
         search=search_begun(trial, goes_on, decision, for_turn, aims, candidates),
-        positions=positions_after(sliders, sought, decision.at_event, slide), slide=slide,
+        positions=positions_after(trial, sliders, sought, decision.at_event, slide), slide=slide,
         cleared=[
             e.cleared | (decision.past_turn & is_sought)
             for e, is_sought in zip(encounters, sought.chosen, strict=True)

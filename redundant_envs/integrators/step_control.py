@@ -108,7 +108,8 @@ class Ending(NamedTuple):
 # errors that grow a hundred thousand times would pass; from 1024 on always: such a motion may be chaotic.
 # Two sliders between their stops may double an error with each impact: from 4 impacts on errors that grow a
 # hundred times must pass, and from 8 on it is checked always, as where a force has had a kink or the tip has
-# come to another distance from a joint.
+# come to another distance from a joint. Where impacts follow each other faster than steps both motions have
+# the same pieces between them, and agree whatever their error is: behind a kink that does not count.
 
 MOST_DOUBLINGS = 14
 MOST_STEPS = 2.0**MOST_DOUBLINGS
@@ -118,11 +119,17 @@ SOME_IMPACTS, GROWTH_BY_SOME = 4.0, 100.0
 CHECKED_IMPACTS = 8.0
 MANY_IMPACTS, MOST_STEPS_OF_MANY = 32.0, 256.0
 """With more steps as many impacts multiply no more than rounding."""
+STEPS_PER_IMPACT = 8.0
+"""With fewer steps a comparison of a kinked interval with half as many does not count."""
+KINKED_GROWTH, KINKED_SHARE = 16.0, 0.25
+"""Of a kinked interval so many times its error must pass, and no more of the tolerance be the change to
+half as many steps: across a kink both are by chance much smaller than the error now and then. With 8 impacts
+an error is so small that ``GROWTH`` times it passes."""
 TOO_FAST = 1.1
 """A link may have become faster by a tenth than the number of steps was chosen for."""
 FARTHER, FAR = 4.0, 0.4
 """Times as far from a joint as it was, from where on the tip feels more than is left of its estimate; and a
-way of sliders, in units of that distance, that may lead past the joint, where all is fast."""
+way of sliders in a step, in units of that distance, that may lead past the joint, where all is fast."""
 DOUBTFUL = 0.1
 """Of the tolerance, from which what a state of an effect is off may be too much."""
 NEVER_SEEN = 1e300
@@ -160,7 +167,7 @@ class Crossed(NamedTuple):
     least : steps that the present rates need
     change : by how much the tip comes out otherwise than the time before, m
     impacts : so far
-    doubtful : whether the error may be more than its estimate
+    doubtful, kinked : whether the error may be more than its estimate; whether a force has had a kink
     """
 
     ended: Any
@@ -171,6 +178,7 @@ class Crossed(NamedTuple):
     change: Any
     impacts: Any
     doubtful: Any = False
+    kinked: Any = False
 
 
 def end_doubling(c: Crossed, error: Any, tip_tolerance: Any, min_steps: Any, interval: Any) -> Ending:
@@ -183,13 +191,17 @@ def end_doubling(c: Crossed, error: Any, tip_tolerance: Any, min_steps: Any, int
     last = logical_not(left > 0.0)
     grown = where(c.impacts < SOME_IMPACTS, 0.0, GROWTH_BY_SOME * error)
     grown = where(c.steps < CHECKED_STEPS, grown, GROWTH * error)
-    always = (c.impacts >= CHECKED_IMPACTS) | (c.steps >= CHECKED_ALWAYS) | c.doubtful
+    always = (c.impacts >= CHECKED_IMPACTS) | (c.steps >= CHECKED_ALWAYS) | c.doubtful | c.kinked
     grown = where(always, 2.0 * tip_tolerance, grown)
-    few = c.impacts < MANY_IMPACTS
-    same = (grown <= tip_tolerance) | (c.change <= tip_tolerance)
+    most = where(c.impacts < MANY_IMPACTS, MOST_STEPS, MOST_STEPS_OF_MANY)
+    growth = where(c.impacts < CHECKED_IMPACTS, KINKED_GROWTH, GROWTH)
+    sure = (growth * error <= tip_tolerance) & (c.change <= KINKED_SHARE * tip_tolerance)
+    sure = sure & (c.steps >= minimum(STEPS_PER_IMPACT * c.impacts, most))
+    alike = where(c.kinked, sure, c.change <= tip_tolerance)
+    same = (grown <= tip_tolerance) | alike
     min_steps = where(c.accepted, maximum(min_steps, c.least), min_steps)
     again = (c.ended & last & logical_not(same)) | ((min_steps > TOO_FAST * c.steps) & c.accepted)
-    unsure = (c.steps < where(few, MOST_STEPS, MOST_STEPS_OF_MANY)) & again
+    unsure = (c.steps < most) & again
     passed = (error <= tip_tolerance) & (min_steps <= MOST_STEPS) & same
     return Ending(last, interval / c.steps, logical_not(passed), left, unsure, min_steps)
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from redundant_envs.effects.attaching import check_switches
+from redundant_envs.effects.hook_numbers import check_numbers
 from redundant_envs.effects.hooks import Impact
 from redundant_envs.loaded_arm import carried_masses, check_inertias, identifier
 from redundant_envs.model.memory import Memory
@@ -161,7 +161,7 @@ def _check_effect(arm: Arm, effect: Any, values: Table) -> None:
             own = getattr(effect, f.name)
             fields[f.name] = own if not parts else tuple(parts) if isinstance(own, tuple) else parts[0]
         made = type(effect)(**fields)
-        check_switches(effect.key, made, made.hooks(arm))
+        check_numbers(effect.key, made, made.hooks(arm))
 
 
 def write(scene: Scene, memory: Memory, lanes: NDArray[np.intp], values: Table) -> None:

@@ -60,12 +60,13 @@ def travel(lower_field: str, lower: Any, upper_field: str, upper: Any) -> tuple[
     return low, high
 
 
-def numbers(field: str, values: Any, count: int) -> tuple[float, ...]:
-    """A tuple of ``count`` finite floats, or a ValueError that names the field."""
+def numbers(field: str, values: Any, count: int | None = None) -> tuple[float, ...]:
+    """A tuple of finite floats, ``count`` of them if that is given, or a ValueError that names the field."""
     plain = hasattr(values, "__len__") and hasattr(values, "__getitem__") and not isinstance(values, Mapping)
     if isinstance(values, (str, bytes)) or not plain or getattr(values, "ndim", 1) == 0:
-        raise ValueError(f"{field} is {shown(values)}; give a sequence of {count} numbers")
-    if len(values) != count:
+        many = "numbers" if count is None else f"{count} numbers"
+        raise ValueError(f"{field} is {shown(values)}; give a sequence of {many}")
+    if count is not None and len(values) != count:
         raise ValueError(f"{field} has {len(values)} entries; give {count}")
     return tuple(number(f"{field}[{i}]", v) for i, v in enumerate(values))
 
@@ -88,7 +89,7 @@ def not_negative(field: str, values: Any) -> float | tuple[float, ...]:
         if x < 0.0:
             raise ValueError(f"{field} is {x}; it must not be negative")
         return x
-    xs = numbers(field, values, len(values))
+    xs = numbers(field, values)
     for i, x in enumerate(xs):
         strength(f"{field}[{i}]", x)
         if x < 0.0:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from functools import reduce
 from typing import Any
 
-from redundant_envs.algebra import any_of, arguments_of, cases, logical_not, maximum, where
+from redundant_envs.algebra import any_of, cases, logical_not, maximum, where
 from redundant_envs.integrators import crossings, step_control
+from redundant_envs.integrators.methods import Step
 from redundant_envs.integrators.sliders import side_beyond
 from redundant_envs.simulator.at_stops import AtStops
+from redundant_envs.simulator.kinks import kinks_of
 from redundant_envs.simulator.lane import Lane
 from redundant_envs.simulator.setting import WATCHED, Plan, Reason
 from redundant_envs.simulator.step import (
@@ -16,8 +18,10 @@ from redundant_envs.simulator.step import (
     joint_quantities,
     lane_step,
     others_error,
+    pose_tells_distances,
     step_error,
     tip_norms,
+    watched_sliders,
 )
 
 
@@ -30,8 +34,8 @@ class CommonStep(AtStops):
         if not self.local:
             return
         lane.evaluations = lane.fault = 0.0
-        if self.doubts:
-            lane.doubt = False
+        for name in self.doubts:
+            lane[name] = False
         if self.stops:
             lane.impacts = 0.0
         if self.logs:
@@ -78,17 +82,44 @@ class CommonStep(AtStops):
             # The error of an adaptive step decides on that step, all others are summed up.
             lane.error = error if self.plan is Plan.ADAPTIVE else lane.error + error
         if self.doubts:
-            found = [(w.least < 0.0) & (w.most > 0.0) for w in step.watched[len(self.boundaries) :]]
-            if integrated_states(dynamics):
-                limit = step_control.DOUBTFUL * lane.tip_tolerance
-                found.append(others_error(dynamics, lane, step, h) > limit)
-            lane.doubt = lane.doubt | (any_of(found) if moving is None else any_of(found) & moving)
+            self._doubt(lane, step, h, moving)
         new = [*step.positions, *step.velocities, *step.others]
         if moving is not None:
             new = [where(moving, x, lane[s]) for s, x in zip(dynamics.states, new, strict=True)]
         lane.set(dynamics.states, new)
         for boundary, watched in zip(self.boundaries, step.watched, strict=False):
             lane.set(WATCHED, watched, of=f"{{}}_{boundary.name}")
+
+    def _doubt(self, lane: Lane, step: Step, h: Any, moving: Any) -> None:
+        """Note whether the error of a step may be more than its estimate."""
+        dynamics, sliders = self.dynamics, watched_sliders(self.dynamics)
+        kinks = len(kinks_of(dynamics))
+        watched = step.watched[len(self.boundaries) :]
+        crossed = [(w.least < 0.0) & (w.most > 0.0) for w in watched[:kinks]]
+        doubts = []
+        if integrated_states(dynamics):
+            limit = step_control.DOUBTFUL * lane.tip_tolerance
+            doubts.append(others_error(dynamics, lane, step, h) > limit)
+        if sliders:
+            ways = [h * maximum(w.most, -w.least) for w in watched[kinks:]]
+            far = sum(ways[1:], ways[0])
+            doubts += [far > step_control.FAR * distance for distance in self._distances(lane, "{}")]
+        if moving is not None and pose_tells_distances(dynamics):
+            doubts += self._farther(lane, "{}", "{}_start")
+        for name, found in (("kinked", crossed), ("doubtful", doubts)):
+            if found:
+                seen = any_of(found) if moving is None else any_of(found) & moving
+                lane[name] = lane[name] | seen
+
+    def _distances(self, lane: Lane, form: str) -> list[Any]:
+        """How far the tip is from each joint that turns, m, by the fields of a form."""
+        joints = zip(tip_norms(self.dynamics, lane, form), self.dynamics.arm.prismatic, strict=True)
+        return [norm for norm, slides in joints if not slides]
+
+    def _farther(self, lane: Lane, before: str, after: str) -> list[Any]:
+        """Whether the tip is many times as far from each joint that turns as it was."""
+        distances = zip(self._distances(lane, before), self._distances(lane, after), strict=True)
+        return [new > step_control.FARTHER * old for old, new in distances]
 
     def judge(self, lane: Lane) -> None:
         """After a common step: why a lane leaves it, if it does.
@@ -109,32 +140,29 @@ class CommonStep(AtStops):
             slow = self.least_steps(lane) <= step_control.TOO_FAST
             single = lane.min_steps == 0.0
             served = single & slow & (lane.error <= lane.tip_tolerance)
-            if self.doubts:
-                lane.doubt = lane.doubt & single
-            served = served & logical_not(self.doubtful(lane))
+            for name in self.doubts:
+                lane[name] = lane[name] & single
+            served = served & logical_not(self.kinked(lane) | self.doubtful(lane))
             reason = where(served, reason, Reason.ACCURACY)
             lane.evaluations = where(single, lane.evaluations + stages, lane.evaluations)
             lane.error = where(single, lane.error, 0.0)
         self._leave(lane, reason)
 
-    def doubtful(self, lane: Lane) -> Any:
-        """Whether the error of an interval may be more than its estimate.
+    def kinked(self, lane: Lane) -> Any:
+        """Whether a step of an interval has met a kink, which no estimate sees well."""
+        return lane.kinked if "kinked" in self.doubts else False
 
-        A step may have found so, or the tip has come near a joint, past it or away from it, where an error
-        of an angle is another one.
+    def doubtful(self, lane: Lane) -> Any:
+        """Whether the error of an interval may be more than its estimate, though the motion is smooth.
+
+        A step may have found so, or the tip is so far from a joint now that an error of its angle, made
+        when it was near, is another one.
         """
-        arm, doubts = self.dynamics.arm, [lane.doubt if self.doubts else False]
-        if set(arguments_of(arm.column_norms)) <= {*arm.parameter_values()}:  # no pose changes a distance
-            return doubts[0]
-        joints = list(zip(arm.coordinates, arm.prismatic, strict=True))
-        slid = [abs(lane[q] - lane[f"{q}_start"]) for q, slides in joints if slides]
-        starts, ends = (tip_norms(self.dynamics, lane, form) for form in ("{}_start", "{}"))
-        for start, end, (_, slides) in zip(starts, ends, joints, strict=True):
-            if not slides:
-                doubts.append(end > step_control.FARTHER * start)
-                if slid:
-                    doubts.append(sum(slid[1:], slid[0]) > step_control.FAR * start)
-        return any_of(doubts)
+        if "doubtful" not in self.doubts:
+            return False
+        if not pose_tells_distances(self.dynamics):
+            return lane.doubtful
+        return lane.doubtful | any_of(self._farther(lane, "{}_start", "{}"))
 
     def refuse(self, lane: Lane) -> None:
         """Instead of a common step: no lane is served by it."""

@@ -58,10 +58,8 @@ class Interval(LocalSteps):
             yield Field(name, "", doc, SCRATCH, truth=True)
         for q in dynamics.arm.coordinates:
             yield Field(f"{q}_seen", "", f"{q} at the end of the interval the time before", SCRATCH)
-        if self.doubts:
-            yield Field(
-                "doubt", "", "a step of the interval makes its estimate doubtful", SCRATCH, truth=True
-            )
+        for name, doc in self.doubts.items():
+            yield Field(name, "", doc, SCRATCH, truth=True)
         if self.boundaries:
             yield from self._fields_of_events()
         if self.stops:

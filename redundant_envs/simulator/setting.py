@@ -15,7 +15,7 @@ from redundant_envs.simulator.boundaries import Stop, Switch
 from redundant_envs.simulator.dynamics import Dynamics
 from redundant_envs.simulator.kinks import kinks_of
 from redundant_envs.simulator.lane import Lane
-from redundant_envs.simulator.step import active_stop, integrated_states
+from redundant_envs.simulator.step import active_stop, integrated_states, pose_tells_distances
 
 
 class Fault(enum.IntFlag):
@@ -95,11 +95,16 @@ class Setting:
         return (*self.stops, *self.switches)
 
     @cached_property
-    def doubts(self) -> bool:
-        """Whether something in a step may make its estimate doubtful."""
-        return self.plan is Plan.DOUBLING and bool(
-            kinks_of(self.dynamics) or integrated_states(self.dynamics)
-        )
+    def doubts(self) -> dict[str, str]:
+        """Fields that tell why the error of an interval may be more than its estimate, and their docs."""
+        if self.plan is not Plan.DOUBLING:
+            return {}
+        found, dynamics = {}, self.dynamics
+        if kinks_of(dynamics):
+            found["kinked"] = "a step of the interval has met a kink"
+        if integrated_states(dynamics) or pose_tells_distances(dynamics):
+            found["doubtful"] = "a step of the interval makes its estimate doubtful"
+        return found
 
     @property
     def local(self) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from redundant_envs.algebra import maximum, sqrt, where
+from redundant_envs.algebra import arguments_of, maximum, sqrt, where
 from redundant_envs.integrators import step_control
 from redundant_envs.integrators.methods import Step, explicit_step
 from redundant_envs.quantities import Quantities
@@ -55,15 +55,31 @@ def joint_acceleration(dynamics: Dynamics, x: Quantities, joint: int) -> Any:
     return sum(parts[1:], parts[0])
 
 
+def pose_tells_distances(dynamics: Dynamics) -> bool:
+    """Whether the pose tells how far the tip is from its joints."""
+    arm = dynamics.arm
+    return not set(arguments_of(arm.column_norms)) <= {*arm.parameter_values()}
+
+
+def watched_sliders(dynamics: Dynamics) -> tuple[int, ...]:
+    """Sliders that may carry the tip past a joint and back within a step; where estimates decide."""
+    if dynamics.scene.tolerance is None or not dynamics.located or not pose_tells_distances(dynamics):
+        return ()
+    return tuple(dynamics.arm.sliders())
+
+
 SMALLEST_STATE = 1e-300
 """No error is divided by less."""
 
 
 def lane_step(dynamics: Dynamics, lane: Lane, h: Any, held: bool = False) -> Step:
-    """A step of length ``h``; of sliders that may rest (``held``) accelerations or pulls are watched, of
-    joints whose forces change their laws accelerations."""
+    """A step of length ``h``.
+
+    It watches, in this order: of sliders that may rest (``held``) accelerations or pulls, of joints whose
+    forces change their laws accelerations, what changes its sign at kinks, speeds of :func:`watched_sliders`.
+    """
     numbers = known_numbers(dynamics, lane, held)
-    width = len(dynamics.states)
+    count, width = dynamics.count, len(dynamics.states)
 
     def derivatives(*values: Any) -> list[Any]:
         given = dict(zip(numbers, values[width:], strict=True))
@@ -79,10 +95,11 @@ def lane_step(dynamics: Dynamics, lane: Lane, h: Any, held: bool = False) -> Ste
         for switch in dynamics.switches:
             results.append(joint_acceleration(dynamics, x, switch.joint))
         results += [kink_value(dynamics, effect, hook, x) for effect, hook in kinks]
-        return results
+        return [*results, *(values[count + k] for k in sliders)]
 
     stops, kinks = dynamics.stops if held else (), kinks_of(dynamics)
-    count, more = dynamics.count, len(stops) + len(dynamics.switches) + len(kinks)
+    sliders = watched_sliders(dynamics)
+    more = len(stops) + len(dynamics.switches) + len(kinks) + len(sliders)
     right_hand_side: Any = derivatives
     if dynamics.method.stages > MOST_INLINED:
         right_hand_side = Subroutine(

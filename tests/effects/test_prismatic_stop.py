@@ -148,3 +148,27 @@ def test_a_scene_without_stops_has_no_trace_of_them():
     for word in ("prismatic_stop", "active_stop", "touching", "impacts", "released_r1", "contacts.py"):
         assert word in with_stops, word
         assert word not in without, word
+
+
+UNITS = {"tolerance": {"tolerance": 1e-9}, "rk4": {"integrator": "rk4", "substeps": 3}}
+
+
+@pytest.mark.parametrize("how", UNITS.values(), ids=UNITS)
+@pytest.mark.parametrize("doublings", [-24, -6, 10])
+def test_the_unit_of_time_changes_no_bit_of_a_motion_with_impacts(how, doublings):
+    """Found by fuzzing: a nanosecond was no time, so fast sliders missed tolerances in short intervals."""
+    arm, stop = rde.RPRP((0.33, 0.25, 0.28, 0.33), (0.14, 0.14)), ((0.0, 0.0), (0.02, 0.02), 0.9)
+    rng, n = np.random.default_rng(0), 512
+    q = rng.uniform((-3.0, 0.0, -3.0, 0.0), (3.0, 0.02, 3.0, 0.02), (n, 4))
+    qd, efforts = rng.normal(0.0, (5.0, 0.5, 5.0, 0.5), (n, 4)), rng.normal(0.0, 1.0, (n, 4))
+    found = []
+    for unit in (1.0, 2.0**doublings):
+        scene = rde.Scene(arm, (e.PrismaticStop(*stop),), control_dt=0.02 * unit, **how)
+        batch = rde.BatchSimulator(scene, n)
+        batch.set_state(q, qd / unit)
+        status = batch.advance(efforts / unit**2)
+        assert not status.numerics.any()
+        assert status.events.sum() > 400
+        found.append((batch.q, batch.qd * unit, status.evaluations))
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_array_equal(one, other)

@@ -228,7 +228,7 @@ def test_an_arm_that_a_bounce_taken_away_has_moved_is_looked_at_again():
 def test_a_slider_a_rounding_error_beyond_its_stop_is_put_on_it():
     def placed(position, velocity, lower, upper):
         s = Slider(position, velocity, 0.1, 0.0, None, 0.0, lower, upper)
-        return position_at_event(s, position, False, 5.0)
+        return position_at_event(s, position, False, 5.0, 0.02)
 
     for lower, upper, position, at in ((0.0, 9.0, -7.8e-32, 0.0), (-9.0, 0.25, 0.25 + 6e-17, 0.25)):
         for velocity in (-1.0, 0.0, 1.0):

@@ -17,6 +17,7 @@ from redundant_envs.tasks.limits import hard_stops
 from .cases import Array, Case, numbers, with_lanes, without_calls
 from .playing import Lanes, Make, Player, Step, play
 from .references import (
+    AGREEMENT,
     astuple,
     energies,
     fine_interval,
@@ -241,6 +242,11 @@ def tolerance_and_energies(played: Played) -> list[Violation]:
         played.tally.books += int(agreed.sum())
         if promised:
             for lane in np.flatnonzero(agreed & ~(error <= LIMIT * tolerance)):
+                # An impact within the first step of both references leaves them the same piece before it.
+                finest, _ = fine_interval(scene, step, lanes[[lane]], MANY_STEPS)
+                apart = tips(scene, finest)[0] - tips(scene, of_lanes(judgement.finer, np.array([lane])))[0]
+                if not np.linalg.norm(apart) <= AGREEMENT * tolerance:
+                    continue
                 text = f"the tip is off by {error[lane]:.3g} m, the tolerance is {tolerance:.3g} m"
                 found.append(Violation("tolerance_is_kept_or_flagged", k, int(lanes[lane]), text))
         # Rounding grows with the number of steps: a wrong book is wrong in all three.

@@ -113,3 +113,34 @@ def test_dop853_is_as_exact_in_states_of_effects_as_in_those_of_the_arm(frequenc
     assert np.abs(whole - parts).max() < 1e-13
     assert np.abs(one.z - many.z).max() < 1e-11
     assert np.abs(one.z[:, 0] - np.cos(frequency * 0.02)).max() < 1e-11
+
+
+def test_the_tolerance_is_kept_where_a_slider_passes_its_joint_and_comes_back():
+    """At both ends of the interval the tip is as far from the joint: what is between counts."""
+    arm = RRP((0.17458207407198942, 0.96883401194883, 0.033635628514555316),
+              (0.1534190470476053, 0.06345987733339789))  # fmt: skip
+    spring = e.CentringSpring((5916.6624179483815,), (0.11172535639770957,), (0.16002826070780318,))
+    effects = (e.Gravity(), e.ViscousFriction(0.00019755181738823475), spring)
+    scene = Scene(arm, effects, control_dt=0.0110276427051471, tolerance=7.947259530269735e-07)
+    rng, n = np.random.default_rng(0), 4096
+    q = np.array([1.3741349984588065, 3.1343344679034546, 0.5582750331077432])
+    qd = np.array([-0.05649946227043408, -0.04607349791182671, 0.008522179523915818])
+    near = [x * (1.0 + 1e-3 * rng.normal(size=(n, 3))) for x in (q, qd)]
+    assert errors(scene, *near, np.zeros((n, 3))).max() < 1.0
+
+
+@pytest.mark.parametrize("spread", [1e-3, 1e-2])
+def test_the_tolerance_is_kept_where_two_crossings_of_a_kink_agree_by_chance(spread):
+    """A damper lets go: errors fall without an order, and half as many steps may be off by as much."""
+    arm = RelativeTwoR((0.2877582004947934, 0.27412493497498464), (0.5225023171915011, 0.40423495478205906))
+    springs = (
+        e.LimitSpring("joint2", 1.6677380669680708, 2.5007767978678666, 491.8020485308242),
+        e.LimitSpring(
+            "joint1", 1.9559547329313642, 1.9633663406988737, 3.402236730118462, 0.8584483478473789
+        ),
+    )
+    scene = Scene(arm, springs, control_dt=0.034401601784714575, tolerance=2.2403219812144063e-07)
+    rng, n = np.random.default_rng(0), 4096
+    q, qd = [2.3099537647786073, 3.265057145762925], [0.6403974533203557, -0.5538505552234767]
+    near = [np.array(x) * (1.0 + spread * rng.normal(size=(n, 2))) for x in (q, qd)]
+    assert errors(scene, *near, np.zeros((n, 2))).max() < 1.0
