@@ -197,6 +197,18 @@ def _threads(self, actions, right=ArmVectorEnv.step):
     return obs, reward + 1e-9 * (self.core.threads > 1), *rest
 
 
+def _late_nan(self, actions, right=ArmVectorEnv.step):
+    """Beyond what short episodes see."""
+    obs, reward, terminated, truncated, infos = right(self, actions)
+    return obs, np.where(infos["episode_steps"] == 40, np.nan, reward), terminated, truncated, infos
+
+
+def _late_observation(self, actions, right=ArmVectorEnv.step):
+    obs, reward, terminated, truncated, infos = right(self, actions)
+    obs = np.where(infos["episode_steps"][:, None] == 40, np.float32(1.001), obs)
+    return obs, reward, terminated, truncated, infos
+
+
 def _set_state(self, state, right=Core.set_state):
     return right(self, {**state, "generators": copy.deepcopy(self.generators)})
 
@@ -204,6 +216,8 @@ def _set_state(self, state, right=Core.set_state):
 BROKEN = {
     "rewards of a vector": (ArmVectorEnv, "step", _vector_step, "environment: rules of vectors"),
     "reward of a single environment": (ArmEnv, "step", _step, "environment: single and vector"),
+    "rewards without a number": (ArmVectorEnv, "step", _late_nan, "environment: ranges"),
+    "observations outside their space": (ArmVectorEnv, "step", _late_observation, "environment: ranges"),
     "a state without its generators": (Core, "set_state", _set_state, "environment: states"),
     "a copy that is the original": (
         ArmVectorEnv, "__deepcopy__", lambda self, memo: self, "environment: copies",

@@ -8,19 +8,21 @@ import pytest
 
 import redundant_envs as rde
 from redundant_envs.__main__ import main
-from redundant_envs.algebra import maximum, physics
+from redundant_envs.algebra import maximum, minimum, physics, where
 from redundant_envs.effects import (
     REGISTRY,
     CentringSpring,
     Gravity,
     LimitSpring,
+    PrismaticStop,
     centring_spring,
     limit_spring,
 )
 from redundant_envs.effects.hooks import Effect, Force, State
 from redundant_envs.scene import scene_names
-from redundant_envs.studies.verify import Mode, verify
-from redundant_envs.studies.verify.accuracy import order
+from redundant_envs.studies.verify import Mode, impacts, verify
+from redundant_envs.studies.verify.accuracy import flagged, order
+from redundant_envs.studies.verify.checks import Verdict, checks_of
 from redundant_envs.studies.verify.conservation import energy_book
 from redundant_envs.studies.verify.forces import forces_at_switches, potentials
 
@@ -51,6 +53,11 @@ def wrong_sign(x, k):
 @physics
 def wrong_factor(x, k):
     return k * x**2
+
+
+@physics
+def clamped(x, k):
+    return 0.5 * k * minimum(x * x, 16.0)
 
 
 @physics
@@ -98,6 +105,7 @@ RIGHT = {
 WRONG = {
     "sign": ((Force(1, force, X, potential=wrong_sign),), "joint2"),
     "factor": ((Force(1, force, X, potential=wrong_factor),), "joint2"),
+    "beyond a turn": ((Force(1, force, X, potential=clamped),), "joint2"),
     "small factor": ((Force(1, force, X, potential=slightly_wrong),), "joint2"),
     "joint": ((Force(2, force, X, potential=energy),), r"joint[23]"),
     "damper that is not counted": (
@@ -132,6 +140,31 @@ def test_a_wrong_potential_is_red(hooks, joint):
     result = energies(rde.Scene(FOUR_R, (effect_with(hooks)(),)))
     assert not result.good
     assert re.search(f"own: at {joint} the conservative force is", result.misses[0])
+
+
+@physics
+def by_sign(rate, k):
+    return where(rate > 0.0, -k, where(rate < 0.0, k, 0.0))
+
+
+def test_intervals_that_are_flagged_are_told():
+    """Friction that jumps where a joint turns: a tolerance is reached by no number of steps."""
+    hooks = tuple(Force(k, by_sign, {"rate": f"phid{k + 1}", "k": ".k"}) for k in range(4))
+    effects = (Gravity(), effect_with(hooks)())
+    outcome = verify(rde.Scene(FOUR_R, effects, tolerance=1e-6), STATES, checks=(flagged,)).outcomes[0]
+    assert outcome.finding.found > 0.5
+    assert outcome.verdict is Verdict.MISSED
+    assert "% of the intervals end with a flag (TOLERANCE_NOT_REACHED)" in outcome.finding.words
+    assert verify(rde.Scene(FOUR_R, (Gravity(),), tolerance=1e-6), STATES, checks=(flagged,)).good
+
+
+def test_stops_without_an_end_are_no_fault():
+    open_ended = PrismaticStop((None, None), (None, None))
+    result = verify(
+        rde.Scene(RPRP, (Gravity(), open_ended), tolerance=1e-6), STATES, checks=checks_of(impacts)
+    )
+    assert result.good
+    assert {o.finding.words for o in result.outcomes} == {"no stop has an end"}
 
 
 def test_a_book_that_does_not_close_is_red(monkeypatch):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from redundant_envs.effects import Gravity
 from redundant_envs.integrators.tableaus import METHODS
-from redundant_envs.model.batch import BatchSimulator
+from redundant_envs.model.batch import BatchSimulator, Numerics
 from redundant_envs.scene import Scene
 from redundant_envs.studies.verify.checks import (
     ENOUGH_SMOOTH,
@@ -101,6 +101,23 @@ def own_energy(trial: Trial) -> Finding:
     gap = np.abs(energy_changes(trial.scene, q, qd, own.q, own.qd, own.work)[0])
     gap = np.where(np.isnan(gap), np.inf, gap)
     return Finding(float(np.quantile(gap, 0.99)), f"median {np.median(gap):.1e}, max {gap.max():.1e}")
+
+
+FLAGGED = at_most(0.05, "of the states")
+"""Intervals end with a flag where a state is wild. Of the scenes of the package none does."""
+
+
+@check("intervals without a flag", FLAGGED, Mode.QUICK)
+def flagged(trial: Trial) -> Finding:
+    """The share of the states whose control interval ends with a flag, at the scene's own step."""
+    numerics = trial.shared(own_interval).numerics
+    names = ", ".join(str(f.name) for f in Numerics(int(np.bitwise_or.reduce(numerics))))
+    share = float(np.mean(numerics != 0))
+    words = (
+        f"{100 * share:.2g} % of the intervals end with a flag ({names}): docs/trouble.md says what each "
+        "means; where a force jumps, or its stiffness does, say so by Force(switch=..., kink=...)"
+    )
+    return Finding(share, names, words)
 
 
 @check("tolerance kept", at_most(MISSED, "of the states"), Mode.QUICK)

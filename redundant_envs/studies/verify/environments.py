@@ -21,6 +21,8 @@ from redundant_envs.studies.verify.checks import (
 )
 
 LANES, STEPS, SHORT_EPISODE = 9, 12, 5
+MANY, WHOLE = 64, 200
+"""Lanes and steps in which actions do their worst."""
 RULES = Promise(0.0, "rules broken", "at most")
 
 
@@ -68,6 +70,26 @@ def rules(trial: Trial) -> Finding:
             broken.append(f"{mode}: {error}")
         env.close()
     return Finding(len(broken), "", "; ".join(broken))
+
+
+@check("environment: ranges", Promise(0.0, "steps", "at most"), Mode.QUICK)
+def ranges(trial: Trial) -> Finding:
+    """Under the largest actions observations stay in their space, and rewards are numbers."""
+    env: Any = gym.make_vec(str(trial.subject.env_id), num_envs=MANY, **_arguments(trial))
+    shape = (MANY, *env.single_action_space.shape)
+    actions = np.random.default_rng(trial.seed).choice([-1.0, 1.0], shape).astype(np.float32)
+    space, outside, without = env.observation_space, 0, 0
+    outside += not space.contains(env.reset(seed=trial.seed)[0])
+    for _ in range(WHOLE):
+        observation, reward = env.step(actions)[:2]
+        outside += not space.contains(observation)
+        without += not np.isfinite(reward).all()
+    env.close()
+    words = (
+        f"of {WHOLE} steps of {MANY} lanes {outside} have observations outside their space and {without} "
+        "rewards that are no numbers; the task's functions must give -1 to 1, and finite rewards, always"
+    )
+    return Finding(outside + without, "", words)
 
 
 @check("environment: single and vector", EQUAL_BITS, Mode.QUICK)

@@ -63,6 +63,8 @@ def stops(trial: Trial) -> list[tuple[int, float, float, float]]:
                 found.append((hook.joint, *numbers))
     if not found:
         raise NotApplicable("the scene has no hard stops")
+    if not any(np.isfinite(x[1:3]).any() for x in found):
+        raise NotApplicable("no stop has an end")
     return found  # type: ignore[return-value]
 
 
@@ -104,8 +106,6 @@ def _finite(low: float, high: float) -> tuple[float, float]:
 
 
 def _judged(trial: Trial, s: Struck) -> Array:
-    if not any(np.isfinite(x[1:3]).any() for x in stops(trial)):
-        raise NotApplicable("no stop has an end")
     if np.mean(s.good) < ENOUGH_SMOOTH:
         raise ValueError(
             f"a slider that strikes its stop has an event in {np.mean(s.good):.0%} of the states"
