@@ -119,6 +119,11 @@ class Core(Copied):
         """Generators of the lanes: the next keys are the next words of each."""
         return self._episode_keys.generators
 
+    @property
+    def begun_all(self) -> bool:
+        """Whether every lane has had a reset."""
+        return None not in self._episode_keys.generators
+
     def seed(self, lane: int, seed: int | None) -> int:
         """Give a lane a new generator; returns the seed used."""
         self.waiting[lane] = False
@@ -294,7 +299,7 @@ class Core(Copied):
         check_keys("state", state, STATE_KEYS, "get_state")
         check_facts("state", state["simulator"], self._facts)
         dynamics = self.simulator.dynamics
-        finite = (*dynamics.states, *dynamics.remembered, *self.task.memory)
+        finite = (*dynamics.states, *dynamics.remembered, *self.task.memory, "steps")
         check_numbers("state", state, self.memory, self.task.parameters(), finite)
         for key, own in (("keys", self.keys), ("mask", self.mask), ("waiting", self.waiting)):
             check_array("state", key, state[key], own)

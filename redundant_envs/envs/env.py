@@ -150,7 +150,8 @@ class ArmEnv(LaneValue, gym.Env[Any, Any]):
         """Return to a snapshot; the continuation is the same to the last bit."""
         self.core.set_state(state)
         self._begin()
-        if self.core.memory.read(("terminated",)).any():
+        self._begun = self.core.begun_all
+        if not self._begun or self.core.memory.read(("terminated",)).any():
             self._operation = None
         generator = self.core.generators[0]
         if generator is not None:

@@ -167,8 +167,16 @@ class SB3VecEnv(LaneValues, VecEnv):
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Return to a snapshot; the continuation is the same to the last bit."""
+        self.core.check_state(state)
+        memory = self.core.memory.holding(state["states"], state["parameters"])
+        ended = np.flatnonzero(memory.read(("terminated",))[:, 0])
+        if len(ended):
+            raise ValueError(
+                f"state has environments whose episodes have ended, {ended.tolist()[:8]}; here they begin "
+                "anew at once: take a state of episodes that go on"
+            )
         self.core.set_state(state)
-        self._ready = True
+        self._ready = self.core.begun_all
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
         """One picture per environment."""

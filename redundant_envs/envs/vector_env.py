@@ -249,7 +249,7 @@ class ArmVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
             )
         self.core.set_state(of_core)
         self._ended = state["ended"].copy()
-        self._ready = True
+        self._ready = self.core.begun_all
 
     def render(self) -> tuple[NDArray[np.uint8], ...]:
         """One picture per environment, (height, width, 3) uint8."""

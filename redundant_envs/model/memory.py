@@ -162,6 +162,14 @@ class Memory:
         self.shared = len(blocks) == 1 and bool(self.blocks > 1 or alike)
         self.version += 1
 
+    def holding(self, states: Array, parameters: Array) -> Memory:
+        """A memory of as many lanes that holds other numbers of :meth:`save`, to be looked at."""
+        other = object.__new__(Memory)
+        own = {str(life): np.empty_like(self.arrays[str(life)]) for life in (STATE, LOG)}
+        other.__dict__.update({**self.__dict__, "arrays": {**self.arrays, **own}})
+        other.restore(states, parameters)
+        return other
+
 
 def _aligned_copy(array: Array) -> Array:
     own = aligned(*array.shape)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -89,8 +89,7 @@ def lane_values(
     if fresh:
         values = {p: np.full(len(lanes), v) for p, v in nominal.items()}
     else:
-        present = memory.read(tuple(memory.dynamics.field_of(p) for p in nominal), lanes)
-        values = {p: present[:, k] for k, p in enumerate(nominal)}
+        values = _present(scene, memory, lanes)
     changed: list[str] = []
     for name, value in given.items():
         names = names_of(scene, name)
@@ -100,6 +99,28 @@ def lane_values(
         changed += names
         if name in ("masses", "lengths"):
             _check_positive(name, columns)
+    _check_fitting(scene, values, changed)
+    return values
+
+
+def check_lanes(scene: Scene, memory: Memory, lanes: NDArray[np.intp]) -> None:
+    """ValueError unless the parameters of lanes are some that they could be given."""
+    values = _present(scene, memory, lanes)
+    for name in ("masses", "lengths"):
+        _check_positive(name, np.stack([values[p] for p in names_of(scene, name)], axis=1))
+    changed = [p for p, own in scene.parameters().items() if (values[p] != own).any()]
+    _check_fitting(scene, values, changed)
+
+
+def _present(scene: Scene, memory: Memory, lanes: NDArray[np.intp]) -> Table:
+    names = tuple(scene.parameters())
+    present = memory.read(tuple(memory.dynamics.field_of(p) for p in names), lanes)
+    return {p: present[:, k] for k, p in enumerate(names)}
+
+
+def _check_fitting(scene: Scene, values: Table, changed: Iterable[str]) -> None:
+    """ValueError unless numbers fit each other, of effects of which some are changed and of all masses."""
+    changed = list(changed)
     for effect in scene.effects:
         if any(p.startswith(f"{effect.key}.") for p in changed):
             _check_effect(scene.robot, effect, values)
@@ -107,7 +128,6 @@ def lane_values(
         total = sum((values[name] for name in loads), values[mass])
         _check_positive(f"{mass} with {', '.join(loads)}", total[:, None])
     check_inertias(scene.robot, scene.effects, values)
-    return values
 
 
 def check_stops(

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from redundant_envs.model import parameters
 from redundant_envs.model.memory import Memory
 from redundant_envs.model.programs import Simulator
 from redundant_envs.simulator.blocks import LANES
@@ -211,3 +212,11 @@ def check_numbers(
                     f"{name}['parameters'] has the {row} {there.flat[0]:.6g}, this one {here.flat[0]:.6g}: "
                     "it belongs to the scene and not to a state"
                 )
+    taken, scene = memory.holding(state["states"], given), memory.dynamics.scene
+    try:
+        if not np.array_equal(given, own["parameters"]):
+            parameters.check_lanes(scene, taken, taken.index)
+        q = taken.read(scene.robot.coordinates)
+        parameters.check_stops(scene, taken, taken.index, q, None)
+    except ValueError as error:
+        raise ValueError(f"{name} holds what no motion has: {error}") from None

@@ -334,7 +334,11 @@ def what_is_saved_continues(played: Played) -> list[Violation]:
         for call in calls[: k + 1]:
             first.play(call)
         second, third = Player(played.case, played.make), Player(played.case, played.make)
-        second.batch.restore(first.batch.save())
+        try:
+            second.batch.restore(first.batch.save())
+        except ValueError as error:
+            text = f"the snapshot taken after call {k} is refused: {error}"
+            return [Violation("what_is_saved_continues", k, -1, text)]
         second.saved = third.saved = first.saved
         third.batch = first.batch
         third._make({"call": "pickle"})

@@ -235,7 +235,11 @@ def what_is_saved_continues(played: PlayedEpisodes) -> list[Violation]:
             return []
         second, third = EpisodePlayer(case, played.make), EpisodePlayer(case, played.make)
         second.env.reset()  # wrappers insist on it
-        second.inner.set_state(first.inner.get_state())
+        try:
+            second.inner.set_state(first.inner.get_state())
+        except ValueError as error:
+            text = f"the state of call {k} is refused: {error}"
+            return [Violation("what_is_saved_continues", k, -1, text)]
         second._limit().update(first._limit())
         third.env = first.env
         third._make({"call": "pickle"})
