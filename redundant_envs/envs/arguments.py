@@ -139,7 +139,7 @@ def check_action(actions: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
         and actions.flags.carray
     ):
         array = np.asarray(actions)
-        if array.dtype == np.float64:  # a finite action must stay finite as float32
+        if array.dtype.kind == "f" and array.dtype.itemsize > 4:  # what is finite must stay so as float32
             array = np.where(np.isfinite(array), np.clip(array, -1e30, 1e30), array)
         if array.dtype.kind not in "fiu":
             raise ValueError(f"action has dtype {array.dtype}; give numbers")

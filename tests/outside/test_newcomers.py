@@ -58,7 +58,13 @@ def test_without_the_import_it_says_what_is_missing(folder):
     assert done.returncode == 2
     assert "type is 'QuadraticDrag'" in done.stderr
     assert "--import MODULE before the command" in done.stderr
+    (folder / "half.py").write_text("import missing_package\n", encoding="utf-8")
     for words, message in (
+        (
+            ("verify", "half:thing"),
+            "half:thing: half imports missing_package, which is not there",
+        ),
+        (("verify", "not_there:thing"), "give the name of a module that lies in this folder or is installed"),
         (("--import", "not_there", "list"), "--import is 'not_there': No module named 'not_there'; give"),
         (("--import",), "--import names no module; give --import MODULE before the command"),
     ):

@@ -248,6 +248,8 @@ def test_a_miss_exits_with_1_in_words_and_files(few, tmp_path, capsys):
     data = json.loads(found.read_text(encoding="utf-8"))
     assert data["good"] is False
     assert data["machine"]
+    outcomes = data["subjects"][0]["outcomes"]
+    assert {bool(o["words"]) for o in outcomes if o["verdict"] == "kept"} == {False}
     first = data["subjects"][0]["outcomes"][1]
     assert {k: first[k] for k in ("check", "verdict", "found", "bound", "relation", "unit", "where")} == {
         "check": "missed", "verdict": "MISSED", "found": 2.0, "bound": 1.0, "relation": "at most",

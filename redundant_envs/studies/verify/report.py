@@ -207,7 +207,7 @@ def as_json(reports: Iterable[tuple[str, Report]]) -> str:
             "check": o.check, "family": o.family, "verdict": o.verdict.value,
             **{k: v if math.isfinite(v) else None for k, v in numbers.items()},
             "relation": o.promise.relation, "unit": o.promise.unit, "where": o.finding.where,
-            "words": o.finding.words,
+            "words": "" if o.verdict is Verdict.KEPT else o.finding.words,
         }  # fmt: skip
 
     subjects = [{"subject": title, "outcomes": [plain(o) for o in r.outcomes]} for title, r in reports]

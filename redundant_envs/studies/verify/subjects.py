@@ -132,6 +132,10 @@ def _imported(word: str) -> Any:
     try:
         thing: Any = importlib.import_module(module)
     except ModuleNotFoundError as error:
+        if error.name is not None and not f"{module}.".startswith(f"{error.name}."):
+            raise ValueError(
+                f"{word}: {module} imports {error.name}, which is not there; install it"
+            ) from None
         raise ValueError(
             f"{word}: {error}; give the name of a module that lies in this folder or is installed"
         ) from None
