@@ -8,6 +8,7 @@ import pytest
 import redundant_envs as rde
 from redundant_envs.algebra import maximum, physics
 from redundant_envs.effects.hooks import Effect, Force
+from redundant_envs.integrators import step_control
 from redundant_envs.integrators.step_control import blended_error
 from redundant_envs.model.programs import batch_simulator
 from redundant_envs.quantities import Quantities
@@ -247,3 +248,41 @@ def test_an_estimate_that_overflows_does_not_pass():
     assert blended_error(0.0, 0.0) == 0.0
     assert blended_error(1e-200, 1e-200) == 0.0
     assert blended_error(3e-7, 4e-6) == pytest.approx(3e-7**2 / np.hypot(3e-7, 4e-7), rel=1e-12)
+
+
+# ---- when an interval is crossed, from numbers ---------------------------------------------------------
+
+
+def crossed_again(error, change=0.0, steps=64.0, impacts=0.0, **doubts):
+    """Whether an interval that has just been crossed is to be crossed again, for a tolerance of 1."""
+    c = step_control.Crossed(True, True, 1.0, steps, 0.0, change, impacts, **doubts)
+    return bool(step_control.end_doubling(c, error, 1.0, 0.0, 1.0).unsure)
+
+
+@pytest.mark.parametrize(
+    ("known", "again"),
+    [
+        ({"error": 0.9, "change": 9.0}, False),  # nothing makes the estimate doubtful
+        ({"error": 0.9, "change": 9.0, "doubtful": True}, True),
+        ({"error": 0.9, "change": 0.9, "doubtful": True}, False),
+        ({"error": 0.05, "change": 0.9, "kinked": True}, True),
+        ({"error": 0.05, "change": 0.2, "kinked": True}, False),
+        ({"error": 0.07, "change": 0.2, "kinked": True}, True),
+        ({"error": 1e-4, "change": 0.2, "impacts": 8.0, "kinked": True}, True),
+        ({"error": 1e-6, "change": 0.2, "impacts": 8.0, "kinked": True}, False),
+        ({"error": 1e-6, "change": 0.2, "impacts": 9.0, "kinked": True}, True),
+        ({"error": 1e-6, "change": 0.2, "impacts": 9.0, "steps": 128.0, "kinked": True}, False),
+        ({"error": 1e-6, "change": 0.9, "impacts": 9.0}, False),
+        ({"error": 1e-6, "change": 1.1, "impacts": 9.0}, True),
+        ({"error": 0.02, "change": 1.1, "impacts": 4.0}, True),
+        ({"error": 0.009, "change": 1.1, "impacts": 4.0}, False),
+    ],
+)
+def test_an_interval_has_to_come_out_the_same_where_its_estimate_is_doubtful(known, again):
+    assert crossed_again(**known) is again
+
+
+def test_many_impacts_behind_a_kink_end_with_a_flag():
+    c = step_control.Crossed(True, True, 1.0, 256.0, 0.0, 0.3, 63.0, kinked=True)
+    end = step_control.end_doubling(c, 1e-9, 1.0, 0.0, 1.0)
+    assert (bool(end.unsure), bool(end.flagged)) == (False, True)
