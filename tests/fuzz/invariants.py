@@ -44,8 +44,8 @@ CONVERGING = 0.5
 """A book that is still off, but by less than this share of what the coarser reference is, only converges."""
 MOST_TRIALS, MOST_MORE, MOST_ADAPTIVE = 65536, 18, 1_000_002
 """Steps of an interval, more of each substep, and the most of dop853 beside them."""
-MANY_STEPS = 40_000
-"""Of a control interval, of a book that is not closed yet."""
+MANY_STEPS, MOST_STEPS = 40_000, 400_000
+"""Of a control interval, where references may be wrong or a book is not closed yet."""
 STRUCTURES = ("save", "copy", "pickle", "npz")
 NON_FINITE, GIVEN_UP = int(rde.Numerics.NON_FINITE), int(rde.Numerics.EVENT_BUDGET)
 
@@ -257,8 +257,9 @@ def tolerance_and_energies(played: Played) -> list[Violation]:
             open_books |= agreed & (own > COARSE_ENERGY)
         for lane in np.flatnonzero(open_books):
             # What fast friction takes may want far more steps than where the tip comes to rest.
-            finest, _ = fine_interval(scene, step, lanes[[lane]], MANY_STEPS)
-            if drifts(scene, of_lanes(before, np.array([lane])), finest)[0] <= CONVERGING * fine[lane]:
+            here = of_lanes(before, np.array([lane]))
+            finest = (fine_interval(scene, step, lanes[[lane]], n)[0] for n in (MANY_STEPS, MOST_STEPS))
+            if any(drifts(scene, here, end)[0] <= CONVERGING * fine[lane] for end in finest):
                 continue
             text = (
                 f"kinetic + potential - work drifts by {own[lane]:.3g} of the energies exchanged, in the "
