@@ -38,7 +38,7 @@ mutation: $(VENV)/ready
 check: $(VENV)/ready
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
+	$(BIN)/mypy --num-workers 2
 	PATH="$(BIN):$$PATH" $(BIN)/lint-imports
 
 train: $(VENV)/ready

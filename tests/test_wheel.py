@@ -124,7 +124,7 @@ def test_a_wheel_trains_from_an_empty_folder(wheel, tmp_path):
     packages = Path(call(python, "-c", ask, folder=tmp_path).stdout.strip())
     (packages / "dependencies.pth").write_text("\n".join(p for p in sys.path if p.endswith("site-packages")))
     small = ["num_envs=64", "ppo.n_steps=16", "ppo.batch_size=512", "total_steps=2048"]
-    small += ["curve_episodes=10", "evaluation_episodes=10"]
+    small += ["curve_episodes=10", "evaluation_episodes=10", "env_kwargs.max_episode_steps=20"]
     train = program(home, "redundant-envs-train")
     done = call(train, "train", "rprp_reach_ppo", *small, "--out", "run", folder=empty)
     assert done.returncode == 0, done.stderr

@@ -20,7 +20,7 @@ from agents.training.train import train
 ROOT = Path(__file__).parents[2]
 SMALL = [
     "num_envs=32", "ppo.n_steps=16", "ppo.batch_size=256", "total_steps=1024", "curve_episodes=5",
-    "evaluation_episodes=10",
+    "evaluation_episodes=10", "env_kwargs.max_episode_steps=20",
 ]  # fmt: skip
 
 

@@ -23,6 +23,7 @@ SMALL = [
     "ppo.batch_size=512",
     "curve_episodes=10",
     "evaluation_episodes=20",
+    "env_kwargs.max_episode_steps=20",
 ]
 ENDLESS = ["total_steps=1000000000"]
 

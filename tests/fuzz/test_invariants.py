@@ -10,7 +10,7 @@ from redundant_envs.envs.core import Core
 from redundant_envs.envs.vector_env import ArmVectorEnv
 
 from . import invariants
-from .cases import plain
+from .cases import plain, with_lanes
 from .invariants import INVARIANTS, Played, Tally, violations
 from .invariants_episodes import EPISODE_INVARIANTS, episode_violations, of_lanes
 from .playing import Step, lanes_now
@@ -40,6 +40,8 @@ CASE = plain(
         ],
     }
 )
+ONE_INTERVAL = {**with_lanes(CASE, [0, 1]), "calls": with_lanes(CASE, [0, 1])["calls"][:2]}
+"""An energy book that does not close is asked for with 400 000 steps, which take a second for each."""
 EPISODES = plain(
     {
         "face": "vector",
@@ -148,13 +150,16 @@ class ForgetsADigit(rde.BatchSimulator):
         (HidesNumbersThatAreNone, "what_is_not_finite_is_flagged"),
         (PassesStops, "no_slider_is_beyond_its_stop"),
         (IsOff, "tolerance_is_kept_or_flagged"),
-        (BooksWorkTwice, "the_energy_book_closes"),
         (Leaks, "no_lane_depends_on_others"),
         (ForgetsADigit, "what_is_saved_continues"),
     ],
 )
 def test_a_fault_of_a_simulator_is_seen(make, name):
     assert name in broken(make)
+
+
+def test_work_that_is_booked_twice_is_seen():
+    assert "the_energy_book_closes" in broken(BooksWorkTwice, ONE_INTERVAL)
 
 
 def test_an_interval_that_takes_too_many_evaluations_is_seen():
@@ -173,7 +178,7 @@ def test_a_potential_that_is_not_its_forces_is_seen(monkeypatch):
         return kinetic, 1.01 * potential
 
     monkeypatch.setattr(invariants, "energies", wrong)
-    assert "the_energy_book_closes" in broken(rde.BatchSimulator)
+    assert "the_energy_book_closes" in broken(rde.BatchSimulator, ONE_INTERVAL)
 
 
 def test_a_lane_that_moved_in_an_interval_it_gave_up_is_seen():

@@ -105,15 +105,16 @@ def test_38_a_lane_does_not_know_its_neighbours(subject):
         whole = end(np.arange(count))
         order = np.random.default_rng(0).permutation(count)
         sound = np.setdiff1d(np.arange(count), (5, 40))
-        pairs = {
-            "threads": (end(np.arange(count), threads=3), whole),
-            "places": (end(order), whole[order]),
-            "neighbours that are NaN": (end(np.arange(count), broken=(5, 40))[sound], whole[sound]),
-            "sizes": (np.concatenate([end(np.array([i])) for i in (0, 7, 8, 332)]), whole[[0, 7, 8, 332]]),
-        }
-        for what, (one, other) in pairs.items():
-            changed = np.count_nonzero(one != other)
-            yield Figure(f"with {name} the count of numbers changed by other {what}", changed, at_most=0)
+
+        def figure(what, one, other, name=name):
+            label = f"with {name} the count of numbers changed by other {what}"
+            return Figure(label, np.count_nonzero(one != other), at_most=0)
+
+        some, all_lanes = [0, 7, 8, 332], np.arange(count)
+        yield figure("sizes", np.concatenate([end(np.array([i])) for i in some]), whole[some])
+        yield figure("threads", end(all_lanes, threads=3), whole)
+        yield figure("places", end(order), whole[order])
+        yield figure("neighbours that are NaN", end(all_lanes, broken=(5, 40))[sound], whole[sound])
 
 
 @hard_case(

@@ -45,9 +45,7 @@ STEPS = {"heun": {"integrator": "heun", "substeps": 3}, "rk8": {}, "1e-6": {"tol
 @pytest.mark.parametrize(
     ("name", "steps"),
     [
-        (name, steps)
-        if name in ADDED or (name, steps) == ("4R", "1e-6")
-        else pytest.param(name, steps, marks=pytest.mark.long)
+        (name, steps) if name in ADDED else pytest.param(name, steps, marks=pytest.mark.long)
         for name in ARMS
         for steps in STEPS
     ],

@@ -50,7 +50,9 @@ def motion(scene, change=lambda batch: None):
 
 
 @pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
-@pytest.mark.parametrize("name", ARMS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(x, marks=pytest.mark.long if x == "RPRP" else ()) for x in ARMS]
+)
 def test_a_load_moves_as_a_heavier_arm(name, steps):
     loaded, heavy = scenes(name, **steps)
     np.testing.assert_array_equal(motion(loaded), motion(heavy))

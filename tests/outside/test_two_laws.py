@@ -78,7 +78,7 @@ def test_equal_steps_have_the_law_of_the_place():
     np.testing.assert_allclose(moved.numpy(), found.q, rtol=0, atol=1e-13)
 
 
-@pytest.mark.parametrize("name", ["4R", "RPRP"])
+@pytest.mark.parametrize("name", [pytest.param("4R", marks=pytest.mark.long), "RPRP"])
 def test_verify_finds_it_right_and_a_wrong_potential_wrong(name):
     assert not verify(scene(name, tolerance=1e-6), 256, Mode.QUICK).misses
 
