@@ -185,6 +185,9 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
             raise ValueError(f"{name} {name_of(function)} must return {values}")
         fixed = name in ("stiffness", "damping")
         allowed = numbers if fixed else {*numbers, *arm.coordinates}
+        if name == "damping" and not at_point:
+            own_motion = {f"phi{_joint_of(hook) + 1}", f"phid{_joint_of(hook) + 1}"}
+            roots = {source: behind for source, behind in roots.items() if source not in own_motion}
         moving = _beyond(roots, allowed)
         if not moving:
             continue
@@ -193,10 +196,10 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
                 f"{name_of(function)} has a potential and depends on {moving}, so it is not all the "
                 "derivative of that; give conservative=, the part that is, as a function of its own"
             )
-        raise ValueError(
-            f"{name} {name_of(function)} depends on {moving}; it may depend on "
-            f"{'parameters' if fixed else 'the position'} alone"
-        )
+        what = "parameters" if fixed else "the position"
+        if name == "damping" and not at_point:
+            what = "parameters and the position and rate of its own joint"
+        raise ValueError(f"{name} {name_of(function)} depends on {moving}; it may depend on {what} alone")
 
 
 def _check_joint(joint: Any, arm: Arm) -> None:

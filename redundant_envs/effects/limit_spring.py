@@ -42,6 +42,12 @@ def hold(rate, stiffness, damping, side):
 
 
 @physics
+def damper(position, lower, upper, damping):
+    """Damping at a position, if the joint moves deeper."""
+    return damping * abs(position - clamp(position, lower, upper))
+
+
+@physics
 def steepness(stiffness):
     return stiffness
 
@@ -104,6 +110,6 @@ class LimitSpring(Effect):
         return (
             Force(
                 k, force, bind, potential=spring_energy, conservative=spring, stiffness=steepness,
-                switch=(".lower", ".upper"), kink=hold,
+                damping=damper, switch=(".lower", ".upper"), kink=hold,
             ),
         )  # fmt: skip

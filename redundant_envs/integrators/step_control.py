@@ -43,6 +43,14 @@ def steps_of_damper(damping: Any, mobility: Any) -> Any:
     return 0.5 * damping * mobility
 
 
+def steps_towards_damper(here: Any, there: Any, mobility: Any, interval: Any) -> Any:
+    """Steps per second that follow a decay whose damping changes from what it is ``here`` to what it would be
+    ``there``, where the present rate brings the joint in the interval: one of the time constants at the end
+    of a step. With two of them one of a million intervals was off by more than a tolerance."""
+    here, there = 2.0 * steps_of_damper(here, mobility), 2.0 * steps_of_damper(there, mobility)
+    return maximum(here, sqrt(maximum(here, 1.0 / interval) * there))
+
+
 def steps_of_state(rate: Any) -> Any:
     """Steps per second that follow a state of an effect: two of its time constants in each."""
     return 0.5 * rate

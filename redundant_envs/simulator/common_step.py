@@ -9,6 +9,7 @@ from redundant_envs.algebra import any_of, cases, logical_not, maximum, where
 from redundant_envs.integrators import crossings, step_control
 from redundant_envs.integrators.methods import Step
 from redundant_envs.integrators.sliders import side_beyond
+from redundant_envs.simulator import stiffness
 from redundant_envs.simulator.at_stops import AtStops
 from redundant_envs.simulator.kinks import kinks_of
 from redundant_envs.simulator.lane import Lane
@@ -65,7 +66,12 @@ class CommonStep(AtStops):
         """How many steps the present rates and all springs and dampers need."""
         arm = self.dynamics.arm
         turning = [abs(lane[v]) for v, slides in zip(arm.rates, arm.prismatic, strict=True) if not slides]
-        steady = lane.steady if "steady" in self.dynamics.prepared else 0.0
+        rates = [lane.steady] if "steady" in self.dynamics.prepared else []
+        if stiffness.dampers(self.dynamics):
+            rates += stiffness.rates_of_motion(
+                self.dynamics, lane, joint_quantities(self.dynamics, lane, "{}")
+            )
+        steady = reduce(maximum, rates) if rates else 0.0
         fastest = reduce(maximum, turning) if turning else 0.0
         return step_control.least_steps(fastest, steady, lane.interval)
 

@@ -19,13 +19,13 @@ from redundant_envs.effects.hooks import (
     Point,
     State,
 )
-from redundant_envs.integrators import step_control
 from redundant_envs.integrators.sliders import side_beyond
 from redundant_envs.integrators.tableaus import METHODS, Tableau
 from redundant_envs.loaded_arm import added_inertias, carried_masses, identifier
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots.added_inertia import Added, functions_with, held_functions
 from redundant_envs.scene import Scene
+from redundant_envs.simulator import stiffness
 from redundant_envs.simulator.boundaries import Stop, Switch
 from redundant_envs.tracing.graph import owned
 
@@ -167,8 +167,11 @@ class Dynamics:
                 *self.carried,
             }:
                 made["ax"], made["ay"] = self.apply(effect, hook, hook.function, x)
-        rates = self._rates_of_steps(x) if self.controlled else []
-        return {**made, "steady": reduce(maximum, rates)} if rates else made
+        if not self.controlled:
+            return made
+        rates = stiffness.rates_of_parameters(self, x)
+        made |= {"steady": reduce(maximum, rates)} if rates else {}
+        return made | stiffness.mobilities(self, x)
 
     @cached_property
     def prepared(self) -> tuple[str, ...]:
@@ -179,36 +182,6 @@ class Dynamics:
     def controlled(self) -> bool:
         """Whether steps are chosen for their error."""
         return self.scene.tolerance is not None or self.scene.integrator == "dop853"
-
-    def _rates_of_steps(self, x: Quantities) -> list[Any]:
-        """Steps per second that each spring and damper needs at least."""
-        rates = []
-        for effect, hook in self.hooks:
-            for state in hook.states if isinstance(hook, Force | Actuation) else ():
-                if state.rate is not None:
-                    rates.append(step_control.steps_of_state(self.apply(effect, state, state.rate, x)))
-            if not isinstance(hook, Force):
-                continue
-            for function, rule in (
-                (hook.stiffness, step_control.steps_of_spring),
-                (hook.damping, step_control.steps_of_damper),
-            ):
-                if function is not None:
-                    mobility = self._most_mobility(effect, hook, x)
-                    rates.append(rule(self.apply(effect, hook, function, x), mobility))
-        return rates
-
-    def _most_mobility(self, effect: Effect, hook: Force, x: Quantities) -> Any:
-        """The most that a unit force can accelerate where it acts, in any pose."""
-        if isinstance(hook.joint, Point):  # no more than if the point mass were free
-            return 1.0 / x[f"m{hook.joint.number + 1}"]
-        if self.arm.mobility_bounds is None:
-            raise ValueError(
-                f"{self.arm.kind} has no mobility_bounds, from which error control knows what "
-                f"{type(effect).__name__} asks of its steps; give the arm these bounds, or the scene an "
-                "integrator and substeps"
-            )
-        return x[f"W{hook.joint + 1}"]
 
     @cached_property
     def numbers(self) -> tuple[str, ...]:

@@ -184,6 +184,20 @@ def near_limits(arm: type[RPRP | FourR], *names: str) -> Change:
     return change
 
 
+def in_damper(arm: type[RPRP | FourR], name: str) -> Change:
+    """A joint as deep in a spring as 0.1 m or 0.6 rad; the damping is strong in some lanes."""
+
+    def change(drawn: Draw, rng: np.random.Generator) -> None:
+        count, joint, slides = len(drawn.joints), arm.joints.index(name), name.startswith("r")
+        depth, arms = (0.1, 1.0) if slides else (0.6, 0.03)
+        drawn.joints[:, joint] = (0.25 if slides else 1.0) + depth * rng.random(count)
+        drawn.rates[:, joint] = rng.normal(0.0, 2.0 if slides else 8.0, count)
+        drawn.parameters[f"limit_spring.{name}.stiffness"] = arms * decades(rng, 1.0, 1e4, (count, 1))
+        drawn.parameters[f"limit_spring.{name}.damping"] = arms * decades(rng, 0.1, 1e3, (count, 1))
+
+    return change
+
+
 def near_stops(drawn: Draw, rng: np.random.Generator) -> None:
     """A third of the sliders anywhere, a third near an end of the travel, a third at rest at one."""
     count = len(drawn.joints)
@@ -234,6 +248,13 @@ FAMILIES = (
     Family(
         "RPRP, limit springs", RPRP, (Gravity(), spring("r1"), spring("r2")),
         (near_limits(RPRP, "r1", "r2"),), steps=1024,
+    ),
+    Family(
+        "4R, strong dampers", FourR, (Gravity(), spring("joint2")), (in_damper(FourR, "joint2"),), 0.05,
+        steps=1024,
+    ),
+    Family(
+        "RPRP, strong dampers", RPRP, (Gravity(), spring("r2")), (in_damper(RPRP, "r2"),), 0.05, steps=1024
     ),
     Family("RPRP, stops", RPRP, (Gravity(), FRICTION, STOP), (near_stops,)),
     Family(

@@ -169,10 +169,10 @@ def test_laws_overlap_by_a_margin_so_that_rounding_changes_none():
 
 
 class Estimated(e.LimitSpring):
-    """One that does not tell of the kink where it lets go."""
+    """One that does not tell of the kink where it lets go, nor how strong its damper is."""
 
     def hooks(self, arm):
-        return tuple(dataclasses.replace(hook, kink=None) for hook in super().hooks(arm))
+        return tuple(dataclasses.replace(hook, kink=None, damping=None) for hook in super().hooks(arm))
 
 
 @pytest.mark.parametrize("damping", [0.0, 35.0])

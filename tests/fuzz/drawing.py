@@ -99,7 +99,7 @@ def draw_limit_spring(rng: Generator, arm: Any) -> dict[str, Any]:
         travel(rng, arm) if arm.prismatic[joint] else (-decades(rng, 0.1, 2.0), decades(rng, 0.1, 2.0))
     )
     stiffness = weight_of(arm) * decades(rng, 1.0, 1e3)
-    damping = float(rng.choice([0.0, 0.02])) * stiffness
+    damping = float(rng.choice([0.0, 0.02, decades(rng, 0.1, 20.0)])) * stiffness
     return {"coordinate": arm.joints[joint], "lower": low, "upper": high, "stiffness": stiffness,
             "damping": damping}  # fmt: skip
 

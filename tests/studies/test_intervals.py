@@ -14,6 +14,7 @@ QUICK = (
     "RPRP, stops and springs",
     "4R, singular starts",
     "RPRP, lengths over six decades",
+    "RPRP, strong dampers",
 )
 
 
