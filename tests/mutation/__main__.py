@@ -32,7 +32,7 @@ EQUATIONS = ("robots/rprp", "robots/rprp_elimination", "robots/four_r", "robots/
 STEPS = ("methods", "tableaus", "step_control", "trial_steps")
 STOPS = ("sliders", "crossings", "event_times", "event_brackets", "event_search", "contacts",
          "contact_resolution", "complementarity")  # fmt: skip
-SIMULATOR = ("dynamics", "kinks", "step", "common_step", "local_steps", "at_stops", "interval")
+SIMULATOR = ("dynamics", "kinks", "stiffness", "step", "common_step", "local_steps", "at_stops", "interval")
 MODULES = (
     *EQUATIONS,
     *(f"integrators/{m}" for m in (*STEPS, *STOPS)),
