@@ -122,6 +122,25 @@ def test_32_the_printed_spring_has_its_two_frequencies(subject):
 
 
 @hard_case(
+    "49", "deep in a strong damper",
+    hard="A damper grows with depth: within its first step a motion decays over four time constants.",
+    naive="The two estimates of that step cancel: a third of such starts passed, 104 tolerances off.",
+    caught=(FixedSteps, ExplicitEuler),
+)  # fmt: skip
+def test_49_a_step_follows_a_damper_that_it_is_deep_in(subject):
+    arm = rde.RPRP((0.2, 0.2, 0.2, 0.1), (0.3, 0.3))
+    effects = (GRAVITY, e.LimitSpring("r2", -100.0, 0.0, 20.8, 375.0))
+    near = 1.0 + 1e-2 * np.random.default_rng(0).normal(size=(2, 256, 4))
+    q, qd = [-0.378, 0.157, 0.323, 0.0221] * near[0], [-0.603, 0.123, -0.00914, 0.189] * near[1]
+    fine = rde.BatchSimulator(rde.Scene(arm, effects, control_dt=0.05, substeps=2000), 256)
+    fine.set_state(q, qd)
+    fine.advance()
+    motion = subject.motion(rde.Scene(arm, effects, control_dt=0.05, tolerance=1e-6), q, qd, 1)
+    off = tip_error(arm, motion.q[-1], fine.q)
+    yield Figure("the tip of 256 starts after an interval", off, at_most=1e-6, unit="m off")
+
+
+@hard_case(
     "33", "true stiction",
     hard="Under 0.9 of its friction an arm must stand for ever, and under 1.01 of it slip at once.",
     naive="A smoothed friction creeps; sign(v) chatters.",

@@ -53,7 +53,8 @@ class EqualSteps(Subject):
             elif isinstance(effect, LimitSpring):
                 k = arm.joint_index(effect.coordinate)
                 depth = phi[:, k] - np.clip(phi[:, k], effect.lower, effect.upper)
-                t[:, k] -= effect.stiffness * depth
+                inwards = np.sign(depth) * rates[:, k]
+                t[:, k] -= depth * np.maximum(effect.stiffness + effect.damping * inwards, 0.0)
             elif isinstance(effect, CentringSpring):
                 for i, k in enumerate(arm.sliders()):
                     middle = 0.5 * (effect.lower[i] + effect.upper[i])
