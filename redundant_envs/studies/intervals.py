@@ -112,9 +112,10 @@ def chosen(drawn: Draw, lanes: NDArray[np.bool_]) -> Draw:
     return Draw(drawn.joints[lanes], drawn.rates[lanes], drawn.efforts[lanes], parameters)
 
 
-def row(family: Family, intervals: int, seed: Any) -> dict[str, Any]:
-    """A row of ``COLUMNS``."""
-    tally = judge(family, intervals, seed)
+def row(number: int, intervals: int, seed: int) -> dict[str, Any]:
+    """A row of ``COLUMNS``, of a family by its number: what changes a draw could not be sent to a process."""
+    family = FAMILIES[number]
+    tally = judge(family, intervals, (seed, number))
     return {
         "family": family.name,
         "tolerance": family.tolerance,
@@ -127,7 +128,7 @@ def row(family: Family, intervals: int, seed: Any) -> dict[str, Any]:
 def run(intervals: int, seed: int = 0, processes: int = 1) -> list[dict[str, Any]]:
     """Rows of ``COLUMNS``: ``intervals`` in all, as many of each family."""
     each = -(-intervals // len(FAMILIES))
-    tasks = [(family, each, (seed, k)) for k, family in enumerate(FAMILIES)]
+    tasks = [(number, each, seed) for number in range(len(FAMILIES))]
     rows, progress = [], Progress("intervals", len(FAMILIES))
     with contextlib.ExitStack() as stack:
         found: Iterable[dict[str, Any]] = itertools.starmap(row, tasks)

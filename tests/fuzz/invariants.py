@@ -24,6 +24,7 @@ from .references import (
     judged,
     lane_parameters,
     of_lanes,
+    starts_beside,
     tips,
     tolerance_of,
 )
@@ -246,6 +247,11 @@ def tolerance_and_energies(played: Played) -> list[Violation]:
                 finest, _ = fine_interval(scene, step, lanes[[lane]], MANY_STEPS)
                 apart = tips(scene, finest)[0] - tips(scene, of_lanes(judgement.finer, np.array([lane])))[0]
                 if not np.linalg.norm(apart) <= AGREEMENT * tolerance:
+                    continue
+                beside = [fine_interval(scene, s, lanes[[lane]], MANY_STEPS)[0]
+                          for s in starts_beside(scene, step, int(lanes[lane]))]  # fmt: skip
+                apart = np.array([tips(scene, end)[0] - tips(scene, finest)[0] for end in beside])
+                if not np.linalg.norm(apart, axis=-1).max(initial=0.0) <= LIMIT * tolerance:
                     continue
                 text = f"the tip is off by {error[lane]:.3g} m, the tolerance is {tolerance:.3g} m"
                 found.append(Violation("tolerance_is_kept_or_flagged", k, int(lanes[lane]), text))

@@ -72,7 +72,7 @@ def test_numbers_of_a_case_keep_all_digits():
 
 def test_every_effect_and_every_way_to_step_is_drawn():
     rng = np.random.default_rng(0)
-    scenes = [drawn_scene(rng) for _ in range(100)]
+    scenes = [drawn_scene(rng) for _ in range(400)]
     assert {type(e).__name__ for s in scenes for e in s.effects} == set(own_effects())
     assert {s.integrator for s in scenes} == {"euler", "rk4", "rk8", "dop853"}
     assert {s.tolerance is None for s in scenes} == {True, False}

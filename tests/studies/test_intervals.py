@@ -1,6 +1,7 @@
 """Families of intervals: the tolerance is kept in each, and a study of one that is not kept says so."""
 
 import dataclasses
+import pickle
 
 import numpy as np
 import pytest
@@ -61,6 +62,31 @@ def test_families_have_names_of_their_own_and_draw_the_same_again():
     one, other = (FAMILIES[5].draw(8, np.random.default_rng(3)) for _ in range(2))
     assert (one.joints == other.joints).all()
     assert all((one.parameters[k] == other.parameters[k]).all() for k in one.parameters)
+
+
+class Sends:
+    """A pool that sends what processes get, and runs it here."""
+
+    def __init__(self, *_):
+        pass
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def map(self, function, *columns):
+        sent, arguments = pickle.loads(pickle.dumps((function, [list(c) for c in columns])))
+        return map(sent, *arguments)
+
+
+def test_processes_find_what_one_finds(monkeypatch):
+    monkeypatch.setattr(intervals, "FAMILIES", [f for f in FAMILIES if f.name in (*QUICK, "4R, friction")])
+    alone = intervals.run(300, seed=3)
+    monkeypatch.setattr(intervals, "ProcessPoolExecutor", Sends)
+    assert intervals.run(300, seed=3, processes=2) == alone
+    assert len(alone) == len(QUICK) + 1
 
 
 def test_the_command_refuses_no_intervals(capsys):
