@@ -46,7 +46,7 @@ def steps_of_damper(damping: Any, mobility: Any) -> Any:
 def steps_towards_damper(here: Any, there: Any, mobility: Any, interval: Any) -> Any:
     """Steps per second that follow a decay whose damping changes from what it is ``here`` to what it would be
     ``there``, where the present rate brings the joint in the interval: one of the time constants at the end
-    of a step. With two of them one of 50 000 intervals was off by a tolerance."""
+    of a step."""
     here, there = 2.0 * steps_of_damper(here, mobility), 2.0 * steps_of_damper(there, mobility)
     return maximum(here, sqrt(maximum(here, 1.0 / interval) * there))
 

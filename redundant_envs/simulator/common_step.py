@@ -67,10 +67,7 @@ class CommonStep(AtStops):
         arm = self.dynamics.arm
         turning = [abs(lane[v]) for v, slides in zip(arm.rates, arm.prismatic, strict=True) if not slides]
         rates = [lane.steady] if "steady" in self.dynamics.prepared else []
-        if stiffness.dampers(self.dynamics):
-            rates += stiffness.rates_of_motion(
-                self.dynamics, lane, joint_quantities(self.dynamics, lane, "{}")
-            )
+        rates += stiffness.rates_of_motion(self.dynamics, lane, joint_quantities(self.dynamics, lane, "{}"))
         steady = reduce(maximum, rates) if rates else 0.0
         fastest = reduce(maximum, turning) if turning else 0.0
         return step_control.least_steps(fastest, steady, lane.interval)

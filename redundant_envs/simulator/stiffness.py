@@ -47,8 +47,9 @@ def motion_of(hook: Force) -> tuple[str, str]:
 
 
 def dampers(dynamics: Dynamics) -> list[tuple[Effect, Force]]:
-    """Forces whose damping depends on their joint's motion, where steps are chosen for their error."""
-    if not dynamics.controlled:
+    """Forces whose damping depends on their joint's motion, under a tolerance. Estimates of dop853, which
+    are held near rounding, see such dampers."""
+    if dynamics.scene.tolerance is None:
         return []
     return [(e, h) for e, h in dynamics.hooks if isinstance(h, Force) and depends_on_motion(dynamics, e, h)]
 

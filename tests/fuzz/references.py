@@ -147,8 +147,9 @@ def judged(scene: Scene, step: Step, lanes: NDArray[np.intp]) -> Judgement:
 
 def starts_beside(scene: Scene, step: Step, lane: int) -> list[Step]:
     """Intervals of a lane from starts that differ by less than can be told in time: two impacts that are
-    closer to each other than a share of a step strike together, and which of them comes first may change all.
-    Sliders have gone on, or are back, by twice that share, each alone and all of them."""
+    closer to each other than a share of a step strike together, which may change all that follows. What is
+    right for one of these starts is right. Sliders have gone on, or are back, by twice that share, each alone
+    and all of them."""
     before, ends = step.before, hard_stops(scene)
     moved, own = [], lane_parameters(scene, before)
     for joints in ([j for j, _, _ in ends], *([j] for j, _, _ in ends)):

@@ -23,8 +23,8 @@ EFFECTS = {
     "gravity": (e.Gravity(9.81, (0.6, -0.7)),),
     "friction": (e.ViscousFriction((0.1, 0.2, 0.3, 0.05)),),
     "limits": (e.EffortLimits((5.0, 4.0, 3.0, 2.0)),),
-    # A damper that lets go, at 60 rad/s, is a kink: there the last digit decides which steps dop853 takes.
-    "limit spring": (e.LimitSpring("{joint}", -0.1, 0.1, 300.0, 5.0),),
+    "limit spring": (e.LimitSpring("{joint}", -0.1, 0.1, 300.0, 20.0),),
+    "limit spring that holds": (e.LimitSpring("{joint}", -0.1, 0.1, 300.0, 5.0),),
     "centring spring": (e.CentringSpring((80.0, 40.0), (-0.2, -0.1), (0.2, 0.3)),),
     "elastic stops": (e.Gravity(), e.PrismaticStop((-0.1, -0.1), (0.1, 0.15), 1.0)),
     "inelastic stops": (e.Gravity(), e.PrismaticStop((-0.1, None), (0.1, 0.15), 0.0)),
@@ -43,6 +43,8 @@ SCENES = [
     (arm, effect, steps)
     for arm, effect, steps in itertools.product(ARMS, EFFECTS, STEPS)
     if arm == "RPRP" or effect not in OF_SLIDERS
+    # Where a damper lets go is a kink: it takes up to 16384 steps at 1e-11, a minute without a compiler.
+    if (effect, steps) != ("limit spring", "1e-11")
 ]
 SHORT = ("1e-6",)
 """Steps with which every effect is run each time; the others need two compilations more for each."""
