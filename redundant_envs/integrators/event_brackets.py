@@ -9,14 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from redundant_envs.algebra import logical_not, where
-from redundant_envs.integrators.event_times import Candidate
-from redundant_envs.integrators.sliders import pick
+from redundant_envs.algebra import logical_not, maximum, where
+from redundant_envs.integrators.event_times import TAYLOR_SHARE, Candidate
+from redundant_envs.integrators.sliders import Slider, pick
 from redundant_envs.integrators.trial_steps import Bracket, Search, Trial
 
-TAYLOR_SHARE = 2e-8
-"""Of the planned step, that a Taylor step may take to a stop: half its square, by which positions and
-velocities may be off, is rounding."""
 RELEASE_SHARE = 1e-7
 """Of the step, by which a release may be late: what its stop pulls until then is lost in rounding."""
 PUSH_ON = 5e-8
@@ -64,11 +61,13 @@ class TaylorStep(NamedTuple):
     Attributes
     ----------
     possible : whether it takes no time to speak of
-    time : that it takes, s
+    time : that it takes, s; less if another slider comes to its stop before
+    arrives : of each slider, whether it is the one that comes to its stop
     """
 
     possible: Any
     time: Any
+    arrives: list[Any]
 
 
 class Guess(NamedTuple):
@@ -180,11 +179,21 @@ def next_towards_turn(bracket: Bracket, correction: Any) -> Any:
     return where(guess > low, where(guess < high, guess, low), 0.5 * (low + high))
 
 
-def taylor_step(trial: Trial, sought: Sought) -> TaylorStep:
-    """The rest of the way of a sought slider to its stop."""
+def taylor_step(trial: Trial, sought: Sought, sliders: Sequence[Slider]) -> TaylorStep:
+    """The rest of the way of a sought slider to its stop, or of another one that is at its own before."""
     time = where(sought.speed > 0.0, -sought.gap / sought.speed, 1.0)
     near = (abs(time) <= TAYLOR_SHARE * trial.left) & (time <= trial.left - trial.h)
-    return TaylorStep(near & logical_not(sought.passes), time)
+    possible = near & logical_not(sought.passes)
+    arrives = list(sought.chosen)
+    for k, s in enumerate(sliders):
+        if s.passes:
+            continue
+        speed, way = abs(s.velocity), where(s.velocity > 0.0, s.upper - s.position, s.position - s.lower)
+        own = maximum(way, 0.0) / speed
+        sooner = possible & s.free & (speed > 0.0) & (own < time)
+        time = where(sooner, own, time)
+        arrives = [x | sooner if j == k else x & logical_not(sooner) for j, x in enumerate(arrives)]
+    return TaylorStep(possible, time, arrives)
 
 
 def ends_at_event(

@@ -17,6 +17,7 @@ from redundant_envs.integrators.crossings import Crossing, Unseen, most_pull
 from redundant_envs.integrators.event_brackets import (
     Guesses,
     Sought,
+    TaylorStep,
     guesses_after,
     sought_slider,
     taylor_step,
@@ -25,8 +26,9 @@ from redundant_envs.integrators.event_times import Candidate, Encounter, first_e
 from redundant_envs.integrators.sliders import ROUNDING, Slider, pick
 from redundant_envs.integrators.trial_steps import Bracket, Outcome, Phase, Search, Trial
 
-ARRIVAL_SHARE = 1e-13
-"""Of the planned step: a slider that comes to its stop so soon after another one's event is there."""
+TOGETHER_SHARE = 1e-13
+"""Of the control interval: impacts of two sliders that are no farther apart are one impact of both. However
+many steps an interval is crossed with, they find the same."""
 
 
 class Decision(NamedTuple):
@@ -248,26 +250,28 @@ def search_begun(
     )
 
 
-def position_at_event(s: Slider, position: Any, is_sought: Any, stop: Any, left: Any) -> Any:
+def position_at_event(s: Slider, position: Any, arrives: Any, stop: Any, interval: Any) -> Any:
     """Where a free slider is at an event, m: at ``position``, or at its stop exactly.
 
-    It is at its stop if its event was looked for, if it comes there in no part to speak of the planned step,
-    of which ``left`` seconds are left, or if it is beyond.
+    It is at ``stop`` if it ``arrives`` there, and at one of its stops if it would be in no part to speak of
+    the control ``interval``, or is beyond.
     """
-    near = s.closeness + ARRIVAL_SHARE * left * abs(s.velocity)
+    near = s.closeness + TOGETHER_SHARE * interval * abs(s.velocity)
     up = (position > s.upper) | ((position >= s.upper - near) & (s.velocity > 0.0))
     down = (position < s.lower) | ((position <= s.lower + near) & (-s.velocity > 0.0))
-    return where(is_sought, stop, where(up, s.upper, where(down, s.lower, position)))
+    return where(arrives, stop, where(up, s.upper, where(down, s.lower, position)))
 
 
 def positions_after(
-    trial: Trial, sliders: Sequence[Slider], sought: Sought, at_event: Any, slide: Any
-) -> list[Any]:
+    trial: Trial, sliders: Sequence[Slider], sought: Sought, rest_of_way: TaylorStep, at_event: Any,
+    slide: Any,
+) -> list[Any]:  # fmt: skip
     """Positions of the sliders after a trial step, and the Taylor step behind it."""
     positions = []
-    for s, is_sought in zip(sliders, sought.chosen, strict=True):
+    for s, is_sought, arrives in zip(sliders, sought.chosen, rest_of_way.arrives, strict=True):
         moved = s.position + slide * s.velocity
-        there = moved if s.passes else position_at_event(s, moved, is_sought, sought.stop, trial.left)
+        stop = where(is_sought, sought.stop, s.stop(s.velocity))
+        there = moved if s.passes else position_at_event(s, moved, arrives, stop, trial.interval)
         positions.append(where(at_event & s.free, there, moved))
     return positions
 
@@ -290,7 +294,7 @@ def after_trial(
         for k, (s, e) in enumerate(zip(sliders, encounters, strict=True))
     ]
     sought = sought_slider(search, candidates)
-    rest_of_way = taylor_step(trial, sought)
+    rest_of_way = taylor_step(trial, sought, sliders)
     guesses = guesses_after(trial, search, sought, rest_of_way)
     aims = Aims(earliest_event(trial, candidates), other_event(trial, search, sought, candidates))
     hides = any_of(may_hide_event(trial.h, c, unseen) for c in candidates)
@@ -307,7 +311,7 @@ def after_trial(
         phase=next_phase(trial, decision, for_turn),
         h=next_length(trial, decision, sought, aims, guesses),
         search=search_begun(trial, goes_on, decision, for_turn, aims, candidates),
-        positions=positions_after(trial, sliders, sought, decision.at_event, slide), slide=slide,
+        positions=positions_after(trial, sliders, sought, rest_of_way, decision.at_event, slide), slide=slide,
         cleared=[
             e.cleared | (decision.past_turn & is_sought)
             for e, is_sought in zip(encounters, sought.chosen, strict=True)

@@ -12,6 +12,10 @@ from redundant_envs.algebra import logical_not, maximum, minimum, sqrt, where
 from redundant_envs.integrators.crossings import Crossing
 from redundant_envs.integrators.sliders import Slider
 
+TAYLOR_SHARE = 2e-8
+"""Of the planned step, that a Taylor step may take to a stop: half its square, by which positions and
+velocities may be off, is rounding."""
+
 
 class Encounter(NamedTuple):
     """What is known of a slider and its stops in a trial step, beside its motion.
@@ -103,7 +107,7 @@ def nearer_root(f: Quintic, low: Any, high: Any, s: Any, per_slope: Any) -> tupl
     high = where(g > 0.0, s, high)
     new = s - g * per_slope
     middle = 0.5 * (low + high)
-    new = where(slope > 0.0, where(new > low, where(new < high, new, middle), middle), middle)
+    new = where(slope > 0.0, where(new >= low, where(new <= high, new, middle), middle), middle)
     return low, high, new, per_slope
 
 
@@ -175,7 +179,15 @@ def first_event(s: Slider, e: Encounter, h: Any, per_h: Any, smooth: bool) -> Sl
     time = where(turns, e.turning_time, time)
     time = where(s.active_stop * e.force > 0.0, h * share, time)
     side = where(turns, 0.0, side)
-    return SliderEvent(time, where(side == 0.0, where(e.crossing > 0.0, 1.0, -1.0), side), turns)
+    side = where(side == 0.0, where(e.crossing > 0.0, 1.0, -1.0), side)
+    if s.passes:
+        return SliderEvent(time, side, turns)
+    # Two that are about to come to their stops are told apart by what they start with, however the step ends.
+    speed = abs(s.start_velocity)
+    outward = where(s.start_velocity > 0.0, 1.0, -1.0)
+    way = outward * (s.stop(outward) - s.start_position)
+    soon = s.free & logical_not(e.cleared) & (way > 0.0) & (way <= TAYLOR_SHARE * h * speed)
+    return SliderEvent(where(soon, way / speed, time), where(soon, outward, side), turns & logical_not(soon))
 
 
 class Candidate(NamedTuple):

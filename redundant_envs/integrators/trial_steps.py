@@ -35,6 +35,7 @@ class Trial(NamedTuple):
     h : its length, s
     left : the time left of the planned step at its start, s
     good : whether it is accurate
+    interval : the control interval that it belongs to, s
     """
 
     due: Any
@@ -42,6 +43,7 @@ class Trial(NamedTuple):
     h: Any
     left: Any
     good: Any
+    interval: Any
 
     @property
     def tried(self) -> Any:

@@ -100,7 +100,7 @@ class LocalSteps(CommonStep):
         dynamics, due, phase = self.dynamics, lane.due, lane.phase
         doubling = self.plan is Plan.DOUBLING
         verdict = self._verdict(lane)
-        trial = Trial(due, phase, lane.step, lane.left, verdict.good)
+        trial = Trial(due, phase, lane.step, lane.left, verdict.good, lane.interval)
         outcome = self._outcome(lane, trial)
         again, there, accepted = outcome.again, outcome.there, outcome.accepted
         passed = self._passed(lane, there)

@@ -249,7 +249,7 @@ def test_of_three_sliders_the_first_that_comes_to_its_stop_is_looked_for(order):
     unseen = Unseen(0.1, 0.1)
     none = Search(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     with np.errstate(all="ignore"):
-        trial = Trial(True, Phase.RUN, h, h, True)
+        trial = Trial(True, Phase.RUN, h, h, True, h)
         tried = after_trial(trial, none, sliders, encounters, unseen, True)
     first = order.index(0)
     assert (tried.again, tried.accepted, tried.phase) == (True, False, Phase.FIND_EVENT)
@@ -259,7 +259,7 @@ def test_of_three_sliders_the_first_that_comes_to_its_stop_is_looked_for(order):
     last = order.index(2)
     search = Search(float(last), 1.0, 0.0, h, 0.0, 0.006, 1.0)
     with np.errstate(all="ignore"):
-        trial = Trial(True, Phase.FIND_EVENT, h, h, True)
+        trial = Trial(True, Phase.FIND_EVENT, h, h, True, h)
         changed = after_trial(trial, search, sliders, encounters, unseen, True)
     assert changed.search.target != last
     assert changed.h < h

@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 
 import redundant_envs as rde
 from redundant_envs.effects.hooks import Field, Force
-from redundant_envs.integrators.event_search import ARRIVAL_SHARE
 from redundant_envs.model import parameters
 from redundant_envs.model.energy import hook_value
 from redundant_envs.scene import Scene
-from redundant_envs.tasks.limits import hard_stops
 
 from .cases import Array, numbers
 from .playing import Lanes, Step, lanes_now
@@ -143,24 +141,6 @@ def judged(scene: Scene, step: Step, lanes: NDArray[np.intp]) -> Judgement:
         done[left] = agreed
         left = left[~agreed]
     return Judgement(done, Lanes(*pairs[1]), Lanes(*pairs[0]))
-
-
-def starts_beside(scene: Scene, step: Step, lane: int) -> list[Step]:
-    """Intervals of a lane from starts that differ by less than can be told in time: two impacts that are
-    closer to each other than a share of a step strike together, which may change all that follows. What is
-    right for one of these starts is right. Sliders have gone on, or are back, by twice that share, each alone
-    and all of them."""
-    before, ends = step.before, hard_stops(scene)
-    moved, own = [], lane_parameters(scene, before)
-    for joints in ([j for j, _, _ in ends], *([j] for j, _, _ in ends)):
-        for sign in (1.0, -1.0):
-            q = before.q.copy()
-            for j, low, high in ends:
-                if j in joints:
-                    way = sign * 2.0 * ARRIVAL_SHARE * scene.control_dt * before.qd[lane, j]
-                    q[lane, j] = np.clip(q[lane, j] + way, own[low][lane], own[high][lane])
-            moved.append(dataclasses.replace(step, before=dataclasses.replace(before, q=q)))
-    return moved
 
 
 def rounding_of(scene: Scene, lanes: Lanes, steps: int) -> Array:

@@ -230,16 +230,18 @@ def test_tolerance_is_kept_with_nearly_vanishing_links(arm, tolerance):
     scene = rde.Scene(arm, (e.Gravity(),), tolerance=tolerance)
     q, qd, _ = random_states(scene, 2048, 0)
     got, status = advance(scene, q, qd)
-    fine, finer = (
+    # Which way such a link points may be chance, and two references agree by chance now and then.
+    tips = [
         arm.forward_kinematics(advance(rde.Scene(arm, scene.effects, substeps=n), q, qd)[0][:, :4])
-        for n in (2048, 4096)
-    )
-    judged = np.linalg.norm(fine - finer, axis=1) <= 0.1 * tolerance
+        for n in (2048, 4096, 5801, 8192)
+    ]
+    finer = tips[-1]
+    judged = np.max([np.linalg.norm(tip - finer, axis=1) for tip in tips], axis=0) <= 0.1 * tolerance
     error = np.linalg.norm(arm.forward_kinematics(got[:, :4]) - finer, axis=1)
     flagged = status.numerics != 0
     assert judged.sum() > 1200
-    assert np.mean((error > tolerance)[judged & ~flagged]) <= 1e-3
-    assert np.mean(flagged[judged]) <= 2e-3  # of 5000 states 0.04 %; here 2 of 1684
+    assert (error <= tolerance)[judged & ~flagged].all()
+    assert np.mean(flagged[judged]) <= 1e-3  # of 5000 states none
 
 
 def test_an_estimate_that_overflows_does_not_pass():
