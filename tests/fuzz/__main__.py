@@ -11,7 +11,7 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 from . import cases
-from .invariants import Tally
+from .played import Tally
 from .running import judged, summary, worker, write_summary
 
 

@@ -2,117 +2,28 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 import redundant_envs as rde
 from redundant_envs.integrators.tableaus import METHODS
-from redundant_envs.scene import Scene
 from redundant_envs.tasks.limits import hard_stops
 
-from .cases import Array, Case, numbers, with_lanes, without_calls
-from .playing import Lanes, Make, Player, Step, play
-from .references import (
-    AGREEMENT,
-    astuple,
-    energies,
-    fine_interval,
-    judged,
-    lane_parameters,
-    of_lanes,
-    tips,
-    tolerance_of,
-)
+from .cases import Case, with_lanes, without_calls
+from .invariants_motion import tolerance_and_energies
+from .played import Played, Tally, Violation, same
+from .playing import Lanes, Make, Player, play
+from .references import astuple, lane_parameters, of_lanes
 
-LIMIT = 2.0
-"""Errors of the tip below this are kept tolerances, in units of the tolerance."""
-ENERGY = 1e-5
-"""An energy book that is off by less closes, in units of the energies that were exchanged: impacts cost equal
-steps a few 1e-8."""
-KINKED_ENERGY = 1e-3
-"""The same with limit springs: equal steps across the jump of a stiffness are of second order."""
-COARSE_ENERGY = 1e-3
-"""The same of a scene at its own tolerance, if that is :data:`SMALL` arm lengths or less."""
-SMALL = 1e-6
-ROUNDING = 1e-8
-"""Differences of energies are known to this share of what they are differences of, times :data:`ENERGY`."""
-CONVERGING = 0.5
-"""A book that is still off, but by less than this share of what the coarser reference is, only converges."""
 MOST_TRIALS, MOST_MORE, MOST_ADAPTIVE = 65536, 18, 1_000_002
 """Steps of an interval, more of each substep, and the most of dop853 beside them."""
-MANY_STEPS, MOST_STEPS = 40_000, 400_000
-"""Of a control interval, where references may be wrong or a book is not closed yet."""
 STRUCTURES = ("save", "copy", "pickle", "npz")
 NON_FINITE, GIVEN_UP = int(rde.Numerics.NON_FINITE), int(rde.Numerics.EVENT_BUDGET)
 
 
-@dataclass(frozen=True)
-class Violation:
-    """A promise that was not kept: in which call, in which lane (-1: in none), and by how much."""
-
-    invariant: str
-    call: int
-    lane: int
-    found: str
-
-
-@dataclass
-class Tally:
-    """Counts of a run."""
-
-    scenes: int = 0
-    intervals: int = 0
-    events: int = 0
-    flagged: int = 0
-    judged: int = 0
-    """Unflagged intervals with a tolerance where the references agree."""
-    books: int = 0
-    """Intervals whose energies were compared."""
-    refused: int = 0
-    episodes: int = 0
-    early_ends: int = 0
-    failures: dict[str, int] = field(default_factory=dict)
-
-    def add(self, other: Tally) -> None:
-        for name, value in vars(other).items():
-            if name == "failures":
-                for invariant, count in value.items():
-                    self.failures[invariant] = self.failures.get(invariant, 0) + count
-            else:
-                setattr(self, name, getattr(self, name) + value)
-
-
-@dataclass
-class Played:
-    """A case, what it gave, and how its simulators are made (tests tamper with them)."""
-
-    case: Case
-    steps: list[Step]
-    make: Make
-    tally: Tally
-
-    @property
-    def scene(self) -> Scene:
-        return Scene.from_dict(self.case["scene"])
-
-    def intervals(self) -> Iterator[tuple[int, Step]]:
-        return ((k, s) for k, s in enumerate(self.steps) if s.status)
-
-
 Invariant = Callable[[Played], list[Violation]]
-
-
-def same(one: Array, other: Array) -> Any:
-    """Where two arrays have the same bits; a NaN is as good as another."""
-    if one.dtype.kind != "f":
-        return one == other
-    whole = {8: np.int64, 4: np.int32}[one.dtype.itemsize]
-    bits = np.ascontiguousarray(one).view(whole) == np.ascontiguousarray(other).view(whole)
-    return bits | (np.isnan(one) & np.isnan(other))
 
 
 def differing(one: Lanes, other: Lanes) -> list[int]:
@@ -202,93 +113,6 @@ def no_slider_is_beyond_its_stop(played: Played) -> list[Violation]:
                 text = f"{scene.robot.joints[joint]} is {beyond[lane]:.3g} m beyond its stop"
                 found.append(Violation("no_slider_is_beyond_its_stop", k, int(lane), text))
     return found
-
-
-def can_be_judged(scene: Scene, step: Step) -> Any:
-    """Lanes whose interval can be computed again: all numbers finite, and sliders between their stops."""
-    efforts = numbers(step.call["efforts"])
-    arrays = (step.before.q, step.before.qd, step.before.z, step.before.work[:, None], efforts)
-    possible = np.logical_and.reduce([np.isfinite(a).all(axis=1) for a in arrays])
-    values = lane_parameters(scene, step.before)
-    for joint, low, high in hard_stops(scene):
-        x = step.before.q[:, joint]
-        possible &= (x >= values[low]) & (x <= values[high])
-    return possible
-
-
-def tolerance_and_energies(played: Played) -> list[Violation]:
-    """An interval keeps its tolerance, or is flagged; kinetic + potential - work stays.
-
-    Both are judged where two references agree: the tip is off by less than twice the tolerance (with dop853
-    by less than 1e-9 arm lengths); the energy book closes in the scene itself or in a reference, and in the
-    scene itself to a thousandth if its tolerance is small.
-    """
-    scene, found = played.scene, []
-    robot: Any = scene.robot
-    promised = scene.tolerance is not None or scene.integrator == "dop853"
-    tolerance = tolerance_of(scene)
-    for k, step in played.intervals():
-        lanes = np.flatnonzero(can_be_judged(scene, step) & (step.status["numerics"] == 0))
-        if not len(lanes):
-            continue
-        judgement = judged(scene, step, lanes)
-        before, after = of_lanes(step.before, lanes), of_lanes(step.after, lanes)
-        error = np.linalg.norm(tips(scene, after) - tips(scene, judgement.finer), axis=1)
-        own, fine, coarse = (
-            drifts(scene, before, ends) for ends in (after, judgement.finer, judgement.coarser)
-        )
-        agreed = judgement.agreed
-        played.tally.judged += int(agreed.sum()) if promised else 0
-        played.tally.books += int(agreed.sum())
-        if promised:
-            for lane in np.flatnonzero(agreed & ~(error <= LIMIT * tolerance)):
-                # An impact within the first step of both references leaves them the same piece before it.
-                finest, _ = fine_interval(scene, step, lanes[[lane]], MANY_STEPS)
-                apart = tips(scene, finest)[0] - tips(scene, of_lanes(judgement.finer, np.array([lane])))[0]
-                if not np.linalg.norm(apart) <= AGREEMENT * tolerance:
-                    continue
-                text = f"the tip is off by {error[lane]:.3g} m, the tolerance is {tolerance:.3g} m"
-                found.append(Violation("tolerance_is_kept_or_flagged", k, int(lanes[lane]), text))
-        # Rounding grows with the number of steps: a wrong book is wrong in all three.
-        least = np.minimum(np.minimum(own, fine), coarse)
-        kinked = any(type(effect).__name__ == "LimitSpring" for effect in scene.effects)
-        open_books = agreed & (least > (KINKED_ENERGY if kinked else ENERGY)) & (fine > CONVERGING * coarse)
-        if promised and tolerance <= SMALL * sum(robot.lengths):
-            open_books |= agreed & (own > COARSE_ENERGY)
-        for lane in np.flatnonzero(open_books):
-            # What fast friction takes may want far more steps than where the tip comes to rest.
-            here = of_lanes(before, np.array([lane]))
-            finest = (fine_interval(scene, step, lanes[[lane]], n)[0] for n in (MANY_STEPS, MOST_STEPS))
-            if any(drifts(scene, here, end)[0] <= CONVERGING * fine[lane] for end in finest):
-                continue
-            text = (
-                f"kinetic + potential - work drifts by {own[lane]:.3g} of the energies exchanged, in the "
-                f"references by {coarse[lane]:.3g} and {fine[lane]:.3g}"
-            )
-            found.append(Violation("the_energy_book_closes", k, int(lanes[lane]), text))
-    return found
-
-
-def drifts(scene: Scene, before: Lanes, after: Lanes) -> Array:
-    """How far kinetic + potential - work has drifted, in units of the energies that were exchanged."""
-    (kinetic, potential), (kinetic_after, potential_after) = (energies(scene, x) for x in (before, after))
-    with np.errstate(all="ignore"):
-        work, gained = after.work - before.work, potential_after - potential
-        rounding = ROUNDING * (np.abs(potential) + np.abs(after.work)) + rounding_of_places(scene, before)
-        scale = np.maximum(kinetic, kinetic_after) + np.abs(gained) + np.abs(work) + rounding
-        drift = np.abs(kinetic_after - kinetic + gained - work)
-        return np.where(drift == 0.0, 0.0, drift / scale)
-
-
-def rounding_of_places(scene: Scene, lanes: Lanes) -> Array:
-    """How much the potential energy changes if each coordinate is off by :data:`ROUNDING` of itself, J."""
-    _, potential = energies(scene, lanes)
-    total = np.zeros(len(potential))
-    for k in range(lanes.q.shape[1]):
-        q = lanes.q.copy()
-        q[:, k] *= 1.0 + ROUNDING
-        total += np.abs(energies(scene, dataclasses.replace(lanes, q=q))[1] - potential)
-    return total
 
 
 def no_lane_depends_on_others(played: Played) -> list[Violation]:

@@ -13,7 +13,7 @@ from redundant_envs.scene import Scene
 from redundant_envs.tasks.limits import hard_stops
 
 from .cases import Array, Case, lanes_of, with_lanes, without_calls
-from .invariants import Tally, Violation, same
+from .played import Tally, Violation, same
 from .playing import Make
 from .playing_episodes import EpisodePlayer, EpisodeStep, Given, made, play_episodes
 

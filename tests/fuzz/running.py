@@ -18,9 +18,10 @@ from . import cases
 from .cases import ENVIRONMENTS, Case
 from .drawing_calls import drawn_case
 from .drawing_episodes import drawn_episodes
-from .invariants import Tally, Violation, violations
+from .invariants import violations
 from .invariants_episodes import episode_violations
 from .minimising import minimised
+from .played import Tally, Violation
 
 HARNESS = "the_case_is_played"
 """The name of the failure of a case that could not be judged: an exception outside its calls."""

@@ -16,7 +16,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 import redundant_envs as rde
 
-from .invariants import same
+from .played import same
 
 RPRP = rde.load_scene("rprp_reach")
 LANES = 3

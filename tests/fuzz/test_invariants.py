@@ -10,10 +10,11 @@ import redundant_envs as rde
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.vector_env import ArmVectorEnv
 
-from . import cases, invariants
+from . import cases, invariants, invariants_motion
 from .cases import plain, with_lanes
-from .invariants import INVARIANTS, Played, Tally, violations
+from .invariants import INVARIANTS, violations
 from .invariants_episodes import EPISODE_INVARIANTS, episode_violations, of_lanes
+from .played import Played, Tally
 from .playing import Step, lanes_now
 
 LANES = 10
@@ -179,13 +180,13 @@ def test_an_interval_that_takes_too_many_evaluations_is_seen():
 
 def test_a_potential_that_is_not_its_forces_is_seen(monkeypatch):
     """In the references, too: they share the wrong book."""
-    energies = invariants.energies
+    energies = invariants_motion.energies
 
     def wrong(scene, lanes):
         kinetic, potential = energies(scene, lanes)
         return kinetic, 1.01 * potential
 
-    monkeypatch.setattr(invariants, "energies", wrong)
+    monkeypatch.setattr(invariants_motion, "energies", wrong)
     assert "the_energy_book_closes" in broken(rde.BatchSimulator, ONE_INTERVAL)
 
 

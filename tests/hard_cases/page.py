@@ -74,10 +74,11 @@ def subnormal_time() -> str:
             batch.advance()
             best = min(best, time.perf_counter() - start)
         seconds.append(best)
+    times = f"{seconds[1] / seconds[0]:.2g} times as long as one at 1 rad/s"
     return (
-        f"An interval at 1e-310 rad/s takes {seconds[1] / seconds[0]:.2g} times as long as one at 1 rad/s. That is "
-        "the processor's: an Intel takes many cycles for an operation with such a number, an AMD hardly more than "
-        "for another one. To flush them to 0 would lose the rate."
+        f"An interval at 1e-310 rad/s takes {times}. That is the processor's: an Intel takes many cycles for "
+        "an operation with such a number, an AMD hardly more than for another one. To flush them to 0 would "
+        "lose the rate."
     )
 
 

@@ -1,0 +1,146 @@
+"""What is promised of motions: they keep their tolerance or are flagged, and their energy books close."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from redundant_envs.scene import Scene
+from redundant_envs.tasks.limits import hard_stops
+
+from .cases import Array, numbers
+from .played import Played, Violation
+from .playing import Lanes, Step
+from .references import (
+    AGREEMENT,
+    Judgement,
+    energies,
+    fine_interval,
+    judged,
+    lane_parameters,
+    of_lanes,
+    tips,
+    tolerance_of,
+)
+
+LIMIT = 2.0
+"""Errors of the tip below this are kept tolerances, in units of the tolerance."""
+ENERGY = 1e-5
+"""An energy book that is off by less closes, in units of the energies that were exchanged: impacts cost equal
+steps a few 1e-8."""
+KINKED_ENERGY = 1e-3
+"""The same with limit springs: equal steps across the jump of a stiffness are of second order."""
+COARSE_ENERGY = 1e-3
+"""The same of a scene at its own tolerance, if that is :data:`SMALL` arm lengths or less."""
+SMALL = 1e-6
+ROUNDING = 1e-8
+"""Differences of energies are known to this share of what they are differences of, times :data:`ENERGY`."""
+CONVERGING = 0.5
+"""A book that is still off, but by less than this share of what the coarser reference is, only converges."""
+MANY_STEPS, MOST_STEPS = 40_000, 400_000
+"""Of a control interval, where references may be wrong or a book is not closed yet."""
+
+
+def can_be_judged(scene: Scene, step: Step) -> Any:
+    """Lanes whose interval can be computed again: all numbers finite, and sliders between their stops."""
+    efforts = numbers(step.call["efforts"])
+    arrays = (step.before.q, step.before.qd, step.before.z, step.before.work[:, None], efforts)
+    possible = np.logical_and.reduce([np.isfinite(a).all(axis=1) for a in arrays])
+    values = lane_parameters(scene, step.before)
+    for joint, low, high in hard_stops(scene):
+        x = step.before.q[:, joint]
+        possible &= (x >= values[low]) & (x <= values[high])
+    return possible
+
+
+def tolerance_and_energies(played: Played) -> list[Violation]:
+    """An interval keeps its tolerance, or is flagged; kinetic + potential - work stays.
+
+    Both are judged where two references agree: the tip is off by less than twice the tolerance (with dop853
+    by less than 1e-9 arm lengths); the energy book closes in the scene itself or in a reference, and in the
+    scene itself to a thousandth if its tolerance is small.
+    """
+    scene, found = played.scene, []
+    promised = scene.tolerance is not None or scene.integrator == "dop853"
+    for k, step in played.intervals():
+        lanes = np.flatnonzero(can_be_judged(scene, step) & (step.status["numerics"] == 0))
+        if not len(lanes):
+            continue
+        judgement = judged(scene, step, lanes)
+        count = int(judgement.agreed.sum())
+        played.tally.judged += count if promised else 0
+        played.tally.books += count
+        if promised:
+            missed = missed_tolerances(scene, step, lanes, judgement)
+            found += [Violation("tolerance_is_kept_or_flagged", k, *each) for each in missed]
+        books = open_books(scene, step, lanes, judgement, promised)
+        found += [Violation("the_energy_book_closes", k, *each) for each in books]
+    return found
+
+
+def missed_tolerances(
+    scene: Scene, step: Step, lanes: NDArray[np.intp], judgement: Judgement
+) -> Iterator[tuple[int, str]]:
+    """Lanes whose tip is off, and by how much."""
+    tolerance = tolerance_of(scene)
+    right = tips(scene, judgement.finer)
+    error = np.linalg.norm(tips(scene, of_lanes(step.after, lanes)) - right, axis=1)
+    for k in np.flatnonzero(judgement.agreed & ~(error <= LIMIT * tolerance)):
+        # An impact within the first step of both references leaves them the same piece before it.
+        finest, _ = fine_interval(scene, step, lanes[[k]], MANY_STEPS)
+        if np.linalg.norm(tips(scene, finest)[0] - right[k]) <= AGREEMENT * tolerance:
+            yield int(lanes[k]), f"the tip is off by {error[k]:.3g} m, the tolerance is {tolerance:.3g} m"
+
+
+def open_books(
+    scene: Scene, step: Step, lanes: NDArray[np.intp], judgement: Judgement, promised: bool
+) -> Iterator[tuple[int, str]]:
+    """Lanes whose energies do not add up, and by how much."""
+    robot: Any = scene.robot
+    before = of_lanes(step.before, lanes)
+    ends = (of_lanes(step.after, lanes), judgement.finer, judgement.coarser)
+    own, fine, coarse = (drifts(scene, before, end) for end in ends)
+    # Rounding grows with the number of steps: a wrong book is wrong in all three.
+    least = np.minimum(np.minimum(own, fine), coarse)
+    kinked = any(type(effect).__name__ == "LimitSpring" for effect in scene.effects)
+    off = (least > (KINKED_ENERGY if kinked else ENERGY)) & (fine > CONVERGING * coarse)
+    if promised and tolerance_of(scene) <= SMALL * sum(robot.lengths):
+        off |= own > COARSE_ENERGY
+    for k in np.flatnonzero(judgement.agreed & off):
+        # What fast friction takes may want far more steps than where the tip comes to rest.
+        here = of_lanes(before, np.array([k]))
+        finest = (fine_interval(scene, step, lanes[[k]], n)[0] for n in (MANY_STEPS, MOST_STEPS))
+        if not any(drifts(scene, here, end)[0] <= CONVERGING * fine[k] for end in finest):
+            yield (
+                int(lanes[k]),
+                (
+                    f"kinetic + potential - work drifts by {own[k]:.3g} of the energies exchanged, in the "
+                    f"references by {coarse[k]:.3g} and {fine[k]:.3g}"
+                ),
+            )
+
+
+def drifts(scene: Scene, before: Lanes, after: Lanes) -> Array:
+    """How far kinetic + potential - work has drifted, in units of the energies that were exchanged."""
+    (kinetic, potential), (kinetic_after, potential_after) = (energies(scene, x) for x in (before, after))
+    with np.errstate(all="ignore"):
+        work, gained = after.work - before.work, potential_after - potential
+        rounding = ROUNDING * (np.abs(potential) + np.abs(after.work)) + rounding_of_places(scene, before)
+        scale = np.maximum(kinetic, kinetic_after) + np.abs(gained) + np.abs(work) + rounding
+        drift = np.abs(kinetic_after - kinetic + gained - work)
+        return np.where(drift == 0.0, 0.0, drift / scale)
+
+
+def rounding_of_places(scene: Scene, lanes: Lanes) -> Array:
+    """How much the potential energy changes if each coordinate is off by :data:`ROUNDING` of itself, J."""
+    _, potential = energies(scene, lanes)
+    total = np.zeros(len(potential))
+    for k in range(lanes.q.shape[1]):
+        q = lanes.q.copy()
+        q[:, k] *= 1.0 + ROUNDING
+        total += np.abs(energies(scene, dataclasses.replace(lanes, q=q))[1] - potential)
+    return total
