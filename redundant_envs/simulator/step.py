@@ -119,7 +119,9 @@ def step_error(dynamics: Dynamics, lane: Lane, step: Step) -> Any:
     names = tuple(name for name in dynamics.states if name != "work")
     if dynamics.scene.integrator == "dop853":
         after = [*step.positions, *step.velocities, *step.others]
-        scales = [step_control.rounding_scale(a, b) for a, b in zip(lane.get(names), after, strict=False)]
+        strikes = bool(dynamics.stops)
+        states = zip(lane.get(names), after, strict=False)
+        scales = [step_control.rounding_scale(a, b, strikes) for a, b in states]
 
         def size(errors: Sequence[Any], h: Any) -> Any:
             squares = [(e * s) ** 2 for e, s in zip(errors, scales, strict=False)]
