@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from redundant_envs.algebra import logical_not, maximum, where
 from redundant_envs.integrators.event_times import TAYLOR_SHARE, Candidate
-from redundant_envs.integrators.sliders import Slider, pick
+from redundant_envs.integrators.sliders import ROUNDING, Slider, pick
 from redundant_envs.integrators.trial_steps import Bracket, Search, Trial
 
 RELEASE_SHARE = 1e-7
@@ -209,7 +209,9 @@ def ends_at_event(
     """
     gap, narrow = sought.gap, bracket.is_narrow(trial.left)
     late = gap * (trial.h - search.low) <= RELEASE_SHARE * trial.left * (gap - search.gap_low)
-    at_stop = (abs(gap) <= sought.closeness) | rest_of_way.possible | narrow
+    # A slider that is told from its stop where the bracket ends has not come there.
+    rounding = sought.closeness + 4.0 * ROUNDING * trial.left * abs(sought.speed)
+    at_stop = (abs(gap) <= sought.closeness) | rest_of_way.possible | (narrow & (gap >= -rounding))
     return where(sought.free, at_stop, (narrow | late) & sought.over)
 
 

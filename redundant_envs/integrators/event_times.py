@@ -182,12 +182,38 @@ def first_event(s: Slider, e: Encounter, h: Any, per_h: Any, smooth: bool) -> Sl
     side = where(side == 0.0, where(e.crossing > 0.0, 1.0, -1.0), side)
     if s.passes:
         return SliderEvent(time, side, turns)
-    # Two that are about to come to their stops are told apart by what they start with, however the step ends.
-    speed = abs(s.start_velocity)
-    outward = where(s.start_velocity > 0.0, 1.0, -1.0)
-    way = outward * (s.stop(outward) - s.start_position)
-    soon = s.free & logical_not(e.cleared) & (way > 0.0) & (way <= TAYLOR_SHARE * h * speed)
-    return SliderEvent(where(soon, way / speed, time), where(soon, outward, side), turns & logical_not(soon))
+    near = arrival_nearby(s, h)
+    soon = near.certain & logical_not(e.cleared)
+    return SliderEvent(where(soon, near.time, time), where(soon, near.side, side), turns & logical_not(soon))
+
+
+class Arrival(NamedTuple):
+    """At a stop right before a slider.
+
+    Attributes
+    ----------
+    certain : whether it comes there, and beyond if nothing stops it
+    time : of the arrival, s
+    side : of the stop
+    """
+
+    certain: Any
+    time: Any
+    side: Any
+
+
+def arrival_nearby(s: Slider, h: Any) -> Arrival:
+    """When a slider is at a stop that it starts right before, however the step of ``h`` ends.
+
+    Which of two such sliders comes first is told by what they start with. One that its acceleration turns
+    before it is beyond by more than rounding does not arrive.
+    """
+    side, speed = where(s.start_velocity > 0.0, 1.0, -1.0), abs(s.start_velocity)
+    way, acceleration = side * (s.stop(side) - s.start_position), side * s.watched.first
+    time = 2.0 * way / (speed + sqrt(maximum(speed * speed + 2.0 * acceleration * way, 0.0)))
+    before = (way > 0.0) & (way <= maximum(s.closeness, TAYLOR_SHARE * h * speed))
+    goes_beyond = speed * speed + 2.0 * acceleration * (way + s.closeness) > 0.0
+    return Arrival(s.free & before & goes_beyond & (speed > 0.0) & (time <= 0.5 * h), time, side)
 
 
 class Candidate(NamedTuple):

@@ -49,3 +49,32 @@ def test_the_order_of_two_impacts_does_not_depend_on_the_steps(restitution, cont
     tips, flagged = tips_after(scene(restitution, control_dt=control_dt, tolerance=1e-6), *states)
     assert (np.linalg.norm(tips - finer, axis=1) <= 1e-6)[judged & ~flagged].all()
     assert flagged.mean() < 1e-3
+
+
+@pytest.mark.parametrize("travel", [0.001, 0.25])
+@pytest.mark.parametrize("restitution", [0.0, 0.7])
+def test_sliders_that_turn_right_before_their_stops_do_not_arrive_there(travel, restitution):
+    """They start a few digits before them, are slow, and some are pulled away: no impact is made up."""
+    rng, n = np.random.default_rng(1), 20_000
+    upper = rng.random((n, 2)) < 0.7
+    side = np.where(upper, 1.0, -1.0)
+    digits = rng.integers(0, 8, (n, 2)) * np.where(upper, np.spacing(travel), 1e-19)
+    at = np.where(
+        rng.random((n, 2)) < 0.3, travel * rng.random((n, 2)), np.where(upper, travel, 0.0) - side * digits
+    )
+    speed = side * 10.0 ** rng.uniform(-12.0, -2.0, (n, 2)) * np.where(rng.random((n, 2)) < 0.8, 1.0, -1.0)
+    q, qd = rng.uniform(-3.0, 3.0, (n, 4)), rng.normal(0.0, 1.0, (n, 4))
+    q[:, 1::2], qd[:, 1::2] = np.clip(at, 0.0, travel), speed
+    arm = rde.RPRP((0.5,) * 4, (0.25, 0.25))
+    effects = (rde.effects.Gravity(), rde.effects.PrismaticStop((0.0, 0.0), (travel,) * 2, restitution))
+    efforts = rng.normal(size=(n, 4)) * (1.0, 5.0, 1.0, 5.0)
+    ends = []
+    for kwargs in ({"tolerance": 1e-6}, {"substeps": 96}, {"substeps": 160}):
+        batch = rde.BatchSimulator(rde.Scene(arm, effects, **{"tolerance": None, **kwargs}), n)
+        batch.set_state(q, qd)
+        assert not batch.advance(efforts).numerics.any()
+        ends.append(arm.forward_kinematics(batch.q))
+    tips, coarser, finer = ends
+    judged = np.linalg.norm(coarser - finer, axis=1) <= 1e-7
+    assert judged.mean() > 0.999
+    assert np.linalg.norm(tips - finer, axis=1)[judged].max() <= 1e-6
