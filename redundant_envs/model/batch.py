@@ -284,6 +284,7 @@ class BatchSimulator(Copied):
     def advance_partly(self, efforts: ArrayLike | None, duration: float) -> Status:
         """Advance by ``duration`` [s] instead of a control interval, in as many substeps."""
         number = isinstance(duration, int | float | np.integer | np.floating)
+        duration = float(duration) if isinstance(duration, np.floating) else duration
         if not number or not 0.0 < duration <= sys.float_info.max:
             raise ValueError(f"duration is {shown(duration)} s; it must be a finite and positive number")
         memory, names = self._memory, ("h", "interval")

@@ -84,6 +84,13 @@ def test_a_duration_is_a_positive_number(duration):
         batch.advance_partly(None, duration)
 
 
+@pytest.mark.parametrize("kind", [float, np.float32, np.float64, np.longdouble])
+@pytest.mark.filterwarnings("error")
+def test_a_duration_may_be_a_number_of_any_kind(kind):
+    batch = rde.BatchSimulator(rde.load_scene("four_r_free"), 2)
+    assert not batch.advance_partly(None, kind(0.25)).numerics.any()
+
+
 @pytest.mark.parametrize("efforts", ["a", 1j, {}, [[1], [1, 2]], np.array([1j] * 4), [10**400] * 4])
 def test_efforts_are_real_numbers(efforts):
     batch = rde.BatchSimulator(rde.load_scene("four_r_free"), 2)

@@ -19,8 +19,8 @@ from redundant_envs.effects import (
     limit_spring,
 )
 from redundant_envs.effects.hooks import Effect, Force, State
-from redundant_envs.scene import scene_names
-from redundant_envs.studies.verify import Mode, impacts, verify
+from redundant_envs.scene import LONGEST_INTERVAL, SHORTEST_INTERVAL, scene_names
+from redundant_envs.studies.verify import Mode, conservation, impacts, symmetries, verify
 from redundant_envs.studies.verify.accuracy import flagged, order
 from redundant_envs.studies.verify.checks import Verdict, checks_of
 from redundant_envs.studies.verify.conservation import energy_book
@@ -167,6 +167,20 @@ def test_stops_without_an_end_are_no_fault():
     assert {o.finding.words for o in result.outcomes} == {"no stop has an end"}
 
 
+@pytest.mark.parametrize("control_dt", [SHORTEST_INTERVAL, LONGEST_INTERVAL])
+def test_intervals_of_every_allowed_length_can_be_measured(control_dt):
+    effects = (Gravity(), PrismaticStop((0.0, 0.0), (0.25, 0.25), 0.3))
+    scene = rde.Scene(RPRP, effects, "rk4", control_dt, substeps=100)
+    result = verify(scene, STATES, checks=checks_of(conservation, symmetries))
+    assert [o.finding.words for o in result.outcomes if "control_dt" in o.finding.words] == []
+
+
+def test_impacts_of_an_arm_of_a_micrometre_are_good():
+    tiny = rde.RPRP((1e-6,) * 4, (1e-6, 1e-6))
+    scene = rde.Scene(tiny, (Gravity(), PrismaticStop((0.0, 0.0), (1e-6, 1e-6), 1.0)), control_dt=1e-3)
+    assert verify(scene, STATES, checks=checks_of(impacts)).good
+
+
 def test_a_book_that_does_not_close_is_red(monkeypatch):
     """Even where every potential is right: here the work of a damper is forgotten."""
     scene = rde.Scene(FOUR_R, (effect_with((Force(1, force, {"x": "phid2", "k": ".k"}),))(),))
@@ -292,8 +306,9 @@ def test_verify_exits_with_1_on_a_miss(tmp_path, monkeypatch, capsys):
     assert "redundant_envs: 1 " not in err
 
 
-def test_verify_refuses_before_it_measures(capsys):
-    assert main(["verify", "four_r_free", "nowhere"]) == 2
+@pytest.mark.parametrize("more", [("nowhere",), ("--json", "."), ("--markdown", ".")], ids=str)
+def test_verify_refuses_before_it_measures(more, capsys):
+    assert main(["verify", "four_r_free", *more]) == 2
     assert "four_r_free  " not in capsys.readouterr().out
 
 

@@ -31,6 +31,9 @@ def run(
     chosen, subjects = Mode[mode.upper()], subjects_of(words)
     if states is not None and states < 1:
         raise ValueError(f"states is {states}; give at least 1")
+    for file in (json_file, markdown_file):
+        if file is not None and file.is_dir():
+            raise ValueError(f"{file} is a folder; give a file to be written")
     done = _progress(len(subjects), len(checks_in(chosen)))
     reports: list[tuple[str, Report]] = []
     for subject in subjects:

@@ -57,19 +57,18 @@ class Crossing(NamedTuple):
 
 def crossed(scene: Scene, q: Array, qd: Array, efforts: Array, parts: int = 1) -> Crossing:
     """A control interval by dop853, whole or in parts."""
-    exact = dataclasses.replace(
-        scene, integrator="dop853", substeps=1, tolerance=None, control_dt=scene.control_dt / parts
+    return moved(
+        dataclasses.replace(scene, integrator="dop853", substeps=1, tolerance=None), q, qd, efforts, parts
     )
-    return moved(exact, q, qd, efforts, parts)
 
 
-def moved(scene: Scene, q: Array, qd: Array, efforts: Array, intervals: int = 1) -> Crossing:
-    """Some control intervals under constant efforts."""
+def moved(scene: Scene, q: Array, qd: Array, efforts: Array, parts: int = 1) -> Crossing:
+    """A control interval under constant efforts, in equal parts."""
     batch = BatchSimulator(scene, len(q), track_work=True)
     batch.set_state(q, qd)
     good = np.ones(len(q), np.bool_)
-    for _ in range(intervals):
-        good &= batch.advance(efforts).numerics == 0
+    for _ in range(parts):
+        good &= batch.advance_partly(efforts, scene.control_dt / parts).numerics == 0
     return Crossing(batch.q, batch.qd, batch.work, good)
 
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from redundant_envs.model.batch import BatchSimulator
-from redundant_envs.scene import Scene
+from redundant_envs.scene import SHORTEST_INTERVAL, Scene
 from redundant_envs.simulator.direct import cross_interval, fields_of
 from redundant_envs.simulator.dynamics import Dynamics
 from redundant_envs.simulator.interval import Interval
@@ -54,7 +54,8 @@ def compiled(trial: Trial) -> Ended:
     """States at the end of an interval by compiled code, of those whose interval is short."""
     own = trial.calm_scene
     steps = min(own.substeps, MOST_STEPS)
-    scene = dataclasses.replace(own, control_dt=own.control_dt / own.substeps * steps, substeps=steps)
+    seconds = max(own.control_dt / own.substeps * steps, SHORTEST_INTERVAL)
+    scene = dataclasses.replace(own, control_dt=seconds, substeps=steps)
     q, qd, efforts = trial.states
     batch = BatchSimulator(scene, len(q), track_work=True)
     batch.set_state(q, qd)

@@ -23,7 +23,8 @@ from redundant_envs.studies.verify.checks import (
 from redundant_envs.studies.verify.equations import from_points
 
 SHORT = 1e-10
-"""Time that follows an impact, s: forces change velocities by 1e-7 in it, which is taken out."""
+"""Time that follows an impact, s, of an arm of a metre and more, and of shorter ones less: forces change
+velocities by 1e-7 in it, which is taken out."""
 SMALL = 0.01
 """Below this restitution a slider may come to rest at its stop instead of a bounce that nobody would see."""
 AGREE = at_most(1e-8)
@@ -85,7 +86,8 @@ def struck(trial: Trial) -> Struck:
     qd[rows, struck_joint] = np.array([x[2] for x in sides])[chosen] * rng.uniform(0.5, 1.5, len(q))
     e, ways = ends[0][3], []
     good = np.ones(len(q), bool)
-    for seconds in (SHORT, 2.0 * SHORT):
+    short = SHORT * min(1.0, np.linalg.norm(trial.arm.points(q), axis=2).max())
+    for seconds in (short, 2.0 * short):
         batch = BatchSimulator(trial.scene, len(q), track_work=True)
         batch.set_state(q, qd)
         status = batch.advance_partly(None, seconds)

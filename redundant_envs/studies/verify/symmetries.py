@@ -10,7 +10,7 @@ import numpy as np
 from redundant_envs.effects import Gravity
 from redundant_envs.effects.hooks import Effect, Field, Force, Inertia, PointMass
 from redundant_envs.model.batch import BatchSimulator
-from redundant_envs.scene import Scene
+from redundant_envs.scene import LONGEST_INTERVAL, SHORTEST_INTERVAL, Scene
 from redundant_envs.studies.verify.checks import (
     ENOUGH_SMOOTH,
     EQUAL_BITS,
@@ -89,8 +89,9 @@ def _differ(trial: Trial, one: Array, other: Array, words: str) -> Finding:
 
 
 def _step(trial: Trial) -> float:
-    """The scene's own step, s, made a power of two: it scales to the last bit."""
-    return float(2.0 ** np.floor(np.log2(trial.scene.control_dt / trial.scene.substeps)))
+    """The scene's own step, s, made a power of two: it scales to the last bit. Its double is allowed, too."""
+    own = trial.scene.control_dt / trial.scene.substeps
+    return float(2.0 ** np.floor(np.log2(np.clip(own, 2.0 * SHORTEST_INTERVAL, 0.5 * LONGEST_INTERVAL))))
 
 
 @check("scaling of masses", EQUAL_BITS)
