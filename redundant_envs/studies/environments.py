@@ -50,7 +50,8 @@ def vector_rates(
     env = gym.make_vec(name, num_envs=lanes, scene=scene if controlled else {**scene, "tolerance": None})
     env.reset(seed=0)
     tables = VECTOR_STEPS if renewed else 1
-    drawn = np.random.default_rng(0).uniform(-1.0, 1.0, (tables, lanes, 4)).astype(np.float32)
+    shape = (tables, lanes, len(env.single_action_space.sample()))
+    drawn = np.random.default_rng(0).uniform(-1.0, 1.0, shape).astype(np.float32)
     env.step(drawn[0])
     rates = []
     for _ in range(rounds):
@@ -105,7 +106,7 @@ def first_step_seconds(name: str, tries: int = 3) -> float:
 
 
 def run(lanes: int = 4096, rounds: int = 10, steps: int = 2000) -> list[dict[str, Any]]:
-    """Time both reach environments; one row of ``COLUMNS`` for each."""
+    """Time the reach environments of all registered arms; one row of ``COLUMNS`` for each."""
     for field, value in (("lanes", lanes), ("rounds", rounds), ("steps", steps)):
         if value < 1:
             raise ValueError(f"{field} is {value}; give a whole number of at least 1")
