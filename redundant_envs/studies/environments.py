@@ -50,7 +50,7 @@ def vector_rates(
     env = gym.make_vec(name, num_envs=lanes, scene=scene if controlled else {**scene, "tolerance": None})
     env.reset(seed=0)
     tables = VECTOR_STEPS if renewed else 1
-    shape = (tables, lanes, len(env.single_action_space.sample()))
+    shape = (tables, *np.shape(env.action_space.sample()))
     drawn = np.random.default_rng(0).uniform(-1.0, 1.0, shape).astype(np.float32)
     env.step(drawn[0])
     rates = []

@@ -115,13 +115,11 @@ def open_books(
         here = of_lanes(before, np.array([k]))
         finest = (fine_interval(scene, step, lanes[[k]], n)[0] for n in (MANY_STEPS, MOST_STEPS))
         if not any(drifts(scene, here, end)[0] <= CONVERGING * fine[k] for end in finest):
-            yield (
-                int(lanes[k]),
-                (
-                    f"kinetic + potential - work drifts by {own[k]:.3g} of the energies exchanged, in the "
-                    f"references by {coarse[k]:.3g} and {fine[k]:.3g}"
-                ),
+            text = (
+                f"kinetic + potential - work drifts by {own[k]:.3g} of the energies exchanged, in the "
+                f"references by {coarse[k]:.3g} and {fine[k]:.3g}"
             )
+            yield int(lanes[k]), text
 
 
 def drifts(scene: Scene, before: Lanes, after: Lanes) -> Array:

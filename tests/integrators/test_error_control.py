@@ -241,7 +241,7 @@ def test_tolerance_is_kept_with_nearly_vanishing_links(arm, tolerance):
     flagged = status.numerics != 0
     assert judged.sum() > 1200
     assert (error <= tolerance)[judged & ~flagged].all()
-    assert np.mean(flagged[judged]) <= 1e-3  # of 5000 states none
+    assert np.mean(flagged[judged]) <= 1e-3
 
 
 def test_an_estimate_that_overflows_does_not_pass():

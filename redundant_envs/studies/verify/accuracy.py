@@ -173,8 +173,7 @@ def order(trial: Trial) -> Finding:
     q, qd, efforts = (x[:LANES] for x in trial.states)
     # Of an angle of many turns rounding would be all that is seen.
     q = np.where(trial.arm.prismatic, q, np.remainder(q, 2.0 * np.pi))
-    reach = np.linalg.norm(trial.arm.points(q), axis=2).max()
-    unit = np.where(trial.arm.prismatic, reach, 1.0)
+    unit = np.where(trial.arm.prismatic, np.linalg.norm(trial.arm.points(q), axis=2).max(), 1.0)
 
     batches = {method: BatchSimulator(smooth_scene(trial, method), len(q)) for method in ("rk8", name)}
 
@@ -186,8 +185,7 @@ def order(trial: Trial) -> Finding:
         return batch.q @ trial.scene.robot.motor_map / unit
 
     # Each state at the step from which it first has that error: some are much faster than others.
-    found, longest = np.full(len(q), np.nan), CALM * trial.calm[: len(q)]
-    seconds = 1e-7 * min(1.0, reach)
+    found, seconds, longest = np.full(len(q), np.nan), 1e-7, CALM * trial.calm[: len(q)]
     while seconds < longest.max() and np.isnan(found).any():
         exact = moved("rk8", 8, seconds)
         coarse, fine = (np.abs(moved(name, n, seconds) - exact).max(axis=1) for n in (1, 2))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from redundant_envs.extras import MissingPackage
 from redundant_envs.robots.arm import Arm
-from redundant_envs.scene import SHORTEST_INTERVAL, Scene
+from redundant_envs.scene import Scene
 from redundant_envs.studies.verify.states import random_states
 from redundant_envs.studies.verify.subjects import Subject
 
@@ -242,7 +242,7 @@ class Trial:
     @cached_property
     def calm_scene(self) -> Scene:
         """The scene, with an interval that is calm at half of the states at least."""
-        seconds = min(self.scene.control_dt, max(float(np.median(self.calm)), SHORTEST_INTERVAL))
+        seconds = min(self.scene.control_dt, float(np.median(self.calm)))
         return dataclasses.replace(self.scene, control_dt=seconds)
 
     def shared(self, make: Callable[[Trial], Any]) -> Any:
