@@ -222,8 +222,8 @@ def resolve_contacts(
         active_stops=[where(acts, a, c.active_stop) for a, c in zip(active, contacts, strict=True)],
         forces=forces,
         released=[
-            where(acts, (r | c.released) & logical_not(going), c.released)
-            for r, c in zip(support.released, contacts, strict=True)
+            where(acts, (r | c.released) & logical_not(hit), c.released)
+            for r, c, hit in zip(support.released, contacts, impact.hits, strict=True)
         ],
         happened=[where(logical_not(acts), Event.NONE, event) for event in happened],
         speeds=[where(acts & hit, u, 0.0) for hit, u in zip(impact.hits, approach.speeds, strict=True)],

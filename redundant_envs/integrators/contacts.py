@@ -32,7 +32,7 @@ class Contact(NamedTuple):
     lower, upper : its stops, m
     acceleration : m/s^2
     force : that its stop exerts along it, N
-    released : whether it has just left its stop and is not to rest again before it moves
+    released : whether it leaves its stop and is not to rest there before it is struck
     """
 
     position: Any

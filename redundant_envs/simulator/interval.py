@@ -106,7 +106,7 @@ class Interval(LocalSteps):
                 ("speed", "m/s", "into the stop, before an impact"),
             ):
                 yield Field(f"{name}_{s.name}", unit, doc, SCRATCH)
-            doc = "has left its stop and does not rest before it moves"
+            doc = "leaves its stop and does not rest there before it is struck"
             yield Field(f"released_{s.name}", "", doc, SCRATCH, truth=True)
             for v in dynamics.arm.rates:
                 yield Field(f"mobility_{v}_{s.name}", "", f"{v} per impulse along {s.name}", SCRATCH)

@@ -21,7 +21,7 @@ from redundant_envs.simulator.setting import (
     Plan,
     Reason,
 )
-from redundant_envs.simulator.step import tip_norms
+from redundant_envs.simulator.step import active_stop, tip_norms
 
 
 class LocalSteps(CommonStep):
@@ -299,10 +299,12 @@ class LocalSteps(CommonStep):
         }
         if self.logs:
             values["logged"] = where(back, lane.logged_start, lane.logged)
-        leaves = self.begun_at(lane, leaves_stop)
-        for s, leave in zip(self.stops, leaves, strict=True):
+        for k, (s, q, v) in enumerate(zip(self.stops, self.positions, self.rates, strict=True)):
+            # One whose event this is comes to its stop, even if it seems to move away by rounding.
+            comes = outcome.there & (lane.target == float(k))
+            leaves = leaves_stop(new[q], new[v], values[active_stop(s.name)], lane[s.lower], lane[s.upper])
             released = lane[f"released_{s.name}"]
-            values[f"released_{s.name}"] = where(back, leave, logical_not(goes) & released)
+            values[f"released_{s.name}"] = where(due, leaves & logical_not(comes), released)
             force, trial_force = lane[f"force_{s.name}"], lane[f"force_trial_{s.name}"]
             values[f"force_trial_{s.name}"] = where(goes, force, trial_force)
         return values

@@ -145,7 +145,9 @@ def test_a_single_slider_bounces_rests_and_goes():
     assert resolved([contact(-1e-3, 1.0, acceleration=3.0)], w, 0.5).active_stops == [0.0]
     assert resolved([contact(-1e-6, 1.0, acceleration=3.0, released=True)], w, 0.5).active_stops == [0.0]
     got = resolved([contact(0.0, -1.0, resting=True, force=-0.1)], w, 0.5)
-    assert (got.active_stops, got.happened, got.released) == ([0.0], [Event.RELEASE], [False])
+    assert (got.active_stops, got.happened, got.released) == ([0.0], [Event.RELEASE], [True])
+    assert resolved([contact(0.6, 1.0, released=True)], w, 0.5).released == [False]
+    assert resolved([contact(-0.6, 1.0, released=True)], w, 0.5).released == [True]
     away = resolved([contact(0.6, away=True)], w, 0.5)
     assert (away.velocities, away.happened, away.going_on) == ([0.6], [Event.NONE], True)
 

@@ -1,4 +1,4 @@
-"""Two sliders that come to their stops almost at once: which is first does not depend on the steps."""
+"""Two sliders at their stops almost at once: which strikes, and which rests, does not depend on the steps."""
 
 import numpy as np
 import pytest
@@ -78,3 +78,35 @@ def test_sliders_that_turn_right_before_their_stops_do_not_arrive_there(travel, 
     judged = np.linalg.norm(coarser - finer, axis=1) <= 1e-7
     assert judged.mean() > 0.999
     assert np.linalg.norm(tips - finer, axis=1)[judged].max() <= 1e-6
+
+
+@pytest.mark.parametrize("control_dt", [0.02, 0.1])
+@pytest.mark.parametrize("restitution", [0.0, 0.7])
+def test_a_slider_that_leaves_its_stop_slowly_does_not_rest_there_when_the_other_one_strikes(
+    control_dt, restitution
+):
+    """When it strikes, the slow one has not yet moved by a digit of its position."""
+    rng, n, travel = np.random.default_rng(2), 20_000, 0.001
+    upper, first = rng.random((n, 2)) < 0.7, rng.random(n) < 0.5
+    side = np.where(upper, 1.0, -1.0)
+    strikes = np.stack([first, ~first], axis=1)
+    digits = rng.integers(1, 8, (n, 2)) * np.where(upper, np.spacing(travel), 1e-19)
+    speed = 10.0 ** np.where(strikes, rng.uniform(-6.0, -2.0, (n, 2)), rng.uniform(-12.0, -8.0, (n, 2)))
+    q, qd = rng.uniform(-3.0, 3.0, (n, 4)), rng.normal(0.0, 1.0, (n, 4))
+    q[:, 1::2] = np.where(upper, travel, 0.0) - side * digits * strikes
+    qd[:, 1::2] = side * np.where(strikes, speed, -speed)
+    arm = rde.RPRP((0.5,) * 4, (0.25, 0.25))
+    effects = (rde.effects.Gravity(), rde.effects.PrismaticStop((0.0, 0.0), (travel,) * 2, restitution))
+    efforts = rng.normal(size=(n, 4)) * (1.0, 5.0, 1.0, 5.0)
+    ends = []
+    for kwargs in ({"integrator": "dop853"}, {"tolerance": 1e-9}, {"substeps": 160}, {"substeps": 1536}):
+        made = rde.Scene(arm, effects, **{"tolerance": None, "control_dt": control_dt, **kwargs})
+        batch = rde.BatchSimulator(made, n)
+        batch.set_state(q, qd)
+        assert not batch.advance(efforts).numerics.any()
+        ends.append(arm.forward_kinematics(batch.q))
+    *tips, coarser, finer = ends
+    judged = np.linalg.norm(coarser - finer, axis=1) <= 1e-10
+    assert judged.mean() > 0.999
+    for reached, limit in zip(tips, (2e-9, 1e-9), strict=True):
+        assert np.linalg.norm(reached - finer, axis=1)[judged].max() <= limit
