@@ -162,6 +162,7 @@ class StoppedArm:
         M, _ = self.equations(y, efforts)
         W = np.linalg.inv(M)[np.ix_(joints, joints)] * np.outer(s, s)
         columns = np.linalg.inv(M)[:, joints] * s
+        leave = {j for j, u in zip(joints, s * y[4:][joints], strict=True) if u < 0.0 and j not in held}
         for _ in range(MOST_IMPACTS):
             u = s * y[4:][joints]
             if not (u > ROUNDING).any():
@@ -174,6 +175,7 @@ class StoppedArm:
             for n, p in zip(here, impulse, strict=True):
                 if p > 0.0 and u[n] > 0.0:
                     y[4 + joints[n]] = -sides[joints[n]] * self.restitution * u[n]
+                    leave.discard(joints[n])
         u = s * y[4:][joints]
         qdd, _ = self.motion(y, efforts, [j for j in held if j in sides and j not in left])
         free_qdd, _ = self.motion(y, efforts, [])
@@ -181,7 +183,8 @@ class StoppedArm:
         resting = []
         for j, speed, side in zip(joints, u, s, strict=True):
             press = max(side * qdd[j], side * free_qdd[j])
-            if (j in held and speed > -ROUNDING) or (press > 0.0 and speed**2 <= 2.0 * press * height):
+            low = press > 0.0 and speed**2 <= 2.0 * press * height and j not in leave
+            if low or (j in held and speed > -ROUNDING):
                 resting.append(j)
         for count in range(len(resting), -1, -1):
             for chosen in itertools.combinations(resting, count):
