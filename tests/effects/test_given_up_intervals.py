@@ -65,7 +65,7 @@ def test_the_budget_of_impacts_is_that_of_the_interval_not_of_a_substep():
 
 
 @pytest.mark.parametrize("substeps", [1, 50])
-@pytest.mark.parametrize("integrator", ["euler", "rk4", "rk8"])
+@pytest.mark.parametrize("integrator", ["euler", pytest.param("rk4", marks=pytest.mark.long), "rk8"])
 def test_fixed_steps_that_a_damper_makes_unstable_are_given_up_before_long(integrator, substeps):
     """Found by fuzzing: every trial step ended beyond a stop, 1e7 times in an interval."""
     robot = rde.RPRP((5e-7, 1.3e-5, 5e5, 1.3e-3), (0.14, 0.65))

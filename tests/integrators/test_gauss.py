@@ -92,7 +92,10 @@ def runs(arm):
     return json.loads(text, parse_float=str)["trajectories"]
 
 
-@pytest.mark.parametrize(("arm", "number"), [(a, n) for a in ARMS for n in range(6)])
+@pytest.mark.parametrize(
+    ("arm", "number"),
+    [pytest.param(a, n, marks=pytest.mark.long if n > 2 else ()) for a in ARMS for n in range(6)],
+)
 def test_oracle(arm, number):
     """The known states at 0.1 and 0.5 s, to half a unit of their last place."""
     run = runs(arm)[number]

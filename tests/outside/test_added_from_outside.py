@@ -114,7 +114,7 @@ def test_torch_steps_agree_with_compiled_ones_and_have_gradients(name):
 # ---- environments --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("env_id", IDS)
+@pytest.mark.parametrize("env_id", [*(pytest.param(x, marks=pytest.mark.long) for x in IDS[:2]), *IDS[2:]])
 def test_single_vector_and_sb3_environments_are_sound_and_have_the_same_bits(env_id):
     single, vector = gym.make(env_id), gym.make_vec(env_id, num_envs=11)
     sb3 = rde.make_sb3(env_id, 11)
@@ -218,7 +218,7 @@ def test_one_more_observation_has_its_value():
     assert elbow.ElbowReachTask.name == "ElbowReach"
 
 
-@pytest.mark.parametrize("data", [three_r.SCENE, rrp.SCENE], ids=ADDED)
+@pytest.mark.parametrize("data", [pytest.param(three_r.SCENE, marks=pytest.mark.long), rrp.SCENE], ids=ADDED)
 def test_verify_finds_scenes_of_added_arms_and_effects_right(data):
     lag = {"type": "ActuatorLag", "time_constant": 0.05}
     found = verify(rde.load_scene({**data, "effects": [*data["effects"], lag]}), 64, Mode.QUICK)

@@ -108,13 +108,18 @@ def test_energies_and_inverse_dynamics_know_inertias(name):
 
 @pytest.mark.parametrize(
     ("name", "stops"),
-    [*((name, None) for name in ARMS), pytest.param("RPRP", 0.5, marks=pytest.mark.long), ("RRP", 0.5)],
+    [
+        ("4R", None),
+        ("RRP", 0.5),
+        *(pytest.param(name, None, marks=pytest.mark.long) for name in ARMS if name != "4R"),
+        pytest.param("RPRP", 0.5, marks=pytest.mark.long),
+    ],
 )
 def test_a_scene_with_inertias_is_verified(name, stops):
     assert verify(scene_of(name, stops, integrator="rk8"), 128, Mode.QUICK).misses == ()
 
 
-@pytest.mark.parametrize("name", ["RPRP", "RRP"])
+@pytest.mark.parametrize("name", ["RPRP", pytest.param("RRP", marks=pytest.mark.long)])
 def test_elastic_stops_keep_the_energy_of_rotors(name):
     scene = scene_of(name, 1.0, tolerance=1e-9)
     n = len(scene.robot.joints)

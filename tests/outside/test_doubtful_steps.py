@@ -88,7 +88,9 @@ class Silent(e.EffortLimits):
         return tuple(dataclasses.replace(hook, kink=None) for hook in super().hooks(arm))
 
 
-@pytest.mark.parametrize("arm", LIFTERS, ids=["4R", "RPRP"])
+@pytest.mark.parametrize(
+    "arm", [pytest.param(LIFTERS[0], marks=pytest.mark.long), LIFTERS[1]], ids=["4R", "RPRP"]
+)
 def test_the_kink_of_a_limit_behind_a_lag_is_told_and_the_tolerance_is_kept(arm):
     """The effort stops to change within the interval: the estimate alone lets more than a tolerance pass."""
     rng, n = np.random.default_rng(0), 2000

@@ -72,7 +72,7 @@ def test_a_force_at_a_point_accelerates_as_virtual_work_says(name, k, actuation)
 
 
 @pytest.mark.parametrize(
-    "name", ["RPRP", "3R", *(pytest.param(n, marks=pytest.mark.long) for n in ("4R", "RRP"))]
+    "name", ["RPRP", *(pytest.param(n, marks=pytest.mark.long) for n in ("3R", "4R", "RRP"))]
 )
 def test_the_energy_book_closes_and_a_wrong_potential_is_found(name, monkeypatch):
     arm = ARMS[name]
@@ -96,7 +96,7 @@ def _backwards(x, y, post_x, post_y, stiffness):
 
 
 @pytest.mark.parametrize("steps", [{"integrator": "rk4"}, {"tolerance": 1e-8}, {"integrator": "dop853"}])
-@pytest.mark.parametrize("name", ["RPRP", "3R"])
+@pytest.mark.parametrize("name", [pytest.param("RPRP", marks=pytest.mark.long), "3R"])
 def test_evaluators_agree_on_forces_at_points(name, steps):
     arm = ARMS[name]
     stops = (e.PrismaticStop((-0.1, -0.1), (0.1, 0.15), 0.5),) if name == "RPRP" else ()

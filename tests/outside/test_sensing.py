@@ -41,7 +41,7 @@ def motion(name, *effects, goal=False):
 
 
 @pytest.mark.parametrize("goal", [False, True])
-@pytest.mark.parametrize("name", IDS)
+@pytest.mark.parametrize("name", [pytest.param("4R", marks=pytest.mark.long), "RPRP"])
 def test_motion_reward_and_info_know_the_truth(name, goal):
     true = motion(name, goal=goal)
     read = motion(name, SensorBias(BIAS, SPEEDS), Encoders(0.01), goal=goal)
@@ -58,7 +58,7 @@ def test_motion_reward_and_info_know_the_truth(name, goal):
     assert np.abs(np.array(read[2]) - np.array(true[2])).max() > 0.01
 
 
-@pytest.mark.parametrize("name", IDS)
+@pytest.mark.parametrize("name", ["4R", pytest.param("RPRP", marks=pytest.mark.long)])
 def test_a_biased_sensor_shows_what_an_arm_elsewhere_shows(name):
     q, qd, read, *_ = motion(name, SensorBias(BIAS, SPEEDS))
     arm = rde.load_scene(IDS[name][1]).robot

@@ -48,6 +48,8 @@ SCENES = [
 ]
 SHORT = ("1e-6",)
 """Steps with which every effect is run each time; the others need two compilations more for each."""
+SLOW = (("4R", "limit spring", "1e-6"),)
+"""Its damper lets go in many lanes: ten seconds without a compiler. RPRP's tells the same in two."""
 
 
 def scene_of(arm, effect, steps):
@@ -80,7 +82,7 @@ def direct(scene, table, convert):
 
 @pytest.mark.parametrize(
     ("arm", "effect", "steps"),
-    [s if s[2] in SHORT else pytest.param(*s, marks=pytest.mark.long) for s in SCENES],
+    [s if s[2] in SHORT and s not in SLOW else pytest.param(*s, marks=pytest.mark.long) for s in SCENES],
 )
 def test_evaluators_agree_after_an_interval(arm, effect, steps):
     scene = scene_of(arm, effect, steps)
