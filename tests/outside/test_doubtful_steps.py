@@ -15,7 +15,13 @@ from rrp import RRP
 
 import redundant_envs as rde
 from redundant_envs import effects as e
+from redundant_envs.integrators.methods import Step
 from redundant_envs.scene import Scene
+from redundant_envs.simulator.direct import fields_of
+from redundant_envs.simulator.dynamics import Dynamics
+from redundant_envs.simulator.interval import Interval
+from redundant_envs.simulator.lane import Lane
+from redundant_envs.simulator.step import others_error
 
 
 def crossed(scene, q, qd, efforts, parts=1, z=None, **how):
@@ -126,6 +132,27 @@ def test_the_tolerance_is_kept_behind_a_row_of_lags():
     rng, n = np.random.default_rng(0), 1000
     off = errors(scene, rng.uniform(-3.0, 3.0, (n, 4)), np.zeros((n, 4)), rng.normal(0.0, 3.0, (n, 4)))
     assert off.max() < 1.0
+
+
+def test_what_errors_of_effects_states_move_at_the_tip_is_in_proportion_to_both_estimates():
+    scene = Scene(rde.FourR((0.5,) * 4, (0.25,) * 4), (LagChain(0.01, 2),), tolerance=1e-6)
+    dynamics, rng = Dynamics(scene), np.random.default_rng(0)
+    fields = dict.fromkeys(dynamics.states, 0.5) | fields_of(dynamics)
+    lane = Lane(Interval(dynamics).layout(), lambda name: fields.get(name, 0.0))
+    five, three, after = (rng.uniform(0.1, 1.0, len(dynamics.states)) for _ in range(3))
+    n, h = dynamics.count, 0.02
+
+    def moved(five, three, h5, h3):
+        step = Step(after[:n], after[n : 2 * n], after[2 * n :], [], five, three, h5, h3)
+        return others_error(dynamics, lane, step, h)
+
+    expected = moved(five, three, 1e-3, 1e-2)
+    assert expected > 0.0
+    for factor in (1e-9, 3.0, 1e6):
+        assert moved(factor * five, factor * three, 1e-3, 1e-2) == pytest.approx(factor * expected)
+        assert moved(five, three, factor * 1e-3, factor * 1e-2) == pytest.approx(factor * expected)
+        assert moved(factor * five, three, 1e-3 / factor, 1e-2) == pytest.approx(expected)
+        assert moved(five, factor * three, 1e-3, 1e-2 / factor) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("frequency", [300.0, 3000.0])
