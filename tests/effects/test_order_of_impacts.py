@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
+from redundant_envs.studies.independent_stops import StoppedArm
 
 ARM = rde.RPRP((0.5,) * 4, (0.5, 0.5))
 LOWER, UPPER = np.array([-0.39, -0.39]), np.array([-0.2156, -0.2757])
@@ -80,13 +81,9 @@ def test_sliders_that_turn_right_before_their_stops_do_not_arrive_there(travel, 
     assert np.linalg.norm(tips - finer, axis=1)[judged].max() <= 1e-6
 
 
-@pytest.mark.parametrize("control_dt", [0.02, 0.1])
-@pytest.mark.parametrize("restitution", [0.0, 0.7])
-def test_a_slider_that_leaves_its_stop_slowly_does_not_rest_there_when_the_other_one_strikes(
-    control_dt, restitution
-):
-    """When it strikes, the slow one has not yet moved by a digit of its position."""
-    rng, n, travel = np.random.default_rng(2), 4000, 0.001
+def slow_leavers(n, travel):
+    """States and efforts, (n, 4) each: a slider leaves its stop slowly, the other one is about to strike."""
+    rng = np.random.default_rng(2)
     upper, first = rng.random((n, 2)) < 0.7, rng.random(n) < 0.5
     side = np.where(upper, 1.0, -1.0)
     strikes = np.stack([first, ~first], axis=1)
@@ -95,9 +92,19 @@ def test_a_slider_that_leaves_its_stop_slowly_does_not_rest_there_when_the_other
     q, qd = rng.uniform(-3.0, 3.0, (n, 4)), rng.normal(0.0, 1.0, (n, 4))
     q[:, 1::2] = np.where(upper, travel, 0.0) - side * digits * strikes
     qd[:, 1::2] = side * np.where(strikes, speed, -speed)
+    return q, qd, rng.normal(size=(n, 4)) * (1.0, 5.0, 1.0, 5.0)
+
+
+@pytest.mark.parametrize("control_dt", [0.02, 0.1])
+@pytest.mark.parametrize("restitution", [0.0, 0.7])
+def test_a_slider_that_leaves_its_stop_slowly_does_not_rest_there_when_the_other_one_strikes(
+    control_dt, restitution
+):
+    """When it strikes, the slow one has not yet moved by a digit of its position."""
+    travel, n = 0.001, 4000
+    q, qd, efforts = slow_leavers(n, travel)
     arm = rde.RPRP((0.5,) * 4, (0.25, 0.25))
     effects = (rde.effects.Gravity(), rde.effects.PrismaticStop((0.0, 0.0), (travel,) * 2, restitution))
-    efforts = rng.normal(size=(n, 4)) * (1.0, 5.0, 1.0, 5.0)
     ends = []
     for kwargs in ({"integrator": "dop853"}, {"tolerance": 1e-9}, {"substeps": 160}, {"substeps": 1536}):
         made = rde.Scene(arm, effects, **{"tolerance": None, "control_dt": control_dt, **kwargs})
@@ -110,3 +117,18 @@ def test_a_slider_that_leaves_its_stop_slowly_does_not_rest_there_when_the_other
     assert judged.mean() > 0.999
     for reached, limit in zip(tips, (2e-9, 1e-9), strict=True):
         assert np.linalg.norm(reached - finer, axis=1)[judged].max() <= limit
+
+
+def test_an_account_that_shares_no_code_lets_slow_sliders_leave_their_stops():
+    """If these rested, they would be off by 6e-6."""
+    pytest.importorskip("scipy", reason="scipy is in the extra 'verify'")
+    travel, some = 0.001, [3, 23, 67, 266]
+    q, qd, efforts = (x[some] for x in slow_leavers(4000, travel))
+    arm = rde.RPRP((0.5,) * 4, (0.25, 0.25))
+    effects = (rde.effects.Gravity(), rde.effects.PrismaticStop((0.0, 0.0), (travel,) * 2, 0.0))
+    batch = rde.BatchSimulator(rde.Scene(arm, effects, integrator="dop853", tolerance=None), len(some))
+    batch.set_state(q, qd)
+    batch.advance(efforts)
+    account = StoppedArm(arm.masses, arm.lengths, 9.81, 0.0, travel, 0.0)
+    expected = [account.after(*start, 0.02) for start in zip(q, qd, efforts, strict=True)]
+    assert np.abs(np.concatenate([batch.q, batch.qd], axis=1) - expected).max() < 1e-11
