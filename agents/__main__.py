@@ -23,11 +23,12 @@ def main(arguments: list[str] | None = None) -> int:
         return 0
     try:
         words = take_imports(words)
+        check_config_name(words)
         from .commands import run
 
         return run(words)
     except (ValueError, MissingPackage, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {' '.join(str(error).splitlines())}", file=sys.stderr)
         return 2
     except MemoryError as error:
         print(f"error: {error or 'there is not enough memory'}; give smaller numbers", file=sys.stderr)
@@ -35,6 +36,14 @@ def main(arguments: list[str] | None = None) -> int:
     except KeyboardInterrupt as stop:
         print(str(stop) or "stopped", file=sys.stderr)
         return 130
+
+
+def check_config_name(words: list[str]) -> None:
+    """Refuse a wrong name of a configuration at once: even the parser of the command line is large."""
+    if words[:1] in (["train"], ["tune"]) and len(words) > 1 and not words[1].startswith("-"):
+        from .presets import preset_path
+
+        preset_path(words[1])
 
 
 if __name__ == "__main__":

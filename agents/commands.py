@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,17 +11,27 @@ from redundant_envs.extras import needs
 from redundant_envs.values import shown
 
 from . import COMMAND, command
-from .config.files import presets
-from .config.keys import complete, help_of_keys
 from .training.interrupt import Stopped
 
 with needs("train"):
     import typer
     import typer.core
 
+# Here is nothing large: a command checks what it was given before it imports torch, so that a wrong name is
+# refused at once.
+
 
 class Interrupted(Exception):
     """Ctrl-C inside a command, which typer would take for its own."""
+
+
+class _Train(typer.core.TyperCommand):
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:
+        """All keys of a configuration."""
+        from .config.keys import help_of_keys
+
+        self.epilog = help_of_keys()
+        super().format_epilog(ctx, formatter)
 
 
 class _Commands(typer.core.TyperGroup):
@@ -43,7 +54,12 @@ app.add_typer(study, name="study")
 PLACES = ("processes", "ray")
 """Where several runs go."""
 Folder = Annotated[Path, typer.Argument(help="run folder")]
+PolicyFolder = Annotated[Path, typer.Argument(help="run folder, or folder of an exported policy")]
 Folders = Annotated[list[Path], typer.Argument(help="run folders")]
+Out = Annotated[Path | None, typer.Option(help="folder to write to, instead of nowhere")]
+Overwrite = Annotated[
+    bool, typer.Option("--overwrite", help="write into the run folder, or replace files in --out")
+]
 Trust = Annotated[
     bool,
     typer.Option(
@@ -52,18 +68,45 @@ Trust = Annotated[
 ]
 
 
+def presets() -> list[str]:
+    """Completions of a preset's name."""
+    from .presets import presets
+
+    return presets()
+
+
+def complete(incomplete: str) -> list[str]:
+    """Completions of key=value."""
+    from .config.keys import complete
+
+    return complete(incomplete)
+
+
 def run(arguments: list[str]) -> int:
-    """Run one command; usage errors are shown and give 2."""
+    """Run one command; a ValueError says in one line what is wrong with what was typed."""
     try:
-        app(args=arguments, prog_name=COMMAND)
-    except SystemExit as end:
-        return end.code if isinstance(end.code, int) else 0
+        app(args=arguments, prog_name=COMMAND, standalone_mode=False)
     except Interrupted as stop:
         raise KeyboardInterrupt(*stop.args) from stop
+    except Exception as error:
+        if not hasattr(error, "format_message"):  # of typer, or of click in its older versions
+            raise
+        return _usage(error)
     return 0
 
 
-@app.command(epilog=help_of_keys())
+def _usage(error: Any) -> int:
+    """Show a usage error; where there are no words at all, the help."""
+    message, context = error.format_message(), getattr(error, "ctx", None)
+    if context is None or type(error).__name__ == "NoArgsIsHelpError":
+        print(message, file=sys.stderr)
+        return 2
+    names = context.command.list_commands(context) if hasattr(context.command, "list_commands") else []
+    more = f"choose {', '.join(names)}; or " if names else ""
+    raise ValueError(f"{message.rstrip('.')}; {more}see {context.command_path} --help")
+
+
+@app.command(cls=_Train)
 def train(
     config: Annotated[str, typer.Argument(help="YAML file, or a preset's name", autocompletion=presets)],
     overrides: Annotated[
@@ -87,14 +130,12 @@ def train(
     ] = None,
 ) -> None:
     """Train, evaluate and report."""
-    from .config import load
-    from .evaluate import evaluate, summary
-    from .report import check_drawing, report
-    from .training.many import seeds_of, train_many
-    from .training.train import train
-
-    check_drawing()
     check_place(on, address, seeds)
+    from .config import load
+    from .drawing import check_drawing
+    from .new_folder import check_new
+    from .training.amount import count_of, seeds_of
+
     name = Path(config).stem
     stamp = time.strftime("%Y%m%d-%H%M%S")
     if seeds is not None:
@@ -102,11 +143,15 @@ def train(
             raise ValueError("seed is given beside --seeds; leave one of them out")
         folder = out or Path("runs") / f"{name}_{stamp}"
         chosen = {f"seed{k}": load(config, [*(overrides or ()), f"seed={k}"]) for k in seeds_of(seeds)}
+        count_of(processes)
+        check_drawing()
         if on == "ray":
             from .training.on_ray import train_on_ray
 
             train_on_ray(chosen, folder, address, processes)
         else:
+            from .training.many import train_many
+
             train_many(chosen, folder, processes)
         from .evidence.table import table
 
@@ -116,13 +161,27 @@ def train(
         raise ValueError("processes is for several seeds; give --seeds, such as --seeds 0..9")
     one = load(config, overrides or ())
     folder = out or Path("runs") / f"{name}_seed{one.seed}_{stamp}"
+    check_new(folder)
+    check_drawing()
+    from .training.train import train
+
     facts = train(one, folder)
     try:
-        print(summary(evaluate(one, folder)))
-        print(f"{facts['env_steps']} environment steps in {facts['train_seconds']:.0f} s")
-        print(f"report: {report(folder)}")
+        _finish(folder, facts)
     except KeyboardInterrupt:
         raise Stopped(f"stopped after the training; go on with: {command('report', folder)}") from None
+
+
+def _finish(folder: Path, facts: dict[str, Any]) -> None:
+    """Evaluate and report a run that was trained to its end."""
+    from .evaluate import evaluate, summary, write_evaluation
+    from .report import report
+
+    found = evaluate(folder)
+    write_evaluation(found, folder)
+    print(summary(found.result))
+    print(f"{facts['env_steps']} environment steps in {facts['train_seconds']:.0f} s")
+    print(f"report: {report(folder, overwrite=True)}")
 
 
 def check_place(on: str, address: str | None, seeds: str | None) -> None:
@@ -159,7 +218,7 @@ def tune(
 ) -> None:
     """Search the learner's settings that hold most goals, with Optuna."""
     from .config import load
-    from .tuning import tune
+    from .tuning.study import tune
 
     folder = out or Path("runs") / "tune" / Path(config).stem
     path = tune(load(config, overrides or ()), folder, trials, search or (), overrides or (), seed)
@@ -170,33 +229,60 @@ def tune(
 @app.command()
 def resume(folder: Folder) -> None:
     """Go on with a training that was stopped or killed, from its last checkpoint, to the same bits."""
-    from .evaluate import evaluate, summary
-    from .report import check_drawing, report
-    from .run_folder import read_config
+    from .drawing import check_drawing
+    from .own_scene import own_config, tell_differences
+
+    own_config(folder)
+    check_drawing()
+    tell_differences([folder])
     from .training.train import resume
 
+    _finish(folder, resume(folder))
+
+
+@app.command()
+def evaluate(
+    folder: PolicyFolder, out: Out = None, overwrite: Overwrite = False, trust: Trust = False
+) -> None:
+    """Evaluate the policy of a run folder, or an exported one, in the scene that it was trained in.
+
+    Prints what is found, and writes nothing. With --out FOLDER evaluation.json and episodes.csv are written
+    there; with --overwrite into the run folder, in place of its own.
+    """
+    from .drawing import EVALUATED
+    from .new_folder import check_unwritten
+    from .own_scene import own_config, tell_differences
+
+    own_config(folder)
+    if out is not None:
+        check_unwritten(out, EVALUATED, overwrite)
+    tell_differences([folder])
+    from .evaluate import evaluate, summary, write_evaluation
+
+    found = evaluate(folder, trust)
+    print(summary(found.result))
+    if out is not None or overwrite:
+        write_evaluation(found, out or folder)
+        print(f"written: {(out or folder) / EVALUATED[0]}")
+
+
+@app.command()
+def report(folder: PolicyFolder, out: Out = None, overwrite: Overwrite = False, trust: Trust = False) -> None:
+    """Draw plots, clips and report.md of a run folder, or of an exported policy.
+
+    A run without a report, such as one that was stopped, gets it in its folder. Where files would be
+    replaced, and for an exported policy, --out FOLDER or --overwrite is needed.
+    """
+    from .drawing import check_drawing, check_target
+    from .own_scene import own_config, tell_differences
+
+    own_config(folder)
+    check_target(folder, out, overwrite)
     check_drawing()
-    facts = resume(folder)
-    print(summary(evaluate(read_config(folder), folder)))
-    print(f"{facts['env_steps']} environment steps in {facts['train_seconds']:.0f} s")
-    print(f"report: {report(folder)}")
-
-
-@app.command()
-def evaluate(folder: Folder, trust: Trust = False) -> None:
-    """Evaluate the policy of a run folder again."""
-    from .evaluate import evaluate, summary
-    from .run_folder import read_config
-
-    print(summary(evaluate(read_config(folder), folder, trust)))
-
-
-@app.command()
-def report(folder: Folder, trust: Trust = False) -> None:
-    """Draw plots, clips and report.md of a run folder again."""
+    tell_differences([folder])
     from .report import report
 
-    print(f"report: {report(folder, trust)}")
+    print(f"report: {report(folder, out, overwrite, trust)}")
 
 
 @app.command()
@@ -206,13 +292,16 @@ def table(
 ) -> None:
     """Print evaluated runs as a Markdown table: seeds of equal settings in one row."""
     from .evidence.table import rows, table, write_rows
-    from .run_folder import check_out
+    from .new_folder import check_out
+    from .own_scene import tell_differences
 
     if out is not None:
         if out.suffix.lower() != ".csv":
             raise ValueError(f"out is {out}; end its name in .csv")
         check_out(out.parent)
-    print(table(folders))
+    text = table(folders)
+    tell_differences(folders)
+    print(text)
     if out is not None:
         write_rows(rows(folders), out)
 
@@ -226,16 +315,20 @@ def curves(
 ) -> None:
     """Draw learning curves of run folders: all seeds, their interquartile mean and its interval."""
     from .evidence.curves import curves
-    from .run_folder import check_out
+    from .new_folder import check_out
+    from .own_scene import tell_differences
 
     check_out(out.parent)
     curves(folders, out)
+    tell_differences(folders)
     print(out)
 
 
 @app.command()
 def play(
-    target: Annotated[str, typer.Argument(help="run folder, or id such as RPRPReach-v0")],
+    target: Annotated[
+        str, typer.Argument(help="run folder, folder of an exported policy, or id such as RPRPReach-v0")
+    ],
     actions: Annotated[
         str | None, typer.Option(help="actions for an id: zero, random or expert (default expert)")
     ] = None,
@@ -258,6 +351,12 @@ def export(
     out: Annotated[Path, typer.Option(help="folder of the policies' folders")] = Path("runs/policies"),
 ) -> None:
     """Write policies for others: stable-baselines3, ONNX, NumPy arrays, and a card."""
+    from .evidence.runs import read_run
+    from .own_scene import tell_differences
+
+    for folder in folders:
+        read_run(folder)
+    tell_differences(folders)
     from .shipping.export import export_all
 
     for folder in export_all(folders, out):
@@ -284,14 +383,16 @@ def study_stops(
     """What hard stops cost on the states of an RPRP policy."""
     from redundant_envs.studies import common, stops
 
-    from .policies import load_policy
-    from .run_folder import read_config
+    from .own_scene import own_config, tell_differences
 
-    config = read_config(folder)
+    config = own_config(folder)
     if lanes < 8:
         raise ValueError(f"lanes is {lanes}; give at least 8")
     if config.env != stops.ENVIRONMENT:
         raise ValueError(f"folder is a run of {config.env}; the study is of {stops.ENVIRONMENT}")
+    tell_differences([folder])
+    from .policies import load_policy
+
     model = load_policy(folder, config, trust)
     policies: dict[str, Any] = {
         "policy": lambda obs: model.predict(obs, deterministic=True)[0],
@@ -317,13 +418,14 @@ def study_policy(
     """What the physics costs a policy, and training under the cheapest."""
     from redundant_envs.studies.common import study_path
 
-    from .report import check_drawing
-    from .studies.policy.report import write_report
-    from .studies.policy.run import run_study
+    from .drawing import check_drawing
     from .studies.policy.settings import load_study
 
-    check_drawing()
     what = load_study(config or study_path("policy"), overrides or ())
+    check_drawing()
+    from .studies.policy.report import write_report
+    from .studies.policy.run import run_study
+
     try:
         results = run_study(what, out, trust)
     except KeyboardInterrupt:
@@ -345,10 +447,13 @@ def study_strength(
     ),
 ) -> None:
     """Where learning pays: hold success over the strength of the motors."""
-    from .report import check_drawing
-    from .studies.strength_run import factors_of, run_study
-    from .training.many import seeds_of
+    from .drawing import check_drawing
+    from .studies.factors import factors_of
+    from .training.amount import seeds_of
 
-    check_drawing()
     chosen = [] if seeds == "none" else seeds_of(seeds)
-    print(run_study(factors_of(factors), chosen, episodes, runs or (), processes, out))
+    times = factors_of(factors)
+    check_drawing()
+    from .studies.strength_run import run_study
+
+    print(run_study(times, chosen, episodes, runs or (), processes, out))

@@ -1,4 +1,4 @@
-"""Evaluate a policy on the frozen goals, beside the expert, and write evaluation.json."""
+"""Evaluate a policy on the frozen goals, beside the expert."""
 
 from __future__ import annotations
 
@@ -6,13 +6,15 @@ import platform
 import time
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from redundant_envs.envs.sb3 import make_sb3
 
-from .config import Config, label
+from .config import label
+from .own_scene import own_config
 from .policies import load_policy
 from .rollout import EVALUATION_SEED, Outcome, expert_act, policy_act, run_episodes
 from .run_folder import EPISODES, FACTS, read_facts, write_json
@@ -43,11 +45,19 @@ def processor() -> str:
     return platform.processor() or platform.machine()
 
 
-def evaluate(config: Config, folder: Path, trust: bool = False) -> dict[str, Any]:
-    """Evaluate the policy of a run folder; writes and returns evaluation.json.
+class Evaluation(NamedTuple):
+    """What evaluation.json says, and the rows of episodes.csv."""
+
+    result: dict[str, Any]
+    episodes: NDArray[np.float64]
+
+
+def evaluate(folder: Path, trust: bool = False) -> Evaluation:
+    """Evaluate the policy of a folder in the scene that it was trained in; nothing is written.
 
     ``trust`` is that of :func:`load_policy`.
     """
+    config = own_config(folder)
     facts = read_facts(folder)
     model = load_policy(folder, config, trust)
     n = config.evaluation_episodes
@@ -78,13 +88,17 @@ def evaluate(config: Config, folder: Path, trust: bool = False) -> dict[str, Any
         "machine": processor(),
         "versions": versions(),
     }
+    return Evaluation(result, episode_table(policy, expert))
+
+
+def write_evaluation(found: Evaluation, folder: Path) -> None:
+    """Write evaluation.json and episodes.csv into a folder, which is made."""
+    folder.mkdir(parents=True, exist_ok=True)
     np.savetxt(
-        folder / "episodes.csv", episode_table(policy, expert), delimiter=",", comments="",
-        header=",".join(EPISODES),
+        folder / "episodes.csv", found.episodes, delimiter=",", comments="", header=",".join(EPISODES),
         fmt=["%d", "%d", "%d", "%.9f", "%.4f", "%d", "%.9f"],
     )  # fmt: skip
-    write_json(folder / "evaluation.json", result)
-    return result
+    write_json(folder / "evaluation.json", found.result)
 
 
 def measures(who: str, outcome: Outcome) -> dict[str, float | None]:

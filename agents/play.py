@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 
-import redundant_envs  # noqa: F401  (registers the ids)
 from redundant_envs.envs.registration import NAMESPACE, ids
 from redundant_envs.extras import needs
+from redundant_envs.files import exists
 from redundant_envs.studies.clips import check_clip
+from redundant_envs.values import shown
 
-from .report import batched, clip
+from .clips import batched, clip
+from .own_scene import own_config, tell_differences
 from .rollout import Act, expert_act, policy_act, random_act, zero_act
-from .run_folder import read_config
+
+ACTIONS: dict[str, Callable[[int], Act]] = {
+    "zero": lambda seed: zero_act(), "random": random_act, "expert": lambda seed: expert_act(),
+}  # fmt: skip
+"""What acts without a policy, from a seed."""
+MOST_EPISODES = 1_000_000
+MOST_SEED = 2**63
 
 
 def play(
@@ -25,7 +34,7 @@ def play(
     Parameters
     ----------
     target : str
-        Run folder, or id of an environment.
+        Folder of a run or an exported policy, or id of an environment.
     actions : {"zero", "random", "expert"}, optional
         For an id.
     path : Path, optional
@@ -35,38 +44,48 @@ def play(
     trust : bool
         That of :func:`load_policy`.
     """
-    if episodes < 1:
-        raise ValueError(f"episodes is {episodes}; give at least 1")
+    for name, number, least, most in (("episodes", episodes, 1, MOST_EPISODES), ("seed", seed, 0, MOST_SEED)):
+        if number < least:
+            raise ValueError(f"{name} is {number}; give at least {least}")
+        if number > most:
+            raise ValueError(f"{name} is {number}; give at most {most}")
     if path is not None:
         check_clip(path)
-    else:
-        with needs("human"):
-            import pygame  # noqa: F401
-    kwargs: dict[str, Any] = {}
-    if Path(target).exists():
-        from .policies import load_policy
-
-        if actions is not None:
-            raise ValueError(f"--actions is {actions!r}; a run folder plays its policy: give an id")
-        config = read_config(Path(target))
-        env_id, kwargs = config.env, dict(config.env_kwargs)
-        act = policy_act(load_policy(Path(target), config, trust))
-    else:
-        env_id = target if "/" in target else f"{NAMESPACE}/{target}"
-        if env_id not in ids():
-            raise ValueError(f"target is {target!r}; give a run folder or one of {', '.join(ids())}")
-        act = {"zero": zero_act, "random": lambda: random_act(seed), "expert": expert_act}[
-            actions or "expert"
-        ]()
+    env_id, act, kwargs = _policy(Path(target), actions, trust) if exists(Path(target)) else (
+        *_without_policy(target, actions, seed), {}
+    )  # fmt: skip
     if path is not None:
         clip([path], env_id, act, episodes, seed, **kwargs)
         print(f"clip: {path}")
         return
+    with needs("human"):
+        import pygame  # noqa: F401
     env = gym.make(env_id, render_mode="human", **kwargs)
     core = env.unwrapped.core  # type: ignore[attr-defined]
     for episode in range(episodes):
         print(f"seed {seed + episode}: {_episode(env, core, act, seed + episode)}")
     env.close()
+
+
+def _policy(folder: Path, actions: str | None, trust: bool) -> tuple[str, Act, dict[str, Any]]:
+    """Environment, actions and arguments of a folder's policy, in the scene that it was trained in."""
+    if actions is not None:
+        raise ValueError(f"--actions is {shown(actions)}; a run folder plays its policy: give an id")
+    config = own_config(folder)
+    tell_differences([folder])
+    from .policies import load_policy  # imports torch
+
+    return config.env, policy_act(load_policy(folder, config, trust)), dict(config.env_kwargs)
+
+
+def _without_policy(target: str, actions: str | None, seed: int) -> tuple[str, Act]:
+    env_id = target if "/" in target else f"{NAMESPACE}/{target}"
+    if env_id not in ids():
+        raise ValueError(f"target is {shown(target)}; give a run folder or one of {', '.join(ids())}")
+    who = "expert" if actions is None else actions
+    if who not in ACTIONS:
+        raise ValueError(f"--actions is {shown(who)}; choose {', '.join(ACTIONS)}")
+    return env_id, ACTIONS[who](seed)
 
 
 def _episode(env: Any, core: Any, act: Act, seed: int) -> str:

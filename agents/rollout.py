@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from redundant_envs.control.computed_torque import ComputedTorque, pose_at
 from redundant_envs.envs.core import Core
-from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.integrators.tableaus import METHODS
 
 EVALUATION_SEED = 1_000_000
@@ -50,6 +49,8 @@ class Outcome:
 
 def run_episodes(env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any) -> Outcome:
     """Run each episode once, in an environment of its own with seed ``seed + i``."""
+    from redundant_envs.envs.sb3 import make_sb3  # imports torch
+
     env = make_sb3(env_id, episodes, **kwargs)
     env.seed(seed)
     obs = env.reset()

@@ -39,16 +39,6 @@ MOST_CHARACTERS = 200
 """Of the name of a machine."""
 
 
-def check_out(folder: Path) -> None:
-    """Refuse a folder for results that cannot be: a file, or below one, or where nobody may write."""
-    there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
-    if not there.is_dir():
-        what = "is a file" if there == folder else f"is below the file {there}"
-        raise ValueError(f"out is {folder}, which {what}; choose another --out")
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise ValueError(f"out is {folder}, and {there} is not writable; choose another --out")
-
-
 def read_config(folder: Path) -> Config:
     """The configuration of a run folder."""
     path = folder / "config.yaml"
@@ -60,14 +50,27 @@ def read_config(folder: Path) -> Config:
     return load(path)
 
 
+def is_exported(folder: Path) -> bool:
+    """Whether a folder is that of an exported policy, which has no evaluation and no learning curve."""
+    return (folder / "policy.npz").is_file() and not (folder / "evaluation.json").is_file()
+
+
+def evaluate_anew(folder: Path) -> str:
+    """The command that writes the evaluation of a run."""
+    return command("evaluate", folder, "--overwrite")
+
+
 def read_evaluation(folder: Path) -> dict[str, Any]:
     """evaluation.json, checked: whatever it says may be printed and compared."""
     path = folder / "evaluation.json"
-    if not path.is_file():
+    if is_exported(folder):
         raise ValueError(
-            f"run folder {folder} has no evaluation.json; make it: {command('evaluate', folder)}"
+            f"{folder} is an exported policy: it has a card, README.md, and no evaluation.json; give the "
+            "folder of its run"
         )
-    data = _read_json(path, f"{command('evaluate', folder)}")
+    if not path.is_file():
+        raise ValueError(f"run folder {folder} has no evaluation.json; make it: {evaluate_anew(folder)}")
+    data = _read_json(path, evaluate_anew(folder))
     low_high = data.get("interval")
     checks = {name: _is_number(data.get(name)) for name in (*DISTANCES, *RETURNS)}
     checks |= {name: _is_number(data.get(name), 1) for name in RATES}
@@ -88,7 +91,7 @@ def read_evaluation(folder: Path) -> dict[str, Any]:
     for name, holds in checks.items():
         if not holds:
             raise ValueError(
-                f"{path} has {shown(data.get(name))} as {name!r}; make it anew: {command('evaluate', folder)}"
+                f"{path} has {shown(data.get(name))} as {name!r}; make it anew: {evaluate_anew(folder)}"
             )
     return data
 
@@ -112,7 +115,7 @@ def read_facts(folder: Path) -> dict[str, Any]:
 def read_table(folder: Path, name: str, columns: tuple[str, ...]) -> NDArray[np.float64]:
     """selection.csv or episodes.csv, (rows, columns); there may be no rows yet."""
     path = folder / name
-    remedy = f"{command('evaluate', folder)}"
+    remedy = evaluate_anew(folder)
     if columns is SELECTION:
         remedy = f"{command('train', folder / 'config.yaml', '--out', 'NEW_FOLDER')}"
     if not path.is_file():

@@ -184,6 +184,12 @@ def text_value(text: str, where: str) -> Any:
     return parse_yaml(text, where)
 
 
+def scene_folder() -> Path:
+    """The folder of named scenes: package data in a wheel, configs/scenes in a checkout."""
+    installed = Path(__file__).parent / "configs" / "scenes"
+    return installed if installed.is_dir() else Path(__file__).parents[1] / "configs" / "scenes"
+
+
 def exists(path: Path) -> bool:
     """Whether something is at a path; not if it cannot be one."""
     try:

@@ -19,7 +19,7 @@ from redundant_envs.effects.hooks import (
     Impact,
     State,
 )
-from redundant_envs.files import exists, explained, read_yaml
+from redundant_envs.files import exists, explained, read_yaml, scene_folder
 from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.loaded_arm import identifier, loaded_arm
 from redundant_envs.plain_data import check_keys, check_registered, plain, typed
@@ -257,12 +257,6 @@ def check_scene(scene: Any) -> None:
         raise ValueError(
             f"scene is {shown(scene)}; give a Scene, such as rde.load_scene makes of a name or a file"
         )
-
-
-def scene_folder() -> Path:
-    """The folder of named scenes: package data in a wheel, configs/scenes in a checkout."""
-    installed = Path(__file__).parent / "configs" / "scenes"
-    return installed if installed.is_dir() else Path(__file__).parents[1] / "configs" / "scenes"
 
 
 def scene_names() -> list[str]:

@@ -14,8 +14,8 @@ import redundant_envs as rde
 from agents.__main__ import main as agents_main
 from agents.config import load
 from redundant_envs.__main__ import main
-from redundant_envs.files import LARGEST_FILE, parse_yaml, read_yaml, text_value
-from redundant_envs.scene import scene_folder, scene_names
+from redundant_envs.files import LARGEST_FILE, parse_yaml, read_yaml, scene_folder, text_value
+from redundant_envs.scene import scene_names
 from redundant_envs.studies.accuracy_config import load_study
 from redundant_envs.studies.throughput import load_config
 

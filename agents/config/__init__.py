@@ -1,7 +1,7 @@
 """Training configurations: pydantic models with ranges, units and help; unknown keys are errors."""
 
 from .fields import Model, Real, Text, Whole, checked, number, value
-from .files import load, preset_folder, preset_path, presets, read
+from .files import load, read
 from .learners import (
     HERSettings,
     OffPolicySettings,
@@ -16,6 +16,5 @@ from .run import ALGORITHMS, MOST_EPISODES, MOST_SEEDS, SEEDS_PER_RUN, WITHOUT_E
 __all__ = [
     "ALGORITHMS", "MOST_EPISODES", "MOST_SEEDS", "SEEDS_PER_RUN", "WITHOUT_EFFECT", "Config", "HERSettings",
     "Model", "OffPolicySettings", "PPOSettings", "PlainPPOSettings", "Real", "SACSettings", "TD3Settings",
-    "TQCSettings", "Text", "Whole", "checked", "label", "load", "number", "preset_folder", "preset_path",
-    "presets", "read", "value",
+    "TQCSettings", "Text", "Whole", "checked", "label", "load", "number", "read", "value",
 ]  # fmt: skip

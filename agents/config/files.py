@@ -1,4 +1,4 @@
-"""Configurations in files: YAML with dotted overrides; presets by name."""
+"""Configurations in files: YAML with dotted overrides."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from redundant_envs.files import exists, explained, read_yaml, text_value
-from redundant_envs.scene import scene_folder
 from redundant_envs.values import shown
 
+from ..presets import preset_path
 from .fields import checked
 from .run import CHANGES, VERSION, Config
 
@@ -38,29 +38,6 @@ def check_version(data: dict[str, Any]) -> None:
         f"config_version {said}; this program reads {VERSION}. {changed} Look whether the run is still "
         f"the one you mean, then write config_version: {VERSION}"
     )
-
-
-def preset_folder() -> Path:
-    """The folder of the presets: package data in a wheel, configs/training in a checkout."""
-    return scene_folder().parent / "training"
-
-
-def presets() -> list[str]:
-    """Names of all presets; baselines are named with their folder."""
-    folder = preset_folder()
-    return sorted(p.relative_to(folder).with_suffix("").as_posix() for p in folder.rglob("*.yaml"))
-
-
-def preset_path(path: str | Path) -> Path:
-    """The file of a configuration: the path itself, or a preset's by its name."""
-    file, preset = Path(path), preset_folder() / f"{path}.yaml"
-    if exists(file) and not (file.is_dir() and exists(preset)):
-        return file
-    if not exists(preset):
-        raise ValueError(
-            f"config is {shown(str(path))}; there is no such file, and the presets are {', '.join(presets())}"
-        )
-    return preset
 
 
 def read(path: str | Path, overrides: Sequence[str], folder: str) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ TABLE = (
 """Columns of the CSV file: x in steps or seconds, rates from 0 to 1."""
 
 
-def curves(folders: Iterable[str | Path], path: str | Path, x: str = "both", stopped: bool = False) -> Path:
+def curves(folders: Iterable[str | Path], path: str | Path, x: str = "both") -> Path:
     """Draw learning curves of run folders and write their numbers beside them, as CSV.
 
     For each environment and scene there are panels of hold success, touch success and mean return on the
@@ -36,9 +36,6 @@ def curves(folders: Iterable[str | Path], path: str | Path, x: str = "both", sto
         Figure to write, .png or .svg; its folder is made.
     x : str
         "steps", "seconds", or "both" for a row of panels over each.
-
-    stopped : bool
-        Whether trainings that were stopped are drawn too, instead of refused.
 
     Returns
     -------
@@ -59,7 +56,12 @@ def curves(folders: Iterable[str | Path], path: str | Path, x: str = "both", sto
     if x not in (*AXES, "both"):
         raise ValueError(f"x is {x!r}; choose {', '.join(AXES)} or both")
     axes = tuple(AXES) if x == "both" else (x,)
-    groups = read_groups(folders, stopped)
+    groups = read_groups(folders)
+    return draw_curves(groups, path, axes)
+
+
+def draw_curves(groups: Sequence[Group], path: Path, axes: Sequence[str] = tuple(AXES)) -> Path:
+    """Draw the learning curves of groups, and write their numbers beside them; returns the CSV file."""
     found = draw(groups, axes)
     path.parent.mkdir(parents=True, exist_ok=True)
     found.savefig(path)

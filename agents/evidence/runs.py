@@ -17,7 +17,8 @@ from redundant_envs.values import shown
 
 from .. import command
 from ..config import WITHOUT_EFFECT
-from ..run_folder import SELECTION, read_config, read_evaluation, read_facts, read_table
+from ..own_scene import read_scene
+from ..run_folder import SELECTION, evaluate_anew, read_config, read_evaluation, read_facts, read_table
 
 CIRCUMSTANCES = ("train_seconds", "versions", "machine", "date")
 """What two trainings of one seed may differ in without differing in their results."""
@@ -36,6 +37,8 @@ class Run:
     seed : int
     settings : mapping
         The configuration without its seed.
+    scene : mapping
+        Plain data of the scene that it was trained in.
     evaluation : mapping
         What evaluation.json says.
     curve : ndarray (points, len(SELECTION))
@@ -48,6 +51,7 @@ class Run:
     learner: str
     seed: int
     settings: Mapping[str, Any]
+    scene: Mapping[str, Any]
     evaluation: Mapping[str, Any]
     curve: NDArray[np.float64]
 
@@ -83,8 +87,10 @@ class Group:
         return [float(value) for value in found if value is not None]
 
 
-def read_run(folder: str | Path, stopped: bool = False) -> Run:
+def read_run(folder: str | Path, stopped: bool = False, evaluation: Mapping[str, Any] | None = None) -> Run:
     """Read a run folder; that of a training that was stopped only if ``stopped``.
+
+    ``evaluation`` takes the place of the folder's own.
 
     Raises
     ------
@@ -98,7 +104,8 @@ def read_run(folder: str | Path, stopped: bool = False) -> Run:
     seed = settings.pop("seed")
     for name in WITHOUT_EFFECT:
         del settings[name]
-    evaluation = read_evaluation(folder)
+    scene = read_scene(folder).to_dict()
+    evaluation = read_evaluation(folder) if evaluation is None else evaluation
     if read_facts(folder)["stopped"] and not stopped:
         raise ValueError(
             f"{folder} is a training that was stopped; leave it out, or go on with it: "
@@ -108,7 +115,7 @@ def read_run(folder: str | Path, stopped: bool = False) -> Run:
         if evaluation[name] != value:
             raise ValueError(
                 f"{folder}/evaluation.json has {shown(evaluation[name])} as {name!r}, and config.yaml has "
-                f"{shown(value)}; make it anew: {command('evaluate', folder)}"
+                f"{shown(value)}; make it anew: {evaluate_anew(folder)}"
             )
     curve = read_table(folder, "selection.csv", SELECTION)
     progress = curve[:, [SELECTION.index("env_steps"), SELECTION.index("seconds")]]
@@ -117,7 +124,7 @@ def read_run(folder: str | Path, stopped: bool = False) -> Run:
             f"{folder}/selection.csv is damaged (a number is not finite, or steps or seconds go back); make "
             f"it anew: {command('train', folder / 'config.yaml', '--out', 'NEW_FOLDER')}"
         )
-    return Run(folder, config.env, config.algo, config.label, seed, settings, evaluation, curve)
+    return Run(folder, config.env, config.algo, config.label, seed, settings, scene, evaluation, curve)
 
 
 def group(runs: Iterable[Run]) -> list[Group]:
@@ -132,7 +139,7 @@ def group(runs: Iterable[Run]) -> list[Group]:
     """
     found: dict[str, dict[int, Run]] = {}
     for run in runs:
-        key = json.dumps([run.settings, run.evaluation["episodes"]], sort_keys=True, default=str)
+        key = json.dumps([run.settings, run.scene, run.evaluation["episodes"]], sort_keys=True, default=str)
         first = found.setdefault(key, {}).setdefault(run.seed, run)
         if not _same_results(first, run):
             raise ValueError(
@@ -150,9 +157,9 @@ def group(runs: Iterable[Run]) -> list[Group]:
     ]
 
 
-def read_groups(folders: Iterable[str | Path], stopped: bool = False) -> list[Group]:
+def read_groups(folders: Iterable[str | Path]) -> list[Group]:
     """The groups of run folders; ValueError as of :func:`read_run` and :func:`group`, or for no folders."""
-    groups = group(read_run(folder, stopped) for folder in folders)
+    groups = group(read_run(folder) for folder in folders)
     if not groups:
         raise ValueError("folders is empty; give at least one run folder")
     return groups
@@ -175,12 +182,19 @@ def _scene(run: Run) -> str:
     scene = run.settings["env_kwargs"].get("scene", own)
     if isinstance(scene, str):
         return "" if scene == own else scene
-    return f"scene {zlib.crc32(json.dumps(scene, sort_keys=True, default=str).encode()):08x}"
+    return f"scene {_checksum(scene)}"
+
+
+def _checksum(scene: Mapping[str, Any]) -> str:
+    return f"{zlib.crc32(json.dumps(scene, sort_keys=True, default=str).encode()):08x}"
 
 
 def _differences(runs: list[Run]) -> list[list[str]]:
     """For each run, the settings in which the runs differ, as "name=value"."""
-    flat = [_flat(run.settings) | {"goals": run.evaluation["episodes"]} for run in runs]
+    flat = [
+        _flat(run.settings) | {"goals": run.evaluation["episodes"], "scene": _checksum(run.scene)}
+        for run in runs
+    ]
     names = sorted({name for settings in flat for name in settings})
     differing = [n for n in names if any(s.get(n) != flat[0].get(n) for s in flat)]
     return [[f"{n}={shown(s[n]) if n in s else 'unset'}" for n in differing] for s in flat]

@@ -26,7 +26,7 @@ MODULES = {"TQC": "sb3_contrib", "CrossQ": "sb3_contrib"}
 
 def card(
     config: Config, evaluation: Mapping[str, Any], layers: Layers, worst: Mapping[str, float], checked: int,
-    core: Core,
+    core: Core, scene: str = "",
 ) -> str:  # fmt: skip
     """Markdown for the folder of a policy.
 
@@ -42,9 +42,10 @@ def card(
         Observations that this is the largest of.
     core : Core
         Of the environment.
+    scene : str
+        Name of the scene, or its file in the folder of the policy; empty for that of the environment.
     """
     learner = ALGORITHM_CLASSES[config.algo].__name__
-    scene = config.env_kwargs.get("scene")
     made = ", ".join([f'"{config.env}"', *([f'scene="{scene}"'] if scene else [])])
     parts = [f"`{name}` ({width} numbers)" for name, width in layers.inputs.items()]
     count = sum(w.size + b.size for w, b in zip(layers.weights, layers.biases, strict=True))

@@ -17,8 +17,10 @@ from redundant_envs.values import shown
 from ..config import Config, PlainPPOSettings
 from ..evidence.runs import read_run
 from ..learners.build import ALGORITHM_CLASSES, policy_kwargs, policy_name
+from ..new_folder import check_out
+from ..own_scene import SCENE, difference, own_config
 from ..policies import load_policy
-from ..run_folder import FACTS, check_out, read_config
+from ..run_folder import FACTS, read_config
 from . import onnx_file
 from .card import card
 from .layers import Layers, exact_actions, layers_of, sampled
@@ -58,7 +60,7 @@ def export(run: Path, out: Path) -> Path:
     -------
     Path
         The folder: ``policy.zip`` for stable-baselines3, ``policy.onnx``, ``policy.npz`` for NumPy,
-        ``config.yaml`` and the card, ``README.md``.
+        ``config.yaml``, ``scene.yaml`` and the card, ``README.md``.
 
     Raises
     ------
@@ -74,18 +76,20 @@ def export(run: Path, out: Path) -> Path:
                 f"{run}/evaluation.json does not tell {name}; export a run that was trained anew"
             )
     check_out(out)
+    own = own_config(run)
     folder = out / name_of(config)
     if folder.exists():
         raise ValueError(f"{folder} exists; delete it or choose another --out")
-    policy = load_policy(run, config)
-    env = make_sb3(config.env, LANES, **config.env_kwargs)
+    policy = load_policy(run, own)
+    env = make_sb3(own.env, LANES, **own.env_kwargs)
     part = out / f".{folder.name}.part"
     shutil.rmtree(part, ignore_errors=True)
     part.mkdir(parents=True)
     try:
         layers = layers_of(policy, env.observation_space)
         worst = _write(config, evaluation, policy, layers, env, part)
-        page = card(config, evaluation, layers, worst, LANES * STEPS, env.core)
+        scene = SCENE if difference(run) else config.env_kwargs.get("scene", "")
+        page = card(config, evaluation, layers, worst, LANES * STEPS, env.core, scene)
         (part / "README.md").write_text(page, encoding="utf-8")
         part.rename(folder)
     finally:
@@ -105,7 +109,8 @@ def _write(
     )  # fmt: skip
     model.policy.load_state_dict(policy.state_dict())
     model.save(folder / "policy.zip")
-    (folder / "config.yaml").write_text(yaml.safe_dump(config.to_dict(), sort_keys=False), encoding="utf-8")
+    for name, data in (("config.yaml", config.to_dict()), (SCENE, env.core.scene.to_dict())):
+        (folder / name).write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
     layers.save(folder / "policy.npz")
     about = {name: str(evaluation[name]) for name in ("env", "algo", "seed", "hold_success", "date")}
     onnx_file.write(layers, folder / "policy.onnx", about)

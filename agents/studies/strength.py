@@ -23,18 +23,18 @@ from redundant_envs.control.statics import effort_limits, slider_travel
 from redundant_envs.effects import EffortLimits
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.robots.parameters import number
-from redundant_envs.scene import Scene, load_scene, scene_data
+from redundant_envs.scene import Scene, load_scene, scene_at, scene_data
 from redundant_envs.tasks.reach import ReachTask
 from redundant_envs.values import shown
 
-from .. import command
 from ..evidence.figure import LEARNER_COLORS
 from ..evidence.runs import Run, read_run
+from ..own_scene import read_scene
 from ..rollout import EVALUATION_SEED, expert_act, run_episodes
+from ..run_folder import evaluate_anew
 from ..statistics import wilson
+from .factors import FACTORS
 
-FACTORS = (1.0, 0.8, 0.6, 0.5, 0.4, 0.3)
-"""Effort limits, in units of those of the reach scenes."""
 ARMS = {"4R": ("redundant_envs/FourRReach-v0", "four_r_reach"),
         "RPRP": ("redundant_envs/RPRPReach-v0", "rprp_reach")}  # fmt: skip
 """Of each arm the environment and the scene whose limits are 1."""
@@ -223,7 +223,7 @@ def _ends(run: Run) -> tuple[float, float]:
     if not low - ROUNDING <= hold <= high + ROUNDING:
         raise ValueError(
             f"{run.folder}/evaluation.json has the hold success {hold:g} outside its interval {low:g} to "
-            f"{high:g}; make it anew: {command('evaluate', run.folder)}"
+            f"{high:g}; make it anew: {evaluate_anew(run.folder)}"
         )
     return min(low, hold), max(high, hold)
 
@@ -235,13 +235,13 @@ def _factor(folder: Path, arm: str, env_kwargs: dict[str, Any]) -> float:
             raise ValueError(
                 f"{folder}: env_kwargs has {name!r}, so its goals or episodes are others; leave it out"
             )
-    strong = load_scene(ARMS[arm][1])
-    scene = load_scene(env_kwargs.get("scene", ARMS[arm][1]))
+    strong = scene_at(ARMS[arm][1], env_kwargs.get("accuracy"))
+    scene = read_scene(folder)
     ratios = effort_limits(scene) / effort_limits(strong)
     others = [_without_limits(s) for s in (scene, strong)]
     if np.ptp(ratios) > 1e-9 * ratios[0] or others[0] != others[1]:
         raise ValueError(
-            f"{folder}: env_kwargs.scene has {', '.join(f'{r:g}' for r in ratios)} times the limits of "
+            f"{folder}: scene.yaml has {', '.join(f'{r:g}' for r in ratios)} times the limits of "
             f"{ARMS[arm][1]}, or differs in something else; give {ARMS[arm][1]} with all limits times "
             "one factor"
         )

@@ -6,16 +6,15 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from redundant_envs.scene import scene_data
-from redundant_envs.values import shown
 
 from ..config import Config, load
 from ..config.fields import checked
-from ..run_folder import check_out
-from ..training.many import count_of, train_many
+from ..new_folder import check_out
+from ..training.amount import count_of
+from ..training.many import train_many
 from ..training.watch import progress_bars
 from .strength import (
     ARMS,
-    FACTORS,
     HOLDABLE,
     POSES,
     Row,
@@ -28,27 +27,6 @@ from .strength import (
 from .strength_figure import figure
 
 LEARNERS = ("ppo", "sac")
-MOST_FACTORS, MOST_FACTOR = 100, 10.0
-DIGITS = 6
-
-
-def factors_of(text: str) -> tuple[float, ...]:
-    """Factors as a user writes them, ``0.6,0.5``; those of the study for an empty text."""
-    if not text:
-        return FACTORS
-    try:
-        factors = tuple(round(float(part), DIGITS) for part in text.split(","))
-    except ValueError:
-        factors = ()
-    if not 1 <= len(set(factors)) == len(factors) <= MOST_FACTORS or not all(
-        0.0 < f <= 10.0 for f in factors
-    ):
-        raise ValueError(
-            f"factors is {shown(text)}; give different numbers above 0 and up to {MOST_FACTOR:g}, such "
-            "as 0.6,0.5"
-        )
-    return factors
-
 
 Key = tuple[str, float, str]
 """Arm, factor and learner of a row."""

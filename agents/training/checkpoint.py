@@ -21,13 +21,13 @@ from redundant_envs.extras import needs
 from redundant_envs.values import shown
 
 from .. import command
+from ..new_folder import CHECKPOINT, OLD_CHECKPOINT, STATE, find_checkpoint
 
 with needs("train"):
     import torch
 
-NAME = "checkpoint"
-OLD, PART = f"{NAME}.old", f"{NAME}.part"
-STATE, BUFFER = "state.pt", "buffer.pt"
+PART = f"{CHECKPOINT}.part"
+BUFFER = "buffer.pt"
 TABLES = ("selection.csv", "monitor.csv")
 """Files of a run that grow, and are cut back to what they were."""
 PLAIN = ("num_timesteps", "_n_updates", "_episode_num", "_current_progress_remaining")
@@ -46,19 +46,9 @@ BUFFER_ARRAYS = (
 )  # fmt: skip
 
 
-def exists(folder: Path) -> bool:
-    """Whether a run folder has a checkpoint."""
-    return _place(folder) is not None
-
-
-def _place(folder: Path) -> Path | None:
-    """The newest whole checkpoint: a kill between two renamings leaves the old name alone."""
-    return next((p for n in (NAME, OLD) if ((p := folder / n) / STATE).is_file()), None)
-
-
 def remove(folder: Path) -> None:
     """Delete the checkpoint of a run folder: its training is finished."""
-    for name in (NAME, OLD, PART):
+    for name in (CHECKPOINT, OLD_CHECKPOINT, PART):
         shutil.rmtree(folder / name, ignore_errors=True)
 
 
@@ -104,11 +94,11 @@ def save(folder: Path, model: Any, monitor: Any, progress: dict[str, float], run
     buffer = getattr(model, "replay_buffer", None)
     if buffer is not None:
         torch.save(plain(buffer_state(buffer)), part / BUFFER)
-    old = folder / OLD
+    old = folder / OLD_CHECKPOINT
     shutil.rmtree(old, ignore_errors=True)
-    if (folder / NAME).exists():
-        os.replace(folder / NAME, old)
-    os.replace(part, folder / NAME)
+    if (folder / CHECKPOINT).exists():
+        os.replace(folder / CHECKPOINT, old)
+    os.replace(part, folder / CHECKPOINT)
     shutil.rmtree(old, ignore_errors=True)
 
 
@@ -120,7 +110,7 @@ def restore(folder: Path, model: Any, monitor: Any, run: dict[str, Any]) -> dict
     ValueError
         There is none, it is damaged, or it is of another configuration or simulator.
     """
-    place = _place(folder)
+    place = find_checkpoint(folder)
     if place is None:
         finished = (folder / "training.json").is_file()
         fix = f"look at it with: {command('report', folder)}"

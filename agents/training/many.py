@@ -5,7 +5,6 @@ from __future__ import annotations
 import multiprocessing
 import os
 import queue
-import re
 import shutil
 import signal
 from collections.abc import Mapping, Sequence
@@ -15,9 +14,11 @@ from typing import Any
 from redundant_envs.extras import needs
 from redundant_envs.modules import IMPORTED, import_named
 
-from ..config import MOST_SEEDS, Config
-from ..run_folder import check_out, read_config, read_evaluation, read_facts
-from . import checkpoint
+from ..config import Config
+from ..new_folder import check_out, find_checkpoint
+from ..own_scene import difference
+from ..run_folder import read_config, read_evaluation, read_facts
+from .amount import cores, count_of
 from .interrupt import Stopped, stop_request
 
 with needs("train"):
@@ -25,32 +26,8 @@ with needs("train"):
 
 POLL = 0.2
 """s"""
-MOST_PROCESSES = 1024
 FILES = ("evaluation.json", "episodes.csv", "report.md")
 """What a run that is finished, evaluated and reported has."""
-
-
-def seeds_of(text: str) -> list[int]:
-    """Seeds as a user writes them: ``0..9``, or ``1,4,7``, or both."""
-    seeds: list[int] = []
-    for part in text.split(","):
-        match = re.fullmatch(r"\s*(\d{1,2})(?:\.\.(\d{1,2}))?\s*", part)
-        if not match:
-            raise ValueError(
-                f"seeds is {text[:80]!r}; write such as 0..9 or 1,4,7, with seeds from 0 to {MOST_SEEDS}"
-            )
-        first, last = int(match[1]), int(match[2] or match[1])
-        if last < first:
-            raise ValueError(f"seeds is {text[:80]!r}; write the lower one first, {last}..{first}")
-        seeds += range(first, last + 1)
-    if not seeds or len(set(seeds)) < len(seeds):
-        raise ValueError(f"seeds is {text[:80]!r}; give different seeds from 0 to {MOST_SEEDS}")
-    return seeds
-
-
-def cores() -> list[int]:
-    """Cores that this process may use; empty where the system does not tell."""
-    return sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
 
 
 def train_many(configs: Mapping[str, Config], folder: Path, processes: int | None = None) -> None:
@@ -92,14 +69,6 @@ def train_many(configs: Mapping[str, Config], folder: Path, processes: int | Non
     check_all_finished(_follow(list(configs), workers, news), len(configs))
 
 
-def count_of(processes: int | None) -> int:
-    """Runs at a time on this machine: ``processes``, or one for each core."""
-    count = (len(cores()) or os.cpu_count() or 1) if processes is None else processes
-    if not 1 <= count <= MOST_PROCESSES:
-        raise ValueError(f"processes is {count}; give a whole number from 1 to {MOST_PROCESSES}")
-    return count
-
-
 def check_all_finished(failures: Sequence[str], count: int) -> None:
     """ValueError with the failures, a text for each, of so many runs."""
     if failures:
@@ -109,9 +78,15 @@ def check_all_finished(failures: Sequence[str], count: int) -> None:
 
 
 def check_same(config: Config, folder: Path) -> None:
-    """Refuse a folder that holds a run of another configuration."""
-    if (folder / "config.yaml").is_file() and read_config(folder).to_dict() != config.to_dict():
+    """Refuse a folder that holds a run of another configuration, or in another scene."""
+    if not (folder / "config.yaml").is_file():
+        return
+    if read_config(folder).to_dict() != config.to_dict():
         raise ValueError(f"{folder} holds a run of another configuration; choose another --out or delete it")
+    if other := difference(folder):
+        raise ValueError(
+            f"{folder} holds a run in another scene ({other}); choose another --out or delete it"
+        )
 
 
 def _follow(names: Sequence[str], workers: list[Any], news: Any) -> list[str]:
@@ -195,22 +170,22 @@ def result_of(folder: Path) -> str:
 def is_finished(folder: Path) -> bool:
     """Whether a run is trained to its end, evaluated and reported."""
     trained = (folder / "training.json").is_file() and not read_facts(folder)["stopped"]
-    return trained and not checkpoint.exists(folder) and all((folder / file).is_file() for file in FILES)
+    return trained and not find_checkpoint(folder) and all((folder / file).is_file() for file in FILES)
 
 
 def finish(config: Config, folder: Path, progress: Progress) -> None:
     """Train, evaluate and report a configuration, as far as its folder still needs it."""
-    from ..evaluate import evaluate
+    from ..evaluate import evaluate, write_evaluation
     from ..report import report
     from .train import resume, train
 
     if is_finished(folder):
         return
-    if checkpoint.exists(folder):
+    if find_checkpoint(folder):
         resume(folder, progress)
     elif not (folder / "training.json").is_file() or read_facts(folder)["stopped"]:
         if (folder / "config.yaml").is_file():  # killed before its first checkpoint: this run, and no more
             shutil.rmtree(folder)
         train(config, folder, progress)
-    evaluate(config, folder)
-    report(folder)
+    write_evaluation(evaluate(folder), folder)
+    report(folder, overwrite=True)

@@ -23,10 +23,10 @@ from redundant_envs.modules import IMPORTED, OPTION
 from redundant_envs.values import shown
 
 from ..config import Config, checked
-from ..run_folder import check_out
+from ..new_folder import check_new, check_out
+from .amount import count_of
 from .interrupt import Stopped, stop_request
-from .many import POLL, Teller, check_all_finished, check_same, count_of, finish, is_finished, result_of
-from .train import check_new
+from .many import POLL, Teller, check_all_finished, check_same, finish, is_finished, result_of
 
 # Ray reads it when it starts: nothing about this machine or its user is sent to anyone.
 os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")

@@ -15,8 +15,10 @@ from redundant_envs.extras import needs
 from .. import command
 from ..config import SEEDS_PER_RUN, WITHOUT_EFFECT, Config, PlainPPOSettings
 from ..learners.build import make_model
+from ..new_folder import check_new, find_checkpoint
+from ..own_scene import SCENE, own_config, with_scene
 from ..policies import save_policy
-from ..run_folder import check_out, read_config, write_json
+from ..run_folder import read_config, write_json
 from . import checkpoint
 from .interrupt import Stopped, stop_request
 from .telemetry import check, logger
@@ -60,14 +62,6 @@ def train(
     return _run(config, folder, progress, resumed=False, on_point=on_point)
 
 
-def check_new(folder: Path) -> None:
-    """Refuse a file, or a folder that holds something, as the folder of a new run."""
-    check_out(folder)
-    if folder.exists() and any(folder.iterdir()):
-        hint = f"go on with '{command('resume', folder)}', " if checkpoint.exists(folder) else ""
-        raise ValueError(f"run folder {folder} is not empty; {hint}choose another --out or delete it")
-
-
 def resume(folder: Path, progress: Progress | None = None) -> dict[str, Any]:
     """Go on from the last checkpoint of a run folder, to the same bits as without a break."""
     return _run(read_config(folder), folder, progress, resumed=True)
@@ -78,7 +72,9 @@ def _run(
 ) -> dict[str, Any]:
     check(config)
     torch.set_num_threads(config.torch_threads)
-    base = make_sb3(config.env, config.num_envs, **config.env_kwargs)
+    given = own_config(folder) if resumed else config
+    base = make_sb3(config.env, config.num_envs, **given.env_kwargs)
+    simulated = with_scene(config, base.core.scene)  # from now on, whatever happens to its file
     folder.mkdir(parents=True, exist_ok=True)
     monitor = VecMonitor(base, info_keywords=KEYWORDS)
     model = make_model(config, monitor)
@@ -87,8 +83,8 @@ def _run(
     run = identity(config, base.core)
     begun = checkpoint.restore(folder, model, monitor, run) if resumed else {}
     if not resumed:
+        (folder / SCENE).write_text(yaml.safe_dump(base.core.scene.to_dict(), sort_keys=False))
         (folder / "config.yaml").write_text(yaml.safe_dump(config.to_dict(), sort_keys=False))
-        (folder / "scene.yaml").write_text(yaml.safe_dump(base.core.scene.to_dict(), sort_keys=False))
     header: dict[str, Any] = {"t_start": monitor.t_start, "env_id": config.env}
     monitor.results_writer = ResultsWriter(
         str(folder / "monitor.csv"), header=header, extra_keys=KEYWORDS, override_existing=not resumed
@@ -96,7 +92,7 @@ def _run(
     with stop_request() as stop, closing(monitor):
         model.set_logger(logger(folder, config))
         with progress_bars() if progress is None else nullcontext(progress) as bars:
-            watch = Watch(config, folder, monitor, bars, stop, begun, run, on_point)
+            watch = Watch(simulated, folder, monitor, bars, stop, begun, run, on_point)
             every = (
                 LOG_ROLLOUTS
                 if isinstance(config.settings, PlainPPOSettings)
@@ -125,7 +121,7 @@ def _run(
         }
         write_json(folder / "training.json", {**facts, "stopped": stopped})
     if stopped:
-        go_on = f"Go on with: {command('resume', folder)}, or look" if checkpoint.exists(folder) else "Look"
+        go_on = f"Go on with: {command('resume', folder)}, or look" if find_checkpoint(folder) else "Look"
         raise Stopped(
             f"stopped after {facts['env_steps']} of {config.total_steps} steps; the policy so far is kept. "
             f"{go_on} at it with: {command('report', folder)}"

@@ -1,5 +1,1 @@
-"""Tuning: Optuna searches the settings of a learner, judged by the learning curves of whole trainings."""
-
-from .study import tune
-
-__all__ = ["tune"]
+"""Tuning: a search over the settings of a learner, each trial a training of its own."""

@@ -16,7 +16,7 @@ from redundant_envs.extras import needs
 from redundant_envs.values import shown
 
 from ..config import WITHOUT_EFFECT, Config
-from ..run_folder import check_out
+from ..new_folder import check_out
 from ..training import checkpoint, telemetry
 from ..training.interrupt import Stopped
 from ..training.train import simulator_hash, train

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from redundant_envs.scene import scene_folder
+from redundant_envs.files import scene_folder
 
 MATRIX = 1024
 

@@ -10,8 +10,10 @@ import torch
 import yaml
 
 from agents.config import Config
+from agents.own_scene import named_scene
 from agents.policies import read_weights
-from agents.run_folder import SELECTION
+from agents.run_folder import SELECTION, read_config
+from redundant_envs.scene import scene_at
 
 RPRP, FOUR_R = "redundant_envs/RPRPReach-v0", "redundant_envs/FourRReach-v0"
 CURVE = [(1000, 1.0, 0.2, 0.4, 10.0), (2000, 2.0, 0.9, 0.95, 60.0), (3000, 3.5, 0.98, 1.0, 70.0)]
@@ -29,7 +31,9 @@ def write_run(
 ) -> Path:  # fmt: skip
     """A run folder with entries of its evaluation changed by ``facts``, or left out."""
     folder.mkdir(parents=True)
-    (folder / "config.yaml").write_text(config_text(seed, env, algo, settings or {}))
+    config = config_text(seed, env, algo, settings or {})
+    (folder / "config.yaml").write_text(config)
+    write_scene(folder)
     evaluation = {
         "env": env, "algo": algo, "seed": seed, "episodes": 1000, "hold_success": 0.99,
         "interval": [0.98, 0.995], "touch_success": 0.999, "expert_hold_success": 1.0,
@@ -44,6 +48,13 @@ def write_run(
     lines = [SELECTION, *curve]
     (folder / "selection.csv").write_text("".join(",".join(map(str, line)) + "\n" for line in lines))
     return folder
+
+
+def write_scene(folder: Path) -> None:
+    """Give a folder with a configuration the scene that it names today."""
+    config = read_config(folder)
+    scene = scene_at(named_scene(config), config.env_kwargs.get("accuracy"))
+    (folder / "scene.yaml").write_text(yaml.safe_dump(scene.to_dict(), sort_keys=False))
 
 
 def assert_same_policy(one: Path, other: Path) -> None:

@@ -9,10 +9,11 @@ import pytest
 import yaml
 
 from agents.__main__ import main
-from agents.config import ALGORITHMS, Config, load, presets
+from agents.config import ALGORITHMS, Config, load
 from agents.config.fields import limits
 from agents.config.keys import complete, help_of_keys, keys
 from agents.evaluate import evaluate, summary
+from agents.presets import presets
 from agents.statistics import wilson
 
 CONFIG = "configs/training/rprp_reach_ppo.yaml"
@@ -215,7 +216,7 @@ def test_a_run_explains_itself(tmp_path, overrides, capsys):
     again = load(folder / "config.yaml")
     assert yaml.safe_load((folder / "config.yaml").read_text()) == again.to_dict()
     before = np.loadtxt(folder / "episodes.csv", delimiter=",", skiprows=1)
-    assert main(["evaluate", str(folder)]) == 0
+    assert main(["evaluate", str(folder), "--overwrite"]) == 0
     np.testing.assert_array_equal(np.loadtxt(folder / "episodes.csv", delimiter=",", skiprows=1), before)
     assert main(["play", str(folder), "--clip", str(folder / "again.gif"), "--episodes", "1"]) == 0
     assert (folder / "again.gif").stat().st_size > 10_000
@@ -252,10 +253,12 @@ def test_unknown_arguments_are_refused(command, capsys):
 
 def test_restless_are_the_goals_at_which_the_tip_ended_without_holding_them(tmp_path):
     run = Path(__file__).parents[2] / "docs" / "results" / "baselines" / "rprp_reach_td3" / "seed0"
-    for name in ("config.yaml", "policy.zip", "training.json"):
+    for name in ("scene.yaml", "policy.zip", "training.json"):
         shutil.copy(run / name, tmp_path)
-    result = evaluate(load(tmp_path / "config.yaml", ["evaluation_episodes=100"]), tmp_path)
-    _, hold, _, distance, *_ = np.loadtxt(tmp_path / "episodes.csv", delimiter=",", skiprows=1).T
+    config = load(run / "config.yaml", ["evaluation_episodes=100"])
+    (tmp_path / "config.yaml").write_text(yaml.safe_dump(config.to_dict()))
+    result, episodes = evaluate(tmp_path)
+    _, hold, _, distance, *_ = episodes.T
     missed_there = ((hold == 0) & (distance <= 0.02)).sum()
     assert 0 < missed_there < (hold == 0).sum() < 100
     assert result["restless"] == missed_there

@@ -11,10 +11,11 @@ from run_folders import assert_same_policy
 from sb3_contrib import TQC, CrossQ
 from stable_baselines3 import PPO, SAC, TD3
 
-from agents.config import Config, checked, load, presets
+from agents.config import Config, checked, load
 from agents.learners.build import make_model
 from agents.learners.plain import NormalNoise
 from agents.policies import load_policy
+from agents.presets import presets
 from agents.run_folder import read_config
 from agents.training.train import resume, train
 from agents.training.watch import Watch

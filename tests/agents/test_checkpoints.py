@@ -15,6 +15,7 @@ import yaml
 from agents.__main__ import main
 from agents.config import Config, checked
 from agents.learners.networks import Adam
+from agents.new_folder import find_checkpoint
 from agents.policies import read_weights
 from agents.training import checkpoint
 from agents.training.train import resume, train
@@ -99,7 +100,7 @@ def kill_at(steps, monkeypatch):
 def test_a_killed_training_goes_on_to_the_same_bits(case, share, tmp_path, monkeypatch):
     whole, killed = tmp_path / "whole", tmp_path / "killed"
     train(config(case, checkpoint_seconds=0), whole)
-    assert not checkpoint.exists(whole)
+    assert not find_checkpoint(whole)
     with monkeypatch.context() as patch:
         kill_at(share * SMALL[case]["total_steps"], patch)
         with pytest.raises(Killed):
@@ -114,7 +115,7 @@ def test_a_killed_training_goes_on_to_the_same_bits(case, share, tmp_path, monke
         assert torch.equal(tensor, found[name]), name
     assert table(whole, "selection.csv", 1) == table(killed, "selection.csv", 1)
     assert table(whole, "monitor.csv", 2) == table(killed, "monitor.csv", 2)
-    assert not checkpoint.exists(killed)
+    assert not find_checkpoint(killed)
 
 
 def test_the_same_seed_repeats_a_run_to_the_bit_and_another_does_not(tmp_path):
@@ -288,7 +289,7 @@ def test_a_request_in_the_last_rollout_comes_too_late(tmp_path, monkeypatch):
     monkeypatch.setattr(Watch, "point", point)
     assert train(config("ppo"), tmp_path / "run")["env_steps"] == 4096
     assert json.loads((tmp_path / "run" / "training.json").read_text())["stopped"] is False
-    assert not checkpoint.exists(tmp_path / "run")
+    assert not find_checkpoint(tmp_path / "run")
 
 
 def test_a_folder_with_a_checkpoint_is_not_begun_anew(killed, capsys):

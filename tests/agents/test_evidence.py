@@ -7,6 +7,7 @@ from run_folders import CURVE, FOUR_R, RPRP, config_text, write_run
 from agents.evidence.aggregate import interquartile_mean, stratified_bootstrap
 from agents.evidence.runs import group, read_groups, read_run
 from agents.evidence.table import table
+from redundant_envs.scene import load_scene
 
 # ---- aggregates ----------------------------------------------------------------------------------
 
@@ -129,7 +130,11 @@ def test_groups_are_of_one_environment_learner_settings_and_number_of_goals(tmp_
 
 
 def test_another_scene_is_named_and_the_own_one_is_not(tmp_path):
-    scenes = {"own": "rprp_reach", "springs": "rprp_limit_springs", "data": {"robot": {"type": "RPRP"}}}
+    scenes = {
+        "own": "rprp_reach",
+        "springs": "rprp_limit_springs",
+        "data": load_scene("rprp_reach").to_dict(),
+    }
     for name, scene in scenes.items():
         write_run(tmp_path / name, settings={"env_kwargs": {"scene": scene}})
     titles = {

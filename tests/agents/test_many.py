@@ -13,8 +13,10 @@ from run_folders import assert_same_policy
 
 from agents.__main__ import main
 from agents.config import load
-from agents.training import checkpoint, many
-from agents.training.many import FILES, finish, is_finished, seeds_of
+from agents.new_folder import CHECKPOINT
+from agents.training import many
+from agents.training.amount import seeds_of
+from agents.training.many import FILES, finish, is_finished
 from agents.training.train import train
 
 ROOT = Path(__file__).parents[2]
@@ -98,8 +100,8 @@ def test_a_checkpoint_means_that_a_run_is_not_finished(tmp_path):
     for name in FILES:
         (tmp_path / "run" / name).touch()
     assert is_finished(tmp_path / "run")
-    (tmp_path / "run" / checkpoint.NAME).mkdir()
-    (tmp_path / "run" / checkpoint.NAME / "state.pt").touch()
+    (tmp_path / "run" / CHECKPOINT).mkdir()
+    (tmp_path / "run" / CHECKPOINT / "state.pt").touch()
     assert not is_finished(tmp_path / "run")
 
 

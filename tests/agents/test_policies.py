@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import torch
 import yaml
+from run_folders import write_scene
 from stable_baselines3 import PPO, SAC
 
 from agents import policies
@@ -62,6 +63,7 @@ def runs(tmp_path_factory):
         model = make_model(config, make_sb3(config.env, 4)).learn(128)
         folder = tmp_path_factory.mktemp(kind)
         (folder / "config.yaml").write_text(yaml.safe_dump(config.to_dict()))
+        write_scene(folder)
         save_policy(model, folder / "policy.zip")
         found[kind] = folder, config, model
     return found

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from run_folders import write_scene
 
 from agents.__main__ import main
 from agents.config import load
@@ -246,6 +247,7 @@ def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("run")
     config = load(PRESET, ["ppo.net_arch=[8]", "num_envs=4", "ppo.batch_size=128"])
     (folder / "config.yaml").write_text(yaml.safe_dump(config.to_dict()))
+    write_scene(folder)
     make_model(config, make_sb3(config.env, 4)).save(folder / "policy.zip")
     return folder
 
@@ -259,6 +261,7 @@ def test_stops_study_times_the_states_of_a_policy(tmp_path, run, capsys):
     assert all(float(r["ratio"]) > 0.0 for r in table)
     other = yaml.safe_load((run / "config.yaml").read_text())
     (tmp_path / "config.yaml").write_text(yaml.safe_dump({**other, "env": "redundant_envs/FourRReach-v0"}))
+    write_scene(tmp_path)
     assert main(["study", "stops", str(tmp_path), "--out", str(out)]) == 2
     assert "the study is of redundant_envs/RPRPReach-v0" in capsys.readouterr().err
 

@@ -177,7 +177,7 @@ def test_one_command_exports_and_numpy_alone_acts(tmp_path, capsys):
     folder = tmp_path / "RPRPReach-v0-sac"
     assert capsys.readouterr().out.strip() == str(folder)
     assert {p.name for p in folder.iterdir()} == {
-        "README.md", "config.yaml", "policy.npz", "policy.onnx", "policy.zip",
+        "README.md", "config.yaml", "policy.npz", "policy.onnx", "policy.zip", "scene.yaml",
     }  # fmt: skip
     alone = (
         "import sys; sys.modules.update(torch=None, stable_baselines3=None, onnxruntime=None, scipy=None)\n"

@@ -192,7 +192,8 @@ def test_a_missing_or_damaged_file_is_named_with_the_command_that_makes_it(damag
         path.write_text(change)
     for command in commands:
         clip = ["--clip", str(tmp_path / "a.gif")] if command == "play" else []
-        assert main([*command.split(), str(run), *clip]) == 2
+        anew = ["--overwrite"] if command == "report" else []
+        assert main([*command.split(), str(run), *clip, *anew]) == 2
         error = capsys.readouterr().err
         assert name in error
         assert f"python -m agents {remedy}" in error or not remedy
@@ -232,13 +233,14 @@ def test_a_report_evaluates_a_run_that_has_no_evaluation(run):
     before = json.loads((run / "evaluation.json").read_text())
     (run / "evaluation.json").unlink()
     (run / "episodes.csv").unlink()
+    (run / "report.md").unlink()
     assert main(["report", str(run)]) == 0
     assert json.loads((run / "evaluation.json").read_text()) == before
 
 
 def test_the_table_takes_runs_whose_training_is_unknown(run, capsys):
     (run / "training.json").unlink()
-    assert main(["evaluate", str(run)]) == 0
+    assert main(["evaluate", str(run), "--overwrite"]) == 0
     capsys.readouterr()
     assert main(["table", str(run)]) == 0
     assert "| - | - | - |" in capsys.readouterr().out  # steps, seconds, steps per second
@@ -270,7 +272,7 @@ def test_a_command_can_be_pasted_although_its_folder_has_a_space(tmp_path, capsy
     folder = write_run(tmp_path / "my run")
     (folder / "evaluation.json").unlink()
     assert main(["table", str(folder)]) == 2
-    assert f"python -m agents evaluate '{folder}'" in capsys.readouterr().err
+    assert f"python -m agents evaluate '{folder}' --overwrite" in capsys.readouterr().err
 
 
 def test_a_curve_of_other_columns_is_damaged(tmp_path, capsys):

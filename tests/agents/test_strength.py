@@ -8,12 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from run_folders import write_scene
 
 from agents.__main__ import main
 from agents.config import load
 from agents.rollout import EVALUATION_SEED
 from agents.run_folder import SELECTION
 from agents.studies import strength, strength_run
+from agents.studies.factors import factors_of
 from agents.studies.strength import (
     ARMS,
     COLORS,
@@ -31,7 +33,7 @@ from agents.studies.strength import (
     write_rows,
 )
 from agents.studies.strength_figure import AREA, figure
-from agents.studies.strength_run import factors_of, run_study, trainings
+from agents.studies.strength_run import run_study, trainings
 from redundant_envs.control.holding import can_hold, holding_load
 from redundant_envs.control.statics import effort_limits
 from redundant_envs.envs.sb3 import make_sb3
@@ -142,6 +144,7 @@ def run_folder(path, arm, seed, hold, **env_kwargs):
     config |= {"seed": seed, "env_kwargs": env_kwargs}
     path.mkdir(parents=True)
     (path / "config.yaml").write_text(yaml.safe_dump(config))
+    write_scene(path)
     evaluation = {
         "env": config["env"], "algo": config["algo"], "seed": seed, "episodes": 100, "hold_success": hold,
         "interval": [hold - 0.05, hold + 0.05], "touch_success": hold + 0.1, "expert_hold_success": 0.5,
@@ -191,7 +194,7 @@ def test_runs_of_other_scenes_are_refused(tmp_path, change):
     data = copy.deepcopy(weakened("four_r_reach", 0.5))
     change(data)
     folder = run_folder(tmp_path / "run", "4R", 0, 0.5, scene=data)
-    with pytest.raises(ValueError, match=r"run: env_kwargs.scene has .* give four_r_reach"):
+    with pytest.raises(ValueError, match=r"run: scene.yaml has .* give four_r_reach"):
         learner_rows([folder])
 
 

@@ -7,16 +7,18 @@ import pytest
 import yaml
 
 from agents.__main__ import main
-from agents.config import load, presets
+from agents.config import load
+from agents.new_folder import CHECKPOINT
+from agents.presets import presets
 from agents.rollout import SELECTION_SEED
-from agents.training import checkpoint, watch
+from agents.training import watch
 from agents.training.interrupt import Stopped
 
 pytest.importorskip("optuna", reason="optuna is not installed; pip install 'redundant-envs[tune]'")
 
 from agents.tuning import study as studies
-from agents.tuning import tune
 from agents.tuning.search import Range, own_parameters, space_of, with_parameters
+from agents.tuning.study import tune
 
 SMALL = [
     "num_envs=32", "ppo.n_steps=16", "ppo.batch_size=256", "total_steps=2048", "curve_every=1024",
@@ -132,7 +134,7 @@ def fake_train(score, breaks=()):
     raised = dict(breaks)
 
     def train(config, folder, progress, on_point):
-        (folder / checkpoint.NAME).mkdir(parents=True)
+        (folder / CHECKPOINT).mkdir(parents=True)
         error = raised.pop(int(folder.name.removeprefix("trial")), None)
         if error is not None:
             raise error
@@ -174,7 +176,7 @@ def test_a_study_is_reproducible_and_leaves_the_evaluation_goals_alone(tmp_path,
 def test_the_best_of_a_study_is_a_configuration_of_its_own(by_gamma, tmp_path):
     page = tune(CONFIG, tmp_path / "study", 16, GAMMA).read_text()
     found = rows(tmp_path / "study")
-    assert not list((tmp_path / "study").glob(f"*/{checkpoint.NAME}"))  # nothing goes on with them
+    assert not list((tmp_path / "study").glob(f"*/{CHECKPOINT}"))  # nothing goes on with them
     best = load(tmp_path / "study" / "best.yaml")
     assert best.ppo.gamma == max(float(row["ppo.gamma"]) for row in found)
     assert best.model_copy(update={"ppo": CONFIG.ppo}) == CONFIG

@@ -12,11 +12,11 @@ import yaml
 from stable_baselines3 import PPO, SAC
 from torch import nn
 
-from agents.config import Config, checked
-from agents.config.files import load, presets
+from agents.config import Config, checked, load
 from agents.learners.build import policy_kwargs, policy_name
 from agents.learners.ppo import AveragedPPO
 from agents.learners.sac import AveragedSAC
+from agents.presets import presets
 from agents.training.train import train
 
 ROOT = Path(__file__).parents[2]

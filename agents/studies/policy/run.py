@@ -18,6 +18,8 @@ from redundant_envs.extras import needs
 from redundant_envs.studies.common import versions
 
 from ...config import Config, load
+from ...own_scene import difference as other_scene
+from ...own_scene import own_config
 from ...policies import load_policy
 from ...rollout import policy_act, run_episodes
 from ...run_folder import SELECTION, read_config, read_facts, read_table
@@ -102,6 +104,10 @@ def plan(study: Study, name: str, folder: Path) -> Plan:
                 f"arms.{name}.run was trained on {taken.env} with {taken.env_kwargs}, the preset is of "
                 f"{preset.env} with {preset.env_kwargs}; give a run of this preset"
             )
+        if other := other_scene(run):
+            raise ValueError(
+                f"arms.{name}.run was trained in another scene: {other}; give a run of the preset"
+            )
     kwargs: dict[str, dict[str, Any]] = {}
     refused: dict[str, str] = {}
     for label, physics in study.physics.items():
@@ -164,7 +170,7 @@ def first_part(
     study: Study, p: Plan, done: Callable[[int, str], None], trust: bool
 ) -> tuple[list[Row], dict[str, Evaluation]]:
     """One policy under each physics, compared with the reference."""
-    act = policy_act(load_policy(p.run, read_config(p.run), trust))
+    act = policy_act(load_policy(p.run, own_config(p.run), trust))
     episodes = {}
     for label, kwargs in p.kwargs.items():
         done(0, f"{p.name}: {label}")
@@ -189,7 +195,7 @@ def second_part(study: Study, p: Plan, done: Callable[[int, str], None], bars: A
         done(0, f"{p.name}: training {i + 1}/{len(p.trainings)}, {label}, seed {config.seed}")
         facts = ensure_trained(config, folder, bars)
         done(config.total_steps, "")
-        act = policy_act(load_policy(folder, config))
+        act = policy_act(load_policy(folder, own_config(folder)))
         ends: Row = {}
         for where, kwargs in (("", p.kwargs[study.reference]), ("own_", config.env_kwargs)):
             outcome = run_episodes(config.env, act, study.episodes, study.seed, **kwargs)
@@ -255,7 +261,7 @@ def ensure_trained(config: Config, folder: Path, bars: Any) -> dict[str, Any]:
 
 def describe(folder: Path) -> str:
     """A run folder's policy in words."""
-    config = read_config(folder)
+    config = own_config(folder)
     core = make_sb3(config.env, 1, **config.env_kwargs).core
     words = f"{config.label}, seed {config.seed}"
     if (folder / "selection.csv").is_file():

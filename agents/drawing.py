@@ -1,0 +1,45 @@
+"""What a report needs, asked before anything long is begun or anything large is imported."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from redundant_envs.extras import needs
+from redundant_envs.studies.clips import check_clip
+
+from .new_folder import check_unwritten
+from .run_folder import is_exported
+
+EVALUATED = ("evaluation.json", "episodes.csv")
+REPORTED = ("report.md", "plots", "clip.gif", "clip.mp4")
+
+
+def check_drawing() -> None:
+    """Refuse where the packages that draw a report are missing."""
+    with needs("plot"):
+        import matplotlib  # noqa: F401
+        import PIL  # noqa: F401
+    check_clip(Path("clip.gif"))
+
+
+def is_evaluated(folder: Path) -> bool:
+    """Whether a folder has all of its evaluation; a published run has no table of its episodes."""
+    return all((folder / name).is_file() for name in EVALUATED)
+
+
+def check_target(folder: Path, out: Path | None, overwrite: bool) -> None:
+    """Refuse to write a report where it would replace files, or into an exported policy, unless asked to."""
+    if out is not None:
+        check_unwritten(out, (*REPORTED, *EVALUATED), overwrite)
+        return
+    if overwrite:
+        return
+    reason = ""
+    if is_exported(folder):
+        reason = "is an exported policy"
+    elif (folder / "report.md").exists():
+        reason = "has a report"
+    elif (folder / "evaluation.json").is_file() and not is_evaluated(folder):
+        reason = "is evaluated, but has no episodes.csv, for which it must be evaluated again"
+    if reason:
+        raise ValueError(f"{folder} {reason}; give --out FOLDER, or --overwrite to write into it")

@@ -1,0 +1,47 @@
+"""Folders for results: refused before anything long begins, and before anything large is imported."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from . import command
+
+CHECKPOINT, OLD_CHECKPOINT = "checkpoint", "checkpoint.old"
+"""Folders inside that of a run; a kill between two renamings leaves the old name alone."""
+STATE = "state.pt"
+"""File of a checkpoint that is there if it is whole."""
+
+
+def check_out(folder: Path) -> None:
+    """Refuse a folder for results that cannot be: a file, or below one, or where nobody may write."""
+    there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+    if not there.is_dir():
+        what = "is a file" if there == folder else f"is below the file {there}"
+        raise ValueError(f"out is {folder}, which {what}; choose another --out")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise ValueError(f"out is {folder}, and {there} is not writable; choose another --out")
+
+
+def check_new(folder: Path) -> None:
+    """Refuse a file, or a folder that holds something, as the folder of a new run."""
+    check_out(folder)
+    if folder.exists() and any(folder.iterdir()):
+        hint = f"go on with '{command('resume', folder)}', " if find_checkpoint(folder) else ""
+        raise ValueError(f"run folder {folder} is not empty; {hint}choose another --out or delete it")
+
+
+def find_checkpoint(folder: Path) -> Path | None:
+    """The newest whole checkpoint of a run folder, if it has one."""
+    return next((p for n in (CHECKPOINT, OLD_CHECKPOINT) if ((p := folder / n) / STATE).is_file()), None)
+
+
+def check_unwritten(folder: Path, files: Sequence[str], overwrite: bool) -> None:
+    """Refuse a folder for results that holds files of their names, unless they may be overwritten."""
+    check_out(folder)
+    there = [name for name in files if (folder / name).exists()]
+    if there and not overwrite:
+        raise ValueError(
+            f"out is {folder}, which has {', '.join(there)}; choose another --out, or add --overwrite"
+        )
