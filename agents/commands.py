@@ -98,9 +98,11 @@ def run(arguments: list[str]) -> int:
 def _usage(error: Any) -> int:
     """Show a usage error; where there are no words at all, the help."""
     message, context = error.format_message(), getattr(error, "ctx", None)
-    if context is None or type(error).__name__ == "NoArgsIsHelpError":
+    if type(error).__name__ == "NoArgsIsHelpError":
         print(message, file=sys.stderr)
         return 2
+    if context is None:
+        raise ValueError(f"{message.rstrip('.')}; see {COMMAND} --help")
     names = context.command.list_commands(context) if hasattr(context.command, "list_commands") else []
     more = f"choose {', '.join(names)}; or " if names else ""
     raise ValueError(f"{message.rstrip('.')}; {more}see {context.command_path} --help")

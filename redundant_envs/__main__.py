@@ -6,7 +6,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from redundant_envs import __version__
 from redundant_envs.extras import MissingPackage
@@ -28,14 +28,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     try:
         words = take_imports(list(sys.argv[1:] if arguments is None else arguments))
-    except ValueError as error:
-        print(f"redundant_envs: {error}", file=sys.stderr)
-        return 2
-    options = parser().parse_args(words)
-    try:
+        options = parser().parse_args(words)
         result: int | None = options.handler(options)
-    except (ValueError, MissingPackage) as error:
-        print(f"redundant_envs: {error}", file=sys.stderr)
+    except (ValueError, MissingPackage, OSError) as error:
+        print(f"redundant_envs: {' '.join(str(error).splitlines())}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("redundant_envs: stopped", file=sys.stderr)
@@ -58,9 +54,15 @@ def verify(options: argparse.Namespace) -> int:
     )
 
 
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        """A mistake in the words of a command, as one line."""
+        raise ValueError(f"{message}; see {self.prog} --help")
+
+
 def parser() -> argparse.ArgumentParser:
     """All commands and their options."""
-    top = argparse.ArgumentParser(prog="python -m redundant_envs", description="Planar redundant arms.")
+    top = _Parser(prog="python -m redundant_envs", description="Planar redundant arms.")
     top.add_argument(
         OPTION, metavar="MODULE",
         help="import a module of yours first, whose arms, effects, tasks are then known; before the command",
@@ -170,6 +172,9 @@ def simulate(options: argparse.Namespace) -> None:
     names = [name for name, _ in scenes]
     if len(set(names)) < len(names):
         raise ValueError(f"--scene gives the same name twice: {', '.join(names)}; their files would collide")
+    for name, scene in scenes:
+        start = energy.default_start(name, scene) if options.q is None else options.q
+        energy.check_start(scene, options.seconds, start, options.qd)
     for i, (name, scene) in enumerate(scenes):
         print(f"simulate {i + 1}/{len(scenes)}: {name}, {options.seconds:g} s ...", file=sys.stderr)
         q = options.q if options.q is not None else energy.default_start(name, scene)

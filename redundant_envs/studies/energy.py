@@ -109,6 +109,16 @@ def stated_limits(scene: Scene) -> dict[int, tuple[float, float]]:
     return limits
 
 
+def check_start(scene: Scene, seconds: float, q: ArrayLike, qd: ArrayLike | None = None) -> None:
+    """ValueError for arguments of :func:`energy_run` that are none."""
+    if not np.isfinite(seconds) or seconds <= 0.0:
+        raise ValueError(f"seconds is {seconds}; it must be positive and finite")
+    joints = len(scene.robot.joints)
+    for field, value in (("q", q), ("qd", qd)):
+        if value is not None and (np.shape(value) != (joints,) or not np.isfinite(value).all()):
+            raise ValueError(f"{field} is {value!r}; give {joints} finite numbers")
+
+
 def energy_run(
     name: str, scene: Scene, seconds: float, q: ArrayLike, qd: ArrayLike | None = None
 ) -> EnergyRun:
@@ -121,13 +131,8 @@ def energy_run(
     q, qd : (joints,) arrays
         State at the start; no velocities are those of rest.
     """
-    if not np.isfinite(seconds) or seconds <= 0.0:
-        raise ValueError(f"seconds is {seconds}; it must be positive and finite")
-    joints = len(scene.robot.joints)
-    qd = (0.0,) * joints if qd is None else qd
-    for field, value in (("q", q), ("qd", qd)):
-        if np.shape(value) != (joints,) or not np.isfinite(value).all():
-            raise ValueError(f"{field} is {value!r}; give {joints} finite numbers")
+    qd = (0.0,) * len(scene.robot.joints) if qd is None else qd
+    check_start(scene, seconds, q, qd)
     rows = max(1, round(seconds / min(scene.control_dt, SAMPLE_INTERVAL)))
     trajectory = simulate(scene, q, qd, np.linspace(0.0, seconds, rows + 1))
     finite = np.isfinite(trajectory.q).all(axis=1) & np.isfinite(trajectory.qd).all(axis=1)

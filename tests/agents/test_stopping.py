@@ -110,14 +110,14 @@ def test_a_second_request_interrupts_at_once():
 
 
 def test_ctrl_c_elsewhere_is_one_line(monkeypatch, capsys):
-    from agents import report
+    from agents.evidence import table
     from redundant_envs import __main__ as library
 
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(report, "report", interrupted)
-    assert main(["report", "anything"]) == 130
+    monkeypatch.setattr(table, "table", interrupted)
+    assert main(["table", "anything"]) == 130
     monkeypatch.setattr(library, "list_names", interrupted)
     assert library.main(["list"]) == 130
     assert capsys.readouterr().err.splitlines() == ["stopped", "redundant_envs: stopped"]
