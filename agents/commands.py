@@ -136,6 +136,7 @@ def train(
     from .config import load
     from .drawing import check_drawing
     from .new_folder import check_new
+    from .start import with_start
     from .training.amount import count_of, seeds_of
 
     name = Path(config).stem
@@ -144,7 +145,8 @@ def train(
         if any(override.startswith("seed=") for override in overrides or ()):
             raise ValueError("seed is given beside --seeds; leave one of them out")
         folder = out or Path("runs") / f"{name}_{stamp}"
-        chosen = {f"seed{k}": load(config, [*(overrides or ()), f"seed={k}"]) for k in seeds_of(seeds)}
+        each = [(k, [*(overrides or ()), f"seed={k}"]) for k in seeds_of(seeds)]
+        chosen = {f"seed{k}": with_start(load(config, words)) for k, words in each}
         count_of(processes)
         check_drawing()
         if on == "ray":
@@ -161,7 +163,7 @@ def train(
         return
     if processes is not None:
         raise ValueError("processes is for several seeds; give --seeds, such as --seeds 0..9")
-    one = load(config, overrides or ())
+    one = with_start(load(config, overrides or ()))
     folder = out or Path("runs") / f"{name}_seed{one.seed}_{stamp}"
     check_new(folder)
     check_drawing()
@@ -217,13 +219,23 @@ def tune(
         ),
     ] = None,
     seed: Annotated[int, typer.Option(help="of the sampler")] = 0,
+    processes: Annotated[
+        int, typer.Option(help="trials at a time, each on a core of its own; 1 to 4 give the same results")
+    ] = 1,
 ) -> None:
     """Search the learner's settings that hold most goals, with Optuna."""
     from .config import load
+    from .start import with_start
+    from .tuning.arguments import check_arguments
+    from .tuning.search import space_of
+
+    base = with_start(load(config, overrides or ()))
+    check_arguments(base, trials, seed, processes)
+    space_of(base, search or (), overrides or ())
     from .tuning.study import tune
 
     folder = out or Path("runs") / "tune" / Path(config).stem
-    path = tune(load(config, overrides or ()), folder, trials, search or (), overrides or (), seed)
+    path = tune(base, folder, trials, search or (), overrides or (), seed, processes)
     print(path.read_text(encoding="utf-8"))
     print(f"best: {folder / 'best.yaml'}")
 

@@ -160,13 +160,24 @@ def check_weights(path: Path, found: Mapping[str, torch.Tensor], needed: Mapping
             raise ValueError(f"{path} has weights {name!r} that are not finite: the training diverged")
 
 
+def read_about(path: Path) -> dict[str, Any]:
+    """What stable-baselines3 says in plain words about the learner of a policy.zip; nothing is unpickled."""
+    try:
+        about = json.loads(_member(path, "data", MOST_BYTES))
+        if not isinstance(about, dict):
+            raise ValueError(f"it holds a {type(about).__name__}")
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{path} has a damaged member 'data' ({error}). {HARMLESS}") from error
+    return about
+
+
 def _check_activation(path: Path, activation: str) -> None:
     """Refuse a policy with other activations than the configuration's, which its tensors do not tell."""
     wanted = ACTIVATIONS[activation].module.__name__
+    about = read_about(path)
     try:
-        about = json.loads(_member(path, "data", MOST_BYTES))
         said = about["policy_kwargs"].get("activation_fn", "")
-    except (ValueError, RecursionError, TypeError, KeyError, AttributeError) as error:
+    except (TypeError, KeyError, AttributeError) as error:
         raise ValueError(f"{path} has a damaged member 'data' ({error}). {HARMLESS}") from error
     if wanted not in str(said):
         raise ValueError(

@@ -64,6 +64,13 @@ class Config(Model):
     seed: Whole = number(0, 0, MOST_SEEDS, "of the learner and, times 10 000, of the environments")
     num_envs: Whole = number(512, 1, SEEDS_PER_RUN, "environments in parallel")
     total_steps: Whole = number(8_000_000, 1, 1e12, "environment steps in all")
+    start_from: Text | None = value(
+        None,
+        "policy to begin with: a run folder, the folder of an exported policy, or a policy.zip; null: none",
+    )
+    start_from_sha256: Text | None = value(
+        None, "SHA-256 of that policy.zip, written by the training; if it is given, another file is refused"
+    )
     max_seconds: Real | None = value(None, "end earlier after so much training time, s; null: only by steps")
     torch_threads: Whole = number(1, 1, 1024, "threads of PyTorch")
     curve_every: Whole = number(400_000, 1, 1e12, "environment steps from one point of the curve to the next")
@@ -116,6 +123,11 @@ class Config(Model):
             )
         if self.max_seconds is not None and not self.max_seconds > 0.0:
             raise ValueError(f"max_seconds is {self.max_seconds:g}; give more than 0, or null")
+        if self.start_from_sha256 is not None and self.start_from is None:
+            raise ValueError(
+                f"start_from_sha256 is {shown(self.start_from_sha256)}, and start_from is null; give both or "
+                "neither"
+            )
         if len(set(self.telemetry)) < len(self.telemetry):
             raise ValueError(f"telemetry is {shown(list(self.telemetry))}; name each place once")
         check_env_kwargs(self.env_kwargs)

@@ -55,6 +55,14 @@ class Averaging:
         for networks in self.networks.values():
             networks.write()
 
+    def read_networks(self) -> None:
+        """Go on from the modules' weights, those of a policy that was loaded; averages begin there."""
+        for networks in self.networks.values():
+            networks.read()
+        for name, mean in self.means.items():
+            mean.copy_(self.networks[name].vector)
+        self.write_networks()
+
     @contextlib.contextmanager
     def averaged(self) -> Iterator[None]:
         """All modules hold the present weights inside, or their averages."""

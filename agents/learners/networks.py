@@ -96,6 +96,14 @@ class Networks:
             self.extra.copy_(self._beside)
 
     @torch.no_grad()
+    def read(self) -> None:
+        """Take over the modules' numbers: the reverse of :meth:`write`."""
+        self._read()
+        if self.mixing is not None:
+            first = self.weights[0]
+            first.copy_(torch.linalg.solve(self.mixing.T.double(), first.mT.double()).mT)
+
+    @torch.no_grad()
     def write(self, vector: Tensor | None = None) -> None:
         """Give the modules these numbers, or those of another vector of the same layout."""
         weights, biases, extra = self._parts(self.vector if vector is None else vector)

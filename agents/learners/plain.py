@@ -28,6 +28,9 @@ class Plain:
         """The modules are as they are: these algorithms keep no average."""
         yield
 
+    def read_networks(self) -> None:
+        """Nothing: the modules are all that learns."""
+
     def learner_state(self) -> dict[str, Any]:
         """Nothing beside the modules and optimisers."""
         return {}

@@ -18,6 +18,7 @@ from ..config import Config
 from ..new_folder import check_out, find_checkpoint
 from ..own_scene import difference
 from ..run_folder import read_config, read_evaluation, read_facts
+from ..start import with_start
 from .amount import cores, count_of
 from .interrupt import Stopped, stop_request
 
@@ -52,6 +53,7 @@ def train_many(configs: Mapping[str, Config], folder: Path, processes: int | Non
     check_out(folder)
     own = cores()
     count = min(count_of(processes), len(configs))
+    configs = {name: with_start(config) for name, config in configs.items()}
     alone = all(config.torch_threads == 1 for config in configs.values())
     for name, config in configs.items():
         check_same(config, folder / name)

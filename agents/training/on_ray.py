@@ -82,6 +82,12 @@ def train_on_ray(
             f"{OPTION} names {', '.join(IMPORTED)}, which the machines of a cluster may not have; train on "
             "this machine, without Ray"
         )
+    for config in configs.values():
+        if config.start_from is not None:
+            raise ValueError(
+                f"start_from is {shown(config.start_from)}, a file that the machines of a cluster may not "
+                "have; train on this machine, without Ray"
+            )
     if address is not None and not address.strip():
         raise ValueError("address is empty; give host:port, ray://host:port or auto, or leave it out")
     check_out(folder)

@@ -19,8 +19,10 @@ from ..new_folder import check_new, find_checkpoint
 from ..own_scene import SCENE, own_config, with_scene
 from ..policies import save_policy
 from ..run_folder import read_config, write_json
+from ..start import with_start
 from . import checkpoint
 from .interrupt import Stopped, stop_request
+from .start import start_from
 from .telemetry import check, logger
 from .watch import OnPoint, Watch, progress_bars
 
@@ -50,8 +52,9 @@ def train(
     progress : Progress, optional
         Bars of a caller, which get a line while the training runs.
     on_point : callable, optional
-        Called with the environment steps and the hold success, 0 to 1, of every point of the learning
-        curve. What it raises ends the training and is raised here; the folder has the policy of that point.
+        Called with the environment steps, the hold success, 0 to 1, and the mean return of every point of
+        the learning curve. What it raises ends the training and is raised here; the folder has the policy
+        of that point.
 
     Raises
     ------
@@ -59,6 +62,7 @@ def train(
         The user asked to stop; the folder has the policy so far, and a checkpoint.
     """
     check_new(folder)
+    config = with_start(config)
     return _run(config, folder, progress, resumed=False, on_point=on_point)
 
 
@@ -75,9 +79,11 @@ def _run(
     given = own_config(folder) if resumed else config
     base = make_sb3(config.env, config.num_envs, **given.env_kwargs)
     simulated = with_scene(config, base.core.scene)  # from now on, whatever happens to its file
-    folder.mkdir(parents=True, exist_ok=True)
     monitor = VecMonitor(base, info_keywords=KEYWORDS)
     model = make_model(config, monitor)
+    if config.start_from is not None and not resumed:
+        start_from(model, config, base)
+    folder.mkdir(parents=True, exist_ok=True)
     # after the learner, which gives its own seed to the environments: else seeds shared most of their goals
     base.seed(config.seed * SEEDS_PER_RUN)
     run = identity(config, base.core)

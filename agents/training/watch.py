@@ -27,8 +27,8 @@ BAR_STEPS = 400
 """Steps of the progress bar."""
 RETURN = "return_"
 """Terms of an episode's return in ``info`` begin so."""
-OnPoint = Callable[[int, float], None]
-"""Takes a point of the learning curve: environment steps and hold success, 0 to 1."""
+OnPoint = Callable[[int, float, float], None]
+"""Takes a point of the learning curve: environment steps, hold success (0 to 1), mean return."""
 
 
 class Watch(BaseCallback):
@@ -126,7 +126,7 @@ class Watch(BaseCallback):
         self._apart += time.perf_counter() - begun
         self._show()
         if self.on_point is not None:
-            self.on_point(self.num_timesteps, self.hold)
+            self.on_point(self.num_timesteps, self.hold, returned)
 
     def _show(self) -> None:
         config = self.config

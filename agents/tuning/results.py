@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -19,15 +21,18 @@ with needs("tune"):
     import optuna
     from optuna.trial import FrozenTrial, TrialState
 
-MESSAGE, STEPS = "message", "env_steps"
-"""Attributes of a trial: why it failed, and the environment steps of its last point."""
+MESSAGE, STEPS, POINTS, ORDER = "message", "env_steps", "points", "order"
+"""Attributes of a trial: why it failed, the environment steps of its last point, all points of its curve
+(steps, hold success, mean return), and its place in the study."""
 STATES = ("complete", "pruned", "refused", "stopped")
-COLUMNS = ("trial", "state", "hold_success", "env_steps", "seconds")
+COLUMNS = ("trial", "state", "hold_success", "return", "env_steps", "seconds")
 """Of trials.csv, before a column for each key of the search space and the message."""
 SHOWN = 10
 """Trials in the table of the page."""
 LEAST_TRIALS = 10
 """Complete trials from which importance is estimated."""
+LARGEST = math.log1p(sys.float_info.max)
+"""Of the logarithm of a return."""
 
 
 def state_of(trial: FrozenTrial) -> str:
@@ -44,10 +49,33 @@ def ended(study: optuna.Study) -> list[FrozenTrial]:
     return study.get_trials(deepcopy=False, states=(TrialState.COMPLETE, TrialState.PRUNED))
 
 
+def order_of(trial: FrozenTrial) -> int:
+    """Place of a trial in the study; one that is tried again after a break has the place of the first."""
+    return int(trial.user_attrs[ORDER])
+
+
+def score(hold: float, returned: float | None, episodes: int) -> float:
+    """What trials are compared by: hold success, and between equal ones the return.
+
+    The return adds less than half of one goal of ``episodes``, so a goal more is always better.
+    """
+    if returned is None or math.isnan(returned):
+        return hold - 0.5 / episodes
+    share = math.copysign(min(math.log1p(abs(returned)) / LARGEST, 1.0), returned)
+    return hold + 0.5 * share / episodes
+
+
+def return_of(trial: FrozenTrial) -> float:
+    """Mean return of the last point of a trial; the lowest there is, if it has none."""
+    points = trial.user_attrs.get(POINTS) or [(0, 0.0, None)]
+    last = points[-1][2]
+    return -math.inf if last is None else float(last)
+
+
 def complete(study: optuna.Study) -> list[FrozenTrial]:
-    """Complete trials, the best first, of equal ones the earlier."""
+    """Complete trials, the best first: by hold success, then by return, of equal ones the earlier."""
     trials = study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
-    return sorted(trials, key=lambda trial: (-(trial.value or 0.0), trial.number))
+    return sorted(trials, key=lambda trial: (-(trial.value or 0.0), -return_of(trial), order_of(trial)))
 
 
 def write(study: optuna.Study, config: Config, space: Space, folder: Path) -> Path:
@@ -78,8 +106,9 @@ def _row(trial: FrozenTrial) -> dict[str, Any]:
     state = state_of(trial)
     seconds = f"{trial.duration.total_seconds():.1f}" if trial.duration else ""
     hold = trial.value if state in ("complete", "pruned") and trial.value is not None else ""
+    returned = return_of(trial) if trial.user_attrs.get(POINTS) else ""
     return {
-        "trial": trial.number, "state": state, "hold_success": hold,
+        "trial": trial.number, "state": state, "hold_success": hold, "return": returned,
         "env_steps": trial.user_attrs.get(STEPS, 0), "seconds": seconds, **trial.params,
         MESSAGE: trial.user_attrs.get(MESSAGE, ""),
     }  # fmt: skip
@@ -92,17 +121,19 @@ def page(study: optuna.Study, config: Config, space: Space, folder: Path) -> str
     counts = ", ".join(f"{states.count(state)} {state}" for state in STATES if state in states)
     keys = list(space)
     rows = [
-        f"| {trial.number} | {100 * (trial.value or 0.0):.1f} % | "
+        f"| {trial.number} | {100 * (trial.value or 0.0):.1f} % | {return_of(trial):.1f} | "
         f"{' | '.join(_number(trial.params[key]) for key in keys)} |"
         for trial in best[:SHOWN]
     ]
     lines = [
         f"# Tuning of {config.label} on {config.env}", "",
         f"Trials: {counts}. Hold success is that of the last point of the learning curve, on "
-        f"{config.curve_episodes} selection goals. The search has seen these goals, and the best of many is "
-        "lucky too: judge `best.yaml` by other seeds and the goals of the evaluation, with "
+        f"{config.curve_episodes} selection goals; the return breaks ties. The search has seen these goals, "
+        "and the best of many is lucky too: judge `best.yaml` by other seeds and the goals of the "
+        "evaluation, with "
         f"`{command('train', folder / 'best.yaml', '--seeds', '1..5')}`.", "",
-        f"| trial | hold success | {' | '.join(keys)} |", "|---|---|" + "---|" * len(keys), *rows, "",
+        f"| trial | hold success | mean return | {' | '.join(keys)} |", "|---|---|---|" + "---|" * len(keys),
+        *rows, "",
         f"Searched: {', '.join(f'{key} {searched}' for key, searched in space.items())}.", "",
     ]  # fmt: skip
     shares = importance(study)

@@ -1,15 +1,14 @@
-"""A study: trials one after another, kept in a file from which the same command goes on."""
+"""A study: trials, kept in a file from which the same command goes on."""
 
 from __future__ import annotations
 
 import contextlib
 import json
 import os
-from collections.abc import Iterator, Sequence
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
@@ -17,41 +16,45 @@ from redundant_envs.values import shown
 
 from ..config import WITHOUT_EFFECT, Config
 from ..new_folder import check_out
+from ..start import with_start
 from ..training import checkpoint, telemetry
-from ..training.interrupt import Stopped
+from ..training.interrupt import Stopped, stop_request
 from ..training.train import simulator_hash, train
 from ..training.watch import progress_bars
-from .results import MESSAGE, STEPS, complete, ended, write
-from .search import Space, own_parameters, space_of, with_parameters
+from .arguments import check_arguments
+from .results import MESSAGE, complete, ended, order_of, write
+from .search import Space, space_of, with_parameters
+from .trials import Judge
+from .workers import Pruned, news, outcome, workers
 
 with needs("tune"):
     import optuna
     from optuna.storages import JournalStorage
     from optuna.storages.journal import JournalFileBackend
-    from optuna.trial import Trial, TrialState
+    from optuna.trial import TrialState
+    from rich.progress import Progress
 
 JOURNAL, LOCK = "study.journal", "study.lock"
 STUDY = "tune"
 """Name of the study in its file."""
 SETTINGS = "settings"
 """Attribute of a study: what it belongs to."""
-MOST_TRIALS = 10_000
-MOST_SEED = 2**32 - 1
-STARTUP_TRIALS = 5
-"""Complete trials before one is pruned: a median of fewer says little."""
-WARMUP = 0.2
-"""Share of a training before it is pruned: at first no policy holds anything."""
+AHEAD = "ahead"
+"""Attribute of a study: trials just before another one that tell it nothing, as they may still run."""
+LEAST_AHEAD = 3
+"""So four trials at a time give the results of one at a time."""
 
 
 def tune(
     config: Config, folder: Path, trials: int, searches: Sequence[str] = (), overrides: Sequence[str] = (),
-    seed: int = 0,
+    seed: int = 0, processes: int = 1,
 ) -> Path:  # fmt: skip
     """Search the settings that hold most goals at the end of a training.
 
     A trial is a training in ``folder``/trial<k>. It is judged by the hold success of the last point of its
-    learning curve, on the selection goals; goals of the evaluation are never used. A trial below the median
-    of the others at the same point of the curve is pruned.
+    learning curve, on the selection goals, and between equal ones by the mean return; goals of the
+    evaluation are never used. A trial below the median of the others at the same point of the curve is
+    pruned.
 
     Parameters
     ----------
@@ -65,6 +68,8 @@ def tune(
         As of :func:`~.search.space_of`.
     seed : int
         Of the sampler.
+    processes : int
+        Trials at a time. The results are the same for 1 to 4; a study of more is another one.
 
     Returns
     -------
@@ -76,33 +81,27 @@ def tune(
     Stopped
         The user asked to stop; the same call goes on.
     ValueError
-        An argument is not allowed, ``folder`` is of another study, or no trial was completed.
+        An argument is not allowed, ``folder`` is of another study, no trial was completed, or a process
+        ended before its trial.
     """
-    if not 1 <= trials <= MOST_TRIALS:
-        raise ValueError(f"trials is {trials}; give a whole number from 1 to {MOST_TRIALS}")
-    if not 0 <= seed <= MOST_SEED:
-        raise ValueError(f"seed is {seed}; give a whole number from 0 to {MOST_SEED}")
-    if config.max_seconds is not None:
-        raise ValueError(
-            f"max_seconds is {config.max_seconds:g}; trials are compared at equal steps: give "
-            "max_seconds=null and total_steps"
-        )
+    check_arguments(config, trials, seed, processes)
     telemetry.check(config)
+    config = with_start(config)
     space = space_of(config, searches, overrides)
     check_out(folder)
     if folder.exists() and any(folder.iterdir()) and not (folder / JOURNAL).is_file():
         raise ValueError(f"out is {folder}, which holds other files and no study; choose another --out")
     folder.mkdir(parents=True, exist_ok=True)
     with _alone(folder):
-        study = _open(folder, config, space, seed)
+        study = _open(folder, config, space, seed, processes)
+        trying = _Trying(study, config, space, folder, trials, seed)
         try:
             _fail_running(study, folder)  # of a process that was killed
             with progress_bars() as bars:
-                line = bars.add_task("tune", total=trials, note="")
-                while (count := len(ended(study))) < trials:
-                    bars.update(line, completed=count, note=_note(study))
-                    _run_trial(study, config, space, folder, _sampler_seed(seed, count), bars)
-                bars.update(line, completed=trials, note=_note(study))
+                if processes == 1:
+                    trying.one_by_one(bars)
+                else:
+                    trying.several(bars, processes)
         except KeyboardInterrupt:
             _fail_running(study, folder)
             count = len(ended(study))
@@ -130,27 +129,33 @@ def _alone(folder: Path) -> Iterator[None]:
         yield
 
 
-def _open(folder: Path, config: Config, space: Space, seed: int) -> optuna.Study:
+def _open(folder: Path, config: Config, space: Space, seed: int, processes: int) -> optuna.Study:
     """The study of a folder, new or as it was left."""
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     settings = _settings(config, space, seed)
-    pruner = optuna.pruners.MedianPruner(STARTUP_TRIALS, int(WARMUP * config.total_steps))
     path = folder / JOURNAL
     _cut_half_line(path)
     try:
         study = optuna.create_study(
             storage=JournalStorage(JournalFileBackend(str(path))), study_name=STUDY, direction="maximize",
-            load_if_exists=True, pruner=pruner,
+            load_if_exists=True,
         )  # fmt: skip
         found = study.user_attrs.get(SETTINGS)
         if found is None:
+            study.set_user_attr(AHEAD, max(LEAST_AHEAD, processes - 1))
             study.set_user_attr(SETTINGS, settings)
+        ahead = int(study.user_attrs[AHEAD])
     except Exception as error:  # a damaged file fails in any way
         reason = " ".join(str(error).split())[:300]
         raise ValueError(f"{path} is damaged ({reason}); choose another --out or delete it") from error
     if any(trial.value is None or not 0.0 <= trial.value <= 1.0 for trial in complete(study)):
         raise ValueError(
             f"{path} is damaged (a trial's hold success is none); choose another --out or delete it"
+        )
+    if processes > ahead + 1:
+        raise ValueError(
+            f"processes is {processes}, and the study in {folder} was begun for at most {ahead + 1} at a "
+            "time; give at most so many, or choose another --out"
         )
     found = found or settings
     for name in (*settings, *found):
@@ -184,61 +189,112 @@ def _settings(config: Config, space: Space, seed: int) -> dict[str, Any]:
     return plain
 
 
-def _sampler_seed(seed: int, count: int) -> int:
-    """The sampler's seed of a trial: it follows from the trials before, and not from breaks between them."""
-    return int(np.random.SeedSequence((seed, count)).generate_state(1)[0])
-
-
 def _fail_running(study: optuna.Study, folder: Path) -> None:
     """Mark trials that somebody stopped or killed as failed; others take their place."""
+    while study.get_trials(deepcopy=False, states=(TrialState.WAITING,)):  # killed before it began
+        study.ask()
     for trial in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
         study.tell(trial.number, state=TrialState.FAIL)
         checkpoint.remove(folder / f"trial{trial.number}")
 
 
-def _note(study: optuna.Study) -> str:
-    best = complete(study)
-    return f"best holds {100 * (best[0].value or 0.0):.1f} %, trial {best[0].number}" if best else ""
+class _Trying:
+    """The trials of a study that are left, one after another or several at a time."""
 
+    def __init__(
+        self, study: optuna.Study, config: Config, space: Space, folder: Path, trials: int, seed: int
+    ) -> None:
+        self.study, self.config, self.space, self.folder = study, config, space, folder
+        self.trials, self.seed = trials, seed
+        self.ahead = int(study.user_attrs[AHEAD])
 
-def _run_trial(study: optuna.Study, config: Config, space: Space, folder: Path, seed: int, bars: Any) -> None:
-    """Train once, and tell the study how it ended."""
-    study.sampler = optuna.samplers.TPESampler(seed=seed)
-    waiting = study.get_trials(deepcopy=False, states=(TrialState.WAITING,))
-    if not ended(study) and not waiting:
-        study.enqueue_trial(own_parameters(config, space))
-    trial = study.ask({key: searched.distribution() for key, searched in space.items()})
-    place = folder / f"trial{trial.number}"
-    curve = _Curve(trial, config.total_steps)
-    try:
-        train(with_parameters(config, space, trial.params), place, bars, curve.add)
-    except optuna.TrialPruned:
-        study.tell(trial, state=TrialState.PRUNED)
-    except (ValueError, ArithmeticError, RuntimeError) as error:  # refused, or it learned numbers without end
-        trial.set_user_attr(MESSAGE, " ".join(str(error).split())[:300])
-        study.tell(trial, state=TrialState.PRUNED)
-    else:
-        study.tell(trial, curve.hold)
-    finally:
-        checkpoint.remove(place)
+    def one_by_one(self, bars: Progress) -> None:
+        """Train in this process."""
+        line = self._line(bars)
+        for order in self._left():
+            self._show(bars, line)
+            if (job := self._begin(order)) is None:
+                continue
+            judge, config, place = job
 
+            def point(steps: int, hold: float, returned: float, judge: Judge = judge) -> None:
+                if judge.add(steps, hold, returned):
+                    raise Pruned
 
-class _Curve:
-    """Tells a trial the points of its learning curve, and ends it where the others were better.
+            self._end(judge, outcome(config, place, train, point, bars))
+        self._show(bars, line)
 
-    ``total_steps`` is the training's; the point there ends it anyway.
-    """
+    def several(self, bars: Progress, processes: int) -> None:
+        """Train in processes; a trial begins when all those are over from which it learns."""
+        line = self._line(bars)
+        left, running = deque(self._left()), dict[int, tuple[Judge, Any]]()
+        count = min(processes, len(left))
+        with stop_request() as stop, workers(count, self.config) as team:
+            while left or running:
+                if stop.made:
+                    raise KeyboardInterrupt
+                for worker in team:
+                    while worker.order is None and left and self._may_begin(left[0], running):
+                        order = left.popleft()
+                        if (job := self._begin(order)) is None:
+                            continue
+                        judge, config, place = job
+                        name = f"trial {judge.trial.number}"
+                        running[order] = judge, bars.add_task(name, total=config.total_steps, note="")
+                        worker.order = order
+                        worker.pipe.send((config.to_dict(), str(place)))
+                self._show(bars, line)
+                for worker, message in news(team):
+                    assert worker.order is not None
+                    judge, bar = running[worker.order]
+                    if message is None:
+                        raise ValueError(
+                            f"the process of trial {judge.trial.number} ended "
+                            f"({worker.process.exitcode}); the same command goes on"
+                        )
+                    kind, content = message
+                    if kind == "point":
+                        bars.update(bar, completed=content[0], note=f"holds {100 * content[1]:.1f} %")
+                        worker.pipe.send(judge.add(*content))
+                        continue
+                    self._end(judge, content)
+                    bars.remove_task(bar)
+                    del running[worker.order]
+                    worker.order = None
+        self._show(bars, line)
 
-    def __init__(self, trial: Trial, total_steps: int) -> None:
-        self.trial, self.total_steps = trial, total_steps
-        self.steps, self.hold = -1, 0.0
+    def _may_begin(self, order: int, running: Iterable[int]) -> bool:
+        """Whether all trials from which one learns are over."""
+        return min(running, default=order) >= order - self.ahead
 
-    def add(self, steps: int, hold: float) -> None:
-        """Take a point: environment steps and hold success, 0 to 1; TrialPruned ends the training."""
-        again = steps == self.steps  # the end of a training may meet a point
-        self.steps, self.hold = steps, hold
-        self.trial.set_user_attr(STEPS, steps)
-        if steps < self.total_steps and not again:
-            self.trial.report(hold, steps)
-            if self.trial.should_prune():
-                raise optuna.TrialPruned
+    def _left(self) -> list[int]:
+        """Places of the trials that did not end yet."""
+        over = {order_of(trial) for trial in ended(self.study)}
+        return [order for order in range(self.trials) if order not in over]
+
+    def _begin(self, order: int) -> tuple[Judge, Config, Path] | None:
+        """A trial, its configuration and folder; nothing if its settings do not go together."""
+        judge = Judge(self.study, self.config, self.space, order, self.ahead, self.seed)
+        try:
+            config = with_parameters(self.config, self.space, judge.trial.params)
+        except ValueError as error:
+            self._end(judge, " ".join(str(error).split())[:300])
+            return None
+        return judge, config, self.folder / f"trial{judge.trial.number}"
+
+    def _end(self, judge: Judge, how: str | None) -> None:
+        """Tell the study how a trial ended, as :func:`~.workers.outcome` says."""
+        if how == "":
+            self.study.tell(judge.trial, judge.hold)
+            return
+        if how is not None:
+            judge.trial.set_user_attr(MESSAGE, how)
+        self.study.tell(judge.trial, state=TrialState.PRUNED)
+
+    def _line(self, bars: Progress) -> Any:
+        return bars.add_task("tune", total=self.trials, note="")
+
+    def _show(self, bars: Progress, line: Any) -> None:
+        best = complete(self.study)
+        note = f"best holds {100 * (best[0].value or 0.0):.1f} %, trial {best[0].number}" if best else ""
+        bars.update(line, completed=len(ended(self.study)), note=note)

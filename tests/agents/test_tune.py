@@ -18,7 +18,8 @@ pytest.importorskip("optuna", reason="optuna is not installed; pip install 'redu
 
 from agents.tuning import study as studies
 from agents.tuning.search import Range, own_parameters, space_of, with_parameters
-from agents.tuning.study import tune
+from agents.tuning.study import LEAST_AHEAD, tune
+from agents.tuning.trials import STARTUP_TRIALS
 
 SMALL = [
     "num_envs=32", "ppo.n_steps=16", "ppo.batch_size=256", "total_steps=2048", "curve_every=1024",
@@ -130,7 +131,10 @@ def test_the_default_search_has_the_values_of_every_preset(name):
 
 
 def fake_train(score, breaks=()):
-    """A training whose curve is the same ``score`` of its settings; ``breaks``: what trials raise."""
+    """A training whose curve is one ``score`` of its settings, (hold, return).
+
+    ``breaks``: what trials raise.
+    """
     raised = dict(breaks)
 
     def train(config, folder, progress, on_point):
@@ -139,7 +143,7 @@ def fake_train(score, breaks=()):
         if error is not None:
             raise error
         for steps in (1024, 2048, 2048):
-            on_point(steps, score(config.ppo))
+            on_point(steps, *score(config.ppo))
 
     return train
 
@@ -147,7 +151,7 @@ def fake_train(score, breaks=()):
 @pytest.fixture
 def by_gamma(monkeypatch):
     """Trainings that hold gamma of their goals."""
-    monkeypatch.setattr(studies, "train", fake_train(lambda ppo: ppo.gamma))
+    monkeypatch.setattr(studies, "train", fake_train(lambda ppo: (ppo.gamma, 1.0)))
 
 
 def test_a_study_is_reproducible_and_leaves_the_evaluation_goals_alone(tmp_path, monkeypatch, capsys):
@@ -162,7 +166,9 @@ def test_a_study_is_reproducible_and_leaves_the_evaluation_goals_alone(tmp_path,
     for name in ("a", "b"):
         command = ["tune", "rprp_reach_ppo", *SMALL, "--trials", "3", *search, "--out", str(tmp_path / name)]
         assert main(command) == 0
-    assert "| trial | hold success | ppo.learning_rate | ppo.n_epochs |" in capsys.readouterr().out
+    assert (
+        "| trial | hold success | mean return | ppo.learning_rate | ppo.n_epochs |" in capsys.readouterr().out
+    )
     a, b = (rows(tmp_path / name) for name in ("a", "b"))
     assert a == b
     assert [row["state"] for row in a] == ["complete"] * 3
@@ -181,46 +187,27 @@ def test_the_best_of_a_study_is_a_configuration_of_its_own(by_gamma, tmp_path):
     assert best.ppo.gamma == max(float(row["ppo.gamma"]) for row in found)
     assert best.model_copy(update={"ppo": CONFIG.ppo}) == CONFIG
     assert "| ppo.gamma | 100 % |" in page
-    assert f" | {100 * best.ppo.gamma:.1f} % | {best.ppo.gamma:.4g} |" in page
+    assert f" | {100 * best.ppo.gamma:.1f} % | 1.0 | {best.ppo.gamma:.4g} |" in page
     few = tune(CONFIG, tmp_path / "few", 5, GAMMA).read_text()
     assert "Importance" not in few  # of so few trials there is none to tell
 
 
 def test_of_equal_trials_the_first_is_the_best(monkeypatch, tmp_path):
-    monkeypatch.setattr(studies, "train", fake_train(lambda ppo: 0.5))
+    monkeypatch.setattr(studies, "train", fake_train(lambda ppo: (0.5, 7.0)))
     tune(CONFIG, tmp_path, 3, GAMMA)
     assert load(tmp_path / "best.yaml").ppo.gamma == float(rows(tmp_path)[0]["ppo.gamma"])
 
 
 def test_no_trial_is_pruned_while_policies_hold_nothing_yet(monkeypatch, tmp_path):
-    monkeypatch.setattr(studies, "train", fake_train(lambda ppo: ppo.gamma))
-    tune(load("rprp_reach_ppo", [*SMALL, "total_steps=8192"]), tmp_path, 12, GAMMA)
+    monkeypatch.setattr(studies, "train", fake_train(lambda ppo: (ppo.gamma, 1.0)))
+    tune(load("rprp_reach_ppo", [*SMALL, "total_steps=8192"]), tmp_path, 20, GAMMA)
     pruned = [row for row in rows(tmp_path) if row["state"] == "pruned"]
     assert {row["env_steps"] for row in pruned} == {"2048"}  # 1024 is less than a fifth
 
 
-def test_a_point_that_is_met_twice_is_reported_once():
-    class Trial:
-        reports = []
-
-        def set_user_attr(self, name, value):
-            pass
-
-        def report(self, hold, steps):
-            self.reports.append(steps)
-
-        def should_prune(self):
-            return False
-
-    curve = studies._Curve(Trial(), 4096)
-    for steps in (1024, 2048, 2048, 4096):
-        curve.add(steps, 0.5)
-    assert Trial.reports == [1024, 2048]
-
-
 @pytest.mark.parametrize("error", [FloatingPointError("no number"), RuntimeError("no number")])
 def test_a_training_without_end_is_named_and_the_study_goes_on(error, monkeypatch, tmp_path):
-    monkeypatch.setattr(studies, "train", fake_train(lambda ppo: ppo.gamma, {1: error}))
+    monkeypatch.setattr(studies, "train", fake_train(lambda ppo: (ppo.gamma, 1.0), {1: error}))
     tune(CONFIG, tmp_path, 3, GAMMA)
     assert [row["state"] for row in rows(tmp_path)] == ["complete", "refused", "complete"]
     assert rows(tmp_path)[1]["message"] == "no number"
@@ -232,20 +219,20 @@ def test_the_first_trial_has_the_values_of_the_configuration(by_gamma, tmp_path)
 
 
 def test_a_trial_below_the_median_is_pruned(monkeypatch, tmp_path):
-    steps, train = [], fake_train(lambda ppo: ppo.gamma)
+    steps, train = [], fake_train(lambda ppo: (ppo.gamma, 1.0))
 
     def recorded(config, folder, progress, on_point):
-        def point(step, hold):
+        def point(step, hold, returned):
             steps.append((folder.name, step))
-            on_point(step, hold)
+            on_point(step, hold, returned)
 
         train(config, folder, progress, point)
 
     monkeypatch.setattr(studies, "train", recorded)
-    tune(CONFIG, tmp_path, 12, GAMMA)
+    tune(CONFIG, tmp_path, 20, GAMMA)
     found = rows(tmp_path)
     assert {"complete", "pruned"} == {row["state"] for row in found}
-    assert all(row["state"] == "complete" for row in found[: studies.STARTUP_TRIALS])
+    assert all(row["state"] == "complete" for row in found[: STARTUP_TRIALS + LEAST_AHEAD])
     for row in found:
         expected = [1024] if row["state"] == "pruned" else [1024, 2048, 2048]
         assert [step for name, step in steps if name == f"trial{row['trial']}"] == expected
@@ -257,7 +244,7 @@ def test_a_pruned_training_ends_at_its_point(tmp_path):
     class Enough(Exception):
         pass
 
-    def stop(steps, hold):
+    def stop(steps, hold, returned):
         raise Enough
 
     with pytest.raises(Enough):
@@ -289,7 +276,7 @@ def test_a_killed_study_goes_on_as_if_it_had_not_been(by_gamma, monkeypatch, tmp
     tune(CONFIG, tmp_path / "whole", 6, GAMMA)
     killed = tmp_path / "killed"
     breaks = {0: SystemExit(), 4: KeyboardInterrupt()}  # the first tells the study nothing, as a kill
-    monkeypatch.setattr(studies, "train", fake_train(lambda ppo: ppo.gamma, breaks))
+    monkeypatch.setattr(studies, "train", fake_train(lambda ppo: (ppo.gamma, 1.0), breaks))
     with pytest.raises(SystemExit):
         tune(CONFIG, killed, 6, GAMMA)
     with pytest.raises(Stopped, match="stopped after 3 of 6 trials; the same command goes on"):

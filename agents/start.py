@@ -1,0 +1,65 @@
+"""The policy that a training begins with: its file, and what is seen of it without opening it."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+from redundant_envs.values import shown
+
+from .config import Config
+from .run_folder import read_config
+
+KINDS = {"plain_ppo": "ppo", "plain_sac": "sac", "her": "sac"}
+"""Algorithms whose policies are those of another one."""
+
+
+def policy_file(start: str) -> Path:
+    """The file that ``start_from`` stands for: a policy.zip, or that of a run or an exported policy."""
+    path = Path(start)
+    file = path / "policy.zip" if path.is_dir() else path
+    if not file.is_file():
+        raise ValueError(
+            f"start_from is {shown(start)}; there is no {file}: give a run folder, the folder of an exported "
+            "policy, or a policy.zip"
+        )
+    return file
+
+
+def with_start(config: Config) -> Config:
+    """A configuration with the hash of the policy that it starts from.
+
+    Raises
+    ------
+    ValueError
+        There is no such file, it is another one than the configuration says, or the configuration beside it
+        is of another algorithm or of other networks.
+    """
+    if config.start_from is None:
+        return config
+    file = policy_file(config.start_from)
+    with file.open("rb") as data:
+        digest = hashlib.file_digest(data, "sha256").hexdigest()
+    if config.start_from_sha256 not in (None, digest):
+        raise ValueError(
+            f"start_from is {shown(config.start_from)}, whose policy.zip has the SHA-256 {digest}, and "
+            f"start_from_sha256 is {config.start_from_sha256}; give that file, or leave the hash out"
+        )
+    if (file.parent / "config.yaml").is_file():
+        _check_configuration(config, file.parent)
+    return config.model_copy(update={"start_from_sha256": digest})
+
+
+def _check_configuration(config: Config, folder: Path) -> None:
+    """Refuse early what the file would be refused for after long imports."""
+    other = read_config(folder)
+    if KINDS.get(other.algo, other.algo) != KINDS.get(config.algo, config.algo):
+        raise ValueError(f"start_from is a policy of {other.algo}, and algo is {config.algo}; give one of it")
+    for name in ("net_arch", "activation"):
+        theirs, own = getattr(other.settings, name), getattr(config.settings, name)
+        if theirs != own:
+            theirs, own = (list(v) if isinstance(v, tuple) else v for v in (theirs, own))
+            raise ValueError(
+                f"start_from has {name} {theirs}, and {config.algo}.{name} is {own}; give "
+                f"{config.algo}.{name}={str(theirs).replace(' ', '')}"
+            )

@@ -1,0 +1,108 @@
+"""Trials of a study: from which results their settings follow, and when they are pruned.
+
+A trial has a place in the order of the study. What it is asked to try, and whether it is pruned, follows
+from the trials before it but the last few, ``ahead`` of them. So those few may still run, and the study is
+the same however many run at a time and whichever ends first.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from redundant_envs.extras import needs
+
+from ..config import Config
+from .results import ORDER, POINTS, STEPS, ended, order_of, score
+from .search import Space, own_parameters
+
+with needs("tune"):
+    import optuna
+    from optuna.trial import FrozenTrial, Trial, TrialState, create_trial
+
+STARTUP_TRIALS = 5
+"""Complete trials before one is pruned: a median of fewer says little."""
+WARMUP = 0.2
+"""Share of a training before it is pruned: at first no policy holds anything."""
+
+
+class Judge:
+    """One trial: its settings, the points of its learning curve, and whether the others were better.
+
+    Parameters
+    ----------
+    study : optuna.Study
+        In which the trial begins.
+    config, space
+        Of the study.
+    order : int
+        Place of the trial in the study, from 0.
+    ahead : int
+        Trials just before it that tell it nothing.
+    seed : int
+        Of the study's sampler.
+    """
+
+    def __init__(
+        self, study: optuna.Study, config: Config, space: Space, order: int, ahead: int, seed: int
+    ) -> None:
+        self.order, self.config = order, config
+        before = sorted((t for t in ended(study) if order_of(t) < order - ahead), key=order_of)
+        self.history = optuna.create_study(
+            direction="maximize", sampler=optuna.samplers.TPESampler(seed=_sampler_seed(seed, order)),
+            pruner=optuna.pruners.MedianPruner(STARTUP_TRIALS, int(WARMUP * config.total_steps)),
+        )  # fmt: skip
+        self.history.add_trials([self._scored(trial) for trial in before])
+        if order == 0:
+            self.history.enqueue_trial(own_parameters(config, space))
+        distributions = {key: searched.distribution() for key, searched in space.items()}
+        study.enqueue_trial(self.history.ask(distributions).params, user_attrs={ORDER: order})
+        self.trial: Trial = study.ask(distributions)
+        self.points: list[tuple[int, float, float]] = []
+
+    def add(self, steps: int, hold: float, returned: float) -> bool:
+        """Take a point: environment steps, hold success (0 to 1), mean return; True where the trial ends."""
+        again = bool(self.points) and steps == self.points[-1][0]  # the end of a training may meet a point
+        if not again:
+            self.points.append((steps, hold, returned))
+        self.trial.set_user_attr(STEPS, steps)
+        self.trial.set_user_attr(POINTS, [list(map(_plain, point)) for point in self.points])
+        if again or steps >= self.config.total_steps:
+            return False
+        self.trial.report(hold, steps)
+        running = create_trial(
+            state=TrialState.RUNNING, params=self.trial.params, distributions=self.trial.distributions,
+            intermediate_values=self._scores(self.points),
+        )  # fmt: skip
+        return bool(self.history.pruner.prune(self.history, running))
+
+    @property
+    def hold(self) -> float:
+        """Hold success of the last point."""
+        return self.points[-1][1] if self.points else 0.0
+
+    def _scored(self, trial: FrozenTrial) -> FrozenTrial:
+        """A trial judged by its score instead of hold success alone."""
+        points = trial.user_attrs.get(POINTS, [])
+        scores = self._scores(points)
+        complete = trial.state is TrialState.COMPLETE
+        return create_trial(
+            state=trial.state, params=trial.params, distributions=trial.distributions,
+            value=list(scores.values())[-1] if complete else None, intermediate_values=scores,
+        )  # fmt: skip
+
+    def _scores(self, points: Any) -> dict[int, float]:
+        episodes = self.config.curve_episodes
+        return {int(steps): score(hold, returned, episodes) for steps, hold, returned in points}
+
+
+def _plain(number: float) -> float | None:
+    """A number as the journal holds it."""
+    return number if math.isfinite(number) else None
+
+
+def _sampler_seed(seed: int, order: int) -> int:
+    """The sampler's seed of a trial: it follows from its place, and not from breaks between trials."""
+    return int(np.random.SeedSequence((seed, order)).generate_state(1)[0])

@@ -1,0 +1,112 @@
+"""Processes that train the trials of a study, each on a core of its own."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import signal
+from collections.abc import Iterator
+from dataclasses import dataclass
+from multiprocessing import connection
+from pathlib import Path
+from typing import Any
+
+from redundant_envs.extras import needs
+from redundant_envs.modules import IMPORTED, import_named
+
+from ..config import Config, checked
+from ..training.amount import cores
+
+with needs("train"):
+    from rich.progress import Progress
+
+POLL, PATIENCE = 0.2, 20.0
+"""s, between two looks at the user's wish to stop, and until a process that was asked to end is killed."""
+
+
+class Pruned(Exception):
+    """The others were better: the training of a trial ends."""
+
+
+@dataclass
+class Worker:
+    """A process, the end of its pipe, and the place of its trial in the study."""
+
+    process: Any
+    pipe: Any
+    order: int | None = None
+
+
+@contextlib.contextmanager
+def workers(count: int, config: Config) -> Iterator[list[Worker]]:
+    """So many processes; they end with the block."""
+    context = multiprocessing.get_context("spawn")
+    own = cores()
+    pinned = config.torch_threads == 1 and count <= len(own)
+    made: list[Worker] = []
+    try:
+        for k in range(count):
+            ours, theirs = context.Pipe()
+            arguments = (theirs, own[k] if pinned else None, tuple(IMPORTED))
+            process = context.Process(target=_work, args=arguments, daemon=True)
+            process.start()
+            theirs.close()
+            made.append(Worker(process, ours))
+        yield made
+    finally:
+        for worker in made:
+            worker.process.terminate()
+        for worker in made:
+            worker.process.join(PATIENCE)
+            if worker.process.is_alive():
+                worker.process.kill()
+                worker.process.join()
+
+
+def news(all_workers: list[Worker]) -> list[tuple[Worker, Any]]:
+    """What busy workers have to say; None of one whose process ended."""
+    by_pipe = {worker.pipe: worker for worker in all_workers if worker.order is not None}
+    found = []
+    for pipe in connection.wait(list(by_pipe), POLL):
+        try:
+            found.append((by_pipe[pipe], by_pipe[pipe].pipe.recv()))
+        except (EOFError, OSError):
+            found.append((by_pipe[pipe], None))
+    return found
+
+
+def _work(pipe: Any, core: int | None, modules: tuple[str, ...]) -> None:
+    """Train what comes through the pipe until None does; tell each point, and hear whether to go on."""
+    # Ctrl-C of a terminal reaches all processes: the first one hears it, and asks the others by SIGTERM.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for module in modules:
+        import_named(module)
+    if core is not None:
+        os.sched_setaffinity(0, {core})
+    from ..training.train import train
+
+    def point(steps: int, hold: float, returned: float) -> None:
+        pipe.send(("point", (steps, hold, returned)))
+        if pipe.recv():
+            raise Pruned
+
+    with contextlib.suppress(EOFError, BrokenPipeError, KeyboardInterrupt):
+        while True:
+            data, folder = pipe.recv()
+            pipe.send(("end", outcome(checked(Config, data), Path(folder), train, point)))
+
+
+def outcome(config: Config, folder: Path, train: Any, point: Any, bars: Progress | None = None) -> str | None:
+    """Train once: "" if to the end, None if it was pruned, or why it failed."""
+    from ..training import checkpoint
+
+    try:
+        train(config, folder, bars or Progress(disable=True), point)
+    except Pruned:
+        return None
+    except (ValueError, ArithmeticError, RuntimeError) as error:  # refused, or it learned numbers without end
+        return " ".join(str(error).split())[:300] or type(error).__name__
+    finally:
+        checkpoint.remove(folder)
+    return ""
