@@ -14,6 +14,7 @@ from . import COMMAND, command
 from .training.interrupt import Stopped
 
 with needs("train"):
+    import pydantic  # noqa: F401 - typer imports it while it reads the words
     import typer
     import typer.core
 

@@ -14,6 +14,7 @@ from redundant_envs.extras import needs
 
 from .. import command
 from ..config import SEEDS_PER_RUN, WITHOUT_EFFECT, Config, PlainPPOSettings
+from ..drawing import EVALUATED
 from ..learners.build import make_model
 from ..new_folder import check_new, find_checkpoint
 from ..own_scene import SCENE, own_config, with_scene
@@ -88,6 +89,8 @@ def _run(
     base.seed(config.seed * SEEDS_PER_RUN)
     run = identity(config, base.core)
     begun = checkpoint.restore(folder, model, monitor, run) if resumed else {}
+    for name in (*EVALUATED, "report.md"):  # of the policy at the stop
+        (folder / name).unlink(missing_ok=True)
     if not resumed:
         (folder / SCENE).write_text(yaml.safe_dump(base.core.scene.to_dict(), sort_keys=False))
         (folder / "config.yaml").write_text(yaml.safe_dump(config.to_dict(), sort_keys=False))

@@ -4,6 +4,7 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from run_folders import assert_same_policy
@@ -147,6 +148,7 @@ def test_a_training_goes_on_in_its_own_scene(trained, tmp_path, monkeypatch, cap
 
     def stop_at_first(self):
         points.append(self.num_timesteps)
+        assert not (tmp_path / "run" / "evaluation.json").exists()  # an old one is of another policy
         write_scene_file(tmp_path, 8.0)  # while it runs
         if len(points) == 1:
             self.stop.made = True
@@ -159,6 +161,8 @@ def test_a_training_goes_on_in_its_own_scene(trained, tmp_path, monkeypatch, cap
     assert call(["report", "run"]) == 0  # of the policy so far
     assert main(["resume", "run"]) == 0
     assert_same_policy(tmp_path / "run", trained / "run")
+    curves = [np.loadtxt(f / "run" / "selection.csv", delimiter=",", skiprows=1) for f in (tmp_path, trained)]
+    np.testing.assert_array_equal(*(np.delete(curve, 1, axis=1) for curve in curves))  # but for the seconds
     again, own = (json.loads((f / "run" / "evaluation.json").read_text()) for f in (tmp_path, trained))
     assert again["hold_success"] == own["hold_success"]
     assert again["mean_return"] == own["mean_return"]
