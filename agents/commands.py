@@ -11,6 +11,8 @@ from redundant_envs.extras import needs
 from redundant_envs.values import shown
 
 from . import COMMAND, command
+from .options import Folder, Folders, Out, Overwrite, PolicyFolder, Trust, complete, presets
+from .study_commands import study
 from .training.interrupt import Stopped
 
 with needs("train"):
@@ -49,38 +51,10 @@ app = typer.Typer(
     "yours first, whose arms, effects and tasks are then known.", no_args_is_help=True, rich_markup_mode=None,
     pretty_exceptions_enable=False, cls=_Commands,
 )  # fmt: skip
-study = typer.Typer(help="Measure what policies depend on.", no_args_is_help=True, rich_markup_mode=None)
 app.add_typer(study, name="study")
 
 PLACES = ("processes", "ray")
 """Where several runs go."""
-Folder = Annotated[Path, typer.Argument(help="run folder")]
-PolicyFolder = Annotated[Path, typer.Argument(help="run folder, or folder of an exported policy")]
-Folders = Annotated[list[Path], typer.Argument(help="run folders")]
-Out = Annotated[Path | None, typer.Option(help="folder to write to, instead of nowhere")]
-Overwrite = Annotated[
-    bool, typer.Option("--overwrite", help="write into the run folder, or replace files in --out")
-]
-Trust = Annotated[
-    bool,
-    typer.Option(
-        "--trust", help="unpickle policy.zip, as stable-baselines3 does: runs any code its author put in"
-    ),
-]
-
-
-def presets() -> list[str]:
-    """Completions of a preset's name."""
-    from .presets import presets
-
-    return presets()
-
-
-def complete(incomplete: str) -> list[str]:
-    """Completions of key=value."""
-    from .config.keys import complete
-
-    return complete(incomplete)
 
 
 def run(arguments: list[str]) -> int:
@@ -386,89 +360,3 @@ def schema() -> None:
     from .config import Config
 
     print(json.dumps(Config.model_json_schema(), indent=2))
-
-
-@study.command("stops")
-def study_stops(
-    folder: Folder,
-    lanes: int = 4096,
-    out: Annotated[Path, typer.Option(help="CSV file")] = Path("runs/studies/stops.csv"),
-    trust: Trust = False,
-) -> None:
-    """What hard stops cost on the states of an RPRP policy."""
-    from redundant_envs.studies import common, stops
-
-    from .own_scene import own_config, tell_differences
-
-    config = own_config(folder)
-    if lanes < 8:
-        raise ValueError(f"lanes is {lanes}; give at least 8")
-    if config.env != stops.ENVIRONMENT:
-        raise ValueError(f"folder is a run of {config.env}; the study is of {stops.ENVIRONMENT}")
-    tell_differences([folder])
-    from .policies import load_policy
-
-    model = load_policy(folder, config, trust)
-    policies: dict[str, Any] = {
-        "policy": lambda obs: model.predict(obs, deterministic=True)[0],
-        "random actions": stops.random_policy(0),
-    }
-    rows = stops.run(policies, lanes)
-    common.write_rows(rows, stops.COLUMNS, out)
-    print(common.table(rows, stops.COLUMNS[stops.COLUMNS.index("states") :]))
-    print(out)
-
-
-@study.command("policy")
-def study_policy(
-    overrides: Annotated[list[str] | None, typer.Argument(help="key=value, such as train_seeds=0")] = None,
-    config: Annotated[
-        Path | None, typer.Option(help="YAML file (default configs/studies/policy.yaml)")
-    ] = None,
-    out: Annotated[Path, typer.Option(help="folder; a study that was stopped goes on in it")] = Path(
-        "runs/studies/policy"
-    ),
-    trust: Trust = False,
-) -> None:
-    """What the physics costs a policy, and training under the cheapest."""
-    from redundant_envs.studies.common import study_path
-
-    from .drawing import check_drawing
-    from .studies.policy.settings import load_study
-
-    what = load_study(config or study_path("policy"), overrides or ())
-    check_drawing()
-    from .studies.policy.report import write_report
-    from .studies.policy.run import run_study
-
-    try:
-        results = run_study(what, out, trust)
-    except KeyboardInterrupt:
-        raise Stopped("stopped; the same command goes on after the last finished training") from None
-    path = write_report(what, results, out)
-    print(path.read_text(encoding="utf-8"))
-    print(f"report: {path}")
-
-
-@study.command("strength")
-def study_strength(
-    seeds: Annotated[str, typer.Option(help="of the learners, such as 0..2; none: no training")] = "0..2",
-    factors: Annotated[str, typer.Option(help="effort limits, times those of the reach scenes")] = "",
-    episodes: Annotated[int, typer.Option(help="goals")] = 1000,
-    runs: Annotated[list[Path] | None, typer.Option(help="run folders to take beside those trained")] = None,
-    processes: Annotated[int | None, typer.Option(help="trainings at a time (default: all cores)")] = None,
-    out: Annotated[Path, typer.Option(help="folder; a study that was stopped goes on in it")] = Path(
-        "runs/studies/strength"
-    ),
-) -> None:
-    """Where learning pays: hold success over the strength of the motors."""
-    from .drawing import check_drawing
-    from .studies.factors import factors_of
-    from .training.amount import seeds_of
-
-    chosen = [] if seeds == "none" else seeds_of(seeds)
-    times = factors_of(factors)
-    check_drawing()
-    from .studies.strength_run import run_study
-
-    print(run_study(times, chosen, episodes, runs or (), processes, out))
