@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from functools import lru_cache
 from typing import Any
 
@@ -83,7 +84,7 @@ def cover(text: str, height: float) -> NDArray[np.float32]:
         own, strokes = GLYPHS[character]
         for stroke in filter(None, strokes.split(";")):
             points = [tuple(map(float, pair.split(","))) for pair in stroke.split()]
-            for (ax, ay), (bx, by) in zip(points, points[1:], strict=False):
+            for (ax, ay), (bx, by) in itertools.pairwise(points):
                 away = from_segment(
                     x - (left + unit * ax), y - (3.0 + unit * ay), unit * (bx - ax), unit * (by - ay)
                 )

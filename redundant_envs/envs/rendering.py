@@ -259,8 +259,11 @@ class Renderer:
             return self._tips[lane, :count]
         return np.roll(self._tips[lane], -(count % TRAIL_LENGTH), axis=0)
 
-    def draw(self, lane: int) -> NDArray[np.uint8]:
-        """The picture of a lane, (480, 480, 3) uint8."""
+    def draw(self, lane: int, written: bool = True) -> NDArray[np.uint8]:
+        """The picture of a lane, (480, 480, 3) uint8, with time, efforts and how long the goal was held.
+
+        ``written=False`` leaves these out.
+        """
         core, arm = self.core, self.core.scene.robot
         index = np.array([lane])
         q = core.memory.read(arm.coordinates, index)[0]
@@ -281,15 +284,20 @@ class Renderer:
             radius = canvas.scale * core.reach * getattr(core.task, "goal_tolerance", 0.0)
             canvas.disc(goal, max(radius, 3.0), GOAL)
             canvas.disc(goal, radius + 8.0, GOAL, ring=2.5)
+        if written:
+            self._write(canvas, index, steps, efforts)
+        return canvas.pixels
+
+    def _write(self, canvas: Canvas, index: NDArray[np.intp], steps: float, efforts: Sequence[float]) -> None:
+        core = self.core
         canvas.bars([effort if steps > 0 else 0.0 for effort in efforts])
         dt = core.scene.control_dt
         canvas.text(f"time {steps * dt:.2f} s", MARGIN, MARGIN, INK)
-        if HOLDING <= {*core.task.memory, *core.task.metrics}:
+        if {*core.task.memory, *core.task.metrics} >= HOLDING:
             hold, success = core.memory.read(("hold", "is_success"), index)[0]
             if hold > 0:
                 held = f"held {hold * dt:.2f} s"
                 canvas.text(held, SIZE - MARGIN, MARGIN, GOAL if success else SOFT, from_right=True)
-        return canvas.pixels
 
     def _catch_up(self, lane: int, steps: float, tip: NDArray[np.float64]) -> None:
         """Begin the trail of one lane anew if its state was set since it was last recorded."""
