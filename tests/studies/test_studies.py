@@ -75,7 +75,10 @@ def test_figures(tmp_path):
 @pytest.mark.parametrize("name", ["rprp_limit_springs", "four_r_free"])
 def test_arm_picture(name):
     run = energy.energy_run(name, load_scene(name), 0.05, energy.STARTS[name])
-    picture = plots.arm_picture(run, run.trajectory.q[-1], np.zeros((2, 2)), 3.0)
+    picture, later = (
+        plots.arm_picture(run, run.trajectory.q[-1], np.zeros((2, 2)), 3.0, time) for time in (0.05, 0.06)
+    )
+    assert (picture != later).any(axis=(1, 2)).nonzero()[0].max() < 40  # the time, at the top
     assert picture.shape == (480, 480, 3)
     assert picture.dtype == np.uint8
     assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 10
