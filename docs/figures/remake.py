@@ -1,16 +1,18 @@
-"""Make the pictures of the README and of docs/ again: python docs/figures/remake.py
+"""Make the pictures of the README and of docs/ again, and the README's results: python docs/figures/remake.py
 
 It takes a minute, trains nothing and measures nothing. Clips and thumbnails show the policies in policies/;
 figures are drawn from the tables and runs in docs/results. Those of docs/hard_cases.md are drawn by
 ``python tests/hard_cases --pictures``.
 """
 
+import re
 from pathlib import Path
 
 import gymnasium as gym
 from PIL import Image
 
 from agents.evidence.curves import curves
+from agents.evidence.table import brief_table
 from agents.play import play
 from agents.policies import load_policy
 from agents.report import batched
@@ -32,6 +34,8 @@ THUMBNAILS = {
 MOMENT = 18
 """Control steps of the episode that a thumbnail shows the last of."""
 SIDE = 160
+RUNS_OF_README = "runs/*/*"
+"""In docs/results; its table of results has a row for each group of seeds."""
 CURVES = {"": "runs", "_weak": "weak", "_baselines": "baselines"}
 
 
@@ -51,7 +55,16 @@ def thumbnail(name: str, policy: str, seed: int) -> None:
     env.close()
 
 
+def results(readme: Path) -> None:
+    """Write the table of results between its marks."""
+    table = brief_table(sorted(RESULTS.glob(RUNS_OF_README)))
+    text = readme.read_text(encoding="utf-8")
+    marked = re.compile(r"(<!-- results: .*? -->\n).*?(<!-- end of results -->)", re.S)
+    readme.write_text(marked.sub(rf"\g<1>{table}\n\g<2>", text), encoding="utf-8")
+
+
 if __name__ == "__main__":
+    results(ROOT / "README.md")
     for name, policy in CLIPS.items():
         play(str(POLICIES / policy), None, FIGURES / f"{name}.gif", episodes=3, seed=1)
     for name, (policy, seed) in THUMBNAILS.items():
