@@ -47,11 +47,11 @@ def anchors(page: Path) -> set[str]:
     return found
 
 
-def commands(page: Path) -> list[str]:
-    """Commands of this project on a page, in blocks and in lines of text, without their comments."""
-    found = []
-    for _, block in blocks(page, ""):
-        found += re.sub(r"\\\n", " ", block).splitlines()
-    found += re.findall(r"`([^`\n]+)`", prose(page))
-    stripped = (re.sub(r"\s+#.*", "", line).strip() for line in found)
-    return [line for line in stripped if line.startswith(("python -m ", "python examples"))]
+def commands(page: Path) -> dict[str, bool]:
+    """Commands of this project on a page, without their comments, and whether each stands in a block."""
+    in_blocks = [line for _, block in blocks(page, "") for line in re.sub(r"\\\n", " ", block).splitlines()]
+    found = dict.fromkeys(re.findall(r"`([^`\n]+)`", prose(page)), False)
+    found |= {re.sub(r"\s+#.*", "", line).strip(): True for line in in_blocks}
+    return {
+        line: whole for line, whole in found.items() if line.startswith(("python -m ", "python examples"))
+    }
