@@ -161,7 +161,7 @@ def check_weights(path: Path, found: Mapping[str, torch.Tensor], needed: Mapping
 
 
 def _check_activation(path: Path, activation: str) -> None:
-    """Refuse a policy with other activations than the configuration's, which its tensors do not tell."""
+    """Refuse a policy with other activations than the configuration's; its tensors do not show them."""
     wanted = ACTIVATIONS[activation].module.__name__
     try:
         about = json.loads(_member(path, "data", MOST_BYTES))

@@ -22,7 +22,7 @@ MISSES = "(misses: logarithmic)"
 LEARNER_COLORS = {"PPO": "#0072B2", "SAC": "#D55E00", "HER": "#009E73"}
 """Learners of the same colour in all figures."""
 COLORS = ("#CC79A7", "#E69F00", "#56B4E9", "#999999", "#8C564B", *LEARNER_COLORS.values())
-"""Of the others. Most are Okabe and Ito's, which the colour-blind tell apart; black is computed torque's."""
+"""Of the others. Most are Okabe and Ito's, for colour-blind readers; black is computed torque's."""
 STYLES = ("-", "-.", ":")
 """Of the lines, when there are more learners than colours."""
 TICKS = (1.0, 0.0, 0.9, 0.99, 0.5, 0.999, 0.98, 0.95, 0.8, 0.998)

@@ -159,7 +159,7 @@ def read_groups(folders: Iterable[str | Path], stopped: bool = False) -> list[Gr
 
 
 def _same_results(a: Run, b: Run) -> bool:
-    told = a.evaluation.keys() & b.evaluation.keys() - CIRCUMSTANCES  # folders of older versions tell less
+    told = a.evaluation.keys() & b.evaluation.keys() - CIRCUMSTANCES  # folders of older versions have less
     facts = [{name: run.evaluation[name] for name in told} for run in (a, b)]
     kept = [i for i, name in enumerate(SELECTION) if name != "seconds"]
     return facts[0] == facts[1] and np.array_equal(a.curve[:, kept], b.curve[:, kept])
@@ -170,7 +170,7 @@ def _environment(run: Run) -> str:
 
 
 def _scene(run: Run) -> str:
-    """Name of a scene that is not the environment's own; one without a name is told by a checksum."""
+    """Name of a scene that is not the environment's own; a scene without a name gets a checksum."""
     own = next(scene for arm, scene in SCENES.items() if _environment(run).startswith(arm))
     scene = run.settings["env_kwargs"].get("scene", own)
     if isinstance(scene, str):

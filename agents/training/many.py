@@ -49,7 +49,7 @@ def seeds_of(text: str) -> list[int]:
 
 
 def cores() -> list[int]:
-    """Cores that this process may use; empty where the system does not tell."""
+    """Cores that this process may use; empty where the system does not say."""
     return sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
 
 
@@ -115,7 +115,7 @@ def check_same(config: Config, folder: Path) -> None:
 
 
 def _follow(names: Sequence[str], workers: list[Any], news: Any) -> list[str]:
-    """Show what the workers tell until they end."""
+    """Show the progress of the workers until they end."""
     from .watch import progress_bars
 
     failures: list[str] = []
@@ -147,7 +147,7 @@ def _follow(names: Sequence[str], workers: list[Any], news: Any) -> list[str]:
 
 
 class Teller(Progress):
-    """Progress that is told to another process instead of shown.
+    """Progress that is sent to another process instead of shown.
 
     ``news`` takes (name, share done, note, whether the run failed) by its method ``put``.
     """

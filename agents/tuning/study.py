@@ -202,7 +202,7 @@ def _note(study: optuna.Study) -> str:
 
 
 def _run_trial(study: optuna.Study, config: Config, space: Space, folder: Path, seed: int, bars: Any) -> None:
-    """Train once, and tell the study how it ended."""
+    """Train once, and report the result to the study."""
     study.sampler = optuna.samplers.TPESampler(seed=seed)
     waiting = study.get_trials(deepcopy=False, states=(TrialState.WAITING,))
     if not ended(study) and not waiting:
@@ -224,7 +224,7 @@ def _run_trial(study: optuna.Study, config: Config, space: Space, folder: Path, 
 
 
 class _Curve:
-    """Tells a trial the points of its learning curve, and ends it where the others were better.
+    """Reports the points of a learning curve to a trial, and ends it where the others were better.
 
     ``total_steps`` is the training's; the point there ends it anyway.
     """

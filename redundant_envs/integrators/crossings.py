@@ -21,7 +21,7 @@ class Crossing(enum.IntEnum):
     TURNS_NEAR = 2
     """It turns once, and may be beyond it then."""
     UNCLEAR = 4
-    """It may pass it more often than its ends and its turn tell."""
+    """It may pass it more often than its ends and its turning point show."""
 
 
 class Unseen(NamedTuple):

@@ -41,7 +41,7 @@ class Dynamics:
         Whether the work of motors and of forces without a potential is a state, too.
     located : bool
         Whether changes of a force's law are located in time where steps are chosen for their error; else
-        the position tells at each evaluation which law holds.
+        the law follows from the position at each evaluation.
     """
 
     scene: Scene

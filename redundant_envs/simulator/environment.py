@@ -107,7 +107,7 @@ class EnvironmentKernel:
         return lane * TICKET + KEY_WORDS
 
     def begin_due(self, block: Block, then: int = DUE) -> Scalar:
-        """New episodes of the lanes of a block whose tickets say so; tells whether there are any."""
+        """Start new episodes in the lanes of a block whose tickets ask for it; returns whether any do."""
         p = self.p
         some = p.variable(0)
         self._clear(block)

@@ -96,7 +96,7 @@ class Setting:
 
     @cached_property
     def doubts(self) -> dict[str, str]:
-        """Fields that tell why the error of an interval may be more than its estimate, and their docs."""
+        """Fields with reasons why the error of an interval may exceed its estimate, and their docs."""
         if self.plan is not Plan.DOUBLING:
             return {}
         found, dynamics = {}, self.dynamics

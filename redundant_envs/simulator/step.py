@@ -1,4 +1,4 @@
-"""One step of a lane: its state after ``h``, and what it tells of its error and of its sliders."""
+"""One step of a lane: its state after ``h``, its error estimate and the bounds of its sliders' motion."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def known_numbers(dynamics: Dynamics, lane: Lane, held: bool) -> dict[str, Any]:
 
 
 def active_stop(slider: str) -> str:
-    """The field that tells at which stop a slider rests."""
+    """The field with the stop at which a slider rests."""
     return f"active_stop_{slider}"
 
 
@@ -56,7 +56,7 @@ def joint_acceleration(dynamics: Dynamics, x: Quantities, joint: int) -> Any:
 
 
 def pose_tells_distances(dynamics: Dynamics) -> bool:
-    """Whether the pose tells how far the tip is from its joints."""
+    """Whether the distances of the tip from the joints follow from the pose."""
     arm = dynamics.arm
     return not set(arguments_of(arm.column_norms)) <= {*arm.parameter_values()}
 

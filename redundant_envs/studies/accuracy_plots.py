@@ -15,7 +15,7 @@ from redundant_envs.extras import needs
 from redundant_envs.studies.accuracy import WHAT, PanelResult, Row, answers
 from redundant_envs.studies.accuracy_config import Panel, Study
 
-# Colours of Okabe and Ito, which colour-blind readers can tell apart; ours thick, the peers thin.
+# Colours of Okabe and Ito, which colour-blind readers can distinguish; ours are thick, the peers thin.
 OURS: dict[str, dict[str, Any]] = {
     "euler": {"color": "#E69F00", "marker": "s"},
     "rk4": {"color": "#0072B2", "marker": "o"},
