@@ -117,7 +117,7 @@ class Config(Model):
         if self.max_seconds is not None and not self.max_seconds > 0.0:
             raise ValueError(f"max_seconds is {self.max_seconds:g}; give more than 0, or null")
         if len(set(self.telemetry)) < len(self.telemetry):
-            raise ValueError(f"telemetry is {shown(list(self.telemetry))}; name each place once")
+            raise ValueError(f"telemetry is {shown(list(self.telemetry))}; name each one once")
         check_env_kwargs(self.env_kwargs)
         settings = self.settings
         if isinstance(settings, PlainPPOSettings):

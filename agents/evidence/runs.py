@@ -108,14 +108,14 @@ def read_run(folder: str | Path, stopped: bool = False) -> Run:
         if evaluation[name] != value:
             raise ValueError(
                 f"{folder}/evaluation.json has {shown(evaluation[name])} as {name!r}, and config.yaml has "
-                f"{shown(value)}; make it anew: {command('evaluate', folder)}"
+                f"{shown(value)}; make it again: {command('evaluate', folder)}"
             )
     curve = read_table(folder, "selection.csv", SELECTION)
     progress = curve[:, [SELECTION.index("env_steps"), SELECTION.index("seconds")]]
     if not np.isfinite(curve).all() or (np.diff(progress, axis=0) < 0).any():
         raise ValueError(
             f"{folder}/selection.csv is damaged (a number is not finite, or steps or seconds go back); make "
-            f"it anew: {command('train', folder / 'config.yaml', '--out', 'NEW_FOLDER')}"
+            f"it again: {command('train', folder / 'config.yaml', '--out', 'NEW_FOLDER')}"
         )
     return Run(folder, config.env, config.algo, config.label, seed, settings, evaluation, curve)
 

@@ -241,7 +241,7 @@ class Renderer:
     def record(self, steps: NDArray[np.float64], tips: NDArray[np.float64]) -> None:
         """Remember where all tips are, (n, 2), after so many steps of their episodes, (n,).
 
-        A trail begins anew with an episode, and where a state was set.
+        A trail starts again with an episode, and where a state was set.
         """
         newest = self._tips[np.arange(len(tips)), (self._count - 1) % TRAIL_LENGTH]
         stepped = (steps == self._last + 1.0) & (steps > 0.0)
@@ -300,7 +300,7 @@ class Renderer:
                 canvas.text(held, SIZE - MARGIN, MARGIN, GOAL if success else SOFT, from_right=True)
 
     def _catch_up(self, lane: int, steps: float, tip: NDArray[np.float64]) -> None:
-        """Begin the trail of one lane anew if its state was set since it was last recorded."""
+        """Start the trail of one lane again if its state was set since it was last recorded."""
         all_steps = self._last.copy()
         all_steps[lane] = steps
         tips = self._tips[np.arange(len(self._count)), (self._count - 1) % TRAIL_LENGTH]

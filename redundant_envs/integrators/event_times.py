@@ -168,7 +168,7 @@ def first_event(s: Slider, e: Encounter, h: Any, per_h: Any, smooth: bool) -> Sl
     side = s.side_beyond
     gap = s.start_position - s.stop(side)
     share = chord_share(s, e, h, side, gap)
-    # A slider that begins at its stop and comes back has no such place: near the end, if anywhere.
+    # A slider that begins at its stop and comes back has no such position: near the end, if anywhere.
     guess = where(share > 0.0, where(share < 1.0, share, 1.0), 1.0)
     impact = h * guess
     if smooth:

@@ -1,4 +1,4 @@
-"""Arms: every printed equation, marked with its place. A new arm is one file here and one line below."""
+"""Arms: every printed equation, with a mark of where it is printed. A new arm is a file and a line here."""
 
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.four_r import FourR

@@ -19,7 +19,7 @@ from redundant_envs.simulator.step import active_stop, integrated_states, pose_t
 
 
 class Fault(enum.IntFlag):
-    """What went wrong in a lane; the one place where it is reported (``info["numerics"]``)."""
+    """Faults of a lane, as ``info["numerics"]`` reports them."""
 
     NON_FINITE = 1
     BAD_ACTION = 2

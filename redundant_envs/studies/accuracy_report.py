@@ -168,7 +168,7 @@ def markdown(study: Study, results: Sequence[PanelResult], command: str, figures
         "",
         "## Beyond a control interval",
         "",
-        f"{long.states} of the states, let go without efforts; medians of all. Lyapunov exponents "
+        f"{long.states} of the states, released without efforts; medians of all. Lyapunov exponents "
         f"(Benettin, {long.lyapunov_seconds:g} s, median), 1/s: {exponents}. The reference of these tip "
         f"errors is itself known to {doubt:.0e} mm (median, the worst of the columns). Energy: its change "
         f"after {long.seconds:g} s, per second, relative to what raises the stretched arm upright. Momentum: "
