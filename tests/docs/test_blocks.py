@@ -8,12 +8,19 @@ from markdown import MANUAL, ROOT, blocks
 
 import redundant_envs as rde
 
-BLOCKS = [(page, line, block) for page in MANUAL for line, block in blocks(page, "python")]
-IDS = [f"{page.stem}-{line}" for page, line, _ in BLOCKS]
+SLOW = ("torch.optim.Adam", "model.learn(")
+"""In blocks that take seconds; beside them shorter ones use the same functions."""
+BLOCKS = [
+    pytest.param(
+        page, line, block, id=f"{page.stem}-{line}",
+        marks=pytest.mark.long if any(word in block for word in SLOW) else (),
+    )
+    for page in MANUAL for line, block in blocks(page, "python")
+]  # fmt: skip
 OTHERS = ("torch", "torchrl", "stable_baselines3", "sympy", "mujoco")
 
 
-@pytest.mark.parametrize(("page", "line", "block"), BLOCKS, ids=IDS)
+@pytest.mark.parametrize(("page", "line", "block"), BLOCKS)
 def test_block_runs_alone(page, line, block, tmp_path, monkeypatch, capsys):
     for name in OTHERS:
         if re.search(rf"^(import|from) {name}\b", block, re.M) and not importlib.util.find_spec(name):

@@ -21,14 +21,14 @@ QUICK = (
     "python -m redundant_envs scene four_r_free --bill",
     "python -m redundant_envs scene four_r_free --listing",
     "python -m redundant_envs verify --quick four_r_reach",
-    "python -m redundant_envs verify --bits",
-    "python -m redundant_envs verify --quick rprp_reach --json runs/found.json --markdown runs/found.md",
     "python -m redundant_envs study schematic",
     "python -m agents table docs/results/runs/*/*",
     "python -m agents schema",
     "python examples/play_with_numpy.py policies/RPRPReach-v0-sac",
 )
 SLOWER = (
+    "python -m redundant_envs verify --quick rprp_reach --json runs/found.json --markdown runs/found.md",
+    "python -m redundant_envs verify --bits",
     "python -m redundant_envs simulate --scene four_r_free --seconds 3 --clip runs/falls.gif",
     "python -m agents play FourRReach-v0 --actions random --episodes 1 --clip runs/random.gif",
     "python -m redundant_envs simulate",

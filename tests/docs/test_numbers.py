@@ -128,3 +128,21 @@ def test_stock_learners_are_described_with_their_own_figures():
 def test_pages_do_not_say_what_is_not_so(word):
     pages = [page for page in PAGES if "decisions" not in page.parts and "results" not in page.parts]
     assert not [page for page in pages if word in text(page)]
+
+
+def test_the_readme_says_of_the_environments_what_they_are():
+    page = text(ROOT / "README.md")
+    shown = re.findall(r"^\| <img [^|]*\| `(redundant_envs/\S+)` \| ([^|]+) \| ([^|]+) \|$", page, re.M)
+    assert {env_id for env_id, _, _ in shown} == set(ids())
+    for env_id, observation, reward in shown:
+        env = gym.make(env_id)
+        core, space = env.unwrapped.core, env.observation_space
+        assert observation == ("dictionary with goals" if "Goal" in env_id else f"{space.shape[0]} numbers")
+        assert reward == ("1 at the goal, else 0" if "Goal" in env_id else "dense, 0 to 1")
+        assert f"every {1e3 * core.scene.control_dt:g} ms" in page
+        assert f"an episode has {env.spec.max_episode_steps} steps" in page
+        task, arm = core.task, core.scene.robot
+        assert f"The arms reach {core.reach:g} m, weigh {sum(arm.masses):g} kg" in page
+        held = f"within {100 * task.goal_tolerance:g} % of the reach from the goal and slower than "
+        assert f"for the last {task.hold_steps} steps the tip was {held}{task.hold_speed:g} reach/s" in page
+        assert "The arm has 4 joints for a 2-D tip position, so it is redundant." in env.unwrapped.__doc__
