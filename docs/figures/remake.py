@@ -55,6 +55,12 @@ def thumbnail(name: str, policy: str, seed: int) -> None:
     env.close()
 
 
+def clips() -> None:
+    """Both arms under their policies."""
+    for name, policy in CLIPS.items():
+        play(str(POLICIES / policy), None, FIGURES / f"{name}.gif", episodes=3, seed=1)
+
+
 def results(readme: Path) -> None:
     """Write the table of results between its marks."""
     table = brief_table(sorted(RESULTS.glob(RUNS_OF_README)))
@@ -65,8 +71,7 @@ def results(readme: Path) -> None:
 
 if __name__ == "__main__":
     results(ROOT / "README.md")
-    for name, policy in CLIPS.items():
-        play(str(POLICIES / policy), None, FIGURES / f"{name}.gif", episodes=3, seed=1)
+    clips()
     for name, (policy, seed) in THUMBNAILS.items():
         thumbnail(name, policy, seed)
     for name, runs in CURVES.items():
