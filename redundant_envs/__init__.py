@@ -55,8 +55,8 @@ _HOMES = {
     "effects": "",
 }
 __all__ = [
-    "RPRP", "Arm", "BatchSimulator", "Chain", "Event", "FourR", "GoalReachTask", "Numerics", "ReachTask", "Scene",
-    "Tableau", "Task", "bill", "check_vec_env", "effects", "listing", "load_scene", "register_arm",
+    "RPRP", "Arm", "BatchSimulator", "Chain", "Event", "FourR", "GoalReachTask", "Numerics", "ReachTask",
+    "Scene", "Tableau", "Task", "bill", "check_vec_env", "effects", "listing", "load_scene", "register_arm",
     "register_effect", "register_integrator", "register_task", "simulate",
 ]  # fmt: skip
 """The public names, but for ``make_sb3`` and ``torch_step``: they need torch, and ``import *`` must not."""

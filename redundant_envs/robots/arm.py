@@ -146,7 +146,8 @@ class Arm:
         cls._follow(from_points.functions_of(cls, cls._given()))
         cls._follow(derived.functions_of(cls, cls._given()))
         check_quantities(cls)
-        cls._say({"mobility_bounds": staticmethod(mobility_bounds(cls))})
+        bounds = mobility_bounds(cls)
+        cls._say({"mobility_bounds": None if bounds is None else staticmethod(bounds)})
 
     @classmethod
     def _given(cls) -> set[str]:

@@ -42,21 +42,23 @@ class Chain(Arm):
     ('theta1', 'r1', 'theta2')
     """
 
-    joint_types: str
+    joint_types: str  # type: ignore[misc] # of a class, in other arms
     maker: ClassVar[type[Arm]]
 
     def __new__(cls, joint_types: Any = None, *args: Any, **kwargs: Any) -> Chain:
         return object.__new__(class_of(joint_types) if cls is Chain else cls)
 
     def __init__(self, joint_types: str, masses: Any, lengths: Any = ()) -> None:
-        if not hasattr(type(self), "coordinates"):
+        kind: Any = type(self)
+        if not hasattr(kind, "coordinates"):
             raise ValueError(
-                f"{type(self).__name__} is derived from Chain; derive it from redundant_envs.Arm, with "
+                f"{kind.__name__} is derived from Chain; derive it from redundant_envs.Arm, with "
                 "joint_types = 'RPR' or the like"
             )
-        own = type(self).joint_types
-        if joint_types != own:
-            raise ValueError(f"joint_types is {joint_types!r}; this arm's class is of {own!r}: use Chain")
+        if joint_types != kind.joint_types:
+            raise ValueError(
+                f"joint_types is {joint_types!r}; this arm is one of {kind.joint_types!r}: make another Chain"
+            )
         for name, value in (("masses", masses), ("lengths", lengths), ("joint_types", joint_types)):
             object.__setattr__(self, name, value)
         self.__post_init__()

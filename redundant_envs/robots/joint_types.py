@@ -41,7 +41,7 @@ def facts_of(types: str, functions: Sequence[Function]) -> dict[str, Any]:
     names = _counted(types, "theta{}", "r{}")
     angles = [name for name, kind in zip(names, types, strict=True) if kind == "R"]
     given = {name for f in functions for name in gives_of(f)}
-    made = {
+    made: dict[str, Any] = {
         "coordinates": tuple(names),
         "rates": tuple(_counted(types, "w{}", "v{}")),
         "joints": tuple(_counted(types, "joint{}", "r{}")),
@@ -126,7 +126,7 @@ def _points(types: str) -> Function:
 
     @physics(gives=" ".join(gives), takes=" ".join(takes))
     def points(*values):
-        lengths, moved, cosines = values[:revolute], values[revolute:-revolute or None], values[-revolute:]
+        lengths, moved, cosines = values[:revolute], values[revolute : -revolute or None], values[-revolute:]
         links, made = iter(range(revolute)), []
         start_x, start_y, s, c, reach = 0.0, 0.0, None, None, None
         for kind, value in zip(types, moved, strict=True):

@@ -2,9 +2,9 @@
 
 The mobility of a joint is 1 over the least sum m |v|^2 with which its rate is 1 while the other joints do as
 they like. Where the rate is a sum of c_k . v_k over velocities of points in every pose, it is at most the sum
-of |c_k|^2 / m_k, by the inequality of Cauchy and Schwarz. Such sums are found, when an arm's class is made, in
-poses at random: two points at a constant distance show how fast their line turns, two such lines the rate of
-what is between them; and points whose velocities along a slider differ by its rate alone show that rate.
+of |c_k|^2 / m_k, by the inequality of Cauchy and Schwarz. Such sums are found in poses at random, when an
+arm's class is made: two points at a constant distance show how fast their line turns, two such lines the rate
+of what is between them; and points whose velocities along a slider differ by its rate alone show that rate.
 """
 
 from __future__ import annotations
@@ -74,8 +74,8 @@ def _in_poses(points: Points) -> tuple[Array, Array]:
         known[s], known[c] = np.sin(known[angle]), np.cos(known[angle])
 
     def stacked(values: Sequence[Any]) -> Array:
-        found = np.stack([np.broadcast_to(np.asarray(x, dtype=np.float64), POSES) for x in (0.0, 0.0, *values)])
-        return found.reshape(-1, 2, POSES)
+        rows = (np.broadcast_to(np.asarray(x, dtype=np.float64), POSES) for x in (0.0, 0.0, *values))
+        return np.stack([*rows]).reshape(-1, 2, POSES)
 
     where = stacked(Quantities(known, points.functions, points.sincos).each(points.positions))
     return where, np.stack([stacked(points.column(known, j)) for j in range(points.joints)], axis=-1)

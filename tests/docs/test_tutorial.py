@@ -1,7 +1,6 @@
 """A page is followed literally: the helper that does so fails where a reader would."""
 
 import pytest
-
 from tutorial import blocks_of, run_tutorial
 
 PAGE = """\
