@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.algebra import gives_of, numbered
-from redundant_envs.extras import needs
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots import derived, from_points
 from redundant_envs.robots.checks import check_joints, check_quantities
@@ -26,6 +25,7 @@ from redundant_envs.robots.joint_types import (
 )
 from redundant_envs.robots.mobility import mobility_bounds
 from redundant_envs.robots.parameters import positive_numbers
+from redundant_envs.robots.symbols import symbols_of
 from redundant_envs.values import shown
 
 Array = NDArray[np.float64]
@@ -297,48 +297,7 @@ class Arm:
             "tip", "Jdot_qd" (column Matrix); "T", "U", "Lz", "manipulability" (expressions); of these
             what the arm has.
         """
-        with needs("verify"):
-            import sympy as sp
-        import redundant_envs.backends.sympy  # noqa: F401 - lets expressions be numbers
-
-        def make(names: Iterable[str], **assumed: bool) -> dict[str, Any]:
-            return {n: sp.Symbol(n, **assumed) for n in names}
-
-        n = len(self.coordinates)
-        parameters = make(self.parameter_values(), positive=True)
-        q, qd = make(self.coordinates, real=True), make(self.rates, real=True)
-        forces = make(numbered("Q{}", n), real=True)
-        field = {"ax": sp.Integer(0), "ay": sp.Symbol("g", real=True)}
-        state = {**parameters, **q, **qd, **field}
-        given = {name for f in self.functions for name in gives_of(f)}
-
-        def matrix(letter: str, rows: int) -> Any:
-            names = [f"{letter}{i + 1}{j + 1}" for i in range(rows) for j in range(n)]
-            return sp.Matrix(rows, n, self.evaluate(names, state)) if names[0] in given else None
-
-        def column(letter: str, extra: Mapping[str, Any] | None = None) -> Any:
-            return sp.Matrix(self.evaluate(numbered(f"{letter}{{}}", n), {**state, **(extra or {})}))
-
-        made = {
-            "q": list(q.values()),
-            "qd": list(qd.values()),
-            "Q": list(forces.values()),
-            "parameters": {**parameters, "g": field["ay"]},
-            "M": matrix("M", n),
-            "C": matrix("C", n),
-            "J": matrix("J", 2),
-            "h": column("h"),
-            "G": column("G"),
-            "qdd": column("qdd", forces),
-            "tip": sp.Matrix(self.evaluate(("tip_x", "tip_y"), state)),
-            "Jdot_qd": sp.Matrix(self.evaluate(("Jdqd1", "Jdqd2"), state)),
-        }
-        made |= {
-            name: self.evaluate((name,), state)[0]
-            for name in ("T", "U", "Lz", "manipulability")
-            if name in given
-        }
-        return {name: value for name, value in made.items() if value is not None}
+        return symbols_of(self)
 
 
 def _defaults(arm: type[Arm]) -> dict[str, Any]:
