@@ -43,15 +43,16 @@ def blocks_of(page: Path) -> list[Block]:
     ]
 
 
-def run_tutorial(page: Path, folder: Path, seconds: float = 120.0) -> list[str]:
+def run_tutorial(page: Path, folder: Path, seconds: float = 120.0, without: str | None = None) -> list[str]:
     """Follow a page in an empty folder; return what each block printed, errors included.
 
-    A block that ends with a status other than 0, or takes longer than ``seconds``, raises an AssertionError
-    with its place, its text and its output.
+    Blocks that say ``without``, such as the command of a training, are not run. A block that ends with a
+    status other than 0, or takes longer than ``seconds``, raises an AssertionError with its place, its text
+    and its output.
     """
     outputs = []
     for block in blocks_of(page):
-        if block.language in READ_ONLY:
+        if block.language in READ_ONLY or (without is not None and without in block.text):
             continue
         place = f"{page.name}, line {block.line}"
         if block.file is not None:

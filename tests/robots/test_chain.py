@@ -189,3 +189,10 @@ def test_symbols_of_a_chain_are_those_of_its_equations():
     expected = sp.Matrix([[m1 + m2, -m2 * l1 * sp.sin(theta)], [-m2 * l1 * sp.sin(theta), m2 * l1**2]])
     assert sp.simplify(made["M"] - expected) == sp.zeros(2, 2)
     assert sp.simplify(made["h"][0] + m2 * l1 * sp.cos(theta) * made["qd"][1] ** 2) == 0
+
+
+def test_verify_of_the_class_of_all_chains_says_to_name_one():
+    from redundant_envs.studies.verify.subjects import subject_of
+
+    with pytest.raises(ValueError, match=r"the arm Chain needs joint_types, too; name an arm that has them"):
+        subject_of("Chain")
