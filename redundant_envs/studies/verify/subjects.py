@@ -162,7 +162,7 @@ def _arm(name: str, kind: type[Arm]) -> Arm:
             masses=tuple(islice(cycle(MASSES), kind.num_masses)),
             lengths=tuple(islice(cycle(LENGTHS), kind.num_lengths)),
         )
-    except TypeError:
+    except (AttributeError, TypeError):  # a Chain has its counts with its joint_types only
         raise ValueError(
             f"{name}: the arm {kind.__name__} needs {', '.join(own)}, too; name an arm that has them, "
             "module:object"
