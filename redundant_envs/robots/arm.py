@@ -54,9 +54,10 @@ class Arm:
 
     The rest follows by differentiation, with the mobility bounds. A function may give any of it in a better
     form: the Jacobian ``J11 .. J2n`` of the tip, ``Jdqd1 Jdqd2``, the mass matrix ``M11 .. Mnn``, the bias
-    forces ``h1 .. hn``, in the field (ax, ay) the gravity forces ``G1 .. Gn``, the accelerations ``qdd1 ..``,
-    ``T``, ``U``, ``Lz``, ``manipulability``. Functions of the position alone give nothing that depends on
-    rates. ``python -m redundant_envs verify`` compares such forms with the point masses.
+    forces ``h1 .. hn``, the Coriolis matrix ``C11 .. Cnn``, in the field (ax, ay) the gravity forces ``G1 ..
+    Gn``, the accelerations ``qdd1 ..``, ``T``, ``U``, ``Lz``, ``manipulability``. Functions of the position
+    alone give nothing that depends on rates. ``python -m redundant_envs verify`` compares such forms with the
+    point masses.
 
     An arm with coordinates of its own names them, ``coordinates``, ``rates``, ``joints``, ``prismatic``,
     ``sincos`` and ``num_lengths``, in place of ``joint_types``. If they are not those of the joints it gives
@@ -146,8 +147,9 @@ class Arm:
         cls._follow(from_points.functions_of(cls, cls._given()))
         cls._follow(derived.functions_of(cls, cls._given()))
         check_quantities(cls)
-        bounds = mobility_bounds(cls)
-        cls._say({"mobility_bounds": None if bounds is None else staticmethod(bounds)})
+        if not cls._has_said("mobility_bounds"):
+            bounds = mobility_bounds(cls)
+            cls._say({"mobility_bounds": None if bounds is None else staticmethod(bounds)})
 
     @classmethod
     def _given(cls) -> set[str]:
@@ -159,11 +161,14 @@ class Arm:
         cls.functions += tuple(derived.following(f) for f in functions)
 
     @classmethod
+    def _has_said(cls, name: str) -> bool:
+        return name not in cls._derived and any(name in vars(base) for base in cls.__mro__[:-2])
+
+    @classmethod
     def _say(cls, facts: Mapping[str, Any]) -> None:
         """Set attributes that neither the class nor a base has said itself; each class has its own kind."""
-        said = {name for base in cls.__mro__[:-2] for name in vars(base)} - cls._derived
         for name, value in facts.items():
-            if name not in said or (name == "kind" and name not in cls.__dict__):
+            if not cls._has_said(name) or (name == "kind" and name not in cls.__dict__):
                 cls._derived |= {name}
                 setattr(cls, name, value)
 

@@ -70,6 +70,7 @@ def functions_of(arm: Any, given: set[str]) -> list[Function]:
     made = {
         "J11": jacobian(masses, n), "Jdqd1": jacobian_dot_qd(masses), "M11": mass_matrix(masses, n),
         "h1": bias_forces(masses, n), "G1": gravity_forces(masses, n), "Lz": angular_momentum(masses),
+        "C11": coriolis_matrix(points),
     }  # fmt: skip
     return [*point_motion(points, given), *(f for name, f in made.items() if name not in given)]
 
@@ -150,6 +151,29 @@ def bias_forces(masses: int, n: int) -> Function:
         return _at_coordinates(X, Y, fx, fy, n)
 
     return bias_forces
+
+
+def coriolis_matrix(points: Points) -> Function:
+    masses, n = points.count, points.joints
+    columns = [f"{p.upper()}{j + 1}" for j in range(n) for p in points.positions]
+    takes = [*points.pose, *points.numbers, *points.rates, *columns]
+
+    @physics(gives=" ".join(f"C{i + 1}{j + 1}" for i in range(n) for j in range(n)), takes=" ".join(takes))
+    def coriolis_matrix(*values):
+        """The sum of J_k^T m_k J_k', which is the Christoffel form."""
+        known, size = dict(zip(takes, values, strict=True)), 2 * masses
+        moving = points.along(known, [known[rate] for rate in points.rates])
+        slopes = values[len(values) - n * size :]
+        columns = [slopes[j * size : (j + 1) * size] for j in range(n)]
+        m = [known[points.masses[k // 2]] for k in range(size)]
+        forces = [_scaled(m, [dual(x).slope for x in points.column(moving, j)]) for j in range(n)]
+        return tuple(
+            _sum(times(x, f) for x, f in zip(columns[i], forces[j], strict=True))
+            for i in range(n)
+            for j in range(n)
+        )
+
+    return coriolis_matrix
 
 
 def gravity_forces(masses: int, n: int) -> Function:

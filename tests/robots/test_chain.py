@@ -40,7 +40,7 @@ def test_a_chain_is_the_arm_written_by_hand_to_rounding(types):
     q, qd, Q = states(hand, 500)
     of_position = "mass_matrix", "gravity_forces", "points", "forward_kinematics", "jacobian"
     of_position += "potential_energy", "manipulability"
-    of_motion = "bias_forces", "jacobian_dot_qd", "kinetic_energy", "angular_momentum"
+    of_motion = "bias_forces", "coriolis_matrix", "jacobian_dot_qd", "kinetic_energy", "angular_momentum"
     for name in (*of_position, *of_motion):
         known = (q,) if name in of_position else (q, qd)
         found, expected = getattr(chain, name)(*known), getattr(hand, name)(*known)

@@ -36,8 +36,8 @@ AGREE = at_most(1e-10)
 """A thousand times and more what rounding leaves, and a thousandth of what the smallest mistake in a formula
 makes: a factor, a sign, an index."""
 LEAST = 1e-4
-"""Share of its velocities' energy that the motion's own forces are compared with at least: a single link has
-none of these forces, and sums over its point mass leave rounding of it."""
+"""Forces of the motion itself are compared with at least this share of what its energy could make: a single
+link has none of them, and sums over its point mass leave rounding."""
 
 
 class Equations(NamedTuple):
@@ -187,6 +187,7 @@ def coriolis(trial: Trial) -> Finding:
     C = arm.coriolis_matrix(q, qd)
     scale = e.scale[:, :, None] * e.scale[:, None, :]
     size = (np.einsum("nijk,nk->nij", np.abs(e.change), np.abs(qd)) / scale).max(axis=(1, 2))
+    size = np.maximum(size, LEAST * np.abs(qd).max(axis=1))
     rate = np.einsum("nijk,nk->nij", e.change, qd)
     gaps = ratio((C + np.swapaxes(C, 1, 2) - rate) / scale, size[:, None, None])
     power = (np.einsum("nij,nj->ni", C, qd) - arm.bias_forces(q, qd)) / e.scale
