@@ -42,6 +42,7 @@ class Chain(Arm):
     ('theta1', 'r1', 'theta2')
     """
 
+    kind = "Chain"
     joint_types: str  # type: ignore[misc] # of a class, in other arms
     maker: ClassVar[type[Arm]]
 
@@ -77,7 +78,7 @@ def class_of(joint_types: Any) -> type[Chain]:
     """The class of all chains of such joints; there are at most 2046."""
     types = check_joint_types("joint_types", joint_types)
     if types not in _classes:
-        own = {"joint_types": types, "kind": Chain.__name__, "__module__": Chain.__module__}
+        own = {"joint_types": types, "kind": Chain.kind, "__module__": Chain.__module__}
         own["description"] = f"A planar arm of the joints {types} in a vertical plane"
         _classes[types] = type(Chain.__name__, (Chain,), {**own, "__doc__": Chain.__doc__})
     return _classes[types]

@@ -116,6 +116,8 @@ def effect_scene(name: str, effect: Effect) -> Scene:
     """An effect on the first arm that it fits, in a vertical plane."""
     refused = []
     for kind in ARMS.values():
+        if not hasattr(kind, "coordinates"):  # Chain, whose joints are chosen with its numbers
+            continue
         try:
             arm = _arm(name, kind)
             fields = any(isinstance(h, Field) for h in effect.hooks(arm))
