@@ -11,7 +11,7 @@ from redundant_envs.integrators.methods import Step
 from redundant_envs.integrators.sliders import side_beyond
 from redundant_envs.simulator import stiffness
 from redundant_envs.simulator.at_stops import AtStops
-from redundant_envs.simulator.kinks import kinks_of
+from redundant_envs.simulator.kinks import levels_of
 from redundant_envs.simulator.lane import Lane
 from redundant_envs.simulator.setting import WATCHED, Plan, Reason
 from redundant_envs.simulator.step import (
@@ -96,15 +96,18 @@ class CommonStep(AtStops):
     def _doubt(self, lane: Lane, step: Step, h: Any, moving: Any) -> None:
         """Note whether the error of a step may be more than its estimate."""
         dynamics, sliders = self.dynamics, watched_sliders(self.dynamics)
-        kinks = len(kinks_of(dynamics))
+        levels = levels_of(dynamics.kinks)
         watched = step.watched[len(self.boundaries) :]
-        crossed = [(w.least < 0.0) & (w.most > 0.0) for w in watched[:kinks]]
+        crossed = [
+            w.most > w.least if level else (w.least < 0.0) & (w.most > 0.0)
+            for w, level in zip(watched, levels, strict=False)
+        ]
         doubts = []
         if integrated_states(dynamics):
             limit = step_control.DOUBTFUL * lane.tip_tolerance
             doubts.append(others_error(dynamics, lane, step, h) > limit)
         if sliders:
-            ways = [h * maximum(w.most, -w.least) for w in watched[kinks:]]
+            ways = [h * maximum(w.most, -w.least) for w in watched[len(levels) :]]
             far = sum(ways[1:], ways[0])
             doubts += [far > step_control.FAR * distance for distance in self._distances(lane, "{}")]
         if moving is not None and pose_tells_distances(dynamics):
