@@ -9,6 +9,7 @@ import enum
 from typing import Any, NamedTuple
 
 from redundant_envs.algebra import logical_not, maximum, minimum, sqrt, where
+from redundant_envs.integrators.methods import Watched
 from redundant_envs.integrators.sliders import Slider
 
 
@@ -57,12 +58,29 @@ def acceleration_bounds(s: Slider, unseen: Unseen) -> tuple[Any, Any]:
     released there, so its first stage is an end of the range: nothing is added towards that stop.
     """
     w = s.watched
+    least, most = bounds(w, unseen)
+    return (
+        where(s.start_position > s.lower, least, w.least),
+        where(s.start_position < s.upper, most, w.most),
+    )
+
+
+def bounds(w: Watched, unseen: Unseen) -> tuple[Any, Any]:
+    """Bounds of a quantity in a step: a parabola may leave the range of its values at the stages."""
     down = where(w.least < minimum(w.first, w.last), unseen.between, unseen.at_ends) * (w.most - w.least)
     up = where(w.most > maximum(w.first, w.last), unseen.between, unseen.at_ends) * (w.most - w.least)
-    return (
-        where(s.start_position > s.lower, w.least - down, w.least),
-        where(s.start_position < s.upper, w.most + up, w.most),
-    )
+    return w.least - down, w.most + up
+
+
+def changes_sign(w: Watched) -> Any:
+    """Whether a quantity has both signs at the stages of a step."""
+    return (w.least < 0.0) & (w.most > 0.0)
+
+
+def may_touch(w: Watched, unseen: Unseen) -> Any:
+    """Whether a quantity may pass 0 in a step though no stage shows it; one that starts at 0 leaves it."""
+    least, most = bounds(w, unseen)
+    return (least < 0.0) & (most > 0.0) & (w.first != 0.0) & logical_not(changes_sign(w))
 
 
 def excursions(s: Slider, h: Any, lo: Any, hi: Any) -> tuple[Any, Any]:

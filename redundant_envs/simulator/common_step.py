@@ -98,10 +98,10 @@ class CommonStep(AtStops):
         dynamics, sliders = self.dynamics, watched_sliders(self.dynamics)
         levels = levels_of(dynamics.kinks)
         watched = step.watched[len(self.boundaries) :]
-        crossed = [
-            w.most > w.least if level else (w.least < 0.0) & (w.most > 0.0)
-            for w, level in zip(watched, levels, strict=False)
-        ]
+        kinks = list(zip(watched, levels, strict=False))
+        touched = [crossings.may_touch(w, self.unseen) for w, level in kinks if not level]
+        crossed = [w.most > w.least if level else crossings.changes_sign(w) for w, level in kinks]
+        crossed += touched
         doubts = []
         if integrated_states(dynamics):
             limit = step_control.DOUBTFUL * lane.tip_tolerance
@@ -112,7 +112,7 @@ class CommonStep(AtStops):
             doubts += [far > step_control.FAR * distance for distance in self._distances(lane, "{}")]
         if moving is not None and pose_tells_distances(dynamics):
             doubts += self._farther(lane, "{}", "{}_start")
-        for name, found in (("kinked", crossed), ("doubtful", doubts)):
+        for name, found in (("kinked", crossed), ("touched", touched), ("doubtful", doubts)):
             if found:
                 seen = any_of(found) if moving is None else any_of(found) & moving
                 lane[name] = lane[name] | seen
@@ -155,8 +155,12 @@ class CommonStep(AtStops):
         self._leave(lane, reason)
 
     def kinked(self, lane: Lane) -> Any:
-        """Whether a step of an interval has met a kink, which no estimate sees well."""
+        """Whether a step of an interval may have met a kink, which no estimate sees well."""
         return lane.kinked if "kinked" in self.doubts else False
+
+    def touched(self, lane: Lane) -> Any:
+        """Whether it may have met one that no stage has seen."""
+        return lane.touched if "touched" in self.doubts else False
 
     def doubtful(self, lane: Lane) -> Any:
         """Whether the error of an interval may be more than its estimate, though the motion is smooth.
