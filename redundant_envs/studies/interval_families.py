@@ -299,6 +299,5 @@ FAMILIES = (
     Family("RPRP, 50 ms, generalized forces", RPRP, (TILTED, CENTRED), (), 0.05, actuation="generalized"),
     Family("4R, 1e-9 m", FourR, (Gravity(), FRICTION), tolerance=1e-9),
     Family("RPRP with stops, 1e-9 m", RPRP, (Gravity(), STOP), (near_stops,), tolerance=1e-9),
-    *kinked("4R", FourR, 1e-6), *kinked("4R", FourR, 1e-9),
-    *kinked("RPRP", RPRP, 1e-6), *kinked("RPRP", RPRP, 1e-9),
+    *kinked("4R", FourR, 1e-6), *kinked("RPRP", RPRP, 1e-9),
 )  # fmt: skip

@@ -129,6 +129,6 @@ class Kinked:
 KINKED = (
     Kinked("quadratic drag", QuadraticDrag(0.1), {"coefficients": (1e-2, 3.0)}),
     Kinked("smooth friction", SmoothFriction(0.5), {"levels": (1e-2, 3.0), "scale": (0.05, 1.0)}),
-    Kinked("torque-speed curve", TorqueSpeed(4.0), {"stalls": (1.0, 10.0), "free_rate": (0.5, 10.0)}),
+    Kinked("torque-speed curve", TorqueSpeed(4.0), {"stalls": (1.0, 5.0), "free_rate": (2.0, 10.0)}),
     Kinked("clipped velocity", VelocityController(1.0, 3.0), {"gains": (0.05, 1.0), "limits": (0.5, 5.0)}),
 )
