@@ -58,18 +58,18 @@ def acceleration_bounds(s: Slider, unseen: Unseen) -> tuple[Any, Any]:
     released there, so its first stage is an end of the range: nothing is added towards that stop.
     """
     w = s.watched
-    least, most = bounds(w, unseen)
+    down, up = margins(w, unseen)
     return (
-        where(s.start_position > s.lower, least, w.least),
-        where(s.start_position < s.upper, most, w.most),
+        where(s.start_position > s.lower, w.least - down, w.least),
+        where(s.start_position < s.upper, w.most + up, w.most),
     )
 
 
-def bounds(w: Watched, unseen: Unseen) -> tuple[Any, Any]:
-    """Bounds of a quantity in a step: a parabola may leave the range of its values at the stages."""
+def margins(w: Watched, unseen: Unseen) -> tuple[Any, Any]:
+    """By how much a parabola may leave the range of its values at the stages of a step, down and up."""
     down = where(w.least < minimum(w.first, w.last), unseen.between, unseen.at_ends) * (w.most - w.least)
     up = where(w.most > maximum(w.first, w.last), unseen.between, unseen.at_ends) * (w.most - w.least)
-    return w.least - down, w.most + up
+    return down, up
 
 
 def changes_sign(w: Watched) -> Any:
@@ -79,8 +79,8 @@ def changes_sign(w: Watched) -> Any:
 
 def may_touch(w: Watched, unseen: Unseen) -> Any:
     """Whether a quantity may pass 0 in a step though no stage shows it; one that starts at 0 leaves it."""
-    least, most = bounds(w, unseen)
-    return (least < 0.0) & (most > 0.0) & (w.first != 0.0) & logical_not(changes_sign(w))
+    down, up = margins(w, unseen)
+    return (w.least - down < 0.0) & (w.most + up > 0.0) & (w.first != 0.0) & logical_not(changes_sign(w))
 
 
 def excursions(s: Slider, h: Any, lo: Any, hi: Any) -> tuple[Any, Any]:

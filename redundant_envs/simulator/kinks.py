@@ -14,7 +14,7 @@ from redundant_envs.effects.attaching import roots_of
 from redundant_envs.effects.hooks import Actuation, Effect, Force, State
 from redundant_envs.moving import Kinks, Moving, kinks_in, moving
 from redundant_envs.quantities import Quantities
-from redundant_envs.tracing.graph import Graph, Operation, Value, is_zero
+from redundant_envs.tracing.graph import Graph, Operation, Value, is_zero, owned
 from redundant_envs.tracing.number import Number, value_of
 
 if TYPE_CHECKING:
@@ -60,7 +60,8 @@ class Watch:
     def run(self, dynamics: Dynamics, x: Quantities) -> Any:
         """The function on numbers that know whether they move."""
         given = x.each(dynamics.bound(self.effect, self.bearer, self.function))
-        return self.function(*(Moving(*pair) for pair in zip(given, self.moving, strict=True)))
+        with owned(self.effect.key):
+            return self.function(*(Moving(*pair) for pair in zip(given, self.moving, strict=True)))
 
 
 Watches = dict[int, list[Watch]]
