@@ -77,7 +77,7 @@ def changes_sign(w: Watched) -> Any:
     return (w.least < 0.0) & (w.most > 0.0)
 
 
-def may_touch(w: Watched, unseen: Unseen) -> Any:
+def may_pass_unseen(w: Watched, unseen: Unseen) -> Any:
     """Whether a quantity may pass 0 in a step though no stage shows it; one that starts at 0 leaves it."""
     down, up = margins(w, unseen)
     return (w.least - down < 0.0) & (w.most + up > 0.0) & (w.first != 0.0) & logical_not(changes_sign(w))

@@ -134,7 +134,7 @@ MANY_IMPACTS, MOST_STEPS_OF_MANY = 32.0, 256.0
 """With more steps as many impacts multiply no more than rounding."""
 STEPS_PER_IMPACT = 8.0
 """With fewer steps a comparison of a kinked interval with half as many does not count."""
-STEPS_OF_TOUCH = 16.0
+STEPS_OF_HIDDEN_KINK = 16.0
 """Nor does it with fewer than these if a kink may have been passed and passed back between two stages: it may
 have been between stages with half as many steps, too."""
 KINKED_GROWTH, KINKED_SHARE = 16.0, 0.25
@@ -184,7 +184,7 @@ class Crossed(NamedTuple):
     change : by how much the tip comes out otherwise than the time before, m
     impacts : so far
     doubtful, kinked : whether the error may be more than its estimate; whether a force may have had a kink
-    touched : whether it may have had one that no stage has seen
+    hidden_kink : whether it may have had one that no stage has seen
     """
 
     ended: Any
@@ -196,7 +196,7 @@ class Crossed(NamedTuple):
     impacts: Any
     doubtful: Any = False
     kinked: Any = False
-    touched: Any = False
+    hidden_kink: Any = False
 
 
 def end_doubling(c: Crossed, error: Any, tip_tolerance: Any, min_steps: Any, interval: Any) -> Ending:
@@ -214,7 +214,7 @@ def end_doubling(c: Crossed, error: Any, tip_tolerance: Any, min_steps: Any, int
     most = where(c.impacts < MANY_IMPACTS, MOST_STEPS, MOST_STEPS_OF_MANY)
     growth = where(c.impacts < CHECKED_IMPACTS, KINKED_GROWTH, GROWTH)
     sure = (growth * error <= tip_tolerance) & (c.change <= KINKED_SHARE * tip_tolerance)
-    least = maximum(STEPS_PER_IMPACT * c.impacts, where(c.touched, STEPS_OF_TOUCH, 1.0))
+    least = maximum(STEPS_PER_IMPACT * c.impacts, where(c.hidden_kink, STEPS_OF_HIDDEN_KINK, 1.0))
     sure = sure & (c.steps >= minimum(least, most))
     alike = where(c.kinked, sure, c.change <= tip_tolerance)
     same = (grown <= tip_tolerance) | alike

@@ -99,9 +99,9 @@ class CommonStep(AtStops):
         levels = levels_of(dynamics.kinks)
         watched = step.watched[len(self.boundaries) :]
         kinks = list(zip(watched, levels, strict=False))
-        touched = [crossings.may_touch(w, self.unseen) for w, level in kinks if not level]
+        hidden = [crossings.may_pass_unseen(w, self.unseen) for w, level in kinks if not level]
         crossed = [w.most > w.least if level else crossings.changes_sign(w) for w, level in kinks]
-        crossed += touched
+        crossed += hidden
         doubts = []
         if integrated_states(dynamics):
             limit = step_control.DOUBTFUL * lane.tip_tolerance
@@ -112,7 +112,7 @@ class CommonStep(AtStops):
             doubts += [far > step_control.FAR * distance for distance in self._distances(lane, "{}")]
         if moving is not None and pose_tells_distances(dynamics):
             doubts += self._farther(lane, "{}", "{}_start")
-        for name, found in (("kinked", crossed), ("touched", touched), ("doubtful", doubts)):
+        for name, found in (("kinked", crossed), ("hidden_kink", hidden), ("doubtful", doubts)):
             if found:
                 seen = any_of(found) if moving is None else any_of(found) & moving
                 lane[name] = lane[name] | seen
@@ -158,9 +158,9 @@ class CommonStep(AtStops):
         """Whether a step of an interval may have met a kink, which no estimate sees well."""
         return lane.kinked if "kinked" in self.doubts else False
 
-    def touched(self, lane: Lane) -> Any:
+    def hidden_kink(self, lane: Lane) -> Any:
         """Whether it may have met one that no stage has seen."""
-        return lane.touched if "touched" in self.doubts else False
+        return lane.hidden_kink if "hidden_kink" in self.doubts else False
 
     def doubtful(self, lane: Lane) -> Any:
         """Whether the error of an interval may be more than its estimate, though the motion is smooth.

@@ -103,7 +103,7 @@ class Setting:
         if dynamics.kinks:
             found["kinked"] = "a step of the interval may have met a kink"
             if not all(levels_of(dynamics.kinks)):
-                found["touched"] = "it may have met one that no stage has seen"
+                found["hidden_kink"] = "it may have met one that no stage has seen"
         if integrated_states(dynamics) or pose_tells_distances(dynamics):
             found["doubtful"] = "a step of the interval makes its estimate doubtful"
         return found
