@@ -8,6 +8,7 @@ import dataclasses
 import numpy as np
 import pytest
 from actuator_lag import ActuatorLag
+from arms import ARMS
 from humming_stop import HummingStop
 from lag_chain import LagChain
 from relative_two_r import RelativeTwoR
@@ -22,6 +23,8 @@ from redundant_envs.simulator.dynamics import Dynamics
 from redundant_envs.simulator.interval import Interval
 from redundant_envs.simulator.lane import Lane
 from redundant_envs.simulator.step import others_error
+from redundant_envs.studies.interval_families import kinked
+from redundant_envs.studies.intervals import judge
 
 
 def crossed(scene, q, qd, efforts, parts=1, z=None, **how):
@@ -84,6 +87,7 @@ def test_the_tolerance_is_kept_where_an_arm_in_relative_angles_starts_folded(tol
     assert off.max() < 1.0
 
 
+QUICK = ("RRP, smooth friction, 1e-09 m", "3R, quadratic drag, 1e-09 m")
 LIFTERS = [rde.FourR((0.5,) * 4, (0.25,) * 4), rde.RPRP((0.5,) * 4, (0.25, 0.25))]
 
 
@@ -197,3 +201,18 @@ def test_the_tolerance_is_kept_where_two_crossings_of_a_kink_agree_by_chance(spr
     q, qd = [2.3099537647786073, 3.265057145762925], [0.6403974533203557, -0.5538505552234767]
     near = [np.array(x) * (1.0 + spread * rng.normal(size=(n, 2))) for x in (q, qd)]
     assert errors(scene, *near, np.zeros((n, 2))).max() < 1.0
+
+
+@pytest.mark.parametrize(
+    "family",
+    [
+        pytest.param(family, id=family.name, marks=() if family.name in QUICK else pytest.mark.long)
+        for name in ("4R", "3R", "RRP")
+        for family in kinked(name, type(ARMS[name]), 1e-9)
+    ],
+)
+def test_the_tolerance_is_kept_across_kinks_that_depend_on_rates(family):
+    tally = judge(family, 512, seed=31)
+    assert tally.missed == 0
+    assert tally.judged >= 0.8 * tally.intervals
+    assert tally.flagged <= 0.02 * tally.intervals
