@@ -1,7 +1,7 @@
 """Numbers that know whether they move, and where what is computed with them has kinks.
 
 A function that is run on them gives, beside its results, what changes its sign at each of its kinks: the
-difference of two numbers that are compared, the argument of ``abs``. That of ``floor`` has one at each level.
+difference of two numbers that are compared, the argument of ``abs``; that of ``floor`` at each whole number.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ class Kink:
 
     Attributes
     ----------
-    value : what changes its sign there; or, of ``levels``, what changes
-    levels : whether the kink is where ``value`` changes at all
+    value : what changes its sign there
+    levels : whether there is one wherever ``value`` passes a whole number, too
     """
 
     __slots__ = ("levels", "value")
@@ -186,8 +186,7 @@ def _smooth(function: Callable[[Any], Any]) -> Callable[[Moving], Moving]:
 
 
 def _floor(x: Moving) -> Moving:
-    level = algebra.floor(x.value)
-    return Moving(level, x.moves, (Kink(level, levels=True),) if x.moves else ())
+    return Moving(algebra.floor(x.value), x.moves, (Kink(x.value, levels=True),) if x.moves else ())
 
 
 def _sincos(x: Moving) -> tuple[Moving, Moving]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import enum
 from typing import Any, NamedTuple
 
-from redundant_envs.algebra import logical_not, maximum, minimum, sqrt, where
+from redundant_envs.algebra import floor, logical_not, maximum, minimum, sqrt, where
 from redundant_envs.integrators.methods import Watched
 from redundant_envs.integrators.sliders import Slider
 
@@ -72,15 +72,19 @@ def margins(w: Watched, unseen: Unseen) -> tuple[Any, Any]:
     return down, up
 
 
-def changes_sign(w: Watched) -> Any:
-    """Whether a quantity has both signs at the stages of a step."""
-    return (w.least < 0.0) & (w.most > 0.0)
+def meets_kink(w: Watched, levels: bool, unseen: Unseen) -> tuple[Any, Any]:
+    """Whether a quantity passes 0, or with ``levels`` a whole number, in a step: seen at stages, or hidden.
 
-
-def may_pass_unseen(w: Watched, unseen: Unseen) -> Any:
-    """Whether a quantity may pass 0 in a step though no stage shows it; one that starts at 0 leaves it."""
+    It may do so between two stages and come back; one that starts there leaves that behind.
+    """
     down, up = margins(w, unseen)
-    return (w.least - down < 0.0) & (w.most + up > 0.0) & (w.first != 0.0) & logical_not(changes_sign(w))
+    if levels:
+        seen = floor(w.least) < floor(w.most)
+        hidden = floor(w.least - down) < floor(w.most + up)
+    else:
+        seen = (w.least < 0.0) & (w.most > 0.0)
+        hidden = (w.least - down < 0.0) & (w.most + up > 0.0) & (w.first != 0.0)
+    return seen, hidden & logical_not(seen)
 
 
 def excursions(s: Slider, h: Any, lo: Any, hi: Any) -> tuple[Any, Any]:

@@ -98,10 +98,9 @@ class CommonStep(AtStops):
         dynamics, sliders = self.dynamics, watched_sliders(self.dynamics)
         levels = levels_of(dynamics.kinks)
         watched = step.watched[len(self.boundaries) :]
-        kinks = list(zip(watched, levels, strict=False))
-        hidden = [crossings.may_pass_unseen(w, self.unseen) for w, level in kinks if not level]
-        crossed = [w.most > w.least if level else crossings.changes_sign(w) for w, level in kinks]
-        crossed += hidden
+        kinks = [crossings.meets_kink(*kink, self.unseen) for kink in zip(watched, levels, strict=False)]
+        hidden = [unseen for _, unseen in kinks]
+        crossed = [seen for seen, _ in kinks] + hidden
         doubts = []
         if integrated_states(dynamics):
             limit = step_control.DOUBTFUL * lane.tip_tolerance

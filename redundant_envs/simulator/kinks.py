@@ -35,7 +35,7 @@ class Watch:
     function : callable
     moving : of each argument, whether it moves; empty of a declared kink, whose value changes its sign
     kept : which of its kinks are watched, by their numbers
-    levels : of each of these, whether it is one of levels
+    levels : of each of these, whether there is one at each whole number
     """
 
     effect: Effect
@@ -69,7 +69,7 @@ Watches = dict[int, list[Watch]]
 
 
 def levels_of(watches: Watches) -> list[bool]:
-    """Of each of :func:`kink_values`, whether it is one of levels."""
+    """Of each of :func:`kink_values`, whether there is a kink at each whole number."""
     return [levels for own in watches.values() for watch in own for levels in watch.levels]
 
 
@@ -138,14 +138,14 @@ def kinks_of(dynamics: Dynamics) -> Watches:
             if bearer is hook and isinstance(hook, Actuation):
                 moves.leaves[hook.joint] = moving(result).moves
     seen = {
-        key
+        (key, False)
         for _, watch, _ in candidates
         if watch.declared
         for key in _keys_declared(value_of(watch.values(dynamics, x)[0]))
     }
     watches: Watches = {}
     for hook, watch, kinks in candidates:
-        kept = [k for k, kink in enumerate(kinks) if _is_new(_key(value_of(kink.value)), seen)]
+        kept = [k for k, kink in enumerate(kinks) if _is_new(_key(value_of(kink.value)), kink.levels, seen)]
         if kept:
             levels = tuple(kinks[k].levels for k in kept)
             watch = dataclasses.replace(watch, kept=tuple(kept), levels=levels)
@@ -214,8 +214,8 @@ def _keys_declared(value: Value) -> Iterator[Key]:
             yield from _keys_declared(chosen)
 
 
-def _is_new(key: Key, seen: set[Key]) -> bool:
-    if key is None or key in seen:
+def _is_new(key: Key, levels: bool, seen: set[tuple[Key, bool]]) -> bool:
+    if key is None or (key, levels) in seen:
         return False
-    seen.add(key)
+    seen.add((key, levels))
     return True

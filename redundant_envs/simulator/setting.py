@@ -13,7 +13,6 @@ from redundant_envs.integrators.methods import Watched
 from redundant_envs.integrators.trial_steps import Search
 from redundant_envs.simulator.boundaries import Stop, Switch
 from redundant_envs.simulator.dynamics import Dynamics
-from redundant_envs.simulator.kinks import levels_of
 from redundant_envs.simulator.lane import Lane
 from redundant_envs.simulator.step import active_stop, integrated_states, pose_tells_distances
 
@@ -102,8 +101,7 @@ class Setting:
         found, dynamics = {}, self.dynamics
         if dynamics.kinks:
             found["kinked"] = "a step of the interval may have met a kink"
-            if not all(levels_of(dynamics.kinks)):
-                found["hidden_kink"] = "it may have met one that no stage has seen"
+            found["hidden_kink"] = "it may have met one that no stage has seen"
         if integrated_states(dynamics) or pose_tells_distances(dynamics):
             found["doubtful"] = "a step of the interval makes its estimate doubtful"
         return found

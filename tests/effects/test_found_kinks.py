@@ -19,7 +19,10 @@ from redundant_envs.effects import (
     PrismaticStop,
     State,
 )  # fmt: skip
+from redundant_envs.integrators import crossings
+from redundant_envs.integrators.methods import Watched
 from redundant_envs.simulator.dynamics import Dynamics
+from redundant_envs.simulator.interval import Interval
 from redundant_envs.simulator.kinks import levels_of
 from redundant_envs.studies.kinked_effects import QuadraticDrag, VelocityController
 
@@ -113,6 +116,7 @@ CHAIN = Actuation(0, at_most, {"command": "command1", "number": ".number"})
         pytest.param((Written((force(ramp, "s1"),)),), 1, id="a sine"),
         pytest.param((Written((Force(Point(3), at_tip, {"number": ".number"}),)),), 3, id="a point"),
         pytest.param((Written((force(steps, "phi2"),)),), 1, id="levels"),
+        pytest.param((Written((force(size, "phi2"), force(steps, "phi2"))),), 2, id="levels, and 0"),
         pytest.param((Written((LAG,)),), 1, id="the derivative of a state"),
         pytest.param((Written((LAG, CHAIN)),), 2, id="a limit behind a state"),
         pytest.param((VelocityController(1.0, 3.0),), 8, id="a limit behind a rate"),
@@ -135,6 +139,36 @@ def test_nothing_is_watched_where_no_tolerance_is_asked_for(how):
 @pytest.mark.parametrize("name", ["rprp_reach", "four_r_reach"])
 def test_nothing_is_watched_in_the_scenes_of_the_environments(name):
     assert Dynamics(rde.load_scene(f"configs/scenes/{name}.yaml")).kinks == {}
+
+
+@pytest.mark.parametrize("levels", [False, True])
+@pytest.mark.parametrize(
+    ("stages", "met"),  # first, last, least, most
+    [
+        ((-0.5, 0.5, -0.5, 0.5), "seen"),
+        ((0.5, -0.5, -0.5, 0.5), "seen"),
+        ((0.9, 0.8, 0.01, 0.9), "hidden"),
+        ((-0.9, -0.8, -0.9, -0.01), "hidden"),
+        ((0.9, 0.001, 0.001, 0.9), "hidden"),
+        ((0.9, 0.1, 0.1, 0.9), "no"),
+        ((0.9, 0.8, 0.3, 0.9), "no"),
+    ],
+)
+def test_a_kink_is_met_where_its_value_passes_0_or_may_do_so_between_stages(stages, met, levels):
+    made = Interval(Dynamics(scene(QuadraticDrag(0.1))))
+    seen, hidden = crossings.meets_kink(Watched(*stages), levels, made.unseen)
+    assert (bool(seen), bool(hidden)) == (met == "seen", met == "hidden")
+
+
+def test_a_kink_at_each_whole_number_is_met_at_others_than_0():
+    unseen = Interval(Dynamics(scene(QuadraticDrag(0.1)))).unseen
+    for least, most, met in ((2.5, 3.5, True), (2.2, 2.8, False), (-1.5, -0.5, True)):
+        assert bool(crossings.meets_kink(Watched(least, most, least, most), True, unseen)[0]) is met
+
+
+def test_a_motion_that_starts_at_a_kink_leaves_it():
+    unseen = Interval(Dynamics(scene(QuadraticDrag(0.1)))).unseen
+    assert not any(crossings.meets_kink(Watched(0.0, 0.9, 0.0, 0.9), False, unseen))
 
 
 # ---- the tolerance is kept ----------------------------------------------------------------------------
