@@ -8,11 +8,11 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from redundant_envs.effects.attaching import roots_of
 from redundant_envs.effects.hooks import Actuation, Effect, Force, State
-from redundant_envs.moving import Kinks, Moving, kinks_in, moving
+from redundant_envs.moving import Moving, kinks_in, moving
 from redundant_envs.quantities import Quantities
 from redundant_envs.tracing.graph import Graph, Operation, Value, is_zero, owned
 from redundant_envs.tracing.number import Number, value_of
@@ -126,28 +126,29 @@ def kinks_of(dynamics: Dynamics) -> Watches:
     if dynamics.scene.tolerance is None or not dynamics.located:
         return {}
     x, moves = Named(), Moves(dynamics)
-    candidates: list[tuple[Hook, Watch, Kinks]] = []
+    found: list[tuple[Hook, Watch, list[Key]]] = []
+    seen: set[Key] = set()
     for effect, hook in hooks_in_order(dynamics, x):
+        stands_for: set[Key] = set()
         if hook.kink is not None and any(moves.of(effect, hook, hook.kink, hook)):
-            candidates.append((hook, Watch(effect, hook, hook.kink), ()))
+            watch = Watch(effect, hook, hook.kink)
+            found.append((hook, watch, []))
+            own, *chosen = _keys_declared(value_of(watch.values(dynamics, x)[0]))
+            seen.add(own)
+            stands_for.update(chosen)
         for bearer, function in _functions(hook):
             watch = Watch(effect, bearer, function, moves.of(effect, bearer, function, hook))
             result = watch.run(dynamics, x)
-            if any(watch.moving):
-                candidates.append((hook, watch, kinks_in(result)))
             if bearer is hook and isinstance(hook, Actuation):
                 moves.leaves[hook.joint] = moving(result).moves
-    seen = {
-        (key, False)
-        for _, watch, _ in candidates
-        if watch.declared
-        for key in _keys_declared(value_of(watch.values(dynamics, x)[0]))
-    }
+            keys = [_key(value_of(kink.value), kink.levels) for kink in kinks_in(result)]
+            if any(watch.moving):
+                found.append((hook, watch, [None if key in stands_for else key for key in keys]))
     watches: Watches = {}
-    for hook, watch, kinks in candidates:
-        kept = [k for k, kink in enumerate(kinks) if _is_new(_key(value_of(kink.value)), kink.levels, seen)]
+    for hook, watch, keys in found:
+        kept = [k for k, key in enumerate(keys) if _is_new(key, seen)]
         if kept:
-            levels = tuple(kinks[k].levels for k in kept)
+            levels = tuple(isinstance(keys[k], Level) for k in kept)
             watch = dataclasses.replace(watch, kept=tuple(kept), levels=levels)
         if kept or watch.declared:
             watches.setdefault(id(hook), []).append(watch)
@@ -190,13 +191,21 @@ class Moves:
         return self.known[name]
 
 
+class Level(NamedTuple):
+    """What has a kink at each whole number."""
+
+    key: Any
+
+
 Key = Any
 
 
-def _key(value: Value) -> Key:
-    """The same for what has the same zeros: x, -x and 0 - x; a - b and b - a. A number has none."""
+def _key(value: Value, levels: bool = False) -> Key:
+    """The same for what has the same zeros: x, -x and 0 - x; a - b and b - a. None of a constant."""
     if not isinstance(value, Operation):
         return None
+    if levels:
+        return Level(value)
     if value.name == "neg":
         return _key(value.arguments[0])
     if value.name == "-":
@@ -207,15 +216,15 @@ def _key(value: Value) -> Key:
 
 
 def _keys_declared(value: Value) -> Iterator[Key]:
-    """What a declared kink stands for: itself, and what it chooses from."""
+    """A declared kink, and what it chooses from, for which it stands in its force or link."""
     yield _key(value)
     if isinstance(value, Operation) and value.name == "select":
         for chosen in value.arguments[1:]:
             yield from _keys_declared(chosen)
 
 
-def _is_new(key: Key, levels: bool, seen: set[tuple[Key, bool]]) -> bool:
-    if key is None or (key, levels) in seen:
+def _is_new(key: Key, seen: set[Key]) -> bool:
+    if key is None or key in seen:
         return False
-    seen.add((key, levels))
+    seen.add(key)
     return True

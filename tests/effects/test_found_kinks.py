@@ -59,6 +59,16 @@ def from_end(x, number):
 
 
 @physics
+def only_above(x, number):
+    return where(number > 0.0, x - number, 1.0)
+
+
+@physics
+def at_most_here(command, number):
+    return command - number
+
+
+@physics
 def two_kinks(x, number):
     return maximum(x - number, 0.0) + abs(x)
 
@@ -100,7 +110,9 @@ def force(function, source, **more):
 LAGS = {"value": ".value", "number": ".number", "command": "command1"}
 LAG = Actuation(0, kept, LAGS, Link.LAG, states=(State("value", "N m", towards, bind=LAGS),))
 HELD = Actuation(0, kept, LAGS, Link.LAG, states=(State("value", "N m", update=towards, bind=LAGS),))
-CHAIN = Actuation(0, at_most, {"command": "command1", "number": ".number"})
+LIMITS = {"command": "command1", "number": ".number"}
+CHAIN = Actuation(0, at_most, LIMITS)
+DECLARED = Actuation(0, at_most, LIMITS, kink=at_most_here)
 
 
 @pytest.mark.parametrize(
@@ -123,6 +135,13 @@ CHAIN = Actuation(0, at_most, {"command": "command1", "number": ".number"})
         pytest.param((QuadraticDrag(0.1), Written((force(size, "phid2"),))), 4, id="one in two effects"),
         pytest.param((Written((force(ramp, "phi2", kink=from_end),)),), 1, id="one that is declared"),
         pytest.param((Written((force(two_kinks, "phi2", kink=from_end),)),), 2, id="one of two declared"),
+        pytest.param((Written((force(ramp, "phi2", kink=only_above),)),), 1, id="one that is chosen from"),
+        pytest.param(
+            (Written((force(ramp, "phi2", kink=only_above), force(ramp, "phi2"))),),
+            2,
+            id="in it alone",
+        ),
+        pytest.param((Written((LAG, DECLARED)),), 2, id="a limit that is declared"),
         pytest.param((LimitSpring("r1", 0.0, 0.25, 1e3, 10.0),), 1, id="LimitSpring"),
         pytest.param((PrismaticStop((0.0, 0.0), (0.25, 0.25)), Gravity()), 0, id="PrismaticStop"),
     ],
