@@ -98,7 +98,7 @@ def _kept_or_made(make: Callable[[], Simulator], scene: Scene, *more: Any) -> Si
 
 def batch_simulator(scene: Scene, track_work: bool) -> Simulator:
     """The simulator of a batch."""
-    return _kept_or_made(lambda: _traced_batch(scene, track_work), scene, track_work)
+    return _kept_or_made(lambda: traced_batch(scene, track_work), scene, track_work)
 
 
 def environment_simulator(scene: Scene, task: Task) -> Simulator:
@@ -106,7 +106,8 @@ def environment_simulator(scene: Scene, task: Task) -> Simulator:
     return _kept_or_made(lambda: _traced_environment(scene, task), scene, task)
 
 
-def _traced_batch(scene: Scene, track_work: bool) -> Simulator:
+def traced_batch(scene: Scene, track_work: bool) -> Simulator:
+    """The simulator of a batch, traced anew."""
     dynamics = Dynamics(scene, track_work)
     with uncollected():
         kernel, blocks = advance_kernel(dynamics)

@@ -13,7 +13,6 @@ from redundant_envs.integrators.methods import Watched
 from redundant_envs.integrators.trial_steps import Search
 from redundant_envs.simulator.boundaries import Stop, Switch
 from redundant_envs.simulator.dynamics import Dynamics
-from redundant_envs.simulator.kinks import kinks_of
 from redundant_envs.simulator.lane import Lane
 from redundant_envs.simulator.step import active_stop, integrated_states, pose_tells_distances
 
@@ -100,8 +99,9 @@ class Setting:
         if self.plan is not Plan.DOUBLING:
             return {}
         found, dynamics = {}, self.dynamics
-        if kinks_of(dynamics):
-            found["kinked"] = "a step of the interval has met a kink"
+        if dynamics.kinks:
+            found["kinked"] = "a step of the interval may have met a kink"
+            found["hidden_kink"] = "it may have met one that no stage has seen"
         if integrated_states(dynamics) or pose_tells_distances(dynamics):
             found["doubtful"] = "a step of the interval makes its estimate doubtful"
         return found

@@ -10,7 +10,7 @@ from redundant_envs.integrators import step_control
 from redundant_envs.integrators.methods import Step, explicit_step
 from redundant_envs.quantities import Quantities
 from redundant_envs.simulator.dynamics import Dynamics
-from redundant_envs.simulator.kinks import kink_value, kinks_of
+from redundant_envs.simulator.kinks import kink_values, levels_of
 from redundant_envs.simulator.lane import Lane
 from redundant_envs.tracing.passes.stages import Subroutine
 
@@ -94,10 +94,10 @@ def lane_step(dynamics: Dynamics, lane: Lane, h: Any, held: bool = False) -> Ste
             results.append(where(x[f"held{k}"] > 0.0, pulled, x[f"qdd{k}"]))
         for switch in dynamics.switches:
             results.append(joint_acceleration(dynamics, x, switch.joint))
-        results += [kink_value(dynamics, effect, hook, x) for effect, hook in kinks]
+        results += kink_values(dynamics, x)
         return [*results, *(values[count + k] for k in sliders)]
 
-    stops, kinks = dynamics.stops if held else (), kinks_of(dynamics)
+    stops, kinks = dynamics.stops if held else (), levels_of(dynamics.kinks)
     sliders = watched_sliders(dynamics)
     more = len(stops) + len(dynamics.switches) + len(kinks) + len(sliders)
     right_hand_side: Any = derivatives

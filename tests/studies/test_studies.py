@@ -95,6 +95,7 @@ def test_throughput_columns_and_numbers():
     assert 0.0 < row["ns_per_step_best"] <= row["ns_per_step_median"]
     assert row["scaled_bar_ns"] == pytest.approx(28 * 53 / row["dgemm_gflops"], rel=1e-2)
     assert row["within_bar"] == (row["ns_per_step_best"] <= row["scaled_bar_ns"])
+    assert 0.0 < row["compile_seconds"] < 60.0
     assert row["llvmlite"] == importlib.metadata.version("llvmlite")
 
 
@@ -124,7 +125,9 @@ def test_filled_batch_differs_by_lane_within_ten_percent():
 
 def test_shipped_config_loads():
     config = throughput.load_config(common.study_path("throughput"))
-    assert {c["arm"] for c in config["cases"]} == {"FourR", "RPRP"}
+    arms = {c["arm"] for c in config["cases"]}
+    assert arms == {"FourR", "RPRP", "Chain RRRR", "Chain RPRP"}
+    assert {throughput.study_scene(arm, "rk8").robot.kind for arm in arms} == {"FourR", "RPRP", "Chain"}
 
 
 @pytest.mark.parametrize(
@@ -142,7 +145,7 @@ def test_config_refuses(tmp_path, change, message):
 
 
 def test_unknown_arm_lists_the_arms():
-    with pytest.raises(ValueError, match="choose FourR, RPRP"):
+    with pytest.raises(ValueError, match="choose FourR, RPRP, Chain RRRR"):
         throughput.study_scene("SCARA", "rk4")
 
 
