@@ -172,7 +172,7 @@ def read_about(path: Path) -> dict[str, Any]:
 
 
 def _check_activation(path: Path, activation: str) -> None:
-    """Refuse a policy with other activations than the configuration's, which its tensors do not tell."""
+    """Refuse a policy with other activations than the configuration's; its tensors do not show them."""
     wanted = ACTIVATIONS[activation].module.__name__
     about = read_about(path)
     try:

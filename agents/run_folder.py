@@ -91,7 +91,7 @@ def read_evaluation(folder: Path) -> dict[str, Any]:
     for name, holds in checks.items():
         if not holds:
             raise ValueError(
-                f"{path} has {shown(data.get(name))} as {name!r}; make it anew: {evaluate_anew(folder)}"
+                f"{path} has {shown(data.get(name))} as {name!r}; make it again: {evaluate_anew(folder)}"
             )
     return data
 
@@ -131,7 +131,7 @@ def read_table(folder: Path, name: str, columns: tuple[str, ...]) -> NDArray[np.
         if rows.size and rows.shape[1] != len(columns):
             raise ValueError(f"{rows.shape[1]} columns instead of {len(columns)}")
     except ValueError as error:
-        raise ValueError(f"{path} is damaged ({error}); make it anew: {remedy}") from error
+        raise ValueError(f"{path} is damaged ({error}); make it again: {remedy}") from error
     return rows.reshape(-1, len(columns))
 
 
@@ -153,7 +153,7 @@ def _read_json(path: Path, remedy: str) -> dict[str, Any]:
         if not isinstance(data, dict):
             raise ValueError(f"it holds a {type(data).__name__}, not an object")
     except (ValueError, RecursionError) as error:
-        raise ValueError(f"{path} is damaged ({error}); make it anew: {remedy}") from error
+        raise ValueError(f"{path} is damaged ({error}); make it again: {remedy}") from error
     return data
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from redundant_envs.model.listing import bill, listing
     from redundant_envs.model.torch_step import torch_step as torch_step  # not in __all__
     from redundant_envs.model.trajectory import simulate
-    from redundant_envs.robots import RPRP, Arm, FourR
+    from redundant_envs.robots import RPRP, Arm, Chain, FourR
     from redundant_envs.scene import Scene, load_scene
     from redundant_envs.tasks import GoalReachTask, ReachTask, Task
 
@@ -32,6 +32,7 @@ _HOMES = {
     "Arm": "robots",
     "RPRP": "robots",
     "FourR": "robots",
+    "Chain": "robots",
     "Scene": "scene",
     "load_scene": "scene",
     "BatchSimulator": "model.batch",
@@ -54,8 +55,8 @@ _HOMES = {
     "effects": "",
 }
 __all__ = [
-    "RPRP", "Arm", "BatchSimulator", "Event", "FourR", "GoalReachTask", "Numerics", "ReachTask", "Scene",
-    "Tableau", "Task", "bill", "check_vec_env", "effects", "listing", "load_scene", "register_arm",
+    "RPRP", "Arm", "BatchSimulator", "Chain", "Event", "FourR", "GoalReachTask", "Numerics", "ReachTask",
+    "Scene", "Tableau", "Task", "bill", "check_vec_env", "effects", "listing", "load_scene", "register_arm",
     "register_effect", "register_integrator", "register_task", "simulate",
 ]  # fmt: skip
 """The public names, but for ``make_sb3`` and ``torch_step``: they need torch, and ``import *`` must not."""

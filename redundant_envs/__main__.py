@@ -133,6 +133,10 @@ def parser() -> argparse.ArgumentParser:
     p = studies.add_parser("accuracy", help="error against cost, beside MuJoCo and SciPy")
     p.add_argument("--config", type=Path, metavar="YAML", help="default: configs/studies/accuracy.yaml")
     p.add_argument("--out", type=Path, default=Path("runs/studies"), metavar="FOLDER")
+    p.add_argument(
+        "--redraw", type=Path, metavar="FOLDER",
+        help="instead, draw the figures again from the tables of an earlier run, into its folder",
+    )  # fmt: skip
     p.set_defaults(handler=accuracy)
 
     p = studies.add_parser("schematic", help="draw both arms with their angles, lengths and sliders")
@@ -261,6 +265,12 @@ def accuracy(options: argparse.Namespace) -> None:
     if options.config:
         command += f" --config {options.config}"
     study = accuracy_config.load_study(options.config or study_path("accuracy"))
+    if options.redraw:
+        from redundant_envs.studies import accuracy_plots
+
+        drawn = accuracy_plots.read(study, options.redraw)
+        print("\n".join(str(path) for path in accuracy_plots.save_figures(drawn, study, options.redraw)))
+        return
     page, *others = accuracy_report.write(study, command, options.out)
     print(page.read_text(encoding="utf-8"))
     print("\n".join(str(path) for path in (page, *others)))

@@ -9,16 +9,18 @@ from redundant_envs import algebra
 from redundant_envs.algebra import Primitives, register_numbers
 
 
-def _is_zero(x: Any) -> bool:
+def is_zero(x: Any) -> bool:
+    """Whether a number is the float 0.0: a derivative that is not there."""
     return isinstance(x, float) and x == 0.0
 
 
 def _plus(a: Any, b: Any) -> Any:
-    return b if _is_zero(a) else a if _is_zero(b) else a + b
+    return b if is_zero(a) else a if is_zero(b) else a + b
 
 
-def _times(a: Any, b: Any) -> Any:
-    return 0.0 if _is_zero(a) or _is_zero(b) else a * b
+def times(a: Any, b: Any) -> Any:
+    """A product, for which nothing is computed where a factor is the float 0.0."""
+    return 0.0 if is_zero(a) or is_zero(b) else a * b
 
 
 class Dual:
@@ -43,7 +45,7 @@ class Dual:
     __radd__ = __add__
 
     def __neg__(self) -> Dual:
-        return Dual(-self.value, _times(-1.0, self.slope))
+        return Dual(-self.value, times(-1.0, self.slope))
 
     def __sub__(self, other: Any) -> Dual:
         return self + (-dual(other))
@@ -53,7 +55,7 @@ class Dual:
 
     def __mul__(self, other: Any) -> Dual:
         o = dual(other)
-        slope = _plus(_times(self.slope, o.value), _times(self.value, o.slope))
+        slope = _plus(times(self.slope, o.value), times(self.value, o.slope))
         return Dual(self.value * o.value, slope)
 
     __rmul__ = __mul__
@@ -61,8 +63,8 @@ class Dual:
     def __truediv__(self, other: Any) -> Dual:
         o = dual(other)
         ratio = self.value / o.value
-        slope = _plus(self.slope, -_times(ratio, o.slope))
-        return Dual(ratio, 0.0 if _is_zero(slope) else slope / o.value)
+        slope = _plus(self.slope, -times(ratio, o.slope))
+        return Dual(ratio, 0.0 if is_zero(slope) else slope / o.value)
 
     def __rtruediv__(self, other: Any) -> Dual:
         return dual(other) / self
@@ -71,7 +73,7 @@ class Dual:
         factor = float(exponent)
         for _ in range(exponent - 1):
             factor = factor * self.value
-        return Dual(self.value**exponent, _times(factor, self.slope))
+        return Dual(self.value**exponent, times(factor, self.slope))
 
     def __abs__(self) -> Dual:
         return where(self < 0.0, -self, self)
@@ -131,14 +133,14 @@ def _derived(function: Callable[[Any], Any], slope: Callable[[Any, Any], Any]) -
 
     def apply(x: Dual) -> Dual:
         y = function(x.value)
-        return Dual(y, _times(slope(x.value, y), x.slope))
+        return Dual(y, times(slope(x.value, y), x.slope))
 
     return apply
 
 
 def _sincos(x: Dual) -> tuple[Dual, Dual]:
     s, c = algebra.sincos(x.value)
-    return Dual(s, _times(c, x.slope)), Dual(c, _times(-s, x.slope))
+    return Dual(s, times(c, x.slope)), Dual(c, times(-s, x.slope))
 
 
 register_numbers(

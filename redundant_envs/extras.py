@@ -28,6 +28,6 @@ def needs(extra: str) -> Iterator[None]:
     except ImportError as error:
         name = (error.name or "").partition(".")[0]
         missing = isinstance(error, ModuleNotFoundError) and name
-        # A package that is there but cannot be imported tells why itself.
+        # A package that is installed but cannot be imported gives its own reason.
         reason = f"{name} is not installed" if missing else str(error)
         raise MissingPackage(f"{reason}; install it with: pip install 'redundant-envs[{extra}]'") from error

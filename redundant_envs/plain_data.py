@@ -20,9 +20,10 @@ def plain(kind: str, thing: Any) -> dict[str, Any]:
 
 def check_registered(where: str, kind: str, thing: Any, registry: Mapping[str, type[Any]]) -> None:
     """ValueError if the name of a thing is that of another class, which plain data would turn it into."""
-    there = registry.get(kind, type(thing))
-    if there is not type(thing):
-        mine, other = (f"{c.__module__}.{c.__qualname__}" for c in (type(thing), there))
+    own = getattr(thing, "maker", type(thing))
+    there = registry.get(kind, own)
+    if there is not own:
+        mine, other = (f"{c.__module__}.{c.__qualname__}" for c in (own, there))
         raise ValueError(
             f"{where} is a {mine}, and {kind!r} in plain data is {other}; give the class a name of its own "
             "and register it"

@@ -40,7 +40,7 @@ def test_a_submodule_knows_the_arms_as_the_first_import(code):
 def test_an_unknown_arm_lists_the_arms_as_the_first_import():
     code = "from redundant_envs.scene import Scene; Scene.from_dict({'robot': {'type': 'Delta'}})"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert "valid: FourR, RPRP" in run.stderr
+    assert "valid: Chain, FourR, RPRP" in run.stderr
 
 
 def test_functions_of_effects_take_arrays_as_the_first_import():

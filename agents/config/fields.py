@@ -122,7 +122,7 @@ def fields_of(kind: type[Any]) -> dict[str, FieldInfo]:
 
 
 def dotted(place: tuple[int | str, ...]) -> str:
-    """A place in nested data as its user writes it: ``sac.net_arch[1]``."""
+    """An entry of nested data as its user writes it: ``sac.net_arch[1]``."""
     text = ""
     for part in place:
         text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)[:80]
@@ -130,7 +130,7 @@ def dotted(place: tuple[int | str, ...]) -> str:
 
 
 def model_at(kind: type[Any], place: tuple[int | str, ...]) -> type[Any]:
-    """The model that stands at a place inside another one."""
+    """The model at an entry of another one."""
     for part in place:
         field = fields_of(kind).get(str(part))
         inner = (field.annotation, *get_args(field.annotation)) if field else ()
@@ -139,7 +139,7 @@ def model_at(kind: type[Any], place: tuple[int | str, ...]) -> type[Any]:
 
 
 def allowed(kind: type[Any], place: tuple[int | str, ...], message: str) -> str:
-    """What a number at a place may be."""
+    """Numbers that are allowed at an entry."""
     names = [str(part) for part in place if not isinstance(part, int)]
     owner = model_at(kind, tuple(names[:-1]))
     field = fields_of(owner).get(names[-1])

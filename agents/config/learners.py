@@ -111,7 +111,7 @@ class HERSettings(SACSettings):
     gradient_steps: Whole = number(16, 1, 10_000, "critic steps after each train_freq")
     n_sampled_goal: Whole = number(4, 1, 100, "hindsight goals for every goal that was asked for")
     goal_selection_strategy: Literal["future", "final", "episode"] = value(
-        "future", "which place of the same episode becomes the goal"
+        "future", "which tip position of the same episode becomes the goal"
     )
     error_scale: Real = number(
         0.05, 1e-6, 1e6, "distance from the goal that the networks are given as 1", "reach"

@@ -129,7 +129,7 @@ class Config(Model):
                 "neither"
             )
         if len(set(self.telemetry)) < len(self.telemetry):
-            raise ValueError(f"telemetry is {shown(list(self.telemetry))}; name each place once")
+            raise ValueError(f"telemetry is {shown(list(self.telemetry))}; name each one once")
         check_env_kwargs(self.env_kwargs)
         settings = self.settings
         if isinstance(settings, PlainPPOSettings):

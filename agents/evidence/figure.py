@@ -17,10 +17,12 @@ LABELS = {"steps": (1e-6, "environment steps, millions"), "seconds": (1.0, "trai
 """By the name of an x axis: the scale it is drawn with, and its label."""
 TITLES = {"hold_success": "hold success, %", "touch_success": "touch success, %", "return": "mean return"}
 """Of the panels, by column of selection.csv."""
+MISSES = "(misses: logarithmic)"
+"""Beside the titles of panels whose y axis is that of :func:`_rate_scale`."""
 LEARNER_COLORS = {"PPO": "#0072B2", "SAC": "#D55E00", "HER": "#009E73"}
 """Learners of the same colour in all figures."""
 COLORS = ("#CC79A7", "#E69F00", "#56B4E9", "#999999", "#8C564B", *LEARNER_COLORS.values())
-"""Of the others. Most are Okabe and Ito's, which the colour-blind tell apart; black is computed torque's."""
+"""Of the others. Most are Okabe and Ito's, for colour-blind readers; black is computed torque's."""
 STYLES = ("-", "-.", ":")
 """Of the lines, when there are more learners than colours."""
 TICKS = (1.0, 0.0, 0.9, 0.99, 0.5, 0.999, 0.98, 0.95, 0.8, 0.998)
@@ -93,6 +95,7 @@ def _finish(panel: Any, name: str, axis: str, shown: Sequence[Group]) -> None:
     panel.set_axisbelow(True)
     panel.spines[["top", "right"]].set_visible(False)
     if name.endswith("success"):
+        panel.set_title(f"{TITLES[name]} {MISSES}", loc="left", fontsize="medium")
         _rate_scale(panel, 1.0 / max(same.runs[0].settings["curve_episodes"] for same in shown))
     panel.minorticks_off()
 
@@ -115,7 +118,7 @@ def _x_scale(panel: Any, axis: str, ends: Sequence[float]) -> None:
 def _rate_scale(panel: Any, goal: float) -> None:
     """A scale of rates on which misses count by their logarithm: 90, 99 and 99.9 % are equally far apart.
 
-    One goal is added to the misses, so that 100 % has a place.
+    One goal is added to the misses, so that 100 % lies on the axis.
     """
 
     def height(rate: Any) -> Any:

@@ -115,14 +115,14 @@ def read_run(folder: str | Path, stopped: bool = False, evaluation: Mapping[str,
         if evaluation[name] != value:
             raise ValueError(
                 f"{folder}/evaluation.json has {shown(evaluation[name])} as {name!r}, and config.yaml has "
-                f"{shown(value)}; make it anew: {evaluate_anew(folder)}"
+                f"{shown(value)}; make it again: {evaluate_anew(folder)}"
             )
     curve = read_table(folder, "selection.csv", SELECTION)
     progress = curve[:, [SELECTION.index("env_steps"), SELECTION.index("seconds")]]
     if not np.isfinite(curve).all() or (np.diff(progress, axis=0) < 0).any():
         raise ValueError(
             f"{folder}/selection.csv is damaged (a number is not finite, or steps or seconds go back); make "
-            f"it anew: {command('train', folder / 'config.yaml', '--out', 'NEW_FOLDER')}"
+            f"it again: {command('train', folder / 'config.yaml', '--out', 'NEW_FOLDER')}"
         )
     return Run(folder, config.env, config.algo, config.label, seed, settings, scene, evaluation, curve)
 
@@ -166,7 +166,7 @@ def read_groups(folders: Iterable[str | Path]) -> list[Group]:
 
 
 def _same_results(a: Run, b: Run) -> bool:
-    told = a.evaluation.keys() & b.evaluation.keys() - CIRCUMSTANCES  # folders of older versions tell less
+    told = a.evaluation.keys() & b.evaluation.keys() - CIRCUMSTANCES  # folders of older versions have less
     facts = [{name: run.evaluation[name] for name in told} for run in (a, b)]
     kept = [i for i, name in enumerate(SELECTION) if name != "seconds"]
     return facts[0] == facts[1] and np.array_equal(a.curve[:, kept], b.curve[:, kept])
@@ -177,7 +177,7 @@ def _environment(run: Run) -> str:
 
 
 def _scene(run: Run) -> str:
-    """Name of a scene that is not the environment's own; one without a name is told by a checksum."""
+    """Name of a scene that is not the environment's own; a scene without a name gets a checksum."""
     own = next(scene for arm, scene in SCENES.items() if _environment(run).startswith(arm))
     scene = run.settings["env_kwargs"].get("scene", own)
     if isinstance(scene, str):

@@ -23,6 +23,10 @@ COMPARISON = (
     "environment", "learner", "time to hold, s", "... of computed torque", "effort",
     "... of computed torque", "smoothness", "... of computed torque", "machine",
 )  # fmt: skip
+BRIEF = (
+    "environment", "learner", "seeds", "goals held, median seed", "worst seed", "computed torque",
+    "training on one core",
+)  # fmt: skip
 EXPLANATION = (
     "Computed torque acts on the same goals as the learners. IQM is the interquartile mean of the seeds, and "
     f"its interval a stratified bootstrap over seeds (unknown with fewer than {LEAST_RUNS}). Figures without "
@@ -72,6 +76,17 @@ def table(folders: Iterable[str | Path]) -> str:
             _origin(found),
         ]
     )
+
+
+def brief_table(folders: Iterable[str | Path]) -> str:
+    """Hold success and training time of run folders as one small Markdown table, that of the README.
+
+    Raises
+    ------
+    ValueError
+        As of :func:`rows`.
+    """
+    return "\n".join(_markdown(BRIEF, [_brief(row) for row in rows(folders)]))
 
 
 def write_rows(found: list[dict[str, Any]], path: Path) -> None:
@@ -140,7 +155,7 @@ def _holds_more(same: Group) -> str:
 
 def _results(row: Mapping[str, Any]) -> list[str]:
     """A row of the first table, in the order of RESULTS."""
-    digits = max(1, len(str(row["goals"])) - 3)  # one goal of a thousand is 0.1 %
+    digits = _digits(row)
     low, high = (_percent(row[name], digits, "") for name in ("hold_iqm_low", "hold_iqm_high"))
     interval = "unknown" if row["hold_iqm_low"] is None else f"{low} to {high}"
     steps = _number(row["env_steps"], 1e-6)
@@ -152,6 +167,18 @@ def _results(row: Mapping[str, Any]) -> list[str]:
         _percent(row["expert_hold"], digits), row["holds_more"], _percent(row["touch_median"], digits),
         steps, _number(row["train_seconds"]), _number(row["steps_per_second"]),
     ]  # fmt: skip
+
+
+def _brief(row: Mapping[str, Any]) -> list[str]:
+    """A row of the small table, in the order of BRIEF."""
+    digits = _digits(row)
+    held = (_percent(row[name], digits) for name in ("hold_median", "hold_worst", "expert_hold"))
+    return [_title(row), row["learner"], str(row["seeds"]), *held, f"{_number(row['train_seconds'])} s"]
+
+
+def _digits(row: Mapping[str, Any]) -> int:
+    """Digits after the point of a rate in percent: one goal of a thousand is 0.1 %."""
+    return max(1, len(str(row["goals"])) - 3)
 
 
 def _comparison(row: Mapping[str, Any]) -> list[str]:

@@ -10,6 +10,7 @@ from redundant_envs.envs.core import Core
 from redundant_envs.envs.registration import MAX_EPISODE_STEPS
 
 from ..config import Config, OffPolicySettings
+from ..evaluate import PACKAGES
 from ..learners.build import ALGORITHM_CLASSES
 from .layers import Layers
 
@@ -58,8 +59,8 @@ def card(
         "and `docs/strength.md` have all of them.", "",
         "## Limits", "",
         "It was trained for one arm, one scene, one control interval and goals that are drawn once per "
-        "episode; with other masses, motors, friction or observations it may fail, and nothing tells so. It "
-        "knows nothing of obstacles or moving goals. It acts deterministically.", "",
+        "episode; with other masses, motors, friction or observations it may fail without a warning. It "
+        "cannot avoid obstacles or follow moving goals. It acts deterministically.", "",
         "## Load it", "", "In this folder, with stable-baselines3, which unpickles what the file holds:", "",
         "```python", "import gymnasium as gym", "import redundant_envs  # registers the ids",
         f"from {MODULES.get(learner, 'stable_baselines3')} import {learner}", "",
@@ -99,7 +100,9 @@ def _training(config: Config, evaluation: Mapping[str, Any]) -> str:
         count = learned * settings.gradient_steps / settings.train_freq
         updates = f", about {count:,.0f} gradient steps"
     again = "trains it again" if config.max_seconds is None else "trains another one for as many seconds"
-    versions = [f"{_plain(name)} {_plain(found)}" for name, found in evaluation["versions"].items()]
+    # An old run may name a package that the present code does not use.
+    found = evaluation["versions"].items()
+    versions = [f"{name} {_plain(version)}" for name, version in found if name in ("python", *PACKAGES)]
     return (
         f"{ORIGIN[config.algo]}; {steps / 1e6:.2f} million environment steps in {config.num_envs} "
         f"environments{updates}, {evaluation['train_seconds']:.0f} s with PyTorch threads: "

@@ -40,7 +40,7 @@ def name_of(config: Config) -> str:
     Raises
     ------
     ValueError
-        The environment has arguments that would have to be told beside the policy.
+        The environment has arguments that would have to be published with the policy.
     """
     for key, value in config.env_kwargs.items():
         if key != "scene" or value not in scene_names():
@@ -73,7 +73,7 @@ def export(run: Path, out: Path) -> Path:
     for name in FACTS:
         if evaluation.get(name) is None:
             raise ValueError(
-                f"{run}/evaluation.json does not tell {name}; export a run that was trained anew"
+                f"{run}/evaluation.json has no {name}; export a run that was trained with this version"
             )
     check_out(out)
     own = own_config(run)

@@ -223,7 +223,7 @@ def _ends(run: Run) -> tuple[float, float]:
     if not low - ROUNDING <= hold <= high + ROUNDING:
         raise ValueError(
             f"{run.folder}/evaluation.json has the hold success {hold:g} outside its interval {low:g} to "
-            f"{high:g}; make it anew: {evaluate_anew(run.folder)}"
+            f"{high:g}; make it again: {evaluate_anew(run.folder)}"
         )
     return min(low, hold), max(high, hold)
 
@@ -278,5 +278,5 @@ def read_rows(path: Path) -> list[Row]:
                 counts = int(values["seeds"]), int(values["episodes"])
                 rows.append(Row(values["arm"], factor, values["who"], hold, low, high, touch, *counts))
             except (ValueError, TypeError) as error:
-                raise ValueError(f"{path}, line {reader.line_num}: {error}; write the file anew") from error
+                raise ValueError(f"{path}, line {reader.line_num}: {error}; write the file again") from error
     return rows

@@ -10,7 +10,7 @@ from redundant_envs.extras import needs
 from .strength import ARMS, COLORS, HOLDABLE, Row
 
 MARKERS = dict(zip(COLORS, ("o", "v", "s", "^"), strict=True))
-"""A shape for each, so that colours are not needed to tell them apart."""
+"""A shape for each, so that they can be distinguished without colours."""
 AREA = "#D9D9D9"
 
 

@@ -92,7 +92,7 @@ def check_same(config: Config, folder: Path) -> None:
 
 
 def _follow(names: Sequence[str], workers: list[Any], news: Any) -> list[str]:
-    """Show what the workers tell until they end."""
+    """Show the progress of the workers until they end."""
     from .watch import progress_bars
 
     failures: list[str] = []
@@ -124,7 +124,7 @@ def _follow(names: Sequence[str], workers: list[Any], news: Any) -> list[str]:
 
 
 class Teller(Progress):
-    """Progress that is told to another process instead of shown.
+    """Progress that is sent to another process instead of shown.
 
     ``news`` takes (name, share done, note, whether the run failed) by its method ``put``.
     """

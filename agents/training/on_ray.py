@@ -124,7 +124,7 @@ def _cluster(place: str, count: int) -> Iterator[None]:
         try:
             _check_listening(place)
             ray.init(place, **options)
-        except Exception as error:  # Ray tells an address without a cluster in many ways
+        except Exception as error:  # Ray reports an address without a cluster in many ways
             raise ValueError(
                 f"address is {shown(place)}; Ray cannot reach a cluster there ({_short(error)}). Give "
                 "host:port, ray://host:port or auto, or none for a cluster of this machine alone"
@@ -142,7 +142,7 @@ def _check_listening(place: str) -> None:
 
 
 def _follow(configs: Mapping[str, Config], folder: Path) -> list[str]:
-    """Submit what is not finished, show what is told, and write what comes back; returns failures."""
+    """Submit unfinished runs, show their progress, and write the folders that come back; returns failures."""
     from .watch import progress_bars
 
     failures: list[str] = []

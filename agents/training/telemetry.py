@@ -1,4 +1,4 @@
-"""Where the figures of a training are logged: one function for each place."""
+"""Logs of a training's figures: one function for each kind of log."""
 
 from __future__ import annotations
 
@@ -42,14 +42,14 @@ class _Client(KVWriter):
 
 
 def wandb(folder: Path, config: Config) -> KVWriter:
-    """Weights & Biases; the place is set by its own environment variables."""
+    """Weights & Biases; its own environment variables say where."""
     client = _client("wandb")
     run = client.init(project="redundant-envs", name=folder.name, dir=str(folder), config=config.to_dict())
     return _Client(lambda figures, step: run.log(figures, step=step), run.finish)
 
 
 def mlflow(folder: Path, config: Config) -> KVWriter:
-    """MLflow; the place is set by its own environment variables."""
+    """MLflow; its own environment variables say where."""
     client = _client("mlflow")
     client.start_run(run_name=folder.name)
     client.log_dict(config.to_dict(), "config.yaml")
@@ -72,7 +72,7 @@ CLIENTS = ("wandb", "mlflow")
 
 
 def check(config: Config) -> None:
-    """Refuse, before a training begins, a place whose package is missing."""
+    """Refuse, before a training begins, a kind of log whose package is missing."""
     for name in config.telemetry:
         if name in CLIENTS:
             _client(name)

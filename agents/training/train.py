@@ -148,5 +148,5 @@ def identity(config: Config, core: Core) -> dict[str, Any]:
 
 
 def simulator_hash(core: Core) -> str:
-    """What tells one simulator of a scene from another: a hash of its program."""
+    """Identifies the simulator of a scene: a hash of its program."""
     return core.simulator.key[:16]

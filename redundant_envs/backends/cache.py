@@ -107,7 +107,7 @@ def _code_in(folder: Path, key: str, compiled: Callable[[], bytes]) -> bytes:
         _prune(folder)
     if damaged:
         warnings.warn(
-            f"the compiled simulator {path} was damaged or not ours; it is compiled anew", stacklevel=2
+            f"the compiled simulator {path} was damaged or not ours; it is compiled again", stacklevel=2
         )
     return code
 

@@ -198,7 +198,7 @@ class EmittedStages:
         return memory
 
     def _told(self, builder: ir.IRBuilder, call: int) -> Any:
-        """Where a call tells the results that it does not return."""
+        """Address for the results that a call does not return."""
         return builder.gep(self.memory["told"], [integer(LANES * len(self.stages.told) * call)])
 
     def _call(
@@ -215,7 +215,7 @@ class EmittedStages:
         return emitter.builder.call(self.functions[part], [*self.spaces.values(), *memories, told, *values])
 
     def result(self, emitter: Emitter, node: Operation) -> Any:
-        """A result of a stage: returned, told in memory, or known without the call."""
+        """A result of a stage: returned, written to memory, or known without the call."""
         stages = self.stages
         (stage,), k = node.arguments, stages.first[node.extra]
         value = emitter.value(stage)

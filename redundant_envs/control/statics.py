@@ -133,6 +133,6 @@ def effort_limits(scene: Scene) -> Array:
     given = np.atleast_1d(limits)
     if not given.size or given.min() <= 0.0:
         raise ValueError(
-            f"EffortLimits.limits is {limits or None}; loads are told in units of them: give positive numbers"
+            f"EffortLimits.limits is {limits or None}; loads are shares of them: give positive numbers"
         )
     return given

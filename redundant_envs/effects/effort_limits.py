@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from redundant_envs.algebra import clamp, maximum, physics
+from redundant_envs.algebra import clamp, physics
 from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
@@ -13,11 +13,6 @@ from redundant_envs.robots.parameters import not_negative
 @physics
 def saturate(command, limit):
     return clamp(command, -limit, limit)
-
-
-@physics
-def excess(command, limit):
-    return maximum(command, -command) - limit
 
 
 @dataclass(frozen=True)
@@ -39,7 +34,7 @@ class EffortLimits(Effect):
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         bind = [{"command": f"command{k + 1}", "limit": f".limits[{k}]"} for k in range(len(arm.joints))]
-        return tuple(Actuation(k, saturate, own, Link.LIMITS, kink=excess) for k, own in enumerate(bind))
+        return tuple(Actuation(k, saturate, own, Link.LIMITS) for k, own in enumerate(bind))
 
     def action_units(self, arm: Arm) -> tuple[str, ...]:
         return tuple(f"limits[{k}]" for k in range(len(arm.joints)))

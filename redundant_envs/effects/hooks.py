@@ -96,8 +96,10 @@ class Force:
     has two laws in it: the change is located in time, as an impact is. So each law must be smooth beyond its
     own positions, too, and both must give the same force where they meet.
 
-    ``kink`` is a function that changes its sign where the force has another kink, which no position tells:
-    an interval in which it does has to come out the same with half as many steps.
+    Other kinks are found in what the function computes of what moves (comparisons, ``abs``, ``minimum``,
+    ``maximum``, ``where``, ``floor``): an interval that may have one has to come out the same with half as
+    many steps. ``kink`` is a function that changes its sign at one that the function does not show, or in
+    place of one that it shows: it stands for all that ``where`` chooses from in it.
     """
 
     joint: int | Point
@@ -140,8 +142,7 @@ class Actuation:
     In ``function``, and in the functions of ``states``, ``command<k>`` (k counts from 1) is what reaches the
     link. Links act in the order of :class:`Link`, those of one kind in the order of the scene's effects.
 
-    ``kink`` is that of :class:`Force`: where the limit of a motor is reached within an interval, because a
-    lag comes before it.
+    Kinks, and ``kink``, are those of :class:`Force`, where a rate or a state comes before them in the chain.
     """
 
     joint: int

@@ -62,7 +62,7 @@ INFO = {
     "evaluations": "Evaluations of the equations of motion in this episode.",
     "events": "Impacts, rests and releases of sliders at their stops in this episode.",
     "error_estimate": "Largest estimated tip error of a control step in this episode, m.",
-    "return_*": "Sum of a reward term over this episode; the names stand under Rewards.",
+    "return_*": "Sum of a reward term over this episode; the names are listed under Rewards.",
     "final_obs": "Last observation of an environment that ended in this step.",
     "final_info": "Its last `info`.",
     "terminal_observation": "Last observation of an environment that ended in this step.",
@@ -140,6 +140,9 @@ def page(kind: type[Any], scene_name: Any) -> str:
     sliders = any(arm.prismatic)
     slider = ", and `#` is a slider, whose\ntravel r extends its link" if sliders else ""
     travel = "; prismatic\njoints uniform over their travel" if sliders else ""
+    redundant = ""
+    if joints > 2:
+        redundant = f"\nThe arm has {joints} joints for a 2-D tip position, so it is redundant."
     drawn = ""
     if arm.schematic:
         drawn = f"""
@@ -157,7 +160,7 @@ This page describes the id with its own scene, {name}; made with another `scene`
 ## Description
 Point masses of {masses} kg, link lengths {lengths} m; effects: {effects}.
 Efforts act at the joints and are constant over a control interval of {dt} s ({rate} Hz), which is simulated
-{accuracy.lstrip()}; `accuracy` chooses another. A tip in two dimensions has {joints} joints.
+{accuracy.lstrip()}; `accuracy` chooses another.{redundant}
 {drawn}
 ## Action Space
 `Box(-1.0, 1.0, ({joints},), float32)`. Finite actions outside saturate and are counted in
@@ -191,7 +194,7 @@ finite, {ends}16 more than 256 impacts in a control interval. The episode goes o
 ## Info
 At a reset and at every step; a stable-baselines3 environment gives most of it at the end of an episode
 and in `reset_infos`, and in between `is_success` and `TimeLimit.truncated`. In vector environments
-`_<key>` tells for which environments a key holds.
+`_<key>` says for which environments a key holds.
 
 {info_table(scene, task)}
 

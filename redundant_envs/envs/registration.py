@@ -152,6 +152,12 @@ def register_arm(arm: type[Arm], scene: Mapping[str, Any] | str | Path | None = 
 
     if not (isinstance(arm, type) and issubclass(arm, robots.Arm)):
         raise ValueError(f"arm is {arm!r}; give a class derived from redundant_envs.Arm")
+    if issubclass(arm, robots.Chain):
+        types = getattr(arm, "joint_types", "RPR")
+        raise ValueError(
+            f"arm is Chain, which scenes know; for environments give the arm a class and a name of its own: "
+            f"class {types}(rde.Arm): joint_types = {types!r}"
+        )
     _check_name("the arm", getattr(arm, "kind", None))
     for f in arm.functions:
         dialect.check(f)

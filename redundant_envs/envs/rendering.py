@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.envs.core import Core
+from redundant_envs.envs.lettering import cover, from_segment
 from redundant_envs.robots.arm import Arm
 from redundant_envs.scene import identifier
 
@@ -23,6 +24,17 @@ JOINT = (28, 36, 52)
 BAR_TRACK = (226, 229, 234)
 BAR_PLUS = (70, 120, 190)
 BAR_MINUS = (205, 92, 92)
+INK = (74, 84, 104)
+SOFT = (160, 166, 178)
+MARGIN = 16
+"""From the border of the picture to what is written in it, px."""
+LETTERS, SMALL_LETTERS = 13.0, 9.0
+"""Heights of digits, px."""
+BAR_WIDTH, BAR_HEIGHT, BAR_GAP = 96, 9, 6
+BARS = "effort / limit"
+"""What the bars show: each motor's effort as a share of its limit, from -1 to 1."""
+HOLDING = {"hold", "is_success"}
+"""Of a task that counts the steps its tip is held at the goal: how long is written, green from success on."""
 TRAIL_LENGTH = 100
 CENTRES = np.arange(SIZE, dtype=np.float32) + np.float32(0.5)
 """Middles of the pixels of a row or a column."""
@@ -39,14 +51,14 @@ class Canvas:
             self.pixels = background.copy()
         self.scale = SIZE / (2.0 * half_width)
 
-    def _place(self, point: NDArray[np.float64]) -> tuple[float, float]:
+    def _pixel(self, point: NDArray[np.float64]) -> tuple[float, float]:
         return SIZE / 2 + self.scale * float(point[0]), SIZE / 2 - self.scale * float(point[1])
 
     def _blend(
         self, low: tuple[float, float], high: tuple[float, float], color: tuple[int, int, int],
         distance: Callable[[Any, Any], Any], alpha: float,
     ) -> None:  # fmt: skip
-        """Colour what lies inside a shape, given by its signed distance [px] from places x, y."""
+        """Colour what lies inside a shape, given by its signed distance [px] at x, y."""
         x0, y0 = (max(0, int(v) - 2) for v in low)
         x1, y1 = (min(SIZE, int(v) + 3) for v in high)
         if x0 >= x1 or y0 >= y1:
@@ -61,7 +73,7 @@ class Canvas:
         color: tuple[int, int, int], alpha: float = 1.0,
     ) -> None:  # fmt: skip
         """A thick line with round ends; width in pixels."""
-        (ax, ay), (bx, by) = self._place(a), self._place(b)
+        (ax, ay), (bx, by) = self._pixel(a), self._pixel(b)
         r = width / 2
 
         def distance(x: NDArray[np.float32], y: NDArray[np.float32]) -> Any:
@@ -75,7 +87,7 @@ class Canvas:
         alpha: float = 1.0, ring: float = 0.0,
     ) -> None:  # fmt: skip
         """A disc, or a ring of the given width; sizes in pixels."""
-        cx, cy = self._place(center)
+        cx, cy = self._pixel(center)
 
         def distance(x: NDArray[np.float32], y: NDArray[np.float32]) -> Any:
             dx, dy = x - cx, y - cy
@@ -96,9 +108,9 @@ class Canvas:
         """
         if len(points) < 2:
             return
-        places = (SIZE / 2 + self.scale * points * (1.0, -1.0)).astype(np.float32)
-        steep = np.abs(np.diff(places[:, 1])) > np.abs(np.diff(places[:, 0]))
-        a, b = places[:-1].copy(), places[1:].copy()
+        at = (SIZE / 2 + self.scale * points * (1.0, -1.0)).astype(np.float32)
+        steep = np.abs(np.diff(at[:, 1])) > np.abs(np.diff(at[:, 0]))
+        a, b = at[:-1].copy(), at[1:].copy()
         a[steep], b[steep] = a[steep, ::-1], b[steep, ::-1]
         r = width / 2
         first = np.maximum(np.minimum(a[:, 0], b[:, 0]) - r - 1, 0).astype(int)
@@ -118,32 +130,38 @@ class Canvas:
         shown = (cover > 0.0) & (row >= 0) & (row < SIZE)
         turned = steep[segment, None]
         column = np.broadcast_to(column[:, None], row.shape)
-        at = np.where(turned, column * SIZE + row, row * SIZE + column)[shown]
+        index = np.where(turned, column * SIZE + row, row * SIZE + column)[shown]
         strongest = np.zeros(SIZE * SIZE, np.float32)
-        np.maximum.at(strongest, at, cover[shown].astype(np.float32))
+        np.maximum.at(strongest, index, cover[shown].astype(np.float32))
         flat = self.pixels.reshape(-1, 3)
-        patch = flat[at]
-        mix(patch, strongest[at], color)
-        flat[at] = patch
+        patch = flat[index]
+        mix(patch, strongest[index], color)
+        flat[index] = patch
 
-    def bar(self, index: int, count: int, value: float) -> None:
-        """One of some horizontal bars in the lower left corner, from its middle, for a value in [-1, 1]."""
-        left, width, height = 16, 84, 7
-        top = SIZE - 16 - (count - index) * (height + 6)
-        self.pixels[top : top + height, left : left + width] = BAR_TRACK
-        middle = left + width // 2
-        end = middle + round(float(np.clip(value, -1.0, 1.0)) * width / 2)
-        color = BAR_PLUS if value >= 0 else BAR_MINUS
-        self.pixels[top : top + height, min(middle, end) : max(middle, end)] = color
-        self.pixels[top - 1 : top + height + 1, middle] = JOINT
+    def text(
+        self, text: str, x: int, y: int, color: tuple[int, int, int], height: float = LETTERS,
+        from_right: bool = False,
+    ) -> None:  # fmt: skip
+        """A line of text with its upper left corner, or its upper right one, at a pixel (x, y)."""
+        weight = cover(text, height)
+        rows, columns = weight.shape
+        left = x - columns if from_right else x
+        mix(self.pixels[y : y + rows, left : left + columns], weight, color)
 
-
-def from_segment(x: Any, y: Any, dx: Any, dy: Any) -> Any:
-    """Distance of places from a segment, both relative to its start; (dx, dy) is its end."""
-    s = (x * dx + y * dy) / np.maximum(dx * dx + dy * dy, np.float32(1e-9))
-    s = np.maximum(np.minimum(s, 1.0), 0.0)
-    ex, ey = x - s * dx, y - s * dy
-    return np.sqrt(ex * ex + ey * ey)
+    def bars(self, values: Sequence[float]) -> None:
+        """Values in [-1, 1] as horizontal bars in the lower left corner, numbered from 1, with a heading."""
+        pitch = BAR_HEIGHT + BAR_GAP
+        top = SIZE - MARGIN - len(values) * pitch
+        self.text(BARS, MARGIN - 2, top - 18, INK, SMALL_LETTERS)
+        left = MARGIN + (14 if len(values) < 10 else 22)
+        middle = left + BAR_WIDTH // 2
+        for k, value in enumerate(values):
+            row = slice(top + k * pitch, top + k * pitch + BAR_HEIGHT)
+            self.text(str(k + 1), MARGIN - 2, row.start - 3, INK, SMALL_LETTERS)
+            self.pixels[row, left : left + BAR_WIDTH] = BAR_TRACK
+            end = middle + round(float(np.clip(value, -1.0, 1.0)) * BAR_WIDTH / 2)
+            self.pixels[row, min(middle, end) : max(middle, end)] = BAR_PLUS if value >= 0 else BAR_MINUS
+            self.pixels[row.start - 1 : row.stop + 1, middle] = JOINT
 
 
 def mix(patch: NDArray[np.uint8], weight: NDArray[np.float32], color: tuple[int, int, int]) -> None:
@@ -223,7 +241,7 @@ class Renderer:
     def record(self, steps: NDArray[np.float64], tips: NDArray[np.float64]) -> None:
         """Remember where all tips are, (n, 2), after so many steps of their episodes, (n,).
 
-        A trail begins anew with an episode, and where a state was set.
+        A trail starts again with an episode, and where a state was set.
         """
         newest = self._tips[np.arange(len(tips)), (self._count - 1) % TRAIL_LENGTH]
         stepped = (steps == self._last + 1.0) & (steps > 0.0)
@@ -241,8 +259,11 @@ class Renderer:
             return self._tips[lane, :count]
         return np.roll(self._tips[lane], -(count % TRAIL_LENGTH), axis=0)
 
-    def draw(self, lane: int) -> NDArray[np.uint8]:
-        """The picture of a lane, (480, 480, 3) uint8."""
+    def draw(self, lane: int, written: bool = True) -> NDArray[np.uint8]:
+        """The picture of a lane, (480, 480, 3) uint8, with time, efforts and how long the goal was held.
+
+        ``written=False`` leaves these out.
+        """
         core, arm = self.core, self.core.scene.robot
         index = np.array([lane])
         q = core.memory.read(arm.coordinates, index)[0]
@@ -253,22 +274,33 @@ class Renderer:
 
         canvas = Canvas(self.half_width, self._background)
         base = np.zeros(2)
-        if core.goal_fields:
-            goal = core.memory.read(core.goal_fields, index)[0]
-            radius = canvas.scale * core.reach * getattr(core.task, "goal_tolerance", 0.0)
-            canvas.disc(goal, radius + 9.0, GOAL, alpha=0.18)
-            canvas.disc(goal, max(radius, 3.0), GOAL)
         canvas.trail(self.trail(lane), 3.0, TRAIL, faint=0.15, strong=0.9)
         draw_links(canvas, own_arm, q, self._travel(index))
         canvas.disc(base, 9.0, JOINT)
         canvas.disc(base, 4.0, BACKGROUND)
-        canvas.disc(tip, 5.0, TRAIL)
-        for k, effort in enumerate(efforts):
-            canvas.bar(k, len(efforts), effort if steps > 0 else 0.0)
+        canvas.disc(tip, 6.5, TRAIL)
+        if core.goal_fields:
+            goal = core.memory.read(core.goal_fields, index)[0]
+            radius = canvas.scale * core.reach * getattr(core.task, "goal_tolerance", 0.0)
+            canvas.disc(goal, max(radius, 3.0), GOAL)
+            canvas.disc(goal, radius + 8.0, GOAL, ring=2.5)
+        if written:
+            self._write(canvas, index, steps, efforts)
         return canvas.pixels
 
+    def _write(self, canvas: Canvas, index: NDArray[np.intp], steps: float, efforts: Sequence[float]) -> None:
+        core = self.core
+        canvas.bars([effort if steps > 0 else 0.0 for effort in efforts])
+        dt = core.scene.control_dt
+        canvas.text(f"time {steps * dt:.2f} s", MARGIN, MARGIN, INK)
+        if {*core.task.memory, *core.task.metrics} >= HOLDING:
+            hold, success = core.memory.read(("hold", "is_success"), index)[0]
+            if hold > 0:
+                held = f"held {hold * dt:.2f} s"
+                canvas.text(held, SIZE - MARGIN, MARGIN, GOAL if success else SOFT, from_right=True)
+
     def _catch_up(self, lane: int, steps: float, tip: NDArray[np.float64]) -> None:
-        """Begin the trail of one lane anew if its state was set since it was last recorded."""
+        """Start the trail of one lane again if its state was set since it was last recorded."""
         all_steps = self._last.copy()
         all_steps[lane] = steps
         tips = self._tips[np.arange(len(self._count)), (self._count - 1) % TRAIL_LENGTH]

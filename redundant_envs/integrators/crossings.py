@@ -8,7 +8,8 @@ from __future__ import annotations
 import enum
 from typing import Any, NamedTuple
 
-from redundant_envs.algebra import logical_not, maximum, minimum, sqrt, where
+from redundant_envs.algebra import floor, logical_not, maximum, minimum, sqrt, where
+from redundant_envs.integrators.methods import Watched
 from redundant_envs.integrators.sliders import Slider
 
 
@@ -21,7 +22,7 @@ class Crossing(enum.IntEnum):
     TURNS_NEAR = 2
     """It turns once, and may be beyond it then."""
     UNCLEAR = 4
-    """It may pass it more often than its ends and its turn tell."""
+    """It may pass it more often than its ends and its turning point show."""
 
 
 class Unseen(NamedTuple):
@@ -57,12 +58,33 @@ def acceleration_bounds(s: Slider, unseen: Unseen) -> tuple[Any, Any]:
     released there, so its first stage is an end of the range: nothing is added towards that stop.
     """
     w = s.watched
-    down = where(w.least < minimum(w.first, w.last), unseen.between, unseen.at_ends) * (w.most - w.least)
-    up = where(w.most > maximum(w.first, w.last), unseen.between, unseen.at_ends) * (w.most - w.least)
+    down, up = margins(w, unseen)
     return (
         where(s.start_position > s.lower, w.least - down, w.least),
         where(s.start_position < s.upper, w.most + up, w.most),
     )
+
+
+def margins(w: Watched, unseen: Unseen) -> tuple[Any, Any]:
+    """By how much a parabola may leave the range of its values at the stages of a step, down and up."""
+    down = where(w.least < minimum(w.first, w.last), unseen.between, unseen.at_ends) * (w.most - w.least)
+    up = where(w.most > maximum(w.first, w.last), unseen.between, unseen.at_ends) * (w.most - w.least)
+    return down, up
+
+
+def meets_kink(w: Watched, levels: bool, unseen: Unseen) -> tuple[Any, Any]:
+    """Whether a quantity passes 0, or with ``levels`` a whole number, in a step: seen at stages, or hidden.
+
+    It may do so between two stages and come back; one that starts there leaves that behind.
+    """
+    down, up = margins(w, unseen)
+    if levels:
+        seen = floor(w.least) < floor(w.most)
+        hidden = floor(w.least - down) < floor(w.most + up)
+    else:
+        seen = (w.least < 0.0) & (w.most > 0.0)
+        hidden = (w.least - down < 0.0) & (w.most + up > 0.0) & (w.first != 0.0)
+    return seen, hidden & logical_not(seen)
 
 
 def excursions(s: Slider, h: Any, lo: Any, hi: Any) -> tuple[Any, Any]:

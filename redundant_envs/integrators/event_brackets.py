@@ -209,7 +209,7 @@ def ends_at_event(
     """
     gap, narrow = sought.gap, bracket.is_narrow(trial.left)
     late = gap * (trial.h - search.low) <= RELEASE_SHARE * trial.left * (gap - search.gap_low)
-    # A slider that is told from its stop where the bracket ends has not come there.
+    # A slider that is distinguishable from its stop at the end of the bracket has not arrived.
     rounding = sought.closeness + 4.0 * ROUNDING * trial.left * abs(sought.speed)
     at_stop = (abs(gap) <= sought.closeness) | rest_of_way.possible | (narrow & (gap >= -rounding))
     return where(sought.free, at_stop, (narrow | late) & sought.over)

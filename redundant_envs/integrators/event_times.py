@@ -135,7 +135,7 @@ def crossing_time(s: Slider, h: Any, side: Any, gap: Any, share: Any, turned: An
 
 
 def chord_share(s: Slider, e: Encounter, h: Any, side: Any, gap: Any) -> Any:
-    """At which share of a step a slider has its event, by what both ends tell: one division for two formulas.
+    """At which share of a step a slider has its event, from both ends: one division for two formulas.
 
     A free slider has it where the parabola of its positions and first velocity meets the stop, a resting one
     where the chord of the forces that hold it changes its sign.
@@ -168,7 +168,7 @@ def first_event(s: Slider, e: Encounter, h: Any, per_h: Any, smooth: bool) -> Sl
     side = s.side_beyond
     gap = s.start_position - s.stop(side)
     share = chord_share(s, e, h, side, gap)
-    # A slider that begins at its stop and comes back has no such place: near the end, if anywhere.
+    # A slider that begins at its stop and comes back has no such position: near the end, if anywhere.
     guess = where(share > 0.0, where(share < 1.0, share, 1.0), 1.0)
     impact = h * guess
     if smooth:
@@ -205,7 +205,7 @@ class Arrival(NamedTuple):
 def arrival_nearby(s: Slider, h: Any) -> Arrival:
     """When a slider is at a stop that it starts right before, however the step of ``h`` ends.
 
-    Which of two such sliders comes first is told by what they start with. One that its acceleration turns
+    Which of two such sliders comes first follows from their start. One that its acceleration turns
     before it is beyond by more than rounding does not arrive.
     """
     side, speed = where(s.start_velocity > 0.0, 1.0, -1.0), abs(s.start_velocity)

@@ -14,7 +14,7 @@ from redundant_envs.algebra import maximum, where
 from redundant_envs.integrators.methods import Watched
 
 ROUNDING = 8.881784197001252e-16
-"""Four units in the last place, relative: nearer than that positions and times are not told apart."""
+"""Four units in the last place, relative: positions and times that are nearer count as equal."""
 NO_STOP = 1e300
 """Larger limits are none: infinite ones must not make every position close."""
 MARGIN = 1e-13

@@ -134,6 +134,9 @@ MANY_IMPACTS, MOST_STEPS_OF_MANY = 32.0, 256.0
 """With more steps as many impacts multiply no more than rounding."""
 STEPS_PER_IMPACT = 8.0
 """With fewer steps a comparison of a kinked interval with half as many does not count."""
+STEPS_OF_HIDDEN_KINK = 16.0
+"""Nor does it with fewer than these if a kink may have been passed and passed back between two stages: it may
+have been between stages with half as many steps, too."""
 KINKED_GROWTH, KINKED_SHARE = 16.0, 0.25
 """Of a kinked interval so many times its error must pass, and no more of the tolerance be the change to
 half as many steps: across a kink both are by chance much smaller than the error now and then. With 8 impacts
@@ -180,7 +183,8 @@ class Crossed(NamedTuple):
     least : steps that the present rates need
     change : by how much the tip comes out otherwise than the time before, m
     impacts : so far
-    doubtful, kinked : whether the error may be more than its estimate; whether a force has had a kink
+    doubtful, kinked : whether the error may be more than its estimate; whether a force may have had a kink
+    hidden_kink : whether it may have had one that no stage has seen
     """
 
     ended: Any
@@ -192,6 +196,7 @@ class Crossed(NamedTuple):
     impacts: Any
     doubtful: Any = False
     kinked: Any = False
+    hidden_kink: Any = False
 
 
 def end_doubling(c: Crossed, error: Any, tip_tolerance: Any, min_steps: Any, interval: Any) -> Ending:
@@ -209,7 +214,8 @@ def end_doubling(c: Crossed, error: Any, tip_tolerance: Any, min_steps: Any, int
     most = where(c.impacts < MANY_IMPACTS, MOST_STEPS, MOST_STEPS_OF_MANY)
     growth = where(c.impacts < CHECKED_IMPACTS, KINKED_GROWTH, GROWTH)
     sure = (growth * error <= tip_tolerance) & (c.change <= KINKED_SHARE * tip_tolerance)
-    sure = sure & (c.steps >= minimum(STEPS_PER_IMPACT * c.impacts, most))
+    least = maximum(STEPS_PER_IMPACT * c.impacts, where(c.hidden_kink, STEPS_OF_HIDDEN_KINK, 1.0))
+    sure = sure & (c.steps >= minimum(least, most))
     alike = where(c.kinked, sure, c.change <= tip_tolerance)
     same = (grown <= tip_tolerance) | alike
     min_steps = where(c.accepted, maximum(min_steps, c.least), min_steps)

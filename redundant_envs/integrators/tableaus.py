@@ -59,7 +59,7 @@ class Tableau:
         """By how much a parabola may leave the range of its values at the nodes, in units of that range.
 
         The largest over all places of its vertex whose nearest node is the first or last one, or is
-        not; found on a grid of those. 0 of methods with fewer than three nodes, which tell nothing of it.
+        not; found on a grid of those. 0 for methods with fewer than three nodes, which give no bound.
         """
         if len(set(self.c)) < 3:
             return 0.0

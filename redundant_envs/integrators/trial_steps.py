@@ -76,7 +76,7 @@ class Bracket(NamedTuple):
     gap_high: Any
 
     def is_narrow(self, left: Any) -> Any:
-        """Whether its ends are not told apart in the time left."""
+        """Whether its ends count as equal in the time left."""
         return self.high - self.low <= ROUNDING * left
 
 

@@ -191,7 +191,7 @@ class BatchSimulator(Copied):
     def set_state(self, q: ArrayLike, qd: ArrayLike, index: ArrayLike | None = None) -> None:
         """Set coordinates and velocities, (..., joints), of all lanes or of those in ``index``.
 
-        States of effects begin anew, and sliders rest at no stop.
+        States of effects start again, and sliders rest at no stop.
         """
         lanes = self._lanes(index)
         arm = self.scene.robot

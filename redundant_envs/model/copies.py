@@ -1,4 +1,4 @@
-"""Copies and pickles of what runs a simulator: they share it, or find it anew and see that it is the same."""
+"""Copies and pickles of what runs a simulator: they share it, or find it again and check that it is equal."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from redundant_envs.model.programs import Simulator
 
 
 class Copied(ABC):
-    """A class whose objects have a simulator, which copies share; what they do not, they make anew."""
+    """A class whose objects have a simulator, which copies share; what they do not share, they make again."""
 
     made_anew: ClassVar[tuple[str, ...]]
     """Attributes that copies do not take over: compiled code, threads, and views of other arrays."""

@@ -128,7 +128,7 @@ class Memory:
             self.column(name)[:] = value
 
     def forget(self, index: NDArray[Any]) -> None:
-        """Lanes that a stop holds are released, and their steps chosen anew: a new motion begins."""
+        """Release lanes that a stop holds, and choose their steps again: a new motion begins."""
         names = [n for n in self.layout.rows[STATE] if n.startswith("active_stop_") or n == "next_step"]
         if names:
             self.write(names, 0.0, index)

@@ -151,7 +151,7 @@ def check_stops(
                 lane = int(np.flatnonzero(outside)[0])
                 raise ValueError(
                     f"{scene.robot.joints[hook.joint]} is {x[lane]:.6g} m; its stops are at "
-                    f"{ends[0][lane]:.6g} and {ends[1][lane]:.6g} m: place it between them"
+                    f"{ends[0][lane]:.6g} and {ends[1][lane]:.6g} m: put it between them"
                 )
 
 

@@ -81,7 +81,7 @@ _kept: OrderedDict[str, Simulator] = OrderedDict()
 def _kept_or_made(make: Callable[[], Simulator], scene: Scene, *more: Any) -> Simulator:
     """A simulator of this process, where all that it is made of is of this package.
 
-    What users write is traced each time: a function may have been defined again. Names tell scenes apart to
+    What users write is traced each time: a function may have been defined again. Names distinguish scenes for
     the sign of a zero, which equality does not.
     """
     parts = (scene.robot, *scene.effects, *(part for part in more if not isinstance(part, bool)))
@@ -98,7 +98,7 @@ def _kept_or_made(make: Callable[[], Simulator], scene: Scene, *more: Any) -> Si
 
 def batch_simulator(scene: Scene, track_work: bool) -> Simulator:
     """The simulator of a batch."""
-    return _kept_or_made(lambda: _traced_batch(scene, track_work), scene, track_work)
+    return _kept_or_made(lambda: traced_batch(scene, track_work), scene, track_work)
 
 
 def environment_simulator(scene: Scene, task: Task) -> Simulator:
@@ -106,7 +106,8 @@ def environment_simulator(scene: Scene, task: Task) -> Simulator:
     return _kept_or_made(lambda: _traced_environment(scene, task), scene, task)
 
 
-def _traced_batch(scene: Scene, track_work: bool) -> Simulator:
+def traced_batch(scene: Scene, track_work: bool) -> Simulator:
+    """The simulator of a batch, traced anew."""
     dynamics = Dynamics(scene, track_work)
     with uncollected():
         kernel, blocks = advance_kernel(dynamics)
@@ -175,11 +176,11 @@ class Part(Call):
 
     @property
     def moved(self) -> bool:
-        """Whether the memory is elsewhere than the kernel was told."""
+        """Whether the memory has moved since the kernel got its addresses."""
         return self._version != self.memory.version
 
     def place(self) -> None:
-        """Tell the kernel where the memory is: arrays of parameters are replaced when lanes differ."""
+        """Give the kernel the addresses of the memory: parameters get new arrays when lanes differ."""
         if not self.moved:
             return
         arrays, self._version = self.memory.arrays, self.memory.version

@@ -35,7 +35,7 @@ def simulator_facts(simulator: Simulator, num_envs: int, more: Mapping[str, Any]
 def plain(value: Any) -> Any:
     """JSON data that is the same for equal values in every process.
 
-    An object is told by its class and what it holds, never by its address, and a set in a fixed order.
+    An object is described by its class and contents, never by its address; a set is put in a fixed order.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def plain(value: Any) -> Any:
     if " at 0x" not in repr(value):
         return f"{name} {value!r}"
     raise ValueError(
-        f"the scene holds a {name} that cannot be told from others in a snapshot; give the class a "
+        f"the scene holds a {name} that cannot be distinguished from others in a snapshot; give the class a "
         "__repr__ or __reduce__ that says what it holds"
     )
 

@@ -1,10 +1,11 @@
-"""Arms: every printed equation, marked with its place. A new arm is one file here and one line below."""
+"""Arms: every printed equation, with a mark of where it is printed. A new arm is a file and a line here."""
 
 from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.chain import Chain
 from redundant_envs.robots.four_r import FourR
 from redundant_envs.robots.rprp import RPRP
 
-__all__ = ["RPRP", "Arm", "FourR"]
+__all__ = ["RPRP", "Arm", "Chain", "FourR"]
 
-REGISTRY: dict[str, type[Arm]] = {arm.kind: arm for arm in (RPRP, FourR)}
+REGISTRY: dict[str, type[Arm]] = {"RPRP": RPRP, "FourR": FourR, "Chain": Chain}
 """Arms by their name in scene files."""

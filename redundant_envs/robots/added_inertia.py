@@ -105,6 +105,7 @@ def _of_point_masses(function: Function, bare: set[str]) -> Function:
     def renamed(*values: Any) -> Any:
         return function(*values)
 
+    vars(renamed).pop("follows", None)  # nothing else gives this
     return renamed
 
 

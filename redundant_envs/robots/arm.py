@@ -14,11 +14,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.algebra import gives_of, numbered
-from redundant_envs.extras import needs
 from redundant_envs.quantities import Quantities
-from redundant_envs.robots import derived
+from redundant_envs.robots import derived, from_points
 from redundant_envs.robots.checks import check_joints, check_quantities
+from redundant_envs.robots.joint_types import (
+    check_joint_types,
+    coordinates_of_joints,
+    facts_of,
+    functions_of,
+)
+from redundant_envs.robots.mobility import mobility_bounds
 from redundant_envs.robots.parameters import positive_numbers
+from redundant_envs.robots.symbols import symbols_of
 from redundant_envs.values import shown
 
 Array = NDArray[np.float64]
@@ -29,17 +36,33 @@ Function = Callable[..., Any]
 class Arm:
     """A planar arm of point masses.
 
-    A subclass names its coordinates and gives functions of the physics dialect for n joints:
+    A subclass says the types of its joints and gives a function of the physics dialect for the positions of
+    its point masses, ``x1 y1 x2 ...``, the last of them at the tip::
 
-    * ``x1 y1 ...`` the point masses, the last of them at the tip, ``J11 .. J2n`` and ``Jdqd1 Jdqd2``;
-    * ``M11 .. Mnn``, ``h1 .. hn``, and in the field (ax, ay) ``G1 .. Gn``;
-    * if its coordinates are not those of the joints: ``phi1 ..``, ``phid1 ..``, ``Q1 ..`` of ``t1 ..``, each
-      by a function of its own, and ``coordinates_of_joints``.
+        @physics(gives="x1 y1 x2 y2")
+        def points(l1, l2, s1, c1, s2, c2):
+            x1, y1 = l1 * c1, l1 * s1
+            return x1, y1, x1 + l2 * c2, y1 + l2 * s2
 
-    Functions of the position alone give nothing that depends on rates.
+        class TwoR(Arm):
+            joint_types = "RR"
+            functions = (points,)
 
-    The rest follows (:mod:`redundant_envs.robots.derived`), unless it gives that too. Angles are absolute in
-    the arms of this package; (ax, ay) is minus the gravity vector [m/s^2].
+    Its coordinates then are ``theta1 theta2 ...`` of revolute joints, absolute angles from +x with the rates
+    ``w1 ..``, the sines ``s1 ..`` and the cosines ``c1 ..``, and ``r1 ..`` of sliders, with the rates ``v1
+    ..``. Without functions the masses are at the ends of links and sliders (:class:`~redundant_envs.Chain`).
+
+    The rest follows by differentiation, with the mobility bounds. A function may give any of it in a better
+    form: the Jacobian ``J11 .. J2n`` of the tip, ``Jdqd1 Jdqd2``, the mass matrix ``M11 .. Mnn``, the bias
+    forces ``h1 .. hn``, the Coriolis matrix ``C11 .. Cnn``, in the field (ax, ay) the gravity forces ``G1 ..
+    Gn``, the accelerations ``qdd1 ..``, ``T``, ``U``, ``Lz``, ``manipulability``. Functions of the position
+    alone give nothing that depends on rates. ``python -m redundant_envs verify`` compares such forms with the
+    point masses.
+
+    An arm with coordinates of its own names them, ``coordinates``, ``rates``, ``joints``, ``prismatic``,
+    ``sincos`` and ``num_lengths``, in place of ``joint_types``. If they are not those of the joints it gives
+    ``phi1 ..``, ``phid1 ..``, ``Q1 ..`` of ``t1 ..``, each by a function of its own, and
+    ``coordinates_of_joints``. (ax, ay) is minus the gravity vector [m/s^2].
 
     Parameters
     ----------
@@ -56,6 +79,8 @@ class Arm:
     """Names of what the class has without having said it."""
     kind: ClassVar[str]
     """Name of the arm in scene files: that of the class, unless it says otherwise."""
+    joint_types: ClassVar[str]
+    """Types of the joints from base to tip, R or P each, of an arm that does not name its coordinates."""
     num_masses: ClassVar[int]
     num_lengths: ClassVar[int]
     coordinates: ClassVar[tuple[str, ...]]
@@ -76,7 +101,8 @@ class Arm:
     """``n1 .. nn``: metres at the tip per unit of each coordinate."""
     mobility_bounds: ClassVar[Function | None] = None
     """``W1 .. Wn`` of the parameters: upper bounds of diag(B^T M^-1 B) in every pose, from which error
-    control knows how fast springs and dampers may make the arm. None allows neither with a tolerance."""
+    control knows how fast springs and dampers may make the arm. None, where the point masses do not show
+    them, allows neither with a tolerance."""
     held_dynamics: ClassVar[Function | None] = None
     """Dynamics with sliders at rest; None of an arm without sliders."""
     slider_mobility: ClassVar[Function | None] = None
@@ -93,9 +119,14 @@ class Arm:
     def __init_subclass__(cls) -> None:
         """Add what follows from what the class gives, and refuse a class that lacks something."""
         super().__init_subclass__()
-        if "functions" not in cls.__dict__:
+        if not {"functions", "joint_types"} & cls.__dict__.keys():
             return
-        own = vars(cls)
+        cls._derived = cls._derived - cls.__dict__.keys()
+        cls.functions = tuple(f for f in getattr(cls, "functions", ()) if not derived.follows(f))
+        types = getattr(cls, "joint_types", None)
+        if types is not None:
+            check_joint_types(f"{cls.__name__}.joint_types", types)
+            cls._say(facts_of(types, cls.functions))
         check_joints(cls)
         for name in (
             "column_norms",
@@ -104,34 +135,42 @@ class Arm:
             "slider_mobility",
             "coordinates_of_joints",
         ):
-            if callable(own.get(name)) and not isinstance(own[name], staticmethod):
-                setattr(cls, name, staticmethod(own[name]))
-        said = {name for base in cls.__mro__[:-2] for name in vars(base)} - cls._derived
-        made = {name: value for name, value in _defaults(cls).items() if name not in said or name == "kind"}
-        for name, value in made.items():
-            if name not in own:
-                setattr(cls, name, value)
-        cls._derived = cls._derived | frozenset(made)
-        cls.functions = tuple(f for f in cls.functions if not derived.is_point_motion(f))
-        given = {name for f in cls.functions for name in gives_of(f)}
-        n = len(cls.coordinates)
-        if "phi1" not in given:
-            cls.functions += tuple(derived.joint_coordinates(cls.coordinates, cls.rates))
-            if "coordinates_of_joints" not in own:
-                cls._derived |= {"coordinates_of_joints"}
-                cls.coordinates_of_joints = staticmethod(derived.coordinates_of_joints(cls.coordinates))
-        for name, function in (
-            ("tip_x", derived.tip(cls.num_masses)),
-            ("tip_vx", derived.tip_velocity(cls.rates)),
-            ("manipulability", derived.manipulability(n)),
-            ("U", derived.potential_energy(cls.num_masses)),
-            ("T", derived.kinetic_energy(cls.rates)),
-            ("qdd1", derived.forward_dynamics(n)),
-        ):
-            cls.functions += () if name in given else (function,)
-        of_points = [f for k in range(cls.num_masses) for f in derived.point_motion(cls, k + 1)]
-        cls.functions += tuple(f for f in of_points if gives_of(f)[0] not in given)
+            if callable(cls.__dict__.get(name)) and not isinstance(cls.__dict__[name], staticmethod):
+                setattr(cls, name, staticmethod(cls.__dict__[name]))
+        cls._say(_defaults(cls))
+        if types is not None:
+            cls._follow(functions_of(types, cls._given()))
+            cls._say({"coordinates_of_joints": staticmethod(coordinates_of_joints(types))})
+        elif "phi1" not in cls._given():
+            cls._follow(derived.joint_coordinates(cls.coordinates, cls.rates))
+            cls._say({"coordinates_of_joints": staticmethod(derived.coordinates_of_joints(cls.coordinates))})
+        cls._follow(from_points.functions_of(cls, cls._given()))
+        cls._follow(derived.functions_of(cls, cls._given()))
         check_quantities(cls)
+        if not cls._has_said("mobility_bounds"):
+            bounds = mobility_bounds(cls)
+            cls._say({"mobility_bounds": None if bounds is None else staticmethod(bounds)})
+
+    @classmethod
+    def _given(cls) -> set[str]:
+        return {name for f in cls.functions for name in gives_of(f)}
+
+    @classmethod
+    def _follow(cls, functions: Iterable[Function]) -> None:
+        """Add functions that follow from the others; a class derived from this one finds its own."""
+        cls.functions += tuple(derived.following(f) for f in functions)
+
+    @classmethod
+    def _has_said(cls, name: str) -> bool:
+        return name not in cls._derived and any(name in vars(base) for base in cls.__mro__[:-2])
+
+    @classmethod
+    def _say(cls, facts: Mapping[str, Any]) -> None:
+        """Set attributes that neither the class nor a base has said itself; each class has its own kind."""
+        for name, value in facts.items():
+            if not cls._has_said(name) or (name == "kind" and name not in cls.__dict__):
+                cls._derived |= {name}
+                setattr(cls, name, value)
 
     def __post_init__(self) -> None:
         masses = positive_numbers("masses", self.masses, self.num_masses, "kg")
@@ -263,48 +302,7 @@ class Arm:
             "tip", "Jdot_qd" (column Matrix); "T", "U", "Lz", "manipulability" (expressions); of these
             what the arm has.
         """
-        with needs("verify"):
-            import sympy as sp
-        import redundant_envs.backends.sympy  # noqa: F401 - lets expressions be numbers
-
-        def make(names: Iterable[str], **assumed: bool) -> dict[str, Any]:
-            return {n: sp.Symbol(n, **assumed) for n in names}
-
-        n = len(self.coordinates)
-        parameters = make(self.parameter_values(), positive=True)
-        q, qd = make(self.coordinates, real=True), make(self.rates, real=True)
-        forces = make(numbered("Q{}", n), real=True)
-        field = {"ax": sp.Integer(0), "ay": sp.Symbol("g", real=True)}
-        state = {**parameters, **q, **qd, **field}
-        given = {name for f in self.functions for name in gives_of(f)}
-
-        def matrix(letter: str, rows: int) -> Any:
-            names = [f"{letter}{i + 1}{j + 1}" for i in range(rows) for j in range(n)]
-            return sp.Matrix(rows, n, self.evaluate(names, state)) if names[0] in given else None
-
-        def column(letter: str, extra: Mapping[str, Any] | None = None) -> Any:
-            return sp.Matrix(self.evaluate(numbered(f"{letter}{{}}", n), {**state, **(extra or {})}))
-
-        made = {
-            "q": list(q.values()),
-            "qd": list(qd.values()),
-            "Q": list(forces.values()),
-            "parameters": {**parameters, "g": field["ay"]},
-            "M": matrix("M", n),
-            "C": matrix("C", n),
-            "J": matrix("J", 2),
-            "h": column("h"),
-            "G": column("G"),
-            "qdd": column("qdd", forces),
-            "tip": sp.Matrix(self.evaluate(("tip_x", "tip_y"), state)),
-            "Jdot_qd": sp.Matrix(self.evaluate(("Jdqd1", "Jdqd2"), state)),
-        }
-        made |= {
-            name: self.evaluate((name,), state)[0]
-            for name in ("T", "U", "Lz", "manipulability")
-            if name in given
-        }
-        return {name: value for name, value in made.items() if value is not None}
+        return symbols_of(self)
 
 
 def _defaults(arm: type[Arm]) -> dict[str, Any]:

@@ -7,12 +7,11 @@ from typing import Any
 
 from redundant_envs.algebra import gives_of, numbered
 from redundant_envs.quantities import Quantities, givers_of
+from redundant_envs.robots.joint_types import MOST_JOINTS
 
-MOST_JOINTS = 10
-"""With more M111 is an entry of two places."""
 OWN_NAMES = re.compile(
     r"(m|l|t|Q|G|h|n|x|y|vx|vy|phi|phid|qdd|command|action|held|hold|low|high|u|draw)\d+|[JMCWXY]\d{2,4}|"
-    r"tip_v?[xy]|manipulability|Jdqd\d|a[xy]"
+    r"tip_v?[xy]|manipulability|Jdqd\d|[XY]dqd\d+|a[xy]"
 )
 """Names of the quantities that every arm has."""
 OF_LANES = ("h", "interval", "work", "error", "fault", "limit", "steps", "reach", "U", "T", "Lz")

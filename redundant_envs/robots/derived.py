@@ -10,8 +10,6 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from redundant_envs.algebra import numbered, physics, sqrt, where
-from redundant_envs.dual import Dual, dual
-from redundant_envs.quantities import Quantities
 
 Function = Callable[..., Any]
 
@@ -69,41 +67,31 @@ def potential_energy(masses: int) -> Function:
     return potential_energy
 
 
-def point_motion(arm: Any, k: int) -> list[Function]:
-    """The velocity of mass point k, counted from 1, ``vx<k> vy<k>``, and the derivatives of its position by
-    the coordinates, ``X<k>1 .. Y<k>1 ..``; of the functions that the arm has now."""
-    functions, sincos = tuple(arm.functions), arm.sincos
-    coordinates, rates, n = arm.coordinates, arm.rates, len(arm.coordinates)
-    numbers = [*numbered("m{}", arm.num_masses), *numbered("l{}", arm.num_lengths)]
+def functions_of(arm: Any, given: set[str]) -> list[Function]:
+    """What follows from the mass points, the Jacobian, the mass matrix and the forces of an arm's class, and
+    is not yet ``given``."""
+    n = len(arm.coordinates)
+    made = {
+        "tip_x": tip(arm.num_masses), "tip_vx": tip_velocity(arm.rates), "manipulability": manipulability(n),
+        "U": potential_energy(arm.num_masses), "T": kinetic_energy(arm.rates), "qdd1": forward_dynamics(n),
+    }  # fmt: skip
+    return [function for name, function in made.items() if name not in given]
 
-    def moved(values: Sequence[Any], slopes: Sequence[Any]) -> tuple[Any, Any]:
-        q = [Dual(x, v) for x, v in zip(values[:n], slopes, strict=True)]
-        known = dict(zip((*coordinates, *numbers), (*q, *values[n:]), strict=True))
-        x = Quantities(known, functions, sincos)
-        return dual(x[f"x{k}"]).slope, dual(x[f"y{k}"]).slope
 
-    @physics(gives=f"vx{k} vy{k}", takes=" ".join((*coordinates, *numbers, *rates)))
-    def point_velocity(*values):
-        return moved(values[:-n], values[-n:])
+def following(function: Function) -> Function:
+    """Mark a function as one that the arm did not give itself."""
+    function.follows = True  # type: ignore[attr-defined]
+    return function
 
-    entries = [f"{axis}{k}{j + 1}" for axis in "XY" for j in range(n)]
 
-    @physics(gives=" ".join(entries), takes=" ".join((*coordinates, *numbers)))
-    def point_jacobian(*values):
-        columns = [moved(values, [float(i == j) for i in range(n)]) for j in range(n)]
-        return (*(x for x, _ in columns), *(y for _, y in columns))
-
-    return [point_velocity, point_jacobian]
+def follows(function: Function) -> bool:
+    """Whether it was found from other functions of an arm."""
+    return getattr(function, "follows", False)
 
 
 def is_derived(function: Function) -> bool:
-    """Whether a function was made here."""
+    """Whether a function was made here: of matrices and Jacobians, which effects may change."""
     return getattr(function, "__module__", None) == __name__
-
-
-def is_point_motion(function: Function) -> bool:
-    """Whether a function was made by :func:`point_motion`, perhaps for another arm."""
-    return is_derived(function) and function.__name__ in ("point_velocity", "point_jacobian")
 
 
 def manipulability(n: int) -> Function:

@@ -15,7 +15,7 @@ from redundant_envs.simulator.slots import advance
 from redundant_envs.tracing.flow import Kernel
 
 COLUMNS = {"error": "f64", "finite": "i8", "evaluations": "i64", "events": "i64", "numerics": "i8"}
-"""What the kernel tells of each lane, and the types of these arrays."""
+"""Outputs of the kernel for each lane, and the types of these arrays."""
 
 
 def advance_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:

@@ -25,7 +25,7 @@ class AtStops(Setting):
     """Procedures of lanes whose sliders may be at stops."""
 
     def sliders(self, lane: Lane, origin: str, h: Any) -> list[Slider]:
-        """The sliders in a step that began where the fields of a form tell, and the joints with switches."""
+        """The sliders in a step, whose start is in the fields of a form, and the joints with switches."""
         sliders = [
             Slider(
                 lane[q], lane[v], lane[origin.format(q)], lane[origin.format(v)],

@@ -24,7 +24,7 @@ class Switch:
     ----------
     joint : int
     name : str
-    side : the field that tells which law holds: 1 above the upper position, -1 below the lower, 0 between
+    side : the field with the law that holds: 1 above the upper position, -1 below the lower, 0 between
     lower, upper : the fields with these positions
     """
 

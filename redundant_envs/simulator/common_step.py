@@ -11,7 +11,7 @@ from redundant_envs.integrators.methods import Step
 from redundant_envs.integrators.sliders import side_beyond
 from redundant_envs.simulator import stiffness
 from redundant_envs.simulator.at_stops import AtStops
-from redundant_envs.simulator.kinks import kinks_of
+from redundant_envs.simulator.kinks import levels_of
 from redundant_envs.simulator.lane import Lane
 from redundant_envs.simulator.setting import WATCHED, Plan, Reason
 from redundant_envs.simulator.step import (
@@ -96,20 +96,22 @@ class CommonStep(AtStops):
     def _doubt(self, lane: Lane, step: Step, h: Any, moving: Any) -> None:
         """Note whether the error of a step may be more than its estimate."""
         dynamics, sliders = self.dynamics, watched_sliders(self.dynamics)
-        kinks = len(kinks_of(dynamics))
+        levels = levels_of(dynamics.kinks)
         watched = step.watched[len(self.boundaries) :]
-        crossed = [(w.least < 0.0) & (w.most > 0.0) for w in watched[:kinks]]
+        kinks = [crossings.meets_kink(*kink, self.unseen) for kink in zip(watched, levels, strict=False)]
+        hidden = [unseen for _, unseen in kinks]
+        crossed = [seen for seen, _ in kinks] + hidden
         doubts = []
         if integrated_states(dynamics):
             limit = step_control.DOUBTFUL * lane.tip_tolerance
             doubts.append(others_error(dynamics, lane, step, h) > limit)
         if sliders:
-            ways = [h * maximum(w.most, -w.least) for w in watched[kinks:]]
+            ways = [h * maximum(w.most, -w.least) for w in watched[len(levels) :]]
             far = sum(ways[1:], ways[0])
             doubts += [far > step_control.FAR * distance for distance in self._distances(lane, "{}")]
         if moving is not None and pose_tells_distances(dynamics):
             doubts += self._farther(lane, "{}", "{}_start")
-        for name, found in (("kinked", crossed), ("doubtful", doubts)):
+        for name, found in (("kinked", crossed), ("hidden_kink", hidden), ("doubtful", doubts)):
             if found:
                 seen = any_of(found) if moving is None else any_of(found) & moving
                 lane[name] = lane[name] | seen
@@ -152,8 +154,12 @@ class CommonStep(AtStops):
         self._leave(lane, reason)
 
     def kinked(self, lane: Lane) -> Any:
-        """Whether a step of an interval has met a kink, which no estimate sees well."""
+        """Whether a step of an interval may have met a kink, which no estimate sees well."""
         return lane.kinked if "kinked" in self.doubts else False
+
+    def hidden_kink(self, lane: Lane) -> Any:
+        """Whether it may have met one that no stage has seen."""
+        return lane.hidden_kink if "hidden_kink" in self.doubts else False
 
     def doubtful(self, lane: Lane) -> Any:
         """Whether the error of an interval may be more than its estimate, though the motion is smooth.

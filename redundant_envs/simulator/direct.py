@@ -15,7 +15,7 @@ from redundant_envs.simulator.lane import Lane
 from redundant_envs.simulator.setting import GIVEN_UP, Plan, Reason
 
 TOLD = ("error", "fault", "evaluations", "impacts", "next_step", "divisions")
-"""What steps of its own tell of a lane beside its state."""
+"""Outputs of local steps beside the state of a lane."""
 
 
 def some(condition: Any) -> bool:

@@ -25,7 +25,7 @@ from redundant_envs.loaded_arm import added_inertias, carried_masses, identifier
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots.added_inertia import Added, functions_with, held_functions
 from redundant_envs.scene import Scene
-from redundant_envs.simulator import stiffness
+from redundant_envs.simulator import kinks, stiffness
 from redundant_envs.simulator.boundaries import Stop, Switch
 from redundant_envs.tracing.graph import owned
 
@@ -41,7 +41,7 @@ class Dynamics:
         Whether the work of motors and of forces without a potential is a state, too.
     located : bool
         Whether changes of a force's law are located in time where steps are chosen for their error; else
-        the position tells at each evaluation which law holds.
+        the law follows from the position at each evaluation.
     """
 
     scene: Scene
@@ -125,6 +125,11 @@ class Dynamics:
     def switches(self) -> tuple[Switch, ...]:
         """Changes of law that are located in time."""
         return tuple(self.switch_of.values()) if self.controlled and self.located else ()
+
+    @cached_property
+    def kinks(self) -> kinks.Watches:
+        """Kinks that are not located, but looked for, where an estimate decides on steps."""
+        return kinks.kinks_of(self)
 
     # ---- parameters, and what follows from them alone ---------------------------------------------
 

@@ -25,7 +25,7 @@ class Operation(enum.IntEnum):
 
 
 class Autoreset(enum.IntEnum):
-    """When lanes whose episodes have ended begin anew."""
+    """When lanes whose episodes have ended start a new one."""
 
     DISABLED = 0
     NEXT_STEP = 1
@@ -107,7 +107,7 @@ class EnvironmentKernel:
         return lane * TICKET + KEY_WORDS
 
     def begin_due(self, block: Block, then: int = DUE) -> Scalar:
-        """New episodes of the lanes of a block whose tickets say so; tells whether there are any."""
+        """Start new episodes in the lanes of a block whose tickets ask for it; returns whether any do."""
         p = self.p
         some = p.variable(0)
         self._clear(block)
@@ -175,7 +175,7 @@ class EnvironmentKernel:
         return self.p.load(self.p["tickets"], self._flag(lane)) == DUE
 
     def _keep_last(self, lane: Scalar) -> None:
-        """What a lane shows before it begins anew."""
+        """Outputs of a lane before it starts a new episode."""
         p, width = self.p, len(self.episode.observed)
         with p.each(width) as column:
             p.store(p["last_obs"], lane * width + column, p.load(p["obs"], lane * width + column))

@@ -39,7 +39,7 @@ from redundant_envs.tasks.limits import depth_beyond, range_of_starts, spring_li
 TIP, GOAL = ("tip_x", "tip_y"), ("goal_x", "goal_y")
 """Achieved and desired goal, the last columns of the outputs."""
 ENDS = ("terminated", "truncated", "reward")
-"""What tells of the end of a step, and stays when a new episode begins with it."""
+"""Outputs about the end of a step. They stay when a new episode begins in the same step."""
 TABLES = {"flags": "i8", "counts": "i64", "values": "f64"}
 """Tables that a step of an environment fills, and the types of their numbers."""
 

@@ -1,41 +1,230 @@
-"""Kinks of a right-hand side that are looked for and not located: what changes its sign there."""
+"""Kinks of a right-hand side that are looked for and not located: what changes its sign there.
+
+Those that effects declare, and those found in what their functions compute of what moves.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+import dataclasses
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from redundant_envs.effects.hooks import Actuation, Effect, Force
+from redundant_envs.effects.attaching import roots_of
+from redundant_envs.effects.hooks import Actuation, Effect, Force, State
+from redundant_envs.moving import Moving, kinks_in, moving
 from redundant_envs.quantities import Quantities
-from redundant_envs.simulator.dynamics import Dynamics
+from redundant_envs.tracing.graph import Graph, Operation, Value, is_zero, owned
+from redundant_envs.tracing.number import Number, value_of
+
+if TYPE_CHECKING:
+    from redundant_envs.simulator.dynamics import Dynamics
+
+Hook = Force | Actuation
+Function = Callable[..., Any]
 
 
-def kinks_of(dynamics: Dynamics) -> list[tuple[Effect, Force | Actuation]]:
-    """Forces that tell of kinks, and links of motors that do behind states that change within an interval."""
-    if dynamics.scene.tolerance is None or not dynamics.located:
-        return []
-    found: list[tuple[Effect, Force | Actuation]] = [
-        (e, h) for e, h in dynamics.hooks if isinstance(h, Force) and h.kink is not None
-    ]
-    for chain in dynamics.chains:
-        moves = False
+@dataclass(frozen=True)
+class Watch:
+    """A function of an effect with kinks.
+
+    Attributes
+    ----------
+    effect : Effect
+    bearer : whose ``bind`` holds for it
+    function : callable
+    moving : of each argument, whether it moves; empty of a declared kink, whose value changes its sign
+    kept : which of its kinks are watched, by their numbers
+    levels : of each of these, whether there is one at each whole number
+    """
+
+    effect: Effect
+    bearer: Hook | State
+    function: Function
+    moving: tuple[bool, ...] = ()
+    kept: tuple[int, ...] = (0,)
+    levels: tuple[bool, ...] = (False,)
+
+    @property
+    def declared(self) -> bool:
+        """Whether the effect declares it."""
+        return not self.moving
+
+    def values(self, dynamics: Dynamics, x: Quantities) -> list[Any]:
+        """What changes its sign at the kinks, from quantities."""
+        if self.declared:
+            return [dynamics.apply(self.effect, self.bearer, self.function, x)]
+        kinks = kinks_in(self.run(dynamics, x))
+        return [kinks[k].value for k in self.kept]
+
+    def run(self, dynamics: Dynamics, x: Quantities) -> Any:
+        """The function on numbers that know whether they move."""
+        given = x.each(dynamics.bound(self.effect, self.bearer, self.function))
+        with owned(self.effect.key):
+            return self.function(*(Moving(*pair) for pair in zip(given, self.moving, strict=True)))
+
+
+Watches = dict[int, list[Watch]]
+"""By the identities of hooks."""
+
+
+def levels_of(watches: Watches) -> list[bool]:
+    """Of each of :func:`kink_values`, whether there is a kink at each whole number."""
+    return [levels for own in watches.values() for watch in own for levels in watch.levels]
+
+
+def kink_values(dynamics: Dynamics, x: Quantities) -> list[Any]:
+    """What changes its sign at kinks, from quantities."""
+    values: list[Any] = []
+    watches = dynamics.kinks
+    for _, hook in hooks_in_order(dynamics, x, watches):
+        for watch in watches.get(id(hook), ()):
+            values += watch.values(dynamics, x)
+    return values
+
+
+def hooks_in_order(
+    dynamics: Dynamics, x: Quantities, watched: Watches | None = None
+) -> Iterator[tuple[Effect, Hook]]:
+    """Forces, then links of motors while their commands in ``x`` are what reaches them.
+
+    Motors without a watched link are left out.
+    """
+    for effect, hook in dynamics.hooks:
+        if isinstance(hook, Force):
+            yield effect, hook
+    for name, chain in zip(dynamics.commands, dynamics.chains, strict=True):
+        if watched is not None and not any(id(link) in watched for _, link in chain):
+            continue
+        command = x[name]
         for effect, link in chain:
-            moves = moves or any(s.derivative is not None for s in link.states)
-            if moves and link.kink is not None:
-                found.append((effect, link))
-    return found
+            yield effect, link
+            x[name] = dynamics.apply(effect, link, link.function, x)
+        x[name] = command
 
 
-def kink_value(dynamics: Dynamics, effect: Effect, hook: Force | Actuation, x: Quantities) -> Any:
-    """What changes its sign at a kink, from quantities."""
-    assert hook.kink is not None
-    if isinstance(hook, Force):
-        return dynamics.apply(effect, hook, hook.kink, x)
-    name = dynamics.commands[hook.joint]
-    command = x[name]
-    for other, link in dynamics.chains[hook.joint]:
-        if link is hook:
-            break
-        x[name] = dynamics.apply(other, link, link.function, x)
-    value = dynamics.apply(effect, hook, hook.kink, x)
-    x[name] = command
+# ---- which there are ------------------------------------------------------------------------------
+
+
+class Named(Quantities):
+    """Traced numbers by the names of quantities."""
+
+    def __init__(self) -> None:
+        super().__init__({}, (), {})
+        self.graph = Graph()
+
+    def __missing__(self, name: str) -> Any:
+        self[name] = Number(self.graph, self.graph.load("quantity", name))  # type: ignore[arg-type]
+        return self[name]
+
+
+def kinks_of(dynamics: Dynamics) -> Watches:
+    """Functions of effects whose kinks are watched, by their hooks; none where no estimate decides.
+
+    Of a kink that is found in two functions, or found and declared, one is watched.
+    """
+    if dynamics.scene.tolerance is None or not dynamics.located:
+        return {}
+    x, moves = Named(), Moves(dynamics)
+    found: list[tuple[Hook, Watch, list[Key]]] = []
+    seen: set[Key] = set()
+    for effect, hook in hooks_in_order(dynamics, x):
+        stands_for: set[Key] = set()
+        if hook.kink is not None and any(moves.of(effect, hook, hook.kink, hook)):
+            watch = Watch(effect, hook, hook.kink)
+            found.append((hook, watch, []))
+            own, *chosen = _keys_declared(value_of(watch.values(dynamics, x)[0]))
+            seen.add(own)
+            stands_for.update(chosen)
+        for bearer, function in _functions(hook):
+            watch = Watch(effect, bearer, function, moves.of(effect, bearer, function, hook))
+            result = watch.run(dynamics, x)
+            if bearer is hook and isinstance(hook, Actuation):
+                moves.leaves[hook.joint] = moving(result).moves
+            keys = [_key(value_of(kink.value), kink.levels) for kink in kinks_in(result)]
+            if any(watch.moving):
+                found.append((hook, watch, [None if key in stands_for else key for key in keys]))
+    watches: Watches = {}
+    for hook, watch, keys in found:
+        kept = [k for k, key in enumerate(keys) if _is_new(key, seen)]
+        if kept:
+            levels = tuple(isinstance(keys[k], Level) for k in kept)
+            watch = dataclasses.replace(watch, kept=tuple(kept), levels=levels)
+        if kept or watch.declared:
+            watches.setdefault(id(hook), []).append(watch)
+    return watches
+
+
+def _functions(hook: Hook) -> Iterator[tuple[Hook | State, Function]]:
+    """Functions that decide on the motion within an interval."""
+    yield hook, hook.function
+    for state in hook.states:
+        if state.derivative is not None:
+            yield state, state.derivative
+
+
+class Moves:
+    """Which quantities change with the motion within an interval.
+
+    Attributes
+    ----------
+    leaves : joint -> whether what leaves the last link of its motor that was looked at moves
+    """
+
+    def __init__(self, dynamics: Dynamics) -> None:
+        self.dynamics = dynamics
+        self.leaves: dict[int, bool] = {}
+        self.known = dict.fromkeys((*dynamics.numbers, *dynamics.remembered), False)
+        self.known |= dict.fromkeys((s.side for s in dynamics.switches), False)
+        self.known |= dict.fromkeys(dynamics.states, True)
+
+    def of(self, effect: Effect, bearer: Hook | State, function: Function, hook: Hook) -> tuple[bool, ...]:
+        """Of each argument of a function of a hook, whether it moves."""
+        return tuple(self._moves(name, hook) for name in self.dynamics.bound(effect, bearer, function))
+
+    def _moves(self, name: str, hook: Hook) -> bool:
+        if isinstance(hook, Actuation) and name == self.dynamics.commands[hook.joint]:
+            return self.leaves.get(hook.joint, False)
+        if name not in self.known:
+            arm = self.dynamics.arm
+            self.known[name] = not roots_of(name, name, arm).isdisjoint((*arm.coordinates, *arm.rates))
+        return self.known[name]
+
+
+class Level(NamedTuple):
+    """What has a kink at each whole number."""
+
+    key: Any
+
+
+Key = Any
+
+
+def _key(value: Value, levels: bool = False) -> Key:
+    """The same for what has the same zeros: x, -x and 0 - x; a - b and b - a. None of a constant."""
+    if not isinstance(value, Operation):
+        return None
+    if levels:
+        return Level(value)
+    if value.name == "neg":
+        return _key(value.arguments[0])
+    if value.name == "-":
+        if is_zero(value.arguments[0], 1.0):
+            return _key(value.arguments[1])
+        return frozenset(value.arguments)
     return value
+
+
+def _keys_declared(value: Value) -> Iterator[Key]:
+    """A declared kink, and what it chooses from, for which it stands in its force or link."""
+    yield _key(value)
+    if isinstance(value, Operation) and value.name == "select":
+        for chosen in value.arguments[1:]:
+            yield from _keys_declared(chosen)
+
+
+def _is_new(key: Key, seen: set[Key]) -> bool:
+    if key is None or key in seen:
+        return False
+    seen.add(key)
+    return True

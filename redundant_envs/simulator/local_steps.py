@@ -269,7 +269,7 @@ class LocalSteps(CommonStep):
         crossed = step_control.Crossed(
             ended, accepted, lane.steps_left, lane.divisions, self.least_steps(lane),
             sum(terms[1:], terms[0]), lane.impacts if self.stops else 0.0,
-            self.doubtful(lane), self.kinked(lane),
+            self.doubtful(lane), self.kinked(lane), self.hidden_kink(lane),
         )  # fmt: skip
         return step_control.end_doubling(
             crossed, lane.error, lane.tip_tolerance, lane.min_steps, lane.interval

@@ -9,7 +9,7 @@ from redundant_envs.algebra import gives_of
 
 OF_THE_FIELD = ("ax", "ay")
 OF_REWARDS = ("ended", "paid")
-"""What functions of a reward are told beside the fields of a lane."""
+"""Arguments that functions of a reward may take beside the fields of a lane."""
 
 
 def names_of_arm(arm: Any) -> set[str]:

@@ -13,13 +13,12 @@ from redundant_envs.integrators.methods import Watched
 from redundant_envs.integrators.trial_steps import Search
 from redundant_envs.simulator.boundaries import Stop, Switch
 from redundant_envs.simulator.dynamics import Dynamics
-from redundant_envs.simulator.kinks import kinks_of
 from redundant_envs.simulator.lane import Lane
 from redundant_envs.simulator.step import active_stop, integrated_states, pose_tells_distances
 
 
 class Fault(enum.IntFlag):
-    """What went wrong in a lane; the one place where it is reported (``info["numerics"]``)."""
+    """Faults of a lane, as ``info["numerics"]`` reports them."""
 
     NON_FINITE = 1
     BAD_ACTION = 2
@@ -96,12 +95,13 @@ class Setting:
 
     @cached_property
     def doubts(self) -> dict[str, str]:
-        """Fields that tell why the error of an interval may be more than its estimate, and their docs."""
+        """Fields with reasons why the error of an interval may exceed its estimate, and their docs."""
         if self.plan is not Plan.DOUBLING:
             return {}
         found, dynamics = {}, self.dynamics
-        if kinks_of(dynamics):
-            found["kinked"] = "a step of the interval has met a kink"
+        if dynamics.kinks:
+            found["kinked"] = "a step of the interval may have met a kink"
+            found["hidden_kink"] = "it may have met one that no stage has seen"
         if integrated_states(dynamics) or pose_tells_distances(dynamics):
             found["doubtful"] = "a step of the interval makes its estimate doubtful"
         return found

@@ -1,4 +1,4 @@
-"""One step of a lane: its state after ``h``, and what it tells of its error and of its sliders."""
+"""One step of a lane: its state after ``h``, its error estimate and the bounds of its sliders' motion."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from redundant_envs.integrators import step_control
 from redundant_envs.integrators.methods import Step, explicit_step
 from redundant_envs.quantities import Quantities
 from redundant_envs.simulator.dynamics import Dynamics
-from redundant_envs.simulator.kinks import kink_value, kinks_of
+from redundant_envs.simulator.kinks import kink_values, levels_of
 from redundant_envs.simulator.lane import Lane
 from redundant_envs.tracing.passes.stages import Subroutine
 
@@ -27,7 +27,7 @@ def known_numbers(dynamics: Dynamics, lane: Lane, held: bool) -> dict[str, Any]:
 
 
 def active_stop(slider: str) -> str:
-    """The field that tells at which stop a slider rests."""
+    """The field with the stop at which a slider rests."""
     return f"active_stop_{slider}"
 
 
@@ -56,7 +56,7 @@ def joint_acceleration(dynamics: Dynamics, x: Quantities, joint: int) -> Any:
 
 
 def pose_tells_distances(dynamics: Dynamics) -> bool:
-    """Whether the pose tells how far the tip is from its joints."""
+    """Whether the distances of the tip from the joints follow from the pose."""
     arm = dynamics.arm
     return not set(arguments_of(arm.column_norms)) <= {*arm.parameter_values()}
 
@@ -94,10 +94,10 @@ def lane_step(dynamics: Dynamics, lane: Lane, h: Any, held: bool = False) -> Ste
             results.append(where(x[f"held{k}"] > 0.0, pulled, x[f"qdd{k}"]))
         for switch in dynamics.switches:
             results.append(joint_acceleration(dynamics, x, switch.joint))
-        results += [kink_value(dynamics, effect, hook, x) for effect, hook in kinks]
+        results += kink_values(dynamics, x)
         return [*results, *(values[count + k] for k in sliders)]
 
-    stops, kinks = dynamics.stops if held else (), kinks_of(dynamics)
+    stops, kinks = dynamics.stops if held else (), levels_of(dynamics.kinks)
     sliders = watched_sliders(dynamics)
     more = len(stops) + len(dynamics.switches) + len(kinks) + len(sliders)
     right_hand_side: Any = derivatives

@@ -100,7 +100,7 @@ def long_columns(study: Study) -> tuple[str, ...]:
 
 
 def run(study: Study) -> list[PanelResult]:
-    """The whole study; tells its progress on standard error."""
+    """The whole study; reports its progress on standard error."""
     total = sum(2 + len(panel_methods(study, p)) + len(long_methods(study, p)) for p in study.panels)
     progress = Progress("accuracy", total)
     with one_core():

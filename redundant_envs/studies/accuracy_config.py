@@ -125,7 +125,7 @@ class Panel:
             object.__setattr__(self, "bar", positive(f"{self.name}.bar", self.bar))
 
     def scene(self, control_dt: float, **stepping: Any) -> Scene:
-        """The scene, stepped as told."""
+        """The scene with the given stepping."""
         return Scene.from_dict(
             {"robot": self.robot, "effects": self.effects, "control_dt": control_dt, **stepping}
         )

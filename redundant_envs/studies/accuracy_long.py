@@ -65,7 +65,7 @@ def error_names(study: Study) -> list[str]:
 
 
 def free_motions(study: Study, panel: Panel, start: States) -> Free:
-    """Reference and exponent of a panel's first states, let go without efforts."""
+    """Reference and exponent of a panel's first states, released without efforts."""
     long, dt = study.long_runs, study.control_dt
     q, qd, _ = (x[: long.states] for x in start)
     start = q, qd, np.zeros_like(q)

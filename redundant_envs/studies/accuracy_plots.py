@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import csv
 import io
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from redundant_envs.extras import needs
-from redundant_envs.studies.accuracy import PanelResult, Row, answers
+from redundant_envs.studies.accuracy import WHAT, PanelResult, Row, answers
+from redundant_envs.studies.accuracy_config import Panel, Study
 
-# Colours of Okabe and Ito, which colour-blind readers can tell apart; ours thick, the peers thin.
+# Colours of Okabe and Ito, which colour-blind readers can distinguish; ours are thick, the peers thin.
 OURS: dict[str, dict[str, Any]] = {
     "euler": {"color": "#E69F00", "marker": "s"},
     "rk4": {"color": "#0072B2", "marker": "o"},
@@ -34,13 +37,78 @@ COLUMNS = {
 }
 """Columns of the legend: title -> method -> how it is called there."""
 ENCODER_MM = 1e-2
-"""About what a good encoder resolves at the tip of such an arm, mm."""
+"""Movement of the tip that a good joint encoder just resolves on such an arm, mm: 1e-5 rad at 1 m."""
+ENCODER = "encoder: the movement of the tip of a 1 m arm that a joint encoder of 1e-5 rad just resolves"
+TABLES = "accuracy.csv", "accuracy_long.csv"
+"""Files of the rows and of the rows of long motions."""
 WIDTH = 8.0
 TICKS = {1e1: "10 ns", 1e2: "100 ns", 1e3: "1 µs", 1e4: "10 µs", 1e5: "100 µs", 1e6: "1 ms"}
 NOTE: dict[str, Any] = {"fontsize": 7.5, "color": "#555555"}
 
 
-def work_precision_figure(results: Sequence[PanelResult], control_dt: float) -> Any:
+@dataclass(frozen=True)
+class Drawn:
+    """What the figures show of a panel.
+
+    Attributes
+    ----------
+    panel : Panel
+    rows, long_rows : list of dict
+    floor : float
+        Below this error [m] the reference is not known.
+    """
+
+    panel: Panel
+    rows: list[Row]
+    long_rows: list[Row]
+    floor: float
+
+
+def drawn(results: Sequence[PanelResult]) -> list[Drawn]:
+    """What the figures show of the results of a run."""
+    return [Drawn(r.panel, r.rows, r.long_rows, r.floor) for r in results]
+
+
+def read(study: Study, folder: Path) -> list[Drawn]:
+    """What the figures show of the tables that a run of the study wrote into a folder.
+
+    Raises
+    ------
+    ValueError
+        A table is missing, or has no rows of a panel of the study.
+    """
+    tables = []
+    for name in TABLES:
+        path = folder / name
+        if not path.is_file():
+            raise ValueError(f"{folder} has no {name}; give a folder that the accuracy study wrote")
+        with path.open(newline="", encoding="utf-8") as file:
+            tables.append([_typed(row) for row in csv.DictReader(file)])
+    result = []
+    for panel in study.panels:
+        rows, long_rows = ([row for row in table if row["panel"] == panel.name] for table in tables)
+        if not rows:
+            found = ", ".join(sorted({row["panel"] for row in tables[0]}))
+            raise ValueError(f"{folder / TABLES[0]} has no panel {panel.name!r}, only {found}")
+        result.append(Drawn(panel, rows, long_rows, 1e-3 * rows[0]["floor_mm"]))
+    return result
+
+
+def _typed(row: dict[str, str]) -> Row:
+    """A row of a table with its numbers as floats; what is empty is left out."""
+    result: Row = {}
+    for name, cell in row.items():
+        if name in WHAT:
+            result[name] = cell
+        elif cell:
+            try:
+                result[name] = float(cell)
+            except ValueError:
+                result[name] = cell
+    return result
+
+
+def work_precision_figure(results: Sequence[Drawn], control_dt: float) -> Any:
     """Tip error of a control interval against its cost."""
     figure, axes = _grid(len(results), 3.3)
     for panel, result in zip(axes, results, strict=True):
@@ -51,15 +119,15 @@ def work_precision_figure(results: Sequence[PanelResult], control_dt: float) -> 
         _title(panel, result)
         panel.set_yticks([10.0**k for k in range(-12, 3, 2)])
         panel.text(2e6, 0.8 * ENCODER_MM, "encoder", ha="right", va="top", **NOTE)
-        panel.text(2e6, 1.6e-13, "the reference is not known better", ha="right", va="bottom", **NOTE)
+        panel.text(2e6, 1.6e-13, "error of the reference itself", ha="right", va="bottom", **NOTE)
         _advantage(panel, result)
     _settings(axes[min(1, len(axes) - 1)], results[min(1, len(axes) - 1)].rows)
-    label = f"tip error after {1e3 * control_dt:g} ms, 99 % of states below [mm]"
-    _finish(figure, axes, label, control_dt)
+    label = f"tip error after {1e3 * control_dt:g} ms, 99 % of states below [mm, logarithmic]"
+    _finish(figure, axes, label, control_dt, f"\n{ENCODER}")
     return figure
 
 
-def energy_figure(results: Sequence[PanelResult], control_dt: float) -> Any:
+def energy_figure(results: Sequence[Drawn], control_dt: float, motions: int) -> Any:
     """Rate of the energy error of free motions against the cost of a control interval."""
     figure, axes = _grid(len(results), 3.0)
     for panel, result in zip(axes, results, strict=True):
@@ -73,7 +141,7 @@ def energy_figure(results: Sequence[PanelResult], control_dt: float) -> Any:
         _lines(panel, rows, lambda row: row["energy_rate_median"])
         _title(panel, result)
         panel.set_yticks([10.0**k for k in range(-16, 1, 4)])
-    label = f"energy error per second, median of {len(results[0].free.start[0])} motions [relative]"
+    label = f"energy error per second, median of {motions} motions [relative, logarithmic]"
     _finish(figure, axes, label, control_dt)
     return figure
 
@@ -102,7 +170,7 @@ def _lines(panel: Any, rows: Sequence[Row], value: Callable[[Row], float]) -> No
                 panel.plot(x, y, label=method, zorder=4 if styles is OURS else 3, **size, **style)
 
 
-def _advantage(panel: Any, result: PanelResult) -> None:
+def _advantage(panel: Any, result: Drawn) -> None:
     """An arrow from our cheapest configuration within the encoder's error to MuJoCo's."""
     answer = answers(result.rows, [ENCODER_MM])[0]
     if answer.ours is None or answer.mujoco is None:
@@ -117,22 +185,22 @@ def _advantage(panel: Any, result: PanelResult) -> None:
 
 def _settings(panel: Any, rows: Sequence[Row]) -> None:
     """Say what the first and the last point of some lines are."""
-    place = {"xytext": (6, 0), "textcoords": "offset points", "va": "center", **NOTE}
+    beside = {"xytext": (6, 0), "textcoords": "offset points", "va": "center", **NOTE}
     for method in ("rk4", "MuJoCo RK4", "rk8, error-controlled"):
         line = [r for r in rows if r["method"] == method]
         for row in {id(r): r for r in (*line[:1], *line[-1:])}.values():
             text = row["setting"].rpartition(" x ")[2].removeprefix("tolerance ")
             if " x " in row["setting"] or row is line[-1]:
-                panel.annotate(text, (row["ns_best"], row["tip_mm_p99"]), **place)
+                panel.annotate(text, (row["ns_best"], row["tip_mm_p99"]), **beside)
 
 
-def _title(panel: Any, result: PanelResult) -> None:
+def _title(panel: Any, result: Drawn) -> None:
     panel.set_title(result.panel.name, loc="left", fontsize=10.5, fontweight="bold", pad=16)
     panel.text(0.0, 1.02, result.panel.about, transform=panel.transAxes, fontsize=8.5, color="#555555")
 
 
-def _finish(figure: Any, axes: Sequence[Any], label: str, dt: float) -> None:
-    """Axes, grid, labels, and one legend for all panels."""
+def _finish(figure: Any, axes: Sequence[Any], label: str, dt: float, note: str = "") -> None:
+    """Axes, grid, labels with a note below, and one legend for all panels."""
     for panel in axes:
         panel.set_xscale("log")
         panel.set_yscale("log")
@@ -143,7 +211,7 @@ def _finish(figure: Any, axes: Sequence[Any], label: str, dt: float) -> None:
         panel.grid(color="0.92", lw=0.6)
         panel.set_axisbelow(True)
         panel.spines[["top", "right"]].set_visible(False)
-    figure.supxlabel(f"time of one core for {1e3 * dt:g} ms of one arm", fontsize=9.5)
+    figure.supxlabel(f"time of one core for {1e3 * dt:g} ms of one arm [logarithmic]{note}", fontsize=9.5)
     figure.supylabel(label, fontsize=9.5)
     handles = {h.get_label(): h for panel in axes for h in panel.get_lines() if h.get_label()[0] != "_"}
     blank = axes[0].plot([], [], alpha=0.0)[0]
@@ -163,11 +231,11 @@ def _finish(figure: Any, axes: Sequence[Any], label: str, dt: float) -> None:
             text.set_fontweight("bold")
 
 
-def save_figures(results: Sequence[PanelResult], control_dt: float, folder: Path) -> list[Path]:
+def save_figures(results: Sequence[Drawn], study: Study, folder: Path) -> list[Path]:
     """Write both figures as SVG and PNG; returns the PNG files, then the SVG files."""
     pictures = {
-        "accuracy_work_precision": work_precision_figure(results, control_dt),
-        "accuracy_energy": energy_figure(results, control_dt),
+        "accuracy_work_precision": work_precision_figure(results, study.control_dt),
+        "accuracy_energy": energy_figure(results, study.control_dt, study.long_runs.states),
     }
     with needs("plot"):
         from PIL import Image

@@ -168,7 +168,7 @@ def markdown(study: Study, results: Sequence[PanelResult], command: str, figures
         "",
         "## Beyond a control interval",
         "",
-        f"{long.states} of the states, let go without efforts; medians of all. Lyapunov exponents "
+        f"{long.states} of the states, released without efforts; medians of all. Lyapunov exponents "
         f"(Benettin, {long.lyapunov_seconds:g} s, median), 1/s: {exponents}. The reference of these tip "
         f"errors is itself known to {doubt:.0e} mm (median, the worst of the columns). Energy: its change "
         f"after {long.seconds:g} s, per second, relative to what raises the stretched arm upright. Momentum: "
@@ -188,14 +188,14 @@ def write(study: Study, command: str, folder: Path) -> list[Path]:
         import matplotlib  # noqa: F401
         import PIL  # noqa: F401
     results = accuracy.run(study)
-    tables = folder / "accuracy.csv", folder / "accuracy_long.csv"
+    from redundant_envs.studies import accuracy_plots
+
+    tables = [folder / name for name in accuracy_plots.TABLES]
     write_rows([row for r in results for row in r.rows], accuracy.COLUMNS, tables[0])
     write_rows([row for r in results for row in r.long_rows], accuracy.long_columns(study), tables[1])
     page = folder / "accuracy.md"
     page.write_text(markdown(study, results, command, []), encoding="utf-8")
-    from redundant_envs.studies import accuracy_plots
-
-    figures = accuracy_plots.save_figures(results, study.control_dt, folder)
+    figures = accuracy_plots.save_figures(accuracy_plots.drawn(results), study, folder)
     shown = [path for path in figures if path.suffix == ".png"]
     page.write_text(markdown(study, results, command, shown), encoding="utf-8")
     return [page, *tables, *figures]

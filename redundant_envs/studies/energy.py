@@ -23,7 +23,7 @@ STARTS: dict[str, tuple[float, float, float, float]] = {
     "rprp_limit_springs": (1.2, 0.25, 0.4, 0.2),
     "four_r_free": (0.0, -0.3, -0.6, -0.9),
 }
-"""Scenes of the report's experiment and where the arm is let go: rad, and m for sliders. The
+"""Scenes of the report's experiment and the pose in which the arm starts: rad, and m for sliders. The
 report states neither parameters nor a start; these are ours."""
 
 SAMPLE_INTERVAL = 0.005
@@ -81,7 +81,7 @@ class EnergyRun:
 
 
 def default_start(name: str, scene: Scene) -> tuple[float, ...]:
-    """Where a scene is let go unless told: a known start, else level, sliders in mid travel."""
+    """Default start of a scene: the known one, else level with sliders in mid travel."""
     if name in STARTS:
         return STARTS[name]
     values, travel = scene.parameters(), scene.travel()

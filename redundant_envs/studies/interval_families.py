@@ -19,7 +19,9 @@ from redundant_envs.effects import (
     ViscousFriction,
 )
 from redundant_envs.robots import RPRP, FourR
+from redundant_envs.robots.arm import Arm
 from redundant_envs.scene import Scene
+from redundant_envs.studies.kinked_effects import KINKED, Kinked
 
 Array = NDArray[np.float64]
 REACH = 1.0
@@ -32,8 +34,8 @@ class Draw:
 
     Attributes
     ----------
-    joints, rates : positions of the joints, (count, 4), rad and m, and their rates
-    efforts : of the motors, (count, 4), N m and N
+    joints, rates : positions of the joints, (count, joints), rad and m, and their rates
+    efforts : of the motors, (count, joints), N m and N
     parameters : numbers of the scene by name, (count, entries) each
     """
 
@@ -53,7 +55,7 @@ class Family:
     Attributes
     ----------
     name : str
-    arm : RPRP or FourR
+    arm : class of the arm
     effects : of the scene; their numbers may be drawn anew for each lane
     changes : what is drawn otherwise than usual, in order
     control_dt, tolerance : of the scene, s and m
@@ -62,7 +64,7 @@ class Family:
     """
 
     name: str
-    arm: type[RPRP | FourR]
+    arm: type[Arm]
     effects: tuple[Effect, ...] = (Gravity(),)
     changes: tuple[Change, ...] = ()
     control_dt: float = 0.02
@@ -73,7 +75,7 @@ class Family:
     @property
     def robot(self) -> Any:
         """The arm with unremarkable numbers."""
-        return self.arm((0.5,) * 4, (0.25,) * self.arm.num_lengths)
+        return self.arm((0.5,) * self.arm.num_masses, (0.25,) * self.arm.num_lengths)
 
     def scene(self, **how: Any) -> Scene:
         """The scene; ``how`` it chooses its steps, by default for its tolerance."""
@@ -83,13 +85,14 @@ class Family:
     def draw(self, count: int, rng: np.random.Generator) -> Draw:
         """Numbers of ``count`` lanes."""
         slides = np.array(self.robot.prismatic)
-        joints = np.where(slides, rng.uniform(0.0, 0.25, (count, 4)), rng.uniform(-np.pi, np.pi, (count, 4)))
-        rates = rng.normal(0.0, 1.0, (count, 4)) * np.where(slides, 0.5, 3.0)
-        efforts = rng.uniform(-1.0, 1.0, (count, 4)) * np.where(slides, 10.0, 4.0)
+        shape = count, len(slides)
+        joints = np.where(slides, rng.uniform(0.0, 0.25, shape), rng.uniform(-np.pi, np.pi, shape))
+        rates = rng.normal(0.0, 1.0, shape) * np.where(slides, 0.5, 3.0)
+        efforts = rng.uniform(-1.0, 1.0, shape) * np.where(slides, 10.0, 4.0)
         hard = rng.random(count) < 0.5  # half of them bang-bang
         efforts[hard] = np.sign(efforts[hard]) * np.abs(efforts).max(axis=0)
         drawn = Draw(joints, rates, efforts, {})
-        drawn.parameters["masses"] = decades(rng, 0.2, 1.0, (count, 4))
+        drawn.parameters["masses"] = decades(rng, 0.2, 1.0, (count, self.arm.num_masses))
         drawn.parameters["lengths"] = decades(rng, 0.1, 0.5, (count, self.arm.num_lengths))
         for change in self.changes:
             change(drawn, rng)
@@ -220,6 +223,19 @@ def friction(low: float, high: float) -> Change:
     return change
 
 
+def near_kinks(kinked: Kinked) -> Change:
+    """Rates near 0 in half of the lanes, and numbers of the effect."""
+
+    def change(drawn: Draw, rng: np.random.Generator) -> None:
+        count, joints = drawn.joints.shape
+        drawn.rates[rng.random(count) < 0.5] *= 0.01
+        for name, (low, high) in kinked.bounds.items():
+            wide = joints if name in kinked.effect.of_joints else 1
+            drawn.parameters[f"{kinked.effect.key}.{name}"] = decades(rng, low, high, (count, wide))
+
+    return change
+
+
 # ---- the families --------------------------------------------------------------------------------
 
 FRICTION = ViscousFriction(0.1)
@@ -230,6 +246,17 @@ def spring(name: str) -> LimitSpring:
     """A spring at the limits of a joint; its stiffness is drawn."""
     low, high = (0.0, 0.25) if name.startswith("r") else (-1.0, 1.0)
     return LimitSpring(name, low, high, 1000.0)
+
+
+def kinked(name: str, arm: type[Arm], tolerance: float) -> tuple[Family, ...]:
+    """Effects that declare none of their kinks, which depend on rates."""
+    return tuple(
+        Family(
+            f"{name}, {one.name}, {tolerance:g} m", arm, (Gravity(), one.effect), (near_kinks(one),),
+            tolerance=tolerance, steps=1024,
+        )
+        for one in KINKED
+    )  # fmt: skip
 
 
 TILTED = Gravity.on_plane(9.81, 0.6, 0.4)
@@ -272,4 +299,5 @@ FAMILIES = (
     Family("RPRP, 50 ms, generalized forces", RPRP, (TILTED, CENTRED), (), 0.05, actuation="generalized"),
     Family("4R, 1e-9 m", FourR, (Gravity(), FRICTION), tolerance=1e-9),
     Family("RPRP with stops, 1e-9 m", RPRP, (Gravity(), STOP), (near_stops,), tolerance=1e-9),
+    *kinked("4R", FourR, 1e-6), *kinked("RPRP", RPRP, 1e-9),
 )  # fmt: skip

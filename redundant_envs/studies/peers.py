@@ -125,7 +125,7 @@ def bare_mujoco() -> Iterator[Any]:
     The bindings install a clock that times the stages of every step: in MuJoCo 4.0, 28 readings in an
     Euler step and 98 in RK4, nearly half the cost of an arm this small. ``mujoco.set_mjcb_time(None)``
     leaves it in place, so the pointer in the library is cleared here, and put back afterwards. A motion
-    that diverges is not logged: its state tells.
+    that diverges is not logged: it shows in the state.
     """
     with needs("verify"):
         import mujoco

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.envs.rendering import BACKGROUND, JOINT, REACH, TRAIL, Canvas, draw_links
+from redundant_envs.envs.rendering import BACKGROUND, INK, JOINT, MARGIN, REACH, TRAIL, Canvas, draw_links
 from redundant_envs.extras import needs
 from redundant_envs.studies.clips import write_clip
 from redundant_envs.studies.energy import EnergyRun, stated_limits
@@ -111,9 +111,9 @@ def save_figures(run: EnergyRun, folder: Path) -> list[Path]:
 
 
 def arm_picture(
-    run: EnergyRun, q: NDArray[np.float64], trail: NDArray[np.float64], half_width: float
+    run: EnergyRun, q: NDArray[np.float64], trail: NDArray[np.float64], half_width: float, time: float
 ) -> NDArray[np.uint8]:
-    """One frame, (480, 480, 3) uint8: the arm at q (joints,), and where its tip has been (n, 2), m."""
+    """One frame, (480, 480, 3) uint8: the arm at q (joints,), its trail (n, 2) [m], the time [s]."""
     arm = run.scene.robot
     points = arm.points(q)  # type: ignore[attr-defined]
     base = np.zeros(2)
@@ -126,6 +126,7 @@ def arm_picture(
     canvas.disc(base, 8.0, JOINT)
     canvas.disc(base, 4.0, BACKGROUND)
     canvas.disc(base, canvas.scale * half_width / 1.08, REACH, ring=2.0)
+    canvas.text(f"time {time:.2f} s", MARGIN, MARGIN, INK)
     return canvas.pixels
 
 
@@ -138,7 +139,9 @@ def save_clip(run: EnergyRun, path: Path) -> None:
     rows = np.searchsorted(motion.t, times - 1e-9).clip(max=len(motion.t) - 1)
     tips = points[:, -1]
     frames = [
-        arm_picture(run, motion.q[row], tips[max(0, row - 4 * TRAIL_FRAMES) : row + 1 : 4], half_width)
+        arm_picture(
+            run, motion.q[row], tips[max(0, row - 4 * TRAIL_FRAMES) : row + 1 : 4], half_width, motion.t[row]
+        )
         for row in rows
     ]
     write_clip(path, frames, FRAMES_PER_SECOND)

@@ -19,9 +19,9 @@ from redundant_envs.backends import llvm
 from redundant_envs.effects import Gravity, LimitSpring, ViscousFriction
 from redundant_envs.files import exists, explained, read_yaml
 from redundant_envs.model.batch import BatchSimulator
-from redundant_envs.model.programs import batch_simulator
+from redundant_envs.model.programs import batch_simulator, traced_batch
 from redundant_envs.plain_data import check_keys
-from redundant_envs.robots import RPRP, FourR
+from redundant_envs.robots import RPRP, Arm, Chain, FourR
 from redundant_envs.scene import Scene
 from redundant_envs.studies.common import dgemm_rate, one_core, versions
 from redundant_envs.values import shown
@@ -30,7 +30,7 @@ COLUMNS = (
     "machine", "date", "python", "llvmlite", "numpy", "commit", "dgemm_gflops", "arm", "integrator",
     "lanes", "ns_per_step_best", "ns_per_step_median", "bar_ns", "scaled_bar_ns", "within_bar",
     "tolerance", "evaluations_mean", "bar_evaluations", "share_below_tolerance",
-    "packed_instructions", "vector_register", "avx2_over_avx512",
+    "packed_instructions", "vector_register", "avx2_over_avx512", "compile_seconds",
 )  # fmt: skip
 CASE = ("arm", "integrator", "bar_ns")
 """What every case of the study gives; one with error control also gives these."""
@@ -77,15 +77,19 @@ def checked_config(data: Any) -> dict[str, Any]:
 def study_scene(arm: str, integrator: str) -> Scene:
     """The scene that is timed: an arm with gravity, friction and limit springs, one step of 1 ms."""
     masses = (0.5,) * 4
-    robot: RPRP | FourR
-    if arm == "FourR":
-        robot = FourR(masses, (0.25,) * 4)
-        springs = [LimitSpring(joint, -2.5, 2.5) for joint in ("joint2", "joint3")]
-    elif arm == "RPRP":
-        robot = RPRP(masses, (0.25,) * 2)
+    arms: dict[str, Callable[[], Arm]] = {
+        "FourR": lambda: FourR(masses, (0.25,) * 4),
+        "RPRP": lambda: RPRP(masses, (0.25,) * 2),
+        "Chain RRRR": lambda: Chain("RRRR", masses, (0.25,) * 4),
+        "Chain RPRP": lambda: Chain("RPRP", masses, (0.25,) * 2),
+    }
+    if arm not in arms:
+        raise ValueError(f"arm is {arm!r}; choose {', '.join(arms)}")
+    robot = arms[arm]()
+    if robot.sliders():
         springs = [LimitSpring(joint, 0.0, 0.25) for joint in ("r1", "r2")]
     else:
-        raise ValueError(f"arm is {arm!r}; choose FourR, RPRP")
+        springs = [LimitSpring(joint, -2.5, 2.5) for joint in ("joint2", "joint3")]
     effects = (Gravity(), ViscousFriction(0.1), *springs)  # type: ignore[arg-type]
     return Scene(robot, effects, integrator=integrator, control_dt=0.001, substeps=1)
 
@@ -198,6 +202,13 @@ def avx2_over_avx512(make: Callable[[], BatchSimulator], repeats: int, efforts: 
     return float(np.median([a.min() / b.min() for a, b in turns]))
 
 
+def compile_seconds(scene: Scene) -> float:
+    """From a scene to the machine code of its step, nothing of it kept from before."""
+    start = time.perf_counter()
+    llvm.object_code(traced_batch(scene, track_work=False).program)
+    return time.perf_counter() - start
+
+
 def packed_instructions(scene: Scene) -> tuple[int | None, str]:
     """Packed double instructions in the assembly of ``advance``, and the widest register among them.
 
@@ -249,6 +260,7 @@ def run(config: Mapping[str, Any]) -> list[dict[str, Any]]:
                     "packed_instructions": "" if count is None else count,
                     "vector_register": register,
                     "avx2_over_avx512": "" if ratio is None else round(ratio, 2),
+                    "compile_seconds": round(compile_seconds(scene), 2),
                 }
             )
             print(

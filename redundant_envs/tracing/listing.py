@@ -1,4 +1,4 @@
-"""A program as text: to be read, and to be told from others."""
+"""A program as text, for readers and for comparison with other programs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def plain_name(space: str, k: int) -> str:
 
 
 def function_lines(f: LaneFunction, name_of: Namer = plain_name) -> Iterator[str]:
-    """Instructions of a function, what it stores and what it tells, those of its subroutine before it."""
+    """Instructions of a function, its stores and outputs; those of its subroutine come first."""
     calls = {n.extra for n in reached(f.results) if n.name == "stage"}
     for subroutine in calls:
         results, nodes = subroutine.traced()

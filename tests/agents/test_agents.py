@@ -45,7 +45,7 @@ CONFIG = "configs/training/rprp_reach_ppo.yaml"
         (["algo=sac", "sac.ent_coef=automatic"], ["sac.ent_coef", "from 0 to 100, or auto"]),
         (["algo=sac", "sac.average=1"], ["sac.average is 1", "from 0 to 0.999999999"]),
         (["algo=sac", "total_steps=20000"], ["total_steps is 20000; sac begins to learn after 20000"]),
-        (["telemetry=[csv,csv]"], ["telemetry is ['csv', 'csv']; name each place once"]),
+        (["telemetry=[csv,csv]"], ["telemetry is ['csv', 'csv']; name each one once"]),
         (["telemetry=csv"], ["telemetry is 'csv'; give a list, such as [tensorboard]"]),
         (["algo=her"], ["env is redundant_envs/RPRPReach-v0; her needs a goal environment", "GoalReach-v0"]),
         (

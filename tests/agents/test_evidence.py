@@ -178,7 +178,7 @@ def test_a_damaged_curve_is_refused(tmp_path, line):
     folder = write_run(tmp_path / "run")
     with (folder / "selection.csv").open("a") as file:
         file.write(line + "\n")
-    with pytest.raises(ValueError, match=f"{folder}/selection.csv is damaged.*make it anew"):
+    with pytest.raises(ValueError, match=f"{folder}/selection.csv is damaged.*make it again"):
         read_run(folder)
 
 

@@ -38,6 +38,7 @@ def test_the_ticks_of_success_tell_98_from_100_percent(tmp_path):
     for part in figure.subfigs:
         assert len(part.axes) == 6
         for panel in (panel for panel in part.axes if "success" in panel.get_title(loc="left")):
+            assert "logarithmic" in panel.get_title(loc="left")
             labels = [tick.get_text() for tick in panel.get_yticklabels()]
             assert {"0", "50", "90", "99", "100"} <= set(labels)
             boxes = [tick.get_window_extent() for tick in panel.get_yticklabels()]

@@ -228,7 +228,7 @@ def test_two_policies_of_one_id_and_algorithm_are_refused(tmp_path, capsys):
         ("evaluation.json", None, "has no evaluation.json"),
         ("config.yaml", {"env_kwargs": {"max_episode_steps": 37}}, "env_kwargs.max_episode_steps is 37"),
         ("config.yaml", {"seed": 7}, "has 0 as 'seed'"),
-        ("evaluation.json", {"env_steps": None}, "does not tell env_steps"),
+        ("evaluation.json", {"env_steps": None}, "has no env_steps"),
         ("evaluation.json", {"expert_touch_success": "all"}, "'all' as 'expert_touch_success'"),
         ("evaluation.json", {"versions": {"x\n# y": "1"}}, "as 'versions'"),
     ],

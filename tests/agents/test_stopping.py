@@ -224,7 +224,7 @@ def test_a_value_that_no_evaluation_has_is_refused_by_file_and_field(field, valu
     assert main(["table", str(path.parent)]) == 2
     error = capsys.readouterr().err
     assert f"{path} has " in error
-    assert f"as {field!r}; make it anew" in error
+    assert f"as {field!r}; make it again" in error
     assert len(error.splitlines()) == 1
     assert len(error) < 1000
 

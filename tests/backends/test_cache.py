@@ -102,7 +102,7 @@ def test_a_damaged_file_is_found_told_once_and_compiled_anew(folder, damage, mon
     damage(folder / NAME)
     (told,) = load(folder, monkeypatch)
     assert str(folder / NAME) in told
-    assert "damaged or not ours; it is compiled anew" in told
+    assert "damaged or not ours; it is compiled again" in told
     assert compilations(capsys) == 1
     assert load(folder, monkeypatch) == []
     assert compilations(capsys) == 0

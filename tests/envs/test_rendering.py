@@ -11,7 +11,8 @@ from gymnasium.error import DependencyNotInstalled
 from small_scenes import OWN_IDS
 
 import redundant_envs as rde
-from redundant_envs.envs.rendering import TRAIL, TRAIL_LENGTH, Canvas, from_segment
+from redundant_envs.envs.lettering import GLYPHS, cover, from_segment
+from redundant_envs.envs.rendering import BARS, GOAL, TRAIL, TRAIL_LENGTH, Canvas
 
 every_id = pytest.mark.parametrize("env_id", OWN_IDS)
 
@@ -179,3 +180,60 @@ def test_pictures_are_ones_own():
     kept = first.copy()
     first[:] = 0
     np.testing.assert_array_equal(env.render(), kept)
+
+
+def written(monkeypatch):
+    """What pictures have written on them from now on, as (text, colour)."""
+    texts, write = [], Canvas.text
+
+    def text(self, text, x, y, color, *others, **named):
+        texts.append((text, color))
+        write(self, text, x, y, color, *others, **named)
+
+    monkeypatch.setattr(Canvas, "text", text)
+    return texts
+
+
+def test_the_goal_is_drawn_above_the_arm():
+    env = gym.make("redundant_envs/FourRReach-v0", render_mode="rgb_array")
+    arm = env.unwrapped.core.scene.robot
+    q = np.array([0.4, 0.4, 0.4, 2.0])
+    goal = 0.5 * arm.points(q)[2]  # on a link
+    env.reset(seed=0, options={"q": q, "goal": goal})
+    picture = env.render()
+    column, row = (240.0 + 480.0 / 2.24 * goal * (1.0, -1.0)).astype(int)
+    assert tuple(picture[row, column]) == GOAL
+
+
+def test_a_picture_says_the_time_what_the_bars_are_and_how_long_the_goal_was_held(monkeypatch):
+    env = gym.make("redundant_envs/FourRReach-v0", render_mode="rgb_array", task={"hold_steps": 3})
+    hanging = np.full(4, -np.pi / 2)
+    tip = env.unwrapped.core.scene.robot.forward_kinematics(hanging)
+    env.reset(seed=0, options={"q": hanging, "qd": np.zeros(4), "goal": 0.95 * tip})
+    texts = written(monkeypatch)
+    env.render()
+    assert [text for text, _ in texts] == [BARS, "1", "2", "3", "4", "time 0.00 s"]
+    env.reset(seed=0, options={"q": hanging, "qd": np.zeros(4), "goal": (0.0, -0.99)})
+    seen = []
+    for _ in range(4):
+        env.step(np.zeros(4, np.float32))
+        texts.clear()
+        env.render()
+        seen.append(texts[-1])
+    assert [text for text, _ in seen] == ["held 0.02 s", "held 0.04 s", "held 0.06 s", "held 0.08 s"]
+    assert [color == GOAL for _, color in seen] == [False, False, True, True]
+    assert "time 0.08 s" in [text for text, _ in texts]
+
+
+def test_letters_are_as_high_as_asked_and_differ():
+    shapes = {c: cover(c, 12.0) for c in GLYPHS if c != " "}
+    for digit in "0123456789":
+        rows = np.flatnonzero(shapes[digit].max(axis=1) > 0.5)
+        assert 12 <= rows[-1] - rows[0] + 1 <= 15
+    pictures = [(shape.shape, shape.tobytes()) for shape in shapes.values()]
+    assert len(set(pictures)) == len(pictures)
+
+
+def test_a_character_without_a_glyph_is_refused():
+    with pytest.raises(ValueError, match="no glyph for '~'"):
+        cover("1 ~", 12.0)

@@ -1,4 +1,7 @@
-"""Write docs/hard_cases.md and its pictures: ``python tests/hard_cases``, from the root of the repository."""
+"""Write docs/hard_cases.md and its pictures: ``python tests/hard_cases``, from the root of the repository.
+
+``--pictures`` draws the pictures alone.
+"""
 
 import datetime
 import importlib.util
@@ -21,17 +24,22 @@ def main() -> None:
     with_mujoco = importlib.util.find_spec("mujoco") is not None
     if not with_mujoco:
         print("mujoco is not installed: the page will have no figures of it", file=sys.stderr)
+    if "--pictures" not in sys.argv[1:]:
+        write_page(with_mujoco)
+    import pictures
+
+    (DOCS / "hard_cases").mkdir(exist_ok=True)
+    for number in page.PICTURES:
+        pictures.draw(number, DOCS / "hard_cases", with_mujoco)
+
+
+def write_page(with_mujoco: bool) -> None:
     cases, results = all_cases(), {}
     for case in cases:
         print(case.name, flush=True)
         results[case.number] = page.measured_by(case, with_mujoco)
     today = datetime.date.today().isoformat()
     (DOCS / "hard_cases.md").write_text(page.text(cases, results, machine_name(), today), encoding="utf-8")
-    import pictures
-
-    (DOCS / "hard_cases").mkdir(exist_ok=True)
-    for number in page.PICTURES:
-        pictures.draw(number, DOCS / "hard_cases", with_mujoco)
 
 
 if __name__ == "__main__":

@@ -40,7 +40,7 @@ def vanishing_masses(axes, with_mujoco):
             acceleration_error(subject, rde.FourR((m, m, m, 1.0), (0.5,) * 4), q, qd, Q) for m in masses
         ]
         axes.loglog(masses, np.maximum(errors, 1e-17), marker=".", label=subject.name)
-    axes.set(xlabel="mass of the first three links, kg", ylabel="error of qdd, relative")
+    axes.set(xlabel="mass of the first three links, kg (log)", ylabel="error of qdd, relative (log)")
 
 
 def fly_by(axes, with_mujoco):
@@ -67,7 +67,7 @@ def chaos(axes, with_mujoco):
         motion = subject.motion(scene, *STATE_B, 1000)
         total = energy(scene, motion.q[:, 0], motion.qd[:, 0])
         axes.semilogy(times[1:], np.maximum(np.abs(total - total[0])[1:], 1e-16), label=name, linewidth=1)
-    axes.set(xlabel="time, s", ylabel="energy error, J", ylim=(1e-15, 1e3))
+    axes.set(xlabel="time, s", ylabel="energy error, J (log)", ylim=(1e-15, 1e3))
 
 
 def five_impacts(axes, with_mujoco):
@@ -81,4 +81,4 @@ def five_impacts(axes, with_mujoco):
             errors.append(1e3 * tip_error(ARM, motion.q[-1, 0], reference))
         label = "this package, RK4" if type(subject) is Subject else subject.name
         axes.loglog(1e3 * steps, errors, marker="o", label=label)
-    axes.set(xlabel="step, ms", ylabel="tip error after 0.5 s, mm")
+    axes.set(xlabel="step, ms (log)", ylabel="tip error after 0.5 s, mm (log)")

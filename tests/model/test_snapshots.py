@@ -213,7 +213,7 @@ def test_what_does_not_say_what_it_holds_is_refused():
             raise TypeError("not to be pickled")
 
     assert plain({"a": 1, "b": (2.5, None)}) == {"a": 1, "b": [2.5, None]}
-    with pytest.raises(ValueError, match=r"Closed that cannot be told from others.*__repr__"):
+    with pytest.raises(ValueError, match=r"Closed that cannot be distinguished from others.*__repr__"):
         plain([Closed()])
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 import rrp
-import three_r
 from arms import ADDED, ARMS, states
+from three_r_by_hand import ThreeRByHand, points
 
 import redundant_envs as rde
 
@@ -94,18 +94,24 @@ def test_a_slider_added_from_outside_comes_to_rest_and_leaves_its_stop():
     [
         ({"rates": ("w1", "w2")}, "rates has 2 entries; its coordinates are 3"),
         ({"prismatic": (False,)}, "prismatic has 1 entries"),
-        ({"functions": tuple(f for f in three_r.ThreeR.functions if f is not three_r.points)}, "gives no x1"),
-        ({"functions": (*three_r.ThreeR.functions, three_r.points, rrp.points)}, "is given by both"),
+        (
+            {"functions": tuple(f for f in ThreeRByHand.functions if f is not points)},
+            "gives no x1",
+        ),
+        (
+            {"functions": (*ThreeRByHand.functions, points, rrp.points)},
+            "is given by both",
+        ),
     ],
 )
 def test_an_arm_that_lacks_something_is_refused_when_its_class_is_made(change, said):
-    body = {k: v for k, v in vars(three_r.ThreeR).items() if k in rde.Arm.__annotations__}
+    body = {k: v for k, v in vars(ThreeRByHand).items() if k in rde.Arm.__annotations__}
     with pytest.raises(ValueError, match=said):
         type("Half", (rde.Arm,), {**body, **change})
 
 
 def test_an_arm_with_positions_of_its_own_needs_the_way_back():
-    body = {k: v for k, v in vars(three_r.ThreeR).items() if k in rde.Arm.__annotations__}
+    body = {k: v for k, v in vars(ThreeRByHand).items() if k in rde.Arm.__annotations__}
     del body["coordinates_of_joints"]
     with pytest.raises(ValueError, match="no coordinates_of_joints"):
         type("Half", (rde.Arm,), body)

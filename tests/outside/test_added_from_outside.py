@@ -276,7 +276,7 @@ def test_without_its_module_an_environment_from_outside_says_what_is_missing():
         "except ValueError as error: print(error)\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert "robot.type is 'ThreeR'; valid: FourR, RPRP" in done.stdout
+    assert "robot.type is 'ThreeR'; valid: Chain, FourR, RPRP" in done.stdout
     make = "import gymnasium; gymnasium.make('three_r:redundant_envs/ThreeRReach-v0').reset()"
     told = subprocess.run(
         [sys.executable, "-c", make], capture_output=True, text=True, cwd=FOLDER, check=False

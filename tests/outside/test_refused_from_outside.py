@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import rrp
 import three_r
+import three_r_by_hand
 
 import redundant_envs as rde
 import redundant_envs.robots
@@ -19,12 +20,11 @@ from redundant_envs.robots.arm import Arm
 from redundant_envs.studies.verify import Mode, verify
 
 e = rde.effects
+ThreeRByHand = three_r_by_hand.ThreeRByHand
 OWN = {
-    n: v
-    for n, v in vars(three_r.ThreeR).items()
-    if n in Arm.__annotations__ and n not in three_r.ThreeR._derived
+    n: v for n, v in vars(ThreeRByHand).items() if n in Arm.__annotations__ and n not in ThreeRByHand._derived
 }
-FIRST = tuple(f for f in OWN["functions"] if f.__module__ == three_r.__name__)
+FIRST = tuple(f for f in OWN["functions"] if f.__module__ == three_r_by_hand.__name__)
 
 
 def arm_of(**change):

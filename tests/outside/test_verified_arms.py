@@ -5,7 +5,7 @@ import functools
 
 import pytest
 import rrp
-import three_r
+from three_r_by_hand import ThreeRByHand
 
 import redundant_envs as rde
 from redundant_envs.algebra import physics
@@ -106,19 +106,26 @@ def gyroscopic(x, h1, h2, h3):
     return h1 + 1e-3 * x["w2"], h2 - 1e-3 * x["w1"], h3
 
 
-T, R = three_r.ThreeR, rrp.RRP
+T, R = ThreeRByHand, rrp.RRP
 FAULTS = {
     "M of one link": (changed(T, inertia_products=factor(5)), {"mass matrix", "kinetic energy"}),
     "M of two links": (
         changed(T, mass_matrix=lambda x, *M: (M[0], 1.001 * M[1], *M[2:])),
-        {"mass matrix", "bias forces", "passivity", "kinetic energy", "forward dynamics"},
+        {
+            "mass matrix",
+            "bias forces",
+            "passivity",
+            "kinetic energy",
+            "forward dynamics",
+            "Coriolis matrix",
+        },
     ),
     "M not positive": (
         changed(T, mass_matrix=lambda x, *M: (*M[:8], -M[8])),
         {"mass matrix", "mass matrix is positive", "kinetic energy"},
     ),
-    "h": (changed(T, bias_forces=factor(1)), {"bias forces", "passivity"}),
-    "h that does no work": (changed(T, bias_forces=gyroscopic), {"bias forces"}),
+    "h": (changed(T, bias_forces=factor(1)), {"bias forces", "passivity", "Coriolis matrix"}),
+    "h that does no work": (changed(T, bias_forces=gyroscopic), {"bias forces", "Coriolis matrix"}),
     "C": (changed(T, give=(wrong_coriolis,)), {"Coriolis matrix"}),
     "G": (changed(T, gravity_forces=factor(2)), {"gravity forces"}),
     "U": (changed(T, give=(wrong_potential,)), {"gravity forces"}),
@@ -190,14 +197,14 @@ def test_a_method_of_another_order_than_it_says_is_red(monkeypatch):
     monkeypatch.setitem(METHODS, heun.name, heun)
     right = dataclasses.replace(heun, name="said_two", order=2)
     monkeypatch.setitem(METHODS, right.name, right)
-    arm = three_r.ThreeR((2.0, 1.5, 1.0), (0.3, 0.5, 0.4))
+    arm = ThreeRByHand((2.0, 1.5, 1.0), (0.3, 0.5, 0.4))
     assert misses(arm, (accuracy.order,), integrator="said_three") == {"order of convergence"}
     assert misses(arm, (accuracy.order,), integrator="said_two") == set()
 
 
 def test_a_tolerance_that_is_not_kept_is_red(monkeypatch):
     """The estimate of a step is a millionth of what it should be."""
-    arm = three_r.ThreeR((2.0, 1.5, 1.0), (0.3, 0.5, 0.4))
+    arm = ThreeRByHand((2.0, 1.5, 1.0), (0.3, 0.5, 0.4))
     step = {"tolerance": 1e-9, "control_dt": 0.3}
     assert misses(arm, (accuracy.tolerance_kept,), **step) == set()
     right = common_step.step_error

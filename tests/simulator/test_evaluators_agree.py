@@ -12,6 +12,7 @@ from redundant_envs.backends.torch import torch
 from redundant_envs.simulator.direct import cross_interval, fields_of
 from redundant_envs.simulator.dynamics import Dynamics
 from redundant_envs.simulator.interval import Interval
+from redundant_envs.studies.kinked_effects import QuadraticDrag
 
 e = rde.effects
 ARMS = {
@@ -22,6 +23,7 @@ EFFECTS = {
     "nothing": (),
     "gravity": (e.Gravity(9.81, (0.6, -0.7)),),
     "friction": (e.ViscousFriction((0.1, 0.2, 0.3, 0.05)),),
+    "drag": (QuadraticDrag(0.3),),
     "limits": (e.EffortLimits((5.0, 4.0, 3.0, 2.0)),),
     "limit spring": (e.LimitSpring("{joint}", -0.1, 0.1, 300.0, 20.0),),
     "limit spring that holds": (e.LimitSpring("{joint}", -0.1, 0.1, 300.0, 5.0),),
@@ -44,7 +46,8 @@ SCENES = [
     for arm, effect, steps in itertools.product(ARMS, EFFECTS, STEPS)
     if arm == "RPRP" or effect not in OF_SLIDERS
     # Where a damper lets go is a kink: it takes up to 16384 steps at 1e-11, a minute without a compiler.
-    if (effect, steps) != ("limit spring", "1e-11")
+    # So is a rate at which drag changes its law.
+    if (effect, steps) not in (("limit spring", "1e-11"), ("drag", "1e-11"))
 ]
 SHORT = ("1e-6",)
 """Steps with which every effect is run each time; the others need two compilations more for each."""

@@ -7,6 +7,7 @@ import dataclasses
 import importlib.util
 import math
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ import yaml
 
 import redundant_envs as rde
 from redundant_envs.__main__ import main
-from redundant_envs.studies import accuracy, accuracy_methods, accuracy_report, impacts
+from redundant_envs.studies import accuracy, accuracy_methods, accuracy_plots, accuracy_report, impacts
 from redundant_envs.studies import accuracy_long as long
 from redundant_envs.studies import accuracy_metrics as metrics
 from redundant_envs.studies.accuracy_config import Panel, Study, build, load_study
@@ -273,6 +274,33 @@ def test_the_study_writes_its_files(tmp_path, capsys):
     assert [r["method"] for r in rows] == ["rk4", "rk4", "rk8", "MuJoCo RK4"]
     assert float(rows[2]["energy_rate_median"]) < float(rows[0]["energy_rate_median"])
     assert "accuracy [####" in capsys.readouterr().err
+    again = accuracy_plots.read(study, tmp_path)
+    assert len(again) == len(study.panels)
+    for drawn, path in zip(again[0].rows, by.values(), strict=True):
+        assert drawn["tip_mm_p99"] == float(path["tip_mm_p99"])
+    before = {path: path.read_bytes() for path in files if path.suffix == ".png"}
+    assert accuracy_plots.save_figures(again, study, tmp_path)[: len(before)] == list(before)
+    assert all(path.read_bytes() == old for path, old in before.items())
+
+
+def test_figures_are_drawn_again_only_from_tables_of_the_study(tmp_path, capsys):
+    assert main(["study", "accuracy", "--redraw", str(tmp_path)]) == 2
+    assert "has no accuracy.csv" in capsys.readouterr().err
+    for name in accuracy_plots.TABLES:
+        (tmp_path / name).write_text("panel,peer,method,setting\nother,,rk4,1 x 20 ms\n", encoding="utf-8")
+    assert main(["study", "accuracy", "--redraw", str(tmp_path)]) == 2
+    assert "has no panel '4R calm', only other" in capsys.readouterr().err
+
+
+def test_axes_that_are_not_linear_say_so():
+    study = load_study(study_path("accuracy"))
+    drawn = accuracy_plots.read(study, Path(__file__).parents[2] / "docs" / "results" / "accuracy")
+    for figure in (
+        accuracy_plots.work_precision_figure(drawn, 0.02), accuracy_plots.energy_figure(drawn, 0.02, 64),
+    ):  # fmt: skip
+        assert {axes.get_yscale() for axes in figure.axes} == {"log"}
+        assert "logarithmic" in figure.get_supylabel()
+        assert "logarithmic" in figure.get_supxlabel()
 
 
 def test_the_study_without_peers(tmp_path, monkeypatch):

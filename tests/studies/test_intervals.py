@@ -16,6 +16,7 @@ QUICK = (
     "4R, singular starts",
     "RPRP, lengths over six decades",
     "RPRP, strong dampers",
+    "RPRP, smooth friction, 1e-09 m",
 )
 
 

@@ -75,7 +75,10 @@ def test_figures(tmp_path):
 @pytest.mark.parametrize("name", ["rprp_limit_springs", "four_r_free"])
 def test_arm_picture(name):
     run = energy.energy_run(name, load_scene(name), 0.05, energy.STARTS[name])
-    picture = plots.arm_picture(run, run.trajectory.q[-1], np.zeros((2, 2)), 3.0)
+    picture, later = (
+        plots.arm_picture(run, run.trajectory.q[-1], np.zeros((2, 2)), 3.0, time) for time in (0.05, 0.06)
+    )
+    assert (picture != later).any(axis=(1, 2)).nonzero()[0].max() < 40  # the time, at the top
     assert picture.shape == (480, 480, 3)
     assert picture.dtype == np.uint8
     assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 10
@@ -92,6 +95,7 @@ def test_throughput_columns_and_numbers():
     assert 0.0 < row["ns_per_step_best"] <= row["ns_per_step_median"]
     assert row["scaled_bar_ns"] == pytest.approx(28 * 53 / row["dgemm_gflops"], rel=1e-2)
     assert row["within_bar"] == (row["ns_per_step_best"] <= row["scaled_bar_ns"])
+    assert 0.0 < row["compile_seconds"] < 60.0
     assert row["llvmlite"] == importlib.metadata.version("llvmlite")
 
 
@@ -121,7 +125,9 @@ def test_filled_batch_differs_by_lane_within_ten_percent():
 
 def test_shipped_config_loads():
     config = throughput.load_config(common.study_path("throughput"))
-    assert {c["arm"] for c in config["cases"]} == {"FourR", "RPRP"}
+    arms = {c["arm"] for c in config["cases"]}
+    assert arms == {"FourR", "RPRP", "Chain RRRR", "Chain RPRP"}
+    assert {throughput.study_scene(arm, "rk8").robot.kind for arm in arms} == {"FourR", "RPRP", "Chain"}
 
 
 @pytest.mark.parametrize(
@@ -139,7 +145,7 @@ def test_config_refuses(tmp_path, change, message):
 
 
 def test_unknown_arm_lists_the_arms():
-    with pytest.raises(ValueError, match="choose FourR, RPRP"):
+    with pytest.raises(ValueError, match="choose FourR, RPRP, Chain RRRR"):
         throughput.study_scene("SCARA", "rk4")
 
 

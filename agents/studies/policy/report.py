@@ -117,7 +117,7 @@ def report_text(study: Study, results: Sequence[ArmResult], about: Mapping[str, 
         f"{study.seed} to {last}, used for nothing else) under each physics: equal starts and goals, "
         "checked to the bit. Task, reward and motors are the same; only the stepping of the scene "
         f"differs. Differences are taken episode by episode from `{study.reference}`; intervals are the "
-        f"middle 95 % of {study.resamples} bootstrap resamples of the episodes. They tell what other "
+        f"middle 95 % of {study.resamples} bootstrap resamples of the episodes. They say what other "
         "episodes would give this policy, not what another policy would get. About one in twenty such "
         "intervals misses its true value, so one that just misses 0 among so many is no evidence. "
         f"Margins, chosen before: {percent(study.narrow_hold)} of the episodes for hold success, "

@@ -37,8 +37,8 @@ LIMIT = 2.0
 MISSED = 1e-3
 """Share of the states that may be beyond it without a flag.
 
-Scenes of the package miss none of a million (``study intervals``). Across a kink of a force that does not say
-where its law changes an estimate of high order is blind: then some of a hundred are missed, and some of ten.
+Scenes of the package miss none of a million (``study intervals``). Of a strong damper that does not say so an
+estimate of high order is blind: then some of a hundred are missed, and some of ten.
 """
 SURE = 0.1
 """States are judged where both references agree to this, in units of the tolerance."""
@@ -115,7 +115,7 @@ def flagged(trial: Trial) -> Finding:
     share = float(np.mean(numerics != 0))
     words = (
         f"{100 * share:.2g} % of the intervals end with a flag ({names}): docs/trouble.md says what each "
-        "means; where a force jumps, or its stiffness does, say so by Force(switch=..., kink=...)"
+        "means; where a force jumps, or its stiffness does, end steps there by Force(switch=...)"
     )
     return Finding(share, names, words)
 

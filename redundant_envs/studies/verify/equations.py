@@ -35,6 +35,9 @@ from redundant_envs.studies.verify.checks import (
 AGREE = at_most(1e-10)
 """A thousand times and more what rounding leaves, and a thousandth of what the smallest mistake in a formula
 makes: a factor, a sign, an index."""
+LEAST = 1e-4
+"""Forces of the motion itself are compared with at least this share of what its energy could make: a single
+link has none of them, and sums over its point mass leave rounding."""
 
 
 class Equations(NamedTuple):
@@ -155,6 +158,9 @@ def bias_forces(trial: Trial) -> Finding:
     terms = np.einsum("nijk,nj,nk->ni", np.abs(e.change), np.abs(qd), np.abs(qd))
     terms += 0.5 * np.einsum("njki,nj,nk->ni", np.abs(e.change), np.abs(qd), np.abs(qd))
     size = (terms / e.scale).max(axis=1, keepdims=True)
+    size = np.maximum(
+        size, LEAST * np.square(e.scale * qd).sum(axis=1, keepdims=True) / e.scale.max(axis=1)[:, None]
+    )
     gaps = ratio((trial.arm.bias_forces(q, qd) - expected) / e.scale, size)
     return _found(trial, gaps, "h contradicts the derivatives of M")
 
@@ -168,6 +174,7 @@ def passivity(trial: Trial) -> Finding:
         "ni,ni->n", qd, trial.arm.bias_forces(q, qd)
     )
     size = np.einsum("ni,nijk,nj,nk->n", np.abs(qd), np.abs(e.change), np.abs(qd), np.abs(qd))
+    size = np.maximum(size, LEAST * np.square(e.scale * qd).sum(axis=1) * np.abs(qd).max(axis=1))
     return _found(trial, ratio(power, size), "h does work: qd^T (M' - 2 C) qd is not 0 but off")
 
 
@@ -180,6 +187,7 @@ def coriolis(trial: Trial) -> Finding:
     C = arm.coriolis_matrix(q, qd)
     scale = e.scale[:, :, None] * e.scale[:, None, :]
     size = (np.einsum("nijk,nk->nij", np.abs(e.change), np.abs(qd)) / scale).max(axis=(1, 2))
+    size = np.maximum(size, LEAST * np.abs(qd).max(axis=1))
     rate = np.einsum("nijk,nk->nij", e.change, qd)
     gaps = ratio((C + np.swapaxes(C, 1, 2) - rate) / scale, size[:, None, None])
     power = (np.einsum("nij,nj->ni", C, qd) - arm.bias_forces(q, qd)) / e.scale

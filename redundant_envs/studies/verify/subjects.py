@@ -116,6 +116,8 @@ def effect_scene(name: str, effect: Effect) -> Scene:
     """An effect on the first arm that it fits, in a vertical plane."""
     refused = []
     for kind in ARMS.values():
+        if not hasattr(kind, "coordinates"):  # Chain, whose joints are chosen with its numbers
+            continue
         try:
             arm = _arm(name, kind)
             fields = any(isinstance(h, Field) for h in effect.hooks(arm))
@@ -162,7 +164,7 @@ def _arm(name: str, kind: type[Arm]) -> Arm:
             masses=tuple(islice(cycle(MASSES), kind.num_masses)),
             lengths=tuple(islice(cycle(LENGTHS), kind.num_lengths)),
         )
-    except TypeError:
+    except (AttributeError, TypeError):  # a Chain has its counts with its joint_types only
         raise ValueError(
             f"{name}: the arm {kind.__name__} needs {', '.join(own)}, too; name an arm that has them, "
             "module:object"

@@ -1,0 +1,81 @@
+"""Make the pictures of the README and of docs/ again, and the README's results: python docs/figures/remake.py
+
+It takes a minute, trains nothing and measures nothing. Clips and thumbnails show the policies in policies/;
+figures are drawn from the tables and runs in docs/results. Those of docs/hard_cases.md are drawn by
+``python tests/hard_cases --pictures``.
+"""
+
+import re
+from pathlib import Path
+
+import gymnasium as gym
+from PIL import Image
+
+from agents.evidence.curves import curves
+from agents.evidence.table import brief_table
+from agents.play import play
+from agents.policies import load_policy
+from agents.report import batched
+from agents.rollout import policy_act
+from agents.run_folder import read_config
+from agents.studies.strength import read_rows
+from agents.studies.strength_figure import figure
+from redundant_envs.__main__ import main
+
+ROOT = Path(__file__).resolve().parents[2]
+FIGURES, RESULTS, POLICIES = ROOT / "docs" / "figures", ROOT / "docs" / "results", ROOT / "policies"
+CLIPS = {"rprp_reach": "RPRPReach-v0-sac", "four_r_reach": "FourRReach-v0-sac"}
+"""Clip -> policy."""
+THUMBNAILS = {
+    "rprp_reach": ("RPRPReach-v0-sac", 4), "rprp_goal_reach": ("RPRPGoalReach-v0-her", 6),
+    "four_r_reach": ("FourRReach-v0-sac", 4), "four_r_goal_reach": ("FourRGoalReach-v0-her", 6),
+}  # fmt: skip
+"""Thumbnail -> policy and seed."""
+MOMENT = 18
+"""Control steps of the episode that a thumbnail shows the last of."""
+SIDE = 160
+RUNS_OF_README = "runs/*/*"
+"""In docs/results; its table of results has a row for each group of seeds."""
+CURVES = {"": "runs", "_weak": "weak", "_baselines": "baselines"}
+
+
+def thumbnail(name: str, policy: str, seed: int) -> None:
+    """A small picture of an arm on its way to the goal."""
+    folder = POLICIES / policy
+    config = read_config(folder)
+    act = policy_act(load_policy(folder, config, trust=False))
+    env = gym.make(config.env, render_mode="rgb_array", **config.env_kwargs)
+    unwrapped = env.unwrapped
+    obs, _ = env.reset(seed=seed)
+    for step in range(MOMENT):
+        obs, *_ = env.step(act(batched(obs), unwrapped.core, step)[0])
+        env.render()
+    picture = Image.fromarray(unwrapped._renderer.draw(0, written=False)).resize((SIDE, SIDE), Image.LANCZOS)
+    picture.save(FIGURES / f"{name}.png", optimize=True)
+    env.close()
+
+
+def clips() -> None:
+    """Both arms under their policies."""
+    for name, policy in CLIPS.items():
+        play(str(POLICIES / policy), None, FIGURES / f"{name}.gif", episodes=3, seed=1)
+
+
+def results(readme: Path) -> None:
+    """Write the table of results between its marks."""
+    table = brief_table(sorted(RESULTS.glob(RUNS_OF_README)))
+    text = readme.read_text(encoding="utf-8")
+    marked = re.compile(r"(<!-- results: .*? -->\n).*?(<!-- end of results -->)", re.S)
+    readme.write_text(marked.sub(rf"\g<1>{table}\n\g<2>", text), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    results(ROOT / "README.md")
+    clips()
+    for name, (policy, seed) in THUMBNAILS.items():
+        thumbnail(name, policy, seed)
+    for name, runs in CURVES.items():
+        curves(sorted((RESULTS / runs).glob("*/*")), FIGURES / f"learning_curves{name}.png")
+    figure(read_rows(RESULTS / "strength" / "strength.csv")).savefig(FIGURES / "strength.png")
+    main(["study", "schematic", "--out", str(FIGURES / "arms.svg")])
+    main(["study", "accuracy", "--redraw", str(RESULTS / "accuracy")])

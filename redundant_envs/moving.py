@@ -1,0 +1,205 @@
+"""Numbers that know whether they move, and where what is computed with them has kinks.
+
+A function that is run on them gives, beside its results, what changes its sign at each of its kinks: the
+difference of two numbers that are compared, the argument of ``abs``; that of ``floor`` at each whole number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from redundant_envs import algebra
+from redundant_envs.algebra import Absent, Primitives, register_numbers
+
+
+class Kink:
+    """Where a result has a kink.
+
+    Attributes
+    ----------
+    value : what changes its sign there
+    levels : whether there is one wherever ``value`` passes a whole number, too
+    """
+
+    __slots__ = ("levels", "value")
+
+    def __init__(self, value: Any, levels: bool = False) -> None:
+        self.value = 0.0 if isinstance(value, Absent) else value
+        self.levels = levels
+
+    def where(self, condition: Any, holds: bool) -> Kink:
+        """The kink of a branch: there is none where the other one is taken."""
+        branches = (self.value, 1.0) if holds else (1.0, self.value)
+        return Kink(algebra.where(condition, *branches), self.levels)
+
+
+Kinks = tuple[Kink, ...]
+
+
+def _union(*kinks: Kinks) -> Kinks:
+    return tuple({id(k): k for some in kinks for k in some}.values())
+
+
+class Moving:
+    """A number of any kind.
+
+    Parameters
+    ----------
+    value : the number
+    moves : whether it changes with the motion
+    kinks : of how it changes
+    """
+
+    __slots__ = ("kinks", "moves", "value")
+    __array_ufunc__ = None  # NumPy leaves operations with these numbers to them
+    __hash__ = None  # type: ignore[assignment]
+
+    def __init__(self, value: Any, moves: bool = False, kinks: Kinks = ()) -> None:
+        self.value, self.moves, self.kinks = value, moves, kinks
+
+    def _with(self, other: Any, value: Any) -> Moving:
+        o = moving(other)
+        return Moving(value, self.moves or o.moves, _union(self.kinks, o.kinks))
+
+    def __add__(self, other: Any) -> Moving:
+        return self._with(other, self.value + _value(other))
+
+    def __radd__(self, other: Any) -> Moving:
+        return self._with(other, _value(other) + self.value)
+
+    def __sub__(self, other: Any) -> Moving:
+        return self._with(other, self.value - _value(other))
+
+    def __rsub__(self, other: Any) -> Moving:
+        return self._with(other, _value(other) - self.value)
+
+    def __mul__(self, other: Any) -> Moving:
+        return self._with(other, self.value * _value(other))
+
+    def __rmul__(self, other: Any) -> Moving:
+        return self._with(other, _value(other) * self.value)
+
+    def __truediv__(self, other: Any) -> Moving:
+        return self._with(other, self.value / _value(other))
+
+    def __rtruediv__(self, other: Any) -> Moving:
+        return self._with(other, _value(other) / self.value)
+
+    def __pow__(self, exponent: int) -> Moving:
+        return Moving(self.value**exponent, self.moves, self.kinks)
+
+    def __neg__(self) -> Moving:
+        return Moving(-self.value, self.moves, self.kinks)
+
+    def __abs__(self) -> Moving:
+        own = (Kink(self.value),) if self.moves else ()
+        return Moving(abs(self.value), self.moves, _union(self.kinks, own))
+
+    def _compared(self, other: Any, condition: Any) -> Choice:
+        moves = self.moves or moving(other).moves
+        return Choice(condition, (Kink(self.value - _value(other)),) if moves else ())
+
+    def __lt__(self, other: Any) -> Choice:
+        return self._compared(other, self.value < _value(other))
+
+    def __le__(self, other: Any) -> Choice:
+        return self._compared(other, self.value <= _value(other))
+
+    def __gt__(self, other: Any) -> Choice:
+        return self._compared(other, self.value > _value(other))
+
+    def __ge__(self, other: Any) -> Choice:
+        return self._compared(other, self.value >= _value(other))
+
+    def __eq__(self, other: Any) -> Any:
+        return self._compared(other, self.value == _value(other))
+
+    def __ne__(self, other: Any) -> Any:
+        return self._compared(other, self.value != _value(other))
+
+
+class Choice:
+    """A condition, and where it changes; kinks of the numbers compared do not matter elsewhere."""
+
+    __slots__ = ("condition", "kinks")
+
+    def __init__(self, condition: Any, kinks: Kinks) -> None:
+        self.condition, self.kinks = condition, kinks
+
+    def __and__(self, other: Any) -> Choice:
+        o = _choice(other)
+        return Choice(self.condition & o.condition, _union(self.kinks, o.kinks))
+
+    def __or__(self, other: Any) -> Choice:
+        o = _choice(other)
+        return Choice(self.condition | o.condition, _union(self.kinks, o.kinks))
+
+    def __xor__(self, other: Any) -> Choice:
+        o = _choice(other)
+        return Choice(self.condition ^ o.condition, _union(self.kinks, o.kinks))
+
+    __rand__, __ror__, __rxor__ = __and__, __or__, __xor__
+
+
+def moving(x: Any) -> Moving:
+    """Such a number as it is, any other as one that does not move."""
+    return x if isinstance(x, Moving) else Moving(x)
+
+
+def _value(x: Any) -> Any:
+    return x.value if isinstance(x, Moving) else x
+
+
+def _choice(x: Any) -> Choice:
+    return x if isinstance(x, Choice) else Choice(x, ())
+
+
+def kinks_in(results: Any) -> Kinks:
+    """Kinks of what a function gives."""
+    values: Iterable[Any] = results if isinstance(results, tuple) else (results,)
+    return _union(*(moving(value).kinks for value in values))
+
+
+def where(condition: Any, a: Any, b: Any) -> Any:
+    choice = _choice(condition)
+    if isinstance(a, Choice | bool) and isinstance(b, Choice | bool):
+        one, other = _choice(a), _choice(b)
+        chosen = algebra.where(choice.condition, one.condition, other.condition)
+        return Choice(chosen, _union(choice.kinks, one.kinks, other.kinks))
+    a, b = moving(a), moving(b)
+    everywhere = {id(k) for k in (*choice.kinks, *a.kinks)} & {id(k) for k in (*choice.kinks, *b.kinks)}
+    branches = [
+        k if id(k) in everywhere else k.where(choice.condition, holds)
+        for some, holds in ((a.kinks, True), (b.kinks, False))
+        for k in some
+    ]
+    return Moving(
+        algebra.where(choice.condition, a.value, b.value),
+        a.moves or b.moves or bool(choice.kinks),
+        _union(choice.kinks, tuple(branches)),
+    )
+
+
+def _smooth(function: Callable[[Any], Any]) -> Callable[[Moving], Moving]:
+    return lambda x: Moving(function(x.value), x.moves, x.kinks)
+
+
+def _floor(x: Moving) -> Moving:
+    return Moving(algebra.floor(x.value), x.moves, (Kink(x.value, levels=True),) if x.moves else ())
+
+
+def _sincos(x: Moving) -> tuple[Moving, Moving]:
+    s, c = algebra.sincos(x.value)
+    return Moving(s, x.moves, x.kinks), Moving(c, x.moves, x.kinks)
+
+
+def _negation(x: Choice) -> Choice:
+    return Choice(algebra.logical_not(x.condition), x.kinks)
+
+
+register_numbers(
+    Primitives(_smooth(algebra.sqrt), _smooth(algebra.exp), _floor, _sincos, where, _negation),
+    Moving,
+    Choice,
+)

@@ -1,0 +1,161 @@
+"""An arm from the types of its joints: "RPR" is a revolute, a prismatic, a revolute joint, from the base on.
+
+Angles are absolute, from +x. A revolute joint begins a new direction, with a link of its own length and a
+mass at its end; a slider moves along the direction before it, or along +x if no revolute joint is before it,
+and has a mass at its end. Revolute joints and sliders are counted each on their own: theta1, r1, theta2.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from redundant_envs.algebra import arguments_of, gives_of, numbered, physics
+from redundant_envs.values import shown
+
+Function = Callable[..., Any]
+MOST_JOINTS = 10
+"""With more M111 is an entry of two places."""
+
+
+def check_joint_types(where: str, types: Any) -> str:
+    """ValueError unless these are types of joints."""
+    if not isinstance(types, str) or not re.fullmatch(f"[RP]{{1,{MOST_JOINTS}}}", types):
+        raise ValueError(
+            f"{where} is {shown(types)}; give 1 to {MOST_JOINTS} letters from base to tip, R for a revolute "
+            "joint and P for a prismatic one, such as 'RPR'"
+        )
+    return types
+
+
+def facts_of(types: str, functions: Sequence[Function]) -> dict[str, Any]:
+    """What an arm of such joints is, by the names of :class:`~redundant_envs.Arm`.
+
+    Parameters
+    ----------
+    types : str
+    functions : sequence of functions
+        What the arm gives itself; without point masses it has those at the ends of its links.
+    """
+    names = _counted(types, "theta{}", "r{}")
+    angles = [name for name, kind in zip(names, types, strict=True) if kind == "R"]
+    given = {name for f in functions for name in gives_of(f)}
+    made: dict[str, Any] = {
+        "coordinates": tuple(names),
+        "rates": tuple(_counted(types, "w{}", "v{}")),
+        "joints": tuple(_counted(types, "joint{}", "r{}")),
+        "prismatic": tuple(kind == "P" for kind in types),
+        "sincos": {angle: (f"s{k + 1}", f"c{k + 1}") for k, angle in enumerate(angles)},
+    }
+    lengths = len(angles)
+    if "x1" in given:
+        found = (re.fullmatch(r"l(\d+)", a) for f in functions for a in arguments_of(f))
+        lengths = max((int(number.group(1)) for number in found if number), default=0)
+        made["num_masses"] = sum(re.fullmatch(r"x\d+", name) is not None for name in given)
+    made["num_lengths"] = lengths
+    posture = {"s1": "sine of joint angle 1", "c1": "cosine of joint angle 1"} if angles else {}
+    for k in range(2, len(angles) + 1):
+        posture |= {f"s{k}{k - 1}": f"sine of joint angle {k}", f"c{k}{k - 1}": f"cosine of joint angle {k}"}
+    return {**made, "posture": posture}
+
+
+def functions_of(types: str, given: set[str]) -> list[Function]:
+    """Functions of an arm of such joints that are not yet ``given``, by what they give."""
+    angles = types.count("R")
+    made = [*_joint_maps(types), _points(types)]
+    made += [_angle_between(k) for k in range(2, angles + 1)]
+    return [f for f in made if given.isdisjoint(gives_of(f))]
+
+
+def coordinates_of_joints(types: str) -> Function:
+    """Coordinates from joint positions: an angle is the sum of the joint angles up to its link."""
+
+    @physics(gives=" ".join(_counted(types, "theta{}", "r{}")), takes=_numbered("phi{}", types))
+    def coordinates_of_joints(*phi):
+        turned, made = None, []
+        for kind, position in zip(types, phi, strict=True):
+            if kind == "R":
+                turned = position if turned is None else turned + position
+            made.append(turned if kind == "R" else position)
+        return tuple(made)
+
+    return coordinates_of_joints
+
+
+def _counted(types: str, revolute: str, prismatic: str) -> list[str]:
+    return [
+        (revolute if kind == "R" else prismatic).format(types[: k + 1].count(kind))
+        for k, kind in enumerate(types)
+    ]
+
+
+def _numbered(form: str, types: str) -> str:
+    return " ".join(numbered(form, len(types)))
+
+
+def _joint_maps(types: str) -> list[Function]:
+    """Positions and rates of the joints, B^T q and B^T qd, and the motor map B t: a motor acts between the
+    link of its joint and what is before it."""
+    revolute = [k for k, kind in enumerate(types) if kind == "R"]
+    before = dict(zip(revolute[1:], revolute, strict=False))
+    behind = {k: j for j, k in before.items()}
+
+    def of_joints(*values):
+        return tuple(x - values[before[k]] if k in before else x for k, x in enumerate(values))
+
+    def at_coordinates(*t):
+        return tuple(x - t[behind[k]] if k in behind else x for k, x in enumerate(t))
+
+    return [
+        physics(gives=_numbered("phi{}", types), takes=" ".join(_counted(types, "theta{}", "r{}")))(
+            lambda *q: of_joints(*q)
+        ),
+        physics(gives=_numbered("phid{}", types), takes=" ".join(_counted(types, "w{}", "v{}")))(
+            lambda *qd: of_joints(*qd)
+        ),
+        physics(gives=_numbered("Q{}", types), takes=_numbered("t{}", types))(at_coordinates),
+    ]
+
+
+def _points(types: str) -> Function:
+    """The ends of all links and sliders, where the masses are."""
+    revolute = types.count("R")
+    takes = [*numbered("l{}", revolute), *_counted(types, "s{}", "r{}"), *numbered("c{}", revolute)]
+    gives = [f"{axis}{k + 1}" for k in range(len(types)) for axis in "xy"]
+
+    @physics(gives=" ".join(gives), takes=" ".join(takes))
+    def points(*values):
+        lengths, moved, cosines = values[:revolute], values[revolute : -revolute or None], values[-revolute:]
+        links, made = iter(range(revolute)), []
+        start_x, start_y, s, c, reach = 0.0, 0.0, None, None, None
+        for kind, value in zip(types, moved, strict=True):
+            if kind == "R":
+                link = next(links)
+                if made:
+                    start_x, start_y = made[-2:]
+                s, c, reach = value, cosines[link], lengths[link]
+            else:
+                reach = value if reach is None else reach + value
+            made += _ahead(start_x, start_y, reach, s, c)
+        return tuple(made)
+
+    return points
+
+
+def _ahead(x: Any, y: Any, distance: Any, s: Any, c: Any) -> tuple[Any, Any]:
+    """A point at a distance from another, in the direction of an angle; None is +x."""
+    if c is None:
+        return distance, 0.0
+    across, up = distance * c, distance * s
+    return (across, up) if isinstance(x, float) else (x + across, y + up)
+
+
+def _angle_between(k: int) -> Function:
+    """Sine and cosine of theta_k - theta_(k-1)."""
+
+    @physics(gives=f"s{k}{k - 1} c{k}{k - 1}", takes=f"s{k} c{k} s{k - 1} c{k - 1}")
+    def angle_between(s2, c2, s1, c1):
+        return s2 * c1 - c2 * s1, c2 * c1 + s2 * s1
+
+    return angle_between

@@ -1,0 +1,53 @@
+"""The equations of an arm as sympy expressions, of the same text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from redundant_envs.algebra import gives_of, numbered
+from redundant_envs.extras import needs
+
+
+def symbols_of(arm: Any) -> dict[str, Any]:
+    """Expressions by the names that :meth:`redundant_envs.Arm.symbols` lists."""
+    with needs("verify"):
+        import sympy as sp
+    import redundant_envs.backends.sympy  # noqa: F401 - lets expressions be numbers
+
+    def make(names: Iterable[str], **assumed: bool) -> dict[str, Any]:
+        return {n: sp.Symbol(n, **assumed) for n in names}
+
+    n = len(arm.coordinates)
+    parameters = make(arm.parameter_values(), positive=True)
+    q, qd = make(arm.coordinates, real=True), make(arm.rates, real=True)
+    forces = make(numbered("Q{}", n), real=True)
+    field = {"ax": sp.Integer(0), "ay": sp.Symbol("g", real=True)}
+    state = {**parameters, **q, **qd, **field}
+    given = {name for f in arm.functions for name in gives_of(f)}
+
+    def matrix(letter: str, rows: int) -> Any:
+        names = [f"{letter}{i + 1}{j + 1}" for i in range(rows) for j in range(n)]
+        return sp.Matrix(rows, n, arm.evaluate(names, state)) if names[0] in given else None
+
+    def column(letter: str, extra: Mapping[str, Any] | None = None) -> Any:
+        return sp.Matrix(arm.evaluate(numbered(f"{letter}{{}}", n), {**state, **(extra or {})}))
+
+    made = {
+        "q": list(q.values()),
+        "qd": list(qd.values()),
+        "Q": list(forces.values()),
+        "parameters": {**parameters, "g": field["ay"]},
+        "M": matrix("M", n),
+        "C": matrix("C", n),
+        "J": matrix("J", 2),
+        "h": column("h"),
+        "G": column("G"),
+        "qdd": column("qdd", forces),
+        "tip": sp.Matrix(arm.evaluate(("tip_x", "tip_y"), state)),
+        "Jdot_qd": sp.Matrix(arm.evaluate(("Jdqd1", "Jdqd2"), state)),
+    }
+    made |= {
+        name: arm.evaluate((name,), state)[0] for name in ("T", "U", "Lz", "manipulability") if name in given
+    }
+    return {name: value for name, value in made.items() if value is not None}

@@ -1,0 +1,134 @@
+"""Effects as a user might write them, with kinks that depend on rates and that no effect declares."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from redundant_envs.algebra import clamp, maximum, minimum, physics
+from redundant_envs.effects import Actuation, Effect, Force, Link
+from redundant_envs.effects.hooks import Hook
+from redundant_envs.robots.arm import Arm
+
+
+@physics
+def drag(rate, coefficient):
+    return -coefficient * rate * abs(rate)
+
+
+@dataclass(frozen=True)
+class QuadraticDrag(Effect):
+    """Resists with the square of a joint's rate: the second derivative of the force jumps where it turns."""
+
+    coefficients: float | tuple[float, ...]  # N m s^2/rad^2 or N s^2/m^2
+
+    of_joints = ("coefficients",)
+
+    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
+        return tuple(
+            Force(k, drag, {"rate": f"phid{k + 1}", "coefficient": f".coefficients[{k}]"})
+            for k in range(len(arm.joints))
+        )
+
+
+@physics
+def smooth_friction(rate, level, scale):
+    return -level * rate / (abs(rate) + scale)
+
+
+@physics
+def steepest_friction(level, scale):
+    return level / scale
+
+
+@dataclass(frozen=True)
+class SmoothFriction(Effect):
+    """Dry friction made continuous: ``levels`` at rates far beyond ``scale``."""
+
+    levels: float | tuple[float, ...]  # N m or N
+    scale: float = 0.5  # rad/s or m/s
+
+    of_joints = ("levels",)
+
+    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
+        return tuple(
+            Force(
+                k, smooth_friction, {"rate": f"phid{k + 1}", "level": f".levels[{k}]", "scale": ".scale"},
+                damping=steepest_friction,
+            )
+            for k in range(len(arm.joints))
+        )  # fmt: skip
+
+
+@physics
+def below_curve(command, rate, stall, free_rate):
+    """At most the stall effort, less the faster the joint moves with it; a motor that is driven brakes."""
+    most = stall * (1.0 - rate / free_rate)
+    least = stall * (-1.0 - rate / free_rate)
+    return minimum(maximum(command, maximum(least, -stall)), minimum(most, stall))
+
+
+@dataclass(frozen=True)
+class TorqueSpeed(Effect):
+    """Motors whose effort falls with speed, from ``stalls`` to 0 at ``free_rate``."""
+
+    stalls: float | tuple[float, ...]  # N m or N
+    free_rate: float = 3.0  # rad/s or m/s
+
+    of_joints = ("stalls",)
+
+    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
+        return tuple(
+            Actuation(
+                k, below_curve,
+                {
+                    "command": f"command{k + 1}", "rate": f"phid{k + 1}", "stall": f".stalls[{k}]",
+                    "free_rate": ".free_rate",
+                },
+                Link.TORQUE_SPEED,
+            )
+            for k in range(len(arm.joints))
+        )  # fmt: skip
+
+
+@physics
+def clipped_velocity_effort(command, rate, gain, limit):
+    return clamp(command - gain * rate, -limit, limit)
+
+
+@dataclass(frozen=True)
+class VelocityController(Effect):
+    """Motors that hold a rate, command / gain, with an effort that is clipped."""
+
+    gains: float | tuple[float, ...]  # N m s/rad or N s/m
+    limits: float | tuple[float, ...]  # N m or N
+
+    of_joints = ("gains", "limits")
+
+    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
+        return tuple(
+            Actuation(
+                k, clipped_velocity_effort,
+                {
+                    "command": f"command{k + 1}", "rate": f"phid{k + 1}", "gain": f".gains[{k}]",
+                    "limit": f".limits[{k}]",
+                },
+            )
+            for k in range(len(arm.joints))
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Kinked:
+    """An effect, and between which bounds its numbers are drawn."""
+
+    name: str
+    effect: Effect
+    bounds: dict[str, tuple[float, float]]
+
+
+KINKED = (
+    Kinked("quadratic drag", QuadraticDrag(0.1), {"coefficients": (1e-2, 3.0)}),
+    Kinked("smooth friction", SmoothFriction(0.5), {"levels": (1e-2, 3.0), "scale": (0.05, 1.0)}),
+    Kinked("torque-speed curve", TorqueSpeed(4.0), {"stalls": (1.0, 5.0), "free_rate": (2.0, 10.0)}),
+    Kinked("clipped velocity", VelocityController(1.0, 3.0), {"gains": (0.05, 1.0), "limits": (0.5, 5.0)}),
+)

@@ -1,0 +1,145 @@
+"""Commands of the README and the manual: their arguments parse, and the quick ones run."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+import sys
+
+import pytest
+from markdown import MANUAL, ROOT, commands
+
+pytest.importorskip("typer", reason="commands of agents need the extra 'train'")
+
+RUN = "docs/results/runs/rprp_reach_sac/seed0"
+PLACEHOLDERS = {"RUN": RUN, "FILE": "some.json"}
+FOUND = {command: (page.stem, whole) for page in MANUAL for command, whole in commands(page).items()}
+QUICK = (
+    "python -m redundant_envs list",
+    "python -m redundant_envs scene rprp_reach",
+    "python -m redundant_envs scene four_r_free --bill",
+    "python -m redundant_envs scene four_r_free --listing",
+    "python -m redundant_envs verify --quick four_r_reach",
+    "python -m redundant_envs study schematic",
+    "python -m agents table docs/results/runs/*/*",
+    "python -m agents schema",
+    "python examples/play_with_numpy.py policies/RPRPReach-v0-sac",
+)
+SLOWER = (
+    "python -m redundant_envs verify --quick rprp_reach --json runs/found.json --markdown runs/found.md",
+    "python -m redundant_envs verify --bits",
+    "python -m redundant_envs simulate --scene four_r_free --seconds 3 --clip runs/falls.gif",
+    "python -m agents play FourRReach-v0 --actions random --episodes 1 --clip runs/random.gif",
+    "python -m redundant_envs simulate",
+    "python -m redundant_envs verify rprp_reach",
+    "python -m redundant_envs study accuracy --redraw docs/results/accuracy",
+    "python -m agents curves docs/results/runs/*/* --out runs/curves.png",
+    "python -m agents evaluate RUN",
+    "python -m agents report RUN",
+    "python -m agents export docs/results/runs/rprp_reach_sac/seed0",
+    "python -m agents play policies/FourRReach-v0-sac --clip four_r.gif",
+)
+"""Of under a minute each. The others train, measure for minutes, open a window or need a reader's files."""
+
+
+def words_of(command):
+    """The words of a command; patterns become files, placeholders something that exists."""
+    found = []
+    for word in shlex.split(re.sub(r"\$\(.*\)", "", command)):
+        word = PLACEHOLDERS.get(word, word)
+        paths = (
+            sorted(str(p.relative_to(ROOT)) for p in ROOT.glob(word))
+            if "*" in word and "{" not in word
+            else []
+        )
+        found += paths or [word]
+    return found
+
+
+def parse(command, whole):
+    """Parse the arguments of a command; ``whole`` is false where only the name of a command is mentioned."""
+    _, _, module, *words = words_of(command)
+    if module == "redundant_envs":
+        from redundant_envs.__main__ import parser
+
+        if words[:1] == ["--import"]:
+            words = words[2:]
+        if whole:
+            parser().parse_args(words)
+    elif module == "agents":
+        import typer
+
+        from agents.commands import app
+        from agents.config import load
+
+        step, name = typer.main.get_command(app), words[0] if words else ""
+        while words and hasattr(step, "commands"):
+            step = step.commands[words.pop(0)]
+        if whole and "--help" not in words:
+            given = step.make_context("command", list(words)).params
+            if name in ("train", "tune") and not given["config"].startswith("runs/"):
+                load(given["config"], given["overrides"] or ())
+    else:
+        name = module.replace(".", "/")
+        assert module.startswith("rl_zoo3") or any(
+            (ROOT / f"{name}{end}").exists() for end in (".py", "/__main__.py")
+        ), module
+
+
+def test_every_command_is_one_and_takes_its_arguments():
+    for command, (page, in_block) in FOUND.items():
+        if command.startswith("python examples"):
+            assert (ROOT / command.split()[1]).is_file(), f"{page}: {command}"
+            continue
+        try:
+            parse(command, in_block or len(command.split()) > 5)
+        except (SystemExit, Exception) as error:
+            pytest.fail(f"{page}: {command}: {error!r}")
+
+
+def test_a_command_with_a_wrong_option_or_name_would_be_seen():
+    for command in ("python -m agents play FourRReach-v0 --nothing", "python -m agents nothing",
+                    "python -m agents train rprp_reach_sac sac.nothing=1", "python -m agents train nothing",
+                    "python -m redundant_envs verify --nothing", "python -m nothing"):  # fmt: skip
+        with pytest.raises((SystemExit, Exception)):
+            parse(command, True)
+
+
+def run(command, tmp_path, monkeypatch):
+    """Run a documented command in a folder of its own, with copies of what it may write to."""
+    assert command in FOUND, f"{command} is on no page any more"
+    for name in ("policies", "examples", "configs"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    results = tmp_path / "docs" / "results"
+    results.mkdir(parents=True)
+    if "accuracy" in command:
+        shutil.copytree(ROOT / "docs/results/accuracy", results / "accuracy")
+    elif RUN in command or "RUN" in command.split():
+        shutil.copytree(ROOT / RUN, tmp_path / RUN)
+    else:
+        (results / "runs").symlink_to(ROOT / "docs/results/runs")
+    words = words_of(command)
+    monkeypatch.chdir(tmp_path)
+    if words[1] == "-m":
+        from importlib import import_module
+
+        assert import_module(f"{words[2]}.__main__").main(words[3:]) == 0
+    else:
+        import runpy
+
+        monkeypatch.setattr(sys, "argv", words[1:])
+        runpy.run_path(words[1], run_name="__main__")
+
+
+@pytest.mark.parametrize("command", QUICK)
+def test_quick_commands_run(command, tmp_path, monkeypatch, capsys):
+    run(command, tmp_path, monkeypatch)
+    assert capsys.readouterr().out
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("command", SLOWER)
+def test_slower_commands_run(command, tmp_path, monkeypatch, capsys):
+    run(command, tmp_path, monkeypatch)
+    assert capsys.readouterr().out

@@ -1,0 +1,75 @@
+"""A page is followed literally: the helper that does so fails where a reader would."""
+
+import pytest
+from tutorial import blocks_of, run_tutorial
+
+PAGE = """\
+Save this as `numbers_of.py`:
+
+```python
+# numbers_of.py
+three = 3
+```
+
+```python
+from numbers_of import three
+print("python", three)
+```
+
+```console
+$ python -c "import numbers_of; print('console', numbers_of.three)"
+console 3
+$ ls *.py
+```
+
+```text
+not run
+```
+
+```shell
+echo shell
+```
+"""
+
+
+def written(tmp_path, text):
+    page = tmp_path / "page.md"
+    page.write_text(text, encoding="utf-8")
+    folder = tmp_path / "empty"
+    folder.mkdir()
+    return page, folder
+
+
+def test_blocks_run_in_order_in_one_folder(tmp_path):
+    page, folder = written(tmp_path, PAGE)
+    assert [b.file for b in blocks_of(page)] == ["numbers_of.py", None, None, None, None]
+    outputs = run_tutorial(page, folder)
+    assert outputs == ["python 3\n", "console 3\nnumbers_of.py\n", "shell\n"]
+
+
+@pytest.mark.parametrize(
+    "block",
+    [
+        "```python\nprint('before')\nraise SystemExit(2)\n```\n",
+        "```console\n$ echo before\n$ false\n$ echo after\n```\n",
+        "```shell\necho before\nfalse | cat\necho after\n```\n",
+    ],
+)
+def test_a_block_that_fails_is_shown_with_its_output(tmp_path, block):
+    page, folder = written(tmp_path, block)
+    with pytest.raises(AssertionError, match=r"(?s)page.md, line 2: status.*\nbefore\n$"):
+        run_tutorial(page, folder)
+
+
+@pytest.mark.parametrize(
+    ("block", "words"),
+    [
+        ("```yaml\na: 1\n```\n", "nothing runs a yaml block"),
+        ("```console\nredundant-envs list\n```\n", "without a command"),
+        ("```shell\nsleep 9\n```\n", "more than 0.2 s"),
+    ],
+)
+def test_a_block_that_nothing_runs_is_refused(tmp_path, block, words):
+    page, folder = written(tmp_path, block)
+    with pytest.raises(AssertionError, match=words):
+        run_tutorial(page, folder, seconds=0.2)

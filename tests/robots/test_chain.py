@@ -1,0 +1,198 @@
+"""Chains of revolute joints and sliders: all of it follows from the positions of the point masses."""
+
+import copy
+import json
+import pickle
+
+import numpy as np
+import pytest
+from test_oracles import CASES, close
+
+import redundant_envs as rde
+from redundant_envs.studies.verify import equations, verify
+from redundant_envs.studies.verify.checks import checks_of
+
+e = rde.effects
+BY_HAND = {
+    "RPRP": rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5)),
+    "RRRR": rde.FourR((2.0, 1.5, 1.0, 0.5), (0.3, 0.5, 0.4, 0.6)),
+}
+WORDS = ["R", "P", "PP", "PR", "RP", "RPP", "PPR", "RPR", "PRRP", "RRRRR"]
+LONGEST = "RPRRPRRPRR"
+
+
+def chain_of(types):
+    rng = np.random.default_rng(len(types))
+    return rde.Chain(types, rng.uniform(0.5, 2.0, len(types)), rng.uniform(0.3, 1.0, types.count("R")))
+
+
+def states(arm, count=50):
+    rng = np.random.default_rng(1)
+    q = rng.uniform(-3.0, 3.0, (count, len(arm.joints)))
+    q[:, arm.sliders()] *= 0.2
+    return q, rng.normal(0.0, 3.0, q.shape), rng.normal(0.0, 5.0, q.shape)
+
+
+@pytest.mark.parametrize("types", BY_HAND)
+def test_a_chain_is_the_arm_written_by_hand_to_rounding(types):
+    hand = BY_HAND[types]
+    chain = rde.Chain(types, hand.masses, hand.lengths)
+    q, qd, Q = states(hand, 500)
+    of_position = "mass_matrix", "gravity_forces", "points", "forward_kinematics", "jacobian"
+    of_position += "potential_energy", "manipulability"
+    of_motion = "bias_forces", "coriolis_matrix", "jacobian_dot_qd", "kinetic_energy", "angular_momentum"
+    for name in (*of_position, *of_motion):
+        known = (q,) if name in of_position else (q, qd)
+        found, expected = getattr(chain, name)(*known), getattr(hand, name)(*known)
+        assert np.abs(found - expected).max() <= 2e-15 * np.abs(expected).max(), name
+    expected = hand.forward_dynamics(q, qd, Q)
+    assert np.abs(chain.forward_dynamics(q, qd, Q) - expected).max() <= 1e-14 * np.abs(expected).max()
+    assert np.array_equal(chain.motor_map, hand.motor_map)
+    names = "coordinates", "rates", "joints", "prismatic", "num_masses", "num_lengths"
+    assert [getattr(chain, name) for name in names] == [getattr(hand, name) for name in names]
+    values = hand.parameter_values().values()
+    bounds, known = (np.array(arm.mobility_bounds(*values)) for arm in (chain, hand))
+    assert (bounds <= known * (1.0 + 1e-14)).all()
+
+
+@pytest.mark.parametrize(("arm", "types"), [("rprp", "RPRP"), ("four_r", "RRRR")])
+def test_a_chain_agrees_with_references_of_50_digits(arm, types):
+    for case in CASES[arm]:
+        chain = rde.Chain(types, tuple(case["m"]), tuple(case["l"]))
+        q, qd, g = case["q"], case["qd"], case["g"]
+        assert close(chain.mass_matrix(q), case["M"], 1e-14)
+        assert close(chain.bias_forces(q, qd), case["h"], 1e-14)
+        assert close(chain.jacobian(q), case["J"], 1e-14)
+        terms = np.abs(case["J"]).max() * (qd**2).sum() + np.abs(qd).max() ** 2
+        assert close(chain.jacobian_dot_qd(q, qd), case["Jdot_qd"], 2e-15, terms)
+        assert close(chain.gravity_forces(q, g), case["G"], 1e-14, max(1.0, np.abs(case["G"]).max()))
+        factor = min(10.0, max(1.0, case["cond_M"] / 100.0))
+        assert close(chain.forward_dynamics(q, qd, case["Q"], g), case["qdd"], 1e-13 * factor)
+
+
+@pytest.mark.parametrize("types", [*WORDS, LONGEST])
+def test_mass_points_are_where_the_joints_put_them(types):
+    """A revolute joint begins a direction; a slider goes along the one before it, +x at the base."""
+    chain = chain_of(types)
+    q, *_ = states(chain, 5)
+    lengths, direction, place, expected = iter(chain.lengths), np.ones(5, complex), np.zeros(5, complex), []
+    for kind, x in zip(types, q.T, strict=True):
+        if kind == "R":
+            direction, x = np.exp(1j * x), next(lengths)
+        place = place + x * direction
+        expected.append(np.stack([place.real, place.imag], axis=-1))
+    np.testing.assert_allclose(chain.points(q), np.stack(expected, axis=1), atol=1e-14)
+
+
+@pytest.mark.parametrize("types", WORDS)
+def test_every_check_of_equations_passes(types):
+    report = verify(
+        rde.Scene(chain_of(types), (e.Gravity(),), tolerance=1e-6), 24, checks=checks_of(equations)
+    )
+    assert report.misses == ()
+    assert len(report.outcomes) >= 12
+
+
+@pytest.mark.parametrize("types", [*WORDS, LONGEST])
+def test_bounds_of_mobilities_hold_in_every_pose_and_are_nearly_attained(types):
+    chain = chain_of(types)
+    q, *_ = states(chain, 3000)
+    found = np.einsum("ij,nik,kj->nj", chain.motor_map, np.linalg.inv(chain.mass_matrix(q)), chain.motor_map)
+    ratios = found.max(axis=0) / chain.mobility_bounds(*chain.parameter_values().values())
+    assert ratios.max() <= 1.0 + 1e-12
+    assert ratios.min() >= 0.9
+
+
+def test_two_sliders_in_line_are_redundant_and_their_mass_matrix_is_positive():
+    cart = rde.Chain("PP", (2.0, 1.0), ())
+    assert np.array_equal(cart.mass_matrix([0.3, 0.1]), [[3.0, 1.0], [1.0, 1.0]])
+    assert np.array_equal(cart.jacobian([0.3, 0.1]), [[1.0, 1.0], [0.0, 0.0]])
+    assert cart.manipulability([0.3, 0.1]) == 0.0
+
+
+def test_equal_chains_are_equal_after_copies_pickles_and_plain_data():
+    chain = rde.Chain("RPR", (1.0, 2.0, 3.0), (0.1, 0.2))
+    others = rde.Chain("RRP", (1.0, 2.0, 3.0), (0.1, 0.2)), rde.Chain("RPR", (1.0, 2.0, 4.0), (0.1, 0.2))
+    for same in (
+        copy.copy(chain),
+        copy.deepcopy(chain),
+        pickle.loads(pickle.dumps(chain)),
+        eval(repr(chain), vars(rde) | {"Chain": rde.Chain}),
+    ):
+        assert same == chain
+        assert hash(same) == hash(chain)
+        assert type(same) is type(chain)
+    assert chain not in others
+    scene = rde.Scene(chain, (e.Gravity(), e.PrismaticStop((0.0,), (0.3,), 0.5)), tolerance=1e-6)
+    data = json.loads(json.dumps(scene.to_dict()))
+    assert data["robot"] == {
+        "type": "Chain", "joint_types": "RPR", "masses": [1.0, 2.0, 3.0], "lengths": [0.1, 0.2]
+    }  # fmt: skip
+    assert rde.Scene.from_dict(data) == scene == pickle.loads(pickle.dumps(scene))
+
+
+@pytest.mark.parametrize(
+    ("types", "masses", "lengths", "said"),
+    [
+        ("RXP", (1.0,) * 3, (1.0,), "joint_types is 'RXP'; give 1 to 10 letters"),
+        ("", (), (), "joint_types is ''"),
+        ("R" * 11, (1.0,) * 11, (1.0,) * 11, "give 1 to 10 letters"),
+        (None, (1.0,), (1.0,), "joint_types is None"),
+        (["R"], (1.0,), (1.0,), "joint_types is"),
+        ("RPR", (1.0,) * 2, (1.0,) * 2, "masses has 2 entries; give 3"),
+        ("RPR", (1.0,) * 3, (1.0,) * 3, "lengths has 3 entries; give 2"),
+        ("RPR", (1.0, -1.0, 1.0), (1.0,) * 2, r"masses\[1\] is -1.0 kg"),
+    ],
+)
+def test_what_is_no_chain_is_refused(types, masses, lengths, said):
+    with pytest.raises(ValueError, match=said):
+        rde.Chain(types, masses, lengths)
+
+
+def test_scenes_say_what_a_chain_lacks():
+    with pytest.raises(ValueError, match="lacks 'joint_types'"):
+        rde.Scene.from_dict({"robot": {"type": "Chain", "masses": [1.0], "lengths": [1.0]}})
+    with pytest.raises(ValueError, match="joint_types is 'Q'"):
+        rde.Scene.from_dict(
+            {"robot": {"type": "Chain", "joint_types": "Q", "masses": [1.0], "lengths": [1.0]}}
+        )
+
+
+def test_a_class_derived_from_chain_and_the_registration_of_one_say_what_to_write():
+    mine = type("Mine", (rde.Chain,), {})
+    with pytest.raises(ValueError, match=r"derive it from redundant_envs\.Arm, with joint_types"):
+        mine("RPR", (1.0,) * 3, (1.0,) * 2)
+    for kind in (rde.Chain, type(rde.Chain("RPR", (1.0,) * 3, (1.0,) * 2))):
+        with pytest.raises(ValueError, match=r"class RPR\(rde\.Arm\): joint_types = 'RPR'"):
+            rde.register_arm(kind)
+
+
+def test_effects_may_add_masses_and_inertias_to_a_chain():
+    """A rotor at the first joint, and the momentum and the energy that it has."""
+    from redundant_envs.robots.added_inertia import with_inertias
+
+    chain = rde.Chain("RPR", (1.0, 2.0, 3.0), (0.5, 0.4))
+    loaded = with_inertias(chain, (((0,), "rotor"),), {"rotor": 0.7})
+    q, qd, Q = states(chain)
+    assert np.allclose(loaded.mass_matrix(q) - chain.mass_matrix(q), np.diag([0.7, 0.0, 0.0]), atol=1e-14)
+    assert np.allclose(loaded.angular_momentum(q, qd) - chain.angular_momentum(q, qd), 0.7 * qd[:, 0])
+    assert np.allclose(loaded.kinetic_energy(q, qd) - chain.kinetic_energy(q, qd), 0.35 * qd[:, 0] ** 2)
+    assert np.allclose(loaded.inverse_dynamics(q, qd, loaded.forward_dynamics(q, qd, Q)), Q, atol=1e-9)
+    assert pickle.loads(pickle.dumps(loaded)) == loaded
+
+
+def test_symbols_of_a_chain_are_those_of_its_equations():
+    sp = pytest.importorskip("sympy", reason="sympy is in the extra 'verify'")
+    made = rde.Chain("PR", (2.0, 1.0), (0.5,)).symbols()
+    p, (_, theta) = made["parameters"], made["q"]
+    m1, m2, l1 = p["m1"], p["m2"], p["l1"]
+    expected = sp.Matrix([[m1 + m2, -m2 * l1 * sp.sin(theta)], [-m2 * l1 * sp.sin(theta), m2 * l1**2]])
+    assert sp.simplify(made["M"] - expected) == sp.zeros(2, 2)
+    assert sp.simplify(made["h"][0] + m2 * l1 * sp.cos(theta) * made["qd"][1] ** 2) == 0
+
+
+def test_verify_of_the_class_of_all_chains_says_to_name_one():
+    from redundant_envs.studies.verify.subjects import subject_of
+
+    with pytest.raises(ValueError, match=r"the arm Chain needs joint_types, too; name an arm that has them"):
+        subject_of("Chain")
