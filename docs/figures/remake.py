@@ -11,13 +11,13 @@ from pathlib import Path
 import gymnasium as gym
 from PIL import Image
 
+from agents.clips import batched
 from agents.evidence.curves import curves
 from agents.evidence.table import brief_table
+from agents.own_scene import own_config
 from agents.play import play
 from agents.policies import load_policy
-from agents.report import batched
 from agents.rollout import policy_act
-from agents.run_folder import read_config
 from agents.studies.strength import read_rows
 from agents.studies.strength_figure import figure
 from redundant_envs.__main__ import main
@@ -42,7 +42,7 @@ CURVES = {"": "runs", "_weak": "weak", "_baselines": "baselines"}
 def thumbnail(name: str, policy: str, seed: int) -> None:
     """A small picture of an arm on its way to the goal."""
     folder = POLICIES / policy
-    config = read_config(folder)
+    config = own_config(folder)
     act = policy_act(load_policy(folder, config, trust=False))
     env = gym.make(config.env, render_mode="rgb_array", **config.env_kwargs)
     unwrapped = env.unwrapped
