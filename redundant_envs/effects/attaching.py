@@ -81,7 +81,7 @@ def attached(where: str, effect: Effect, arm: Arm) -> tuple[Hook, ...]:
             _check_hook(hook, own, arm)
         except ValueError as error:
             raise ValueError(f"{where} ({kind}), hook {n} ({type(hook).__name__}): {error}") from None
-    check_numbers(f"{where} ({kind})", effect, hooks)
+    check_numbers(f"{where} ({kind})", effect, arm, hooks)
     _check_entries(f"{where} ({kind})", effect, arm, hooks)
     forces = [h for h in hooks if isinstance(h, Force)]
     booked = [h for h in forces if h.conservative is not None]

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from redundant_envs.effects.hooks import Effect, Force, Hook, Impact
+from redundant_envs.robots.arm import Arm
 
 
-def check_numbers(where: str, effect: Effect, hooks: Iterable[Hook]) -> None:
+def check_numbers(where: str, effect: Effect, arm: Arm, hooks: Iterable[Hook]) -> None:
     """ValueError if ends of a travel, or positions at which a force changes its law, are in the wrong order,
     or if an impact would create energy."""
     numbers = effect.parameters()
@@ -19,6 +20,15 @@ def check_numbers(where: str, effect: Effect, hooks: Iterable[Hook]) -> None:
             restitution = numbers[hook.restitution[1:]]
             if not 0.0 <= restitution <= 1.0:
                 raise ValueError(f"{where}{hook.restitution} is {restitution}; it must lie in 0 to 1")
+    for joint, ends in effect.travel(arm).items():
+        for end in ends:
+            if end not in numbers:
+                raise ValueError(
+                    f"{where}.travel gives {end!r}, which is no number of this effect; it has "
+                    f"{', '.join(numbers) or 'none'}"
+                )
+        name = arm.joints[int(joint)]
+        _check_order(f"{where}: the travel of {name!r}", *(f".{end}" for end in ends), numbers)
 
 
 def _check_order(what: str, lower: str, upper: str, numbers: dict[str, float]) -> None:

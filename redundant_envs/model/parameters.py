@@ -181,7 +181,7 @@ def _check_effect(arm: Arm, effect: Any, values: Table) -> None:
             own = getattr(effect, f.name)
             fields[f.name] = own if not parts else tuple(parts) if isinstance(own, tuple) else parts[0]
         made = type(effect)(**fields)
-        check_numbers(effect.key, made, made.hooks(arm))
+        check_numbers(effect.key, made, arm, made.hooks(arm))
 
 
 def write(scene: Scene, memory: Memory, lanes: NDArray[np.intp], values: Table) -> None:

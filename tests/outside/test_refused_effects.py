@@ -65,3 +65,42 @@ def test_a_torch_step_takes_constant_updates_and_refuses_what_is_no_real_number(
 @physics
 def zero():
     return 0.0
+
+
+@dataclass(frozen=True)
+class Wall(rde.effects.LimitSpring):
+    """A limit spring that says by itself which of its numbers limit the travel."""
+
+    ends: tuple = ("lower", "upper")
+    static = ("coordinate", "ends")
+
+    def travel(self, arm):
+        return dict.fromkeys(super().travel(arm), self.ends)
+
+
+@pytest.mark.parametrize(
+    ("ends", "words"),
+    [
+        (("upper", "lower"), r"of 'joint2' is .upper to .lower, which are 1.0 and -1.0; the first must"),
+        (("lower", "lower"), "which are -1.0 and -1.0; the first must be below the second"),
+        (("lower", "top"), "travel gives 'top', which is no number of this effect; it has lower, upper"),
+    ],
+)
+def test_a_travel_in_the_wrong_order_or_of_unknown_numbers_is_refused(ends, words):
+    with pytest.raises(ValueError, match=words):
+        rde.Scene(ARM, (Wall("joint2", -1.0, 1.0, ends=ends),))
+
+
+def test_a_travel_that_other_numbers_bring_into_the_wrong_order_is_refused():
+    class Slack(Wall):
+        """Limits that its class does not compare."""
+
+        def __post_init__(self):
+            pass
+
+        def hooks(self, arm):
+            return tuple(h for h in super().hooks(arm) if h.switch is None)
+
+    batch = rde.BatchSimulator(rde.Scene(ARM, (Slack("joint2", -1.0, 1.0),)), 2)
+    with pytest.raises(ValueError, match=r"travel of 'joint2' is .lower to .upper, which are 3.0 and 1.0"):
+        batch.set_parameters({"limit_spring.joint2.lower": 3.0})
