@@ -41,7 +41,7 @@ def functions_with(arm: Arm, added: Added) -> tuple[Function, ...]:
     if "T" in bare:
         functions.append(_kinetic_energy(added))
     if "Lz" in bare:
-        functions.append(_angular_momentum(added))
+        functions.append(_angular_momentum(arm, added))
     return tuple(functions)
 
 
@@ -147,7 +147,8 @@ def _kinetic_energy(added: Added) -> Function:
     return _sum_over(added, "T", lambda inertia, rate: 0.5 * inertia * rate * rate)
 
 
-def _angular_momentum(added: Added) -> Function:
-    """Of the inertias that turn with the first joint: the motors of the others are part of the arm."""
-    turning = tuple((group, name) for group, name in added if 0 in group)
+def _angular_momentum(arm: Arm, added: Added) -> Function:
+    """Of the inertias that turn with the first revolute joint: the motors of the others are part of the arm."""
+    first = arm.prismatic.index(False) if False in arm.prismatic else None
+    turning = tuple((group, name) for group, name in added if first in group)
     return _sum_over(turning, "Lz", lambda inertia, rate: inertia * rate)

@@ -119,6 +119,17 @@ def test_a_scene_with_inertias_is_verified(name, stops):
     assert verify(scene_of(name, stops, integrator="rk8"), 128, Mode.QUICK).misses == ()
 
 
+@pytest.mark.parametrize("types", ["PR", "PPR"])
+def test_the_angular_momentum_of_a_cart_counts_what_turns_and_not_what_slides(types):
+    arm = rde.Chain(types, masses=(1.0, 0.7, 0.5)[: len(types)], lengths=(0.3,))
+    rotors, link = Armature((9.0,) * (len(types) - 1) + (0.2,)), LinkInertia((0.1,))
+    q, qd = np.full((1, len(types)), 0.3), np.zeros((1, len(types)))
+    qd[0, -1] = 2.0
+    bare, loaded = (rde.Scene(arm, own).loaded_robot.angular_momentum(q, qd) for own in ((), (rotors, link)))
+    assert abs(loaded - bare - 2.0 * (0.2 + 0.1)) < 1e-14
+    assert verify(rde.Scene(arm, (e.Gravity(), rotors, link)), 32, Mode.QUICK).misses == ()
+
+
 @pytest.mark.parametrize("name", ["RPRP", pytest.param("RRP", marks=pytest.mark.long)])
 def test_elastic_stops_keep_the_energy_of_rotors(name):
     scene = scene_of(name, 1.0, tolerance=1e-9)

@@ -8,7 +8,7 @@ import rrp
 from three_r_by_hand import ThreeRByHand
 
 import redundant_envs as rde
-from redundant_envs.algebra import physics
+from redundant_envs.algebra import arguments_of, gives_of, physics, where
 from redundant_envs.robots.arm import Arm
 from redundant_envs.simulator import common_step
 from redundant_envs.studies.verify import (
@@ -17,13 +17,14 @@ from redundant_envs.studies.verify import (
     engines,
     equations,
     impacts,
+    kinematics,
     symmetries,
     verify,
 )
 from redundant_envs.studies.verify.checks import checks_of
 
 e = rde.effects
-EQUATIONS = checks_of(equations)
+EQUATIONS = checks_of(equations, kinematics)
 STATES = 24
 
 
@@ -106,7 +107,76 @@ def gyroscopic(x, h1, h2, h3):
     return h1 + 1e-3 * x["w2"], h2 - 1e-3 * x["w1"], h3
 
 
+@physics(gives="Lz")
+def wrong_angular_momentum(m1, m2, m3, x1, y1, vx1, vy1, x2, y2, vx2, vy2, x3, y3, vx3, vy3):
+    return m1 * (x1 * vy1 - y1 * vx1) + m2 * (x2 * vy2 - y2 * vx2) + 1.001 * m3 * (x3 * vy3 - y3 * vx3)
+
+
+@physics(gives="manipulability")
+def wrong_manipulability(J11, J12, J21, J22):
+    return abs(J11 * J22 - J12 * J21)
+
+
+@physics(gives="vx2 vy2")
+def wrong_velocity(l1, l2, s1, c1, s2, c2, w1, w2):
+    return -l1 * s1 * w1 - l2 * s2 * w2, l1 * c1 * w1 - l2 * c2 * w2
+
+
+@physics(gives="X21 Y21")
+def wrong_slope(l1, s1, c1):
+    return -l1 * s1, 1.001 * l1 * c1
+
+
+@physics(gives="Xdqd1 Ydqd1")
+def wrong_acceleration(l1, s1, c1, w1):
+    return -l1 * c1 * w1, -l1 * s1 * w1
+
+
+@physics(gives="n1 n2 n3")
+def wrong_norms(l1, l2, l3):
+    return l1, 1e-3 * l2, l3
+
+
+def turned(x, *C):
+    """Another C with the same C qd and C + C^T, which is not that of Christoffel's symbols."""
+    w1, w2, w3 = x["w1"], x["w2"], x["w3"]
+    by = 0.0, -w3, w2, w3, 0.0, -w1, -w2, w1, 0.0
+    return tuple(c + 0.01 * b for c, b in zip(C, by, strict=True))
+
+
+def given_by(arm, name):
+    """The function of an arm that gives a quantity."""
+    return next(f for f in arm.functions if name in gives_of(f))
+
+
+def by_another(arm, right, new):
+    """An arm like another, with a function of its own in place of one of that."""
+    wrong = _wrong(right, arguments_of(right), new)
+    vars(wrong).pop("follows", None)
+    if right in arm.functions:
+        own = {"functions": tuple(wrong if f is right else f for f in arm.functions)}
+    else:
+        own = {right.__name__: staticmethod(wrong)}
+    kind = dataclasses.dataclass(frozen=True)(type("Wrong", (arm,), {**own, "kind": "Wrong"}))
+    return kind((2.0, 1.5, 1.0, 0.5)[: arm.num_masses], (0.3, 0.5, 0.4, 0.6)[: arm.num_lengths])
+
+
+def without_sideways_field(x, *qdd):
+    return given_by(rde.FourR, "qdd1")(**{**x, "ax": 0.0 * x["ax"]})
+
+
+def wrong_if_one_is_held(x, *results):
+    both = where(x["held2"] > 0.0, where(x["held4"] > 0.0, 1.0, 1.001), 1.0)
+    return both * results[0], *results[1:]
+
+
 T, R = ThreeRByHand, rrp.RRP
+
+
+class Chain3R(Arm):
+    joint_types = "RRR"
+
+
 FAULTS = {
     "M of one link": (changed(T, inertia_products=factor(5)), {"mass matrix", "kinetic energy"}),
     "M of two links": (
@@ -117,6 +187,7 @@ FAULTS = {
             "passivity",
             "kinetic energy",
             "forward dynamics",
+            "mobility bounds",
             "Coriolis matrix",
         },
     ),
@@ -130,12 +201,48 @@ FAULTS = {
     "G": (changed(T, gravity_forces=factor(2)), {"gravity forces"}),
     "U": (changed(T, give=(wrong_potential,)), {"gravity forces"}),
     "T": (changed(T, give=(wrong_energy,)), {"kinetic energy"}),
-    "J": (changed(T, jacobian=factor(2)), {"Jacobian", "gravity forces", "rate of the Jacobian"}),
+    "J": (
+        changed(T, jacobian=factor(2)),
+        {"Jacobian", "gravity forces", "rate of the Jacobian", "column norms", "manipulability"},
+    ),
     "Jdqd": (changed(T, jacobian_dot_qd=factor(0)), {"rate of the Jacobian"}),
     "rates of joints": (changed(T, joint_rates=factor(2)), {"joints"}),
     "motors": (changed(T, motor_map=lambda x, *Q: (x["t1"], *Q[1:])), {"joints"}),
     "way back": (changed(T, coordinates_of_joints=wrong_way_back), {"joints"}),
     "accelerations": (changed(T, give=(wrong_dynamics,)), {"forward dynamics"}),
+    "C that is not Christoffel's": (
+        by_another(Chain3R, given_by(Chain3R, "C11"), turned),
+        {"Coriolis matrix"},
+    ),
+    "angular momentum": (changed(T, give=(wrong_angular_momentum,)), {"angular momentum"}),
+    "manipulability": (changed(T, give=(wrong_manipulability,)), {"manipulability"}),
+    "velocity of a point": (changed(T, give=(wrong_velocity,)), {"motions of points", "angular momentum"}),
+    "derivative of a point": (changed(T, give=(wrong_slope,)), {"motions of points", "Coriolis matrix"}),
+    "acceleration of a point": (changed(T, give=(wrong_acceleration,)), {"motions of points"}),
+    "column norms": (changed(T, column_norms=wrong_norms), {"column norms"}),
+    "reach": (changed(T, extent=("l1", "l2")), {"reach"}),
+    "posture of sines alone": (changed(T, posture=dict.fromkeys(("s1", "s2", "s3"), "sine")), {"posture"}),
+    "posture beyond 1": (
+        changed(T, posture={"theta1": "", "s2": "", "c2": "", "s3": "", "c3": ""}),
+        {"posture"},
+    ),
+    "an angle that is said to slide": (changed(R, prismatic=(True, False, True)), {"kinds of joints"}),
+    "a slider that is said to turn": (
+        changed(R, prismatic=(False, False, False)),
+        {"kinds of joints", "posture", "reach"},
+    ),
+    "J of one side": (
+        changed(R, jacobian=lambda x, *J: (*J[:5], where(x["b"] < 0.5, -J[5], J[5]))),
+        {"Jacobian", "rate of the Jacobian", "manipulability"},
+    ),
+    "accelerations in a field": (
+        by_another(rde.FourR, given_by(rde.FourR, "qdd1"), without_sideways_field),
+        {"forward dynamics"},
+    ),
+    "one slider held": (
+        by_another(rde.RPRP, rde.RPRP.held_dynamics, wrong_if_one_is_held),
+        {"sliders held and struck"},
+    ),
     "mobility bounds": (changed(T, mobility_bounds=too_small), {"mobility bounds"}),
     "mobility of a slider": (changed(R, slider_mobility=wrong_mobility), {"sliders held and struck"}),
 }

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from redundant_envs.extras import MissingPackage
 from redundant_envs.robots.arm import Arm
 from redundant_envs.scene import Scene
-from redundant_envs.studies.verify.states import random_states
+from redundant_envs.studies.verify.states import random_poses, random_states
 from redundant_envs.studies.verify.subjects import Subject
 
 Array = NDArray[Any]
@@ -225,6 +225,20 @@ class Trial:
         """Coordinates, velocities and joint efforts, (count, joints) each."""
         q, qd, efforts = random_states(self.scene, self.count, self.seed)
         return q, qd, efforts
+
+    @cached_property
+    def poses(self) -> tuple[Array, Array]:
+        """Coordinates and velocities wherever the arm can be, (up to count, joints) each."""
+        return random_poses(self.scene, self.count, self.seed)
+
+    @cached_property
+    def square(self) -> Array:
+        """The poses with joint angles that are multiples of a right angle: straight, folded and square."""
+        arm = self.scene.robot
+        joints = self.poses[0] @ arm.motor_map
+        turns = np.random.default_rng(self.seed + 4).integers(0, 4, joints.shape)
+        turns[0] = 0
+        return np.where(arm.prismatic, joints, 0.5 * np.pi * turns) @ np.linalg.inv(arm.motor_map)
 
     @cached_property
     def calm(self) -> Array:

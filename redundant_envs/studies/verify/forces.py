@@ -22,12 +22,8 @@ from redundant_envs.studies.verify.checks import (
     check,
     ratio,
 )
-from redundant_envs.studies.verify.states import random_states
+from redundant_envs.studies.verify.states import BEYOND
 
-BEYOND = 0.5
-"""How far beyond the travel potentials are looked at, in units of it: springs at its ends act only there."""
-WIDE = 5.0
-"""How many times as far every second state has the joints without ends: angles turn more than once."""
 STEP = 1e-5
 """Of the differences, rad and m: far below the lengths over which a potential changes its shape (1e-2),
 far above what rounding needs (1e-11)."""
@@ -52,12 +48,7 @@ def potentials(trial: Trial) -> Finding:
         hooks = effect.hooks(trial.scene.robot)
         return any(isinstance(h, Field) or (isinstance(h, Force) and h.conservative) for h in hooks)
 
-    arm: Any = trial.scene.robot
-    joints = random_states(trial.scene, trial.count, trial.seed, BEYOND)[0] @ arm.motor_map
-    endless = [k for k in range(len(arm.joints)) if k not in trial.scene.travel()]
-    joints[::2, endless] *= WIDE
-    q = joints @ np.linalg.inv(arm.motor_map)
-    found = [_potential(trial, effect, q) for effect in trial.scene.effects if has_one(effect)]
+    found = [_potential(trial, effect, trial.poses[0]) for effect in trial.scene.effects if has_one(effect)]
     if not found:
         raise NotApplicable("no effect has a potential")
     return max(found, key=lambda f: f.found if f.found == f.found else np.inf)

@@ -21,6 +21,7 @@ from redundant_envs.studies.verify import (
     evaluators,
     forces,
     impacts,
+    kinematics,
     symmetries,
 )
 from redundant_envs.studies.verify.checks import (
@@ -35,7 +36,17 @@ from redundant_envs.studies.verify.checks import (
 from redundant_envs.studies.verify.subjects import Subject, subject_from
 
 CHECKS: tuple[Check, ...] = checks_of(
-    equations, forces, conservation, accuracy, impacts, symmetries, bits, evaluators, engines, environments
+    equations,
+    kinematics,
+    forces,
+    conservation,
+    accuracy,
+    impacts,
+    symmetries,
+    bits,
+    evaluators,
+    engines,
+    environments,
 )
 """All checks, in the order of the table. A new one is a function in one of these modules."""
 OF_THE_MACHINE = (bits.record,)

@@ -9,6 +9,13 @@ from numpy.typing import NDArray
 
 from redundant_envs.scene import Scene
 
+BEYOND = 0.5
+"""How far beyond the travel poses lie, in units of it: springs at its ends act only there."""
+WIDE = 5.0
+"""How many times as far every second pose has the angles without ends: they turn more than once."""
+FAR = 1.0
+"""How far from 0 sliders without ends are, to either side, in units of all lengths."""
+
 
 def random_states(
     scene: Scene, count: int, seed: int, beyond: float = 0.0
@@ -40,3 +47,22 @@ def random_states(
     if not limits.size:
         limits = np.abs(scene.loaded_robot.gravity_forces(joints @ inverse) @ inverse.T).max(axis=0)
     return joints @ inverse, rates @ inverse, rng.uniform(-1.0, 1.0, shape) * limits
+
+
+def random_poses(scene: Scene, count: int, seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Coordinates and velocities, (count, joints) each, wherever an arm can be: also beyond its travel, after
+    several turns, and with sliders that nothing limits on either side of 0. Poses in which its point masses
+    are nowhere are left out."""
+    arm: Any = scene.robot
+    q, qd, _ = random_states(scene, count, seed, BEYOND)
+    joints, rng = q @ arm.motor_map, np.random.default_rng(seed + 3)
+    for k in range(len(arm.joints)):
+        if k in scene.travel():
+            continue
+        if arm.prismatic[k]:
+            joints[:, k] = FAR * (sum(arm.lengths) or 1.0) * rng.uniform(-1.0, 1.0, count)
+        else:
+            joints[::2, k] *= WIDE
+    q = joints @ np.linalg.inv(arm.motor_map)
+    there = np.isfinite(arm.points(q)).all(axis=(1, 2))
+    return (q[there], qd[there]) if there.any() else (q, qd)
