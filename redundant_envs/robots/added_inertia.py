@@ -148,7 +148,7 @@ def _kinetic_energy(added: Added) -> Function:
 
 
 def _angular_momentum(arm: Arm, added: Added) -> Function:
-    """Of the inertias that turn with the first revolute joint: the motors of the others are part of the arm."""
+    """Of inertias that turn with the first revolute joint: the motors of the others are part of the arm."""
     first = arm.prismatic.index(False) if False in arm.prismatic else None
     turning = tuple((group, name) for group, name in added if first in group)
     return _sum_over(turning, "Lz", lambda inertia, rate: inertia * rate)

@@ -20,8 +20,10 @@ from redundant_envs.studies.verify import (
     equations,
     evaluators,
     forces,
+    hints,
     impacts,
     kinematics,
+    rest,
     symmetries,
 )
 from redundant_envs.studies.verify.checks import (
@@ -36,18 +38,9 @@ from redundant_envs.studies.verify.checks import (
 from redundant_envs.studies.verify.subjects import Subject, subject_from
 
 CHECKS: tuple[Check, ...] = checks_of(
-    equations,
-    kinematics,
-    forces,
-    conservation,
-    accuracy,
-    impacts,
-    symmetries,
-    bits,
-    evaluators,
-    engines,
-    environments,
-)
+    equations, kinematics, forces, hints, rest, conservation, accuracy, impacts, symmetries, bits, evaluators,
+    engines, environments,
+)  # fmt: skip
 """All checks, in the order of the table. A new one is a function in one of these modules."""
 OF_THE_MACHINE = (bits.record,)
 """Checks that no subject changes: they are run once."""
