@@ -45,6 +45,8 @@ FLOATS = Primitives(
 _registered: dict[type, Primitives] = {float: FLOATS, int: FLOATS, bool: FLOATS}
 _found: dict[type, Primitives] = {}
 """Those of every class that was met, its bases looked through."""
+_wrapping: set[type] = set()
+"""Classes of numbers that hold numbers of another kind, which may meet them: they know how to choose."""
 
 
 class Absent:
@@ -98,9 +100,14 @@ class Absent:
 ABSENT = Absent()
 
 
-def register_numbers(primitives: Primitives, *kinds: type) -> None:
-    """Let objects of some classes, and of classes derived from them, be numbers or conditions here."""
+def register_numbers(primitives: Primitives, *kinds: type, wrap: bool = False) -> None:
+    """Let objects of some classes, and of classes derived from them, be numbers or conditions here.
+
+    With ``wrap`` they hold numbers of any other kind, and conditions on those may choose between them.
+    """
     _registered.update(dict.fromkeys(kinds, primitives))
+    if wrap:
+        _wrapping.update(kinds)
     _found.clear()
 
 
@@ -138,7 +145,8 @@ def where(condition: Any, a: Any, b: Any) -> Any:
     if condition is False:
         return b
     a, b = (0.0 if isinstance(x, Absent) else x for x in (a, b))
-    return _primitives_of(condition, a, b).where(condition, a, b)
+    first = next((x for x in (condition, a, b) if type(x) in _wrapping), condition)
+    return _primitives_of(first, condition, a, b).where(condition, a, b)
 
 
 def minimum(a: Any, b: Any) -> Any:

@@ -101,6 +101,7 @@ class Decision:
     """A condition on numbers with derivatives."""
 
     __slots__ = ("condition",)
+    __array_ufunc__ = None
 
     def __init__(self, condition: Any) -> None:
         self.condition = condition
@@ -154,4 +155,5 @@ register_numbers(
     ),
     Dual,
     Decision,
+    wrap=True,
 )

@@ -140,6 +140,7 @@ class Choice:
         return Choice(self.condition ^ o.condition, _union(self.kinks, o.kinks))
 
     __rand__, __ror__, __rxor__ = __and__, __or__, __xor__
+    __array_ufunc__ = None
 
 
 def moving(x: Any) -> Moving:
@@ -202,4 +203,5 @@ register_numbers(
     Primitives(_smooth(algebra.sqrt), _smooth(algebra.exp), _floor, _sincos, where, _negation),
     Moving,
     Choice,
+    wrap=True,
 )

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from redundant_envs.algebra import exp, floor, logical_not, maximum, minimum, sincos, sqrt, where
+import redundant_envs as rde
+from redundant_envs.algebra import exp, floor, logical_not, maximum, minimum, physics, sincos, sqrt, where
 from redundant_envs.backends.torch import torch
 from redundant_envs.dual import Dual, dual
 from redundant_envs.tracing.graph import Graph
@@ -56,3 +57,45 @@ def test_nothing_is_computed_for_what_has_no_derivative():
     made = sqrt(Dual(2.0) * 3.0 + 1.0) / Dual(4.0) - sincos(Dual(1.0))[0]
     assert made.slope == 0.0
     assert isinstance(made.slope, float)
+
+
+CONDITIONS = {
+    "array": np.array([True, False]),
+    "tensor": torch.tensor([True, False]),
+}
+
+
+@pytest.mark.parametrize("condition", CONDITIONS.values(), ids=CONDITIONS)
+def test_a_condition_on_numbers_without_derivatives_chooses_between_derivatives(condition):
+    x = Dual(2.0, 3.0)
+    chosen = where(condition, x * x, -x)
+    assert chosen.value.tolist() == [4.0, -2.0]
+    assert chosen.slope.tolist() == [12.0, -3.0]
+    plain = where(condition & (x > 5.0), x, 0.0)
+    assert plain.slope.tolist() == [0.0, 0.0]
+
+
+def test_a_traced_condition_on_parameters_chooses_between_derivatives():
+    graph = Graph()
+    length = Number(graph, graph.load("argument", 0))
+    made = where(length > 1.0, Dual(length, 1.0), 2.0)
+    assert isinstance(made.slope, Number)
+
+
+def test_an_arm_whose_points_depend_on_which_length_is_longer_is_compiled():
+    @physics(gives="x1 y1")
+    def points(l1, l2, s1, c1):
+        radius = where(l1 > l2, l1, 2.0 * l2)
+        return where(l1 > l2, radius * c1, l2 * c1), radius * s1
+
+    class Choosing(rde.Arm):
+        joint_types, num_lengths, functions = "R", 2, (points,)
+
+    arm = Choosing((1.0,), (0.8, 0.5))
+    batch = rde.BatchSimulator(rde.Scene(arm, (rde.effects.Gravity(),), control_dt=0.01))
+    batch.advance()
+    expected = rde.BatchSimulator(
+        rde.Scene(rde.Chain("R", (1.0,), (0.8,)), (rde.effects.Gravity(),), control_dt=0.01)
+    )
+    expected.advance()
+    assert abs(batch.q - expected.q).max() < 1e-15
