@@ -209,6 +209,21 @@ def _late_observation(self, actions, right=ArmVectorEnv.step):
     return obs, reward, terminated, truncated, infos
 
 
+def _late_metric(self, actions, right=ArmVectorEnv.step):
+    *rest, infos = right(self, actions)
+    distance = np.where(infos["episode_steps"] == 40, np.inf, infos["distance"])
+    return *rest, {**infos, "distance": distance}
+
+
+def _metric_of_no_action(self, actions, right=ArmVectorEnv.step):
+    """A share of the actions, which is no number if there are none: what a task may divide by."""
+    *rest, infos = right(self, actions)
+    with np.errstate(all="ignore"):
+        share = np.abs(actions[:, 0]) / np.abs(actions).sum(axis=1) + 0.0 * infos["distance"]
+    late = infos["episode_steps"] > 20
+    return *rest, {**infos, "distance": np.where(late, share, infos["distance"])}
+
+
 def _set_state(self, state, right=Core.set_state):
     return right(self, {**state, "generators": copy.deepcopy(self.generators)})
 
@@ -218,6 +233,8 @@ BROKEN = {
     "reward of a single environment": (ArmEnv, "step", _step, "environment: single and vector"),
     "rewards without a number": (ArmVectorEnv, "step", _late_nan, "environment: ranges"),
     "observations outside their space": (ArmVectorEnv, "step", _late_observation, "environment: ranges"),
+    "metrics without a number": (ArmVectorEnv, "step", _late_metric, "environment: ranges"),
+    "metrics without an action": (ArmVectorEnv, "step", _metric_of_no_action, "environment: ranges"),
     "a state without its generators": (Core, "set_state", _set_state, "environment: states"),
     "a copy that is the original": (
         ArmVectorEnv, "__deepcopy__", lambda self, memo: self, "environment: copies",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import gymnasium as gym
@@ -74,22 +74,42 @@ def rules(trial: Trial) -> Finding:
 
 @check("environment: ranges", Promise(0.0, "steps", "at most"), Mode.QUICK)
 def ranges(trial: Trial) -> Finding:
-    """Under the largest actions observations stay in their space, and rewards are numbers."""
-    env: Any = gym.make_vec(str(trial.subject.env_id), num_envs=MANY, **_arguments(trial))
-    shape = (MANY, *env.single_action_space.shape)
-    actions = np.random.default_rng(trial.seed).choice([-1.0, 1.0], shape).astype(np.float32)
-    space, outside, without = env.observation_space, 0, 0
-    outside += not space.contains(env.reset(seed=trial.seed)[0])
-    for _ in range(WHOLE):
-        observation, reward = env.step(actions)[:2]
-        outside += not space.contains(observation)
-        without += not np.isfinite(reward).all()
-    env.close()
+    """Under the largest actions and under none observations stay in their space, and rewards and metrics are
+    numbers."""
+    _arguments(trial)
+    outside = without = 0
+    named: set[str] = set()
+    for largest in (1.0, 0.0):
+        env: Any = gym.make_vec(str(trial.subject.env_id), num_envs=MANY, **_arguments(trial))
+        shape = (MANY, *env.single_action_space.shape)
+        actions = np.random.default_rng(trial.seed).choice([-largest, largest], shape).astype(np.float32)
+        observation, infos = env.reset(seed=trial.seed)
+        reward: Any = np.zeros(MANY)
+        for step in range(WHOLE + 1):
+            if step:
+                observation, reward, _, _, infos = env.step(actions)
+            unknown = [*_without_number(infos)]
+            named.update(unknown)
+            outside += not env.observation_space.contains(observation)
+            without += bool(unknown) or not np.isfinite(reward).all()
+        env.close()
     words = (
-        f"of {WHOLE} steps of {MANY} lanes {outside} have observations outside their space and {without} "
-        "rewards that are no numbers; the task's functions must give -1 to 1, and finite rewards, always"
+        f"of {2 * (WHOLE + 1)} resets and steps of {MANY} lanes {outside} have observations outside their "
+        f"space, and in {without} rewards or metrics ({', '.join(sorted(named)) or 'rewards'}) are no numbers; the "
+        "task's functions must give -1 to 1, and finite rewards and metrics, always"
     )
     return Finding(outside + without, "", words)
+
+
+def _without_number(infos: Any) -> Iterator[str]:
+    """Names of the entries of infos that are not finite in a lane that has them; masks say which have."""
+    for name, value in infos.items():
+        if isinstance(value, dict):
+            yield from _without_number(value)
+        elif isinstance(value, np.ndarray) and value.dtype.kind == "f":
+            there = infos.get(f"_{name}", np.ones(len(value), np.bool_))
+            if not np.isfinite(value[there]).all():
+                yield name
 
 
 @check("environment: single and vector", EQUAL_BITS, Mode.QUICK)

@@ -171,7 +171,7 @@ def dampers(trial: Trial) -> Finding:
         if isinstance(hook.joint, Point):
             names = point_names(case, of_rate=True)
             x = motion.values()
-            rates = [x[name[0]] for name in names]
+            rates = [np.broadcast_to(x[name[0]], len(motion.joints)) for name in names]
             still = motion.values(**{alias: 0.0 * x[name[0]] for name in names for alias in name})
         else:
             slow = np.where(np.arange(motion.rates.shape[1]) == hook.joint, 0.0, motion.rates)
