@@ -27,8 +27,8 @@ def check_numbers(where: str, effect: Effect, arm: Arm, hooks: Iterable[Hook]) -
                     f"{where}.travel gives {end!r}, which is no number of this effect; it has "
                     f"{', '.join(numbers) or 'none'}"
                 )
-        name = arm.joints[int(joint)]
-        _check_order(f"{where}: the travel of {name!r}", *(f".{end}" for end in ends), numbers)
+        lower, upper = ends
+        _check_order(f"{where}: the travel of {arm.joints[int(joint)]!r}", f".{lower}", f".{upper}", numbers)
 
 
 def _check_order(what: str, lower: str, upper: str, numbers: dict[str, float]) -> None:

@@ -93,9 +93,10 @@ def ranges(trial: Trial) -> Finding:
             outside += not env.observation_space.contains(observation)
             without += bool(unknown) or not np.isfinite(reward).all()
         env.close()
+    what = ", ".join(sorted(named)) or "rewards"
     words = (
         f"of {2 * (WHOLE + 1)} resets and steps of {MANY} lanes {outside} have observations outside their "
-        f"space, and in {without} rewards or metrics ({', '.join(sorted(named)) or 'rewards'}) are no numbers; the "
+        f"space, and in {without} rewards or metrics ({what}) are no numbers; the "
         "task's functions must give -1 to 1, and finite rewards and metrics, always"
     )
     return Finding(outside + without, "", words)

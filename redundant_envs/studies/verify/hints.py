@@ -6,7 +6,8 @@ seen anything; here they are compared with derivatives of forces and of states.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -50,8 +51,14 @@ class Motion:
         self.dynamics, self.joints, self.rates = dynamics, joints, rates
         self.efforts = np.broadcast_to(efforts, joints.shape)
 
-    def values(self, moved: int | None = None, faster: int | None = None, **more: Any) -> Quantities:
-        """All quantities, with derivatives by the position of one joint, or by the rate of one."""
+    def values(
+        self,
+        more: Mapping[str, Any] = MappingProxyType({}),
+        moved: int | None = None,
+        faster: int | None = None,
+    ) -> Quantities:
+        """All quantities, of which ``more`` gives some, with derivatives by the position of the joint that is
+        ``moved``, or by the rate of the one that is ``faster``."""
         arm, d = self.dynamics.arm, self.dynamics
         back = np.linalg.inv(arm.motor_map)
         known: dict[str, Any] = fields_of(d) | {n: s.initial for n, s in d.effect_states.items()}
@@ -75,13 +82,13 @@ class Motion:
         """Derivatives of a force by its own position or rate: their largest sum of squares, a root of it."""
         hook, count = case[2], len(self.joints)
         if not isinstance(hook.joint, Point):
-            x = self.values(**{"faster" if of_rate else "moved": hook.joint})
+            x = self.values(faster=hook.joint) if of_rate else self.values(moved=hook.joint)
             (force,) = self.of(case, hook.function, x)
             return np.abs(np.broadcast_to(dual(force).slope, count))
         columns = []
         for name in point_names(case, of_rate):
             plain = self.values()
-            moving = self.values(**{alias: Dual(plain[alias], 1.0) for alias in name})
+            moving = self.values({alias: Dual(plain[alias], 1.0) for alias in name})
             columns += [np.broadcast_to(dual(f).slope, count) for f in self.of(case, hook.function, moving)]
         table = np.stack(columns, axis=-1).reshape(count, 2, 2)
         return np.asarray(np.linalg.norm(table, ord=2, axis=(1, 2)))
@@ -172,7 +179,7 @@ def dampers(trial: Trial) -> Finding:
             names = point_names(case, of_rate=True)
             x = motion.values()
             rates = [np.broadcast_to(x[name[0]], len(motion.joints)) for name in names]
-            still = motion.values(**{alias: 0.0 * x[name[0]] for name in names for alias in name})
+            still = motion.values({alias: 0.0 * x[name[0]] for name in names for alias in name})
         else:
             slow = np.where(np.arange(motion.rates.shape[1]) == hook.joint, 0.0, motion.rates)
             x, still = motion.values(), Motion(case[0], motion.joints, slow).values()
@@ -209,7 +216,7 @@ def rates_of_states(trial: Trial) -> Finding:
         names = [identifier(f"{effect.key}.{s.name}") for s in states]
         own, declared = np.zeros((len(q), len(states), len(states))), np.full((len(states), len(q)), np.nan)
         for j, (name, state) in enumerate(zip(names, states, strict=True)):
-            x = motion.values(**{name: Dual(np.full(len(q), state.initial), 1.0)})
+            x = motion.values({name: Dual(np.full(len(q), state.initial), 1.0)})
             for i, other in enumerate(states):
                 own[:, i, j] = dual(dynamics.apply(effect, other, other.derivative, x)).slope
             if state.rate is not None:

@@ -159,15 +159,13 @@ def column_norms(trial: Trial) -> Finding:
 @check("reach", at_most(1.0 + 1e-9), Mode.QUICK)
 def reach(trial: Trial) -> Finding:
     """The tip is nowhere farther from the base than the full reach, by which tasks scale their distances:
-    neither in random poses nor in stretched and folded ones, with sliders within their travel."""
-    arm, limits, values = trial.arm, trial.scene.travel(), trial.scene.parameters()
+    neither in random poses nor in stretched and folded ones, with sliders between 0 and an upper end."""
+    arm = trial.arm
     joints = np.concatenate([trial.square, trial.poses[0]]) @ arm.motor_map
     known, share = dict(arm.parameter_values()), np.random.default_rng(trial.seed + 5).random(len(joints))
-    share[0] = 0.0
+    share[0], high = 1.0, sum(arm.lengths) or 1.0
     for k in arm.sliders():
-        low, high = (values[name] for name in limits[k]) if k in limits else (0.0, sum(arm.lengths) or 1.0)
-        joints[:, k] = high - share * (high - min(max(low, 0.0), high))
-        known[f"high{k + 1}"] = high
+        joints[:, k], known[f"high{k + 1}"] = high * share, high
     most = Quantities(known, (full_reach(arm),), {})["reach"]
     tip = np.linalg.norm(arm.forward_kinematics(joints @ np.linalg.inv(arm.motor_map)), axis=1)
     far = float(np.nanmax(tip) / most)
