@@ -8,7 +8,7 @@ from three_r_by_hand import ThreeRByHand, mass_matrix
 
 import redundant_envs as rde
 from redundant_envs.algebra import physics
-from redundant_envs.studies.verify import equations, verify
+from redundant_envs.studies.verify import equations, kinematics, verify
 from redundant_envs.studies.verify.checks import checks_of
 
 e = rde.effects
@@ -133,7 +133,7 @@ def test_a_mass_matrix_by_hand_replaces_the_derived_one_and_is_compared_with_it(
         scene = rde.Scene(arm, (e.Gravity(),), tolerance=1e-6)
         return {
             o.check
-            for o in verify(scene, 24, checks=checks_of(equations)).outcomes
+            for o in verify(scene, 24, checks=checks_of(equations, kinematics)).outcomes
             if o.verdict.value == "MISSED"
         }
 

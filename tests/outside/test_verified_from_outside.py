@@ -26,6 +26,7 @@ from redundant_envs.studies.verify import (
     engines,
     equations,
     impacts,
+    kinematics,
     verify,
 )
 from redundant_envs.studies.verify.checks import checks_of
@@ -138,7 +139,7 @@ def good(thing, states, mode):
 
 def test_right_equations_of_chains_are_green():
     for n in (1, 2, 10):
-        found = verify(chain(n), 16, checks=checks_of(equations))
+        found = verify(chain(n), 16, checks=checks_of(equations, kinematics))
         assert found.misses == ()
 
 
@@ -158,7 +159,7 @@ def test_scenes_and_effects_are_verified_in_a_short_time(name):
 
 def test_energy_momentum_impacts_and_states_of_all_effects_together():
     checks = [
-        *checks_of(equations), conservation.energy_book, conservation.momentum, impacts.velocities,
+        *checks_of(equations, kinematics), conservation.energy_book, conservation.momentum, impacts.velocities,
         bits.snapshots,
     ]  # fmt: skip
     found = verify(SUBJECTS["all effects"], 64, checks=checks)
@@ -199,7 +200,9 @@ def test_a_joint_that_moves_masses_against_each_other_is_no_joint_of_mujoco():
     }
     kind = type("Parallel", (rde.Arm,), {**body, "functions": tuple(functions), "kind": "Parallel"})
     arm = dataclasses.dataclass(frozen=True)(kind)((1.0, 2.0), (0.3, 0.4))
-    report = verify(arm, 16, checks=[*checks_of(equations), conservation.momentum, *checks_of(engines)])
+    report = verify(
+        arm, 16, checks=[*checks_of(equations, kinematics), conservation.momentum, *checks_of(engines)]
+    )
     assert report.misses == ()
     told = {o.check: o.finding.words for o in report.outcomes if o.verdict is Verdict.NOT_APPLICABLE}
     assert "against each other" in told["momentum"]
@@ -232,7 +235,7 @@ class Rail(rde.Arm):
 
 
 def test_equations_of_an_arm_that_only_slides_are_green():
-    assert verify(Rail((1.3,), (0.4,)), 16, checks=checks_of(equations)).misses == ()
+    assert verify(Rail((1.3,), (0.4,)), 16, checks=checks_of(equations, kinematics)).misses == ()
 
 
 def test_an_arm_that_only_slides_moves_with_error_control():

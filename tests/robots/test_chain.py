@@ -9,7 +9,7 @@ import pytest
 from test_oracles import CASES, close
 
 import redundant_envs as rde
-from redundant_envs.studies.verify import equations, verify
+from redundant_envs.studies.verify import equations, kinematics, verify
 from redundant_envs.studies.verify.checks import checks_of
 
 e = rde.effects
@@ -87,7 +87,9 @@ def test_mass_points_are_where_the_joints_put_them(types):
 @pytest.mark.parametrize("types", WORDS)
 def test_every_check_of_equations_passes(types):
     report = verify(
-        rde.Scene(chain_of(types), (e.Gravity(),), tolerance=1e-6), 24, checks=checks_of(equations)
+        rde.Scene(chain_of(types), (e.Gravity(),), tolerance=1e-6),
+        24,
+        checks=checks_of(equations, kinematics),
     )
     assert report.misses == ()
     assert len(report.outcomes) >= 12
