@@ -87,8 +87,8 @@ class Force:
     force can have, from the parameters alone: error control takes steps short enough for a spring
     before an estimate could have seen it. They are derivatives of the force, by its position at rest and
     by its rate; ``verify`` differentiates it and compares. A force with a ``damping`` brakes: one that
-    drives gives none, or is an :class:`Actuation`. The damping of a force on a joint may depend on ``phi<k>`` and
-    ``phid<k>`` of that joint, too, where it is not the same everywhere.
+    drives gives none, or is an :class:`Actuation`. The damping of a force on a joint may depend on
+    ``phi<k>`` and ``phid<k>`` of that joint, too, where it is not the same everywhere.
 
     ``states`` belong to the force: friction with memory has one for each joint.
 

@@ -159,8 +159,8 @@ def test_scenes_and_effects_are_verified_in_a_short_time(name):
 
 def test_energy_momentum_impacts_and_states_of_all_effects_together():
     checks = [
-        *checks_of(equations, kinematics), conservation.energy_book, conservation.momentum, impacts.velocities,
-        bits.snapshots,
+        *checks_of(equations, kinematics), conservation.energy_book, conservation.momentum,
+        impacts.velocities, bits.snapshots,
     ]  # fmt: skip
     found = verify(SUBJECTS["all effects"], 64, checks=checks)
     assert {o.verdict for o in found.outcomes if o.check != "Coriolis matrix"} == {Verdict.KEPT}
