@@ -91,18 +91,18 @@ def halt_of(
     return Halt(still, halting(approach.velocities, still, w))
 
 
-def looks_again(contacts: Sequence[Contact], sides: Sequence[Any], support: Support, halt: Halt) -> Any:
+def looks_again(contacts: Sequence[Contact], approach: Approach, support: Support, halt: Halt) -> Any:
     """Whether contacts are resolved once more before the motion goes on.
 
-    That is for a slider at its stop that has lost, or gained, the support of another, and for an arm that was
-    moved when a bounce was taken away.
+    That is for a slider at its stop that strikes next, or has lost, or gained, the support of another, and for
+    an arm that was moved when a bounce was taken away.
     """
     waits = any_of(
         (side != 0.0) & c.free & logical_not(rests) & logical_not(c.released)
-        for side, c, rests in zip(sides, contacts, support.rests, strict=True)
+        for side, c, rests in zip(approach.sides, contacts, support.rests, strict=True)
     )
     moved = any_of(abs(j) > 0.0 for j in halt.impulses)
-    return support.changes & (moved | waits)
+    return support.changes & (approach.strikes | moved | waits)
 
 
 def impulses_of(approach: Approach, impact: Impact, halt: Halt) -> list[Any]:
@@ -197,9 +197,10 @@ def resolve_contacts(
     restitution : of the impacts
     """
     approach = approach_of(contacts)
-    sides, impact = approach.sides, impact_of(contacts, approach, w, restitution)
+    sides = approach.sides
     unheld = unheld_accelerations(contacts, sides, w)
-    support = support_of(contacts, approach, impact.strikes, unheld, w, restitution)
+    support = support_of(contacts, approach, unheld, w, restitution)
+    impact = impact_of(contacts, approach, support, w, restitution)
     halt = halt_of(contacts, approach, impact, support, w)
     pushes = impulses_of(approach, impact, halt)
     velocities = velocities_after(pushes, approach, impact, halt, w, restitution)
@@ -208,7 +209,7 @@ def resolve_contacts(
     # What stops a speed stops an acceleration: the forces that hold from now on.
     accelerations = [side * a for side, a in zip(sides, unheld, strict=True)]
     forces = halting(accelerations, [a != 0.0 for a in active], w)
-    going = logical_not(impact.strikes) & logical_not(looks_again(contacts, sides, support, halt))
+    going = logical_not(impact.strikes) & logical_not(looks_again(contacts, approach, support, halt))
     spent = (changes >= MOST_CHANGES) | (impacts > MOST_IMPACTS)
     acts = at_stop & logical_not(spent)
     for hit in impact.hits:
