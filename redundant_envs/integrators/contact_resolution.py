@@ -94,8 +94,8 @@ def halt_of(
 def looks_again(contacts: Sequence[Contact], approach: Approach, support: Support, halt: Halt) -> Any:
     """Whether contacts are resolved once more before the motion goes on.
 
-    That is for a slider at its stop that strikes next, or has lost, or gained, the support of another, and for
-    an arm that was moved when a bounce was taken away.
+    That is for a slider at its stop that strikes next, or has lost, or gained, the support of another, and
+    for an arm that was moved when a bounce was taken away.
     """
     waits = any_of(
         (side != 0.0) & c.free & logical_not(rests) & logical_not(c.released)

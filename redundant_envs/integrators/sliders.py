@@ -16,7 +16,7 @@ from redundant_envs.integrators.methods import Watched
 ROUNDING = 8.881784197001252e-16
 """Four units in the last place, relative: positions and times that are nearer count as equal."""
 NEGLIGIBLE_SPEED = 1e-13
-"""m/s that are rounding, of a slider at its stop: into it they are taken away, out of it they are no start."""
+"""m/s of a slider at its stop that are rounding: it neither strikes nor leaves it with such a speed."""
 NO_STOP = 1e300
 """Larger limits are none: infinite ones must not make every position close."""
 MARGIN = 1e-13

@@ -1,0 +1,57 @@
+"""Which sliders are supported when another one strikes: those that are pressed onto their stops, however the
+motion began, and whatever was known of it before.
+
+``python tests/effects/test_support_at_stops.py SEED COUNT`` searches on, from other seeds.
+"""
+
+import sys
+
+import numpy as np
+import pytest
+from supported_sliders import ARMS, ENTERS, STANDS, advanced, expected, scene, starts
+
+METHODS = ({}, {"tolerance": None, "substeps": 4}, {"tolerance": None, "integrator": "dop853"})
+
+
+def faults(seed, lanes=400):
+    """What is wrong with random starts of an arm, a restitution and a method, and how many were judged."""
+    rng = np.random.default_rng(seed)
+    arm = list(ARMS.values())[seed % 3]
+    restitution, method = (1.0, 0.5, 0.0, 0.8)[seed % 4], METHODS[seed // 3 % 3]
+    made = scene(arm, restitution, **method)
+    q, qd, efforts, sides, kinds = starts(arm, lanes, rng)
+    after, status = advanced(made, q, qd, efforts)
+    by_account, judged = expected(arm, q, qd, efforts, sides, restitution)
+    judged &= status.numerics == 0
+    # All sliders that stand may be said to rest, or some of them.
+    standing = np.where((kinds == STANDS) & (rng.random(sides.shape) < rng.choice([0.5, 1.0])), sides, 0.0)
+    remembered, _ = advanced(made, q, qd, efforts, standing)
+    # One that is about to strike does so a little later, alone. Where it sends two others onto their stops,
+    # these strike at once only if they have not moved.
+    before, rates = q.copy(), np.where(np.abs(qd) <= 1e-13, 0.0, qd)
+    before[:, arm.sliders()] -= np.where(kinds == ENTERS, sides, 0.0) * 1e-15
+    later, _ = advanced(made, before, rates, efforts)
+    alone = judged & ((kinds == ENTERS).sum(axis=1) == 1) & ((sides.shape[1] < 3) | (status.events == 1))
+    found = {
+        "not as the account": judged & (np.abs(after - by_account).max(axis=(1, 2)) > 1e-8),
+        "by what was known": judged & (np.abs(after - remembered).max(axis=(1, 2)) > 1e-11),
+        "not as a little later": alone & (np.abs(after - later).max(axis=(1, 2)) > 1e-8),
+    }
+    return {what: np.flatnonzero(bad).tolist() for what, bad in found.items() if bad.any()}, judged.sum()
+
+
+MORE = [pytest.param(seed, marks=pytest.mark.long) for seed in range(12, 36)]
+
+
+@pytest.mark.parametrize("seed", [*range(12), *MORE])
+def test_sliders_pressed_onto_their_stops_are_supported_when_others_strike(seed):
+    found, judged = faults(seed)
+    assert judged > 100
+    assert not found
+
+
+if __name__ == "__main__":
+    first, count = (int(x) for x in (*sys.argv[1:], "0", "100")[:2])
+    wrong = {seed: found for seed in range(first, first + count) if (found := faults(seed)[0])}
+    print(f"{len(wrong)} of {count} seeds have starts that go wrong: {wrong}")
+    sys.exit(bool(wrong))
