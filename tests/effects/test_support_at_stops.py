@@ -8,7 +8,10 @@ import sys
 
 import numpy as np
 import pytest
-from supported_sliders import ARMS, ENTERS, STANDS, advanced, expected, scene, starts
+from supported_sliders import ARMS, ENTERS, SPAN, STANDS, UPPER, advanced, expected, scene, starts
+
+import redundant_envs as rde
+from redundant_envs.studies.independent_stops import StoppedArm
 
 METHODS = ({}, {"tolerance": None, "substeps": 4}, {"tolerance": None, "integrator": "dop853"})
 
@@ -48,6 +51,52 @@ def test_sliders_pressed_onto_their_stops_are_supported_when_others_strike(seed)
     found, judged = faults(seed)
     assert judged > 100
     assert not found
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
+def test_the_account_of_the_study_of_impacts_supports_them_too(restitution):
+    pytest.importorskip("scipy", reason="scipy is in the extra 'verify'")
+    arm = ARMS["RPRP"]
+    q, qd, efforts, _, kinds = (x[:12] for x in starts(arm, 100, np.random.default_rng(3)))
+    assert ((kinds == STANDS) & (kinds == ENTERS)[:, ::-1]).any(axis=1).sum() >= 3
+    account = StoppedArm(arm.masses, arm.lengths, 9.81, 0.0, UPPER, restitution)
+    ends = [account.after(*start, SPAN) for start in zip(q, qd, efforts, strict=True)]
+    after, _ = advanced(scene(arm, restitution), q, qd, efforts)
+    assert np.abs(after - np.reshape(ends, after.shape)).max() < 1e-8
+
+
+HANGING = ([-1.2, UPPER, -0.4, 0.2], [0.0, 0.0, 0.0, 1.0])
+"""r1 hangs onto its upper stop, and r2 moves out."""
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
+def test_a_slider_is_supported_when_a_stop_is_moved_to_another_that_moves_into_it(restitution):
+    """Stops that were moved hold nobody: that r1 rested is forgotten, but it is pressed onto its stop."""
+    made, ends = scene(ARMS["RPRP"], restitution, control_dt=0.01), []
+    for gap in (0.0, 1e-15):
+        batch = rde.BatchSimulator(made)
+        batch.set_state(*HANGING)
+        batch.advance()
+        assert batch.q[0, 1] == UPPER
+        batch.set_parameters({"prismatic_stop.upper": [UPPER, batch.q[0, 3] + gap]})
+        batch.advance()
+        assert batch.q[0, 1] == UPPER
+        ends.append(np.concatenate([batch.q[0], batch.qd[0]]))
+    assert np.abs(ends[0] - ends[1]).max() < 1e-9
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
+def test_a_slider_that_nothing_presses_or_pulls_is_supported(restitution):
+    """A straight arm without weight: r1 has no acceleration at all until r2 is struck."""
+    arm, ends = ARMS["RPRP"], []
+    for gap in (0.0, 1e-15):
+        stop = rde.effects.PrismaticStop((0.0, 0.0), (UPPER, UPPER), restitution)
+        batch = rde.BatchSimulator(rde.Scene(arm, (stop,), tolerance=1e-9))
+        # The impulse that sends r2 back drives r1 into its stop.
+        batch.set_state([0.3, 0.0, 0.3, gap], [0.0, 0.0, 0.0, -1.0])
+        batch.advance()
+        ends.append([batch.q[0], batch.qd[0]])
+    assert np.abs(np.subtract(*ends)).max() < 1e-9
 
 
 if __name__ == "__main__":
