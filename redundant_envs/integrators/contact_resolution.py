@@ -21,6 +21,7 @@ from redundant_envs.integrators.contacts import (
     support_of,
     unheld_accelerations,
 )
+from redundant_envs.integrators.sliders import NEGLIGIBLE_SPEED
 
 MOST_IMPACTS = 256
 """Of an interval; with more it is given up."""
@@ -158,6 +159,26 @@ def stops_after(
     return active
 
 
+def released_after(
+    contacts: Sequence[Contact], impact: Impact, support: Support, velocities: Sequence[Any]
+) -> list[Any]:
+    """Whether sliders are leaving their stops, and are not to rest there before they are struck.
+
+    One that an impact of another leaves where it stands has not left: it may be pressed onto its stop now.
+
+    Parameters
+    ----------
+    contacts : the sliders
+    impact, support : what happens to them at their stops
+    velocities : that they have now, m/s
+    """
+    leaving = []
+    for c, hit, released, v in zip(contacts, impact.hits, support.released, velocities, strict=True):
+        stands = impact.strikes & (abs(v) <= NEGLIGIBLE_SPEED)
+        leaving.append((released | c.released) & logical_not(hit | stands))
+    return leaving
+
+
 def happened_to(
     contacts: Sequence[Contact], sides: Sequence[Any], impact: Impact, support: Support, active: Sequence[Any]
 ) -> list[Any]:
@@ -223,8 +244,10 @@ def resolve_contacts(
         active_stops=[where(acts, a, c.active_stop) for a, c in zip(active, contacts, strict=True)],
         forces=forces,
         released=[
-            where(acts, (r | c.released) & logical_not(hit), c.released)
-            for r, c, hit in zip(support.released, contacts, impact.hits, strict=True)
+            where(acts, released, c.released)
+            for c, released in zip(
+                contacts, released_after(contacts, impact, support, velocities), strict=True
+            )
         ],
         happened=[where(logical_not(acts), Event.NONE, event) for event in happened],
         speeds=[where(acts & hit, u, 0.0) for hit, u in zip(impact.hits, approach.speeds, strict=True)],

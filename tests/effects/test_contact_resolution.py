@@ -143,6 +143,14 @@ def test_a_slider_that_stands_still_is_looked_at_before_another_one_strikes(know
     assert got.velocities == [0.0 if supported else pytest.approx(1.0), -1.0]
 
 
+def test_a_released_slider_may_rest_again_where_an_impact_of_another_leaves_it_standing():
+    """That changes the forces on it, and it has not left its stop."""
+    w, first = np.eye(2), contact(0.0, 1.0, acceleration=-1.0, released=True)
+    assert resolved([first, contact(1.0, 1.0)], w, 0.5).released == [False, False]
+    assert resolved([first, contact(-1.0, 1.0)], w, 0.5).released == [True, False]
+    assert resolved([first, contact(1.0, 1.0)], [[1.0, 0.5], [0.5, 1.0]], 0.5).released == [True, False]
+
+
 def test_an_elastic_slider_rests_where_its_bounce_is_lost_in_rounding():
     """Less than four units in the last place of the stop it is at."""
     for side, upper in ((1.0, 4096.0), (-1.0, 4096.0)):

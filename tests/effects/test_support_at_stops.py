@@ -13,6 +13,8 @@ from supported_sliders import ARMS, ENTERS, SPAN, STANDS, UPPER, advanced, expec
 import redundant_envs as rde
 from redundant_envs.studies.independent_stops import StoppedArm
 
+HIDDEN = 1e-6
+"""m/s; a slower impact may go less deep than four units in the last place of the travel, and is not found."""
 METHODS = ({}, {"tolerance": None, "substeps": 4}, {"tolerance": None, "integrator": "dop853"})
 
 
@@ -38,7 +40,7 @@ def faults(seed, lanes=400):
     found = {
         "not as the account": judged & (np.abs(after - by_account).max(axis=(1, 2)) > 1e-8),
         "by what was known": judged & (np.abs(after - remembered).max(axis=(1, 2)) > 1e-11),
-        "not as a little later": alone & (np.abs(after - later).max(axis=(1, 2)) > 1e-8),
+        "not as a little later": alone & (np.abs(after - later).max(axis=(1, 2)) > HIDDEN),
     }
     return {what: np.flatnonzero(bad).tolist() for what, bad in found.items() if bad.any()}, judged.sum()
 
@@ -46,7 +48,7 @@ def faults(seed, lanes=400):
 MORE = [pytest.param(seed, marks=pytest.mark.long) for seed in range(12, 36)]
 
 
-@pytest.mark.parametrize("seed", [*range(12), *MORE])
+@pytest.mark.parametrize("seed", [*range(12), 3032, *MORE])
 def test_sliders_pressed_onto_their_stops_are_supported_when_others_strike(seed):
     found, judged = faults(seed)
     assert judged > 100
