@@ -174,7 +174,7 @@ def released_after(
     """
     leaving = []
     for c, hit, released, v in zip(contacts, impact.hits, support.released, velocities, strict=True):
-        stands = impact.strikes & (abs(v) <= NEGLIGIBLE_SPEED)
+        stands = impact.strikes & (maximum(abs(c.velocity), abs(v)) <= NEGLIGIBLE_SPEED)
         leaving.append((released | c.released) & logical_not(hit | stands))
     return leaving
 

@@ -149,6 +149,7 @@ def test_a_released_slider_may_rest_again_where_an_impact_of_another_leaves_it_s
     assert resolved([first, contact(1.0, 1.0)], w, 0.5).released == [False, False]
     assert resolved([first, contact(-1.0, 1.0)], w, 0.5).released == [True, False]
     assert resolved([first, contact(1.0, 1.0)], [[1.0, 0.5], [0.5, 1.0]], 0.5).released == [True, False]
+    assert resolved([first._replace(velocity=-0.1), contact(1.0, 1.0)], w, 0.5).released == [True, False]
 
 
 def test_an_elastic_slider_rests_where_its_bounce_is_lost_in_rounding():
