@@ -11,10 +11,20 @@ from .learners import (
     TD3Settings,
     TQCSettings,
 )
-from .run import ALGORITHMS, MOST_EPISODES, MOST_SEEDS, SEEDS_PER_RUN, WITHOUT_EFFECT, Config, label
+from .run import (
+    ALGORITHMS,
+    MOST_EPISODES,
+    MOST_SEEDS,
+    SEEDS_PER_RUN,
+    WITHOUT_EFFECT,
+    Config,
+    first_environment_seed,
+    label,
+)
 
 __all__ = [
     "ALGORITHMS", "MOST_EPISODES", "MOST_SEEDS", "SEEDS_PER_RUN", "WITHOUT_EFFECT", "Config", "HERSettings",
     "Model", "OffPolicySettings", "PPOSettings", "PlainPPOSettings", "Real", "SACSettings", "TD3Settings",
-    "TQCSettings", "Text", "Whole", "checked", "label", "load", "number", "read", "value",
+    "TQCSettings", "Text", "Whole", "checked", "first_environment_seed", "label", "load", "number", "read",
+    "value",
 ]  # fmt: skip

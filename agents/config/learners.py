@@ -33,6 +33,7 @@ EntropyWeight = Annotated[
 ]
 
 RATE = (1e-12, 1.0)
+SMOOTHNESS = (0, 1000, "weight of |a(s) - a(s')|^2, at a state and the next, in the actor's loss; 0: none")
 NET = "widths of the hidden layers"
 ACTIVATION = "between layers"
 
@@ -63,6 +64,7 @@ class PPOSettings(PlainPPOSettings):
         "linear", "learning rate and ent_coef: constant, or linear to 0 at total_steps"
     )
     average: Real = number(0.9, 0, 1 - 1e-9, "share of the average that an epoch keeps; 0: no average")
+    smoothness: Real = number(0.0, *SMOOTHNESS)
 
 
 class OffPolicySettings(Model):
@@ -95,7 +97,7 @@ class SACSettings(OffPolicySettings):
     tau: Real = number(0.04, *TAU)
     ent_coef: EntropyWeight = value(0.001, ENTROPY)
     policy_delay: Whole = number(2, *DELAY)
-    smoothness: Real = number(0.1, 0, 1000, "weight of |a(s) - a(s')|^2 in the actor's loss; 0: none")
+    smoothness: Real = number(0.1, *SMOOTHNESS)
     average: Real = number(
         0.9995, 0, 1 - 1e-9, "share of the average that an actor step keeps; 0: no average"
     )

@@ -28,9 +28,11 @@ with needs("train"):
 Algorithm = Literal["ppo", "sac", "her", "plain_ppo", "plain_sac", "td3", "tqc", "crossq"]
 ALGORITHMS: tuple[str, ...] = get_args(Algorithm)
 SEEDS_PER_RUN = 10_000
-"""Environment seeds of a run: seed * 10 000 and up, one per environment."""
-MOST_SEEDS = 99
-"""Largest seed of a run: higher ones would meet the goals of the evaluation."""
+"""Environment seeds of a run, one per environment, from :func:`first_environment_seed` on."""
+MOST_SEEDS = 9999
+"""Largest seed of a run."""
+KEPT_FOR_GOALS = (1_000_000, 10_000_000)
+"""Environment seeds, from one to below the other, on which policies are evaluated and none is trained."""
 MOST_EPISODES = 1_000_000
 """More would meet the goals of the evaluation or of the curve."""
 WITHOUT_EFFECT = ("checkpoint_seconds", "telemetry")
@@ -50,6 +52,12 @@ CHANGES = {
 """What each version of the configuration changed."""
 
 
+def first_environment_seed(seed: int) -> int:
+    """Environment seed of the first environment of a run; no two runs share one."""
+    first, (low, high) = seed * SEEDS_PER_RUN, KEPT_FOR_GOALS
+    return first if first < low else first + high - low
+
+
 def label(algo: str) -> str:
     """What tables and figures call an algorithm."""
     return {"plain_ppo": "stock PPO", "plain_sac": "stock SAC", "crossq": "CrossQ"}.get(algo, algo.upper())
@@ -61,7 +69,7 @@ class Config(Model):
     config_version: Literal[2] = value(..., "version of this format")
     env: Text = value(..., "registered id of the environment")
     algo: Algorithm = value("ppo", "learner")
-    seed: Whole = number(0, 0, MOST_SEEDS, "of the learner and, times 10 000, of the environments")
+    seed: Whole = number(0, 0, MOST_SEEDS, "of the learner, and of all draws of the environments")
     num_envs: Whole = number(512, 1, SEEDS_PER_RUN, "environments in parallel")
     total_steps: Whole = number(8_000_000, 1, 1e12, "environment steps in all")
     start_from: Text | None = value(

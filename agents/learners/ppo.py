@@ -2,8 +2,9 @@
 
 Advantages, buffer, networks, saving and loading are stable-baselines3's; the loops are replaced. They
 collect without its modules and compute values once for a rollout; the losses are the same, with their
-gradients written out (:mod:`.networks`) and nothing logged per minibatch. The average of the weights,
-policy and values, is what is evaluated and saved.
+gradients written out (:mod:`.networks`) and nothing logged per minibatch. The loss may have a term for
+smooth actions (Mysore et al. 2021, CAPS, its temporal part). The average of the weights, policy and values,
+is what is evaluated and saved.
 """
 
 from __future__ import annotations
@@ -43,11 +44,18 @@ class AveragedPPO(Averaging, PPO):
         That of ``policy_kwargs["activation_fn"]``.
     average : float
         Share of the average that an epoch keeps.
+    smoothness : float
+        Weight of ``|a(s) - a(s')|^2`` in the actor's loss: mean actions at a state, and at the states before
+        and after it in its episode as the policy of the rollout had them.
     """
 
-    def __init__(self, *args: Any, activation: str = "silu", average: float = 0.9, **kwargs: Any) -> None:
+    def __init__(
+        self, *args: Any, activation: str = "silu", average: float = 0.9, smoothness: float = 0.0,
+        **kwargs: Any,
+    ) -> None:  # fmt: skip
         self.activation = activation
         self.average = average
+        self.smoothness = smoothness
         super().__init__(*args, **kwargs)
 
     def _setup_model(self) -> None:
@@ -63,6 +71,8 @@ class AveragedPPO(Averaging, PPO):
         self.adams = {name: Adam(networks, EPSILON) for name, networks in self.networks.items()}
         self.keep_means("actor", "values")
         self.write_networks()
+        self.mean_actions = np.zeros_like(self.rollout_buffer.actions)
+        """Of the policy of the rollout, in -1 to 1, (n_steps, num_envs, A)."""
 
     @torch.no_grad()
     def collect_rollouts(
@@ -81,6 +91,7 @@ class AveragedPPO(Averaging, PPO):
             for name in seen if isinstance(seen, dict) else (...,):
                 rollout_buffer.observations[name][step] = seen[name]
             rollout_buffer.actions[step] = actions.numpy()
+            self.mean_actions[step] = means.clamp(-1.0, 1.0).numpy()
             rollout_buffer.log_probs[step] = (-0.5 * noise.square().sum(1) - self._log_prob_offset()).numpy()
             rollout_buffer.episode_starts[step] = self._last_episode_starts
             found, rewards, dones, infos = env.step(actions.clamp(-1.0, 1.0).numpy())
@@ -133,7 +144,10 @@ class AveragedPPO(Averaging, PPO):
         clip = self.clip_range(self._current_progress_remaining)  # type: ignore[operator]
         buffer = self.rollout_buffer
         observations = _each(_flat, buffer.observations)
-        arrays = (buffer.actions, buffer.log_probs, buffer.advantages, buffer.returns)
+        arrays = (
+            buffer.actions, buffer.log_probs, buffer.advantages, buffer.returns,
+            *neighbouring_actions(self.mean_actions, buffer.episode_starts),
+        )  # fmt: skip
         data = [self.inputs(observations), *(_flat(array) for array in arrays)]
         rows = torch.cat(data, 1)
         widths = [part.shape[1] for part in data]
@@ -153,13 +167,17 @@ class AveragedPPO(Averaging, PPO):
         self.logger.record("train/learning_rate", rate)
         self.logger.record("train/std", self.networks["actor"].extra.exp().mean().item())
 
-    def _set_gradients(self, columns: Sequence[Tensor], clip: float, entropy: float) -> None:
-        """Gradients of the clipped surrogate, the value and the entropy loss of one minibatch.
+    def _excluded_save_params(self) -> list[str]:
+        return [*super()._excluded_save_params(), "mean_actions"]
 
-        ``columns``: what the networks are given, actions, log probabilities, advantages, returns;
-        ``entropy``: weight of the entropy, which follows the schedule of the learning rate.
+    def _set_gradients(self, columns: Sequence[Tensor], clip: float, entropy: float) -> None:
+        """Gradients of the clipped surrogate, the value, entropy and smoothness losses of one minibatch.
+
+        ``columns``: what the networks are given, actions, log probabilities, advantages, returns, sums and
+        numbers of :func:`neighbouring_actions`; ``entropy``: weight of the entropy, which follows the
+        schedule of the learning rate.
         """
-        observations, actions, log_prob, advantages, returns = columns
+        observations, actions, log_prob, advantages, returns, sums, numbers = columns
         count = len(observations)
         actor, critic = self.networks["actor"], self.networks["values"]
         means, tape = actor.forward(observations)
@@ -173,9 +191,37 @@ class AveragedPPO(Averaging, PPO):
         dlog_prob = advantages * ratio * inside * (-1.0 / count)
         torch.sum(dlog_prob * (deviation.square() - 1.0), 0, out=actor.dextra)
         actor.dextra.sub_(entropy)
-        actor.backward(tape, (dlog_prob * deviation * inverse)[None])
+        # beyond the bounds of actions, where |a - a'|^2 would have no slope, it goes on as a straight line
+        apart = numbers * means[0].clamp(-1.0, 1.0) - sums
+        dmeans = torch.addcmul(apart * (2.0 * self.smoothness / count), dlog_prob * deviation, inverse)
+        actor.backward(tape, dmeans[None])
         values, tape = critic.forward(observations)
         critic.backward(tape, (values - returns) * (2.0 * self.vf_coef / count))
+
+
+def neighbouring_actions(
+    mean_actions: NDArray[np.floating], episode_starts: NDArray[np.floating]
+) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """Mean actions at the steps before and after each one of a rollout, where they are of its episode.
+
+    Parameters
+    ----------
+    mean_actions : (steps, environments, A)
+    episode_starts : (steps, environments)
+        Whether a step is the first one of an episode.
+
+    Returns
+    -------
+    (steps, environments, A), (steps, environments)
+        Their sums, and how many there are: 0, 1 or 2.
+    """
+    joined = 1.0 - episode_starts[1:]  # a step and the next one
+    sums, numbers = np.zeros_like(mean_actions), np.zeros_like(episode_starts)
+    sums[:-1] += joined[..., None] * mean_actions[1:]
+    sums[1:] += joined[..., None] * mean_actions[:-1]
+    numbers[:-1] += joined
+    numbers[1:] += joined
+    return sums, numbers
 
 
 def _each(function: Callable[[Any], Any], observations: Any) -> Any:

@@ -14,7 +14,7 @@ def seeds_of(text: str) -> list[int]:
     """Seeds as a user writes them: ``0..9``, or ``1,4,7``, or both."""
     seeds: list[int] = []
     for part in text.split(","):
-        match = re.fullmatch(r"\s*(\d{1,2})(?:\.\.(\d{1,2}))?\s*", part)
+        match = re.fullmatch(r"\s*(\d{1,4})(?:\.\.(\d{1,4}))?\s*", part)
         if not match:
             raise ValueError(
                 f"seeds is {text[:80]!r}; write such as 0..9 or 1,4,7, with seeds from 0 to {MOST_SEEDS}"

@@ -13,7 +13,7 @@ from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
 
 from .. import command
-from ..config import SEEDS_PER_RUN, WITHOUT_EFFECT, Config, PlainPPOSettings
+from ..config import WITHOUT_EFFECT, Config, PlainPPOSettings, first_environment_seed
 from ..drawing import EVALUATED
 from ..learners.build import make_model
 from ..new_folder import check_new, find_checkpoint
@@ -86,7 +86,7 @@ def _run(
         start_from(model, config, base)
     folder.mkdir(parents=True, exist_ok=True)
     # after the learner, which gives its own seed to the environments: else seeds shared most of their goals
-    base.seed(config.seed * SEEDS_PER_RUN)
+    base.seed(first_environment_seed(config.seed))
     run = identity(config, base.core)
     begun = checkpoint.restore(folder, model, monitor, run) if resumed else {}
     for name in (*EVALUATED, "report.md"):  # of the policy at the stop

@@ -13,7 +13,7 @@ from typing import Any
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
 
-from ..config.run import MOST_SEEDS, SEEDS_PER_RUN
+from ..config.run import MOST_SEEDS, SEEDS_PER_RUN, first_environment_seed
 from ..learners.averaging import Averaging
 from ..learners.ppo import AveragedPPO
 from ..learners.sac import AveragedSAC
@@ -48,10 +48,7 @@ class Experiment(ExperimentManager):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         if not 0 <= self.seed <= MOST_SEEDS:
-            raise ValueError(
-                f"--seed is {self.seed}; give one from 0 to {MOST_SEEDS}: others would train on the goals of "
-                "the evaluation"
-            )
+            raise ValueError(f"--seed is {self.seed}; give one from 0 to {MOST_SEEDS}")
         self.averaged = issubclass(rl_zoo3.ALGOS[self.algo], Averaging)
         if self.averaged:
             self.device = "cpu"  # where these learners keep their vectors, whatever "auto" would choose
@@ -73,7 +70,7 @@ class Experiment(ExperimentManager):
             raise ValueError(f"n_envs is {n_envs}; give at most {SEEDS_PER_RUN}: a run has no more seeds")
         given = self.eval_env_kwargs if eval_env else self.env_kwargs
         base = make_sb3(self.env_name.gym_id, n_envs, **given)
-        base.seed(SELECTION_SEED if eval_env else self.seed * SEEDS_PER_RUN)
+        base.seed(SELECTION_SEED if eval_env else first_environment_seed(self.seed))
         log = None if eval_env or no_log else str(Path(self.save_path) / "0.monitor.csv")
         env: VecEnv = VecMonitor(base, log, **self.monitor_kwargs)
         if self.vec_env_wrapper is not None:
@@ -92,7 +89,7 @@ class Experiment(ExperimentManager):
         if found is not None:
             model = found[0]
             # after the learner, which gives its own seed to the environments: else runs shared most goals
-            model.get_env().seed(self.seed * SEEDS_PER_RUN)
+            model.get_env().seed(first_environment_seed(self.seed))
             # the last rollout ends after the last step, where a linear schedule is below 0
             schedule = model.lr_schedule
             model.lr_schedule = lambda remaining: schedule(max(0.0, remaining))

@@ -231,7 +231,7 @@ class EmittedStages:
 def emit_lane_function(module: ir.Module, function: LaneFunction, ordered: bool) -> ir.Function:
     """The LLVM function of a lane function; ``ordered`` puts its instructions in the order of our own."""
     results = function.results
-    join_products(results)
+    join_products(results, function.aside_results)
     calls = [n for n in reached(results) if n.name == "stage"]
     stages = Stages(calls, function.spaces, function.known) if calls else None
     results = specialise(results, function.known)

@@ -21,6 +21,7 @@ from redundant_envs.integrators.contacts import (
     support_of,
     unheld_accelerations,
 )
+from redundant_envs.integrators.sliders import NEGLIGIBLE_SPEED
 
 MOST_IMPACTS = 256
 """Of an interval; with more it is given up."""
@@ -91,18 +92,18 @@ def halt_of(
     return Halt(still, halting(approach.velocities, still, w))
 
 
-def looks_again(contacts: Sequence[Contact], sides: Sequence[Any], support: Support, halt: Halt) -> Any:
+def looks_again(contacts: Sequence[Contact], approach: Approach, support: Support, halt: Halt) -> Any:
     """Whether contacts are resolved once more before the motion goes on.
 
-    That is for a slider at its stop that has lost, or gained, the support of another, and for an arm that was
-    moved when a bounce was taken away.
+    That is for a slider at its stop that strikes next, or has lost, or gained, the support of another, and
+    for an arm that was moved when a bounce was taken away.
     """
     waits = any_of(
         (side != 0.0) & c.free & logical_not(rests) & logical_not(c.released)
-        for side, c, rests in zip(sides, contacts, support.rests, strict=True)
+        for side, c, rests in zip(approach.sides, contacts, support.rests, strict=True)
     )
     moved = any_of(abs(j) > 0.0 for j in halt.impulses)
-    return support.changes & (moved | waits)
+    return support.changes & (approach.strikes | moved | waits)
 
 
 def impulses_of(approach: Approach, impact: Impact, halt: Halt) -> list[Any]:
@@ -158,6 +159,26 @@ def stops_after(
     return active
 
 
+def released_after(
+    contacts: Sequence[Contact], impact: Impact, support: Support, velocities: Sequence[Any]
+) -> list[Any]:
+    """Whether sliders are leaving their stops, and are not to rest there before they are struck.
+
+    One that an impact of another leaves where it stands has not left: it may be pressed onto its stop now.
+
+    Parameters
+    ----------
+    contacts : the sliders
+    impact, support : what happens to them at their stops
+    velocities : that they have now, m/s
+    """
+    leaving = []
+    for c, hit, released, v in zip(contacts, impact.hits, support.released, velocities, strict=True):
+        stands = impact.strikes & (maximum(abs(c.velocity), abs(v)) <= NEGLIGIBLE_SPEED)
+        leaving.append((released | c.released) & logical_not(hit | stands))
+    return leaving
+
+
 def happened_to(
     contacts: Sequence[Contact], sides: Sequence[Any], impact: Impact, support: Support, active: Sequence[Any]
 ) -> list[Any]:
@@ -197,9 +218,10 @@ def resolve_contacts(
     restitution : of the impacts
     """
     approach = approach_of(contacts)
-    sides, impact = approach.sides, impact_of(contacts, approach, w, restitution)
+    sides = approach.sides
     unheld = unheld_accelerations(contacts, sides, w)
-    support = support_of(contacts, approach, impact.strikes, unheld, w, restitution)
+    support = support_of(contacts, approach, unheld, w, restitution)
+    impact = impact_of(contacts, approach, support, w, restitution)
     halt = halt_of(contacts, approach, impact, support, w)
     pushes = impulses_of(approach, impact, halt)
     velocities = velocities_after(pushes, approach, impact, halt, w, restitution)
@@ -208,7 +230,7 @@ def resolve_contacts(
     # What stops a speed stops an acceleration: the forces that hold from now on.
     accelerations = [side * a for side, a in zip(sides, unheld, strict=True)]
     forces = halting(accelerations, [a != 0.0 for a in active], w)
-    going = logical_not(impact.strikes) & logical_not(looks_again(contacts, sides, support, halt))
+    going = logical_not(impact.strikes) & logical_not(looks_again(contacts, approach, support, halt))
     spent = (changes >= MOST_CHANGES) | (impacts > MOST_IMPACTS)
     acts = at_stop & logical_not(spent)
     for hit in impact.hits:
@@ -222,8 +244,10 @@ def resolve_contacts(
         active_stops=[where(acts, a, c.active_stop) for a, c in zip(active, contacts, strict=True)],
         forces=forces,
         released=[
-            where(acts, (r | c.released) & logical_not(hit), c.released)
-            for r, c, hit in zip(support.released, contacts, impact.hits, strict=True)
+            where(acts, released, c.released)
+            for c, released in zip(
+                contacts, released_after(contacts, impact, support, velocities), strict=True
+            )
         ],
         happened=[where(logical_not(acts), Event.NONE, event) for event in happened],
         speeds=[where(acts & hit, u, 0.0) for hit, u in zip(impact.hits, approach.speeds, strict=True)],

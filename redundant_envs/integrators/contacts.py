@@ -12,10 +12,8 @@ from typing import Any, NamedTuple
 
 from redundant_envs.algebra import all_of, any_of, logical_not, maximum, minimum, sqrt, where
 from redundant_envs.integrators.complementarity import Matrix, impulses, outward_mobilities, pressed
-from redundant_envs.integrators.sliders import ROUNDING, side_touched
+from redundant_envs.integrators.sliders import NEGLIGIBLE_SPEED, ROUNDING, side_touched
 
-NEGLIGIBLE_SPEED = 1e-13
-"""m/s into a stop that are rounding: taken away, not struck back and forth."""
 LOWEST_BOUNCE = 1e-9
 """m; a slider that would bounce less comes to rest."""
 AWAY = -1e300
@@ -69,12 +67,14 @@ class Approach(NamedTuple):
     negligible : whether a slider moves into its stop by no more than rounding
     velocities : without what is negligible, m/s
     speeds : the same, outward
+    strikes : whether a slider moves into its stop
     """
 
     sides: list[Any]
     negligible: list[Any]
     velocities: list[Any]
     speeds: list[Any]
+    strikes: Any
 
 
 class Impact(NamedTuple):
@@ -82,7 +82,7 @@ class Impact(NamedTuple):
 
     Attributes
     ----------
-    strikes : whether one does
+    strikes : whether one does, and no support changes before
     impulses : of the stops, inward, N s
     pushed : whether a slider is pushed by its stop
     hits : whether a slider is, and has moved into it
@@ -123,18 +123,23 @@ def approach_of(contacts: Sequence[Contact]) -> Approach:
         negligible.append((out > 0.0) & (out <= NEGLIGIBLE_SPEED))
     velocities = [where(n, 0.0, c.velocity) for n, c in zip(negligible, contacts, strict=True)]
     speeds = [side * v for side, v in zip(sides, velocities, strict=True)]
-    return Approach(sides, negligible, velocities, speeds)
+    return Approach(sides, negligible, velocities, speeds, any_of(u > 0.0 for u in speeds))
 
 
-def impact_of(contacts: Sequence[Contact], approach: Approach, w: Matrix, restitution: Any) -> Impact:
-    """What happens if sliders move into their stops.
+def impact_of(
+    contacts: Sequence[Contact], approach: Approach, support: Support, w: Matrix, restitution: Any
+) -> Impact:
+    """What happens if sliders move into their stops, once it is known which others their stops support.
 
     A slider that moves away from its stop is no longer supported by it, however near it is: should an
-    impact of another send it back, it is struck next.
+    impact of another send it back, it is struck next. One that stays there without a force is supported.
     """
     sides, speeds = approach.sides, approach.speeds
-    strikes = any_of(u > 0.0 for u in speeds)
-    supported = [c.resting | (u > 0.0) for c, u in zip(contacts, speeds, strict=True)]
+    strikes = approach.strikes & logical_not(support.changes)
+    supported = [
+        c.resting | (u > 0.0) | ((u == 0.0) & (side * c.acceleration >= 0.0))
+        for c, side, u in zip(contacts, sides, speeds, strict=True)
+    ]
     supporting = [where(s, side, 0.0) for s, side in zip(supported, sides, strict=True)]
     p = impulses(speeds, supporting, w, restitution)
     pushed = [strikes & (x > 0.0) for x in p]
@@ -206,31 +211,34 @@ def unheld_accelerations(contacts: Sequence[Contact], sides: Sequence[Any], w: M
 
 
 def support_of(
-    contacts: Sequence[Contact], approach: Approach, strikes: Any, unheld: Sequence[Any], w: Matrix,
-    restitution: Any,
-) -> Support:  # fmt: skip
-    """Which sliders come to rest and which are released, where none strikes its stop.
+    contacts: Sequence[Contact], approach: Approach, unheld: Sequence[Any], w: Matrix, restitution: Any
+) -> Support:
+    """Which sliders come to rest and which are released.
+
+    Where one strikes its stop, only those that stand still come to rest, and they do so before it strikes:
+    whether a stop supports a slider follows from the motion alone, not from what was known of it before. The
+    bounces of others, however low, are not over yet.
 
     Parameters
     ----------
     contacts, approach : the sliders, and how they move at their stops
-    strikes : whether one of them moves into its stop
     unheld : outward accelerations without any stop, m/s^2
     w, restitution : mobilities of the sliders, 1/kg, and of the impacts
     """
     pressing = [side * c.acceleration for side, c in zip(approach.sides, contacts, strict=True)]
-    released = [logical_not(strikes) & (c.active_stop * c.force > 0.0) for c in contacts]
-    calm = logical_not(strikes) & logical_not(any_of(released))
+    released = [c.active_stop * c.force > 0.0 for c in contacts]
+    calm = logical_not(any_of(released))
+    now = [logical_not(approach.strikes) | (u >= -NEGLIGIBLE_SPEED) for u in approach.speeds]
     rests = [
-        calm & would_rest(c, u, a, restitution)
-        for c, u, a in zip(contacts, approach.speeds, pressing, strict=True)
+        calm & settled & would_rest(c, u, a, restitution)
+        for c, u, a, settled in zip(contacts, approach.speeds, pressing, now, strict=True)
     ]
     support = Support(rests, released)
     if len(contacts) == 1:
         return support
     may_rest = [
-        c.resting | would_rest(c, u, maximum(free, a), restitution)
-        for c, u, free, a in zip(contacts, approach.speeds, unheld, pressing, strict=True)
+        c.resting | (settled & would_rest(c, u, maximum(free, a), restitution))
+        for c, u, free, a, settled in zip(contacts, approach.speeds, unheld, pressing, now, strict=True)
     ]
     if len(contacts) > 2:
         unheld = [where(may, a, AWAY) for may, a in zip(may_rest, unheld, strict=True)]

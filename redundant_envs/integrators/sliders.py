@@ -15,6 +15,8 @@ from redundant_envs.integrators.methods import Watched
 
 ROUNDING = 8.881784197001252e-16
 """Four units in the last place, relative: positions and times that are nearer count as equal."""
+NEGLIGIBLE_SPEED = 1e-13
+"""m/s of a slider at its stop that are rounding: it neither strikes nor leaves it with such a speed."""
 NO_STOP = 1e300
 """Larger limits are none: infinite ones must not make every position close."""
 MARGIN = 1e-13
@@ -117,7 +119,7 @@ def starts_at_stop(position: Any, velocity: Any, active_stop: Any, lower: Any, u
 def leaves_stop(position: Any, velocity: Any, active_stop: Any, lower: Any, upper: Any) -> Any:
     """Whether a free slider starts at a stop and moves away from it.
 
-    Such a slider does not come to rest there, however slow it is.
+    Such a slider does not come to rest there, however slow it is, unless its speed is rounding.
 
     Parameters
     ----------
@@ -125,7 +127,8 @@ def leaves_stop(position: Any, velocity: Any, active_stop: Any, lower: Any, uppe
     active_stop : side of the stop it rests at
     lower, upper : its stops, m
     """
-    up, down = (position >= upper) & (velocity < 0.0), (position <= lower) & (velocity > 0.0)
+    up = (position >= upper) & (velocity < -NEGLIGIBLE_SPEED)
+    down = (position <= lower) & (velocity > NEGLIGIBLE_SPEED)
     return (active_stop == 0.0) & (up | down)
 
 

@@ -19,7 +19,7 @@ def motion_fields(dynamics: Dynamics) -> Iterator[Field]:
     for name, state in dynamics.effect_states.items():
         yield Field(name, state.unit, "state of an effect", STATE)
     if dynamics.track_work:
-        yield Field("work", "J", "work of motors and of forces without a potential", STATE)
+        yield Field("work", "J", "work of motors and of forces without a potential", STATE, book=True)
     yield Field("h", "s", "length of the common step", PARAMETER)
     yield Field("interval", "s", "control interval", PARAMETER)
     for name in dynamics.parameters:
@@ -35,4 +35,4 @@ def motion_fields(dynamics: Dynamics) -> Iterator[Field]:
 def copies(fields: Iterable[Field], form: str, doc: str) -> Iterator[Field]:
     """Scratch fields that hold what others were."""
     for f in fields:
-        yield Field(form.format(f.name), f.unit, f"{f.name} {doc}", SCRATCH)
+        yield Field(form.format(f.name), f.unit, f"{f.name} {doc}", SCRATCH, book=f.book)

@@ -31,7 +31,7 @@ class Interval(LocalSteps):
             yield Field(name, "", "side of the stop a slider rests at: 1 upper, -1 lower, 0 none", STATE)
         if self.plan is Plan.ADAPTIVE:
             yield Field("next_step", "s", "length of the next step", STATE)
-        kept = [Field(name, "", name, STATE) for name in self.kept]
+        kept = [Field(name, "", name, STATE, book=name == "work") for name in self.kept]
         yield from copies(kept, "{}_start", "before the common step")
         if self.origin != "{}_start":
             yield from copies(kept, self.origin, "when the interval began")
@@ -97,23 +97,25 @@ class Interval(LocalSteps):
         for name, doc in (("touching", "contacts come next"), ("held", "a slider rests at its stop")):
             yield Field(name, "", doc, SCRATCH, truth=True)
         for v in dynamics.states[dynamics.count :]:
-            yield Field(f"{v}_slope", "", f"time derivative of {v}", SCRATCH)
+            yield Field(f"{v}_slope", "", f"time derivative of {v}", SCRATCH, book=v == "work")
         for s in self.stops:
             for name, unit, doc in (
                 ("force", "N", "that holds the slider"),
                 ("force_trial", "N", "force at the start of the trial step"),
-                ("happened", "", "what the contact was resolved to (Event)"),
-                ("speed", "m/s", "into the stop, before an impact"),
             ):
                 yield Field(f"{name}_{s.name}", unit, doc, SCRATCH)
+            yield Field(
+                f"happened_{s.name}", "", "what the contact was resolved to (Event)", SCRATCH, book=True
+            )
+            yield Field(f"speed_{s.name}", "m/s", "into the stop, before an impact", SCRATCH, book=True)
             doc = "leaves its stop and does not rest there before it is struck"
             yield Field(f"released_{s.name}", "", doc, SCRATCH, truth=True)
             for v in dynamics.arm.rates:
                 yield Field(f"mobility_{v}_{s.name}", "", f"{v} per impulse along {s.name}", SCRATCH)
         if self.logs:
-            yield Field("span_start", "s", "when the common step began", SCRATCH)
-            yield Field("logged_start", "", "events kept before the common step", SCRATCH)
-            yield Field("logged", "", "events kept", STATE)
+            yield Field("span_start", "s", "when the common step began", SCRATCH, book=True)
+            yield Field("logged_start", "", "events kept before the common step", SCRATCH, book=True)
+            yield Field("logged", "", "events kept", STATE, book=True)
             for n in range(MOST_LOGGED):
                 for name, unit in (("time", "s"), ("kind", ""), ("speed", "m/s")):
                     yield Field(f"log_{name}_{n}", unit, f"{name} of event {n}", LOG)

@@ -39,6 +39,8 @@ class Field:
     lifetime : Lifetime
     truth : bool
         Whether it holds a condition, as 1 or 0.
+    book : bool
+        Whether it is a record of the motion, which does not depend on it.
     """
 
     name: str
@@ -46,6 +48,7 @@ class Field:
     doc: str
     lifetime: Lifetime
     truth: bool = False
+    book: bool = False
 
 
 class Layout:
@@ -179,4 +182,5 @@ def traced(
         ],
         {array: (element, len(fields)) for array, (element, fields) in (inputs or {}).items()},
         {layout.place(n): x for n, x in (known or {}).items()},
+        frozenset(layout.place(n) for n, f in layout.fields.items() if f.book),
     )

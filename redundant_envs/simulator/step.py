@@ -103,8 +103,9 @@ def lane_step(dynamics: Dynamics, lane: Lane, h: Any, held: bool = False) -> Ste
     right_hand_side: Any = derivatives
     if dynamics.method.stages > MOST_INLINED:
         right_hand_side = Subroutine(
-            derivatives, count, count + len(dynamics.others) + more, (*dynamics.states, *numbers)
-        )
+            derivatives, count, count + len(dynamics.others) + more, (*dynamics.states, *numbers),
+            [count + k for k, name in enumerate(dynamics.others) if name == "work"],
+        )  # fmt: skip
     inputs = list(numbers.values())
     states = lane.get(dynamics.states)
     return explicit_step(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -162,13 +162,16 @@ class StoppedArm:
         M, _ = self.equations(y, efforts)
         W = np.linalg.inv(M)[np.ix_(joints, joints)] * np.outer(s, s)
         columns = np.linalg.inv(M)[:, joints] * s
-        leave = {j for j, u in zip(joints, s * y[4:][joints], strict=True) if u < 0.0 and j not in held}
+        leave = {j for j, u in zip(joints, s * y[4:][joints], strict=True) if u < -ROUNDING and j not in held}
         for _ in range(MOST_IMPACTS):
             u = s * y[4:][joints]
             if not (u > ROUNDING).any():
                 break
+            # Those that stand still are held if their stops press them, whether they were held before or not.
+            standing = [j for j, v in zip(joints, u, strict=True) if abs(v) <= ROUNDING and j not in left]
+            held = {j: sides[j] for j in self._supported(y, efforts, standing, sides)}
             # One that moves away from its stop is struck when an impact of the other has sent it back.
-            here = [n for n, j in enumerate(joints) if u[n] > 0.0 or (j in held and j not in left)]
+            here = [n for n, j in enumerate(joints) if u[n] > ROUNDING or j in held]
             struck = (u + self.restitution * np.maximum(u, 0.0))[here]
             impulse = _complementary(W[np.ix_(here, here)], struck)
             y[4:] -= columns[:, here] @ impulse
@@ -186,19 +189,25 @@ class StoppedArm:
             low = press > 0.0 and speed**2 <= 2.0 * press * height and j not in leave
             if low or (j in held and speed > -ROUNDING):
                 resting.append(j)
-        for count in range(len(resting), -1, -1):
-            for chosen in itertools.combinations(resting, count):
+        chosen = self._supported(y, efforts, resting, sides)
+        if chosen:
+            k = list(chosen)
+            inverse = np.linalg.inv(M)
+            y[4:] -= inverse[:, k] @ np.linalg.solve(inverse[np.ix_(k, k)], y[4:][k])
+            y[4:][k] = 0.0
+        return y, {j: sides[j] for j in chosen}
+
+    def _supported(
+        self, y: Array, efforts: Array, may: Sequence[int], sides: Mapping[int, float]
+    ) -> tuple[int, ...]:
+        """Which of some sliders at their stops are held by these: none is pulled, and none enters."""
+        for count in range(len(may), -1, -1):
+            for chosen in itertools.combinations(may, count):
                 qdd, hold = self.motion(y, efforts, chosen)
                 pushed = all(sides[j] * hold[j] <= 0.0 for j in chosen)
-                stay_out = all(sides[j] * qdd[j] <= 0.0 for j in resting if j not in chosen)
-                if pushed and stay_out:
-                    if chosen:
-                        k = list(chosen)
-                        inverse = np.linalg.inv(M)
-                        y[4:] -= inverse[:, k] @ np.linalg.solve(inverse[np.ix_(k, k)], y[4:][k])
-                        y[4:][k] = 0.0
-                    return y, {j: sides[j] for j in chosen}
-        return y, {}
+                if pushed and all(sides[j] * qdd[j] <= 0.0 for j in may if j not in chosen):
+                    return chosen
+        return ()
 
 
 def _terminal(start: float, function: Any, *arguments: Any) -> Any:

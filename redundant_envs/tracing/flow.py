@@ -43,6 +43,7 @@ class LaneFunction:
     inputs : array -> (element type, number of columns)
         Tables with a line for each lane, which loads of a space of the same name read.
     known : places and the numbers that they are known to hold
+    asides : places whose values change no bit of what is left elsewhere
     """
 
     name: str
@@ -51,11 +52,17 @@ class LaneFunction:
     outputs: list[Output] = field(default_factory=list)
     inputs: dict[str, tuple[str, int]] = field(default_factory=dict)
     known: Mapping[tuple[str, int], float] = field(default_factory=dict)
+    asides: frozenset[tuple[str, int]] = frozenset()
 
     @property
     def results(self) -> list[Any]:
         """All values that it needs."""
         return [v for _, _, v in self.stores] + [o.value for o in self.outputs]
+
+    @property
+    def aside_results(self) -> list[int]:
+        """Numbers of the results that go to ``asides``."""
+        return [k for k, (*place, _) in enumerate(self.stores) if tuple(place) in self.asides]
 
 
 class Scalar:

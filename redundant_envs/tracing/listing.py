@@ -101,7 +101,7 @@ def fingerprints(program: Program) -> Iterator[str]:
         nodes = reached(f.results)
         for subroutine in dict.fromkeys(n.extra for n in nodes if n.name == "stage"):
             results, inner = subroutine.traced()
-            yield repr((f.name, _told(inner, results)))
+            yield repr((f.name, subroutine.asides, _told(inner, results)))
         values = [*(value for _, _, value in f.stores), *(o.value for o in f.outputs)]
         places = [(space, row) for space, row, _ in f.stores], [o[:4] for o in f.outputs]
         yield repr(
@@ -110,6 +110,7 @@ def fingerprints(program: Program) -> Iterator[str]:
                 f.spaces,
                 sorted(f.inputs.items()),
                 sorted(f.known.items()),
+                f.aside_results,
                 places,
                 _told(nodes, values),
             )

@@ -9,11 +9,21 @@ import pytest
 import yaml
 
 from agents.__main__ import main
-from agents.config import ALGORITHMS, Config, load
+from agents.config import (
+    ALGORITHMS,
+    MOST_EPISODES,
+    MOST_SEEDS,
+    SEEDS_PER_RUN,
+    Config,
+    first_environment_seed,
+    load,
+)
 from agents.config.fields import limits
 from agents.config.keys import complete, help_of_keys, keys
+from agents.config.run import KEPT_FOR_GOALS
 from agents.evaluate import evaluate, summary
 from agents.presets import presets
+from agents.rollout import EVALUATION_SEED, SELECTION_SEED, STUDY_SEED
 from agents.statistics import wilson
 
 CONFIG = "configs/training/rprp_reach_ppo.yaml"
@@ -25,7 +35,7 @@ CONFIG = "configs/training/rprp_reach_ppo.yaml"
         (["sed=3"], ["sed", "valid:", "seed"]),
         (["ppo.gama=0.9"], ["ppo.gama", "ppo.gamma"]),
         (["seed=1.5"], ["seed", "1.5", "whole"]),
-        (["seed=200"], ["seed", "200", "from 0 to 99"]),
+        (["seed=20000"], ["seed", "20000", "from 0 to 9999"]),
         (["algo=dqn"], ["algo", "dqn", "ppo"]),
         (["ppo.batch_size=1000"], ["ppo.batch_size", "1000", "16384"]),
         (["ppo.learning_rate=fast"], ["ppo.learning_rate", "fast"]),
@@ -52,7 +62,7 @@ CONFIG = "configs/training/rprp_reach_ppo.yaml"
             ["algo=her", "env=redundant_envs/RPRPGoalReach-v0", "her.learning_starts=1000"],
             ["her.learning_starts is 1000; with 512 environments give at least 51200"],
         ),
-        (["seed=true"], ["seed is True; give a whole number from 0 to 99"]),
+        (["seed=true"], ["seed is True; give a whole number from 0 to 9999"]),
         (["config_version=1"], ["config_version is 1; this program reads 2", "averag", "config_version: 2"]),
         (["config_version=3"], ["config_version is 3; this program reads 2"]),
         (["telemetry=[carrier pigeons]"], ["telemetry[0] is 'carrier pigeons'", "'wandb'"]),
@@ -263,3 +273,12 @@ def test_restless_are_the_goals_at_which_the_tip_ended_without_holding_them(tmp_
     assert 0 < missed_there < (hold == 0).sum() < 100
     assert result["restless"] == missed_there
     assert f"at {missed_there} of them the tip was there at the end" in summary(result)
+
+
+def test_no_two_runs_share_a_seed_of_an_environment_and_none_has_one_of_the_evaluations():
+    first = [first_environment_seed(seed) for seed in range(MOST_SEEDS + 1)]
+    assert (np.diff(first) >= SEEDS_PER_RUN).all()
+    taken = {(at, at + MOST_EPISODES) for at in (EVALUATION_SEED, SELECTION_SEED, STUDY_SEED)}
+    low, high = KEPT_FOR_GOALS
+    assert all(low <= begin and end <= high for begin, end in taken)
+    assert not any(low - SEEDS_PER_RUN < seed < high for seed in first)

@@ -14,6 +14,7 @@ from agents.config import Config, checked
 from agents.learners.build import make_model
 from agents.learners.goals import goal_mixing
 from agents.learners.networks import ACTIVATIONS, Adam, Networks, linear_layers
+from agents.learners.ppo import neighbouring_actions
 from redundant_envs.envs.sb3 import make_sb3
 
 SMALL = {
@@ -146,25 +147,39 @@ def test_the_actor_and_critic_steps_of_sac_follow_the_derivatives_of_their_losse
 
 @pytest.mark.parametrize("env", ["RPRPReach-v0", "FourRGoalReach-v0"])
 def test_the_steps_of_ppo_follow_the_derivatives_of_its_losses(env):
-    model = make("ppo", env, ent_coef=0.01, vf_coef=0.7)
+    model = make("ppo", env, ent_coef=0.01, vf_coef=0.7, smoothness=0.3)
     model.learn(64)
     actor, critic = model.networks["actor"], model.networks["values"]
     torch.manual_seed(1)
     buffer = model.rollout_buffer
     sample = next(iter(buffer.get(64)))
-    old = sample.old_log_prob + 0.3 * torch.randn(64)  # so that some ratios are clipped
+    neighbours = torch.rand(2, 64, 4) * 2.0 - 1.0
+    there = torch.randint(0, 2, (2, 64, 1)).float()
     with torch.no_grad():
-        columns = (old, sample.advantages, sample.returns)
-        given = model.inputs(sample.observations), sample.actions
-        model._set_gradients([*given, *(c[:, None] for c in columns)], 0.2, 0.01)
+        # so that the means of two actions lie beyond their bounds
+        model.policy.action_net.bias.copy_(torch.tensor([-1.5, 0.1, -0.2, 1.5]))
+        model.read_networks()
+        actions = model.policy.get_distribution(sample.observations).sample()
+        old = model.policy.evaluate_actions(sample.observations, actions)[1]
+        old += 0.3 * torch.randn(64)  # so that some ratios are clipped
+        columns = [c[:, None] for c in (old, sample.advantages, sample.returns)]
+        given = model.inputs(sample.observations), actions
+        both = (there * neighbours).sum(0), there.sum(0)
+        model._set_gradients([*given, *columns, *both], 0.2, 0.01)
     policy = copy.deepcopy(model.policy)
-    values, log_prob, entropy = policy.evaluate_actions(sample.observations, sample.actions)
+    values, log_prob, entropy = policy.evaluate_actions(sample.observations, actions)
+    means = policy.get_distribution(sample.observations).distribution.mean
+    inside = means.clamp(-1.0, 1.0)
+    assert 0.1 < (inside == means).float().mean() < 0.9
+    apart = inside - neighbours
+    squares = there * (apart.square() + 2.0 * (means - inside) * apart)  # beyond the bounds a straight line
     advantages = sample.advantages
     advantages = (advantages - advantages.mean()) / (advantages.std() + 1e-8)
     ratio = (log_prob - old).exp()
     surrogate = torch.min(advantages * ratio, advantages * ratio.clamp(0.8, 1.2)).mean()
     value_loss = functional.mse_loss(sample.returns, values.flatten())
-    (-surrogate - 0.01 * entropy.mean() + 0.7 * value_loss).backward()
+    smoothness = 0.3 * squares.sum((0, 2)).mean()
+    (-surrogate - 0.01 * entropy.mean() + 0.7 * value_loss + smoothness).backward()
     close = {"rtol": 1e-4, "atol": 1e-6}
     torch.testing.assert_close(actor.dextra, policy.log_std.grad, **close)
     torch.testing.assert_close(actor._dweights[2][0], policy.action_net.weight.grad, **close)
@@ -172,6 +187,31 @@ def test_the_steps_of_ppo_follow_the_derivatives_of_its_losses(env):
     torch.testing.assert_close(actor._dweights[1][0], second, **close)
     torch.testing.assert_close(critic._dweights[2][0], policy.value_net.weight.grad, **close)
     torch.testing.assert_close(critic._dbiases[0][0, 0], policy.mlp_extractor.value_net[0].bias.grad, **close)
+
+
+def test_actions_are_smooth_within_episodes_and_not_from_one_to_the_next():
+    model = make("ppo", n_steps=32)
+    kept = []
+    collect = model.collect_rollouts
+
+    def collect_and_keep(*args, **kwargs):
+        found = collect(*args, **kwargs)
+        with torch.no_grad():  # before the policy learns from this rollout
+            seen = torch.from_numpy(model.rollout_buffer.observations)
+            kept.append(model.policy.get_distribution(seen.flatten(0, 1)).distribution.mean.clamp(-1.0, 1.0))
+        return found
+
+    model.collect_rollouts = collect_and_keep
+    model.learn(16 * 32 * 4)
+    starts, means = model.rollout_buffer.episode_starts, model.mean_actions
+    assert 0 < starts[1:].sum() < starts[1:].size
+    np.testing.assert_allclose(means.reshape(-1, 4), kept[-1].numpy(), atol=1e-5)
+    sums, numbers = neighbouring_actions(means, starts)
+    for step, lane in itertools.product(range(32), range(16)):
+        there = [k for k in (step - 1, step + 1) if 0 <= k < 32 and not starts[max(k, step), lane]]
+        assert numbers[step, lane] == len(there)
+        expected = np.sum([means[k, lane] for k in there], axis=0) if there else np.zeros(4)
+        np.testing.assert_allclose(sums[step, lane], expected, atol=1e-6)
 
 
 @pytest.mark.parametrize(

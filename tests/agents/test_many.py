@@ -28,14 +28,21 @@ SMALL = [
 
 @pytest.mark.parametrize(
     ("text", "seeds"),
-    [("0..3", [0, 1, 2, 3]), ("5", [5]), ("1, 4,7", [1, 4, 7]), ("0..1,9", [0, 1, 9]), ("99", [99])],
+    [
+        ("0..3", [0, 1, 2, 3]),
+        ("5", [5]),
+        ("1, 4,7", [1, 4, 7]),
+        ("0..1,9", [0, 1, 9]),
+        ("98..101", [98, 99, 100, 101]),
+        ("9999", [9999]),
+    ],
 )
 def test_seeds_are_read_as_they_are_written(text, seeds):
     assert seeds_of(text) == seeds
 
 
 @pytest.mark.parametrize(
-    "text", ["", "a", "3..1", "9..3,3", "1,1", "0..2,1", "100", "-1", "1..", "0..999999999", "1;2"]
+    "text", ["", "a", "3..1", "9..3,3", "1,1", "0..2,1", "10000", "-1", "1..", "0..999999999", "1;2"]
 )
 def test_other_seeds_are_refused(text):
     with pytest.raises(ValueError, match="seeds is"):

@@ -120,6 +120,38 @@ def test_a_slider_on_its_way_from_its_stop_does_not_decide_who_rests():
         assert [a != 0.0 for a in got.active_stops] == [*stays, False]
 
 
+@pytest.mark.parametrize("known", [False, True], ids=["fresh", "known to rest"])
+@pytest.mark.parametrize(("press", "supported"), [(2.0, True), (0.0, True), (-2.0, False)])
+def test_a_slider_that_stands_still_is_looked_at_before_another_one_strikes(known, press, supported):
+    """It comes to rest, or is released, and then the other one strikes."""
+    w = [[2.0, -1.0], [-1.0, 2.0]]  # what sends the second one back drives the first onto its stop
+
+    def first(rests):
+        held = {"resting": True, "force": -0.5 * press} if rests else {"acceleration": press}
+        return contact(0.0, 1.0, **held)
+
+    striking = contact(1.0, 1.0)
+    got = resolved([first(known), striking], w, 1.0)
+    rests = press > 0.0 or (known and supported)
+    if rests != known:
+        assert (got.happened[0], got.impacts) == (Event.REST if rests else Event.RELEASE, 0.0)
+        assert got.velocities == [0.0, 1.0]
+        assert not got.going_on
+        got = resolved([first(rests)._replace(released=got.released[0]), striking], w, 1.0)
+    assert got.strikes
+    assert got.impacts == 1.0
+    assert got.velocities == [0.0 if supported else pytest.approx(1.0), -1.0]
+
+
+def test_a_released_slider_may_rest_again_where_an_impact_of_another_leaves_it_standing():
+    """That changes the forces on it, and it has not left its stop."""
+    w, first = np.eye(2), contact(0.0, 1.0, acceleration=-1.0, released=True)
+    assert resolved([first, contact(1.0, 1.0)], w, 0.5).released == [False, False]
+    assert resolved([first, contact(-1.0, 1.0)], w, 0.5).released == [True, False]
+    assert resolved([first, contact(1.0, 1.0)], [[1.0, 0.5], [0.5, 1.0]], 0.5).released == [True, False]
+    assert resolved([first._replace(velocity=-0.1), contact(1.0, 1.0)], w, 0.5).released == [True, False]
+
+
 def test_an_elastic_slider_rests_where_its_bounce_is_lost_in_rounding():
     """Less than four units in the last place of the stop it is at."""
     for side, upper in ((1.0, 4096.0), (-1.0, 4096.0)):

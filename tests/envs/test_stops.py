@@ -93,3 +93,32 @@ def test_a_start_at_a_stop_is_allowed_and_one_beyond_it_is_not():
         q = env.unwrapped.core.memory.read(("r1", "r2"))[0]
         assert 0.0 <= q[0] <= 0.1
         assert 0.0 <= q[1] <= 0.2
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
+def test_a_slider_that_is_pressed_onto_its_stop_at_a_reset_is_supported_when_the_other_one_strikes(
+    restitution,
+):
+    """As it is if the other one starts a little before its stop; alone, among others, and set to a state."""
+    scene = rde.load_scene("rprp_reach").to_dict()
+    (stop,) = (x for x in scene["effects"] if x["type"] == "PrismaticStop")
+    stop["restitution"] = restitution
+    upper, action = stop["upper"][0], np.zeros(4, dtype=np.float32)
+    env = gym.make(ENVIRONMENT, scene=scene)
+    envs = gym.make_vec(ENVIRONMENT, num_envs=3, scene=scene)
+    ends = []
+    for gap in (0.0, 1e-15):
+        options = {"q": [-1.2, upper, -0.4, upper - gap], "qd": [0.0, 0.0, 0.0, 1.0]}
+        env.reset(seed=0, options=options)
+        state = env.unwrapped.get_state()
+        env.step(action)
+        end = np.concatenate([env.unwrapped.q, env.unwrapped.qd])
+        env.unwrapped.set_state(state)
+        env.step(action)
+        assert np.array_equal(end, np.concatenate([env.unwrapped.q, env.unwrapped.qd]))
+        envs.reset(seed=0, options={name: np.tile(x, (3, 1)) for name, x in options.items()})
+        envs.step(np.tile(action, (3, 1)))
+        assert np.array_equal(envs.unwrapped.q, np.tile(env.unwrapped.q, (3, 1)))
+        assert end[1] == upper
+        ends.append(end)
+    assert np.abs(np.subtract(*ends)).max() < 1e-9

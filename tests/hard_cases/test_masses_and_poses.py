@@ -97,7 +97,7 @@ def test_05_a_vanishing_tip(subject):
 @hard_case(
     "6", "two links of a micrometre",
     hard="Lengths (1, 1e-6, 1, 1e-6) m: condition number 9e12, and motions of a millisecond.",
-    naive="Steps of the usual length miss the motion, and nobody is told.",
+    naive="Steps of the usual length miss the motion, and no flag is set.",
     caught=(FixedSteps,), compared=True,
 )  # fmt: skip
 def test_06_links_of_a_micrometre(subject):

@@ -235,4 +235,4 @@ def test_46_starts_at_and_beyond_limits(subject):
     data["effects"].append({"type": "LimitSpring", "coordinate": "joint1", "lower": -1.0, "upper": 1.0})
     _, info = gym.make(FOUR_R, scene=data).reset(seed=0, options={"q": (1.25, 1.0, 1.0, 1.0)})
     off = abs(info["beyond_limit"] - 0.25)
-    yield Figure("the depth that a start beyond a spring tells", off, at_most=1e-12, unit="rad off")
+    yield Figure("the depth that a start beyond a spring shows", off, at_most=1e-12, unit="rad off")

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from typing import Any
 
 from redundant_envs.tracing.graph import Operation, Value, reached
 
 
-def join_products(results: list[Value]) -> None:
+def join_products(results: list[Value], asides: Container[int] = ()) -> None:
     """Join products that are used once with the sum they go into.
 
-    Of two products the one that is known later is joined.
+    Of two products the one that is known later is joined. ``asides`` are the numbers of results that do not
+    count as uses for the others: those have the bits that they have without them.
     """
+    if asides:
+        _join([r for k, r in enumerate(results) if k not in asides])
+    _join(results)
+
+
+def _join(results: list[Value]) -> None:
     nodes = reached(results)
     uses = dict.fromkeys(nodes, 0)
     for value in [a for n in nodes for a in n.operands] + [r for r in results if isinstance(r, Operation)]:

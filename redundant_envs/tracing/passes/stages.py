@@ -29,13 +29,16 @@ class Subroutine:
     """
 
     def __init__(
-        self, function: Callable[..., Sequence[Any]], positions: int, results: int, names: Sequence[str] = ()
-    ) -> None:
-        """``names`` are those of the arguments, to be shown."""
+        self, function: Callable[..., Sequence[Any]], positions: int, results: int, names: Sequence[str] = (),
+        asides: Sequence[int] = (),
+    ) -> None:  # fmt: skip
+        """``names`` are those of the arguments, to be shown; ``asides`` are numbers of results that change no
+        bit of the others."""
         self.function = function
         self.positions = positions
         self.results = results
         self.names = names
+        self.asides = tuple(asides)
         self.arguments = 0
 
     def __call__(self, *numbers: Any) -> Sequence[Any]:
@@ -106,7 +109,7 @@ class Stages:
             sources[k] = graph.load("kept", j)
         numbers = [Number(graph, x) for x in sources]
         results = [value_of(r) for r in self.subroutine.function(*numbers)]
-        join_products(results)
+        join_products(results, self.subroutine.asides)
         results = specialise(results, known)
         needed = {n.extra[1] for n in reached(results) if n.name == "load" and n.extra[0] == "kept"}
         self.kept = {j: k for j, k in enumerate(kept) if j in needed}
