@@ -1,0 +1,64 @@
+"""The reward prefers rest at the goal to trembling there: the tip is at the goal, the efforts alternate."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from agents.own_scene import own_config
+from agents.policies import load_policy
+from agents.rollout import expert_act, policy_act, run_episodes
+from redundant_envs.tasks import ReachTask
+
+POLICIES = Path(__file__).parents[2] / "policies"
+EPISODES, SEED = 200, 5_000_000
+TASK = ReachTask()
+SIZES = (0.05, 0.2, 0.6)
+PATTERNS = {
+    "one joint, two steps": lambda step: np.array([1.0, 0.0, 0.0, 0.0]) * (-1) ** step,
+    "tip joint, two steps": lambda step: np.array([0.0, 0.0, 0.0, 1.0]) * (-1) ** step,
+    "all joints, two steps": lambda step: np.array([1.0, -1.0, 1.0, -1.0]) * (-1) ** step,
+    "all joints, four steps": lambda step: np.array([1.0, 1.0, -1.0, -1.0]) * (-1) ** (step // 2),
+    "joints by turns": lambda step: np.eye(4)[step % 4] * (-1) ** (step // 4),
+}
+
+
+def trembling(act, pattern, size):
+    """The actions of ``act``, and alternating efforts beside them once the tip has been held at the goal."""
+    held = np.zeros(EPISODES, bool)
+
+    def trembles(obs, core, step):
+        nonlocal held
+        held = held | (core.memory.read(("hold",))[:, 0] >= TASK.hold_steps)
+        actions = act(obs, core, step) + held[:, None] * size * pattern(step)
+        return np.clip(actions, -1.0, 1.0).astype(np.float32)
+
+    return trembles
+
+
+def movers(arm):
+    """Computed torque and shipped policies that hold: the makers of their actions, by name."""
+    found = {"computed torque": expert_act}
+    for algo in ("ppo", "sac"):
+        folder = POLICIES / f"{arm}Reach-v0-{algo}"
+        model = load_policy(folder, own_config(folder), trust=False)
+        found[algo] = lambda model=model: policy_act(model)
+    return found
+
+
+@pytest.mark.parametrize("arm", ["FourR", "RPRP"])
+def test_an_episode_that_holds_returns_more_than_the_same_one_that_trembles_no_nearer_to_the_goal(arm):
+    env_id, trembled = f"redundant_envs/{arm}Reach-v0", 0
+    for name, make in movers(arm).items():
+        calm = run_episodes(env_id, make(), EPISODES, SEED)
+        assert calm.hold.mean() > 0.95
+        for pattern_name, pattern in PATTERNS.items():
+            for size in SIZES:
+                restless = run_episodes(env_id, trembling(make(), pattern, size), EPISODES, SEED)
+                there = restless.distance <= TASK.goal_tolerance  # the reach is 1 m
+                # pushed nearer to the goal the tip may earn more than trembling costs
+                pairs = calm.hold & ~restless.hold & there & (restless.distance >= calm.distance)
+                trembled += pairs.sum()
+                worse = pairs & (calm.returns <= restless.returns)
+                assert not worse.any(), (name, pattern_name, size, np.flatnonzero(worse))
+    assert trembled > 1000
