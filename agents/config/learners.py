@@ -58,13 +58,19 @@ class PlainPPOSettings(Model):
 
 
 class PPOSettings(PlainPPOSettings):
-    """PPO with averaged weights."""
+    """PPO with averaged weights.
+
+    The term for smooth actions, because exploration noise hides in training that a policy trembles.
+    """
 
     schedule: Schedule = value(
         "linear", "learning rate and ent_coef: constant, or linear to 0 at total_steps"
     )
+    learning_rate: Real = number(6e-3, *RATE, "Adam's, at the beginning")
+    gamma: Real = number(0.97, 0, 1, "discount per control step")
+    gae_lambda: Real = number(0.95, 0, 1, "weight of longer returns in the advantages")
     average: Real = number(0.9, 0, 1 - 1e-9, "share of the average that an epoch keeps; 0: no average")
-    smoothness: Real = number(0.0, *SMOOTHNESS)
+    smoothness: Real = number(0.3, *SMOOTHNESS)
 
 
 class OffPolicySettings(Model):
@@ -110,6 +116,7 @@ class HERSettings(SACSettings):
     gamma: Real = number(0.95, 0, 1, "discount per control step")
     learning_rate: Real = number(4e-3, *RATE, "Adam's, of actor and critics, at the beginning")
     learning_starts: Whole = number(102_400, 0, 1e9, "environment steps with random actions before learning")
+    smoothness: Real = number(0.3, *SMOOTHNESS)
     gradient_steps: Whole = number(16, 1, 10_000, "critic steps after each train_freq")
     n_sampled_goal: Whole = number(4, 1, 100, "hindsight goals for every goal that was asked for")
     goal_selection_strategy: Literal["future", "final", "episode"] = value(

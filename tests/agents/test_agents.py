@@ -127,7 +127,7 @@ def test_every_number_of_a_configuration_has_a_range_and_every_key_a_help():
             assert None not in (low, high), name
             assert low < high, name
     words = help_of_keys()
-    assert "ppo.gamma: discount per control step (default 0.95, 0 to 1)" in words
+    assert "ppo.gamma: discount per control step (default 0.97, 0 to 1)" in words
     assert "sac.schedule: learning rate: constant, or linear to 0 at total_steps" in words
 
 

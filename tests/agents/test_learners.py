@@ -338,8 +338,8 @@ def test_a_rollout_of_ppo_holds_what_stable_baselines3_would_compute(env):
     open_ = np.concatenate([1.0 - buffer.episode_starts[1:], np.ones((1, 16))])
     expected, running = np.zeros((30, 16)), np.zeros(16)
     for k in reversed(range(30)):
-        delta = buffer.rewards[k] + 0.95 * open_[k] * after[k] - buffer.values[k]
-        running = delta + 0.95 * 0.9 * open_[k] * running
+        delta = buffer.rewards[k] + 0.97 * open_[k] * after[k] - buffer.values[k]
+        running = delta + 0.97 * 0.95 * open_[k] * running
         expected[k] = running
     np.testing.assert_allclose(buffer.advantages, expected, rtol=1e-5, atol=1e-5)
 
