@@ -32,10 +32,10 @@ class Task:
     Parameters
     ----------
     start_angle : float
-        Start angles of the revolute joints are uniform in +- this, inside their limits, rad.
+        Start angles of the revolute joints are uniform in +- this, inside their limits.
     speed_bound : float
-        Generalized velocity beyond which a lane ends (or is flagged), rad/s or m/s: at 50 rad/s a control
-        interval of 20 ms is a whole radian.
+        Generalized velocity beyond which a lane ends, or is flagged: at 50 rad/s a control interval of 20 ms
+        is a whole radian.
     """
 
     start_angle: float = 2.0
@@ -70,6 +70,8 @@ class Task:
     """Whether observations are dictionaries with goals, as hindsight replay needs them."""
     speed_bound_ends: ClassVar[bool] = True
     """Whether passing the speed bound ends an episode, or is only reported."""
+    units: ClassVar[Mapping[str, str]] = {"start_angle": "rad", "speed_bound": "rad/s or m/s"}
+    """Numbers -> their units. The page of an environment shows them beside the sentences of "Parameters"."""
     ranges: ClassVar[Mapping[str, tuple[float, float]]] = {}
     """Allowed numbers; of those not named any positive one is allowed, and 0 only if negative ones are."""
 
