@@ -139,7 +139,7 @@ class Link(enum.IntEnum):
 
 @dataclass(frozen=True)
 class Actuation:
-    """Maps the effort that reaches a link in the chain of one motor to the effort that leaves it.
+    """Maps the effort that reaches a link in the chain of a joint's motor to the effort that leaves it.
 
     In ``function``, and in the functions of ``states``, ``command<k>`` (k counts from 1) is what reaches the
     link. Links act in the order of :class:`Link`, those of one kind in the order of the scene's effects.
@@ -157,7 +157,10 @@ class Actuation:
 
 @dataclass(frozen=True)
 class Impact:
-    """Hard ends of the travel of a prismatic joint; their numbers are own fields (".lower[0]")."""
+    """Hard ends of the travel of a prismatic joint, ``lower`` and ``upper``, and the ``restitution`` there.
+
+    Their numbers are fields of the effect (".lower[0]").
+    """
 
     joint: int
     lower: str
@@ -219,12 +222,43 @@ class Effect:
 
     A subclass validates its numbers in ``__post_init__`` and gives ``hooks``. Its class name is
     its name in scene files; ``key`` is its name in parameters ("limit_spring.r1").
+
+    Attributes
+    ----------
+    static : tuple of str, default ()
+        Fields that choose the structure; all others are per-environment numbers.
+    of_joints : tuple of str, default ()
+        Fields with a number for each joint; a single number serves all of them.
+
+    Examples
+    --------
+    A drag that grows with the square of the rate, on every joint::
+
+        from dataclasses import dataclass
+
+        import redundant_envs as rde
+        from redundant_envs.algebra import physics
+
+        @physics
+        def drag(rate, coefficient):
+            return -coefficient * rate * abs(rate)
+
+        @dataclass(frozen=True)
+        class SquareDrag(rde.effects.Effect):
+            coefficient: float  # N m s^2/rad^2 or N s^2/m^2
+
+            def hooks(self, arm):
+                own = {"coefficient": ".coefficient"}
+                joints = range(len(arm.joints))
+                return tuple(rde.effects.Force(k, drag, {"rate": f"phid{k + 1}", **own}) for k in joints)
+
+        rde.register_effect(SquareDrag)
+        scene = rde.Scene(rde.Chain("RR", (1.0, 0.5), (0.4, 0.3)), (SquareDrag(0.1),))
+        print(scene.parameters()["square_drag.coefficient"])
     """
 
     static: ClassVar[tuple[str, ...]] = ()
-    """Fields that choose the structure; all others are per-environment numbers."""
     of_joints: ClassVar[tuple[str, ...]] = ()
-    """Fields with a number for each joint; a single number serves all of them."""
 
     def __init_subclass__(cls) -> None:
         """Refuse numbers with the names of what every effect has."""
