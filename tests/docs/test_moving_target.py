@@ -17,7 +17,7 @@ def test_the_tutorial_without_its_training(tmp_path):
 
 @pytest.mark.long
 def test_the_tutorial_with_its_clip_and_training(tmp_path):
-    """Some 40 s on a core of its own."""
+    """Under two minutes, 110 s on two cores that other work shared."""
     outputs = run_tutorial(PAGE, tmp_path)
     assert '"touch_success"' in outputs[-1]
     assert (tmp_path / "run" / "policy.zip").exists()
