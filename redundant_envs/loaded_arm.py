@@ -14,7 +14,9 @@ from redundant_envs.robots.added_inertia import LARGEST_RATIO, Added, with_inert
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import positive_numbers
 
-OWN_KEYS = frozenset(snake_case(name) for name in REGISTRY)
+OWN_KEYS = frozenset(
+    snake_case(name) for name, kind in REGISTRY.items() if kind.__module__.startswith("redundant_envs.")
+)
 """First parts of the parameter names of this package's effects; none is like a name of a field."""
 
 

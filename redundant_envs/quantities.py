@@ -26,6 +26,21 @@ def givers_of(functions: tuple[Function, ...]) -> dict[str, Function]:
     return givers
 
 
+def check_names(field: str, names: Iterable[str], owners: Mapping[str, str]) -> None:
+    """ValueError if a name of a field has an owner already.
+
+    Parameters
+    ----------
+    field : str
+        Where the names are given, such as "TrackTask.memory".
+    names : iterable of str
+    owners : mapping
+        Name -> whose it is, such as "of the arm FourR".
+    """
+    for name in sorted(set(names) & owners.keys()):
+        raise ValueError(f"{field} has {name!r}, a name {owners[name]}; rename it")
+
+
 class Quantities(dict[str, Any]):
     """Values by name; one that is not there yet follows from the others, and then stays.
 

@@ -1,9 +1,7 @@
 """How an effect attaches to an arm: a closed list of hooks, bound by the names of quantities.
 
 An effect is a frozen dataclass whose numbers are per-environment parameters, plus marked functions
-of the physics dialect. ``hooks(arm)`` says where they attach. In ``bind`` an argument of the
-function is mapped to the name of a quantity, or to one of the effect's own numbers or states as ".field"
-or ".field[k]"; an argument that is not mapped takes the quantity of its own name.
+of the physics dialect. ``hooks(arm)`` says where they attach; :class:`Effect` says what ``bind`` is.
 """
 
 from __future__ import annotations
@@ -34,6 +32,7 @@ class State:
         Its value after a control interval, from the quantities at the interval's end; within the interval
         it is constant. Give this or ``derivative``.
     bind : mapping
+        As of every hook, see :class:`Effect`.
     initial : float
         At the start of an episode or a motion.
     rate : function, optional
@@ -52,7 +51,10 @@ class State:
 
 @dataclass(frozen=True)
 class Field:
-    """A uniform field: the function of parameters returns (ax, ay), minus the gravity vector [m/s^2]."""
+    """A uniform field: the function of parameters returns (ax, ay), minus the gravity vector [m/s^2].
+
+    ``bind`` says what its arguments stand for, see :class:`Effect`.
+    """
 
     function: Callable[..., Any]
     bind: Mapping[str, str] = field(default_factory=dict)
@@ -74,7 +76,7 @@ class Force:
     """A force on one joint, N m on a revolute joint and N on a prismatic one, or at a :class:`Point`.
 
     At a point the function returns (fx, fy) [N]; it may depend on the point's position, such as x4, y4, and
-    velocity, vx4, vy4 (these count from 1).
+    velocity, vx4, vy4 (these count from 1). ``bind`` says what arguments stand for, see :class:`Effect`.
 
     ``conservative`` is the part of it that is minus the derivative of ``potential`` [J] with respect
     to the position of the joint or the point: it is booked in the potential energy, the power of the rest
@@ -139,10 +141,11 @@ class Link(enum.IntEnum):
 
 @dataclass(frozen=True)
 class Actuation:
-    """Maps the effort that reaches a link in the chain of one motor to the effort that leaves it.
+    """Maps the effort that reaches a link in the chain of a joint's motor to the effort that leaves it.
 
     In ``function``, and in the functions of ``states``, ``command<k>`` (k counts from 1) is what reaches the
     link. Links act in the order of :class:`Link`, those of one kind in the order of the scene's effects.
+    ``bind`` says what arguments stand for, see :class:`Effect`.
 
     Kinks, and ``kink``, are those of :class:`Force`, where a rate or a state comes before them in the chain.
     """
@@ -157,7 +160,10 @@ class Actuation:
 
 @dataclass(frozen=True)
 class Impact:
-    """Hard ends of the travel of a prismatic joint; their numbers are own fields (".lower[0]")."""
+    """Hard ends of the travel of a prismatic joint, ``lower`` and ``upper``, and the ``restitution`` there.
+
+    Their numbers are fields of the effect (".lower[0]").
+    """
 
     joint: int
     lower: str
@@ -201,7 +207,8 @@ class Sensing:
     In ``function`` ``phi<k>``, or ``phid<k>`` of a rate (k counts from 1), is what reaches the sensor; those
     of one joint act in the order of the scene's effects. All else is true: motion, reward, ``info``, a task's
     memory, and the goals beside the observation of goal environments. A reading that is no number, or beyond
-    1e6 rad or m, 1e100 rad/s or m/s, is a fault (NON_FINITE), at a start told by ``info`` alone.
+    1e6 rad or m, 1e100 rad/s or m/s, is a fault (NON_FINITE), at a start reported by ``info`` alone.
+    ``bind`` says what arguments stand for, see :class:`Effect`.
     """
 
     joint: int
@@ -219,12 +226,47 @@ class Effect:
 
     A subclass validates its numbers in ``__post_init__`` and gives ``hooks``. Its class name is
     its name in scene files; ``key`` is its name in parameters ("limit_spring.r1").
+
+    In the ``bind`` of a hook an argument of its functions is mapped to the name of a quantity, or to one of
+    the effect's own numbers or states as ".field" or ".field[k]"; an argument that is not mapped takes the
+    quantity of its own name.
+
+    Attributes
+    ----------
+    static : tuple of str, default ()
+        Fields that choose the structure; all others are per-environment numbers.
+    of_joints : tuple of str, default ()
+        Fields with a number for each joint; a single number serves all of them.
+
+    Examples
+    --------
+    A drag that grows with the square of the rate, on every joint::
+
+        from dataclasses import dataclass
+
+        import redundant_envs as rde
+        from redundant_envs.algebra import physics
+
+        @physics
+        def drag(rate, coefficient):
+            return -coefficient * rate * abs(rate)
+
+        @dataclass(frozen=True)
+        class SquareDrag(rde.effects.Effect):
+            coefficient: float  # N m s^2/rad^2 or N s^2/m^2
+
+            def hooks(self, arm):
+                own = {"coefficient": ".coefficient"}
+                joints = range(len(arm.joints))
+                return tuple(rde.effects.Force(k, drag, {"rate": f"phid{k + 1}", **own}) for k in joints)
+
+        rde.register_effect(SquareDrag)
+        scene = rde.Scene(rde.Chain("RR", (1.0, 0.5), (0.4, 0.3)), (SquareDrag(0.1),))
+        print(scene.parameters()["square_drag.coefficient"])
     """
 
     static: ClassVar[tuple[str, ...]] = ()
-    """Fields that choose the structure; all others are per-environment numbers."""
     of_joints: ClassVar[tuple[str, ...]] = ()
-    """Fields with a number for each joint; a single number serves all of them."""
 
     def __init_subclass__(cls) -> None:
         """Refuse numbers with the names of what every effect has."""

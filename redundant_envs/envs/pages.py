@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+import math
+import re
 from typing import Any
 
 from redundant_envs.algebra import gives_of
@@ -114,9 +116,36 @@ ARGUMENTS = {
 
 
 def task_table(task: Task) -> str:
-    """Numbers of the task."""
-    rows = [(f"`{field.name}`", getattr(task, field.name)) for field in dataclasses.fields(task)]
-    return table(("Number", "Default"), rows)
+    """Numbers of the task, with the sentences of its docstring."""
+    sentences = meanings(type(task))
+    rows = [
+        (
+            f"`{field.name}`", getattr(task, field.name), task.units.get(field.name, ""),
+            _allowed(*task.ranges.get(field.name, (0.0, math.inf))), sentences.get(field.name, ""),
+        )
+        for field in dataclasses.fields(task)
+    ]  # fmt: skip
+    return table(("Number", "Default", "Unit", "Allowed", "Meaning"), rows)
+
+
+def _allowed(low: float, high: float) -> str:
+    if low != 0.0:
+        return f"{low:g} to {high:g}"
+    return "positive" if high == math.inf else f"above 0, at most {high:g}"
+
+
+ENTRY = re.compile(r"^(\w+(?:, \w+)*) : .*\n((?: +.*\n?|\n)+)", re.MULTILINE)
+
+
+def meanings(kind: type[Any]) -> dict[str, str]:
+    """What the numbers of a class mean: the "Parameters" of its docstring and of those of its bases."""
+    found: dict[str, str] = {}
+    for base in reversed(kind.__mro__):
+        text = inspect.cleandoc(base.__dict__.get("__doc__") or "")
+        section = text.partition("Parameters\n----------\n")[2].partition("\n---")[0]
+        for names, sentence in ENTRY.findall(section):
+            found |= dict.fromkeys(names.split(", "), " ".join(sentence.split()))
+    return found
 
 
 def page(kind: type[Any], scene_name: Any) -> str:

@@ -70,51 +70,76 @@ class Arm:
         Point masses, kg, positive.
     lengths : sequence of floats
         Link lengths, m, positive.
+
+    Attributes
+    ----------
+    A subclass sets them in its body. What has no default here follows from ``joint_types``, or from what else
+    the class says.
+
+    joint_types : str
+        Types of the joints from base to tip, R or P each, of an arm that does not name its coordinates.
+    functions : tuple of functions
+        The quantities of the model: functions of the physics dialect, found by what they give.
+    kind : str, default the name of the class
+        Name of the arm in scene files.
+    num_masses, num_lengths : int
+        Point masses, by default as many as joints, and links.
+    coordinates, rates : tuple of str
+        Names of the generalized coordinates and velocities in the equations.
+    joints : tuple of str
+        Names of the joints, as users write them (``LimitSpring("r1", ...)``).
+    prismatic : tuple of bool
+        Whether each joint slides.
+    sincos : dict of str to (str, str)
+        Angle quantity -> names of its sine and cosine.
+    prepared : tuple of functions, default ()
+        Functions of the parameters alone, evaluated when a parameter is set, not in the step.
+    column_norms : function
+        ``n1 .. nn``: metres at the tip per unit of each coordinate.
+    mobility_bounds : function or None
+        ``W1 .. Wn`` of the parameters: upper bounds of diag(B^T M^-1 B) in every pose, from which error
+        control knows how fast springs and dampers may make the arm. None, where the point masses do not show
+        them, allows neither with a tolerance.
+    held_dynamics : function or None
+        Dynamics with sliders at rest; None of an arm without sliders.
+    slider_mobility : function or None
+        Columns of M^-1, of the sliders; None of an arm without sliders.
+    coordinates_of_joints : function
+        The coordinates from the positions of the joints, ``phi1 ..``.
+    extent : tuple of str
+        Lengths and upper ends of sliders (``high2``) whose sum is the full reach, from base to tip.
+    posture : dict of str to str
+        Quantities that tell where the revolute joints are, bounded by 1, and what they mean.
+    description : str, default "A planar arm in a vertical plane"
+        Beginning of the page of its environments.
+    schematic : str, default ""
+        The arm stretched along +x, drawn in text, with its coordinates, masses and lengths.
     """
 
     masses: tuple[float, ...]
     lengths: tuple[float, ...]
 
-    _derived: ClassVar[frozenset[str]] = frozenset()
-    """Names of what the class has without having said it."""
+    _derived: ClassVar[frozenset[str]] = frozenset()  # names of what the class has without having said it
     kind: ClassVar[str]
-    """Name of the arm in scene files: that of the class, unless it says otherwise."""
     joint_types: ClassVar[str]
-    """Types of the joints from base to tip, R or P each, of an arm that does not name its coordinates."""
     num_masses: ClassVar[int]
     num_lengths: ClassVar[int]
     coordinates: ClassVar[tuple[str, ...]]
-    """Names of the generalized coordinates in the equations."""
     rates: ClassVar[tuple[str, ...]]
-    """Names of the generalized velocities."""
     joints: ClassVar[tuple[str, ...]]
-    """Names of the joints, as users write them (``LimitSpring("r1", ...)``)."""
     prismatic: ClassVar[tuple[bool, ...]]
     sincos: ClassVar[dict[str, tuple[str, str]]]
-    """Angle quantity -> names of its sine and cosine."""
     functions: ClassVar[tuple[Function, ...]]
-    """The quantities of the model: dialect functions found by what they give."""
-
     prepared: ClassVar[tuple[Function, ...]] = ()
-    """Functions of the parameters alone, evaluated when a parameter is set, not in the step."""
     column_norms: ClassVar[Function]
-    """``n1 .. nn``: metres at the tip per unit of each coordinate."""
     mobility_bounds: ClassVar[Function | None] = None
-    """``W1 .. Wn`` of the parameters: upper bounds of diag(B^T M^-1 B) in every pose, from which error
-    control knows how fast springs and dampers may make the arm. None, where the point masses do not show
-    them, allows neither with a tolerance."""
     held_dynamics: ClassVar[Function | None] = None
-    """Dynamics with sliders at rest; None of an arm without sliders."""
     slider_mobility: ClassVar[Function | None] = None
-    """Columns of M^-1, of the sliders."""
     coordinates_of_joints: ClassVar[Function]
     extent: ClassVar[tuple[str, ...]]
-    """Lengths and upper ends of sliders (``high2``) whose sum is the full reach, from base to tip."""
     posture: ClassVar[dict[str, str]]
-    """Quantities that tell where the revolute joints are, bounded by 1, and what they mean."""
     description: ClassVar[str] = "A planar arm in a vertical plane"
     schematic: ClassVar[str] = ""
-    """The arm stretched along +x, drawn in text, with its coordinates, masses and lengths."""
 
     def __init_subclass__(cls) -> None:
         """Add what follows from what the class gives, and refuse a class that lacks something."""

@@ -11,10 +11,10 @@ from redundant_envs.robots.joint_types import MOST_JOINTS
 
 OWN_NAMES = re.compile(
     r"(m|l|t|Q|G|h|n|x|y|vx|vy|phi|phid|qdd|command|action|held|hold|low|high|u|draw)\d+|[JMCWXY]\d{2,4}|"
-    r"tip_v?[xy]|manipulability|Jdqd\d|[XY]dqd\d+|a[xy]"
+    r"tip_v?[xy]|manipulability|Jdqd\d|[XY]dqd\d+|a[xy]|[TU]|Lz"
 )
 """Names of the quantities that every arm has."""
-OF_LANES = ("h", "interval", "work", "error", "fault", "limit", "steps", "reach", "U", "T", "Lz")
+OF_LANES = ("h", "interval", "work", "error", "fault", "limit", "steps", "reach")
 
 
 def check_joints(arm: Any) -> None:
@@ -42,12 +42,19 @@ def check_joints(arm: Any) -> None:
     taken |= {name for pair in arm.sincos.values() for name in pair}
     names = [*arm.coordinates, *arm.rates]
     for name in names:
-        own = not isinstance(name, str) or not name.isidentifier() or OWN_NAMES.fullmatch(name)
-        if own or name in taken or name in OF_LANES or names.count(name) > 1:
-            raise ValueError(
-                f"{arm.__name__} calls a coordinate or a rate {name!r}, which is the name of something else; "
-                "rename it"
-            )
+        if not isinstance(name, str) or not name.isidentifier():
+            whose = "which no equation could take"
+        elif OWN_NAMES.fullmatch(name):
+            whose = "a name of every arm"
+        elif name in OF_LANES:
+            whose = "a name of the engine"
+        elif name in taken:
+            whose = f"a name of {arm.__name__}.functions or sincos"
+        elif names.count(name) > 1:
+            whose = f"a name of another one of {arm.__name__}"
+        else:
+            continue
+        raise ValueError(f"{arm.__name__} calls a coordinate or a rate {name!r}, {whose}; rename it")
 
 
 def check_quantities(arm: Any) -> None:

@@ -210,17 +210,18 @@ def uniform(p: Kernel, word: Scalar) -> Scalar:
     return (p.number(word) + 0.5) * 2.3283064365386963e-10
 
 
-GOAL_FIELDS = ("achieved_x", "achieved_y", "desired_x", "desired_y")
+GOAL_FIELDS = {name: f"{name} of a pair" for name in ("tip_x", "tip_y", "goal_x", "goal_y")}
+"""Quantities of a pair of goals, and their fields: no number of a task can have such a name."""
 
 
 def goal_layout(task: Task) -> Layout:
     """Fields of the reward of goals: pairs, and the numbers that it may depend on."""
     return Layout(
         [
-            *(Field(name, "m", "of a pair of goals", SCRATCH) for name in GOAL_FIELDS),
+            *(Field(name, "m", "of a pair of goals", SCRATCH) for name in GOAL_FIELDS.values()),
             Field("reach", "m", "of the arm", PARAMETER),
             *(Field(name, "", "number of the task", PARAMETER) for name in task.parameters()),
-            Field("unused", "", "a state that lanes must have", STATE),
+            Field("no state", "", "a state that lanes must have", STATE),
         ]
     )
 
@@ -234,14 +235,12 @@ def goal_reward_kernel(task: Task) -> Kernel:
     layout = goal_layout(task)
 
     def reward(lane: Lane) -> dict[Any, Any]:
-        known = {
-            "tip_x": lane.achieved_x, "tip_y": lane.achieved_y, "goal_x": lane.desired_x,
-            "goal_y": lane.desired_y, **{name: lane[name] for name in ("reach", *task.parameters())},
-        }  # fmt: skip
+        known = {name: lane[field] for name, field in GOAL_FIELDS.items()}
+        known |= {name: lane[name] for name in ("reach", *task.parameters())}
         x = Quantities(known, task.goal_functions, {})
         return {("reward", "f64", 0, 0): x["goal_reward"]}
 
-    function = traced("goal_reward", layout, reward, inputs={"pairs": ("f64", GOAL_FIELDS)})
+    function = traced("goal_reward", layout, reward, inputs={"pairs": ("f64", tuple(GOAL_FIELDS.values()))})
     function.stores.clear()  # these lanes have no memory
     with p.each(p["blocks"]) as block:
         pairs = p["pairs"] + block * (LANES * len(GOAL_FIELDS))

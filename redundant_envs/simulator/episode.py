@@ -18,19 +18,13 @@ from redundant_envs.algebra import (
     where,
 )
 from redundant_envs.effects.hooks import Sensing
-from redundant_envs.quantities import Quantities
+from redundant_envs.quantities import Quantities, check_names
 from redundant_envs.scene import identifier
 from redundant_envs.simulator.dynamics import Dynamics
 from redundant_envs.simulator.fields import copies
 from redundant_envs.simulator.interval import Interval
-from redundant_envs.simulator.lane import PARAMETER, SCRATCH, STATE, Field, Lane, Layout
-from redundant_envs.simulator.names import (
-    OF_REWARDS,
-    OF_THE_FIELD,
-    check_names,
-    names_of_arm,
-    names_of_task,
-)
+from redundant_envs.simulator.lane import ENGINE, PARAMETER, SCRATCH, STATE, Field, Lane, Layout
+from redundant_envs.simulator.names import OF_REWARDS, OF_THE_FIELD, names_of_arm, names_of_task, owners
 from redundant_envs.simulator.sensing import measured, reads_nonsense
 from redundant_envs.simulator.setting import GIVEN_UP, OBSERVED_ANGLE, OBSERVED_RATE, Fault
 from redundant_envs.tasks.base import Task
@@ -40,6 +34,18 @@ TIP, GOAL = ("tip_x", "tip_y"), ("goal_x", "goal_y")
 """Achieved and desired goal, the last columns of the outputs."""
 ENDS = ("terminated", "truncated", "reward")
 """Outputs about the end of a step. They stay when a new episode begins in the same step."""
+COUNTS = {
+    "steps": "control steps of the episode before this one",
+    "saturated": "entries of actions outside [-1, 1] in the episode",
+    "numerics": "faults of the last step",
+}
+"""What every lane remembers of its episode."""
+SPENT = {
+    "evaluations_sum": "evaluations of the equations of motion in the episode",
+    "events_sum": "events at stops in the episode",
+    "error_most": "largest estimated error of a control step in the episode, m",
+}
+"""What lanes with steps of their own remember beside it."""
 TABLES = {"flags": "i8", "counts": "i64", "values": "f64"}
 """Tables that a step of an environment fills, and the types of their numbers."""
 
@@ -64,6 +70,10 @@ class Episode:
     @property
     def arm(self) -> Any:
         return self.dynamics.arm
+
+    @property
+    def _owner(self) -> str:
+        return f"the task {type(self.task).__name__}"
 
     @cached_property
     def actions(self) -> tuple[str, ...]:
@@ -105,13 +115,13 @@ class Episode:
         interval = self.interval
         if not interval.local:
             return ()
-        counts = ("evaluations_sum", "events_sum") if interval.stops else ("evaluations_sum",)
-        return (*counts, "error_most") if self.dynamics.scene.tolerance is not None else counts
+        found = {"events_sum": bool(interval.stops), "error_most": self.dynamics.scene.tolerance is not None}
+        return tuple(name for name in SPENT if found.get(name, True))
 
     @cached_property
     def counts(self) -> tuple[str, ...]:
         """What a lane remembers of its episode beside its state and the task's memory."""
-        return (*self.returns, *self.spent, "steps", "saturated", "numerics")
+        return (*self.returns, *self.spent, *COUNTS)
 
     @cached_property
     def observed(self) -> tuple[str, ...]:
@@ -144,14 +154,18 @@ class Episode:
             kept = [Field(name, "", name, STATE) for name in interval.kept]
             yield from copies(kept, "{}_start", "when the interval began")
         for name in self.task.parameters():
-            yield Field(name, "", "number of the task", PARAMETER)
+            yield Field(name, "", "number", PARAMETER, owner=self._owner)
         yield Field("limit", "", "control steps of an episode", PARAMETER)
         for name in self.task.memory:
-            yield Field(name, "", "memory of the task", STATE)
-        for name in self.counts:
-            yield Field(name, "", "of the episode so far", STATE)
-        for name in self.held_outputs:
+            yield Field(name, "", "memory", STATE, owner=self._owner)
+        for name in self.returns:
+            yield Field(name, "", "sum of a reward term over the episode", STATE)
+        for name in (*self.spent, *COUNTS):
+            yield Field(name, "", (SPENT | COUNTS)[name], STATE)
+        for name in ENDS:
             yield Field(name, "", "of the last step", STATE)
+        for name in self.task.held_outputs:
+            yield Field(name, "", "held output", STATE, owner=self._owner)
         for name in self.actions:
             yield Field(name, "", "action in [-1, 1] of the last step, which pictures show", STATE)
         for name in self.draws:
@@ -159,13 +173,17 @@ class Episode:
         yield Field("resetting", "", "a new episode begins", SCRATCH, truth=True)
 
     def layout(self) -> Layout:
-        layout, task, arm = Layout(self.fields()), self.task, self.arm
-        taken = (*layout.fields, *OF_THE_FIELD, *OF_REWARDS, *self.aliases)
-        check_names(arm.kind, names_of_arm(arm), taken)
-        check_names(type(task).__name__, names_of_task(task, self.dynamics.scene), taken)
-        own = (*task.parameters(), *task.memory)
-        check_names(type(task).__name__, own, (*OF_THE_FIELD, *OF_REWARDS, *self.aliases))
-        return layout
+        fields, kind = list(self.fields()), type(self.task).__name__
+        ends = dict.fromkeys(self.aliases, "an end of the travel of a slider")
+        arguments = OF_THE_FIELD | OF_REWARDS | ends
+        check_names(f"{self.arm.kind}.functions", names_of_arm(self.arm), owners(fields, arguments))
+        others = owners((f for f in fields if f.owner != self._owner), arguments)
+        for attribute, names in names_of_task(self.task, self.dynamics.scene).items():
+            check_names(f"{kind}.{attribute}", names, others)
+        shown = dict.fromkeys((*TIP, *GOAL), f"of {ENGINE}: every step has it beside info")
+        of_engine = owners((f for f in fields if f.owner == ENGINE), arguments)
+        check_names(f"{kind}.metrics", self.task.metrics, shown | of_engine)
+        return Layout(fields)
 
     def quantities(self, lane: Lane, known: Mapping[str, Any], functions: Any = None) -> Quantities:
         """Quantities of the arm and the task."""

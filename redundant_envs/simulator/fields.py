@@ -4,28 +4,38 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+from redundant_envs.algebra import gives_of
+from redundant_envs.loaded_arm import identifier
 from redundant_envs.simulator.dynamics import Dynamics
-from redundant_envs.simulator.lane import PARAMETER, SCRATCH, STATE, Field
+from redundant_envs.simulator.lane import ENGINE, PARAMETER, SCRATCH, STATE, Field
 
 
 def motion_fields(dynamics: Dynamics) -> Iterator[Field]:
     """State, parameters and what every interval has."""
-    arm = dynamics.arm
+    arm, of_arm = dynamics.arm, f"the arm {dynamics.arm.kind}"
+    owned = {name: of_arm for f in arm.prepared for name in gives_of(f)} | dict.fromkeys(
+        dynamics.carried, of_arm
+    )
+    owned |= {dynamics.field_of(name): of_arm for name in arm.parameter_values()}
+    for effect in dynamics.scene.effects:
+        for name in (*effect.parameters(), *effect.states(arm)):
+            owned[identifier(f"{effect.key}.{name}")] = f"the effect {type(effect).__name__}"
     units = ["m" if slides else "rad" for slides in arm.prismatic]
     for name, unit in zip(arm.coordinates, units, strict=True):
-        yield Field(name, unit, "generalized coordinate", STATE)
+        yield Field(name, unit, "generalized coordinate", STATE, owner=of_arm)
     for name, unit in zip(arm.rates, units, strict=True):
-        yield Field(name, f"{unit}/s", "generalized velocity", STATE)
+        yield Field(name, f"{unit}/s", "generalized velocity", STATE, owner=of_arm)
     for name, state in dynamics.effect_states.items():
-        yield Field(name, state.unit, "state of an effect", STATE)
+        yield Field(name, state.unit, f"state {state.name}", STATE, owner=owned[name])
     if dynamics.track_work:
         yield Field("work", "J", "work of motors and of forces without a potential", STATE, book=True)
     yield Field("h", "s", "length of the common step", PARAMETER)
     yield Field("interval", "s", "control interval", PARAMETER)
     for name in dynamics.parameters:
-        yield Field(name, "SI", "parameter of the scene", PARAMETER)
+        yield Field(name, "SI", "parameter of the scene", PARAMETER, owner=owned.get(name, ENGINE))
     for name in dynamics.prepared:
-        yield Field(name, "SI", "what follows from the parameters alone", PARAMETER)
+        doc = "what follows from the parameters alone"
+        yield Field(name, "SI", doc, PARAMETER, owner=owned.get(name, ENGINE))
     for k, name in enumerate(dynamics.commands):
         yield Field(name, "N" if arm.prismatic[k] else "N m", "commanded effort of a motor", SCRATCH)
     yield Field("error", "m", "estimated tip error of the interval so far", SCRATCH)

@@ -10,10 +10,11 @@ from collections.abc import Iterator
 from typing import Any
 
 from redundant_envs.algebra import where
+from redundant_envs.quantities import check_names
 from redundant_envs.simulator.fields import copies, motion_fields
 from redundant_envs.simulator.lane import LOG, SCRATCH, STATE, Field, Lane, Layout
 from redundant_envs.simulator.local_steps import LocalSteps
-from redundant_envs.simulator.names import OF_THE_FIELD, check_names, names_of_arm
+from redundant_envs.simulator.names import OF_THE_FIELD, names_of_arm, owners
 from redundant_envs.simulator.setting import MOST_LOGGED, SEARCH, WATCHED, Plan
 from redundant_envs.simulator.step import known_numbers
 
@@ -135,6 +136,6 @@ class Interval(LocalSteps):
             lane[name] = where(failed, lane[self.origin.format(name)], lane[name])
 
     def layout(self) -> Layout:
-        layout, arm = Layout(self.fields()), self.dynamics.arm
-        check_names(arm.kind, names_of_arm(arm), (*layout.fields, *OF_THE_FIELD))
-        return layout
+        fields, arm = list(self.fields()), self.dynamics.arm
+        check_names(f"{arm.kind}.functions", names_of_arm(arm), owners(fields, OF_THE_FIELD))
+        return Layout(fields)

@@ -27,6 +27,8 @@ class Lifetime(enum.StrEnum):
 
 
 STATE, PARAMETER, SCRATCH, LOG = Lifetime
+ENGINE = "the engine"
+"""Owner of the names that every lane has, whatever its arm, effects and task."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,8 @@ class Field:
         Whether it holds a condition, as 1 or 0.
     book : bool
         Whether it is a record of the motion, which does not depend on it.
+    owner : str
+        Who has given it its name.
     """
 
     name: str
@@ -49,6 +53,12 @@ class Field:
     lifetime: Lifetime
     truth: bool = False
     book: bool = False
+    owner: str = ENGINE
+
+    @property
+    def whose(self) -> str:
+        """Whose name it is, and what it means."""
+        return f"of {self.owner}: {self.doc}"
 
 
 class Layout:
@@ -59,7 +69,9 @@ class Layout:
         self.rows: dict[Lifetime, dict[str, int]] = {lifetime: {} for lifetime in Lifetime}
         for f in fields:
             if f.name in self.fields:
-                raise ValueError(f"two fields are called {f.name!r}; rename one")
+                raise ValueError(
+                    f"{f.name!r} is a name {self.fields[f.name].whose}, and {f.whose}; rename one of them"
+                )
             self.fields[f.name] = f
             self.rows[f.lifetime][f.name] = len(self.rows[f.lifetime])
 

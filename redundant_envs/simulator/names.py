@@ -1,15 +1,25 @@
-"""Names that arms and tasks give to their quantities must not be those of numbers that lanes have."""
+"""Whose the names are that arms and tasks may not give to quantities of theirs."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from redundant_envs.algebra import gives_of
+from redundant_envs.simulator.lane import ENGINE, Field
 
-OF_THE_FIELD = ("ax", "ay")
-OF_REWARDS = ("ended", "paid")
-"""Arguments that functions of a reward may take beside the fields of a lane."""
+OF_THE_FIELD = dict.fromkeys(("ax", "ay"), "minus the gravity vector, m/s^2")
+OF_REWARDS = {
+    "ended": "whether a fault ends the episode",
+    "paid": "what the other terms of the reward have paid in the episode",
+}
+"""Arguments that functions of a reward may take beside the fields of a lane, and what they mean."""
+
+
+def owners(fields: Iterable[Field], arguments: Mapping[str, str]) -> dict[str, str]:
+    """Names that are taken, and whose they are: fields of lanes, and arguments that the engine gives."""
+    found = {name: f"of {ENGINE}: {doc}" for name, doc in arguments.items()}
+    return {**found, **{f.name: f.whose for f in fields}}
 
 
 def names_of_arm(arm: Any) -> set[str]:
@@ -21,19 +31,14 @@ def names_of_arm(arm: Any) -> set[str]:
     return ({name for f in functions for name in gives_of(f)} | angles) - kept
 
 
-def names_of_task(task: Any, scene: Any) -> set[str]:
-    """Quantities that a task gives, but for those that are kept in lanes under the same names."""
-    functions = (*task.functions(scene), *task.begin_functions)
-    angles = {name for pair in task.angles.values() for name in pair}
-    kept = {*task.memory, *task.held_outputs}
-    return ({name for f in functions for name in gives_of(f)} | angles) - kept
-
-
-def check_names(who: str, names: Iterable[str], taken: Iterable[str]) -> None:
-    """ValueError if a quantity would be mistaken for something else of its name."""
-    clash = sorted(set(names) & set(taken))
-    if clash:
-        raise ValueError(
-            f"{who} calls a quantity {clash[0]!r}, which is the name of a number that every lane has here; "
-            "rename it, or it would be taken for that"
-        )
+def names_of_task(task: Any, scene: Any) -> dict[str, list[str]]:
+    """Names that a task gives, by the attributes that give them."""
+    given = (name for f in task.functions(scene) for name in gives_of(f))
+    begun = (name for f in task.begin_functions for name in gives_of(f))
+    return {
+        "functions": list(given),
+        "begin_functions": list(begun),
+        "angles": [name for pair in task.angles.values() for name in pair],
+        "parameters": list(task.parameters()),
+        "memory": list(task.memory),
+    }

@@ -32,46 +32,117 @@ class Task:
     Parameters
     ----------
     start_angle : float
-        Start angles of the revolute joints are uniform in +- this, inside their limits, rad.
+        Start angles of the revolute joints are uniform in +- this, inside their limits.
     speed_bound : float
-        Generalized velocity beyond which a lane ends (or is flagged), rad/s or m/s: at 50 rad/s a control
-        interval of 20 ms is a whole radian.
+        Generalized velocity beyond which a lane ends, or is flagged: at 50 rad/s a control interval of 20 ms
+        is a whole radian.
+
+    Attributes
+    ----------
+    A subclass sets them in its body. All but ``name`` have a default.
+
+    name : str
+        Of the task in ids (``RPRP`` + name + ``-v0``) and in ``task={"type": name}``.
+    summary : str, default "has a task"
+        What the arm does: the sentence that begins with the arm's description goes on with it.
+    draws : int, default 0
+        Uniform draws at the start of an episode, ``draw1 ..``, beside those of the joints; 0 to 64.
+    memory : tuple of str, default ()
+        What is remembered from step to step. ``goal_x`` and ``goal_y`` are shown, and set by options.
+    begin_functions : tuple of functions, default ()
+        They give the memory at the start of an episode, but for what is in ``updates``.
+    moves : mapping of str to str, default {}
+        Memory -> the quantity that it becomes in every step, before anything is measured.
+    updates : mapping of str to str, default {}
+        Memory -> the quantity that it becomes after everything was measured; 0 when an episode begins.
+    metrics : tuple of str, default ()
+        Quantities that ``info`` shows.
+    flags : tuple of str, default ()
+        Those of them that are true (1) or false (0).
+    labels : mapping of str to str, default {}
+        Metrics -> their names in ``info``, where these differ.
+    held_outputs : tuple of str, default ()
+        Metrics that are known only after a step, and kept until the next one.
+    angles : mapping of str to (str, str), default {}
+        Angles of the task, rad -> names of their sines and cosines.
+    goal_functions : tuple of functions, default ()
+        They give ``goal_reward`` from tip and goal alone; tasks with ``goal_conditioned`` need them.
+    goal_conditioned : bool, default False
+        Whether observations are dictionaries with goals, as hindsight replay needs them.
+    speed_bound_ends : bool, default True
+        Whether passing the speed bound ends an episode, or is only reported.
+    units : mapping of str to str, default those of the two numbers above
+        Numbers -> their units; a subclass adds its own to ``Task.units``. The page of an environment shows
+        them beside the sentences under "Parameters".
+    ranges : mapping of str to (float, float), default {}
+        Numbers -> the least and the largest value allowed. A number that is not named may have any positive
+        value; 0 is allowed only where negative values are.
+
+    A subclass writes the methods ``reward_functions`` and ``observation``, and may replace any other.
+
+    Examples
+    --------
+    A task without a goal, from its equations to a step of an environment::
+
+        from dataclasses import dataclass
+
+        import gymnasium as gym
+        import redundant_envs as rde
+        from redundant_envs.algebra import maximum, physics
+
+        @physics(gives="height_term")
+        def height_term(tip_y, reach):
+            '''0.5 (1 + tip y / reach)'''
+            return 0.5 + 0.5 * tip_y / reach
+
+        @physics(gives="highest_new")
+        def record(highest, tip_y):
+            return maximum(highest, tip_y)
+
+        @dataclass(frozen=True)
+        class RaiseTask(rde.Task):
+            name = "Raise"
+            summary = "raises its tip as high as it can"
+            memory = ("highest",)
+            updates = {"highest": "highest_new"}
+            metrics = ("highest",)
+
+            def reward_functions(self, scene):
+                return (height_term,)
+
+            def functions(self, scene):
+                return (*super().functions(scene), record)
+
+            def observation(self, scene):
+                return scene.robot.posture
+
+        rde.register_task(RaiseTask)
+        env = gym.make("redundant_envs/RPRPRaise-v0")
+        env.reset(seed=0)
+        observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
+        print(reward, info["highest"])
     """
 
     start_angle: float = 2.0
     speed_bound: float = 50.0
 
     name: ClassVar[str]
-    """Of the task in ids (``RPRP`` + name + ``-v0``) and in ``task={"type": name}``."""
     summary: ClassVar[str] = "has a task"
-    """What the arm does, as the sentence goes on that begins with the arm's description."""
     draws: ClassVar[int] = 0
-    """Uniform draws of an episode beside those of the start."""
     memory: ClassVar[tuple[str, ...]] = ()
-    """What is remembered from step to step. ``goal_x`` and ``goal_y`` are shown, and set by options."""
     begin_functions: ClassVar[tuple[Function, ...]] = ()
     moves: ClassVar[Mapping[str, str]] = {}
-    """Memory -> the quantity that it becomes in every step, before anything is measured."""
     updates: ClassVar[Mapping[str, str]] = {}
-    """Memory -> the quantity that it becomes after everything was measured; 0 when an episode begins."""
     metrics: ClassVar[tuple[str, ...]] = ()
-    """Quantities that ``info`` shows."""
     flags: ClassVar[tuple[str, ...]] = ()
-    """Those of them that are true (1) or false (0)."""
     labels: ClassVar[Mapping[str, str]] = {}
-    """Metrics -> their names in ``info``, where these differ."""
     held_outputs: ClassVar[tuple[str, ...]] = ()
-    """Metrics that are known only after a step, and kept until the next one."""
     angles: ClassVar[Mapping[str, tuple[str, str]]] = {}
-    """Angles of the task -> names of their sines and cosines."""
     goal_functions: ClassVar[tuple[Function, ...]] = ()
-    """They give ``goal_reward`` from tip and goal alone; tasks with ``goal_conditioned`` need them."""
     goal_conditioned: ClassVar[bool] = False
-    """Whether observations are dictionaries with goals, as hindsight replay needs them."""
     speed_bound_ends: ClassVar[bool] = True
-    """Whether passing the speed bound ends an episode, or is only reported."""
+    units: ClassVar[Mapping[str, str]] = {"start_angle": "rad", "speed_bound": "rad/s or m/s"}
     ranges: ClassVar[Mapping[str, tuple[float, float]]] = {}
-    """Allowed numbers; of those not named any positive one is allowed, and 0 only if negative ones are."""
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):

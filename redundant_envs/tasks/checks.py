@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 from redundant_envs import dialect
 from redundant_envs.algebra import arguments_of, gives_of
-from redundant_envs.quantities import givers_of
+from redundant_envs.quantities import check_names, givers_of
 from redundant_envs.scene import Scene
 from redundant_envs.tasks.base import Task
 
@@ -16,11 +14,6 @@ BUILT_IN = (
     "beyond_limit",
 )  # fmt: skip
 """Keys of ``info`` that every task has."""
-COLUMNS = (
-    "terminated", "truncated", "reward", "numerics", "saturated", "steps", "evaluations_sum", "events_sum",
-    "error_most", "beyond_limit", "tip_x", "tip_y",
-)  # fmt: skip
-"""What a step tells of a lane whatever its task; sums of reward terms are told, too."""
 
 
 def check_task(task: Task, scene: Scene) -> None:
@@ -33,14 +26,19 @@ def check_task(task: Task, scene: Scene) -> None:
     functions = (*task.functions(scene), *task.begin_functions)
     for f in functions:
         dialect.check(f)
-    of_arm = {name for f in arm.functions for name in gives_of(f)} | {*arm.coordinates, *arm.rates}
-    of_arm |= {name for pair in arm.sincos.values() for name in pair} | set(arm.parameter_values())
-    given = set(givers_of(functions))
-    _own(kind, "functions", given, of_arm)
-    _own(kind, "parameters", task.parameters(), of_arm | given)
-    _own(kind, "angles", (name for pair in task.angles.values() for name in pair), of_arm | given)
+    equations = (*arm.functions, *(f for f in (arm.held_dynamics, arm.slider_mobility) if f is not None))
+    known = {name for f in equations for name in (*gives_of(f), *arguments_of(f))}
+    known |= {*arm.coordinates, *arm.rates, *arm.parameter_values()}
+    taken = dict.fromkeys(known, f"of the arm {arm.kind}")
+    given = givers_of(functions)
+    check_names(f"{kind}.functions", given, taken)
     begun = {name for f in task.begin_functions for name in gives_of(f)}
-    _own(kind, "memory", task.memory, of_arm | (given - begun) | set(task.parameters()))
+    taken |= {name: f"of {kind}.functions" for name in given if name not in begun}
+    check_names(f"{kind}.parameters", task.parameters(), taken)
+    taken |= dict.fromkeys(task.parameters(), f"of {kind}.parameters")
+    check_names(f"{kind}.memory", task.memory, taken)
+    taken |= dict.fromkeys((*task.memory, *begun), f"of {kind}.memory or begin_functions")
+    check_names(f"{kind}.angles", (name for pair in task.angles.values() for name in pair), taken)
     for field, entries, allowed in (
         ("moves", task.moves, task.memory),
         ("updates", task.updates, task.memory),
@@ -48,12 +46,11 @@ def check_task(task: Task, scene: Scene) -> None:
         ("labels", task.labels, task.metrics),
         ("held_outputs", task.held_outputs, task.metrics),
         ("ranges", task.ranges, task.parameters()),
+        ("units", task.units, task.parameters()),
     ):
         for name in entries:
             if name not in allowed:
                 raise ValueError(f"{kind}.{field} has {name!r}; choose {', '.join(allowed) or 'none'}")
-    returns = {f"{t}_sum" for t in task.reward_terms(scene)}
-    _own(kind, "metrics", task.metrics, {*COLUMNS, *returns})
     shown = [task.labels.get(name, name) for name in task.metrics]
     for label in shown:
         if label in BUILT_IN or label.startswith("return_") or shown.count(label) > 1:
@@ -64,15 +61,6 @@ def check_task(task: Task, scene: Scene) -> None:
     if not task.observation(scene):
         raise ValueError(f"{kind}.observation is empty; give at least one quantity")
     _check_rewards(task, scene)
-
-
-def _own(kind: str, field: str, names: Iterable[str], taken: Iterable[str]) -> None:
-    clash = sorted(set(names) & set(taken))
-    if clash:
-        raise ValueError(
-            f"{kind}.{field} has {clash[0]!r}, which is the name of something else that its functions know; "
-            "rename it"
-        )
 
 
 def _check_rewards(task: Task, scene: Scene) -> None:

@@ -150,20 +150,20 @@ GOAL = {
 class ReachTask(Task):
     """Bring the tip to a random goal and hold it there.
 
+    The numbers of every task (:class:`Task`) and these, in the ``units`` of the class.
+
     Parameters
     ----------
-    start_angle, speed_bound : float
-        As of every task.
     goal_tolerance : float
-        Largest distance from the goal that counts as there, in units of the full reach.
+        Largest distance from the goal that counts as there.
     hold_speed : float
-        Largest tip speed that counts as held, full reaches per second.
+        Largest tip speed that counts as held.
     hold_steps : int
-        Control steps in a row for hold success.
+        Control steps in a row, at the goal and slow, for hold success; a whole number.
     inner, outer : float
-        Radii of the annulus of goals, in units of the full reach.
+        Radii of the annulus in which goals are drawn; inner is below outer, and outer at most 1.
     rate_scale : float
-        Joint rate observed as 0.707, rad/s or m/s.
+        Joint rate that is observed as 0.707.
     """
 
     goal_tolerance: float = 0.02
@@ -185,6 +185,15 @@ class ReachTask(Task):
     held_outputs = ("is_success", "touched_new")
     angles = {"goal_angle": ("goal_s", "goal_c")}
     goal_functions = (goal_error, goal_reward)
+    units = {
+        **Task.units,
+        "goal_tolerance": "reaches",
+        "hold_speed": "reaches/s",
+        "hold_steps": "control steps",
+        "inner": "reaches",
+        "outer": "reaches",
+        "rate_scale": "rad/s or m/s",
+    }
     # The squares of these numbers neither overflow nor vanish beside those of a motion.
     ranges = {
         "goal_tolerance": (1e-9, 2.0),  # the tip is never farther from a goal than two reaches

@@ -3,15 +3,9 @@
 from pathlib import Path
 
 import pytest
-from tutorial import blocks_of, run_tutorial
+from tutorial import run_tutorial
 
 PAGE = Path(__file__).parents[2] / "docs" / "tutorials" / "third_arm.md"
-
-
-def test_the_arm_has_at_most_25_lines():
-    (block,) = (b for b in blocks_of(PAGE) if b.file is not None)
-    lines = [line for line in block.text.splitlines() if line.strip() and not line.startswith("#")]
-    assert len(lines) <= 25
 
 
 def test_the_tutorial_without_its_training(tmp_path):

@@ -1,7 +1,11 @@
 """A page is followed literally: the helper that does so fails where a reader would."""
 
+from pathlib import Path
+
 import pytest
 from tutorial import blocks_of, run_tutorial
+
+FOLDER = Path(__file__).parents[2] / "docs" / "tutorials"
 
 PAGE = """\
 Save this as `numbers_of.py`:
@@ -30,6 +34,15 @@ not run
 echo shell
 ```
 """
+
+
+@pytest.mark.parametrize(("page", "most"), [("third_arm.md", 25), ("moving_target.md", 40)])
+def test_what_a_reader_saves_is_short(page, most):
+    files = [block.text for block in blocks_of(FOLDER / page) if block.file is not None]
+    lines = [line for text in files for line in text.splitlines() if line.strip() and line[0] != "#"]
+    assert 0 < len(lines) <= most
+    said = (FOLDER / page).read_text(encoding="utf-8")
+    assert f" {len(lines)} lines" in said
 
 
 def written(tmp_path, text):

@@ -23,13 +23,14 @@ class TrackTask(rde.ReachTask):
     Parameters
     ----------
     period : float
-        Time of a turn, s.
+        Time of a turn.
     """
 
     period: float = 8.0
 
     name = "Track"
     summary = "follows a target that turns about its base"
+    units = {**rde.ReachTask.units, "period": "s"}
     moves = {"goal_x": "turned_x", "goal_y": "turned_y"}
     angles = {**rde.ReachTask.angles, "turn": ("turn_s", "turn_c")}
 

@@ -49,7 +49,9 @@ def test_fields_live_one_after_the_other_in_the_memory_of_their_lifetime():
 
 @pytest.mark.parametrize("second", [Field("q", "rad", "again", STATE), Field("q", "m", "other", SCRATCH)])
 def test_two_fields_of_one_name_are_refused(second):
-    with pytest.raises(ValueError, match="two fields are called 'q'; rename one"):
+    with pytest.raises(
+        ValueError, match=r"'q' is a name of the engine: an angle, and of the engine: \w+; rename"
+    ):
         Layout([Field("q", "rad", "an angle", STATE), second])
 
 
