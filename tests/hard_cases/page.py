@@ -30,10 +30,10 @@ INTRODUCTION = f"""# Hard cases
 writes this page and its figures from the tests in [tests/hard_cases](../tests/hard_cases). Each case is a
 test whose pass conditions are numbers. The same measurement is made of naive variants, each with one
 textbook mistake ([tests/hard_cases/naive](../tests/hard_cases/naive)), and another test shows that they fail
-the case. Where MuJoCo can be asked the same, it is measured, too: RK4 with steps of 1 ms, the masses,
+the case. Where MuJoCo can simulate the case, it is measured, too: RK4 with steps of 1 ms, the masses,
 efforts and travel of the case, links without inertia, and elastic limits.
 
-Bold numbers miss their bound. A dash stands where there is no finite number, or no answer. `standard` and
+Bold numbers miss their bound. A dash means that there is no finite number, or no result. `standard` and
 `exact` are the tip errors of 1e-6 and 1e-12 m that error control allows in a control interval of 20 ms.
 """
 
@@ -76,7 +76,7 @@ def subnormal_time() -> str:
         seconds.append(best)
     times = f"{seconds[1] / seconds[0]:.2g} times as long as one at 1 rad/s"
     return (
-        f"An interval at 1e-310 rad/s takes {times}. That is the processor's: an Intel takes many cycles for "
+        f"An interval at 1e-310 rad/s takes {times}. That is the processor's: an Intel needs many cycles for "
         "an operation with such a number, an AMD hardly more than for another one. To flush them to 0 would "
         "lose the rate."
     )
