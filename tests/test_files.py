@@ -42,7 +42,7 @@ BAD = {
     "mapping as type": (ROBOT.encode() + EFFECTS + b"- type: {}\n", "line 4: effects[1].type is {}"),
     "list as key": ((ROBOT + "[a]: 1\n").encode(), "line 2: a key is a list"),
     "mapping as key": ((ROBOT + "{a: 1}: 1\n").encode(), "line 2: a key is a list or a mapping"),
-    "key twice": ((ROBOT + ROBOT).encode(), "line 2: the key 'robot' stands there twice"),
+    "key twice": ((ROBOT + ROBOT).encode(), "line 2: the key 'robot' is there twice"),
     "inner key twice": (b"robot:\n  type: FourR\n  type: RPRP\n", "line 3: the key 'type' stands"),
     "not UTF-8": (ROBOT.encode() + b"# \xff\n", "line 2: it is no UTF-8"),
     "UTF-16": (ROBOT.encode("utf-16"), "line 1: it is no UTF-8"),

@@ -1,4 +1,4 @@
-"""Does an effect fit an arm? Every hook is looked at when a scene is made, before anything is compiled."""
+"""Checks that an effect fits an arm: of every hook, when a scene is made, before anything is compiled."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ def attached(where: str, effect: Effect, arm: Arm) -> tuple[Hook, ...]:
     Raises
     ------
     ValueError
-        If the effect does not fit the arm, a function is outside the physics dialect, a name stands for
-        nothing, or the potential and the force of the effect cannot belong together. ``where`` names the
+        If the effect does not fit the arm, a function is outside the physics dialect, a name is unknown,
+        or the potential and the force of the effect cannot belong together. ``where`` names the
         effect in the message.
     """
     kind = type(effect).__name__
@@ -209,7 +209,7 @@ def _check_joint(joint: Any, arm: Arm) -> None:
 
 
 def _check_inertia(hook: Inertia, arm: Arm) -> None:
-    """Refuse joints whose rates make no sum."""
+    """Refuse joints whose rates cannot be added."""
     if not isinstance(hook.joints, tuple) or not hook.joints or len({*hook.joints}) < len(hook.joints):
         raise ValueError(f"joints is {hook.joints!r}; give a tuple of joints, each once, such as (0,)")
     for joint in hook.joints:
@@ -249,12 +249,12 @@ def _check_point(point: Any, arm: Arm) -> None:
 
 
 def _beyond(roots: Mapping[str, set[str]], allowed: set[str]) -> str:
-    """Names of the quantities with more behind them than is allowed."""
+    """Names of the quantities that depend on more than is allowed."""
     return ", ".join(sorted(source for source, behind in roots.items() if behind - allowed))
 
 
 def _check_state(state: State, own: Own, arm: Arm) -> None:
-    """Refuse a state that does not say how it changes, or says it twice."""
+    """Refuse a state with neither a derivative nor an update, or with both."""
     if (state.derivative is None) == (state.update is None):
         raise ValueError(f"the state {state.name!r} needs either a derivative or an update")
     number(f"initial of the state {state.name!r}", state.initial)
@@ -276,7 +276,7 @@ def _check_function(
     own: Own,
     arm: Arm,
 ) -> dict[str, set[str]]:
-    """Check a hook's function and its names; returns what is behind each quantity of the arm in it."""
+    """Check a hook's function and its names; returns the inputs of each quantity of the arm in it."""
     dialect.check(function)
     if not isinstance(hook.bind, Mapping):
         raise ValueError(f"bind is {hook.bind!r:.80}; give a mapping of arguments to names")
@@ -317,7 +317,7 @@ def _own(where: str, source: str, own: Own) -> None:
 
 
 def roots_of(where: str, quantity: str, arm: Arm) -> set[str]:
-    """States, commands and parameters that a quantity of an arm follows from."""
+    """States, commands and parameters on which a quantity of an arm depends."""
     givers = {name: f for f in arm.functions for name in gives_of(f)}
     angles = {name: angle for angle, pair in arm.sincos.items() for name in pair}
     commands = numbered("command{}", len(arm.joints))

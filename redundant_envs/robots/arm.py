@@ -1,7 +1,7 @@
-"""An arm: its equations as functions that find each other by names, and their numerical faces.
+"""An arm: its equations as functions that find each other by name, and methods that evaluate them.
 
-An arm of 1 to 10 joints is a frozen dataclass derived from :class:`Arm`. What it must give, and what
-follows from that, is listed there.
+An arm of 1 to 10 joints is a frozen dataclass derived from :class:`Arm`, whose docstring lists what an arm
+must define, and what follows from that.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ Function = Callable[..., Any]
 class Arm:
     """A planar arm of point masses.
 
-    A subclass says the types of its joints and gives a function of the physics dialect for the positions of
+    A subclass names the types of its joints and has a function of the physics dialect for the positions of
     its point masses, ``x1 y1 x2 ...``, the last of them at the tip::
 
         @physics(gives="x1 y1 x2 y2")
@@ -52,16 +52,16 @@ class Arm:
     ``w1 ..``, the sines ``s1 ..`` and the cosines ``c1 ..``, and ``r1 ..`` of sliders, with the rates ``v1
     ..``. Without functions the masses are at the ends of links and sliders (:class:`~redundant_envs.Chain`).
 
-    The rest follows by differentiation, with the mobility bounds. A function may give any of it in a better
-    form: the Jacobian ``J11 .. J2n`` of the tip, ``Jdqd1 Jdqd2``, the mass matrix ``M11 .. Mnn``, the bias
-    forces ``h1 .. hn``, the Coriolis matrix ``C11 .. Cnn``, in the field (ax, ay) the gravity forces ``G1 ..
-    Gn``, the accelerations ``qdd1 ..``, ``T``, ``U``, ``Lz``, ``manipulability``. Functions of the position
-    alone give nothing that depends on rates. ``python -m redundant_envs verify`` compares such forms with the
-    point masses.
+    The rest follows by differentiation, with the mobility bounds. A function may compute any of it in a
+    better form: the Jacobian ``J11 .. J2n`` of the tip, ``Jdqd1 Jdqd2``, the mass matrix ``M11 .. Mnn``, the
+    bias forces ``h1 .. hn``, the Coriolis matrix ``C11 .. Cnn``, in the field (ax, ay) the gravity forces
+    ``G1 .. Gn``, the accelerations ``qdd1 ..``, ``T``, ``U``, ``Lz``, ``manipulability``. Functions of the
+    position alone must not return quantities that depend on rates. ``python -m redundant_envs verify``
+    compares such forms with the point masses.
 
     An arm with coordinates of its own names them, ``coordinates``, ``rates``, ``joints``, ``prismatic``,
-    ``sincos`` and ``num_lengths``, in place of ``joint_types``. If they are not those of the joints it gives
-    ``phi1 ..``, ``phid1 ..``, ``Q1 ..`` of ``t1 ..``, each by a function of its own, and
+    ``sincos`` and ``num_lengths``, instead of ``joint_types``. If they are not those of the joints it
+    computes ``phi1 ..``, ``phid1 ..``, ``Q1 ..`` from ``t1 ..``, each by a function of its own, and
     ``coordinates_of_joints``. (ax, ay) is minus the gravity vector [m/s^2].
 
     Parameters
@@ -76,11 +76,11 @@ class Arm:
     lengths: tuple[float, ...]
 
     _derived: ClassVar[frozenset[str]] = frozenset()
-    """Names of what the class has without having said it."""
+    """Names of attributes that the class derives instead of defining them."""
     kind: ClassVar[str]
-    """Name of the arm in scene files: that of the class, unless it says otherwise."""
+    """Name of the arm in scene files: by default that of the class."""
     joint_types: ClassVar[str]
-    """Types of the joints from base to tip, R or P each, of an arm that does not name its coordinates."""
+    """Types of the joints from base to tip, R or P each, if the arm does not name its coordinates."""
     num_masses: ClassVar[int]
     num_lengths: ClassVar[int]
     coordinates: ClassVar[tuple[str, ...]]
@@ -93,7 +93,7 @@ class Arm:
     sincos: ClassVar[dict[str, tuple[str, str]]]
     """Angle quantity -> names of its sine and cosine."""
     functions: ClassVar[tuple[Function, ...]]
-    """The quantities of the model: dialect functions found by what they give."""
+    """The quantities of the model: dialect functions, found by the names of their results."""
 
     prepared: ClassVar[tuple[Function, ...]] = ()
     """Functions of the parameters alone, evaluated when a parameter is set, not in the step."""
@@ -101,23 +101,23 @@ class Arm:
     """``n1 .. nn``: metres at the tip per unit of each coordinate."""
     mobility_bounds: ClassVar[Function | None] = None
     """``W1 .. Wn`` of the parameters: upper bounds of diag(B^T M^-1 B) in every pose, from which error
-    control knows how fast springs and dampers may make the arm. None, where the point masses do not show
-    them, allows neither with a tolerance."""
+    control knows how fast springs and dampers may make the arm. None, if the point masses do not determine
+    them: then neither springs nor dampers are allowed with a tolerance."""
     held_dynamics: ClassVar[Function | None] = None
-    """Dynamics with sliders at rest; None of an arm without sliders."""
+    """Dynamics with sliders at rest; None for an arm without sliders."""
     slider_mobility: ClassVar[Function | None] = None
     """Columns of M^-1, of the sliders."""
     coordinates_of_joints: ClassVar[Function]
     extent: ClassVar[tuple[str, ...]]
     """Lengths and upper ends of sliders (``high2``) whose sum is the full reach, from base to tip."""
     posture: ClassVar[dict[str, str]]
-    """Quantities that tell where the revolute joints are, bounded by 1, and what they mean."""
+    """Quantities, bounded by 1, that determine the positions of the revolute joints, and their meaning."""
     description: ClassVar[str] = "A planar arm in a vertical plane"
     schematic: ClassVar[str] = ""
     """The arm stretched along +x, drawn in text, with its coordinates, masses and lengths."""
 
     def __init_subclass__(cls) -> None:
-        """Add what follows from what the class gives, and refuse a class that lacks something."""
+        """Add everything that follows from the definitions of the class, and refuse an incomplete class."""
         super().__init_subclass__()
         if not {"functions", "joint_types"} & cls.__dict__.keys():
             return
@@ -166,7 +166,7 @@ class Arm:
 
     @classmethod
     def _say(cls, facts: Mapping[str, Any]) -> None:
-        """Set attributes that neither the class nor a base has said itself; each class has its own kind."""
+        """Set attributes that neither the class nor a base has defined; each class has its own kind."""
         for name, value in facts.items():
             if not cls._has_said(name) or (name == "kind" and name not in cls.__dict__):
                 cls._derived |= {name}
@@ -193,7 +193,7 @@ class Arm:
         values.update({f"l{i + 1}": length for i, length in enumerate(self.lengths)})
         return values
 
-    # ---- numerical faces of the equations; ``...`` is any batch shape, arguments broadcast -----------------
+    # ---- evaluation of the equations; ``...`` is any batch shape, arguments broadcast ----------------------
 
     def evaluate(self, wanted: Iterable[str], values: Mapping[str, Any]) -> list[Any]:
         """Quantities from known ones (numbers, or arrays that broadcast), in the order wanted."""
@@ -299,14 +299,14 @@ class Arm:
         -------
         dict
             "q", "qd", "Q", "parameters" (symbols); "M", "C", "J" (Matrix); "h", "G", "qdd",
-            "tip", "Jdot_qd" (column Matrix); "T", "U", "Lz", "manipulability" (expressions); of these
-            what the arm has.
+            "tip", "Jdot_qd" (column Matrix); "T", "U", "Lz", "manipulability" (expressions); only those
+            that the arm has.
         """
         return symbols_of(self)
 
 
 def _defaults(arm: type[Arm]) -> dict[str, Any]:
-    """What an arm need not say that is no function of the model."""
+    """Optional attributes of an arm that are not functions of the model."""
     n = len(arm.coordinates)
     sliders = [k for k, slides in enumerate(arm.prismatic) if slides]
     made: dict[str, Any] = {

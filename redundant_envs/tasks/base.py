@@ -1,4 +1,4 @@
-"""What every task says: a protocol that the compiled episode follows, for any arm."""
+"""Base of all tasks: a protocol that the compiled episode follows, for any arm."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ Function = Callable[..., Any]
 
 @dataclass(frozen=True)
 class Task:
-    """What an arm is asked to do.
+    """The objective of an arm: goal, start, observation and reward.
 
-    A task is a frozen dataclass whose numbers are known to its functions by their names. Its functions are of
-    the physics dialect and find each other, and the quantities of the arm, by names; beside those they know
+    A task is a frozen dataclass whose numbers are available to its functions by name. Its functions are in
+    the physics dialect and find each other, and the quantities of the arm, by name; beside those they know
     ``action1 ..``, ``low<k>`` and ``high<k>`` (ends of the travel of slider k), ``reach``, ``interval`` (the
     control interval, s) and ``steps`` (control steps of the episode before this one).
 
     An episode begins with ``begin_functions``, which give the task's ``memory`` from ``draw1 ..``, uniform in
-    (0, 1). After each control interval first ``moves`` are made, then reward and metrics are found, then
-    ``updates`` are made; the observation follows from state and memory alone.
+    (0, 1). After each control interval first the ``moves`` are applied, then reward and metrics are computed,
+    then the ``updates`` are applied; the observation follows from state and memory alone.
 
     Parameters
     ----------
@@ -44,16 +44,16 @@ class Task:
     name: ClassVar[str]
     """Of the task in ids (``RPRP`` + name + ``-v0``) and in ``task={"type": name}``."""
     summary: ClassVar[str] = "has a task"
-    """What the arm does, as the sentence goes on that begins with the arm's description."""
+    """The objective, as the continuation of a sentence that begins with the arm's description."""
     draws: ClassVar[int] = 0
-    """Uniform draws of an episode beside those of the start."""
+    """Number of uniform draws of an episode beside those of the start."""
     memory: ClassVar[tuple[str, ...]] = ()
-    """What is remembered from step to step. ``goal_x`` and ``goal_y`` are shown, and set by options."""
+    """Memory kept from step to step, by name. ``goal_x`` and ``goal_y`` are drawn, and options set them."""
     begin_functions: ClassVar[tuple[Function, ...]] = ()
     moves: ClassVar[Mapping[str, str]] = {}
-    """Memory -> the quantity that it becomes in every step, before anything is measured."""
+    """Memory -> the quantity that replaces it in every step, before anything is measured."""
     updates: ClassVar[Mapping[str, str]] = {}
-    """Memory -> the quantity that it becomes after everything was measured; 0 when an episode begins."""
+    """Memory -> the quantity that replaces it after everything was measured; 0 when an episode begins."""
     metrics: ClassVar[tuple[str, ...]] = ()
     """Quantities that ``info`` shows."""
     flags: ClassVar[tuple[str, ...]] = ()
@@ -65,7 +65,7 @@ class Task:
     angles: ClassVar[Mapping[str, tuple[str, str]]] = {}
     """Angles of the task -> names of their sines and cosines."""
     goal_functions: ClassVar[tuple[Function, ...]] = ()
-    """They give ``goal_reward`` from tip and goal alone; tasks with ``goal_conditioned`` need them."""
+    """They compute ``goal_reward`` from tip and goal alone; tasks with ``goal_conditioned`` need them."""
     goal_conditioned: ClassVar[bool] = False
     """Whether observations are dictionaries with goals, as hindsight replay needs them."""
     speed_bound_ends: ClassVar[bool] = True
@@ -92,10 +92,10 @@ class Task:
         return (full_reach(scene.robot), *self.reward_functions(scene), *self.goal_functions)
 
     def reward_functions(self, scene: Scene) -> tuple[Function, ...]:
-        """They give the terms of the reward, whose sum it is. The docstring of each is its formula.
+        """They compute the terms of the reward, which is their sum. The docstring of each is its formula.
 
-        One that takes ``paid`` is told what the others have paid in the episode, and by ``ended`` whether a
-        fault ends it.
+        A term with the argument ``paid`` receives the sum of the other terms over the episode, and in
+        ``ended`` whether a fault ends the episode.
         """
         raise NotImplementedError(f"{type(self).__name__} does not say what is rewarded")
 
@@ -108,15 +108,15 @@ class Task:
         return tuple(name for f in self.reward_functions(scene) for name in gives_of(f))
 
     def reward_note(self) -> str:
-        """What a page says before the table of reward terms."""
+        """Text of a page before the table of reward terms."""
         return "The sum of the terms."
 
     def success_note(self) -> str:
-        """What a page says of success."""
+        """Text of a page about success."""
         return ""
 
     def start_note(self) -> str:
-        """What a page says of an episode's start beside that of the arm."""
+        """Text of a page about an episode's start, beside the start of the arm."""
         return ""
 
     def aliases(self, scene: Scene) -> dict[str, str]:
@@ -141,7 +141,7 @@ class Task:
 
 
 def full_reach(arm: Arm) -> Function:
-    """How far the stretched arm reaches."""
+    """Reach of the stretched arm."""
 
     @physics(gives="reach", takes=" ".join(arm.extent))
     def full_reach(first, *rest):
