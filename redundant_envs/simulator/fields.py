@@ -1,4 +1,4 @@
-"""The fields that a scene's lanes have, each where its meaning is known."""
+"""The fields of a scene's lanes, each declared by the module that gives it its meaning."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from redundant_envs.simulator.lane import PARAMETER, SCRATCH, STATE, Field
 
 
 def motion_fields(dynamics: Dynamics) -> Iterator[Field]:
-    """State, parameters and what every interval has."""
+    """State, parameters and the fields that every interval has."""
     arm = dynamics.arm
     units = ["m" if slides else "rad" for slides in arm.prismatic]
     for name, unit in zip(arm.coordinates, units, strict=True):
@@ -33,6 +33,6 @@ def motion_fields(dynamics: Dynamics) -> Iterator[Field]:
 
 
 def copies(fields: Iterable[Field], form: str, doc: str) -> Iterator[Field]:
-    """Scratch fields that hold what others were."""
+    """Scratch fields that hold earlier values of others."""
     for f in fields:
         yield Field(form.format(f.name), f.unit, f"{f.name} {doc}", SCRATCH, book=f.book)

@@ -1,4 +1,4 @@
-"""Names that arms and tasks give to their quantities must not be those of numbers that lanes have."""
+"""Checks that names of quantities of arms and tasks are not names of fields that lanes have."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ OF_REWARDS = ("ended", "paid")
 
 
 def names_of_arm(arm: Any) -> set[str]:
-    """Quantities that an arm gives, but for those that are kept in lanes under the same names."""
+    """Quantities that an arm computes, except those that lanes keep under the same names."""
     more = (arm.held_dynamics, arm.slider_mobility, arm.column_norms, arm.mobility_bounds)
     functions = (*arm.functions, *(f for f in more if f is not None))
     kept = {name for f in arm.prepared for name in gives_of(f)}
@@ -22,7 +22,7 @@ def names_of_arm(arm: Any) -> set[str]:
 
 
 def names_of_task(task: Any, scene: Any) -> set[str]:
-    """Quantities that a task gives, but for those that are kept in lanes under the same names."""
+    """Quantities that a task computes, except those that lanes keep under the same names."""
     functions = (*task.functions(scene), *task.begin_functions)
     angles = {name for pair in task.angles.values() for name in pair}
     kept = {*task.memory, *task.held_outputs}
