@@ -43,7 +43,7 @@ BAD = {
     "list as key": ((ROBOT + "[a]: 1\n").encode(), "line 2: a key is a list"),
     "mapping as key": ((ROBOT + "{a: 1}: 1\n").encode(), "line 2: a key is a list or a mapping"),
     "key twice": ((ROBOT + ROBOT).encode(), "line 2: the key 'robot' is there twice"),
-    "inner key twice": (b"robot:\n  type: FourR\n  type: RPRP\n", "line 3: the key 'type' stands"),
+    "inner key twice": (b"robot:\n  type: FourR\n  type: RPRP\n", "line 3: the key 'type' is there"),
     "not UTF-8": (ROBOT.encode() + b"# \xff\n", "line 2: it is no UTF-8"),
     "UTF-16": (ROBOT.encode("utf-16"), "line 1: it is no UTF-8"),
     "NUL": (ROBOT.encode() + b"integrator: r\x00k8\n", "line 2: it has the character"),

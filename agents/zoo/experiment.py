@@ -51,7 +51,7 @@ class Experiment(ExperimentManager):
             raise ValueError(f"--seed is {self.seed}; give one from 0 to {MOST_SEEDS}")
         self.averaged = issubclass(rl_zoo3.ALGOS[self.algo], Averaging)
         if self.averaged:
-            self.device = "cpu"  # where these learners keep their vectors, whatever "auto" would choose
+            self.device = "cpu"  # these learners keep their vectors on the CPU, whatever "auto" would choose
         if self.averaged and (self.continue_training or self.optimize_hyperparameters):
             raise ValueError(
                 "--trained-agent and --optimize-hyperparameters are for the algorithms of stable-baselines3; "
