@@ -1,4 +1,4 @@
-"""Is everything a number where nothing moves?"""
+"""Are all quantities finite when nothing moves?"""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def numbers_at_rest(trial: Trial) -> Finding:
 
 
 def _values(dynamics: Dynamics, motion: Motion) -> Iterator[tuple[str, Any]]:
-    """What is looked at, by names that a reader knows."""
+    """The checked quantities, by names that a reader knows."""
     arm, x = dynamics.arm, motion.values()
     for effect, hook in dynamics.hooks:
         for part in (hook, *getattr(hook, "states", ())):
