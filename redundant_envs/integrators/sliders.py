@@ -14,7 +14,7 @@ from redundant_envs.algebra import maximum, where
 from redundant_envs.integrators.methods import Watched
 
 ROUNDING = 8.881784197001252e-16
-"""Relative distance of four units in the last place: positions and times that are nearer count as equal."""
+"""Relative distance of four ulps: positions and times that are nearer count as equal."""
 NEGLIGIBLE_SPEED = 1e-13
 """m/s; such a speed of a slider at its stop is rounding: it neither strikes the stop nor leaves it."""
 NO_STOP = 1e300
@@ -55,7 +55,7 @@ class Slider(NamedTuple):
 
     @property
     def closeness(self) -> Any:
-        """Positions nearer than this to a stop are at it: four units in the last place, m, but never 0."""
+        """Positions nearer than this to a stop are at it: four ulps, m, but never 0."""
         low = where(abs(self.lower) < NO_STOP, abs(self.lower), 0.0)
         high = where(abs(self.upper) < NO_STOP, abs(self.upper), 0.0)
         return ROUNDING * maximum(maximum(low, high), maximum(abs(self.start_position), SMALLEST_SCALE))

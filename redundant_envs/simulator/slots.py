@@ -195,7 +195,7 @@ class Slots:
         known = {place for f in self.of_blocks for place in written_by(f)}
         read = set().union(*(self.blocks.reads[f.name] for f in self.of_slots))
         if self.interval.logs:
-            read.add(self.layout.place("span_start"))  # read by ``tell``, and by no function
+            read.add(self.layout.place("span_start"))  # read by the log of events, and by no function
         return [
             n
             for n in self.layout.fields

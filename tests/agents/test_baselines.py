@@ -38,7 +38,7 @@ def config(algo, **more):
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """A short training of each algorithm, made when it is asked for."""
+    """A short training of each algorithm, run when it is first needed."""
     made = {}
 
     def run(algo):

@@ -93,7 +93,7 @@ def test_a_training_records_what_it_started_from_and_goes_on(tmp_path, monkeypat
 
 
 def alone(policy, folder):
-    """A policy.zip without a folder that tells about it."""
+    """A policy.zip without a folder that describes it."""
     folder.mkdir()
     return shutil.copy(POLICIES / policy / "policy.zip", folder)
 

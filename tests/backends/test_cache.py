@@ -27,7 +27,7 @@ NAME = f"{KEY}{cache.SUFFIX}"
 
 
 def load(folder, monkeypatch):
-    """The kernel as another process would get it, run; and what was told."""
+    """Run the kernel as another process would get it; returns the result and the messages."""
     monkeypatch.setenv(cache.CACHE_VARIABLE, str(folder))
     monkeypatch.setattr(cache, "_kept", {})
     monkeypatch.setattr(cache, "_warned", set())
@@ -270,7 +270,7 @@ def homeless(monkeypatch):
     monkeypatch.setattr(cache, "_warned", set())
 
 
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other systems have other places")
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other systems use other folders")
 def test_where_the_folder_is(homeless, tmp_path, monkeypatch):
     with pytest.warns(UserWarning, match=f"kept in memory only: ~.*set {cache.CACHE_VARIABLE}"):
         assert cache.cache_folder() is None

@@ -321,7 +321,7 @@ def test_llvm_has_its_own_order_again_afterwards():
 
 
 def test_a_program_is_compiled_to_the_same_code_every_time():
-    """In another process too the same program is asked for; one whose graphs were changed as well."""
+    """Another process requests the same program, even for one whose graphs were changed."""
     program = batch_simulator(STEPPED["4R"], False).program
     code = llvm.object_code(program)
     assert llvm.object_code(program) == code

@@ -17,7 +17,7 @@ ONE_SHORT = (pytest.param("four_r_reach", marks=pytest.mark.long), "rprp_reach")
 
 
 def changed(name, effect):
-    """A reach scene with an effect in place of its own of the same class."""
+    """A reach scene in which an effect replaces the one of the same class."""
     scene = rde.load_scene(name)
     kept = tuple(x for x in scene.effects if type(x) is not type(effect))
     return dataclasses.replace(scene, effects=(*kept, effect))

@@ -51,7 +51,7 @@ def run_cell(name, text, names):
 
 
 def cell(number, kind, joint, factor, apart=""):
-    """A spring of a user: functions of equal names in every cell, or with something to tell them apart."""
+    """A spring of a user: functions of equal names in every cell, or with a difference between them."""
     names = {n: f"{n}{apart}" for n in ("helper", "force", "energy")}
     text = CELL.format(kind=kind, joint=joint, factor=factor, **names)
     return run_cell(f"<cell {number}>", text, {"__name__": "__main__"})[kind]()

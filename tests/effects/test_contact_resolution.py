@@ -153,7 +153,7 @@ def test_a_released_slider_may_rest_again_where_an_impact_of_another_leaves_it_s
 
 
 def test_an_elastic_slider_rests_where_its_bounce_is_lost_in_rounding():
-    """Less than four units in the last place of the stop it is at."""
+    """Less than four ulps of the position of its stop."""
     for side, upper in ((1.0, 4096.0), (-1.0, 4096.0)):
         for height, rests in ((0.5, True), (2.0, False)):
             c = contact(0.0, side, acceleration=side)._replace(lower=0.0, upper=upper)

@@ -226,7 +226,7 @@ def test_what_is_not_near_a_stop_does_not_meet_one():
 
 
 def test_a_release_near_the_end_of_an_euler_step_is_found_in_it():
-    """The only stage of the step begins it, so what the stop must do is asked at its end as well."""
+    """The only stage of the step is at its start, so the force of the stop is computed at its end, too."""
     arm = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
     stop = rde.effects.PrismaticStop((0.0, 0.0), (0.3, 0.3), 0.0)
     made = rde.Scene(arm, (rde.effects.Gravity(), stop), integrator="euler", control_dt=0.02)

@@ -14,7 +14,7 @@ import redundant_envs as rde
 from redundant_envs.studies.independent_stops import StoppedArm
 
 HIDDEN = 1e-6
-"""m/s; a slower impact may go less deep than four units in the last place of the travel, and is not found."""
+"""m/s; a slower impact may penetrate by less than four ulps of the travel, and is not found."""
 METHODS = ({}, {"tolerance": None, "substeps": 4}, {"tolerance": None, "integrator": "dop853"})
 
 

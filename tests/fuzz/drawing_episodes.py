@@ -53,7 +53,7 @@ def drawn_actions(rng: Generator, count: int, joints: int, kinds: tuple[str, ...
 
 
 def drawn_options(rng: Generator, scene: Scene, lanes: int, goal: bool) -> dict[str, Any]:
-    """Options of a reset: places, velocities and parameters; some are refused."""
+    """Options of a reset: positions, velocities and parameters; some are refused."""
     options: dict[str, Any] = {}
     robot: Any = scene.robot
     if rng.random() < 0.6:

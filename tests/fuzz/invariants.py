@@ -35,7 +35,7 @@ def differing(one: Lanes, other: Lanes) -> list[int]:
 
 
 def only_documented_exceptions(played: Played) -> list[Violation]:
-    """A call raises nothing but a ValueError, and only if it asks for what cannot be."""
+    """A call raises no other exception than a ValueError, and only if its arguments are invalid."""
     name, found = "only_documented_exceptions", []
     for k, step in enumerate(played.steps):
         call, error = step.call, step.error
@@ -87,7 +87,7 @@ def a_given_up_interval_leaves_its_lane(played: Played) -> list[Violation]:
 
 
 def the_work_of_an_interval_is_bounded(played: Played) -> list[Violation]:
-    """No interval takes more evaluations than the documented budgets allow, whatever is asked."""
+    """No interval takes more evaluations than the documented budgets allow, for any input."""
     scene, found = played.scene, []
     stages = METHODS[scene.integrator].stages
     most = stages * (MOST_TRIALS + MOST_MORE * scene.substeps)

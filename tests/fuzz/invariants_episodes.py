@@ -49,7 +49,7 @@ class PlayedEpisodes:
 
 
 def only_documented_exceptions(played: PlayedEpisodes) -> list[Violation]:
-    """A call raises nothing but a ValueError or ResetNeeded, and only if it asks for what cannot be."""
+    """A call raises no other exception than a ValueError or ResetNeeded, and only if it is invalid."""
     name, found, ready = "only_documented_exceptions", [], False
     for k, step in enumerate(played.steps):
         call, error = step.call, step.error
@@ -195,7 +195,7 @@ def no_lane_depends_on_others(played: PlayedEpisodes) -> list[Violation]:
             k for k, c in enumerate(kept["calls"]) if c.get("lanes") is None or set(c["lanes"]) & set(order)
         ]
         for k, again in zip(own, play_episodes(other, played.make), strict=True):
-            # Lanes that are not reset keep a row, which says nothing, in some libraries' views.
+            # Lanes that are not reset keep a row, which has no meaning, in some libraries' views.
             places = apart(steps[k].given, again.given, order)
             if again.error is not None or places:
                 text = f"{steps[k].call['call']} gives something else in another order ({again.error})"

@@ -1,4 +1,4 @@
-"""A case that has been played, what is counted of it, and how a promise that was not kept is told."""
+"""A case that has been played, its counts, and the report of a broken promise."""
 
 from __future__ import annotations
 

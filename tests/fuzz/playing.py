@@ -40,7 +40,7 @@ class Step:
     after: Lanes
     error: BaseException | None = None
     status: dict[str, Array] = field(default_factory=dict)
-    """What ``advance`` told, per lane; empty for other calls."""
+    """Status returned by ``advance``, per lane; empty for other calls."""
 
 
 def lanes_now(batch: Any) -> Lanes:

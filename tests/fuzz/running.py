@@ -92,7 +92,7 @@ def run(
     out : Path
         Folder of the files of failures.
     told : callable
-        Is told the number of the case, the counts so far, and what failed.
+        Receives the number of the case, the counts so far, and the failure.
     seconds : float
         To make a failure small; 0 writes it as it is.
 
@@ -117,7 +117,7 @@ def run(
 
 def worker(seed: int, first: int, stride: int, minutes: float, out: Path) -> tuple[Tally, list[Path]]:
     """The cases first, first + stride, ... of a seed."""
-    warnings.simplefilter("ignore", RuntimeWarning)  # NumPy tells of overflows; they are what is looked for
+    warnings.simplefilter("ignore", RuntimeWarning)  # NumPy warns of overflows; the cases provoke them
     start, parent = time.monotonic(), os.getppid()
 
     def told(number: int, tally: Tally, failed: str) -> None:

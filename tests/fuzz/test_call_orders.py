@@ -213,7 +213,7 @@ class Environment(RuleBasedStateMachine):
 
     @rule()
     def set_another_to_the_state(self):
-        """One that was made anew, whose generators are others."""
+        """A new environment, with other generators."""
         self.twin = self.made()
         self.twin.reset()
         self.inner(self.twin).set_state(self.inner(self.env).get_state())

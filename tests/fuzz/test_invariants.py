@@ -42,7 +42,7 @@ CASE = plain(
     }
 )
 ONE_INTERVAL = {**with_lanes(CASE, [0, 1]), "calls": with_lanes(CASE, [0, 1])["calls"][:2]}
-"""An energy book that does not close is asked for with 400 000 steps, which take a second for each."""
+"""An energy balance that does not close is computed again with 400 000 steps, which take a second each."""
 EPISODES = plain(
     {
         "face": "vector",

@@ -70,7 +70,7 @@ class MuJoCo(Subject):
 
 @contextlib.contextmanager
 def silent():
-    """Without MuJoCo's log of motions that diverge: their numbers tell."""
+    """Without MuJoCo's log of motions that diverge: their numbers show it."""
     import mujoco
 
     warn = mujoco.get_mju_user_warning()

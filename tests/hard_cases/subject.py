@@ -16,7 +16,7 @@ from redundant_envs.control.computed_torque import pose_at
 
 @dataclass
 class Motion:
-    """States at the ends of control intervals, and what was told of them.
+    """States at the ends of control intervals, and the status of the intervals.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class Motion:
         Faults of all intervals.
     evaluations : (intervals, lanes) int
     events : list of Event
-        At stops, in the order in which they were told.
+        At stops, in the order in which they were reported.
     """
 
     q: np.ndarray
@@ -115,7 +115,7 @@ class Subject:
         batch.restore(snapshot)
 
     def instants(self, count, dt):
-        """The times at which a controller is asked, s: ``count`` of them."""
+        """The times at which a controller is called, s: ``count`` of them."""
         scene = rde.Scene(rde.FourR((1.0,) * 4, (0.5,) * 4), (), integrator="euler", control_dt=dt)
         asked = []
 

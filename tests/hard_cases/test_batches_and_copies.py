@@ -1,4 +1,4 @@
-"""Hard cases: the length of steps, places in a batch, snapshots."""
+"""Hard cases: the length of steps, positions in a batch, snapshots."""
 
 import dataclasses
 

@@ -78,7 +78,7 @@ def test_03_three_vanishing_masses(subject):
 def test_04_three_vanishing_masses_nearly_straight(subject):
     q, qd = (0.3, 0.3001, 0.2999, 0.30005), (1.0, -2.0, 3.0, -4.0)
     error = acceleration_error(subject, LIGHT, q, qd, (0.1,) * 4)
-    # Half a unit in the last place of one torque moves qdd by 2.6e-10: the numbers given have no more digits.
+    # Half an ulp of one torque moves qdd by 2.6e-10: the numbers given have no more digits.
     yield Figure("the error of qdd", error, at_most=2e-10, unit=RELATIVE)
 
 

@@ -189,7 +189,7 @@ def test_the_tolerance_is_a_number_of_the_lane_not_of_the_code():
     )
     assert one.key == other.key
     assert "tip_tolerance" in one.blocks.layout
-    # Where none is asked for, no lane ever leaves the common step.
+    # Without a tolerance no lane ever leaves the common step.
     assert "reason" in one.blocks.layout
     assert "reason" not in without.blocks.layout
     assert set(without.blocks.functions) == {"interval"}

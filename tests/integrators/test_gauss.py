@@ -97,7 +97,7 @@ def runs(arm):
     [pytest.param(a, n, marks=pytest.mark.long if n > 2 else ()) for a in ARMS for n in range(6)],
 )
 def test_oracle(arm, number):
-    """The known states at 0.1 and 0.5 s, to half a unit of their last place."""
+    """The known states at 0.1 and 0.5 s, to half a unit of their last digit."""
     run = runs(arm)[number]
     m, l, q, qd, Q = (tuple(float(x) for x in run[key]) for key in ("m", "l", "q0", "qd0", "Q"))
     scene = rde.Scene(ARMS[arm](m, l), (Gravity(float(run["g"])),), actuation="generalized")

@@ -237,7 +237,7 @@ def test_an_effort_that_is_no_number_is_reported_of_a_slider_at_rest_too():
 
 
 def test_what_is_the_same_in_every_interval_is_read_only():
-    """One array serves all calls: adding to it in place must not change later ones."""
+    """One array serves all calls: an in-place addition to it must not change later results."""
     batch = rde.BatchSimulator(rde.Scene(FOUR_R, (), integrator="rk4"), 5)
     status = batch.advance()
     for shared in (status.evaluations, status.events, status.error_estimate):

@@ -108,14 +108,14 @@ def test_a_bare_arm_has_none_of_them(arm):
     assert "motor_map" not in rde.listing(scene(arm, actuation="generalized"))
 
 
-# ---- every operation stands under where it is written --------------------------------------------
+# ---- every operation is listed under its source --------------------------------------------------
 
 PLACE = re.compile(r"  # (?P<function>\S+?)(?: for (?P<owner>\S+))?, (?P<file>.+):(?P<line>\d+)")
 OPERATION = re.compile(r"  %\d+ = (?P<name>\S+) .+")
 
 
 def operations(text):
-    """(place, name, whether it is the first there) of the operations of a listing, but for loads."""
+    """(source, name, whether it is the first there) of the operations of a listing, except loads."""
     place, first = None, False
     for line in text.splitlines():
         if line.startswith("kernel "):

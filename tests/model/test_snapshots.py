@@ -190,7 +190,7 @@ batch.restore(batch.save())
 
 
 def test_a_snapshot_does_not_tell_where_things_lie_in_memory():
-    """What a static field holds is told in the same words in another process, and what differs is told."""
+    """A static field is described in the same words in another process, and a difference is reported."""
     programs = (
         "x = [object() for _ in range(9999)]\n" + ELSEWHERE + "print(batch.save()['simulator'])",
         ELSEWHERE + "print(batch.save()['simulator'])",

@@ -1,4 +1,4 @@
-"""Chains on every face: batches, gradients, environments; and forms by hand in place of derived ones."""
+"""Chains in batches, gradients and environments; and hand-written forms that replace derived ones."""
 
 import gymnasium as gym
 import numpy as np
@@ -100,7 +100,7 @@ def test_bounds_are_unknown_where_no_points_show_a_rate_and_the_message_says_so(
         rde.BatchSimulator(scene, 1)
 
 
-# ---- a form by hand in place of a derived one ------------------------------------------------------------
+# ---- hand-written forms replace derived ones -------------------------------------------------------------
 
 
 def test_the_arm_from_points_is_the_one_by_hand():

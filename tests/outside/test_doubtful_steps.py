@@ -116,7 +116,7 @@ def test_the_kink_of_a_limit_behind_a_lag_is_found_and_the_tolerance_is_kept(arm
 @pytest.mark.long
 @pytest.mark.parametrize("arm", LIFTERS)
 def test_the_tolerance_is_kept_where_a_lagging_motor_reaches_its_limit(arm):
-    """The effort stops to change within the interval: a kink that no command tells."""
+    """The effort stops changing within the interval: a kink that the command does not show."""
     scene = Scene(arm, (e.Gravity(), ActuatorLag(0.01), e.EffortLimits(3.0)), tolerance=1e-9)
     rng, n = np.random.default_rng(0), 6000
     low, high = np.where(arm.prismatic, 0.0, -3.0), np.where(arm.prismatic, 0.5, 3.0)
@@ -159,7 +159,7 @@ def test_what_errors_of_effects_states_move_at_the_tip_is_in_proportion_to_both_
 
 @pytest.mark.parametrize("frequency", [300.0, 3000.0])
 def test_dop853_is_as_exact_in_states_of_effects_as_in_those_of_the_arm(frequency):
-    """Before the stop is touched its oscillation acts on nothing: only its own error tells of it."""
+    """Before the stop is touched its oscillation acts on nothing: only its own error shows it."""
     arm, n = rde.FourR((0.5,) * 4, (0.25,) * 4), 500
     scene = Scene(arm, (e.Gravity(), HummingStop(0, -1.0, 1.0, 5000.0, frequency)), integrator="dop853")
     rng = np.random.default_rng(0)

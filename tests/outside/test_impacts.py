@@ -1,4 +1,4 @@
-"""Effects from outside with hard stops: which travel they tell, how they work, and which cannot be."""
+"""Effects from outside with hard stops: the travel that they declare, their motion, and refused ones."""
 
 import dataclasses
 

@@ -47,7 +47,7 @@ def test_motion_reward_and_info_know_the_truth(name, goal):
     read = motion(name, SensorBias(BIAS, SPEEDS), Encoders(0.01), goal=goal)
     for k in (0, 1, 3):
         np.testing.assert_array_equal(read[k], true[k])
-    # What is told of a state may be rounded otherwise where observations need other numbers.
+    # Outputs about a state may be rounded differently if observations need other numbers.
     for told, known in zip(read[4], true[4], strict=True):
         assert told == pytest.approx(known, rel=1e-13, abs=1e-15)
     if goal:
@@ -130,7 +130,7 @@ def test_an_arm_from_outside_has_sensors():
 
 @dataclasses.dataclass(frozen=True)
 class Told(Effect):
-    """A second sensor of a rate, which asks for what follows from that rate."""
+    """A second sensor of a rate, which uses a quantity that follows from that rate."""
 
     def hooks(self, arm):
         return (Sensing(0, with_energy, {"rate": "phid1"}, Reading.RATE),)

@@ -70,7 +70,7 @@ def test_compiled_code_and_numpy_agree(name):
 
 
 def test_equal_steps_have_the_law_of_the_place():
-    """Without a chosen error the position tells at each evaluation which law holds, in torch, too."""
+    """Without error control the position selects the law at each evaluation, in torch, too."""
     q, qd, efforts = near_knees(ARMS["4R"])
     made = scene("4R", integrator="rk4", substeps=3)
     found, _ = advance(made, q, qd, efforts)

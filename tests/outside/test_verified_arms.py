@@ -150,7 +150,7 @@ def given_by(arm, name):
 
 
 def by_another(arm, right, new):
-    """An arm like another, with a function of its own in place of one of that."""
+    """An arm like another, with one of its functions replaced."""
     wrong = _wrong(right, arguments_of(right), new)
     vars(wrong).pop("follows", None)
     if right in arm.functions:

@@ -183,7 +183,7 @@ def test_manipulability(derivation, points):
 
 
 def test_the_comparison_sees_each_misprint(derivation, points):
-    """Each misprint of the report, put into the package's expressions, is told apart."""
+    """Each misprint of the report, put into the package's expressions, makes a difference."""
     p, s = derivation.symbols["parameters"], derivation.symbols
     m3, m4, l1, l2 = p["m3"], p["m4"], p["l1"], p["l2"]
     if len(p) == 4 + 2 + 1:

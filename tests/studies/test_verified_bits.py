@@ -148,7 +148,7 @@ def test_an_evaluator_that_differs_is_red(monkeypatch):
 
 @pytest.mark.long
 def test_torch_that_differs_is_red(monkeypatch):
-    """Long for the import of torch; NumPy and single numbers are looked at in the same way."""
+    """Long because of the import of torch; NumPy and single numbers are checked in the same way."""
     pytest.importorskip("torch", reason="torch is in the extra 'train'")
     assert red(SCENE, (evaluators.tensors,)) == set()
     fields = evaluators.fields_of

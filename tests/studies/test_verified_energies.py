@@ -211,7 +211,7 @@ def raised(position, lower, upper, stiffness):
     ],
 )
 def test_a_mutation_of_an_effect_of_the_package_is_red(module, effect, field, wrong, monkeypatch):
-    """Springs at the ends of the travel act only beyond it: potentials are looked at there too."""
+    """Springs at the ends of the travel act only beyond it: potentials are checked there, too."""
     scene = rde.Scene(RPRP, (Gravity(), effect))
     assert energies(scene).good
     monkeypatch.setattr(module, field, wrong)

@@ -75,7 +75,7 @@ class EqualSteps(Subject):
         return q + h / 6.0 * (qd + 2.0 * v2 + 2.0 * v3 + v4), qd + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
 
     def at_stops(self, scene, acceleration, start, end, h, time, motion):
-        """What becomes of the end of a step; here there are no stops."""
+        """Modify the end of a step; here there are no stops."""
         return end
 
 

@@ -44,7 +44,7 @@ class _ImpactAtStepEnd(EqualSteps):
         return q, qd
 
     def strike(self, arm, q, qd, stop, outside):
-        """Change states in place."""
+        """Modify the given states."""
         raise NotImplementedError
 
 
