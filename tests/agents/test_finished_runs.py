@@ -60,7 +60,7 @@ def kept(folder):
 
 
 def readers(folder, out):
-    """Commands that read a run, and write what they write into ``out``."""
+    """Commands that read a run, and write only into ``out``."""
     return {
         "evaluate": ["evaluate", folder], "evaluate out": ["evaluate", folder, "--out", out / "a"],
         "report": ["report", folder, "--out", out / "b"],

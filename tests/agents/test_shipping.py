@@ -1,4 +1,4 @@
-"""Exported policies act as the trained ones do, and their card says what they are."""
+"""Exported policies act like the trained ones, and their card describes them."""
 
 import base64
 import dataclasses

@@ -1,4 +1,4 @@
-"""A training that starts from a policy: it acts like it at first, and what does not fit is refused."""
+"""A training that starts from a policy acts like it at first; policies that do not fit are refused."""
 
 import hashlib
 import json

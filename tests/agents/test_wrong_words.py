@@ -1,4 +1,4 @@
-"""What a command line refuses is one line and status 2, before anything large is imported."""
+"""A command line refuses mistakes with one line and status 2, before anything large is imported."""
 
 import json
 import subprocess

@@ -115,7 +115,7 @@ def call(folder, name, env_id, *arguments):
 @needs_zoo
 @pytest.mark.parametrize("algo", SMALL)
 def test_rl_zoo3_learns_what_agents_train_learns_to_the_same_bits(algo, tmp_path):
-    """The evaluations of rl_zoo3 on the way change nothing, and what it saves is the average."""
+    """The evaluations of rl_zoo3 during training change nothing, and it saves the average."""
     name, kind, env_id, steps, changed = SMALL[algo]
     given = [f"{key}:{value}" for key, value in {**changed, "n_timesteps": steps}.items()]
     done = call(tmp_path, name, env_id, "--seed", "3", "--eval-freq", "600", "--hyperparams", *given)

@@ -47,7 +47,7 @@ class Emulator:
         )
 
     def run(self, number, arguments):
-        """Call a kernel; arrays hold afterwards what it made of them."""
+        """Call a kernel; it modifies the arrays."""
         to, back = self.process.stdin, self.process.stdout
         to.write(np.array([number, len(arguments)]).tobytes())
         arrays = {}  # address -> number of the argument, and the array

@@ -256,7 +256,7 @@ def test_programs_that_another_process_deletes_meanwhile_are_no_error(folder, mo
 
 @pytest.fixture
 def homeless(monkeypatch):
-    """No HOME, and a user whom nobody knows."""
+    """No HOME, and a user unknown to the system."""
     import pwd
 
     for name in ("HOME", "XDG_CACHE_HOME", cache.CACHE_VARIABLE):

@@ -67,7 +67,7 @@ CHANGES = {
     "tracing/passes/join.py": ("uses[a] == 1", "uses[a] == -1", False),
     "backends/llvm_lanes.py": ('"prefer-vector-width"="512"', '"prefer-vector-width"="256"', False),
 }
-"""What is changed in a file, and whether the motion changes with it."""
+"""A change of a file, and whether the motion changes with it."""
 
 
 @pytest.mark.parametrize(

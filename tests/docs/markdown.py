@@ -12,7 +12,7 @@ PAGES = [
     *sorted((ROOT / "policies").glob("*/README.md")),
 ]  # fmt: skip
 MANUAL = [README, *sorted((ROOT / "docs").glob("*.md"))]
-"""What is written for users: without tutorials, decisions and results."""
+"""Pages for users: without tutorials, decisions and results."""
 
 
 def text(page: Path) -> str:

@@ -1,4 +1,4 @@
-"""Numbers that several pages state agree with each other, with the code and with what was measured."""
+"""Numbers on several pages agree with each other, with the code and with the measurements."""
 
 import contextlib
 import csv

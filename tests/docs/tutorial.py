@@ -21,7 +21,7 @@ READ_ONLY = ("", "text")
 
 
 class Block(NamedTuple):
-    """A block of code: where its text begins, in which language, and what it says."""
+    """A block of code: the line of its beginning, its language, and its text."""
 
     line: int
     language: str

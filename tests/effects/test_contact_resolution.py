@@ -77,7 +77,8 @@ def test_of_sliders_that_rest_those_leave_whose_stops_would_pull_in_the_end(coun
 
 @SLIDERS
 def test_a_slider_that_comes_to_rest_beside_others_that_rest(count):
-    """Who stays is decided at once; those that stay do not move, and what no stop presses is let go."""
+    """Sliders that stay are decided together; they do not move, and sliders that no stop presses are
+    released."""
     rng = np.random.default_rng(8)
     seen = set()
     for _ in range(1500):

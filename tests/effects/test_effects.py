@@ -1,4 +1,4 @@
-"""Effects of motors, gravity, friction and a user in a motion, and what is refused."""
+"""Effects of motors, gravity, friction and a user in a motion, and refused ones."""
 
 import math
 import re

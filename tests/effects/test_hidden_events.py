@@ -118,7 +118,7 @@ def test_errors_that_two_sliders_double_at_each_of_twenty_impacts_are_kept():
 
 @pytest.mark.parametrize("side", [1.0, -1.0], ids=["upper", "lower"])
 def test_a_slider_that_leaves_a_single_stop_at_zero_may_come_back_to_it(side):
-    """No limit and no position gives a length there, so what is rounding must not become 0."""
+    """All limits and positions are 0 there, but the scale of rounding must not become 0."""
     ends = (-np.inf, 0.0) if side > 0.0 else (0.0, np.inf)
     watched = Watched(0.0, 0.0, -60.0, 60.0)
     slider = Slider(-1e-3 * side, 0.1 * side, 0.0, 0.0, watched, 0.0, *ends)

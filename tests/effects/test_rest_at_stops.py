@@ -77,7 +77,7 @@ def test_an_elastic_slider_rests_only_where_it_does_not_bounce():
 
 
 def test_pressed_held_and_let_go_within_an_interval():
-    """The arm turns and gravity pulls them back: let go when the force that holds vanishes."""
+    """The arm turns and gravity pulls them back: they are released when the holding force vanishes."""
     arm, q = UNEQUAL, [-1.2, 0.3, -1.2, 0.3]
     times = []
     for accuracy in (1e-6, 1e-12):

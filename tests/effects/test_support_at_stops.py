@@ -19,7 +19,7 @@ METHODS = ({}, {"tolerance": None, "substeps": 4}, {"tolerance": None, "integrat
 
 
 def faults(seed, lanes=400):
-    """What is wrong with random starts of an arm, a restitution and a method, and how many were judged."""
+    """Failures of random starts of an arm, a restitution and a method, and the number of judged starts."""
     rng = np.random.default_rng(seed)
     arm = list(ARMS.values())[seed % 3]
     restitution, method = (1.0, 0.5, 0.0, 0.8)[seed % 4], METHODS[seed // 3 % 3]
@@ -73,7 +73,7 @@ HANGING = ([-1.2, UPPER, -0.4, 0.2], [0.0, 0.0, 0.0, 1.0])
 
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
 def test_a_slider_is_supported_when_a_stop_is_moved_to_another_that_moves_into_it(restitution):
-    """Stops that were moved hold nobody: that r1 rested is forgotten, but it is pressed onto its stop."""
+    """Stops that were moved hold no slider: the rest of r1 is forgotten, but it is pressed onto its stop."""
     made, ends = scene(ARMS["RPRP"], restitution, control_dt=0.01), []
     for gap in (0.0, 1e-15):
         batch = rde.BatchSimulator(made)

@@ -1,4 +1,4 @@
-"""What a function of a user may be, and what is said where it may not: it does what its code says."""
+"""Functions of users that are allowed, and messages for those that are not; they act as their code says."""
 
 import functools
 import math

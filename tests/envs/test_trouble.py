@@ -1,4 +1,4 @@
-"""docs/trouble.md: every row of its tables, done to every face of the environments."""
+"""docs/trouble.md: every row of its tables, tried on every kind of environment."""
 
 import re
 from dataclasses import dataclass, field
@@ -44,7 +44,7 @@ FACES = {
 
 @dataclass
 class Trouble:
-    """What is done: keywords at make, options of a reset, actions of steps."""
+    """Inputs: keywords of make, options of a reset, actions of steps."""
 
     make: dict[str, Any] = field(default_factory=dict)
     options: dict[str, Any] = field(default_factory=dict)
@@ -227,7 +227,8 @@ def test_a_face_does_what_its_row_says(what, name):
 
 
 def of_goals(what, column):
-    """What a goal environment of a vector or SB3 does: the same, but beyond the speed bound it goes on."""
+    """Response of a goal environment of a vector or SB3: the same, but beyond the speed bound it
+    continues."""
     single, vector, goal, sb3 = ROWS[what]
     if single.startswith("ends") and goal.startswith("goes on"):
         return goal

@@ -57,7 +57,7 @@ def own_effects() -> dict[str, type[Effect]]:
 
 
 def weight_of(arm: Any) -> float:
-    """What the stretched arm weighs on its base, N m: the scale of efforts."""
+    """Moment of the stretched arm's weight about its base, N m: the scale of efforts."""
     return 9.81 * sum(arm.masses) * sum(arm.lengths)
 
 
@@ -219,7 +219,7 @@ def drawn_states(scene: Scene, count: int, rng: Generator) -> tuple[Array, Array
 
 
 def drawn_state(scene: Scene, kind: str, rng: Generator) -> tuple[Array, Array]:
-    """Coordinates and velocities of one lane; sliders stand between their stops."""
+    """Coordinates and velocities of one lane; sliders are between their stops."""
     arm: Any = scene.robot
     n, size, ends = len(arm.joints), sum(arm.lengths), ends_of(scene)
     q, qd = rng.uniform(-np.pi, np.pi, n), rng.normal(0.0, decades(rng, 0.3, 8.0), n)
@@ -258,7 +258,7 @@ def drawn_state(scene: Scene, kind: str, rng: Generator) -> tuple[Array, Array]:
 
 
 def drawn_efforts(scene: Scene, count: int, rng: Generator) -> Array:
-    """Efforts, (count, joints), from none to what no motion bears."""
+    """Efforts, (count, joints), from none to ones that no motion survives."""
     arm: Any = scene.robot
     unit = weight_of(arm) * np.array([1.0 / sum(arm.lengths) if s else 1.0 for s in arm.prismatic])
     rows = []

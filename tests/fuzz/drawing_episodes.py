@@ -13,7 +13,7 @@ from .drawing import MOTORS, TRIES, Generator, drawn_scene, drawn_state
 from .drawing_calls import case_generator, drawn_parameters, some_lanes
 
 LIMIT = 7
-"""Control steps of an episode, in most cases: ends are what is looked for."""
+"""Control steps of an episode, in most cases: few, so that episodes end often."""
 ACTIONS = ("plain", "bang-bang", "bang-bang", "none", "too large")
 BAD_ACTIONS = ("nan", "inf", "1e300", "denormal")
 CALLS = ("step",) * 14 + (

@@ -1,4 +1,4 @@
-"""What is promised of the batch simulator: one function each, which gives the violations with numbers."""
+"""Promises about the batch simulator: one function each, which returns the violations with numbers."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def the_work_of_an_interval_is_bounded(played: Played) -> list[Violation]:
 
 
 def no_slider_is_beyond_its_stop(played: Played) -> list[Violation]:
-    """After every call the sliders of finite lanes stand between their stops, to the last bit."""
+    """After every call the sliders of finite lanes are between their stops, to the last bit."""
     scene, found = played.scene, []
     for k, step in enumerate(played.steps):
         values = lane_parameters(scene, step.after)

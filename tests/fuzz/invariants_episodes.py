@@ -1,4 +1,4 @@
-"""What is promised of the environments: one function each, which gives the violations with numbers."""
+"""Promises about the environments: one function each, which returns the violations with numbers."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SNAPSHOTS = ("save", "copy", "pickle")
 
 @dataclass
 class PlayedEpisodes:
-    """A case, what it gave, and how its environments are made (tests tamper with them)."""
+    """A case, its results, and the factory of its environments (tests tamper with them)."""
 
     case: Case
     steps: list[EpisodeStep]
@@ -149,7 +149,7 @@ def no_early_end_pays(played: PlayedEpisodes) -> list[Violation]:
 
 
 def no_slider_is_beyond_its_stop(played: PlayedEpisodes) -> list[Violation]:
-    """After every call sliders stand between their stops, to the last bit."""
+    """After every call sliders are between their stops, to the last bit."""
     scene, found = played.scene, []
     values = scene.parameters()
     for k, step in enumerate(played.steps):

@@ -1,4 +1,4 @@
-"""What is promised of motions: they keep their tolerance or are flagged, and their energy books close."""
+"""Promises about motions: they keep their tolerance or are flagged, and their energy balances close."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ COARSE_ENERGY = 1e-3
 """The same of a scene at its own tolerance, if that is :data:`SMALL` arm lengths or less."""
 SMALL = 1e-6
 ROUNDING = 1e-8
-"""Differences of energies are known to this share of what they are differences of, times :data:`ENERGY`."""
+"""Differences of energies are accurate to this share of the energies, times :data:`ENERGY`."""
 CONVERGING = 0.5
-"""A book that is still off, but by less than this share of what the coarser reference is, only converges."""
+"""A balance whose error is less than this share of the coarser reference's is still converging."""
 MANY_STEPS, MOST_STEPS = 40_000, 400_000
 """Of a control interval, where references may be wrong or a book is not closed yet."""
 

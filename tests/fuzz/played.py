@@ -52,7 +52,7 @@ class Tally:
 
 @dataclass
 class Played:
-    """A case, what it gave, and how its simulators are made (tests tamper with them)."""
+    """A case, its results, and the factory of its simulators (tests tamper with them)."""
 
     case: Case
     steps: list[Step]

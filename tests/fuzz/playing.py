@@ -1,4 +1,4 @@
-"""Cases of the batch simulator are played: every call, what it gave, and the lanes before and after it."""
+"""Playing cases of the batch simulator: every call, its result, and the lanes before and after it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cases of the environments are played, through any face: every call, and what it gave to each lane."""
+"""Playing cases of any kind of environment: every call, and its results for each lane."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .playing import Make
 
 @dataclass
 class Given:
-    """What a call gave: arrays with a line for each lane; None where a call does not give it."""
+    """Results of a call: arrays with a row for each lane; None for results that a call does not have."""
 
     obs: dict[str, Array] | None = None
     reward: Array | None = None
@@ -132,7 +132,7 @@ class EpisodePlayer:
         return Given()
 
     def _limit(self) -> dict[str, Any]:
-        """What the wrapper that counts the steps of a single environment remembers."""
+        """State of the wrapper that counts the steps of a single environment."""
         wrapper = self.env
         while isinstance(wrapper, gym.Wrapper):
             if isinstance(wrapper, gym.wrappers.TimeLimit):

@@ -1,4 +1,4 @@
-"""What a control interval should give: the same scene in many equal steps, and its energies."""
+"""References for a control interval: the same scene in many equal steps, and its energies."""
 
 from __future__ import annotations
 
@@ -31,7 +31,8 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Judgement:
-    """Of the lanes of an interval: those where the references agree, and what the finer one gives."""
+    """For the lanes of an interval: those for which the references agree, and the results of the finer
+    one."""
 
     agreed: NDArray[np.bool_]
     finer: Lanes
@@ -118,7 +119,7 @@ def fine_interval(scene: Scene, step: Step, lanes: NDArray[np.intp], steps: int)
 
 
 def judged(scene: Scene, step: Step, lanes: NDArray[np.intp]) -> Judgement:
-    """What the references say of an interval of some lanes, whose states are finite."""
+    """Results of the references for an interval of some lanes, whose states are finite."""
     left, done = np.arange(len(lanes)), np.zeros(len(lanes), np.bool_)
     pairs: list[list[Array]] = []
     kinked = any(isinstance(h, Force) and h.switch for e in scene.effects for h in e.hooks(scene.robot))

@@ -1,4 +1,5 @@
-"""docs/hard_cases.md from the catalogue: each case, and what naive variants, MuJoCo and this package do."""
+"""docs/hard_cases.md from the catalogue: each case, and the results of naive variants, MuJoCo and this
+package."""
 
 from __future__ import annotations
 
@@ -20,7 +21,7 @@ PICTURES = {
     "11": ("chaos", "Energy error of the chaotic motion over time"),
     "23": ("five_impacts", "Tip error after five impacts over the step"),
 }
-"""Cases with a picture: its file, and what it shows."""
+"""Cases with a picture: its file, and its title."""
 
 
 INTRODUCTION = f"""# Hard cases
@@ -43,7 +44,7 @@ def heading(case: Case) -> str:
 
 
 def measured_by(case: Case, with_mujoco: bool) -> dict[str, list[Figure]]:
-    """Figures of this package, of the variants that fail the case, and of MuJoCo where it can be asked."""
+    """Figures of this package, of the variants that fail the case, and of MuJoCo if it can simulate it."""
     subjects: list[Subject] = [Subject(), *(variant() for variant in case.caught)]
     if case.compared and with_mujoco:
         subjects.append(MuJoCo())

@@ -1,4 +1,4 @@
-"""What a case asks of an implementation, and what this package answers.
+"""The interface between a case and an implementation, and this package's implementation.
 
 A naive variant derives from :class:`Subject` and answers one thing its own way.
 """

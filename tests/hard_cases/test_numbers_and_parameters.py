@@ -174,7 +174,7 @@ def test_41_numbers_at_the_ends_of_their_ranges(subject):
 
 
 def picked_up(q, qd):
-    """The energy book of an arm that picks up 100 kg after half a second, which begins anew there."""
+    """The energy balance of an arm that picks up 100 kg after half a second; it starts again there."""
     scene = rde.Scene(LAB, (GRAVITY, e.ViscousFriction((0.5,) * 4), Payload(0.0)), tolerance=1e-12)
     batch = rde.BatchSimulator(scene, 1, track_work=True)
     batch.set_state(q, qd)

@@ -1,4 +1,4 @@
-"""Hard cases: sliders that come to rest and are let go, springs, friction that is not there yet."""
+"""Hard cases: sliders that come to rest and are released, springs, friction that does not exist yet."""
 
 import math
 

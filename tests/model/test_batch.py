@@ -204,7 +204,7 @@ def test_error_estimate_follows_the_error():
 
 
 def test_one_rk8_step_of_a_control_interval_is_far_below_a_micrometre():
-    """What the README says of calm, smooth motion: rates of 4 rad/s, 20 ms, one step."""
+    """The README's claim about calm, smooth motion: rates of 4 rad/s, 20 ms, one step."""
     arm = rde.FourR((0.5,) * 4, (0.25,) * 4)
     rng = np.random.default_rng(0)
     q, qd = rng.uniform(-np.pi, np.pi, (4096, 4)), rng.normal(0, 4, (4096, 4))

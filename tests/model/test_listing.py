@@ -1,4 +1,4 @@
-"""What a scene's simulator computes, shown and counted: only the effects named, each where it is written."""
+"""Listings and bills of simulators: only the named effects, each operation with its source."""
 
 import dataclasses
 import functools
@@ -71,7 +71,7 @@ def test_every_effect_is_looked_at():
 
 
 def words_of(effect):
-    """Names that stand in the listing of a scene if an effect acts there: its functions, file and numbers."""
+    """Names in the listing of a scene if an effect acts there: its functions, file and numbers."""
     if isinstance(effect, e.Gravity):
         return (r"\bax\b", r"\bay\b")  # its field follows from its numbers alone, and is found with them
     own = [identifier(f"{effect.key}.{name}") for name in effect.parameters()]

@@ -1,4 +1,4 @@
-"""The memory of lanes: parameters are shared until they differ, and nobody sees it; copies, snapshots."""
+"""The memory of lanes: parameters are shared until they differ, invisibly to users; copies, snapshots."""
 
 import copy
 import pickle

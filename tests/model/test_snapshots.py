@@ -31,7 +31,7 @@ def started(scene=SCENE, count=COUNT, **kwargs):
 
 
 def unchanged(batch, before):
-    """Whether everything that a simulator holds is what it was."""
+    """Whether the whole content of a simulator is unchanged."""
     now = batch.save()
     return all((now[name] == before[name]).all() for name in ("states", "parameters"))
 

@@ -207,7 +207,7 @@ def test_bad_times(times):
 
 
 def test_bad_states_and_efforts():
-    """The message names what is wrong and its shape."""
+    """The message names the wrong argument and its shape."""
     with pytest.raises(ValueError, match=r"q has shape \(3,\).*4 entries"):
         rde.simulate(SCENE, np.zeros(3), np.zeros(3), [0.1])
     with pytest.raises(ValueError, match="broadcast"):

@@ -66,7 +66,8 @@ class Place(NamedTuple):
 
 
 def unseen_spans(tree: ast.AST) -> Iterator[tuple[int, int, int, int]]:
-    """Line and column of the ends of what no test could see: annotations, docstrings, messages of errors."""
+    """Line and column of the ends of code that no test could check: annotations, docstrings, error
+    messages."""
     for node in ast.walk(tree):
         hidden: list[Any] = []
         docstring = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)

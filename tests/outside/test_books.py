@@ -80,7 +80,7 @@ class StiffeningSpring(e.Effect):
 
 
 def drawn_scene(seed):
-    """An arm and a method by turns, and about half of the effects that fit it."""
+    """An arm and a method in turn, and about half of the effects that fit it."""
     rng = np.random.default_rng(seed)
     arm, method = list(ARMS.values())[seed % len(ARMS)], METHODS[seed % len(METHODS)]
     count, sliders = len(arm.joints), len(arm.sliders())

@@ -128,7 +128,7 @@ def test_the_tolerance_is_kept_where_a_lagging_motor_reaches_its_limit(arm):
 
 
 def test_the_tolerance_is_kept_behind_a_row_of_lags():
-    """What is wrong in the first of them moves nothing before it has come through the others."""
+    """An error in the first of them moves nothing before it has passed through the others."""
     arm = rde.FourR((0.002,) * 4, (0.25,) * 4)
     scene = Scene(arm, (e.Gravity(), LagChain(0.0102, 12)), tolerance=1e-9)
     rng, n = np.random.default_rng(0), 1000
@@ -173,7 +173,7 @@ def test_dop853_is_as_exact_in_states_of_effects_as_in_those_of_the_arm(frequenc
 
 
 def test_the_tolerance_is_kept_where_a_slider_passes_its_joint_and_comes_back():
-    """At both ends of the interval the tip is as far from the joint: what is between counts."""
+    """At both ends of the interval the tip is equally far from the joint: the motion between counts."""
     arm = RRP((0.17458207407198942, 0.96883401194883, 0.033635628514555316),
               (0.1534190470476053, 0.06345987733339789))  # fmt: skip
     spring = e.CentringSpring((5916.6624179483815,), (0.11172535639770957,), (0.16002826070780318,))
@@ -188,7 +188,7 @@ def test_the_tolerance_is_kept_where_a_slider_passes_its_joint_and_comes_back():
 
 @pytest.mark.parametrize("spread", [1e-3, 1e-2])
 def test_the_tolerance_is_kept_where_two_crossings_of_a_kink_agree_by_chance(spread):
-    """A damper lets go: errors fall without an order, and half as many steps may be off by as much."""
+    """A damper loses contact: errors fall without an order, and half as many steps may be off by as much."""
     arm = RelativeTwoR((0.2877582004947934, 0.27412493497498464), (0.5225023171915011, 0.40423495478205906))
     springs = (
         e.LimitSpring("joint2", 1.6677380669680708, 2.5007767978678666, 491.8020485308242),

@@ -1,4 +1,4 @@
-"""Sensors change what is observed and nothing else."""
+"""Sensors change observations and nothing else."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""verify finds what is wrong in an arm, and says by its check which equation it is."""
+"""verify finds faults in an arm, and its check names the equation."""
 
 import dataclasses
 import functools
@@ -310,7 +310,7 @@ def test_a_method_of_another_order_than_it_says_is_red(monkeypatch):
 
 
 def test_a_tolerance_that_is_not_kept_is_red(monkeypatch):
-    """The estimate of a step is a millionth of what it should be."""
+    """The estimate of a step is a millionth of the right one."""
     arm = ThreeRByHand((2.0, 1.5, 1.0), (0.3, 0.5, 0.4))
     step = {"tolerance": 1e-9, "control_dt": 0.3}
     assert misses(arm, (accuracy.tolerance_kept,), **step) == set()

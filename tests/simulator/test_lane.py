@@ -1,4 +1,4 @@
-"""Lanes: declared fields and no others, what is read and set, on plain and on traced numbers."""
+"""Lanes: declared fields and no others, reading and setting them, on plain and on traced numbers."""
 
 import numpy as np
 import pytest

@@ -35,7 +35,7 @@ def quick() -> dict:
 
 
 def smallest() -> Study:
-    """Part of the quick study: what a test can wait for."""
+    """The part of the quick study that is short enough for a test."""
     return build(Study, "config", quick() | {"ours": {"rk4": [1, 4], "rk8": [2]}})
 
 

@@ -59,7 +59,7 @@ def red(thing, checks):
 
 
 def shown(change):
-    """``batch.q`` with what a function of the batch and of the coordinates makes of them."""
+    """``batch.q`` with coordinates that are modified by a function of the batch and of the coordinates."""
     read = BatchSimulator.q.fget
     return "q", property(lambda batch: change(batch, read(batch)))
 
@@ -163,7 +163,7 @@ def test_torch_that_differs_is_red(monkeypatch):
 
 def test_a_restitution_that_is_not_the_scenes_is_red(monkeypatch):
     class Stop(e.PrismaticStop):
-        """Traced anew each time."""
+        """Traced again each time."""
 
     arm = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
     scene = rde.Scene(arm, (e.Gravity(), Stop((0.0, 0.0), (0.3, 0.3), 0.5)), tolerance=1e-6)
@@ -216,7 +216,7 @@ def _late_metric(self, actions, right=ArmVectorEnv.step):
 
 
 def _metric_of_no_action(self, actions, right=ArmVectorEnv.step):
-    """A share of the actions, which is no number if there are none: what a task may divide by."""
+    """A share of the actions, which is NaN without actions: a division that a task may contain."""
     *rest, infos = right(self, actions)
     with np.errstate(all="ignore"):
         share = np.abs(actions[:, 0]) / np.abs(actions).sum(axis=1) + 0.0 * infos["distance"]

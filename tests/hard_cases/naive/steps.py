@@ -11,7 +11,7 @@ from redundant_envs.effects import CentringSpring, Gravity, LimitSpring, Prismat
 
 
 class EqualSteps(Subject):
-    """Equal steps of RK4, without a look at what they meet."""
+    """Equal steps of RK4, without any check of their error."""
 
     name = "equal steps"
     longest = 1e-3
