@@ -139,7 +139,7 @@ def _check_tensors(weights: Any, size: int) -> None:
         raise ValueError("it holds no names of tensors")
     for name, tensor in weights.items():
         if not isinstance(tensor, torch.Tensor) or tensor.dtype not in TENSOR_TYPES:
-            raise ValueError(f"{name!r} is no float32 tensor")
+            raise ValueError(f"{name!r} is not a float32 tensor")
         if tensor.untyped_storage().nbytes() > size or tensor.nbytes > size:
             raise ValueError(f"{name!r} claims {tensor.numel()} numbers, more than the file holds")
 
@@ -192,9 +192,9 @@ def _member(path: Path, name: str, most: int) -> bytes:
         with zipfile.ZipFile(path) as archive, archive.open(name) as member:
             data = member.read(most + 1)
     except KeyError:
-        raise ValueError(f"{path} has no {name!r}; it is no policy that stable-baselines3 saved") from None
+        raise ValueError(f"{path} has no {name!r}; it is not a policy saved by stable-baselines3") from None
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, OSError) as error:
-        raise ValueError(f"{path} is damaged ({error}); it is no whole zip file") from error
+        raise ValueError(f"{path} is damaged ({error}); it is not a complete zip file") from error
     if len(data) > most:
-        raise ValueError(f"{path} has a {name!r} of more than {most} bytes; that is no policy of an arm")
+        raise ValueError(f"{path} has a {name!r} of more than {most} bytes; a policy of an arm is smaller")
     return data

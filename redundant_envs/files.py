@@ -138,7 +138,7 @@ def read_text(path: Path, what: str) -> str:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
-        raise ValueError(f"{path}, line {line}: it is no UTF-8 text; save it as UTF-8") from None
+        raise ValueError(f"{path}, line {line}: it is not UTF-8 text; save it as UTF-8") from None
 
 
 def parse_yaml(text: str, where: str) -> Any:
@@ -170,10 +170,10 @@ def _with_lines(text: str, where: str) -> Any:
         mark = error.problem_mark or error.context_mark
         line = mark.line + 1 if mark else 1
         parts = (" ".join(str(p).split()) for p in (error.context, error.problem) if p)
-        problem = f"it is no valid YAML: {', '.join(parts)[: 2 * LONGEST]}"
+        problem = f"it is not valid YAML: {', '.join(parts)[: 2 * LONGEST]}"
     except Exception as error:  # PyYAML lets errors of int() and chr() through, as of "\\UFFFFFFFF"
         line = loader.line + 1 if loader else 1
-        problem = f"it is no valid YAML: an escape or a number is out of range ({shown(str(error))})"
+        problem = f"it is not valid YAML: an escape or a number is out of range ({shown(str(error))})"
     raise ValueError(f"{where}, line {line}: {problem}")
 
 

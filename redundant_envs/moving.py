@@ -30,7 +30,7 @@ class Kink:
         self.levels = levels
 
     def where(self, condition: Any, holds: bool) -> Kink:
-        """The kink of a branch: there is none where the other one is taken."""
+        """The kink of a branch, which is absent where the other branch is taken."""
         branches = (self.value, 1.0) if holds else (1.0, self.value)
         return Kink(algebra.where(condition, *branches), self.levels)
 

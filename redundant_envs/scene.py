@@ -163,7 +163,7 @@ class Scene:
         if not SMALLEST_TOLERANCE <= tolerance <= LARGEST_TOLERANCE:
             raise ValueError(
                 f"tolerance is {tolerance} m; it must lie in {SMALLEST_TOLERANCE:g} to {LARGEST_TOLERANCE:g}"
-                " (rounding forbids less, and more says nothing)"
+                " (smaller ones are below rounding, larger ones mean nothing)"
             )
         if self.integrator != "rk8":
             raise ValueError(

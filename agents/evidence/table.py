@@ -49,7 +49,7 @@ def rows(folders: Iterable[str | Path]) -> list[dict[str, Any]]:
     Raises
     ------
     ValueError
-        A folder is no evaluated run, or two folders contradict each other.
+        A folder is not an evaluated run, or two folders contradict each other.
     """
     return [_row(same) for same in read_groups(folders)]
 

@@ -185,7 +185,7 @@ def learner_rows(folders: Sequence[Path]) -> list[Row]:
     ------
     ValueError
         If a run has another task, or another scene than a reach scene with all limits times one factor; or
-        a folder is no evaluated run folder.
+        a folder is not an evaluated run folder.
     """
     found: dict[tuple[str, float, str], list[Run]] = {}
     for folder in folders:

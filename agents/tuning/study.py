@@ -151,7 +151,7 @@ def _open(folder: Path, config: Config, space: Space, seed: int, processes: int)
         raise ValueError(f"{path} is damaged ({reason}); choose another --out or delete it") from error
     if any(trial.value is None or not 0.0 <= trial.value <= 1.0 for trial in complete(study)):
         raise ValueError(
-            f"{path} is damaged (a trial's hold success is none); choose another --out or delete it"
+            f"{path} is damaged (the hold success of a trial is invalid); choose another --out or delete it"
         )
     if processes > ahead + 1:
         raise ValueError(

@@ -55,8 +55,8 @@ def attached(where: str, effect: Effect, arm: Arm) -> tuple[Hook, ...]:
     for f in dataclasses.fields(effect):
         if not f.init and f.name not in effect.static:
             raise ValueError(
-                f"{where} ({kind}).{f.name} is no argument of its class, and would not follow when others "
-                "are set; compute it in the effect's functions, or name it in 'static'"
+                f"{where} ({kind}).{f.name} is not an argument of its class, so it would not change with the "
+                "others; compute it in the effect's functions, or name it in 'static'"
             )
     own: Own = dict.fromkeys(effect.parameters(), False)
     for field, value in effect.parameters().items():
@@ -88,7 +88,7 @@ def attached(where: str, effect: Effect, arm: Arm) -> tuple[Hook, ...]:
     if booked and all(h.potential is None for h in forces):
         raise ValueError(
             f"{where} ({kind}) has a conservative force and no potential; give the potential, or leave "
-            "'conservative' out: a force without a potential is booked as work"
+            "'conservative' out: the power of a force without a potential counts as work"
         )
     return tuple(hooks)
 
@@ -137,7 +137,7 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
             _own(name, getattr(hook, name), {n: False for n, moves in own.items() if not moves})
         if not arm.prismatic[hook.joint]:
             raise ValueError(
-                f"{arm.joints[hook.joint]!r} is no slider; hard ends of travel are those of sliders"
+                f"{arm.joints[hook.joint]!r} is not a slider; hard ends of travel are those of sliders"
             )
         return
     roots = _check_function("function", hook.function, hook, own, arm)
@@ -162,7 +162,7 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
         unknown = _beyond(roots, {*arm.parameter_values(), *arm.coordinates, *arm.rates})
         if unknown:
             raise ValueError(
-                f"{name_of(hook.function)} depends on {unknown}; a sensor knows the motion and its numbers"
+                f"{name_of(hook.function)} depends on {unknown}; a sensor may use the motion and its numbers"
             )
     if isinstance(hook, Actuation) and not isinstance(hook.link, Link):
         raise ValueError(f"link is {hook.link!r}; choose {', '.join(f'Link.{link.name}' for link in Link)}")
@@ -193,8 +193,8 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
             continue
         if function is hook.function and name == "conservative":
             raise ValueError(
-                f"{name_of(function)} has a potential and depends on {moving}, so it is not all the "
-                "derivative of that; give conservative=, the part that is, as a function of its own"
+                f"{name_of(function)} has a potential and depends on {moving}, so not all of it is the "
+                "derivative of the potential; give the part that is as a separate function, conservative="
             )
         what = "parameters" if fixed else "the position"
         if name == "damping" and not at_point:
@@ -216,7 +216,7 @@ def _check_inertia(hook: Inertia, arm: Arm) -> None:
         _check_joint(joint, arm)
     if len({arm.prismatic[k] for k in hook.joints}) > 1:
         raise ValueError(
-            f"joints is {hook.joints!r}, which turn and slide: rad/s and m/s have no sum; give one kind"
+            f"joints is {hook.joints!r}, which turn and slide: rad/s and m/s cannot be added; give one kind"
         )
 
 
@@ -313,7 +313,7 @@ def _own(where: str, source: str, own: Own) -> None:
     """Refuse the name of a number that the effect does not have."""
     if not isinstance(source, str) or source[:1] != "." or source[1:] not in own:
         valid = ", ".join(f".{name}" for name in own) or "none"
-        raise ValueError(f"{where}: {source!r} is no number of this effect; it has {valid}")
+        raise ValueError(f"{where}: {source!r} is not a number of this effect; it has {valid}")
 
 
 def roots_of(where: str, quantity: str, arm: Arm) -> set[str]:

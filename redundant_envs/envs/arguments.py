@@ -113,7 +113,7 @@ class ResetOptions:
 
 
 def checked_options(options: Any) -> dict[str, Any]:
-    """Options of a reset as a new dictionary, or a ValueError if they are no mapping."""
+    """Options of a reset as a new dictionary, or a ValueError if they are not a mapping."""
     if options is None:
         return {}
     if not isinstance(options, Mapping):

@@ -193,7 +193,7 @@ DAMAGES = {
     "claims 100000000 numbers": lambda w: saved({**w, "x": torch.zeros(1, dtype=torch.int64).expand(10**8)}),
     "torch DoubleStorage": lambda w: saved({**w, LAYER: w[LAYER].double()}),
     "no names of tensors": lambda w: saved([w[LAYER]]),
-    "'deep' is no float32": lambda w: saved({**w, "deep": {"a": w[LAYER]}}),
+    "'deep' is not a float32": lambda w: saved({**w, "deep": {"a": w[LAYER]}}),
     "claims 1000000000000 numbers": lambda w: saved({**w, "x": torch.zeros(1).expand(10**6, 10**6)}),
     "__builtin__ bytearray": lambda w: inner(saved(w), lambda _: BYTEARRAY),
     "compressed": lambda w: inner(saved(w), lambda data: data, zipfile.ZIP_DEFLATED),

@@ -30,7 +30,7 @@ def test_block_runs_alone(page, line, block, tmp_path, monkeypatch, capsys):
     code = compile("\n" * (line - 1) + block, str(page.relative_to(ROOT)), "exec")
     exec(code, {"__name__": "__main__"})
     shown = capsys.readouterr().out.splitlines()
-    assert len(shown) <= 30  # an example that floods the screen is none
+    assert len(shown) <= 30  # an example must not flood the screen
     assert ("print(" in block) == bool(shown)
 
 

@@ -147,7 +147,7 @@ def choosing_field(g):
 
 @dataclasses.dataclass(frozen=True)
 class Weightless(Effect):
-    """A field of a parameter alone, one side of whose choices is no number."""
+    """A field of a parameter alone, with a choice of which one side is NaN."""
 
     g: float = 1.0
 

@@ -36,7 +36,7 @@ class Derived(Effect):
 
 
 def test_a_number_that_follows_from_others_is_no_field():
-    with pytest.raises(ValueError, match=r"Derived\).twice is no argument of its class"):
+    with pytest.raises(ValueError, match=r"Derived\).twice is not an argument of its class"):
         rde.Scene(ARM, (Derived(),))
 
 
@@ -83,7 +83,7 @@ class Wall(rde.effects.LimitSpring):
     [
         (("upper", "lower"), r"of 'joint2' is .upper to .lower, which are 1.0 and -1.0; the first must"),
         (("lower", "lower"), "which are -1.0 and -1.0; the first must be below the second"),
-        (("lower", "top"), "travel gives 'top', which is no number of this effect; it has lower, upper"),
+        (("lower", "top"), "travel gives 'top', which is not a number of this effect; it has lower, upper"),
     ],
 )
 def test_a_travel_in_the_wrong_order_or_of_unknown_numbers_is_refused(ends, words):

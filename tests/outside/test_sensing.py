@@ -219,13 +219,13 @@ def reading(phi1):
     ("hook", "message"),
     [
         (Sensing(9, reading), r"joint is 9; give 0 to 3"),
-        (Sensing(0, of_command), r"of_command depends on command1; a sensor knows the motion"),
+        (Sensing(0, of_command), r"of_command depends on command1; a sensor may use the motion"),
         (Sensing(0, two_values), r"returns 2 values; a Sensing needs 1"),
         (
             Sensing(0, reading, {}, "position"),
             r"reading is 'position'; choose Reading.POSITION, Reading.RATE",
         ),
-        (Sensing(0, reading, {"phi1": ".bias"}), r"'.bias' is no number of this effect"),
+        (Sensing(0, reading, {"phi1": ".bias"}), r"'.bias' is not a number of this effect"),
     ],
 )
 def test_a_sensor_that_does_not_fit_is_refused(hook, message):

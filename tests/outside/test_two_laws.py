@@ -120,7 +120,7 @@ def on_side(side):
 @pytest.mark.parametrize(
     ("switch", "joint", "message"),
     [
-        ((".lower", ".upper"), 1, "switch: '.lower' is no number of this effect"),
+        ((".lower", ".upper"), 1, "switch: '.lower' is not a number of this effect"),
         (".lower", 1, "switch is '.lower'; give the names of two numbers"),
         ((".lower",), 1, "give the names of two numbers"),
         ((".lower", ".upper"), Point(3), "the force acts at a Point"),

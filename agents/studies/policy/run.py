@@ -97,7 +97,7 @@ def plan(study: Study, name: str, folder: Path) -> Plan:
         taken = read_config(run)
         if not (run / "policy.zip").is_file():
             raise ValueError(
-                f"arms.{name}.run is {arm.run!r}, which has no policy.zip: it is no finished run"
+                f"arms.{name}.run is {arm.run!r}, which has no policy.zip: it is not a finished run"
             )
         if (taken.env, taken.env_kwargs) != (preset.env, preset.env_kwargs):
             raise ValueError(

@@ -55,7 +55,7 @@ def model_of(arm: Any, unit: float, slopes: Array, points: Array) -> Any:
         if not carried[:, k].any():
             raise NotApplicable(f"{arm.joints[k]} moves no mass")
         if (carried[:, k:].any(axis=1) & ~carried[:, k]).any():
-            raise NotApplicable("a mass moves with a joint and not with those before it: this is no chain")
+            raise NotApplicable("a mass moves with a joint and not with those before it: this is not a chain")
         p = int(np.flatnonzero(carried[:, k])[-1])
         x, y = points[p].tolist()
         dx, dy = moved[p, k].tolist()
@@ -67,7 +67,7 @@ def model_of(arm: Any, unit: float, slopes: Array, points: Array) -> Any:
             expected = np.stack([y + dx - points[:, 1], points[:, 0] - x + dy], axis=1)
         apart = np.abs(moved[:, k] - expected)[carried[:, k]].max()
         if not apart <= MOVED * np.abs(moved).max():
-            raise NotApplicable(f"{arm.joints[k]} moves masses against each other: this is no chain")
+            raise NotApplicable(f"{arm.joints[k]} moves masses against each other: this is not a chain")
         text += f'<body><joint name="j{k}" {joint}/>'
         own = carried[:, k] & ~carried[:, k + 1 :].any(axis=1)
         for i in np.flatnonzero(own):

@@ -28,7 +28,7 @@ RULES = Promise(0.0, "rules broken", "at most")
 
 def _arguments(trial: Trial) -> dict[str, Any]:
     if trial.subject.env_id is None:
-        raise NotApplicable("this is no environment")
+        raise NotApplicable("this is not an environment")
     return {} if trial.subject.task is None else {"task": dict(trial.subject.task)}
 
 
@@ -96,7 +96,7 @@ def ranges(trial: Trial) -> Finding:
     what = ", ".join(sorted(named)) or "rewards"
     words = (
         f"of {2 * (WHOLE + 1)} resets and steps of {MANY} lanes {outside} have observations outside their "
-        f"space, and in {without} rewards or metrics ({what}) are no numbers; the "
+        f"space, and in {without} rewards or metrics ({what}) are not finite; the "
         "task's functions must give -1 to 1, and finite rewards and metrics, always"
     )
     return Finding(outside + without, "", words)

@@ -36,7 +36,7 @@ def numbers_at_rest(trial: Trial) -> Finding:
     verb = "is" if len(wrong) == 1 else "are"
     words = (
         f"at rest, without efforts, {', '.join(what for what, _ in wrong[:5])} "
-        f"{verb} no number; do not divide by a rate or an effort, which may be 0"
+        f"{verb} not finite; do not divide by a rate or an effort, which may be 0"
     )
     return Finding(len(wrong), where, words)
 
