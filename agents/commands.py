@@ -97,7 +97,7 @@ def train(
         str | None, typer.Option(help="several runs, such as 0..9 or 1,4,7; --out is the folder of theirs")
     ] = None,
     processes: Annotated[
-        int | None, typer.Option(help="runs at a time, each on a core of its own (default: all cores)")
+        int | None, typer.Option(help="runs at a time, each on its own core (default: all cores)")
     ] = None,
     on: Annotated[
         str, typer.Option(help="where several runs go: processes of this machine, or a ray cluster")
@@ -185,7 +185,7 @@ def tune(
     trials: Annotated[int, typer.Option(help="trainings in all")] = 30,
     out: Annotated[
         Path | None,
-        typer.Option(help="folder; a study that was stopped goes on in it (default runs/tune/CONFIG)"),
+        typer.Option(help="folder; a stopped study in it is continued (default runs/tune/CONFIG)"),
     ] = None,
     search: Annotated[
         list[str] | None,
@@ -195,7 +195,7 @@ def tune(
     ] = None,
     seed: Annotated[int, typer.Option(help="of the sampler")] = 0,
     processes: Annotated[
-        int, typer.Option(help="trials at a time, each on a core of its own; 1 to 4 give the same results")
+        int, typer.Option(help="trials at a time, each on its own core; 1 to 4 give the same results")
     ] = 1,
 ) -> None:
     """Search the learner's settings that hold most goals, with Optuna."""

@@ -53,7 +53,7 @@ def study_policy(
     config: Annotated[
         Path | None, typer.Option(help="YAML file (default configs/studies/policy.yaml)")
     ] = None,
-    out: Annotated[Path, typer.Option(help="folder; a study that was stopped goes on in it")] = Path(
+    out: Annotated[Path, typer.Option(help="folder; a stopped study in it is continued")] = Path(
         "runs/studies/policy"
     ),
     trust: Trust = False,
@@ -85,7 +85,7 @@ def study_strength(
     episodes: Annotated[int, typer.Option(help="goals")] = 1000,
     runs: Annotated[list[Path] | None, typer.Option(help="run folders to take beside those trained")] = None,
     processes: Annotated[int | None, typer.Option(help="trainings at a time (default: all cores)")] = None,
-    out: Annotated[Path, typer.Option(help="folder; a study that was stopped goes on in it")] = Path(
+    out: Annotated[Path, typer.Option(help="folder; a stopped study in it is continued")] = Path(
         "runs/studies/strength"
     ),
 ) -> None:

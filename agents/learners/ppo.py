@@ -191,7 +191,7 @@ class AveragedPPO(Averaging, PPO):
         dlog_prob = advantages * ratio * inside * (-1.0 / count)
         torch.sum(dlog_prob * (deviation.square() - 1.0), 0, out=actor.dextra)
         actor.dextra.sub_(entropy)
-        # beyond the bounds of actions, where |a - a'|^2 would have no slope, it goes on as a straight line
+        # beyond the bounds of actions, where |a - a'|^2 would have no slope, it continues as a straight line
         apart = numbers * means[0].clamp(-1.0, 1.0) - sums
         dmeans = torch.addcmul(apart * (2.0 * self.smoothness / count), dlog_prob * deviation, inverse)
         actor.backward(tape, dmeans[None])

@@ -40,12 +40,12 @@ def train_many(configs: Mapping[str, Config], folder: Path, processes: int | Non
         Folder inside ``folder`` -> configuration.
     folder : Path
     processes : int, optional
-        Runs at a time; without it one for each core. Each has a core of its own while there are enough.
+        Runs at a time; without it one for each core. Each has its own core while there are enough.
 
     Raises
     ------
     Stopped
-        The user asked to stop; the same command goes on.
+        The user asked to stop; the same command continues the runs.
     ValueError
         ``processes`` is not allowed, a folder holds another run, or a run failed (reported after the others
         were finished).

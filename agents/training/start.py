@@ -29,7 +29,7 @@ ASPECTS = ("_shape", "dtype", "low", "high", "spaces")
 def start_from(model: Any, config: Config, env: Any) -> None:
     """Give a learner, its averages and its targets the weights of the policy of ``config.start_from``.
 
-    Optimisers, replay buffer and a learned weight of the entropy begin anew.
+    Optimisers, replay buffer and a learned weight of the entropy are initialised.
 
     Parameters
     ----------

@@ -88,7 +88,7 @@ class Experiment(ExperimentManager):
         found = super().setup_experiment()
         if found is not None:
             model = found[0]
-            # after the learner, which gives its own seed to the environments: else runs shared most goals
+            # after the learner, which sets its own seed in the environments: else runs would share most goals
             model.get_env().seed(first_environment_seed(self.seed))
             # the last rollout ends after the last step, where a linear schedule is below 0
             schedule = model.lr_schedule

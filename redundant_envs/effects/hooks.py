@@ -82,8 +82,8 @@ class Force:
     The power of a force without a potential counts as work entirely. ``python -m redundant_envs verify``
     differentiates the potential and compares.
 
-    ``stiffness`` [N/m or N m/rad] and ``damping`` [N s/m or N m s/rad] give the largest that the
-    force can have, from the parameters alone: error control takes steps short enough for a spring
+    ``stiffness`` [N/m or N m/rad] and ``damping`` [N s/m or N m s/rad] are the largest that the
+    force can have, computed from the parameters alone: error control takes steps short enough for a spring
     before an estimate could have seen it. They are derivatives of the force, by its position at rest and
     by its rate; ``verify`` differentiates it and compares. A force with a ``damping`` must brake: a force
     that drives declares none, or is an :class:`Actuation`. If the damping is not the same everywhere, that of

@@ -59,7 +59,7 @@ class Arm:
     position alone must not return quantities that depend on rates. ``python -m redundant_envs verify``
     compares such forms with the point masses.
 
-    An arm with coordinates of its own names them, ``coordinates``, ``rates``, ``joints``, ``prismatic``,
+    An arm with other coordinates names them, ``coordinates``, ``rates``, ``joints``, ``prismatic``,
     ``sincos`` and ``num_lengths``, instead of ``joint_types``. If they are not those of the joints it
     computes ``phi1 ..``, ``phid1 ..``, ``Q1 ..`` from ``t1 ..``, each by a function of its own, and
     ``coordinates_of_joints``. (ax, ay) is minus the gravity vector [m/s^2].

@@ -1,6 +1,6 @@
 """An arm from the types of its joints: "RPR" is a revolute, a prismatic, a revolute joint, from the base on.
 
-Angles are absolute, from +x. A revolute joint begins a new direction, with a link of its own length and a
+Angles are absolute, from +x. A revolute joint begins a new direction, with a link of the next length and a
 mass at its end; a slider moves along the direction before it, or along +x if no revolute joint is before it,
 and has a mass at its end. Revolute joints and sliders are counted each on their own: theta1, r1, theta2.
 """

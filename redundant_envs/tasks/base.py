@@ -25,9 +25,9 @@ class Task:
     ``action1 ..``, ``low<k>`` and ``high<k>`` (ends of the travel of slider k), ``reach``, ``interval`` (the
     control interval, s) and ``steps`` (control steps of the episode before this one).
 
-    An episode begins with ``begin_functions``, which give the task's ``memory`` from ``draw1 ..``, uniform in
-    (0, 1). After each control interval first the ``moves`` are applied, then reward and metrics are computed,
-    then the ``updates`` are applied; the observation follows from state and memory alone.
+    An episode begins with ``begin_functions``, which compute the task's ``memory`` from ``draw1 ..``, uniform
+    in (0, 1). After each control interval first the ``moves`` are applied, then reward and metrics are
+    computed, then the ``updates`` are applied; the observation follows from state and memory alone.
 
     Parameters
     ----------

@@ -248,7 +248,7 @@ class GoalReachTask(ReachTask):
     """The task with its goal beside the observation, and the reward of the two goals alone.
 
     A reward of 1 or 0 cannot cancel the earlier rewards of an episode, and an arm that whirls may touch its
-    goal by luck. So an arm beyond the speed bound is flagged and goes on, and efforts cannot end
+    goal by luck. So beyond the speed bound the episode is flagged and goes on, and efforts cannot end
     an episode early.
     """
 
