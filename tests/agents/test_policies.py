@@ -1,4 +1,4 @@
-"""policy.zip: stable-baselines3 alone loads it, and a stranger's runs no code here."""
+"""policy.zip: stable-baselines3 alone loads it, and a stranger's file runs no code here."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ class Evil:
 
 
 def replace(path: Path, **members: bytes | None) -> None:
-    """Give members of a zip file other bytes; None leaves one out."""
+    """Replace the bytes of members of a zip file; None removes a member."""
     with zipfile.ZipFile(path) as archive:
         kept = {name: archive.read(name) for name in archive.namelist()}
     kept |= {name.replace("_pth", ".pth"): data for name, data in members.items()}
@@ -181,7 +181,7 @@ def test_objects_beside_the_weights_are_not_unpickled_without_trust(run, tmp_pat
 
 LAYER = "mlp_extractor.policy_net.0.weight"
 BYTEARRAY = b"\x80\x02}X\x01\x00\x00\x00ac__builtin__\nbytearray\nJ\xff\xff\xff\x7f\x85Rs."
-"""A pickle that asks for 2 GiB."""
+"""A pickle that allocates 2 GiB."""
 DAMAGES = {
     "is not a plain table": lambda w: b"nothing",
     "is not a plain table of float32": lambda w: saved(w)[:-100],

@@ -43,7 +43,7 @@ RUN = RESULTS / "runs" / "rprp_reach_sac" / "seed0"
 
 
 def observations(env, seed=7):
-    """Those of an environment that is left alone for some steps."""
+    """Observations of an environment without actions for some steps."""
     env.seed(seed)
     found = env.reset()
     for _ in range(5):

@@ -1,4 +1,4 @@
-"""Tuning: search spaces, and studies that go on."""
+"""Tuning: search spaces, and continued studies."""
 
 import csv
 import re
@@ -30,7 +30,7 @@ GAMMA = ["ppo.gamma=0.5..0.9"]
 
 
 def rows(folder):
-    """trials.csv without the seconds, which no two runs share."""
+    """trials.csv without the seconds, which differ from run to run."""
     with (folder / "trials.csv").open(newline="") as file:
         return [{k: v for k, v in row.items() if k != "seconds"} for row in csv.DictReader(file)]
 

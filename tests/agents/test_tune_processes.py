@@ -1,4 +1,4 @@
-"""Tuning: ties that the return breaks, and several trials at a time, which find what one at a time finds."""
+"""Tuning: ties that the return breaks, and several trials at a time, with the results of one at a time."""
 
 import contextlib
 

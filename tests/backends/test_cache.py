@@ -1,4 +1,4 @@
-"""The folder of machine code: damage is found, nothing is half written, and without it memory serves."""
+"""The folder of machine code: damage is found, files are never incomplete, and it is optional."""
 
 import hashlib
 import os
@@ -51,7 +51,7 @@ def whole(tmp_path_factory):
 
 @pytest.fixture
 def folder(whole, tmp_path, capsys):
-    """A folder of one's own; folders may be moved."""
+    """A folder of the user's choice; folders may be moved."""
     shutil.copytree(whole, tmp_path / "cache")
     capsys.readouterr()
     return tmp_path / "cache"
@@ -227,7 +227,7 @@ def test_only_the_programs_used_last_are_kept_and_nothing_else_is_touched(folder
     (folder / f"{'e' * 40}.code").mkdir()  # named like a program, but not one
     left = {p.name for p in folder.iterdir()}
     gone = {f"{name}.{kind}" for name in names[:2] for kind in ("code", "lock")}
-    os.utime(folder / NAME, (0, 0))  # the one not used for longest, but it is used now
+    os.utime(folder / NAME, (0, 0))  # the least recently used one, but it is used now
     assert load(folder, monkeypatch) == []
     cache._prune(folder)
     assert {p.name for p in folder.iterdir()} == left - gone

@@ -1,4 +1,4 @@
-"""What sliders do at their stops and undo again within one step."""
+"""Events of sliders at their stops that are reversed within one step."""
 
 import dataclasses
 
@@ -88,7 +88,7 @@ def test_no_interval_of_a_family_hides_an_impact(number):
 
 
 def test_errors_that_grow_over_many_impacts_are_kept_or_flagged():
-    """Up to 256 impacts in 0.1 s: what two references agree in is right, and little is given up."""
+    """Up to 256 impacts in 0.1 s: results on which two references agree are right, and few are given up."""
     family = hidden_impacts.Family(control_dt=0.1, travel=0.02, restitution=0.99)
     tally = hidden_impacts.judge(family, 4096, seed=3)
     assert tally.missed == 0  # two were
@@ -97,7 +97,8 @@ def test_errors_that_grow_over_many_impacts_are_kept_or_flagged():
 
 
 def test_errors_that_two_sliders_double_at_each_of_twenty_impacts_are_kept():
-    """Found by fuzzing: 22 impacts in 0.2 s made an error of a hundredth of the tolerance 79 of them."""
+    """Found by fuzzing: 22 impacts in 0.2 s amplified an error of a hundredth of the tolerance to 79 of
+    it."""
     arm, stop = rde.RPRP((0.1, 1.9, 0.3, 2.7), (1.7, 1.4)), ((0.0, 0.0), (0.53, 0.33), 1.0)
     effects = (
         rde.effects.CentringSpring((21e3, 220.0), (0.0, 0.0), (0.76, 2.3)),

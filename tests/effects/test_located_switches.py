@@ -75,7 +75,7 @@ def test_a_motion_that_touches_its_spring_between_all_stages_is_seen(made):
 
 
 def test_a_joint_that_rests_on_its_spring_costs_what_a_free_one_costs():
-    """It settles to rounding; no noise moves it from one law to the other and back."""
+    """It settles to rounding; no noise switches it from one law to the other and back."""
     friction = e.ViscousFriction((1.0, 20.0, 1.0, 20.0))
     made = rde.Scene(RPRP, (e.Gravity(), friction, *springs(RPRP, 5e3)), tolerance=1e-6)
     batch = rde.BatchSimulator(made, 3)
@@ -177,7 +177,7 @@ class Silent(e.LimitSpring):
 
 
 class Estimated(Silent):
-    """One whose kink is not looked for, either."""
+    """A spring whose kink is not searched, either."""
 
 
 @pytest.mark.parametrize("damping", [0.0, 35.0])

@@ -28,10 +28,10 @@ def faults(seed, lanes=400):
     after, status = advanced(made, q, qd, efforts)
     by_account, judged = expected(arm, q, qd, efforts, sides, restitution)
     judged &= status.numerics == 0
-    # All sliders that stand may be said to rest, or some of them.
+    # All sliders without velocity may be declared at rest, or some of them.
     standing = np.where((kinds == STANDS) & (rng.random(sides.shape) < rng.choice([0.5, 1.0])), sides, 0.0)
     remembered, _ = advanced(made, q, qd, efforts, standing)
-    # One that is about to strike does so a little later, alone. Where it sends two others onto their stops,
+    # A slider that is about to strike does so a little later, alone. If it sends two others onto their stops,
     # these strike at once only if they have not moved.
     before, rates = q.copy(), np.where(np.abs(qd) <= 1e-13, 0.0, qd)
     before[:, arm.sliders()] -= np.where(kinds == ENTERS, sides, 0.0) * 1e-15

@@ -20,7 +20,7 @@ FAST, FASTER, BEYOND_BOUND = (1e10, 0.0, 0.0, 0.0), (1e30, 0.0, 0.0, 0.0), (150.
 
 
 def tables():
-    """Rows of the tables that have a column for each face: what -> cells."""
+    """Rows of the tables that have a column for each kind of environment: case -> cells."""
     rows = {}
     for block in re.split(r"\n\n", PAGE):
         lines = [
@@ -39,7 +39,7 @@ FACES = {
 }
 
 
-# ---- what the rows do -----------------------------------------------------------------------------
+# ---- the cases of the rows ------------------------------------------------------------------------
 
 
 @dataclass
@@ -163,7 +163,7 @@ def bits(numerics):
 
 
 def outcome(face, env_id, trouble):
-    """What happens, in the words of the page."""
+    """The outcome, in the words of the page."""
     try:
         made = face(env_id, **trouble.make)
     except ValueError as error:

@@ -1,4 +1,4 @@
-"""The faces of an environment, asked alike: the first environment is in trouble, its neighbour is not."""
+"""All kinds of environments with one interface: the first environment is faulty, its neighbour is not."""
 
 from dataclasses import dataclass
 from typing import Any
