@@ -35,7 +35,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=Path("runs/fuzz"))
     parser.add_argument("--replay", type=Path, help="a file of a failure, to be played again")
     given = parser.parse_args(arguments)
-    # Its kernels are many; those of the user and of the tests stay where they are.
+    # It compiles many kernels, which must not replace those of the user and of the tests.
     os.environ.setdefault("REDUNDANT_ENVS_CACHE", str(given.out / "kernels"))
     if given.replay is not None:
         return replay(given.replay)

@@ -1,4 +1,4 @@
-"""Cases of the environments: a drawn scene with motors, a face, and resets, steps, snapshots in any order."""
+"""Cases of the environments: a random scene with motors, a kind of environment, and calls in any order."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ AUTORESETS = ("next_step", "same_step", "disabled")
 
 
 def limited_scene(rng: Generator) -> Scene:
-    """A scene that an environment takes: motors, joint efforts, sliders of limited travel."""
+    """A scene that an environment accepts: motors, joint efforts, sliders of limited travel."""
     for _ in range(TRIES):
         scene = drawn_scene(rng, (MOTORS,), "joint", calm=bool(rng.random() < 0.6))
         sliders = scene.robot.sliders()

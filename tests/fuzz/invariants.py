@@ -18,7 +18,7 @@ from .playing import Lanes, Make, Player, play
 from .references import astuple, lane_parameters, of_lanes
 
 MOST_TRIALS, MOST_MORE, MOST_ADAPTIVE = 65536, 18, 1_000_002
-"""Steps of an interval, more of each substep, and the most of dop853 beside them."""
+"""Most steps of an interval, more for each substep, and the most for dop853."""
 STRUCTURES = ("save", "copy", "pickle", "npz")
 NON_FINITE, GIVEN_UP = int(rde.Numerics.NON_FINITE), int(rde.Numerics.EVENT_BUDGET)
 
@@ -49,7 +49,7 @@ def only_documented_exceptions(played: Played) -> list[Violation]:
 
 
 def a_refused_call_changes_nothing(played: Played) -> list[Violation]:
-    """A call that raises leaves all lanes as they are, to the last bit."""
+    """A call that raises leaves all lanes unchanged, to the last bit."""
     return [
         Violation("a_refused_call_changes_nothing", k, lane, f"{step.call['call']} changed it, and raised")
         for k, step in enumerate(played.steps)
@@ -59,7 +59,7 @@ def a_refused_call_changes_nothing(played: Played) -> list[Violation]:
 
 
 def what_is_not_finite_is_flagged(played: Played) -> list[Violation]:
-    """``finite`` and the flag NON_FINITE say whether a lane's state is a number in every component."""
+    """``finite`` and the flag NON_FINITE say whether a lane's state is finite in every component."""
     found = []
     for k, step in played.intervals():
         numeric = [np.isfinite(a).all(axis=1) for a in (step.after.q, step.after.qd, step.after.z)]
@@ -75,7 +75,7 @@ def what_is_not_finite_is_flagged(played: Played) -> list[Violation]:
 
 
 def a_given_up_interval_leaves_its_lane(played: Played) -> list[Violation]:
-    """A lane with more events than an interval may have is back where the interval began."""
+    """A lane with more events than an interval may have returns to the start of the interval."""
     found = []
     for k, step in played.intervals():
         given_up = (step.status["numerics"] & GIVEN_UP) > 0

@@ -18,9 +18,9 @@ from .playing import Make
 from .playing_episodes import EpisodePlayer, EpisodeStep, Given, made, play_episodes
 
 ROUNDING = 1e-9
-"""Of a sum of a hundred rewards of at most 1."""
+"""Rounding of a sum of a hundred rewards of at most 1."""
 FLOAT32 = 1e-4
-"""The same of rewards in single precision, as stable-baselines3 has them."""
+"""The same for rewards in single precision, as in stable-baselines3."""
 SNAPSHOTS = ("save", "copy", "pickle")
 
 
@@ -38,7 +38,7 @@ class PlayedEpisodes:
         return Scene.from_dict(self.case["scene"])
 
     def tables(self) -> Iterator[tuple[int, int, str, Array]]:
-        """Call, lane, name and line of every observation."""
+        """Call, lane, name and row of every observation."""
         for k, step in enumerate(self.steps):
             for name, table in (step.given.obs or {}).items():
                 for lane, line in enumerate(table):
@@ -67,7 +67,7 @@ def only_documented_exceptions(played: PlayedEpisodes) -> list[Violation]:
 
 
 def a_refused_call_changes_nothing(played: PlayedEpisodes) -> list[Violation]:
-    """A call that raises leaves everything that decides the future as it is."""
+    """A call that raises leaves everything that determines the continuation unchanged."""
     found = []
     for k, step in enumerate(played.steps):
         if step.error is None:
@@ -163,7 +163,7 @@ def no_slider_is_beyond_its_stop(played: PlayedEpisodes) -> list[Violation]:
 
 
 def apart(one: Given, other: Given, order: list[int]) -> list[int]:
-    """Places of lanes at which what two calls gave differs."""
+    """Indices of lanes for which the results of two calls differ."""
     found: set[int] = set()
     rows = [(one.obs or {}).get(name) for name in (other.obs or {})] + [
         one.reward,
@@ -206,7 +206,7 @@ def no_lane_depends_on_others(played: PlayedEpisodes) -> list[Violation]:
 
 
 def of_lanes(case: Case, order: list[int]) -> Case:
-    """The case of some lanes, with their rows of the options of resets."""
+    """The case with some of its lanes, with their rows of the options of resets."""
     options = [call.get("options") for call in case["calls"]]
     made = with_lanes(case, order)
     remaining = [

@@ -16,7 +16,7 @@ from .playing import Make, Step
 
 @dataclass(frozen=True)
 class Violation:
-    """A promise that was not kept: in which call, in which lane (-1: in none), and by how much."""
+    """A broken promise: its call, its lane (-1: none), and by how much it was missed."""
 
     invariant: str
     call: int
@@ -68,7 +68,7 @@ class Played:
 
 
 def same(one: Array, other: Array) -> Any:
-    """Where two arrays have the same bits; a NaN is as good as another."""
+    """Entries in which two arrays have the same bits; all NaN count as equal."""
     if one.dtype.kind != "f":
         return one == other
     whole = {8: np.int64, 4: np.int32}[one.dtype.itemsize]

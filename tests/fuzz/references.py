@@ -24,7 +24,7 @@ FINE_ACROSS_KINKS = ((1536, 2560, 4297), (12288, 20483, 34381))
 """Where a force changes its law errors depend on where a step meets the change: of 96 and 160 steps both were
 off by three tolerances, and by the same."""
 AGREEMENT = 0.1
-"""References agree where their tips differ by less than this, in units of the tolerance."""
+"""References agree if their tips differ by less than this, in units of the tolerance."""
 ROUNDING = 1e-9
 """The tolerance of scenes that have none, in units of the arm's length."""
 
@@ -145,7 +145,7 @@ def judged(scene: Scene, step: Step, lanes: NDArray[np.intp]) -> Judgement:
 
 
 def rounding_of(scene: Scene, lanes: Lanes, steps: int) -> Array:
-    """How far rounding may put the tip in so many steps that all round the same way, m."""
+    """Largest error of the tip by rounding, in a number of steps that all round the same way, m."""
     own, arm = lane_parameters(scene, lanes), scene.loaded_robot
     slides = list(arm.sliders())
     size = np.sum([own[name] for name in own if "." not in name and name.startswith("l")], axis=0)

@@ -1,4 +1,4 @@
-"""Cases drawn one after another, for as long as asked; each failure becomes a small file."""
+"""Cases drawn one after another, for a given time; each failure becomes a small file."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from .played import Tally, Violation
 HARNESS = "the_case_is_played"
 """The name of the failure of a case that could not be judged: an exception outside its calls."""
 TOLD = 10
-"""Cases between two lines of progress."""
+"""Number of cases between two lines of progress."""
 FEW, MANY = 12, 128
-"""Lanes of an environment, at most."""
+"""Most lanes of an environment."""
 KEPT = 5
-"""Failures of one invariant that become files."""
+"""Most failures of one invariant that become files."""
 
 
 def drawn(seed: int, number: int) -> Case:
@@ -41,7 +41,7 @@ def drawn(seed: int, number: int) -> Case:
 
 
 def judged(case: Case, tally: Tally | None = None) -> list[Violation]:
-    """The violations of a case of any face."""
+    """The violations of a case of any kind."""
     try:
         if case["face"] in ENVIRONMENTS:
             return episode_violations(case, tally=tally)
@@ -53,7 +53,7 @@ def judged(case: Case, tally: Tally | None = None) -> list[Violation]:
 
 
 def small(case: Case, kind: str, seconds: float) -> Case:
-    """The case made small while it fails in the same way."""
+    """The case, minimised while it fails in the same way."""
     return minimised(case, lambda c: any(v.invariant == kind for v in judged(c)), seconds)
 
 

@@ -126,7 +126,7 @@ CASES: dict[str, Case] = {}
 
 
 def check(case: Case, figures: Iterable[Figure]) -> None:
-    """AssertionError that says which case misses which promise, and by how much."""
+    """AssertionError that names the case, the missed promise, and by how much it is missed."""
     missed = [f"{case.name}: {figure}" for figure in figures if not figure.kept]
     assert not missed, "\n".join(missed)
 

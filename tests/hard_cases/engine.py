@@ -1,4 +1,4 @@
-"""MuJoCo as a subject of the cases that can be asked of it."""
+"""MuJoCo as a subject of the cases that it can simulate."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ def table(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def subnormal_time() -> str:
-    """How long an interval with subnormal rates takes beside one with others: no test, as speeds are."""
+    """Time of an interval with subnormal rates relative to one with others; speeds are not tested."""
     lanes, seconds = 1024, []
     scene = rde.Scene(rde.FourR((1.0,) * 4, (0.5,) * 4), (), tolerance=1e-6)
     for rate in (1.0, 1e-310):
@@ -88,7 +88,7 @@ TIMED = {"18": subnormal_time}
 
 
 def section(case: Case, found: dict[str, list[Figure]]) -> list[str]:
-    """The part of the page about one case."""
+    """The section of the page about one case."""
     lines = [heading(case), "", case.hard, "", f"*Naive:* {case.naive}"]
     if case.mujoco:
         lines += ["", f"*MuJoCo:* {case.mujoco}"]

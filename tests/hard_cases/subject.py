@@ -43,7 +43,7 @@ class Motion:
 
 
 def commands(efforts: object, lanes: int, joints: int) -> Callable[[int], np.ndarray]:
-    """Efforts of an interval by its number; given as None, an array, or such a function."""
+    """Efforts of an interval by its number, from None, an array, or such a function."""
     if callable(efforts):
         return lambda k: np.broadcast_to(efforts(k), (lanes, joints))
     table = np.broadcast_to(0.0 if efforts is None else efforts, (lanes, joints))
@@ -57,7 +57,7 @@ def started(q: object, qd: object) -> tuple[np.ndarray, np.ndarray]:
 
 
 def unfilled(q: np.ndarray, qd: np.ndarray, intervals: int) -> Motion:
-    """A motion of which only the start is known."""
+    """A motion that contains only its start."""
     shape = (intervals + 1, *q.shape)
     motion = Motion(
         np.empty(shape), np.empty(shape), np.zeros(len(q), int), np.zeros((intervals, len(q)), int)
@@ -71,9 +71,9 @@ class Subject:
 
     name = "this package"
     longest = np.inf
-    """Longest step of a variant, s, where it takes equal steps; a case may give it another."""
+    """Longest step of a variant with equal steps, s; a case may change it."""
     threads = 1
-    """Of its simulators; a case may ask for more."""
+    """Threads of its simulators; a case may use more."""
 
     def arm(self, kind: str, masses: object, lengths: object) -> rde.Arm:
         """An arm, or a refusal."""

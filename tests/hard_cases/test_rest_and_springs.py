@@ -164,6 +164,6 @@ def test_34_lugre_friction_waits_for_its_effect(subject):
 
 
 def waiting(effect):
-    """The case must be written when its effect is there."""
+    """The case must be written when its effect exists."""
     there = hasattr(e, effect)
     yield Figure(f"the number of effects {effect} (with one, this case must be written)", there, at_most=0)

@@ -69,7 +69,7 @@ def test_too_long_steps_are_refused():
 @pytest.mark.parametrize("actuation", ["joint", "generalized"])
 @pytest.mark.parametrize("arm", ARMS)
 def test_elimination_is_the_dense_solution(arm, actuation):
-    """The O(n) right-hand side of the step gives what M, h and G do: accelerations, and a motion."""
+    """The O(n) right-hand side of the step agrees with M, h and G: accelerations, and a motion."""
     scene = rde.Scene(ROBOTS[arm], SMOOTH, actuation=actuation)
     with mpmath.workdps(40):
         one, other = (d(scene, [mpmath.mpf(e) for e in EFFORTS]) for d in (eliminated, dense))

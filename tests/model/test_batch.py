@@ -79,7 +79,7 @@ def test_save_and_restore_continue_to_the_last_bit(scene):
     np.testing.assert_array_equal(batch.q, first)
 
 
-# ---- parameters of a lane's own --------------------------------------------------------------------
+# ---- separate parameters of a lane -----------------------------------------------------------------
 
 
 @pytest.mark.parametrize("count", [3, 11])

@@ -162,7 +162,7 @@ def test_every_operation_stands_under_a_function_a_file_and_a_line_that_exist(na
 
 @pytest.mark.parametrize("name", SHOWN)
 def test_operations_stand_under_who_asked_for_them(name):
-    """The line of an operation of an arm or of an effect has its sign; nobody asks from the listing."""
+    """The source line of an operation of an arm or of an effect contains its operator."""
     text, looked_at = rde.listing(SHOWN[name]), 0
     assert "model/listing.py" not in text
     for place, operation, first in operations(text):
@@ -236,7 +236,7 @@ def test_the_bill_of_an_effect_is_what_a_hand_counts(integrator):
 @pytest.mark.parametrize("integrator", STAGES)
 def test_the_bill_of_an_arm_grows_with_the_stages(integrator):
     arm = rde.bill(scene(FOUR_R, (e.Gravity(),), integrator))["arm"]
-    assert arm.sine_pairs == 3 * STAGES[integrator]  # of the differences; gravity asks for the first link's
+    assert arm.sine_pairs == 3 * STAGES[integrator]  # of the differences; gravity needs the first link's
     assert arm.divisions == 3 * STAGES[integrator]
     assert arm.bytes == 8 * (4 + 4 + 4 + 4)  # coordinates, rates, masses, lengths
 

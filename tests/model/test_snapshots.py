@@ -1,4 +1,4 @@
-"""Snapshots of simulators: of this scene they are taken whole, of another one refused by name."""
+"""Snapshots of simulators: those of the same scene are restored completely, others refused by name."""
 
 import dataclasses
 import os

@@ -1,4 +1,4 @@
-"""Rotors and links with inertias of their own move as in MuJoCo, and everything knows them."""
+"""Rotors and links with inertias move as in MuJoCo, and all quantities include them."""
 
 import copy
 import dataclasses

@@ -1,4 +1,4 @@
-"""An arm with a load moves, to the bit, as an arm with that much more mass."""
+"""An arm with a load moves, to the bit, like an arm with that much more mass."""
 
 import dataclasses
 

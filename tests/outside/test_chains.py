@@ -38,7 +38,7 @@ rde.register_arm(Cart, SCENE)
     [("RPRP", rde.RPRP(MASSES, (0.3, 0.5))), ("RRRR", rde.FourR(MASSES, (0.3, 0.5, 0.4, 0.6)))],
 )
 def test_a_chain_moves_as_the_arm_written_by_hand(types, hand):
-    """Through impacts, with masses of each lane's own."""
+    """Through impacts, with separate masses for each lane."""
     effects = [e.Gravity(), e.ViscousFriction(0.1)]
     if hand.sliders():
         effects.append(e.PrismaticStop((0.0, 0.0), (0.3, 0.3), 0.7))

@@ -28,7 +28,7 @@ from redundant_envs.studies.intervals import judge
 
 
 def crossed(scene, q, qd, efforts, parts=1, z=None, **how):
-    """Tips and states of effects after a control interval in so many parts, and its status."""
+    """Tips and states of effects after a control interval in a number of parts, and its status."""
     batch = rde.BatchSimulator(dataclasses.replace(scene, **how), len(q))
     batch.set_state(q, qd)
     if z is not None:
@@ -92,14 +92,14 @@ LIFTERS = [rde.FourR((0.5,) * 4, (0.25,) * 4), rde.RPRP((0.5,) * 4, (0.25, 0.25)
 
 
 class Estimated(e.EffortLimits):
-    """Limits whose kinks are not looked for."""
+    """Limits whose kinks are not searched."""
 
 
 @pytest.mark.parametrize(
     "arm", [pytest.param(LIFTERS[0], marks=pytest.mark.long), LIFTERS[1]], ids=["4R", "RPRP"]
 )
 def test_the_kink_of_a_limit_behind_a_lag_is_found_and_the_tolerance_is_kept(arm, monkeypatch):
-    """The effort stops to change within the interval: the estimate alone lets more than a tolerance pass."""
+    """The effort stops changing within the interval: the estimate alone lets more than a tolerance pass."""
     rng, n = np.random.default_rng(0), 2000
     low, high = np.where(arm.prismatic, 0.0, -3.0), np.where(arm.prismatic, 0.5, 3.0)
     q, qd = rng.uniform(low, high, (n, 4)), rng.normal(0.0, 0.5, (n, 4))

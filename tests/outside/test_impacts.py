@@ -12,7 +12,7 @@ from redundant_envs.effects import Effect, Impact
 
 @dataclasses.dataclass(frozen=True)
 class Bumper(Effect):
-    """Stops of one slider with a restitution of its own."""
+    """Stops of one slider with its own restitution."""
 
     joint: int = 1
     upper: float = 0.2

@@ -1,4 +1,4 @@
-"""Effects from outside that would mean something else than they say are refused when a scene is made."""
+"""Effects from outside that contradict their own declarations are refused when a scene is made."""
 
 from dataclasses import dataclass, field
 
@@ -69,7 +69,7 @@ def zero():
 
 @dataclass(frozen=True)
 class Wall(rde.effects.LimitSpring):
-    """A limit spring that says by itself which of its numbers limit the travel."""
+    """A limit spring that declares which of its numbers limit the travel."""
 
     ends: tuple = ("lower", "upper")
     static = ("coordinate", "ends")

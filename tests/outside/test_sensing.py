@@ -71,7 +71,7 @@ def test_a_biased_sensor_shows_what_an_arm_elsewhere_shows(name):
         there = q[k] + np.array(BIAS) @ inverse
         joints = there @ arm.motor_map
         if not all(0.0 <= joints[i] <= 0.25 for i in arm.sliders()):
-            continue  # an arm cannot stand beyond its stops; a sensor may say so
+            continue  # an arm cannot be beyond its stops; a sensor may read so
         shown, _ = env.reset(options={"q": there, "qd": qd[k] + np.array(SPEEDS) @ inverse, "goal": goal})
         np.testing.assert_allclose(read[k], shown, atol=3e-7)
         compared += 1

@@ -102,7 +102,7 @@ def doubled(position, lower, upper, side, soft, harder):
 
 
 class Badly(Effect):
-    """Says in several ways what cannot be."""
+    """Declares impossible switches in several ways."""
 
     def __init__(self, joint=1, switch=(".lower", ".upper"), bind=None):
         object.__setattr__(self, "made", (joint, switch, bind))

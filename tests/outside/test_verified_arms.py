@@ -103,7 +103,7 @@ def wrong_way_back(phi1, phi2, phi3):
 
 
 def gyroscopic(x, h1, h2, h3):
-    """A force that does no work, and that no mass makes."""
+    """A force that does no work, and that no mass causes."""
     return h1 + 1e-3 * x["w2"], h2 - 1e-3 * x["w1"], h3
 
 
@@ -145,7 +145,7 @@ def turned(x, *C):
 
 
 def given_by(arm, name):
-    """The function of an arm that gives a quantity."""
+    """The function of an arm that returns a quantity."""
     return next(f for f in arm.functions if name in gives_of(f))
 
 

@@ -105,7 +105,7 @@ class ExactPoint:
         self.cache = {}
 
     def rational(self):
-        """A rational number with a numerator that is seldom repeated."""
+        """A rational number whose numerator is seldom repeated."""
         return sp.Rational(self.random.choice((-1, 1)) * self.random.randint(1000, 9999), 1009)
 
     def trig(self, atom):

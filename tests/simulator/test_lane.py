@@ -30,7 +30,7 @@ def lane():
 
 
 def names_read(function):
-    """Places that a traced function loads."""
+    """Memory rows that a traced function loads."""
     return [n.extra for n in reached(function.results) if n.name == "load"]
 
 

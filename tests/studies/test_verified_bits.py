@@ -42,7 +42,7 @@ def effort_of(waiting):
 
 
 class Late(Effect):
-    """The command of the interval before acts: a state of the first motor."""
+    """The command of the previous interval acts: a state of the first motor."""
 
     def hooks(self, arm):
         kept = State("waiting", "N m", update=renewed, bind={"command": "command1"})
@@ -198,7 +198,7 @@ def _threads(self, actions, right=ArmVectorEnv.step):
 
 
 def _late_nan(self, actions, right=ArmVectorEnv.step):
-    """Beyond what short episodes see."""
+    """Beyond the range of short episodes."""
     obs, reward, terminated, truncated, infos = right(self, actions)
     return obs, np.where(infos["episode_steps"] == 40, np.nan, reward), terminated, truncated, infos
 

@@ -91,7 +91,7 @@ class ExplicitEuler(EqualSteps):
 
 
 class FixedSteps(EqualSteps):
-    """RK4 with 10 ms, because it always was enough: nothing asks whether it still is."""
+    """RK4 with 10 ms, because that was always enough: nothing checks whether it still is."""
 
     name = "fixed steps of 10 ms"
     longest = 1e-2
