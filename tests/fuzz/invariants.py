@@ -143,8 +143,8 @@ def no_lane_depends_on_others(played: Played) -> list[Violation]:
                 for lane in np.flatnonzero(~same(value[order], again.status[name])).tolist()
             ]
             if apart:
-                place = f"place {apart[0]} of {len(order)}, {other['threads']} threads"
-                text = f"after call {steps[k].call['call']} it is another one at {place}"
+                place = f"index {apart[0]} of {len(order)}, {other['threads']} threads"
+                text = f"after call {steps[k].call['call']} its bits differ at {place}"
                 found.append(Violation("no_lane_depends_on_others", k, order[apart[0]], text))
                 break
     return found
