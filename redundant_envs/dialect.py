@@ -22,9 +22,9 @@ def check(function: Any) -> None:
 
 
 def results_of(function: Any) -> int:
-    """Number of values that a function of the dialect returns; ValueError if it is not one."""
+    """Number of values that a function of the dialect returns; ValueError if it is none."""
     if not callable(function):
-        raise ValueError(f"{function!r:.80} is not a function; write one with 'def', marked @physics")
+        raise ValueError(f"{function!r:.80} is no function; write one with 'def', marked @physics")
     name = f"{getattr(function, '__module__', '')}.{getattr(function, '__qualname__', repr(function))}"
     if not is_physics(function):
         raise ValueError(f"{name} is not marked; write @physics above its 'def'")

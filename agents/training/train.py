@@ -79,7 +79,7 @@ def _run(
     torch.set_num_threads(config.torch_threads)
     given = own_config(folder) if resumed else config
     base = make_sb3(config.env, config.num_envs, **given.env_kwargs)
-    simulated = with_scene(config, base.core.scene)  # from now on, even if its file changes
+    simulated = with_scene(config, base.core.scene)  # from now on, whatever happens to its file
     monitor = VecMonitor(base, info_keywords=KEYWORDS)
     model = make_model(config, monitor)
     if config.start_from is not None and not resumed:

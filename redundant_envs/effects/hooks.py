@@ -246,7 +246,7 @@ class Effect:
         )
 
     def fitted(self, arm: Arm) -> Effect:
-        """The effect in the form that a scene with this arm uses: with a number for each joint."""
+        """The effect as a scene with this arm has it: with a number for each joint."""
         count, wide = len(arm.joints), {}
         for name in self.of_joints:
             value = getattr(self, name)

@@ -199,7 +199,7 @@ class SB3VecEnv(LaneValues, VecEnv):
     # ---- attributes and methods that SB3 uses ----------------------------------------------------
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """An attribute, once per requested environment; q, qd, tip and goal are those of each environment."""
+        """An attribute, once per environment asked for; q, qd, tip and goal each of its own."""
         value = getattr(self, attr_name)
         lanes = list(self._get_indices(indices))
         return [value[lane] for lane in lanes] if attr_name in LANE_VALUES else [value] * len(lanes)

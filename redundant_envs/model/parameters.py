@@ -23,7 +23,7 @@ Table = dict[str, NDArray[np.float64]]
 
 
 def names_of(scene: Scene, name: str) -> list[str]:
-    """Scalar parameters of a user's name: "masses" -> m1, m2, ..., "gravity.down" -> down[0], down[1]."""
+    """Scalar parameters behind a user's name: "masses" -> m1, m2, ..., "gravity.down" -> down[0], down[1]."""
     parameters = scene.parameters()
     if name in ("masses", "lengths"):
         return [p for p in parameters if p[0] == name[0] and p[1:].isdigit()]
@@ -104,7 +104,7 @@ def lane_values(
 
 
 def check_lanes(scene: Scene, memory: Memory, lanes: NDArray[np.intp]) -> None:
-    """ValueError unless the parameters of lanes are valid."""
+    """ValueError unless the parameters of lanes are some that they could be given."""
     values = _present(scene, memory, lanes)
     for name in ("masses", "lengths"):
         _check_positive(name, np.stack([values[p] for p in names_of(scene, name)], axis=1))

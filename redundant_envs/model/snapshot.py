@@ -180,7 +180,7 @@ def check_numbers(
     kept : names of fields
         Parameters that are equal in all states, beside :data:`KEPT_FIELDS`.
     finite : names of fields
-        States that are always finite.
+        States that are never without a number.
     """
     own, layout = memory.save(), memory.layout
     check_array(name, "states", state["states"], own["states"])

@@ -76,11 +76,11 @@ class Arm:
     lengths: tuple[float, ...]
 
     _derived: ClassVar[frozenset[str]] = frozenset()
-    """Names of attributes that the class derives instead of defining them."""
+    """Names of what the class has without having said it."""
     kind: ClassVar[str]
-    """Name of the arm in scene files: by default that of the class."""
+    """Name of the arm in scene files: that of the class, unless it says otherwise."""
     joint_types: ClassVar[str]
-    """Types of the joints from base to tip, R or P each, if the arm does not name its coordinates."""
+    """Types of the joints from base to tip, R or P each, of an arm that does not name its coordinates."""
     num_masses: ClassVar[int]
     num_lengths: ClassVar[int]
     coordinates: ClassVar[tuple[str, ...]]
@@ -93,7 +93,7 @@ class Arm:
     sincos: ClassVar[dict[str, tuple[str, str]]]
     """Angle quantity -> names of its sine and cosine."""
     functions: ClassVar[tuple[Function, ...]]
-    """The quantities of the model: dialect functions, found by the names of their results."""
+    """The quantities of the model: dialect functions found by what they give."""
 
     prepared: ClassVar[tuple[Function, ...]] = ()
     """Functions of the parameters alone, evaluated when a parameter is set, not in the step."""
@@ -101,17 +101,17 @@ class Arm:
     """``n1 .. nn``: metres at the tip per unit of each coordinate."""
     mobility_bounds: ClassVar[Function | None] = None
     """``W1 .. Wn`` of the parameters: upper bounds of diag(B^T M^-1 B) in every pose, from which error
-    control knows how fast springs and dampers may make the arm. None, if the point masses do not determine
-    them: then neither springs nor dampers are allowed with a tolerance."""
+    control knows how fast springs and dampers may make the arm. None, where the point masses do not show
+    them, allows neither with a tolerance."""
     held_dynamics: ClassVar[Function | None] = None
-    """Dynamics with sliders at rest; None for an arm without sliders."""
+    """Dynamics with sliders at rest; None of an arm without sliders."""
     slider_mobility: ClassVar[Function | None] = None
     """Columns of M^-1, of the sliders."""
     coordinates_of_joints: ClassVar[Function]
     extent: ClassVar[tuple[str, ...]]
     """Lengths and upper ends of sliders (``high2``) whose sum is the full reach, from base to tip."""
     posture: ClassVar[dict[str, str]]
-    """Quantities, bounded by 1, that determine the positions of the revolute joints, and their meaning."""
+    """Quantities that tell where the revolute joints are, bounded by 1, and what they mean."""
     description: ClassVar[str] = "A planar arm in a vertical plane"
     schematic: ClassVar[str] = ""
     """The arm stretched along +x, drawn in text, with its coordinates, masses and lengths."""

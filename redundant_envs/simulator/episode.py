@@ -39,7 +39,7 @@ from redundant_envs.tasks.limits import depth_beyond, range_of_starts, spring_li
 TIP, GOAL = ("tip_x", "tip_y"), ("goal_x", "goal_y")
 """Achieved and desired goal, the last columns of the outputs."""
 ENDS = ("terminated", "truncated", "reward")
-"""Outputs about the end of a step. They are kept when a new episode begins in the same step."""
+"""Outputs about the end of a step. They stay when a new episode begins in the same step."""
 TABLES = {"flags": "i8", "counts": "i64", "values": "f64"}
 """Tables that a step of an environment fills, and the types of their numbers."""
 
@@ -110,7 +110,7 @@ class Episode:
 
     @cached_property
     def counts(self) -> tuple[str, ...]:
-        """Fields of a lane's episode beside its state and the task's memory."""
+        """What a lane remembers of its episode beside its state and the task's memory."""
         return (*self.returns, *self.spent, "steps", "saturated", "numerics")
 
     @cached_property

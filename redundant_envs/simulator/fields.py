@@ -9,7 +9,7 @@ from redundant_envs.simulator.lane import PARAMETER, SCRATCH, STATE, Field
 
 
 def motion_fields(dynamics: Dynamics) -> Iterator[Field]:
-    """State, parameters and the fields that every interval has."""
+    """State, parameters and what every interval has."""
     arm = dynamics.arm
     units = ["m" if slides else "rad" for slides in arm.prismatic]
     for name, unit in zip(arm.coordinates, units, strict=True):

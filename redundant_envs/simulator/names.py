@@ -1,4 +1,4 @@
-"""Checks that names of quantities of arms and tasks are not names of fields that lanes have."""
+"""Names that arms and tasks give to their quantities must not be those of numbers that lanes have."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def names_of_arm(arm: Any) -> set[str]:
 
 
 def names_of_task(task: Any, scene: Any) -> set[str]:
-    """Quantities that a task computes, except those that lanes keep under the same names."""
+    """Quantities that a task gives, but for those that are kept in lanes under the same names."""
     functions = (*task.functions(scene), *task.begin_functions)
     angles = {name for pair in task.angles.values() for name in pair}
     kept = {*task.memory, *task.held_outputs}

@@ -44,16 +44,16 @@ class Task:
     name: ClassVar[str]
     """Of the task in ids (``RPRP`` + name + ``-v0``) and in ``task={"type": name}``."""
     summary: ClassVar[str] = "has a task"
-    """The objective, as the continuation of a sentence that begins with the arm's description."""
+    """What the arm does, as the sentence goes on that begins with the arm's description."""
     draws: ClassVar[int] = 0
-    """Number of uniform draws of an episode beside those of the start."""
+    """Uniform draws of an episode beside those of the start."""
     memory: ClassVar[tuple[str, ...]] = ()
-    """Memory kept from step to step, by name. ``goal_x`` and ``goal_y`` are drawn, and options set them."""
+    """What is remembered from step to step. ``goal_x`` and ``goal_y`` are shown, and set by options."""
     begin_functions: ClassVar[tuple[Function, ...]] = ()
     moves: ClassVar[Mapping[str, str]] = {}
-    """Memory -> the quantity that replaces it in every step, before anything is measured."""
+    """Memory -> the quantity that it becomes in every step, before anything is measured."""
     updates: ClassVar[Mapping[str, str]] = {}
-    """Memory -> the quantity that replaces it after everything was measured; 0 when an episode begins."""
+    """Memory -> the quantity that it becomes after everything was measured; 0 when an episode begins."""
     metrics: ClassVar[tuple[str, ...]] = ()
     """Quantities that ``info`` shows."""
     flags: ClassVar[tuple[str, ...]] = ()
@@ -65,7 +65,7 @@ class Task:
     angles: ClassVar[Mapping[str, tuple[str, str]]] = {}
     """Angles of the task -> names of their sines and cosines."""
     goal_functions: ClassVar[tuple[Function, ...]] = ()
-    """They compute ``goal_reward`` from tip and goal alone; tasks with ``goal_conditioned`` need them."""
+    """They give ``goal_reward`` from tip and goal alone; tasks with ``goal_conditioned`` need them."""
     goal_conditioned: ClassVar[bool] = False
     """Whether observations are dictionaries with goals, as hindsight replay needs them."""
     speed_bound_ends: ClassVar[bool] = True

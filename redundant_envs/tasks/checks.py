@@ -20,7 +20,7 @@ COLUMNS = (
     "terminated", "truncated", "reward", "numerics", "saturated", "steps", "evaluations_sum", "events_sum",
     "error_most", "beyond_limit", "tip_x", "tip_y",
 )  # fmt: skip
-"""Outputs of a step for any task; the sums of the reward terms are outputs, too."""
+"""What a step tells of a lane whatever its task; sums of reward terms are told, too."""
 
 
 def check_task(task: Task, scene: Scene) -> None:

@@ -153,11 +153,11 @@ class ReachTask(Task):
     Parameters
     ----------
     start_angle, speed_bound : float
-        As for every task.
+        As of every task.
     goal_tolerance : float
-        Largest distance at which the tip counts as at the goal, in units of the full reach.
+        Largest distance from the goal that counts as there, in units of the full reach.
     hold_speed : float
-        Largest tip speed at which the goal counts as held, full reaches per second.
+        Largest tip speed that counts as held, full reaches per second.
     hold_steps : int
         Control steps in a row for hold success.
     inner, outer : float

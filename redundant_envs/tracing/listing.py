@@ -120,7 +120,7 @@ def fingerprints(program: Program) -> Iterator[str]:
 
 
 def _told(nodes: Sequence[Operation], results: Sequence[Value]) -> list[Any]:
-    """Operations and results, with operands replaced by numbers; constants are kept."""
+    """Operations with numbers for those that they take, and results; constants stay what they are."""
     numbers: dict[Any, Any] = {n: k for k, n in enumerate(nodes)}
     told: list[Any] = []
     for n in nodes:

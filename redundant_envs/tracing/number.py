@@ -34,7 +34,7 @@ def _comparison(name: str) -> Callable[[Number, Any], Any]:
 
 
 def _refuse(what: str) -> NoReturn:
-    raise TypeError(f"a traced number is not a single number: {what}")
+    raise TypeError(f"a traced number is no single number: {what}")
 
 
 class Number:
