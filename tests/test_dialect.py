@@ -285,8 +285,8 @@ def test_the_whole_dialect_is_allowed():
 @pytest.mark.parametrize(
     ("function", "words"),
     [
-        (3.0, r"3\.0 is not a function; write one with 'def', marked @physics"),
-        (None, "None is not a function"),
+        (3.0, r"3\.0 is no function; write one with 'def', marked @physics"),
+        (None, "None is no function"),
         (made, r"test_dialect\.made is not marked; write @physics above its 'def'"),
     ],
     ids=["number", "nothing", "unmarked"],
