@@ -1,7 +1,7 @@
 """How an effect attaches to an arm: a closed list of hooks, bound by the names of quantities.
 
 An effect is a frozen dataclass whose numbers are per-environment parameters, plus marked functions
-of the physics dialect. ``hooks(arm)`` returns where they attach. In ``bind`` an argument of the
+of the physics dialect. ``hooks(arm)`` says where they attach. In ``bind`` an argument of the
 function is mapped to the name of a quantity, or to one of the effect's own numbers or states as ".field"
 or ".field[k]"; an argument that is not mapped takes the quantity of its own name.
 """
@@ -198,11 +198,10 @@ class Reading(enum.Enum):
 class Sensing:
     """The reading of the sensor of one joint, rad and rad/s, m and m/s; observed postures follow from it.
 
-    In ``function`` ``phi<k>``, or ``phid<k>`` for a rate (k counts from 1), is the input of the sensor; the
-    sensors of one joint act in the order of the scene's effects. All other quantities use true values:
-    motion, reward, ``info``, a task's memory, and the goals beside the observation of goal environments. A
-    reading that is NaN, or beyond 1e6 rad or m, 1e100 rad/s or m/s, is a fault (NON_FINITE); at the start of
-    an episode only ``info`` reports it.
+    In ``function`` ``phi<k>``, or ``phid<k>`` of a rate (k counts from 1), is what reaches the sensor; those
+    of one joint act in the order of the scene's effects. All else is true: motion, reward, ``info``, a task's
+    memory, and the goals beside the observation of goal environments. A reading that is no number, or beyond
+    1e6 rad or m, 1e100 rad/s or m/s, is a fault (NON_FINITE), at a start told by ``info`` alone.
     """
 
     joint: int
