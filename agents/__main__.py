@@ -18,7 +18,7 @@ def main(arguments: list[str] | None = None) -> int:
         0; after a message 2 for a mistake in the input or a missing package, and 130 for Ctrl-C.
     """
     words = sys.argv[1:] if arguments is None else arguments
-    if words == ["--version"]:  # without the packages that the commands need
+    if words == ["--version"]:  # the packages that the commands need are missing
         print(f"redundant-envs {__version__}")
         return 0
     try:
@@ -39,7 +39,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def check_config_name(words: list[str]) -> None:
-    """Refuse a wrong name of a configuration at once: even the parser of the command line is large."""
+    """Refuse a wrong name of a configuration at once, before even the large parser of the command line."""
     if words[:1] in (["train"], ["tune"]) and len(words) > 1 and not words[1].startswith("-"):
         from .presets import preset_path
 

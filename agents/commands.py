@@ -1,4 +1,4 @@
-"""The command line: one function for each command, its help, and completion of what it takes."""
+"""The command line: one function for each command, its help, and completion of its arguments."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ with needs("train"):
     import typer
     import typer.core
 
-# Here is nothing large: a command checks what it was given before it imports torch, so that a wrong name is
-# refused at once.
+# This module imports nothing large: a command checks its arguments before it imports torch, so that a wrong
+# name is refused at once.
 
 
 class Interrupted(Exception):
-    """Ctrl-C inside a command, which typer would take for its own."""
+    """Ctrl-C inside a command, which typer would otherwise handle itself."""
 
 
 class _Train(typer.core.TyperCommand):
@@ -39,7 +39,7 @@ class _Train(typer.core.TyperCommand):
 
 class _Commands(typer.core.TyperGroup):
     def invoke(self, ctx: Any) -> Any:
-        """Run a command; what interrupts it goes to the caller."""
+        """Run a command; interrupts are passed on to the caller."""
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt as stop:
@@ -54,11 +54,11 @@ app = typer.Typer(
 app.add_typer(study, name="study")
 
 PLACES = ("processes", "ray")
-"""Where several runs go."""
+"""Where several runs are executed."""
 
 
 def run(arguments: list[str]) -> int:
-    """Run one command; a ValueError says in one line what is wrong with what was typed."""
+    """Run one command; a ValueError says in one line what is wrong with the command."""
     try:
         app(args=arguments, prog_name=COMMAND, standalone_mode=False)
     except Interrupted as stop:
@@ -71,7 +71,7 @@ def run(arguments: list[str]) -> int:
 
 
 def _usage(error: Any) -> int:
-    """Show a usage error; where there are no words at all, the help."""
+    """Show a usage error; without any words, the help."""
     message, context = error.format_message(), getattr(error, "ctx", None)
     if type(error).__name__ == "NoArgsIsHelpError":
         print(message, file=sys.stderr)
@@ -97,7 +97,7 @@ def train(
         str | None, typer.Option(help="several runs, such as 0..9 or 1,4,7; --out is the folder of theirs")
     ] = None,
     processes: Annotated[
-        int | None, typer.Option(help="runs at a time, each on a core of its own (default: all cores)")
+        int | None, typer.Option(help="runs at a time, each on its own core (default: all cores)")
     ] = None,
     on: Annotated[
         str, typer.Option(help="where several runs go: processes of this machine, or a ray cluster")
@@ -164,7 +164,7 @@ def _finish(folder: Path, facts: dict[str, Any]) -> None:
 
 
 def check_place(on: str, address: str | None, seeds: str | None) -> None:
-    """Refuse a place of several runs that is none, or that has nothing to do."""
+    """Refuse an unknown ``--on``, and options of several runs or of Ray that have no effect."""
     if on not in PLACES:
         raise ValueError(f"on is {shown(on)}; choose {' or '.join(PLACES)}")
     if on != "processes" and seeds is None:
@@ -185,7 +185,7 @@ def tune(
     trials: Annotated[int, typer.Option(help="trainings in all")] = 30,
     out: Annotated[
         Path | None,
-        typer.Option(help="folder; a study that was stopped goes on in it (default runs/tune/CONFIG)"),
+        typer.Option(help="folder; a stopped study in it is continued (default runs/tune/CONFIG)"),
     ] = None,
     search: Annotated[
         list[str] | None,
@@ -195,7 +195,7 @@ def tune(
     ] = None,
     seed: Annotated[int, typer.Option(help="of the sampler")] = 0,
     processes: Annotated[
-        int, typer.Option(help="trials at a time, each on a core of its own; 1 to 4 give the same results")
+        int, typer.Option(help="trials at a time, each on its own core; 1 to 4 give the same results")
     ] = 1,
 ) -> None:
     """Search the learner's settings that hold most goals, with Optuna."""
@@ -235,8 +235,8 @@ def evaluate(
 ) -> None:
     """Evaluate the policy of a run folder, or an exported one, in the scene that it was trained in.
 
-    Prints what is found, and writes nothing. With --out FOLDER evaluation.json and episodes.csv are written
-    there; with --overwrite into the run folder, in place of its own.
+    Prints the results, and writes nothing. With --out FOLDER evaluation.json and episodes.csv are written
+    there; with --overwrite they replace those of the run folder.
     """
     from .drawing import EVALUATED
     from .new_folder import check_unwritten
@@ -259,7 +259,7 @@ def evaluate(
 def report(folder: PolicyFolder, out: Out = None, overwrite: Overwrite = False, trust: Trust = False) -> None:
     """Draw plots, clips and report.md of a run folder, or of an exported policy.
 
-    A run without a report, such as one that was stopped, gets it in its folder. Where files would be
+    A run without a report, such as one that was stopped, gets it in its folder. If files would be
     replaced, and for an exported policy, --out FOLDER or --overwrite is needed.
     """
     from .drawing import check_drawing, check_target
@@ -298,7 +298,7 @@ def table(
 @app.command()
 def curves(
     folders: Folders,
-    out: Annotated[Path, typer.Option(help="picture, .png or .svg; its numbers go beside it")] = Path(
+    out: Annotated[Path, typer.Option(help="picture, .png or .svg; its numbers are saved beside it")] = Path(
         "runs/curves.png"
     ),
 ) -> None:

@@ -1,4 +1,4 @@
-"""What a report needs, asked before anything long is begun or anything large is imported."""
+"""Checks for a report, before anything long begins and anything large is imported."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ REPORTED = ("report.md", "plots", "clip.gif", "clip.mp4")
 
 
 def check_drawing() -> None:
-    """Refuse where the packages that draw a report are missing."""
+    """Raise an error if the packages that draw a report are missing."""
     with needs("plot"):
         import matplotlib  # noqa: F401
         import PIL  # noqa: F401
@@ -28,7 +28,7 @@ def is_evaluated(folder: Path) -> bool:
 
 
 def check_target(folder: Path, out: Path | None, overwrite: bool) -> None:
-    """Refuse to write a report where it would replace files, or into an exported policy, unless asked to."""
+    """Refuse to replace files by a report, or to write into an exported policy, without ``overwrite``."""
     if out is not None:
         check_unwritten(out, (*REPORTED, *EVALUATED), overwrite)
         return

@@ -1,4 +1,4 @@
-"""Evaluate a policy on the frozen goals, beside the expert."""
+"""Evaluate a policy on the frozen goals, and compare it with the expert."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PACKAGES = ("redundant-envs", "gymnasium", "stable-baselines3", "torch", "numpy"
 
 
 def versions() -> dict[str, str]:
-    """Versions of what the figures depend on."""
+    """Versions of the packages on which the figures depend."""
     found = {"python": platform.python_version()}
     for name in PACKAGES:
         try:
@@ -35,7 +35,7 @@ def versions() -> dict[str, str]:
 
 
 def processor() -> str:
-    """Name of the processor, as far as the system tells."""
+    """Name of the processor, as far as the system reports it."""
     try:
         for line in Path("/proc/cpuinfo").read_text().splitlines():
             if line.startswith("model name"):
@@ -46,7 +46,7 @@ def processor() -> str:
 
 
 class Evaluation(NamedTuple):
-    """What evaluation.json says, and the rows of episodes.csv."""
+    """The content of evaluation.json, and the rows of episodes.csv."""
 
     result: dict[str, Any]
     episodes: NDArray[np.float64]
@@ -55,7 +55,7 @@ class Evaluation(NamedTuple):
 def evaluate(folder: Path, trust: bool = False) -> Evaluation:
     """Evaluate the policy of a folder in the scene that it was trained in; nothing is written.
 
-    ``trust`` is that of :func:`load_policy`.
+    ``trust`` is as in :func:`load_policy`.
     """
     config = own_config(folder)
     facts = read_facts(folder)
@@ -102,7 +102,7 @@ def write_evaluation(found: Evaluation, folder: Path) -> None:
 
 
 def measures(who: str, outcome: Outcome) -> dict[str, float | None]:
-    """How goals were held: time (s, median of the held ones), effort and smoothness (means)."""
+    """Measures of holding: time (s, median of the held goals), effort and smoothness (means)."""
     times = outcome.time_to_hold[outcome.hold]
     return {
         f"{who}time_to_hold": float(np.median(times)) if len(times) else None,

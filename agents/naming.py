@@ -1,4 +1,4 @@
-"""What users type to run this application."""
+"""The command with which users run this application."""
 
 from __future__ import annotations
 
@@ -8,5 +8,5 @@ COMMAND = "python -m agents" if __name__.partition(".")[0] == "agents" else "red
 
 
 def command(*words: object) -> str:
-    """A command of this application to paste into a shell: paths are quoted where they need it."""
+    """A command of this application to paste into a shell: paths are quoted if necessary."""
     return f"{COMMAND} {shlex.join(map(str, words))}"

@@ -9,13 +9,13 @@ from pathlib import Path
 from . import command
 
 CHECKPOINT, OLD_CHECKPOINT = "checkpoint", "checkpoint.old"
-"""Folders inside that of a run; a kill between two renamings leaves the old name alone."""
+"""Checkpoint folders inside that of a run; after a kill between two renamings only the old name exists."""
 STATE = "state.pt"
-"""File of a checkpoint that is there if it is whole."""
+"""File that exists only in a complete checkpoint."""
 
 
 def check_out(folder: Path) -> None:
-    """Refuse a folder for results that cannot be: a file, or below one, or where nobody may write."""
+    """Refuse an impossible folder for results: a file, a path below a file, or one that is not writable."""
     there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
     if not there.is_dir():
         what = "is a file" if there == folder else f"is below the file {there}"
@@ -25,7 +25,7 @@ def check_out(folder: Path) -> None:
 
 
 def check_new(folder: Path) -> None:
-    """Refuse a file, or a folder that holds something, as the folder of a new run."""
+    """Refuse a file, or a folder that is not empty, as the folder of a new run."""
     check_out(folder)
     if folder.exists() and any(folder.iterdir()):
         hint = f"go on with '{command('resume', folder)}', " if find_checkpoint(folder) else ""
@@ -33,7 +33,7 @@ def check_new(folder: Path) -> None:
 
 
 def find_checkpoint(folder: Path) -> Path | None:
-    """The newest whole checkpoint of a run folder, if it has one."""
+    """The newest complete checkpoint of a run folder, if it has one."""
     return next((p for n in (CHECKPOINT, OLD_CHECKPOINT) if ((p := folder / n) / STATE).is_file()), None)
 
 

@@ -1,4 +1,4 @@
-"""A run is simulated in its own scene.yaml, whatever became of the file that its configuration names."""
+"""A run is simulated in its own scene.yaml, even if the file that its configuration names has changed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .run_folder import read_config
 
 SCENE = "scene.yaml"
 MOST_SHOWN = 3
-"""Differences in a message."""
+"""Most differences in a message."""
 
 
 def read_scene(folder: Path) -> Scene:
@@ -40,7 +40,7 @@ def read_scene(folder: Path) -> Scene:
 
 
 def with_scene(config: Config, scene: Scene) -> Config:
-    """A configuration in this scene, stepped as the scene says."""
+    """A configuration in this scene, with the stepping of the scene."""
     rest = {name: value for name, value in config.env_kwargs.items() if name != "accuracy"}
     return config.model_copy(update={"env_kwargs": {**rest, "scene": scene.to_dict()}})
 
@@ -59,7 +59,7 @@ def named_scene(config: Config) -> Any:
 def difference(folder: Path) -> str:
     """How a run's scene differs from the one that its configuration names, in a sentence; else nothing.
 
-    A file that is not there any more, or not seen from this folder, differs in nothing.
+    A file that no longer exists, or cannot be found from the current folder, counts as equal.
     """
     config = read_config(folder)
     named = named_scene(config)

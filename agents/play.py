@@ -21,7 +21,7 @@ from .rollout import Act, expert_act, policy_act, random_act, zero_act
 ACTIONS: dict[str, Callable[[int], Act]] = {
     "zero": lambda seed: zero_act(), "random": random_act, "expert": lambda seed: expert_act(),
 }  # fmt: skip
-"""What acts without a policy, from a seed."""
+"""Sources of actions without a policy, from a seed."""
 MOST_EPISODES = 1_000_000
 MOST_SEED = 2**63
 
@@ -40,9 +40,9 @@ def play(
     path : Path, optional
         GIF or MP4 by its ending; without it a window opens.
     episodes, seed : int
-        How many, at least 1; episode i has the seed ``seed + i``.
+        Number of episodes, at least 1; episode i has the seed ``seed + i``.
     trust : bool
-        That of :func:`load_policy`.
+        As in :func:`load_policy`.
     """
     for name, number, least, most in (("episodes", episodes, 1, MOST_EPISODES), ("seed", seed, 0, MOST_SEED)):
         if number < least:

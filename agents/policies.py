@@ -1,4 +1,4 @@
-"""Policies as files: policy.zip holds nothing of this package, and is read without unpickling it.
+"""Policies as files: policy.zip contains no objects of this package, and is read without unpickling.
 
 stable-baselines3 keeps a policy as tensors and, beside them, pickled Python objects; unpickling a file
 runs whatever code its author put in. So the policy is built from config.yaml, and only its tensors are
@@ -34,7 +34,7 @@ MOST_BYTES = 64 * 2**20
 TENSOR_NAMES = {
     "collections OrderedDict", "torch._utils _rebuild_tensor_v2", "torch FloatStorage", "torch LongStorage",
 }  # fmt: skip
-"""What a table of tensors refers to; anything else is not taken from a file."""
+"""Objects to which a table of tensors may refer; anything else in a file is refused."""
 TENSOR_TYPES = (torch.float32, torch.int64)
 """Weights, and the counters of CrossQ's normalisation."""
 HARMLESS = (
@@ -44,14 +44,15 @@ HARMLESS = (
 
 
 NUMBERS = ("learning_rate", "clip_range")
-"""Schedules, which are functions of this package: saved as the numbers that they begin with."""
+"""Schedules, which are functions of this package: saved as their initial values."""
 LEFT_OUT: dict[str, Any] = {"replay_buffer_class": None, "replay_buffer_kwargs": {}, "action_noise": None}
-"""With the buffer of hindsight goals, stable-baselines3 loads a policy only beside an environment; noise is
-of this package."""
+"""Attributes that are not saved: with the buffer of hindsight goals, stable-baselines3 loads a policy only
+together with an environment; noise is a class of this package."""
 
 
 def save_policy(model: Any, path: Path) -> None:
-    """Save a learner's average so that stable-baselines3 alone loads it; the file is whole or as before."""
+    """Save a learner's average so that stable-baselines3 alone loads it; the file is complete or
+    unchanged."""
     own = vars(model)
     changed: dict[str, Any] = {k: float(own[k](1.0)) for k in NUMBERS if callable(own.get(k))}
     changed |= {k: value for k, value in LEFT_OUT.items() if k in own}
@@ -73,9 +74,9 @@ def load_policy(folder: Path, config: Config, trust: bool = False) -> Any:
     ----------
     folder : Path
     config : Config
-        That of the run.
+        The configuration of the run.
     trust : bool
-        Load the whole learner by stable-baselines3, which runs code that the file may hold.
+        Load the whole learner by stable-baselines3, which runs any code that the file contains.
 
     Raises
     ------
@@ -93,11 +94,11 @@ def load_policy(folder: Path, config: Config, trust: bool = False) -> Any:
     if trust:
         try:
             return ALGORITHM_CLASSES[config.algo].load(path, device="cpu")
-        except Exception as error:  # a damaged file fails in any way
+        except Exception as error:  # a damaged file may raise any error
             raise ValueError(f"{path} cannot be loaded by stable-baselines3: {error}") from error
     weights, size = read_weights(path, config.settings.activation)
     layers = config.settings.net_arch
-    # Before a policy is built: a configuration of a stranger must not ask for all memory.
+    # Checked before a policy is built: a stranger's configuration must not use up all memory.
     if 4 * (sum(layers) + sum(a * b for a, b in itertools.pairwise(layers))) > size:
         raise ValueError(
             f"config.yaml has net_arch {list(layers)}, larger than the {size} bytes of weights in {path}"
@@ -116,7 +117,7 @@ def read_weights(path: Path, activation: str) -> tuple[dict[str, torch.Tensor], 
     _check_activation(path, activation)
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            # Stored as they are, so that they cannot unfold to more than was read.
+            # Stored uncompressed, so that they cannot expand to more than was read.
             if any(entry.compress_type != zipfile.ZIP_STORED for entry in archive.infolist()):
                 raise ValueError("its tensors are compressed")
             (table,) = (name for name in archive.namelist() if name.endswith("/data.pkl"))
@@ -126,7 +127,7 @@ def read_weights(path: Path, activation: str) -> tuple[dict[str, torch.Tensor], 
                     raise ValueError(f"it refers to {str(argument or operation.name)[:80]!r}")
         weights = torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
         _check_tensors(weights, len(data))
-    except Exception as error:  # bytes of a stranger fail in any way
+    except Exception as error:  # bytes of a stranger may raise any error
         raise ValueError(
             f"policy.pth in {path} is not a plain table of float32 tensors: {str(error)[:300]}. {HARMLESS}"
         ) from error
@@ -138,7 +139,7 @@ def _check_tensors(weights: Any, size: int) -> None:
         raise ValueError("it holds no names of tensors")
     for name, tensor in weights.items():
         if not isinstance(tensor, torch.Tensor) or tensor.dtype not in TENSOR_TYPES:
-            raise ValueError(f"{name!r} is no float32 tensor")
+            raise ValueError(f"{name!r} is not a float32 tensor")
         if tensor.untyped_storage().nbytes() > size or tensor.nbytes > size:
             raise ValueError(f"{name!r} claims {tensor.numel()} numbers, more than the file holds")
 
@@ -161,7 +162,7 @@ def check_weights(path: Path, found: Mapping[str, torch.Tensor], needed: Mapping
 
 
 def read_about(path: Path) -> dict[str, Any]:
-    """What stable-baselines3 says in plain words about the learner of a policy.zip; nothing is unpickled."""
+    """The plain data of stable-baselines3 about the learner of a policy.zip; nothing is unpickled."""
     try:
         about = json.loads(_member(path, "data", MOST_BYTES))
         if not isinstance(about, dict):
@@ -186,14 +187,14 @@ def _check_activation(path: Path, activation: str) -> None:
 
 
 def _member(path: Path, name: str, most: int) -> bytes:
-    """One member of a zip file, if it has at most so many bytes."""
+    """One member of a zip file, if it has at most ``most`` bytes."""
     try:
         with zipfile.ZipFile(path) as archive, archive.open(name) as member:
             data = member.read(most + 1)
     except KeyError:
-        raise ValueError(f"{path} has no {name!r}; it is no policy that stable-baselines3 saved") from None
+        raise ValueError(f"{path} has no {name!r}; it is not a policy saved by stable-baselines3") from None
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, OSError) as error:
-        raise ValueError(f"{path} is damaged ({error}); it is no whole zip file") from error
+        raise ValueError(f"{path} is damaged ({error}); it is not a complete zip file") from error
     if len(data) > most:
-        raise ValueError(f"{path} has a {name!r} of more than {most} bytes; that is no policy of an arm")
+        raise ValueError(f"{path} has a {name!r} of more than {most} bytes; a policy of an arm is smaller")
     return data

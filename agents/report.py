@@ -76,16 +76,16 @@ def report(folder: Path, out: Path | None = None, overwrite: bool = False, trust
     folder : Path
         Of a run, or of an exported policy.
     out : Path, optional
-        Where all is written; without it the folder itself.
+        Folder for all files; without it the folder itself.
     overwrite : bool
-        Whether files that are there are replaced.
+        Whether existing files are replaced.
     trust : bool
-        That of :func:`load_policy`.
+        As in :func:`load_policy`.
 
     Raises
     ------
     ValueError
-        Files would be replaced, or the folder of a policy written to, without being asked for.
+        Files would be replaced, or the folder of a policy written to, without ``overwrite``.
     """
     check_target(folder, out, overwrite)
     config = own_config(folder)

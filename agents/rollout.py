@@ -14,11 +14,11 @@ from redundant_envs.envs.core import Core
 from redundant_envs.integrators.tableaus import METHODS
 
 EVALUATION_SEED = 1_000_000
-"""Goals of the evaluation: seeds from here on; training stays below."""
+"""First seed of the goals of the evaluation; seeds of the training are smaller."""
 SELECTION_SEED = 2_000_000
-"""Goals on which checkpoints are chosen."""
+"""First seed of the goals of the learning curve."""
 STUDY_SEED = 3_000_000
-"""Goals of the policy study."""
+"""First seed of the goals of the policy study."""
 
 Act = Callable[[Any, Core, int], NDArray[np.float32]]
 """(observations, core, step) -> actions (n, joints)."""
@@ -40,7 +40,7 @@ class Outcome:
     evaluations: NDArray[np.int64]
     """Evaluations of the equations of motion."""
     time_to_hold: NDArray[np.float64]
-    """From the start to where the tip stayed at the goal and slow to the end, s; NaN where it did not."""
+    """Time from which on the tip stayed at the goal and slow to the end, s; NaN if it did not."""
     effort: NDArray[np.float64]
     """Mean square of the normalized efforts, 0 to 1."""
     smoothness: NDArray[np.float64]
@@ -48,7 +48,7 @@ class Outcome:
 
 
 def run_episodes(env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any) -> Outcome:
-    """Run each episode once, in an environment of its own with seed ``seed + i``."""
+    """Run each episode once, in a separate environment with seed ``seed + i``."""
     from redundant_envs.envs.sb3 import make_sb3  # imports torch
 
     env = make_sb3(env_id, episodes, **kwargs)
@@ -75,7 +75,7 @@ def run_episodes(env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any)
         open_lanes &= ~dones
         step += 1
     scene = env.core.scene
-    per_step = scene.substeps * METHODS[scene.integrator].stages  # told where it varies
+    per_step = scene.substeps * METHODS[scene.integrator].stages  # reported only if it varies
     steps = np.array([e["episode_steps"] for e in ends])
     hold = np.array([e["is_success"] for e in ends])
     return Outcome(
@@ -107,7 +107,8 @@ def policy_act(model: Any) -> Act:
 
 
 def expert_act(pose: Callable[..., Any] = pose_at) -> Act:
-    """The computed-torque expert, planned from the start of each episode; ``pose`` is ComputedTorque's."""
+    """The computed-torque expert, planned from the start of each episode; ``pose`` is the argument of
+    ComputedTorque."""
     controller: ComputedTorque | None = None
 
     def act(obs: Any, core: Core, step: int) -> NDArray[np.float32]:

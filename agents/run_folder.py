@@ -1,4 +1,4 @@
-"""The files of a run folder: a missing or damaged one is named, with the command that makes it."""
+"""The files of a run folder: for a missing or damaged one the error names the command that writes it."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ FACTS = ("env_steps", "train_seconds")
 MOST = 1e15
 """Largest number of a run: of its steps, seconds and metres."""
 MOST_CHARACTERS = 200
-"""Of the name of a machine."""
+"""Most characters of the name of a machine."""
 
 
 def read_config(folder: Path) -> Config:
@@ -61,7 +61,7 @@ def evaluate_anew(folder: Path) -> str:
 
 
 def read_evaluation(folder: Path) -> dict[str, Any]:
-    """evaluation.json, checked: whatever it says may be printed and compared."""
+    """The checked content of evaluation.json, which may be printed and compared."""
     path = folder / "evaluation.json"
     if is_exported(folder):
         raise ValueError(
@@ -97,7 +97,7 @@ def read_evaluation(folder: Path) -> dict[str, Any]:
 
 
 def read_facts(folder: Path) -> dict[str, Any]:
-    """Steps, seconds and simulator of the training, None where untold; whether it was stopped."""
+    """Steps, seconds and simulator of the training, None if unknown; whether it was stopped."""
     path = folder / "training.json"
     if not path.is_file():
         return {**dict.fromkeys((*FACTS, "simulator")), "stopped": False}
@@ -136,14 +136,14 @@ def read_table(folder: Path, name: str, columns: tuple[str, ...]) -> NDArray[np.
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text; the file is whole or as it was before."""
+    """Write a text; the file is complete or unchanged."""
     part = path.with_name(f"{path.name}.part")
     part.write_text(text, encoding="utf-8")
     os.replace(part, path)
 
 
 def write_json(path: Path, data: dict[str, Any]) -> None:
-    """Write plain data as :func:`write_text` does."""
+    """Write plain data, like :func:`write_text`."""
     write_text(path, json.dumps(data, indent=2) + "\n")
 
 
@@ -158,10 +158,10 @@ def _read_json(path: Path, remedy: str) -> dict[str, Any]:
 
 
 def _is_number(value: Any, most: float = MOST) -> bool:
-    """Whether a value is a number from 0 to ``most``; none of those of a run is negative."""
+    """Whether a value is a number from 0 to ``most``; a run has no negative numbers."""
     return isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value <= most
 
 
 def _is_line(value: Any) -> bool:
-    """Whether a value is a text that may stand in a line of a table."""
+    """Whether a value is a text that fits into a line of a table."""
     return isinstance(value, str) and value.isprintable() and len(value) <= MOST_CHARACTERS

@@ -1,4 +1,4 @@
-"""The policy that a training begins with: its file, and what is seen of it without opening it."""
+"""The policy with which a training begins: its file, and checks that need not open it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ KINDS = {"plain_ppo": "ppo", "plain_sac": "sac", "her": "sac"}
 
 
 def policy_file(start: str) -> Path:
-    """The file that ``start_from`` stands for: a policy.zip, or that of a run or an exported policy."""
+    """The file that ``start_from`` names: a policy.zip, or that of a run or an exported policy."""
     path = Path(start)
     file = path / "policy.zip" if path.is_dir() else path
     if not file.is_file():
@@ -51,7 +51,7 @@ def with_start(config: Config) -> Config:
 
 
 def _check_configuration(config: Config, folder: Path) -> None:
-    """Refuse early what the file would be refused for after long imports."""
+    """Refuse early, before long imports, policies that would be refused later."""
     other = read_config(folder)
     if KINDS.get(other.algo, other.algo) != KINDS.get(config.algo, config.algo):
         raise ValueError(f"start_from is a policy of {other.algo}, and algo is {config.algo}; give one of it")

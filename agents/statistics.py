@@ -23,7 +23,7 @@ def wilson(successes: int, trials: int, z: float = NORMAL_95) -> tuple[float, fl
 
 
 def sign_test(a: int, b: int) -> float:
-    """Two-sided p of a against b changes, if either way were as likely; 1 without any."""
+    """Two-sided p of a against b changes, if both directions were equally likely; 1 without any."""
     tail = sum(math.comb(a + b, k) for k in range(min(a, b) + 1))
     return min(1.0, tail / 2 ** (a + b - 1)) if a + b else 1.0
 

@@ -1,4 +1,4 @@
-"""The commands of ``study``: each checks what it was given before it imports anything large."""
+"""The commands of ``study``: each checks its arguments before it imports anything large."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .training.interrupt import Stopped
 with needs("train"):
     import typer
 
-study = typer.Typer(help="Measure what policies depend on.", no_args_is_help=True, rich_markup_mode=None)
+study = typer.Typer(help="Measure effects on policies.", no_args_is_help=True, rich_markup_mode=None)
 
 
 @study.command("stops")
@@ -23,7 +23,7 @@ def study_stops(
     out: Annotated[Path, typer.Option(help="CSV file")] = Path("runs/studies/stops.csv"),
     trust: Trust = False,
 ) -> None:
-    """What hard stops cost on the states of an RPRP policy."""
+    """Cost of hard stops on the states of an RPRP policy."""
     from redundant_envs.studies import common, stops
 
     from .own_scene import own_config, tell_differences
@@ -53,12 +53,12 @@ def study_policy(
     config: Annotated[
         Path | None, typer.Option(help="YAML file (default configs/studies/policy.yaml)")
     ] = None,
-    out: Annotated[Path, typer.Option(help="folder; a study that was stopped goes on in it")] = Path(
+    out: Annotated[Path, typer.Option(help="folder; a stopped study in it is continued")] = Path(
         "runs/studies/policy"
     ),
     trust: Trust = False,
 ) -> None:
-    """What the physics costs a policy, and training under the cheapest."""
+    """Effect of the physics on a policy, and training under the cheapest."""
     from redundant_envs.studies.common import study_path
 
     from .drawing import check_drawing
@@ -85,7 +85,7 @@ def study_strength(
     episodes: Annotated[int, typer.Option(help="goals")] = 1000,
     runs: Annotated[list[Path] | None, typer.Option(help="run folders to take beside those trained")] = None,
     processes: Annotated[int | None, typer.Option(help="trainings at a time (default: all cores)")] = None,
-    out: Annotated[Path, typer.Option(help="folder; a study that was stopped goes on in it")] = Path(
+    out: Annotated[Path, typer.Option(help="folder; a stopped study in it is continued")] = Path(
         "runs/studies/strength"
     ),
 ) -> None:

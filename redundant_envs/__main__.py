@@ -23,8 +23,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0, or 1 if verify found a broken promise; after a message 2 for a mistake in what was asked for or a
-        missing package, and 130 for Ctrl-C.
+        0, or 1 if verify found a broken promise; 2, after a message, for a mistake in the command or a
+        missing package; 130 for Ctrl-C.
     """
     try:
         words = take_imports(list(sys.argv[1:] if arguments is None else arguments))
@@ -40,7 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def verify(options: argparse.Namespace) -> int:
-    """Print what is promised of arms, scenes, effects and environments, and what is found; 1 on a miss."""
+    """Check the promises about arms, scenes, effects and environments, and print the values; 1 on a miss."""
     from redundant_envs.studies.verify import command
 
     if options.bits:
@@ -56,7 +56,7 @@ def verify(options: argparse.Namespace) -> int:
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
-        """A mistake in the words of a command, as one line."""
+        """Report a mistake in the words of a command, in one line."""
         raise ValueError(f"{message}; see {self.prog} --help")
 
 
@@ -70,7 +70,7 @@ def parser() -> argparse.ArgumentParser:
     top.add_argument("--version", action="version", version=f"redundant-envs {__version__}")
     commands = top.add_subparsers(dest="command", required=True)
 
-    p = commands.add_parser("simulate", help="let an arm go; record and plot its energies")
+    p = commands.add_parser("simulate", help="simulate arms without motors; record and plot their energies")
     p.add_argument(
         "--scene", nargs="+", default=None, metavar="NAME_OR_PATH", help="default: the report's runs"
     )
@@ -83,7 +83,7 @@ def parser() -> argparse.ArgumentParser:
     )
     p.set_defaults(handler=simulate)
 
-    p = commands.add_parser("verify", help="is it simulated right? what is found beside what is promised")
+    p = commands.add_parser("verify", help="check correctness: values found beside those promised")
     p.add_argument(
         "subject", nargs="*", metavar="SUBJECT",
         help="scene, file of one, id, arm, effect, task or module:object; default: all named scenes",
@@ -92,11 +92,11 @@ def parser() -> argparse.ArgumentParser:
     for mode, text in (("quick", "the checks that take no time"), ("full", "all checks, and more states")):
         how.add_argument(f"--{mode}", dest="mode", action="store_const", const=mode, help=text)
     p.add_argument("--states", type=int, help="random states; default: 256, 1024, of --full 8192")
-    p.add_argument("--json", type=Path, metavar="FILE", help="also write what was found as JSON")
+    p.add_argument("--json", type=Path, metavar="FILE", help="also write the results as JSON")
     p.add_argument("--markdown", type=Path, metavar="FILE", help="also write the tables as Markdown")
     p.add_argument(
         "--bits", nargs="?", const="short", choices=("short", "all"),
-        help="instead, see whether recorded motions have the same bits on this machine",
+        help="instead, check that recorded motions have the same bits on this machine",
     )  # fmt: skip
     p.set_defaults(handler=verify)
 
@@ -112,21 +112,21 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--rounds", type=int, default=10)
     p.set_defaults(handler=environments)
     _add_study_out(p)
-    p = studies.add_parser("stops", help="what the hard stops of the RPRP scene cost")
+    p = studies.add_parser("stops", help="cost of the hard stops of the RPRP scene")
     p.add_argument("--lanes", type=int, default=4096)
     p.set_defaults(handler=stops)
     _add_study_out(p)
     p = studies.add_parser("impacts", help="whether error control finds every impact at hard stops")
     p.add_argument("--intervals", type=int, default=100_000, help="over all families")
-    p.add_argument("--families", type=int, default=12, help="drawn beside the named ones")
+    p.add_argument("--families", type=int, default=12, help="number of random families beside the named ones")
     p.add_argument("--independent", type=int, default=100, help="intervals for SciPy, some 50 ms each")
-    p.add_argument("--processes", type=int, default=1, help="at once, each with families of its own")
+    p.add_argument("--processes", type=int, default=1, help="number of processes, each with its own families")
     p.add_argument("--seed", type=int, default=0)
     p.set_defaults(handler=impacts)
     _add_study_out(p)
     p = studies.add_parser("intervals", help="whether the tolerance is kept in families of hard scenes")
     p.add_argument("--intervals", type=int, default=100_000, help="over all families")
-    p.add_argument("--processes", type=int, default=1, help="at once, each with families of its own")
+    p.add_argument("--processes", type=int, default=1, help="number of processes, each with its own families")
     p.add_argument("--seed", type=int, default=0)
     p.set_defaults(handler=intervals)
     _add_study_out(p)
@@ -169,7 +169,7 @@ def simulate(options: argparse.Namespace) -> None:
 
     asked: list[str] = options.scene or list(energy.STARTS)
     if options.clip is not None and len(asked) != 1:
-        raise ValueError(f"--clip draws one scene, but {len(asked)} are asked for; give exactly one --scene")
+        raise ValueError(f"--clip draws one scene, but {len(asked)} are given; give exactly one --scene")
     if options.clip is not None:
         check_clip(options.clip)
     scenes = [(Path(name).stem, load_scene(name)) for name in asked]
@@ -190,7 +190,7 @@ def simulate(options: argparse.Namespace) -> None:
             f"{run.total[0]:.6g} J at the start and {run.total[-1]:.6g} J at the end, relative drift "
             f"{run.drift:.1e}"
         )
-        # After the numbers: those are kept where matplotlib is missing.
+        # After the numbers, so that these are written even if matplotlib is missing.
         from redundant_envs.studies import plots
 
         try:
@@ -231,7 +231,7 @@ def stops(options: argparse.Namespace) -> None:
 
 
 def impacts(options: argparse.Namespace) -> None:
-    """Judge intervals of random scenes with hard stops."""
+    """Check intervals of random scenes with hard stops."""
     from redundant_envs.studies import hidden_impacts as study
 
     for name, least in (
@@ -246,7 +246,7 @@ def impacts(options: argparse.Namespace) -> None:
 
 
 def intervals(options: argparse.Namespace) -> None:
-    """Judge intervals of many families of scenes."""
+    """Check intervals of many families of scenes."""
     from redundant_envs.studies import intervals as study
 
     for name, least in (("intervals", 1), ("seed", 0), ("processes", 1)):
@@ -289,7 +289,7 @@ def schematic(options: argparse.Namespace) -> None:
 
 
 def _report(rows: list[dict[str, Any]], columns: Sequence[str], first: str, out: Path, name: str) -> None:
-    """Write a study's rows as CSV and print them; what is the same in all rows goes on one line."""
+    """Write a study's rows as CSV and print them; values common to all rows are printed once, on one line."""
     from redundant_envs.studies.common import table, write_rows
 
     path = out if out.suffix == ".csv" else out / f"{name}.csv"
@@ -309,7 +309,7 @@ def list_names(options: argparse.Namespace) -> None:
 
 
 def show_scene(options: argparse.Namespace) -> None:
-    """Print a scene as YAML, its traced program, or what that costs."""
+    """Print a scene as YAML, its traced program, or the operations that it costs."""
     from redundant_envs import load_scene
 
     if options.source:

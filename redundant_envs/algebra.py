@@ -24,7 +24,7 @@ PRIMITIVES = ("sqrt", "exp", "minimum", "maximum", "where", "floor")
 
 
 class Primitives(NamedTuple):
-    """What a kind of numbers knows to do beside arithmetic and comparisons."""
+    """Operations of a kind of numbers, beside arithmetic and comparisons."""
 
     sqrt: Callable[[Any], Any]
     exp: Callable[[Any], Any]
@@ -44,20 +44,20 @@ FLOATS = Primitives(
 )
 _registered: dict[type, Primitives] = {float: FLOATS, int: FLOATS, bool: FLOATS}
 _found: dict[type, Primitives] = {}
-"""Those of every class that was met, its bases looked through."""
+"""Operations of every class met so far, found by searching its bases."""
 _wrapping: set[type] = set()
-"""Classes of numbers that hold numbers of another kind, which may meet them: they know how to choose."""
+"""Classes of numbers that hold numbers of another kind; where both kinds meet, these classes take over."""
 
 
 class Absent:
-    """A number that is not there, such as the field of a scene without gravity.
+    """An absent number, such as the field of a scene without gravity.
 
-    A sum is what else is in it, and a product with it is not there either: no operation is left. Where a
-    number is asked for it is 0.
+    A sum with it is the other term, and a product with it is absent, too, so no operation is left. Where a
+    number is needed, it is 0.
     """
 
     __slots__ = ()
-    __array_ufunc__ = None  # NumPy leaves operations with it to it
+    __array_ufunc__ = None  # NumPy defers operations with it to this class
 
     def _same(self, other: Any = None) -> Absent:
         return self
@@ -112,7 +112,7 @@ def register_numbers(primitives: Primitives, *kinds: type, wrap: bool = False) -
 
 
 def _primitives_of(*numbers: Any) -> Primitives:
-    """Those of the first of some numbers that is no plain one."""
+    """Operations of the first of some numbers that is not a plain one."""
     for x in numbers:
         kind = type(x)
         if kind not in _found:
@@ -152,7 +152,7 @@ def where(condition: Any, a: Any, b: Any) -> Any:
 def minimum(a: Any, b: Any) -> Any:
     """The smaller of two numbers, ``a`` if they are equal or one is NaN.
 
-    Put the quantity first and the constant second: then a NaN comes through.
+    Put the quantity first and the constant second: then a NaN is passed on.
     """
     return where(a > b, b, a)
 
@@ -160,18 +160,18 @@ def minimum(a: Any, b: Any) -> Any:
 def maximum(a: Any, b: Any) -> Any:
     """The larger of two numbers, ``a`` if they are equal or one is NaN.
 
-    Put the quantity first and the constant second: then a NaN comes through.
+    Put the quantity first and the constant second: then a NaN is passed on.
     """
     return where(a < b, b, a)
 
 
 def sincos(x: Any) -> tuple[Any, Any]:
-    """Sine and cosine. The dialect takes them as arguments; what computes quantities calls this."""
+    """Sine and cosine. The dialect takes them as arguments; the code that computes quantities calls this."""
     return _primitives_of(x).sincos(x)  # type: ignore[no-any-return]
 
 
 def logical_not(condition: Any) -> Any:
-    """Where a condition does not hold."""
+    """Negation of a condition."""
     return _primitives_of(condition).logical_not(condition)
 
 
@@ -183,12 +183,12 @@ def cases(*choices: tuple[Any, Any], default: Any) -> Any:
 
 
 def any_of(conditions: Iterable[Any]) -> Any:
-    """Where one of some conditions holds."""
+    """Whether at least one of some conditions holds."""
     return functools.reduce(operator.or_, conditions, False)
 
 
 def all_of(conditions: Iterable[Any]) -> Any:
-    """Where all of some conditions hold."""
+    """Whether all of some conditions hold."""
     return functools.reduce(operator.and_, conditions, True)
 
 
@@ -207,7 +207,7 @@ def physics(function: Callable[..., Any] | None = None, *, gives: str = "", take
         Names of the quantities that the function returns, separated by blanks. A function
         without it is a helper, called by other marked functions only.
     takes : str, optional
-        Names of its arguments, where it is written for any number of them (``*values``).
+        Names of its arguments, if it takes any number of them (``*values``).
     """
 
     def mark(f: Callable[..., Any]) -> Callable[..., Any]:
@@ -236,9 +236,9 @@ def arguments_of(function: Callable[..., Any]) -> tuple[str, ...]:
     return _arguments_of(function, getattr(function, "__code__", None))
 
 
-@functools.lru_cache(maxsize=4096)  # functions made anew at each make must not stay for ever
+@functools.lru_cache(maxsize=4096)  # functions created for each environment must not stay for ever
 def _arguments_of(function: Callable[..., Any], code: Any) -> tuple[str, ...]:
-    """As long as the function has this code, which tools that reload modules replace."""
+    """Valid as long as the function has this code, which tools that reload modules replace."""
     return tuple(inspect.signature(function).parameters)
 
 
@@ -248,7 +248,7 @@ def numbered(form: str, count: int) -> list[str]:
 
 
 def name_of(function: Any) -> str:
-    """How a function is called in messages."""
+    """Name of a function in messages."""
     return getattr(function, "__qualname__", repr(function))
 
 

@@ -1,4 +1,4 @@
-"""Does a function belong to the physics dialect? It is run on traced numbers to see."""
+"""Check that a function belongs to the physics dialect, by running it on traced numbers."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def results_of(function: Any) -> int:
 
 
 def _place(error: Exception, function: Callable[..., Any]) -> str:
-    """Where in the function's own file it was stopped."""
+    """File and line within the function at which it failed."""
     file = getattr(getattr(function, "__code__", None), "co_filename", None)
     lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == file]
     return f" ({file}:{lines[-1]})" if lines else ""

@@ -10,7 +10,7 @@ from redundant_envs.algebra import Primitives, register_numbers
 
 
 def is_zero(x: Any) -> bool:
-    """Whether a number is the float 0.0: a derivative that is not there."""
+    """Whether a number is the float 0.0: an absent derivative."""
     return isinstance(x, float) and x == 0.0
 
 
@@ -19,12 +19,12 @@ def _plus(a: Any, b: Any) -> Any:
 
 
 def times(a: Any, b: Any) -> Any:
-    """A product, for which nothing is computed where a factor is the float 0.0."""
+    """A product; if a factor is the float 0.0, nothing is computed."""
     return 0.0 if is_zero(a) or is_zero(b) else a * b
 
 
 class Dual:
-    """A number, and its derivative: 0.0 where it has none, so that nothing is computed for it.
+    """A number and its derivative: 0.0 if it has none, so that nothing is computed for it.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class Dual:
     """
 
     __slots__ = ("slope", "value")
-    __array_ufunc__ = None  # NumPy leaves operations with these numbers to them
+    __array_ufunc__ = None  # NumPy defers operations with these numbers to their class
     __hash__ = None  # type: ignore[assignment]
 
     def __init__(self, value: Any, slope: Any = 0.0) -> None:
@@ -116,7 +116,7 @@ class Decision:
 
 
 def dual(x: Any) -> Dual:
-    """A number with a derivative as it is, any other with none."""
+    """A number with a derivative unchanged, any other number with the derivative 0.0."""
     return x if isinstance(x, Dual) else Dual(x)
 
 

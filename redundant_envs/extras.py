@@ -12,12 +12,12 @@ class MissingPackage(ImportError):
 
 @contextlib.contextmanager
 def needs(extra: str) -> Iterator[None]:
-    """Imports inside this block; where a package is missing, the error says what to install.
+    """Context for imports; if a package is missing, the error says what to install.
 
     Parameters
     ----------
     extra : str
-        Extra of this package that has all that the block imports, such as "plot".
+        Extra of this package with all packages that the block imports, such as "plot".
 
     Raises
     ------
@@ -28,6 +28,6 @@ def needs(extra: str) -> Iterator[None]:
     except ImportError as error:
         name = (error.name or "").partition(".")[0]
         missing = isinstance(error, ModuleNotFoundError) and name
-        # A package that is installed but cannot be imported gives its own reason.
+        # A package that is installed but cannot be imported states its own reason.
         reason = f"{name} is not installed" if missing else str(error)
         raise MissingPackage(f"{reason}; install it with: pip install 'redundant-envs[{extra}]'") from error

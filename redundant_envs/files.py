@@ -14,9 +14,9 @@ import yaml
 from redundant_envs.values import DEEPEST, LONGEST, MOST_VALUES, shown
 
 LARGEST_FILE = 1 << 15
-"""Bytes: eight times the longest description there is; the reader takes a fifth of a second for it."""
+"""Bytes: eight times the longest existing description; the reader takes a fifth of a second for it."""
 MOST_DIGITS = 100
-"""Characters of the longest number: more says nothing more about a float."""
+"""Characters of the longest number: more digits do not change a float."""
 
 
 class Table(dict[Any, Any]):
@@ -45,7 +45,7 @@ class _Reader(yaml.SafeLoader):
         event = self.peek_event()  # type: ignore[no-untyped-call]
         line = event.start_mark.line + 1
         if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None) is not None:
-            raise _Mistake(line, "it has an anchor (&) or an alias (*); write the value out in each place")
+            raise _Mistake(line, "it has an anchor (&) or an alias (*); write the value out each time")
         if getattr(event, "tag", None) is not None:
             raise _Mistake(line, f"it has the tag {shown(event.tag)}; write plain values without tags")
         self.count += 1
@@ -69,7 +69,7 @@ class _Reader(yaml.SafeLoader):
             if key == "<<":
                 raise _Mistake(line, "it has a merge key (<<); write the values out")
             if key in table:
-                raise _Mistake(line, f"the key {shown(key)} stands there twice; keep one of them")
+                raise _Mistake(line, f"the key {shown(key)} is there twice; keep one of them")
             table.lines[key] = line
             table[key] = self.construct_object(value_node, deep=True)  # type: ignore[no-untyped-call]
         return table
@@ -103,7 +103,7 @@ for _kind, _pattern, _first in (
 
 
 def read_yaml(path: Path, what: str) -> Any:
-    """What a YAML file holds, as plain data.
+    """The content of a YAML file, as plain data.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def read_yaml(path: Path, what: str) -> Any:
     Raises
     ------
     ValueError
-        If it is no readable file of at most 32 KiB of UTF-8, or no plain data; with file and line.
+        If the file is unreadable, longer than 32 KiB, not UTF-8 or not plain data; with file and line.
     """
     return parse_yaml(read_text(path, what), str(path))
 
@@ -138,11 +138,11 @@ def read_text(path: Path, what: str) -> str:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
-        raise ValueError(f"{path}, line {line}: it is no UTF-8 text; save it as UTF-8") from None
+        raise ValueError(f"{path}, line {line}: it is not UTF-8 text; save it as UTF-8") from None
 
 
 def parse_yaml(text: str, where: str) -> Any:
-    """What YAML text holds, as plain data; ``where`` names it in messages."""
+    """The content of YAML text, as plain data; ``where`` names it in messages."""
 
     def plain(value: Any) -> Any:
         if isinstance(value, Table):
@@ -170,15 +170,15 @@ def _with_lines(text: str, where: str) -> Any:
         mark = error.problem_mark or error.context_mark
         line = mark.line + 1 if mark else 1
         parts = (" ".join(str(p).split()) for p in (error.context, error.problem) if p)
-        problem = f"it is no valid YAML: {', '.join(parts)[: 2 * LONGEST]}"
+        problem = f"it is not valid YAML: {', '.join(parts)[: 2 * LONGEST]}"
     except Exception as error:  # PyYAML lets errors of int() and chr() through, as of "\\UFFFFFFFF"
         line = loader.line + 1 if loader else 1
-        problem = f"it is no valid YAML: an escape or a number is out of range ({shown(str(error))})"
+        problem = f"it is not valid YAML: an escape or a number is out of range ({shown(str(error))})"
     raise ValueError(f"{where}, line {line}: {problem}")
 
 
 def text_value(text: str, where: str) -> Any:
-    """The value that a text such as the right-hand side of ``key=value`` stands for."""
+    """The value of a text such as the right-hand side of ``key=value``."""
     if len(text) > LARGEST_FILE:
         raise ValueError(f"{where} has more than {LARGEST_FILE} characters; give fewer")
     return parse_yaml(text, where)
@@ -191,14 +191,14 @@ def scene_folder() -> Path:
 
 
 def exists(path: Path) -> bool:
-    """Whether something is at a path; not if it cannot be one."""
+    """Whether a path exists; False for a text that cannot be a path."""
     try:
         return path.exists()
     except (OSError, ValueError):
         return False
 
 
-# ---- where in a file a mistake stands ------------------------------------------------------------
+# ---- the line of a mistake in a file -------------------------------------------------------------
 
 
 @contextlib.contextmanager
@@ -217,7 +217,7 @@ def explained(path: str | Path, as_it_stands: bool = True) -> Iterator[None]:
 
 
 def line_of(message: str, data: Any) -> int | None:
-    """The line of what a message begins with, such as "effects[1].g is ..."; None if it is not known."""
+    """The line of the value that a message names first, as in "effects[1].g is ..."; None if unknown."""
     unknown = re.match(r"\S+ (?:\(\w+\) )?has the unknown key (.*); valid", message)
     head = re.match(r"\w[\w\[\].]*", message)
     path = re.findall(r"\w+", head.group()) if head else [""]

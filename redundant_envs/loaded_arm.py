@@ -1,4 +1,4 @@
-"""An arm with the masses and inertias that effects add, and what the numbers of effects are called."""
+"""An arm with the masses and inertias that effects add, and the names of the numbers of effects."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def added_inertias(arm: Arm, effects: Sequence[Effect]) -> Added:
 
 
 def loaded_arm(arm: Arm, effects: Sequence[Effect], values: Mapping[str, float]) -> Arm:
-    """The arm with what effects add to its own, from the values of all parameters.
+    """The arm with the masses and inertias that effects add to its own, from the values of all parameters.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Modules of users, named on the command line: what they register is known to the command."""
+"""Modules of users, named on the command line: the command knows the classes that they register."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ IMPORTED: list[str] = []
 
 
 def import_named(module: str) -> None:
-    """Import a module that lies in the present folder or is installed.
+    """Import a module that is in the current folder or installed.
 
     Raises
     ------
     ValueError
-        If there is none of that name, or it imports one that there is not.
+        If there is no module of that name, or it imports a module that does not exist.
     """
     if os.getcwd() not in sys.path:
         sys.path.insert(0, os.getcwd())

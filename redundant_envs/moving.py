@@ -1,7 +1,8 @@
-"""Numbers that know whether they move, and where what is computed with them has kinks.
+"""Numbers that know whether they move, and where results computed with them have kinks.
 
-A function that is run on them gives, beside its results, what changes its sign at each of its kinks: the
-difference of two numbers that are compared, the argument of ``abs``; that of ``floor`` at each whole number.
+A function that is run on them returns, beside its results, a value for each of its kinks that changes its
+sign there: the difference of two numbers that are compared, the argument of ``abs``; the argument of
+``floor`` passes a whole number at each kink.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ class Kink:
 
     Attributes
     ----------
-    value : what changes its sign there
-    levels : whether there is one wherever ``value`` passes a whole number, too
+    value : changes its sign there
+    levels : whether there is a kink wherever ``value`` passes a whole number, too
     """
 
     __slots__ = ("levels", "value")
@@ -29,7 +30,7 @@ class Kink:
         self.levels = levels
 
     def where(self, condition: Any, holds: bool) -> Kink:
-        """The kink of a branch: there is none where the other one is taken."""
+        """The kink of a branch, which is absent where the other branch is taken."""
         branches = (self.value, 1.0) if holds else (1.0, self.value)
         return Kink(algebra.where(condition, *branches), self.levels)
 
@@ -52,7 +53,7 @@ class Moving:
     """
 
     __slots__ = ("kinks", "moves", "value")
-    __array_ufunc__ = None  # NumPy leaves operations with these numbers to them
+    __array_ufunc__ = None  # NumPy defers operations with these numbers to their class
     __hash__ = None  # type: ignore[assignment]
 
     def __init__(self, value: Any, moves: bool = False, kinks: Kinks = ()) -> None:
@@ -157,7 +158,7 @@ def _choice(x: Any) -> Choice:
 
 
 def kinks_in(results: Any) -> Kinks:
-    """Kinks of what a function gives."""
+    """Kinks of the results of a function."""
     values: Iterable[Any] = results if isinstance(results, tuple) else (results,)
     return _union(*(moving(value).kinks for value in values))
 

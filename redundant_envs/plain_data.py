@@ -19,7 +19,7 @@ def plain(kind: str, thing: Any) -> dict[str, Any]:
 
 
 def check_registered(where: str, kind: str, thing: Any, registry: Mapping[str, type[Any]]) -> None:
-    """ValueError if the name of a thing is that of another class, which plain data would turn it into."""
+    """ValueError if the class of an object has the name of another class, which plain data would create."""
     own = getattr(thing, "maker", type(thing))
     there = registry.get(kind, own)
     if there is not own:

@@ -1,4 +1,4 @@
-"""Quantities by their names: found through the functions that give them, when they are asked for."""
+"""Quantities by their names: computed by the functions that return them, when they are needed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Function = Callable[..., Any]
 
 @functools.lru_cache(maxsize=256)
 def givers_of(functions: tuple[Function, ...]) -> dict[str, Function]:
-    """Which function gives a quantity; ValueError if two do."""
+    """The function that returns each quantity; ValueError if two return the same."""
     givers: dict[str, Function] = {}
     for f in functions:
         if len(set(gives_of(f))) < len(gives_of(f)):
@@ -42,20 +42,20 @@ def check_names(field: str, names: Iterable[str], owners: Mapping[str, str]) -> 
 
 
 class Quantities(dict[str, Any]):
-    """Values by name; one that is not there yet follows from the others, and then stays.
+    """Values by name; a missing value is computed from the others once, and then kept.
 
     Parameters
     ----------
     known : mapping
         Values to begin with.
     functions : sequence of functions
-        What gives further ones, by the names of their arguments.
+        They compute further values, from the values with the names of their arguments.
     sincos : mapping
         Angle -> names of its sine and cosine.
     source : mapping or Lane, optional
-        Has further values, by name, that are looked for before they are computed.
+        Further values, by name, which are looked up before anything is computed.
     rename : mapping, optional
-        Names of arguments -> names of the quantities that they stand for.
+        Names of arguments -> names of the quantities that they refer to.
     """
 
     def __init__(

@@ -60,7 +60,7 @@ class Scene:
         Equal steps per control interval, at most a million.
     tolerance : float, optional
         Largest estimated tip error of a control interval [m]: every lane takes as many rk8 steps
-        as that needs, 1, 2, 4, ... 16384. None is the fixed step.
+        as that needs, 1, 2, 4, ... 16384. None means fixed steps.
     actuation : {"joint", "generalized"}
         "joint": efforts act at the joints, Q = B t. "generalized": the report's convention,
         efforts conjugate to the absolute angles.
@@ -117,7 +117,7 @@ class Scene:
                 f"robot is a {self.robot.kind} with the inertias of another scene's effects; give that "
                 "scene's own robot, and the effects"
             )
-        _ = self.loaded_robot  # refuses masses and inertias that no arm has
+        _ = self.loaded_robot  # refuses impossible masses and inertias
         if sum(isinstance(h, Field) for h in hooks) > 1:
             raise ValueError("effects has two uniform fields; combine them into one Gravity")
         if not isinstance(self.integrator, str) or self.integrator not in METHODS:
@@ -163,7 +163,7 @@ class Scene:
         if not SMALLEST_TOLERANCE <= tolerance <= LARGEST_TOLERANCE:
             raise ValueError(
                 f"tolerance is {tolerance} m; it must lie in {SMALLEST_TOLERANCE:g} to {LARGEST_TOLERANCE:g}"
-                " (rounding forbids less, and more says nothing)"
+                " (smaller ones are below rounding, larger ones mean nothing)"
             )
         if self.integrator != "rk8":
             raise ValueError(
@@ -200,7 +200,7 @@ class Scene:
     def travel(self) -> dict[int, tuple[str, str]]:
         """Limited joints: joint index -> parameter names of its lower and upper limit."""
         limits: dict[int, tuple[str, str]] = {}
-        # A hard stop is the end, whatever else acts near it.
+        # A hard stop is the limit, whatever else acts near it.
         for effect in sorted(
             self.effects, key=lambda e: any(isinstance(h, Impact) for h in e.hooks(self.robot))
         ):
@@ -221,7 +221,7 @@ class Scene:
         return self.facts()
 
     def facts(self) -> dict[str, Any]:
-        """The same of any scene, to be compared and not to be turned back."""
+        """The same for any scene; for comparisons, not for :meth:`from_dict`."""
         return {
             "robot": plain(self.robot.kind, self.robot),
             "effects": [plain(type(e).__name__, e) for e in self.effects],
@@ -282,7 +282,7 @@ def load_scene(scene: str | Path | Mapping[str, Any] | Scene) -> Scene:
 
 
 def scene_path(scene: str | Path) -> Path:
-    """The file of a scene; a name stands for one of the package."""
+    """The file of a scene; a name refers to a scene of the package."""
     if isinstance(scene, Path) or scene.endswith((".yaml", ".yml")):
         return Path(scene)
     return scene_folder() / f"{scene}.yaml"
@@ -306,8 +306,8 @@ def scene_data(scene: str | Path) -> Any:
 def scene_at(scene: str | Path | Mapping[str, Any] | Scene, accuracy: str | float | None) -> Scene:
     """A scene at an accuracy of :data:`ACCURACIES`, or at a tip error per control interval [m].
 
-    With None a scene keeps its own integrator, substeps and tolerance, and "standard" serves one
-    that gives none of them.
+    With None a scene keeps its own integrator, substeps and tolerance; if it has none of them, "standard"
+    applies.
     """
     built = load_scene(scene)
     named = isinstance(scene, str) and not scene.endswith((".yaml", ".yml"))
@@ -322,7 +322,7 @@ def scene_at(scene: str | Path | Mapping[str, Any] | Scene, accuracy: str | floa
         accuracy = "standard"
     if own:
         raise ValueError(
-            f"accuracy is {accuracy!r} and the scene gives {', '.join(own)}; accuracy stands for "
+            f"accuracy is {accuracy!r} and the scene gives {', '.join(own)}; accuracy sets "
             "integrator, substeps and tolerance: give one or the other"
         )
     if isinstance(accuracy, str):

@@ -1,4 +1,4 @@
-"""Values of users in messages, and the bounds of plain data: whatever it is, an answer comes at once."""
+"""Values of users in messages, and bounds of plain data, so that any input is answered at once."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ WIDEST_INTEGER = 256
 
 
 class _Short(reprlib.Repr):
-    """Representations that end, of whatever a user may give."""
+    """Representations of bounded length, for any value that a user may pass."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -33,7 +33,7 @@ _short = _Short()
 
 
 def shown(value: Any) -> str:
-    """A value as it stands in a message: one line, shortened."""
+    """A value as it is shown in a message: one line, shortened."""
     try:
         text = " ".join(_short.repr(value).split())
     except Exception:  # a representation of a user's own may fail in any way

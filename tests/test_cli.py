@@ -1,4 +1,4 @@
-"""The command line: what it writes, prints and refuses."""
+"""The command line: files, output and refusals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The physics dialect: the package keeps to a small language, and what is outside it is refused."""
+"""The physics dialect: the package keeps to a small language, and functions outside it are refused."""
 
 import ast
 import importlib
@@ -90,7 +90,8 @@ COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq)
 
 
 def violations(function):
-    """What the text of a function has beyond straight lines of arithmetic and calls, as "line: what"."""
+    """Constructs in the source of a function beyond straight-line arithmetic and calls, as "line:
+    construct"."""
     node = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
     a = node.args
     known = {x.arg for x in a.args}
@@ -147,7 +148,7 @@ def test_function_returns_what_it_gives(name):
 
 
 def test_the_small_language_is_known_when_it_is_left():
-    """What is looked for in the package's functions is found."""
+    """Forbidden constructs are found."""
 
     def loop(x):
         for _ in (1, 2):

@@ -1,4 +1,4 @@
-"""Numbers with a derivative give the derivatives of what is computed with them."""
+"""Numbers with a derivative yield the derivatives of results computed with them."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Numbers that know whether they move tell of every kink of what is computed with them, and of no other."""
+"""Numbers that know whether they move find every kink of the results computed with them, and no other."""
 
 import itertools
 
@@ -73,7 +73,7 @@ def test_results_are_those_of_plain_numbers():
 
 
 def test_a_kink_of_a_branch_that_is_not_taken_is_none():
-    """A force that pushes only beyond a place, and never pulls there."""
+    """A force that pushes only beyond a position, and never pulls there."""
 
     def push(x, p):
         return where(p > 0.0, maximum(1.0 + x, 0.0), 0.0)

@@ -1,4 +1,4 @@
-"""Numbers of a configuration: what is allowed, its unit and its help; one message for every mistake."""
+"""Numbers of a configuration: allowed values, unit and help; one form of message for every mistake."""
 
 from __future__ import annotations
 
@@ -57,11 +57,11 @@ def value(default: Any, help: str) -> Any:
 
 
 UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
-"""pydantic's names of the mistake of a key that a model does not have."""
+"""pydantic's names for the mistake that a model does not have a key."""
 
 
 class Model(BaseModel):
-    """Frozen, and without keys that nobody reads."""
+    """Base of models: frozen, and refusing unknown keys."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True)
 
@@ -97,7 +97,7 @@ def explain(kind: type[Any], error: ValidationError, where: str = "") -> str:
             return f"{name[:80]} is unknown; valid: {', '.join(prefix + f for f in fields_of(owner))}"
         case "missing":
             return f"{name} is missing"
-        case "value_error":  # a message of a model's own, which names its fields
+        case "value_error":  # a message written by the model itself, which names its fields
             message = str(mistake["ctx"]["error"])
             return message if not name or message.startswith(name) else f"{name}: {message}"
         case "literal_error":
@@ -122,7 +122,7 @@ def fields_of(kind: type[Any]) -> dict[str, FieldInfo]:
 
 
 def dotted(place: tuple[int | str, ...]) -> str:
-    """An entry of nested data as its user writes it: ``sac.net_arch[1]``."""
+    """Name of an entry of nested data, as users write it: ``sac.net_arch[1]``."""
     text = ""
     for part in place:
         text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)[:80]
@@ -130,7 +130,7 @@ def dotted(place: tuple[int | str, ...]) -> str:
 
 
 def model_at(kind: type[Any], place: tuple[int | str, ...]) -> type[Any]:
-    """The model at an entry of another one."""
+    """The model that contains an entry of another model."""
     for part in place:
         field = fields_of(kind).get(str(part))
         inner = (field.annotation, *get_args(field.annotation)) if field else ()
@@ -139,7 +139,7 @@ def model_at(kind: type[Any], place: tuple[int | str, ...]) -> type[Any]:
 
 
 def allowed(kind: type[Any], place: tuple[int | str, ...], message: str) -> str:
-    """Numbers that are allowed at an entry."""
+    """Numbers that are allowed for an entry."""
     names = [str(part) for part in place if not isinstance(part, int)]
     owner = model_at(kind, tuple(names[:-1]))
     field = fields_of(owner).get(names[-1])
@@ -160,7 +160,7 @@ def example(kind: type[Any], place: tuple[int | str, ...]) -> str:
 
 
 def short(bound: float) -> str:
-    """A bound as it is written: six digits, or all where those are another number."""
+    """A bound as text: six digits, or all digits if six would change it."""
     return f"{bound:g}" if float(f"{bound:g}") == bound else repr(bound)
 
 

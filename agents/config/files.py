@@ -25,7 +25,7 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Config:
 
 
 def check_version(data: dict[str, Any]) -> None:
-    """Refuse a configuration of another version, and say what changed since."""
+    """Refuse a configuration of another version, and name the changes since."""
     found = data.get("config_version", 1)
     if found == VERSION and not isinstance(found, bool):
         return
@@ -41,7 +41,7 @@ def check_version(data: dict[str, Any]) -> None:
 
 
 def read(path: str | Path, overrides: Sequence[str], folder: str) -> dict[str, Any]:
-    """What a YAML file holds, with overrides; where it is missing, the error lists the folder's files."""
+    """The content of a YAML file, with overrides; if it is missing, the error lists the folder's files."""
     file = Path(path)
     if not exists(file):
         available = sorted(str(p) for p in Path(folder).glob("*.yaml"))
@@ -57,7 +57,7 @@ def read(path: str | Path, overrides: Sequence[str], folder: str) -> dict[str, A
 
 
 def override_one(data: dict[str, Any], override: str) -> None:
-    """Put one ``key.inner=value`` in its place."""
+    """Set the value of one ``key.inner=value``."""
     key, separator, text = override.partition("=")
     if not separator:
         raise ValueError(f"override is {shown(override)}; write key=value, such as seed=3")

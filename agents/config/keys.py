@@ -20,7 +20,7 @@ def keys() -> Iterator[tuple[str, Any]]:
 
 
 def help_of_keys() -> str:
-    """A line for every key: its default, what is allowed, its unit and what it means."""
+    """A line for every key: its default, allowed values, unit and meaning."""
     lines = ["Keys of key=value:"]
     for name, field in keys():
         if name == "config_version":
@@ -38,7 +38,7 @@ def help_of_keys() -> str:
 
 
 def values(field: Any) -> list[str]:
-    """The names that a field may have, where it has a closed choice of them."""
+    """The names that a field accepts, if it has a closed choice of them."""
     choices = [a for a in get_args(field.annotation) if isinstance(a, str)]
     return choices if all(isinstance(a, str) for a in get_args(field.annotation)) else []
 
@@ -53,7 +53,7 @@ def shown(default: Any) -> str:
 
 
 def complete(incomplete: str) -> list[str]:
-    """What an override may begin or go on with."""
+    """Completions of an override."""
     name, equals, _ = incomplete.partition("=")
     if equals:
         fields = dict(keys())

@@ -39,7 +39,7 @@ ACTIVATION = "between layers"
 
 
 class PlainPPOSettings(Model):
-    """PPO as stable-baselines3 has it."""
+    """PPO as in stable-baselines3."""
 
     n_steps: Whole = number(32, 1, 1e6, "control steps of every environment between two updates")
     batch_size: Whole = number(1024, 2, 1e8, "samples of a minibatch; it divides num_envs * n_steps")
@@ -74,7 +74,7 @@ class PPOSettings(PlainPPOSettings):
 
 
 class OffPolicySettings(Model):
-    """What all learners with a replay buffer have."""
+    """Settings of all learners with a replay buffer."""
 
     buffer_size: Whole = number(500_000, 1, 1e8, "transitions kept")
     learning_starts: Whole = number(20_000, 0, 1e9, "environment steps with random actions before learning")
@@ -96,7 +96,7 @@ ENTROPY = "weight of the entropy, from 0 to 100, or auto"
 class SACSettings(OffPolicySettings):
     """SAC with an averaged, smoothed, delayed actor.
 
-    A small fixed ent_coef, because holding still needs a policy that is nearly sure.
+    A small fixed ent_coef, because holding still needs a nearly deterministic policy.
     """
 
     learning_rate: Real = number(6e-3, *RATE, "Adam's, of actor and critics, at the beginning")
@@ -128,7 +128,7 @@ class HERSettings(SACSettings):
 
 
 class PlainSACSettings(OffPolicySettings):
-    """SAC as stable-baselines3 has it."""
+    """SAC as in stable-baselines3."""
 
     tau: Real = number(0.04, *TAU)
     ent_coef: EntropyWeight = value(0.001, ENTROPY)

@@ -32,15 +32,15 @@ SEEDS_PER_RUN = 10_000
 MOST_SEEDS = 9999
 """Largest seed of a run."""
 KEPT_FOR_GOALS = (1_000_000, 10_000_000)
-"""Environment seeds, from one to below the other, on which policies are evaluated and none is trained."""
+"""Environment seeds, from one to below the other, that serve evaluation only, never training."""
 MOST_EPISODES = 1_000_000
-"""More would meet the goals of the evaluation or of the curve."""
+"""With more, seeds would overlap with those of the evaluation or of the curve."""
 WITHOUT_EFFECT = ("checkpoint_seconds", "telemetry")
 """Settings that change no result."""
 MOST_SAMPLES = 10**8
-"""Between two updates of PPO: what a rollout holds in memory."""
+"""Most samples between two updates of PPO, which a rollout holds in memory."""
 MOST_DRAWN = 10**7
-"""Samples that are drawn at once."""
+"""Most samples that are drawn at once."""
 MOST_DIVISOR = 10**6
 """Largest batch that a message proposes."""
 VERSION = 2
@@ -49,7 +49,7 @@ CHANGES = {
     "learning rate has a schedule (sac: constant, ppo: linear) and networks an activation (silu instead of "
     "tanh); the defaults of all learners are others; max_seconds has no default; her is an algorithm",
 }
-"""What each version of the configuration changed."""
+"""The changes of each version of the configuration."""
 
 
 def first_environment_seed(seed: int) -> int:
@@ -59,7 +59,7 @@ def first_environment_seed(seed: int) -> int:
 
 
 def label(algo: str) -> str:
-    """What tables and figures call an algorithm."""
+    """Name of an algorithm in tables and figures."""
     return {"plain_ppo": "stock PPO", "plain_sac": "stock SAC", "crossq": "CrossQ"}.get(algo, algo.upper())
 
 
@@ -101,7 +101,7 @@ class Config(Model):
     @model_validator(mode="before")
     @classmethod
     def _with_settings(cls, data: Any) -> Any:
-        """Settings of the chosen learner are there, by default if they are not given."""
+        """Add settings of the chosen learner, by default if they are not given."""
         if not isinstance(data, Mapping):
             return data
         algo = data.get("algo", "ppo")
@@ -182,7 +182,7 @@ def check_env_kwargs(env_kwargs: Mapping[str, Any]) -> None:
             raise ValueError(f"env_kwargs has the unknown key {shown(name)}; valid: {', '.join(ARGUMENTS)}")
     steps = env_kwargs.get("max_episode_steps", 1)
     whole = isinstance(steps, int) and not isinstance(steps, bool)
-    if not whole or not 1 <= steps <= MOST_EPISODES:  # without an end no evaluation would end
+    if not whole or not 1 <= steps <= MOST_EPISODES:  # without this limit an evaluation would never end
         raise ValueError(
             f"env_kwargs.max_episode_steps is {shown(steps)}; give a whole number from 1 to {MOST_EPISODES}"
         )

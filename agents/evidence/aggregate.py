@@ -15,17 +15,17 @@ Statistic = Callable[[NDArray[np.float64], int], NDArray[np.float64]]
 TAILS = (0.025, 0.975)
 """Quantiles at both ends of a 95 % interval."""
 LEAST_RUNS = 5
-"""Runs of a stratum from which there is an interval: that of two or three is from the lowest to the highest,
-which leaves out the truth in every second or fourth case."""
+"""Least number of runs of a stratum for an interval: with two or three runs it would reach from the lowest to
+the highest, and miss the true value in every second or fourth case."""
 MOST_NUMBERS = 4_000_000
-"""Numbers that are resampled at a time: 32 MB."""
+"""Count of numbers that are resampled at a time: 32 MB."""
 
 
 def interquartile_mean(values: ArrayLike, axis: int = 0) -> NDArray[np.float64]:
     """Mean of the values between the quartiles.
 
     The definition is rliable's, ``scipy.stats.trim_mean(values, 0.25)``: of n values the n // 4 lowest
-    and the n // 4 highest are left out, whole. So it is the plain mean of up to three values.
+    and the n // 4 highest are left out entirely. So it is the plain mean of up to three values.
 
     Parameters
     ----------

@@ -45,8 +45,8 @@ def curves(folders: Iterable[str | Path], path: str | Path, x: str = "both") -> 
     Raises
     ------
     ValueError
-        ``path`` or ``x`` is none of these, a folder is no evaluated run or has no curve yet, or two folders
-        contradict each other.
+        ``path`` or ``x`` is none of these, a folder is not an evaluated run or has no curve yet, or two
+        folders contradict each other.
     MissingPackage
         matplotlib is not installed.
     """

@@ -14,25 +14,25 @@ from .learning import MEASURES, expert, points, summarize
 from .runs import Group
 
 LABELS = {"steps": (1e-6, "environment steps, millions"), "seconds": (1.0, "training time, s")}
-"""By the name of an x axis: the scale it is drawn with, and its label."""
+"""Name of an x axis -> the factor with which it is drawn, and its label."""
 TITLES = {"hold_success": "hold success, %", "touch_success": "touch success, %", "return": "mean return"}
-"""Of the panels, by column of selection.csv."""
+"""Titles of the panels, by column of selection.csv."""
 MISSES = "(misses: logarithmic)"
-"""Beside the titles of panels whose y axis is that of :func:`_rate_scale`."""
+"""Text beside the titles of panels whose y axis has the scale of :func:`_rate_scale`."""
 LEARNER_COLORS = {"PPO": "#0072B2", "SAC": "#D55E00", "HER": "#009E73"}
 """Learners of the same colour in all figures."""
 COLORS = ("#CC79A7", "#E69F00", "#56B4E9", "#999999", "#8C564B", *LEARNER_COLORS.values())
-"""Of the others. Most are Okabe and Ito's, for colour-blind readers; black is computed torque's."""
+"""Colours of the others. Most are Okabe and Ito's, for colour-blind readers; black is computed torque's."""
 STYLES = ("-", "-.", ":")
-"""Of the lines, when there are more learners than colours."""
+"""Styles of the lines, if there are more learners than colours."""
 TICKS = (1.0, 0.0, 0.9, 0.99, 0.5, 0.999, 0.98, 0.95, 0.8, 0.998)
 """Rates that are labelled, the most important first."""
 CLOSEST = 0.075
-"""Least distance of two labels, as a share of the axis."""
+"""Least distance of two labels, as a fraction of the axis."""
 SPREAD = 3.0
-"""A panel's x axis is logarithmic where its longest curve is more than so many times its shortest."""
+"""A panel's x axis is logarithmic if its longest curve is more than this many times its shortest."""
 LONG = 30
-"""Characters of a legend's entry that needs more than a sixth of the width."""
+"""Number of characters from which on an entry of the legend needs more than a sixth of the width."""
 
 
 def draw(groups: Sequence[Group], axes: Sequence[str]) -> Any:
@@ -46,7 +46,7 @@ def draw(groups: Sequence[Group], axes: Sequence[str]) -> Any:
         Line2D([], [], color="0.4", alpha=0.5, linewidth=0.6, label="one seed"),
     ]
     if any(len(same.runs) >= LEAST_RUNS for same in groups):
-        explained.append(Patch(color="0.4", alpha=0.25, linewidth=0, label="its 95 % interval"))
+        explained.append(Patch(color="0.4", alpha=0.25, linewidth=0, label="95 % interval of the mean"))
     titles = list(dict.fromkeys(same.title for same in groups))
     looks = _looks(groups)
     height = len(titles) * (2.5 * len(axes) + 0.75)
@@ -116,7 +116,7 @@ def _x_scale(panel: Any, axis: str, ends: Sequence[float]) -> None:
 
 
 def _rate_scale(panel: Any, goal: float) -> None:
-    """A scale of rates on which misses count by their logarithm: 90, 99 and 99.9 % are equally far apart.
+    """A scale of rates that is logarithmic in the misses: 90, 99 and 99.9 % are equally far apart.
 
     One goal is added to the misses, so that 100 % lies on the axis.
     """

@@ -12,9 +12,9 @@ from .aggregate import interquartile_mean, stratified_bootstrap
 from .runs import Group, Run
 
 AXES = {"steps": "env_steps", "seconds": "seconds"}
-"""By the name of an x axis: its column of selection.csv."""
+"""Name of an x axis -> its column of selection.csv."""
 MEASURES = {"hold_success": "expert_hold_success", "touch_success": "", "return": "expert_mean_return"}
-"""By column of selection.csv: computed torque's entry in evaluation.json, if it has one."""
+"""Column of selection.csv -> computed torque's entry in evaluation.json, if it has one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +74,6 @@ def points(run: Run, axis: str) -> tuple[NDArray[np.float64], NDArray[np.float64
 
 
 def expert(same: Group, measure: str) -> float | None:
-    """Computed torque's number beside a group, None where no run knows it."""
+    """Computed torque's number for a group, None if no run has it."""
     known = same.numbers(MEASURES[measure])
     return float(np.median(known)) if known else None

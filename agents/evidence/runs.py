@@ -1,4 +1,4 @@
-"""Runs read from their folders, and groups of runs that differ in nothing but their seed."""
+"""Runs read from their folders, and groups of runs that differ only in their seed."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ..own_scene import read_scene
 from ..run_folder import SELECTION, evaluate_anew, read_config, read_evaluation, read_facts, read_table
 
 CIRCUMSTANCES = ("train_seconds", "versions", "machine", "date")
-"""What two trainings of one seed may differ in without differing in their results."""
+"""Entries in which two trainings of one seed may differ although their results are the same."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,14 +33,14 @@ class Run:
     folder : Path
     env, algo : str
     learner : str
-        What tables and figures call the algorithm.
+        Name of the algorithm in tables and figures.
     seed : int
     settings : mapping
         The configuration without its seed.
     scene : mapping
         Plain data of the scene that it was trained in.
     evaluation : mapping
-        What evaluation.json says.
+        Content of evaluation.json.
     curve : ndarray (points, len(SELECTION))
         The rows of selection.csv.
     """
@@ -82,7 +82,7 @@ class Group:
         return f"{self.environment} ({self.scene})" if self.scene else self.environment
 
     def numbers(self, name: str) -> list[float]:
-        """An entry of the evaluations, of those runs that know it."""
+        """An entry of the evaluations, from those runs that have it."""
         found = [run.evaluation.get(name) for run in self.runs]
         return [float(value) for value in found if value is not None]
 
@@ -90,7 +90,7 @@ class Group:
 def read_run(folder: str | Path, stopped: bool = False, evaluation: Mapping[str, Any] | None = None) -> Run:
     """Read a run folder; that of a training that was stopped only if ``stopped``.
 
-    ``evaluation`` takes the place of the folder's own.
+    ``evaluation`` replaces that of the folder.
 
     Raises
     ------
@@ -158,7 +158,7 @@ def group(runs: Iterable[Run]) -> list[Group]:
 
 
 def read_groups(folders: Iterable[str | Path]) -> list[Group]:
-    """The groups of run folders; ValueError as of :func:`read_run` and :func:`group`, or for no folders."""
+    """The groups of run folders; ValueError as in :func:`read_run` and :func:`group`, or without folders."""
     groups = group(read_run(folder) for folder in folders)
     if not groups:
         raise ValueError("folders is empty; give at least one run folder")

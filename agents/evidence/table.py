@@ -43,26 +43,26 @@ def rows(folders: Iterable[str | Path]) -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        All rows have the same keys; None stands for what is not known. Rates are from 0 to 1, times in
+        All rows have the same keys; None means unknown. Rates are from 0 to 1, times in
         seconds, effort in squared and smoothness in simple units of the normalised action.
 
     Raises
     ------
     ValueError
-        A folder is no evaluated run, or two folders contradict each other.
+        A folder is not an evaluated run, or two folders contradict each other.
     """
     return [_row(same) for same in read_groups(folders)]
 
 
 def table(folders: Iterable[str | Path]) -> str:
-    """Results of run folders as two Markdown tables and what a reader needs to judge them.
+    """Results of run folders as two Markdown tables and the notes that a reader needs to judge them.
 
     The second table compares time to hold, effort and smoothness with computed torque.
 
     Raises
     ------
     ValueError
-        As of :func:`rows`.
+        As in :func:`rows`.
     """
     found = rows(folders)
     return "\n".join(
@@ -84,7 +84,7 @@ def brief_table(folders: Iterable[str | Path]) -> str:
     Raises
     ------
     ValueError
-        As of :func:`rows`.
+        As in :func:`rows`.
     """
     return "\n".join(_markdown(BRIEF, [_brief(row) for row in rows(folders)]))
 
@@ -143,7 +143,7 @@ def _row(same: Group) -> dict[str, Any]:
 
 
 def _holds_more(same: Group) -> str:
-    """Who holds more by the median, and in how many seeds computed torque does where that differs."""
+    """Which holds more by the median, and in how many seeds computed torque holds more, if that differs."""
     hold, expert = (np.asarray(same.numbers(name)) for name in ("hold_success", "expert_hold_success"))
     difference = np.median(hold) - np.median(expert)
     lost = int((hold < expert).sum())

@@ -1,4 +1,4 @@
-"""What the learners share: networks as vectors, their averages, and all that a checkpoint keeps of them."""
+"""Common parts of the learners: networks as vectors, their averages, and their state in a checkpoint."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ with needs("train"):
 
 
 class Averaging:
-    """Beside an algorithm of stable-baselines3, whose networks it trains as vectors.
+    """Mixin for an algorithm of stable-baselines3, whose networks are trained as vectors.
 
     After an update the modules that act hold the present weights; inside :meth:`averaged` all modules are up
     to date, and those with averages hold them.
     """
 
     networks: dict[str, Networks]
-    """All that is trained, and targets."""
+    """All trained vectors, and targets."""
     adams: dict[str, Adam]
     means: dict[str, Tensor]
     """Averages of the vectors of some networks."""
 
     def inputs(self, observations: Any) -> Tensor:
-        """What the networks are given of observations, (rows, inputs)."""
+        """Inputs of the networks from observations, (rows, inputs)."""
         mixing = self.networks["actor"].mixing
         if mixing is None:
             return observations
@@ -46,17 +46,18 @@ class Averaging:
         self.means = {name: self.networks[name].vector.clone() for name in names}
 
     def take_means(self, kept: float, weight: float) -> None:
-        """Move the averages towards the present weights: by 1 - kept, or by ``weight`` while that is more."""
+        """Move the averages towards the present weights: by 1 - kept, or by ``weight`` while that is
+        larger."""
         for name, mean in self.means.items():
             mean.lerp_(self.networks[name].vector, max(1.0 - kept, weight))
 
     def write_networks(self) -> None:
-        """Give the modules the present weights."""
+        """Copy the present weights into the modules."""
         for networks in self.networks.values():
             networks.write()
 
     def read_networks(self) -> None:
-        """Go on from the modules' weights, those of a policy that was loaded; averages begin there."""
+        """Continue from the modules' weights, those of a loaded policy; averages begin there."""
         for networks in self.networks.values():
             networks.read()
         for name, mean in self.means.items():
@@ -65,7 +66,7 @@ class Averaging:
 
     @contextlib.contextmanager
     def averaged(self) -> Iterator[None]:
-        """All modules hold the present weights inside, or their averages."""
+        """Within this context all modules hold the present weights, or their averages."""
         self.write_networks()
         for name, mean in self.means.items():
             self.networks[name].write(mean)
@@ -76,7 +77,7 @@ class Averaging:
                 self.networks[name].write()
 
     def learner_state(self) -> dict[str, Any]:
-        """All that an update changes, beside the modules; plain data and tensors."""
+        """Everything beside the modules that an update changes; plain data and tensors."""
         return {
             "networks": {name: n.vector.clone() for name, n in self.networks.items()},
             "adams": {name: adam.state() for name, adam in self.adams.items()},
@@ -94,11 +95,11 @@ class Averaging:
         self.write_networks()
 
     def _excluded_save_params(self) -> list[str]:
-        """Not in policy.zip, which plain stable-baselines3 loads."""
+        """Attributes excluded from policy.zip, which plain stable-baselines3 loads."""
         excluded: list[str] = super()._excluded_save_params()  # type: ignore[misc]
         return [*excluded, "networks", "adams", "means"]
 
     def _update_info_buffer(self, infos: list[dict[str, Any]], dones: Any = None) -> None:
-        """Statistics of the episodes that are over; stable-baselines3 looks through all environments."""
+        """Statistics of the finished episodes only; stable-baselines3 searches all environments."""
         over = np.flatnonzero(dones)
         super()._update_info_buffer([infos[i] for i in over], dones[over])  # type: ignore[misc]

@@ -30,7 +30,7 @@ LEARNERS: dict[str, Any] = {
 
 
 OF_POLICY = {"net_arch", "schedule", "learning_rate", "log_std_init", "n_quantiles"}
-"""Settings that the classes are not given under their names."""
+"""Settings that are not passed to the classes under their own names."""
 
 
 def policy_name(config: Config) -> str:
@@ -58,7 +58,7 @@ def make_model(config: Config, env: Any) -> Any:
     """The learner of a configuration, on a VecEnv."""
     settings, learner = config.settings, LEARNERS[config.algo]
     given = settings.model_dump(exclude=OF_POLICY)
-    if not issubclass(learner, Averaging):  # the others know it from their policy alone
+    if not issubclass(learner, Averaging):  # the others have it in their policy only
         del given["activation"]
     if isinstance(settings, HERSettings):
         goals = {name: given.pop(name) for name in ("n_sampled_goal", "goal_selection_strategy")}

@@ -1,4 +1,4 @@
-"""What the networks of a goal environment are given instead of both goals."""
+"""Inputs of the networks of a goal environment, instead of both goals."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ with needs("train"):
     from torch import Tensor
 
 ERROR_SCALE = 0.05
-"""Distance from the goal that the networks are given as 1, in reaches."""
+"""Distance from the goal that is the input 1 of the networks, in reaches."""
 
 
 def goal_mixing(space: spaces.Space[Any], error_scale: float = ERROR_SCALE) -> Tensor | None:
-    """What the first layers of a goal environment's networks are given, as a matrix of their inputs.
+    """The matrix that maps observations to inputs of the first layers of a goal environment's networks.
 
     The achieved goal becomes the error, desired minus achieved, in units of ``error_scale`` reaches; the
-    desired goal is given in reaches. Without it a network has to find the small difference of two large
-    numbers first. Being a matrix, it is multiplied into the first layers, and the saved policy has none.
+    desired goal is given in reaches. Without the matrix a network first has to learn the small difference of
+    two large numbers. The matrix is multiplied into the first layers, so the saved policy has none.
     """
     if not isinstance(space, spaces.Dict):
         return None

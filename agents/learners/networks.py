@@ -23,7 +23,7 @@ Backward = Callable[[Tensor, Tensor], Tensor]
 
 
 class Activation(NamedTuple):
-    """torch's module, the function, and how derivatives pass it."""
+    """torch's module, the function, and its backward function."""
 
     module: type[nn.Module]
     forward: Callable[[Tensor], Tensor]
@@ -37,24 +37,24 @@ ACTIVATIONS = {
 }
 
 Layers = Sequence[Sequence[nn.Linear]]
-"""A network: its layers in order, each the modules whose outputs lie side by side."""
+"""A network: its layers in order, each a list of the modules whose outputs are contiguous."""
 Tape = list[tuple[Tensor, Tensor]]
-"""Of a forward pass: each layer's inputs, and its outputs before the activation."""
+"""Data of a forward pass: each layer's inputs, and its outputs before the activation."""
 
 
 class Networks:
-    """K networks of one shape; layers but the last end in the activation.
+    """K networks of one shape; all layers except the last end in the activation.
 
     Parameters
     ----------
     networks : sequence of K networks
-        Modules whose numbers are taken over; they change only in :meth:`write`.
+        Modules whose numbers are copied; the modules change only in :meth:`write`.
     activation : str
         One of ``ACTIVATIONS``.
     extra : Parameter, optional
         Numbers beside the networks, last in the vector.
     mixing : Tensor (inputs, inputs), optional
-        What the first layer is given is ``mixing @ inputs of the modules``; ``write`` multiplies it into
+        The input of the first layer is ``mixing @ inputs of the modules``; ``write`` multiplies it into
         the modules' first layers.
     """
 
@@ -97,7 +97,7 @@ class Networks:
 
     @torch.no_grad()
     def read(self) -> None:
-        """Take over the modules' numbers: the reverse of :meth:`write`."""
+        """Copy the modules' numbers: the reverse of :meth:`write`."""
         self._read()
         if self.mixing is not None:
             first = self.weights[0]
@@ -105,7 +105,7 @@ class Networks:
 
     @torch.no_grad()
     def write(self, vector: Tensor | None = None) -> None:
-        """Give the modules these numbers, or those of another vector of the same layout."""
+        """Write these numbers, or those of another vector of the same layout, into the modules."""
         weights, biases, extra = self._parts(self.vector if vector is None else vector)
         for layer, (weight, bias) in enumerate(zip(weights, biases, strict=True)):
             if layer == 0 and self.mixing is not None:
@@ -120,7 +120,7 @@ class Networks:
             self._beside.copy_(extra)
 
     def forward(self, inputs: Tensor) -> tuple[Tensor, Tape]:
-        """Outputs (K, rows, outputs) of inputs (rows, inputs), and what :meth:`backward` needs."""
+        """Outputs (K, rows, outputs) for inputs (rows, inputs), and the data that :meth:`backward` needs."""
         x = inputs.expand(len(self.modules), *inputs.shape)
         tape: Tape = []
         last = len(self.weights) - 1
@@ -141,7 +141,8 @@ class Networks:
         return d
 
     def to_inputs(self, tape: Tape, doutputs: Tensor, columns: slice) -> Tensor:
-        """Derivatives at some columns of the inputs, (rows, columns), the sum over all networks."""
+        """Derivatives with respect to some columns of the inputs, (rows, columns), summed over all
+        networks."""
         d = doutputs
         for layer in range(len(tape) - 1, 0, -1):
             d = self._activation.backward(d @ self.weights[layer], tape[layer - 1][1])
@@ -149,7 +150,7 @@ class Networks:
 
 
 class Adam:
-    """Adam on a vector (Kingma and Ba 2015): torch's, without what it asks of a parameter at every step."""
+    """Adam on a vector (Kingma and Ba 2015): torch's, without its checks of a parameter at every step."""
 
     FIRST, SECOND = 0.9, 0.999
 

@@ -1,6 +1,6 @@
-"""Algorithms as stable-baselines3 and sb3-contrib have them, to compare ours with.
+"""Algorithms of stable-baselines3 and sb3-contrib, for comparison with ours.
 
-Only what a training run asks of every learner is put beside them; their loops and losses are theirs.
+Only the methods that a training run needs of every learner are added; loops and losses are unchanged.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ with needs("train"):
 
 
 class Plain:
-    """Beside an algorithm whose modules and optimisers hold all that it learns."""
+    """Mixin for an algorithm whose modules and optimisers hold everything that it learns."""
 
     @contextlib.contextmanager
     def averaged(self) -> Iterator[None]:
-        """The modules are as they are: these algorithms keep no average."""
+        """Leave the modules unchanged: these algorithms keep no average."""
         yield
 
     def read_networks(self) -> None:
-        """Nothing: the modules are all that learns."""
+        """Do nothing: only the modules learn."""
 
     def learner_state(self) -> dict[str, Any]:
         """Nothing beside the modules and optimisers."""
         return {}
 
     def set_learner_state(self, state: dict[str, Any]) -> None:
-        """Nothing to return to."""
+        """Do nothing: there is no further state."""
 
 
 class PlainPPO(Plain, PPO):
@@ -70,7 +70,7 @@ class NormalNoise(VectorizedActionNoise):
         self.deviation = deviation
 
     def reset(self, indices: Iterable[int] | None = None) -> None:
-        """Nothing: no draw depends on another."""
+        """Do nothing: no draw depends on another."""
 
     def __call__(self) -> NDArray[np.float64]:
         """Noise, (num_envs, num_actions), from NumPy's global generator as in stable-baselines3."""

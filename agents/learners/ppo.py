@@ -3,8 +3,8 @@
 Advantages, buffer, networks, saving and loading are stable-baselines3's; the loops are replaced. They
 collect without its modules and compute values once for a rollout; the losses are the same, with their
 gradients written out (:mod:`.networks`) and nothing logged per minibatch. The loss may have a term for
-smooth actions (Mysore et al. 2021, CAPS, its temporal part). The average of the weights, policy and values,
-is what is evaluated and saved.
+smooth actions (Mysore et al. 2021, CAPS, its temporal part). The average of the weights, of policy and
+values, is evaluated and saved.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ class AveragedPPO(Averaging, PPO):
     Parameters
     ----------
     activation : {"silu", "tanh", "relu"}
-        That of ``policy_kwargs["activation_fn"]``.
+        As in ``policy_kwargs["activation_fn"]``.
     average : float
         Share of the average that an epoch keeps.
     smoothness : float
         Weight of ``|a(s) - a(s')|^2`` in the actor's loss: mean actions at a state, and at the states before
-        and after it in its episode as the policy of the rollout had them.
+        and after it in its episode, the latter from the policy of the rollout.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class AveragedPPO(Averaging, PPO):
         self.keep_means("actor", "values")
         self.write_networks()
         self.mean_actions = np.zeros_like(self.rollout_buffer.actions)
-        """Of the policy of the rollout, in -1 to 1, (n_steps, num_envs, A)."""
+        """Mean actions of the policy of the rollout, in -1 to 1, (n_steps, num_envs, A)."""
 
     @torch.no_grad()
     def collect_rollouts(
@@ -132,7 +132,7 @@ class AveragedPPO(Averaging, PPO):
         return self.networks["values"].forward(given)[0][0, :, 0]
 
     def _log_prob_offset(self) -> Tensor:
-        """Of a normal distribution: what a log probability has beside the squares of deviations."""
+        """Term of the log probability of a normal distribution beside the squares of deviations."""
         log_std = self.networks["actor"].extra
         return log_std.sum() + 0.5 * len(log_std) * math.log(2.0 * math.pi)
 
@@ -173,7 +173,7 @@ class AveragedPPO(Averaging, PPO):
     def _set_gradients(self, columns: Sequence[Tensor], clip: float, entropy: float) -> None:
         """Gradients of the clipped surrogate, the value, entropy and smoothness losses of one minibatch.
 
-        ``columns``: what the networks are given, actions, log probabilities, advantages, returns, sums and
+        ``columns``: inputs of the networks, actions, log probabilities, advantages, returns, sums and
         numbers of :func:`neighbouring_actions`; ``entropy``: weight of the entropy, which follows the
         schedule of the learning rate.
         """
@@ -191,7 +191,7 @@ class AveragedPPO(Averaging, PPO):
         dlog_prob = advantages * ratio * inside * (-1.0 / count)
         torch.sum(dlog_prob * (deviation.square() - 1.0), 0, out=actor.dextra)
         actor.dextra.sub_(entropy)
-        # beyond the bounds of actions, where |a - a'|^2 would have no slope, it goes on as a straight line
+        # beyond the bounds of actions, where |a - a'|^2 would have no slope, it continues as a straight line
         apart = numbers * means[0].clamp(-1.0, 1.0) - sums
         dmeans = torch.addcmul(apart * (2.0 * self.smoothness / count), dlog_prob * deviation, inverse)
         actor.backward(tape, dmeans[None])
@@ -202,7 +202,7 @@ class AveragedPPO(Averaging, PPO):
 def neighbouring_actions(
     mean_actions: NDArray[np.floating], episode_starts: NDArray[np.floating]
 ) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-    """Mean actions at the steps before and after each one of a rollout, where they are of its episode.
+    """Mean actions at the steps before and after each step of a rollout, if they belong to its episode.
 
     Parameters
     ----------
@@ -213,7 +213,7 @@ def neighbouring_actions(
     Returns
     -------
     (steps, environments, A), (steps, environments)
-        Their sums, and how many there are: 0, 1 or 2.
+        Their sums, and their number: 0, 1 or 2.
     """
     joined = 1.0 - episode_starts[1:]  # a step and the next one
     sums, numbers = np.zeros_like(mean_actions), np.zeros_like(episode_starts)
@@ -225,7 +225,7 @@ def neighbouring_actions(
 
 
 def _each(function: Callable[[Any], Any], observations: Any) -> Any:
-    """A function of an array of observations, or of each one of a goal environment's."""
+    """Apply a function to an array of observations, or to each array of a goal environment's observations."""
     if isinstance(observations, dict):
         return {name: function(part) for name, part in observations.items()}
     return function(observations)

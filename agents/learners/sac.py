@@ -1,13 +1,13 @@
 """SAC whose policy is the average of its actor's weights, with leaner gradient steps.
 
 Collection, replay buffers, networks, saving and loading are stable-baselines3's; ``train`` is replaced.
-What differs from it:
+Differences from it:
 
 * the policy that is evaluated and saved is the running average of the actor's weights;
 * the actor's loss has a term for smooth actions (Mysore et al. 2021, CAPS, its temporal part);
 * the actor is updated at every second step of the critics (Fujimoto et al. 2018, TD3);
 * the gradients are written out (:mod:`.networks`);
-* in goal environments the networks are given the error of the tip at the scale of the task.
+* in goal environments the networks receive the error of the tip at the scale of the task.
 """
 
 from __future__ import annotations
@@ -32,22 +32,22 @@ with needs("train"):
 LOG_STD = (-20.0, 2.0)
 """Bounds of the logarithm of the standard deviation, as in stable-baselines3."""
 FIRST_UPDATES = 10
-"""An average of n weights is at first their mean since about n / 10 of them: the first ones are poor."""
+"""An average is at first the mean of about the last nine tenths of all weights: the first ones are poor."""
 
 
 @dataclass
 class Draw:
-    """Actions drawn at states, row by row, and what their derivatives need."""
+    """Actions drawn at states, row by row, and the data that their derivatives need."""
 
     outputs: Tensor
-    """Of the actor: means and logarithms of standard deviations, (rows, 2 A)."""
+    """Outputs of the actor: means and logarithms of standard deviations, (rows, 2 A)."""
     tape: Tape
     actions: Tensor
     """(rows, A), in -1 to 1."""
     log_prob: Tensor
     """(rows,)"""
     noise: Tensor
-    """What chance added before the tanh, (rows, A)."""
+    """Noise added before the tanh, (rows, A)."""
 
 
 class AveragedSAC(Averaging, SAC):
@@ -56,7 +56,7 @@ class AveragedSAC(Averaging, SAC):
     Parameters
     ----------
     activation : {"silu", "tanh", "relu"}
-        That of ``policy_kwargs["activation_fn"]``.
+        As in ``policy_kwargs["activation_fn"]``.
     policy_delay : int
         Critic steps from one actor step to the next.
     smoothness : float
@@ -64,7 +64,7 @@ class AveragedSAC(Averaging, SAC):
     average : float
         Share of the average that an actor step keeps.
     error_scale : float
-        That of :func:`.goals.goal_mixing`.
+        As in :func:`.goals.goal_mixing`.
     """
 
     def __init__(
@@ -101,7 +101,8 @@ class AveragedSAC(Averaging, SAC):
         assert self.replay_buffer is not None
         sample = self.replay_buffer.sample(batch_size * gradient_steps)
         now, after = self.inputs(sample.observations), self.inputs(sample.next_observations)
-        # A sample with hindsight goals has all asked-for goals first; every gradient step gets its share.
+        # A sample with hindsight goals has all original goals first; every gradient step gets its share of
+        # them.
         order = torch.randperm(len(now))
         now, after = now[order], after[order]
         pairs = torch.cat([now, sample.actions[order]], 1)

@@ -1,4 +1,4 @@
-"""The card of a policy: what it does, how it was trained, what it reaches, its limits, how to load it."""
+"""The card of a policy: its task, training, results and limits, and how to load it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ORIGIN = {
     "td3": "TD3 of stable-baselines3", "tqc": "TQC of sb3-contrib", "crossq": "CrossQ of sb3-contrib",
 }  # fmt: skip
 MODULES = {"TQC": "sb3_contrib", "CrossQ": "sb3_contrib"}
-"""Where a class comes from; the others are stable-baselines3's."""
+"""Packages of classes that are not stable-baselines3's."""
 
 
 def card(
@@ -40,7 +40,7 @@ def card(
     worst : mapping
         Largest difference of each file's actions from those of the weights in double precision.
     checked : int
-        Observations that this is the largest of.
+        Number of observations over which this is the largest difference.
     core : Core
         Of the environment.
     scene : str
@@ -131,5 +131,5 @@ def _results(evaluation: Mapping[str, Any]) -> list[str]:
 
 
 def _plain(text: str) -> str:
-    """A text of a run folder without what Markdown or HTML would take for more than text."""
+    """A text of a run folder without characters that have a meaning in Markdown or HTML."""
     return re.sub(r"[^\w .,;:()@+/-]", "?", text)[:200]

@@ -28,7 +28,7 @@ from .layers import Layers, exact_actions, layers_of, sampled
 TOLERANCE = 1e-6
 """Largest difference of an action from that of the policy's own weights, computed in double precision."""
 SINGLE = 1e-4
-"""The same for policy.zip: some ten times what single precision makes of it."""
+"""The same for policy.zip: some ten times the error of single precision."""
 LANES, STEPS = 64, 100
 SEED = 4_000_000
 """Episodes of the check; no other part uses these."""
@@ -52,9 +52,9 @@ def name_of(config: Config) -> str:
 
 
 def export(run: Path, out: Path) -> Path:
-    """Write the policy of an evaluated run folder to a folder of its own inside ``out``.
+    """Write the policy of an evaluated run folder to its own folder inside ``out``.
 
-    Nothing of a stranger's pickled objects comes along: policy.zip is written anew from checked weights.
+    No pickled objects of a stranger are copied: policy.zip is written again from checked weights.
 
     Returns
     -------
@@ -140,7 +140,7 @@ def _write(
 def export_all(runs: Sequence[Path], out: Path) -> list[Path]:
     """Export several runs; ValueError if two of them are policies of one id and algorithm."""
     names: dict[str, Path] = {}
-    runs = list({run.resolve(): run for run in runs}.values())  # one that is given twice is one
+    runs = list({run.resolve(): run for run in runs}.values())  # a folder that is given twice counts once
     for run in runs:
         other = names.setdefault(name_of(read_config(run)), run)
         if other != run:

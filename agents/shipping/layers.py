@@ -93,12 +93,13 @@ def joined(inputs: Mapping[str, int], observations: Any) -> NDArray[np.float64]:
 def activated(name: str, x: NDArray[np.float64]) -> NDArray[np.float64]:
     """An activation by its name."""
     if name == "silu":
-        return x * (0.5 + 0.5 * np.tanh(0.5 * x))  # without an exponential that overflows
+        return x * (0.5 + 0.5 * np.tanh(0.5 * x))  # avoids an exponential that overflows
     return np.tanh(x) if name == "tanh" else np.maximum(x, 0.0)
 
 
 def modules_of(policy: Any) -> nn.Sequential:
-    """What a policy of stable-baselines3 or sb3-contrib computes the mean of its actions with."""
+    """The modules with which a policy of stable-baselines3 or sb3-contrib computes the mean of its
+    actions."""
     if isinstance(policy, ActorCriticPolicy):
         return nn.Sequential(*policy.mlp_extractor.policy_net, policy.action_net)
     if isinstance(policy.actor.mu, nn.Sequential):  # TD3's, with its last tanh

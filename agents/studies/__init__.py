@@ -1,1 +1,1 @@
-"""Studies that need learners, or that stand beside them."""
+"""Studies that need learners, or that are compared with them."""

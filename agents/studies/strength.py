@@ -1,4 +1,4 @@
-"""Where learning pays: hold success over the strength of the motors, and what could be held at all.
+"""Where learning pays: hold success over the strength of the motors, and the goals that can be held at all.
 
 Every effort limit of a reach scene is multiplied by a factor. The share of goals that can be held at all
 needs no controller (``redundant_envs.control.holding``); computed torque needs no training; rows of trained
@@ -37,17 +37,17 @@ from .factors import FACTORS
 
 ARMS = {"4R": ("redundant_envs/FourRReach-v0", "four_r_reach"),
         "RPRP": ("redundant_envs/RPRPReach-v0", "rprp_reach")}  # fmt: skip
-"""Of each arm the environment and the scene whose limits are 1."""
+"""For each arm the environment and the scene whose limits have the factor 1."""
 HOLDABLE, EXPERT = "can be held at all", "computed torque"
 LIGHTEST = "computed torque to the lightest pose"
 POSES = {EXPERT: pose_at, LIGHTEST: lightest_pose}
-"""Where the plans of computed torque end."""
+"""Poses in which the plans of computed torque end."""
 LEARNERS = ("PPO", "SAC")
 COLORS = {EXPERT: "#000000", LIGHTEST: "#7F7F7F"} | {who: LEARNER_COLORS[who] for who in LEARNERS}
-"""Of all that act; what can be held is a grey area."""
+"""Colours of all controllers and learners; the share that can be held is a grey area."""
 ROUNDING = 1e-9
 SAME_GOALS = {"scene", "accuracy", "on_bad_action"}
-"""Arguments of an environment that leave its goals and its hold success what they are."""
+"""Arguments of an environment that do not change its goals and its hold success."""
 
 
 @dataclass(frozen=True)
@@ -65,9 +65,9 @@ class Row:
         Share of the goals and its 95 % interval (Wilson), 0 to 1. With several seeds it is their mean, and
         low and high are the ends of the union of their intervals.
     touch_success : float or None
-        Share of the goals that were touched; None where nobody acts.
+        Share of the goals that were touched; None for :data:`HOLDABLE`.
     seeds : int
-        Of trained policies; 0 where nothing is trained.
+        Of trained policies; 0 without training.
     episodes : int
         Goals, of each seed; the fewest if seeds differ.
     """
@@ -136,7 +136,7 @@ def frozen_goals(arm: str, episodes: int, seed: int = EVALUATION_SEED) -> NDArra
 def goal_loads(arm: str, goals: NDArray[np.float64]) -> NDArray[np.float64]:
     """Least load of the motors at rest within the task's tolerance of each goal, (n,).
 
-    Hold success asks for the tip within the tolerance, so this does. With limits times f the goals with
+    Hold success requires the tip within the tolerance, and so does this. With limits times f, the goals with
     loads of at most f can be held.
     """
     scene = load_scene(ARMS[arm][1])
@@ -147,7 +147,7 @@ def goal_loads(arm: str, goals: NDArray[np.float64]) -> NDArray[np.float64]:
 def expert_rows(
     arm: str, factors: Sequence[float] = FACTORS, episodes: int = 1000, seed: int = EVALUATION_SEED
 ) -> list[Row]:
-    """What can be held at all, and what computed torque holds with either plan, on the same goals.
+    """Shares that can be held at all, and that computed torque holds with either plan, on the same goals.
 
     Parameters
     ----------
@@ -185,7 +185,7 @@ def learner_rows(folders: Sequence[Path]) -> list[Row]:
     ------
     ValueError
         If a run has another task, or another scene than a reach scene with all limits times one factor; or
-        a folder is no evaluated run folder.
+        a folder is not an evaluated run folder.
     """
     found: dict[tuple[str, float, str], list[Run]] = {}
     for folder in folders:
@@ -249,7 +249,7 @@ def _factor(folder: Path, arm: str, env_kwargs: dict[str, Any]) -> float:
 
 
 def _without_limits(scene: Scene) -> dict[str, Any]:
-    """All of a scene but the numbers of its effort limits."""
+    """A scene without the numbers of its effort limits."""
     data = scene.to_dict()
     effects = [e for e in data["effects"] if e["type"] != EffortLimits.__name__]
     return {**data, "effects": effects}

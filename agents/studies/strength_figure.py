@@ -10,14 +10,14 @@ from redundant_envs.extras import needs
 from .strength import ARMS, COLORS, HOLDABLE, Row
 
 MARKERS = dict(zip(COLORS, ("o", "v", "s", "^"), strict=True))
-"""A shape for each, so that they can be distinguished without colours."""
+"""A marker for each, so that they can be distinguished without colours."""
 AREA = "#D9D9D9"
 
 
 def figure(rows: Sequence[Row]) -> Any:
     """A panel for each arm: hold success [%] over the factor of the effort limits.
 
-    What can be held at all is a grey area. Intervals are bands. The legend is below the panels.
+    The share that can be held at all is a grey area. Intervals are bands. The legend is below the panels.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def figure(rows: Sequence[Row]) -> Any:
 
 
 def _draw(panel: Any, rows: Sequence[Row]) -> dict[str, Any]:
-    """Area, bands and curves of an arm; what stands for each in the legend."""
+    """Area, bands and curves of an arm; returns their handles for the legend."""
     handles: dict[str, Any] = {}
     for who in (HOLDABLE, *COLORS):
         own = sorted((row for row in rows if row.who == who), key=lambda row: row.factor)

@@ -61,13 +61,13 @@ def run_study(
     seeds : sequence of int
         Of the learners trained here; none: no training.
     episodes : int
-        Goals of computed torque and of what can be held.
+        Goals of computed torque and of the share that can be held.
     runs : sequence of Path
-        Evaluated run folders: a learner that they have of an arm and factor is not trained again.
+        Evaluated run folders: a learner that they contain for an arm and factor is not trained again.
     processes : int or None
         Trainings at a time.
     out : Path
-        Folder; what is finished there is kept.
+        Folder; finished runs in it are kept.
 
     Returns
     -------

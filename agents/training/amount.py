@@ -1,4 +1,4 @@
-"""How many runs: their seeds, and how many at a time."""
+"""Number of runs: their seeds, and the number at a time."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def seeds_of(text: str) -> list[int]:
 
 
 def cores() -> list[int]:
-    """Cores that this process may use; empty where the system does not tell."""
+    """Cores that this process may use; empty if the system does not report them."""
     return sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
 
 

@@ -1,8 +1,8 @@
-"""Checkpoints: all that decides the future of a training, so that it goes on to the same bits.
+"""Checkpoints: everything that determines the rest of a training, so that it continues to the same bits.
 
-A checkpoint is taken between two rollouts, where no step is half done: networks, optimisers and averages,
-replay buffer, environments, every generator of random numbers, and how long the tables of the run were.
-It is plain data and tensors, and is read without unpickling anything else.
+A checkpoint is taken between two rollouts, when no step is half done: networks, optimisers and averages,
+replay buffer, environments, every generator of random numbers, and the lengths of the run's tables.
+It consists of plain data and tensors, and is read without unpickling anything else.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ with needs("train"):
 PART = f"{CHECKPOINT}.part"
 BUFFER = "buffer.pt"
 TABLES = ("selection.csv", "monitor.csv")
-"""Files of a run that grow, and are cut back to what they were."""
+"""Files of a run that grow, and are cut back to their earlier length."""
 PLAIN = ("num_timesteps", "_n_updates", "_episode_num", "_current_progress_remaining")
 """Counters of stable-baselines3's algorithms."""
 MOST = 1e18
@@ -38,7 +38,7 @@ LAST = ("_last_obs", "_last_original_obs", "_last_episode_starts")
 EPISODES = ("ep_info_buffer", "ep_success_buffer")
 MONITOR = ("episode_returns", "episode_lengths", "episode_count")
 RANDOM_STATE = ("kind", "keys", "position", "has_gauss", "cached_gaussian")
-"""Of NumPy's global generator, from which replay buffers sample."""
+"""State of NumPy's global generator, from which replay buffers sample."""
 PROGRESS = ("next", "seconds", "hold")
 """Numbers of the caller: next point of the curve (steps), training time (s), the last point's success."""
 BUFFER_ARRAYS = (
@@ -53,7 +53,7 @@ def remove(folder: Path) -> None:
 
 
 def save(folder: Path, model: Any, monitor: Any, progress: dict[str, float], run: dict[str, Any]) -> None:
-    """Write a checkpoint; the folder holds a whole one, this or the one before.
+    """Write a checkpoint; the folder always holds a complete one, this or the previous one.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def save(folder: Path, model: Any, monitor: Any, progress: dict[str, float], run
     progress : dict
         The numbers of ``PROGRESS``.
     run : dict
-        What the checkpoint belongs to; :func:`restore` asks for the same.
+        Identity of the run; :func:`restore` requires the same.
     """
     part = folder / PART
     shutil.rmtree(part, ignore_errors=True)
@@ -103,12 +103,12 @@ def save(folder: Path, model: Any, monitor: Any, progress: dict[str, float], run
 
 
 def restore(folder: Path, model: Any, monitor: Any, run: dict[str, Any]) -> dict[str, float]:
-    """Return to the checkpoint of a run folder; gives its ``progress``.
+    """Return to the checkpoint of a run folder; returns its ``progress``.
 
     Raises
     ------
     ValueError
-        There is none, it is damaged, or it is of another configuration or simulator.
+        There is none, it is damaged, or it belongs to another configuration or simulator.
     """
     place = find_checkpoint(folder)
     if place is None:
@@ -128,7 +128,7 @@ def restore(folder: Path, model: Any, monitor: Any, run: dict[str, Any]) -> dict
             set_buffer_state(buffer, _load(place / BUFFER))
         progress = {name: float(state["progress"][name]) for name in PROGRESS}
         monitor.t_start = time.time() - float(state["elapsed"])
-    except Exception as error:  # a damaged file fails in any way
+    except Exception as error:  # a damaged file may raise any error
         raise ValueError(
             f"{place} is damaged or of another run ({' '.join(str(error).split())[:300]}); make a new run: "
             f"{command('train', folder / 'config.yaml', '--out', 'NEW_FOLDER')}"
@@ -139,7 +139,7 @@ def restore(folder: Path, model: Any, monitor: Any, run: dict[str, Any]) -> dict
 
 
 def _load(path: Path) -> dict[str, Any]:
-    """Plain data of a file, which cannot unfold to more than its size."""
+    """Plain data of a file, which cannot expand to more than its size."""
     with zipfile.ZipFile(path) as archive:
         if any(entry.compress_type != zipfile.ZIP_STORED for entry in archive.infolist()):
             raise ValueError(f"{path.name} is compressed")
@@ -173,7 +173,7 @@ def _set_state(state: dict[str, Any], model: Any, monitor: Any) -> None:
     for name in PLAIN:
         if hasattr(model, name):
             setattr(model, name, _like(name, state["counters"][name], getattr(model, name)))
-    observations = model.env.reset()  # what the last observations look like
+    observations = model.env.reset()  # structure of the last observations
     for name, own in zip(LAST, (observations, observations, np.ones(model.n_envs, dtype=bool)), strict=True):
         if state["last"].get(name) is not None:
             setattr(model, name, _like(name, state["last"][name], own))
@@ -192,7 +192,7 @@ def _set_state(state: dict[str, Any], model: Any, monitor: Any) -> None:
 
 
 def _like(name: str, found: Any, own: Any) -> Any:
-    """A value of a checkpoint, if it is of the kind, shape and range of the model's own."""
+    """A value of a checkpoint, if it has the kind, shape and range of the model's own."""
     if isinstance(own, dict):
         if not isinstance(found, dict) or found.keys() != own.keys():
             raise ValueError(f"{name} has other entries")
@@ -216,7 +216,7 @@ def _variables(model: Any) -> list[str]:
 
 
 def buffer_state(buffer: Any) -> dict[str, Any]:
-    """What a replay buffer of stable-baselines3 holds, without its empty rows."""
+    """The content of a replay buffer of stable-baselines3, without its empty rows."""
     rows = buffer.buffer_size if buffer.full else buffer.pos
     arrays = {name: _rows(getattr(buffer, name), rows) for name in BUFFER_ARRAYS if hasattr(buffer, name)}
     start = getattr(buffer, "_current_ep_start", None)
@@ -231,7 +231,7 @@ def set_buffer_state(buffer: Any, state: dict[str, Any]) -> None:
         for target, source in _pairs(getattr(buffer, name), state["arrays"][name]):
             target[: state["rows"]] = source
     if not (isinstance(state["pos"], int) and 0 <= state["pos"] < buffer.buffer_size):
-        raise ValueError(f"the buffer's place is {shown(state['pos'])}")
+        raise ValueError(f"the buffer's position is {shown(state['pos'])}")
     buffer.pos, buffer.full = state["pos"], bool(state["full"])
     if state["episode_start"] is not None:
         buffer._current_ep_start = state["episode_start"]
@@ -245,7 +245,7 @@ def _pairs(array: Any, values: Any) -> list[tuple[Any, Any]]:
     return [(array[k], values[k]) for k in array] if isinstance(array, dict) else [(array, values)]
 
 
-# ---- plain data: what torch reads without unpickling objects -------------------------------------
+# ---- plain data, which torch reads without unpickling objects ------------------------------------
 
 
 def plain(value: Any) -> Any:

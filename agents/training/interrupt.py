@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 
 class Stopped(KeyboardInterrupt):
-    """A run was stopped by its user; the message says what was kept and how to go on."""
+    """A run was stopped by its user; the message says what was kept and how to continue."""
 
 
 @dataclass
@@ -22,7 +22,7 @@ class Request:
 
 @contextlib.contextmanager
 def stop_request() -> Iterator[Request]:
-    """Keeps the first SIGINT or SIGTERM inside the block as a request; a second one interrupts at once.
+    """Within this context the first SIGINT or SIGTERM is kept as a request; a second one interrupts at once.
 
     In a thread other than the main one, which receives no signals, the request is never made.
     """
@@ -36,7 +36,7 @@ def stop_request() -> Iterator[Request]:
             raise KeyboardInterrupt
         request.made = True
 
-    # one that is ignored, as by nohup or in a worker, stays so
+    # a signal that is ignored, as by nohup or in a worker, stays ignored
     heard = [n for n in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(n) is not signal.SIG_IGN]
     before = {number: signal.signal(number, note) for number in heard}
     try:

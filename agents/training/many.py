@@ -1,4 +1,4 @@
-"""Several runs at a time, in processes of their own, each on a core of its own."""
+"""Several runs at a time, in separate processes, each on its own core."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ with needs("train"):
 POLL = 0.2
 """s"""
 FILES = ("evaluation.json", "episodes.csv", "report.md")
-"""What a run that is finished, evaluated and reported has."""
+"""Files of a run that is finished, evaluated and reported."""
 
 
 def train_many(configs: Mapping[str, Config], folder: Path, processes: int | None = None) -> None:
@@ -40,15 +40,15 @@ def train_many(configs: Mapping[str, Config], folder: Path, processes: int | Non
         Folder inside ``folder`` -> configuration.
     folder : Path
     processes : int, optional
-        Runs at a time; without it one for each core. Each has a core of its own while there are enough.
+        Runs at a time; without it one for each core. Each has its own core while there are enough.
 
     Raises
     ------
     Stopped
-        The user asked to stop; the same command goes on.
+        The user asked to stop; the same command continues the runs.
     ValueError
-        ``processes`` is none that can be, a folder holds another run, or a run failed, after the others
-        were finished.
+        ``processes`` is not allowed, a folder holds another run, or a run failed (reported after the others
+        were finished).
     """
     check_out(folder)
     own = cores()
@@ -72,7 +72,7 @@ def train_many(configs: Mapping[str, Config], folder: Path, processes: int | Non
 
 
 def check_all_finished(failures: Sequence[str], count: int) -> None:
-    """ValueError with the failures, a text for each, of so many runs."""
+    """ValueError with the failures, a text for each, among ``count`` runs."""
     if failures:
         raise ValueError(
             f"{len(failures)} of {count} runs failed; the same command goes on: {'; '.join(failures)}"
@@ -100,7 +100,7 @@ def _follow(names: Sequence[str], workers: list[Any], news: Any) -> list[str]:
         tasks = {name: bars.add_task(name, total=1.0, note="waits", start=False) for name in names}
         told, over = False, set()
         while any(worker.is_alive() for worker in workers) or not news.empty():
-            if stop.made and not told:  # each keeps a checkpoint and ends
+            if stop.made and not told:  # each saves a checkpoint and ends
                 told = True
                 for worker in workers:
                     worker.terminate()
@@ -124,7 +124,7 @@ def _follow(names: Sequence[str], workers: list[Any], news: Any) -> list[str]:
 
 
 class Teller(Progress):
-    """Progress that is sent to another process instead of shown.
+    """Progress that is sent to another process instead of being shown.
 
     ``news`` takes (name, share done, note, whether the run failed) by its method ``put``.
     """
@@ -134,7 +134,7 @@ class Teller(Progress):
         self.news, self.name = news, name
 
     def update(self, task_id: Any, **changes: Any) -> None:
-        """Send the share done and the note; without anybody to read them the training ends."""
+        """Send the share done and the note; without a reader the training ends."""
         parent = multiprocessing.parent_process()
         if parent is not None and not parent.is_alive():
             raise KeyboardInterrupt
@@ -144,12 +144,12 @@ class Teller(Progress):
 
 
 def _work(jobs: Any, news: Any, core: int | None, modules: tuple[str, ...] = ()) -> None:
-    """Finish jobs until there is none."""
+    """Finish jobs until none is left."""
     for module in modules:
         import_named(module)
     from ..config import checked
 
-    # Ctrl-C of a terminal reaches all processes: the first one hears it, and asks the others by SIGTERM.
+    # Ctrl-C of a terminal reaches all processes: only the first one reacts, and sends SIGTERM to the others.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if core is not None:
         os.sched_setaffinity(0, {core})
@@ -176,7 +176,7 @@ def is_finished(folder: Path) -> bool:
 
 
 def finish(config: Config, folder: Path, progress: Progress) -> None:
-    """Train, evaluate and report a configuration, as far as its folder still needs it."""
+    """Train, evaluate and report a configuration, as far as this is not done yet."""
     from ..evaluate import evaluate, write_evaluation
     from ..report import report
     from .train import resume, train
@@ -186,7 +186,7 @@ def finish(config: Config, folder: Path, progress: Progress) -> None:
     if find_checkpoint(folder):
         resume(folder, progress)
     elif not (folder / "training.json").is_file() or read_facts(folder)["stopped"]:
-        if (folder / "config.yaml").is_file():  # killed before its first checkpoint: this run, and no more
+        if (folder / "config.yaml").is_file():  # killed before its first checkpoint: only this run
             shutil.rmtree(folder)
         train(config, folder, progress)
     write_evaluation(evaluate(folder), folder)

@@ -1,7 +1,7 @@
 """Several runs on a Ray cluster: each is a task on a core of some machine, and works on that machine's disk.
 
-No file system is shared. A task is given the files of its run as far as there are any, and returns all of
-them; they are written here.
+No file system is shared. A task receives the existing files of its run and returns all of its files; they are
+written here.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ with needs("ray"):
 LOCAL = "local"
 """Ray's name of a cluster of this machine alone."""
 RETRIES = 2
-"""Machines of a cluster that a run may lose before it counts as failed."""
+"""Number of machines of a cluster that a run may lose before it counts as failed."""
 CONNECTING = 10.0
-"""s, to reach the address of a cluster."""
+"""s; time limit for reaching the address of a cluster."""
 INCOMING = ".incoming"
-"""Folder beside the runs, in which one is written before it gets its name."""
+"""Folder beside the runs, in which a run is written before it gets its final name."""
 MOST_CHARACTERS = 300
-"""Of a failure in a message."""
+"""Most characters of a failure in a message."""
 
 Files = dict[str, bytes]
 """Contents of the files of a folder by their paths inside it, with slashes."""
@@ -62,20 +62,20 @@ def train_on_ray(
     folder : Path
         On this machine.
     address : str, optional
-        Of the cluster, such as ``10.0.0.1:6379``, ``ray://10.0.0.1:10001`` or ``auto``. Without it that of
-        the environment variable RAY_ADDRESS, or else a cluster of this machine alone, which ends with the
+        Of the cluster, such as ``10.0.0.1:6379``, ``ray://10.0.0.1:10001`` or ``auto``. By default that of
+        the environment variable RAY_ADDRESS, otherwise a cluster of this machine alone, which ends with the
         call.
     processes : int, optional
-        Runs at a time of the cluster of this machine; without it one for each core.
+        Number of runs at a time on the cluster of this machine; by default one for each core.
 
     Raises
     ------
     Stopped
-        The user asked to stop; runs that had begun are brought here with their last checkpoint, and the
-        same command goes on.
+        The user asked to stop; the folders of runs that had begun are returned with their last checkpoint,
+        and the same command continues them.
     ValueError
-        There is no cluster at ``address``, a folder holds another run, or a run failed, after the others
-        were finished.
+        There is no cluster at ``address``, a folder holds another run, or a run failed (reported after the
+        others were finished).
     """
     if IMPORTED:
         raise ValueError(
@@ -113,7 +113,7 @@ def train_on_ray(
 
 @contextlib.contextmanager
 def _cluster(place: str, count: int) -> Iterator[None]:
-    """A connection to a cluster; one that the calling program already has is used, and kept."""
+    """A connection to a cluster; an existing one of the calling program is used, and kept."""
     if ray.is_initialized():
         yield
         return
@@ -135,14 +135,14 @@ def _cluster(place: str, count: int) -> Iterator[None]:
 
 
 def _check_listening(place: str) -> None:
-    """OSError if nothing listens at host:port: Ray would try it for ever."""
+    """OSError if nothing listens at host:port, since Ray would try to connect for ever."""
     host, colon, port = place.rpartition(":")
     if colon and "/" not in host and port.isdecimal() and 0 < int(port) < 2**16:
         socket.create_connection((host.strip("[]"), int(port)), timeout=CONNECTING).close()
 
 
 def _follow(configs: Mapping[str, Config], folder: Path) -> list[str]:
-    """Submit unfinished runs, show their progress, and write the folders that come back; returns failures."""
+    """Submit unfinished runs, show their progress, and write the returned folders; returns failures."""
     from .watch import progress_bars
 
     failures: list[str] = []
@@ -176,7 +176,7 @@ def _follow(configs: Mapping[str, Config], folder: Path) -> list[str]:
                 over(name, _short(error), failed=True)
         told = False
         while running:
-            if stop.made and not told:  # each keeps a checkpoint, ends, and gives its files
+            if stop.made and not told:  # each saves a checkpoint, ends, and returns its files
                 told = True
                 for task in running:
                     ray.cancel(task)
@@ -189,10 +189,10 @@ def _follow(configs: Mapping[str, Config], folder: Path) -> list[str]:
                         receive(outcome.files, folder / name)
                     if not stop.made:
                         over(name, outcome.note, outcome.failed)
-                except Exception as error:  # of the machine, the cluster or this disk
+                except Exception as error:  # an error of the machine, the cluster or this disk
                     if not stop.made:
                         over(name, _short(error), failed=True)
-            with contextlib.suppress(ray.exceptions.RayError):  # bars are lost with a machine, results not
+            with contextlib.suppress(ray.exceptions.RayError):  # bars are lost with a machine, not results
                 for name, share, note, _ in ray.get(board.read.remote()):
                     if name in running.values():
                         show(name, share, note)
@@ -210,7 +210,7 @@ def _short(error: BaseException) -> str:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a task gives back: the files of its run, and its result or failure in words."""
+    """The result of a task: the files of its run, and its result or failure in words."""
 
     files: Files
     note: str
@@ -218,23 +218,23 @@ class Outcome:
 
 
 class Board:
-    """News from the tasks on their way to the one who shows them."""
+    """Queue of progress reports from the tasks to the process that shows them."""
 
     def __init__(self) -> None:
         self.news: list[Any] = []
 
     def put(self, item: Any) -> None:
-        """Keep one piece of news."""
+        """Keep one report."""
         self.news.append(item)
 
     def read(self) -> list[Any]:
-        """All news since the last call."""
+        """All reports since the last call."""
         news, self.news = self.news, []
         return news
 
 
 class _Sender:
-    """The face of a queue before a board; nobody waits for an answer."""
+    """The interface of a queue for a board; no call waits for an answer."""
 
     def __init__(self, board: Any) -> None:
         self.board = board
@@ -245,7 +245,7 @@ class _Sender:
 
 @ray.remote(max_retries=RETRIES, scheduling_strategy="SPREAD")
 def train_one(name: str, data: dict[str, Any], files: Files, where: str, version: str, board: Any) -> Outcome:
-    """Finish one run on the machine that this task is given.
+    """Finish one run on the machine of this task.
 
     Parameters
     ----------
@@ -254,13 +254,13 @@ def train_one(name: str, data: dict[str, Any], files: Files, where: str, version
     data : dict
         Its configuration.
     files : dict
-        What there is of it.
+        Its existing files.
     where : str
         Its folder on the machine of the user, which reports and messages name.
     version : str
         Of redundant-envs on the machine of the user.
     board : actor handle
-        Takes the news.
+        Receives the reports.
     """
     if version != __version__:
         note = (
@@ -315,14 +315,14 @@ def unpack(files: Files, folder: Path) -> None:
 
 
 def restore(folder: Path) -> None:
-    """Give a run back its name after a kill between the two renamings of :func:`receive`."""
+    """Restore the name of a run after a kill between the two renamings of :func:`receive`."""
     old = folder.parent / INCOMING / f"{folder.name}.old"
     if old.exists() and not folder.exists():
         os.replace(old, folder)
 
 
 def receive(files: Files, folder: Path) -> None:
-    """Make a folder of files, in place of an older one; it is whole or as it was before."""
+    """Make a folder of files that replaces an older one; it is complete or unchanged."""
     incoming = folder.parent / INCOMING
     part, old = incoming / folder.name, incoming / f"{folder.name}.old"
     restore(folder)
@@ -333,5 +333,5 @@ def receive(files: Files, folder: Path) -> None:
         os.replace(folder, old)
     os.replace(part, folder)
     shutil.rmtree(old, ignore_errors=True)
-    with contextlib.suppress(OSError):  # another run is on its way
+    with contextlib.suppress(OSError):  # another run is being written
         incoming.rmdir()

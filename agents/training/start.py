@@ -23,13 +23,13 @@ with needs("train"):
 LEARNERS_OF_POLICIES = set(ALGORITHM_CLASSES.values())
 SPACES = ("observation_space", "action_space")
 ASPECTS = ("_shape", "dtype", "low", "high", "spaces")
-"""What is compared of a space: texts that stable-baselines3 keeps beside what it pickles."""
+"""Texts of a space that are compared; stable-baselines3 keeps them beside its pickled data."""
 
 
 def start_from(model: Any, config: Config, env: Any) -> None:
     """Give a learner, its averages and its targets the weights of the policy of ``config.start_from``.
 
-    Optimisers, replay buffer and a learned weight of the entropy begin anew.
+    Optimisers, replay buffer and a learned weight of the entropy are initialised.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def _check(what: str, found: Any, wanted: Any, file: Path) -> None:
 
 
 def _check_meaning(file: Path, env: Any) -> None:
-    """Refuse observations of the same shape that mean something else, where a folder tells."""
+    """Refuse observations of the same shape with another meaning, if a folder records the meaning."""
     if not all((file.parent / name).is_file() for name in ("config.yaml", SCENE)):
         return
     other = own_config(file.parent)

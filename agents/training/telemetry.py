@@ -28,7 +28,7 @@ def csv(folder: Path, config: Config) -> KVWriter:
 
 
 class _Client(KVWriter):
-    """Hands figures on to a client's function of (figures, step); ``end`` ends its run."""
+    """Passes figures on to a client's function of (figures, step); ``end`` ends its run."""
 
     def __init__(self, log: Callable[[dict[str, float], int], Any], end: Callable[[], Any]) -> None:
         self.log, self.end = log, end
@@ -42,14 +42,14 @@ class _Client(KVWriter):
 
 
 def wandb(folder: Path, config: Config) -> KVWriter:
-    """Weights & Biases; its own environment variables say where."""
+    """Weights & Biases; its own environment variables set the destination."""
     client = _client("wandb")
     run = client.init(project="redundant-envs", name=folder.name, dir=str(folder), config=config.to_dict())
     return _Client(lambda figures, step: run.log(figures, step=step), run.finish)
 
 
 def mlflow(folder: Path, config: Config) -> KVWriter:
-    """MLflow; its own environment variables say where."""
+    """MLflow; its own environment variables set the destination."""
     client = _client("mlflow")
     client.start_run(run_name=folder.name)
     client.log_dict(config.to_dict(), "config.yaml")
@@ -68,7 +68,7 @@ PLACES: dict[str, Callable[[Path, Config], KVWriter]] = {
 
 
 CLIENTS = ("wandb", "mlflow")
-"""Places whose packages the extra "train" does not have."""
+"""Kinds of logs whose packages the extra "train" does not include."""
 
 
 def check(config: Config) -> None:
@@ -79,5 +79,5 @@ def check(config: Config) -> None:
 
 
 def logger(folder: Path, config: Config) -> Logger:
-    """What stable-baselines3 logs to."""
+    """The logger for stable-baselines3."""
     return Logger(str(folder), [PLACES[name](folder, config) for name in config.telemetry])

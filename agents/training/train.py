@@ -1,4 +1,4 @@
-"""One training run from a configuration to a run folder; it can be stopped, and go on."""
+"""One training run from a configuration to a run folder; it can be stopped and resumed."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def train(
 
 
 def resume(folder: Path, progress: Progress | None = None) -> dict[str, Any]:
-    """Go on from the last checkpoint of a run folder, to the same bits as without a break."""
+    """Continue from the last checkpoint of a run folder, to the same bits as without a break."""
     return _run(read_config(folder), folder, progress, resumed=True)
 
 
@@ -85,11 +85,11 @@ def _run(
     if config.start_from is not None and not resumed:
         start_from(model, config, base)
     folder.mkdir(parents=True, exist_ok=True)
-    # after the learner, which gives its own seed to the environments: else seeds shared most of their goals
+    # after the learner, which sets its own seed in the environments: otherwise seeds would share most goals
     base.seed(first_environment_seed(config.seed))
     run = identity(config, base.core)
     begun = checkpoint.restore(folder, model, monitor, run) if resumed else {}
-    for name in (*EVALUATED, "report.md"):  # of the policy at the stop
+    for name in (*EVALUATED, "report.md"):  # evaluation of the policy at the stop
         (folder / name).unlink(missing_ok=True)
     if not resumed:
         (folder / SCENE).write_text(yaml.safe_dump(base.core.scene.to_dict(), sort_keys=False))
@@ -110,7 +110,7 @@ def _run(
             try:
                 left = config.total_steps - model.num_timesteps
                 model.learn(left, callback=watch, log_interval=every, reset_num_timesteps=not resumed)
-                # a request in the last rollout comes too late to stop anything
+                # a request during the last rollout comes too late
                 stopped = stop.made and model.num_timesteps < config.total_steps
                 if not stopped:
                     watch.point()
@@ -140,7 +140,7 @@ def _run(
 
 
 def identity(config: Config, core: Core) -> dict[str, Any]:
-    """What a checkpoint belongs to: the simulator, and the configuration without what changes no step."""
+    """Identity of a checkpoint: the simulator, and the configuration without entries that change no step."""
     settings = config.to_dict()
     for name in (*WITHOUT_EFFECT, "max_seconds"):
         del settings[name]

@@ -1,4 +1,4 @@
-"""What a training shows and keeps while it runs: progress, learning curve, checkpoints, its end."""
+"""Monitoring of a training: progress, learning curve, checkpoints, and its end."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ with needs("train"):
 BAR_STEPS = 400
 """Steps of the progress bar."""
 RETURN = "return_"
-"""Terms of an episode's return in ``info`` begin so."""
+"""Prefix of the terms of an episode's return in ``info``."""
 OnPoint = Callable[[int, float, float], None]
-"""Takes a point of the learning curve: environment steps, hold success (0 to 1), mean return."""
+"""Receives a point of the learning curve: environment steps, hold success (0 to 1), mean return."""
 
 
 class Watch(BaseCallback):

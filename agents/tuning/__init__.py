@@ -1,1 +1,1 @@
-"""Tuning: a search over the settings of a learner, each trial a training of its own."""
+"""Tuning: a search over the settings of a learner, each trial a separate training."""

@@ -1,4 +1,4 @@
-"""Numbers of a study, refused before anything large is imported."""
+"""Checks of a study's numbers, before anything large is imported."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ MOST_SEED = 2**32 - 1
 
 
 def check_arguments(config: Config, trials: int, seed: int, processes: int) -> None:
-    """ValueError for what no study can have."""
+    """ValueError for impossible arguments of a study."""
     if not 1 <= trials <= MOST_TRIALS:
         raise ValueError(f"trials is {trials}; give a whole number from 1 to {MOST_TRIALS}")
     if not 0 <= seed <= MOST_SEED:

@@ -1,4 +1,4 @@
-"""What a study found: best.yaml, trials.csv and tune.md."""
+"""Results of a study: best.yaml, trials.csv and tune.md."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ with needs("tune"):
 
 MESSAGE, STEPS, POINTS, ORDER = "message", "env_steps", "points", "order"
 """Attributes of a trial: why it failed, the environment steps of its last point, all points of its curve
-(steps, hold success, mean return), and its place in the study."""
+(steps, hold success, mean return), and its position in the study."""
 STATES = ("complete", "pruned", "refused", "stopped")
 COLUMNS = ("trial", "state", "hold_success", "return", "env_steps", "seconds")
-"""Of trials.csv, before a column for each key of the search space and the message."""
+"""Columns of trials.csv, before a column for each key of the search space and the message."""
 SHOWN = 10
-"""Trials in the table of the page."""
+"""Number of trials in the table of the page."""
 LEAST_TRIALS = 10
-"""Complete trials from which importance is estimated."""
+"""Number of complete trials from which on importance is estimated."""
 LARGEST = math.log1p(sys.float_info.max)
 """Of the logarithm of a return."""
 
@@ -45,19 +45,20 @@ def state_of(trial: FrozenTrial) -> str:
 
 
 def ended(study: optuna.Study) -> list[FrozenTrial]:
-    """Trials that nobody stopped or killed."""
+    """Trials that were not stopped or killed."""
     return study.get_trials(deepcopy=False, states=(TrialState.COMPLETE, TrialState.PRUNED))
 
 
 def order_of(trial: FrozenTrial) -> int:
-    """Place of a trial in the study; one that is tried again after a break has the place of the first."""
+    """Position of a trial in the study; a trial that is repeated after a break has the position of the
+    first."""
     return int(trial.user_attrs[ORDER])
 
 
 def score(hold: float, returned: float | None, episodes: int) -> float:
-    """What trials are compared by: hold success, and between equal ones the return.
+    """Score by which trials are compared: hold success, and between equal ones the return.
 
-    The return adds less than half of one goal of ``episodes``, so a goal more is always better.
+    The return adds less than half of one goal of ``episodes``, so one more goal is always better.
     """
     if returned is None or math.isnan(returned):
         return hold - 0.5 / episodes
@@ -66,7 +67,7 @@ def score(hold: float, returned: float | None, episodes: int) -> float:
 
 
 def return_of(trial: FrozenTrial) -> float:
-    """Mean return of the last point of a trial; the lowest there is, if it has none."""
+    """Mean return of the last point of a trial; the lowest possible number if it has none."""
     points = trial.user_attrs.get(POINTS) or [(0, 0.0, None)]
     last = points[-1][2]
     return -math.inf if last is None else float(last)
@@ -84,7 +85,7 @@ def write(study: optuna.Study, config: Config, space: Space, folder: Path) -> Pa
     Raises
     ------
     ValueError
-        No trial was completed; trials.csv is there.
+        No trial was completed; trials.csv is written nevertheless.
     """
     rows = [
         _row(trial) for trial in study.get_trials(deepcopy=False) if trial.state is not TrialState.WAITING

@@ -44,9 +44,9 @@ DEFAULTS: dict[str, dict[str, str]] = {
     "tqc": SAC,
     "crossq": {**OFF_POLICY, "ent_coef": "1e-4..1e-2", "policy_delay": "1..4"},
 }  # fmt: skip
-"""What is searched unless the user says otherwise: about the preset's value in the middle."""
+"""Default search spaces, with the preset's value near the middle."""
 LOGARITHMIC = 10.0
-"""A range of positive numbers whose ends are this many times apart is searched by the logarithm."""
+"""A range of positive numbers whose ends have at least this ratio is searched on a logarithmic scale."""
 NUMBER = r"[-+]?(?:\d+(?:\.\d+)?|\.\d+)(?:[eE][-+]?\d+)?"
 MOST_CHOICES = 100
 
@@ -61,17 +61,17 @@ class Range:
 
     @property
     def log(self) -> bool:
-        """Whether the range is searched by the logarithm."""
+        """Whether the range is searched on a logarithmic scale."""
         return self.low > 0.0 and self.high / self.low >= LOGARITHMIC
 
     def distribution(self) -> BaseDistribution:
-        """The range as Optuna samples it."""
+        """The range as a distribution of Optuna."""
         if self.whole:
             return IntDistribution(int(self.low), int(self.high), log=self.log)
         return FloatDistribution(self.low, self.high, log=self.log)
 
     def value(self, parameter: Any) -> Any:
-        """The setting that a parameter of a trial stands for."""
+        """The setting for a parameter of a trial."""
         return parameter
 
     def ends(self) -> tuple[Any, ...]:
@@ -79,7 +79,7 @@ class Range:
         return (int(self.low), int(self.high)) if self.whole else (self.low, self.high)
 
     def parameter(self, value: Any) -> Any:
-        """The parameter of a trial that stands for a setting; None where the range does not have it."""
+        """The parameter of a trial for a setting; None if the range does not contain it."""
         return value if isinstance(value, int | float) and self.low <= value <= self.high else None
 
     def __str__(self) -> str:
@@ -88,16 +88,16 @@ class Range:
 
 @dataclass(frozen=True)
 class Choice:
-    """Some values of a setting, by the texts that stand for them."""
+    """Some values of a setting, by their texts."""
 
     values: Mapping[str, Any]
 
     def distribution(self) -> BaseDistribution:
-        """The choice as Optuna samples it."""
+        """The choice as a distribution of Optuna."""
         return CategoricalDistribution(tuple(self.values))
 
     def value(self, parameter: Any) -> Any:
-        """The setting that a parameter of a trial stands for."""
+        """The setting for a parameter of a trial."""
         return self.values[parameter]
 
     def ends(self) -> tuple[Any, ...]:
@@ -105,7 +105,7 @@ class Choice:
         return tuple(self.values)
 
     def parameter(self, value: Any) -> Any:
-        """The parameter of a trial that stands for a setting; None where the choice does not have it."""
+        """The parameter of a trial for a setting; None if the choice does not contain it."""
         return next((text for text, own in self.values.items() if own == value), None)
 
     def __str__(self) -> str:
@@ -124,7 +124,7 @@ def space_of(config: Config, searches: Sequence[str] = (), overrides: Sequence[s
     config : Config
         Its learner's settings are searched.
     searches : sequence of str
-        ``key=low..high`` or ``key=a|b|c``. Without any the learner's default space is taken.
+        ``key=low..high`` or ``key=a|b|c``. Without any the learner's default space is used.
     overrides : sequence of str
         ``key=value`` of the user. These settings keep their value.
 
@@ -158,7 +158,7 @@ def space_of(config: Config, searches: Sequence[str] = (), overrides: Sequence[s
 
 
 def _check_some_value(config: Config, key: str, searched: Range | Choice) -> None:
-    """ValueError if no value of a key goes together with the configuration."""
+    """ValueError if no value of a key is compatible with the configuration."""
     refused = ""
     for parameter in searched.ends():
         try:
@@ -171,7 +171,7 @@ def _check_some_value(config: Config, key: str, searched: Range | Choice) -> Non
 
 
 def _one(config: Config, key: str, text: str) -> Range | Choice:
-    """The range or choice that a text stands for."""
+    """The range or choice that a text describes."""
     kind = type(config.settings)
     valid = {f"{config.algo}.{name}": name for name in kind.model_fields}
     if key not in valid:
@@ -200,7 +200,7 @@ def _one(config: Config, key: str, text: str) -> Range | Choice:
 
 
 def with_parameters(config: Config, space: Space, parameters: Mapping[str, Any]) -> Config:
-    """A configuration with the settings that the parameters of a trial stand for.
+    """A configuration with the settings for the parameters of a trial.
 
     Raises
     ------
@@ -215,6 +215,6 @@ def with_parameters(config: Config, space: Space, parameters: Mapping[str, Any])
 
 
 def own_parameters(config: Config, space: Space) -> dict[str, Any]:
-    """The parameters that stand for the settings of a configuration, where the space has them."""
+    """The parameters for the settings of a configuration, as far as the space contains them."""
     found = {key: s.parameter(getattr(config.settings, key.partition(".")[2])) for key, s in space.items()}
     return {key: parameter for key, parameter in found.items() if parameter is not None}

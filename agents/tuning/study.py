@@ -1,4 +1,4 @@
-"""A study: trials, kept in a file from which the same command goes on."""
+"""A study: trials, kept in a file from which the same command continues."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ JOURNAL, LOCK = "study.journal", "study.lock"
 STUDY = "tune"
 """Name of the study in its file."""
 SETTINGS = "settings"
-"""Attribute of a study: what it belongs to."""
+"""Attribute of a study: the settings that identify it."""
 AHEAD = "ahead"
-"""Attribute of a study: trials just before another one that tell it nothing, as they may still run."""
+"""Attribute of a study: number of trials just before another one that it ignores, as they may still run."""
 LEAST_AHEAD = 3
 """So four trials at a time give the results of one at a time."""
 
@@ -51,25 +51,26 @@ def tune(
 ) -> Path:  # fmt: skip
     """Search the settings that hold most goals at the end of a training.
 
-    A trial is a training in ``folder``/trial<k>. It is judged by the hold success of the last point of its
-    learning curve, on the selection goals, and between equal ones by the mean return; goals of the
+    A trial is a training in ``folder``/trial<k>. It is ranked by the hold success at the last point of its
+    learning curve, on the selection goals, and among equal ones by the mean return; goals of the
     evaluation are never used. A trial below the median of the others at the same point of the curve is
     pruned.
 
     Parameters
     ----------
     config : Config
-        All but what is searched. The first trial has its own values, where the search space has them.
+        Everything except the searched settings. The first trial has its own values, as far as the search
+        space contains them.
     folder : Path
-        New or empty, or of the same study, which goes on until it has ``trials``.
+        New or empty, or of the same study, which continues until it has ``trials``.
     trials : int
-        In all; those that were stopped or killed are not counted.
+        Total number; those that were stopped or killed are not counted.
     searches, overrides : sequence of str
-        As of :func:`~.search.space_of`.
+        As in :func:`~.search.space_of`.
     seed : int
         Of the sampler.
     processes : int
-        Trials at a time. The results are the same for 1 to 4; a study of more is another one.
+        Trials at a time. The results are the same for 1 to 4; a study with more has other results.
 
     Returns
     -------
@@ -79,10 +80,10 @@ def tune(
     Raises
     ------
     Stopped
-        The user asked to stop; the same call goes on.
+        The user asked to stop; the same call continues.
     ValueError
-        An argument is not allowed, ``folder`` is of another study, no trial was completed, or a process
-        ended before its trial.
+        An argument is not allowed, ``folder`` belongs to another study, no trial was completed, or a
+        process ended before its trial.
     """
     check_arguments(config, trials, seed, processes)
     telemetry.check(config)
@@ -96,7 +97,7 @@ def tune(
         study = _open(folder, config, space, seed, processes)
         trying = _Trying(study, config, space, folder, trials, seed)
         try:
-            _fail_running(study, folder)  # of a process that was killed
+            _fail_running(study, folder)  # left by a process that was killed
             with progress_bars() as bars:
                 if processes == 1:
                     trying.one_by_one(bars)
@@ -113,7 +114,7 @@ def tune(
 
 @contextlib.contextmanager
 def _alone(folder: Path) -> Iterator[None]:
-    """Refuse a folder in which another process tunes, where the system has locks of files."""
+    """Refuse a folder in which another process tunes, if the system supports file locks."""
     try:
         import fcntl
     except ImportError:
@@ -130,7 +131,7 @@ def _alone(folder: Path) -> Iterator[None]:
 
 
 def _open(folder: Path, config: Config, space: Space, seed: int, processes: int) -> optuna.Study:
-    """The study of a folder, new or as it was left."""
+    """The study of a folder, new or from an earlier call."""
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     settings = _settings(config, space, seed)
     path = folder / JOURNAL
@@ -145,12 +146,12 @@ def _open(folder: Path, config: Config, space: Space, seed: int, processes: int)
             study.set_user_attr(AHEAD, max(LEAST_AHEAD, processes - 1))
             study.set_user_attr(SETTINGS, settings)
         ahead = int(study.user_attrs[AHEAD])
-    except Exception as error:  # a damaged file fails in any way
+    except Exception as error:  # a damaged file may raise any error
         reason = " ".join(str(error).split())[:300]
         raise ValueError(f"{path} is damaged ({reason}); choose another --out or delete it") from error
     if any(trial.value is None or not 0.0 <= trial.value <= 1.0 for trial in complete(study)):
         raise ValueError(
-            f"{path} is damaged (a trial's hold success is none); choose another --out or delete it"
+            f"{path} is damaged (the hold success of a trial is invalid); choose another --out or delete it"
         )
     if processes > ahead + 1:
         raise ValueError(
@@ -168,7 +169,8 @@ def _open(folder: Path, config: Config, space: Space, seed: int, processes: int)
 
 
 def _cut_half_line(path: Path) -> None:
-    """Cut off what a kill or a power cut left of a line: Optuna would write the next one behind it."""
+    """Cut off an incomplete last line, left by a kill or a power cut: Optuna would append the next one to
+    it."""
     if path.is_file():
         whole = path.read_bytes().rfind(b"\n") + 1
         if whole < path.stat().st_size:
@@ -176,7 +178,7 @@ def _cut_half_line(path: Path) -> None:
 
 
 def _settings(config: Config, space: Space, seed: int) -> dict[str, Any]:
-    """What a study belongs to, as flat plain data; another one does not go on with it."""
+    """The settings that identify a study, as flat plain data; other settings cannot continue it."""
     data = config.to_dict()
     for name in WITHOUT_EFFECT:
         del data[name]
@@ -190,7 +192,7 @@ def _settings(config: Config, space: Space, seed: int) -> dict[str, Any]:
 
 
 def _fail_running(study: optuna.Study, folder: Path) -> None:
-    """Mark trials that somebody stopped or killed as failed; others take their place."""
+    """Mark trials that were stopped or killed as failed; others replace them."""
     while study.get_trials(deepcopy=False, states=(TrialState.WAITING,)):  # killed before it began
         study.ask()
     for trial in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
@@ -199,7 +201,7 @@ def _fail_running(study: optuna.Study, folder: Path) -> None:
 
 
 class _Trying:
-    """The trials of a study that are left, one after another or several at a time."""
+    """Run the remaining trials of a study, one after another or several at a time."""
 
     def __init__(
         self, study: optuna.Study, config: Config, space: Space, folder: Path, trials: int, seed: int
@@ -225,7 +227,7 @@ class _Trying:
         self._show(bars, line)
 
     def several(self, bars: Progress, processes: int) -> None:
-        """Train in processes; a trial begins when all those are over from which it learns."""
+        """Train in processes; a trial begins when all trials on which it depends are over."""
         line = self._line(bars)
         left, running = deque(self._left()), dict[int, tuple[Judge, Any]]()
         count = min(processes, len(left))
@@ -264,16 +266,16 @@ class _Trying:
         self._show(bars, line)
 
     def _may_begin(self, order: int, running: Iterable[int]) -> bool:
-        """Whether all trials from which one learns are over."""
+        """Whether all trials on which a trial depends are over."""
         return min(running, default=order) >= order - self.ahead
 
     def _left(self) -> list[int]:
-        """Places of the trials that did not end yet."""
+        """Positions of the trials that have not ended yet."""
         over = {order_of(trial) for trial in ended(self.study)}
         return [order for order in range(self.trials) if order not in over]
 
     def _begin(self, order: int) -> tuple[Judge, Config, Path] | None:
-        """A trial, its configuration and folder; nothing if its settings do not go together."""
+        """A trial, its configuration and folder; None if its settings are incompatible."""
         judge = Judge(self.study, self.config, self.space, order, self.ahead, self.seed)
         try:
             config = with_parameters(self.config, self.space, judge.trial.params)
@@ -283,7 +285,7 @@ class _Trying:
         return judge, config, self.folder / f"trial{judge.trial.number}"
 
     def _end(self, judge: Judge, how: str | None) -> None:
-        """Tell the study how a trial ended, as :func:`~.workers.outcome` says."""
+        """Report the end of a trial, as returned by :func:`~.workers.outcome`, to the study."""
         if how == "":
             self.study.tell(judge.trial, judge.hold)
             return

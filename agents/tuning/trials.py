@@ -1,8 +1,8 @@
-"""Trials of a study: from which results their settings follow, and when they are pruned.
+"""Trials of a study: the results on which their settings depend, and when they are pruned.
 
-A trial has a place in the order of the study. What it is asked to try, and whether it is pruned, follows
-from the trials before it but the last few, ``ahead`` of them. So those few may still run, and the study is
-the same however many run at a time and whichever ends first.
+A trial has a position in the order of the study. Its settings, and whether it is pruned, follow from the
+trials before it except the last few, ``ahead`` of them. So those few may still run, and the study is the
+same however many run at a time and whichever ends first.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ with needs("tune"):
     from optuna.trial import FrozenTrial, Trial, TrialState, create_trial
 
 STARTUP_TRIALS = 5
-"""Complete trials before one is pruned: a median of fewer says little."""
+"""Least number of complete trials before a trial is pruned: a median of fewer means little."""
 WARMUP = 0.2
-"""Share of a training before it is pruned: at first no policy holds anything."""
+"""Least share of a training before it may be pruned: at first no policy holds any goal."""
 
 
 class Judge:
@@ -34,13 +34,13 @@ class Judge:
     Parameters
     ----------
     study : optuna.Study
-        In which the trial begins.
+        The study of the trial.
     config, space
         Of the study.
     order : int
-        Place of the trial in the study, from 0.
+        Position of the trial in the study, from 0.
     ahead : int
-        Trials just before it that tell it nothing.
+        Number of trials just before it that it ignores.
     seed : int
         Of the study's sampler.
     """
@@ -63,8 +63,8 @@ class Judge:
         self.points: list[tuple[int, float, float]] = []
 
     def add(self, steps: int, hold: float, returned: float) -> bool:
-        """Take a point: environment steps, hold success (0 to 1), mean return; True where the trial ends."""
-        again = bool(self.points) and steps == self.points[-1][0]  # the end of a training may meet a point
+        """Add a point: environment steps, hold success (0 to 1), mean return; True if the trial is to end."""
+        again = bool(self.points) and steps == self.points[-1][0]  # the end may coincide with a point
         if not again:
             self.points.append((steps, hold, returned))
         self.trial.set_user_attr(STEPS, steps)
@@ -99,10 +99,10 @@ class Judge:
 
 
 def _plain(number: float) -> float | None:
-    """A number as the journal holds it."""
+    """A number in the precision of the journal."""
     return number if math.isfinite(number) else None
 
 
 def _sampler_seed(seed: int, order: int) -> int:
-    """The sampler's seed of a trial: it follows from its place, and not from breaks between trials."""
+    """The sampler's seed for a trial: it follows from its position, not from breaks between trials."""
     return int(np.random.SeedSequence((seed, order)).generate_state(1)[0])

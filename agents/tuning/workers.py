@@ -1,4 +1,4 @@
-"""Processes that train the trials of a study, each on a core of its own."""
+"""Processes that train the trials of a study, each on its own core."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ with needs("train"):
     from rich.progress import Progress
 
 POLL, PATIENCE = 0.2, 20.0
-"""s, between two looks at the user's wish to stop, and until a process that was asked to end is killed."""
+"""s; interval between checks whether the user asked to stop, and grace period before a process is killed."""
 
 
 class Pruned(Exception):
-    """The others were better: the training of a trial ends."""
+    """Raised to end the training of a trial, because others were better."""
 
 
 @dataclass
 class Worker:
-    """A process, the end of its pipe, and the place of its trial in the study."""
+    """A process, the end of its pipe, and the position of its trial in the study."""
 
     process: Any
     pipe: Any
@@ -40,7 +40,7 @@ class Worker:
 
 @contextlib.contextmanager
 def workers(count: int, config: Config) -> Iterator[list[Worker]]:
-    """So many processes; they end with the block."""
+    """Context with ``count`` processes, which end with it."""
     context = multiprocessing.get_context("spawn")
     own = cores()
     pinned = config.torch_threads == 1 and count <= len(own)
@@ -65,7 +65,7 @@ def workers(count: int, config: Config) -> Iterator[list[Worker]]:
 
 
 def news(all_workers: list[Worker]) -> list[tuple[Worker, Any]]:
-    """What busy workers have to say; None of one whose process ended."""
+    """Messages of busy workers; None from a worker whose process ended."""
     by_pipe = {worker.pipe: worker for worker in all_workers if worker.order is not None}
     found = []
     for pipe in connection.wait(list(by_pipe), POLL):
@@ -77,8 +77,8 @@ def news(all_workers: list[Worker]) -> list[tuple[Worker, Any]]:
 
 
 def _work(pipe: Any, core: int | None, modules: tuple[str, ...]) -> None:
-    """Train what comes through the pipe until None does; tell each point, and hear whether to go on."""
-    # Ctrl-C of a terminal reaches all processes: the first one hears it, and asks the others by SIGTERM.
+    """Train the jobs from the pipe until None arrives; send each point, and receive whether to continue."""
+    # Ctrl-C of a terminal reaches all processes: only the first one reacts, and sends SIGTERM to the others.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     for module in modules:
         import_named(module)
@@ -98,14 +98,14 @@ def _work(pipe: Any, core: int | None, modules: tuple[str, ...]) -> None:
 
 
 def outcome(config: Config, folder: Path, train: Any, point: Any, bars: Progress | None = None) -> str | None:
-    """Train once: "" if to the end, None if it was pruned, or why it failed."""
+    """Train once: "" after a complete training, None if it was pruned, or the reason of its failure."""
     from ..training import checkpoint
 
     try:
         train(config, folder, bars or Progress(disable=True), point)
     except Pruned:
         return None
-    except (ValueError, ArithmeticError, RuntimeError) as error:  # refused, or it learned numbers without end
+    except (ValueError, ArithmeticError, RuntimeError) as error:  # refused, or its numbers became infinite
         return " ".join(str(error).split())[:300] or type(error).__name__
     finally:
         checkpoint.remove(folder)

@@ -51,7 +51,7 @@ class Experiment(ExperimentManager):
             raise ValueError(f"--seed is {self.seed}; give one from 0 to {MOST_SEEDS}")
         self.averaged = issubclass(rl_zoo3.ALGOS[self.algo], Averaging)
         if self.averaged:
-            self.device = "cpu"  # where these learners keep their vectors, whatever "auto" would choose
+            self.device = "cpu"  # these learners keep their vectors on the CPU, whatever "auto" would choose
         if self.averaged and (self.continue_training or self.optimize_hyperparameters):
             raise ValueError(
                 "--trained-agent and --optimize-hyperparameters are for the algorithms of stable-baselines3; "
@@ -88,7 +88,7 @@ class Experiment(ExperimentManager):
         found = super().setup_experiment()
         if found is not None:
             model = found[0]
-            # after the learner, which gives its own seed to the environments: else runs shared most goals
+            # after the learner, which sets its own seed in the environments: else runs would share most goals
             model.get_env().seed(first_environment_seed(self.seed))
             # the last rollout ends after the last step, where a linear schedule is below 0
             schedule = model.lr_schedule

@@ -1,1 +1,1 @@
-"""What turns graphs, or ordinary Python, into results: one module for each kind of numbers or machine."""
+"""Back ends that turn graphs, or ordinary Python, into results: one module per kind of number or machine."""

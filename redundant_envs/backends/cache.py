@@ -1,4 +1,4 @@
-"""Machine code, kept: in this process, and in a folder of the user's from process to process."""
+"""Cache of machine code: within this process, and in a folder of the user across processes."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from redundant_envs.tracing.listing import fingerprints
 
 CACHE_VARIABLE = "REDUNDANT_ENVS_CACHE"
 KEPT_PROGRAMS = 400
-"""Programs that the folder keeps; the ones not used for longest go."""
+"""Number of programs that the folder keeps; the least recently used ones are deleted."""
 SUFFIX = ".code"
 OWN_FILE = re.compile(r"[0-9a-f]{40}\.(code|lock)")
 """Names of files that this module makes; it deletes no others."""
 DIGEST = 32
-"""Bytes of the checksum that a file begins with."""
+"""Length in bytes of the checksum at the beginning of a file."""
 
 _kept: dict[str, dict[str, llvm.Entry]] = {}
 _lock = threading.RLock()
@@ -40,11 +40,11 @@ def kernels(key: str, program: Program, what: str) -> dict[str, llvm.Entry]:
     Parameters
     ----------
     key : str
-        The :func:`program_key` of its :func:`identity`, found before anything was compiled: that changes its
+        The :func:`program_key` of its :func:`identity`, computed before compilation, which changes its
         graphs.
     program : Program
     what : str
-        Names the program where it has to be compiled.
+        Name of the program in the message that it is compiled.
     """
     with _lock:
         if key not in _kept:
@@ -59,14 +59,14 @@ def identity(program: Program) -> str:
 
 
 def program_key(program: str) -> str:
-    """Name of a program's machine code: its identity, what compiles it, and for which processor."""
+    """Name of a program's machine code: from its identity, the compiler and the processor."""
     text = "\0".join((program, platform.machine(), *llvm.facts(), *_sources()))
     return hashlib.sha256(text.encode()).hexdigest()[:40]
 
 
 @functools.cache
 def _sources() -> list[str]:
-    """The text of what compiles: our own passes and emitters."""
+    """The source of the compiler: our own passes and emitters."""
     own = Path(__file__).parent
     files = sorted([*own.glob("llvm*.py"), *own.parent.glob("tracing/**/*.py")])
     return [p.read_text(encoding="utf-8") for p in files]
@@ -74,7 +74,7 @@ def _sources() -> list[str]:
 
 def _code(key: str, program: Program, what: str) -> bytes:
     folder = cache_folder()
-    made: list[bytes] = []  # what was compiled, should it be impossible to keep
+    made: list[bytes] = []  # the compiled code, if it cannot be kept on disk
 
     def compiled() -> bytes:
         if not made:
@@ -85,16 +85,16 @@ def _code(key: str, program: Program, what: str) -> bytes:
     if folder is not None:
         try:
             return _code_in(folder, key, compiled)
-        except OSError as error:  # no file lock, no room left, files of somebody else
+        except OSError as error:  # no file lock, no space left, files of another user
             _warn_of_memory_only(folder, error)
     return compiled()
 
 
 def _code_in(folder: Path, key: str, compiled: Callable[[], bytes]) -> bytes:
-    """The machine code in a folder; compiled if it is not there whole."""
+    """The machine code in a folder; compiled if it is missing or incomplete."""
     path = folder / f"{key}{SUFFIX}"
     code = _used(path)
-    if code is not None:  # whole files appear at once: no need to wait for who compiles another time
+    if code is not None:  # files appear whole: no need to wait for a process that compiles the same again
         return code
     with _file_lock(path.with_suffix(".lock")):
         code = _used(path)
@@ -113,25 +113,25 @@ def _code_in(folder: Path, key: str, compiled: Callable[[], bytes]) -> bytes:
 
 
 def _used(path: Path) -> bytes | None:
-    """What a file keeps, which is young again then."""
+    """The content of a file; this counts as a use of the file."""
     code = _whole(path)
     if code is not None:
-        with contextlib.suppress(OSError):  # another process may have deleted it, or it is somebody else's
+        with contextlib.suppress(OSError):  # another process may have deleted it, or it is not ours
             os.utime(path)
     return code
 
 
 def _checksum(path: Path, code: bytes) -> bytes:
-    """Of the code and of its file's name: the code of another program is as wrong as a torn one."""
+    """Checksum of the code and its file name: the code of another program is as wrong as a damaged one."""
     return hashlib.sha256(path.stem.encode() + code).digest()
 
 
 def _whole(path: Path) -> bytes | None:
-    """What a file keeps, if its checksum says that nothing has changed.
+    """The content of a file, if its checksum is right.
 
-    This finds accidents. It cannot protect from one who may write to the folder.
+    This detects accidents. It cannot protect against anyone who may write to the folder.
     """
-    if not path.is_file():  # a pipe would be read without end
+    if not path.is_file():  # reading a pipe would never end
         return None
     try:
         data = path.read_bytes()
@@ -142,7 +142,7 @@ def _whole(path: Path) -> bytes | None:
 
 
 def _write_whole(path: Path, data: bytes) -> None:
-    """Let a file appear whole, or not at all."""
+    """Write a file so that it appears whole, or not at all."""
     handle, name = tempfile.mkstemp(dir=path.parent)
     try:
         with os.fdopen(handle, "wb") as file:
@@ -154,7 +154,7 @@ def _write_whole(path: Path, data: bytes) -> None:
 
 
 def _prune(folder: Path) -> None:
-    """Delete the programs not used for longest beyond the number kept."""
+    """Delete the least recently used programs beyond the number kept."""
     own = [p for p in folder.iterdir() if p.suffix == SUFFIX and OWN_FILE.fullmatch(p.name) and p.is_file()]
     if len(own) <= KEPT_PROGRAMS:
         return
@@ -168,7 +168,7 @@ def _prune(folder: Path) -> None:
 
 
 def cache_folder() -> Path | None:
-    """Where machine code is kept, or None where nothing may be written."""
+    """The folder for machine code, or None if nothing may be written."""
     chosen = os.environ.get(CACHE_VARIABLE)
     if chosen:
         base = Path(chosen)
@@ -183,7 +183,7 @@ def cache_folder() -> Path | None:
         base.mkdir(mode=0o700, parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=base):
             pass
-    except (OSError, RuntimeError) as error:  # RuntimeError: nobody knows a home for "~"
+    except (OSError, RuntimeError) as error:  # RuntimeError: there is no home directory for "~"
         _warn_of_memory_only(base, error)
         return None
     return base
@@ -223,7 +223,7 @@ def _file_lock(path: Path) -> Iterator[None]:
         try:
             yield
         finally:
-            if sys.platform != "win32":  # a process forked meanwhile has the file open too
+            if sys.platform != "win32":  # a process forked in the meantime has the file open, too
                 fcntl.flock(file, fcntl.LOCK_UN)
 
 

@@ -20,14 +20,14 @@ Entry = Callable[[int], None]
 """A kernel in machine code: it takes the address of a frame, its arguments as 8 bytes each."""
 
 ORDER_OPTION = "-enable-misched={}"
-"""LLVM's option for an order of its own. It is one for the whole process, so it is set under a lock."""
+"""LLVM's option for its own scheduler. It is global to the process, so it is set under a lock."""
 JOINED = "fma"
 WIDE = "avx512f"
 """A feature of processors with 32 vector registers, for which our order of instructions is made."""
 
 _lock = threading.Lock()
 _loaded: list[Any] = []
-"""Engines own the machine code, so they stay."""
+"""Engines own the machine code, so they are kept."""
 
 
 def initialise() -> None:
@@ -36,7 +36,7 @@ def initialise() -> None:
 
 
 class Processor(NamedTuple):
-    """For whom machine code is made: LLVM's names of a processor, of what it can do, and of its kind."""
+    """The target of machine code: LLVM's names of a processor, of its features, and of its kind."""
 
     name: str
     features: str
@@ -54,13 +54,14 @@ class Processor(NamedTuple):
 
 
 AVX2 = Processor("haswell", "+fma,+avx2")
-"""What most laptops have: vectors of four doubles."""
+"""The target for most laptops: vectors of four doubles."""
 _target: ContextVar[Processor | None] = ContextVar("target", default=None)
 
 
 @contextlib.contextmanager
 def target(chosen: Processor) -> Iterator[None]:
-    """Programs are made for another processor meanwhile; this one must be able to run them."""
+    """Within this context programs are made for another processor, whose code this one must be able to
+    run."""
     token = _target.set(chosen)
     try:
         yield
@@ -75,12 +76,12 @@ def host() -> Processor:
 
 
 def processor() -> Processor:
-    """The one that programs are made for: this machine's, unless another was chosen."""
+    """The target of programs: this machine's, unless another was chosen."""
     return _target.get() or host()
 
 
 def facts() -> tuple[str, ...]:
-    """What machine code depends on beside the program."""
+    """Everything that machine code depends on beside the program."""
     import llvmlite
 
     version = ".".join(map(str, llvm.llvm_version_info))
@@ -88,7 +89,7 @@ def facts() -> tuple[str, ...]:
 
 
 def machine() -> Any:
-    """The processor, as LLVM knows it."""
+    """The processor, in LLVM's terms."""
     cpu, features, triple = processor()
     return llvm.Target.from_triple(triple).create_target_machine(
         cpu=cpu, features=features, opt=3, codemodel="jitdefault", jit=True
@@ -101,12 +102,12 @@ def object_code(program: Program) -> bytes:
 
 
 def assembly(program: Program) -> str:
-    """The same to be read."""
+    """The same as readable assembly."""
     return _emitted(program, lambda target, module: target.emit_assembly(module))  # type: ignore[no-any-return]
 
 
 def _emitted(program: Program, emit: Callable[[Any, Any], Any]) -> Any:
-    from redundant_envs.backends.llvm_kernels import module_of  # not needed to load what was compiled
+    from redundant_envs.backends.llvm_kernels import module_of  # not needed to load compiled code
 
     initialise()
     ordered = processor().wide
@@ -131,10 +132,10 @@ def _emitted(program: Program, emit: Callable[[Any, Any], Any]) -> Any:
 
 
 def _tidy(module: Any, target: Any) -> None:
-    """Variables of kernels into registers, and no empty blocks.
+    """Put variables of kernels into registers, and remove empty blocks.
 
-    That is all that is left for LLVM: what its pipelines would do for speed our own passes have done, and it
-    gains nothing for twice the time.
+    LLVM need not do more: our own passes have done what its pipelines would do for speed, and these gain
+    nothing in twice the time.
     """
     builder = llvm.create_pass_builder(target, llvm.create_pipeline_tuning_options())
     passes = llvm.create_new_function_pass_manager()

@@ -35,7 +35,7 @@ def integer(k: int) -> ir.Constant:
 
 
 def address(builder: ir.IRBuilder, base: Any, offset: Any, type_: ir.Type) -> Any:
-    """Where ``offset`` elements after ``base`` a value of a type lives."""
+    """Address of a value of a type, ``offset`` elements after ``base``."""
     at = builder.gep(base, [integer(offset) if isinstance(offset, int) else offset])
     return builder.bitcast(at, type_.as_pointer())
 
@@ -104,7 +104,7 @@ class Emitter:
             whole = ir.VectorType(INT64, LANES)
             masked = b.and_(b.bitcast(arguments[0], whole), ir.Constant(whole, [node.extra] * LANES))
             return b.icmp_signed("!=", masked, ir.Constant(whole, [0] * LANES))
-        if node.name == "power":  # of two, from a whole number to which 1.5 * 2^52 was added
+        if node.name == "power":  # power of two, from a whole number to which 1.5 * 2^52 was added
             whole = ir.VectorType(INT64, LANES)
             biased = b.add(b.bitcast(arguments[0], whole), ir.Constant(whole, [EXPONENT_BIAS] * LANES))
             return b.bitcast(b.shl(biased, ir.Constant(whole, [MANTISSA_BITS] * LANES)), BLOCK)
@@ -123,7 +123,7 @@ class EmittedStages:
 
     def __init__(self, stages: Stages, caller: ir.Function, spaces: dict[str, Any], ordered: bool) -> None:
         self.stages = stages
-        # Pointers that no part reads by would take registers from those that all read by.
+        # Pointers that no part uses would take registers from those that all parts use.
         values = [v for p in stages.parts.values() for v in (*p.returned, *(v for _, _, v in p.stores))]
         read = {n.extra[0] for n in reached(values) if n.name == "load"}
         self.spaces = {name: base for name, base in spaces.items() if name in read}
@@ -215,7 +215,7 @@ class EmittedStages:
         return emitter.builder.call(self.functions[part], [*self.spaces.values(), *memories, told, *values])
 
     def result(self, emitter: Emitter, node: Operation) -> Any:
-        """A result of a stage: returned, written to memory, or known without the call."""
+        """A result of a stage: returned by the call, written to memory, or known without the call."""
         stages = self.stages
         (stage,), k = node.arguments, stages.first[node.extra]
         value = emitter.value(stage)
@@ -229,7 +229,7 @@ class EmittedStages:
 
 
 def emit_lane_function(module: ir.Module, function: LaneFunction, ordered: bool) -> ir.Function:
-    """The LLVM function of a lane function; ``ordered`` puts its instructions in the order of our own."""
+    """The LLVM function of a lane function; ``ordered`` puts its instructions in our own order."""
     results = function.results
     join_products(results, function.aside_results)
     calls = [n for n in reached(results) if n.name == "stage"]
@@ -269,7 +269,7 @@ def emit_lane_function(module: ir.Module, function: LaneFunction, ordered: bool)
 
 
 def _columns(builder: ir.IRBuilder, base: Any, element: str, columns: int) -> Callable[[int], Any]:
-    """The columns of a table with a line for each lane, as vectors of doubles."""
+    """The columns of a table with a row for each lane, as vectors of doubles."""
     whole = builder.load(address(builder, base, 0, ir.VectorType(ELEMENT[element], LANES * columns)), align=4)
 
     def column(k: int) -> Any:
@@ -304,7 +304,7 @@ def _emit_outputs(builder: ir.IRBuilder, outputs: list[Output], values: list[Any
 
 
 def _emit_lines(builder: ir.IRBuilder, base: Any, columns: list[Any]) -> None:
-    """Columns to the lines of a table: four of them at once, transposed in registers."""
+    """Write columns to the rows of a table: four columns at once, transposed in registers."""
 
     def shuffled(a: Any, b: Any, chosen: list[int]) -> Any:
         return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(INT32, len(chosen)), chosen))

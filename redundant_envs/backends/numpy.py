@@ -22,7 +22,7 @@ def exp(x: Any) -> Any:
     p: Any = 1.0 / math.factorial(13)
     for n in range(12, 1, -1):
         p = 1.0 / math.factorial(n) + r * p
-    with np.errstate(invalid="ignore"):  # of NaN, which stays what it is
+    with np.errstate(invalid="ignore"):  # NaN stays NaN
         return np.ldexp(1.0 + (r + r * r * p), np.asarray(k).astype(np.int64))
 
 

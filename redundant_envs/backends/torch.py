@@ -12,7 +12,7 @@ with needs("train"):
 
 
 def number(x: Any) -> torch.Tensor:
-    """A number or tensor as a tensor of float64; conditions stay what they are."""
+    """A number or tensor as a tensor of float64; conditions stay conditions."""
     if isinstance(x, torch.Tensor):
         if x.is_complex():
             raise ValueError(f"a tensor is of {x.dtype}; give real numbers")

@@ -1,4 +1,4 @@
-"""Computed torque along a planned joint motion: the expert beside every learner.
+"""Computed torque along a planned joint motion: the expert with which every learner is compared.
 
 The plan goes from the start pose to a pose at the goal along a minimum-jerk profile; the torque is
 inverse dynamics of the plan's acceleration plus proportional-derivative feedback. Effects it
@@ -33,7 +33,7 @@ def pose_at(scene: Scene, start: Array, goal: Array, iterations: int = 60) -> Ar
 
     Returns
     -------
-    (n, joints) generalized coordinates; where the iteration does not arrive, the nearest it came.
+    (n, joints) generalized coordinates; if the iteration does not converge, the nearest pose it found.
     """
     robot: Any = scene.robot
     b = robot.motor_map
@@ -49,7 +49,7 @@ def pose_at(scene: Scene, start: Array, goal: Array, iterations: int = 60) -> Ar
         best[better], best_error[better] = phi[better], size[better]
         jacobian = robot.jacobian(q) @ inverse.T  # with respect to phi
         free = np.ones_like(phi)
-        for _ in range(3):  # joints at the end of their travel are held, the others do the rest
+        for _ in range(3):  # joints at the end of their travel are held, the others make up for it
             step = _damped(jacobian * free[:, None, :], error)
             for joint, (low, high) in travel.items():
                 inward = (phi[:, joint] > low) | (step[:, joint] > 0.0)
@@ -63,9 +63,9 @@ def pose_at(scene: Scene, start: Array, goal: Array, iterations: int = 60) -> Ar
 
 
 def lightest_pose(scene: Scene, start: Array, goal: Array) -> Array:
-    """The pose with the tip at the goal that loads the motors least, turned the shortest way from the start.
+    """The pose with the tip at the goal that loads the motors least, reached by the shortest turns.
 
-    Takes and returns what :func:`pose_at` does, and its pose where the goal is out of reach.
+    Arguments and result are those of :func:`pose_at`, whose pose it returns if the goal is out of reach.
     """
     robot: Any = scene.robot
     b = robot.motor_map

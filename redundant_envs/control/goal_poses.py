@@ -1,8 +1,8 @@
 """All poses of an arm with its tip at a goal, as a function of parameters and a sheet.
 
-A pose is built from the base outwards. Each step chooses how far from the goal the next point of the arm
-comes, between the least and the largest distance that the rest of the arm can still close; the law of
-cosines gives the angle, to either side. So every choice is a pose, and every pose has one.
+A pose is built from the base outwards. Each step chooses the distance of the arm's next point from the goal,
+between the least and the largest distance that the rest of the arm can still close; the law of cosines gives
+the angle, to either side. So every choice yields a pose, and every pose has a choice.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from redundant_envs.robots.arm import Arm
 Array = NDArray[np.float64]
 
 SLACK = 1e-9
-"""A goal that is this much out of reach counts as reached, m: it is rounding."""
+"""A goal that is out of reach by at most this distance counts as reached, m: that is rounding."""
 
 
 def num_sheets(arm: Arm) -> int:
-    """Number of sheets: each turn but that of the last link goes to either side."""
+    """Number of sheets: each turn except that of the last link may go to either side."""
     return 2 ** (_links(arm) - 1)
 
 
 def _links(arm: Arm) -> int:
-    """Links of an arm whose links all have fixed lengths, or that has two of which both extend."""
+    """Links of an arm whose links all have fixed lengths, or which has two links that both extend."""
     if not any(arm.prismatic):
         return len(arm.joints)
     if arm.prismatic == (False, True) * 2 and arm.num_lengths == 2:
         return 2
     raise ValueError(
-        f"the poses of {arm.kind} at a goal are not known; they are of arms of revolute joints, and of two "
+        f"the poses of {arm.kind} at a goal are not known; they are for arms of revolute joints, and of two "
         "links that both extend"
     )
 
@@ -55,8 +55,8 @@ def goal_poses(
         Joint -> lower and upper end of sliders [m].
     goals : (..., 2) m
     psi : (..., joints - 2)
-        Parameters from 0 to pi. At 0 a slider is at the lower end of what the goal allows, at pi at the
-        upper, exactly at an end of its travel where that is it. Of fixed links they choose distances.
+        Parameters from 0 to pi. At 0 a slider is at the lower end of the range that the goal allows, at pi
+        at the upper end; if that is an end of its travel, exactly. For fixed links they choose distances.
     sheet : (...)
         0 to :func:`num_sheets` - 1: to which side each turn goes, one bit each.
 
@@ -133,5 +133,5 @@ def _turn(distance: Any, length: Any, rest: Any, psi: Any) -> Any:
 
 
 def _least_reach(lengths: Any) -> float:
-    """How near to its base the tip of a chain of links can come, m."""
+    """Smallest distance of the tip of a chain of links from its base, m."""
     return float(max(0.0, 2.0 * max(lengths) - sum(lengths)))

@@ -4,8 +4,8 @@ An arm of four joints has two more than a goal needs, so its poses at a goal for
 covers that surface by a grid, in which the stops of the sliders are exact, and goes down from the best
 points of the grid by a pattern search.
 
-Static balance is all that counts here. The hold success of an episode asks for less: a tip that is slow for
-a fifth of a second need not be at rest. So an arm may hold a few goals more than this account says.
+Only static balance counts here. The hold success of an episode requires less: a tip that is slow for a
+fifth of a second need not be at rest. So an arm may hold a few more goals than this computation finds.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ Load = Callable[[Array], Array]
 """Poses (..., joints) -> largest effort / limit (...)."""
 
 PARAMETERS = 2
-"""Of the poses at a goal."""
+"""Number of parameters of the poses at a goal."""
 GRID = 25
 """Points of the grid along either parameter. With 49 the loads of 2000 goals of the reach scenes change by
 at most 1.4e-3, and one alone by more than 1e-3."""
 CANDIDATES = 12
-"""Best local minima of the grid from which the search goes down: valleys that are narrower than the grid
-look like several."""
+"""Number of local minima of the grid, best first, from which the search descends: a valley that is narrower
+than the grid looks like several."""
 ROUNDS, DIRECTIONS = 120, 12
 """Rounds of the pattern search, and directions it tries in each: a step shrinks from a cell of the grid to
 1e-5 of it."""
 WIDER, NARROWER = 2.0, 0.8
-"""Factors of a step after a round that found something better, and after one that did not."""
+"""Factors of the step after a round that found a better point, and after a round that did not."""
 RING = 8
-"""Points on the circle around a goal with a tolerance where grids are laid, beside that on the goal."""
+"""Number of points on the circle around a goal with a tolerance that get a grid, beside the goal itself."""
 CHUNK = 100_000
-"""Poses of a batch: its arrays stay below 100 MB."""
+"""Number of poses of a batch: its arrays stay below 100 MB."""
 
 
 def can_hold(scene: Scene, goals: ArrayLike, tolerance: float = 0.0) -> NDArray[np.bool_]:
@@ -172,7 +172,7 @@ class _Search:
                 way[:, 2:] = 0.0
             way /= np.linalg.norm(way, axis=-1, keepdims=True)
             trial = x[:, :, None] + step[:, :, None, None] * way
-            trial[..., :2] = np.clip(trial[..., :2], 0.0, np.pi)  # the ends of a travel are met exactly
+            trial[..., :2] = np.clip(trial[..., :2], 0.0, np.pi)  # the ends of a travel are reached exactly
             trial[..., 2:] /= np.maximum(np.linalg.norm(trial[..., 2:], axis=-1, keepdims=True), 1.0)
             load = self.load(self.poses(trial, sheet[:, :, None], goals[:, :, None]))
             least = load.argmin(axis=-1)[..., None]
@@ -187,7 +187,7 @@ class _Search:
 
 
 def _local_minima(load: Array) -> Array:
-    """Loads (..., p, p) where no neighbour has less, inf elsewhere."""
+    """Loads (..., p, p) at local minima, inf elsewhere."""
     least = load
     for axis in (-2, -1):
         sides = [np.roll(least, way, axis) for way in (-1, 1)]

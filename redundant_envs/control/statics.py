@@ -1,4 +1,4 @@
-"""Efforts of an arm at rest: what gravity and springs ask of the motors, and what stops take over."""
+"""Efforts of an arm at rest: the loads of gravity and springs on the motors, and the share of the stops."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def slider_travel(scene: Scene) -> Travel:
         if not (least <= low and high < np.inf):
             raise ValueError(
                 f"PrismaticStop leaves {scene.robot.joints[k]!r} a travel of {low} to {high} m; give "
-                f"both ends, the lower at least {least} m (no link is shorter than nothing)"
+                f"both ends, the lower at least {least} m (a link cannot have a negative length)"
             )
     return travel
 

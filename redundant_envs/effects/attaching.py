@@ -1,4 +1,4 @@
-"""Does an effect fit an arm? Every hook is looked at when a scene is made, before anything is compiled."""
+"""Checks that an effect fits an arm: of every hook, when a scene is made, before anything is compiled."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ def attached(where: str, effect: Effect, arm: Arm) -> tuple[Hook, ...]:
     Raises
     ------
     ValueError
-        If the effect does not fit the arm, a function is outside the physics dialect, a name stands for
-        nothing, or the potential and the force of the effect cannot belong together. ``where`` names the
+        If the effect does not fit the arm, a function is outside the physics dialect, a name is unknown,
+        or the potential and the force of the effect cannot belong together. ``where`` names the
         effect in the message.
     """
     kind = type(effect).__name__
@@ -55,8 +55,8 @@ def attached(where: str, effect: Effect, arm: Arm) -> tuple[Hook, ...]:
     for f in dataclasses.fields(effect):
         if not f.init and f.name not in effect.static:
             raise ValueError(
-                f"{where} ({kind}).{f.name} is no argument of its class, and would not follow when others "
-                "are set; compute it in the effect's functions, or name it in 'static'"
+                f"{where} ({kind}).{f.name} is not an argument of its class, so it would not change with the "
+                "others; compute it in the effect's functions, or name it in 'static'"
             )
     own: Own = dict.fromkeys(effect.parameters(), False)
     for field, value in effect.parameters().items():
@@ -88,7 +88,7 @@ def attached(where: str, effect: Effect, arm: Arm) -> tuple[Hook, ...]:
     if booked and all(h.potential is None for h in forces):
         raise ValueError(
             f"{where} ({kind}) has a conservative force and no potential; give the potential, or leave "
-            "'conservative' out: a force without a potential is booked as work"
+            "'conservative' out: the power of a force without a potential counts as work"
         )
     return tuple(hooks)
 
@@ -137,7 +137,7 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
             _own(name, getattr(hook, name), {n: False for n, moves in own.items() if not moves})
         if not arm.prismatic[hook.joint]:
             raise ValueError(
-                f"{arm.joints[hook.joint]!r} is no slider; hard ends of travel are those of sliders"
+                f"{arm.joints[hook.joint]!r} is not a slider; hard ends of travel are those of sliders"
             )
         return
     roots = _check_function("function", hook.function, hook, own, arm)
@@ -162,7 +162,7 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
         unknown = _beyond(roots, {*arm.parameter_values(), *arm.coordinates, *arm.rates})
         if unknown:
             raise ValueError(
-                f"{name_of(hook.function)} depends on {unknown}; a sensor knows the motion and its numbers"
+                f"{name_of(hook.function)} depends on {unknown}; a sensor may use the motion and its numbers"
             )
     if isinstance(hook, Actuation) and not isinstance(hook.link, Link):
         raise ValueError(f"link is {hook.link!r}; choose {', '.join(f'Link.{link.name}' for link in Link)}")
@@ -193,8 +193,8 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
             continue
         if function is hook.function and name == "conservative":
             raise ValueError(
-                f"{name_of(function)} has a potential and depends on {moving}, so it is not all the "
-                "derivative of that; give conservative=, the part that is, as a function of its own"
+                f"{name_of(function)} has a potential and depends on {moving}, so not all of it is the "
+                "derivative of the potential; give the part that is as a separate function, conservative="
             )
         what = "parameters" if fixed else "the position"
         if name == "damping" and not at_point:
@@ -209,14 +209,14 @@ def _check_joint(joint: Any, arm: Arm) -> None:
 
 
 def _check_inertia(hook: Inertia, arm: Arm) -> None:
-    """Refuse joints whose rates make no sum."""
+    """Refuse joints whose rates cannot be added."""
     if not isinstance(hook.joints, tuple) or not hook.joints or len({*hook.joints}) < len(hook.joints):
         raise ValueError(f"joints is {hook.joints!r}; give a tuple of joints, each once, such as (0,)")
     for joint in hook.joints:
         _check_joint(joint, arm)
     if len({arm.prismatic[k] for k in hook.joints}) > 1:
         raise ValueError(
-            f"joints is {hook.joints!r}, which turn and slide: rad/s and m/s have no sum; give one kind"
+            f"joints is {hook.joints!r}, which turn and slide: rad/s and m/s cannot be added; give one kind"
         )
 
 
@@ -249,12 +249,12 @@ def _check_point(point: Any, arm: Arm) -> None:
 
 
 def _beyond(roots: Mapping[str, set[str]], allowed: set[str]) -> str:
-    """Names of the quantities with more behind them than is allowed."""
+    """Names of the quantities that depend on more than is allowed."""
     return ", ".join(sorted(source for source, behind in roots.items() if behind - allowed))
 
 
 def _check_state(state: State, own: Own, arm: Arm) -> None:
-    """Refuse a state that does not say how it changes, or says it twice."""
+    """Refuse a state with neither a derivative nor an update, or with both."""
     if (state.derivative is None) == (state.update is None):
         raise ValueError(f"the state {state.name!r} needs either a derivative or an update")
     number(f"initial of the state {state.name!r}", state.initial)
@@ -276,7 +276,7 @@ def _check_function(
     own: Own,
     arm: Arm,
 ) -> dict[str, set[str]]:
-    """Check a hook's function and its names; returns what is behind each quantity of the arm in it."""
+    """Check a hook's function and its names; returns the inputs of each quantity of the arm in it."""
     dialect.check(function)
     if not isinstance(hook.bind, Mapping):
         raise ValueError(f"bind is {hook.bind!r:.80}; give a mapping of arguments to names")
@@ -313,11 +313,11 @@ def _own(where: str, source: str, own: Own) -> None:
     """Refuse the name of a number that the effect does not have."""
     if not isinstance(source, str) or source[:1] != "." or source[1:] not in own:
         valid = ", ".join(f".{name}" for name in own) or "none"
-        raise ValueError(f"{where}: {source!r} is no number of this effect; it has {valid}")
+        raise ValueError(f"{where}: {source!r} is not a number of this effect; it has {valid}")
 
 
 def roots_of(where: str, quantity: str, arm: Arm) -> set[str]:
-    """States, commands and parameters that a quantity of an arm follows from."""
+    """States, commands and parameters on which a quantity of an arm depends."""
     givers = {name: f for f in arm.functions for name in gives_of(f)}
     angles = {name: angle for angle, pair in arm.sincos.items() for name in pair}
     commands = numbered("command{}", len(arm.joints))

@@ -32,7 +32,7 @@ class CentringSpring(Effect):
     """k/2 (r_max - r)^2 + k/2 (r_min - r)^2 on the prismatic joints of an arm, always on.
 
     It pulls towards the middle of the travel with stiffness 2k and does not limit anything;
-    :class:`LimitSpring` is what the report's text describes.
+    the report's text describes :class:`LimitSpring`.
 
     Parameters
     ----------

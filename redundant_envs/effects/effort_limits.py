@@ -17,7 +17,7 @@ def saturate(command, limit):
 
 @dataclass(frozen=True)
 class EffortLimits(Effect):
-    """Largest effort of each motor; a larger command gives the limit, as a real motor does.
+    """Largest effort of each motor; a larger command is clipped to the limit, as in a real motor.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ class Gravity(Effect):
         Strength, m/s^2.
     down : (float, float)
         The unit vector that points down, projected on the plane of the arm; its length is at most
-        1. (0, -1) is a vertical plane; :meth:`on_plane` gives it for a tilted one.
+        1. (0, -1) means a vertical plane; :meth:`on_plane` computes it for a tilted one.
     """
 
     g: float = 9.81
@@ -46,7 +46,7 @@ class Gravity(Effect):
     def on_plane(cls, g: float = 9.81, tilt: float = 0.0, roll: float = 0.0) -> Gravity:
         """Gravity in a plane tilted by ``tilt`` [rad] away from vertical and rolled by ``roll``.
 
-        A horizontal plane (tilt = pi/2) has none; ``roll`` turns the direction of steepest
+        A horizontal plane (tilt = pi/2) has no gravity; ``roll`` turns the direction of steepest
         descent counter-clockwise from -y.
         """
         tilt, roll = number("tilt", tilt), number("roll", roll)

@@ -24,7 +24,7 @@ def check_numbers(where: str, effect: Effect, arm: Arm, hooks: Iterable[Hook]) -
         for end in ends:
             if end not in numbers:
                 raise ValueError(
-                    f"{where}.travel gives {end!r}, which is no number of this effect; it has "
+                    f"{where}.travel gives {end!r}, which is not a number of this effect; it has "
                     f"{', '.join(numbers) or 'none'}"
                 )
         lower, upper = ends

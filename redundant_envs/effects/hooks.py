@@ -19,7 +19,7 @@ from redundant_envs.robots.arm import Arm
 
 @dataclass(frozen=True)
 class State:
-    """A number of an effect that changes with the motion: saved, restored and reset as coordinates are.
+    """A number of an effect that changes with the motion; it is saved, restored and reset like coordinates.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class Point:
 
 
 SIDE = "side"
-"""Argument of a force's functions that tells which of its laws holds."""
+"""Argument of a force's functions that selects which of its laws holds."""
 
 
 @dataclass(frozen=True)
@@ -78,32 +78,32 @@ class Force:
     At a point the function returns (fx, fy) [N]; it may depend on the point's position, such as x4, y4, and
     velocity, vx4, vy4 (these count from 1). ``bind`` says what arguments stand for, see :class:`Effect`.
 
-    ``conservative`` is the part of it that is minus the derivative of ``potential`` [J] with respect
-    to the position of the joint or the point: it is booked in the potential energy, the power of the rest
-    as work.
-    With a potential and nothing else said it is the whole force, which then may depend on the position
-    alone. A force without a potential is all booked as work. ``python -m redundant_envs verify``
+    ``conservative`` is the part of it that is minus the derivative of ``potential`` [J] with respect to the
+    position of the joint or the point: it counts as potential energy, and the power of the rest counts as
+    work. By default, with a potential, it is the whole force, which then may depend on the position alone.
+    The power of a force without a potential counts as work entirely. ``python -m redundant_envs verify``
     differentiates the potential and compares.
 
-    ``stiffness`` [N/m or N m/rad] and ``damping`` [N s/m or N m s/rad] give the largest that the
-    force can have, from the parameters alone: error control takes steps short enough for a spring
+    ``stiffness`` [N/m or N m/rad] and ``damping`` [N s/m or N m s/rad] are the largest that the
+    force can have, computed from the parameters alone: error control takes steps short enough for a spring
     before an estimate could have seen it. They are derivatives of the force, by its position at rest and
-    by its rate; ``verify`` differentiates it and compares. A force with a ``damping`` brakes: one that
-    drives gives none, or is an :class:`Actuation`. The damping of a force on a joint may depend on
-    ``phi<k>`` and ``phid<k>`` of that joint, too, where it is not the same everywhere.
+    by its rate; ``verify`` differentiates it and compares. A force with a ``damping`` must brake: a force
+    that drives declares none, or is an :class:`Actuation`. If the damping is not the same everywhere, that of
+    a force on a joint may depend on ``phi<k>`` and ``phid<k>`` of that joint, too.
 
     ``states`` belong to the force: friction with memory has one for each joint.
 
     ``switch`` names two of the effect's numbers, (".lower", ".upper"): positions of the joint at which the
     law of the force changes, as that of a spring at the end of a joint's travel. Its functions then may take
-    ``side``: 1 above the upper, -1 below the lower, 0 between. Where steps are chosen for their error, none
-    has two laws in it: the change is located in time, as an impact is. So each law must be smooth beyond its
+    ``side``: 1 above the upper, -1 below the lower, 0 between. Under error control no step
+    contains two laws: the change is located in time, as an impact is. So each law must be smooth beyond its
     own positions, too, and both must give the same force where they meet.
 
-    Other kinks are found in what the function computes of what moves (comparisons, ``abs``, ``minimum``,
-    ``maximum``, ``where``, ``floor``): an interval that may have one has to come out the same with half as
-    many steps. ``kink`` is a function that changes its sign at one that the function does not show, or in
-    place of one that it shows: it stands for all that ``where`` chooses from in it.
+    Other kinks are found by running the function on numbers that know whether they move (comparisons,
+    ``abs``, ``minimum``, ``maximum``, ``where``, ``floor``): an interval that may have one has to give the
+    same result with half as many steps. ``kink`` is a function that changes its sign at a kink that the
+    function does not show, or that replaces one that it shows: it replaces all kinks of the values that
+    ``where`` chooses from in it.
     """
 
     joint: int | Point
@@ -130,7 +130,7 @@ class Force:
 
 
 class Link(enum.IntEnum):
-    """Where an effect stands in the chain from the command of a motor to its effort."""
+    """Position of an effect in the chain from the command of a motor to its effort."""
 
     DELAY = 0
     DEAD_ZONE = 1
@@ -143,11 +143,11 @@ class Link(enum.IntEnum):
 class Actuation:
     """Maps the effort that reaches a link in the chain of a joint's motor to the effort that leaves it.
 
-    In ``function``, and in the functions of ``states``, ``command<k>`` (k counts from 1) is what reaches the
+    In ``function``, and in the functions of ``states``, ``command<k>`` (k counts from 1) is the input of the
     link. Links act in the order of :class:`Link`, those of one kind in the order of the scene's effects.
     ``bind`` says what arguments stand for, see :class:`Effect`.
 
-    Kinks, and ``kink``, are those of :class:`Force`, where a rate or a state comes before them in the chain.
+    Kinks and ``kink`` are as in :class:`Force`, if a rate or a state comes before them in the chain.
     """
 
     joint: int
@@ -183,10 +183,10 @@ class PointMass:
 class Inertia:
     """An inertia that resists a change of a joint's rate, or of the sum of some joints' rates.
 
-    A motor's rotor resists that of its joint, in kg m^2 (kg of a slider), gears squared. A link's inertia
-    about its point mass, where its centre of mass then is, resists that of its absolute angle: of all
-    revolute joints up to it. The number is a field of the effect (".inertias[0]"), at most a million times
-    the lightest mass on the shortest link.
+    A motor's rotor resists the rate of its joint, in kg m^2 (kg for a slider), times the gear ratio squared.
+    A link's inertia about its point mass, which then is its centre of mass, resists the rate of its absolute
+    angle: the sum over all revolute joints up to it. The number is a field of the effect (".inertias[0]"), at
+    most a million times the lightest mass on the shortest link.
     """
 
     joints: tuple[int, ...]
@@ -194,7 +194,7 @@ class Inertia:
 
 
 class Reading(enum.Enum):
-    """What a sensor of a joint reads."""
+    """The quantity that a sensor of a joint measures."""
 
     POSITION = "phi{}"
     RATE = "phid{}"
@@ -202,7 +202,7 @@ class Reading(enum.Enum):
 
 @dataclass(frozen=True)
 class Sensing:
-    """What the sensor of one joint reads, rad and rad/s, m and m/s; observed postures follow from it.
+    """The reading of the sensor of one joint, rad and rad/s, m and m/s; observed postures follow from it.
 
     In ``function`` ``phi<k>``, or ``phid<k>`` of a rate (k counts from 1), is what reaches the sensor; those
     of one joint act in the order of the scene's effects. All else is true: motion, reward, ``info``, a task's
@@ -224,7 +224,7 @@ Hook = Field | Force | Actuation | Impact | PointMass | Inertia | Sensing
 class Effect:
     """Base of all effects.
 
-    A subclass validates its numbers in ``__post_init__`` and gives ``hooks``. Its class name is
+    A subclass validates its numbers in ``__post_init__`` and defines ``hooks``. Its class name is
     its name in scene files; ``key`` is its name in parameters ("limit_spring.r1").
 
     In the ``bind`` of a hook an argument of its functions is mapped to the name of a quantity, or to one of
@@ -269,7 +269,7 @@ class Effect:
     of_joints: ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(cls) -> None:
-        """Refuse numbers with the names of what every effect has."""
+        """Refuse numbers with names that every effect has."""
         super().__init_subclass__()
         for name, annotation in inspect.get_annotations(cls).items():
             if hasattr(Effect, name) and "ClassVar" not in str(annotation):
@@ -307,7 +307,7 @@ class Effect:
     def travel(self, arm: Arm) -> dict[int, tuple[str, str]]:
         """Joints this effect limits: joint -> own fields of the lower and the upper limit.
 
-        Those of its impacts that have both ends; an effect that limits joints by forces gives its own.
+        These are its impacts with both ends; an effect that limits joints by forces overrides this.
         """
         numbers = self.parameters()
         ends = {h.joint: (h.lower[1:], h.upper[1:]) for h in self.hooks(arm) if isinstance(h, Impact)}

@@ -12,7 +12,7 @@ from redundant_envs.robots.parameters import strength, travel
 
 @physics
 def depth_beyond(position, lower, upper, side):
-    """How far a joint is beyond the limit of a side; 0 between the limits."""
+    """Distance of a joint beyond the limit of a side; 0 between the limits."""
     return position - where(side > 0.0, upper, where(side < 0.0, lower, position))
 
 
@@ -37,7 +37,7 @@ def force(position, rate, lower, upper, stiffness, damping, side):
 
 @physics
 def hold(rate, stiffness, damping, side):
-    """Stiffness that is left at a rate: where it would be negative, the stop lets go."""
+    """Effective stiffness at a rate: where it would be negative, the joint loses contact with the stop."""
     return where(side == 0.0, 1.0, stiffness + damping * where(side < 0.0, -rate, rate))
 
 
@@ -57,7 +57,7 @@ class LimitSpring(Effect):
     """Limited travel of one joint: the compliant form of the stop the report describes.
 
     Inside the limits there is no force. At depth d beyond one, the force back is
-    d max(k + c d', 0). Where steps are chosen for their error, one that reaches a limit ends there.
+    d max(k + c d', 0). Under error control a step that reaches a limit ends there.
 
     Parameters
     ----------

@@ -13,17 +13,17 @@ from redundant_envs.values import shown
 
 @dataclass(frozen=True)
 class PrismaticStop(Effect):
-    """Limited travel of the sliders of an arm: what the report describes in words.
+    """Limited travel of the sliders of an arm, as the text of the report describes it.
 
     A slider that reaches an end of its travel turns back with ``restitution`` times its speed, by
     an impulse along it that moves the whole arm, M dqd = e_j lambda. Impacts are located in time by
-    stepping to them; a slider never is beyond its stop. One that hardly bounces (its bounces stay
-    below 1e-9 m) comes to rest at the stop, and leaves it when it is pulled away.
+    stepping to them; a slider never is beyond its stop. When its bounces stay below 1e-9 m, a slider comes to
+    rest at the stop, and it leaves the stop when it is pulled away.
 
     Parameters
     ----------
     lower, upper : sequences of one for each slider
-        Ends of the travel of r1, r2, ..., m; None where there is none.
+        Ends of the travel of r1, r2, ..., m; None for an end without a stop.
     restitution : float
         Speed after an impact over speed before, 0 to 1.
     """

@@ -1,1 +1,1 @@
-"""Gymnasium and stable-baselines3 faces of the reach task."""
+"""Gymnasium and stable-baselines3 environments of all tasks."""

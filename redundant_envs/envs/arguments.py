@@ -1,4 +1,4 @@
-"""What users give to environments: options of resets, seeds, actions, limits; checked before use."""
+"""Checks of arguments that users pass to environments: reset options, seeds, actions, limits."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ LARGEST_WHOLE = 2**53
 """Largest number of control steps: floats count exactly up to it."""
 FLOAT32 = np.dtype(np.float32)  # a singleton: comparing by identity is quicker
 Checked = tuple[parameters.Table | None, list[tuple[tuple[str, ...], NDArray[np.float64]]]]
-"""What options of a reset set, all valid: parameters, and rows with their numbers."""
+"""The validated content of reset options: parameters, and rows with their numbers."""
 
 
 def reach_of(scene: Scene, values: Mapping[str, Any]) -> Any:
-    """How far the stretched arm reaches, m, from all parameters of the scene."""
+    """Reach of the stretched arm, m, from all parameters of the scene."""
     reach = full_reach(scene.robot)
     ends = {f"high{joint + 1}": high for joint, (_, high) in scene.travel().items()}
     return reach(*(values[ends.get(name, name)] for name in arguments_of(reach)))
 
 
 def _entries(scene: Scene, name: str) -> list[str]:
-    """Parameters behind a name; none if it is unknown, which is told later."""
+    """Parameters that a name refers to; none if it is unknown, which another check reports."""
     return [p for p in scene.parameters() if p == name or p.startswith(f"{name}[")]
 
 
@@ -45,7 +45,7 @@ class ResetOptions:
         self.scene = episode.dynamics.scene
 
     def checked(self, options: Mapping[str, Any], lanes: NDArray[np.intp]) -> Checked:
-        """Parameters and rows that options of some lanes set, all valid."""
+        """Validated parameters and rows that the options of some lanes set."""
         if not options:
             return None, []
         for key in options:
@@ -98,7 +98,7 @@ class ResetOptions:
             )
 
     def _check_stops(self, q: NDArray[np.float64], values: parameters.Table) -> None:
-        """Refuse starts beyond a hard stop, where no motion leads; beyond a spring they are allowed."""
+        """Refuse starts beyond a hard stop, which no motion can reach; beyond a spring they are allowed."""
         arm = self.scene.robot
         positions = q @ arm.motor_map
         for joint, low, high in hard_stops(self.scene):
@@ -113,7 +113,7 @@ class ResetOptions:
 
 
 def checked_options(options: Any) -> dict[str, Any]:
-    """Options of a reset as a dictionary of their own, or a ValueError if they are no mapping."""
+    """Options of a reset as a new dictionary, or a ValueError if they are not a mapping."""
     if options is None:
         return {}
     if not isinstance(options, Mapping):
@@ -139,7 +139,7 @@ def check_action(actions: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
         and actions.flags.carray
     ):
         array = np.asarray(actions)
-        if array.dtype.kind == "f" and array.dtype.itemsize > 4:  # what is finite must stay so as float32
+        if array.dtype.kind == "f" and array.dtype.itemsize > 4:  # finite actions must stay finite as float32
             array = np.where(np.isfinite(array), np.clip(array, -1e30, 1e30), array)
         if array.dtype.kind not in "fiu":
             raise ValueError(f"action has dtype {array.dtype}; give numbers")
@@ -179,7 +179,7 @@ def episode_limit(max_episode_steps: Any) -> float:
 
 
 def plain_scene(scene: Any) -> Any:
-    """A scene as the spec of an environment can hold it."""
+    """A scene in the form that the spec of an environment can hold."""
     if isinstance(scene, Scene):
         raise ValueError("scene is a Scene, which a spec cannot hold; pass scene.to_dict()")
     return scene

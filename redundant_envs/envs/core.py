@@ -98,7 +98,7 @@ class Core(Copied):
         self.keys, self.mask = self._tickets[:, :-1], self._tickets[:, -1]
 
     def single_lane(self) -> SingleLane:
-        """The first lane of a core with one lane, to be stepped alone."""
+        """The only lane of a core with one lane, to be stepped without the loop over blocks."""
         part = Part(self.simulator, "environment", self.memory, 0, 1)
         return SingleLane(part, self.columns, self.obs_size, len(self.actions), self._tickets)
 
@@ -130,7 +130,7 @@ class Core(Copied):
         return self._episode_keys.seed(lane, seed)
 
     def provide_keys(self, lanes: NDArray[np.int64]) -> None:
-        """Draw the key of the next episode for those of some lanes that have none waiting."""
+        """Draw the key of the next episode for those of the given lanes that have no unused key."""
         lanes = lanes[~self.waiting[lanes]]
         if len(lanes):
             self.keys[lanes] = self._episode_keys.take(lanes)
@@ -143,8 +143,8 @@ class Core(Copied):
     ) -> tuple[NDArray[np.float32], Outputs, NDArray[np.float32], Outputs]:
         """One control step of all lanes: observations, outputs, and those before an autoreset.
 
-        Observations have a line for each lane, outputs a column. With autoreset NEXT_STEP the
-        columns of lanes that began anew have no reward and no flags.
+        Observations have a row for each lane, outputs a column. With autoreset NEXT_STEP the
+        columns of lanes that were reset have no reward and no flags.
         """
         if autoreset == Autoreset.SAME_STEP and not self.waiting.all():
             self.provide_keys(np.flatnonzero(~self.waiting))
@@ -160,7 +160,7 @@ class Core(Copied):
     def _run(
         self, operation: int, actions: NDArray[np.float32], autoreset: int
     ) -> tuple[NDArray[np.float32], Outputs, NDArray[np.float32], Outputs]:
-        """Observations and outputs of an operation on all lanes, and those before an autoreset in it."""
+        """Observations and outputs of an operation on all lanes, and those before its autoresets."""
         n, count = self.num_envs, self.memory.blocks * LANES
         obs, out = np.empty((count, self.obs_size), np.float32), Outputs.made(self.columns, count)
         last_obs, last_out = obs, out
@@ -185,9 +185,9 @@ class Core(Copied):
     def begin(
         self, lanes: NDArray[np.bool_], checked: Checked, run: Callable[[int], Any] | None = None
     ) -> None:
-        """Begin new episodes in the lanes of a mask, with what :meth:`checked` made of their options.
+        """Begin new episodes in the lanes of a mask, with their options as :meth:`checked` returned them.
 
-        ``run`` takes the place of what runs the kernel for all lanes.
+        ``run`` replaces the default way of running the kernel for all lanes.
 
         Options are checked before a generator is seeded or a number is set, so a refused reset
         changes nothing. Parameters are set before start and goal are drawn: equal seeds and options
@@ -216,11 +216,11 @@ class Core(Copied):
 
     @property
     def _no_actions(self) -> NDArray[np.float32]:
-        """Actions of an operation that takes none."""
+        """Placeholder actions for an operation that takes none."""
         return np.zeros((self.num_envs, len(self.actions)), dtype=np.float32)
 
     def checked(self, options: Mapping[str, Any], lanes: NDArray[np.intp]) -> Checked:
-        """Parameters and rows that options of a reset set, all valid."""
+        """Validated parameters and rows that options of a reset set."""
         episode = self.simulator.episode
         assert episode is not None
         return ResetOptions(episode, self.memory).checked(options, lanes)
@@ -228,7 +228,7 @@ class Core(Copied):
     # ---- goals and snapshots ---------------------------------------------------------------------
 
     def observation(self, obs: NDArray[np.float32], out: Outputs, goal: bool) -> Any:
-        """Observations as their space has them, from the tables of a step."""
+        """Observations in the form of their space, from the tables of a step."""
         if not goal:
             return obs
         tips, goals = (self.columns.points(out, names) for names in (TIP, self.columns.goal))
@@ -271,7 +271,7 @@ class Core(Copied):
         return self.memory.read(self.goal_fields)
 
     def get_state(self) -> dict[str, Any]:
-        """Everything that decides the future: numbers, keys and generators."""
+        """Everything that determines the continuation: numbers, keys and generators."""
         return {
             **self.memory.save(),
             "keys": self.keys.copy(),
@@ -284,8 +284,8 @@ class Core(Copied):
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Return to a state of :meth:`get_state`; the continuation is the same to the last bit.
 
-        A ValueError that says what differs, and nothing changes, if the state is of another scene,
-        task, episode limit or number of environments.
+        If the state belongs to another scene, task, episode limit or number of environments, a ValueError
+        names the difference, and nothing changes.
         """
         self.check_state(state)
         self.memory.restore(state["states"], state["parameters"])
@@ -312,7 +312,7 @@ class Core(Copied):
 
     @cached_property
     def _facts(self) -> str:
-        """What must be equal in all states of these environments."""
+        """The settings that must be equal in all states of these environments."""
         more = {
             "task": dataclasses.asdict(self.task),
             "max_episode_steps": float(self.memory.column("limit")[0, 0]),

@@ -38,7 +38,7 @@ class ArmEnv(LaneValue, gym.Env[Any, Any]):
     metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 50}
     task_name: ClassVar[str] = "Reach"
     env_id: ClassVar[str | None] = None
-    """The id that the class stands for; its scenes have the arm of that id."""
+    """The id that belongs to the class; its scenes have the arm of that id."""
 
     def __init__(
         self,
@@ -53,7 +53,7 @@ class ArmEnv(LaneValue, gym.Env[Any, Any]):
         if render_mode == "human":
             from redundant_envs.envs.window import load_pygame
 
-            load_pygame()  # a missing package is told at once, not at the first step
+            load_pygame()  # a missing package is reported at once, not at the first step
         if on_bad_action not in ON_BAD_ACTION:
             raise ValueError(f"on_bad_action is {on_bad_action!r}; choose {', '.join(ON_BAD_ACTION)}")
         self.core = Core(
@@ -74,7 +74,7 @@ class ArmEnv(LaneValue, gym.Env[Any, Any]):
         self._lane = self.core.single_lane()
         self._renderer: Any = None
         self._begun = False
-        self._operation: Operation | None = None  # of a step; None where the next call has to be a reset
+        self._operation: Operation | None = None  # kind of step; None if the next call has to be a reset
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_lane": None, "_renderer": None}
@@ -158,7 +158,7 @@ class ArmEnv(LaneValue, gym.Env[Any, Any]):
             self._np_random = generator
 
     def _see(self) -> None:
-        """Remember where the tip is, for its trail; show it in the mode "human"."""
+        """Record the position of the tip for its trail; in the mode "human", show the picture."""
         renderer, columns = self._made_renderer(), self.core.columns
         out = self._lane.outputs.lanes(slice(1))
         renderer.record(columns.of(out, "steps"), columns.points(out, TIP))
@@ -175,7 +175,7 @@ class ArmEnv(LaneValue, gym.Env[Any, Any]):
     def render(self) -> NDArray[np.uint8] | None:
         """A picture, (height, width, 3) uint8; None without a render mode and in the mode "human".
 
-        The mode "human" shows every step in a window without being asked.
+        The mode "human" shows every step in a window without a call of ``render``.
         """
         if self.render_mode is None:
             gym.logger.warn("render was called without a render_mode; make(..., render_mode='rgb_array')")

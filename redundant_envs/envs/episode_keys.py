@@ -1,4 +1,4 @@
-"""Keys of episodes: 128 random bits each, from a generator of the lane's own."""
+"""Keys of episodes: 128 random bits each, from the generator of the lane."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from redundant_envs.simulator.environment import KEY_WORDS
 
 AHEAD = 8
-"""Keys that one call draws for a lane of several: 16 words take hardly longer than 2."""
+"""Keys that one call draws for each lane if there are several: 16 words take hardly longer than 2."""
 
 
 class EpisodeKeys:
@@ -25,7 +25,7 @@ class EpisodeKeys:
 
     @property
     def generators(self) -> list[np.random.Generator | None]:
-        """The generators, where the keys that were taken have left them; one may be put into the list."""
+        """The generators, advanced by the keys taken so far; an entry of the list may be replaced."""
         for lane in np.flatnonzero(self._left).tolist():
             generator = self._generators[lane]
             assert generator is not None

@@ -1,4 +1,4 @@
-"""What may be read of every lane, under the same names on every face."""
+"""Values of every lane that users may read, under the same names in every kind of environment."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class LaneValues:
 
 
 class LaneValue(LaneValues):
-    """The same of a core with one lane: without the first axis."""
+    """The same for a core with one lane: without the first axis."""
 
     @property
     def q(self) -> NDArray[np.float64]:

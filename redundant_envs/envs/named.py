@@ -1,4 +1,4 @@
-"""The classes behind the ids, made when they are asked for; their pages are written from the code."""
+"""The classes behind the ids, created when they are requested; their pages are generated from the code."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def __getattr__(name: str) -> type[Any]:
 
 @functools.cache
 def _made(name: str, env_id: str, task: str, kind: type[Any]) -> type[Any]:
-    """The class, made anew if the task was loaded anew."""
+    """The class, created again if the module of the task was reloaded."""
     home: dict[str, Any] = {"__module__": __name__, "__qualname__": name, "env_id": env_id, "task_name": task}
     if name.endswith("VectorEnv"):
         text = f"Native vector form of {name.removesuffix('VectorEnv')}."

@@ -1,4 +1,4 @@
-"""What a step tells of each lane beside its observation: flags, counts and values, by name."""
+"""Outputs of a step for each lane beside its observation: flags, counts and values, by name."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Outputs(NamedTuple):
 
 
 class Columns:
-    """Where the quantities of an episode stand in :class:`Outputs`."""
+    """Rows of the quantities of an episode in :class:`Outputs`."""
 
     def __init__(self, episode: Episode) -> None:
         self.tables = episode.tables
@@ -48,7 +48,7 @@ class Columns:
         }
         hidden = (*ENDS, *TIP, *GOAL)
         self.places_shown = [(name, *place) for name, place in self._places.items() if name not in hidden]
-        """What ``info`` shows: quantity, table, row."""
+        """Quantities in ``info``: quantity, table, row."""
         labels = {**INFO_NAMES, **episode.task.labels}
         self.names = [info_name(name, labels) for name, *_ in self.places_shown]
         """Names of these in ``info``."""
@@ -63,7 +63,7 @@ class Columns:
         return np.stack([self.of(out, name) for name in names], axis=1)
 
     def info(self, out: Outputs, lane: int) -> dict[str, Any]:
-        """What ``info`` shows of a lane, as Python's own numbers."""
+        """Values for a lane's ``info``, as Python numbers."""
         tables = [table[:, lane].tolist() for table in out]
         values = (tables[table][row] for _, table, row in self.places_shown)
         return dict(zip(self.names, values, strict=True))

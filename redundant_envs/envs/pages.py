@@ -1,4 +1,4 @@
-"""Pages of the environments, written from the code: the tables cannot disagree with it."""
+"""Pages of the environments, generated from the code, so that the tables cannot disagree with it."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ INFO = {
     "terminal_observation": "Last observation of an environment that ended in this step.",
     "TimeLimit.truncated": "Whether an end was a truncation.",
 }
-"""Every key of ``info`` and what it holds."""
+"""Every key of ``info`` and its meaning."""
 
 INFO_WHERE = {
     "beyond_limit": "scenes with limit springs",
@@ -82,11 +82,11 @@ INFO_WHERE = {
     "terminal_observation": "stable-baselines3",
     "TimeLimit.truncated": "stable-baselines3",
 }
-"""Where keys of ``info`` are found that are not found everywhere."""
+"""Scenes and kinds of environments that have keys of ``info`` which others lack."""
 
 
 def info_table(scene: Scene, task: Task) -> str:
-    """Keys of info: those that the environment's columns give, then those of some scenes and faces."""
+    """Keys of info: those of the environment's columns, then those of some scenes or environments only."""
     given = [name if not name.startswith("return_") else "return_*" for name in info_names(scene, task)]
     names = [*dict.fromkeys(given), *(name for name in INFO_WHERE if name not in given)]
     rows = [
@@ -108,9 +108,9 @@ def argument_table(kind: type[Any]) -> str:
 ARGUMENTS = {
     "scene": "Scene by name, path of a YAML file, or mapping (`Scene.to_dict()`).",
     "accuracy": "`'standard'`, `'exact'`, or the tip error per control interval in metres; `None` "
-    "keeps what the scene gives.",
+    "keeps the scene's own.",
     "render_mode": "`None`, `'rgb_array'`, or `'human'`: a window (needs pygame: the extra `human`).",
-    "on_bad_action": "`'raise'` or `'terminate'`: what a non-finite action does.",
+    "on_bad_action": "`'raise'` or `'terminate'`: the response to a non-finite action.",
     "task": "Mapping of the task's numbers, listed under Task.",
 }
 
@@ -221,8 +221,8 @@ finite, {ends}16 more than 256 impacts in a control interval. The episode goes o
 {flags}8 a tolerance that was not reached. Truncation: after {MAX_EPISODE_STEPS} steps.
 
 ## Info
-At a reset and at every step; a stable-baselines3 environment gives most of it at the end of an episode
-and in `reset_infos`, and in between `is_success` and `TimeLimit.truncated`. In vector environments
+At a reset and at every step; a stable-baselines3 environment reports most keys at the end of an episode
+and in `reset_infos`, and only `is_success` and `TimeLimit.truncated` in between. In vector environments
 `_<key>` says for which environments a key holds.
 
 {info_table(scene, task)}

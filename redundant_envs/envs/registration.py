@@ -21,11 +21,11 @@ NAMESPACE = "redundant_envs"
 MAX_EPISODE_STEPS = 100
 
 ARGUMENTS = ("scene", "accuracy", "task", "on_bad_action", "max_episode_steps")
-"""What all environments take at their making, beside their number and what draws them."""
+"""Arguments of all environments, beside their number and the arguments of rendering."""
 
 
 class Made(NamedTuple):
-    """What an id stands for: kind of arm, name of task."""
+    """Meaning of an id: kind of arm, name of task."""
 
     arm: str
     task: str
@@ -37,7 +37,7 @@ TASKS = ["Reach", "GoalReach"]
 IDS: dict[str, Made] = {}
 """All ids."""
 HOMES: dict[tuple[str, str], str] = {}
-"""("arm" or "task", its name), of those from outside: the modules of their classes."""
+"""("arm" or "task", its name) -> the module of its class, for those registered from outside."""
 
 
 def ids() -> list[str]:
@@ -68,8 +68,8 @@ def _check_ids(arms: Iterable[str], tasks: Iterable[str]) -> None:
         other = there.setdefault(name, Made(arm, task))
         if other != (arm, task):
             raise ValueError(
-                f"{name} is the id of the arm {other.arm} with the task {other.task} already; call the arm "
-                "or the task otherwise"
+                f"{name} is the id of the arm {other.arm} with the task {other.task} already; rename "
+                "the arm or the task"
             )
 
 
@@ -100,18 +100,18 @@ def register() -> None:
                 entry_point=f"redundant_envs.envs.named:{homes(arm, task)}{arm}{task}Env",
                 vector_entry_point=f"redundant_envs.envs.named:{homes(arm, task)}{arm}{task}VectorEnv",
                 max_episode_steps=MAX_EPISODE_STEPS,
-                # Both wrappers take time at every step; the environments look at what they are given.
+                # Both wrappers take time at every step; the environments check their arguments themselves.
                 order_enforce=False,
                 disable_env_checker=True,
                 kwargs={"scene": scene},
             )
 
 
-# ---- what is added from outside ------------------------------------------------------------------------
+# ---- additions from outside ----------------------------------------------------------------------------
 
 
 def _add(what: str, registry: dict[str, Any], name: str, value: Any) -> None:
-    """Into a registry, unless another thing of that name is there; the same class may be loaded anew."""
+    """Add to a registry, unless the name belongs to something else; the same class may be reloaded."""
     there = registry.get(name)
     home = getattr(value, "__module__", None), getattr(value, "__qualname__", None)
     if (
@@ -138,9 +138,9 @@ def register_arm(arm: type[Arm], scene: Mapping[str, Any] | str | Path | None = 
     Parameters
     ----------
     arm : subclass of Arm
-        Its ``kind``, the name of the class unless it says otherwise, is its name in scenes and ids.
+        Its ``kind``, by default the name of the class, is its name in scenes and ids.
     scene : mapping or path of a YAML file, optional
-        Of its environments ``redundant_envs/<kind><task>-v0``, of every task; without it there are none.
+        For its environments ``redundant_envs/<kind><task>-v0``, one per task; without a scene it has none.
 
     Raises
     ------
@@ -203,7 +203,7 @@ def register_task(task: type[Task]) -> None:
     Raises
     ------
     ValueError
-        If another task has the name, or an id that it would have is that of something else.
+        If another task has the name, or one of its ids is taken.
     """
     from redundant_envs import tasks
 
@@ -236,7 +236,7 @@ def register_effect(effect: type[Effect]) -> None:
 
 
 def register_integrator(method: Tableau) -> None:
-    """Let scenes name an explicit Runge-Kutta method; steps of equal length are made with it.
+    """Let scenes name an explicit Runge-Kutta method; it takes steps of equal length.
 
     Raises
     ------

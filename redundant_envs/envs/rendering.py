@@ -27,14 +27,15 @@ BAR_MINUS = (205, 92, 92)
 INK = (74, 84, 104)
 SOFT = (160, 166, 178)
 MARGIN = 16
-"""From the border of the picture to what is written in it, px."""
+"""Distance of texts from the border of the picture, px."""
 LETTERS, SMALL_LETTERS = 13.0, 9.0
 """Heights of digits, px."""
 BAR_WIDTH, BAR_HEIGHT, BAR_GAP = 96, 9, 6
 BARS = "effort / limit"
-"""What the bars show: each motor's effort as a share of its limit, from -1 to 1."""
+"""Heading of the bars: each motor's effort as a fraction of its limit, from -1 to 1."""
 HOLDING = {"hold", "is_success"}
-"""Of a task that counts the steps its tip is held at the goal: how long is written, green from success on."""
+"""Memory of a task that counts the steps in which the goal is held: the picture shows the time, green from
+success on."""
 TRAIL_LENGTH = 100
 CENTRES = np.arange(SIZE, dtype=np.float32) + np.float32(0.5)
 """Middles of the pixels of a row or a column."""
@@ -58,7 +59,7 @@ class Canvas:
         self, low: tuple[float, float], high: tuple[float, float], color: tuple[int, int, int],
         distance: Callable[[Any, Any], Any], alpha: float,
     ) -> None:  # fmt: skip
-        """Colour what lies inside a shape, given by its signed distance [px] at x, y."""
+        """Colour the inside of a shape, given by its signed distance [px] at x, y."""
         x0, y0 = (max(0, int(v) - 2) for v in low)
         x1, y1 = (min(SIZE, int(v) + 3) for v in high)
         if x0 >= x1 or y0 >= y1:
@@ -165,7 +166,7 @@ class Canvas:
 
 
 def mix(patch: NDArray[np.uint8], weight: NDArray[np.float32], color: tuple[int, int, int]) -> None:
-    """Blend a colour into pixels (..., 3), each with its own weight, in place."""
+    """Blend a colour into an array of pixels (..., 3), each with its own weight."""
     difference = np.array(color, np.float32) - patch
     difference *= weight[..., None]
     difference += patch
@@ -220,7 +221,7 @@ def _rail(canvas: Canvas, start: Any, along: Any, travel: tuple[float, float]) -
 
 
 class Renderer:
-    """Draws the lanes of a core and remembers the trails of their tips, a point for each control step."""
+    """Draws the lanes of a core and keeps the trails of their tips, one point for each control step."""
 
     def __init__(self, core: Core) -> None:
         self.core = core
@@ -239,9 +240,9 @@ class Renderer:
         self._last[:] = -1.0
 
     def record(self, steps: NDArray[np.float64], tips: NDArray[np.float64]) -> None:
-        """Remember where all tips are, (n, 2), after so many steps of their episodes, (n,).
+        """Record the positions of all tips, (n, 2), and the steps of their episodes so far, (n,).
 
-        A trail starts again with an episode, and where a state was set.
+        A trail starts again with each episode, and whenever a state was set.
         """
         newest = self._tips[np.arange(len(tips)), (self._count - 1) % TRAIL_LENGTH]
         stepped = (steps == self._last + 1.0) & (steps > 0.0)
@@ -253,7 +254,7 @@ class Renderer:
         self._last = steps.copy()
 
     def trail(self, lane: int) -> NDArray[np.float64]:
-        """Where the tip of a lane was at the last steps of its episode, (n, 2), the newest last."""
+        """Positions of the tip of a lane at the last steps of its episode, (n, 2), the newest last."""
         count = int(self._count[lane])
         if count <= TRAIL_LENGTH:
             return self._tips[lane, :count]
@@ -308,7 +309,7 @@ class Renderer:
         self.record(all_steps, tips)
 
     def show(self, lane: int) -> None:
-        """Show a lane in a window, as many pictures a second as control steps."""
+        """Show a lane in a window, in real time: one picture per control step."""
         if self._window is None:
             from redundant_envs.envs.window import Window
 

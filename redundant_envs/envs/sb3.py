@@ -1,4 +1,4 @@
-"""A stable-baselines3 VecEnv over the same core: no copies of copies, no subprocesses."""
+"""A stable-baselines3 VecEnv over the same core: no nested wrappers, no subprocesses."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class SB3VecEnv(LaneValues, VecEnv):
     def reset(self) -> Any:
         """Begin new episodes everywhere; seeds and options set before are used up.
 
-        Options that are not valid raise and are forgotten; nothing else changes, seeds wait on.
+        Invalid options raise an error and are forgotten; nothing else changes, and seeds stay set.
         """
         pending, seeds = self._options, self._seeds
         self._reset_options()
@@ -192,11 +192,11 @@ class SB3VecEnv(LaneValues, VecEnv):
         return self._renderer
 
     def _see(self, out: Outputs) -> None:
-        """Remember where the tips are, for their trails."""
+        """Record the positions of the tips for their trails."""
         columns = self.core.columns
         self._made_renderer().record(columns.of(out, "steps"), columns.points(out, TIP))
 
-    # ---- attributes and methods as SB3 reaches them ----------------------------------------------
+    # ---- attributes and methods that SB3 uses ----------------------------------------------------
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
         """An attribute, once per environment asked for; q, qd, tip and goal each of its own."""
@@ -208,7 +208,7 @@ class SB3VecEnv(LaneValues, VecEnv):
         """Set an attribute; it is shared, so only for all environments at once."""
         if attr_name in LANE_VALUES or len(list(self._get_indices(indices))) != self.num_envs:
             raise ValueError(
-                f"set_attr({attr_name!r}) was asked for some environments or for what differs among them; "
+                f"set_attr({attr_name!r}) is for some environments only, or its values differ among them; "
                 "attributes are shared: use set_options(...) with 'q', 'qd', 'goal' or 'parameters'"
             )
         setattr(self, attr_name, value)
@@ -216,7 +216,7 @@ class SB3VecEnv(LaneValues, VecEnv):
     def env_method(
         self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
     ) -> list[Any]:
-        """Call a method of this object; the result is repeated per environment asked for."""
+        """Call a method of this object; the result is repeated per requested environment."""
         result = getattr(self, method_name)(*method_args, **method_kwargs)
         return [result] * len(list(self._get_indices(indices)))
 

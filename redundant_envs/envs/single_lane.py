@@ -1,4 +1,4 @@
-"""The one lane of a single environment: the same kernel, with buffers that stay from step to step."""
+"""The one lane of a single environment: the same kernel, with buffers that are reused from step to step."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class SingleLane:
         self.columns = columns
         self._part = part
         action = np.zeros(actions, dtype=np.float32)
-        self._action: Any = action.data  # written sooner than the array itself
+        self._action: Any = action.data  # faster to write than the array itself
         obs = np.zeros((LANES, observed), dtype=np.float32)
         self._obs = obs[0]
         self._buffer, self.outputs = _in_one_buffer(columns)
@@ -53,7 +53,7 @@ class SingleLane:
         )  # fmt: skip
 
     def run(self, operation: int) -> NDArray[np.float32]:
-        """An operation of the kernel; gives the observation."""
+        """Run an operation of the kernel; returns the observation."""
         if operation != self._operation:
             self._part.set(operation=operation)
             self._operation = operation
@@ -62,7 +62,7 @@ class SingleLane:
         return self._obs.copy()
 
     def step(self, action: NDArray[np.float32], operation: int) -> NDArray[np.float32]:
-        """One control step, by the operation STEP or CHECKED_STEP; gives the observation."""
+        """One control step, by the operation STEP or CHECKED_STEP; returns the observation."""
         self._action[:] = action
         if operation != self._operation or self._part.moved:
             return self.run(operation)
@@ -74,7 +74,7 @@ class SingleLane:
         return self._ends.unpack_from(self._buffer)  # type: ignore[return-value]
 
     def shown(self) -> tuple[Any, ...]:
-        """What ``info`` shows, in its order."""
+        """Values for ``info``, in its order."""
         return self._shown.unpack_from(self._buffer)
 
     def points(self) -> tuple[float, ...]:
@@ -96,7 +96,7 @@ def _in_one_buffer(columns: Columns) -> tuple[bytearray, Outputs]:
 
 
 def _reader(columns: Columns, names: Any) -> struct.Struct:
-    """Reads some quantities of the first lane; they must stand in the order of the tables."""
+    """Reads some quantities of the first lane; they must be in the order of the tables."""
     form = ["="]
     for table, present in columns.tables.items():
         letter = FORMATS[table]

@@ -69,20 +69,20 @@ class ArmVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
     autoreset_mode : AutoresetMode or str
         "next_step", "same_step" or "disabled".
     on_bad_action : {"terminate", "raise"}
-        What a non-finite action does to its lane.
+        Effect of a non-finite action on its lane.
     task : mapping
         Numbers of the task other than the defaults.
     render_mode : {None, "rgb_array"}
     accuracy : {"standard", "exact"} or float, optional
         Tip error per control interval [m] of the simulation: 1e-6, 1e-12 or the number given. None
-        keeps what the scene gives; "standard" where it gives nothing.
+        keeps the scene's own; "standard" if the scene has none.
     threads : int
         Threads over blocks of 8 environments; they change no bit.
     """
 
     task_name: ClassVar[str] = "Reach"
     env_id: ClassVar[str | None] = None
-    """The id that the class stands for; its scenes have the arm of that id."""
+    """The id that belongs to the class; its scenes have the arm of that id."""
 
     def __init__(
         self,
@@ -188,7 +188,7 @@ class ArmVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
             raise ResetNeeded("step was called before reset; call reset() first")
         actions = check_action(actions, (self.num_envs, len(self.core.actions)))
         if self.on_bad_action == "raise" and not np.isfinite(actions).all():
-            refuse_bad_action(actions[self.core.mask == 0])  # the others begin anew and ignore theirs
+            refuse_bad_action(actions[self.core.mask == 0])  # the others are reset and ignore theirs
         core, mode = self.core, self.autoreset_mode
         if mode is AutoresetMode.DISABLED and self._ended.any():
             raise ValueError(
@@ -265,11 +265,11 @@ class ArmVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
         return self._renderer
 
     def _see(self, out: Outputs) -> None:
-        """Remember where the tips are, for their trails."""
+        """Record the positions of the tips for their trails."""
         columns = self.core.columns
         self._made_renderer().record(columns.of(out, "steps"), columns.points(out, TIP))
 
-    # ---- shapes of what is returned --------------------------------------------------------------
+    # ---- shapes of returned values ---------------------------------------------------------------
 
     def _infos(self, out: Outputs, mask: NDArray[np.bool_] | None) -> dict[str, Any]:
         infos: dict[str, Any] = {}
@@ -286,7 +286,7 @@ class ArmVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
 
 
 def make_task(given: Mapping[str, Any] | None, name: str) -> Task:
-    """The task of a name, with the numbers of the keyword argument; its "type" may only say the same."""
+    """The task of a name, with the numbers of the keyword argument; a "type" in it must be the same name."""
     kind = TASKS[name]
     if given is None:
         return kind()

@@ -1,8 +1,8 @@
-"""Which of several stops act on their sliders, and how hard: linear complementarity problems.
+"""Which of several stops act on their sliders, and with what force: linear complementarity problems.
 
-The mobility w of the sliders is symmetric and positive definite: w[i][j] is the velocity of slider i by an
-impulse along slider j, so each problem has one answer. One slider or two are resolved by formulas; of more,
-the set of stops that act is looked for. Sides are 1 at the upper stop, -1 at the lower one, 0 at none.
+The mobility w of the sliders is symmetric and positive definite: w[i][j] is the velocity of slider i by a
+unit impulse along slider j, so each problem has one solution. One or two sliders are solved by formulas; for
+more, the set of stops that act is searched. Sides are 1 at the upper stop, -1 at the lower one, 0 at none.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Matrix = Sequence[Sequence[Any]]
 def solution(w: Matrix, b: Sequence[Any], unsigned: Matrix | None = None) -> list[Any]:
     """x of w x = b, w symmetric and positive definite: by elimination without pivoting.
 
-    ``unsigned`` is the same but for the signs of two rows and columns, and has the same determinant.
+    ``unsigned`` is the same except for the signs of two rows and columns, and has the same determinant.
     """
     if len(b) == 1:
         return [b[0] * (1.0 / w[0][0])]
@@ -41,7 +41,7 @@ def dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
 
 
 def proper_subsets(count: int) -> Iterator[tuple[int, ...]]:
-    """Sets of sliders that are not all of them, the smaller ones first."""
+    """Proper subsets of the sliders, the smaller ones first."""
     for size in range(1, count):
         yield from itertools.combinations(range(count), size)
 
@@ -58,10 +58,10 @@ def outward_mobilities(w: Matrix, sides: Sequence[Any]) -> list[list[Any]]:
 
 
 def impulses(speeds: Sequence[Any], sides: Sequence[Any], w: Matrix, restitution: Any) -> list[Any]:
-    """Impulses at the stops: u+ = -e u where it moved out, u+ <= 0 else, and no stop pulls.
+    """Impulses at the stops: u+ = -e u for sliders that moved out, u+ <= 0 for others, and no stop pulls.
 
-    ``speeds`` are outward, ``sides`` those of the stops that the sliders touch. Of the sets of stops that may
-    be struck, one fits.
+    ``speeds`` are outward, ``sides`` those of the stops that the sliders touch. Exactly one set of struck
+    stops satisfies these conditions.
     """
     count = len(speeds)
     outward = outward_mobilities(w, sides)
@@ -86,7 +86,7 @@ def impulses(speeds: Sequence[Any], sides: Sequence[Any], w: Matrix, restitution
 
 
 def halting(velocities: Sequence[Any], still: Sequence[Any], w: Matrix) -> list[Any]:
-    """Impulses that stop some sliders; 0 for one that need not stand still."""
+    """Impulses that stop some sliders; 0 for a slider that need not stop."""
     count = len(velocities)
     negative = [-v for v in velocities]
     if count == 2:
@@ -111,8 +111,8 @@ def halting(velocities: Sequence[Any], still: Sequence[Any], w: Matrix) -> list[
 def pressed(accelerations: Sequence[Any], w: Matrix) -> list[Any]:
     """Which of the sliders at rest at their stops are pressed onto them.
 
-    ``accelerations`` are outward, and those that the sliders would have free. Of the sets of stops that may
-    press, there is one in which no stop pulls and none is entered.
+    ``accelerations`` are the outward ones that the sliders would have without stops. There is exactly one set
+    of pressing stops with which no stop pulls and no slider moves into a stop.
     """
     count = len(accelerations)
     if count == 1:

@@ -1,4 +1,4 @@
-"""Contact resolution: what becomes of the motion when sliders are at their stops, and nothing else moves.
+"""Contact resolution: resolves the contacts of sliders at their stops, at one instant.
 
 Sides are 1 at the upper stop, -1 at the lower one, 0 at none.
 """
@@ -24,13 +24,13 @@ from redundant_envs.integrators.contacts import (
 from redundant_envs.integrators.sliders import NEGLIGIBLE_SPEED
 
 MOST_IMPACTS = 256
-"""Of an interval; with more it is given up."""
+"""Most impacts of an interval; with more it is given up."""
 MOST_CHANGES = 512
-"""Times that contacts are resolved in an interval; with more it is given up."""
+"""Most contact resolutions of an interval; with more it is given up."""
 
 
 class Event(enum.IntEnum):
-    """What happened to a slider at a stop."""
+    """Event of a slider at a stop."""
 
     NONE = 0
     UPPER_IMPACT = 1
@@ -40,20 +40,20 @@ class Event(enum.IntEnum):
 
 
 class Halt(NamedTuple):
-    """Sliders that have to stand still, and the impulses along them that do it, N s."""
+    """Sliders that have to stop, and the impulses along them that stop them, N s."""
 
     still: list[Any]
     impulses: list[Any]
 
 
 class Resolved(NamedTuple):
-    """What becomes of the contacts of a lane.
+    """Result of resolving the contacts of a lane.
 
     Attributes
     ----------
-    given_up : more impacts or changes than an interval may have
+    given_up : there were more impacts or changes than an interval may have
     strikes : impulses act
-    going_on : the motion goes on
+    going_on : the motion continues
     impulses : along the sliders, N s
     velocities, active_stops, forces, released : of the sliders, after it
     happened, speeds : the :class:`Event` of each slider, and its speed into the stop, m/s
@@ -76,12 +76,12 @@ class Resolved(NamedTuple):
 def halt_of(
     contacts: Sequence[Contact], approach: Approach, impact: Impact, support: Support, w: Matrix
 ) -> Halt:
-    """Which sliders have to stand still: one that comes to rest must not set off another that rests too.
+    """Which sliders have to stop: a slider that comes to rest must not set off another that rests, too.
 
     Parameters
     ----------
-    contacts, approach : the sliders, and how they move at their stops
-    impact, support : what happens to them there
+    contacts, approach : the sliders, and their motion at their stops
+    impact, support : their impacts, and changes of their support
     w : mobilities of the sliders, 1/kg
     """
     someone = any_of(support.rests)
@@ -93,10 +93,10 @@ def halt_of(
 
 
 def looks_again(contacts: Sequence[Contact], approach: Approach, support: Support, halt: Halt) -> Any:
-    """Whether contacts are resolved once more before the motion goes on.
+    """Whether contacts are resolved once more before the motion continues.
 
-    That is for a slider at its stop that strikes next, or has lost, or gained, the support of another, and
-    for an arm that was moved when a bounce was taken away.
+    They are if a slider at its stop strikes next, or has lost or gained the support of another, or if
+    removing a bounce has changed the motion of the arm.
     """
     waits = any_of(
         (side != 0.0) & c.free & logical_not(rests) & logical_not(c.released)
@@ -107,7 +107,7 @@ def looks_again(contacts: Sequence[Contact], approach: Approach, support: Suppor
 
 
 def impulses_of(approach: Approach, impact: Impact, halt: Halt) -> list[Any]:
-    """Impulses along the sliders, N s: those of impacts, or else those that stop sliders."""
+    """Impulses along the sliders, N s: those of impacts, otherwise those that stop sliders."""
     bounces = impact.strikes & logical_not(impact.stops_all)
     return [
         where(bounces, -side * p, h)
@@ -120,12 +120,12 @@ def velocities_after(
 ) -> list[Any]:
     """Velocities of the sliders after impulses, m/s.
 
-    That of a slider that stands still or bounces is exact, without the rounding of the impulses.
+    The velocity of a slider that stops or bounces is exact, without the rounding of the impulses.
 
     Parameters
     ----------
     pushes : impulses along the sliders, N s
-    approach, impact, halt : how they move at their stops, what happens there, and which stand still
+    approach, impact, halt : their motion at their stops, their impacts, and which of them stop
     w, restitution : mobilities of the sliders, 1/kg, and of the impacts
     """
     velocities = []
@@ -150,7 +150,7 @@ def stops_after(
     contacts, sides : the sliders, and the sides of the stops that they touch
     strikes : whether one of them moves into its stop
     support : which come to rest and which are released
-    velocities : that they have now, m/s
+    velocities : their present velocities, m/s
     """
     active = []
     for c, side, v, rests, released in zip(contacts, sides, velocities, *support, strict=True):
@@ -162,15 +162,15 @@ def stops_after(
 def released_after(
     contacts: Sequence[Contact], impact: Impact, support: Support, velocities: Sequence[Any]
 ) -> list[Any]:
-    """Whether sliders are leaving their stops, and are not to rest there before they are struck.
+    """Whether sliders are leaving their stops, and must not come to rest there before they are struck.
 
-    One that an impact of another leaves where it stands has not left: it may be pressed onto its stop now.
+    A slider that stays at rest while another one strikes has not left: it may be pressed onto its stop now.
 
     Parameters
     ----------
     contacts : the sliders
-    impact, support : what happens to them at their stops
-    velocities : that they have now, m/s
+    impact, support : their impacts, and changes of their support
+    velocities : their present velocities, m/s
     """
     leaving = []
     for c, hit, released, v in zip(contacts, impact.hits, support.released, velocities, strict=True):
@@ -182,12 +182,12 @@ def released_after(
 def happened_to(
     contacts: Sequence[Contact], sides: Sequence[Any], impact: Impact, support: Support, active: Sequence[Any]
 ) -> list[Any]:
-    """What has happened to each slider, an :class:`Event`.
+    """The :class:`Event` of each slider.
 
     Parameters
     ----------
     contacts, sides : the sliders, and the sides of the stops that they touch
-    impact, support : what happens to them there
+    impact, support : their impacts, and changes of their support
     active : sides of the stops at which they rest from now on
     """
     happened = []
@@ -207,12 +207,12 @@ def happened_to(
 def resolve_contacts(
     at_stop: Any, changes: Any, impacts: Any, contacts: Sequence[Contact], w: Matrix, restitution: Any
 ) -> Resolved:
-    """Strike, release, rest, or go on.
+    """Strike, release, rest, or continue.
 
     Parameters
     ----------
     at_stop : whether the lane is at a stop, and its contacts are to be resolved
-    changes, impacts : how often contacts were resolved in the interval, and its impacts
+    changes, impacts : number of contact resolutions in the interval, and of its impacts
     contacts : the sliders
     w : their mobilities, 1/kg
     restitution : of the impacts
@@ -227,7 +227,7 @@ def resolve_contacts(
     velocities = velocities_after(pushes, approach, impact, halt, w, restitution)
     active = stops_after(contacts, sides, impact.strikes, support, velocities)
     happened = happened_to(contacts, sides, impact, support, active)
-    # What stops a speed stops an acceleration: the forces that hold from now on.
+    # The solution for speeds also serves accelerations: the holding forces from now on.
     accelerations = [side * a for side, a in zip(sides, unheld, strict=True)]
     forces = halting(accelerations, [a != 0.0 for a in active], w)
     going = logical_not(impact.strikes) & logical_not(looks_again(contacts, approach, support, halt))

@@ -1,6 +1,6 @@
 """Sliders at their stops: which are struck, which come to rest, and which are released.
 
-Accelerations, forces of stops and mobilities are at hand; nothing else moves. Sides are 1 at the upper stop,
+Accelerations, forces of stops and mobilities are given; time does not advance. Sides are 1 at the upper stop,
 -1 at the lower one, 0 at none.
 """
 
@@ -15,7 +15,7 @@ from redundant_envs.integrators.complementarity import Matrix, impulses, outward
 from redundant_envs.integrators.sliders import NEGLIGIBLE_SPEED, ROUNDING, side_touched
 
 LOWEST_BOUNCE = 1e-9
-"""m; a slider that would bounce less comes to rest."""
+"""m; a slider that would bounce less high comes to rest."""
 AWAY = -1e300
 """m/s^2; the outward acceleration of a slider that is pressed onto no stop."""
 
@@ -29,8 +29,8 @@ class Contact(NamedTuple):
     active_stop : side of the stop it rests at
     lower, upper : its stops, m
     acceleration : m/s^2
-    force : that its stop exerts along it, N
-    released : whether it leaves its stop and is not to rest there before it is struck
+    force : exerted by its stop along it, N
+    released : whether it leaves its stop and must not come to rest there before it is struck
     """
 
     position: Any
@@ -59,13 +59,13 @@ class Contact(NamedTuple):
 
 
 class Approach(NamedTuple):
-    """How sliders move at the stops that they touch.
+    """Motion of sliders at the stops that they touch.
 
     Attributes
     ----------
     sides : of these stops
     negligible : whether a slider moves into its stop by no more than rounding
-    velocities : without what is negligible, m/s
+    velocities : with negligible ones set to 0, m/s
     speeds : the same, outward
     strikes : whether a slider moves into its stop
     """
@@ -78,15 +78,15 @@ class Approach(NamedTuple):
 
 
 class Impact(NamedTuple):
-    """What happens if sliders move into their stops.
+    """Impacts of sliders that move into their stops.
 
     Attributes
     ----------
-    strikes : whether one does, and no support changes before
+    strikes : whether a slider strikes, and no support changes before
     impulses : of the stops, inward, N s
     pushed : whether a slider is pushed by its stop
-    hits : whether a slider is, and has moved into it
-    stops_all : whether sliders would strike by turns for ever, and so stop
+    hits : whether a slider is pushed and has moved into its stop
+    stops_all : whether sliders would strike in turn for ever, and therefore stop
     """
 
     strikes: Any
@@ -97,7 +97,7 @@ class Impact(NamedTuple):
 
 
 class Support(NamedTuple):
-    """Which sliders their stops begin to support, and which no longer.
+    """Which sliders their stops begin or cease to support.
 
     Attributes
     ----------
@@ -115,7 +115,7 @@ class Support(NamedTuple):
 
 
 def approach_of(contacts: Sequence[Contact]) -> Approach:
-    """How sliders move at the stops that they touch: speeds that are rounding are taken away."""
+    """Motion of sliders at the stops that they touch; speeds that are only rounding are set to 0."""
     sides = [c.side for c in contacts]
     negligible = []
     for side, c in zip(sides, contacts, strict=True):
@@ -129,10 +129,11 @@ def approach_of(contacts: Sequence[Contact]) -> Approach:
 def impact_of(
     contacts: Sequence[Contact], approach: Approach, support: Support, w: Matrix, restitution: Any
 ) -> Impact:
-    """What happens if sliders move into their stops, once it is known which others their stops support.
+    """Impacts of sliders that move into their stops, once it is known which others their stops support.
 
-    A slider that moves away from its stop is no longer supported by it, however near it is: should an
-    impact of another send it back, it is struck next. One that stays there without a force is supported.
+    A slider that moves away from its stop is no longer supported by it, however near it is: if an
+    impact of another sends it back, it is struck next. A slider that stays there without a force is
+    supported.
     """
     sides, speeds = approach.sides, approach.speeds
     strikes = approach.strikes & logical_not(support.changes)
@@ -153,14 +154,15 @@ def impact_of(
 
 
 def collapses(speeds: Sequence[Any], sides: Sequence[Any], w: Matrix, restitution: Any) -> Any:
-    """Whether two sliders at their stops, of which one moves out, strike by turns for ever, and so stop.
+    """Whether two sliders at their stops, of which one moves out, strike in turn for ever, and therefore
+    stop.
 
     Each impact sends the other slider back to its stop, in no time. In units of sqrt(mobility) two
     impacts take the outward speeds (x, y) to ((k^2 - e) x + k y, -e k x - e y), where k = p / sqrt(waa wbb)
-    is 1 + e times what one is pushed by the other. They end by themselves if that map has no real
+    is 1 + e times the push of one by the other. The impacts end by themselves if that map has no real
     eigenvalues, or if y is below the eigenvector of the greater one.
     """
-    (ua, ub), (sa, sb) = speeds, sides  # of two sliders; more are left to the limit of impacts
+    (ua, ub), (sa, sb) = speeds, sides  # for two sliders; with more, the limit of impacts applies
     p = -(1.0 + restitution) * sa * sb * w[0][1]
     square = p * p - 4.0 * restitution * w[0][0] * w[1][1]
     slope = p + sqrt(maximum(square, 0.0))
@@ -169,7 +171,7 @@ def collapses(speeds: Sequence[Any], sides: Sequence[Any], w: Matrix, restitutio
 
 
 def leaving(contacts: Sequence[Contact], w: Matrix) -> list[Any]:
-    """Sliders at rest that their stops would have to pull, if every other one rests too or is at no stop."""
+    """Sliders at rest whose stops would have to pull, if every other one rests, too, or is at no stop."""
     modes = [c.active_stop for c in contacts]
     pulled = [c.active_stop * c.force > 0.0 for c in contacts]
     free = []
@@ -190,7 +192,7 @@ def leaving(contacts: Sequence[Contact], w: Matrix) -> list[Any]:
 def would_rest(c: Contact, speed: Any, press: Any, restitution: Any) -> Any:
     """Whether a slider at a stop, pressed onto it, bounces less than 1e-9 m.
 
-    An elastic one rests only if its bounce is lost in rounding.
+    With an elastic stop it rests only if its bounce is lost in rounding.
     """
     limit = where(c.side > 0.0, c.upper, c.lower)
     height = where(restitution < 1.0, LOWEST_BOUNCE, ROUNDING * maximum(abs(limit), 1.0))
@@ -215,13 +217,13 @@ def support_of(
 ) -> Support:
     """Which sliders come to rest and which are released.
 
-    Where one strikes its stop, only those that stand still come to rest, and they do so before it strikes:
-    whether a stop supports a slider follows from the motion alone, not from what was known of it before. The
-    bounces of others, however low, are not over yet.
+    If one strikes its stop, only those without velocity come to rest, and they do so before it strikes:
+    whether a stop supports a slider follows from the motion alone, not from its earlier state. The bounces of
+    others, however low, are not over yet.
 
     Parameters
     ----------
-    contacts, approach : the sliders, and how they move at their stops
+    contacts, approach : the sliders, and their motion at their stops
     unheld : outward accelerations without any stop, m/s^2
     w, restitution : mobilities of the sliders, 1/kg, and of the impacts
     """
@@ -251,7 +253,7 @@ def support_together(
 ) -> Support:
     """Which sliders come to rest and which are released, if several may rest.
 
-    What one does changes the force on the others, so it is decided at once: those rest that ``stay``.
+    Each decision changes the force on the others, so all are decided together: sliders that ``stay`` rest.
     """
     several = any_of(a & b for a, b in itertools.combinations(may_rest, 2))
     decide = several & support.changes

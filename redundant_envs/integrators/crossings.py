@@ -1,4 +1,4 @@
-"""Whether a trial step meets a stop, and how: bounds from the accelerations that its stages have seen.
+"""Whether a trial step meets a stop, and how: bounds from the accelerations at its stages.
 
 Sides are 1 at the upper stop, -1 at the lower one, 0 at none. The decision record 0003 explains the bounds.
 """
@@ -18,15 +18,16 @@ class Crossing(enum.IntEnum):
 
     NONE = 0
     ENDS_BEYOND = 1
-    """It ends beyond it, and passes it once."""
+    """The step ends beyond the stop, and passes it once."""
     TURNS_NEAR = 2
-    """It turns once, and may be beyond it then."""
+    """The slider turns once, and may be beyond the stop then."""
     UNCLEAR = 4
-    """It may pass it more often than its ends and its turning point show."""
+    """The slider may pass the stop more often than the ends of the step and the turning point show."""
 
 
 class Unseen(NamedTuple):
-    """What an acceleration may do between the stages of a step and near its ends (Tableau.unseen)."""
+    """Largest overshoot of an acceleration between the stages of a step and near its ends
+    (Tableau.unseen)."""
 
     between: float
     at_ends: float
@@ -45,7 +46,8 @@ def may_meet(s: Slider, h: Any, unseen: Unseen) -> Any:
 
 
 def most_pull(s: Slider, unseen: Unseen) -> Any:
-    """How hard the stop of a resting slider may have to pull it at any time of a step; 0 if not at all."""
+    """Largest force with which the stop of a resting slider may have to pull in a step; 0 if it never
+    does."""
     w = s.watched
     share = where(w.most > maximum(w.first, w.last), unseen.between, unseen.at_ends)
     return where(s.free, 0.0, maximum(w.most + share * (w.most - w.least), 0.0))
@@ -54,8 +56,9 @@ def most_pull(s: Slider, unseen: Unseen) -> Any:
 def acceleration_bounds(s: Slider, unseen: Unseen) -> tuple[Any, Any]:
     """Bounds of an acceleration in a step, from its least and greatest value at the stages.
 
-    What a parabola may add between the stages is added; but a slider that starts at its stop was struck or
-    released there, so its first stage is an end of the range: nothing is added towards that stop.
+    The range is widened by the overshoot of a parabola between the stages; but a slider that starts at its
+    stop was struck or released there, so its first stage is an end of the range, which is not widened towards
+    that stop.
     """
     w = s.watched
     down, up = margins(w, unseen)
@@ -66,7 +69,7 @@ def acceleration_bounds(s: Slider, unseen: Unseen) -> tuple[Any, Any]:
 
 
 def margins(w: Watched, unseen: Unseen) -> tuple[Any, Any]:
-    """By how much a parabola may leave the range of its values at the stages of a step, down and up."""
+    """Distances by which a parabola may leave the range of its values at the stages, down and up."""
     down = where(w.least < minimum(w.first, w.last), unseen.between, unseen.at_ends) * (w.most - w.least)
     up = where(w.most > maximum(w.first, w.last), unseen.between, unseen.at_ends) * (w.most - w.least)
     return down, up
@@ -75,7 +78,7 @@ def margins(w: Watched, unseen: Unseen) -> tuple[Any, Any]:
 def meets_kink(w: Watched, levels: bool, unseen: Unseen) -> tuple[Any, Any]:
     """Whether a quantity passes 0, or with ``levels`` a whole number, in a step: seen at stages, or hidden.
 
-    It may do so between two stages and come back; one that starts there leaves that behind.
+    It may do so between two stages and return; a quantity that starts at 0 and leaves it does not pass it.
     """
     down, up = margins(w, unseen)
     if levels:
@@ -117,7 +120,7 @@ def excursions(s: Slider, h: Any, lo: Any, hi: Any) -> tuple[Any, Any]:
 
 
 def turning_time(s: Slider, h: Any) -> Any:
-    """Time at which the cubic through both ends of a step turns; the end if it does not."""
+    """Time at which the cubic through both ends of a step turns; the end of the step if it does not turn."""
     v0, v1 = s.start_velocity, s.velocity
     s0 = h * v0
     d = s.position - s.start_position
@@ -128,13 +131,14 @@ def turning_time(s: Slider, h: Any) -> Any:
 
 
 def keeps_direction(s: Slider, h: Any, lo: Any, hi: Any) -> Any:
-    """Whether a velocity keeps its sign in a step: it does if this is 0 or more.
+    """Indicator that a velocity keeps its sign in a step: it does if the result is 0 or more.
 
-    Either it cannot change that much from one of its ends, as long as its acceleration stays in lo..hi. Or
-    that grows all along, and the velocity stays below its ends; or falls, and the velocity stays above them.
+    Either the velocity cannot change enough from one of its ends while its acceleration stays in lo..hi. Or
+    the acceleration grows throughout, and the velocity stays below its ends; or it falls throughout, and the
+    velocity stays above them.
     """
     w, v0, v1 = s.watched, s.start_velocity, s.velocity
-    slower = h * maximum(-lo, 0.0)  # by how much a velocity can fall and rise
+    slower = h * maximum(-lo, 0.0)  # largest fall and rise of the velocity
     faster = h * maximum(hi, 0.0)
     rises = maximum(v0 - slower, v1 - faster)
     falls = maximum(-v0 - faster, -v1 - slower)

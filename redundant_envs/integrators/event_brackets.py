@@ -1,7 +1,7 @@
-"""Where an event, or a turn, lies between trial steps: the bracket of its time becomes ever smaller.
+"""Brackets of the time of an event, or of a turn, which trial steps make ever smaller.
 
-What a step towards an event and what one towards a turn would show is computed for every lane. Sides are 1 at
-the upper stop, -1 at the lower one, 0 at none.
+The results for a step towards an event and for one towards a turn are both computed for every lane. Sides are
+1 at the upper stop, -1 at the lower one, 0 at none.
 """
 
 from __future__ import annotations
@@ -15,28 +15,28 @@ from redundant_envs.integrators.sliders import ROUNDING, Slider, pick
 from redundant_envs.integrators.trial_steps import Bracket, Search, Trial
 
 RELEASE_SHARE = 1e-7
-"""Of the step, by which a release may be late: what its stop pulls until then is lost in rounding."""
+"""Fraction of the step by which a release may be late: the pull of the stop until then is rounding."""
 PUSH_ON = 5e-8
-"""Of the step, added to a guess of a release, which then lies behind it in most cases."""
+"""Fraction of the step added to a guess of a release, so that it is after the release in most cases."""
 MOST_GUESSES = 10
-"""Trial steps towards an event before its bracket is halved, so that every search ends."""
+"""Number of trial steps towards an event before its bracket is halved, so that every search ends."""
 MOST_TURN_GUESSES = 60
-"""Trial steps towards a turn; by then a bracket is smaller than rounding."""
+"""Number of trial steps towards a turn; by then its bracket is smaller than rounding."""
 
 
 class Sought(NamedTuple):
-    """The slider whose event is looked for, at the end of the trial step.
+    """The slider whose event is sought, at the end of the trial step.
 
     Attributes
     ----------
-    chosen : of each slider, whether it is this one
+    chosen : for each slider, whether it is this one
     free : whether it rests at no stop
     closeness : positions nearer than this to the stop are at it, m
     stop : its position, m
-    gap : how far the slider is beyond it, m; of a slider that rests, how hard it would have to pull, N
+    gap : distance of the slider beyond it, m; for a resting slider, the force with which it must pull, N
     speed, acceleration : outward, m/s and m/s^2
     time : of the first event that it has in the step, s
-    passes : whether it passes its limit, where a force on it changes its law
+    passes : whether it may pass its limit, at which a force on it changes its law
     """
 
     chosen: list[Any]
@@ -56,13 +56,13 @@ class Sought(NamedTuple):
 
 
 class TaylorStep(NamedTuple):
-    """The rest of the way to a stop.
+    """The remaining distance to a stop, covered by a Taylor step.
 
     Attributes
     ----------
-    possible : whether it takes no time to speak of
-    time : that it takes, s; less if another slider comes to its stop before
-    arrives : of each slider, whether it is the one that comes to its stop
+    possible : whether its time is negligible
+    time : its duration, s; shorter if another slider reaches its stop before
+    arrives : for each slider, whether it is the one that reaches its stop
     """
 
     possible: Any
@@ -71,13 +71,13 @@ class TaylorStep(NamedTuple):
 
 
 class Guess(NamedTuple):
-    """What a trial step has shown of an event, or of a turn.
+    """Result of a trial step for an event, or for a turn.
 
     Attributes
     ----------
-    bracket : that is left
+    bracket : the remaining one
     reached : whether the step ends there
-    h : where the next trial step ends, s
+    h : length of the next trial step, s
     """
 
     bracket: Bracket
@@ -86,14 +86,14 @@ class Guess(NamedTuple):
 
 
 class Guesses(NamedTuple):
-    """What a trial step has shown of an event, and what of a turn: one of them is looked for."""
+    """Results of a trial step for an event and for a turn, of which one is sought."""
 
     event: Guess
     turn: Guess
 
 
 def sought_slider(search: Search, candidates: Sequence[Candidate]) -> Sought:
-    """The slider whose event is looked for, at the end of the trial step."""
+    """The slider whose event is sought, at the end of the trial step."""
     sliders = [c.slider for c in candidates]
     chosen = [search.target == c.number for c in candidates]
     free = pick(chosen, [s.active_stop for s in sliders]) == 0.0
@@ -111,9 +111,9 @@ def sought_slider(search: Search, candidates: Sequence[Candidate]) -> Sought:
 
 
 def bracket_of_event(trial: Trial, search: Search, sought: Sought) -> Bracket:
-    """What a trial step towards an event leaves of the bracket.
+    """The bracket after a trial step towards an event.
 
-    An end that stays for the second time counts less (Anderson and Bjorck 1973).
+    An end that stays for the second time gets a smaller weight (Anderson and Bjorck 1973).
     """
     over, last_over = sought.over, search.side > 0.0
     weight = 1.0 - sought.gap / where(over, search.gap_high, search.gap_low)
@@ -127,7 +127,7 @@ def bracket_of_event(trial: Trial, search: Search, sought: Sought) -> Bracket:
 
 
 def bracket_of_turn(trial: Trial, search: Search, sought: Sought) -> Bracket:
-    """What a trial step towards a turn leaves of the bracket; the gaps are speeds."""
+    """The bracket after a trial step towards a turn; the gaps are speeds."""
     outward = sought.speed > 0.0
     return Bracket(
         low=where(outward, trial.h, search.low),
@@ -138,10 +138,10 @@ def bracket_of_turn(trial: Trial, search: Search, sought: Sought) -> Bracket:
 
 
 def correction_of(trial: Trial, sought: Sought, event: Bracket, turn: Bracket) -> Any:
-    """How the next guess follows from what is known: one division for three formulas.
+    """The correction that leads to the next guess: one division for three formulas.
 
-    Towards a turn a chord of speeds, of a resting slider a chord of holding forces, both as a share of the
-    bracket; towards an impact Halley's step, s.
+    Towards a turn it is a chord of speeds, for a resting slider a chord of holding forces, both as a fraction
+    of the bracket; towards an impact it is Halley's step, s.
     """
     gap, speed = sought.gap, sought.speed
     curved = 2.0 * speed * speed - gap * sought.acceleration
@@ -154,12 +154,12 @@ def correction_of(trial: Trial, sought: Sought, event: Bracket, turn: Bracket) -
 def next_towards_event(
     trial: Trial, search: Search, sought: Sought, bracket: Bracket, correction: Any
 ) -> Any:
-    """Where the next trial step towards an event ends, s; after many of them, in the middle of the bracket.
+    """Length of the next trial step towards an event, s; after many of them, to the middle of the bracket.
 
     Parameters
     ----------
     trial, search, sought : the step, the search that it belongs to, and its slider
-    bracket : that the step has left
+    bracket : the bracket after the step
     correction : of :func:`correction_of`
     """
     low, high = bracket.low, bracket.high
@@ -173,14 +173,15 @@ def next_towards_event(
 
 
 def next_towards_turn(bracket: Bracket, correction: Any) -> Any:
-    """Where the next trial step towards a turn ends, s."""
+    """Length of the next trial step towards a turn, s."""
     low, high = bracket.low, bracket.high
     guess = low + (high - low) * correction
     return where(guess > low, where(guess < high, guess, low), 0.5 * (low + high))
 
 
 def taylor_step(trial: Trial, sought: Sought, sliders: Sequence[Slider]) -> TaylorStep:
-    """The rest of the way of a sought slider to its stop, or of another one that is at its own before."""
+    """The remaining distance of the sought slider to its stop, or of another one that reaches its own
+    before."""
     time = where(sought.speed > 0.0, -sought.gap / sought.speed, 1.0)
     near = (abs(time) <= TAYLOR_SHARE * trial.left) & (time <= trial.left - trial.h)
     possible = near & logical_not(sought.passes)
@@ -199,13 +200,13 @@ def taylor_step(trial: Trial, sought: Sought, sliders: Sequence[Slider]) -> Tayl
 def ends_at_event(
     trial: Trial, search: Search, sought: Sought, bracket: Bracket, rest_of_way: TaylorStep
 ) -> Any:
-    """Whether a trial step ends at the event: at the stop, or where that would pull, not just before.
+    """Whether a trial step ends at the event: at the stop, or just after the stop would begin to pull.
 
     Parameters
     ----------
     trial, search, sought : the step, the search that it belongs to, and its slider
-    bracket : that the step has left
-    rest_of_way : to the stop
+    bracket : the bracket after the step
+    rest_of_way : the remaining distance to the stop
     """
     gap, narrow = sought.gap, bracket.is_narrow(trial.left)
     late = gap * (trial.h - search.low) <= RELEASE_SHARE * trial.left * (gap - search.gap_low)
@@ -216,7 +217,7 @@ def ends_at_event(
 
 
 def guesses_after(trial: Trial, search: Search, sought: Sought, rest_of_way: TaylorStep) -> Guesses:
-    """What a trial step has shown of an event, and what of a turn."""
+    """Results of a trial step for an event and for a turn."""
     event, turn = bracket_of_event(trial, search, sought), bracket_of_turn(trial, search, sought)
     step = correction_of(trial, sought, event, turn)
     h_event = next_towards_event(trial, search, sought, event, step)

@@ -1,10 +1,10 @@
-"""The search for events of a lane: what follows from a trial step.
+"""The search for events of a lane: decisions after a trial step.
 
-A trial step is made to the end of the planned step. If it has an event, trial steps from the same start
-end ever nearer to it: an extension of the method's own order, no interpolation. The last 2e-8 of the planned
+A trial step goes to the end of the planned step. If it has an event, trial steps from the same start end ever
+nearer to it: this keeps the method's own order, and nothing is interpolated. The last 2e-8 of the planned
 step to a stop are a Taylor step, exact to rounding: positions here, velocities when the accelerations there
-are known. Then contacts are resolved, and the motion goes on. Sides are 1 at the upper stop, -1 at the lower
-one, 0 at none.
+are known. Then contacts are resolved, and the motion continues. Sides are 1 at the upper stop, -1 at the
+lower one, 0 at none.
 """
 
 from __future__ import annotations
@@ -27,24 +27,24 @@ from redundant_envs.integrators.sliders import ROUNDING, Slider, pick
 from redundant_envs.integrators.trial_steps import Bracket, Outcome, Phase, Search, Trial
 
 TOGETHER_SHARE = 1e-13
-"""Of the control interval: impacts of two sliders that are no farther apart are one impact of both. However
-many steps an interval is crossed with, they find the same."""
+"""Fraction of the control interval: impacts of two sliders that are no farther apart count as one impact of
+both. So the result does not depend on the number of steps in an interval."""
 
 
 class Decision(NamedTuple):
-    """What a trial step of a lane means; at most one of these holds.
+    """Interpretation of a trial step of a lane; at most one of these holds.
 
     Attributes
     ----------
-    accepted : it has no event
-    unclear : it may hide an event: half of it shows more
-    event_found : a step to the end of the planned one has an event, which is looked for from now on
-    other_sooner : another slider has an event before the one that was looked for
-    at_event : it ends at the event
-    near_event : it ends only near the event, and the next one nearer
+    accepted : the step has no event
+    unclear : it may hide an event: a step of half the length shows more
+    event_found : a step to the end of the planned one has an event, which is sought from now on
+    other_sooner : another slider has an event before the sought one
+    at_event : the step ends at the event
+    near_event : it ends only near the event, and the next one will end nearer
     beyond_at_turn : it ends near a turn beyond the stop, so there is an impact before
     past_turn : the slider turns, and stays before its stop
-    near_turn : it ends only near the turn, and the next one nearer
+    near_turn : the step ends only near the turn, and the next one will end nearer
     """
 
     accepted: Any
@@ -59,20 +59,20 @@ class Decision(NamedTuple):
 
     @property
     def begins(self) -> Any:
-        """Whether a search begins, with a bracket of its own."""
+        """Whether a search begins, with a new bracket."""
         return self.event_found | self.other_sooner | self.beyond_at_turn
 
 
 class Aim(NamedTuple):
-    """An event that may be looked for from now on.
+    """An event that may be sought from now on.
 
     Attributes
     ----------
     exists : whether there is one
-    chosen : of each slider, whether the event is its; the first slider's if it is no other's
+    chosen : for each slider, whether the event belongs to it; by default to the first slider
     target, side : number of the slider, and side of the stop
     turns : whether it is a turn
-    h : where the first trial step towards it ends, s
+    h : length of the first trial step towards it, s
     """
 
     exists: Any
@@ -84,7 +84,7 @@ class Aim(NamedTuple):
 
 
 class Aims(NamedTuple):
-    """The first event of a step that looked for none, and one that came before the event looked for."""
+    """The first event of a step without a search, and one before the sought event."""
 
     first: Aim
     other: Aim
@@ -117,7 +117,7 @@ def came_before(trial: Trial, search: Search, c: Candidate) -> Any:
 
 
 def other_event(trial: Trial, search: Search, sought: Sought, candidates: Sequence[Candidate]) -> Aim:
-    """An event that came before the end of a trial step, of a slider that is not the sought one."""
+    """An event of another slider than the sought one, before the end of a trial step."""
     late = [
         came_before(trial, search, c) & logical_not(is_sought)
         for c, is_sought in zip(candidates, sought.chosen, strict=True)
@@ -130,15 +130,15 @@ def other_event(trial: Trial, search: Search, sought: Sought, candidates: Sequen
         exists=any_of(late), chosen=chosen,
         target=pick(chosen, [c.number for c in candidates]),
         side=pick(chosen, sides), turns=pick(chosen, [c.event.turns for c in candidates]),
-        h=where(h < trial.h, h, 0.5 * trial.h),  # never the same step again
+        h=where(h < trial.h, h, 0.5 * trial.h),  # never repeat the same step
     )  # fmt: skip
 
 
 def may_hide_event(h: Any, c: Candidate, unseen: Unseen) -> Any:
-    """Whether a step may hide an event of a slider, by more than is lost in rounding.
+    """Whether a step may hide an event of a slider that is larger than rounding.
 
-    A free slider may come to its stop and leave it, a resting one may be pulled though not at the end. Either
-    is followed in half the step.
+    A free slider may reach its stop and leave it; the stop of a resting one may have to pull before the end,
+    though not at the end. In either case a step of half the length follows.
     """
     s, encounter = c.slider, c.encounter
     moves = most_pull(s, unseen) * encounter.mobility * (h * h)
@@ -147,14 +147,14 @@ def may_hide_event(h: Any, c: Candidate, unseen: Unseen) -> Any:
 
 
 def decided(trial: Trial, hides: Any, aims: Aims, sought: Sought, guesses: Guesses) -> Decision:
-    """What a trial step means.
+    """Interpret a trial step.
 
     Parameters
     ----------
-    trial, sought : the step, and the slider whose event is looked for
+    trial, sought : the step, and the slider whose event is sought
     hides : whether the step may hide an event
     aims : events that it may have
-    guesses : what it has shown of the event, or the turn, that is looked for
+    guesses : its results for the sought event, or turn
     """
     tried, seeks_event, seeks_turn = trial.tried, trial.seeks_event, trial.seeks_turn
     at_event, at_turn = guesses.event.reached, guesses.turn.reached
@@ -174,7 +174,7 @@ def decided(trial: Trial, hides: Any, aims: Aims, sought: Sought, guesses: Guess
 
 
 def next_phase(trial: Trial, decision: Decision, for_turn: Any) -> Any:
-    """Of what kind the next trial step is."""
+    """Kind of the next trial step."""
     return cases(
         (decision.near_turn, Phase.FIND_TURN), (decision.unclear, trial.phase), (for_turn, Phase.FIND_TURN),
         (decision.past_turn, Phase.RUN_PAST_TURN), default=Phase.FIND_EVENT,
@@ -182,13 +182,13 @@ def next_phase(trial: Trial, decision: Decision, for_turn: Any) -> Any:
 
 
 def next_length(trial: Trial, decision: Decision, sought: Sought, aims: Aims, guesses: Guesses) -> Any:
-    """Where the next trial step ends, s.
+    """Length of the next trial step, s.
 
     Parameters
     ----------
-    trial, decision : the step before, and what it means
-    sought : the slider whose event is looked for
-    aims, guesses : events that may be looked for now, and what is known of the one that is
+    trial, decision : the step before, and its interpretation
+    sought : the slider whose event is sought
+    aims, guesses : events that may be sought now, and results for the present one
     """
     return cases(
         (decision.near_turn, guesses.turn.h), (decision.unclear, 0.5 * trial.h),
@@ -204,9 +204,9 @@ def search_continued(
 
     Parameters
     ----------
-    trial, decision : the step, and what it means
+    trial, decision : the step, and its interpretation
     search, sought : the search before it, and its slider
-    guesses : what the step has shown of the event, or the turn
+    guesses : results of the step for the event, or the turn
     """
     brackets = zip(guesses.event.bracket, guesses.turn.bracket, search.bracket, strict=True)
     bracket = Bracket(
@@ -224,13 +224,13 @@ def search_begun(
     trial: Trial, search: Search, decision: Decision, for_turn: Any, aims: Aims,
     candidates: Sequence[Candidate],
 ) -> Search:  # fmt: skip
-    """A search that begins, with the whole step as its bracket, or else the one that goes on.
+    """A new search, with the whole step as its bracket, or the present one.
 
     Parameters
     ----------
-    trial, decision : the step, and what it means
-    search : that goes on
-    for_turn, aims : whether a turn is looked for, and what may be
+    trial, decision : the step, and its interpretation
+    search : the present one
+    for_turn, aims : whether a turn is sought, and events that may be
     candidates : the sliders
     """
     found, sooner, begins = decision.event_found, decision.other_sooner, decision.begins
@@ -251,10 +251,10 @@ def search_begun(
 
 
 def position_at_event(s: Slider, position: Any, arrives: Any, stop: Any, interval: Any) -> Any:
-    """Where a free slider is at an event, m: at ``position``, or at its stop exactly.
+    """Position of a free slider at an event, m: ``position``, or exactly its stop.
 
-    It is at ``stop`` if it ``arrives`` there, and at one of its stops if it would be in no part to speak of
-    the control ``interval``, or is beyond.
+    It is at ``stop`` if it ``arrives`` there, and at one of its stops if it would reach it within a
+    negligible part of the control ``interval``, or is beyond it.
     """
     near = s.closeness + TOGETHER_SHARE * interval * abs(s.velocity)
     up = (position > s.upper) | ((position >= s.upper - near) & (s.velocity > 0.0))
@@ -266,7 +266,7 @@ def positions_after(
     trial: Trial, sliders: Sequence[Slider], sought: Sought, rest_of_way: TaylorStep, at_event: Any,
     slide: Any,
 ) -> list[Any]:  # fmt: skip
-    """Positions of the sliders after a trial step, and the Taylor step behind it."""
+    """Positions of the sliders after a trial step and the Taylor step that follows it."""
     positions = []
     for s, is_sought, arrives in zip(sliders, sought.chosen, rest_of_way.arrives, strict=True):
         moved = s.position + slide * s.velocity
@@ -280,13 +280,13 @@ def after_trial(
     trial: Trial, search: Search, sliders: Sequence[Slider], encounters: Sequence[Encounter], unseen: Unseen,
     smooth: bool,
 ) -> Outcome:  # fmt: skip
-    """After a trial step: its earliest event, how to come nearer to the one looked for, or its end.
+    """After a trial step: its earliest event, the next step towards the sought one, or its end.
 
     Parameters
     ----------
     trial, search : the step, and the search that it belongs to
-    sliders, encounters : motions of the sliders with stops in the step, and what is known of their stops
-    unseen, smooth : of the method: what may happen between its stages, and whether it is not Euler's
+    sliders, encounters : motions of the sliders with stops in the step, and data of their stops
+    unseen, smooth : overshoot between the stages of the method, and whether it is not Euler's
     """
     per_h = 1.0 / trial.h
     candidates = [

@@ -1,4 +1,4 @@
-"""When a slider has its event in a trial step: an estimate, from which the search for the event begins.
+"""Time of a slider's event in a trial step: an estimate, from which the search for the event begins.
 
 An event is an impact at a stop, a release from it, or a turn that may lie beyond it. Sides are 1 at the upper
 stop, -1 at the lower one, 0 at none.
@@ -13,18 +13,18 @@ from redundant_envs.integrators.crossings import Crossing
 from redundant_envs.integrators.sliders import Slider
 
 TAYLOR_SHARE = 2e-8
-"""Of the planned step, that a Taylor step may take to a stop: half its square, by which positions and
-velocities may be off, is rounding."""
+"""Largest length of a Taylor step to a stop, as a fraction of the planned step: half its square, the error of
+positions and velocities, is rounding."""
 
 
 class Encounter(NamedTuple):
-    """What is known of a slider and its stops in a trial step, beside its motion.
+    """Data of a slider and its stops in a trial step, beside its motion.
 
     Attributes
     ----------
-    force, start_force : that its stop exerts along it at the end of the trial step and at its start, N
+    force, start_force : exerted by its stop along it at the end of the trial step and at its start, N
     crossing : how the trial step meets a stop
-    turning_time : when the slider turns in it, s
+    turning_time : time at which the slider turns in it, s
     cleared : whether it is known to turn before its stop
     mobility : of the slider, 1/kg
     """
@@ -53,7 +53,8 @@ class SliderEvent(NamedTuple):
 
 
 class Quintic(NamedTuple):
-    """side (gap + s0 s + c2 s^2 + ... + c5 s^5): how far a slider is beyond a stop at a share s of a step."""
+    """side (gap + s0 s + c2 s^2 + ... + c5 s^5): distance of a slider beyond a stop, at a fraction s of a
+    step."""
 
     side: Any
     gap: Any
@@ -64,7 +65,7 @@ class Quintic(NamedTuple):
     c5: Any
 
     def value(self, s: Any) -> Any:
-        """How far the slider is beyond the stop, m."""
+        """Distance of the slider beyond the stop, m."""
         inner = self.c2 + s * (self.c3 + s * (self.c4 + s * self.c5))
         return self.side * (self.gap + s * (self.s0 + s * inner))
 
@@ -93,13 +94,13 @@ def quintic_through(s: Slider, h: Any, side: Any, gap: Any) -> Quintic:
 def nearer_root(f: Quintic, low: Any, high: Any, s: Any, per_slope: Any) -> tuple[Any, Any, Any, Any]:
     """A bracketed Newton step towards a zero.
 
-    One over the slope is brought up to date by a Newton step of its own, without a division.
+    The reciprocal of the slope is updated by a separate Newton step, without a division.
 
     Parameters
     ----------
-    f : what is to become zero
+    f : the function whose zero is sought
     low, high : ends of the bracket
-    s, per_slope : a guess of the zero, and one over the slope at the guess before
+    s, per_slope : a guess of the zero, and the reciprocal of the slope at the previous guess
     """
     g, slope = f.value(s), f.slope(s)
     per_slope = per_slope * (2.0 - slope * per_slope)
@@ -112,16 +113,16 @@ def nearer_root(f: Quintic, low: Any, high: Any, s: Any, per_slope: Any) -> tupl
 
 
 def crossing_time(s: Slider, h: Any, side: Any, gap: Any, share: Any, turned: Any) -> Any:
-    """When the quintic through both ends of a step goes beyond a stop, s.
+    """Time at which the quintic through both ends of a step passes a stop, s.
 
-    Three iterations find the zero as well as the quintic knows the event.
+    Three iterations find the zero to the accuracy with which the quintic describes the event.
 
     Parameters
     ----------
     s, h : the slider, and the length of the step
-    side, gap : of the stop, and how far above it the slider starts, m
-    share : of the step, a guess
-    turned : share of the step at which an inward motion has turned
+    side, gap : side of the stop, and distance above it at which the slider starts, m
+    share : a guess, as a fraction of the step
+    turned : fraction of the step at which an inward motion has turned
     """
     v0, v1 = s.start_velocity, s.velocity
     f = quintic_through(s, h, side, gap)
@@ -135,15 +136,15 @@ def crossing_time(s: Slider, h: Any, side: Any, gap: Any, share: Any, turned: An
 
 
 def chord_share(s: Slider, e: Encounter, h: Any, side: Any, gap: Any) -> Any:
-    """At which share of a step a slider has its event, from both ends: one division for two formulas.
+    """Fraction of a step at which a slider has its event, from both ends: one division for two formulas.
 
-    A free slider has it where the parabola of its positions and first velocity meets the stop, a resting one
-    where the chord of the forces that hold it changes its sign.
+    For a free slider it is where the parabola of its positions and first velocity meets the stop, for a
+    resting one where the chord of the forces that hold it changes its sign.
 
     Parameters
     ----------
     s, e, h : the slider, its stops, and the length of the step
-    side, gap : of the stop, and how far above it the slider starts, m
+    side, gap : side of the stop, and distance above it at which the slider starts, m
     """
     pull = s.active_stop * e.force
     push = maximum(-s.active_stop * e.start_force, 0.0)
@@ -163,17 +164,18 @@ def first_event(s: Slider, e: Encounter, h: Any, per_h: Any, smooth: bool) -> Sl
     ----------
     s, e : the slider, and its stops
     h, per_h : length of the step, s, and one over it
-    smooth : whether the method is not Euler's, with which the end of a step is a parabola of its length
+    smooth : whether the method is not Euler's, with which the end of a step is quadratic in its length
     """
     side = s.side_beyond
     gap = s.start_position - s.stop(side)
     share = chord_share(s, e, h, side, gap)
-    # A slider that begins at its stop and comes back has no such position: near the end, if anywhere.
+    # For a slider that begins at its stop and returns the formula fails: its event is near the end, if at
+    # all.
     guess = where(share > 0.0, where(share < 1.0, share, 1.0), 1.0)
     impact = h * guess
     if smooth:
         impact = crossing_time(s, h, side, gap, guess, e.turning_time * per_h)
-    # A slider turns before it ends beyond the other stop.
+    # A slider that ends beyond the other stop has turned before.
     turns = (abs(e.crossing) == Crossing.TURNS_NEAR) & logical_not(e.cleared) & s.free
     time = where(side == 0.0, h + 1.0, impact)
     time = where(turns, e.turning_time, time)
@@ -188,11 +190,11 @@ def first_event(s: Slider, e: Encounter, h: Any, per_h: Any, smooth: bool) -> Sl
 
 
 class Arrival(NamedTuple):
-    """At a stop right before a slider.
+    """Arrival of a slider at a stop that is very near at the start of a step.
 
     Attributes
     ----------
-    certain : whether it comes there, and beyond if nothing stops it
+    certain : whether it reaches the stop, and would pass it if nothing stopped it
     time : of the arrival, s
     side : of the stop
     """
@@ -203,10 +205,10 @@ class Arrival(NamedTuple):
 
 
 def arrival_nearby(s: Slider, h: Any) -> Arrival:
-    """When a slider is at a stop that it starts right before, however the step of ``h`` ends.
+    """Arrival of a slider at a stop near which it starts, independent of the end of the step of ``h``.
 
-    Which of two such sliders comes first follows from their start. One that its acceleration turns
-    before it is beyond by more than rounding does not arrive.
+    Which of two such sliders arrives first follows from their start. A slider that its acceleration turns
+    before it is beyond the stop by more than rounding does not arrive.
     """
     side, speed = where(s.start_velocity > 0.0, 1.0, -1.0), abs(s.start_velocity)
     way, acceleration = side * (s.stop(side) - s.start_position), side * s.watched.first
@@ -222,8 +224,8 @@ class Candidate(NamedTuple):
     Attributes
     ----------
     number : of the slider
-    slider, encounter : its motion in a trial step, and what is known of its stops there
-    event : the first one that it has there
+    slider, encounter : its motion in a trial step, and data of its stops there
+    event : its first event there
     """
 
     number: float
@@ -233,10 +235,10 @@ class Candidate(NamedTuple):
 
     @property
     def pull(self) -> Any:
-        """How hard its stop would have to pull it at the end of the step, N."""
+        """Force with which its stop would have to pull it at the end of the step, N."""
         return self.slider.active_stop * self.encounter.force
 
     @property
     def start_pull(self) -> Any:
-        """How hard its stop would have to pull it at the start of the step, N."""
+        """Force with which its stop would have to pull it at the start of the step, N."""
         return self.slider.active_stop * self.encounter.start_force

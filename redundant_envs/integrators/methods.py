@@ -1,7 +1,7 @@
 """One step of an explicit method: stages, sums and the error estimate, on any kind of numbers.
 
-Positions and velocities have the same count; other states are of first order. What the derivative
-computes is not known here.
+Positions and velocities have the same count; other states are of first order. The derivative is any
+function.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Step(NamedTuple):
     Attributes
     ----------
     positions, velocities, others : the new state
-    watched : what the derivative gives beside derivatives
+    watched : further results of the derivative function, beside derivatives
     error5, error3 : the two estimates of each state, up to the factors ``h5`` and ``h3``
     """
 

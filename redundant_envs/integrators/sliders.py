@@ -1,7 +1,7 @@
-"""A slider between its two stops: how it moves in a step, and which stop it touches or is beyond.
+"""A slider between its two stops: its motion in a step, and the stop that it touches or is beyond.
 
-A joint whose force changes its law at two positions is followed in the same way: it passes them. Sides are
-1 at the upper stop, -1 at the lower one, 0 at none.
+A joint on which a force changes its law at two positions is treated in the same way, but may pass them. Sides
+are 1 at the upper stop, -1 at the lower one, 0 at none.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from redundant_envs.algebra import maximum, where
 from redundant_envs.integrators.methods import Watched
 
 ROUNDING = 8.881784197001252e-16
-"""Four units in the last place, relative: positions and times that are nearer count as equal."""
+"""Relative distance of four ulps: positions and times that are nearer count as equal."""
 NEGLIGIBLE_SPEED = 1e-13
-"""m/s of a slider at its stop that are rounding: it neither strikes nor leaves it with such a speed."""
+"""m/s; such a speed of a slider at its stop is rounding: it neither strikes the stop nor leaves it."""
 NO_STOP = 1e300
-"""Larger limits are none: infinite ones must not make every position close."""
+"""Larger limits count as absent: infinite ones must not make every position close to them."""
 MARGIN = 1e-13
-"""m or rad, relative above 1: a force that changes its law so much later is off by less than tolerances."""
+"""m or rad, relative above 1: if a force changes its law this much later, the error is below tolerances."""
 SMALLEST_SCALE = 1e-280
-"""Positions and limits that are all 0 still round at something that is not 0."""
+"""Smallest scale of rounding, for positions and limits that are all 0."""
 
 
 class Slider(NamedTuple):
@@ -32,10 +32,10 @@ class Slider(NamedTuple):
     ----------
     position, velocity : at the end of the step, m and m/s
     start_position, start_velocity : at its start
-    watched : accelerations at the stages, m/s^2; of a slider that rests, how hard its stop has to pull, N
+    watched : accelerations at the stages, m/s^2; for a resting slider, pulling forces of its stop, N
     active_stop : side of the stop it rests at
     lower, upper : its stops, m
-    passes : whether it passes these positions, where a force on it changes its law
+    passes : whether it may pass these positions, at which a force on it changes its law
     """
 
     position: Any
@@ -55,7 +55,7 @@ class Slider(NamedTuple):
 
     @property
     def closeness(self) -> Any:
-        """Positions nearer than this to a stop are at it: four units in the last place, m, but never 0."""
+        """Positions nearer than this to a stop are at it: four ulps, m, but never 0."""
         low = where(abs(self.lower) < NO_STOP, abs(self.lower), 0.0)
         high = where(abs(self.upper) < NO_STOP, abs(self.upper), 0.0)
         return ROUNDING * maximum(maximum(low, high), maximum(abs(self.start_position), SMALLEST_SCALE))
@@ -76,14 +76,14 @@ def side_beyond(position: Any, lower: Any, upper: Any) -> Any:
 
 
 def limits_of_law(side: Any, lower: Any, upper: Any) -> tuple[Any, Any]:
-    """Between which positions a joint keeps the law of a side.
+    """Positions between which a joint keeps the law of a side.
 
-    They overlap by twice a margin, so that rounding does not change the law for and back.
+    Ranges overlap by twice a margin, so that rounding does not switch the law back and forth.
 
     Parameters
     ----------
     side : 1 above the upper position, -1 below the lower, 0 between
-    lower, upper : where the law changes, m or rad
+    lower, upper : positions at which the law changes, m or rad
     """
     low, high = MARGIN * maximum(abs(lower), 1.0), MARGIN * maximum(abs(upper), 1.0)
     return (
@@ -133,7 +133,7 @@ def leaves_stop(position: Any, velocity: Any, active_stop: Any, lower: Any, uppe
 
 
 def pick(chosen: Sequence[Any], values: Sequence[Any]) -> Any:
-    """The value of the slider that is chosen; the first one's if none of the others is."""
+    """The value of the chosen slider; that of the first one if none of the others is chosen."""
     value = values[0]
     for is_chosen, other in zip(chosen[1:], values[1:], strict=True):
         value = where(is_chosen, other, value)

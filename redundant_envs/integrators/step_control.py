@@ -1,4 +1,4 @@
-"""Error control: what an estimate is in metres at the tip, and what steps a lane takes for it."""
+"""Error control: error estimates in metres at the tip, and the steps that a lane takes."""
 
 from __future__ import annotations
 
@@ -14,24 +14,25 @@ def blended_error(e5: Any, e3: Any) -> Any:
 
 
 def tip_error(e5: Any, e3: Any) -> Any:
-    """Twice Hairer's blend, m. Of nine million random steps of both arms that pass by it two are off by more
-    than twice the tolerance; of those that pass by the blend itself, 34."""
+    """Twice Hairer's blend, m. Of nine million random steps of both arms that it accepts, two are off by more
+    than twice the tolerance; of those that the blend itself accepts, 34."""
     return 2.0 * blended_error(e5, e3)
 
 
 def tip_weight(norm: Any, reach: Any, tip_tolerance: Any) -> Any:
     """Metres at the tip per radian of a link, for the error of its angle in a step.
 
-    The norm is that of the Jacobian's column, but for links shorter than a hundredth of the reach: they
-    fall over within milliseconds, so their errors grow. Theirs count ten times, and stay below 1/400 rad.
+    The norm is that of the Jacobian's column, except for links shorter than a hundredth of the reach: they
+    fall over within milliseconds, so their errors grow. Their errors count ten times, and stay below
+    1/400 rad.
     """
     return maximum(norm, minimum(0.01 * reach, maximum(10.0 * norm, 400.0 * tip_tolerance)))
 
 
 def rounding_scale(before: Any, after: Any, strikes: bool) -> Any:
-    """One over the error that dop853 allows a coordinate or velocity in a step: near rounding.
+    """Reciprocal of the error that dop853 allows for a coordinate or velocity in a step: near rounding.
 
-    Where sliders may strike their stops it allows a hundredth: a hundred elastic impacts in an interval
+    If sliders may strike their stops it allows a hundredth of that: a hundred elastic impacts in an interval
     multiply an error by thousands.
     """
     scale = 1.0 / (1e-14 + 1e-13 * maximum(abs(before), abs(after)))
@@ -39,31 +40,31 @@ def rounding_scale(before: Any, after: Any, strikes: bool) -> Any:
 
 
 def steps_of_spring(stiffness: Any, mobility: Any) -> Any:
-    """Steps per second that follow an oscillation: 2 rad of its phase in each."""
+    """Steps per second that resolve an oscillation: 2 rad of its phase in each."""
     return 0.5 * sqrt(stiffness * mobility)
 
 
 def steps_of_damper(damping: Any, mobility: Any) -> Any:
-    """Steps per second that follow a decay: two of its time constants in each."""
+    """Steps per second that resolve a decay: two of its time constants in each."""
     return 0.5 * damping * mobility
 
 
 def steps_towards_damper(here: Any, there: Any, mobility: Any, interval: Any) -> Any:
-    """Steps per second that follow a decay whose damping changes from what it is ``here`` to what it would be
-    ``there``, where the present rate brings the joint in the interval: one of the time constants at the end
-    of a step."""
+    """Steps per second that resolve a decay whose damping changes from its value ``here`` to its value
+    ``there``, the position that the joint reaches in the interval at the present rate: one of the time
+    constants at the end of a step."""
     here, there = 2.0 * steps_of_damper(here, mobility), 2.0 * steps_of_damper(there, mobility)
     return maximum(here, sqrt(maximum(here, 1.0 / interval) * there))
 
 
 def steps_of_state(rate: Any) -> Any:
-    """Steps per second that follow a state of an effect: two of its time constants in each."""
+    """Steps per second that resolve a state of an effect: two of its time constants in each."""
     return 0.5 * rate
 
 
 def least_steps(fastest: Any, steady: Any, interval: Any) -> Any:
-    """Steps of an interval before any estimate is asked: half a radian of the fastest link in each,
-    and what springs and dampers need, since an estimate cannot see one it has not touched."""
+    """Number of steps of an interval before any estimate is used: half a radian of the fastest link in each,
+    and as many as springs and dampers require, since an estimate cannot see a spring before it is touched."""
     return interval * maximum(2.0 * fastest, steady)
 
 
@@ -72,9 +73,9 @@ class Plan(NamedTuple):
 
     Attributes
     ----------
-    left : the time of the step that is planned, s
-    void : whether the common step is of no use to it
-    steps : into how many steps the interval is divided
+    left : length of the planned step, s
+    void : whether the common step is useless for the lane
+    steps : number of steps into which the interval is divided
     following : the step after it, s
     """
 
@@ -85,7 +86,7 @@ class Plan(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """Whether a trial step is accurate enough, and what is planned if not."""
+    """Whether a trial step is accurate enough, and the plan if it is not."""
 
     good: Any
     left: Any
@@ -99,8 +100,8 @@ class Ending(NamedTuple):
     Attributes
     ----------
     last : whether the interval is crossed
-    left : the time of the next planned step, s
-    flagged : whether the accuracy asked for is not reached
+    left : length of the next planned step, s
+    flagged : whether the required accuracy is not reached
     steps_left : planned steps to go
     unsure : whether the interval is to be crossed again with twice the steps
     min_steps : the least number of steps that is allowed from now on
@@ -116,13 +117,13 @@ class Ending(NamedTuple):
 
 # ---- a tolerance: 1, 2, 4, ... 16384 equal steps, until the sum of their errors passes ----------------
 
-# A sum of errors does not know how they grow, which matters where many steps are needed, or many impacts
-# happen. From 128 steps on an interval must come out the same, to the tolerance, with half as many, unless
-# errors that grow a hundred thousand times would pass; from 1024 on always: such a motion may be chaotic.
-# Two sliders between their stops may double an error with each impact: from 4 impacts on errors that grow a
-# hundred times must pass, and from 8 on it is checked always, as where a force has had a kink or the tip has
-# come to another distance from a joint. Where impacts follow each other faster than steps both motions have
-# the same pieces between them, and agree whatever their error is: behind a kink that does not count.
+# A sum of errors ignores their growth, which matters with many steps or many impacts. From 128 steps on an
+# interval must give the same result, to the tolerance, with half as many, unless errors that grow a hundred
+# thousand times would pass; from 1024 on always: such a motion may be chaotic. Two sliders between their
+# stops may double an error with each impact: from 4 impacts on errors that grow a hundred times must pass,
+# and from 8 on the check is always made, as it is after a kink of a force, or when the tip has come to
+# another distance from a joint. If impacts follow each other faster than steps, both motions have the same
+# pieces between them, and agree whatever their error is: after a kink such an agreement does not count.
 
 MOST_DOUBLINGS = 14
 MOST_STEPS = 2.0**MOST_DOUBLINGS
@@ -131,31 +132,32 @@ GROWTH = 1e5
 SOME_IMPACTS, GROWTH_BY_SOME = 4.0, 100.0
 CHECKED_IMPACTS = 8.0
 MANY_IMPACTS, MOST_STEPS_OF_MANY = 32.0, 256.0
-"""With more steps as many impacts multiply no more than rounding."""
+"""With more steps, this many impacts multiply only rounding errors."""
 STEPS_PER_IMPACT = 8.0
 """With fewer steps a comparison of a kinked interval with half as many does not count."""
 STEPS_OF_HIDDEN_KINK = 16.0
-"""Nor does it with fewer than these if a kink may have been passed and passed back between two stages: it may
-have been between stages with half as many steps, too."""
+"""Nor does it with fewer than these if a kink may have been passed back and forth between two stages: with
+half as many steps it may have been between stages, too."""
 KINKED_GROWTH, KINKED_SHARE = 16.0, 0.25
-"""Of a kinked interval so many times its error must pass, and no more of the tolerance be the change to
-half as many steps: across a kink both are by chance much smaller than the error now and then. With 8 impacts
-an error is so small that ``GROWTH`` times it passes."""
+"""For a kinked interval: the factor with which its estimated error must still pass, and the largest change to
+half as many steps, in tolerances: across a kink both are now and then, by chance, much smaller than the
+error. With 8 impacts ``GROWTH`` times the estimated error must pass."""
 TOO_FAST = 1.1
-"""A link may have become faster by a tenth than the number of steps was chosen for."""
+"""A link may have become faster by a tenth than the rate for which the number of steps was chosen."""
 FARTHER, FAR = 4.0, 0.4
-"""Times as far from a joint as it was, from where on the tip feels more than is left of its estimate; and a
-way of sliders in a step, in units of that distance, that may lead past the joint, where all is fast."""
+"""Ratio of the tip's distances from a joint, after and before, from which on an error at the tip may exceed
+its estimate; and the travel of sliders in a step, in units of that distance, that may lead past the joint,
+where all is fast."""
 DOUBTFUL = 0.1
-"""Of the tolerance, from which what a state of an effect is off may be too much."""
+"""Fraction of the tolerance from which on the error of an effect's state may be too large."""
 NEVER_SEEN = 1e300
-"""Positions at the end of an interval that was not crossed before: none is near them."""
+"""Positions, before an interval is crossed for the first time, that are near no real ones."""
 
 
 def first_doubling(failed: Any, error: Any, min_steps: Any, tip_tolerance: Any, interval: Any) -> Plan:
-    """The first number of steps, after the single step that all lanes make ``failed``.
+    """The first number of steps, after the common single step has ``failed``.
 
-    The error falls like n^-7, and that of a single step says little about more than 64.
+    The error falls like n^-7, and the error of a single step predicts little beyond 64 steps.
     """
     n: Any = 2.0
     for k in range(1, 7):  # all comparisons at once: none waits for another
@@ -168,23 +170,24 @@ def first_doubling(failed: Any, error: Any, min_steps: Any, tip_tolerance: Any, 
 
 
 def judge_doubling(error: Any, tip_tolerance: Any, steps: Any, interval: Any) -> Verdict:
-    """Whether the errors so far pass, or cannot; else the interval is begun anew with twice the steps."""
+    """Whether the errors so far pass, or no more steps are allowed; else the interval is repeated with twice
+    the steps."""
     good = (error <= tip_tolerance) | (steps >= MOST_STEPS)
     return Verdict(good, interval / (2.0 * steps), 2.0 * steps)
 
 
 class Crossed(NamedTuple):
-    """What is known of an interval after a trial step.
+    """Data of an interval after a trial step.
 
     Attributes
     ----------
-    ended, accepted : of the trial step: a planned step ends with it; it has no event
+    ended, accepted : whether a planned step ends with the trial step; whether it has no event
     steps_left, steps : planned steps to go and in all
-    least : steps that the present rates need
-    change : by how much the tip comes out otherwise than the time before, m
+    least : number of steps that the present rates require
+    change : distance of the tip from the result of the previous time, m
     impacts : so far
-    doubtful, kinked : whether the error may be more than its estimate; whether a force may have had a kink
-    hidden_kink : whether it may have had one that no stage has seen
+    doubtful, kinked : whether the error may exceed its estimate; whether a force may have had a kink
+    hidden_kink : whether it may have had one between the stages
     """
 
     ended: Any
@@ -202,8 +205,8 @@ class Crossed(NamedTuple):
 def end_doubling(c: Crossed, error: Any, tip_tolerance: Any, min_steps: Any, interval: Any) -> Ending:
     """At the end of a step: whether it was the last; whether more than 16384 were needed.
 
-    The interval is to be crossed again if a link has become too fast for its steps, or if it comes out
-    otherwise than the time before.
+    The interval is to be crossed again if a link has become too fast for its steps, or if its result differs
+    from that of the previous time.
     """
     left = c.steps_left - 1.0
     last = logical_not(left > 0.0)
@@ -229,13 +232,14 @@ def end_doubling(c: Crossed, error: Any, tip_tolerance: Any, min_steps: Any, int
 
 MOST_ADAPTIVE_STEPS = 1e6
 SHORTEST_SHARE = 1e-13
-"""Of the interval, below which no step is tried."""
+"""Fraction of the interval below which no step is tried."""
 CROSSED_SHARE = 1e-14
-"""Of the interval, that is not worth a step."""
+"""Fraction of the interval that is not worth a step."""
 
 
 def first_adaptive(next_step: Any, min_steps: Any, interval: Any) -> Plan:
-    """A first step as long as the last one before, if there was one and it is not too long."""
+    """A first step as long as the last one of the previous interval, if there was one and it is not too
+    long."""
     longest = interval / maximum(min_steps, 1.0)
     first = where(next_step > 0.0, where(next_step <= longest, next_step, longest), longest)
     return Plan(first, True, None, first)
@@ -244,7 +248,7 @@ def first_adaptive(next_step: Any, min_steps: Any, interval: Any) -> Plan:
 def judge_adaptive(error: Any, h: Any, next_step: Any, min_steps: Any, interval: Any, taken: Any) -> Verdict:
     """Whether the error of a step, in units of the tolerance, is at most 1; the next step to try.
 
-    A lane that has made a million steps, or must make one of 1e-13 of the interval, has no next one.
+    A lane that has made a million steps, or would need one of 1e-13 of the interval, has no next step.
     """
     eighth = sqrt(sqrt(sqrt(maximum(error, 1e-12))))
     factor = where(eighth > 0.0, minimum(maximum(0.9 / eighth, 1.0 / 3.0), 6.0), 1.0 / 3.0)

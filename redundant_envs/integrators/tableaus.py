@@ -56,10 +56,11 @@ class Tableau:
             )
 
     def unseen(self, at_ends: bool) -> float:
-        """By how much a parabola may leave the range of its values at the nodes, in units of that range.
+        """Distances by which a parabola may leave the range of its values at the nodes, in units of that
+        range.
 
-        The largest over all places of its vertex whose nearest node is the first or last one, or is
-        not; found on a grid of those. 0 for methods with fewer than three nodes, which give no bound.
+        Each is the largest over all positions of its vertex, those nearest to the first or last node and all
+        others, found on a grid of positions. 0 for methods with fewer than three nodes, which give no bound.
         """
         if len(set(self.c)) < 3:
             return 0.0

@@ -1,4 +1,4 @@
-"""Trial steps of a lane that makes steps of its own: what is known of one, and what follows from it."""
+"""Trial steps of a lane with local steps: data of a trial step, and its outcome."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from redundant_envs.integrators.sliders import ROUNDING
 
 
 class Phase(enum.IntEnum):
-    """What a lane with steps of its own does next."""
+    """Next action of a lane with local steps."""
 
     IDLE = 0
     AT_STOP = 1
@@ -17,9 +17,9 @@ class Phase(enum.IntEnum):
     RUN = 2
     """A trial step to the end of the planned step."""
     FIND_TURN = 3
-    """Trial steps to where a slider turns."""
+    """Trial steps to the time at which a slider turns."""
     RUN_PAST_TURN = 4
-    """To the end of the planned step, though a slider turns near its stop."""
+    """A trial step to the end of the planned step, though a slider turns near its stop."""
     FIND_EVENT = 5
     """Trial steps towards an event."""
     COMPLETE = 6
@@ -67,7 +67,7 @@ class Bracket(NamedTuple):
     Attributes
     ----------
     low, high : lengths of trial steps, s
-    gap_low, gap_high : what changes its sign between them, at both: a pull, or speeds of a turn
+    gap_low, gap_high : values at both that have different signs: of a pull, or of the speed of a turn
     """
 
     low: Any
@@ -101,20 +101,20 @@ class Search(NamedTuple):
 
     @property
     def bracket(self) -> Bracket:
-        """Where the event is."""
+        """The bracket of the event."""
         return Bracket(self.low, self.high, self.gap_low, self.gap_high)
 
 
 class Outcome(NamedTuple):
-    """What follows from a trial step.
+    """Outcome of a trial step.
 
     Attributes
     ----------
-    accepted : it has no event
-    there : it ends at the event that was looked for
-    again : another trial step from the same start, of phase ``phase`` and length ``h``
-    search : the search that goes on
-    positions : of the sliders, at their stops if they have come there
+    accepted : the step has no event
+    there : it ends at the sought event
+    again : another trial step from the same start follows, of phase ``phase`` and length ``h``
+    search : the search that continues
+    positions : of the sliders, at their stops if they have reached them
     slide : the time of a Taylor step to the stop
     cleared : sliders that are known to turn before their stops
     """

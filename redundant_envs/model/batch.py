@@ -25,14 +25,14 @@ from redundant_envs.simulator.setting import MOST_LOGGED, Fault
 from redundant_envs.values import shown, whole_number
 
 Numerics = Fault
-"""Its name beside ``info["numerics"]``."""
+"""Name of the error estimate in ``info``."""
 
 EVENT_KINDS = {1: "upper impact", 2: "lower impact", 3: "rest", 4: "release"}
 
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened at a stop of a slider.
+    """An event at a stop of a slider.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Event:
     speed : float
         Before an impact, towards the stop, m/s; else 0.
     lane : int
-        Which motion of a batch.
+        Index of the motion in a batch.
     """
 
     time: float
@@ -56,9 +56,9 @@ class Event:
 
 
 class Status(NamedTuple):
-    """What happened in one control interval, per lane.
+    """Results of one control interval, per lane.
 
-    What is the same in every interval of a scene (evaluations of equal steps) is read-only.
+    Arrays that are the same in every interval of a scene (evaluations of equal steps) are read-only.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ def _constant(array: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
 class BatchSimulator(Copied):
     """``num_envs`` copies of a scene with their own states and parameters.
 
-    A lane's result does not depend on ``num_envs``, on its place, on ``threads`` or on its
+    A lane's result does not depend on ``num_envs``, on its index, on ``threads`` or on its
     neighbours, to the last bit. A copy (``copy``, ``pickle``) is independent and continues to the
     same bits, in another process too.
 
@@ -125,7 +125,7 @@ class BatchSimulator(Copied):
         count = memory.blocks * LANES
         stages = self.scene.substeps * simulator.dynamics.method.stages
         interval = simulator.interval
-        # What is the same in every interval is one array for all calls, to be read only.
+        # Outputs that are the same in every interval are one read-only array for all calls.
         self._unchanging = (
             None if interval.estimates else _constant(np.full(count, np.nan)),
             None if interval.local else _constant(np.full(count, stages)),
@@ -163,7 +163,7 @@ class BatchSimulator(Copied):
         return self._memory.read(("work",))[:, 0]
 
     def events(self, start: float = 0.0) -> list[Event]:
-        """What happened at stops in the last interval, which began at ``start`` [s]; needs ``track_work``.
+        """Events at stops in the last interval, which began at ``start`` [s]; needs ``track_work``.
 
         A ValueError if a lane had more events, rests and releases included, than are kept.
         """
@@ -191,7 +191,7 @@ class BatchSimulator(Copied):
     def set_state(self, q: ArrayLike, qd: ArrayLike, index: ArrayLike | None = None) -> None:
         """Set coordinates and velocities, (..., joints), of all lanes or of those in ``index``.
 
-        States of effects start again, and sliders rest at no stop.
+        States of effects get their initial values, and no slider is held at a stop.
         """
         lanes = self._lanes(index)
         arm = self.scene.robot
@@ -226,16 +226,16 @@ class BatchSimulator(Copied):
     def save(self) -> dict[str, Any]:
         """A snapshot of everything: states, parameters and modes of all lanes.
 
-        It may be pickled, and ``np.savez(file, **snapshot)`` writes it; :meth:`restore` takes what
-        ``np.load(file)`` gives.
+        It may be pickled, and ``np.savez(file, **snapshot)`` writes it; :meth:`restore` takes the result of
+        ``np.load(file)``.
         """
         return {"simulator": self._facts, **self._memory.save()}
 
     def restore(self, snapshot: Mapping[str, Any]) -> None:
         """Return to a snapshot of :meth:`save`; the continuation is the same to the last bit.
 
-        A ValueError that says what differs, and nothing changes, if the snapshot is of another scene,
-        ``num_envs`` or ``track_work``.
+        If the snapshot belongs to another scene, ``num_envs`` or ``track_work``, a ValueError names the
+        difference, and nothing changes.
         """
         check_keys("snapshot", snapshot, ("simulator", "states", "parameters"), "save")
         check_facts("snapshot", snapshot["simulator"], self._facts)
@@ -252,7 +252,7 @@ class BatchSimulator(Copied):
         Parameters
         ----------
         efforts : (num_envs, joints) array, optional
-            N m and N at the joints (``Scene.actuation``); none is zero.
+            N m and N at the joints (``Scene.actuation``); zero by default.
         """
         n, joints = self.num_envs, self._joints
         if efforts is None:

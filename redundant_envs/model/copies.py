@@ -1,4 +1,4 @@
-"""Copies and pickles of what runs a simulator: they share it, or find it again and check that it is equal."""
+"""Copies and pickles of objects with a simulator: they share it, or find it again and check its equality."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from redundant_envs.model.programs import Simulator
 
 
 class Copied(ABC):
-    """A class whose objects have a simulator, which copies share; what they do not share, they make again."""
+    """Base of objects with a simulator, which copies share; copies create again what they cannot share."""
 
     made_anew: ClassVar[tuple[str, ...]]
     """Attributes that copies do not take over: compiled code, threads, and views of other arrays."""
@@ -24,7 +24,7 @@ class Copied(ABC):
 
     @abstractmethod
     def _connect(self) -> None:
-        """Make what copies do not take over."""
+        """Create the attributes that copies do not take over."""
 
     def __getstate__(self) -> dict[str, Any]:
         left = ("simulator", *self.made_anew)

@@ -55,7 +55,7 @@ def at_joints(
 
 
 def initial_states(effect: Effect, arm: Arm) -> dict[str, float]:
-    """Initial values of the states of an effect, by name; none of what only has numbers."""
+    """Initial values of the states of an effect, by name; empty for an object that only has numbers."""
     hooks = effect.hooks(arm) if isinstance(effect, Effect) else ()
     return {s.name: s.initial for h in hooks if isinstance(h, Force | Actuation) for s in h.states}
 
@@ -64,10 +64,10 @@ def hook_value(
     arm: Arm, effect: Effect, hook: Field | Force, function: Callable[..., Any], values: dict[str, Any],
     side: float | None = None,
 ) -> Any:  # fmt: skip
-    """A function of a hook on known quantities of the arm, the effect's own numbers given.
+    """Evaluate a function of a hook on known quantities of the arm and the effect's own numbers.
 
     States of the effect have their initial values. ``side`` chooses the law of a force that has several;
-    None takes that of the position.
+    with None the position chooses it.
     """
     own: dict[str, Any] = {**effect.parameters(), **initial_states(effect, arm)}
     known: dict[str, Any] = {}

@@ -1,4 +1,4 @@
-"""What a scene's simulator computes: its program to be read, and a bill of its operations."""
+"""The program of a scene's simulator as text, and a count of its operations."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from redundant_envs.tracing.listing import lines
 
 PACKAGE = Path(__file__).parents[1]
 PARTS = {"robots": "arm", "integrators": "integrator", "simulator": "interval"}
-"""Folders of the package, and whose operations those are that are written there."""
+"""Folders of the package, and the owner to which the operations written there are attributed."""
 COUNTED = {"+": "additions", "-": "additions", "*": "products", "/": "divisions", "sqrt": "roots"}
 BYTES = 8
 
@@ -40,7 +40,7 @@ def listing(scene: Scene, track_work: bool = False) -> str:
     """The traced program of a scene, instruction by instruction.
 
     Each function of a lane is a list of operations under the function, file and line that they come from;
-    ``%3`` is the result of operation 3, ``name <- %3`` is what is left in a field of the lane. Kernels
+    ``%3`` is the result of operation 3, ``name <- %3`` stores it in a field of the lane. Kernels
     follow: the loops and branches around these functions.
     """
     check_scene(scene)
@@ -59,12 +59,12 @@ def listing(scene: Scene, track_work: bool = False) -> str:
 
 
 def bill(scene: Scene, track_work: bool = False) -> dict[str, Operations]:
-    """What a step of a lane costs, by effect: "arm", "integrator" and "interval" are the rest.
+    """Cost of a step of a lane, by effect; "arm", "integrator" and "interval" are the rest.
 
-    Counted in the step that all lanes make together, its stages as often as they are evaluated, before
-    products are joined with sums. What two ask for counts for the first; what the arm computes only in a
-    uniform field, or because of an inertia, counts for the effect that brings it. Bytes are those of the
-    fields.
+    Operations are counted in the step that all lanes take together, stages as often as they are evaluated,
+    before products are joined with sums. An operation that two owners need counts for the first; operations
+    of the arm that only a uniform field or an inertia requires count for the effect that adds it. Bytes are
+    those of the fields.
     """
     check_scene(scene)
     counts, blocks = _counts(scene, track_work)
@@ -73,7 +73,7 @@ def bill(scene: Scene, track_work: bool = False) -> dict[str, Operations]:
         if any(isinstance(hook, Field | Inertia) for hook in effect.hooks(scene.robot)):
             rest = dataclasses.replace(rest, effects=tuple(e for e in rest.effects if e.key != effect.key))
             without, _ = _counts(rest, track_work)
-            more = counts["arm"] - without["arm"]  # with an inertia the arm's own elimination falls away
+            more = counts["arm"] - without["arm"]  # with an inertia the arm's own elimination is not used
             counts.setdefault(effect.key, Counter()).update(more)
             counts["arm"] -= more
     for name, field in blocks.layout.fields.items():

@@ -18,7 +18,7 @@ KEPT = (STATE, LOG, PARAMETER)
 
 
 def aligned(*shape: int) -> Array:
-    """Zeros that begin at a cache line: a vector that straddles two is read twice."""
+    """Zeros whose memory begins at a cache line: a vector that straddles two lines is read twice."""
     size = int(np.prod(shape))
     raw = np.zeros(size + LANES)
     first = (-raw.ctypes.data % 64) // 8
@@ -96,7 +96,7 @@ class Memory:
         lanes = self.index if index is None else np.asarray(index)
         table = np.broadcast_to(np.asarray(values, dtype=np.float64), (len(lanes), len(names)))
         for name, column in zip(names, table.T, strict=True):
-            self.layout.place(name)  # an unknown name lists those there are
+            self.layout.place(name)  # for an unknown name, the error lists the valid ones
             if self.layout.fields[name].lifetime is PARAMETER and self.shared and len(column):
                 same = column.view(np.int64) if column.flags.c_contiguous else column.copy().view(np.int64)
                 present = self.column(name)[0, :1].copy().view(np.int64)
@@ -106,7 +106,7 @@ class Memory:
                     self.column(name)[:] = column[0]
                     continue
                 self.part()
-            # Not by a view: the blocks of a field are not side by side.
+            # A view cannot do this: the blocks of a field are not contiguous.
             self.column(name)[lanes // LANES, lanes % LANES] = column
 
     def part(self) -> None:
@@ -120,7 +120,7 @@ class Memory:
             self.version += 1
 
     def prepare(self) -> None:
-        """Renew what follows from the parameters alone; to be called after they are set."""
+        """Recompute the fields that follow from the parameters alone; to be called after these are set."""
         values = {name: self.column(name) for name in self.dynamics.parameters}
         with np.errstate(all="ignore"):  # both sides of a choice are computed, as in compiled code
             made = self.dynamics.prepare(values)
@@ -128,13 +128,14 @@ class Memory:
             self.column(name)[:] = value
 
     def forget(self, index: NDArray[Any]) -> None:
-        """Release lanes that a stop holds, and choose their steps again: a new motion begins."""
+        """Release sliders that a stop holds, and choose the steps of their lanes again: a new motion
+        begins."""
         names = [n for n in self.layout.rows[STATE] if n.startswith("active_stop_") or n == "next_step"]
         if names:
             self.write(names, 0.0, index)
 
     def begin(self, index: NDArray[Any]) -> None:
-        """A new motion of some lanes: what they remember beside their motion is as at the start."""
+        """Begin a new motion in some lanes: their fields beside positions and velocities are reset."""
         self.forget(index)
         for name, state in self.dynamics.effect_states.items():
             self.write((name,), state.initial, index)
@@ -152,7 +153,7 @@ class Memory:
         }
 
     def restore(self, states: Array, parameters: Array) -> None:
-        """Take numbers of :meth:`save`, of as many lanes."""
+        """Restore numbers of :meth:`save`, of as many lanes."""
         split = self.arrays[str(STATE)].size
         self.arrays[str(STATE)][:] = states[:split].reshape(self.arrays[str(STATE)].shape)
         self.arrays[str(LOG)][:] = states[split:].reshape(self.arrays[str(LOG)].shape)
@@ -163,7 +164,7 @@ class Memory:
         self.version += 1
 
     def holding(self, states: Array, parameters: Array) -> Memory:
-        """A memory of as many lanes that holds other numbers of :meth:`save`, to be looked at."""
+        """A memory of as many lanes that holds other numbers of :meth:`save`, for inspection."""
         other = object.__new__(Memory)
         own = {str(life): np.empty_like(self.arrays[str(life)]) for life in (STATE, LOG)}
         other.__dict__.update({**self.__dict__, "arrays": {**self.arrays, **own}})

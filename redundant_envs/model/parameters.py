@@ -39,7 +39,7 @@ def numbers(name: str, values: Any) -> NDArray[np.float64]:
     """Real numbers as an array; a ValueError that names them if they are anything else."""
     try:
         array = np.asarray(values)
-    except Exception:  # lists of different lengths, and objects that fail in any way
+    except Exception:  # ragged lists, and objects whose conversion fails
         array = np.array(None)
     if array.dtype.kind not in "biuf":
         raise ValueError(f"{name} is {shown(values)}; give real numbers, a list of them or an array")
@@ -64,11 +64,11 @@ def table(name: str, values: ArrayLike, lanes: int, width: int) -> NDArray[np.fl
 
 
 LARGEST_START = {"q": 1e6, "qd": 1e100, "goal": 1e100}
-"""Of what a start may be given: sines are exact up to 1e6 rad, and squares of the others are floats."""
+"""Largest values of a start: sines are exact up to 1e6 rad, and squares of the others are floats."""
 
 
 def check_start(name: str, columns: NDArray[np.float64]) -> None:
-    """ValueError if a start is so far or so fast that its observation would mean nothing."""
+    """ValueError if a start is so far or so fast that its observation would be meaningless."""
     most = float(np.abs(columns).max(initial=0.0))
     if most > LARGEST_START[name]:
         raise ValueError(
@@ -119,7 +119,7 @@ def _present(scene: Scene, memory: Memory, lanes: NDArray[np.intp]) -> Table:
 
 
 def _check_fitting(scene: Scene, values: Table, changed: Iterable[str]) -> None:
-    """ValueError unless numbers fit each other, of effects of which some are changed and of all masses."""
+    """ValueError unless all masses, and the numbers of each effect of which some change, fit together."""
     changed = list(changed)
     for effect in scene.effects:
         if any(p.startswith(f"{effect.key}.") for p in changed):
@@ -133,7 +133,7 @@ def _check_fitting(scene: Scene, values: Table, changed: Iterable[str]) -> None:
 def check_stops(
     scene: Scene, memory: Memory, lanes: NDArray[np.intp], q: NDArray[np.float64], values: Table | None
 ) -> None:
-    """ValueError if a slider stands beyond a hard end of its travel: no motion leads there.
+    """ValueError if a slider is beyond a hard end of its travel, which no motion can reach.
 
     ``values`` are all parameters of the lanes, or None for the present ones.
     """
@@ -171,7 +171,7 @@ def _check_positive(name: str, columns: NDArray[np.float64]) -> None:
 
 
 def _check_effect(arm: Arm, effect: Any, values: Table) -> None:
-    """Build the effect with each lane's numbers: its own checks decide."""
+    """Build the effect with each lane's numbers, so that its own checks apply."""
     names = [p for p in values if p.startswith(f"{effect.key}.")]
     for row in np.unique(np.stack([values[p] for p in names], axis=1), axis=0):
         numbers = {p[len(effect.key) + 1 :]: float(v) for p, v in zip(names, row, strict=True)}
@@ -185,7 +185,7 @@ def _check_effect(arm: Arm, effect: Any, values: Table) -> None:
 
 
 def write(scene: Scene, memory: Memory, lanes: NDArray[np.intp], values: Table) -> None:
-    """Set parameters of lanes, and what follows from them."""
+    """Set parameters of lanes, and the fields that follow from them."""
     columns = np.stack([values[p] for p in values], axis=1)
     memory.write(tuple(memory.dynamics.field_of(p) for p in values), columns, lanes)
     memory.prepare()

@@ -28,7 +28,7 @@ from redundant_envs.tracing.graph import uncollected
 
 @dataclass(frozen=True)
 class Simulator:
-    """A scene, traced: its kernels, and the lanes that they work on."""
+    """A traced scene: its kernels, and the lanes that they work on."""
 
     dynamics: Dynamics
     blocks: Blocks
@@ -74,15 +74,15 @@ class Simulator:
 
 
 KEPT_SIMULATORS = 64
-"""Simulators that are traced once for all that use them; the ones not used for longest go."""
+"""Simulators that are traced once for all their users; the least recently used ones are dropped."""
 _kept: OrderedDict[str, Simulator] = OrderedDict()
 
 
 def _kept_or_made(make: Callable[[], Simulator], scene: Scene, *more: Any) -> Simulator:
-    """A simulator of this process, where all that it is made of is of this package.
+    """A cached simulator, for scenes whose parts all belong to this package.
 
-    What users write is traced each time: a function may have been defined again. Names distinguish scenes for
-    the sign of a zero, which equality does not.
+    Classes of users are traced each time: a function may have been defined again. Keys are texts, because
+    these distinguish the sign of a zero, which equality does not.
     """
     parts = (scene.robot, *scene.effects, *(part for part in more if not isinstance(part, bool)))
     if not all(type(part).__module__.partition(".")[0] == "redundant_envs" for part in parts):
@@ -107,7 +107,7 @@ def environment_simulator(scene: Scene, task: Task) -> Simulator:
 
 
 def traced_batch(scene: Scene, track_work: bool) -> Simulator:
-    """The simulator of a batch, traced anew."""
+    """The simulator of a batch, traced again."""
     dynamics = Dynamics(scene, track_work)
     with uncollected():
         kernel, blocks = advance_kernel(dynamics)
@@ -123,7 +123,7 @@ def _traced_environment(scene: Scene, task: Task) -> Simulator:
 
 
 def address(array: NDArray[Any]) -> int:
-    """Where an array begins: a third of the time that ``array.ctypes.data`` takes, of what is written to."""
+    """Memory address of a writable array, in a third of the time that ``array.ctypes.data`` takes."""
     if array.flags.c_contiguous and array.flags.writeable and array.size:
         memory: Any = array
         return ctypes.addressof(ctypes.c_char.from_buffer(memory))
@@ -131,7 +131,7 @@ def address(array: NDArray[Any]) -> int:
 
 
 class Call:
-    """A kernel and its arguments, which stay from call to call."""
+    """A kernel and its arguments, which are kept from call to call."""
 
     def __init__(self, kernel: Kernel, entry: llvm.Entry) -> None:
         self.entry = entry
@@ -176,7 +176,7 @@ class Part(Call):
 
     @property
     def moved(self) -> bool:
-        """Whether the memory has moved since the kernel got its addresses."""
+        """Whether arrays of the memory have been replaced since the kernel got their addresses."""
         return self._version != self.memory.version
 
     def place(self) -> None:

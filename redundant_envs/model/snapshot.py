@@ -1,4 +1,4 @@
-"""Snapshots: what belongs to a scene is compared and refused by name; the state is taken over."""
+"""Snapshots: values that belong to a scene must be equal, and a difference is named; states are restored."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from redundant_envs.simulator.lane import PARAMETER, STATE
 KEPT_FIELDS = ("h", "interval", "tip_tolerance", "limit")
 """Parameters that belong to a simulator and to none of its states."""
 OF_THE_FIRST_CORE = "numbers"
-"""What snapshots had instead of states and parameters before the core was traced."""
+"""Keys of snapshots, instead of states and parameters, before the core was traced."""
 
 
 def simulator_facts(simulator: Simulator, num_envs: int, more: Mapping[str, Any] | None = None) -> str:
-    """What a state and the simulator that takes it must have in common, as JSON text."""
+    """Data that must be equal for a state and the simulator that takes it, as JSON text."""
     dynamics = simulator.dynamics
     facts: dict[str, Any] = {"num_envs": num_envs, **dynamics.scene.facts(), **(more or {})}
     facts["track_work"] = dynamics.track_work
@@ -40,7 +40,7 @@ def plain(value: Any) -> Any:
     Raises
     ------
     ValueError
-        If an object neither shows what it holds nor has a ``repr`` of its own.
+        If an object neither shows its contents nor defines a ``repr``.
     """
     if value is None or type(value) in (bool, int, float, str):
         return value
@@ -64,7 +64,7 @@ def plain(value: Any) -> Any:
         return plain(value.item())
     if dataclasses.is_dataclass(value):
         return {"class": name, **{f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}}
-    # A repr may show the addresses of what an object holds: it is taken apart as pickle does.
+    # A repr may contain the addresses of members: the object is decomposed as pickle does it.
     try:
         parts = value.__reduce_ex__(2)
     except (TypeError, ValueError):  # it is not to be pickled
@@ -76,12 +76,12 @@ def plain(value: Any) -> Any:
         return f"{name} {value!r}"
     raise ValueError(
         f"the scene holds a {name} that cannot be distinguished from others in a snapshot; give the class a "
-        "__repr__ or __reduce__ that says what it holds"
+        "__repr__ or __reduce__ that shows its contents"
     )
 
 
 def _sorted(values: Iterable[Any]) -> list[Any]:
-    """Values as plain data in the order of their texts."""
+    """Values as plain data, sorted by their texts."""
     return sorted((plain(v) for v in values), key=json.dumps)
 
 
@@ -107,7 +107,7 @@ def check_keys(name: str, state: Any, keys: Iterable[str], source: str) -> None:
 
 
 def check_facts(name: str, theirs: Any, own: str) -> None:
-    """ValueError that says what differs, if a state is of another simulator."""
+    """ValueError that names the difference, if a state belongs to another simulator."""
     text = str(theirs)  # np.savez makes an array of a text
     if text == own:
         return
@@ -118,7 +118,7 @@ def check_facts(name: str, theirs: Any, own: str) -> None:
             raise ValueError
         count = _short(there.get("num_envs"))
         found = list(_differences("", there, here))
-    except (ValueError, RecursionError):  # the latter is of brackets in brackets
+    except (ValueError, RecursionError):  # the latter comes from deeply nested brackets
         raise ValueError(f"{name}['simulator'] is {text[:40]!r}; it must be the text of a snapshot") from None
     if there.get("num_envs") != here["num_envs"]:
         raise ValueError(
@@ -135,7 +135,7 @@ def check_facts(name: str, theirs: Any, own: str) -> None:
 
 
 def _differences(name: str, there: Any, here: Any) -> Iterator[str]:
-    """Names of what differs in plain data, with both values."""
+    """Differences between plain data: names, with both values."""
     if isinstance(there, dict) and isinstance(here, dict):
         for key in [*here, *(k for k in there if k not in here)]:
             inner = f"{name}.{key}" if name else key
@@ -173,7 +173,7 @@ def check_numbers(
     Parameters
     ----------
     name : str
-        What the caller calls the state.
+        Name of the state in messages.
     state : mapping
         With "states" and "parameters", as :meth:`Memory.save` gives them.
     memory : Memory
@@ -219,4 +219,4 @@ def check_numbers(
         q = taken.read(scene.robot.coordinates)
         parameters.check_stops(scene, taken, taken.index, q, None)
     except ValueError as error:
-        raise ValueError(f"{name} holds what no motion has: {error}") from None
+        raise ValueError(f"{name} holds an impossible state: {error}") from None

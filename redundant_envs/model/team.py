@@ -16,10 +16,10 @@ from redundant_envs.model.programs import Part, Simulator
 
 
 class Worker:
-    """A thread that does what it is asked to, one thing after another, and ends with this object.
+    """A thread that runs the calls it is given, one after another, and ends with this object.
 
-    It begins 15 us after it was asked, an executor of the standard library after 21 (Zen 5, 2026-11-23); a
-    step of 4096 lanes takes 200 to 1000.
+    A call begins after 15 us, with an executor of the standard library after 21 (Zen 5, 2026-11-23); a
+    step of 4096 lanes takes 200 to 1000 us.
     """
 
     def __init__(self) -> None:
@@ -34,7 +34,7 @@ class Worker:
         self._asked.put(call)
 
     def finish(self) -> None:
-        """Wait until it is done; an interrupt is raised then, for what runs still writes to memory."""
+        """Wait until the call is done, and only then raise an interrupt: until then it writes to memory."""
         interrupt = None
         while True:
             try:
@@ -57,7 +57,7 @@ def _serve(asked: SimpleQueue[Callable[[], None] | None], done: SimpleQueue[Base
 
 
 class Team:
-    """A kernel on all blocks of a memory, by as many threads as asked for."""
+    """A kernel on all blocks of a memory, with the given number of threads."""
 
     def __init__(self, simulator: Simulator, name: str, memory: Memory, threads: int) -> None:
         cuts = np.linspace(0, memory.blocks, min(threads, memory.blocks) + 1).astype(int).tolist()
@@ -65,7 +65,7 @@ class Team:
         self._start()
 
     def _start(self) -> None:
-        """Threads belong to a process: one that was forked off starts its own."""
+        """Threads belong to a process: a forked process starts its own."""
         self._workers = [Worker() for _ in self.parts[1:]]
         self._process = os.getpid()
 
@@ -77,7 +77,7 @@ class Team:
         for worker, part in zip(self._workers, self.parts[1:], strict=True):
             worker.begin(part)
         try:
-            self.parts[0]()  # the thread that asks works, too
+            self.parts[0]()  # the calling thread works, too
         finally:
             for worker in self._workers:
                 worker.finish()

@@ -1,4 +1,4 @@
-"""A control interval on torch tensors, to be differentiated."""
+"""A differentiable control interval on torch tensors."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def torch_step(scene: Scene) -> Step:
     ----------
     scene : Scene
         Without hard stops and not with ``dop853``: an impact, and a choice of step lengths, have no
-        derivative that a motion through them would keep. ``LimitSpring`` and a tolerance serve instead.
+        meaningful derivative. Use ``LimitSpring`` and a tolerance instead.
 
     Returns
     -------
@@ -37,26 +37,26 @@ def torch_step(scene: Scene) -> Step:
         ``step(q, qd, efforts, parameters=None) -> (q, qd)``: tensors (..., joints) of any batch shape,
         N m and N; ``parameters`` maps names such as "masses", "lengths" or "gravity.g" to tensors
         (..., entries), or (...) of a single number. If effects of the scene have states,
-        ``step(q, qd, efforts, parameters=None, z=...) -> (q, qd, z)`` takes and gives these too,
+        ``step(q, qd, efforts, parameters=None, z=...) -> (q, qd, z)`` takes and returns these, too,
         (..., states) in the order of ``Scene.states()``.
 
     Raises
     ------
     ValueError
-        If the scene has stops or chooses its steps as it goes.
+        If the scene has stops or chooses its steps while it runs.
     """
     check_scene(scene)
     dynamics = Dynamics(scene, located=False)  # equal steps have gradients, and a step may have two laws
     interval = Interval(dynamics)
     if interval.stops:
         raise ValueError(
-            "scene has a PrismaticStop, whose impacts have no derivative that could be relied on; use a "
+            "scene has a PrismaticStop, whose impacts have no meaningful derivative; use a "
             "LimitSpring for its joints"
         )
     if interval.plan is Plan.ADAPTIVE:
         raise ValueError(
-            "scene.integrator is 'dop853', which chooses each step as it goes; use 'rk8', with a tolerance "
-            "if errors are to be controlled"
+            "scene.integrator is 'dop853', which chooses each step while it runs; use 'rk8', with a "
+            "tolerance if errors are to be controlled"
         )
     count, layout = dynamics.count, interval.layout()
 

@@ -31,7 +31,7 @@ class Trajectory:
         Work of the motors and of forces without a potential since the start:
         kinetic + potential - work stays constant.
     events : list of Event
-        What happened at the stops of the sliders, in the order of time.
+        Events at the stops of the sliders, in the order of time.
     """
 
     t: Array
@@ -56,7 +56,7 @@ def simulate(
     times : (T,) array
         Increasing, not negative, s; hit exactly. Asking for more times does not change the motion.
     efforts : None, (joints,) array, or callable(t, q, qd)
-        Joint efforts, N m and N; a callable is asked once per control instant.
+        Joint efforts, N m and N; a callable is called once per control instant.
 
     Returns
     -------
@@ -139,7 +139,7 @@ def _instant(time: float, dt: float) -> int:
 
 
 def _check(status: Status, time: float) -> None:
-    """Refuse to go on from an interval that was not crossed as the scene says."""
+    """Raise an error if an interval was not simulated to the end, or not to the scene's tolerance."""
     if (status.numerics & Numerics.EVENT_BUDGET).any():
         raise ValueError(
             "the motion has more than 256 impacts, or 65536 pieces, in the control interval at "
@@ -162,7 +162,7 @@ def _command(
     efforts: Efforts, step: int, dt: float, batch: BatchSimulator, shape: tuple[int, ...],
     last: Array, commanded: int,
 ) -> tuple[Array, int]:  # fmt: skip
-    """Efforts of the control interval ``step``; a callable is asked once for each."""
+    """Efforts of the control interval ``step``; a callable is called once for each."""
     if commanded == step:
         return last, commanded
     joints = len(batch.scene.robot.joints)

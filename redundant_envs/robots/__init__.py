@@ -1,4 +1,4 @@
-"""Arms: every printed equation, with a mark of where it is printed. A new arm is a file and a line here."""
+"""Arms: every printed equation names its location in the report. A new arm is a file and a line here."""
 
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.chain import Chain

@@ -20,17 +20,17 @@ from redundant_envs.robots.arm import Arm
 
 Function = Callable[..., Any]
 Added = tuple[tuple[tuple[int, ...], str], ...]
-"""Joints of whose rates the sum is meant, and the name of the inertia, kg m^2 or kg."""
+"""Joints whose rates are summed, and the name of the inertia, kg m^2 or kg."""
 BARE = "bare_{}"
-"""Names of what the point masses alone give; an arm's own functions take these."""
+"""Names of quantities of the point masses alone; an arm's own functions take these."""
 LARGEST_RATIO = 1e6
-"""Of an inertia to the lightest mass, on the shortest link: L D L^T loses as many digits."""
+"""Largest ratio of an inertia to the lightest mass on the shortest link: L D L^T loses its digits."""
 KEPT_CLASSES = 64
 
 
 @functools.lru_cache(maxsize=64)
 def functions_with(arm: Arm, added: Added) -> tuple[Function, ...]:
-    """The functions of an arm with inertias: of the mass matrix and what follows from it there are others."""
+    """The functions of an arm with inertias: those of the mass matrix and its consequences are replaced."""
     n = len(arm.coordinates)
     entries = [f"M{i + 1}{j + 1}" for i in range(n) for j in range(n)]
     kept = [f for f in arm.functions if "qdd1" not in gives_of(f)]
@@ -53,14 +53,14 @@ def held_functions(arm: Arm) -> tuple[Function, Function]:
 
 
 class Loaded:
-    """What arms with inertias of effects have in common: they are no arm of a scene."""
+    """Base of arms with inertias of effects, which cannot be the arm of a scene."""
 
 
 _classes: OrderedDict[Any, type[Arm]] = OrderedDict()
 
 
 def with_inertias(arm: Arm, added: Added, values: Mapping[str, float]) -> Arm:
-    """An arm that has inertias, of the values that their names have, as its own."""
+    """An arm that includes inertias, whose values are given by name."""
     kind, own = type(arm), tuple((name, values[name]) for _, name in added)
     key = kind, added, own
     if key not in _classes:
@@ -91,7 +91,7 @@ def _loaded_class(arm: Arm, added: Added, values: dict[str, float]) -> type[Arm]
 
 
 def _of_point_masses(function: Function, bare: set[str]) -> Function:
-    """The same function of what the point masses alone give, under names that say so."""
+    """The same function with the quantities of the point masses alone, under names that say so."""
 
     def named(names: Sequence[str]) -> str:
         return " ".join(BARE.format(name) if name in bare else name for name in names)
@@ -105,7 +105,7 @@ def _of_point_masses(function: Function, bare: set[str]) -> Function:
     def renamed(*values: Any) -> Any:
         return function(*values)
 
-    vars(renamed).pop("follows", None)  # nothing else gives this
+    vars(renamed).pop("follows", None)  # no other function returns this
     return renamed
 
 
@@ -148,7 +148,7 @@ def _kinetic_energy(added: Added) -> Function:
 
 
 def _angular_momentum(arm: Arm, added: Added) -> Function:
-    """Of inertias that turn with the first revolute joint: the motors of the others are part of the arm."""
+    """Inertias that turn with the first revolute joint: the motors of the others are part of the arm."""
     first = arm.prismatic.index(False) if False in arm.prismatic else None
     turning = tuple((group, name) for group, name in added if first in group)
     return _sum_over(turning, "Lz", lambda inertia, rate: inertia * rate)

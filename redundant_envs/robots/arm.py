@@ -1,7 +1,7 @@
-"""An arm: its equations as functions that find each other by names, and their numerical faces.
+"""An arm: its equations as functions that find each other by name, and methods that evaluate them.
 
-An arm of 1 to 10 joints is a frozen dataclass derived from :class:`Arm`. What it must give, and what
-follows from that, is listed there.
+An arm of 1 to 10 joints is a frozen dataclass derived from :class:`Arm`, whose docstring lists what an arm
+must define, and what follows from that.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ Function = Callable[..., Any]
 class Arm:
     """A planar arm of point masses.
 
-    A subclass says the types of its joints and gives a function of the physics dialect for the positions of
+    A subclass names the types of its joints and has a function of the physics dialect for the positions of
     its point masses, ``x1 y1 x2 ...``, the last of them at the tip::
 
         @physics(gives="x1 y1 x2 y2")
@@ -52,16 +52,16 @@ class Arm:
     ``w1 ..``, the sines ``s1 ..`` and the cosines ``c1 ..``, and ``r1 ..`` of sliders, with the rates ``v1
     ..``. Without functions the masses are at the ends of links and sliders (:class:`~redundant_envs.Chain`).
 
-    The rest follows by differentiation, with the mobility bounds. A function may give any of it in a better
-    form: the Jacobian ``J11 .. J2n`` of the tip, ``Jdqd1 Jdqd2``, the mass matrix ``M11 .. Mnn``, the bias
-    forces ``h1 .. hn``, the Coriolis matrix ``C11 .. Cnn``, in the field (ax, ay) the gravity forces ``G1 ..
-    Gn``, the accelerations ``qdd1 ..``, ``T``, ``U``, ``Lz``, ``manipulability``. Functions of the position
-    alone give nothing that depends on rates. ``python -m redundant_envs verify`` compares such forms with the
-    point masses.
+    The rest follows by differentiation, with the mobility bounds. A function may compute any of it in a
+    better form: the Jacobian ``J11 .. J2n`` of the tip, ``Jdqd1 Jdqd2``, the mass matrix ``M11 .. Mnn``, the
+    bias forces ``h1 .. hn``, the Coriolis matrix ``C11 .. Cnn``, in the field (ax, ay) the gravity forces
+    ``G1 .. Gn``, the accelerations ``qdd1 ..``, ``T``, ``U``, ``Lz``, ``manipulability``. Functions of the
+    position alone must not return quantities that depend on rates. ``python -m redundant_envs verify``
+    compares such forms with the point masses.
 
-    An arm with coordinates of its own names them, ``coordinates``, ``rates``, ``joints``, ``prismatic``,
-    ``sincos`` and ``num_lengths``, in place of ``joint_types``. If they are not those of the joints it gives
-    ``phi1 ..``, ``phid1 ..``, ``Q1 ..`` of ``t1 ..``, each by a function of its own, and
+    An arm with other coordinates names them, ``coordinates``, ``rates``, ``joints``, ``prismatic``,
+    ``sincos`` and ``num_lengths``, instead of ``joint_types``. If they are not those of the joints it
+    computes ``phi1 ..``, ``phid1 ..``, ``Q1 ..`` from ``t1 ..``, each by a function of its own, and
     ``coordinates_of_joints``. (ax, ay) is minus the gravity vector [m/s^2].
 
     Parameters
@@ -142,7 +142,7 @@ class Arm:
     schematic: ClassVar[str] = ""
 
     def __init_subclass__(cls) -> None:
-        """Add what follows from what the class gives, and refuse a class that lacks something."""
+        """Add everything that follows from the definitions of the class, and refuse an incomplete class."""
         super().__init_subclass__()
         if not {"functions", "joint_types"} & cls.__dict__.keys():
             return
@@ -191,7 +191,7 @@ class Arm:
 
     @classmethod
     def _say(cls, facts: Mapping[str, Any]) -> None:
-        """Set attributes that neither the class nor a base has said itself; each class has its own kind."""
+        """Set attributes that neither the class nor a base has defined; each class has its own kind."""
         for name, value in facts.items():
             if not cls._has_said(name) or (name == "kind" and name not in cls.__dict__):
                 cls._derived |= {name}
@@ -218,7 +218,7 @@ class Arm:
         values.update({f"l{i + 1}": length for i, length in enumerate(self.lengths)})
         return values
 
-    # ---- numerical faces of the equations; ``...`` is any batch shape, arguments broadcast -----------------
+    # ---- evaluation of the equations; ``...`` is any batch shape, arguments broadcast ----------------------
 
     def evaluate(self, wanted: Iterable[str], values: Mapping[str, Any]) -> list[Any]:
         """Quantities from known ones (numbers, or arrays that broadcast), in the order wanted."""
@@ -324,14 +324,14 @@ class Arm:
         -------
         dict
             "q", "qd", "Q", "parameters" (symbols); "M", "C", "J" (Matrix); "h", "G", "qdd",
-            "tip", "Jdot_qd" (column Matrix); "T", "U", "Lz", "manipulability" (expressions); of these
-            what the arm has.
+            "tip", "Jdot_qd" (column Matrix); "T", "U", "Lz", "manipulability" (expressions); only those
+            that the arm has.
         """
         return symbols_of(self)
 
 
 def _defaults(arm: type[Arm]) -> dict[str, Any]:
-    """What an arm need not say that is no function of the model."""
+    """Optional attributes of an arm that are not functions of the model."""
     n = len(arm.coordinates)
     sliders = [k for k, slides in enumerate(arm.prismatic) if slides]
     made: dict[str, Any] = {

@@ -19,7 +19,7 @@ class Chain(Arm):
 
     Angles are absolute, from +x. A revolute joint begins a new direction, with a link whose length is the
     next one of ``lengths``; a slider moves along the direction of the joint before it, or along +x if no
-    revolute joint is before it, and its coordinate is how far. The next mass is at the end of each.
+    revolute joint is before it, and its coordinate is the distance. The next mass is at the end of each.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class Chain(Arm):
     Raises
     ------
     ValueError
-        That names the argument, its value and what is allowed.
+        The message names the argument, its value and what is allowed.
 
     Examples
     --------

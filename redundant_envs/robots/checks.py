@@ -1,4 +1,4 @@
-"""Does an arm say what it must? Looked at when its class is made."""
+"""Checks that the definition of an arm is complete, made when its class is created."""
 
 from __future__ import annotations
 
@@ -58,7 +58,8 @@ def check_joints(arm: Any) -> None:
 
 
 def check_quantities(arm: Any) -> None:
-    """ValueError unless an arm gives what it must, and its sliders move along coordinates of their own."""
+    """ValueError unless an arm has all required functions, and its sliders move along their own
+    coordinates."""
     n = len(arm.coordinates)
     if not hasattr(arm, "coordinates_of_joints"):
         raise ValueError(f"{arm.kind} gives phi1 and no coordinates_of_joints; give that function too")

@@ -1,6 +1,6 @@
-"""What an arm need not say itself, because it follows from what it says: for any number of joints.
+"""Quantities that follow from the definitions of an arm, for any number of joints.
 
-An arm may give each of these in a better form, as the arms of this package do.
+An arm may compute each of these in a better form, as the arms of this package do.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ Function = Callable[..., Any]
 
 
 def joint_coordinates(coordinates: Sequence[str], rates: Sequence[str]) -> list[Function]:
-    """Of an arm whose coordinates are those of its joints: positions, rates, motor map are the identity."""
+    """For an arm whose coordinates are those of its joints: positions, rates, motor map are the identity."""
     n = len(coordinates)
     pairs = (("phi{}", coordinates), ("phid{}", rates), ("Q{}", numbered("t{}", n)))
     return [_identity(numbered(form, n), taken) for form, taken in pairs]
@@ -30,7 +30,7 @@ def _identity(given: Sequence[str], taken: Sequence[str]) -> Function:
 
 
 def coordinates_of_joints(coordinates: Sequence[str]) -> Function:
-    """Of such an arm: coordinates from joint positions."""
+    """For such an arm: coordinates from joint positions."""
     return _identity(coordinates, numbered("phi{}", len(coordinates)))
 
 
@@ -68,8 +68,8 @@ def potential_energy(masses: int) -> Function:
 
 
 def functions_of(arm: Any, given: set[str]) -> list[Function]:
-    """What follows from the mass points, the Jacobian, the mass matrix and the forces of an arm's class, and
-    is not yet ``given``."""
+    """Functions that follow from the mass points, the Jacobian, the mass matrix and the forces of an arm's
+    class, and are not yet ``given``."""
     n = len(arm.coordinates)
     made = {
         "tip_x": tip(arm.num_masses), "tip_vx": tip_velocity(arm.rates), "manipulability": manipulability(n),
@@ -79,18 +79,18 @@ def functions_of(arm: Any, given: set[str]) -> list[Function]:
 
 
 def following(function: Function) -> Function:
-    """Mark a function as one that the arm did not give itself."""
+    """Mark a function as derived, not defined by the arm."""
     function.follows = True  # type: ignore[attr-defined]
     return function
 
 
 def follows(function: Function) -> bool:
-    """Whether it was found from other functions of an arm."""
+    """Whether a function was derived from other functions of an arm."""
     return getattr(function, "follows", False)
 
 
 def is_derived(function: Function) -> bool:
-    """Whether a function was made here: of matrices and Jacobians, which effects may change."""
+    """Whether a function was made here, from matrices and Jacobians, which effects may change."""
     return getattr(function, "__module__", None) == __name__
 
 
@@ -159,7 +159,7 @@ def held_dynamics(n: int, sliders: Sequence[int]) -> Function:
 
 
 def slider_mobility(n: int, sliders: Sequence[int]) -> Function:
-    """Columns of M^-1: what a unit impulse along each slider does to the velocities."""
+    """Columns of M^-1: the change of the velocities by a unit impulse along each slider."""
     names = [f"W{i + 1}{k + 1}" for k in sliders for i in range(n)]
 
     @physics(gives=" ".join(names), takes=" ".join(_matrix(n)))

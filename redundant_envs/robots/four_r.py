@@ -1,8 +1,8 @@
 """4R: q = (theta1, ..., theta4); absolute angles from +x; point masses at the link ends.
 
-Places in the report are marked "report 2.x". Its misprints are corrected (docs/errata.md). s21, c21
+Locations in the report are marked "report 2.x". Its misprints are corrected (docs/errata.md). s21, c21
 are sin, cos(theta2 - theta1) and so on; mu_i is the mass carried by link i; w1..w4 are the rates.
-(ax, ay) is the acceleration that stands for the uniform field: minus the gravity vector, m/s^2.
+(ax, ay) is the acceleration equivalent to the uniform field: minus the gravity vector, m/s^2.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def wider_differences(s21, c21, s32, c32, s43, c43):
 
 @physics(gives="phi1 phi2 phi3 phi4")
 def joint_positions(theta1, theta2, theta3, theta4):
-    """B^T q: what the joint encoders read."""
+    """B^T q: the readings of the joint encoders."""
     return theta1, theta2 - theta1, theta3 - theta2, theta4 - theta3
 
 
@@ -242,8 +242,8 @@ def mobility_bounds(m1, m2, m3, m4, l1, l2, l3, l4):
     """Upper bounds of the joint mobilities, diag(B^T M^-1 B), in every pose; 1/(kg m^2).
 
     A mobility is 1 over the least sum m |a|^2 with which its joint accelerates by 1 while the
-    other joints do as they like. Each bound keeps the two links of the joint, as bars that are
-    free but for the base, and halves the mass they share.
+    other joints move freely. Each bound keeps the two links of the joint, as bars that are
+    free except at the base, and halves the mass they share.
     """
     return (
         1.0 / (m1 * l1 * l1),

@@ -7,7 +7,7 @@ from redundant_envs.algebra import physics
 
 @physics(gives="inverse_l1 inverse_l2 inverse_l3 inverse_l4 inverse_m4 N3")
 def products_of_masses(m3, m4, l1, l2, l3, l4):
-    """What the elimination needs of masses and lengths alone."""
+    """The part of the elimination that depends on masses and lengths alone."""
     return 1.0 / l1, 1.0 / l2, 1.0 / l3, 1.0 / l4, 1.0 / m4, m3 * (m3 + m4)
 
 
@@ -18,7 +18,7 @@ def forward_dynamics(
 ):  # fmt: skip
     """O(n) elimination, tip to base and back, in the frame of each link: no mass matrix is formed.
 
-    d is the inertia that a link and all beyond it show along the link, m + d' s^2 the pivot across
+    d is the effective inertia along a link, of the link and all beyond it, m + d' s^2 the pivot across
     it, with d' that of the next link: sums of positive numbers. Numerators N and denominators D of
     d = N/D and of the pivots D/D' are formed first, so that no division waits for another.
     """

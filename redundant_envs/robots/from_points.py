@@ -1,8 +1,8 @@
-"""What follows from the positions of an arm's point masses alone, by differentiating them.
+"""Equations that follow from the positions of an arm's point masses alone, by differentiating them.
 
-The functions that give ``x1 y1 ...`` are run on numbers with derivatives: along one coordinate they give a
-column of every point's Jacobian, along the rates its velocity, twice along the rates the acceleration that
-the motion itself makes. A derivative that is 0 in every pose is the float 0.0, and nothing is computed of it.
+The functions that return ``x1 y1 ...`` are run on numbers with derivatives: along one coordinate they yield
+a column of every point's Jacobian, along the rates its velocity, twice along the rates its acceleration at
+constant rates. A derivative that is 0 in every pose is the float 0.0, and nothing is computed from it.
 Sums over the mass points of these are the mass matrix, the bias forces and the gravity forces.
 """
 
@@ -24,7 +24,7 @@ class Points:
     Parameters
     ----------
     arm : subclass of Arm
-        Its functions of now; those that are added later are not used.
+        Its present functions; those that are added later are not used.
     """
 
     def __init__(self, arm: Any) -> None:
@@ -61,8 +61,8 @@ class Points:
 
 
 def functions_of(arm: Any, given: set[str]) -> list[Function]:
-    """What follows from the mass points of an arm's class, and is not yet ``given``; nothing if those are not
-    all there."""
+    """Functions that follow from the mass points of an arm's class, and are not yet ``given``; none if mass
+    points are missing."""
     points = Points(arm)
     if not given.issuperset(points.positions):
         return []
@@ -76,9 +76,9 @@ def functions_of(arm: Any, given: set[str]) -> list[Function]:
 
 
 def point_motion(points: Points, given: Iterable[str]) -> list[Function]:
-    """Of every mass point k, counted from 1, its velocity ``vx<k> vy<k>``, the derivatives of its position by
-    the coordinates, ``X<k>1 .. Y<k>1 ..``, and its acceleration if no rate changes, ``Xdqd<k> Ydqd<k>``; but
-    what the arm has ``given``."""
+    """For every mass point k, counted from 1, its velocity ``vx<k> vy<k>``, the derivatives of its position
+    by the coordinates, ``X<k>1 .. Y<k>1 ..``, and its acceleration at constant rates, ``Xdqd<k> Ydqd<k>``;
+    except those that the arm has ``given``."""
     known, given = [*points.pose, *points.numbers], set(given)
 
     def velocities(values: Mapping[str, Any]) -> list[Any]:
@@ -108,7 +108,8 @@ def _named(
     gives: Sequence[str], takes: Sequence[str], function: Callable[[Mapping[str, Any]], list[Any]],
     given: Iterable[str],
 ) -> Function:  # fmt: skip
-    """A function of the dialect of one that takes its arguments by name; what is ``given`` is left out."""
+    """A dialect function from one that takes its arguments by name; results already ``given`` are left
+    out."""
     wanted = [i for i, name in enumerate(gives) if name not in given]
 
     @physics(gives=" ".join(gives[i] for i in wanted), takes=" ".join(takes))
@@ -194,7 +195,7 @@ def jacobian(masses: int, n: int) -> Function:
 
     @physics(gives=" ".join(f"J{i}{j + 1}" for i in (1, 2) for j in range(n)), takes=" ".join(columns))
     def jacobian(*columns):
-        """Of the last mass point, the tip."""
+        """For the last mass point, the tip."""
         return columns
 
     return jacobian
@@ -244,6 +245,6 @@ def _at_coordinates(X: Sequence[Any], Y: Sequence[Any], fx: Sequence[Any], fy: S
 
 
 def _sum(terms: Iterable[Any]) -> Any:
-    """Without what is 0 in every pose."""
+    """Without the terms that are 0 in every pose."""
     there = [term for term in terms if not is_zero(term)]
     return sum(there[1:], there[0]) if there else 0.0

@@ -1,6 +1,6 @@
 """An arm from the types of its joints: "RPR" is a revolute, a prismatic, a revolute joint, from the base on.
 
-Angles are absolute, from +x. A revolute joint begins a new direction, with a link of its own length and a
+Angles are absolute, from +x. A revolute joint begins a new direction, with a link of the next length and a
 mass at its end; a slider moves along the direction before it, or along +x if no revolute joint is before it,
 and has a mass at its end. Revolute joints and sliders are counted each on their own: theta1, r1, theta2.
 """
@@ -16,7 +16,7 @@ from redundant_envs.values import shown
 
 Function = Callable[..., Any]
 MOST_JOINTS = 10
-"""With more M111 is an entry of two places."""
+"""With more joints, M111 could be two different entries."""
 
 
 def check_joint_types(where: str, types: Any) -> str:
@@ -30,13 +30,13 @@ def check_joint_types(where: str, types: Any) -> str:
 
 
 def facts_of(types: str, functions: Sequence[Function]) -> dict[str, Any]:
-    """What an arm of such joints is, by the names of :class:`~redundant_envs.Arm`.
+    """Attributes of an arm of such joints, by their names in :class:`~redundant_envs.Arm`.
 
     Parameters
     ----------
     types : str
     functions : sequence of functions
-        What the arm gives itself; without point masses it has those at the ends of its links.
+        The arm's own functions; without point masses among them, these are at the ends of its links.
     """
     names = _counted(types, "theta{}", "r{}")
     angles = [name for name, kind in zip(names, types, strict=True) if kind == "R"]
@@ -61,7 +61,7 @@ def facts_of(types: str, functions: Sequence[Function]) -> dict[str, Any]:
 
 
 def functions_of(types: str, given: set[str]) -> list[Function]:
-    """Functions of an arm of such joints that are not yet ``given``, by what they give."""
+    """Functions of an arm of such joints that are not yet ``given``, by the names of their results."""
     angles = types.count("R")
     made = [*_joint_maps(types), _points(types)]
     made += [_angle_between(k) for k in range(2, angles + 1)]
@@ -96,7 +96,7 @@ def _numbered(form: str, types: str) -> str:
 
 def _joint_maps(types: str) -> list[Function]:
     """Positions and rates of the joints, B^T q and B^T qd, and the motor map B t: a motor acts between the
-    link of its joint and what is before it."""
+    link of its joint and the part before it."""
     revolute = [k for k, kind in enumerate(types) if kind == "R"]
     before = dict(zip(revolute[1:], revolute, strict=False))
     behind = {k: j for j, k in before.items()}

@@ -1,10 +1,11 @@
 """Upper bounds of the mobilities of joints in every pose, diag(B^T M^-1 B), from the point masses alone.
 
-The mobility of a joint is 1 over the least sum m |v|^2 with which its rate is 1 while the other joints do as
-they like. Where the rate is a sum of c_k . v_k over velocities of points in every pose, it is at most the sum
+The mobility of a joint is 1 over the least sum m |v|^2 with which its rate is 1 while the other joints move
+freely. Where the rate is a sum of c_k . v_k over velocities of points in every pose, it is at most the sum
 of |c_k|^2 / m_k, by the inequality of Cauchy and Schwarz. Such sums are found in poses at random, when an
-arm's class is made: two points at a constant distance show how fast their line turns, two such lines the rate
-of what is between them; and points whose velocities along a slider differ by its rate alone show that rate.
+arm's class is made: two points at a constant distance determine the rate of their line, two such lines the
+rate of a joint between them; and points whose velocities along a slider differ by its rate alone determine
+that rate.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ Function = Callable[..., Any]
 Array = NDArray[np.float64]
 POSES = 4
 EQUAL = 1e-9
-"""Numbers of size 1 that differ by less in all these poses are the same in every pose."""
+"""Numbers of size 1 that differ by less than this in all these poses are the same in every pose."""
 
 
 class Line(NamedTuple):
@@ -38,7 +39,7 @@ class Line(NamedTuple):
 
 
 def mobility_bounds(arm: Any) -> Function | None:
-    """``W1 .. Wn`` of masses and lengths; None where the mass points do not show the rate of a joint."""
+    """``W1 .. Wn`` of masses and lengths; None if the mass points do not determine the rate of a joint."""
     points = Points(arm)
     with np.errstate(all="ignore"):
         try:
@@ -65,7 +66,7 @@ def mobility_bounds(arm: Any) -> Function | None:
 
 
 def _in_poses(points: Points) -> tuple[Array, Array]:
-    """Positions of the base and all points in poses of arms at random, (points, 2, poses), and their
+    """Positions of the base and all points in random poses of random arms, (points, 2, poses), and their
     derivatives by the coordinates, (points, 2, poses, coordinates)."""
     rng = np.random.default_rng(0)
     known: dict[str, Any] = {name: rng.uniform(0.5, 1.5, POSES) for name in points.numbers}
@@ -110,7 +111,8 @@ Bound = Callable[[Sequence[Any], Sequence[Any]], Any]
 
 
 def _between(lines: Sequence[Line], row: Array) -> Iterator[Bound]:
-    """Bounds of a revolute joint's mobility: of lines that turn with its rate, alone or seen from another."""
+    """Bounds of a revolute joint's mobility, from lines that turn with its rate, alone or relative to
+    another."""
     alone = [(k,) for k, line in enumerate(lines) if _is_zero(np.abs(line.rate) - np.abs(row))]
     pairs = itertools.permutations(range(len(lines)), 2)
     both = [(i, k) for i, k in pairs if _is_zero(lines[k].rate - lines[i].rate - row)]
@@ -128,8 +130,8 @@ def _between(lines: Sequence[Line], row: Array) -> Iterator[Bound]:
 
 
 def _along(slopes: Array, j: int, row: Array) -> Iterator[Bound]:
-    """Bounds of a slider's mobility: of points whose velocities along it differ by its rate. Those with the
-    same velocity along it are as heavy as all of them together."""
+    """Bounds of a slider's mobility, from points whose velocities along it differ by its rate. Points with
+    the same velocity along it count with their total mass."""
     moved = [k for k in range(len(slopes)) if not _is_zero(slopes[k, ..., j])]
     if not moved:
         return
@@ -155,7 +157,7 @@ def _along(slopes: Array, j: int, row: Array) -> Iterator[Bound]:
 
 
 def _distances(points: Points, known: dict[str, Any], lines: Sequence[Line]) -> list[Any]:
-    """Lengths of lines: of the difference of columns of Jacobians, where nothing cancels."""
+    """Lengths of lines, from the difference of columns of Jacobians, where nothing cancels."""
     pose = dict.fromkeys(points.pose, 0.0) | {c: 1.0 for _, c in points.turning.values()}
     columns = [points.column({**known, **pose}, j) for j in range(points.joints)]
     made = []

@@ -1,4 +1,4 @@
-"""Numbers that are checked: masses, lengths, strengths and travels, of arms and of effects."""
+"""Checks of numbers: masses, lengths, strengths and travels, of arms and of effects."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ SMALLEST, LARGEST = 1e-30, 1e30
 
 
 STRONGEST = 1e100
-"""Largest strength of a field, a force, a spring or a damper: the largest mass times the largest length
-times more than any rate, and its square still is a float."""
+"""Largest strength of a field, a force, a spring or a damper: the largest mass times the largest length,
+times a factor above any rate; its square still is a float."""
 
 
 def number(field: str, value: Any) -> float:
     """A finite float, or a ValueError that names the field."""
-    numeric = getattr(getattr(value, "dtype", None), "kind", "f") in "iuf"  # of NumPy: no bool, no complex
+    numeric = getattr(getattr(value, "dtype", None), "kind", "f") in "iuf"  # NumPy: no bool, no complex
     if isinstance(value, (bool, str, bytes, bytearray)) or not numeric or getattr(value, "ndim", 0) != 0:
         raise ValueError(f"{field} is {shown(value)}; give a finite number")
     try:
@@ -43,7 +43,7 @@ def strength(field: str, value: Any) -> float:
 
 
 def travel(lower_field: str, lower: Any, upper_field: str, upper: Any) -> tuple[float, float]:
-    """Two ends of a travel: finite, in order, and as far apart as a length may be small."""
+    """Two ends of a travel: finite, in order, and at least as far apart as the smallest allowed length."""
     low, high = number(lower_field, lower), number(upper_field, upper)
     for field, x in ((lower_field, low), (upper_field, high)):
         if abs(x) > LARGEST:
@@ -72,7 +72,7 @@ def numbers(field: str, values: Any, count: int | None = None) -> tuple[float, .
 
 
 def for_sliders(effect: str, arm: str, sliders: list[int], count: int) -> list[int]:
-    """The sliders of an arm; ValueError unless an effect has numbers for each of them."""
+    """The sliders of an arm; ValueError unless an effect has a number for each of them."""
     if not sliders:
         raise ValueError(f"{effect} acts on prismatic joints, and {arm} has none: leave it out")
     if len(sliders) != count:

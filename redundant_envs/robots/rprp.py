@@ -1,9 +1,9 @@
 """RPRP: q = (theta1, r1, theta2, r2); absolute angles from +x; point masses at the link ends.
 
-Places in the report are marked "report 1.x". Its misprints are corrected (docs/errata.md). With
+Locations in the report are marked "report 1.x". Its misprints are corrected (docs/errata.md). With
 a = l1 + r1, b = l2 + r2, s12, c12 = sin, cos(theta1 - theta2), mu2 = m2 + m3 + m4,
 sigma = m3 l2 + m4 b, I = m3 l2^2 + m4 b^2. Rates: w1, w2 are theta1', theta2'; v1, v2 are r1', r2'.
-(ax, ay) is the acceleration that stands for the uniform field: minus the gravity vector, m/s^2.
+(ax, ay) is the acceleration equivalent to the uniform field: minus the gravity vector, m/s^2.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def second_direction(s1, c1, s12, c12):
 
 @physics(gives="phi1 phi2 phi3 phi4")
 def joint_positions(theta1, r1, theta2, r2):
-    """B^T q: what the joint encoders read."""
+    """B^T q: the readings of the joint encoders."""
     return theta1, r1, theta2 - theta1, r2
 
 
@@ -227,7 +227,7 @@ def mobility_bounds(m1, m2, m3, m4, l1, l2):
     """Upper bounds of the joint mobilities, diag(B^T M^-1 B), in every pose; 1/(kg m^2) or 1/kg.
 
     A mobility is 1 over the least sum m |a|^2 with which its joint accelerates by 1 while the
-    other joints do as they like; each bound leaves out masses or lets them move more freely.
+    other joints move freely; each bound leaves out masses or lets them move more freely.
     """
     return (
         1.0 / (m1 * l1 * l1),

@@ -7,7 +7,7 @@ from redundant_envs.algebra import physics, where
 
 @physics(gives="inverse_m4 S1 S3 I1 I3 m3m4")
 def products_of_masses(m1, m3, m4, l1, l2):
-    """What the elimination needs of masses and lengths alone; S, I: first and second moments of mass."""
+    """The part that depends on masses and lengths alone; S, I: first and second moments of mass."""
     return 1.0 / m4, m1 * l1, m3 * l2, m1 * l1 * l1, m3 * l2 * l2, m3 * m4
 
 
@@ -18,11 +18,11 @@ def elimination(
 ):  # fmt: skip
     """O(n) elimination of the second link, then a 2 x 2 system: no mass matrix is formed.
 
-    Vectors stand in the frame of link 1 (components e along it, n across it). Every pivot (I, Kee,
-    D1) is a sum of positive numbers, and what would cancel is left out, so no digits are lost at extreme mass
+    Vectors are in the frame of link 1 (components e along it, n across it). Every pivot (I, Kee, D1) is a sum
+    of positive numbers, and terms that would cancel are left out, so no digits are lost at extreme mass
     ratios or in line. All are multiplied by I, and D1 by Kee too, so that no division waits for another.
 
-    A slider with held > 0 stands still on its link (its rate is 0). The last two results are the
+    A slider with held > 0 is at rest on its link (its rate is 0). The last two results are the
     forces along the sliders that hold them.
     """
     a = l1 + r1
@@ -30,7 +30,7 @@ def elimination(
     sigma = S3 + m4 * b
     I = I3 + m4 * b * b
     inverse_I = 1.0 / I
-    # What the second link adds at the slider: m2 1 + along e2 e2^T + kappa n2 n2^T, kappa I here.
+    # Contribution of the second link at the slider: m2 1 + along e2 e2^T + kappa n2 n2^T, kappa I here.
     along = where(held4 > 0.0, m3 + m4, m3)
     kappa = m3m4 * r2 * r2
     Kee = m2 * I + along * I * (c12 * c12) + kappa * (s12 * s12)
@@ -49,7 +49,7 @@ def elimination(
     Knn = m2 * I + along * I * (s12 * s12) + kappa * (c12 * c12)
     base = Q1 - S1 * gn
     moment = a * base + bn * I1
-    # What is left of Kee fn + Ken fe and Knn fe + Ken fn, since Kee Knn - Ken^2 = I m23 K2: the
+    # The remainder of Kee fn + Ken fe and Knn fe + Ken fn, since Kee Knn - Ken^2 = I m23 K2: the
     # rest cancels, to as many digits as m3 is heavier than the others.
     pull = K2 * pe
     push = m23 * pn
@@ -98,7 +98,7 @@ def held_dynamics(
 
 @physics(gives="W12 W22 W32 W42 W14 W24 W34 W44")
 def slider_mobility(m2, m3, m4, l1, l2, inverse_m4, S1, S3, I1, I3, m3m4, r1, r2, s1, c1, s12, c12):
-    """Columns 2 and 4 of M^-1: what a unit impulse along each slider does to the velocities."""
+    """Columns 2 and 4 of M^-1: the change of the velocities by a unit impulse along each slider."""
     W12, W22, W32, W42, _, _ = elimination(
         m2, m3, m4, l1, l2, inverse_m4, S1, S3, I1, I3, m3m4, r1, r2, s1, c1, s12, c12, 0.0, 0.0, 0.0, 0.0,
         0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,

@@ -1,4 +1,4 @@
-"""The equations of an arm as sympy expressions, of the same text."""
+"""The equations of an arm as sympy expressions, from the same source."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What a lane does, as ordinary Python on numbers: dynamics, interval, episode; it knows no compiler."""
+"""The program of a lane, as ordinary Python on numbers: dynamics, interval, episode; it knows no compiler."""

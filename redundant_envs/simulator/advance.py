@@ -1,4 +1,4 @@
-"""The program of a batch: all lanes through a control interval under given efforts."""
+"""The program of a batch: advance all lanes by a control interval under given efforts."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Sliders at their stops, and joints where forces change their laws: what a step tells of them, and how
-contacts are resolved."""
+"""Sliders at their stops, and joints at which forces change their laws: how a step finds their events, and
+how contacts are resolved."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ class AtStops(Setting):
     """Procedures of lanes whose sliders may be at stops."""
 
     def sliders(self, lane: Lane, origin: str, h: Any) -> list[Slider]:
-        """The sliders in a step, whose start is in the fields of a form, and the joints with switches."""
+        """The sliders in a step, whose initial values are in fields of this form, and the joints with
+        switches."""
         sliders = [
             Slider(
                 lane[q], lane[v], lane[origin.format(q)], lane[origin.format(v)],
@@ -53,7 +54,7 @@ class AtStops(Setting):
             lane[f"turning_{s.name}"] = crossings.turning_time(slider, h)
 
     def begun_at(self, lane: Lane, rule: Any) -> list[Any]:
-        """A rule of :mod:`sliders` on every slider as it was before the common step."""
+        """Apply a rule of :mod:`sliders` to every slider in its state before the common step."""
         return [
             rule(*lane.get((q, v, active_stop(s.name)), of="{}_start"), lane[s.lower], lane[s.upper])
             for s, q, v in zip(self.stops, self.positions, self.rates, strict=True)
@@ -67,7 +68,7 @@ class AtStops(Setting):
         )
 
     def meet(self, lane: Lane) -> None:
-        """After :meth:`judge`, where a slider is near a stop: whether it meets it."""
+        """After :meth:`judge`, for sliders near a stop: whether they meet it."""
         sliders = self.sliders(lane, "{}_start", lane.h)
         self._set_crossings(lane, sliders, lane.h)
         # A slider that was released before the step starts at its stop and may leave it.
@@ -80,7 +81,7 @@ class AtStops(Setting):
         lane.reason = where(lane.reason == Reason.NEAR_STOP, met, lane.reason)
 
     def press(self, lane: Lane) -> None:
-        """After a step with sliders at rest: how hard a stop would have to pull one now, too."""
+        """After a step with sliders at rest: also the force with which a stop would have to pull one now."""
         x = self.contact_quantities(lane)
         for s in self.stops:
             held = x[f"held{s.joint + 1}"] > 0.0
@@ -93,20 +94,20 @@ class AtStops(Setting):
                 lane[f"{name}_{s.name}"] = where(held, value, lane[f"{name}_{s.name}"])
 
     def contact_quantities(self, lane: Lane) -> Any:
-        """Quantities of the present state, with the sliders at rest that are."""
+        """Quantities of the present state, with the present sliders at rest."""
         numbers = known_numbers(self.dynamics, lane, held=True)
         x = contact_quantities(self.dynamics, lane.get(self.dynamics.states), numbers)
         x["derivatives"] = self.dynamics.accelerations(x)
         return x
 
     def mobility(self, column: Any) -> list[list[Any]]:
-        """Mobilities of the sliders: how fast each moves by an impulse along each."""
+        """Mobilities of the sliders: the velocity of each by a unit impulse along each."""
         upper = {(i, j): column(i, j) for j in range(len(self.stops)) for i in range(j + 1)}
         n = range(len(self.stops))
         return [[upper[min(i, j), max(i, j)] for j in n] for i in n]
 
     def release(self, lane: Lane) -> None:
-        """Before a common step: sliders leave their stops that would have to pull them."""
+        """Before a common step: release sliders whose stops would have to pull them."""
         x = self.contact_quantities(lane)
         joints = [s.joint + 1 for s in self.stops]
         sliders = [
@@ -121,7 +122,7 @@ class AtStops(Setting):
             lane[name] = where(leaves, 0.0, lane[name])
 
     def look_at_contacts(self, lane: Lane) -> None:
-        """Accelerations, the forces that hold, and mobilities, of the present state."""
+        """Accelerations, holding forces and mobilities, of the present state."""
         x, dynamics = self.contact_quantities(lane), self.dynamics
         lane.set(dynamics.states[dynamics.count :], x["derivatives"], of="{}_slope")
         for s in self.stops:
@@ -130,10 +131,10 @@ class AtStops(Setting):
                 lane[f"mobility_{v}_{s.name}"] = x[f"W{k + 1}{s.joint + 1}"]
 
     def resolve_contacts(self, lane: Lane) -> None:
-        """At a stop: impulses, rest and release, as :mod:`contact_resolution` decides."""
+        """At a stop: apply impulses, rest and release, as :mod:`contact_resolution` decides."""
         dynamics = self.dynamics
         moving = dynamics.states[dynamics.count :]
-        # What a Taylor step to the stop has left to do, now that accelerations are known.
+        # The velocities of a Taylor step to the stop, now that the accelerations are known.
         now = {
             s: where(lane.slide == 0.0, lane[s], lane[s] + lane.slide * lane[f"{s}_slope"]) for s in moving
         }

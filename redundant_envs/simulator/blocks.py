@@ -1,4 +1,4 @@
-"""Blocks of lanes in a kernel: where their memories are, and the loop that takes all through an interval."""
+"""Blocks of lanes in a kernel: the addresses of their memories, and the loop that advances all of them."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from redundant_envs.tracing.graph import reached
 
 LANES = 8
 GROUP = 64
-"""Blocks that go through a step together: few enough to stay in a small cache, enough that what a step
-and what its events need of the instruction cache seldom replace each other."""
+"""Blocks that go through a step together: few enough to stay in a small cache, many enough that the code of
+a step and the code of its events seldom replace each other in the instruction cache."""
 MEMORY = {
     "state": "f64", "parameter": "f64", "log": "f64", "scratch": "f64", "queue": "i64",
     "parameter_stride": "int", "count": "int", "substeps": "int",
@@ -26,7 +26,8 @@ Procedure = Callable[[Lane], Any]
 
 @dataclass
 class Block:
-    """A block of lanes: its number, its first lane, how many count, and where its memories begin."""
+    """A block of lanes: its number, its first lane, the number of lanes, and the addresses of its
+    memories."""
 
     number: Scalar
     first: Scalar
@@ -36,15 +37,15 @@ class Block:
 
 @dataclass
 class Ends:
-    """What is done with the lanes at both ends of an interval.
+    """Work on the lanes at both ends of an interval.
 
     Attributes
     ----------
     begin : procedure of a lane, before anything else
     inputs : tables that it reads
-    end : procedure of a lane that has crossed the interval; it may give values for arrays
-    outputs : where these arrays begin for a block
-    finish : records what else is done with a block then
+    end : procedure of a lane that has crossed the interval; it may return values for arrays
+    outputs : addresses of these arrays for a block
+    finish : records further work on a block
     """
 
     begin: Procedure
@@ -71,28 +72,29 @@ class Blocks:
         self.layout = layout
         self.functions: dict[str, LaneFunction] = {}
         self.reads: dict[str, set[tuple[str, int]]] = {}
-        """Places of memory that each function loads."""
+        """Memory rows that each function loads."""
         self.count = (p["count"] + (LANES - 1)) >> 3
         """Number of blocks."""
 
     def width(self, lifetime: Lifetime) -> int:
-        """Numbers of a block in a memory."""
+        """Count of numbers of a block in a memory."""
         return self.layout.size(lifetime) * LANES
 
     @property
     def scratch_size(self) -> int:
-        """Numbers of the scratch memory: of two groups of blocks, and of slots with states and parameters."""
+        """Count of numbers of the scratch memory: two groups of blocks, and slots with states and
+        parameters."""
         group = 2 * GROUP if self.interval.local else 1
         slots = self.width(STATE) + self.width(SCRATCH) + self.width(PARAMETER)
         return group * self.width(SCRATCH) + (slots if self.interval.local else 0)
 
     @property
     def queue_size(self) -> int:
-        """Whole numbers of the queue: lanes that wait, and homes of the slots."""
+        """Length of the queue, in whole numbers: the waiting lanes, and the homes of the slots."""
         return GROUP * LANES + LANES if self.interval.local else 1
 
     def block(self, number: Any, in_group: Any) -> Block:
-        """The block of a number; ``in_group`` is its place in the scratch memory."""
+        """The block with a number; ``in_group`` is its index in the scratch memory."""
         p = self.p
         first = number * LANES
         rest = p["count"] - first
@@ -123,7 +125,7 @@ class Blocks:
         return self.p.mask(block[space], row)
 
     def whole_lines(self, block: Block, table: str, columns: int) -> Array:
-        """The lines of a table of a block; of one that is not full a copy, filled up with 0."""
+        """The rows of a table for a block; for a block that is not full, a copy padded with 0."""
         p, array = self.p, self.p[table]
         there = array + block.first * columns
         tile = p.space(LANES * columns, array.element)
@@ -138,7 +140,7 @@ class Blocks:
     # ---- all lanes -----------------------------------------------------------------------------------
 
     def advance(self, ends: Ends) -> None:
-        """All lanes through a control interval."""
+        """Advance all lanes by a control interval."""
         p, interval = self.p, self.interval
         before: list[Procedure] = [ends.begin, interval.clear]
         if not interval.repeated:
@@ -162,22 +164,22 @@ class Blocks:
     def call_with_tables(
         self, function: LaneFunction, block: Block, inputs: Mapping[str, Any], outputs: Any = None
     ) -> None:
-        """Call a function that reads lines of tables."""
+        """Call a function that reads rows of tables."""
         tables = {t: self.whole_lines(block, t, len(fields)) for t, (_, fields) in inputs.items()}
         self.p.call(function, **tables, **block.places, **(outputs or {}))
 
     def prune(self) -> None:
-        """Nothing is stored within an interval that no function and no loop reads."""
+        """Drop stores within an interval to rows that no function and no loop reads."""
         read = self.p.masked.union(*self.reads.values())
         for f in self.functions.values():
             f.stores[:] = [s for s in f.stores if s[0] != SCRATCH or (s[0], s[1]) in read]
 
 
 def written_by(function: LaneFunction) -> list[tuple[str, int]]:
-    """Places of memory that a function stores to."""
+    """Memory rows that a function stores to."""
     return [(space, row) for space, row, _ in function.stores]
 
 
 def reads_of(function: LaneFunction) -> set[tuple[str, int]]:
-    """Places of memory that a function loads."""
+    """Memory rows that a function loads."""
     return {n.extra for n in reached(function.results) if n.name == "load"}

@@ -1,4 +1,4 @@
-"""Where motions have events: stops of sliders, and positions at which forces change their laws."""
+"""Boundaries at which motions have events: stops of sliders, and positions at which force laws change."""
 
 from __future__ import annotations
 

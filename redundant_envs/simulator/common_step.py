@@ -1,4 +1,4 @@
-"""The step that all lanes make together, and why a lane leaves it."""
+"""The step that all lanes take together, and the reasons for which a lane leaves it."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class CommonStep(AtStops):
             lane.set(self.kept, lane.get(self.kept), of=self.origin)
 
     def start(self, lane: Lane) -> None:
-        """Before a common step: keep the state, and see which lanes that step may serve."""
+        """Before a common step: keep the state, and determine which lanes the step may serve."""
         lane.set(self.kept, lane.get(self.kept), of="{}_start")
         lane.error_start = lane.error
         if self.stops:
@@ -63,7 +63,7 @@ class CommonStep(AtStops):
                 lane.span_start = lane.span_start + lane.h
 
     def least_steps(self, lane: Lane) -> Any:
-        """How many steps the present rates and all springs and dampers need."""
+        """Number of steps that the present rates and all springs and dampers require."""
         arm = self.dynamics.arm
         turning = [abs(lane[v]) for v, slides in zip(arm.rates, arm.prismatic, strict=True) if not slides]
         rates = [lane.steady] if "steady" in self.dynamics.prepared else []
@@ -77,7 +77,7 @@ class CommonStep(AtStops):
         self._set_step(lane, lane.h, None)
 
     def _set_step(self, lane: Lane, h: Any, moving: Any) -> None:
-        """The fields of a step; of lanes that are not ``moving`` the state stays."""
+        """The fields of a step; the state of lanes that are not ``moving`` stays."""
         dynamics = self.dynamics
         step = lane_step(dynamics, lane, h, held=bool(self.stops))
         if self.estimates:
@@ -94,7 +94,7 @@ class CommonStep(AtStops):
             lane.set(WATCHED, watched, of=f"{{}}_{boundary.name}")
 
     def _doubt(self, lane: Lane, step: Step, h: Any, moving: Any) -> None:
-        """Note whether the error of a step may be more than its estimate."""
+        """Record whether the error of a step may exceed its estimate."""
         dynamics, sliders = self.dynamics, watched_sliders(self.dynamics)
         levels = levels_of(dynamics.kinks)
         watched = step.watched[len(self.boundaries) :]
@@ -117,19 +117,19 @@ class CommonStep(AtStops):
                 lane[name] = lane[name] | seen
 
     def _distances(self, lane: Lane, form: str) -> list[Any]:
-        """How far the tip is from each joint that turns, m, by the fields of a form."""
+        """Distance of the tip from each joint that turns, m, from the fields of a form."""
         joints = zip(tip_norms(self.dynamics, lane, form), self.dynamics.arm.prismatic, strict=True)
         return [norm for norm, slides in joints if not slides]
 
     def _farther(self, lane: Lane, before: str, after: str) -> list[Any]:
-        """Whether the tip is many times as far from each joint that turns as it was."""
+        """For each joint that turns, whether the tip is now many times as far from it as before."""
         distances = zip(self._distances(lane, before), self._distances(lane, after), strict=True)
         return [new > step_control.FARTHER * old for old, new in distances]
 
     def judge(self, lane: Lane) -> None:
-        """After a common step: why a lane leaves it, if it does.
+        """After a common step: the reason why a lane leaves it, if it does.
 
-        What the step did to a lane that it could not serve is never looked at.
+        For a lane that the step could not serve, its result is never used.
         """
         reason: Any = Reason.NONE
         if self.boundaries:
@@ -141,7 +141,7 @@ class CommonStep(AtStops):
         if self.plan is Plan.FIXED:
             lane.evaluations = lane.evaluations + stages
         elif self.plan is Plan.DOUBLING:
-            # A link that has become fast in the step may have been too fast for it.
+            # A link that has become fast during the step may have been too fast for it.
             slow = self.least_steps(lane) <= step_control.TOO_FAST
             single = lane.min_steps == 0.0
             served = single & slow & (lane.error <= lane.tip_tolerance)
@@ -154,18 +154,18 @@ class CommonStep(AtStops):
         self._leave(lane, reason)
 
     def kinked(self, lane: Lane) -> Any:
-        """Whether a step of an interval may have met a kink, which no estimate sees well."""
+        """Whether a step of an interval may have met a kink, which error estimates do not capture well."""
         return lane.kinked if "kinked" in self.doubts else False
 
     def hidden_kink(self, lane: Lane) -> Any:
-        """Whether it may have met one that no stage has seen."""
+        """Whether it may have met a kink between its stages."""
         return lane.hidden_kink if "hidden_kink" in self.doubts else False
 
     def doubtful(self, lane: Lane) -> Any:
-        """Whether the error of an interval may be more than its estimate, though the motion is smooth.
+        """Whether the error of an interval may exceed its estimate, though the motion is smooth.
 
-        A step may have found so, or the tip is so far from a joint now that an error of its angle, made
-        when it was near, is another one.
+        Either a step has found so, or the tip is now so far from a joint that an error of its angle, made
+        when the tip was near, weighs more.
         """
         if "doubtful" not in self.doubts:
             return False
@@ -174,17 +174,17 @@ class CommonStep(AtStops):
         return lane.doubtful | any_of(self._farther(lane, "{}_start", "{}"))
 
     def refuse(self, lane: Lane) -> None:
-        """Instead of a common step: no lane is served by it."""
+        """Skip the common step: no lane is served by it."""
         if self.plan is Plan.DOUBLING:
             lane.error = 0.0
         self._leave(lane, Reason.ACCURACY)
 
     def _leave(self, lane: Lane, reason: Any) -> None:
-        # Steps of their own do not help lanes whose state or effort is not finite.
+        # Local steps do not help lanes whose state or effort is not finite.
         names = [f"{s}_start" for s in self.dynamics.states[: 2 * self.dynamics.count]]
         defect = self.defect(lane.get((*names, *self.dynamics.commands)))
         lane.reason = where(defect == 0.0, reason, Reason.NONE)
-        # Some of them no step has shown, and of others what a step found depends on who made it with them.
+        # Poison every state: some were never advanced, and others hold results that depend on neighbours.
         for s in self.dynamics.states:
             lane[s] = where(defect == 0.0, lane[s], defect)
 

@@ -1,6 +1,6 @@
-"""A control interval run on floats, arrays or tensors, with the procedures that are compiled otherwise.
+"""A control interval run on floats, arrays or tensors, with the procedures that the back end compiles.
 
-It is the reference of compiled code, and what gradients are taken through.
+It is the reference for compiled code, and gradients are taken through it.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ def some(condition: Any) -> bool:
 
 
 def fields_of(dynamics: Dynamics, parameters: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """Parameters of a scene as fields of a lane, some of them given, and what follows from them."""
+    """Parameters of a scene as fields of a lane, some of them replaced, and the fields that follow from
+    them."""
     scene = dynamics.scene
     values = {**dynamics.parameters, **(parameters or {})}
     steps = {"h": scene.control_dt / scene.substeps, "interval": scene.control_dt}
@@ -59,7 +60,7 @@ def cross_interval(interval: Interval, fields: Mapping[str, Any]) -> Lane:
 
 
 def _local_step(interval: Interval, lane: Lane) -> None:
-    """A common step, and the steps of their own of the lanes that it does not serve."""
+    """A common step, and local steps for the lanes that it does not serve."""
     interval.start(lane)
     if interval.plan is Plan.ADAPTIVE:
         interval.refuse(lane)

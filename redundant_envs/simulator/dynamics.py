@@ -1,4 +1,4 @@
-"""The dynamics of a scene: what its arm and its effects give, found by the names of quantities."""
+"""The dynamics of a scene: functions of its arm and its effects, connected by the names of quantities."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ class Dynamics:
     track_work : bool
         Whether the work of motors and of forces without a potential is a state, too.
     located : bool
-        Whether changes of a force's law are located in time where steps are chosen for their error; else
-        the law follows from the position at each evaluation.
+        Whether changes of a force's law are located in time under error control; otherwise the law follows
+        from the position at each evaluation.
     """
 
     scene: Scene
@@ -89,12 +89,12 @@ class Dynamics:
 
     @cached_property
     def hooks(self) -> list[tuple[Effect, Any]]:
-        """Where the scene's effects attach."""
+        """Hooks of the scene's effects."""
         return [(e, h) for e in self.scene.effects for h in e.hooks(self.arm)]
 
     @cached_property
     def chains(self) -> list[list[tuple[Effect, Actuation]]]:
-        """For each motor what lies between its command and its effort, in order."""
+        """For each motor the links between its command and its effort, in order."""
         links = [(e, h) for e, h in self.hooks if isinstance(h, Actuation)]
         links.sort(key=lambda link: link[1].link)
         return [[link for link in links if link[1].joint == k] for k in range(self.count)]
@@ -113,7 +113,7 @@ class Dynamics:
 
     @cached_property
     def switch_of(self) -> dict[int, Switch]:
-        """Where forces change their laws, by the identities of their hooks."""
+        """Switches of the forces that change their laws, by the identities of their hooks."""
         found: dict[int, Switch] = {}
         for effect, hook in self.hooks:
             if isinstance(hook, Force) and hook.switch is not None and isinstance(hook.joint, int):
@@ -128,14 +128,14 @@ class Dynamics:
 
     @cached_property
     def kinks(self) -> kinks.Watches:
-        """Kinks that are not located, but looked for, where an estimate decides on steps."""
+        """Kinks that are watched, but not located, if an estimate decides on steps."""
         return kinks.kinks_of(self)
 
-    # ---- parameters, and what follows from them alone ---------------------------------------------
+    # ---- parameters, and fields that follow from them alone ---------------------------------------
 
     @cached_property
     def carried(self) -> dict[str, list[str]]:
-        """Masses of the arm that carry others: the fields of those."""
+        """Masses of the arm that carry others -> the fields of these."""
         carried = carried_masses(self.arm, self.scene.effects)
         return {m: [identifier(name) for name in loads] for m, loads in carried.items()}
 
@@ -145,7 +145,7 @@ class Dynamics:
         return added_inertias(self.arm, self.scene.effects)
 
     def field_of(self, parameter: str) -> str:
-        """The field of a parameter of the scene; "m4" is what moves there, with all that it carries."""
+        """The field of a parameter of the scene; "m4" is the total moving mass, with all that it carries."""
         return f"own_{parameter}" if parameter in self.carried else identifier(parameter)
 
     @cached_property
@@ -157,7 +157,7 @@ class Dynamics:
         return values
 
     def prepare(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
-        """What follows from the parameters alone, to be found when they are set."""
+        """Quantities that follow from the parameters alone, to be computed when these are set."""
         bounds = self.arm.mobility_bounds
         functions = self.arm.prepared if bounds is None else (*self.arm.prepared, bounds)
         made: dict[str, Any] = {
@@ -185,12 +185,12 @@ class Dynamics:
 
     @property
     def controlled(self) -> bool:
-        """Whether steps are chosen for their error."""
+        """Whether error control chooses the steps."""
         return self.scene.tolerance is not None or self.scene.integrator == "dop853"
 
     @cached_property
     def numbers(self) -> tuple[str, ...]:
-        """Everything that is constant in a step: parameters and what is prepared from them."""
+        """Everything that is constant in a step: parameters and quantities prepared from them."""
         return (*self.parameters, *self.prepared)
 
     # ---- effects -----------------------------------------------------------------------------------
@@ -202,13 +202,13 @@ class Dynamics:
         return [identifier(f"{effect.key}{s}") if s.startswith(".") else s for s in sources]
 
     def apply(self, effect: Effect, hook: Any, function: Callable[..., Any], x: Quantities) -> Any:
-        """A function of a hook on quantities."""
+        """Evaluate a function of a hook on quantities."""
         arguments = x.each(self.bound(effect, hook, function))
         with owned(effect.key):
             return function(*arguments)
 
     def efforts(self, x: Quantities, change: str) -> tuple[list[Any], dict[str, Any]]:
-        """Efforts at the ends of the chains of all motors, and what their states' functions give, of which
+        """Efforts at the ends of the chains of all motors, and the results of their states' functions, where
         ``change`` is "derivative" or "update"."""
         efforts, changes = x.each(self.commands), dict[str, Any]()
         for k, chain in enumerate(self.chains):
@@ -225,7 +225,7 @@ class Dynamics:
         return {n: self.apply(effect, s, f, x) for n, (s, f) in named.items() if f is not None}
 
     def updates(self, x: Quantities) -> dict[str, Any]:
-        """What states that are constant within an interval are after it, from quantities at its end."""
+        """New values of states that are constant within an interval, from quantities at its end."""
         _, changes = self.efforts(x, "update")
         for effect, hook in self.hooks:
             if isinstance(hook, Force):
@@ -242,7 +242,7 @@ class Dynamics:
 
     @property
     def functions(self) -> tuple[Callable[..., Any], ...]:
-        """Equations of the arm with what effects add to its inertia."""
+        """Equations of the arm with the inertias that effects add."""
         return functions_with(self.arm, self.inertias) if self.inertias else tuple(self.arm.functions)
 
     @property
@@ -311,7 +311,7 @@ class Dynamics:
     def _add_at_coordinates(
         self, effect: Effect, hook: Force, force: Mapping[str, Any], x: Quantities, total: dict[str, Any]
     ) -> None:
-        """Add what a force at a point is at the coordinates, J^T f of that point."""
+        """Add the generalized force of a force at a point, J^T f of that point."""
         assert isinstance(hook.joint, Point)
         with owned(effect.key):
             for j in range(self.count):

@@ -15,17 +15,17 @@ from redundant_envs.tracing.flow import Kernel, Scalar
 
 
 class Operation(enum.IntEnum):
-    """What a call of the kernel does."""
+    """Operation of a call of the kernel."""
 
     STEP = 0
     RESET = 1
     OBSERVE = 2
     CHECKED_STEP = 3
-    """A step that does nothing but give a first reward that is not a number, if an action is not finite."""
+    """Like STEP, but if an action is not finite it changes nothing and returns NaN as the first reward."""
 
 
 class Autoreset(enum.IntEnum):
-    """When lanes whose episodes have ended start a new one."""
+    """Time at which lanes whose episodes have ended start a new one."""
 
     DISABLED = 0
     NEXT_STEP = 1
@@ -34,7 +34,8 @@ class Autoreset(enum.IntEnum):
 
 KEY_WORDS = 4
 TICKET = KEY_WORDS + 1
-"""A ticket is the key of a lane's next episode, four words, and whether the lane is to begin or has begun."""
+"""A ticket holds the key of a lane's next episode, four words, and whether the lane is to begin or has begun
+it."""
 DUE, BEGUN = 1, 2
 ROUNDS = 10
 ARGUMENTS = {
@@ -57,7 +58,7 @@ INFINITY = float("inf")
 class EnvironmentKernel:
     """Step, reset or observe all environments in one call.
 
-    After an autoreset in the same step ``last_obs`` and ``last_out`` hold what was before it.
+    After an autoreset in the same step ``last_obs`` and ``last_out`` hold the values before it.
     """
 
     def __init__(self, episode: Episode) -> None:
@@ -107,7 +108,7 @@ class EnvironmentKernel:
         return lane * TICKET + KEY_WORDS
 
     def begin_due(self, block: Block, then: int = DUE) -> Scalar:
-        """Start new episodes in the lanes of a block whose tickets ask for it; returns whether any do."""
+        """Start new episodes in the lanes of a block whose tickets request one; returns whether any did."""
         p = self.p
         some = p.variable(0)
         self._clear(block)
@@ -143,7 +144,7 @@ class EnvironmentKernel:
         p.store(block.places[space], k + row * LANES, 1.0)
 
     def renew(self, block: Block) -> None:
-        """Autoreset of a block that has made its step."""
+        """Autoreset of a block after its step."""
         p, blocks = self.p, self.blocks
         valid = p.record("<<", 1, block.lanes) - 1
         places = block.places
@@ -215,7 +216,7 @@ GOAL_FIELDS = {name: f"{name} of a pair" for name in ("tip_x", "tip_y", "goal_x"
 
 
 def goal_layout(task: Task) -> Layout:
-    """Fields of the reward of goals: pairs, and the numbers that it may depend on."""
+    """Fields for the reward of goals: pairs, and the numbers on which it may depend."""
     return Layout(
         [
             *(Field(name, "m", "of a pair of goals", SCRATCH) for name in GOAL_FIELDS.values()),

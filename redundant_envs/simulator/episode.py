@@ -52,7 +52,7 @@ TABLES = {"flags": "i8", "counts": "i64", "values": "f64"}
 
 @dataclass(frozen=True)
 class Episode:
-    """What the lanes of an environment do beside moving.
+    """Episodes of the lanes of an environment, around their motion.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class Episode:
 
     @cached_property
     def sensors(self) -> bool:
-        """Whether observations follow from what sensors read."""
+        """Whether observations follow from readings of sensors."""
         return any(isinstance(hook, Sensing) for _, hook in self.dynamics.hooks)
 
     @cached_property
@@ -101,7 +101,7 @@ class Episode:
 
     @cached_property
     def held_outputs(self) -> tuple[str, ...]:
-        """What is known only after a step, and kept until the next one."""
+        """Metrics that are known only after a step, and kept until the next one."""
         return (*ENDS, *self.task.held_outputs)
 
     @cached_property
@@ -111,7 +111,7 @@ class Episode:
 
     @cached_property
     def spent(self) -> tuple[str, ...]:
-        """Of an episode so far: evaluations, located events, and the largest error of an interval."""
+        """Totals of an episode so far: evaluations, located events, and the largest error of an interval."""
         interval = self.interval
         if not interval.local:
             return ()
@@ -143,7 +143,7 @@ class Episode:
 
     @cached_property
     def aliases(self) -> dict[str, str]:
-        """Quantities the task names otherwise than the scene."""
+        """Quantities with one name in the task and another in the scene."""
         return {k: identifier(v) for k, v in self.task.aliases(self.dynamics.scene).items()}
 
     def fields(self) -> Iterator[Field]:
@@ -207,7 +207,8 @@ class Episode:
     # ---- a control step --------------------------------------------------------------------------------
 
     def command(self, lane: Lane) -> None:
-        """Efforts from actions: saturate and count; a bad one is noted and commands nothing."""
+        """Efforts from actions: saturated and counted; a non-finite action is recorded and commands no
+        effort."""
         if not self.interval.local:
             lane.set(self.interval.kept, lane.get(self.interval.kept), of="{}_start")
         count: Any = 0.0
@@ -226,7 +227,7 @@ class Episode:
     def finish_control_step(self, lane: Lane) -> None:
         """After an interval: faults, task memory, reward and the ends of episodes.
 
-        A faulty lane goes back to its last good state; its neighbours do not notice.
+        A faulty lane returns to its last good state; its neighbours are not affected.
         """
         interval, task, states = self.interval, self.task, self.dynamics.states
         interval.renew(lane)
@@ -284,7 +285,7 @@ class Episode:
     # ---- observation -----------------------------------------------------------------------------------
 
     def observe(self, lane: Lane) -> dict[Any, Any]:
-        """Observations, of what sensors read, and outputs: functions of the state and the goal alone."""
+        """Observations, from readings of sensors, and outputs: functions of the state and the goal alone."""
         scene, memory = self.dynamics.scene, (*self.task.memory, *self.counts, *self.held_outputs)
         known = {n: lane[n] for n in (*self.dynamics.states, *self.task.memory)}
         x = self.quantities(lane, known)
@@ -300,7 +301,7 @@ class Episode:
                         for joint, low, high in spring_limits(scene)
                     ]
                     value = reduce(maximum, depths)
-                elif name == "numerics" and self.sensors:  # a start whose readings are no numbers, too
+                elif name == "numerics" and self.sensors:  # also for a start whose readings are not finite
                     bad = reads_nonsense(self.dynamics, x) & (lane.numerics == 0.0)
                     value = where(bad, float(Fault.NON_FINITE), lane.numerics)
                 else:

@@ -1,4 +1,4 @@
-"""The fields that a scene's lanes have, each where its meaning is known."""
+"""The fields of a scene's lanes, each declared by the module that gives it its meaning."""
 
 from __future__ import annotations
 
@@ -43,6 +43,6 @@ def motion_fields(dynamics: Dynamics) -> Iterator[Field]:
 
 
 def copies(fields: Iterable[Field], form: str, doc: str) -> Iterator[Field]:
-    """Scratch fields that hold what others were."""
+    """Scratch fields that hold earlier values of others."""
     for f in fields:
         yield Field(form.format(f.name), f.unit, f"{f.name} {doc}", SCRATCH, book=f.book)

@@ -1,7 +1,7 @@
-"""A control interval of a lane: the step that all make together, and what those do that it does not serve.
+"""A control interval of a lane: the step that all lanes take together, and the local steps of the others.
 
-Three things make a lane leave the common step: an error above its tolerance, a stop that it meets, and the
-integrator dop853, whose steps are always a lane's own.
+A lane leaves the common step for three reasons: an error above its tolerance, a stop that it meets, and the
+integrator dop853, whose steps are always local.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from redundant_envs.simulator.step import known_numbers
 
 
 class Interval(LocalSteps):
-    """What the lanes of a scene do in a control interval, and the fields that they have."""
+    """The procedures of the lanes of a scene in a control interval, and their fields."""
 
     def fields(self) -> Iterator[Field]:
         """Fields of the lanes."""
@@ -122,7 +122,7 @@ class Interval(LocalSteps):
                     yield Field(f"log_{name}_{n}", unit, f"{name} of event {n}", LOG)
 
     def renew(self, lane: Lane) -> None:
-        """At the end of an interval: states of effects that were constant in it."""
+        """At the end of an interval: update the states of effects that were constant in it."""
         dynamics = self.dynamics
         if dynamics.remembered:
             numbers = known_numbers(dynamics, lane, held=False)
@@ -131,7 +131,7 @@ class Interval(LocalSteps):
                 lane[name] = value
 
     def undo(self, lane: Lane, failed: Any) -> None:
-        """Lanes that failed go back to where the interval began."""
+        """Return lanes that failed to their states at the start of the interval."""
         for name in self.kept:
             lane[name] = where(failed, lane[self.origin.format(name)], lane[name])
 

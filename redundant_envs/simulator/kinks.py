@@ -1,6 +1,7 @@
-"""Kinks of a right-hand side that are looked for and not located: what changes its sign there.
+"""Kinks of a right-hand side that are watched, not located, by values that change their signs there.
 
-Those that effects declare, and those found in what their functions compute of what moves.
+They are declared by effects, or found by running the functions of effects on numbers that know whether they
+move.
 """
 
 from __future__ import annotations
@@ -33,9 +34,9 @@ class Watch:
     effect : Effect
     bearer : whose ``bind`` holds for it
     function : callable
-    moving : of each argument, whether it moves; empty of a declared kink, whose value changes its sign
-    kept : which of its kinks are watched, by their numbers
-    levels : of each of these, whether there is one at each whole number
+    moving : whether each argument moves; empty for a declared kink, whose value changes its sign
+    kept : indices of those of its kinks that are watched
+    levels : for each of these, whether there is a kink at each whole number
     """
 
     effect: Effect
@@ -51,7 +52,7 @@ class Watch:
         return not self.moving
 
     def values(self, dynamics: Dynamics, x: Quantities) -> list[Any]:
-        """What changes its sign at the kinks, from quantities."""
+        """Values that change their signs at the kinks, from quantities."""
         if self.declared:
             return [dynamics.apply(self.effect, self.bearer, self.function, x)]
         kinks = kinks_in(self.run(dynamics, x))
@@ -65,16 +66,16 @@ class Watch:
 
 
 Watches = dict[int, list[Watch]]
-"""By the identities of hooks."""
+"""Functions with kinks, by the identities of their hooks."""
 
 
 def levels_of(watches: Watches) -> list[bool]:
-    """Of each of :func:`kink_values`, whether there is a kink at each whole number."""
+    """For each of :func:`kink_values`, whether there is a kink at each whole number."""
     return [levels for own in watches.values() for watch in own for levels in watch.levels]
 
 
 def kink_values(dynamics: Dynamics, x: Quantities) -> list[Any]:
-    """What changes its sign at kinks, from quantities."""
+    """Values that change their signs at kinks, from quantities."""
     values: list[Any] = []
     watches = dynamics.kinks
     for _, hook in hooks_in_order(dynamics, x, watches):
@@ -86,7 +87,7 @@ def kink_values(dynamics: Dynamics, x: Quantities) -> list[Any]:
 def hooks_in_order(
     dynamics: Dynamics, x: Quantities, watched: Watches | None = None
 ) -> Iterator[tuple[Effect, Hook]]:
-    """Forces, then links of motors while their commands in ``x`` are what reaches them.
+    """Forces, then links of motors; while a link is evaluated, its command in ``x`` is the input of the link.
 
     Motors without a watched link are left out.
     """
@@ -103,7 +104,7 @@ def hooks_in_order(
         x[name] = command
 
 
-# ---- which there are ------------------------------------------------------------------------------
+# ---- finding kinks --------------------------------------------------------------------------------
 
 
 class Named(Quantities):
@@ -119,9 +120,9 @@ class Named(Quantities):
 
 
 def kinks_of(dynamics: Dynamics) -> Watches:
-    """Functions of effects whose kinks are watched, by their hooks; none where no estimate decides.
+    """Functions of effects whose kinks are watched, by their hooks; none if no estimate decides on steps.
 
-    Of a kink that is found in two functions, or found and declared, one is watched.
+    A kink that is found in two functions, or found and declared, is watched once.
     """
     if dynamics.scene.tolerance is None or not dynamics.located:
         return {}
@@ -156,7 +157,7 @@ def kinks_of(dynamics: Dynamics) -> Watches:
 
 
 def _functions(hook: Hook) -> Iterator[tuple[Hook | State, Function]]:
-    """Functions that decide on the motion within an interval."""
+    """Functions that determine the motion within an interval."""
     yield hook, hook.function
     for state in hook.states:
         if state.derivative is not None:
@@ -168,7 +169,7 @@ class Moves:
 
     Attributes
     ----------
-    leaves : joint -> whether what leaves the last link of its motor that was looked at moves
+    leaves : joint -> whether the output of the last examined link of its motor moves
     """
 
     def __init__(self, dynamics: Dynamics) -> None:
@@ -179,7 +180,7 @@ class Moves:
         self.known |= dict.fromkeys(dynamics.states, True)
 
     def of(self, effect: Effect, bearer: Hook | State, function: Function, hook: Hook) -> tuple[bool, ...]:
-        """Of each argument of a function of a hook, whether it moves."""
+        """For each argument of a function of a hook, whether it moves."""
         return tuple(self._moves(name, hook) for name in self.dynamics.bound(effect, bearer, function))
 
     def _moves(self, name: str, hook: Hook) -> bool:
@@ -192,7 +193,7 @@ class Moves:
 
 
 class Level(NamedTuple):
-    """What has a kink at each whole number."""
+    """A value with a kink at each whole number."""
 
     key: Any
 
@@ -201,7 +202,8 @@ Key = Any
 
 
 def _key(value: Value, levels: bool = False) -> Key:
-    """The same for what has the same zeros: x, -x and 0 - x; a - b and b - a. None of a constant."""
+    """A key that is equal for values with the same zeros: x, -x and 0 - x; a - b and b - a. None for a
+    constant."""
     if not isinstance(value, Operation):
         return None
     if levels:
@@ -216,7 +218,7 @@ def _key(value: Value, levels: bool = False) -> Key:
 
 
 def _keys_declared(value: Value) -> Iterator[Key]:
-    """A declared kink, and what it chooses from, for which it stands in its force or link."""
+    """A declared kink, and the values that it chooses from, whose kinks it replaces in its force or link."""
     yield _key(value)
     if isinstance(value, Operation) and value.name == "select":
         for chosen in value.arguments[1:]:

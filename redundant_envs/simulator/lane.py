@@ -1,4 +1,4 @@
-"""The memory of a lane: declared fields, and lanes of any kind of numbers that have them."""
+"""The memory of a lane: declared fields, and lanes with these fields on any kind of numbers."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from redundant_envs.tracing.number import Condition, Number, value_of
 
 
 class Lifetime(enum.StrEnum):
-    """How long a field is remembered; also the name of the memory it lives in."""
+    """How long a field is kept; also the name of the memory that holds it."""
 
     STATE = "state"
     """From interval to interval: saved, restored and reset."""
     PARAMETER = "parameter"
-    """Set by a user, and what follows from that alone; one for all lanes until they differ."""
+    """Set by a user, or following from such numbers alone; one for all lanes until they differ."""
     SCRATCH = "scratch"
     """Within an interval."""
     LOG = "log"
-    """What happened in an interval, to be read after it."""
+    """Results of an interval, to be read after it."""
 
 
 STATE, PARAMETER, SCRATCH, LOG = Lifetime
@@ -62,7 +62,7 @@ class Field:
 
 
 class Layout:
-    """Fields, and the rows where they live."""
+    """Fields, and the rows that hold them."""
 
     def __init__(self, fields: Iterable[Field]) -> None:
         self.fields: dict[str, Field] = {}
@@ -93,7 +93,7 @@ class Layout:
 class Lane:
     """One lane, or many alike: fields are read and set as attributes, or by ``lane[name]``.
 
-    A field that was set is read as it is then. ``load`` gives what a field was before, by its name.
+    Reading a field that was set returns the new value. ``load`` returns its value before, by its name.
     """
 
     __slots__ = ("_layout", "_load", "_now", "_written")
@@ -122,7 +122,8 @@ class Lane:
         self[name] = value
 
     def next_part(self) -> None:
-        """What follows is computed apart from what was before, to the bits that it has alone."""
+        """Start a part that is computed apart from the previous ones, so that it has the same bits as
+        alone."""
 
     def get(self, names: Iterable[str], of: str = "{}") -> list[Any]:
         """Several fields, ``of`` being a form of their names such as "{}_start"."""
@@ -164,7 +165,7 @@ def traced(
     inputs: Mapping[str, tuple[str, tuple[str, ...]]] | None = None,
     known: Mapping[str, float] | None = None,
 ) -> LaneFunction:
-    """What a function does with a lane, recorded.
+    """Record the effect of a function on a lane.
 
     Parameters
     ----------
@@ -173,7 +174,7 @@ def traced(
     function : callable
         Takes a lane; may return values for arrays, by (array, type of its elements, column, columns).
     inputs : mapping
-        Array -> type of its elements, and the fields that its columns give.
+        Array -> type of its elements, and the fields that its columns hold.
     known : mapping
         Fields that are known to hold certain numbers.
     """

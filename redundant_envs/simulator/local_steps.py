@@ -1,4 +1,4 @@
-"""Steps of its own that a lane makes where the common step does not serve it (local time stepping)."""
+"""Local time stepping: steps of individual length for lanes that the common step does not serve."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class LocalSteps(CommonStep):
     """Procedures of lanes that leave the common step."""
 
     def enter(self, lane: Lane) -> None:
-        """Lanes that have just left the common step: what is known of it saves trying it again."""
+        """Lanes that have just left the common step: its result saves trying it again."""
         new = lane.entered
         plan = self._first_plan(lane)
         fresh: Any = False
@@ -86,7 +86,7 @@ class LocalSteps(CommonStep):
         return (lane.phase >= Phase.RUN) & (lane.phase <= Phase.FIND_EVENT)
 
     def look(self, lane: Lane) -> None:
-        """After a trial step: count it, and how it meets the stops."""
+        """After a trial step: count it, and determine how it meets the stops."""
         moved = self._moving(lane)
         if self.boundaries:
             self._set_crossings(lane, self.sliders(lane, "{}_trial", lane.step), lane.step)
@@ -96,7 +96,7 @@ class LocalSteps(CommonStep):
         lane.evaluations = lane.evaluations + where(moved, float(self.dynamics.method.stages), 0.0)
 
     def decide(self, lane: Lane) -> None:
-        """After a trial step: what the lane does next."""
+        """After a trial step: decide on the lane's next action."""
         dynamics, due, phase = self.dynamics, lane.due, lane.phase
         doubling = self.plan is Plan.DOUBLING
         verdict = self._verdict(lane)
@@ -112,7 +112,7 @@ class LocalSteps(CommonStep):
         lost = self._lost(lane)
         elapsed = lane.elapsed + span
         ending = self._ending(lane, ended, accepted, elapsed, verdict)
-        # An inaccurate step of equal ones begins the interval anew, of others itself.
+        # After an inaccurate one of equal steps the interval is repeated; otherwise the step is.
         if doubling:
             failed, ended = failed | ending.unsure, ended & logical_not(ending.unsure)
             accepted = accepted & logical_not(ending.unsure)
@@ -125,7 +125,7 @@ class LocalSteps(CommonStep):
         touches: Any = False
         touched_before: Any = False
         if self.stops:
-            # A held slider has just shown that it stays; a free one at its stop must be looked at.
+            # A held slider has just shown that it stays; a free one at its stop must be examined.
             sliders = self.sliders(lane, "{}_trial", lane.step)[: len(self.stops)]
             at = [s.position for s in sliders]
             if self.switches:
@@ -197,7 +197,8 @@ class LocalSteps(CommonStep):
         return there & (lane.target >= float(len(self.stops)))
 
     def _laws(self, lane: Lane, outcome: Outcome, there: Any, back: Any) -> dict[str, Any]:
-        """Which laws hold after a trial step. One more joint may have passed its limit, by rounding."""
+        """The laws that hold after a trial step. By rounding, another joint may have passed its limit,
+        too."""
         new, joints = {}, self.sliders(lane, "{}_trial", lane.step)[len(self.stops) :]
         for k, (s, joint) in enumerate(zip(self.switches, joints, strict=True)):
             sought = lane.target == float(len(self.stops) + k)
@@ -239,7 +240,7 @@ class LocalSteps(CommonStep):
         return after_trial(trial, search, sliders, encounters, self.unseen, smooth)
 
     def _lost(self, lane: Lane) -> Any:
-        """No event is looked for without end, and no time that is not a number is waited for."""
+        """End every search: after too many trial steps, and when a time is NaN."""
         if not self.boundaries:
             return False
         rest = lane.left - lane.step
@@ -248,7 +249,7 @@ class LocalSteps(CommonStep):
         if self.plan is Plan.DOUBLING:
             found = found & (lane.evaluations < MOST_TRIALS * stages)
         elif self.plan is Plan.FIXED:
-            # Of a slider that such steps make unstable every step can seem to end beyond a stop.
+            # If such steps make a slider unstable, every step can seem to end beyond a stop.
             most = MOST_TRIALS * lane.h + TRIALS_OF_SUBSTEP * lane.interval
             found = found & (lane.evaluations * lane.h < stages * most)
         else:
@@ -278,7 +279,7 @@ class LocalSteps(CommonStep):
     def _after_search(
         self, lane: Lane, outcome: Outcome, goes: Any, back: Any, lost: Any, new: dict[str, Any]
     ) -> dict[str, Any]:
-        """What a trial step changes of searches, contacts and events."""
+        """Fields of searches, contacts and events that a trial step changes."""
         again, due = outcome.again, lane.due
         values = {
             name: where(again, value, lane[name]) for name, value in zip(SEARCH, outcome.search, strict=True)
@@ -300,7 +301,7 @@ class LocalSteps(CommonStep):
         if self.logs:
             values["logged"] = where(back, lane.logged_start, lane.logged)
         for k, (s, q, v) in enumerate(zip(self.stops, self.positions, self.rates, strict=True)):
-            # One whose event this is comes to its stop, even if it seems to move away by rounding.
+            # The slider of this event comes to its stop, even if by rounding it seems to move away.
             comes = outcome.there & (lane.target == float(k))
             leaves = leaves_stop(new[q], new[v], values[active_stop(s.name)], lane[s.lower], lane[s.upper])
             released = lane[f"released_{s.name}"]

@@ -23,7 +23,7 @@ def owners(fields: Iterable[Field], arguments: Mapping[str, str]) -> dict[str, s
 
 
 def names_of_arm(arm: Any) -> set[str]:
-    """Quantities that an arm gives, but for those that are kept in lanes under the same names."""
+    """Quantities that an arm computes, except those that lanes keep under the same names."""
     more = (arm.held_dynamics, arm.slider_mobility, arm.column_norms, arm.mobility_bounds)
     functions = (*arm.functions, *(f for f in more if f is not None))
     kept = {name for f in arm.prepared for name in gives_of(f)}

@@ -1,4 +1,4 @@
-"""What the sensors of the joints read, from which observations follow."""
+"""Readings of the sensors of the joints, from which observations follow."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from redundant_envs.simulator.dynamics import Dynamics
 from redundant_envs.tracing.graph import owned
 
 LARGEST = {Reading.POSITION: 1e6, Reading.RATE: 1e100}
-"""Of a reading: sines are exact up to 1e6 rad, and squares of rates are numbers."""
+"""Largest readings: sines are exact up to 1e6 rad, and squares of rates are finite."""
 
 
 def readings(dynamics: Dynamics, x: Quantities) -> dict[tuple[Reading, int], Any]:
-    """What the sensors that a scene has read, from true quantities."""
+    """Readings of the scene's sensors, from true quantities."""
     read: dict[tuple[Reading, int], Any] = {}
     for effect, hook in dynamics.hooks:
         if isinstance(hook, Sensing):
@@ -50,7 +50,7 @@ def measured(dynamics: Dynamics, x: Quantities) -> dict[str, Any]:
 
 
 def reads_nonsense(dynamics: Dynamics, x: Quantities) -> Any:
-    """Whether a sensor reads no number, or one of which no observation could be made."""
+    """Whether a reading is NaN, or too large for an observation."""
     read = readings(dynamics, x)
     return any_of(logical_not(abs(value) <= LARGEST[kind]) for (kind, _), value in read.items())
 

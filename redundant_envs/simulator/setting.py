@@ -1,4 +1,4 @@
-"""How the lanes of a scene cross a control interval: what is decided before anything runs."""
+"""How the lanes of a scene cross a control interval: all decisions made before anything runs."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ class Fault(enum.IntFlag):
 
 
 GIVEN_UP = Fault.EVENT_BUDGET
-"""From this fault on the interval was not crossed, and its lane is back where it began."""
+"""From this fault on the interval was not crossed, and its lane has the state of its start again."""
 
 
 class Reason(enum.IntEnum):
-    """Why a lane leaves the common step."""
+    """Reason why a lane leaves the common step."""
 
     NONE = 0
     ACCURACY = 1
     STOP = 2
     NEAR_STOP = 3
-    """Not known yet, but near a stop, or where a force changes its law."""
+    """Not decided yet, but near a stop, or near a position at which a force changes its law."""
 
 
 class Plan(enum.Enum):
@@ -54,22 +54,22 @@ class Plan(enum.Enum):
 LARGEST_ANGLE = 1e6
 """rad: beyond it an angle is known to no more than 1e-10 rad, and rounding adds up."""
 OBSERVED_ANGLE, OBSERVED_RATE = 1e14, 1e100
-"""rad; rad/s and m/s: nothing could be observed of a state beyond: sines of larger angles are no numbers."""
+"""rad; rad/s and m/s: states beyond cannot be observed, since sines of larger angles are not computed."""
 MOST_SEARCHED = 500
 """Trial steps in search of one event; with more the interval is given up."""
 MOST_TRIALS = 65536
-"""Of an interval that is crossed with 1, 2, 4, ... 16384 steps: twice as many as those without an event.
-Of one with fixed steps, too, and :data:`TRIALS_OF_SUBSTEP` more for each."""
+"""Most trial steps of an interval that is crossed with 1, 2, 4, ... 16384 steps: twice as many as without
+events. With fixed steps the same, and :data:`TRIALS_OF_SUBSTEP` more for each substep."""
 TRIALS_OF_SUBSTEP = 16
 MOST_LOGGED = 256
-"""Events of an interval that are kept where the work is tracked."""
+"""Number of events of an interval that are kept if the work is tracked."""
 WATCHED = Watched._fields
 SEARCH = Search._fields
 
 
 @dataclass(frozen=True)
 class Setting:
-    """What is known of the intervals of a scene, and names of the fields of its lanes."""
+    """Properties of the intervals of a scene, and names of the fields of its lanes."""
 
     dynamics: Dynamics
 
@@ -90,7 +90,7 @@ class Setting:
 
     @cached_property
     def boundaries(self) -> tuple[Stop | Switch, ...]:
-        """Where motions have events."""
+        """Boundaries at which motions have events."""
         return (*self.stops, *self.switches)
 
     @cached_property
@@ -108,12 +108,12 @@ class Setting:
 
     @property
     def local(self) -> bool:
-        """Whether lanes may take steps of their own."""
+        """Whether lanes may take local steps."""
         return bool(self.stops) or self.plan is not Plan.FIXED
 
     @property
     def repeated(self) -> bool:
-        """Whether an interval is several common steps."""
+        """Whether an interval consists of several common steps."""
         return self.dynamics.scene.substeps > 1
 
     @property
@@ -128,7 +128,7 @@ class Setting:
 
     @property
     def origin(self) -> str:
-        """Form of the fields that hold what a lane was when the interval began."""
+        """Form of the fields that hold a lane's values at the start of the interval."""
         return "{}_interval" if self.local and self.plan is Plan.FIXED and self.repeated else "{}_start"
 
     @cached_property
@@ -138,11 +138,11 @@ class Setting:
 
     @property
     def kept(self) -> tuple[str, ...]:
-        """What a lane has when an interval begins, and again when the interval is given up."""
+        """Fields that are kept at the start of an interval, and restored when it is given up."""
         return (*self.dynamics.states, *self.dynamics.remembered, *self.active)
 
     def angle_fault(self, lane: Lane) -> Any:
-        """A fault where an angle is so large that its last digits are lost."""
+        """A fault if an angle is so large that its last digits are lost."""
         return where(self.largest_angle(lane) > LARGEST_ANGLE, float(Fault.LARGE_ANGLE), 0.0)
 
     def largest_angle(self, lane: Lane) -> Any:

@@ -36,15 +36,15 @@ class Slots:
         self.head, self.tail, self.busy = p.variable(0), p.variable(0), p.variable(0)
         self.free = p.variable(255)
         self.before = p.variable(0)
-        """Busy slots with lanes of the group before."""
+        """Number of busy slots with lanes of the previous group."""
 
     def finish(self, block: Block) -> None:
-        """The lanes of a block have crossed the interval."""
+        """Finish a block whose lanes have crossed the interval."""
         self.p.call(self.ended, **block.places, **self.ends.outputs(block))
         self.ends.finish(block)
 
     def block(self, number: Scalar) -> Block:
-        """A block; two groups have scratch memories at the same time."""
+        """A block by its number; two groups have scratch memories at the same time."""
         return self.blocks.block(number, number & (2 * GROUP - 1))
 
     def advance(self) -> None:
@@ -63,7 +63,7 @@ class Slots:
                 with p.each(end, start=first) as number:
                     self.finish(self.block(number))
             return
-        # Slots never wait for the last lanes of a group: these go on beside those of the next one.
+        # Slots never wait for the last lanes of a group: these continue beside those of the next one.
         with p.each(groups + 1) as group:
             first = group * GROUP
             end = p.select(first + GROUP < count, first + GROUP, count)
@@ -83,8 +83,8 @@ class Slots:
             before = (i.start,)
         inputs = {} if i.repeated else self.inputs
         known = dict.fromkeys(i.active, 0.0)
-        # Which lanes the common step may serve is known before it where steps are chosen for their error,
-        # and which sliders rest where there are stops.
+        # Under error control it is known before the common step which lanes it may serve, and with stops,
+        # which sliders rest.
         self.started = make("start", *before, inputs=inputs)
         self.common = make("common", i.common_step, i.judge, known=known)
         if i.stops:
@@ -108,7 +108,7 @@ class Slots:
         self.of_blocks, self.of_slots = of_blocks, of_slots
 
     def group(self, first: Scalar, end: Scalar) -> None:
-        """A common step of a group of blocks; lanes that it does not serve wait for a slot."""
+        """Take a common step with a group of blocks; lanes that it does not serve wait for a slot."""
         p, blocks = self.p, self.blocks
         self.head.value = self.tail.value = 0
         with p.each(end, start=first) as number:
@@ -123,7 +123,7 @@ class Slots:
                 self.tail.value = self.tail.value + 1
 
     def run(self, first: Scalar, busy: Callable[[], Scalar]) -> None:
-        """Trial steps in the slots as long as lanes wait for one, or some are still ``busy``."""
+        """Take trial steps in the slots as long as lanes wait for one, or some are still ``busy``."""
         p = self.p
         with p.loop_while(lambda: (self.head.value < self.tail.value) | busy()):
             with p.each_set(self.free.value) as slot, p.when(self.head.value < self.tail.value):
@@ -169,7 +169,7 @@ class Slots:
     # ---- slots -----------------------------------------------------------------------------------------
 
     def trial(self) -> None:
-        """A trial step of all slots."""
+        """Take a trial step with all slots."""
         p, i, slots, mask = self.p, self.interval, self.slots, self.blocks.mask
         with p.when(mask(slots, "entered") != 0):
             p.call(self.entered, **slots)
@@ -191,11 +191,11 @@ class Slots:
 
     @cached_property
     def carried_in(self) -> list[str]:
-        """Fields that slots read of what blocks know."""
+        """Fields of blocks that slots read."""
         known = {place for f in self.of_blocks for place in written_by(f)}
         read = set().union(*(self.blocks.reads[f.name] for f in self.of_slots))
         if self.interval.logs:
-            read.add(self.layout.place("span_start"))  # read by tell, and by no function
+            read.add(self.layout.place("span_start"))  # read by the log of events, and by no function
         return [
             n
             for n in self.layout.fields
@@ -205,7 +205,7 @@ class Slots:
 
     @cached_property
     def carried_out(self) -> list[str]:
-        """Fields that slots give back: states, and what is read at the end of the interval."""
+        """Fields that slots return: states, and fields that are read at the end of the interval."""
         written = {place for f in self.of_slots for place in written_by(f)}
         read = self.blocks.reads[self.ended.name] | {self.layout.place("fault")}
         return [
@@ -229,7 +229,7 @@ class Slots:
         self.p.store(self.slots[space], slot + row * LANES, value)
 
     def take(self, slot: Scalar) -> None:
-        """A lane that waits goes into a free slot."""
+        """Move a waiting lane into a free slot."""
         p = self.p
         lane = p.load(self.waiting, self.head.value)
         self.head.value = self.head.value + 1
@@ -244,7 +244,8 @@ class Slots:
         self._set(slot, "entered", 1.0)
 
     def leave(self, slot: Scalar, first: Scalar) -> None:
-        """A lane that has crossed its interval goes home; ``first`` is the present group's first block."""
+        """Return a lane that has crossed its interval to its block; ``first`` is the present group's first
+        block."""
         p = self.p
         lane = p.load(self.homes, slot)
         self.busy.value = self.busy.value - 1
@@ -260,7 +261,7 @@ class Slots:
     def _append(
         self, block: Any, lane: Any, counts: Any, slot: Any, time: Any, kind: Any, speed: Any
     ) -> None:
-        """An event into the log of a lane, if that has room."""
+        """Append an event to the log of a lane, if there is room."""
         p = self.p
         space, row = self.layout.place("logged")
         count = p.load(counts[space], slot + row * LANES)
@@ -276,7 +277,7 @@ class Slots:
         return self.p.load(places[space], lane + row * LANES)
 
     def tell(self) -> None:
-        """What has happened to the sliders in the slots."""
+        """Log the events of the sliders in the slots."""
         p = self.p
         with p.each_set(self.free.value ^ 255) as slot:
             lane = p.load(self.homes, slot)
@@ -289,7 +290,7 @@ class Slots:
                     self._append(log, lane & (LANES - 1), self.slots, slot, time, happened + 10.0 * k, speed)
 
     def tell_released(self, block: Block) -> None:
-        """Which sliders were released before the common step."""
+        """Log the sliders that were released before the common step."""
         p, places = self.p, block.places
         with p.each(LANES) as lane:
             for k, name in enumerate(self.interval.active):
@@ -300,7 +301,7 @@ class Slots:
 
 
 def advance(blocks: Blocks, ends: Ends) -> None:
-    """All lanes through a control interval."""
+    """Advance all lanes by a control interval."""
     if blocks.interval.local:
         Slots(blocks, ends).advance()
     else:

@@ -19,7 +19,7 @@ MOST_INLINED = 4
 
 
 def known_numbers(dynamics: Dynamics, lane: Lane, held: bool) -> dict[str, Any]:
-    """What the equations need beside the state: efforts, parameters, and which stops sliders rest at."""
+    """Inputs of the equations beside the state: efforts, parameters, and the stops at which sliders rest."""
     stops = [active_stop(s.name) for s in dynamics.stops] if held else []
     sides = [s.side for s in dynamics.switches]
     names = [*dynamics.commands, *dynamics.numbers, *dynamics.remembered, *stops, *sides]
@@ -41,12 +41,12 @@ def contact_quantities(dynamics: Dynamics, states: Sequence[Any], numbers: dict[
 
 
 def pull(x: Quantities, joint: int, side: Any) -> Any:
-    """How hard the stop of a slider that rests there has to pull it; 0 of a free one."""
+    """Force with which its stop has to pull a resting slider; 0 for a free one."""
     return where(x[f"held{joint + 1}"] > 0.0, side * x[f"hold{joint + 1}"], 0.0)
 
 
 def joint_acceleration(dynamics: Dynamics, x: Quantities, joint: int) -> Any:
-    """Acceleration of a joint: of its relative angle, or its travel."""
+    """Acceleration of a joint: of its relative angle, or of its travel."""
     parts = [
         x[f"qdd{k + 1}"] if share == 1.0 else share * x[f"qdd{k + 1}"]
         for k, share in enumerate(dynamics.arm.motor_map[:, joint].tolist())
@@ -62,21 +62,22 @@ def pose_tells_distances(dynamics: Dynamics) -> bool:
 
 
 def watched_sliders(dynamics: Dynamics) -> tuple[int, ...]:
-    """Sliders that may carry the tip past a joint and back within a step; where estimates decide."""
+    """Sliders that may carry the tip past a joint and back within a step, if estimates decide on steps."""
     if dynamics.scene.tolerance is None or not dynamics.located or not pose_tells_distances(dynamics):
         return ()
     return tuple(dynamics.arm.sliders())
 
 
 SMALLEST_STATE = 1e-300
-"""No error is divided by less."""
+"""Smallest number by which an error is divided."""
 
 
 def lane_step(dynamics: Dynamics, lane: Lane, h: Any, held: bool = False) -> Step:
     """A step of length ``h``.
 
-    It watches, in this order: of sliders that may rest (``held``) accelerations or pulls, of joints whose
-    forces change their laws accelerations, what changes its sign at kinks, speeds of :func:`watched_sliders`.
+    It watches, in this order: accelerations or pulls of sliders that may rest (``held``), accelerations of
+    joints whose forces change their laws, values that change their signs at kinks, and speeds of
+    :func:`watched_sliders`.
     """
     numbers = known_numbers(dynamics, lane, held)
     count, width = dynamics.count, len(dynamics.states)
@@ -143,14 +144,14 @@ def step_error(dynamics: Dynamics, lane: Lane, step: Step) -> Any:
 
 
 def integrated_states(dynamics: Dynamics) -> list[int]:
-    """States of effects that steps integrate, as places in ``Step.others``."""
+    """States of effects that steps integrate, as indices in ``Step.others``."""
     return [k for k, name in enumerate(dynamics.others) if name != "work"]
 
 
 def others_error(dynamics: Dynamics, lane: Lane, step: Step, h: Any) -> Any:
-    """What errors of effects' states may be at the tip, m. An error that does not act yet is seen by nothing
-    else. Each is taken as a share of what its state is, or becomes in the interval at the pace of the step,
-    and that share of what the step's change of velocity moves the tip in the interval."""
+    """Estimated tip error from errors of effects' states, m. No other estimate contains an error that does
+    not act yet. Each error is related to the size of its state, now or at the end of the interval at the pace
+    of the step; the same share of the tip's motion by the step's change of velocity is the estimate."""
     n = dynamics.count
     gained = [
         norm * abs(after - before)

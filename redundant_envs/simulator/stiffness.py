@@ -1,4 +1,4 @@
-"""How many steps springs, dampers and states of effects need, whatever an estimate says of them."""
+"""Number of steps that springs, dampers and states of effects require, independent of error estimates."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def rates_of_parameters(dynamics: Dynamics, x: Quantities) -> list[Any]:
 
 
 def depends_on_motion(dynamics: Dynamics, effect: Effect, hook: Force) -> bool:
-    """Whether the damping of a force depends on where its joint is, or on its rate."""
+    """Whether the damping of a force depends on the position or the rate of its joint."""
     if hook.damping is None or isinstance(hook.joint, Point):
         return False
     return not {*motion_of(hook)}.isdisjoint(dynamics.bound(effect, hook, hook.damping))
@@ -55,18 +55,18 @@ def dampers(dynamics: Dynamics) -> list[tuple[Effect, Force]]:
 
 
 def mobilities(dynamics: Dynamics, x: Quantities) -> dict[str, Any]:
-    """Most mobilities of the joints of :func:`dampers`, by their fields."""
+    """Largest mobilities of the joints of :func:`dampers`, by their fields."""
     return {field_of(h): most_mobility(dynamics, e, h, x) for e, h in dampers(dynamics)}
 
 
 def field_of(hook: Force) -> str:
-    """The field of the most mobility of a joint."""
+    """The field of the largest mobility of a joint."""
     assert isinstance(hook.joint, int)
     return f"most_mobility{hook.joint + 1}"
 
 
 def rates_of_motion(dynamics: Dynamics, lane: Lane, x: Quantities) -> list[Any]:
-    """Steps per second that dampers need now, whose damping depends on positions and rates ``x``."""
+    """Steps per second that dampers require now, if their damping depends on positions and rates ``x``."""
     rates = []
     for effect, hook in dampers(dynamics):
         assert hook.damping is not None
@@ -82,7 +82,7 @@ def rates_of_motion(dynamics: Dynamics, lane: Lane, x: Quantities) -> list[Any]:
 
 
 def most_mobility(dynamics: Dynamics, effect: Effect, hook: Force, x: Quantities) -> Any:
-    """The most that a unit force can accelerate where it acts, in any pose."""
+    """Largest acceleration by a unit force at its own joint or point, in any pose."""
     if isinstance(hook.joint, Point):  # no more than if the point mass were free
         return 1.0 / x[f"m{hook.joint.number + 1}"]
     if dynamics.arm.mobility_bounds is None:

@@ -1,1 +1,1 @@
-"""Measurements of the library: speed, energy, and the figures they give."""
+"""Measurements of the library: speed, energy, and their figures."""

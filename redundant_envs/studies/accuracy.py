@@ -1,7 +1,7 @@
 """Accuracy against cost: every configuration on every panel, ours and the peers', in one run.
 
-The headline is the tip error after one control interval from thousands of random states, the only error of
-the state that chaos does not touch; with it goes the cost of that interval on one core.
+The main figure is the tip error after one control interval from thousands of random states, the only error
+of the state that is free of chaos, against the cost of that interval on one core.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ ROUNDS_PER_DGEMM = 10
 
 @dataclass(frozen=True)
 class Agreement:
-    """How far another method is from the reference after a control interval, at most.
+    """Largest distance of another method from the reference after a control interval.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class Agreement:
 
 @dataclass(frozen=True)
 class PanelResult:
-    """What was measured on a panel.
+    """Results of a panel.
 
     Attributes
     ----------
@@ -84,7 +84,7 @@ class PanelResult:
 
     @property
     def floor(self) -> float:
-        """Below this error [m] the reference is not known."""
+        """Error [m] of the reference itself: smaller errors cannot be measured."""
         return max(a.metres for a in self.agreements)
 
 
@@ -108,7 +108,7 @@ def run(study: Study) -> list[PanelResult]:
 
 
 def run_panel(study: Study, panel: Panel, seed: int, progress: Progress) -> PanelResult:
-    """Everything that is measured on one panel."""
+    """Measure everything on one panel."""
     scene = panel.scene(study.control_dt, **study.reference.scene)
     start = panel.states(study.states, seed)
     reference = metrics.end(scene, start, study.control_dt)
@@ -129,7 +129,7 @@ def run_panel(study: Study, panel: Panel, seed: int, progress: Progress) -> Pane
     for i, method in enumerate(methods):
         row = {**name(panel, method), "lyapunov_exponent": free.exponent, **long_metrics(method, free)}
         long_rows.append(row)
-        # The rounds of timing are spread, since a machine changes its speed within seconds.
+        # The rounds of timing are spread out, since the speed of a machine changes within seconds.
         turns.until((i + 1) / len(methods))
         progress.step(f"{panel.name}: {free.seconds:g} s of {method.line}, {method.setting}; timing")
     rows = turns.timed()
@@ -143,7 +143,7 @@ def run_panel(study: Study, panel: Panel, seed: int, progress: Progress) -> Pane
 
 
 def name(panel: Panel, method: Method) -> Row:
-    """Whose row it is."""
+    """Columns that identify a row."""
     return {"panel": panel.name, "peer": method.peer, "method": method.line, "setting": method.setting}
 
 
@@ -177,7 +177,7 @@ def check_reference(
 
 
 def interval_errors(method: Method, scene: Scene, start: States, reference: tuple[Array, Array]) -> Row:
-    """Errors after one control interval, and the evaluations it took."""
+    """Errors after one control interval, and its number of evaluations."""
     q, qd, evaluations = method.motion(scene, start, scene.control_dt)
     tip = 1e3 * metrics.tip_error(scene, q, reference[0])
     return {
@@ -191,7 +191,8 @@ def interval_errors(method: Method, scene: Scene, start: States, reference: tupl
 
 
 class Turns:
-    """Timing in rounds, every configuration once in each, so that slow phases of a machine hit all alike.
+    """Timing in rounds, every configuration once in each, so that slow phases of a machine affect all
+    equally.
 
     Attributes
     ----------
@@ -205,11 +206,11 @@ class Turns:
         self._entries: list[tuple[Row, Callable[[], float], list[float]]] = []
 
     def add(self, row: Row, timer: Callable[[], float]) -> None:
-        """A configuration, and what measures its cost."""
+        """A configuration, and the function that measures its cost."""
         self._entries.append((row, timer, []))
 
     def until(self, share: float) -> None:
-        """Go on until this share of the rounds is done."""
+        """Continue until this share of the rounds is done."""
         while self._done < round(share * self._timing.rounds):
             if self._done % ROUNDS_PER_DGEMM == 0:
                 self.rate = max(self.rate, dgemm_rate())
@@ -226,7 +227,7 @@ class Turns:
 
 
 def about() -> dict[str, str]:
-    """Where and with what this was measured."""
+    """Machine, date and versions of the measurement."""
     found = versions()
     for peer in ("mujoco", "scipy"):
         found[peer] = importlib.metadata.version(peer) if installed(peer) else ""
@@ -235,13 +236,13 @@ def about() -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Answer:
-    """What an error costs: the cheapest configurations whose 99th percentile is below it.
+    """Cost of an error: the cheapest configurations whose 99th percentile is below it.
 
     Attributes
     ----------
     threshold_mm : float
     ours, mujoco : dict, optional
-        Their rows; None where no configuration reaches the error, or none was run.
+        Their rows; None if no configuration reaches the error, or none was run.
     """
 
     threshold_mm: float
@@ -250,7 +251,7 @@ class Answer:
 
     @property
     def ratio(self) -> float:
-        """How many times cheaper than MuJoCo we are; NaN where one of us does not reach the error."""
+        """Ratio of MuJoCo's cost to ours; NaN if one of both does not reach the error."""
         if self.ours is None or self.mujoco is None:
             return math.nan
         return float(self.mujoco["ns_best"] / self.ours["ns_best"])

@@ -1,4 +1,4 @@
-"""What the accuracy study compares, read from YAML: panels, configurations, references; typed and checked."""
+"""Configuration of the accuracy study, from YAML: panels, configurations, references; typed and checked."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def positive(field: str, value: Any) -> float:
 
 
 def sweeps(field: str, data: Any, valid: Sequence[str]) -> dict[str, tuple[float, ...]]:
-    """Name -> settings: whole numbers of steps, but for tolerances."""
+    """Name -> settings: whole numbers of steps, except for tolerances."""
     if not isinstance(data, Mapping):
         raise ValueError(f"{field} is {shown(data)}; give lists of settings by name: {', '.join(valid)}")
     check_keys(field, data, list(valid))
@@ -78,12 +78,12 @@ def sweeps(field: str, data: Any, valid: Sequence[str]) -> dict[str, tuple[float
 
 @dataclass(frozen=True)
 class Panel:
-    """A scene and where its states are drawn.
+    """A scene and the distribution of its states.
 
     Parameters
     ----------
     name, about : str
-        Title, and in a few words what the states are.
+        Title, and a description of the states in a few words.
     robot, effects :
         As in the file of a scene.
     low, high : (4,)
@@ -95,9 +95,9 @@ class Panel:
     effort_share : float
         ... of this share of the states; the others have none.
     peers : sequence of {"mujoco", "scipy"}
-        Who can simulate the scene.
+        Peers that can simulate the scene.
     bar : float, optional
-        How many times cheaper than MuJoCo we mean to be at every threshold.
+        Goal for the ratio of MuJoCo's cost to ours at every threshold.
     """
 
     name: str
@@ -142,14 +142,14 @@ class Panel:
 
 @dataclass(frozen=True)
 class Reference:
-    """What errors are measured against, and by whom that is checked.
+    """The reference for errors, and the other methods that check it.
 
     Parameters
     ----------
     scene : mapping
         Integrator, substeps or tolerance of the reference.
     states : int
-        How many of the states the other methods check.
+        Number of states that the other methods check.
     mujoco_steps : int
         RK4 steps of the check by MuJoCo per control interval.
     scipy_rtol : float
@@ -177,11 +177,11 @@ class LongRuns:
     seconds : float
         Length of the motions whose energy and momentum are measured, s.
     lyapunov_seconds : float
-        Length of those that the exponent is measured on, s.
+        Length of the motions on which the exponent is measured, s.
     lyapunov_times : sequence of floats
-        Errors are taken after so many times 1/exponent.
+        Times of the errors, in units of 1/exponent.
     ours, mujoco : mapping
-        Which configurations of the study.
+        The configurations of the study that are used.
     """
 
     states: int
@@ -227,11 +227,11 @@ class Study:
     control_dt : float
         Control interval, s.
     states, scipy_states : int
-        States per panel, and how many of them SciPy gets.
+        States per panel, and the number of those that SciPy simulates.
     seed : int
-        Of the states of the first panel; the next has the next.
+        Of the states of the first panel; each further panel has the next seed.
     thresholds_mm : sequence of floats
-        Errors that the table is asked for, mm.
+        Errors in the table of costs, mm.
     ours : mapping
         Integrator -> equal steps per control interval; "tolerance" -> m of tip error.
     mujoco : mapping
@@ -277,7 +277,7 @@ class Study:
                     raise ValueError(
                         f"long_runs.{who}.{name} has {value}, which {who}.{name} lacks: add it there"
                     )
-        for panel in panels:  # mistakes in a scene are found before the first measurement
+        for panel in panels:  # reports mistakes in a scene before the first measurement
             panel.scene(self.control_dt, **self.reference.scene)
 
 

@@ -18,9 +18,9 @@ from redundant_envs.studies.impacts import impact_motion
 Array = NDArray[np.float64]
 
 PATH_SECONDS, PATH_SAMPLES = 0.5, 250
-"""Motions on which penetration of stops is looked for, and how often."""
+"""Number of motions on which penetration of stops is measured, and the number of times."""
 IMPACT_STATES, IMPACT_SECONDS, IMPACT_RTOL = 16, 0.2, 1e-12
-"""Motions whose first impact is located by SciPy too."""
+"""Number of motions whose first impact is also located by SciPy."""
 
 
 @dataclass(frozen=True)
@@ -37,15 +37,15 @@ class Free:
     exponent : float
         Lyapunov exponent, median over the states, 1/s.
     times : mapping
-        Error -> when it is taken, s, rising; those that come after the end are absent.
+        Error -> its time, s, rising; times after the end are absent.
     reference : mapping
         Error -> coordinates of the reference, (n, 4).
     doubt : mapping
-        Error -> how far a reference of half as many steps is from it, median over the states, m.
+        Error -> distance of a reference with half as many steps, median over the states, m.
     energy_scale : float
         J.
     impacts : mapping
-        Which motion -> time of its first impact by SciPy, s; empty without stops.
+        Index of a motion -> time of its first impact by SciPy, s; empty without stops.
     """
 
     scene: Scene
@@ -60,7 +60,7 @@ class Free:
 
 
 def error_names(study: Study) -> list[str]:
-    """Of the tip errors: after a second, and after so many Lyapunov times."""
+    """Columns of the tip errors: after a second, and after some numbers of Lyapunov times."""
     return ["1_s", *(f"{k:g}_lyapunov" for k in study.long_runs.lyapunov_times)]
 
 
@@ -101,7 +101,7 @@ def second_reference(panel: Panel, reference: Scene) -> Scene:
 
 
 def first_impacts(scene: Scene, start: States) -> dict[int, float]:
-    """Which of the first motions meets a stop, and when first, s, as SciPy locates it."""
+    """The first motions that meet a stop, and the time of the first impact, s, located by SciPy."""
     if metrics.stops(scene) is None or not installed("scipy"):
         return {}
     q, qd, rest = (x[:IMPACT_STATES] for x in start)
@@ -131,7 +131,7 @@ def long_metrics(method: LongMethod, free: Free) -> dict[str, float]:
 
 
 def stop_metrics(method: LongMethod, free: Free) -> dict[str, float]:
-    """How far sliders go beyond their stops, and how well the first impacts are timed."""
+    """Penetration of the stops by sliders, and errors of the times of the first impacts."""
     ends = metrics.stops(free.scene)
     if ends is None:
         return {}
@@ -147,7 +147,7 @@ def stop_metrics(method: LongMethod, free: Free) -> dict[str, float]:
 
 
 def keeps_energy(scene: Scene) -> bool:
-    """Whether nothing but the integrator can change the energy of a free motion."""
+    """Whether only the integrator can change the energy of a free motion."""
     values = scene.parameters()
     lossless = (Gravity, CentringSpring)
     return all(isinstance(e, lossless) or values.get(f"{e.key}.restitution") == 1.0 for e in scene.effects)

@@ -1,4 +1,4 @@
-"""Configurations of the accuracy study: ours, MuJoCo's and SciPy's, with the same three questions to each."""
+"""Configurations of the accuracy study: ours, MuJoCo's and SciPy's, with the same three methods each."""
 
 from __future__ import annotations
 
@@ -22,38 +22,38 @@ from redundant_envs.studies.accuracy_metrics import stops
 Array = NDArray[np.float64]
 
 Impacts = list[tuple[int, float]] | None
-"""Which motion, and when a slider of it met a stop, s; in the order of time."""
+"""Index of a motion, and the time at which one of its sliders met a stop, s; in the order of time."""
 
 EVALUATIONS = {"Euler": 1, "implicitfast": 1, "implicit": 1, "RK4": 4}
 """Evaluations of the right-hand side in one MuJoCo step."""
 
 
 class Method(Protocol):
-    """One configuration of somebody's integrator."""
+    """One configuration of an integrator, ours or a peer's."""
 
     peer: ClassVar[str]
     """Package that it belongs to, "" for ours."""
 
     @property
     def line(self) -> str:
-        """What is plotted as one line."""
+        """Name of its line in the figures."""
 
     @property
     def setting(self) -> str:
-        """Where on the line it is."""
+        """Name of its point on the line."""
 
     def motion(self, scene: Scene, start: States, seconds: float) -> tuple[Array, Array, float]:
-        """q and qd after so many seconds, (n, 4), and the mean evaluations of a control interval."""
+        """q and qd after a duration [s], (n, 4), and the mean evaluations of a control interval."""
 
     def timer(self, scene: Scene, start: States) -> Callable[[], float]:
-        """A function that measures anew, ns of one core per control interval of one arm."""
+        """A function that measures once more, ns of one core per control interval of one arm."""
 
 
 class LongMethod(Method, Protocol):
-    """One that long motions are measured with."""
+    """A configuration with which long motions are measured."""
 
     def path(self, scene: Scene, start: States, seconds: float, samples: int) -> tuple[Array, Impacts]:
-        """q of a motion without efforts at equal times, (T, n, 4); and its impacts, where they are known."""
+        """q of a motion without efforts at equal times, (T, n, 4); and its impacts, if they are known."""
 
 
 def brief(x: float) -> str:
@@ -87,7 +87,7 @@ class Ours:
         return f"tolerance {brief(1e3 * self.tolerance)} mm"
 
     def scene(self, scene: Scene) -> Scene:
-        """The scene, stepped like this."""
+        """The scene with this stepping."""
         return dataclasses.replace(
             scene, integrator=self.integrator, substeps=self.substeps, tolerance=self.tolerance
         )
@@ -114,7 +114,7 @@ class Ours:
         snapshot, efforts = batch.save(), np.ascontiguousarray(start[2])
 
         def sample() -> float:
-            # The second of two calls: one put back has just gone through the caches.
+            # The second of two calls is timed: restoring a snapshot has just replaced the caches.
             batch.restore(snapshot)
             batch.advance(efforts)
             before = time.perf_counter()
@@ -126,7 +126,7 @@ class Ours:
 
 @dataclass(frozen=True)
 class MuJoCo:
-    """MuJoCo with equal steps, many of them in one call from C, without its clock.
+    """MuJoCo with equal steps, many of them in one call from C, without its timers.
 
     ``states`` motions of ``steps`` steps each make one sample of its cost. Stops are springs without damping
     of ``stiffness`` / step^2.
@@ -248,7 +248,7 @@ def mujoco_methods(study: Study, sweep: Mapping[str, Any]) -> list[MuJoCo]:
 
 
 def panel_methods(study: Study, panel: Panel) -> list[Method]:
-    """All configurations of a panel whose package is there."""
+    """All configurations of a panel whose package is installed."""
     methods: list[Method] = [*our_methods(study, study.ours)]
     if "mujoco" in panel.peers and installed("mujoco"):
         methods += mujoco_methods(study, study.mujoco)
@@ -258,7 +258,7 @@ def panel_methods(study: Study, panel: Panel) -> list[Method]:
 
 
 def long_methods(study: Study, panel: Panel) -> list[LongMethod]:
-    """Those that the long motions are measured with."""
+    """The configurations with which the long motions are measured."""
     methods: list[LongMethod] = [*our_methods(study, study.long_runs.ours)]
     if "mujoco" in panel.peers and installed("mujoco"):
         methods += mujoco_methods(study, study.long_runs.mujoco)

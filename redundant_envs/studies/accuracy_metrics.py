@@ -32,7 +32,7 @@ def stops(scene: Scene) -> dict[int, tuple[float, float]] | None:
 
 
 def end(scene: Scene, start: States, seconds: float) -> tuple[Array, Array]:
-    """q and qd of a scene as it is stepped, (n, 4), after a whole number of control intervals."""
+    """q and qd of a scene with its own stepping, (n, 4), after a whole number of control intervals."""
     batch = BatchSimulator(scene, len(start[0]))
     batch.set_state(*start[:2])
     for _ in range(round(seconds / scene.control_dt)):
@@ -62,7 +62,7 @@ def largest_error(values: Array, reference: Array) -> Array:
 
 
 def quantile(errors: Array, share: float) -> float:
-    """The smallest error that this share of the states does not exceed: one of the errors itself."""
+    """Quantile: the smallest of the errors that this share of the states does not exceed."""
     return float(np.quantile(errors, share, method="inverted_cdf"))
 
 
@@ -81,7 +81,7 @@ def energy_scale(scene: Scene, middle: ArrayLike) -> float:
     Parameters
     ----------
     middle : (4,)
-        Coordinates, of which the travel of the sliders is taken.
+        Coordinates, from which the travel of the sliders is taken.
     """
     arm: Any = scene.robot
     upright = np.where(arm.prismatic, np.asarray(middle), 0.5 * np.pi)
@@ -106,7 +106,7 @@ def momentum_error(scene: Scene, start: States, end: tuple[Array, Array]) -> Arr
 
 
 def penetration(path: Array, ends: dict[int, tuple[float, float]]) -> Array:
-    """How far the sliders of each motion are beyond their stops at most, (n,), m; path is (T, n, 4)."""
+    """Largest penetration of the stops by sliders in each motion, (n,), m; path is (T, n, 4)."""
     beyond = [np.maximum(low - path[..., k], path[..., k] - high) for k, (low, high) in ends.items()]
     deepest = np.maximum(np.max(beyond, axis=(0, 1)), 0.0)
     return np.where(np.isfinite(deepest), deepest, np.inf)
@@ -115,8 +115,8 @@ def penetration(path: Array, ends: dict[int, tuple[float, float]]) -> Array:
 def lyapunov(scene: Scene, start: States, seconds: float, seed: int = 0) -> Array:
     """Largest Lyapunov exponent of the free motion from each state, (n,), 1/s, after Benettin.
 
-    Two motions start ``OFFSET`` apart; after each control interval the growth of their distance is noted
-    and the second one is put back near the first, in the direction that it has taken.
+    Two motions start ``OFFSET`` apart; after each control interval the growth of their distance is recorded
+    and the second one is moved back near the first, in the direction of their difference.
     """
     q, qd, _ = start
     n = len(q)

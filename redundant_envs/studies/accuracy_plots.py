@@ -35,7 +35,7 @@ COLUMNS = {
     "MuJoCo": {f"MuJoCo {x}": x for x in ("Euler", "implicitfast", "implicit", "RK4")},
     "SciPy, all states as one": {f"SciPy {x}": x for x in ("RK45", "DOP853")},
 }
-"""Columns of the legend: title -> method -> how it is called there."""
+"""Columns of the legend: title -> method -> its name there."""
 ENCODER_MM = 1e-2
 """Movement of the tip that a good joint encoder just resolves on such an arm, mm: 1e-5 rad at 1 m."""
 ENCODER = "encoder: the movement of the tip of a 1 m arm that a joint encoder of 1e-5 rad just resolves"
@@ -48,14 +48,14 @@ NOTE: dict[str, Any] = {"fontsize": 7.5, "color": "#555555"}
 
 @dataclass(frozen=True)
 class Drawn:
-    """What the figures show of a panel.
+    """Data of a panel for the figures.
 
     Attributes
     ----------
     panel : Panel
     rows, long_rows : list of dict
     floor : float
-        Below this error [m] the reference is not known.
+        Error [m] of the reference itself.
     """
 
     panel: Panel
@@ -65,12 +65,12 @@ class Drawn:
 
 
 def drawn(results: Sequence[PanelResult]) -> list[Drawn]:
-    """What the figures show of the results of a run."""
+    """Data for the figures from the results of a run."""
     return [Drawn(r.panel, r.rows, r.long_rows, r.floor) for r in results]
 
 
 def read(study: Study, folder: Path) -> list[Drawn]:
-    """What the figures show of the tables that a run of the study wrote into a folder.
+    """Data for the figures from the tables that a run of the study wrote into a folder.
 
     Raises
     ------
@@ -95,7 +95,7 @@ def read(study: Study, folder: Path) -> list[Drawn]:
 
 
 def _typed(row: dict[str, str]) -> Row:
-    """A row of a table with its numbers as floats; what is empty is left out."""
+    """A row of a table with its numbers as floats; empty fields are left out."""
     result: Row = {}
     for name, cell in row.items():
         if name in WHAT:
@@ -147,7 +147,7 @@ def energy_figure(results: Sequence[Drawn], control_dt: float, motions: int) -> 
 
 
 def _grid(count: int, height: float) -> tuple[Any, list[Any]]:
-    """A figure with so many panels of this height [inch], two in a row; the axes are common."""
+    """A figure with a number of panels of a height [inch], two in a row; the axes are shared."""
     with needs("plot"):
         from matplotlib.figure import Figure
     columns = min(2, count)
@@ -184,7 +184,7 @@ def _advantage(panel: Any, result: Drawn) -> None:
 
 
 def _settings(panel: Any, rows: Sequence[Row]) -> None:
-    """Say what the first and the last point of some lines are."""
+    """Label the first and the last point of some lines."""
     beside = {"xytext": (6, 0), "textcoords": "offset points", "va": "center", **NOTE}
     for method in ("rk4", "MuJoCo RK4", "rk8, error-controlled"):
         line = [r for r in rows if r["method"] == method]

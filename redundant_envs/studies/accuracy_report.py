@@ -1,4 +1,4 @@
-"""The accuracy study as files: tables, figures, and a page that says in a line each what an error costs."""
+"""The accuracy study as files: tables, figures, and a page with one line for the cost of each error."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ def duration(nanoseconds: float) -> str:
 
 
 def who(row: Row | None) -> list[str]:
-    """A configuration, its cost and its evaluations; "not reached" where there is none."""
+    """A configuration, its cost and its evaluations; "not reached" if there is none."""
     if row is None:
         return ["not reached", "", ""]
     return [f"{row['method']}, {row['setting']}", duration(row["ns_best"]), f"{row['evaluations']:g}"]
 
 
 def advantage(answer: Answer, bar: float | None) -> str:
-    """How many times cheaper we are, and whether that is as much as was meant."""
+    """The ratio of costs, and whether it reaches the goal."""
     if math.isnan(answer.ratio):
         return ""
     if bar is None:
@@ -60,7 +60,7 @@ def table(lines: Sequence[Sequence[str]]) -> list[str]:
 
 
 def answer_table(study: Study, results: Sequence[PanelResult]) -> list[str]:
-    """An arm and an error in each line, and what they cost."""
+    """Lines with an arm, an error and its cost."""
     cost = f"{1e3 * study.control_dt:g} ms cost"
     head = ["arm", "99 % of states within", "our cheapest", cost, "evaluations"]
     lines = [[*head, "MuJoCo's cheapest", cost, "evaluations", "we are cheaper by"]]
@@ -81,7 +81,7 @@ def answer_table(study: Study, results: Sequence[PanelResult]) -> list[str]:
 
 
 def reference_table(results: Sequence[PanelResult]) -> list[str]:
-    """How well the reference is known, a line for each panel and check."""
+    """Accuracy of the reference, a line for each panel and check."""
     lines = [["arm", "compared with", "states", "largest difference of the tips", "digits that agree"]]
     for result in results:
         lines += [
@@ -122,9 +122,9 @@ def markdown(study: Study, results: Sequence[PanelResult], command: str, figures
     Parameters
     ----------
     command : str
-        What was typed to get it.
+        The command that made the page.
     figures : sequence of Path
-        Pictures that lie beside it.
+        Pictures in the same folder.
     """
     stamp, long = results[0].rows[0], study.long_runs
     names = ("python", "llvmlite", "numpy", *PEERS)
@@ -184,7 +184,7 @@ def markdown(study: Study, results: Sequence[PanelResult], command: str, figures
 
 def write(study: Study, command: str, folder: Path) -> list[Path]:
     """Run a study and write the page, both tables as CSV, and the figures; returns their paths."""
-    with needs("plot"):  # before the minutes that the study takes
+    with needs("plot"):  # checked before the study runs for minutes
         import matplotlib  # noqa: F401
         import PIL  # noqa: F401
     results = accuracy.run(study)

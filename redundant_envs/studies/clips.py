@@ -15,7 +15,7 @@ ENDINGS = (".gif", ".mp4")
 
 
 def check_clip(path: Path) -> None:
-    """Refuse a clip that cannot be written, before anything is simulated for it.
+    """Refuse a clip that cannot be written, before the simulation begins.
 
     Raises
     ------

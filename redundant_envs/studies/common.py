@@ -1,4 +1,4 @@
-"""What studies share: where and with what a figure was measured, one core, tables."""
+"""Common parts of studies: machine and versions of a figure, one core, tables."""
 
 from __future__ import annotations
 
@@ -70,7 +70,8 @@ def machine_name() -> str:
 
 
 def commit() -> str:
-    """Short commit of the checkout this runs from, "-dirty" if it is changed; empty elsewhere."""
+    """Short commit of the running checkout, with "-dirty" if it is changed; empty for an installed
+    package."""
     root = scene_folder().parents[1]
     if not (root / ".git").exists():
         return ""
@@ -81,7 +82,7 @@ def commit() -> str:
 
 
 def versions() -> dict[str, str]:
-    """Where and with what a figure was measured."""
+    """Machine, date and versions with which a figure was measured."""
     return {
         "machine": machine_name(),
         "date": datetime.date.today().isoformat(),

@@ -1,4 +1,4 @@
-"""Energies of an arm over time: what figures 1 and 2 of the report show."""
+"""Energies of an arm over time, as in figures 1 and 2 of the report."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class EnergyRun:
 
     @property
     def without_springs(self) -> Array | None:
-        """Kinetic energy plus that of gravity alone, (T,), J; None where that is the total."""
+        """Kinetic energy plus that of gravity alone, (T,), J; None if that is the total."""
         field = tuple(e for e in self.scene.effects if isinstance(e, Gravity))
         gravity = potential_energy(dataclasses.replace(self.scene, effects=field), self.trajectory.q)
         same = np.array_equal(gravity, self.trajectory.potential_energy)
@@ -65,7 +65,7 @@ class EnergyRun:
 
     @property
     def scale(self) -> float:
-        """What a drift is compared with, J: the energy that was exchanged."""
+        """Scale of a drift, J: the energy that was exchanged."""
         potential = self.trajectory.potential_energy
         return float(max(self.trajectory.kinetic_energy.max(), np.ptp(potential), 1e-300))
 
@@ -110,7 +110,7 @@ def stated_limits(scene: Scene) -> dict[int, tuple[float, float]]:
 
 
 def check_start(scene: Scene, seconds: float, q: ArrayLike, qd: ArrayLike | None = None) -> None:
-    """ValueError for arguments of :func:`energy_run` that are none."""
+    """ValueError for invalid arguments of :func:`energy_run`."""
     if not np.isfinite(seconds) or seconds <= 0.0:
         raise ValueError(f"seconds is {seconds}; it must be positive and finite")
     joints = len(scene.robot.joints)
@@ -122,14 +122,14 @@ def check_start(scene: Scene, seconds: float, q: ArrayLike, qd: ArrayLike | None
 def energy_run(
     name: str, scene: Scene, seconds: float, q: ArrayLike, qd: ArrayLike | None = None
 ) -> EnergyRun:
-    """Let the arm go without motor efforts and record states and energies.
+    """Release the arm without motor efforts and record states and energies.
 
     Parameters
     ----------
     seconds : float
         Length of the motion, positive, s.
     q, qd : (joints,) arrays
-        State at the start; no velocities are those of rest.
+        State at the start; by default the arm is at rest.
     """
     qd = (0.0,) * len(scene.robot.joints) if qd is None else qd
     check_start(scene, seconds, q, qd)

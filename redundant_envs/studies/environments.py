@@ -1,4 +1,4 @@
-"""Speed of the environments: vector steps per second, one step of one, and import to first step."""
+"""Speed of the environments: vector steps per second, one step of a single one, and import to first step."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ COLUMNS = (
 BASELINE = "CartPole-v1"
 IDS = tuple(f"{NAMESPACE}/{arm}Reach-v0" for arm in SCENES)
 VECTOR_STEPS = 101
-"""Steps per round: one whole episode and its reset, so that resets take their share."""
+"""Steps per round: one whole episode and its reset, so that resets are included in proportion."""
 FIRST_STEP = """
 import time
 start = time.perf_counter()
@@ -42,9 +42,9 @@ def vector_rates(
 ) -> list[float]:
     """Environment steps per second of the native vector environment, one number per round.
 
-    With the error control that is its default, or with one rk8 step for every control step; with
-    random actions that each environment keeps, or with ``renewed`` ones at every step, which make
-    the sliders of RPRP come to their stops and leave them more often.
+    With error control, the default, or with one rk8 step for every control step; with random actions
+    that each environment keeps, or with ``renewed`` ones at every step, with which the sliders of RPRP
+    reach and leave their stops more often.
     """
     scene = load_scene(SCENES[name.split("/")[1].removesuffix("Reach-v0")]).to_dict()
     env = gym.make_vec(name, num_envs=lanes, scene=scene if controlled else {**scene, "tolerance": None})
@@ -95,7 +95,7 @@ def single_against_baseline(name: str, rounds: int, steps: int) -> tuple[float, 
 def first_step_seconds(name: str, tries: int = 3) -> float:
     """Seconds from before the imports to after the first step in a new process, the best of a few.
 
-    One process goes first, unmeasured, so that the compiled module is on disk.
+    One process runs first, unmeasured, so that the compiled module is on disk.
     """
     command = [sys.executable, "-c", FIRST_STEP.format(name=name)]
     times = []

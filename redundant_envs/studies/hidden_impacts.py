@@ -1,7 +1,7 @@
 """Does error control find every impact? Random families of scenes with hard stops.
 
 Each family is a scene of the RPRP arm with short or long travel, weak or strong efforts, light or heavy
-masses. An interval is judged where two fine references agree; it is missed where the tip is off by more
+masses. An interval is judged if two fine references agree; it is missed if the tip is off by more
 than twice the tolerance without a flag.
 """
 
@@ -33,7 +33,7 @@ COLUMNS = (
 FINE, FINER = 96, 160
 """Steps of the two references per control interval."""
 AGREEMENT = 0.1
-"""The references agree where their tips differ by less than this, in units of the tolerance."""
+"""The references agree if their tips differ by less than this, in units of the tolerance."""
 LIMIT = 2.0
 """An error beyond this is a miss, in units of the tolerance."""
 BATCH = 8192
@@ -56,7 +56,7 @@ class Family:
     masses, lengths : kg, m
     restitution, tolerance, g, friction : float
     rate : float
-        Scale of joint rates, rad/s; of sliders it is that of a travel in 60 ms, at most 3 m/s.
+        Scale of joint rates, rad/s; for sliders it is a travel in 60 ms, at most 3 m/s.
     """
 
     control_dt: float = 0.02
@@ -88,11 +88,11 @@ NAMED = (
     Family(effort=60.0, travel=0.1, restitution=1.0),
     Family(effort=10.0, travel=0.25, rate=8.0),
 )
-"""Families in which impacts were missed once, and their neighbours."""
+"""Families in which earlier versions missed impacts, and similar ones."""
 
 
 def drawn_families(count: int, seed: int) -> list[Family]:
-    """Families with random numbers: control intervals, efforts, travels, masses over decades."""
+    """Families with random numbers: control intervals, efforts, travels and masses vary over decades."""
     rng = np.random.default_rng(seed)
     families = []
     for _ in range(count):
@@ -120,8 +120,8 @@ def drawn_families(count: int, seed: int) -> list[Family]:
 def drawn_states(family: Family, count: int, rng: np.random.Generator) -> tuple[Array, Array, Array]:
     """Coordinates, velocities and efforts, (count, 4) each.
 
-    A third of the sliders are anywhere in their travel, a third near an end, by decades, a third rest at
-    one. Half of the efforts are uniform, half at their limits.
+    A third of the sliders are anywhere in their travel, a third at logarithmic distances from an end, a
+    third rest at one. Half of the efforts are uniform, half at their limits.
     """
     q, qd = rng.uniform(-np.pi, np.pi, (count, 4)), rng.normal(0.0, family.rate, (count, 4))
     speed = min(family.travel / 0.06, 3.0)
@@ -142,7 +142,7 @@ def drawn_states(family: Family, count: int, rng: np.random.Generator) -> tuple[
 
 
 def ends(scene: Scene, q: Array, qd: Array, efforts: Array) -> tuple[Array, Any]:
-    """Tips after a control interval, (n, 2), and what it took."""
+    """Tips after a control interval, (n, 2), and its status."""
     batch = BatchSimulator(scene, len(q))
     batch.set_state(q, qd)
     status = batch.advance(efforts)
@@ -158,9 +158,9 @@ class Tally:
     judged: int = 0
     missed: int = 0
     flagged: int = 0
-    """Flags of any kind where less than 256 impacts happen."""
+    """Flags of any kind in intervals with less than 256 impacts."""
     spent: int = 0
-    """Intervals with more impacts than a control interval may have, in the references too."""
+    """Intervals with more impacts than a control interval may have, also in the references."""
     largest_error: float = 0.0
     events: int = 0
 
@@ -237,8 +237,8 @@ def row(number: int, family: Family, intervals: int, independent: int, seed: int
 def run(
     intervals: int, families: int, independent: int, seed: int = 0, processes: int = 1
 ) -> list[dict[str, Any]]:
-    """Rows of ``COLUMNS``: named and drawn families, ``intervals`` in all, ``independent`` of them by an
-    account that shares no code."""
+    """Rows of ``COLUMNS``: named and random families, ``intervals`` in all, ``independent`` of them also by a
+    simulation that shares no code."""
     chosen = [*NAMED, *drawn_families(families, seed)]
     each, alone = -(-intervals // len(chosen)), -(-independent // len(chosen))
     tasks = [(i, family, each, alone, seed + i) for i, family in enumerate(chosen)]

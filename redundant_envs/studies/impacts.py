@@ -1,4 +1,4 @@
-"""An independent account of impacts at stops: SciPy's event location and the impulse from the mass matrix."""
+"""Independent simulation of impacts at stops: SciPy's event location, impulses from the mass matrix."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from redundant_envs.studies.accuracy_metrics import stops
 Array = NDArray[np.float64]
 
 MOST_IMPACTS = 1000
-"""Of one motion; more are bounces without end."""
+"""Most impacts of one motion; more are bounces without end."""
 
 
 def impact_motion(
     scene: Scene, start: States, seconds: float, rtol: float
 ) -> tuple[Array, list[list[float]]]:
-    """Motions of an arm with gravity and prismatic stops, each on its own.
+    """Motions of an arm with gravity and prismatic stops, each computed separately.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def impact_motion(
     -------
     q, qd : (n, 8)
     times : list of list of float
-        Of each motion when a slider met a stop, s.
+        For each motion, the times at which a slider met a stop, s.
     """
     with needs("verify"):
         from scipy.integrate import solve_ivp
@@ -89,6 +89,6 @@ def impact_motion(
 
 
 def bounced(arm: Any, q: Array, qd: Array, joint: int, restitution: float) -> Array:
-    """Velocities after an impulse along one coordinate that turns its speed around, (4,)."""
+    """Velocities after an impulse along one coordinate that reverses its speed, (4,)."""
     push = np.linalg.solve(arm.mass_matrix(q), np.eye(4)[joint])
     return qd - (1.0 + restitution) * qd[joint] / push[joint] * push

@@ -1,7 +1,7 @@
-"""An account of the RPRP arm with hard stops that shares no code with the package.
+"""A simulation of the RPRP arm with hard stops that shares no code with the package.
 
 Dense equations of motion, SciPy's DOP853 with event location, impulses and resting sliders found by trying
-every set of contacts. Slow on purpose: it is what the compiled core is compared with.
+every set of contacts. It favours simplicity over speed, since the compiled core is compared with it.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 Array = NDArray[np.floating[Any]]
 SLIDERS = (1, 3)
 BOUNCE = 1e-9
-"""A slider whose bounce stays below this comes to rest, m; elastic ones only if it is lost in rounding."""
+"""A slider whose bounce stays below this comes to rest, m; at elastic stops only if it is rounding."""
 ROUNDING = 1e-13
-"""A speed into a stop that is none, m/s."""
+"""A speed into a stop that counts as zero, m/s."""
 MOST_CONTACTS = 600
 MOST_IMPACTS = 10_000
-"""At one time, of sliders that strike by turns at both stops."""
+"""Most impacts at one time, of sliders that strike in turn at both stops."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class StoppedArm:
         return M, np.array([t1 - t2, f1, t2, f2]) - bias - weight
 
     def motion(self, y: Array, efforts: Array, held: Sequence[int]) -> tuple[Array, Array]:
-        """Accelerations (4,), and the forces (4,) that hold some sliders where they are."""
+        """Accelerations (4,), and the forces (4,) that hold some sliders in position."""
         M, forces = self.equations(y, efforts)
         free = [k for k in range(4) if k not in held]
         qdd, hold = np.zeros(4), np.zeros(4)
@@ -117,8 +117,8 @@ class StoppedArm:
                     names += [(joint, 1.0), (joint, -1.0)]
             free = [j for j in SLIDERS if j not in held]
             turns = [lambda _, y, j=j: y[4 + j] for j in free]
-            # SciPy sees the ends of its steps only: they start short, where bounces are, and the motion
-            # ends where a slider turns beyond a stop that it passes twice in a step.
+            # SciPy sees only the ends of its steps: they start short, because of bounces, and the motion
+            # ends when a slider turns beyond a stop that it passes twice in a step.
             first, longest, end = min(1e-9, 0.5 * (seconds - t)), seconds / 40, seconds
             while True:
                 piece = solve_ivp(
@@ -146,13 +146,13 @@ class StoppedArm:
         return None
 
     def _pull(self, y: Array, joint: int, side: float, held: Sequence[int], efforts: Array) -> float:
-        """How hard the stop of a resting slider would have to pull it, N."""
+        """Force with which the stop of a resting slider would have to pull, N."""
         return float(side * self.motion(y, efforts, held)[1][joint])
 
     def _contacts(
         self, y: Array, efforts: Array, held: dict[int, float], left: set[int]
     ) -> tuple[Array, dict[int, float]]:
-        """Velocities after all impacts, and the sliders that rest then with their sides."""
+        """Velocities after all impacts, and the sliders that then rest, with their sides."""
         sides = {j: 1.0 if y[j] >= self.upper else -1.0 for j in SLIDERS if y[j] >= self.upper or y[j] <= 0.0}
         if not sides:
             return y, {}
@@ -167,10 +167,11 @@ class StoppedArm:
             u = s * y[4:][joints]
             if not (u > ROUNDING).any():
                 break
-            # Those that stand still are held if their stops press them, whether they were held before or not.
+            # Sliders without velocity are held if their stops press them, whether they were held before or
+            # not.
             standing = [j for j, v in zip(joints, u, strict=True) if abs(v) <= ROUNDING and j not in left]
             held = {j: sides[j] for j in self._supported(y, efforts, standing, sides)}
-            # One that moves away from its stop is struck when an impact of the other has sent it back.
+            # A slider that moves away from its stop is struck when an impact of the other has sent it back.
             here = [n for n, j in enumerate(joints) if u[n] > ROUNDING or j in held]
             struck = (u + self.restitution * np.maximum(u, 0.0))[here]
             impulse = _complementary(W[np.ix_(here, here)], struck)
@@ -200,7 +201,7 @@ class StoppedArm:
     def _supported(
         self, y: Array, efforts: Array, may: Sequence[int], sides: Mapping[int, float]
     ) -> tuple[int, ...]:
-        """Which of some sliders at their stops are held by these: none is pulled, and none enters."""
+        """Sliders held by their stops: no stop pulls, and no slider moves into a stop."""
         for count in range(len(may), -1, -1):
             for chosen in itertools.combinations(may, count):
                 qdd, hold = self.motion(y, efforts, chosen)
@@ -211,7 +212,7 @@ class StoppedArm:
 
 
 def _terminal(start: float, function: Any, *arguments: Any) -> Any:
-    """An event that ends a piece of motion where function(y, *arguments) becomes positive after its start.
+    """An event that ends a piece of motion when function(y, *arguments) becomes positive after its start.
 
     At the start it may be 0: a slider that has just been struck or released.
     """

@@ -1,4 +1,4 @@
-"""Families of control intervals: a scene each, with numbers, states and efforts of every lane's own."""
+"""Families of control intervals: a scene each, with separate numbers, states and efforts for every lane."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from redundant_envs.studies.kinked_effects import KINKED, Kinked
 
 Array = NDArray[np.float64]
 REACH = 1.0
-"""Of every arm about, m: 4R has four links of a quarter, RPRP two, and as much travel."""
+"""Approximate reach of every arm, m: 4R has four links of a quarter, RPRP two, and as much travel."""
 
 
 @dataclass
 class Draw:
-    """What is drawn for the lanes of a family.
+    """Random data of the lanes of a family.
 
     Attributes
     ----------
@@ -56,8 +56,8 @@ class Family:
     ----------
     name : str
     arm : class of the arm
-    effects : of the scene; their numbers may be drawn anew for each lane
-    changes : what is drawn otherwise than usual, in order
+    effects : of the scene; their numbers may be drawn again for each lane
+    changes : functions that replace the usual draws, in order
     control_dt, tolerance : of the scene, s and m
     actuation : "joint" or "generalized"
     steps : equal steps of rk8 per interval that confirm the reference
@@ -74,16 +74,16 @@ class Family:
 
     @property
     def robot(self) -> Any:
-        """The arm with unremarkable numbers."""
+        """The arm with ordinary numbers."""
         return self.arm((0.5,) * self.arm.num_masses, (0.25,) * self.arm.num_lengths)
 
     def scene(self, **how: Any) -> Scene:
-        """The scene; ``how`` it chooses its steps, by default for its tolerance."""
+        """The scene; ``how`` sets its stepping, by default its tolerance."""
         how = how or {"tolerance": self.tolerance}
         return Scene(self.robot, self.effects, control_dt=self.control_dt, actuation=self.actuation, **how)
 
     def draw(self, count: int, rng: np.random.Generator) -> Draw:
-        """Numbers of ``count`` lanes."""
+        """Random data of ``count`` lanes."""
         slides = np.array(self.robot.prismatic)
         shape = count, len(slides)
         joints = np.where(slides, rng.uniform(0.0, 0.25, shape), rng.uniform(-np.pi, np.pi, shape))
@@ -104,7 +104,7 @@ def decades(rng: np.random.Generator, low: float, high: float, shape: Any) -> Ar
     return np.exp(rng.uniform(np.log(low), np.log(high), shape))
 
 
-# ---- what is drawn otherwise ---------------------------------------------------------------------
+# ---- changes of the usual draws ------------------------------------------------------------------
 
 
 def masses(low: float, high: float) -> Change:
@@ -117,7 +117,7 @@ def masses(low: float, high: float) -> Change:
 
 
 def lengths(low: float, high: float) -> Change:
-    """Lengths over decades; of each lane one is a quarter of a metre."""
+    """Lengths over decades; in each lane one is a quarter of a metre."""
 
     def change(drawn: Draw, rng: np.random.Generator) -> None:
         shape = drawn.parameters["lengths"].shape
@@ -129,7 +129,7 @@ def lengths(low: float, high: float) -> Change:
 
 
 def heavy_tip(drawn: Draw, rng: np.random.Generator) -> None:
-    """A tip up to a thousand times as heavy as the rest."""
+    """A tip up to a thousand times as heavy as the rest of the arm."""
     drawn.parameters["masses"][:, 3] *= decades(rng, 1.0, 1e3, len(drawn.joints))
 
 
@@ -152,7 +152,7 @@ def faster(times: float) -> Change:
 
 
 def singular(drawn: Draw, rng: np.random.Generator) -> None:
-    """Links in line or folded, exactly or nearly; of RPRP some second sliders at the pole, l2 + r2 = 0."""
+    """Links in line or folded, exactly or nearly; for RPRP some second sliders at the pole, l2 + r2 = 0."""
     count, slides = len(drawn.joints), drawn.parameters["lengths"].shape[1] == 2
     gap = rng.normal(size=(count, 4)) * decades(rng, 1e-12, 0.1, (count, 4))
     near = np.where(rng.random((count, 4)) < 0.5, 0.0, gap)
@@ -249,7 +249,7 @@ def spring(name: str) -> LimitSpring:
 
 
 def kinked(name: str, arm: type[Arm], tolerance: float) -> tuple[Family, ...]:
-    """Effects that declare none of their kinks, which depend on rates."""
+    """Effects that do not declare their kinks, which depend on rates."""
     return tuple(
         Family(
             f"{name}, {one.name}, {tolerance:g} m", arm, (Gravity(), one.effect), (near_kinks(one),),

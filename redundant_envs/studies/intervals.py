@@ -1,8 +1,8 @@
-"""Is the tolerance kept? Control intervals of many families of scenes, each judged by two other accounts.
+"""Is the tolerance kept? Control intervals of many families of scenes, each judged by two references.
 
-The reference is dop853, whose steps are chosen to rounding. It counts where equal steps of rk8, many times
-finer and without any choice, confirm it to a tenth of the tolerance. An interval is missed where the tip is
-off by more than twice the tolerance without a flag.
+The reference is dop853, which chooses its steps for errors near rounding. It counts if equal steps of rk8,
+many times finer and without error control, confirm it to a tenth of the tolerance. An interval is missed if
+the tip is off by more than twice the tolerance without a flag.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ COLUMNS = (
     "evaluations",
 )  # fmt: skip
 CONFIRMED = 0.1
-"""The reference counts where the other account differs by less, in units of the tolerance."""
+"""The reference counts if the other one differs by less than this, in units of the tolerance."""
 LIMIT = 2.0
 """An error beyond this is a miss, in units of the tolerance."""
 BATCH = 4096
@@ -43,12 +43,10 @@ class Tally:
 
     Attributes
     ----------
-    intervals, judged, missed : how many, with a reference that is confirmed, and of these off without a flag
-    flagged : intervals with a flag of any kind, where less than 256 impacts happen
-    spent : intervals with more impacts than an interval may have
-    largest_error : of those judged, in units of the tolerance
-    events : impacts
-    evaluations : of the right-hand side, in all
+    intervals, judged, missed : all, those with a confirmed reference, and of these the ones off without a
+    flag flagged : intervals with a flag of any kind and less than 256 impacts spent : intervals with more
+    impacts than an interval may have largest_error : of those judged, in units of the tolerance events :
+    impacts evaluations : of the right-hand side, in all
     """
 
     intervals: int = 0
@@ -62,7 +60,7 @@ class Tally:
 
 
 def tips_after(family: Family, scene: Scene, drawn: Draw) -> tuple[Array, Any]:
-    """Tips after a control interval, (count, 2), m, and what it took."""
+    """Tips after a control interval, (count, 2), m, and its status."""
     arm: Any = family.robot
     inverse = np.linalg.inv(arm.motor_map)
     batch = BatchSimulator(scene, len(drawn.joints))
@@ -76,7 +74,7 @@ def tips_after(family: Family, scene: Scene, drawn: Draw) -> tuple[Array, Any]:
 
 
 def judge(family: Family, count: int, seed: Any, misses: list[Draw] | None = None) -> Tally:
-    """Judge intervals of a family; ``misses`` collects what was drawn for those that are missed."""
+    """Judge intervals of a family; ``misses`` collects the random data of missed ones."""
     rng, tally = np.random.default_rng(seed), Tally()
     asked = family.scene()
     reference = family.scene(integrator="dop853")
@@ -113,7 +111,7 @@ def chosen(drawn: Draw, lanes: NDArray[np.bool_]) -> Draw:
 
 
 def row(number: int, intervals: int, seed: int) -> dict[str, Any]:
-    """A row of ``COLUMNS``, of a family by its number: what changes a draw could not be sent to a process."""
+    """A row of ``COLUMNS``, for the number of a family: its functions could not be sent to a process."""
     family = FAMILIES[number]
     tally = judge(family, intervals, (seed, number))
     return {
@@ -126,7 +124,7 @@ def row(number: int, intervals: int, seed: int) -> dict[str, Any]:
 
 
 def run(intervals: int, seed: int = 0, processes: int = 1) -> list[dict[str, Any]]:
-    """Rows of ``COLUMNS``: ``intervals`` in all, as many of each family."""
+    """Rows of ``COLUMNS``: ``intervals`` in all, the same number for each family."""
     each = -(-intervals // len(FAMILIES))
     tasks = [(number, each, seed) for number in range(len(FAMILIES))]
     rows, progress = [], Progress("intervals", len(FAMILIES))

@@ -1,4 +1,4 @@
-"""Effects as a user might write them, with kinks that depend on rates and that no effect declares."""
+"""Effects as a user might write them, with undeclared kinks that depend on rates."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def drag(rate, coefficient):
 
 @dataclass(frozen=True)
 class QuadraticDrag(Effect):
-    """Resists with the square of a joint's rate: the second derivative of the force jumps where it turns."""
+    """Drag with the square of a joint's rate: its second derivative jumps where the rate changes its sign."""
 
     coefficients: float | tuple[float, ...]  # N m s^2/rad^2 or N s^2/m^2
 
@@ -61,7 +61,7 @@ class SmoothFriction(Effect):
 
 @physics
 def below_curve(command, rate, stall, free_rate):
-    """At most the stall effort, less the faster the joint moves with it; a motor that is driven brakes."""
+    """At most the stall effort, which decreases as the joint moves faster with it; a driven motor brakes."""
     most = stall * (1.0 - rate / free_rate)
     least = stall * (-1.0 - rate / free_rate)
     return minimum(maximum(command, maximum(least, -stall)), minimum(most, stall))
@@ -97,7 +97,7 @@ def clipped_velocity_effort(command, rate, gain, limit):
 
 @dataclass(frozen=True)
 class VelocityController(Effect):
-    """Motors that hold a rate, command / gain, with an effort that is clipped."""
+    """Motors that hold a rate, command / gain, with a clipped effort."""
 
     gains: float | tuple[float, ...]  # N m s/rad or N s/m
     limits: float | tuple[float, ...]  # N m or N
@@ -119,7 +119,7 @@ class VelocityController(Effect):
 
 @dataclass(frozen=True)
 class Kinked:
-    """An effect, and between which bounds its numbers are drawn."""
+    """An effect, and the bounds between which its numbers are drawn."""
 
     name: str
     effect: Effect

@@ -22,7 +22,7 @@ def signature(effect: type[Any]) -> str:
 
 
 def names(studies: Sequence[str]) -> str:
-    """The names, under what they are names of; those of ``studies`` are given."""
+    """The names, grouped by kind; those of ``studies`` are passed in."""
     groups = {
         "environments": ids(),
         "scenes": scene_names(),

@@ -1,7 +1,7 @@
-"""What MuJoCo and SciPy reach on the same arm, and what it costs: the peers of a work-precision study.
+"""Accuracy and cost of MuJoCo and SciPy on the same arm: the peers of a work-precision study.
 
-Both take a scene's gravity, viscous friction and centring springs, and the efforts of the joints. What
-has no exact counterpart in a peer is refused, never left out.
+Both take a scene's gravity, viscous friction and centring springs, and the efforts of the joints. An effect
+without an exact counterpart in a peer is refused, never left out.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ States = tuple[ArrayLike, ArrayLike, ArrayLike]
 
 MUJOCO_INTEGRATORS = ("Euler", "implicitfast", "implicit", "RK4")
 INERTIA = 1e-14
-"""Moment of inertia of MuJoCo's bodies, kg m^2: it wants one above zero."""
+"""Moment of inertia of MuJoCo's bodies, kg m^2, which MuJoCo requires to be positive."""
 ELASTIC = (-1e5, 0.0)
 """MuJoCo's solref of a stop: minus its stiffness, 1/s^2, and minus its damping, 1/s."""
 IDLE = ("CONTACT", "EQUALITY", "FRICTIONLOSS", "SENSOR", "MIDPHASE", "ACTUATION", "AUTORESET")
@@ -36,7 +36,7 @@ IDLE = ("CONTACT", "EQUALITY", "FRICTIONLOSS", "SENSOR", "MIDPHASE", "ACTUATION"
 
 
 def _forces(scene: Scene, limits: Limits | None = None) -> tuple[Array, Array, Array, Array]:
-    """Gravity (2,), m/s^2; of each joint its damping, spring stiffness and rest position, (4,)."""
+    """Gravity (2,), m/s^2; for each joint its damping, spring stiffness and rest position, (4,)."""
     if scene.actuation != "joint":
         raise ValueError(f"scene.actuation is {scene.actuation!r}; the peers take efforts of the joints")
     gravity, damping, stiffness, rest = np.zeros(2), np.zeros(4), np.zeros(4), np.zeros(4)
@@ -79,7 +79,7 @@ def mujoco_model(
     Returns
     -------
     mujoco.MjModel
-        In joint coordinates, B^T q. It has no motors: efforts go in as ``qfrc_applied``, which costs
+        In joint coordinates, B^T q. It has no motors: efforts are passed as ``qfrc_applied``, which costs
         less.
     """
     with needs("verify"):
@@ -88,7 +88,7 @@ def mujoco_model(
         raise ValueError(f"integrator is {integrator!r}; choose {', '.join(MUJOCO_INTEGRATORS)}")
     gravity, damping, stiffness, rest = _forces(scene, limits)
     arm = scene.robot
-    # Where each joint sits on the link before it, and each mass point on its own.
+    # Positions of each joint on the link before it, and of each mass point on its own link.
     at, mass_at = (0.0, *arm.lengths[:-1]), arm.lengths
     if arm.kind == "RPRP":
         l1, l2 = arm.lengths
@@ -113,18 +113,18 @@ def mujoco_model(
     idle = [*IDLE, *(() if limits else ("CONSTRAINT", "LIMIT", "WARMSTART"))]
     idle += [name for name, of in (("DAMPER", damping), ("SPRING", stiffness)) if not of.any()]
     for name in idle:
-        # A release that does not know a stage cannot skip it.
+        # A release without a stage cannot skip it.
         model.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}", 0))
     return model
 
 
 @contextlib.contextmanager
 def bare_mujoco() -> Iterator[Any]:
-    """MuJoCo as a C program has it: without the clock of its Python bindings, and without their log.
+    """MuJoCo as in a C program: without the timers of its Python bindings, and without their log.
 
     The bindings install a clock that times the stages of every step: in MuJoCo 4.0, 28 readings in an
     Euler step and 98 in RK4, nearly half the cost of an arm this small. ``mujoco.set_mjcb_time(None)``
-    leaves it in place, so the pointer in the library is cleared here, and put back afterwards. A motion
+    does not remove it, so the pointer in the library is cleared here, and restored afterwards. A motion
     that diverges is not logged: it shows in the state.
     """
     with needs("verify"):
@@ -145,7 +145,7 @@ def bare_mujoco() -> Iterator[Any]:
 
 
 def _states(start: States) -> Array:
-    """The three tables as one, (3, n, 4)."""
+    """The three tables as one array, (3, n, 4)."""
     shapes = [np.shape(x) for x in start]
     if len(set(shapes)) > 1 or len(shapes[0]) != 2 or shapes[0][1] != 4:
         raise ValueError(f"q, qd, efforts have shapes {shapes}; give (n, 4) for each, a row per state")
@@ -187,7 +187,7 @@ def mujoco_interval(
 ) -> tuple[Array, Array]:  # fmt: skip
     """States (n, 4) after a ``duration`` [s] from ``start``, q, qd and constant joint efforts, by MuJoCo.
 
-    The duration is a whole number of steps. A motion that diverges comes back huge or not finite. The
+    The duration is a whole number of steps. A motion that diverges is returned huge or not finite. The
     other arguments are those of :func:`mujoco_model`.
     """
     model = mujoco_model(scene, integrator, dt, limits, solref)
@@ -198,10 +198,10 @@ def mujoco_cost(
     scene: Scene, integrator: str, dt: float, start: States, seconds: float = 1.0, repeats: int = 5,
     limits: Limits | None = None, solref: tuple[float, float] = ELASTIC,
 ) -> float:  # fmt: skip
-    """Nanoseconds of one core per simulated second of one arm, by MuJoCo without its Python clock.
+    """Nanoseconds of one core per simulated second of one arm, by MuJoCo without its Python timers.
 
     From each state of ``start`` a motion of ``seconds`` without efforts, in one call; the best of ``repeats``
-    for each state, and the mean over the states. Take seconds of many steps: a call itself costs about
+    for each state, and the mean over the states. Use a duration of many steps: a call itself costs about
     a microsecond.
     """
     model = mujoco_model(scene, integrator, dt, limits, solref)
@@ -244,10 +244,10 @@ def scipy_interval(
 ) -> tuple[Array, Array, NDArray[np.int64]]:  # fmt: skip
     """States (n, 4) after a ``duration`` [s] from ``start``, q, qd and constant joint efforts, by SciPy.
 
-    Returned with the evaluations of the right-hand side for each state, (n,). The method and its
+    Also returns the evaluations of the right-hand side for each state, (n,). The method and its
     tolerances are those of ``solve_ivp``; atol is in rad, m, rad/s and m/s alike. ``together`` makes one
-    system of all states: common steps, SciPy controls a mean of their errors, and each costs far less
-    Python. It is for explicit methods.
+    system of all states: they share steps, SciPy controls a mean of their errors, and each costs far less
+    Python. It is meant for explicit methods.
     """
     return _scipy(scene, method, rtol, atol, _states(start), duration, together)[:3]
 
@@ -258,7 +258,7 @@ def scipy_cost(
 ) -> float:  # fmt: skip
     """Nanoseconds of one core per simulated second of one arm, by SciPy.
 
-    As :func:`mujoco_cost`, but the best of ``repeats`` is that of all states together.
+    Like :func:`mujoco_cost`, but the best of ``repeats`` is that of all states together.
     """
     states = _at_rest(start)
     spent = [_scipy(scene, method, rtol, atol, states, seconds, together)[3] for _ in range(repeats)]

@@ -9,9 +9,9 @@ WIDTH = 24
 
 
 class Progress:
-    """Counts what is done and estimates what is left.
+    """Counts finished parts and estimates the remaining time.
 
-    On a terminal one line is drawn anew; elsewhere each count is a line.
+    On a terminal one line is redrawn; elsewhere each count is a line.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ class Progress:
         self._start = time.monotonic()
 
     def step(self, what: str) -> None:
-        """One more is done; ``what`` it was."""
+        """Count one more finished part, described by ``what``."""
         self.done += 1
         left = (time.monotonic() - self._start) * (self.total / self.done - 1.0)
         minutes, seconds = divmod(round(left), 60)

@@ -1,4 +1,4 @@
-"""The schematic of both arms: what their coordinates, lengths and masses mean."""
+"""The schematic of both arms, which explains their coordinates, lengths and masses."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ LEGEND = (
 
 
 def shade(color: tuple[int, int, int]) -> Color:
-    """A colour of the renderer as matplotlib takes it."""
+    """A colour of the renderer in matplotlib's form."""
     return color[0] / 255, color[1] / 255, color[2] / 255
 
 
@@ -170,7 +170,7 @@ def save_schematic(path: Path) -> Path:
     import matplotlib
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    # Text becomes outlines: the picture is the same wherever it is seen, and in every run.
+    # Text becomes outlines, so that the picture is the same everywhere, and in every run.
     with matplotlib.rc_context({"svg.hashsalt": "schematic", "svg.fonttype": "path"}):
         facts = {"Date": None} if path.suffix == ".svg" else None
         figure.savefig(path, dpi=160, facecolor=figure.get_facecolor(), metadata=facts)

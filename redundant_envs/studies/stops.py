@@ -1,4 +1,4 @@
-"""What hard stops cost: time per control interval with and without them, by share of lanes at them."""
+"""Cost of hard stops: time per control interval with and without them, by share of lanes at them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ COLUMNS = (
 ENVIRONMENT = "redundant_envs/RPRPReach-v0"
 SHARES = (0.01, 0.2)
 DRAWS = 8
-"""Draws of lanes for each share: one in a hundred of them is too few to stand for all."""
+"""Number of draws of lanes for each share: a single draw of one lane in a hundred is not representative."""
 STEPS = 50
 """Control steps from the start of an episode to the states that are timed."""
 
@@ -60,7 +60,7 @@ def visited_states(policy: Policy, count: int, seed: int = 0) -> tuple[Array, Ar
 
 
 def touching(scene: Scene, q: Array, qd: Array, efforts: Array) -> NDArray[np.bool_]:
-    """Lanes that leave the common step because of a stop: they meet one, or are at one and stay."""
+    """Lanes that a stop affects: they meet one, or are at one and stay."""
     batch = BatchSimulator(scene, len(q))
     batch.set_state(q, qd)
     free = BatchSimulator(without_stops(scene), len(q))
@@ -72,13 +72,13 @@ def touching(scene: Scene, q: Array, qd: Array, efforts: Array) -> NDArray[np.bo
 
 
 def without_stops(scene: Scene) -> Scene:
-    """The same scene with endless travel."""
+    """The same scene with unlimited travel."""
     effects = tuple(e for e in scene.effects if not isinstance(e, PrismaticStop))
     return dataclasses.replace(scene, effects=effects)
 
 
 def paired_times(batches: list[BatchSimulator], efforts: Array, repeats: int) -> list[float]:
-    """Best time of an interval of each batch from its present state, s; in turns."""
+    """Best time of an interval of each batch from its present state, s; batches alternate."""
     snapshots = [batch.save() for batch in batches]
     best = [np.inf] * len(batches)
     for _ in range(repeats):
@@ -135,7 +135,7 @@ def rows_of(name: str, policy: Policy, lanes: int, repeats: int) -> list[dict[st
 
 
 def measured(scene: Scene, q: Array, qd: Array, efforts: Array, repeats: int) -> tuple[float, ...]:
-    """Of the second interval from some states: time without and with stops, s, evaluations without
+    """For the second interval from some states: time without and with stops, s, evaluations without
     and with them, and events, per lane."""
     batches = [BatchSimulator(s, len(q)) for s in (without_stops(scene), scene)]
     batches[1].set_state(q, qd)

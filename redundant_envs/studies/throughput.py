@@ -33,7 +33,7 @@ COLUMNS = (
     "packed_instructions", "vector_register", "avx2_over_avx512", "compile_seconds",
 )  # fmt: skip
 CASE = ("arm", "integrator", "bar_ns")
-"""What every case of the study gives; one with error control also gives these."""
+"""Keys of every case of the study; a case with error control also has these."""
 CONTROLLED = ("tolerance", "bar_evaluations")
 PACKED = re.compile(r"^\s+v?[a-z0-9]+pd\s.*?%?\b([xyz])mm\d", re.MULTILINE)
 REGISTERS = {"z": "zmm", "y": "ymm", "x": "xmm"}
@@ -155,8 +155,8 @@ def advance_times(
 ) -> NDArray[np.float64]:
     """Seconds of each of ``repeats`` calls of advance, (repeats,).
 
-    Each is the second of two calls from the same snapshot: in use calls follow each other, while
-    a snapshot put back has just gone through the caches.
+    Each is the second of two calls from the same snapshot: in normal use calls follow each other, while
+    restoring a snapshot replaces the caches.
     """
     if efforts is None:
         efforts = np.random.default_rng(0).uniform(-1.0, 1.0, batch.q.shape)
@@ -177,7 +177,7 @@ def interleaved(
 ) -> tuple[NDArray[np.float64], float]:
     """Seconds of each call of advance, (repeats,), and the best dgemm rate before, between and after.
 
-    In turns, because a machine shared with others changes its speed within seconds.
+    They alternate, because the speed of a shared machine changes within seconds.
     """
     rates, times = [dgemm_rate()], []
     for part in np.array_split(np.arange(repeats), min(parts, repeats)):
@@ -187,7 +187,7 @@ def interleaved(
 
 
 def avx2_over_avx512(make: Callable[[], BatchSimulator], repeats: int, efforts: Any) -> float | None:
-    """Time with code for AVX2 over time with code for AVX-512, by turns on the same core, the median.
+    """Time with code for AVX2 over time with code for AVX-512, alternating on the same core, the median.
 
     None on a processor without AVX-512.
     """
@@ -203,7 +203,7 @@ def avx2_over_avx512(make: Callable[[], BatchSimulator], repeats: int, efforts: 
 
 
 def compile_seconds(scene: Scene) -> float:
-    """From a scene to the machine code of its step, nothing of it kept from before."""
+    """Time from a scene to the machine code of its step, without any cache, s."""
     start = time.perf_counter()
     llvm.object_code(traced_batch(scene, track_work=False).program)
     return time.perf_counter() - start
@@ -212,7 +212,7 @@ def compile_seconds(scene: Scene) -> float:
 def packed_instructions(scene: Scene) -> tuple[int | None, str]:
     """Packed double instructions in the assembly of ``advance``, and the widest register among them.
 
-    Returns (None, "") where the processor is not x86.
+    Returns (None, "") if the processor is not x86.
     """
     if platform.machine().lower() not in ("x86_64", "amd64"):
         return None, ""

@@ -1,4 +1,4 @@
-"""What an arm is asked to do. A new task is one file here and one line below."""
+"""Tasks of the arms. A new task is one file here and one line below."""
 
 from redundant_envs.tasks.base import Task
 from redundant_envs.tasks.reach import GoalReachTask, ReachTask

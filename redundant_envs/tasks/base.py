@@ -1,4 +1,4 @@
-"""What every task says: a protocol that the compiled episode follows, for any arm."""
+"""Base of all tasks: a protocol that the compiled episode follows, for any arm."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ Function = Callable[..., Any]
 
 @dataclass(frozen=True)
 class Task:
-    """What an arm is asked to do.
+    """The objective of an arm: goal, start, observation and reward.
 
-    A task is a frozen dataclass whose numbers are known to its functions by their names. Its functions are of
-    the physics dialect and find each other, and the quantities of the arm, by names; beside those they know
+    A task is a frozen dataclass whose numbers are available to its functions by name. Its functions are in
+    the physics dialect and find each other, and the quantities of the arm, by name; beside those they know
     ``action1 ..``, ``low<k>`` and ``high<k>`` (ends of the travel of slider k), ``reach``, ``interval`` (the
     control interval, s) and ``steps`` (control steps of the episode before this one).
 
-    An episode begins with ``begin_functions``, which give the task's ``memory`` from ``draw1 ..``, uniform in
-    (0, 1). After each control interval first ``moves`` are made, then reward and metrics are found, then
-    ``updates`` are made; the observation follows from state and memory alone.
+    An episode begins with ``begin_functions``, which compute the task's ``memory`` from ``draw1 ..``, uniform
+    in (0, 1). After each control interval first the ``moves`` are applied, then reward and metrics are
+    computed, then the ``updates`` are applied; the observation follows from state and memory alone.
 
     Parameters
     ----------
@@ -163,10 +163,10 @@ class Task:
         return (full_reach(scene.robot), *self.reward_functions(scene), *self.goal_functions)
 
     def reward_functions(self, scene: Scene) -> tuple[Function, ...]:
-        """They give the terms of the reward, whose sum it is. The docstring of each is its formula.
+        """They compute the terms of the reward, which is their sum. The docstring of each is its formula.
 
-        One that takes ``paid`` is told what the others have paid in the episode, and by ``ended`` whether a
-        fault ends it.
+        A term with the argument ``paid`` receives the sum of the other terms over the episode, and in
+        ``ended`` whether a fault ends the episode.
         """
         raise NotImplementedError(f"{type(self).__name__} does not say what is rewarded")
 
@@ -179,15 +179,15 @@ class Task:
         return tuple(name for f in self.reward_functions(scene) for name in gives_of(f))
 
     def reward_note(self) -> str:
-        """What a page says before the table of reward terms."""
+        """Text of a page before the table of reward terms."""
         return "The sum of the terms."
 
     def success_note(self) -> str:
-        """What a page says of success."""
+        """Text of a page about success."""
         return ""
 
     def start_note(self) -> str:
-        """What a page says of an episode's start beside that of the arm."""
+        """Text of a page about an episode's start, beside the start of the arm."""
         return ""
 
     def aliases(self, scene: Scene) -> dict[str, str]:
@@ -212,7 +212,7 @@ class Task:
 
 
 def full_reach(arm: Arm) -> Function:
-    """How far the stretched arm reaches."""
+    """Reach of the stretched arm."""
 
     @physics(gives="reach", takes=" ".join(arm.extent))
     def full_reach(first, *rest):

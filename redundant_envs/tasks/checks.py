@@ -1,4 +1,4 @@
-"""Does a task say what it must, for the arm of a scene? Looked at before anything is compiled."""
+"""Checks that a task is complete, for the arm of a scene, before anything is compiled."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ BUILT_IN = (
 def check_task(task: Task, scene: Scene) -> None:
     """ValueError unless a task fits the arm of a scene.
 
-    Every name that it makes must be its own: one that the arm has too would be taken for that of the arm, and
-    rewards and observations would mean something else.
+    Every name that it defines must be new: a name that the arm has, too, would mean the quantity of the arm,
+    and rewards and observations would mean something else.
     """
     kind, arm = type(task).__name__, scene.robot
     functions = (*task.functions(scene), *task.begin_functions)

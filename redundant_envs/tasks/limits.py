@@ -1,4 +1,4 @@
-"""Limits of a scene's joints: where starts may lie, and how far a joint is beyond."""
+"""Limits of a scene's joints: the range of starts, and how far a joint is beyond its limits."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Limit = tuple[int, str, str]
 
 
 def spring_limits(scene: Scene) -> list[Limit]:
-    """Limits that a joint may pass, at a price: those of springs."""
+    """Limits that a joint may pass against a force: those of springs."""
     return [
         (joint, f"{effect.key}.{low}", f"{effect.key}.{high}")
         for effect in scene.effects

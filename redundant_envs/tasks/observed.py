@@ -46,7 +46,7 @@ def observed_tip(tip_x, tip_y, tip_vx, tip_vy, reach):
 
 
 def posture_and_tip(arm: Arm) -> dict[str, str]:
-    """Names of these quantities, and what they mean: where the joints and the tip are, and how fast."""
+    """Names of these quantities and their meaning: positions and velocities of the joints and the tip."""
     rates = {f"rate{k + 1}_obs": f"squash(joint rate {k + 1} / rate_scale)" for k in range(len(arm.joints))}
     travel = {
         f"travel{k + 1}_obs": f"squash({arm.joints[k]} from mid-travel / half travel)" for k in arm.sliders()

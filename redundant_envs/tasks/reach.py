@@ -199,7 +199,7 @@ class ReachTask(Task):
         "goal_tolerance": (1e-9, 2.0),  # the tip is never farther from a goal than two reaches
         "hold_speed": (1e-9, 1e9),
         "hold_steps": (1, 1e9),
-        "start_angle": (0.0, 1e6),  # sines are exact to the last places up to here
+        "start_angle": (0.0, 1e6),  # sines are exact to the last digits up to here
         "rate_scale": (1e-9, 1e9),
     }
 
@@ -230,7 +230,7 @@ class ReachTask(Task):
         return (
             "The sum of the terms; `tolerance(x, margin)` is 1 / (1 + (x / margin)^2), and "
             "`saturation(x, scale)` is x / (x + scale). A step pays 0 to 1. A fault that ends the "
-            "episode takes back what was `paid`, so that nothing is gained by ending early."
+            "episode cancels what was `paid` before, so that nothing is gained by ending early."
         )
 
     def success_note(self) -> str:
@@ -256,8 +256,8 @@ class ReachTask(Task):
 class GoalReachTask(ReachTask):
     """The task with its goal beside the observation, and the reward of the two goals alone.
 
-    A reward of 1 or 0 cannot take back what an episode paid, and an arm that whirls may touch its
-    goal by luck. So an arm beyond the speed bound is flagged and goes on, and efforts cannot end
+    A reward of 1 or 0 cannot cancel the earlier rewards of an episode, and an arm that whirls may touch its
+    goal by luck. So beyond the speed bound the episode is flagged and goes on, and efforts cannot end
     an episode early.
     """
 

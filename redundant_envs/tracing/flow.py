@@ -1,4 +1,4 @@
-"""Loops, branches and calls of compiled functions, recorded as a tree: what a kernel does around its lanes.
+"""Loops, branches and calls of compiled functions, recorded as a tree: the part of a kernel around its lanes.
 
 A kernel is written with a :class:`Kernel` ``p``: ``with p.each(count) as i``, ``with p.loop_while(...)``,
 ``with p.when(condition)``, ``p.call(function, ...)``. Its scalars are whole numbers, floats and truths.
@@ -15,11 +15,11 @@ INT, FLOAT, TRUTH = "int", "float", "truth"
 ELEMENTS = {
     "f64": FLOAT, "f32": FLOAT, "i64": INT, "u32": INT, "i8": INT,
 }  # fmt: skip
-"""Types of the elements of arrays, and as what they are loaded."""
+"""Types of the elements of arrays, and the types as which they are loaded."""
 
 
 class Output(NamedTuple):
-    """A result that goes to an array: ``element`` is its type, ``stride`` 1 if lanes lie side by side."""
+    """A result that goes to an array: ``element`` is its type, ``stride`` 1 if lanes are contiguous."""
 
     array: str
     element: str
@@ -37,13 +37,13 @@ class LaneFunction:
     name : str
     spaces : names of the memories of the lanes
     stores : list of (space, number, value)
-        What is left in these memories.
+        Values stored in these memories.
     outputs : list of Output
-        What goes to arrays; a table has a line for each lane if it has columns.
+        Values stored in arrays; a table has a row for each lane if it has columns.
     inputs : array -> (element type, number of columns)
-        Tables with a line for each lane, which loads of a space of the same name read.
-    known : places and the numbers that they are known to hold
-    asides : places whose values change no bit of what is left elsewhere
+        Tables with a row for each lane, which loads from a space of the same name read.
+    known : memory locations and the numbers that they are known to hold
+    asides : memory locations whose values change no bit of other results
     """
 
     name: str
@@ -56,7 +56,7 @@ class LaneFunction:
 
     @property
     def results(self) -> list[Any]:
-        """All values that it needs."""
+        """All values that the function computes for its results."""
         return [v for _, _, v in self.stores] + [o.value for o in self.outputs]
 
     @property
@@ -66,7 +66,7 @@ class LaneFunction:
 
 
 class Scalar:
-    """A value of a kernel: what an instruction of it gives."""
+    """A value of a kernel: the result of one of its instructions."""
 
     __slots__ = ("index", "kernel", "kind")
     __hash__ = None  # type: ignore[assignment]
@@ -137,7 +137,7 @@ class Scalar:
 
 @dataclass
 class Array:
-    """Elements of memory from a place on: an argument of a kernel, or a part of one."""
+    """Elements of memory from an address on: an argument of a kernel, or a part of one."""
 
     element: str
     start: Scalar
@@ -166,7 +166,7 @@ class Variable:
 
 
 class Instruction(NamedTuple):
-    """``result`` is the number of what it gives; bodies are those of a loop or a branch."""
+    """``result`` is the number of its result; bodies are those of a loop or a branch."""
 
     result: int
     name: str
@@ -184,7 +184,7 @@ class Kernel:
         self.arguments = dict(arguments)
         self.functions: dict[str, LaneFunction] = {}
         self.masked: set[tuple[str, int]] = set()
-        """Places of memory that the kernel itself reads."""
+        """Memory locations that the kernel itself reads."""
         self.body: list[Instruction] = []
         self._open = [self.body]
         self._count = 0
@@ -230,7 +230,7 @@ class Kernel:
         return self.record("int", value, kind=INT)
 
     def space(self, count: int, element: str = "f64") -> Array:
-        """Room for some elements of the kernel's own, at the beginning of a cache line."""
+        """Local memory of the kernel for some elements, at the beginning of a cache line."""
         return Array(element, self.record("space", kind=element, extra=count))
 
     def choose(self, condition: Scalar, a: Array, b: Array) -> Array:
@@ -238,7 +238,7 @@ class Kernel:
         return Array(a.element, self.record("select", condition, a.start, b.start, kind=a.element))
 
     def mask(self, block: Array, row: int) -> Scalar:
-        """Which lanes of a block have a number in a row that is not 0, as the bits of a whole number."""
+        """Lanes of a block whose number in a row is not 0, as the bits of a whole number."""
         return self.record("mask", block.start, extra=row)
 
     # ---- loops, branches and calls ---------------------------------------------------------------
@@ -262,7 +262,7 @@ class Kernel:
 
     @contextlib.contextmanager
     def each_set(self, mask: Scalar) -> Iterator[Scalar]:
-        """for i in the numbers of the bits of a mask that are set"""
+        """for i in the indices of the bits that are set in a mask"""
         with self._inside() as body:
             i = self.record("counter")
             yield i
@@ -289,8 +289,8 @@ class Kernel:
         self.record("leave")
 
     def call(self, function: LaneFunction, **places: Array | Scalar) -> None:
-        """Run a function on a block; ``places`` are where its spaces and arrays begin for that block, and
-        the strides of columns."""
+        """Run a function on a block; ``places`` are the addresses of its spaces and arrays for that block,
+        and the strides of columns."""
         self.functions[function.name] = function
         starts = (x.start if isinstance(x, Array) else x for x in places.values())
         self.record("call", *starts, extra=(function.name, tuple(places)))

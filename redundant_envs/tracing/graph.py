@@ -1,4 +1,4 @@
-"""What traced numbers were asked to do, as a graph without doubles: operations, constants, loads."""
+"""Graphs of recorded operations, constants and loads of traced numbers, without duplicates."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ Value = Any
 CONDITIONS = ("<", "<=", ">", ">=", "==", "!=", "and", "or", "xor", "not", "bit")
 """Operations whose result is a condition; "bit" asks for one bit of a number's representation."""
 FREE = ("neg", "and", "result", "load")
-"""They become part of the instructions that use their results, or are only names of values."""
+"""Operations that become part of the instructions that use their results, or only name values."""
 LATENCY = {"/": 24, "sqrt": 32, "select": 2}
-"""Cycles until a result can be used, of vectors of 8; those of an addition if not listed."""
+"""Cycles until a result can be used, for vectors of 8; those of an addition if not listed."""
 ADDITION = 4
 
 
 class Place(NamedTuple):
-    """Who asked for an operation.
+    """Origin of an operation.
 
     Attributes
     ----------
-    owner : what it is computed for, such as the key of an effect; "" if nobody said
-    function, file, line : where it is written
+    owner : the part for which it is computed, such as the key of an effect; "" if unknown
+    function, file, line : its position in the source
     """
 
     owner: str
@@ -41,12 +41,12 @@ class Place(NamedTuple):
 _located: ContextVar[bool] = ContextVar("located", default=False)
 _owner: ContextVar[str] = ContextVar("owner", default="")
 _TRANSPARENT = {str(Path(__file__).parents[1] / name) for name in ("algebra.py", "quantities.py")}
-"""Files whose functions only pass on what others ask for; so do those of this folder, but for sines."""
+"""Files whose functions only pass on operations of others; so do those of this folder, except for sines."""
 
 
 @contextlib.contextmanager
 def located() -> Iterator[None]:
-    """Graphs that are made meanwhile keep the places of their operations."""
+    """Within this context graphs keep the origins of their operations."""
     token = _located.set(True)
     try:
         yield
@@ -56,7 +56,7 @@ def located() -> Iterator[None]:
 
 @contextlib.contextmanager
 def owned(owner: str) -> Iterator[None]:
-    """What is recorded meanwhile is computed for an owner."""
+    """Operations recorded within this context are attributed to an owner."""
     token = _owner.set(owner)
     try:
         yield
@@ -66,8 +66,8 @@ def owned(owner: str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def uncollected() -> Iterator[None]:
-    """Python does not look for garbage meanwhile: a graph is many objects of which none is, looked at again
-    and again, which would take a third of the time of recording it."""
+    """Suspend Python's garbage collection: a graph consists of many objects, none of which is garbage, and
+    scanning them again and again would take a third of the time of recording it."""
     active = gc.isenabled()
     gc.disable()
     try:
@@ -89,7 +89,7 @@ def _place() -> Place:
 
 
 class Operation:
-    """One operation of a graph; ``extra`` is what it needs beside the values of its arguments."""
+    """One operation of a graph; ``extra`` is its data beside the values of its arguments."""
 
     __slots__ = ("arguments", "extra", "name", "place")
 
@@ -98,7 +98,7 @@ class Operation:
         self.arguments = arguments
         self.extra = extra
         self.place = place
-        """Its :class:`Place`, if the graph keeps them."""
+        """Its origin, a :class:`Place`, if the graph keeps origins."""
 
     @property
     def operands(self) -> list[Operation]:
@@ -115,7 +115,7 @@ class Operation:
 
 
 def bits_of(x: float) -> bytes:
-    """The representation of a float: 0.0 and -0.0 are two constants."""
+    """The bit pattern of a float: 0.0 and -0.0 are two constants."""
     return struct.pack("<d", x)
 
 
@@ -125,14 +125,14 @@ def is_zero(value: Value, sign: float) -> bool:
 
 
 class Graph:
-    """Records operations; equal ones are one."""
+    """Records operations; equal operations are recorded once."""
 
     def __init__(self) -> None:
         self._known: dict[Any, Operation] = {}
         self._located = _located.get()
         self.part = 0
-        """Products of different parts of a program are never one: what is joined in one part does not depend
-        on what another one computes."""
+        """Start a new part of the program. Equal products of different parts are recorded separately, so that
+        joining in one part does not depend on the other parts."""
 
     def record(self, name: str, *arguments: Value, extra: Any = None) -> Operation:
         key = (
@@ -151,7 +151,7 @@ class Graph:
         """Number ``k`` of a space of memory."""
         return self.record("load", extra=(space, k))
 
-    # What x + (-0), x - 0, x * 1 and x / 1 leave of x is x, bit for bit.
+    # x + (-0), x - 0, x * 1 and x / 1 are x, bit for bit.
 
     def add(self, a: Value, b: Value) -> Value:
         if is_zero(a, -1.0):

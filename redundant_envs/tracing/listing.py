@@ -46,7 +46,7 @@ def function_lines(f: LaneFunction, name_of: Namer = plain_name) -> Iterator[str
 
 
 def _numbered(numbers: dict[Operation, int], name_of: Namer) -> Iterator[str]:
-    """Operations, under the functions that they come from where these are known."""
+    """Operations, grouped under their source functions if these are known."""
     present = None
     for n, k in numbers.items():
         if n.place is not None and n.name != "load" and n.place[:3] != present:
@@ -96,7 +96,7 @@ def lines(program: Program, name_of: Namer = plain_name) -> Iterator[str]:
 
 
 def fingerprints(program: Program) -> Iterator[str]:
-    """Text that is equal for equal programs, and for no others; quicker than :func:`lines`."""
+    """Text that is equal for equal programs, and for no others; faster than :func:`lines`."""
     for f in program.functions.values():
         nodes = reached(f.results)
         for subroutine in dict.fromkeys(n.extra for n in nodes if n.name == "stage"):

@@ -1,4 +1,4 @@
-"""Numbers and conditions that record what is done with them in a graph."""
+"""Numbers and conditions that record operations on them in a graph."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def _refuse(what: str) -> NoReturn:
 
 
 class Number:
-    """A float64 of each lane."""
+    """A float64 per lane."""
 
     __slots__ = ("graph", "value")
 
@@ -77,7 +77,7 @@ class Number:
     __int__ = __index__ = __float__  # type: ignore[assignment]
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **_: Any) -> Any:
-        """A single number of NumPy is one here too, on either side."""
+        """Let a NumPy scalar be an operand on either side."""
         name = {"divide": "truediv", "subtract": "sub", "multiply": "mul"}.get(ufunc.__name__, ufunc.__name__)
         if name in OPERATORS and method == "__call__" and not any(getattr(x, "ndim", 0) for x in inputs):
             a, b = (x if isinstance(x, Number) else float(x) for x in inputs)
@@ -86,7 +86,7 @@ class Number:
 
 
 class Condition:
-    """A truth value of each lane."""
+    """A truth value per lane."""
 
     __slots__ = ("graph", "value")
 
@@ -114,7 +114,7 @@ class Condition:
         return Condition(self.graph, self.graph.record("xor", self.value, other.value))
 
     def __invert__(self) -> NoReturn:
-        _refuse("write logical_not(condition) instead of ~, which makes a number of a truth of Python")
+        _refuse("write logical_not(condition) instead of ~, which turns a Python bool into a number")
 
     def __eq__(self, other: object) -> Any:
         _refuse("conditions are compared by ^ (exclusive or), & and |")
@@ -178,7 +178,7 @@ def sincos(x: Number) -> tuple[Any, Any]:
 
 
 ROUND = 6755399441055744.0
-"""1.5 * 2^52: a float to which it is added loses what is behind the point, and ends with its last bits."""
+"""1.5 * 2^52: adding it to a float rounds that to a whole number, which the last bits of the sum hold."""
 
 
 def exp(x: Number) -> Any:
@@ -199,7 +199,7 @@ def exp(x: Number) -> Any:
 
 
 def _power_of_two(k: Number) -> Number:
-    """2^k of a whole number from -1022 to 1023."""
+    """2^k for a whole number from -1022 to 1023."""
     return Number(k.graph, k.graph.record("power", (k + ROUND).value))
 
 

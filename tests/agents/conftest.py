@@ -1,4 +1,4 @@
-"""What tests of the application share."""
+"""Fixtures shared by tests of the application."""
 
 import pytest
 

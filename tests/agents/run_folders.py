@@ -1,4 +1,4 @@
-"""Small made-up run folders for tests, and what makes two of them one run."""
+"""Small made-up run folders for tests, and their comparison."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ CURVE = [(1000, 1.0, 0.2, 0.4, 10.0), (2000, 2.0, 0.9, 0.95, 60.0), (3000, 3.5, 
 
 
 def config_text(seed: int, env: str, algo: str, settings: dict[str, Any]) -> str:
-    """A configuration as a run folder holds it."""
+    """A configuration in the form of a run folder."""
     data = {"config_version": 2, "env": env, "algo": algo, "seed": seed, **settings}
     return yaml.safe_dump(Config(**data).to_dict())
 
@@ -51,7 +51,7 @@ def write_run(
 
 
 def write_scene(folder: Path) -> None:
-    """Give a folder with a configuration the scene that it names today."""
+    """Write the scene that a configuration names today into its folder."""
     config = read_config(folder)
     scene = scene_at(named_scene(config), config.env_kwargs.get("accuracy"))
     (folder / "scene.yaml").write_text(yaml.safe_dump(scene.to_dict(), sort_keys=False))

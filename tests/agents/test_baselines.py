@@ -1,4 +1,4 @@
-"""Algorithms from the shelf train through the same configuration, and their policies are like all others."""
+"""Stock algorithms train through the same configuration, and their policies are like all others."""
 
 import base64
 import json
@@ -38,7 +38,7 @@ def config(algo, **more):
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """A short training of each algorithm, made when it is asked for."""
+    """A short training of each algorithm, run when it is first needed."""
     made = {}
 
     def run(algo):
@@ -114,7 +114,7 @@ def test_what_is_set_reaches_the_algorithm(algo):
     assert (made.gamma, made.lr_schedule(1.0), made.seed) == (0.77, 3e-4, 4)
     weights = made.policy.state_dict()
     inner = [name.partition(".")[0] for name, tensor in weights.items() if tensor.shape == (8, 24)]
-    assert len(inner) >= 2  # of the actor and of what estimates values
+    assert len(inner) >= 2  # of the actor and of the critics
     kinds = {type(module) for module in made.policy.modules()}
     assert torch.nn.Tanh in kinds
     assert torch.nn.SiLU not in kinds

@@ -1,4 +1,4 @@
-"""A training that is killed at any moment goes on to the same bits."""
+"""A training that is killed at any moment continues to the same bits."""
 
 import itertools
 import json
@@ -70,7 +70,7 @@ def weights(folder):
 
 
 def table(folder, name, without):
-    """A table of numbers, without the column that is a time."""
+    """A table of numbers, without the column of times."""
     return [
         [cell for k, cell in enumerate(line.split(",")) if k != without]
         for line in (folder / name).read_text().splitlines()
@@ -140,7 +140,7 @@ def begun(tmp_path_factory):
 
 @pytest.fixture
 def killed(begun, tmp_path):
-    """A copy of it to damage or to go on with."""
+    """A copy of it to damage or to continue."""
     shutil.copytree(begun, tmp_path / "run")
     return tmp_path / "run"
 

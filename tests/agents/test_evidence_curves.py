@@ -16,7 +16,7 @@ from agents.evidence.runs import read_groups
 
 
 def make_runs(base: Path, seeds: int = 3) -> list[Path]:
-    """Runs of two learners on two environments, each with seconds of its own."""
+    """Runs of two learners on two environments, each with different seconds."""
     generator = np.random.default_rng(0)
     folders = []
     for env in (RPRP, FOUR_R):

@@ -1,4 +1,4 @@
-"""examples/: the programs run, and count what the project's evaluation counts."""
+"""examples/: the programs run, and their results agree with the project's evaluation."""
 
 import importlib.util
 import subprocess

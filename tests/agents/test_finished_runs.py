@@ -52,7 +52,7 @@ def run(trained, tmp_path, monkeypatch):
 
 
 def kept(folder):
-    """Bytes and times of all that is in a folder, and its own time."""
+    """Contents and times of all files in a folder, and the folder's own time."""
     return {
         path: (path.read_bytes() if path.is_file() else b"", path.stat().st_mtime_ns)
         for path in sorted((folder, *folder.rglob("*")))
@@ -60,7 +60,7 @@ def kept(folder):
 
 
 def readers(folder, out):
-    """Commands that read a run, and write what they write into ``out``."""
+    """Commands that read a run, and write only into ``out``."""
     return {
         "evaluate": ["evaluate", folder], "evaluate out": ["evaluate", folder, "--out", out / "a"],
         "report": ["report", folder, "--out", out / "b"],
@@ -98,7 +98,7 @@ def test_an_evaluation_is_of_the_scene_of_the_run_whatever_became_of_the_file(ch
 
 
 def test_the_own_scene_decides_if_it_is_another_one(run, capsys):
-    """So that the test above can fail: friction is seen in the evaluation."""
+    """Shows that the test above can fail: friction changes the evaluation."""
     own = json.loads((run / "evaluation.json").read_text())
     write_scene_file(Path(), 8.0)
     Path("mine.yaml").rename(run / "scene.yaml")
@@ -181,7 +181,7 @@ def test_many_seeds_do_not_go_on_in_another_scene(run, capsys):
 
 @pytest.fixture
 def plain(run):
-    """The run, as if it were of the environment's own scene: one that can be exported."""
+    """The run, changed to the environment's own scene, so that it can be exported."""
     config = yaml.safe_load((run / "config.yaml").read_text())
     config["env_kwargs"] = {}
     (run / "config.yaml").write_text(yaml.safe_dump(config))

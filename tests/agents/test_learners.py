@@ -1,4 +1,4 @@
-"""The learners' written-out gradients against torch's own, and what their averages are."""
+"""The learners' written-out gradients against torch's own, and their averages."""
 
 import copy
 import itertools

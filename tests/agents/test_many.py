@@ -1,4 +1,4 @@
-"""Several seeds in processes of their own."""
+"""Several seeds in separate processes."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""policy.zip: stable-baselines3 alone loads it, and a stranger's runs no code here."""
+"""policy.zip: stable-baselines3 alone loads it, and a stranger's file runs no code here."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ class Evil:
 
 
 def replace(path: Path, **members: bytes | None) -> None:
-    """Give members of a zip file other bytes; None leaves one out."""
+    """Replace the bytes of members of a zip file; None removes a member."""
     with zipfile.ZipFile(path) as archive:
         kept = {name: archive.read(name) for name in archive.namelist()}
     kept |= {name.replace("_pth", ".pth"): data for name, data in members.items()}
@@ -181,7 +181,7 @@ def test_objects_beside_the_weights_are_not_unpickled_without_trust(run, tmp_pat
 
 LAYER = "mlp_extractor.policy_net.0.weight"
 BYTEARRAY = b"\x80\x02}X\x01\x00\x00\x00ac__builtin__\nbytearray\nJ\xff\xff\xff\x7f\x85Rs."
-"""A pickle that asks for 2 GiB."""
+"""A pickle that allocates 2 GiB."""
 DAMAGES = {
     "is not a plain table": lambda w: b"nothing",
     "is not a plain table of float32": lambda w: saved(w)[:-100],
@@ -193,7 +193,7 @@ DAMAGES = {
     "claims 100000000 numbers": lambda w: saved({**w, "x": torch.zeros(1, dtype=torch.int64).expand(10**8)}),
     "torch DoubleStorage": lambda w: saved({**w, LAYER: w[LAYER].double()}),
     "no names of tensors": lambda w: saved([w[LAYER]]),
-    "'deep' is no float32": lambda w: saved({**w, "deep": {"a": w[LAYER]}}),
+    "'deep' is not a float32": lambda w: saved({**w, "deep": {"a": w[LAYER]}}),
     "claims 1000000000000 numbers": lambda w: saved({**w, "x": torch.zeros(1).expand(10**6, 10**6)}),
     "__builtin__ bytearray": lambda w: inner(saved(w), lambda _: BYTEARRAY),
     "compressed": lambda w: inner(saved(w), lambda data: data, zipfile.ZIP_DEFLATED),

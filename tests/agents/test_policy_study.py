@@ -130,7 +130,7 @@ def test_costs_are_told(evaluations):
     euler, exact = evaluations["euler"], evaluations["exact"]
     assert (euler.evaluations == euler.steps).all()
     assert (exact.evaluations >= 12 * exact.steps).all()
-    # Times are told, not judged: tests share their machine.
+    # Times are reported, not judged: tests share their machine.
     assert all(0.0 < x.ns_per_step < np.inf for x in (euler, exact))
     assert exact.flags == {}
 

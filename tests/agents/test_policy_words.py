@@ -1,4 +1,4 @@
-"""Sentences of the policy study say what its numbers say."""
+"""Sentences of the policy study agree with its numbers."""
 
 import pytest
 

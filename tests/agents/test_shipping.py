@@ -1,4 +1,4 @@
-"""Exported policies act as the trained ones do, and their card says what they are."""
+"""Exported policies act like the trained ones, and their card describes them."""
 
 import base64
 import dataclasses
@@ -43,7 +43,7 @@ RUN = RESULTS / "runs" / "rprp_reach_sac" / "seed0"
 
 
 def observations(env, seed=7):
-    """Those of an environment that is left alone for some steps."""
+    """Observations of an environment without actions for some steps."""
     env.seed(seed)
     found = env.reset()
     for _ in range(5):

@@ -1,4 +1,4 @@
-"""A training that starts from a policy: it acts like it at first, and what does not fit is refused."""
+"""A training that starts from a policy acts like it at first; policies that do not fit are refused."""
 
 import hashlib
 import json
@@ -93,7 +93,7 @@ def test_a_training_records_what_it_started_from_and_goes_on(tmp_path, monkeypat
 
 
 def alone(policy, folder):
-    """A policy.zip without a folder that tells about it."""
+    """A policy.zip without a folder that describes it."""
     folder.mkdir()
     return shutil.copy(POLICIES / policy / "policy.zip", folder)
 

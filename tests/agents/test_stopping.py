@@ -29,7 +29,7 @@ ENDLESS = ["total_steps=1000000000"]
 
 
 def wait_for(holds, process, seconds=120.0):
-    """Poll until something holds; the process must not end before."""
+    """Poll until a condition holds; the process must not end before."""
     end = time.monotonic() + seconds
     while not holds():
         assert process.poll() is None, process.communicate()

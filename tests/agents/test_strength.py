@@ -139,7 +139,7 @@ def test_the_published_rows_of_computed_torque_are_those_of_this_code(arm, monke
 
 
 def run_folder(path, arm, seed, hold, **env_kwargs):
-    """A run folder as an evaluation leaves it."""
+    """A run folder after an evaluation."""
     config = load(PRESETS[arm]).to_dict()
     config |= {"seed": seed, "env_kwargs": env_kwargs}
     path.mkdir(parents=True)

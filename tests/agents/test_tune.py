@@ -1,4 +1,4 @@
-"""Tuning: search spaces, and studies that go on."""
+"""Tuning: search spaces, and continued studies."""
 
 import csv
 import re
@@ -30,7 +30,7 @@ GAMMA = ["ppo.gamma=0.5..0.9"]
 
 
 def rows(folder):
-    """trials.csv without the seconds, which no two runs share."""
+    """trials.csv without the seconds, which differ from run to run."""
     with (folder / "trials.csv").open(newline="") as file:
         return [{k: v for k, v in row.items() if k != "seconds"} for row in csv.DictReader(file)]
 
@@ -189,7 +189,7 @@ def test_the_best_of_a_study_is_a_configuration_of_its_own(by_gamma, tmp_path):
     assert "| ppo.gamma | 100 % |" in page
     assert f" | {100 * best.ppo.gamma:.1f} % | 1.0 | {best.ppo.gamma:.4g} |" in page
     few = tune(CONFIG, tmp_path / "few", 5, GAMMA).read_text()
-    assert "Importance" not in few  # of so few trials there is none to tell
+    assert "Importance" not in few  # with so few trials there is none to report
 
 
 def test_of_equal_trials_the_first_is_the_best(monkeypatch, tmp_path):
@@ -275,7 +275,7 @@ def test_refused_settings_are_named_and_the_study_goes_on(by_gamma, tmp_path):
 def test_a_killed_study_goes_on_as_if_it_had_not_been(by_gamma, monkeypatch, tmp_path):
     tune(CONFIG, tmp_path / "whole", 6, GAMMA)
     killed = tmp_path / "killed"
-    breaks = {0: SystemExit(), 4: KeyboardInterrupt()}  # the first tells the study nothing, as a kill
+    breaks = {0: SystemExit(), 4: KeyboardInterrupt()}  # the first reports nothing, as after a kill
     monkeypatch.setattr(studies, "train", fake_train(lambda ppo: (ppo.gamma, 1.0), breaks))
     with pytest.raises(SystemExit):
         tune(CONFIG, killed, 6, GAMMA)

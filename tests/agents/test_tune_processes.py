@@ -1,4 +1,4 @@
-"""Tuning: ties that the return breaks, and several trials at a time, which find what one at a time finds."""
+"""Tuning: ties that the return breaks, and several trials at a time, with the results of one at a time."""
 
 import contextlib
 
@@ -57,7 +57,7 @@ def test_two_processes_find_what_one_finds(tmp_path):
 
 
 class Pipe:
-    """To a process that is not there: it has points to tell until they end or it is pruned."""
+    """Connection to a simulated process: it reports points until they end or it is pruned."""
 
     def send(self, message):
         if isinstance(message, bool):
@@ -69,7 +69,7 @@ class Pipe:
 
 
 class Team:
-    """In place of processes; ``pick`` chooses which of those at work says something next."""
+    """Replaces processes; ``pick`` chooses which of the busy ones reports next."""
 
     def __init__(self, pick, stop_after=10**9):
         self.pick, self.left, self.most = pick, stop_after, 0

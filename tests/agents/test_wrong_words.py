@@ -1,4 +1,4 @@
-"""What a command line refuses is one line and status 2, before anything large is imported."""
+"""A command line refuses mistakes with one line and status 2, before anything large is imported."""
 
 import json
 import subprocess
@@ -64,7 +64,7 @@ WRONG = {
     "study strength --seeds x": "seeds is 'x'",
     "study strength --factors 0": "factors is '0'",
 }
-"""Words of a command, and what its message says."""
+"""Words of a command, and its message."""
 LARGE = ("torch", "stable_baselines3", "onnx")
 CALLS = f"""
 import contextlib, io, json, sys
@@ -85,7 +85,7 @@ print(json.dumps(found))
 
 @pytest.fixture(scope="module")
 def answers():
-    """Of every command: status, stdout, stderr and the large packages imported so far."""
+    """Results of every command: status, stdout, stderr and the large packages imported so far."""
     done = subprocess.run(
         [sys.executable, "-c", CALLS, json.dumps(list(WRONG))], capture_output=True, text=True, check=True
     )

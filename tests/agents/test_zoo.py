@@ -25,7 +25,7 @@ OF_ZOO = {"policy", "n_envs", "n_timesteps", "policy_kwargs", "replay_buffer_cla
 OF_POLICY = {"net_arch", "log_std_init", "schedule"}
 OF_GOALS = {"n_sampled_goal", "goal_selection_strategy"}
 PRESETS = [name for name in presets() if "/" not in name and "weak" not in name]
-"""Of the environments as they are registered."""
+"""Settings for the environments as registered."""
 needs_zoo = pytest.mark.skipif(
     importlib.util.find_spec("rl_zoo3") is None, reason="rl_zoo3 is not installed (the extra zoo)"
 )
@@ -55,7 +55,8 @@ def of_preset(config):
 
 
 def as_read(given):
-    """Settings of a file as rl_zoo3 reads them: a schedule has a number, arguments of a policy are Python."""
+    """Settings of a file in the form of rl_zoo3: a schedule has a number, arguments of a policy are
+    Python."""
     read = {**given, "policy_kwargs": eval(given["policy_kwargs"], {"nn": nn, "dict": dict})}
     if isinstance(given["learning_rate"], str):
         kind, number = given["learning_rate"].split("_")
@@ -115,7 +116,7 @@ def call(folder, name, env_id, *arguments):
 @needs_zoo
 @pytest.mark.parametrize("algo", SMALL)
 def test_rl_zoo3_learns_what_agents_train_learns_to_the_same_bits(algo, tmp_path):
-    """The evaluations of rl_zoo3 on the way change nothing, and what it saves is the average."""
+    """The evaluations of rl_zoo3 during training change nothing, and it saves the average."""
     name, kind, env_id, steps, changed = SMALL[algo]
     given = [f"{key}:{value}" for key, value in {**changed, "n_timesteps": steps}.items()]
     done = call(tmp_path, name, env_id, "--seed", "3", "--eval-freq", "600", "--hyperparams", *given)

@@ -22,7 +22,7 @@ from redundant_envs.studies.verify.recorded_bits import RECORDED
 EMULATOR, COMPILER = "qemu-aarch64", "aarch64-linux-gnu-gcc"
 CORTEX = llvm.Processor("cortex-a72", "", "aarch64-unknown-linux-gnu")
 QUICK = ("4R all rk8", "stops rk4, inelastic")
-"""What is looked at where all of the record would take too long."""
+"""The part of the record that is checked, since all of it would take too long."""
 pytestmark = pytest.mark.skipif(
     not (shutil.which(EMULATOR) and shutil.which(COMPILER)),
     reason=f"{EMULATOR} or {COMPILER} is not installed",
@@ -47,7 +47,7 @@ class Emulator:
         )
 
     def run(self, number, arguments):
-        """Call a kernel; arrays hold afterwards what it made of them."""
+        """Call a kernel; it modifies the arrays."""
         to, back = self.process.stdin, self.process.stdout
         to.write(np.array([number, len(arguments)]).tobytes())
         arrays = {}  # address -> number of the argument, and the array

@@ -1,4 +1,4 @@
-"""The folder of machine code: damage is found, nothing is half written, and without it memory serves."""
+"""The folder of machine code: damage is found, files are never incomplete, and it is optional."""
 
 import hashlib
 import os
@@ -27,7 +27,7 @@ NAME = f"{KEY}{cache.SUFFIX}"
 
 
 def load(folder, monkeypatch):
-    """The kernel as another process would get it, run; and what was told."""
+    """Run the kernel as another process would get it; returns the result and the messages."""
     monkeypatch.setenv(cache.CACHE_VARIABLE, str(folder))
     monkeypatch.setattr(cache, "_kept", {})
     monkeypatch.setattr(cache, "_warned", set())
@@ -51,7 +51,7 @@ def whole(tmp_path_factory):
 
 @pytest.fixture
 def folder(whole, tmp_path, capsys):
-    """A folder of one's own; folders may be moved."""
+    """A folder of the user's choice; folders may be moved."""
     shutil.copytree(whole, tmp_path / "cache")
     capsys.readouterr()
     return tmp_path / "cache"
@@ -227,7 +227,7 @@ def test_only_the_programs_used_last_are_kept_and_nothing_else_is_touched(folder
     (folder / f"{'e' * 40}.code").mkdir()  # named like a program, but not one
     left = {p.name for p in folder.iterdir()}
     gone = {f"{name}.{kind}" for name in names[:2] for kind in ("code", "lock")}
-    os.utime(folder / NAME, (0, 0))  # the one not used for longest, but it is used now
+    os.utime(folder / NAME, (0, 0))  # the least recently used one, but it is used now
     assert load(folder, monkeypatch) == []
     cache._prune(folder)
     assert {p.name for p in folder.iterdir()} == left - gone
@@ -256,7 +256,7 @@ def test_programs_that_another_process_deletes_meanwhile_are_no_error(folder, mo
 
 @pytest.fixture
 def homeless(monkeypatch):
-    """No HOME, and a user whom nobody knows."""
+    """No HOME, and a user unknown to the system."""
     import pwd
 
     for name in ("HOME", "XDG_CACHE_HOME", cache.CACHE_VARIABLE):
@@ -270,7 +270,7 @@ def homeless(monkeypatch):
     monkeypatch.setattr(cache, "_warned", set())
 
 
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other systems have other places")
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other systems use other folders")
 def test_where_the_folder_is(homeless, tmp_path, monkeypatch):
     with pytest.warns(UserWarning, match=f"kept in memory only: ~.*set {cache.CACHE_VARIABLE}"):
         assert cache.cache_folder() is None

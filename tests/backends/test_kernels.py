@@ -12,7 +12,7 @@ OUT = {"out": "i64"}
 
 
 def numbers(record, out=8, kind=np.int64, **arguments):
-    """What a kernel leaves in an array ``out``, given arrays and whole numbers."""
+    """The array ``out`` after a call of a kernel with arrays and whole numbers."""
     kinds = {"f": {4: "f32", 8: "f64"}, "i": {8: "i64", 1: "i8"}, "u": {4: "u32"}}
     types = {
         name: kinds[x.dtype.kind][x.dtype.itemsize] if isinstance(x, np.ndarray) else "int"

@@ -89,7 +89,7 @@ def test_comparisons_and_choices_agree_with_plain_ones():
         expected = np.array(np.broadcast_arrays(*function(*PAIRS)))
     got = on_columns(function, *PAIRS)
     np.testing.assert_array_equal(got, expected)
-    number = ~np.isnan(expected)  # the sign of a NaN is nobody's promise
+    number = ~np.isnan(expected)  # the sign of a NaN is not specified
     np.testing.assert_array_equal(np.signbit(got[number]), np.signbit(expected[number]))
 
 
@@ -135,7 +135,7 @@ def test_a_draw_is_neither_zero_nor_one(word):
 @pytest.mark.parametrize("kind", [np.float32, np.float64])
 @pytest.mark.parametrize("columns", [1, 2, 3, 4, 5, 7, 8, 11])
 def test_tables_of_any_number_of_columns_are_read_and_written(columns, kind):
-    """Their lines, one for each lane, lie one after the other; a line beyond the last is not touched."""
+    """The rows of tables, one for each lane, are contiguous; a row beyond the last is not touched."""
     element = {np.float32: "f32", np.float64: "f64"}[kind]
     names = tuple(f"x{k}" for k in range(columns))
     layout = Layout([Field(n, "", "", SCRATCH) for n in names])
@@ -242,7 +242,8 @@ def test_a_step_by_calls_is_the_step_of_copies(name, monkeypatch):
 
 @pytest.mark.parametrize("integrator", ["euler", "rk4", "rk8"])
 def test_the_step_of_free_sliders_is_the_step_of_all_to_the_last_bit(integrator):
-    """Which of the two a lane goes through depends on its neighbours, so no bit may."""
+    """The form that a lane goes through depends on its neighbours, so its bits must not depend on the
+    form."""
     simulator = batch_simulator(dataclasses.replace(STEPPED["RPRP held"], integrator=integrator), False)
     blocks, layout = simulator.blocks, simulator.blocks.layout
     interval, known = simulator.interval, dict.fromkeys(simulator.interval.active, 0.0)
@@ -299,7 +300,7 @@ def probe():
 
 
 def test_llvm_has_its_own_order_again_afterwards():
-    """The switch is one for all of LLVM: what others compile is as it would be without us."""
+    """The switch is global to LLVM: code that others compile must be the same as without us."""
     llvm.initialise()
     text = str(llvm_kernels.module_of(probe(), False, llvm.host().triple))
 
@@ -321,7 +322,7 @@ def test_llvm_has_its_own_order_again_afterwards():
 
 
 def test_a_program_is_compiled_to_the_same_code_every_time():
-    """In another process too the same program is asked for; one whose graphs were changed as well."""
+    """Another process requests the same program, even for one whose graphs were changed."""
     program = batch_simulator(STEPPED["4R"], False).program
     code = llvm.object_code(program)
     assert llvm.object_code(program) == code

@@ -1,4 +1,4 @@
-"""The exponential function of arrays is our own: exact to a unit in the last place, the same everywhere."""
+"""The exponential function of arrays is our own: exact to one ulp, the same everywhere."""
 
 import hashlib
 

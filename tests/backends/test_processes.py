@@ -26,7 +26,7 @@ print(batch.q[0].tolist(), batch.qd[0].tolist(), flush=True)
 
 
 def started(text, root=ROOT, **environment):
-    """A process that runs a program with a package and a folder of its own."""
+    """A process that runs a program with its own package and folder."""
     env = {**os.environ, "PYTHONPATH": str(root), **environment}
     command = [sys.executable, "-c", text]
     pipe = subprocess.PIPE
@@ -34,7 +34,7 @@ def started(text, root=ROOT, **environment):
 
 
 def program(text, root=ROOT, **environment):
-    """What such a process has written."""
+    """The output of such a process."""
     process = started(text, root, **environment)
     output, told = process.communicate(timeout=90)
     assert process.returncode == 0, told
@@ -67,7 +67,7 @@ CHANGES = {
     "tracing/passes/join.py": ("uses[a] == 1", "uses[a] == -1", False),
     "backends/llvm_lanes.py": ('"prefer-vector-width"="512"', '"prefer-vector-width"="256"', False),
 }
-"""What is changed in a file, and whether the motion changes with it."""
+"""A change of a file, and whether the motion changes with it."""
 
 
 @pytest.mark.parametrize(

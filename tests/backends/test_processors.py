@@ -47,7 +47,7 @@ def motion(scene, intervals=10):
 
 @pytest.fixture
 def made_for(monkeypatch, tmp_path):
-    """Code is compiled anew, for a processor."""
+    """Code is compiled again, for a processor."""
 
     def change(processor):
         monkeypatch.setenv(cache.CACHE_VARIABLE, str(tmp_path))

@@ -60,7 +60,7 @@ def test_the_lightest_pose_is_at_the_goal_near_the_start_and_loads_no_motor_more
 
 
 def test_the_plan_ends_in_the_pose_that_is_chosen():
-    """Of two ways to a goal, elbow up and elbow down, it goes the one it is told."""
+    """Of two ways to a goal, elbow up and elbow down, it takes the requested one."""
     scene = rde.load_scene("four_r_reach")
     start = np.array([[0.3, -0.2, 0.1, 0.4]])
     end = np.array([[0.5, 0.1, -0.3, 0.2]])

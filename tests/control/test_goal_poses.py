@@ -1,4 +1,4 @@
-"""Poses at goals: each has its tip there, and none is left out."""
+"""Poses at goals: each has its tip at the goal, and the set is complete."""
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ def test_every_parameter_gives_a_pose_at_the_goal_within_the_travel(name, unequa
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize("unequal", [False, True])
 def test_every_pose_is_near_one_of_the_grid(name, unequal):
-    """Nothing of the surface of poses at a goal is left out."""
+    """The surface of poses at a goal is covered completely."""
     scene = rde.load_scene(name)
     arm, travel = UNEQUAL[name] if unequal else scene.robot, slider_travel(scene)
     rng = np.random.default_rng(3)

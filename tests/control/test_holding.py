@@ -13,11 +13,11 @@ from redundant_envs.control.statics import effort_limits, motor_efforts, static_
 e = rde.effects
 SCENES = ("four_r_reach", "rprp_reach")
 ONE_SHORT = (pytest.param("four_r_reach", marks=pytest.mark.long), "rprp_reach")
-"""Where both arms take the same way, and 4R ten times as long."""
+"""For tests in which both arms run the same code, and 4R takes ten times as long."""
 
 
 def changed(name, effect):
-    """A reach scene with an effect in place of its own of the same class."""
+    """A reach scene in which an effect replaces the one of the same class."""
     scene = rde.load_scene(name)
     kept = tuple(x for x in scene.effects if type(x) is not type(effect))
     return dataclasses.replace(scene, effects=(*kept, effect))
@@ -149,7 +149,7 @@ def rprp_tip(x):
 
 
 STOPS = {"free": (None, (1, -1)), "lower": (0.0, (-1,)), "upper": (0.25, (1,))}
-"""Of a slider: its position, and the signs of the motor efforts that the stop does not save."""
+"""For a slider: its position, and the signs of the motor efforts that the stop does not take over."""
 
 
 @pytest.mark.long

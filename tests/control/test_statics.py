@@ -17,7 +17,7 @@ UNEQUAL = {
 
 
 def changed(name, *effects, robot=None):
-    """A reach scene with effects in place of its own of the same class, or beside them."""
+    """A reach scene in which effects replace those of the same class, or are added."""
     scene = rde.load_scene(name)
     kinds = tuple(type(x) for x in effects)
     kept = tuple(x for x in scene.effects if not isinstance(x, kinds))

@@ -12,7 +12,7 @@ PAGES = [
     *sorted((ROOT / "policies").glob("*/README.md")),
 ]  # fmt: skip
 MANUAL = [README, *sorted((ROOT / "docs").glob("*.md"))]
-"""What is written for users: without tutorials, decisions and results."""
+"""Pages for users: without tutorials, decisions and results."""
 
 
 def text(page: Path) -> str:
@@ -48,7 +48,7 @@ def anchors(page: Path) -> set[str]:
 
 
 def commands(page: Path) -> dict[str, bool]:
-    """Commands of this project on a page, without their comments, and whether each stands in a block."""
+    """Commands of this project on a page, without their comments, and whether each is in a block."""
     in_blocks = [line for _, block in blocks(page, "") for line in re.sub(r"\\\n", " ", block).splitlines()]
     found = dict.fromkeys(re.findall(r"`([^`\n]+)`", prose(page)), False)
     found |= {re.sub(r"\s+#.*", "", line).strip(): True for line in in_blocks}

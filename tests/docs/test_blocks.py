@@ -1,4 +1,4 @@
-"""Every Python block of the README and the manual runs alone, in a folder of its own."""
+"""Every Python block of the README and the manual runs alone, in a separate folder."""
 
 import importlib.util
 import re
@@ -26,11 +26,11 @@ def test_block_runs_alone(page, line, block, tmp_path, monkeypatch, capsys):
         if re.search(rf"^(import|from) {name}\b", block, re.M) and not importlib.util.find_spec(name):
             pytest.skip(f"{name} is not installed")
     monkeypatch.chdir(tmp_path)
-    # Line numbers of an error are then those of the page.
+    # Then line numbers of an error are those of the page.
     code = compile("\n" * (line - 1) + block, str(page.relative_to(ROOT)), "exec")
     exec(code, {"__name__": "__main__"})
     shown = capsys.readouterr().out.splitlines()
-    assert len(shown) <= 30  # an example that floods the screen is none
+    assert len(shown) <= 30  # an example must not flood the screen
     assert ("print(" in block) == bool(shown)
 
 

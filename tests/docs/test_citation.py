@@ -1,4 +1,4 @@
-"""CITATION.cff has what version 1.2.0 of the format asks for, and says what the package says of itself."""
+"""CITATION.cff is valid for version 1.2.0 of the format, and agrees with the package's metadata."""
 
 import datetime
 import re

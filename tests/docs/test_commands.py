@@ -107,7 +107,7 @@ def test_a_command_with_a_wrong_option_or_name_would_be_seen():
 
 
 def run(command, tmp_path, monkeypatch):
-    """Run a documented command in a folder of its own, with copies of what it may write to."""
+    """Run a documented command in a separate folder, with copies of the files that it may write to."""
     assert command in FOUND, f"{command} is on no page any more"
     for name in ("policies", "examples", "configs"):
         (tmp_path / name).symlink_to(ROOT / name)

@@ -1,4 +1,4 @@
-"""What docs/extending.md says of the speed of derived equations is what the study wrote."""
+"""The speeds of derived equations in docs/extending.md are those of the study."""
 
 import csv
 import re

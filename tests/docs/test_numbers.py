@@ -1,4 +1,4 @@
-"""Numbers that several pages state agree with each other, with the code and with what was measured."""
+"""Numbers on several pages agree with each other, with the code and with the measurements."""
 
 import contextlib
 import csv
@@ -90,18 +90,18 @@ def test_speeds_are_those_of_the_tables():
 
 
 def test_the_default_accuracy_is_what_every_id_has():
-    stated = float(re.search(r"the scenes of all four ids say (\S+) m", ACCURACY)[1])
+    stated = float(re.search(r"for the scenes of all four ids it is (\S+) m", ACCURACY)[1])
     for env_id in SHIPPED:
         scene = gym.make(env_id).unwrapped.core.scene
         assert (scene.integrator, scene.substeps, scene.tolerance) == ("rk8", 1, stated)
     for name, tolerance in ACCURACIES.items():
         assert f'"{name}"' in ACCURACY
-        assert f"within {tolerance:g} m".replace("1e-0", "1e-") in ACCURACY
+        assert f"at most {tolerance:g} m".replace("1e-0", "1e-") in ACCURACY
 
 
 def test_budgets_are_those_of_the_code():
     budgets = {
-        r"(\d+) impacts or more has to come out the same": step_control.CHECKED_IMPACTS,
+        r"(\d+) impacts or more has to give the same result": step_control.CHECKED_IMPACTS,
         r"more than (\d+) impacts": contact_resolution.MOST_IMPACTS,
         r"(\d\d [\d]{3}) pieces of motion": setting.MOST_TRIALS,
     }

@@ -1,4 +1,4 @@
-"""Tables of the README and the manual are those that studies and runs give."""
+"""Tables of the README and the manual are those of the studies and runs."""
 
 import json
 from pathlib import Path
@@ -79,7 +79,7 @@ def test_the_ablations_are_those_of_the_kept_runs():
 
 def test_shipped_runs_are_complete():
     folders = [path.parent for path in RESULTS.rglob("config.yaml")]
-    assert len(folders) == 60 + 20 + 12 + 28 + 8  # presets, from the shelf, weak, strengths, ablations
+    assert len(folders) == 60 + 20 + 12 + 28 + 8  # presets, stock algorithms, weak, strengths, ablations
     for folder in folders:
         found = {path.name for path in folder.iterdir()}
         assert found == {

@@ -1,4 +1,4 @@
-"""A page is followed literally: the helper that does so fails where a reader would."""
+"""A page is followed literally: the helper fails where a reader would fail."""
 
 from pathlib import Path
 

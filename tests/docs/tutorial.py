@@ -21,7 +21,7 @@ READ_ONLY = ("", "text")
 
 
 class Block(NamedTuple):
-    """A block of code: where its text begins, in which language, and what it says."""
+    """A block of code: the line of its beginning, its language, and its text."""
 
     line: int
     language: str
@@ -47,8 +47,8 @@ def run_tutorial(page: Path, folder: Path, seconds: float = 120.0, without: str 
     """Follow a page in an empty folder; return what each block printed, errors included.
 
     Blocks that say ``without``, such as the command of a training, are not run. A block that ends with a
-    status other than 0, or takes longer than ``seconds``, raises an AssertionError with its place, its text
-    and its output.
+    status other than 0, or takes longer than ``seconds``, raises an AssertionError with its position, its
+    text and its output.
     """
     outputs = []
     for block in blocks_of(page):

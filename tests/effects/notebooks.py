@@ -1,4 +1,4 @@
-"""What notebooks and files of users do: cells, modules, and functions that become effects."""
+"""Notebooks and files of users: cells, modules, and functions that become effects."""
 
 import importlib.util
 import linecache
@@ -51,14 +51,14 @@ def run_cell(name, text, names):
 
 
 def cell(number, kind, joint, factor, apart=""):
-    """A spring of a user: functions of equal names in every cell, or with something to tell them apart."""
+    """A spring of a user: functions of equal names in every cell, or with a difference between them."""
     names = {n: f"{n}{apart}" for n in ("helper", "force", "energy")}
     text = CELL.format(kind=kind, joint=joint, factor=factor, **names)
     return run_cell(f"<cell {number}>", text, {"__name__": "__main__"})[kind]()
 
 
 def notebook():
-    """Cells of a notebook, which have their names in common; returns them and what runs one."""
+    """Cells of a notebook, which share a namespace; returns it and a function that runs a cell."""
     names = {
         "__name__": "__main__",
         "physics": physics,
@@ -91,7 +91,7 @@ def with_force(function, **bind):
 
 
 def end_of(*effects):
-    """Where a motion with some effects ends."""
+    """Final state of a motion with some effects."""
     batch = rde.BatchSimulator(rde.Scene(ARM, effects), 1)
     batch.set_state(Q0, QD0)
     for _ in range(5):

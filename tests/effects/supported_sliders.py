@@ -1,4 +1,4 @@
-"""Random starts at stops, and what follows at once: an account in NumPy that shares no code with contacts.
+"""Random starts at stops, and their resolution: a computation in NumPy that shares no code with contacts.
 
 Forces and impulses of stops are projections: each is raised or lowered by turns until no stop pulls and no
 slider enters. The motion that follows is integrated with the sliders held that their stops press.
@@ -39,7 +39,7 @@ def starts(arm, lanes, rng):
 
 
 def projected(w, d, acting):
-    """x >= 0 with w x - d >= 0 and x (w x - d) = 0, of the acting ones; the others are 0."""
+    """x >= 0 with w x - d >= 0 and x (w x - d) = 0, for the acting ones; the others are 0."""
     x = np.zeros_like(d)
     for _ in range(5000):
         before = x.copy()

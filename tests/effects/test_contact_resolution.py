@@ -1,4 +1,4 @@
-"""A contact resolved: who is struck, comes to rest and is released, of one slider, two and three."""
+"""Contact resolution: which of one, two and three sliders are struck, come to rest and are released."""
 
 import numpy as np
 import pytest
@@ -50,7 +50,7 @@ def test_struck_sliders_have_the_speeds_of_the_impulses(count):
 
 @SLIDERS
 def test_of_sliders_that_rest_those_leave_whose_stops_would_pull_in_the_end(count):
-    """What one does changes the forces on the others, so all are decided at once."""
+    """Each decision changes the forces on the others, so all are decided together."""
     rng = np.random.default_rng(7)
     seen = set()
     for _ in range(1000):
@@ -77,7 +77,8 @@ def test_of_sliders_that_rest_those_leave_whose_stops_would_pull_in_the_end(coun
 
 @SLIDERS
 def test_a_slider_that_comes_to_rest_beside_others_that_rest(count):
-    """Who stays is decided at once; those that stay do not move, and what no stop presses is let go."""
+    """Sliders that stay are decided together; they do not move, and sliders that no stop presses are
+    released."""
     rng = np.random.default_rng(8)
     seen = set()
     for _ in range(1500):
@@ -124,7 +125,7 @@ def test_a_slider_on_its_way_from_its_stop_does_not_decide_who_rests():
 @pytest.mark.parametrize(("press", "supported"), [(2.0, True), (0.0, True), (-2.0, False)])
 def test_a_slider_that_stands_still_is_looked_at_before_another_one_strikes(known, press, supported):
     """It comes to rest, or is released, and then the other one strikes."""
-    w = [[2.0, -1.0], [-1.0, 2.0]]  # what sends the second one back drives the first onto its stop
+    w = [[2.0, -1.0], [-1.0, 2.0]]  # the impulse that sends the second back drives the first onto its stop
 
     def first(rests):
         held = {"resting": True, "force": -0.5 * press} if rests else {"acceleration": press}
@@ -153,7 +154,7 @@ def test_a_released_slider_may_rest_again_where_an_impact_of_another_leaves_it_s
 
 
 def test_an_elastic_slider_rests_where_its_bounce_is_lost_in_rounding():
-    """Less than four units in the last place of the stop it is at."""
+    """Less than four ulps of the position of its stop."""
     for side, upper in ((1.0, 4096.0), (-1.0, 4096.0)):
         for height, rests in ((0.5, True), (2.0, False)):
             c = contact(0.0, side, acceleration=side)._replace(lower=0.0, upper=upper)
@@ -214,7 +215,7 @@ def struck_by_turns(u, W, restitution, most=100_000):
 
 @pytest.mark.parametrize("restitution", [0.0, 0.02, 0.1, 0.3, 0.9, 1.0])
 def test_sliders_that_strike_by_turns_end_where_single_impacts_end(restitution):
-    """One moves onto its stop, the other away from its own: never struck together, but by turns; a chain that
+    """One moves onto its stop, the other away from its own: never struck together, but in turn; a chain that
     never ends stops both."""
     rng = np.random.default_rng(5)
     chains = ended = 0

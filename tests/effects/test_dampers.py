@@ -16,7 +16,7 @@ DEEP = [-0.37828245, 0.15684442, 0.323228, 0.02206704], [-0.60305308, 0.12256787
 
 
 class Estimated(e.LimitSpring):
-    """One that does not tell how strong its damper is."""
+    """A spring that does not declare its damping."""
 
     def hooks(self, arm):
         return tuple(dataclasses.replace(hook, damping=None) for hook in super().hooks(arm))

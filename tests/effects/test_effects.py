@@ -1,4 +1,4 @@
-"""Effects of motors, gravity, friction and a user in a motion, and what is refused."""
+"""Effects of motors, gravity, friction and a user in a motion, and refused ones."""
 
 import math
 import re
@@ -117,7 +117,7 @@ def test_friction_acts_on_joint_rates(robot):
 
 
 def test_a_users_effect_acts():
-    """One class: its force is in the motion, its potential in the book, its number a parameter."""
+    """One class: its force is in the motion, its potential in the balance, its number a parameter."""
     scene = rde.Scene(FOUR_R, (StiffeningSpring(8.0),), "euler", control_dt=1e-3)
     assert scene.parameters()["stiffening_spring.k"] == 8.0
     phi3 = Q0[2] - Q0[1]

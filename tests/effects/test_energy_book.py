@@ -1,4 +1,4 @@
-"""The energy book: kinetic + potential - work stays, whatever acts and however it is booked."""
+"""The energy balance: kinetic + potential - work is constant, for all effects and all declarations."""
 
 from dataclasses import dataclass, replace
 
@@ -82,7 +82,7 @@ def test_energy_book_closes(robot, actuation):
 
 @EVERY
 def test_energy_is_kept_without_dissipation(robot):
-    """Gravity, springs and no work: the book has no entry for work at all."""
+    """Gravity, springs and no work: the balance has no work at all."""
     springs = (Gravity(9.81), StiffeningSpring(8.0))
     found = rde.simulate(rde.Scene(robot, springs, control_dt=0.002), Q0, QD0, np.linspace(0, 1, 6))
     energy = found.kinetic_energy + found.potential_energy
@@ -107,7 +107,7 @@ def _pull_and_drag(gap, rate):
 
 @dataclass(frozen=True)
 class OwnNames(Effect):
-    """Its conservative part needs a quantity that the force itself does not ask for."""
+    """Its conservative part needs a quantity that the force itself does not use."""
 
     def hooks(self, arm):
         bind = {"gap": "theta32", "rate": "phid3", "position": "phi3"}
@@ -141,7 +141,7 @@ BIND = {"x": "phi2", "k": ".k"}
 
 @dataclass(frozen=True)
 class Spring(Effect):
-    """A potential and nothing else said."""
+    """Only a potential is declared."""
 
     k: float = 8.0
 
@@ -161,7 +161,7 @@ class Damped(Effect):
 
 @pytest.mark.parametrize(("effect", "works"), [(Spring(), False), (Damped(), True)], ids=["whole", "part"])
 def test_a_force_is_booked_as_potential_as_far_as_it_is_conservative(effect, works):
-    """And as work beyond that: a force that is all of its potential's slope does no work at all."""
+    """The rest counts as work: a force that is entirely the slope of its potential does no work at all."""
     scene = rde.Scene(FOUR_R, (effect,), tolerance=1e-9)
     motion = rde.simulate(scene, Q0, QD0, np.linspace(0.0, 1.0, 21)[1:])
     start = kinetic_energy(scene, Q0, QD0) + potential_energy(scene, Q0)

@@ -1,4 +1,4 @@
-"""Kinks that no effect declares are found in what its functions compute of what moves, and watched."""
+"""Undeclared kinks of effects are found by running their functions on moving numbers, and watched."""
 
 from dataclasses import dataclass
 
@@ -37,7 +37,7 @@ def scene(*effects, arm=RPRP, **how):
 
 @dataclass(frozen=True)
 class Written(Effect):
-    """Hooks as they are given."""
+    """An effect with given hooks."""
 
     given: tuple
     number: float = 0.5
@@ -219,7 +219,7 @@ def off(made, *states, **numbers):
 
 
 class Unwatched(QuadraticDrag):
-    """Drag whose kinks are not looked for."""
+    """Drag whose kinks are not searched."""
 
 
 def turning(arm, count, seed):
@@ -238,11 +238,12 @@ def test_the_drag_of_the_documentation_keeps_the_tolerance(arm, monkeypatch):
 
 
 STAGES = ((0.118, 0.25), (0.333, 0.6), (0.651, 0.857))
-"""Places in a step between which rk8 has no stage."""
+"""Times in a step between which rk8 has no stage."""
 
 
 def reached_between_stages(count, seed, share):
-    """Motors that hold a rate, with limits a little below the most that they ask for between two stages."""
+    """Motors that hold a rate, with limits a little below the largest effort that they need between two
+    stages."""
     rng, parts, gain = np.random.default_rng(seed), 200, 2.0
     scale = np.where(RPRP.prismatic, 1.0, 6.0)
     q = rng.uniform(np.where(RPRP.prismatic, 0.0, -3.0), np.where(RPRP.prismatic, 0.25, 3.0), (count, 4))

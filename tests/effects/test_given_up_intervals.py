@@ -1,4 +1,4 @@
-"""Intervals with too many impacts, or searches without end: given up, flagged, and as if they never began."""
+"""Intervals with too many impacts, or endless searches: given up, flagged, and the state restored."""
 
 import numpy as np
 import pytest
@@ -109,7 +109,7 @@ def test_a_budget_of_trial_steps_grows_with_the_substeps():
 
 
 def test_as_many_substeps_as_are_asked_for_are_made():
-    """More than the pieces of motion that an interval otherwise may have; the last ones have an impact."""
+    """More pieces of motion than an interval usually may have; the last ones have an impact."""
     made = scene(rde.RPRP((1.0,) * 4, (0.5, 0.5)), gravity=0.0, integrator="rk4", substeps=70_000)
     batch = rde.BatchSimulator(made, 1)
     batch.set_state([0.0, 0.1, 0.0, 0.1], [0.0, 10.4, 0.0, 0.0])

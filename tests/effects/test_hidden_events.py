@@ -1,4 +1,4 @@
-"""What sliders do at their stops and undo again within one step."""
+"""Events of sliders at their stops that are reversed within one step."""
 
 import dataclasses
 
@@ -88,7 +88,7 @@ def test_no_interval_of_a_family_hides_an_impact(number):
 
 
 def test_errors_that_grow_over_many_impacts_are_kept_or_flagged():
-    """Up to 256 impacts in 0.1 s: what two references agree in is right, and little is given up."""
+    """Up to 256 impacts in 0.1 s: results on which two references agree are right, and few are given up."""
     family = hidden_impacts.Family(control_dt=0.1, travel=0.02, restitution=0.99)
     tally = hidden_impacts.judge(family, 4096, seed=3)
     assert tally.missed == 0  # two were
@@ -97,7 +97,8 @@ def test_errors_that_grow_over_many_impacts_are_kept_or_flagged():
 
 
 def test_errors_that_two_sliders_double_at_each_of_twenty_impacts_are_kept():
-    """Found by fuzzing: 22 impacts in 0.2 s made an error of a hundredth of the tolerance 79 of them."""
+    """Found by fuzzing: 22 impacts in 0.2 s amplified an error of a hundredth of the tolerance to 79 of
+    it."""
     arm, stop = rde.RPRP((0.1, 1.9, 0.3, 2.7), (1.7, 1.4)), ((0.0, 0.0), (0.53, 0.33), 1.0)
     effects = (
         rde.effects.CentringSpring((21e3, 220.0), (0.0, 0.0), (0.76, 2.3)),
@@ -118,7 +119,7 @@ def test_errors_that_two_sliders_double_at_each_of_twenty_impacts_are_kept():
 
 @pytest.mark.parametrize("side", [1.0, -1.0], ids=["upper", "lower"])
 def test_a_slider_that_leaves_a_single_stop_at_zero_may_come_back_to_it(side):
-    """No limit and no position gives a length there, so what is rounding must not become 0."""
+    """All limits and positions are 0 there, but the scale of rounding must not become 0."""
     ends = (-np.inf, 0.0) if side > 0.0 else (0.0, np.inf)
     watched = Watched(0.0, 0.0, -60.0, 60.0)
     slider = Slider(-1e-3 * side, 0.1 * side, 0.0, 0.0, watched, 0.0, *ends)
@@ -226,7 +227,7 @@ def test_what_is_not_near_a_stop_does_not_meet_one():
 
 
 def test_a_release_near_the_end_of_an_euler_step_is_found_in_it():
-    """The only stage of the step begins it, so what the stop must do is asked at its end as well."""
+    """The only stage of the step is at its start, so the force of the stop is computed at its end, too."""
     arm = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
     stop = rde.effects.PrismaticStop((0.0, 0.0), (0.3, 0.3), 0.0)
     made = rde.Scene(arm, (rde.effects.Gravity(), stop), integrator="euler", control_dt=0.02)

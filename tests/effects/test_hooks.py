@@ -1,4 +1,4 @@
-"""Where an effect may attach: names, joints, results and keys that do not fit are refused by the scene."""
+"""Attaching effects: names, joints, results and keys that do not fit are refused by the scene."""
 
 from dataclasses import dataclass
 

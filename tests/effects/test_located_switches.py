@@ -75,7 +75,7 @@ def test_a_motion_that_touches_its_spring_between_all_stages_is_seen(made):
 
 
 def test_a_joint_that_rests_on_its_spring_costs_what_a_free_one_costs():
-    """It settles to rounding; no noise moves it from one law to the other and back."""
+    """It settles to rounding; no noise switches it from one law to the other and back."""
     friction = e.ViscousFriction((1.0, 20.0, 1.0, 20.0))
     made = rde.Scene(RPRP, (e.Gravity(), friction, *springs(RPRP, 5e3)), tolerance=1e-6)
     batch = rde.BatchSimulator(made, 3)
@@ -170,20 +170,21 @@ def test_laws_overlap_by_a_margin_so_that_rounding_changes_none():
 
 
 class Silent(e.LimitSpring):
-    """One that does not tell of the kink where it lets go, nor how strong its damper is."""
+    """A spring that declares neither the kink at which its force ends, nor its damping."""
 
     def hooks(self, arm):
         return tuple(dataclasses.replace(hook, kink=None, damping=None) for hook in super().hooks(arm))
 
 
 class Estimated(Silent):
-    """One whose kink is not looked for, either."""
+    """A spring whose kink is not searched, either."""
 
 
 @pytest.mark.parametrize("damping", [0.0, 35.0])
 @pytest.mark.parametrize("integrator", ["rk8", "dop853"])
 def test_fast_lanes_near_springs_do_not_know_of_calm_ones_beside_them(integrator, damping):
-    """Found by fuzzing: a step too long for fast lanes, made for a slow one beside them, told of a kink."""
+    """Found by fuzzing: a step for a slow lane, too long for fast ones beside it, reported a kink for
+    these."""
     springs = [e.LimitSpring(f"joint{k}", -0.2, 0.7, 1730.7, damping) for k in (1, 2)]
     tolerance = None if integrator == "dop853" else 1e-6
     made = rde.Scene(FOUR_R, springs, integrator=integrator, control_dt=0.005, tolerance=tolerance)

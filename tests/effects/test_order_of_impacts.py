@@ -16,7 +16,7 @@ def scene(restitution, **kwargs):
 
 
 def before_stops(gaps, rng):
-    """States whose sliders are so far before stops, and mostly move towards them, (n, 4) each."""
+    """States whose sliders are at a distance before stops, and mostly move towards them, (n, 4) each."""
     n = len(gaps)
     upper = rng.random((n, 2)) < 0.5
     side = np.where(upper, 1.0, -1.0)

@@ -59,7 +59,7 @@ def test_force_is_minus_the_slope_of_the_potential(effect, hook):
 
 @pytest.mark.parametrize(("effect", "hook"), list(potential_hooks()))
 def test_force_is_conservative_part_plus_dissipation(effect, hook):
-    """What the whole force has beyond its conservative part takes power out, at any rate."""
+    """The part of the force beyond its conservative part takes power out, at any rate."""
     own = effect.parameters()
     rng = np.random.default_rng(2)
     values = {"position": rng.uniform(-3.0, 3.0, 500), "rate": rng.uniform(-9.0, 9.0, 500)}

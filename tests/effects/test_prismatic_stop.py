@@ -142,7 +142,7 @@ def test_stops_survive_their_file():
 
 
 def test_a_scene_without_stops_has_no_trace_of_them():
-    """No operation and no field, even where lanes take steps of their own."""
+    """No operation and no field, even if lanes take local steps."""
     bare = rde.Scene(ARM, (e.Gravity(),), tolerance=1e-6)
     without, with_stops = rde.listing(bare), rde.listing(scene(tolerance=1e-6))
     for word in ("prismatic_stop", "active_stop", "touching", "impacts", "released_r1", "contacts.py"):
@@ -156,7 +156,7 @@ UNITS = {"tolerance": {"tolerance": 1e-9}, "rk4": {"integrator": "rk4", "substep
 @pytest.mark.parametrize("how", UNITS.values(), ids=UNITS)
 @pytest.mark.parametrize("doublings", [-24, -6, 10])
 def test_the_unit_of_time_changes_no_bit_of_a_motion_with_impacts(how, doublings):
-    """Found by fuzzing: a nanosecond was no time, so fast sliders missed tolerances in short intervals."""
+    """Found by fuzzing: a nanosecond was neglected, so fast sliders missed tolerances in short intervals."""
     arm, stop = rde.RPRP((0.33, 0.25, 0.28, 0.33), (0.14, 0.14)), ((0.0, 0.0), (0.02, 0.02), 0.9)
     rng, n = np.random.default_rng(0), 512
     q = rng.uniform((-3.0, 0.0, -3.0, 0.0), (3.0, 0.02, 3.0, 0.02), (n, 4))

@@ -1,4 +1,4 @@
-"""Sliders at rest at their stops: when they come to rest, how long they stay, and what lets them go."""
+"""Sliders at rest at their stops: when they come to rest, how long they stay, and their release."""
 
 import itertools
 import math
@@ -31,7 +31,7 @@ def test_every_start_at_both_stops_goes_on(restitution):
 
 
 def test_sliders_that_meet_their_stops_together_and_turn_back_are_found():
-    """Both are beyond their stops at the end of the step and began inwards: no piece is made twice."""
+    """Both are beyond their stops at the end of the step and began inwards: no piece is repeated."""
     batch = rde.BatchSimulator(REACH, 1)
     batch.set_state(
         [-1.5713146444638297, 0.0, -1.2969997173756138, 0.0],
@@ -77,7 +77,7 @@ def test_an_elastic_slider_rests_only_where_it_does_not_bounce():
 
 
 def test_pressed_held_and_let_go_within_an_interval():
-    """The arm turns and gravity pulls them back: let go when the force that holds vanishes."""
+    """The arm turns and gravity pulls them back: they are released when the holding force vanishes."""
     arm, q = UNEQUAL, [-1.2, 0.3, -1.2, 0.3]
     times = []
     for accuracy in (1e-6, 1e-12):

@@ -1,4 +1,5 @@
-"""How few pieces it takes to find what sliders do at their stops, and in which order lanes are served."""
+"""Number of pieces needed to find events of sliders at their stops, and the order in which lanes are
+served."""
 
 import gymnasium as gym
 import numpy as np
@@ -45,7 +46,7 @@ def slider_along(motion, h, upper, lower=-9.0):
 
 
 def first_guess(motion, h, upper, turns=0.0):
-    """When ``first_event`` takes such a slider to be at its upper stop."""
+    """Time at which ``first_event`` predicts such a slider at its upper stop."""
     encounter = Encounter(0.0, 0.0, Crossing.NONE, turns, False, 1.0)
     with np.errstate(all="ignore"):  # both sides of a choice are computed
         found = first_event(slider_along(motion, h, upper), encounter, h, 1.0 / h, smooth=True)
@@ -110,7 +111,7 @@ def test_no_search_stalls_in_steps_that_are_too_long(kwargs, mean, most):
         assert status.evaluations.max() < most
 
 
-# ---- let go --------------------------------------------------------------------------------------
+# ---- release -------------------------------------------------------------------------------------
 
 
 def resting(count, push=(0.0, -30.0, 0.0, -30.0), **kwargs):
@@ -182,7 +183,7 @@ def test_one_that_is_let_go_and_comes_back_in_the_same_step_is_not_beyond_its_st
         np.testing.assert_array_equal(a.evaluations, b.evaluations)
         last: dict[tuple[int, str], str] = {}
         for x in logged.events(0.0):
-            # What is let go has to come to rest before it is let go again.
+            # A released slider has to come to rest before it is released again.
             assert (x.kind, last.get((x.lane, x.joint))) != ("release", "release")
             last[x.lane, x.joint] = x.kind
         assert "release" in last.values()
@@ -215,7 +216,7 @@ def test_sliders_that_leave_before_a_step_are_those_that_would_leave_at_a_contac
 
 
 def test_an_arm_that_a_bounce_taken_away_has_moved_is_looked_at_again():
-    """r2 comes to rest, which sets off r1, that is released at the same instant."""
+    """r2 comes to rest, which sets off r1, so that it is released at the same instant."""
     r1 = contact(0.0, -1.0, resting=True, force=11.7263)
     r2 = contact(-1.1996e-4, 1.0, acceleration=10.6508)
     got = resolved([r1, r2], [[1.09944, -0.267404], [-0.267404, 0.0758599]], 0.0)

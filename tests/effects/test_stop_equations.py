@@ -58,7 +58,8 @@ def test_slider_mobility_is_two_columns_of_the_inverse():
 
 @SLIDERS
 def test_impulses_solve_the_complementarity_problem(count):
-    """No stop pulls, none is entered, and only those that act decide; at no stop there is no impulse."""
+    """No stop pulls, no slider moves into one, and only those that act matter; away from stops there is no
+    impulse."""
     rng = np.random.default_rng(2)
     struck = set()
     for _ in range(2000):
@@ -66,7 +67,7 @@ def test_impulses_solve_the_complementarity_problem(count):
         sides = rng.choice([-1.0, 0.0, 1.0], count)
         u, restitution = np.abs(sides) * rng.normal(size=count), rng.uniform(0, 1)
         if not (u > 0).any():
-            continue  # nothing strikes: nobody asks
+            continue  # nothing strikes: the result is not used
         at = np.flatnonzero(sides)
         outward = np.outer(sides, sides) * w
         d = u + restitution * np.maximum(u, 0.0)

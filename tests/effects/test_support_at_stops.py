@@ -14,12 +14,12 @@ import redundant_envs as rde
 from redundant_envs.studies.independent_stops import StoppedArm
 
 HIDDEN = 1e-6
-"""m/s; a slower impact may go less deep than four units in the last place of the travel, and is not found."""
+"""m/s; a slower impact may penetrate by less than four ulps of the travel, and is not found."""
 METHODS = ({}, {"tolerance": None, "substeps": 4}, {"tolerance": None, "integrator": "dop853"})
 
 
 def faults(seed, lanes=400):
-    """What is wrong with random starts of an arm, a restitution and a method, and how many were judged."""
+    """Failures of random starts of an arm, a restitution and a method, and the number of judged starts."""
     rng = np.random.default_rng(seed)
     arm = list(ARMS.values())[seed % 3]
     restitution, method = (1.0, 0.5, 0.0, 0.8)[seed % 4], METHODS[seed // 3 % 3]
@@ -28,10 +28,10 @@ def faults(seed, lanes=400):
     after, status = advanced(made, q, qd, efforts)
     by_account, judged = expected(arm, q, qd, efforts, sides, restitution)
     judged &= status.numerics == 0
-    # All sliders that stand may be said to rest, or some of them.
+    # All sliders without velocity may be declared at rest, or some of them.
     standing = np.where((kinds == STANDS) & (rng.random(sides.shape) < rng.choice([0.5, 1.0])), sides, 0.0)
     remembered, _ = advanced(made, q, qd, efforts, standing)
-    # One that is about to strike does so a little later, alone. Where it sends two others onto their stops,
+    # A slider that is about to strike does so a little later, alone. If it sends two others onto their stops,
     # these strike at once only if they have not moved.
     before, rates = q.copy(), np.where(np.abs(qd) <= 1e-13, 0.0, qd)
     before[:, arm.sliders()] -= np.where(kinds == ENTERS, sides, 0.0) * 1e-15
@@ -73,7 +73,7 @@ HANGING = ([-1.2, UPPER, -0.4, 0.2], [0.0, 0.0, 0.0, 1.0])
 
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
 def test_a_slider_is_supported_when_a_stop_is_moved_to_another_that_moves_into_it(restitution):
-    """Stops that were moved hold nobody: that r1 rested is forgotten, but it is pressed onto its stop."""
+    """Stops that were moved hold no slider: the rest of r1 is forgotten, but it is pressed onto its stop."""
     made, ends = scene(ARMS["RPRP"], restitution, control_dt=0.01), []
     for gap in (0.0, 1e-15):
         batch = rde.BatchSimulator(made)

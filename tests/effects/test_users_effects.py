@@ -20,7 +20,7 @@ from redundant_envs.quantities import givers_of
 
 
 def test_functions_of_one_name_in_two_cells_both_act():
-    """Forces, potentials and helpers of equal names, each with a factor of its own."""
+    """Forces, potentials and helpers of equal names, each with a different factor."""
     alike = [cell(k, f"Spring{k}", k, 2.0**k) for k in (1, 2, 3)]
     apart = [cell(10 + k, f"Spring{k}", k, 2.0**k, apart=f"_{k}") for k in (1, 2, 3)]
     np.testing.assert_array_equal(end_of(*alike), end_of(*apart))
@@ -178,7 +178,7 @@ def test_a_program_and_its_key_do_not_depend_on_the_process():
 
 
 def test_scenes_that_differ_in_names_only_are_one_program():
-    """Names of functions, classes and parameters are for people."""
+    """Names of functions, classes and parameters do not change results."""
     keys = {
         batch_simulator(rde.Scene(ARM, (effect,)), False).key
         for effect in (

@@ -1,4 +1,4 @@
-"""What a function of a user may be, and what is said where it may not: it does what its code says."""
+"""Functions of users that are allowed, and messages for those that are not; they act as their code says."""
 
 import functools
 import math
@@ -17,7 +17,7 @@ K = 3.0
 KS = np.array([3.0, 5.0])
 
 
-# ---- what it may be ------------------------------------------------------------------------------
+# ---- allowed functions ---------------------------------------------------------------------------
 
 
 @physics
@@ -206,7 +206,7 @@ def test_a_helper_that_is_defined_again_outside_the_dialect_is_refused(text, wor
 
 
 def test_a_function_whose_code_is_replaced_is_the_new_one():
-    """Tools that reload modules leave the function and give it other code, and other arguments."""
+    """Tools that reload modules keep the function and replace its code, and its arguments."""
     names, run = notebook()
     run(9, "@physics\ndef shape(x):\n    return 1.0 * x")
     shape = names["shape"]
@@ -219,7 +219,7 @@ def test_a_function_whose_code_is_replaced_is_the_new_one():
     assert acts_as(shape, QD0[1] - QD0[0] - PHI2, x="phi2", rate="phid2")
 
 
-# ---- what it may not be --------------------------------------------------------------------------
+# ---- refused functions ---------------------------------------------------------------------------
 
 
 @physics

@@ -1,4 +1,4 @@
-"""The three faces of an environment, in the middle of an episode, and what their states hold."""
+"""The three kinds of an environment, in the middle of an episode, and the contents of their states."""
 
 import gymnasium as gym
 import numpy as np
@@ -39,7 +39,7 @@ every_face = pytest.mark.parametrize("make", FACES.values(), ids=FACES)
 
 
 def plain(value):
-    """All that a state holds, comparable."""
+    """The whole content of a state, in a comparable form."""
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, dict):

@@ -29,7 +29,7 @@ STEPS = 6
 
 
 def flat(value):
-    """All numbers in what an environment gives, in one order."""
+    """All numbers in the outputs of an environment, in a fixed order."""
     if isinstance(value, dict):
         return [x for k in sorted(value) for x in flat(value[k])]
     if isinstance(value, list | tuple):

@@ -1,4 +1,4 @@
-"""No episode gains by ending early, and goal environments pay by the two goals alone."""
+"""No episode gains by ending early, and the reward of goal environments depends on the two goals alone."""
 
 import itertools
 

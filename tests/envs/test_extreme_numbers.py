@@ -48,7 +48,7 @@ def check_episode(env, options):
             return
 
 
-@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # NumPy tells of overflows in what follows from masses
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # NumPy warns of overflows of masses
 @pytest.mark.parametrize("env_id", IDS)
 def test_parameters_and_starts_of_every_size(env_id):
     env = made(env_id)

@@ -1,4 +1,5 @@
-"""What every face tells: coordinates, tips and goals, info keys that the page explains, specs."""
+"""Outputs of every kind of environment: coordinates, tips and goals, info keys that the page explains,
+specs."""
 
 import gymnasium as gym
 import numpy as np

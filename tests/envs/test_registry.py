@@ -1,4 +1,4 @@
-"""What must hold for every registered id."""
+"""Properties of every registered id."""
 
 import json
 import subprocess

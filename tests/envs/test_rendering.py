@@ -183,7 +183,7 @@ def test_pictures_are_ones_own():
 
 
 def written(monkeypatch):
-    """What pictures have written on them from now on, as (text, colour)."""
+    """Texts written on pictures from now on, as (text, colour)."""
     texts, write = [], Canvas.text
 
     def text(self, text, x, y, color, *others, **named):

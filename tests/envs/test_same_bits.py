@@ -1,4 +1,4 @@
-"""One implementation, four faces: the same seed gives the same bits in all of them."""
+"""One implementation, four kinds of environments: the same seed gives the same bits in all of them."""
 
 import gymnasium as gym
 import numpy as np

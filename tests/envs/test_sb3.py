@@ -1,4 +1,4 @@
-"""The SB3 face: attributes, seeds, options, learners."""
+"""The SB3 environment: attributes, seeds, options, learners."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Starts lie inside each lane's own limits; what options may put beyond them, and what they may not."""
+"""Starts lie inside each lane's own limits; options may pass some limits, and not others."""
 
 import gymnasium as gym
 import numpy as np

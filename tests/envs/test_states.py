@@ -160,7 +160,7 @@ BAD_OPTIONS = [
 
 
 def parts(env):
-    """What a refused call must leave as it is."""
+    """The state that a refused call must not change."""
     spread = plain(env.get_state())
     if isinstance(env, gym.Env):
         spread["np_random"] = plain(env.np_random)

@@ -99,7 +99,8 @@ def test_a_start_at_a_stop_is_allowed_and_one_beyond_it_is_not():
 def test_a_slider_that_is_pressed_onto_its_stop_at_a_reset_is_supported_when_the_other_one_strikes(
     restitution,
 ):
-    """As it is if the other one starts a little before its stop; alone, among others, and set to a state."""
+    """The same as if the other one starts a little before its stop; alone, among others, and set to a
+    state."""
     scene = rde.load_scene("rprp_reach").to_dict()
     (stop,) = (x for x in scene["effects"] if x["type"] == "PrismaticStop")
     stop["restitution"] = restitution

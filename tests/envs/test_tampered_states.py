@@ -1,4 +1,4 @@
-"""States with numbers that no motion has, and episodes that never began or have ended."""
+"""States with impossible numbers, and episodes that never began or have ended."""
 
 import gymnasium as gym
 import numpy as np

@@ -1,4 +1,4 @@
-"""docs/trouble.md: every row of its tables, done to every face of the environments."""
+"""docs/trouble.md: every row of its tables, tried on every kind of environment."""
 
 import re
 from dataclasses import dataclass, field
@@ -20,7 +20,7 @@ FAST, FASTER, BEYOND_BOUND = (1e10, 0.0, 0.0, 0.0), (1e30, 0.0, 0.0, 0.0), (150.
 
 
 def tables():
-    """Rows of the tables that have a column for each face: what -> cells."""
+    """Rows of the tables that have a column for each kind of environment: case -> cells."""
     rows = {}
     for block in re.split(r"\n\n", PAGE):
         lines = [
@@ -39,12 +39,12 @@ FACES = {
 }
 
 
-# ---- what the rows do -----------------------------------------------------------------------------
+# ---- the cases of the rows ------------------------------------------------------------------------
 
 
 @dataclass
 class Trouble:
-    """What is done: keywords at make, options of a reset, actions of steps."""
+    """Inputs: keywords of make, options of a reset, actions of steps."""
 
     make: dict[str, Any] = field(default_factory=dict)
     options: dict[str, Any] = field(default_factory=dict)
@@ -163,7 +163,7 @@ def bits(numerics):
 
 
 def outcome(face, env_id, trouble):
-    """What happens, in the words of the page."""
+    """The outcome, in the words of the page."""
     try:
         made = face(env_id, **trouble.make)
     except ValueError as error:
@@ -227,7 +227,8 @@ def test_a_face_does_what_its_row_says(what, name):
 
 
 def of_goals(what, column):
-    """What a goal environment of a vector or SB3 does: the same, but beyond the speed bound it goes on."""
+    """Response of a goal environment of a vector or SB3: the same, but beyond the speed bound it
+    continues."""
     single, vector, goal, sb3 = ROWS[what]
     if single.startswith("ends") and goal.startswith("goes on"):
         return goal

@@ -1,4 +1,4 @@
-"""The faces of an environment, asked alike: the first environment is in trouble, its neighbour is not."""
+"""All kinds of environments with one interface: the first environment is faulty, its neighbour is not."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +11,7 @@ import redundant_envs as rde
 
 @dataclass
 class Seen:
-    """What a user sees of the environment in trouble after a step."""
+    """Outputs of the faulty environment after a step."""
 
     observation: Any
     terminated: bool
@@ -54,7 +54,7 @@ class Vector:
         return Seen(self._first(observation), bool(terminated[0]), ended, self._first(infos))
 
     def neighbour(self):
-        """What the other environment shows."""
+        """Outputs of the other environment."""
         observation, reward, terminated, truncated, infos = self.last
         rows = observation if isinstance(observation, dict) else {"": observation}
         return [*(v[1] for v in rows.values()), reward[1], terminated[1], truncated[1], infos["numerics"][1]]

@@ -28,14 +28,14 @@ def replay(path: Path) -> int:
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser("python -m tests.fuzz", description=__doc__)
     parser.add_argument("--minutes", type=float, default=10.0)
-    parser.add_argument("--seed", type=int, default=None, help="without one, a fresh one is drawn and told")
+    parser.add_argument("--seed", type=int, default=None, help="without one, a fresh one is printed")
     parser.add_argument("--first", type=int, default=0, help="number of the first case")
     parser.add_argument("--stride", type=int, default=1, help="5 with --first 3: environments of many lanes")
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("runs/fuzz"))
     parser.add_argument("--replay", type=Path, help="a file of a failure, to be played again")
     given = parser.parse_args(arguments)
-    # Its kernels are many; those of the user and of the tests stay where they are.
+    # It compiles many kernels, which must not replace those of the user and of the tests.
     os.environ.setdefault("REDUNDANT_ENVS_CACHE", str(given.out / "kernels"))
     if given.replay is not None:
         return replay(given.replay)

@@ -1,4 +1,4 @@
-"""A case: a scene, and calls on one of its faces, as a plain JSON document that runs without its generator.
+"""A case: a scene, and calls of its simulator or environment, as a JSON document that needs no generator.
 
 A case is a mapping with "face" ("simulator" or one of :data:`ENVIRONMENTS`), "scene", "num_envs" and "calls".
 Each call is a mapping with "call", its arguments, and "refusable": whether it may be refused. What differs
@@ -25,7 +25,7 @@ ROWS = ("q", "qd", "efforts", "actions", "goal", "seed")
 
 
 def plain(value: Any) -> Any:
-    """Numbers as JSON has them; those that are not finite become texts."""
+    """Numbers in the form of JSON; those that are not finite become texts."""
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, dict):
@@ -38,7 +38,7 @@ def plain(value: Any) -> Any:
 
 
 def numbers(value: Any) -> Array:
-    """An array of what :func:`plain` made of one."""
+    """An array from the result of :func:`plain`."""
     return np.array(value, dtype=object).astype(np.float64)
 
 
@@ -63,7 +63,7 @@ def lanes_of(case: Case, call: dict[str, Any]) -> list[int]:
 
 
 def with_lanes(case: Case, order: list[int]) -> Case:
-    """The case of some of its lanes, in any order; calls that are for none of them are left out."""
+    """The case with some of its lanes, in any order; calls for none of them are left out."""
     place = {lane: k for k, lane in enumerate(order)}
     made = {**copy.deepcopy(case), "num_envs": len(order), "calls": []}
     for call in case["calls"]:

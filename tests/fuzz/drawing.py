@@ -1,4 +1,4 @@
-"""Scenes, states and efforts, drawn from one generator: from calm to what float64 just bears."""
+"""Scenes, states and efforts, drawn from one generator: from calm ones to the limits of float64."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ Array = NDArray[np.float64]
 Generator = np.random.Generator
 
 ARMS: tuple[tuple[type[Arm], int], ...] = ((RPRP, 2), (FourR, 4))
-"""Arms and how many lengths they have."""
+"""Arms and their numbers of lengths."""
 TRIES = 50
-"""Draws of numbers until a scene takes them."""
+"""Most draws of numbers until a scene accepts them."""
 MOTORS = "EffortLimits"
 """Environments need it."""
 
@@ -57,7 +57,7 @@ def own_effects() -> dict[str, type[Effect]]:
 
 
 def weight_of(arm: Any) -> float:
-    """What the stretched arm weighs on its base, N m: the scale of efforts."""
+    """Moment of the stretched arm's weight about its base, N m: the scale of efforts."""
     return 9.81 * sum(arm.masses) * sum(arm.lengths)
 
 
@@ -130,14 +130,14 @@ def draw_unknown(rng: Generator, kind: type[Effect], arm: Any) -> dict[str, Any]
 
 
 def drawn_effect(rng: Generator, name: str, arm: Any) -> Effect:
-    """An effect by its name; ValueError where the arm cannot have it."""
+    """An effect by its name; ValueError if the arm cannot have it."""
     kind: Any = own_effects()[name]
     draw = DRAWERS.get(name)
     return kind(**(draw(rng, arm) if draw else draw_unknown(rng, kind, arm)))
 
 
 def drawn_effects(rng: Generator, arm: Any, needed: tuple[str, ...] = ()) -> tuple[Effect, ...]:
-    """Any subset of the registered effects; limit springs at as many joints as it comes."""
+    """Any subset of the registered effects; limit springs at a random number of joints."""
     share = rng.choice([0.3, 0.6, 1.0])
     chosen: list[Effect] = []
     for name in own_effects():
@@ -172,7 +172,7 @@ def drawn_stepping(rng: Generator) -> dict[str, Any]:
 def drawn_scene(
     rng: Generator, needed: tuple[str, ...] = (), actuation: str | None = None, calm: bool = False
 ) -> Scene:
-    """A scene of any registered effects, with ``needed`` among them; a calm one has links much alike."""
+    """A scene of any registered effects, with ``needed`` among them; a calm one has similar links."""
     arm = drawn_arm(rng, calm)
     dt = float(rng.choice([0.02, 0.02, 0.005, 0.01, 0.05, 1e-6, 0.2]))
     actuation = actuation or str(rng.choice(["joint", "joint", "generalized"]))
@@ -205,7 +205,7 @@ RARE_STATES = ("denormal", "far", "overflowing", "nan")
 EFFORTS = ("plain", "plain", "bang-bang", "bang-bang", "none", "strong")
 RARE_EFFORTS = ("1e300", "nan", "inf", "denormal")
 RARE = 0.03
-"""Share of lanes whose numbers no motion bears."""
+"""Share of lanes with numbers that no motion survives."""
 
 
 def drawn_kinds(rng: Generator, count: int, usual: tuple[str, ...], rare: tuple[str, ...]) -> list[str]:
@@ -219,7 +219,7 @@ def drawn_states(scene: Scene, count: int, rng: Generator) -> tuple[Array, Array
 
 
 def drawn_state(scene: Scene, kind: str, rng: Generator) -> tuple[Array, Array]:
-    """Coordinates and velocities of one lane; sliders stand between their stops."""
+    """Coordinates and velocities of one lane; sliders are between their stops."""
     arm: Any = scene.robot
     n, size, ends = len(arm.joints), sum(arm.lengths), ends_of(scene)
     q, qd = rng.uniform(-np.pi, np.pi, n), rng.normal(0.0, decades(rng, 0.3, 8.0), n)
@@ -258,7 +258,7 @@ def drawn_state(scene: Scene, kind: str, rng: Generator) -> tuple[Array, Array]:
 
 
 def drawn_efforts(scene: Scene, count: int, rng: Generator) -> Array:
-    """Efforts, (count, joints), from none to what no motion bears."""
+    """Efforts, (count, joints), from none to ones that no motion survives."""
     arm: Any = scene.robot
     unit = weight_of(arm) * np.array([1.0 / sum(arm.lengths) if s else 1.0 for s in arm.prismatic])
     rows = []

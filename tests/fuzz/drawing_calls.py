@@ -19,7 +19,7 @@ CALLS = ("advance",) * 10 + (
 
 
 def case_generator(seed: int, number: int) -> Generator:
-    """The generator of a case: it depends on nothing but the two numbers."""
+    """The generator of a case: it depends only on the two numbers."""
     return np.random.default_rng([seed, number])
 
 

@@ -1,4 +1,4 @@
-"""Cases of the environments: a drawn scene with motors, a face, and resets, steps, snapshots in any order."""
+"""Cases of the environments: a random scene with motors, a kind of environment, and calls in any order."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .drawing import MOTORS, TRIES, Generator, drawn_scene, drawn_state
 from .drawing_calls import case_generator, drawn_parameters, some_lanes
 
 LIMIT = 7
-"""Control steps of an episode, in most cases: ends are what is looked for."""
+"""Control steps of an episode, in most cases: few, so that episodes end often."""
 ACTIONS = ("plain", "bang-bang", "bang-bang", "none", "too large")
 BAD_ACTIONS = ("nan", "inf", "1e300", "denormal")
 CALLS = ("step",) * 14 + (
@@ -24,7 +24,7 @@ AUTORESETS = ("next_step", "same_step", "disabled")
 
 
 def limited_scene(rng: Generator) -> Scene:
-    """A scene that an environment takes: motors, joint efforts, sliders of limited travel."""
+    """A scene that an environment accepts: motors, joint efforts, sliders of limited travel."""
     for _ in range(TRIES):
         scene = drawn_scene(rng, (MOTORS,), "joint", calm=bool(rng.random() < 0.6))
         sliders = scene.robot.sliders()
@@ -53,7 +53,7 @@ def drawn_actions(rng: Generator, count: int, joints: int, kinds: tuple[str, ...
 
 
 def drawn_options(rng: Generator, scene: Scene, lanes: int, goal: bool) -> dict[str, Any]:
-    """Options of a reset: places, velocities and parameters; some are refused."""
+    """Options of a reset: positions, velocities and parameters; some are refused."""
     options: dict[str, Any] = {}
     robot: Any = scene.robot
     if rng.random() < 0.6:

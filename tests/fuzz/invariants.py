@@ -1,4 +1,4 @@
-"""What is promised of the batch simulator: one function each, which gives the violations with numbers."""
+"""Promises about the batch simulator: one function each, which returns the violations with numbers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .playing import Lanes, Make, Player, play
 from .references import astuple, lane_parameters, of_lanes
 
 MOST_TRIALS, MOST_MORE, MOST_ADAPTIVE = 65536, 18, 1_000_002
-"""Steps of an interval, more of each substep, and the most of dop853 beside them."""
+"""Most steps of an interval, more for each substep, and the most for dop853."""
 STRUCTURES = ("save", "copy", "pickle", "npz")
 NON_FINITE, GIVEN_UP = int(rde.Numerics.NON_FINITE), int(rde.Numerics.EVENT_BUDGET)
 
@@ -35,7 +35,7 @@ def differing(one: Lanes, other: Lanes) -> list[int]:
 
 
 def only_documented_exceptions(played: Played) -> list[Violation]:
-    """A call raises nothing but a ValueError, and only if it asks for what cannot be."""
+    """A call raises no other exception than a ValueError, and only if its arguments are invalid."""
     name, found = "only_documented_exceptions", []
     for k, step in enumerate(played.steps):
         call, error = step.call, step.error
@@ -49,7 +49,7 @@ def only_documented_exceptions(played: Played) -> list[Violation]:
 
 
 def a_refused_call_changes_nothing(played: Played) -> list[Violation]:
-    """A call that raises leaves all lanes as they are, to the last bit."""
+    """A call that raises leaves all lanes unchanged, to the last bit."""
     return [
         Violation("a_refused_call_changes_nothing", k, lane, f"{step.call['call']} changed it, and raised")
         for k, step in enumerate(played.steps)
@@ -59,7 +59,7 @@ def a_refused_call_changes_nothing(played: Played) -> list[Violation]:
 
 
 def what_is_not_finite_is_flagged(played: Played) -> list[Violation]:
-    """``finite`` and the flag NON_FINITE say whether a lane's state is a number in every component."""
+    """``finite`` and the flag NON_FINITE say whether a lane's state is finite in every component."""
     found = []
     for k, step in played.intervals():
         numeric = [np.isfinite(a).all(axis=1) for a in (step.after.q, step.after.qd, step.after.z)]
@@ -75,7 +75,7 @@ def what_is_not_finite_is_flagged(played: Played) -> list[Violation]:
 
 
 def a_given_up_interval_leaves_its_lane(played: Played) -> list[Violation]:
-    """A lane with more events than an interval may have is back where the interval began."""
+    """A lane with more events than an interval may have returns to the start of the interval."""
     found = []
     for k, step in played.intervals():
         given_up = (step.status["numerics"] & GIVEN_UP) > 0
@@ -87,7 +87,7 @@ def a_given_up_interval_leaves_its_lane(played: Played) -> list[Violation]:
 
 
 def the_work_of_an_interval_is_bounded(played: Played) -> list[Violation]:
-    """No interval takes more evaluations than the documented budgets allow, whatever is asked."""
+    """No interval takes more evaluations than the documented budgets allow, for any input."""
     scene, found = played.scene, []
     stages = METHODS[scene.integrator].stages
     most = stages * (MOST_TRIALS + MOST_MORE * scene.substeps)
@@ -101,7 +101,7 @@ def the_work_of_an_interval_is_bounded(played: Played) -> list[Violation]:
 
 
 def no_slider_is_beyond_its_stop(played: Played) -> list[Violation]:
-    """After every call the sliders of finite lanes stand between their stops, to the last bit."""
+    """After every call the sliders of finite lanes are between their stops, to the last bit."""
     scene, found = played.scene, []
     for k, step in enumerate(played.steps):
         values = lane_parameters(scene, step.after)
@@ -143,8 +143,8 @@ def no_lane_depends_on_others(played: Played) -> list[Violation]:
                 for lane in np.flatnonzero(~same(value[order], again.status[name])).tolist()
             ]
             if apart:
-                place = f"place {apart[0]} of {len(order)}, {other['threads']} threads"
-                text = f"after call {steps[k].call['call']} it is another one at {place}"
+                place = f"index {apart[0]} of {len(order)}, {other['threads']} threads"
+                text = f"after call {steps[k].call['call']} its bits differ at {place}"
                 found.append(Violation("no_lane_depends_on_others", k, order[apart[0]], text))
                 break
     return found

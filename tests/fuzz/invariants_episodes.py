@@ -1,4 +1,4 @@
-"""What is promised of the environments: one function each, which gives the violations with numbers."""
+"""Promises about the environments: one function each, which returns the violations with numbers."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from .playing import Make
 from .playing_episodes import EpisodePlayer, EpisodeStep, Given, made, play_episodes
 
 ROUNDING = 1e-9
-"""Of a sum of a hundred rewards of at most 1."""
+"""Rounding of a sum of a hundred rewards of at most 1."""
 FLOAT32 = 1e-4
-"""The same of rewards in single precision, as stable-baselines3 has them."""
+"""The same for rewards in single precision, as in stable-baselines3."""
 SNAPSHOTS = ("save", "copy", "pickle")
 
 
 @dataclass
 class PlayedEpisodes:
-    """A case, what it gave, and how its environments are made (tests tamper with them)."""
+    """A case, its results, and the factory of its environments (tests tamper with them)."""
 
     case: Case
     steps: list[EpisodeStep]
@@ -38,7 +38,7 @@ class PlayedEpisodes:
         return Scene.from_dict(self.case["scene"])
 
     def tables(self) -> Iterator[tuple[int, int, str, Array]]:
-        """Call, lane, name and line of every observation."""
+        """Call, lane, name and row of every observation."""
         for k, step in enumerate(self.steps):
             for name, table in (step.given.obs or {}).items():
                 for lane, line in enumerate(table):
@@ -49,7 +49,7 @@ class PlayedEpisodes:
 
 
 def only_documented_exceptions(played: PlayedEpisodes) -> list[Violation]:
-    """A call raises nothing but a ValueError or ResetNeeded, and only if it asks for what cannot be."""
+    """A call raises no other exception than a ValueError or ResetNeeded, and only if it is invalid."""
     name, found, ready = "only_documented_exceptions", [], False
     for k, step in enumerate(played.steps):
         call, error = step.call, step.error
@@ -67,7 +67,7 @@ def only_documented_exceptions(played: PlayedEpisodes) -> list[Violation]:
 
 
 def a_refused_call_changes_nothing(played: PlayedEpisodes) -> list[Violation]:
-    """A call that raises leaves everything that decides the future as it is."""
+    """A call that raises leaves everything that determines the continuation unchanged."""
     found = []
     for k, step in enumerate(played.steps):
         if step.error is None:
@@ -149,7 +149,7 @@ def no_early_end_pays(played: PlayedEpisodes) -> list[Violation]:
 
 
 def no_slider_is_beyond_its_stop(played: PlayedEpisodes) -> list[Violation]:
-    """After every call sliders stand between their stops, to the last bit."""
+    """After every call sliders are between their stops, to the last bit."""
     scene, found = played.scene, []
     values = scene.parameters()
     for k, step in enumerate(played.steps):
@@ -163,7 +163,7 @@ def no_slider_is_beyond_its_stop(played: PlayedEpisodes) -> list[Violation]:
 
 
 def apart(one: Given, other: Given, order: list[int]) -> list[int]:
-    """Places of lanes at which what two calls gave differs."""
+    """Indices of lanes for which the results of two calls differ."""
     found: set[int] = set()
     rows = [(one.obs or {}).get(name) for name in (other.obs or {})] + [
         one.reward,
@@ -195,7 +195,7 @@ def no_lane_depends_on_others(played: PlayedEpisodes) -> list[Violation]:
             k for k, c in enumerate(kept["calls"]) if c.get("lanes") is None or set(c["lanes"]) & set(order)
         ]
         for k, again in zip(own, play_episodes(other, played.make), strict=True):
-            # Lanes that are not reset keep a row, which says nothing, in some libraries' views.
+            # Lanes that are not reset keep a row, which has no meaning, in some libraries' views.
             places = apart(steps[k].given, again.given, order)
             if again.error is not None or places:
                 text = f"{steps[k].call['call']} gives something else in another order ({again.error})"
@@ -206,7 +206,7 @@ def no_lane_depends_on_others(played: PlayedEpisodes) -> list[Violation]:
 
 
 def of_lanes(case: Case, order: list[int]) -> Case:
-    """The case of some lanes, with their rows of the options of resets."""
+    """The case with some of its lanes, with their rows of the options of resets."""
     options = [call.get("options") for call in case["calls"]]
     made = with_lanes(case, order)
     remaining = [

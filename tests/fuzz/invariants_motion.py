@@ -1,4 +1,4 @@
-"""What is promised of motions: they keep their tolerance or are flagged, and their energy books close."""
+"""Promises about motions: they keep their tolerance or are flagged, and their energy balances close."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ from .references import (
 LIMIT = 2.0
 """Errors of the tip below this are kept tolerances, in units of the tolerance."""
 ENERGY = 1e-5
-"""An energy book that is off by less closes, in units of the energies that were exchanged: impacts cost equal
+"""An energy balance that is off by less is closed, in units of the exchanged energies: impacts cost equal
 steps a few 1e-8."""
 KINKED_ENERGY = 1e-3
 """The same with limit springs: equal steps across the jump of a stiffness are of second order."""
 COARSE_ENERGY = 1e-3
-"""The same of a scene at its own tolerance, if that is :data:`SMALL` arm lengths or less."""
+"""The same for a scene at its own tolerance, if that is :data:`SMALL` arm lengths or less."""
 SMALL = 1e-6
 ROUNDING = 1e-8
-"""Differences of energies are known to this share of what they are differences of, times :data:`ENERGY`."""
+"""Differences of energies are accurate to this share of the energies, times :data:`ENERGY`."""
 CONVERGING = 0.5
-"""A book that is still off, but by less than this share of what the coarser reference is, only converges."""
+"""A balance whose error is less than this share of the coarser reference's is still converging."""
 MANY_STEPS, MOST_STEPS = 40_000, 400_000
-"""Of a control interval, where references may be wrong or a book is not closed yet."""
+"""Steps of a control interval for lanes whose references may be wrong, or whose balance is not closed yet."""
 
 
 def can_be_judged(scene: Scene, step: Step) -> Any:
@@ -99,19 +99,19 @@ def missed_tolerances(
 def open_books(
     scene: Scene, step: Step, lanes: NDArray[np.intp], judgement: Judgement, promised: bool
 ) -> Iterator[tuple[int, str]]:
-    """Lanes whose energies do not add up, and by how much."""
+    """Lanes whose energy balance is not closed, and the gap."""
     robot: Any = scene.robot
     before = of_lanes(step.before, lanes)
     ends = (of_lanes(step.after, lanes), judgement.finer, judgement.coarser)
     own, fine, coarse = (drifts(scene, before, end) for end in ends)
-    # Rounding grows with the number of steps: a wrong book is wrong in all three.
+    # Rounding grows with the number of steps: a wrong balance is wrong in all three.
     least = np.minimum(np.minimum(own, fine), coarse)
     kinked = any(type(effect).__name__ == "LimitSpring" for effect in scene.effects)
     off = (least > (KINKED_ENERGY if kinked else ENERGY)) & (fine > CONVERGING * coarse)
     if promised and tolerance_of(scene) <= SMALL * sum(robot.lengths):
         off |= own > COARSE_ENERGY
     for k in np.flatnonzero(judgement.agreed & off):
-        # What fast friction takes may want far more steps than where the tip comes to rest.
+        # The energy that fast friction takes may need far more steps than the position of the tip.
         here = of_lanes(before, np.array([k]))
         finest = (fine_interval(scene, step, lanes[[k]], n)[0] for n in (MANY_STEPS, MOST_STEPS))
         if not any(drifts(scene, here, end)[0] <= CONVERGING * fine[k] for end in finest):
@@ -123,7 +123,7 @@ def open_books(
 
 
 def drifts(scene: Scene, before: Lanes, after: Lanes) -> Array:
-    """How far kinetic + potential - work has drifted, in units of the energies that were exchanged."""
+    """Drift of kinetic + potential - work, in units of the exchanged energies."""
     (kinetic, potential), (kinetic_after, potential_after) = (energies(scene, x) for x in (before, after))
     with np.errstate(all="ignore"):
         work, gained = after.work - before.work, potential_after - potential
@@ -134,7 +134,7 @@ def drifts(scene: Scene, before: Lanes, after: Lanes) -> Array:
 
 
 def rounding_of_places(scene: Scene, lanes: Lanes) -> Array:
-    """How much the potential energy changes if each coordinate is off by :data:`ROUNDING` of itself, J."""
+    """Change of the potential energy if each coordinate is off by :data:`ROUNDING` of itself, J."""
     _, potential = energies(scene, lanes)
     total = np.zeros(len(potential))
     for k in range(lanes.q.shape[1]):

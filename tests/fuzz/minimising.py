@@ -1,4 +1,4 @@
-"""A failing case made small: fewer lanes, calls, effects and digits, while the same promise is broken."""
+"""Minimising a failing case: fewer lanes, calls, effects and digits, while the same promise is broken."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from .invariants_episodes import of_lanes
 
 Fails = Callable[[Case], bool]
 SECONDS = 60.0
-"""After so long a case is small enough."""
+"""Time after which a case is small enough."""
 
 
 def with_lanes(case: Case, order: list[int]) -> Case:
-    """The case of some lanes, the options of resets included."""
+    """The case with some lanes, including the options of resets."""
     return of_lanes(case, order) if case["face"] in ENVIRONMENTS else lanes_of_calls(case, order)
 
 

@@ -1,4 +1,4 @@
-"""A case that has been played, what is counted of it, and how a promise that was not kept is told."""
+"""A case that has been played, its counts, and the report of a broken promise."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .playing import Make, Step
 
 @dataclass(frozen=True)
 class Violation:
-    """A promise that was not kept: in which call, in which lane (-1: in none), and by how much."""
+    """A broken promise: its call, its lane (-1: none), and by how much it was missed."""
 
     invariant: str
     call: int
@@ -52,7 +52,7 @@ class Tally:
 
 @dataclass
 class Played:
-    """A case, what it gave, and how its simulators are made (tests tamper with them)."""
+    """A case, its results, and the factory of its simulators (tests tamper with them)."""
 
     case: Case
     steps: list[Step]
@@ -68,7 +68,7 @@ class Played:
 
 
 def same(one: Array, other: Array) -> Any:
-    """Where two arrays have the same bits; a NaN is as good as another."""
+    """Entries in which two arrays have the same bits; all NaN count as equal."""
     if one.dtype.kind != "f":
         return one == other
     whole = {8: np.int64, 4: np.int32}[one.dtype.itemsize]

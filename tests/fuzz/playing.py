@@ -1,4 +1,4 @@
-"""Cases of the batch simulator are played: every call, what it gave, and the lanes before and after it."""
+"""Playing cases of the batch simulator: every call, its result, and the lanes before and after it."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Step:
     after: Lanes
     error: BaseException | None = None
     status: dict[str, Array] = field(default_factory=dict)
-    """What ``advance`` told, per lane; empty for other calls."""
+    """Status returned by ``advance``, per lane; empty for other calls."""
 
 
 def lanes_now(batch: Any) -> Lanes:
@@ -50,7 +50,7 @@ def lanes_now(batch: Any) -> Lanes:
 
 
 class Player:
-    """A simulator of a case, and what its calls need."""
+    """A simulator of a case, and the data that its calls need."""
 
     def __init__(self, case: Case, make: Make = rde.BatchSimulator) -> None:
         self.case, self.make = case, make
@@ -62,7 +62,7 @@ class Player:
         return self.make(self.scene, self.case["num_envs"], self.case["threads"], track_work=True)
 
     def play(self, call: dict[str, Any]) -> Step:
-        """Make a call; an exception is kept, whatever it is."""
+        """Make a call; any exception is kept."""
         before, error, status = lanes_now(self.batch), None, {}
         try:
             told = self._make(call)
@@ -106,7 +106,7 @@ class Player:
 
 
 def play(case: Case, make: Make = rde.BatchSimulator) -> list[Step]:
-    """All calls of a case; a LookupError if it does not begin with a state that is taken."""
+    """All calls of a case; a LookupError if its initial state is not accepted."""
     player = Player(case, make)
     steps = [player.play(call) for call in case["calls"]]
     first = steps[0]

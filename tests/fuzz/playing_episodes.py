@@ -1,4 +1,4 @@
-"""Cases of the environments are played, through any face: every call, and what it gave to each lane."""
+"""Playing cases of any kind of environment: every call, and its results for each lane."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .playing import Make
 
 @dataclass
 class Given:
-    """What a call gave: arrays with a line for each lane; None where a call does not give it."""
+    """Results of a call: arrays with a row for each lane; None for results that a call does not have."""
 
     obs: dict[str, Array] | None = None
     reward: Array | None = None
@@ -36,7 +36,7 @@ class EpisodeStep:
     call: dict[str, Any]
     before: dict[str, Any]
     after: dict[str, Any]
-    """Everything that decides the future, as ``get_state`` gives it."""
+    """Everything that determines the continuation, from ``get_state``."""
     q: Array
     error: BaseException | None = None
     given: Given = field(default_factory=Given)
@@ -57,7 +57,7 @@ def made(case: Case) -> Any:
 
 
 def parts(obs: Any, lines: bool) -> dict[str, Array]:
-    """An observation as named tables; that of one environment as tables of one line."""
+    """An observation as named tables; that of one environment as tables of one row."""
     named = obs if isinstance(obs, dict) else {"": obs}
     return {name: np.array(x if lines else [x]) for name, x in named.items()}
 
@@ -83,7 +83,7 @@ class EpisodePlayer:
         return env.unwrapped if isinstance(env, gym.Env | VectorEnv) else env
 
     def play(self, call: dict[str, Any]) -> EpisodeStep:
-        """Make a call; an exception is kept, whatever it is."""
+        """Make a call; any exception is kept."""
         before = self.core.get_state()
         may_refuse = self._may_refuse(call)
         error, given = None, Given()
@@ -95,7 +95,7 @@ class EpisodePlayer:
         return EpisodeStep(call, before, self.core.get_state(), q, error, given, may_refuse)
 
     def _may_refuse(self, call: dict[str, Any]) -> bool:
-        """Whether a call may be refused for what lanes or actions are now."""
+        """Whether a call may be refused because of the present lanes or actions."""
         if call["call"] == "step" and not call.get("refused"):
             bad = not np.isfinite(numbers(call["actions"])).all()
             waits = bool(self._waits_for_reset and self.ended.any())
@@ -132,7 +132,7 @@ class EpisodePlayer:
         return Given()
 
     def _limit(self) -> dict[str, Any]:
-        """What the wrapper that counts the steps of a single environment remembers."""
+        """State of the wrapper that counts the steps of a single environment."""
         wrapper = self.env
         while isinstance(wrapper, gym.Wrapper):
             if isinstance(wrapper, gym.wrappers.TimeLimit):

@@ -1,4 +1,4 @@
-"""What a control interval should give: the same scene in many equal steps, and its energies."""
+"""References for a control interval: the same scene in many equal steps, and its energies."""
 
 from __future__ import annotations
 
@@ -24,14 +24,15 @@ FINE_ACROSS_KINKS = ((1536, 2560, 4297), (12288, 20483, 34381))
 """Where a force changes its law errors depend on where a step meets the change: of 96 and 160 steps both were
 off by three tolerances, and by the same."""
 AGREEMENT = 0.1
-"""References agree where their tips differ by less than this, in units of the tolerance."""
+"""References agree if their tips differ by less than this, in units of the tolerance."""
 ROUNDING = 1e-9
 """The tolerance of scenes that have none, in units of the arm's length."""
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """Of the lanes of an interval: those where the references agree, and what the finer one gives."""
+    """For the lanes of an interval: those for which the references agree, and the results of the finer
+    one."""
 
     agreed: NDArray[np.bool_]
     finer: Lanes
@@ -118,7 +119,7 @@ def fine_interval(scene: Scene, step: Step, lanes: NDArray[np.intp], steps: int)
 
 
 def judged(scene: Scene, step: Step, lanes: NDArray[np.intp]) -> Judgement:
-    """What the references say of an interval of some lanes, whose states are finite."""
+    """Results of the references for an interval of some lanes, whose states are finite."""
     left, done = np.arange(len(lanes)), np.zeros(len(lanes), np.bool_)
     pairs: list[list[Array]] = []
     kinked = any(isinstance(h, Force) and h.switch for e in scene.effects for h in e.hooks(scene.robot))
@@ -144,7 +145,7 @@ def judged(scene: Scene, step: Step, lanes: NDArray[np.intp]) -> Judgement:
 
 
 def rounding_of(scene: Scene, lanes: Lanes, steps: int) -> Array:
-    """How far rounding may put the tip in so many steps that all round the same way, m."""
+    """Largest error of the tip by rounding, in a number of steps that all round the same way, m."""
     own, arm = lane_parameters(scene, lanes), scene.loaded_robot
     slides = list(arm.sliders())
     size = np.sum([own[name] for name in own if "." not in name and name.startswith("l")], axis=0)

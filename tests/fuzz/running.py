@@ -1,4 +1,4 @@
-"""Cases drawn one after another, for as long as asked; each failure becomes a small file."""
+"""Cases drawn one after another, for a given time; each failure becomes a small file."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from .played import Tally, Violation
 HARNESS = "the_case_is_played"
 """The name of the failure of a case that could not be judged: an exception outside its calls."""
 TOLD = 10
-"""Cases between two lines of progress."""
+"""Number of cases between two lines of progress."""
 FEW, MANY = 12, 128
-"""Lanes of an environment, at most."""
+"""Most lanes of an environment."""
 KEPT = 5
-"""Failures of one invariant that become files."""
+"""Most failures of one invariant that become files."""
 
 
 def drawn(seed: int, number: int) -> Case:
@@ -41,7 +41,7 @@ def drawn(seed: int, number: int) -> Case:
 
 
 def judged(case: Case, tally: Tally | None = None) -> list[Violation]:
-    """The violations of a case of any face."""
+    """The violations of a case of any kind."""
     try:
         if case["face"] in ENVIRONMENTS:
             return episode_violations(case, tally=tally)
@@ -53,7 +53,7 @@ def judged(case: Case, tally: Tally | None = None) -> list[Violation]:
 
 
 def small(case: Case, kind: str, seconds: float) -> Case:
-    """The case made small while it fails in the same way."""
+    """The case, minimised while it fails in the same way."""
     return minimised(case, lambda c: any(v.invariant == kind for v in judged(c)), seconds)
 
 
@@ -92,7 +92,7 @@ def run(
     out : Path
         Folder of the files of failures.
     told : callable
-        Is told the number of the case, the counts so far, and what failed.
+        Receives the number of the case, the counts so far, and the failure.
     seconds : float
         To make a failure small; 0 writes it as it is.
 
@@ -117,7 +117,7 @@ def run(
 
 def worker(seed: int, first: int, stride: int, minutes: float, out: Path) -> tuple[Tally, list[Path]]:
     """The cases first, first + stride, ... of a seed."""
-    warnings.simplefilter("ignore", RuntimeWarning)  # NumPy tells of overflows; they are what is looked for
+    warnings.simplefilter("ignore", RuntimeWarning)  # NumPy warns of overflows; the cases provoke them
     start, parent = time.monotonic(), os.getppid()
 
     def told(number: int, tally: Tally, failed: str) -> None:

@@ -110,7 +110,7 @@ class Simulator(RuleBasedStateMachine):
 
 
 class Environment(RuleBasedStateMachine):
-    """What all faces share: two environments, the second of which is replaced by copies of the first."""
+    """Base for all kinds: two environments, the second of which is replaced by copies of the first."""
 
     env_id = "redundant_envs/RPRPReach-v0"
     mode = "next_step"
@@ -161,7 +161,7 @@ class Environment(RuleBasedStateMachine):
 
     @rule(bad=st.sampled_from([{"unknown": 1}, {"qd": [1e200] * 4}, {"parameters": {"masses": -1.0}}]))
     def refused_reset(self, bad):
-        # Gymnasium's TimeLimit counts anew even so: both are asked.
+        # Gymnasium's TimeLimit starts counting again nevertheless: both are called.
         for env in (self.env, self.twin):
             with pytest.raises(ValueError, match=r"unknown|qd|masses"):
                 self.reset_one(env, None, bad)
@@ -213,7 +213,7 @@ class Environment(RuleBasedStateMachine):
 
     @rule()
     def set_another_to_the_state(self):
-        """One that was made anew, whose generators are others."""
+        """A new environment, with other generators."""
         self.twin = self.made()
         self.twin.reset()
         self.inner(self.twin).set_state(self.inner(self.env).get_state())
@@ -273,7 +273,7 @@ class Single(Environment):
         return obs, reward, terminated or truncated
 
     def step_both(self, actions):
-        """After the limit of steps, too: the arm goes on. After a fault it does not."""
+        """The arm continues even after the limit of steps. After a fault it does not."""
         if self.env.unwrapped.core.memory.read(("terminated",)).any():
             for env in (self.env, self.twin):
                 with pytest.raises(ResetNeeded, match="after the end"):

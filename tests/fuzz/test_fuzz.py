@@ -17,7 +17,7 @@ from .running import drawn, judged, run
 
 HERE = Path(__file__).parent
 OUT = HERE.parents[1] / "runs" / "fuzz"
-pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning")  # NumPy tells of overflows
+pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning")  # NumPy warns of overflows
 
 
 @pytest.fixture(autouse=True)

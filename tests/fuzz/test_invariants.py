@@ -42,7 +42,7 @@ CASE = plain(
     }
 )
 ONE_INTERVAL = {**with_lanes(CASE, [0, 1]), "calls": with_lanes(CASE, [0, 1])["calls"][:2]}
-"""An energy book that does not close is asked for with 400 000 steps, which take a second for each."""
+"""An energy balance that does not close is computed again with 400 000 steps, which take a second each."""
 EPISODES = plain(
     {
         "face": "vector",
@@ -171,7 +171,7 @@ def test_an_interval_that_takes_too_many_evaluations_is_seen():
 
 
 def test_a_potential_that_is_not_its_forces_is_seen(monkeypatch):
-    """In the references, too: they share the wrong book."""
+    """In the references, too: they share the wrong balance."""
     energies = invariants_motion.energies
 
     def wrong(scene, lanes):
@@ -211,7 +211,7 @@ def test_the_environments_break_no_promise(face, goal):
 
 
 def tampered(monkeypatch, change):
-    """Every step of a vector environment gives something else."""
+    """Every step of a vector environment returns something else."""
     step = ArmVectorEnv.step
 
     def other(self, actions):

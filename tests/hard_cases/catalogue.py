@@ -1,6 +1,6 @@
-"""The catalogue of hard cases: what each is, what it promises, and which mistakes it finds.
+"""The catalogue of hard cases: descriptions, promises, and the mistakes that each case finds.
 
-A case is a function of the implementation under test that gives figures. As a test it measures this
+A case is a function of the implementation under test that returns figures. As a test it measures this
 package, and every figure must keep its bound; measured on a naive variant, a figure must miss its bound.
 """
 
@@ -27,12 +27,12 @@ THEMES = {
 
 @dataclass(frozen=True)
 class Figure:
-    """One number that a case measures, and what is promised of it.
+    """One number that a case measures, and the promise about it.
 
     Parameters
     ----------
     name : str
-        What was measured, to be read before "is 3e-5".
+        The measured quantity, to be read before "is 3e-5".
     found : float
         NaN keeps no promise.
     at_most, at_least : float, optional
@@ -116,7 +116,7 @@ class Case:
         return f"case {self.number}, {self.title}"
 
     def figures(self, subject: Subject) -> list[Figure]:
-        """What a subject reaches; variants overflow and divide by zero, and their figures tell."""
+        """Figures of a subject; variants overflow and divide by zero, which shows in their figures."""
         with np.errstate(all="ignore"):
             return list(self.measure(subject))
 
@@ -126,7 +126,7 @@ CASES: dict[str, Case] = {}
 
 
 def check(case: Case, figures: Iterable[Figure]) -> None:
-    """AssertionError that says which case misses which promise, and by how much."""
+    """AssertionError that names the case, the missed promise, and by how much it is missed."""
     missed = [f"{case.name}: {figure}" for figure in figures if not figure.kept]
     assert not missed, "\n".join(missed)
 

@@ -1,4 +1,4 @@
-"""MuJoCo as a subject of the cases that can be asked of it."""
+"""MuJoCo as a subject of the cases that it can simulate."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class MuJoCo(Subject):
 
 @contextlib.contextmanager
 def silent():
-    """Without MuJoCo's log of motions that diverge: their numbers tell."""
+    """Without MuJoCo's log of motions that diverge: their numbers show it."""
     import mujoco
 
     warn = mujoco.get_mju_user_warning()

@@ -1,4 +1,4 @@
-"""What several cases measure: errors beside exact accelerations, energies, orders."""
+"""Measurements of several cases: errors of accelerations, energies, orders."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def exact_accelerations(arm, q, qd, Q, g=0.0, digits=60):
 
 
 def acceleration_error(subject, arm, q, qd, Q, g=0.0):
-    """Largest error of qdd beside its largest entry."""
+    """Largest error of qdd, relative to its largest entry."""
     exact = exact_accelerations(arm, q, qd, Q, g)
     found = subject.accelerations(arm, np.array(q, float), np.array(qd, float), np.array(Q, float), g)
     if not np.isfinite(found).all():

@@ -1,4 +1,5 @@
-"""docs/hard_cases.md from the catalogue: each case, and what naive variants, MuJoCo and this package do."""
+"""docs/hard_cases.md from the catalogue: each case, and the results of naive variants, MuJoCo and this
+package."""
 
 from __future__ import annotations
 
@@ -20,7 +21,7 @@ PICTURES = {
     "11": ("chaos", "Energy error of the chaotic motion over time"),
     "23": ("five_impacts", "Tip error after five impacts over the step"),
 }
-"""Cases with a picture: its file, and what it shows."""
+"""Cases with a picture: its file, and its title."""
 
 
 INTRODUCTION = f"""# Hard cases
@@ -30,10 +31,10 @@ INTRODUCTION = f"""# Hard cases
 writes this page and its figures from the tests in [tests/hard_cases](../tests/hard_cases). Each case is a
 test whose pass conditions are numbers. The same measurement is made of naive variants, each with one
 textbook mistake ([tests/hard_cases/naive](../tests/hard_cases/naive)), and another test shows that they fail
-the case. Where MuJoCo can be asked the same, it is measured, too: RK4 with steps of 1 ms, the masses,
+the case. Where MuJoCo can simulate the case, it is measured, too: RK4 with steps of 1 ms, the masses,
 efforts and travel of the case, links without inertia, and elastic limits.
 
-Bold numbers miss their bound. A dash stands where there is no finite number, or no answer. `standard` and
+Bold numbers miss their bound. A dash means that there is no finite number, or no result. `standard` and
 `exact` are the tip errors of 1e-6 and 1e-12 m that error control allows in a control interval of 20 ms.
 """
 
@@ -43,7 +44,7 @@ def heading(case: Case) -> str:
 
 
 def measured_by(case: Case, with_mujoco: bool) -> dict[str, list[Figure]]:
-    """Figures of this package, of the variants that fail the case, and of MuJoCo where it can be asked."""
+    """Figures of this package, of the variants that fail the case, and of MuJoCo if it can simulate it."""
     subjects: list[Subject] = [Subject(), *(variant() for variant in case.caught)]
     if case.compared and with_mujoco:
         subjects.append(MuJoCo())
@@ -63,7 +64,7 @@ def table(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def subnormal_time() -> str:
-    """How long an interval with subnormal rates takes beside one with others: no test, as speeds are."""
+    """Time of an interval with subnormal rates relative to one with others; speeds are not tested."""
     lanes, seconds = 1024, []
     scene = rde.Scene(rde.FourR((1.0,) * 4, (0.5,) * 4), (), tolerance=1e-6)
     for rate in (1.0, 1e-310):
@@ -76,7 +77,7 @@ def subnormal_time() -> str:
         seconds.append(best)
     times = f"{seconds[1] / seconds[0]:.2g} times as long as one at 1 rad/s"
     return (
-        f"An interval at 1e-310 rad/s takes {times}. That is the processor's: an Intel takes many cycles for "
+        f"An interval at 1e-310 rad/s takes {times}. That is the processor's: an Intel needs many cycles for "
         "an operation with such a number, an AMD hardly more than for another one. To flush them to 0 would "
         "lose the rate."
     )
@@ -87,7 +88,7 @@ TIMED = {"18": subnormal_time}
 
 
 def section(case: Case, found: dict[str, list[Figure]]) -> list[str]:
-    """The part of the page about one case."""
+    """The section of the page about one case."""
     lines = [heading(case), "", case.hard, "", f"*Naive:* {case.naive}"]
     if case.mujoco:
         lines += ["", f"*MuJoCo:* {case.mujoco}"]

@@ -19,6 +19,6 @@ def stopped(arm=ARM, restitution=1.0, gravity=9.81, **kwargs):
 
 
 def penetration(motion):
-    """How far a slider ever is beyond its stop at the end of an interval, m."""
+    """Largest penetration of a stop at the end of an interval, m."""
     sliders = motion.q[..., [1, 3]]
     return float(np.maximum(np.maximum(sliders - 0.3, 0.0 - sliders).max(), 0.0))

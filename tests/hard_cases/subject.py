@@ -1,4 +1,4 @@
-"""What a case asks of an implementation, and what this package answers.
+"""The interface between a case and an implementation, and this package's implementation.
 
 A naive variant derives from :class:`Subject` and answers one thing its own way.
 """
@@ -16,7 +16,7 @@ from redundant_envs.control.computed_torque import pose_at
 
 @dataclass
 class Motion:
-    """States at the ends of control intervals, and what was told of them.
+    """States at the ends of control intervals, and the status of the intervals.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class Motion:
         Faults of all intervals.
     evaluations : (intervals, lanes) int
     events : list of Event
-        At stops, in the order in which they were told.
+        At stops, in the order in which they were reported.
     """
 
     q: np.ndarray
@@ -43,7 +43,7 @@ class Motion:
 
 
 def commands(efforts: object, lanes: int, joints: int) -> Callable[[int], np.ndarray]:
-    """Efforts of an interval by its number; given as None, an array, or such a function."""
+    """Efforts of an interval by its number, from None, an array, or such a function."""
     if callable(efforts):
         return lambda k: np.broadcast_to(efforts(k), (lanes, joints))
     table = np.broadcast_to(0.0 if efforts is None else efforts, (lanes, joints))
@@ -57,7 +57,7 @@ def started(q: object, qd: object) -> tuple[np.ndarray, np.ndarray]:
 
 
 def unfilled(q: np.ndarray, qd: np.ndarray, intervals: int) -> Motion:
-    """A motion of which only the start is known."""
+    """A motion that contains only its start."""
     shape = (intervals + 1, *q.shape)
     motion = Motion(
         np.empty(shape), np.empty(shape), np.zeros(len(q), int), np.zeros((intervals, len(q)), int)
@@ -71,9 +71,9 @@ class Subject:
 
     name = "this package"
     longest = np.inf
-    """Longest step of a variant, s, where it takes equal steps; a case may give it another."""
+    """Longest step of a variant with equal steps, s; a case may change it."""
     threads = 1
-    """Of its simulators; a case may ask for more."""
+    """Threads of its simulators; a case may use more."""
 
     def arm(self, kind: str, masses: object, lengths: object) -> rde.Arm:
         """An arm, or a refusal."""
@@ -115,7 +115,7 @@ class Subject:
         batch.restore(snapshot)
 
     def instants(self, count, dt):
-        """The times at which a controller is asked, s: ``count`` of them."""
+        """The times at which a controller is called, s: ``count`` of them."""
         scene = rde.Scene(rde.FourR((1.0,) * 4, (0.5,) * 4), (), integrator="euler", control_dt=dt)
         asked = []
 

@@ -1,4 +1,4 @@
-"""Hard cases: the length of steps, places in a batch, snapshots."""
+"""Hard cases: the length of steps, positions in a batch, snapshots."""
 
 import dataclasses
 
@@ -27,8 +27,9 @@ def random_states(count, seed):
 
 @hard_case(
     "36", "the step and the control interval",
-    hard="Efforts change every 20 ms; steps between must converge as the method says, across impacts, too.",
-    naive="Order 1: by the method, or by an impulse at the end of the step.",
+    hard="Efforts change every 20 ms; steps within must converge with the order of the method, across "
+    "impacts, too.",
+    naive="Order 1, because of the method or of an impulse at the end of the step.",
     caught=(ExplicitEuler, ImpulseAtStepEnd),
     mujoco="Its limits are springs: across them the order is that of a jump in the force.",
 )  # fmt: skip
@@ -58,8 +59,8 @@ def test_36_steps_converge_within_the_interval(subject):
 
 @hard_case(
     "37", "two halves of an interval",
-    hard="One interval of two steps, or two intervals of one: the same to the last bit, events or not.",
-    naive="What the first half ends with is not what the second begins with.",
+    hard="One interval of two steps equals two intervals of one, to the last bit, with or without events.",
+    naive="The second half does not begin with the final state of the first.",
     caught=(WrappedAngles,),
 )  # fmt: skip
 def test_37_two_substeps_are_two_intervals(subject):
@@ -81,9 +82,9 @@ def test_37_two_substeps_are_two_intervals(subject):
 
 
 @hard_case(
-    "38", "a place in a batch",
-    hard="Size of the batch, place, threads and a neighbour that is NaN must not change a bit.",
-    naive="The remainder of a vector loop joins products and sums in another way; a batch shares its steps.",
+    "38", "a position in a batch",
+    hard="The size of the batch, the position in it, threads and a NaN neighbour must not change a bit.",
+    naive="The remainder of a vector loop joins products and sums differently; a batch shares its steps.",
     caught=(EstimateWithoutFloor,),
     mujoco="Each state is simulated alone.",
 )  # fmt: skip
@@ -113,16 +114,16 @@ def test_38_a_lane_does_not_know_its_neighbours(subject):
         some, all_lanes = [0, 7, 8, 332], np.arange(count)
         yield figure("sizes", np.concatenate([end(np.array([i])) for i in some]), whole[some])
         yield figure("threads", end(all_lanes, threads=3), whole)
-        yield figure("places", end(order), whole[order])
+        yield figure("positions", end(order), whole[order])
         yield figure("neighbours that are NaN", end(all_lanes, broken=(5, 40))[sound], whole[sound])
 
 
 @hard_case(
     "42", "saved and restored",
-    hard="Sliders at rest, commands that wait in a delay, keys of random numbers: all of it is state.",
-    naive="Positions and velocities are saved; the rest begins anew.",
+    hard="Sliders at rest, commands in a delay, keys of random numbers: all of these are state.",
+    naive="Positions and velocities are saved; the rest is initialised again.",
     caught=(SavedPositions,),
-    mujoco="mj_getState with mjSTATE_INTEGRATION saves what there is; qpos and qvel alone are less.",
+    mujoco="mj_getState with mjSTATE_INTEGRATION saves the full state; qpos and qvel alone do not.",
 )  # fmt: skip
 def test_42_a_restored_state_continues_to_the_same_bits(subject):
     scene = rde.Scene(

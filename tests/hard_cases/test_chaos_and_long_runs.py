@@ -48,9 +48,9 @@ def test_12_chaos_at_twice_the_speed(subject):
 
 
 @hard_case(
-    "48", "a link that turns once between two looks",
-    hard="A light link turns every 5 ms: results of 20, 10 and 5 ms see it in the same pose, and agree.",
-    naive="An estimate is trusted from the first step on: all looks agree, and all are wrong.",
+    "48", "a link that turns once between two samples",
+    hard="A light link turns every 5 ms: steps of 20, 10 and 5 ms sample it in the same pose, and agree.",
+    naive="The first estimate is trusted: all samples agree, and all are wrong.",
     caught=(EstimateWithoutFloor,),
 )  # fmt: skip
 def test_48_a_link_that_turns_once_between_looks(subject):
@@ -75,7 +75,7 @@ def growing_mode():
 
 @hard_case(
     "13", "falling from nearly upright",
-    hard="1e-8 rad off, in the fastest mode: what the step makes of 1e-8 rad decides the fall.",
+    hard="1e-8 rad off, in the fastest mode: the growth of this 1e-8 rad decides the fall.",
     naive="Explicit Euler grows at another rate.",
     caught=(ExplicitEuler, SinglePrecision), compared=True,
 )  # fmt: skip
@@ -93,7 +93,7 @@ def test_13_the_upright_arm_falls_at_its_rate(subject):
 @hard_case(
     "14", "exactly upright",
     hard="pi/2 is no float: the arm stands 6e-17 rad off, less than the last bit of its angles.",
-    naive="A larger error of the start or of one step grows by hundreds, and the arm falls.",
+    naive="A larger error at the start or in one step grows by a factor of hundreds, and the arm falls.",
     caught=(SinglePrecision,), compared=True,
 )  # fmt: skip
 def test_14_the_upright_arm_stands(subject):
@@ -109,7 +109,7 @@ def test_14_the_upright_arm_stands(subject):
     hard="+-60 N m at 50 Hz for 4 s drive links to hundreds of rad/s.",
     naive="A fixed step loses lanes to infinity.",
     caught=(FixedSteps,),
-    mujoco="Where a number becomes huge it warns, and resets the state to where the model began.",
+    mujoco="When a number becomes huge it warns, and resets the state to the model's initial state.",
 )  # fmt: skip
 def test_15_bang_bang_efforts_lose_no_lane(subject):
     lanes, intervals = 200, 200
@@ -122,8 +122,8 @@ def test_15_bang_bang_efforts_lose_no_lane(subject):
 
 @hard_case(
     "17", "spinning up under full efforts",
-    hard="Full efforts for 10 s leave nothing but speed: sooner or later no step is short enough.",
-    naive="The episode ends with NaN, or goes on; or its early end pays more than holding on.",
+    hard="Full efforts for 10 s only add speed: sooner or later no step is short enough.",
+    naive="The episode ends with NaN, or goes on with NaN; or ending it early pays more than continuing.",
     mujoco="It goes on until a number becomes huge; then it warns, and resets the state.",
 )  # fmt: skip
 def test_17_spinning_up_ends_with_a_flag_and_no_gain(subject):
@@ -149,9 +149,9 @@ def test_17_spinning_up_ends_with_a_flag_and_no_gain(subject):
 @hard_case(
     "20", "a hundred thousand turns",
     hard="100 rad/s without gravity, 1.26 million steps of 5 ms: an angle is a sum of as many terms.",
-    naive="In single precision nothing but the rate is left.",
+    naive="In single precision only the rate keeps its digits.",
     caught=(SinglePrecision,),
-    mujoco="It keeps angles of hinges unwrapped, too, and sums in the same way.",
+    mujoco="It does not wrap hinge angles either, and adds them up in the same way.",
 )  # fmt: skip
 def test_20_a_long_spin_keeps_its_angle(subject):
     scene = rde.Scene(LAB, (), integrator="rk4", control_dt=5.0, substeps=1000)
@@ -186,7 +186,7 @@ def drifts(subject, integrator, step, seconds, count):
 @hard_case(
     "21", "a million steps",
     hard="1000 s of random releases: the drift of the energy must be that of the method, not of rounding.",
-    naive="Single precision walks away at random.",
+    naive="In single precision the energy drifts at random.",
     caught=(SinglePrecision,),
 )  # fmt: skip
 def test_21_energy_drifts_as_the_method_does(subject):

@@ -16,7 +16,7 @@ RELATIVE = "of the largest acceleration"
 @hard_case(
     "1", "the straight arm",
     hard="All links of the 4R arm lie in one line: the Jacobian of the tip has rank 1.",
-    naive="Code that inverts J or J J^T dies or throws the arm about.",
+    naive="Code that inverts J or J J^T fails or flings the arm around.",
     caught=(InvertedJacobian, ExplicitEuler), compared=True,
 )  # fmt: skip
 def test_01_the_straight_arm(subject):
@@ -37,7 +37,7 @@ def test_01_the_straight_arm(subject):
 
 @hard_case(
     "2", "the folded arm",
-    hard="The tip lies on the base: manipulability 0, and no effort of the tip turns the arm.",
+    hard="The tip lies on the base: the manipulability is 0, and no force at the tip turns the arm.",
     naive="Steps of inverse kinematics are infinite, or NaN.",
     caught=(InvertedJacobian,), compared=True,
 )  # fmt: skip
@@ -58,7 +58,8 @@ LIGHT = rde.FourR((1e-12, 1e-12, 1e-12, 1.0), (0.5,) * 4)
 @hard_case(
     "3", "three links of 1e-12 kg",
     hard="All mass is at the tip: the condition number of M is 1e13.",
-    naive="A dense solve loses as many digits as M is badly conditioned; a regularised M is another arm.",
+    naive="A dense solve loses as many digits as M is badly conditioned; a regularised M describes "
+    "another arm.",
     caught=(DenseSolve, RegularisedMass), compared=True,
 )  # fmt: skip
 def test_03_three_vanishing_masses(subject):
@@ -71,13 +72,13 @@ def test_03_three_vanishing_masses(subject):
 @hard_case(
     "4", "three links of 1e-12 kg, nearly straight",
     hard="Sines of differences of 1e-4 rad, from products of sines, lose four digits more.",
-    naive="sin(a) cos(b) - cos(a) sin(b) cancels; and a dense solve loses what it always does.",
+    naive="sin(a) cos(b) - cos(a) sin(b) cancels; and a dense solve loses digits as always.",
     caught=(DenseSolve, RegularisedMass), compared=True,
 )  # fmt: skip
 def test_04_three_vanishing_masses_nearly_straight(subject):
     q, qd = (0.3, 0.3001, 0.2999, 0.30005), (1.0, -2.0, 3.0, -4.0)
     error = acceleration_error(subject, LIGHT, q, qd, (0.1,) * 4)
-    # Half a unit in the last place of one torque moves qdd by 2.6e-10: the numbers given have no more digits.
+    # Half an ulp of one torque moves qdd by 2.6e-10: the numbers given have no more digits.
     yield Figure("the error of qdd", error, at_most=2e-10, unit=RELATIVE)
 
 
@@ -128,11 +129,12 @@ IMPOSSIBLE = [
 
 
 @hard_case(
-    "7", "masses and lengths that no arm has",
+    "7", "impossible masses and lengths",
     hard="A mass of 0 makes M singular where the arm is straight.",
-    naive="A regularised M hides it: the arm moves somehow.",
+    naive="A regularised M hides the error: the arm moves anyhow.",
     caught=(RegularisedMass,),
-    mujoco="Its compiler refuses masses below 1e-15 kg, NaN included, without a name; a length of 0 passes.",
+    mujoco="Its compiler refuses masses below 1e-15 kg and NaN, without naming the field; it accepts a "
+    "length of 0.",
 )  # fmt: skip
 def test_07_impossible_parameters_are_refused_by_name(subject):
     named = 0
@@ -168,7 +170,7 @@ def test_08_a_slider_through_its_axis(subject):
 @hard_case(
     "9", "sliders near their axes, and light",
     hard="m3 = 1e-9 kg with r2 = -l2 + 1e-6 m, and m1 = 1e-9 kg with r1 = -l1 + 1e-6 m: M is near singular.",
-    naive="A regularised M is another arm: what is added is more than what is there.",
+    naive="A regularised M describes another arm: the added term is larger than M itself.",
     caught=(RegularisedMass, FixedSteps), compared=True,
 )  # fmt: skip
 def test_09_light_sliders_near_their_axes(subject):
@@ -188,8 +190,9 @@ def test_09_light_sliders_near_their_axes(subject):
 
 @hard_case(
     "10", "a free particle passes the base",
-    hard="Its angle turns half around within b / v: 1 ms at b = 1 mm. In Cartesian coordinates it is a line.",
-    naive="Equal steps jump over the turn or blow up in it; a look at the rate before the step is too early.",
+    hard="Its angle changes by half a turn within b / v: 1 ms at b = 1 mm. In Cartesian coordinates the "
+    "path is a line.",
+    naive="Equal steps jump over the turn or blow up in it; checking the rate before the step is too early.",
     caught=(FixedSteps,), compared=True,
 )  # fmt: skip
 def test_10_a_polar_fly_by_is_a_straight_line(subject):
@@ -207,7 +210,7 @@ def test_10_a_polar_fly_by_is_a_straight_line(subject):
 @hard_case(
     "44", "links that nearly vanish",
     hard="A link of 10 micrometres turns over within the interval: the error of its angle grows on the way.",
-    naive="An error in metres of the tip does not see the angle of so short a link.",
+    naive="An error estimate in metres at the tip does not include the angle of so short a link.",
     caught=(FixedSteps,),
 )  # fmt: skip
 def test_44_the_tolerance_is_kept_with_nearly_vanishing_links(subject):
@@ -233,7 +236,7 @@ def test_44_the_tolerance_is_kept_with_nearly_vanishing_links(subject):
 @hard_case(
     "45", "heavy tips at speed",
     hard="With no efforts and a tip a million times heavier, centrifugal forces cancel to nearly nothing.",
-    naive="A dense solve loses six digits of what is left.",
+    naive="A dense solve loses six digits of the small remainder.",
     caught=(DenseSolve,), compared=True,
 )  # fmt: skip
 def test_45_heavy_tips_at_speed(subject):

@@ -1,4 +1,4 @@
-"""Every case finds the mistakes that it is there to find: deliberately naive variants fail it."""
+"""Every case finds its mistakes: deliberately naive variants fail it."""
 
 import math
 
@@ -11,7 +11,7 @@ from subject import Subject
 CASES = all_cases()
 PAIRS = [(case, variant) for case in CASES for variant in case.caught]
 OF_THE_INTERFACE = {"16", "17", "30", "47"}
-"""Cases of refusals and flags, which no variant has."""
+"""Cases about refusals and flags, which no variant has."""
 
 
 @pytest.mark.parametrize(("case", "variant"), PAIRS, ids=[f"{c.number}-{v.name}" for c, v in PAIRS])
@@ -56,7 +56,7 @@ def test_a_missed_promise_says_which_case_and_by_how_much():
 
 
 def test_a_variant_is_this_package_but_for_its_mistake():
-    """Its other answers are inherited."""
+    """Its other results are inherited."""
     for variant in naive.VARIANTS:
         assert issubclass(variant, Subject)
         own = {name for base in variant.__mro__[: variant.__mro__.index(Subject)] for name in vars(base)}

@@ -67,8 +67,8 @@ def test_16_actions_of_any_size(subject):
 
 
 @hard_case(
-    "18", "rates that are hardly numbers",
-    hard="1e-310 rad/s is subnormal: some processors take a hundred cycles for each operation with it.",
+    "18", "subnormal rates",
+    hard="1e-310 rad/s is subnormal: some processors need a hundred cycles for each operation with it.",
     naive="Rates are rounded to 0, or a step takes far longer.",
     caught=(SinglePrecision,),
 )  # fmt: skip
@@ -82,8 +82,8 @@ def test_18_subnormal_rates_are_numbers(subject):
 
 @hard_case(
     "19", "angles of a million turns",
-    hard="A quick sine of 1e7 rad is wrong in its tenth digit, and the last bit of that angle is 1e-9 rad.",
-    naive="Sines of large angles are silently wrong; who wraps angles first, loses the digits then.",
+    hard="A fast sine of 1e7 rad is wrong in its tenth digit, and the last bit of that angle is 1e-9 rad.",
+    naive="Sines of large angles are silently wrong; wrapping the angles first loses the same digits.",
     caught=(WrappedAngles, SinglePrecision),
 )  # fmt: skip
 def test_19_large_angles_are_exact_or_refused(subject):
@@ -107,10 +107,10 @@ def test_19_large_angles_are_exact_or_refused(subject):
 
 @hard_case(
     "39", "angles that cross pi",
-    hard="Links cross pi one after the other, and turn on: joint angles and observations must not jump.",
-    naive="Wrapped angles tear the joint between a wrapped link and the next apart by a whole turn.",
+    hard="Links cross pi one after the other and keep turning: joint angles and observations must not jump.",
+    naive="When one link is wrapped and the next is not, the joint between them is off by a whole turn.",
     caught=(WrappedAngles,),
-    mujoco="It keeps angles of hinges unwrapped, too.",
+    mujoco="It does not wrap hinge angles either.",
 )  # fmt: skip
 def test_39_crossing_pi_is_continuous(subject):
     spring = e.LimitSpring("joint2", -2.0, 2.0, 500.0)
@@ -153,7 +153,7 @@ def test_40_energy_with_unequal_numbers(subject):
 @hard_case(
     "41", "numbers at the ends of their ranges",
     hard="A step of 1e-9 s, gravity of 0 or 1000 m/s^2, a level plane, 100 kg picked up within an episode.",
-    naive="Some number overflows; energy that the load brings is counted as an error, or hides one.",
+    naive="Some number overflows; the energy of the load is counted as an error, or hides one.",
     caught=(ExplicitEuler, SinglePrecision),
 )  # fmt: skip
 def test_41_numbers_at_the_ends_of_their_ranges(subject):
@@ -174,7 +174,7 @@ def test_41_numbers_at_the_ends_of_their_ranges(subject):
 
 
 def picked_up(q, qd):
-    """The energy book of an arm that picks up 100 kg after half a second, which begins anew there."""
+    """The energy balance of an arm that picks up 100 kg after half a second; it starts again there."""
     scene = rde.Scene(LAB, (GRAVITY, e.ViscousFriction((0.5,) * 4), Payload(0.0)), tolerance=1e-12)
     batch = rde.BatchSimulator(scene, 1, track_work=True)
     batch.set_state(q, qd)

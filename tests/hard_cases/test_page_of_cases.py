@@ -36,7 +36,7 @@ def test_every_picture_is_of_a_case_and_is_there():
 
 
 def test_this_package_keeps_every_promise_of_the_page_and_each_variant_misses_one():
-    """A row in which the package's number is bold would be a page written on a bad day."""
+    """A bold number of the package would be a broken promise on the published page."""
     names = {variant.name for variant in naive.VARIANTS}
     for part in TEXT.split("\n### ")[1:]:
         rows = [

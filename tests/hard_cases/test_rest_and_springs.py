@@ -1,4 +1,4 @@
-"""Hard cases: sliders that come to rest and are let go, springs, friction that is not there yet."""
+"""Hard cases: sliders that come to rest and are released, springs, friction that does not exist yet."""
 
 import math
 
@@ -16,8 +16,8 @@ from redundant_envs import effects as e
 
 @hard_case(
     "25", "bounces that come to rest",
-    hard="Infinitely many bounces end at sqrt(2 h / g) (1 + e) / (1 - e); then the slider lies at its stop.",
-    naive="A search that ends each bounce never ends, a threshold on the speed ends early, a step sinks in.",
+    hard="Infinitely many bounces end at sqrt(2 h / g) (1 + e) / (1 - e); then the slider rests at its stop.",
+    naive="A search for every bounce never ends, a threshold on the speed ends early, a step penetrates.",
     caught=(ImpulseAtStepEnd,),
     mujoco="It has no coefficient of restitution.",
 )  # fmt: skip
@@ -41,11 +41,12 @@ def test_25_bounces_come_to_rest_on_time(subject):
 
 
 @hard_case(
-    "26", "pressed, and let go within an interval",
-    hard="A force that presses for 5 s turns within an interval, because the motor lags: release at T ln 2.",
-    naive="The slider creeps while it is pressed, and leaves with the next step.",
+    "26", "pressed, and released within an interval",
+    hard="A force that presses for 5 s changes its sign within an interval, because the motor lags: "
+    "release at T ln 2.",
+    naive="The slider creeps while it is pressed, and is released only at the next step.",
     caught=(ImpulseAtStepEnd, FlippedVelocity),
-    mujoco="A soft stop yields to the force, and gives it back.",
+    mujoco="A soft stop yields to the force, and springs back.",
 )  # fmt: skip
 def test_26_a_pressed_slider_is_let_go_on_time(subject):
     stop, lag = e.PrismaticStop((0.0, 0.0), (0.3, 0.3), 0.3), 7.3e-3
@@ -66,9 +67,9 @@ def test_26_a_pressed_slider_is_let_go_on_time(subject):
 
 
 @hard_case(
-    "31", "a stiff spring that was not touched yet",
+    "31", "a stiff spring that has not been touched yet",
     hard="A spring of 1e6 N/m is struck and left again within 3 ms, in a step of 20 ms.",
-    naive="A fixed step that meets the spring throws the arm out of the room.",
+    naive="A fixed step into the spring flings the arm far away.",
     caught=(FixedSteps, ExplicitEuler),
     mujoco="Its limits are springs themselves.",
 )  # fmt: skip
@@ -99,7 +100,7 @@ def test_31_a_stiff_spring_is_seen_before_it_is_touched(subject):
 @hard_case(
     "32", "the spring that the report prints",
     hard="It acts everywhere, with twice its stiffness, and couples the sliders: two frequencies.",
-    naive="A drift of the phase is no loss of energy.",
+    naive="A drift of the phase shows in no energy balance.",
     caught=(FixedSteps,), compared=True,
 )  # fmt: skip
 def test_32_the_printed_spring_has_its_two_frequencies(subject):
@@ -123,8 +124,9 @@ def test_32_the_printed_spring_has_its_two_frequencies(subject):
 
 @hard_case(
     "49", "deep in a strong damper",
-    hard="A damper grows with depth: within its first step a motion decays over four time constants.",
-    naive="The two estimates of that step cancel: a third of such starts passed, 104 tolerances off.",
+    hard="A damper grows with depth: within the first step the motion decays by four time constants.",
+    naive="The two estimates of that step cancel: a third of such starts passed unflagged, up to 104 "
+    "tolerances off.",
     caught=(FixedSteps, ExplicitEuler),
 )  # fmt: skip
 def test_49_a_step_follows_a_damper_that_it_is_deep_in(subject):
@@ -142,7 +144,7 @@ def test_49_a_step_follows_a_damper_that_it_is_deep_in(subject):
 
 @hard_case(
     "33", "true stiction",
-    hard="Under 0.9 of its friction an arm must stand for ever, and under 1.01 of it slip at once.",
+    hard="Under 0.9 of its friction an arm must stay at rest for ever, and under 1.01 of it slip at once.",
     naive="A smoothed friction creeps; sign(v) chatters.",
     waiting_for="CoulombFriction",
     mujoco="Its friction loss is soft, and creeps.",
@@ -153,8 +155,8 @@ def test_33_stiction_waits_for_its_effect(subject):
 
 @hard_case(
     "34", "LuGre friction of 1e5 N m/rad",
-    hard="A bristle that relaxes within a microsecond, in steps of 10 ms.",
-    naive="An explicit step of it is NaN.",
+    hard="A bristle relaxes within a microsecond, but steps take 10 ms.",
+    naive="An explicit step gives NaN.",
     waiting_for="LuGreFriction",
 )  # fmt: skip
 def test_34_lugre_friction_waits_for_its_effect(subject):
@@ -162,6 +164,6 @@ def test_34_lugre_friction_waits_for_its_effect(subject):
 
 
 def waiting(effect):
-    """The case must be written when its effect is there."""
+    """The case must be written when its effect exists."""
     there = hasattr(e, effect)
     yield Figure(f"the number of effects {effect} (with one, this case must be written)", there, at_most=0)

@@ -18,9 +18,9 @@ START = (0.3, 0.1, -0.4, 0.2), (1.0, 0.8, -2.0, -0.6)
 
 @hard_case(
     "23", "five impacts in half a second",
-    hard="Elastic stops: an impact found a step late, or half of one, is another motion.",
-    naive="A flipped velocity is as far off at every step; one at the end of the step has order 1. "
-    "A cubic guess of the time nearly keeps the order here: what it loses is in case 43.",
+    hard="Elastic stops: an impact that is found a step or half a step late gives another motion.",
+    naive="Flipping the velocity gives the same error with every step size; at the end of the step it has "
+    "order 1. A cubic guess of the time nearly keeps the order here; case 43 shows where it fails.",
     caught=(FlippedVelocity, ImpulseAtStepEnd), compared=True,
 )  # fmt: skip
 def test_23_five_impacts_keep_the_order(subject):
@@ -45,8 +45,9 @@ def test_23_five_impacts_keep_the_order(subject):
 
 @hard_case(
     "24", "one impact, a thousand states",
-    hard="With restitution e the energy lost is (1 - e^2) v^2 / (2 W), and all of M qd but one entry stays.",
-    naive="A flipped velocity leaves the others as they are, and loses or gains any energy.",
+    hard="With restitution e the energy lost is (1 - e^2) v^2 / (2 W), and all entries of M qd but one "
+    "stay the same.",
+    naive="Flipping one velocity leaves the others as they are, and loses or gains arbitrary energy.",
     caught=(FlippedVelocity,),
     mujoco="It has no coefficient of restitution.",
 )  # fmt: skip
@@ -87,9 +88,9 @@ def test_24_an_impact_loses_what_restitution_says(subject):
 @hard_case(
     "27", "in and out within one step",
     hard="2 mm from its stop at 1 m/s, turned back at 200 m/s^2: after 20 ms the slider is far away again.",
-    naive="A look at the end of the step finds nothing.",
+    naive="A check at the end of the step finds nothing.",
     caught=(FlippedVelocity, ImpulseAtStepEnd),
-    mujoco="With steps of 20 ms it sees nothing, either; with shorter ones it yields to the slider.",
+    mujoco="With steps of 20 ms it finds nothing either; with shorter ones its limit yields to the slider.",
 )  # fmt: skip
 def test_27_grazing_within_one_step_is_found(subject):
     subject.longest = 0.02
@@ -108,7 +109,7 @@ def test_27_grazing_within_one_step_is_found(subject):
 
 @hard_case(
     "27b", "an apex at the stop",
-    hard="It turns back exactly at its stop, or 1e-17 to 1e-9 m before or behind it.",
+    hard="The slider turns back exactly at its stop, or 1e-17 to 1e-9 m before or behind it.",
     naive="Rounding decides, and an impact of any speed may follow.",
     caught=(FlippedVelocity,),
 )  # fmt: skip
@@ -127,8 +128,8 @@ def test_27b_an_apex_at_the_stop_changes_no_energy(subject):
 
 @hard_case(
     "28", "both sliders at once",
-    hard="Two impacts within 1e-15 s: one after the other is another motion than both together.",
-    naive="The order of the joints decides what happens.",
+    hard="Two impacts within 1e-15 s: one after the other gives another motion than both together.",
+    naive="The order of the joints decides the outcome.",
     caught=(FlippedVelocity,),
 )  # fmt: skip
 def test_28_both_sliders_at_once_do_not_know_their_order(subject):
@@ -151,9 +152,9 @@ def test_28_both_sliders_at_once_do_not_know_their_order(subject):
 @hard_case(
     "29", "three bounces in one step",
     hard="50 m/s between stops 0.3 m apart: three impacts and more in 20 ms.",
-    naive="A step with one impact at most ends outside.",
+    naive="A step that allows one impact at most ends outside.",
     caught=(FlippedVelocity, ImpulseAtStepEnd),
-    mujoco="With 20 ms it is 0.8 m outside before it looks.",
+    mujoco="With 20 ms the slider is 0.8 m outside before the limit acts.",
 )  # fmt: skip
 def test_29_many_bounces_in_one_step(subject):
     subject.longest = 0.02
@@ -171,8 +172,8 @@ def test_29_many_bounces_in_one_step(subject):
 
 @hard_case(
     "30", "a stop that is moved past its slider",
-    hard="Parameters and starts may put a slider beyond its stop, where no motion leads.",
-    naive="The slider is thrown back with an energy that nothing gave.",
+    hard="Parameters and starts may put a slider beyond its stop, where no motion can take it.",
+    naive="The slider is thrown back with energy from nowhere.",
     mujoco="A start 0.05 m beyond a limit leaves it at 0.9 m/s: energy from nowhere.",
 )  # fmt: skip
 def test_30_stops_do_not_pass_their_sliders(subject):
@@ -199,8 +200,8 @@ def test_30_stops_do_not_pass_their_sliders(subject):
 
 @hard_case(
     "43", "an impact hidden by a later event",
-    hard="The slider strikes one stop after 0.3 ms and lies at the other before 20 ms are over.",
-    naive="A look at the end of the step knows of the last event only; a cubic through its ends, of more.",
+    hard="The slider strikes one stop after 0.3 ms and rests at the other before 20 ms are over.",
+    naive="A check at the end of the step finds only the last event; a cubic through its ends finds more.",
     caught=(CubicGuess, ImpulseAtStepEnd),
 )  # fmt: skip
 def test_43_an_impact_before_another_event_is_found(subject):
@@ -237,9 +238,9 @@ def test_43_an_impact_before_another_event_is_found(subject):
 
 @hard_case(
     "47", "giving up in the middle of an interval",
-    hard="More than 256 impacts in an interval, the first of them in order: half an interval is no state.",
-    naive="The lane stands where its budget ended, at a time that nobody knows.",
-    mujoco="It does not know of impacts.",
+    hard="More than 256 impacts in an interval: a lane that gives up must not keep half of the interval.",
+    naive="The lane stops where its budget ended, at an unknown time.",
+    mujoco="It has no impacts.",
 )  # fmt: skip
 def test_47_what_is_given_up_never_began(subject):
     stop = e.PrismaticStop((0.0, None), (None, None), 0.97)

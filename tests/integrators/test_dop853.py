@@ -25,7 +25,7 @@ def scene_of(kind, run, **kwargs):
 
 @pytest.mark.parametrize(("kind", "run"), RUNS, ids=[f"{k}-{r['id']}" for k, r in RUNS])
 def test_oracle_trajectories(kind, run):
-    """Within 100 units of the last given place, at all five times."""
+    """Within 100 units of the last given digit, at all five times."""
     times = [s["t"] for s in run["states"]]
     got = rde.simulate(scene_of(kind, run, control_dt=0.1), run["q0"], run["qd0"], times, run["Q"])
     assert got.t.tolist() == times

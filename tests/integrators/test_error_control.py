@@ -1,4 +1,4 @@
-"""Steps of its own for every lane: enough for the tolerance, and decided by that lane alone."""
+"""Local steps for every lane: enough for the tolerance, and decided by that lane alone."""
 
 import dataclasses
 
@@ -152,7 +152,7 @@ def untold(position):
 
 
 class UntoldSpring(Effect):
-    """A one-sided spring that does not say where its law changes: no order is kept there."""
+    """A one-sided spring that does not declare where its law changes: no order is kept there."""
 
     def hooks(self, arm):
         return (Force(1, untold, {"position": "phi2"}),)
@@ -189,7 +189,7 @@ def test_the_tolerance_is_a_number_of_the_lane_not_of_the_code():
     )
     assert one.key == other.key
     assert "tip_tolerance" in one.blocks.layout
-    # Where none is asked for, no lane ever leaves the common step.
+    # Without a tolerance no lane ever leaves the common step.
     assert "reason" in one.blocks.layout
     assert "reason" not in without.blocks.layout
     assert set(without.blocks.functions) == {"interval"}
@@ -252,7 +252,7 @@ def test_an_estimate_that_overflows_does_not_pass():
     assert blended_error(3e-7, 4e-6) == pytest.approx(3e-7**2 / np.hypot(3e-7, 4e-7), rel=1e-12)
 
 
-# ---- when an interval is crossed, from numbers ---------------------------------------------------------
+# ---- the end of an interval, from numbers --------------------------------------------------------------
 
 
 def crossed_again(error, change=0.0, steps=64.0, impacts=0.0, **doubts):

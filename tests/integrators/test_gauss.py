@@ -69,7 +69,7 @@ def test_too_long_steps_are_refused():
 @pytest.mark.parametrize("actuation", ["joint", "generalized"])
 @pytest.mark.parametrize("arm", ARMS)
 def test_elimination_is_the_dense_solution(arm, actuation):
-    """The O(n) right-hand side of the step gives what M, h and G do: accelerations, and a motion."""
+    """The O(n) right-hand side of the step agrees with M, h and G: accelerations, and a motion."""
     scene = rde.Scene(ROBOTS[arm], SMOOTH, actuation=actuation)
     with mpmath.workdps(40):
         one, other = (d(scene, [mpmath.mpf(e) for e in EFFORTS]) for d in (eliminated, dense))
@@ -97,7 +97,7 @@ def runs(arm):
     [pytest.param(a, n, marks=pytest.mark.long if n > 2 else ()) for a in ARMS for n in range(6)],
 )
 def test_oracle(arm, number):
-    """The known states at 0.1 and 0.5 s, to half a unit of their last place."""
+    """The known states at 0.1 and 0.5 s, to half a unit of their last digit."""
     run = runs(arm)[number]
     m, l, q, qd, Q = (tuple(float(x) for x in run[key]) for key in ("m", "l", "q0", "qd0", "Q"))
     scene = rde.Scene(ARMS[arm](m, l), (Gravity(float(run["g"])),), actuation="generalized")

@@ -26,7 +26,7 @@ def scene(method):
 
 
 def final(method, count, duration=0.5):
-    """State after so many equal steps."""
+    """State after a number of equal steps."""
     batch = rde.BatchSimulator(scene(method))
     batch.set_state(Q0, QD0)
     for _ in range(count):

@@ -143,7 +143,7 @@ def test_error_weights(weights, order):
 
 
 def test_only_rk8_has_an_estimate():
-    """euler and rk4 come without."""
+    """euler and rk4 have no estimates."""
     assert [n for n in NAMES if METHODS[n].error5] == ["rk8"]
     assert [n for n in NAMES if METHODS[n].error3] == ["rk8"]
 

@@ -44,7 +44,7 @@ def episodes(face, lanes, warm_up, measured):
 def makes(warm_up, measured, windows):
     """The least growth of some windows of ``measured`` makes each, one after the other, after ``warm_up``.
 
-    The system gives memory by the megabyte: that one window has a step says nothing, a leak is in all.
+    The system allocates memory by the megabyte: a step in one window means nothing, a leak shows in all.
     """
     found = []
     for n in range(warm_up + windows * measured + 1):

@@ -17,7 +17,7 @@ STARTING = 90.0
 
 
 def result(script, *arguments, seconds=0.0):
-    """What a script of this folder prints; a TimeoutExpired if it hangs."""
+    """The output of a script of this folder; a TimeoutExpired if it hangs."""
     command = [sys.executable, str(HERE / script), *map(str, arguments)]
     run = subprocess.run(command, capture_output=True, text=True, timeout=STARTING + seconds, check=False)
     assert run.returncode == 0, run.stderr
@@ -42,7 +42,7 @@ def test_memory_does_not_grow_with_episodes(face, lanes, warm_up, measured, most
     [(300, 60, 4, 0.3), pytest.param(1000, 1000, 1, 2.0, marks=pytest.mark.long)],
 )
 def test_memory_does_not_grow_with_makes(warm_up, measured, windows, most):
-    """A table of what was found of functions has its 256 entries after 300 makes or so: 1 MB."""
+    """A cache of data about functions reaches its 256 entries after 300 makes or so: 1 MB."""
     growth = result("memory_growth.py", "makes", warm_up, measured, windows, seconds=60.0)
     assert growth < most * MEGABYTE
 

@@ -76,7 +76,7 @@ def test_a_straight_arm_turns_a_million_times(arm, revolutions):
     """No gravity, RK4 of 5 ms: rates stay to the last bit, angles are n h omega.
 
     At +-100 rad/s, whose half a radian a step is a float, to 1e-9 rad. At other rates every step rounds an
-    angle to a float, in the same direction while its exponent stays: within half a unit in the last place
+    angle to a float, in the same direction while its exponent stays: within half an ulp
     each. Sliders rest at their stops.
     """
     rates = np.array([100.0, -100.0, 99.7, 100.0 / 3.0, 12.5, 50.0, 1.0, 0.1])

@@ -79,7 +79,7 @@ def test_save_and_restore_continue_to_the_last_bit(scene):
     np.testing.assert_array_equal(batch.q, first)
 
 
-# ---- parameters of a lane's own --------------------------------------------------------------------
+# ---- separate parameters of a lane -----------------------------------------------------------------
 
 
 @pytest.mark.parametrize("count", [3, 11])
@@ -147,7 +147,7 @@ def choosing_field(g):
 
 @dataclasses.dataclass(frozen=True)
 class Weightless(Effect):
-    """A field of a parameter alone, one side of whose choices is no number."""
+    """A field of a parameter alone, with a choice of which one side is NaN."""
 
     g: float = 1.0
 
@@ -204,7 +204,7 @@ def test_error_estimate_follows_the_error():
 
 
 def test_one_rk8_step_of_a_control_interval_is_far_below_a_micrometre():
-    """What the README says of calm, smooth motion: rates of 4 rad/s, 20 ms, one step."""
+    """The README's claim about calm, smooth motion: rates of 4 rad/s, 20 ms, one step."""
     arm = rde.FourR((0.5,) * 4, (0.25,) * 4)
     rng = np.random.default_rng(0)
     q, qd = rng.uniform(-np.pi, np.pi, (4096, 4)), rng.normal(0, 4, (4096, 4))
@@ -237,7 +237,7 @@ def test_an_effort_that_is_no_number_is_reported_of_a_slider_at_rest_too():
 
 
 def test_what_is_the_same_in_every_interval_is_read_only():
-    """One array serves all calls: adding to it in place must not change later ones."""
+    """One array serves all calls: an in-place addition to it must not change later results."""
     batch = rde.BatchSimulator(rde.Scene(FOUR_R, (), integrator="rk4"), 5)
     status = batch.advance()
     for shared in (status.evaluations, status.events, status.error_estimate):

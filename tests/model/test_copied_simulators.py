@@ -58,7 +58,7 @@ def efforts(count):
 
 
 def motion(batch, steps=5):
-    """States, and all that is told of some intervals."""
+    """States, and the whole status of some intervals."""
     rows = []
     for _ in range(steps):
         status = batch.advance(efforts(batch.num_envs))

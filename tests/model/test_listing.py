@@ -1,4 +1,4 @@
-"""What a scene's simulator computes, shown and counted: only the effects named, each where it is written."""
+"""Listings and bills of simulators: only the named effects, each operation with its source."""
 
 import dataclasses
 import functools
@@ -71,7 +71,7 @@ def test_every_effect_is_looked_at():
 
 
 def words_of(effect):
-    """Names that stand in the listing of a scene if an effect acts there: its functions, file and numbers."""
+    """Names in the listing of a scene if an effect acts there: its functions, file and numbers."""
     if isinstance(effect, e.Gravity):
         return (r"\bax\b", r"\bay\b")  # its field follows from its numbers alone, and is found with them
     own = [identifier(f"{effect.key}.{name}") for name in effect.parameters()]
@@ -108,14 +108,14 @@ def test_a_bare_arm_has_none_of_them(arm):
     assert "motor_map" not in rde.listing(scene(arm, actuation="generalized"))
 
 
-# ---- every operation stands under where it is written --------------------------------------------
+# ---- every operation is listed under its source --------------------------------------------------
 
 PLACE = re.compile(r"  # (?P<function>\S+?)(?: for (?P<owner>\S+))?, (?P<file>.+):(?P<line>\d+)")
 OPERATION = re.compile(r"  %\d+ = (?P<name>\S+) .+")
 
 
 def operations(text):
-    """(place, name, whether it is the first there) of the operations of a listing, but for loads."""
+    """(source, name, whether it is the first there) of the operations of a listing, except loads."""
     place, first = None, False
     for line in text.splitlines():
         if line.startswith("kernel "):
@@ -162,7 +162,7 @@ def test_every_operation_stands_under_a_function_a_file_and_a_line_that_exist(na
 
 @pytest.mark.parametrize("name", SHOWN)
 def test_operations_stand_under_who_asked_for_them(name):
-    """The line of an operation of an arm or of an effect has its sign; nobody asks from the listing."""
+    """The source line of an operation of an arm or of an effect contains its operator."""
     text, looked_at = rde.listing(SHOWN[name]), 0
     assert "model/listing.py" not in text
     for place, operation, first in operations(text):
@@ -236,7 +236,7 @@ def test_the_bill_of_an_effect_is_what_a_hand_counts(integrator):
 @pytest.mark.parametrize("integrator", STAGES)
 def test_the_bill_of_an_arm_grows_with_the_stages(integrator):
     arm = rde.bill(scene(FOUR_R, (e.Gravity(),), integrator))["arm"]
-    assert arm.sine_pairs == 3 * STAGES[integrator]  # of the differences; gravity asks for the first link's
+    assert arm.sine_pairs == 3 * STAGES[integrator]  # of the differences; gravity needs the first link's
     assert arm.divisions == 3 * STAGES[integrator]
     assert arm.bytes == 8 * (4 + 4 + 4 + 4)  # coordinates, rates, masses, lengths
 

@@ -1,4 +1,4 @@
-"""The memory of lanes: parameters are shared until they differ, and nobody sees it; copies, snapshots."""
+"""The memory of lanes: parameters are shared until they differ, invisibly to users; copies, snapshots."""
 
 import copy
 import pickle
@@ -117,7 +117,7 @@ def test_lanes_have_the_same_bits_with_shared_parameters_as_with_their_own(name,
 
 
 def test_lanes_that_begin_to_differ_between_intervals_go_on_with_their_own():
-    """The kernel learns where the parameters are now, those of other threads as well."""
+    """The kernels, also of other threads, get the new addresses of the parameters."""
     q, qd = np.full(4, 0.1), np.ones(4)
     batches = [rde.BatchSimulator(SCENES["equal steps"], 40, threads) for threads in (1, 3)]
     for batch in batches:

@@ -1,4 +1,4 @@
-"""Snapshots of simulators: of this scene they are taken whole, of another one refused by name."""
+"""Snapshots of simulators: those of the same scene are restored completely, others refused by name."""
 
 import dataclasses
 import os
@@ -31,7 +31,7 @@ def started(scene=SCENE, count=COUNT, **kwargs):
 
 
 def unchanged(batch, before):
-    """Whether everything that a simulator holds is what it was."""
+    """Whether the whole content of a simulator is unchanged."""
     now = batch.save()
     return all((now[name] == before[name]).all() for name in ("states", "parameters"))
 
@@ -190,7 +190,7 @@ batch.restore(batch.save())
 
 
 def test_a_snapshot_does_not_tell_where_things_lie_in_memory():
-    """What a static field holds is told in the same words in another process, and what differs is told."""
+    """A static field is described in the same words in another process, and a difference is reported."""
     programs = (
         "x = [object() for _ in range(9999)]\n" + ELSEWHERE + "print(batch.save()['simulator'])",
         ELSEWHERE + "print(batch.save()['simulator'])",

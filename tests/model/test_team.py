@@ -1,4 +1,4 @@
-"""Threads of a simulator: what they begin they finish, and they end with it."""
+"""Threads of a simulator finish every call that they begin, and end with it."""
 
 import gc
 import signal

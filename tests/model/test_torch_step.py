@@ -118,9 +118,9 @@ def test_gradient_descent_on_efforts_brings_the_tip_nearer():
 
 def test_what_has_no_derivative_is_refused_with_what_to_use():
     arm = ARMS["RPRP"]
-    with pytest.raises(ValueError, match=r"PrismaticStop, whose impacts have no derivative.*LimitSpring"):
+    with pytest.raises(ValueError, match=r"PrismaticStop, whose impacts have no mean.*LimitSpring"):
         rde.torch_step(rde.Scene(arm, (e.PrismaticStop((0.0, 0.0), (1.0, 1.0)),)))
-    with pytest.raises(ValueError, match=r"'dop853', which chooses each step as it goes; use 'rk8'"):
+    with pytest.raises(ValueError, match=r"'dop853', which chooses each step while it runs; use 'rk8'"):
         rde.torch_step(rde.Scene(arm, (), "dop853"))
 
 

@@ -54,7 +54,7 @@ def check_states(run, q, qd):
     for i, state in enumerate(run["states"]):
         reference = np.array([*state["q"], *state["qd"]])
         error = np.abs(np.concatenate([q[i], qd[i]]) - reference).max()
-        # ``decimals`` tells how fast neighbouring motions part: two solutions agree to so many.
+        # ``decimals`` shows how fast neighbouring motions part: two solutions agree to so many.
         tolerance = 100.0 * 10.0 ** -state["decimals"] + 1e-13 * np.abs(reference).max()
         assert error <= tolerance, (state["t"], error, tolerance)
         assert error <= 1e-9 or state["t"] > 1.0
@@ -207,7 +207,7 @@ def test_bad_times(times):
 
 
 def test_bad_states_and_efforts():
-    """The message names what is wrong and its shape."""
+    """The message names the wrong argument and its shape."""
     with pytest.raises(ValueError, match=r"q has shape \(3,\).*4 entries"):
         rde.simulate(SCENE, np.zeros(3), np.zeros(3), [0.1])
     with pytest.raises(ValueError, match="broadcast"):
@@ -259,7 +259,7 @@ def test_the_floats_beside_a_control_instant_are_not_it():
     assert asked == [j * dt for j in range(k)]
     asked.clear()
     rde.simulate(SCENE, Q0, QD0, times[:2], efforts)
-    assert asked == [j * dt for j in range(k)]  # nothing is asked of an interval that is not entered
+    assert asked == [j * dt for j in range(k)]  # no call for an interval that is not entered
     asked.clear()
     rde.simulate(SCENE, Q0, QD0, times, efforts)
     assert asked == [j * dt for j in range(k + 1)]

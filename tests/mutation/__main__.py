@@ -55,7 +55,7 @@ class Place(NamedTuple):
     line : where it is
     function : in which it is
     operator : cosmic-ray's name of the change
-    occurrence : which of the places in the module where this operator has something to change
+    occurrence : index among the occurrences in the module that this operator can change
     """
 
     module: str
@@ -66,7 +66,8 @@ class Place(NamedTuple):
 
 
 def unseen_spans(tree: ast.AST) -> Iterator[tuple[int, int, int, int]]:
-    """Line and column of the ends of what no test could see: annotations, docstrings, messages of errors."""
+    """Line and column of the ends of code that no test could check: annotations, docstrings, error
+    messages."""
     for node in ast.walk(tree):
         hidden: list[Any] = []
         docstring = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
@@ -83,7 +84,7 @@ def unseen_spans(tree: ast.AST) -> Iterator[tuple[int, int, int, int]]:
 
 
 def places_of(module: str) -> Iterator[Place]:
-    """All places of a module."""
+    """All possible mutations of a module."""
     import cosmic_ray.plugins
     from cosmic_ray.ast import ast_nodes, get_ast_from_path
     from cosmic_ray.ast.ast_query import ASTQuery

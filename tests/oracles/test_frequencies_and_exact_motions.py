@@ -10,7 +10,7 @@ import redundant_envs as rde
 from redundant_envs.effects import PrismaticStop
 
 TINY = 1e-12
-"""Mass that stands for none: the least that a chain with a mass of 1 kg may have."""
+"""Mass that represents an absent one: the least that a chain with a mass of 1 kg may have."""
 
 
 def test_o01_hanging_arm_has_laguerre_frequencies():

@@ -24,7 +24,7 @@ def fastest_change(time_constant):
 
 @dataclass(frozen=True)
 class ActuatorLag(Effect):
-    """The effort of each motor approaches what is asked of it: t' = (command - t) / time_constant.
+    """The effort of each motor approaches its command: t' = (command - t) / time_constant.
 
     Parameters
     ----------

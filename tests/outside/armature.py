@@ -9,7 +9,8 @@ from redundant_envs.robots.parameters import not_negative
 
 @dataclass(frozen=True)
 class Armature(Effect):
-    """What the rotors of the motors add, gears squared: kg m^2 (kg of a slider) at each joint."""
+    """Inertias of the rotors of the motors, times gear ratios squared: kg m^2 (kg for a slider) at each
+    joint."""
 
     inertias: float | tuple[float, ...]
 

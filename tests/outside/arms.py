@@ -1,4 +1,4 @@
-"""The arms of these tests: two of the package, and two from outside; and states of theirs."""
+"""The arms of these tests: two of the package, and two from outside; and their states."""
 
 import numpy as np
 import rrp

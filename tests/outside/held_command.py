@@ -1,4 +1,4 @@
-"""Motors that get each command one control interval late: an effect whose states are renewed at its end."""
+"""Motors that get each command one control interval late: an effect whose states are updated at its end."""
 
 from dataclasses import dataclass
 
@@ -19,7 +19,7 @@ def effort_of(waiting):
 
 @dataclass(frozen=True)
 class HeldCommand(Effect):
-    """What acts is the command of the interval before; at the start it is 0."""
+    """The command of the previous interval acts; at the start it is 0."""
 
     def hooks(self, arm):
         return tuple(self.link(k) for k in range(len(arm.joints)))

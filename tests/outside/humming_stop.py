@@ -1,4 +1,4 @@
-"""A stop that hums: a force at a limit whose stiffness follows an oscillation of its own."""
+"""A stop that hums: a force at a limit whose stiffness follows a separate oscillation."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Motors behind a row of equal lags: what is commanded arrives late, and smoothly."""
+"""Motors behind a row of equal lags: commands arrive late, and smoothly."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Two links on revolute joints, in relative angles: the pose tells how far the tip is from the base."""
+"""Two links on revolute joints, in relative angles: the pose determines the tip's distance from the base."""
 
 from dataclasses import dataclass
 

@@ -69,7 +69,7 @@ def gravity_forces(m1, m2, m3, l1, sigma, s1, c1, s2, c2, ax, ay):
 
 @physics(gives="W1 W2 W3")
 def mobility_bounds(m1, m2, m3, l1, l2):
-    """The most in any pose: m1 and m2 as free points for the angles; both as one, along link 2, for r."""
+    """Upper bounds in any pose: m1 and m2 as free points for the angles; both as one, along link 2, for r."""
     return (
         1.0 / (m1 * l1 * l1),
         1.0 / (m2 * l2 * l2) + (1.0 / l1 + 1.0 / l2) ** 2 / m1,

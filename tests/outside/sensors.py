@@ -23,7 +23,7 @@ def counted(reading, resolution):
 
 @dataclass(frozen=True)
 class SensorBias(Effect):
-    """What each encoder reads too much, rad or m, and each rate sensor, rad/s or m/s."""
+    """Offset of each encoder, rad or m, and of each rate sensor, rad/s or m/s."""
 
     positions: float | tuple[float, ...] = 0.0
     rates: float | tuple[float, ...] = 0.0

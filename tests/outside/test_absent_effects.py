@@ -1,4 +1,4 @@
-"""What a scene does not name is not computed, on arms of the package and from outside."""
+"""Effects that a scene does not name are not computed, on arms of the package and from outside."""
 
 import dataclasses
 
@@ -15,7 +15,7 @@ e = rde.effects
 
 @pytest.mark.parametrize("name", ARMS)
 def test_a_scene_without_gravity_computes_nothing_of_it(name):
-    """On arms that give a sum of their forces, too: what is not there leaves no operation."""
+    """On arms that compute a sum of their forces, too: an absent effect leaves no operation."""
     arm = ARMS[name]
     without = rde.Scene(arm, (), "rk4")
     assert "gravity" not in rde.listing(without)

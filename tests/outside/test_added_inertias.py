@@ -1,4 +1,4 @@
-"""Rotors and links with inertias of their own move as in MuJoCo, and everything knows them."""
+"""Rotors and links with inertias move as in MuJoCo, and all quantities include them."""
 
 import copy
 import dataclasses
@@ -284,7 +284,7 @@ def test_a_negative_inertia_is_refused_where_it_is_made_and_where_it_is_set():
         ((1, 1), ".inertia", r"each once"),
         ((7,), ".inertia", r"joint is 7; give 0 to 3"),
         ((0, 1), ".inertia", r"which turn and slide"),
-        ((0,), "inertia", r"'inertia' is no number of this effect; it has .inertia"),
+        ((0,), "inertia", r"'inertia' is not a number of this effect; it has .inertia"),
     ],
 )
 def test_an_inertia_that_does_not_fit_is_refused(joints, inertia, message):

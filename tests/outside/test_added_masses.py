@@ -1,4 +1,4 @@
-"""An arm with a load moves, to the bit, as an arm with that much more mass."""
+"""An arm with a load moves, to the bit, like an arm with that much more mass."""
 
 import dataclasses
 
@@ -159,7 +159,7 @@ def test_masses_that_no_arm_may_have_are_refused():
     [
         (PointMass(Point(4), ".mass"), r"Point is 4; give Point\(0\) to Point\(3\), the tip"),
         (PointMass(3, ".mass"), "Point is 3"),
-        (PointMass(Point(0), ".weight"), "'.weight' is no number of this effect; it has .mass"),
+        (PointMass(Point(0), ".weight"), "'.weight' is not a number of this effect; it has .mass"),
     ],
 )
 def test_masses_at_no_point_are_refused(hook, said):

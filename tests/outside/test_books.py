@@ -1,4 +1,4 @@
-"""The book of the work changes no bit of a motion: random scenes, with and without it.
+"""Tracking the work changes no bit of a motion: random scenes, with and without it.
 
 ``python tests/outside/test_books.py SEED COUNT`` searches on, from other seeds.
 """
@@ -80,7 +80,7 @@ class StiffeningSpring(e.Effect):
 
 
 def drawn_scene(seed):
-    """An arm and a method by turns, and about half of the effects that fit it."""
+    """An arm and a method in turn, and about half of the effects that fit it."""
     rng = np.random.default_rng(seed)
     arm, method = list(ARMS.values())[seed % len(ARMS)], METHODS[seed % len(METHODS)]
     count, sliders = len(arm.joints), len(arm.sliders())
@@ -102,7 +102,7 @@ def drawn_scene(seed):
 
 
 def motion(scene, seed, track_work, lanes=32):
-    """Tables of states and of what each interval took."""
+    """Tables of states and of the status of each interval."""
     rng, count = np.random.default_rng(seed), len(scene.robot.joints)
     q, qd = rng.uniform(-1.0, 1.0, (lanes, count)), rng.normal(0.0, 2.0, (lanes, count))
     q[:, scene.robot.sliders()] *= 0.2
@@ -116,7 +116,7 @@ def motion(scene, seed, track_work, lanes=32):
 
 
 def changed(seed):
-    """Whether the book changes a bit of a random scene."""
+    """Whether tracking the work changes a bit of a random scene."""
     scene = drawn_scene(seed)
     pairs = zip(motion(scene, seed, False), motion(scene, seed, True), strict=True)
     return not all(np.array_equal(bare, booked, equal_nan=True) for bare, booked in pairs)

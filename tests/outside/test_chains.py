@@ -1,4 +1,4 @@
-"""Chains on every face: batches, gradients, environments; and forms by hand in place of derived ones."""
+"""Chains in batches, gradients and environments; and hand-written forms that replace derived ones."""
 
 import gymnasium as gym
 import numpy as np
@@ -38,7 +38,7 @@ rde.register_arm(Cart, SCENE)
     [("RPRP", rde.RPRP(MASSES, (0.3, 0.5))), ("RRRR", rde.FourR(MASSES, (0.3, 0.5, 0.4, 0.6)))],
 )
 def test_a_chain_moves_as_the_arm_written_by_hand(types, hand):
-    """Through impacts, with masses of each lane's own."""
+    """Through impacts, with separate masses for each lane."""
     effects = [e.Gravity(), e.ViscousFriction(0.1)]
     if hand.sliders():
         effects.append(e.PrismaticStop((0.0, 0.0), (0.3, 0.3), 0.7))
@@ -100,7 +100,7 @@ def test_bounds_are_unknown_where_no_points_show_a_rate_and_the_message_says_so(
         rde.BatchSimulator(scene, 1)
 
 
-# ---- a form by hand in place of a derived one ------------------------------------------------------------
+# ---- hand-written forms replace derived ones -------------------------------------------------------------
 
 
 def test_the_arm_from_points_is_the_one_by_hand():

@@ -1,4 +1,4 @@
-"""What is defined again: copies go on as they were, new simulators have the new equations."""
+"""Redefined functions and classes: copies continue as before, new simulators have the new equations."""
 
 import copy
 import dataclasses
@@ -39,7 +39,7 @@ ARM = rde.FourR((1.0,) * 4, (0.5,) * 4)
 
 
 def define(gain, states=0):
-    """The module anew, as ``importlib.reload`` does it."""
+    """Load the module again, like ``importlib.reload``."""
     module = sys.modules.setdefault(MODULE, types.ModuleType(MODULE))
     exec(TEXT.format(gain=gain, states=states), vars(module))
     return module.Drag

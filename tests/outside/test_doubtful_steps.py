@@ -28,7 +28,7 @@ from redundant_envs.studies.intervals import judge
 
 
 def crossed(scene, q, qd, efforts, parts=1, z=None, **how):
-    """Tips and states of effects after a control interval in so many parts, and its status."""
+    """Tips and states of effects after a control interval in a number of parts, and its status."""
     batch = rde.BatchSimulator(dataclasses.replace(scene, **how), len(q))
     batch.set_state(q, qd)
     if z is not None:
@@ -92,14 +92,14 @@ LIFTERS = [rde.FourR((0.5,) * 4, (0.25,) * 4), rde.RPRP((0.5,) * 4, (0.25, 0.25)
 
 
 class Estimated(e.EffortLimits):
-    """Limits whose kinks are not looked for."""
+    """Limits whose kinks are not searched."""
 
 
 @pytest.mark.parametrize(
     "arm", [pytest.param(LIFTERS[0], marks=pytest.mark.long), LIFTERS[1]], ids=["4R", "RPRP"]
 )
 def test_the_kink_of_a_limit_behind_a_lag_is_found_and_the_tolerance_is_kept(arm, monkeypatch):
-    """The effort stops to change within the interval: the estimate alone lets more than a tolerance pass."""
+    """The effort stops changing within the interval: the estimate alone lets more than a tolerance pass."""
     rng, n = np.random.default_rng(0), 2000
     low, high = np.where(arm.prismatic, 0.0, -3.0), np.where(arm.prismatic, 0.5, 3.0)
     q, qd = rng.uniform(low, high, (n, 4)), rng.normal(0.0, 0.5, (n, 4))
@@ -116,7 +116,7 @@ def test_the_kink_of_a_limit_behind_a_lag_is_found_and_the_tolerance_is_kept(arm
 @pytest.mark.long
 @pytest.mark.parametrize("arm", LIFTERS)
 def test_the_tolerance_is_kept_where_a_lagging_motor_reaches_its_limit(arm):
-    """The effort stops to change within the interval: a kink that no command tells."""
+    """The effort stops changing within the interval: a kink that the command does not show."""
     scene = Scene(arm, (e.Gravity(), ActuatorLag(0.01), e.EffortLimits(3.0)), tolerance=1e-9)
     rng, n = np.random.default_rng(0), 6000
     low, high = np.where(arm.prismatic, 0.0, -3.0), np.where(arm.prismatic, 0.5, 3.0)
@@ -128,7 +128,7 @@ def test_the_tolerance_is_kept_where_a_lagging_motor_reaches_its_limit(arm):
 
 
 def test_the_tolerance_is_kept_behind_a_row_of_lags():
-    """What is wrong in the first of them moves nothing before it has come through the others."""
+    """An error in the first of them moves nothing before it has passed through the others."""
     arm = rde.FourR((0.002,) * 4, (0.25,) * 4)
     scene = Scene(arm, (e.Gravity(), LagChain(0.0102, 12)), tolerance=1e-9)
     rng, n = np.random.default_rng(0), 1000
@@ -159,7 +159,7 @@ def test_what_errors_of_effects_states_move_at_the_tip_is_in_proportion_to_both_
 
 @pytest.mark.parametrize("frequency", [300.0, 3000.0])
 def test_dop853_is_as_exact_in_states_of_effects_as_in_those_of_the_arm(frequency):
-    """Before the stop is touched its oscillation acts on nothing: only its own error tells of it."""
+    """Before the stop is touched its oscillation acts on nothing: only its own error shows it."""
     arm, n = rde.FourR((0.5,) * 4, (0.25,) * 4), 500
     scene = Scene(arm, (e.Gravity(), HummingStop(0, -1.0, 1.0, 5000.0, frequency)), integrator="dop853")
     rng = np.random.default_rng(0)
@@ -173,7 +173,7 @@ def test_dop853_is_as_exact_in_states_of_effects_as_in_those_of_the_arm(frequenc
 
 
 def test_the_tolerance_is_kept_where_a_slider_passes_its_joint_and_comes_back():
-    """At both ends of the interval the tip is as far from the joint: what is between counts."""
+    """At both ends of the interval the tip is equally far from the joint: the motion between counts."""
     arm = RRP((0.17458207407198942, 0.96883401194883, 0.033635628514555316),
               (0.1534190470476053, 0.06345987733339789))  # fmt: skip
     spring = e.CentringSpring((5916.6624179483815,), (0.11172535639770957,), (0.16002826070780318,))
@@ -188,7 +188,7 @@ def test_the_tolerance_is_kept_where_a_slider_passes_its_joint_and_comes_back():
 
 @pytest.mark.parametrize("spread", [1e-3, 1e-2])
 def test_the_tolerance_is_kept_where_two_crossings_of_a_kink_agree_by_chance(spread):
-    """A damper lets go: errors fall without an order, and half as many steps may be off by as much."""
+    """A damper loses contact: errors fall without an order, and half as many steps may be off by as much."""
     arm = RelativeTwoR((0.2877582004947934, 0.27412493497498464), (0.5225023171915011, 0.40423495478205906))
     springs = (
         e.LimitSpring("joint2", 1.6677380669680708, 2.5007767978678666, 491.8020485308242),

@@ -15,7 +15,7 @@ e = rde.effects
 
 
 def test_a_lag_follows_its_equation():
-    """Constant commands: the effort is command (1 - exp(-t / T)), and its work closes the energy book."""
+    """Constant commands: the effort is command (1 - exp(-t / T)), and its work closes the energy balance."""
     scene = rde.Scene(ARMS["4R"], (e.Gravity(), ActuatorLag(0.05)), tolerance=1e-9)
     batch = rde.BatchSimulator(scene, 3, track_work=True)
     command = np.array([5.0, -3.0, 2.0, 1.0])

@@ -1,4 +1,4 @@
-"""Effects from outside with hard stops: which travel they tell, how they work, and which cannot be."""
+"""Effects from outside with hard stops: the travel that they declare, their motion, and refused ones."""
 
 import dataclasses
 
@@ -12,7 +12,7 @@ from redundant_envs.effects import Effect, Impact
 
 @dataclasses.dataclass(frozen=True)
 class Bumper(Effect):
-    """Stops of one slider with a restitution of its own."""
+    """Stops of one slider with its own restitution."""
 
     joint: int = 1
     upper: float = 0.2
@@ -70,7 +70,7 @@ def test_impacts_that_cannot_be_are_refused_of_a_scene_and_of_a_lane(numbers, sa
     [
         ((Bumper(), Bumper(3, restitution=0.5)), "stops with several restitutions"),
         ((Bumper(), e.PrismaticStop((0, 0), (1, 1))), "several restitutions"),
-        ((Bumper(0),), "'joint1' is no slider"),
+        ((Bumper(0),), "'joint1' is not a slider"),
     ],
 )
 def test_stops_that_cannot_be_together_are_refused(effects, said):

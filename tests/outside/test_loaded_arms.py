@@ -1,4 +1,4 @@
-"""An arm with inertias is an arm: of any kind, copied as it is, and no robot of a scene."""
+"""An arm with inertias is an arm: of any kind, copied unchanged, and refused as the robot of a scene."""
 
 import copy
 import dataclasses
@@ -53,7 +53,7 @@ def energy(M11, w):
 
 @dataclasses.dataclass(frozen=True)
 class Pendulum(rde.Arm):
-    """Its weight and energy are written with its mass matrix; it has a number of its own."""
+    """Its weight and energy are written with its mass matrix; it has a parameter of its own."""
 
     more: float
 

@@ -1,4 +1,4 @@
-"""What a newcomer does wrong is told in words; what one does right works from the command line, too."""
+"""A newcomer's mistakes are explained in words; correct input works from the command line, too."""
 
 import os
 import re
@@ -80,7 +80,7 @@ def test_the_application_knows_it_as_well_also_where_it_is_installed_from_a_chec
     run = ("train", "four_r_reach_ppo", "env_kwargs.scene=no_limits.yaml", "--out", "run")
     done = called(folder, name, "--import", "my_effects", *run)
     assert done.returncode == 2
-    assert "its effects need EffortLimits" in done.stderr  # the effect is known, and the next mistake told
+    assert "its effects need EffortLimits" in done.stderr  # the effect is known, the next mistake reported
 
 
 @physics

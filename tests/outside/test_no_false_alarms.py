@@ -1,4 +1,4 @@
-"""verify finds no fault where there is none: many arms, effects and scenes, in states of three seeds."""
+"""verify reports no false alarms: many arms, effects and scenes, in states of three seeds."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def chain(types):
 
 
 def scenes_of(arm):
-    """An arm with everything that a check of effects looks at."""
+    """An arm with everything that a check of effects examines."""
     last = len(arm.joints) - 1
     yield rde.Scene(arm, (e.Gravity(3.0, (0.6, -0.8)), Armature(0.1), Tether(1, 0.1, 0.2, 500.0, 7.0)))
     springs = TwoStageSpring(last, -0.3, 0.4, 5.0, 100.0), e.LimitSpring(arm.joints[0], -0.2, 0.3, 50.0, 2e4)

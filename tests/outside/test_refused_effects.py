@@ -1,4 +1,4 @@
-"""Effects from outside that would mean something else than they say are refused when a scene is made."""
+"""Effects from outside that contradict their own declarations are refused when a scene is made."""
 
 from dataclasses import dataclass, field
 
@@ -36,7 +36,7 @@ class Derived(Effect):
 
 
 def test_a_number_that_follows_from_others_is_no_field():
-    with pytest.raises(ValueError, match=r"Derived\).twice is no argument of its class"):
+    with pytest.raises(ValueError, match=r"Derived\).twice is not an argument of its class"):
         rde.Scene(ARM, (Derived(),))
 
 
@@ -69,7 +69,7 @@ def zero():
 
 @dataclass(frozen=True)
 class Wall(rde.effects.LimitSpring):
-    """A limit spring that says by itself which of its numbers limit the travel."""
+    """A limit spring that declares which of its numbers limit the travel."""
 
     ends: tuple = ("lower", "upper")
     static = ("coordinate", "ends")
@@ -83,7 +83,7 @@ class Wall(rde.effects.LimitSpring):
     [
         (("upper", "lower"), r"of 'joint2' is .upper to .lower, which are 1.0 and -1.0; the first must"),
         (("lower", "lower"), "which are -1.0 and -1.0; the first must be below the second"),
-        (("lower", "top"), "travel gives 'top', which is no number of this effect; it has lower, upper"),
+        (("lower", "top"), "travel gives 'top', which is not a number of this effect; it has lower, upper"),
     ],
 )
 def test_a_travel_in_the_wrong_order_or_of_unknown_numbers_is_refused(ends, words):

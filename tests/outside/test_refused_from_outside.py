@@ -1,4 +1,4 @@
-"""What is added from outside and cannot be right is refused when it is made, or found by verify."""
+"""Additions from outside that cannot be right are refused when they are made, or found by verify."""
 
 import copy
 import dataclasses

@@ -1,4 +1,4 @@
-"""Sensors change what is observed and nothing else."""
+"""Sensors change observations and nothing else."""
 
 import dataclasses
 
@@ -47,7 +47,7 @@ def test_motion_reward_and_info_know_the_truth(name, goal):
     read = motion(name, SensorBias(BIAS, SPEEDS), Encoders(0.01), goal=goal)
     for k in (0, 1, 3):
         np.testing.assert_array_equal(read[k], true[k])
-    # What is told of a state may be rounded otherwise where observations need other numbers.
+    # Outputs about a state may be rounded differently if observations need other numbers.
     for told, known in zip(read[4], true[4], strict=True):
         assert told == pytest.approx(known, rel=1e-13, abs=1e-15)
     if goal:
@@ -71,7 +71,7 @@ def test_a_biased_sensor_shows_what_an_arm_elsewhere_shows(name):
         there = q[k] + np.array(BIAS) @ inverse
         joints = there @ arm.motor_map
         if not all(0.0 <= joints[i] <= 0.25 for i in arm.sliders()):
-            continue  # an arm cannot stand beyond its stops; a sensor may say so
+            continue  # an arm cannot be beyond its stops; a sensor may read so
         shown, _ = env.reset(options={"q": there, "qd": qd[k] + np.array(SPEEDS) @ inverse, "goal": goal})
         np.testing.assert_allclose(read[k], shown, atol=3e-7)
         compared += 1
@@ -130,7 +130,7 @@ def test_an_arm_from_outside_has_sensors():
 
 @dataclasses.dataclass(frozen=True)
 class Told(Effect):
-    """A second sensor of a rate, which asks for what follows from that rate."""
+    """A second sensor of a rate, which uses a quantity that follows from that rate."""
 
     def hooks(self, arm):
         return (Sensing(0, with_energy, {"rate": "phid1"}, Reading.RATE),)
@@ -219,13 +219,13 @@ def reading(phi1):
     ("hook", "message"),
     [
         (Sensing(9, reading), r"joint is 9; give 0 to 3"),
-        (Sensing(0, of_command), r"of_command depends on command1; a sensor knows the motion"),
+        (Sensing(0, of_command), r"of_command depends on command1; a sensor may use the motion"),
         (Sensing(0, two_values), r"returns 2 values; a Sensing needs 1"),
         (
             Sensing(0, reading, {}, "position"),
             r"reading is 'position'; choose Reading.POSITION, Reading.RATE",
         ),
-        (Sensing(0, reading, {"phi1": ".bias"}), r"'.bias' is no number of this effect"),
+        (Sensing(0, reading, {"phi1": ".bias"}), r"'.bias' is not a number of this effect"),
     ],
 )
 def test_a_sensor_that_does_not_fit_is_refused(hook, message):

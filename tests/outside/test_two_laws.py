@@ -70,7 +70,7 @@ def test_compiled_code_and_numpy_agree(name):
 
 
 def test_equal_steps_have_the_law_of_the_place():
-    """Without a chosen error the position tells at each evaluation which law holds, in torch, too."""
+    """Without error control the position selects the law at each evaluation, in torch, too."""
     q, qd, efforts = near_knees(ARMS["4R"])
     made = scene("4R", integrator="rk4", substeps=3)
     found, _ = advance(made, q, qd, efforts)
@@ -102,7 +102,7 @@ def doubled(position, lower, upper, side, soft, harder):
 
 
 class Badly(Effect):
-    """Says in several ways what cannot be."""
+    """Declares impossible switches in several ways."""
 
     def __init__(self, joint=1, switch=(".lower", ".upper"), bind=None):
         object.__setattr__(self, "made", (joint, switch, bind))
@@ -120,7 +120,7 @@ def on_side(side):
 @pytest.mark.parametrize(
     ("switch", "joint", "message"),
     [
-        ((".lower", ".upper"), 1, "switch: '.lower' is no number of this effect"),
+        ((".lower", ".upper"), 1, "switch: '.lower' is not a number of this effect"),
         (".lower", 1, "switch is '.lower'; give the names of two numbers"),
         ((".lower",), 1, "give the names of two numbers"),
         ((".lower", ".upper"), Point(3), "the force acts at a Point"),

@@ -1,4 +1,4 @@
-"""verify finds what is wrong in an arm, and says by its check which equation it is."""
+"""verify finds faults in an arm, and its check names the equation."""
 
 import dataclasses
 import functools
@@ -103,7 +103,7 @@ def wrong_way_back(phi1, phi2, phi3):
 
 
 def gyroscopic(x, h1, h2, h3):
-    """A force that does no work, and that no mass makes."""
+    """A force that does no work, and that no mass causes."""
     return h1 + 1e-3 * x["w2"], h2 - 1e-3 * x["w1"], h3
 
 
@@ -145,12 +145,12 @@ def turned(x, *C):
 
 
 def given_by(arm, name):
-    """The function of an arm that gives a quantity."""
+    """The function of an arm that returns a quantity."""
     return next(f for f in arm.functions if name in gives_of(f))
 
 
 def by_another(arm, right, new):
-    """An arm like another, with a function of its own in place of one of that."""
+    """An arm like another, with one of its functions replaced."""
     wrong = _wrong(right, arguments_of(right), new)
     vars(wrong).pop("follows", None)
     if right in arm.functions:
@@ -310,7 +310,7 @@ def test_a_method_of_another_order_than_it_says_is_red(monkeypatch):
 
 
 def test_a_tolerance_that_is_not_kept_is_red(monkeypatch):
-    """The estimate of a step is a millionth of what it should be."""
+    """The estimate of a step is a millionth of the right one."""
     arm = ThreeRByHand((2.0, 1.5, 1.0), (0.3, 0.5, 0.4))
     step = {"tolerance": 1e-9, "control_dt": 0.3}
     assert misses(arm, (accuracy.tolerance_kept,), **step) == set()

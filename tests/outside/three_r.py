@@ -1,4 +1,4 @@
-"""A planar arm of three revolute joints, as somebody outside the package would add it."""
+"""A planar arm of three revolute joints, as a user would add it from outside the package."""
 
 import redundant_envs as rde
 from redundant_envs.algebra import physics

@@ -101,7 +101,7 @@ def gravity_forces(m1, m2, m3, J11, J12, J13, J21, J22, J23, ax, ay):
 
 @physics(gives="W1 W2 W3")
 def mobility_bounds(m1, m2, m3, l1, l2, l3):
-    """The most in any pose, if the masses were free points; a straight arm attains it."""
+    """Upper bounds in any pose, as if the masses were free points; a straight arm attains them."""
     return (
         1.0 / (m1 * l1 * l1),
         1.0 / (m2 * l2 * l2) + (1.0 / l1 + 1.0 / l2) ** 2 / m1,

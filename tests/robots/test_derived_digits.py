@@ -1,6 +1,6 @@
 """How many digits accelerations of arms from points alone have: L D L^T of the mass matrix, beside 60 digits.
 
-The error is a few units in the last place times the condition of the mass matrix with ones on its diagonal.
+The error is a few ulps times the condition number of the mass matrix with ones on its diagonal.
 Short links and straight arms leave that condition as it is; a heavy tip on light links raises it as much as
 it is heavier, and an elimination written by hand does without.
 """

@@ -1,4 +1,5 @@
-"""No digits are lost to heavy tips and sliders: errors beside what half an ulp of the inputs does."""
+"""No digits are lost to heavy tips and sliders: errors relative to the effect of half an ulp of the
+inputs."""
 
 import numpy as np
 import pytest
@@ -14,7 +15,8 @@ ACCELERATIONS = ("qdd1", "qdd2", "qdd3", "qdd4")
 
 
 def error_and_sensitivity(arm, wanted, values, functions):
-    """Error of some quantities, and the sum of what half an ulp of each input does, of their largest."""
+    """Error of some quantities, and the sum of the effects of half an ulp of each input, relative to their
+    largest."""
 
     def found(values):
         return Quantities(values, functions, arm.sincos).each(wanted)

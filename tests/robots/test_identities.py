@@ -1,4 +1,4 @@
-"""Identities between the faces of the model, and the states where elimination could lose digits."""
+"""Identities between the methods of the model, and the states where elimination could lose digits."""
 
 import numpy as np
 import pytest

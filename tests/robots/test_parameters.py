@@ -45,7 +45,7 @@ def test_good_parameters_become_floats(arm):
     ],
 )
 def test_bad_entry(arm, field, i, value, shown):
-    """An entry that is not a positive number is named with its place and value."""
+    """An entry that is not a positive number is named with its index and value."""
     values = {"masses": list(MASSES), "lengths": list(LENGTHS[arm])}
     values[field][i] = value
     with pytest.raises(ValueError, match=says(f"{field}[{i}]", shown)):

@@ -105,7 +105,7 @@ class ExactPoint:
         self.cache = {}
 
     def rational(self):
-        """A rational number with a numerator that is seldom repeated."""
+        """A rational number whose numerator is seldom repeated."""
         return sp.Rational(self.random.choice((-1, 1)) * self.random.randint(1000, 9999), 1009)
 
     def trig(self, atom):
@@ -183,7 +183,7 @@ def test_manipulability(derivation, points):
 
 
 def test_the_comparison_sees_each_misprint(derivation, points):
-    """Each misprint of the report, put into the package's expressions, is told apart."""
+    """Each misprint of the report, put into the package's expressions, makes a difference."""
     p, s = derivation.symbols["parameters"], derivation.symbols
     m3, m4, l1, l2 = p["m3"], p["m4"], p["l1"], p["l2"]
     if len(p) == 4 + 2 + 1:

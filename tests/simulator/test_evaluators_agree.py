@@ -52,7 +52,7 @@ SCENES = [
 SHORT = ("1e-6",)
 """Steps with which every effect is run each time; the others need two compilations more for each."""
 SLOW = (("4R", "limit spring", "1e-6"),)
-"""Its damper lets go in many lanes: ten seconds without a compiler. RPRP's tells the same in two."""
+"""Its damper loses contact in many lanes: ten seconds without a compiler. RPRP's tests the same in two."""
 
 
 def scene_of(arm, effect, steps):

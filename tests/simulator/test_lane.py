@@ -1,4 +1,4 @@
-"""Lanes: declared fields and no others, what is read and set, on plain and on traced numbers."""
+"""Lanes: declared fields and no others, reading and setting them, on plain and on traced numbers."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def lane():
 
 
 def names_read(function):
-    """Places that a traced function loads."""
+    """Memory rows that a traced function loads."""
     return [n.extra for n in reached(function.results) if n.name == "load"]
 
 

@@ -35,7 +35,7 @@ def quick() -> dict:
 
 
 def smallest() -> Study:
-    """Part of the quick study: what a test can wait for."""
+    """The part of the quick study that is short enough for a test."""
     return build(Study, "config", quick() | {"ours": {"rk4": [1, 4], "rk8": [2]}})
 
 
@@ -264,7 +264,7 @@ def test_the_study_writes_its_files(tmp_path, capsys):
     assert len(rows) == 3 + 3 + 2
     by = {(r["method"], r["setting"]): r for r in rows}
     assert float(by["rk8", "2 x 10 ms"]["evaluations"]) == 24.0
-    # The same method on the same arm makes the same error, whoever wrote it.
+    # The same method on the same arm makes the same error, in every implementation.
     ours, theirs = (float(by[m, "4 x 5 ms"]["tip_mm_median"]) for m in ("rk4", "MuJoCo RK4"))
     assert ours == pytest.approx(theirs, rel=1e-3)
     assert float(by["rk4", "1 x 20 ms"]["tip_mm_median"]) > 50 * ours

@@ -1,4 +1,4 @@
-"""Families of intervals: the tolerance is kept in each, and a study of one that is not kept says so."""
+"""Families of intervals: the tolerance is kept in each, and the study reports a family that misses it."""
 
 import dataclasses
 import pickle

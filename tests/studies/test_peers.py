@@ -87,7 +87,7 @@ def test_elastic_stop():
 
 @dataclass(frozen=True)
 class PrismaticStop(Effect):
-    """Stands for any effect whose key says that it is a stop."""
+    """Represents any effect whose key says that it is a stop."""
 
 
 def test_stop_is_given_as_limits():

@@ -1,4 +1,4 @@
-"""The bits of a scene's motion, as they were recorded: on every machine the same."""
+"""The bits of a scene's motion are those of the record, on every machine."""
 
 import json
 

@@ -151,7 +151,7 @@ def test_unknown_arm_lists_the_arms():
 
 @pytest.mark.long
 def test_environment_columns(monkeypatch, tmp_path):
-    # The subprocess of the import time takes seconds; it is the study's own business.
+    # The subprocess that measures the import time takes seconds; it is left to the study.
     monkeypatch.setattr(environments, "first_step_seconds", lambda name: 0.5)
     rows = environments.run(lanes=4, rounds=1, steps=120)
     assert [tuple(row) for row in rows] == [environments.COLUMNS] * len(environments.IDS)

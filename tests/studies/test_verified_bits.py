@@ -42,7 +42,7 @@ def effort_of(waiting):
 
 
 class Late(Effect):
-    """The command of the interval before acts: a state of the first motor."""
+    """The command of the previous interval acts: a state of the first motor."""
 
     def hooks(self, arm):
         kept = State("waiting", "N m", update=renewed, bind={"command": "command1"})
@@ -59,7 +59,7 @@ def red(thing, checks):
 
 
 def shown(change):
-    """``batch.q`` with what a function of the batch and of the coordinates makes of them."""
+    """``batch.q`` with coordinates that are modified by a function of the batch and of the coordinates."""
     read = BatchSimulator.q.fget
     return "q", property(lambda batch: change(batch, read(batch)))
 
@@ -148,7 +148,7 @@ def test_an_evaluator_that_differs_is_red(monkeypatch):
 
 @pytest.mark.long
 def test_torch_that_differs_is_red(monkeypatch):
-    """Long for the import of torch; NumPy and single numbers are looked at in the same way."""
+    """Long because of the import of torch; NumPy and single numbers are checked in the same way."""
     pytest.importorskip("torch", reason="torch is in the extra 'train'")
     assert red(SCENE, (evaluators.tensors,)) == set()
     fields = evaluators.fields_of
@@ -163,7 +163,7 @@ def test_torch_that_differs_is_red(monkeypatch):
 
 def test_a_restitution_that_is_not_the_scenes_is_red(monkeypatch):
     class Stop(e.PrismaticStop):
-        """Traced anew each time."""
+        """Traced again each time."""
 
     arm = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
     scene = rde.Scene(arm, (e.Gravity(), Stop((0.0, 0.0), (0.3, 0.3), 0.5)), tolerance=1e-6)
@@ -198,7 +198,7 @@ def _threads(self, actions, right=ArmVectorEnv.step):
 
 
 def _late_nan(self, actions, right=ArmVectorEnv.step):
-    """Beyond what short episodes see."""
+    """Beyond the range of short episodes."""
     obs, reward, terminated, truncated, infos = right(self, actions)
     return obs, np.where(infos["episode_steps"] == 40, np.nan, reward), terminated, truncated, infos
 
@@ -216,7 +216,7 @@ def _late_metric(self, actions, right=ArmVectorEnv.step):
 
 
 def _metric_of_no_action(self, actions, right=ArmVectorEnv.step):
-    """A share of the actions, which is no number if there are none: what a task may divide by."""
+    """A share of the actions, which is NaN without actions: a division that a task may contain."""
     *rest, infos = right(self, actions)
     with np.errstate(all="ignore"):
         share = np.abs(actions[:, 0]) / np.abs(actions).sum(axis=1) + 0.0 * infos["distance"]

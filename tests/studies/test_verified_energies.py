@@ -1,4 +1,4 @@
-"""verify: every potential against its force, and an energy book that closes; a wrong one is red."""
+"""verify: every potential against its force, and a closed energy balance; a wrong one fails."""
 
 import dataclasses
 import re
@@ -148,7 +148,7 @@ def by_sign(rate, k):
 
 
 def test_intervals_that_are_flagged_are_told():
-    """Friction that jumps where a joint turns: a tolerance is reached by no number of steps."""
+    """Friction that jumps where a joint turns: no number of steps reaches a tolerance."""
     hooks = tuple(Force(k, by_sign, {"rate": f"phid{k + 1}", "k": ".k"}) for k in range(4))
     effects = (Gravity(), effect_with(hooks)())
     outcome = verify(rde.Scene(FOUR_R, effects, tolerance=1e-6), STATES, checks=(flagged,)).outcomes[0]
@@ -211,7 +211,7 @@ def raised(position, lower, upper, stiffness):
     ],
 )
 def test_a_mutation_of_an_effect_of_the_package_is_red(module, effect, field, wrong, monkeypatch):
-    """Springs at the ends of the travel act only beyond it: potentials are looked at there too."""
+    """Springs at the ends of the travel act only beyond it: potentials are checked there, too."""
     scene = rde.Scene(RPRP, (Gravity(), effect))
     assert energies(scene).good
     monkeypatch.setattr(module, field, wrong)
@@ -321,7 +321,7 @@ def test_scenes_of_the_package_are_good(name):
 
 
 def test_coarse_steps_do_not_open_the_book():
-    """The book is that of the scene, not of its step."""
+    """The balance is that of the scene, not of its step."""
     scene = dataclasses.replace(
         rde.load_scene("four_r_free"), integrator="euler", control_dt=0.1, tolerance=None
     )

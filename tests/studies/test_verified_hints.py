@@ -251,4 +251,4 @@ def test_a_quantity_of_an_arm_that_is_no_number_at_rest_is_red():
 
     found = {o.check: o for o in outcomes(rde.Scene(Divided((1.0,), (1.0,))))}
     assert found["numbers at rest"].verdict is Verdict.MISSED
-    assert "at rest, without efforts, Lz is no number" in found["numbers at rest"].finding.words
+    assert "at rest, without efforts, Lz is not finite" in found["numbers at rest"].finding.words

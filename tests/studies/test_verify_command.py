@@ -228,7 +228,7 @@ def test_modes_run_what_those_before_them_run():
 
 @pytest.fixture
 def few(monkeypatch):
-    """Two checks in place of all, one of which is missed."""
+    """Two checks instead of all, one of which is missed."""
     checks = tuple(
         Check(name, "tests", at_most(1.0, "m"), Mode.QUICK, FOUND[name]) for name in ("kept", "missed")
     )
@@ -281,7 +281,7 @@ def test_quick_and_full_exclude_each_other(capsys):
 
 
 def test_an_arm_an_environment_and_a_module_are_good(mine, capsys):
-    """Everything at once, as it is asked for."""
+    """All options at once."""
     words = ("FourR", "RPRPGoalReach-v0", "verify_me:stop")
     assert main(["verify", "--quick", "--states", "64", *words]) == 0
     out = capsys.readouterr().out

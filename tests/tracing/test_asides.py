@@ -1,4 +1,4 @@
-"""Results aside: what they need changes no bit of the other results."""
+"""Results aside: operations that only they need change no bit of the other results."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Traced numbers: what is recorded, what is folded, and what is refused with words that help."""
+"""Traced numbers: recorded and folded operations, and refusals with helpful words."""
 
 import contextlib
 import inspect
@@ -16,7 +16,7 @@ from redundant_envs.tracing.number import Condition, Number
 
 
 def traced(function, graph=None):
-    """What a function returns of traced arguments."""
+    """The result of a function for traced arguments."""
     graph = graph or Graph()
     count = len(inspect.signature(function).parameters)
     return function(*(Number(graph, graph.load("row", k)) for k in range(count)))

@@ -77,7 +77,7 @@ def _replay(
     env_id: str, actions: list[NDArray[np.float32]], outcome: Outcome, seed: int, repeats: int,
     kwargs: Mapping[str, Any],
 ) -> tuple[Core, dict[str, int], float]:  # fmt: skip
-    """The same steps again without policy and autoreset: numerics flags, and seconds.
+    """Run the same steps again without policy and autoreset: numerics flags, and seconds.
 
     The seconds are the sum over the steps of the best of ``repeats`` of each.
     """
@@ -92,7 +92,7 @@ def _replay(
             out = core.step(action, NO_AUTORESET)[1]
             times[i, k] = time.perf_counter() - start
             codes[k] = core.columns.of(out, "numerics")
-    codes[np.arange(len(actions))[:, None] >= outcome.steps] = 0  # what came after an episode's end
+    codes[np.arange(len(actions))[:, None] >= outcome.steps] = 0  # steps after an episode's end
     counts = {str(flag.name): int(np.count_nonzero(codes & flag)) for flag in Numerics}
     return core, {name: n for name, n in counts.items() if n}, float(times.min(axis=0).sum())
 
@@ -103,7 +103,7 @@ def held(outcome: Outcome) -> NDArray[np.bool_]:
 
 
 def stepping(scene: Scene) -> str:
-    """How a scene is stepped, in words."""
+    """The stepping of a scene, in words."""
     if scene.tolerance is not None:
         return f"{scene.integrator} to {scene.tolerance:g} m"
     if scene.integrator == "dop853":
@@ -112,7 +112,7 @@ def stepping(scene: Scene) -> str:
 
 
 def figures(evaluation: Evaluation) -> dict[str, Any]:
-    """What an evaluation alone says."""
+    """Numbers that follow from one evaluation alone."""
     scene, n, held = evaluation.scene, len(evaluation.hold), int(evaluation.hold.sum())
     low, high = wilson(held, n)
     return {

@@ -13,7 +13,7 @@ from .episodes import Evaluation
 Array = NDArray[np.float64]
 BOOTSTRAP_SEED = 0
 FEW = 10
-"""Of fewer seeds, or so few episodes, a bootstrap interval alone is not to be relied on."""
+"""With fewer seeds, or this few episodes, a bootstrap interval alone is not reliable."""
 
 
 def compare(
@@ -40,7 +40,7 @@ def compare(
 
 
 def half_from(differences: Array) -> int:
-    """How few of the differences make half of the sum of their sizes; 0 where all are 0."""
+    """Smallest number of differences that make up half of the sum of their sizes; 0 if all are 0."""
     sizes = np.sort(np.abs(differences))[::-1]
     return int(np.searchsorted(np.cumsum(sizes), 0.5 * sizes.sum()) + 1) if sizes[0] else 0
 

@@ -1,4 +1,4 @@
-"""The policy study itself: checks, trainings, episodes under each physics, and what they give."""
+"""The policy study itself: checks, trainings, episodes under each physics, and results."""
 
 from __future__ import annotations
 
@@ -34,17 +34,17 @@ with needs("train"):
 
 Row = dict[str, Any]
 EVALUATION_STEPS = 200_000
-"""Training steps that take about as long as an evaluation; for the progress bar alone."""
+"""Training steps that take about as long as an evaluation; used for the progress bar only."""
 
 
 @dataclass(frozen=True)
 class ArmResult:
-    """Everything found out about one arm.
+    """All results about one arm.
 
     Attributes
     ----------
-    policy : what the policy of the first part is, in words
-    rows : one per physics, with "refused" where the scene cannot be stepped so
+    policy : description of the policy of the first part
+    rows : one per physics, with "refused" if the scene cannot be stepped so
     episodes : physics -> its evaluation
     trained : one row per policy of the second part
     training : measure -> difference of cheap and own training
@@ -61,13 +61,13 @@ class ArmResult:
 
 @dataclass(frozen=True)
 class Plan:
-    """What is to be done for one arm, checked.
+    """The checked plan for one arm.
 
     Attributes
     ----------
     preset : training configuration
     run : folder of the policy of the first part
-    given : whether that folder is there already, and not the study's to make
+    given : whether that folder exists already, and is not made by the study
     kwargs : physics -> arguments of the environment
     refused : physics -> why this arm cannot be stepped so
     trainings : of the second part: name of the physics, configuration, run folder
@@ -89,7 +89,7 @@ class Plan:
 
 
 def plan(study: Study, name: str, folder: Path) -> Plan:
-    """Read and check all that an arm needs, before anything long is begun."""
+    """Read and check everything that an arm needs, before anything long begins."""
     arm, runs = study.arms[name], folder / "runs"
     preset = load(arm.preset)
     run = Path(arm.run) if arm.run else runs / f"{slug(name)}_policy"
@@ -97,7 +97,7 @@ def plan(study: Study, name: str, folder: Path) -> Plan:
         taken = read_config(run)
         if not (run / "policy.zip").is_file():
             raise ValueError(
-                f"arms.{name}.run is {arm.run!r}, which has no policy.zip: it is no finished run"
+                f"arms.{name}.run is {arm.run!r}, which has no policy.zip: it is not a finished run"
             )
         if (taken.env, taken.env_kwargs) != (preset.env, preset.env_kwargs):
             raise ValueError(
@@ -135,9 +135,9 @@ def plan(study: Study, name: str, folder: Path) -> Plan:
 
 
 def run_study(study: Study, folder: Path, trust: bool = False) -> list[ArmResult]:
-    """Everything the study asks for; training runs are kept in ``folder``/runs and taken up again.
+    """Run the whole study; training runs are kept in ``folder``/runs and continued.
 
-    ``trust`` is that of :func:`load_policy`.
+    ``trust`` is as in :func:`load_policy`.
     """
     plans = [plan(study, name, folder) for name in study.arms]
     results = []
@@ -230,7 +230,7 @@ def difference(study: Study, p: Plan, trained: list[Row], measure: str) -> Row:
 
 
 def check_kept(config: Config, folder: Path) -> None:
-    """Refuse a run that an earlier study left in a folder, unless it is what this one would train."""
+    """Refuse a run that an earlier study left in a folder, unless this study would train the same."""
     core = make_sb3(config.env, 1, **config.env_kwargs).core
     if read_config(folder).to_dict() != config.to_dict() or is_of_other_simulator(folder, core):
         raise ValueError(
@@ -239,16 +239,16 @@ def check_kept(config: Config, folder: Path) -> None:
 
 
 def is_of_other_simulator(folder: Path, core: Core) -> bool:
-    """Whether a run folder says that it was trained on another simulator than today's."""
+    """Whether a run folder records another simulator than today's."""
     said = read_facts(folder)["simulator"]
     return said is not None and said != simulator_hash(core)
 
 
 def ensure_trained(config: Config, folder: Path, bars: Any) -> dict[str, Any]:
-    """Train into a folder, or take what an earlier call of the same study left there."""
+    """Train into a folder, or use the run that an earlier call of the same study left there."""
     if not folder.exists():
         unfinished = folder.with_name(f"{folder.name}.unfinished")
-        if unfinished.exists():  # of a study that was stopped
+        if unfinished.exists():  # left by a study that was stopped
             shutil.rmtree(unfinished)
         train(config, unfinished, bars)
         unfinished.rename(folder)
@@ -274,7 +274,7 @@ def describe(folder: Path) -> str:
 
 
 def stamp() -> dict[str, str]:
-    """Where, when and with what the study was made."""
+    """Machine, date and versions of the study."""
     names = ("gymnasium", "stable-baselines3", "torch")
     return {**versions(), **{name.replace("-", "_"): version(name) for name in names}}
 

@@ -24,7 +24,7 @@ with needs("train"):
     from pydantic.dataclasses import dataclass as checked_dataclass
 
 STEPPING = ("integrator", "substeps", "tolerance")
-"""What a scene says about its physics being stepped."""
+"""Keys of a scene about the stepping of its physics."""
 
 
 def _accuracy(value: Any) -> str | float | None:
@@ -100,7 +100,7 @@ class StudyArm:
 
 @model
 class Study:
-    """What is compared.
+    """The comparison.
 
     Attributes
     ----------

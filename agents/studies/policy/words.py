@@ -1,4 +1,4 @@
-"""What intervals and tables of the policy study say, in words; every sentence is written from the numbers."""
+"""The results of the policy study in words; every sentence is generated from the numbers."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from .pairs import FEW
 from .settings import Study
 
 NONE, SMALL, OPEN, LARGE = "none", "small", "open", "large"
-"""What an interval says: holds 0 within the margins; within them without 0; holds 0 and more; else."""
+"""Verdicts on an interval: contains 0 within the margins; within them without 0; contains 0 and more;
+else."""
 LOOKS = {  # Okabe and Ito's colours, and a shape each
     NONE: ("#0072B2", "o", "no measurable difference"),
     SMALL: ("#009E73", "s", "measurable, within the margin"),
@@ -24,7 +25,7 @@ LOOKS = {  # Okabe and Ito's colours, and a shape each
 class Difference:
     """A mean difference, its 95 % interval, and the margin (all in one unit) that counts as narrow.
 
-    ``doubt`` says why the interval is not to be relied on; then it is taken to contain 0.
+    ``doubt`` says why the interval is not reliable; then it is taken to contain 0.
     """
 
     value: float
@@ -42,7 +43,7 @@ class Difference:
         return OPEN if zero else LARGE
 
     def sentence(self, what: str, unit: str = "") -> str:
-        """What the interval says about it; the wording follows the verdict."""
+        """The sentence about a difference; the wording follows the verdict."""
         interval = f"95 % interval {signed(self.low)} to {signed(self.high)}"
         value, size = amount(signed(self.value), unit), amount(plain(abs(self.value)), unit)
         margin, width = amount(plain(self.margin), unit), amount(plain(self.high - self.low), unit)
@@ -57,7 +58,7 @@ class Difference:
 
 
 def plain(x: float) -> str:
-    """Three digits, without an exponent where that is short."""
+    """Three digits, without an exponent if that is short."""
     return f"{x:.3g}" if x == 0.0 or 1e-4 <= abs(x) < 1e3 else f"{x:.2g}" if abs(x) < 1e-4 else f"{x:.0f}"
 
 
@@ -100,7 +101,7 @@ def hold_difference(row: Mapping[str, Any], study: Study) -> Difference:
 
 
 def return_difference(row: Mapping[str, Any], study: Study, reference: Mapping[str, Any]) -> Difference:
-    """Of the mean return; a mean that few episodes make has no interval to rely on."""
+    """Of the mean return; if few episodes dominate a mean, its interval is not reliable."""
     names = ("return_difference", "return_difference_low", "return_difference_high")
     doubt = ""
     if 0 < row["half_from"] <= FEW and not row[names[1]] <= 0.0 <= row[names[2]]:
@@ -109,7 +110,7 @@ def return_difference(row: Mapping[str, Any], study: Study, reference: Mapping[s
 
 
 def physics_sentence(row: Mapping[str, Any], reference: Mapping[str, Any], study: Study) -> str:
-    """What a physics costs the policy."""
+    """The effect of a physics on the policy."""
     if row.get("refused"):
         return f"**{row['physics']}**: this arm cannot be stepped so: {row['refused']}"
     n, flips = row["episodes"], row["lost"] + row["won"]
@@ -136,7 +137,7 @@ def physics_sentence(row: Mapping[str, Any], reference: Mapping[str, Any], study
 
 
 def trouble(row: Mapping[str, Any]) -> list[str]:
-    """What numerics did to the episodes, if anything."""
+    """The effect of numerics on the episodes, if there is any."""
     parts = []
     if row["ended"]:
         parts.append(f"Numerics end {row['ended']} episodes early, which then count as not held.")
@@ -176,7 +177,7 @@ def conclusion(rows: Sequence[Mapping[str, Any]], study: Study) -> str:
 
 
 def training_sentence(row: Mapping[str, Any], study: Study) -> str:
-    """What training under the cheap physics costs, for one measure."""
+    """The effect of training under the cheap physics, for one measure."""
     if row["measure"] == "hold_success":
         scale, margin, unit, what = 100.0, 100 * study.narrow_hold, "points", "Hold success"
     else:

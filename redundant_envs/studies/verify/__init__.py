@@ -1,8 +1,8 @@
-"""Is a motion simulated right? Checks of arms, scenes, effects, tasks and environments, and their table.
+"""Is a motion simulated correctly? Checks of arms, scenes, effects, tasks and environments, and their table.
 
 A check is a function in one of the modules of its kind; :mod:`~.report` has the table of all of them. It
-measures one number of a subject, beside what is promised of that. What is promised is what the equations keep
-in float64 for any reasonable arm, not what those of this package happen to have.
+measures one number of a subject and compares it with a promise. A promise is a bound that the equations keep
+in float64 for any reasonable arm, not the value that the arms of this package happen to have.
 """
 
 from redundant_envs.studies.verify.checks import Mode, Verdict

@@ -1,4 +1,4 @@
-"""Is a scene's step fine enough, is its tolerance kept, and has its method the order that it says?"""
+"""Is a scene's step fine enough, is its tolerance kept, and does its method have the declared order?"""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ from redundant_envs.studies.verify.conservation import (
 )
 
 ENOUGH = 1e-3
-"""Tip error of a control interval [m] that is called good enough at its 99th percentile."""
+"""Tip error of a control interval [m] that is good enough for the 99th percentile."""
 LIMIT = 2.0
-"""An estimate is no bound: an error is beyond the tolerance from here on, in units of it."""
+"""Error, in tolerances, from which on the tolerance counts as missed, since an estimate is no bound."""
 MISSED = 1e-3
-"""Share of the states that may be beyond it without a flag.
+"""Share of the states that may miss the tolerance without a flag.
 
-Scenes of the package miss none of a million (``study intervals``). Of a strong damper that does not say so an
-estimate of high order is blind: then some of a hundred are missed, and some of ten.
+Scenes of the package miss none of a million (``study intervals``). An estimate of high order does not see a
+strong damper that is not declared: then some intervals of a hundred, or even some of ten, are missed.
 """
 SURE = 0.1
-"""States are judged where both references agree to this, in units of the tolerance."""
+"""States are judged if both references agree to this, in units of the tolerance."""
 
 
 class Interval(NamedTuple):
@@ -69,7 +69,8 @@ def own_interval(trial: Trial) -> Interval:
 
 
 def tip_errors(trial: Trial) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Tip errors at the scene's own step, differences of the two references, m, and whether those hold."""
+    """Tip errors at the scene's own step, differences of the two references, m, and whether these are
+    valid."""
     whole, parts = trial.shared(exact_whole), trial.shared(exact_in_parts)
     own, first, second = (
         trial.arm.forward_kinematics(x.q) for x in (trial.shared(own_interval), whole, parts)
@@ -95,7 +96,7 @@ def own_step(trial: Trial) -> Finding:
 
 @check("energy of the own step", nothing("J, 99 % of the states"), Mode.QUICK)
 def own_energy(trial: Trial) -> Finding:
-    """How far kinetic + potential - work changes over a control interval at the scene's own step."""
+    """Change of kinetic + potential - work over a control interval at the scene's own step."""
     q, qd, _ = trial.states
     own = trial.shared(own_interval)
     gap = np.abs(energy_changes(trial.scene, q, qd, own.q, own.qd, own.work)[0])
@@ -104,7 +105,7 @@ def own_energy(trial: Trial) -> Finding:
 
 
 FLAGGED = at_most(0.05, "of the states")
-"""Intervals end with a flag where a state is wild. Of the scenes of the package none does."""
+"""Largest share of intervals with a flag. Extreme states cause flags; scenes of the package have none."""
 
 
 @check("intervals without a flag", FLAGGED, Mode.QUICK)
@@ -145,18 +146,19 @@ def tolerance_kept(trial: Trial) -> Finding:
 
 LANES = 64
 FINE, SHARE = 1e-11, 0.75
-"""The error of the finer steps from which an order is told, in radians and reaches: far above rounding, and
-so small that the next order of the method adds little; and the quantile of the states. In an arm of very
-unequal links some motions change faster than any step that rounding allows, and show less."""
+"""Error of the finer steps at which the order is measured, in radians and reaches: far above rounding, and so
+small that the next order of the method adds little; and the quantile of the states. In an arm with very
+unequal links some motions change faster than any step that rounding allows, and show a lower order."""
 CALM, GROWTH = 3.0, 1.25
-"""Longest step that is tried, in units of the time in which a state stays calm: rounding grows beyond it; and
-the ratio of those that are tried in turn."""
+"""Longest step that is tried, in units of the time in which a state stays calm, since rounding grows beyond
+it; and the ratio of successive steps that are tried."""
 SHORT_OF = 0.3
-"""How far below the method's order the measured one may be: with a finite step the next order has a share."""
+"""Tolerated difference of the measured order from the method's: at a finite step the next order
+contributes."""
 
 
 def smooth_scene(trial: Trial, integrator: str) -> Scene:
-    """The scene's arm in a vertical plane, with a step of a method: no kink hides its order."""
+    """The scene's arm in a vertical plane, with a step of a method, so that no kink hides its order."""
     return Scene(trial.scene.robot, (Gravity(),), integrator, trial.scene.control_dt)
 
 
@@ -171,7 +173,7 @@ def order(trial: Trial) -> Finding:
     if name == "dop853":
         raise NotApplicable("dop853 chooses its steps itself")
     q, qd, efforts = (x[:LANES] for x in trial.states)
-    # Of an angle of many turns rounding would be all that is seen.
+    # With an angle of many turns only rounding would be measured.
     q = np.where(trial.arm.prismatic, q, np.remainder(q, 2.0 * np.pi))
     unit = np.where(trial.arm.prismatic, np.linalg.norm(trial.arm.points(q), axis=2).max(), 1.0)
 
@@ -184,7 +186,7 @@ def order(trial: Trial) -> Finding:
             batch.advance_partly(efforts, seconds / steps)
         return batch.q @ trial.scene.robot.motor_map / unit
 
-    # Each state at the step from which it first has that error: some are much faster than others.
+    # For each state the first step with that error: some are much faster than others.
     found, seconds, longest = np.full(len(q), np.nan), 1e-7, CALM * trial.calm[: len(q)]
     while seconds < longest.max() and np.isnan(found).any():
         exact = moved("rk8", 8, seconds)

@@ -1,4 +1,4 @@
-"""Are bits independent of what must not matter: batch, place, neighbours, threads, copies, snapshots?"""
+"""Are bits independent of the batch, the index in it, neighbours, threads, copies and snapshots?"""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ INTERVALS = 3
 
 
 def batch_of(trial: Trial, lanes: Array, threads: int = 1) -> BatchSimulator:
-    """A batch whose lanes have the states of these numbers, taken in turn."""
+    """A batch whose lanes have the states with these indices, in this order."""
     q, qd, _ = trial.states
     batch = BatchSimulator(trial.scene, len(lanes), threads, track_work=True)
     batch.set_state(q[lanes % len(q)], qd[lanes % len(q)])
@@ -37,7 +37,7 @@ def batch_of(trial: Trial, lanes: Array, threads: int = 1) -> BatchSimulator:
 
 
 def numbers(batch: Any) -> Array:
-    """All that a batch shows of its lanes, as whole numbers that tell every bit, (lanes, ...)."""
+    """All outputs of a batch for its lanes, as whole numbers that show every bit, (lanes, ...)."""
     table = np.concatenate([batch.q, batch.qd, batch.z, batch.work[:, None]], axis=1)
     table[np.isnan(table)] = np.nan  # one of many
     return np.ascontiguousarray(table).view(np.int64)
@@ -59,7 +59,7 @@ def alone(trial: Trial) -> Array:
 
 
 def differing(trial: Trial, found: Array, lanes: Array, what: str) -> Finding:
-    """How many lanes have other bits than those of the same states in :func:`alone`."""
+    """Number of lanes whose bits differ from those of the same states in :func:`alone`."""
     other = (found != trial.shared(alone)[lanes]).any(axis=1)
     count = int(other.sum())
     where = f"state {lanes[int(np.argmax(other))]}" if count else ""
@@ -68,18 +68,18 @@ def differing(trial: Trial, found: Array, lanes: Array, what: str) -> Finding:
 
 @check("bits: batch and place", EQUAL_BITS, Mode.QUICK)
 def place(trial: Trial) -> Finding:
-    """A lane has the same bits in another place, and in batches of 1, of 8 and of 9."""
+    """A lane has the same bits at another index, and in batches of 1, of 8 and of 9."""
     order = np.random.default_rng(trial.seed).permutation(LANES)
     found, lanes = [run(trial, batch_of(trial, order), order)], [order]
     for some in (order[:1], order[1:9], order[9:18]):
         found.append(run(trial, batch_of(trial, some), some))
         lanes.append(some)
-    return differing(trial, np.concatenate(found), np.concatenate(lanes), "in another place or batch")
+    return differing(trial, np.concatenate(found), np.concatenate(lanes), "at another index or batch size")
 
 
 @check("bits: neighbours", EQUAL_BITS, Mode.QUICK)
 def neighbours(trial: Trial) -> Finding:
-    """A lane has the same bits beside others, some of them beyond all numbers."""
+    """A lane has the same bits beside others, some of which are not finite."""
     lanes = np.arange(LANES)
     batch, own = batch_of(trial, lanes), lanes % 2 == 0
     others = np.flatnonzero(~own)
@@ -104,7 +104,7 @@ def threads(trial: Trial) -> Finding:
 
 @check("bits: parameters of lanes", EQUAL_BITS)
 def parameters(trial: Trial) -> Finding:
-    """Lanes with numbers of their own, that are those of the scene, have the same bits."""
+    """Lanes whose own numbers are equal to those of the scene have the same bits."""
     lanes = np.arange(LANES)
     batch = batch_of(trial, lanes)
     masses = np.array(trial.scene.robot.masses)
@@ -124,7 +124,7 @@ def _continued(trial: Trial, remade: Callable[[BatchSimulator], Any], what: str)
 
 @check("bits: copies", EQUAL_BITS, Mode.QUICK)
 def copies(trial: Trial) -> Finding:
-    """A copy goes on to the same bits, whatever becomes of the original."""
+    """A copy continues to the same bits, whatever happens to the original."""
 
     def copied(batch: BatchSimulator) -> BatchSimulator:
         made = copy.deepcopy(batch)
@@ -136,7 +136,7 @@ def copies(trial: Trial) -> Finding:
 
 @check("bits: pickles", EQUAL_BITS)
 def pickles(trial: Trial) -> Finding:
-    """A pickle goes on to the same bits."""
+    """A pickle continues to the same bits."""
 
     def pickled(batch: BatchSimulator) -> Any:
         try:
@@ -150,7 +150,7 @@ def pickles(trial: Trial) -> Finding:
 
 @check("bits: snapshots", EQUAL_BITS, Mode.QUICK)
 def snapshots(trial: Trial) -> Finding:
-    """A snapshot is taken back by a batch that has moved on, and by a new one with other numbers."""
+    """A snapshot is restored by a batch that has advanced, and by a new one with other numbers."""
 
     def restored(batch: BatchSimulator) -> BatchSimulator:
         snapshot = batch.save()
@@ -173,7 +173,7 @@ def snapshots(trial: Trial) -> Finding:
 # ---- the record ------------------------------------------------------------------------------------
 
 RECORDED = {Mode.QUICK: ("4R all rk8",), Mode.STANDARD: recorded_bits.SHORT, Mode.FULL: None}
-"""Recorded motions that each mode looks at; None is all."""
+"""Recorded motions that each mode checks; None means all."""
 
 
 @check("record of bits", Promise(0.0, "motions differ", "equal bits"), Mode.QUICK)

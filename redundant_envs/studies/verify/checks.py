@@ -1,4 +1,4 @@
-"""A check, what it promises, what was found, and the table of all checks of a subject."""
+"""A check, its promise, its finding, and the table of all checks of a subject."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from redundant_envs.studies.verify.subjects import Subject
 Array = NDArray[Any]
 
 ROUNDING = 32 * np.finfo(np.float64).eps
-"""Of a quantity that differences are taken of, in units of itself."""
+"""Rounding error of a quantity of which differences are taken, relative to the quantity."""
 ENOUGH_SMOOTH = 0.5
 """Share of the states that must be smooth, and of the intervals that must be judged."""
 
 
 class Mode(enum.IntEnum):
-    """How much is checked; each mode runs what those before it run."""
+    """Extent of the checks; each mode includes the ones before it."""
 
     QUICK = 0
     STANDARD = 1
@@ -36,7 +36,7 @@ class Mode(enum.IntEnum):
 
 
 STATES = {Mode.QUICK: 256, Mode.STANDARD: 1024, Mode.FULL: 8192}
-"""Random states of each mode, where the command names no number."""
+"""Number of random states of each mode, unless the command gives one."""
 
 
 class Verdict(enum.Enum):
@@ -48,7 +48,7 @@ class Verdict(enum.Enum):
 
 
 class NotApplicable(Exception):
-    """A check says nothing about a subject; the message is the reason."""
+    """A check does not apply to a subject; the message is the reason."""
 
 
 class NotRun(Exception):
@@ -57,14 +57,14 @@ class NotRun(Exception):
 
 @dataclass(frozen=True)
 class Promise:
-    """What a number must be.
+    """Condition on a number.
 
     Parameters
     ----------
     bound : float
-        NaN where nothing is promised.
+        NaN if nothing is promised.
     unit : str
-        "" of a ratio.
+        "" for a ratio.
     relation : {"at most", "at least", "equal bits", ""}
         "equal bits" counts the lanes that differ, and promises none.
     """
@@ -74,7 +74,7 @@ class Promise:
     relation: str
 
     def holds(self, found: float) -> bool:
-        """Whether a number is as promised; what is no number is not."""
+        """Whether a number is as promised; NaN never is."""
         return found >= self.bound if self.relation == "at least" else found <= self.bound
 
     def __str__(self) -> str:
@@ -95,13 +95,13 @@ EQUAL_BITS = Promise(0.0, "lanes differ", "equal bits")
 
 
 def nothing(unit: str) -> Promise:
-    """Of a number that is measured, and judged by nobody but the reader."""
+    """Promise for a number that is only measured; its judgement is left to the reader."""
     return Promise(math.nan, unit, "")
 
 
 @dataclass(frozen=True)
 class Finding:
-    """A number, and where it was found.
+    """A number, and the state in which it was found.
 
     Attributes
     ----------
@@ -109,7 +109,7 @@ class Finding:
     where : str
         State and joint of the worst case.
     words : str
-        What is wrong if the promise is missed, or what a reader of a measured number should do.
+        The fault, if the promise is missed, or advice for a reader of a measured number.
     """
 
     found: float
@@ -119,13 +119,13 @@ class Finding:
 
 @dataclass(frozen=True)
 class Check:
-    """A function that measures a subject, and what is promised of its result.
+    """A function that measures a subject, and the promise about its result.
 
     Attributes
     ----------
     name, family : str
-    promise : Promise, or a function of the trial that gives one
-    mode : the least mode in which it runs
+    promise : Promise, or a function of the trial that returns one
+    mode : the smallest mode in which it runs
     measure : function of a :class:`Trial`; it raises :class:`NotApplicable` or :class:`NotRun` with a reason
     """
 
@@ -136,7 +136,7 @@ class Check:
     measure: Callable[[Trial], Finding]
 
     def run(self, trial: Trial) -> Outcome:
-        """The outcome for a subject; an error of the subject's own code is a miss that tells it."""
+        """The outcome for a subject; an error of the subject's own code is a miss whose text reports it."""
         promise = nothing("")
         try:
             promise = self.promise(trial) if callable(self.promise) else self.promise
@@ -146,7 +146,7 @@ class Check:
             return self._outcome(trial, promise, Verdict.NOT_APPLICABLE, Finding(math.nan, "", str(reason)))
         except (NotRun, MissingPackage) as reason:
             return self._outcome(trial, promise, Verdict.NOT_RUN, Finding(math.nan, "", str(reason)))
-        except Exception as error:  # code of users may fail in any way, and the other checks go on
+        except Exception as error:  # code of users may raise any error, and the other checks continue
             kind = "" if isinstance(error, ValueError) else f"{type(error).__name__}: "
             words = f"it could not be measured: {kind}{error}"
             return self._outcome(trial, promise, Verdict.MISSED, Finding(math.nan, "", words))
@@ -162,7 +162,7 @@ class Check:
 def check(
     name: str, promise: Promise | Callable[[Trial], Promise], mode: Mode = Mode.STANDARD
 ) -> Callable[[Callable[[Trial], Finding]], Check]:
-    """Make a check of a function; :func:`checks_of` finds it in its module."""
+    """Turn a function into a check; :func:`checks_of` finds it in its module."""
 
     def made(measure: Callable[[Trial], Finding]) -> Check:
         return Check(name, measure.__module__.rpartition(".")[2], promise, mode, measure)
@@ -171,13 +171,13 @@ def check(
 
 
 def checks_of(*modules: Any) -> tuple[Check, ...]:
-    """The checks of some modules, in the order in which they stand there."""
+    """The checks of some modules, in the order of their definitions."""
     return tuple(x for module in modules for x in vars(module).values() if isinstance(x, Check))
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """A line of the table: what was promised of a subject, and what was found."""
+    """A line of the table: promise and finding for a subject."""
 
     subject: str
     family: str
@@ -189,7 +189,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Trial:
-    """A subject and the random states at which it is looked at; checks share what they measure.
+    """A subject and its random states; checks share intermediate results.
 
     Parameters
     ----------
@@ -217,7 +217,7 @@ class Trial:
 
     @property
     def arm(self) -> Arm:
-        """The arm with what effects add to it."""
+        """The arm with the masses and inertias that effects add."""
         return self.scene.loaded_robot
 
     @cached_property
@@ -228,12 +228,12 @@ class Trial:
 
     @cached_property
     def poses(self) -> tuple[Array, Array]:
-        """Coordinates and velocities wherever the arm can be, (up to count, joints) each."""
+        """Coordinates and velocities in all regions that the arm can reach, (up to count, joints) each."""
         return random_poses(self.scene, self.count, self.seed)
 
     @cached_property
     def square(self) -> Array:
-        """The poses with joint angles that are multiples of a right angle: straight, folded and square."""
+        """The poses whose joint angles are multiples of a right angle: straight, folded and square."""
         arm = self.scene.robot
         joints = self.poses[0] @ arm.motor_map
         turns = np.random.default_rng(self.seed + 4).integers(0, 4, joints.shape)
@@ -243,7 +243,8 @@ class Trial:
     @cached_property
     def calm(self) -> Array:
         """The longest time of each state, (count,) s, in which no joint turns by more than a radian or slides
-        by more than the reach, at its rate or from rest at its acceleration: rounding hardly grows in it."""
+        by more than the reach, at its rate or from rest at its acceleration: rounding hardly grows within
+        it."""
         q, qd, efforts = self.states
         B = self.scene.robot.motor_map
         reach = np.linalg.norm(self.arm.points(q), axis=2).max()
@@ -255,12 +256,12 @@ class Trial:
 
     @cached_property
     def calm_scene(self) -> Scene:
-        """The scene, with an interval that is calm at half of the states at least."""
+        """The scene, with an interval that is calm for at least half of the states."""
         seconds = min(self.scene.control_dt, float(np.median(self.calm)))
         return dataclasses.replace(self.scene, control_dt=seconds)
 
     def shared(self, make: Callable[[Trial], Any]) -> Any:
-        """What a function makes of this trial: made once."""
+        """The result of a function for this trial, computed once."""
         if make not in self._kept:
             self._kept[make] = make(self)
         return self._kept[make]
@@ -279,7 +280,7 @@ class Trial:
 
 
 def ratio(difference: Any, scale: Any) -> Array:
-    """A difference in units of a scale; where the scale is 0, 0 or infinite."""
+    """A difference in units of a scale; if the scale is 0, it is 0 or infinite."""
     difference, scale = np.broadcast_arrays(np.abs(difference), scale)
     with np.errstate(all="ignore"):
         return np.where(scale > 0.0, difference / scale, np.where(difference == 0.0, 0.0, np.inf))

@@ -1,4 +1,4 @@
-"""The command: tables of what was found, on standard output and in files."""
+"""The command: tables of results, on standard output and in files."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from redundant_envs.studies.verify.subjects import subjects_of
 def run(
     words: Sequence[str], states: int | None, mode: str, json_file: Path | None, markdown_file: Path | None
 ) -> int:
-    """Verify what some words name; 1 if a promise is broken.
+    """Verify the subjects of some words; returns 1 if a promise is broken.
 
     Parameters
     ----------
     words : sequence of str
-        All named scenes if there is none.
+        Without any, all named scenes.
     states : int, optional
-        Random states; by default as many as the mode has.
+        Number of random states; by default that of the mode.
     mode : {"quick", "standard", "full"}
     json_file, markdown_file : Path, optional
-        Files to be written as well.
+        Files to be written, too.
     """
     chosen, subjects = Mode[mode.upper()], subjects_of(words)
     if states is not None and states < 1:
@@ -62,7 +62,7 @@ def _show(title: str, found: Report) -> None:
 
 
 def _progress(subjects: int, checks: int) -> report.Done:
-    """Told of each check; in a file a line for each would be too many, and each subject has one."""
+    """Progress callback for each check; if output goes to a file, there is only one line per subject."""
     terminal = sys.stderr.isatty()
     each = 1 if terminal else checks
     bar = Progress("verify", (subjects * checks + len(OF_THE_MACHINE)) // each)
@@ -78,7 +78,7 @@ def _progress(subjects: int, checks: int) -> report.Done:
 
 
 def compare_bits(everything: bool) -> int:
-    """Say whether recorded motions have the same bits on this machine; 1 if one has not."""
+    """Print whether recorded motions have the same bits on this machine; returns 1 if one differs."""
     names = list(recorded_bits.RECORDED if everything else recorded_bits.SHORT)
     expected, same, progress = recorded_bits.recorded(), 0, Progress("recorded bits", len(names))
     for name in names:

@@ -1,4 +1,4 @@
-"""Is energy booked right along motions, and is momentum kept?"""
+"""Is the energy balance closed along motions, and is momentum kept?"""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ from redundant_envs.studies.verify.checks import (
 )
 from redundant_envs.studies.verify.equations import added_inertia, equations_at, from_points, slopes
 
-# ---- the energy book -----------------------------------------------------------------------------
+# ---- the energy balance --------------------------------------------------------------------------
 
 OPEN = 1e-9
-"""Largest gap of the energy book, in units of the energies that change hands: forty times what dop853 leaves
-in scenes of all effects (2e-11), and far below what a wrong booking does."""
+"""Largest gap of the energy balance, in units of the exchanged energies: forty times the error of dop853 in
+scenes of all effects (2e-11), and far below the effect of a wrong term."""
 SAME = 0.1
 """Gaps that differ by no more than this, in units of ``OPEN``, when the interval is simulated whole and in
-parts, are of the booking. Steps across a kink, such as that of a stiff spring, leave gaps of their own, and
-their states say nothing."""
+parts, come from the balance itself. Steps across a kink, such as that of a stiff spring, cause gaps of their
+own, and their states are not judged."""
 PARTS, EQUAL_STEPS = 3, 32
 
 
@@ -46,7 +46,7 @@ class Crossing(NamedTuple):
     ----------
     q, qd : (n, joints)
     work : (n,) J
-    good : (n,) whether there was no trouble
+    good : (n,) whether there was no fault
     """
 
     q: Array
@@ -87,9 +87,9 @@ def calm_in_parts(trial: Trial) -> Crossing:
 
 
 def exact_in_parts(trial: Trial) -> Crossing:
-    """The same interval by other steps, of which the scene's own is none.
+    """The same interval with other steps, different from the scene's own.
 
-    Where effects renew their states at the end of an interval it cannot be parted, and has equal steps.
+    If effects update their states at the end of an interval, it cannot be divided, and has equal steps.
     """
     if all(state.update is None for state in trial.scene.states().values()):
         return crossed(trial.scene, *trial.states, PARTS)
@@ -101,7 +101,7 @@ def exact_in_parts(trial: Trial) -> Crossing:
 def energy_changes(
     scene: Scene, q: Array, qd: Array, new_q: Array, new_qd: Array, work: Array
 ) -> tuple[Array, Array, Array]:
-    """Change of kinetic + potential - work, the energies that change hands, those stored; (n,) each, J."""
+    """Change of kinetic + potential - work, exchanged energies, stored energies; (n,) each, J."""
     kinetic = [kinetic_energy(scene, *state) for state in ((q, qd), (new_q, new_qd))]
     potential = [potential_energy(scene, x) for x in (q, new_q)]
     gained = potential[1] - potential[0]
@@ -112,9 +112,9 @@ def energy_changes(
 
 @check("energy book", at_most(OPEN), Mode.QUICK)
 def energy_book(trial: Trial) -> Finding:
-    """Kinetic + potential - work is constant over a control interval, in units of the energies at hand.
+    """Kinetic + potential - work is constant over a control interval, in units of the energies involved.
 
-    Where half of the motions are too wild for an interval, over a shorter one.
+    If half of the motions are too fast for an interval, a shorter one is used.
     """
     q, qd, _ = trial.states
     whole, parts = trial.shared(calm_whole), trial.shared(calm_in_parts)
@@ -143,10 +143,10 @@ def energy_book(trial: Trial) -> Finding:
 # ---- momentum ------------------------------------------------------------------------------------
 
 ADRIFT = 1e-9
-"""Largest change of a momentum, in units of the parts it is the sum of: forty times what dop853 leaves of a
-control interval, as of the energy book."""
+"""Largest change of a momentum, in units of the sum of the sizes of its parts: forty times the error of
+dop853 over a control interval, as for the energy balance."""
 MOVE, RIGID = 0.5, 1e-9
-"""A joint that moves the whole arm by this, rad or m, changes its inertia by no more than that."""
+"""If a joint moves the whole arm by the first number, rad or m, its inertia changes by at most the second."""
 
 
 def at_base(trial: Trial) -> Array:
@@ -160,8 +160,8 @@ def at_base(trial: Trial) -> Array:
 def momentum(trial: Trial) -> Finding:
     """Without a field, and with motors at all joints but the first, the momentum along that is kept.
 
-    It turns the whole arm about the base, or slides it: that changes no inertia. The momentum is taken from
-    the point masses, with what effects add to them.
+    It turns the whole arm about the base, or slides it, which changes no inertia. The momentum is computed
+    from the point masses, including the masses that effects add.
     """
     q, qd, efforts = trial.states
     e, base = trial.shared(from_points), at_base(trial)
@@ -193,7 +193,7 @@ def momentum(trial: Trial) -> Finding:
 
 
 def _momentum(M: Array, qd: Array, base: Array) -> Array:
-    """The momentum of the first joint, and the sum of its parts without their signs, (n, 2)."""
+    """The momentum of the first joint, and the sum of the sizes of its parts, (n, 2)."""
     total = np.einsum("nij,j,ni->n", M, base, qd)
     size = np.einsum("nij,j,ni->n", np.abs(M), np.abs(base), np.abs(qd))
     return np.stack([total, size], axis=1)

@@ -1,7 +1,7 @@
-"""Does MuJoCo, an engine with equations of its own, agree?
+"""Does MuJoCo, an engine with independent equations, agree?
 
-Its model is made of what the point masses do when a joint moves, in one pose: where each joint is, how it
-turns or slides, and what it carries.
+Its model is made from the displacements of the point masses when a joint moves, in one pose: they show the
+position of each joint, whether it turns or slides, and the masses that it carries.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ AGREE = at_most(1e-9)
 """Residual of MuJoCo's equations of motion, in units of its terms, and the difference of mass matrices in
 units of their diagonals: MuJoCo rounds poses of bodies, some 1e-14 of the reach in each joint."""
 SMALLEST = 1e-14
-"""Moment of inertia of a body: MuJoCo wants one above zero."""
+"""Moment of inertia of a body, which MuJoCo requires to be positive."""
 LARGEST = 1e6
 """Smallest entry on the diagonal of the mass matrix, in MuJoCo's unit of mass: beside it that inertia is
 below rounding. Equations of motion do not know the unit."""
 MOVED = 1e-9
-"""Of the largest displacement: a mass that moves less with a joint is not carried by it."""
+"""Fraction of the largest displacement: a mass that moves less with a joint is not carried by it."""
 STATES = 64
 
 
@@ -48,33 +48,33 @@ def model_of(arm: Any, unit: float, slopes: Array, points: Array) -> Any:
     with needs("verify"):
         import mujoco
     joints, inverse = len(arm.joints), np.linalg.inv(arm.motor_map)
-    moved = np.einsum("paj,kj->pka", slopes, inverse)  # of each point by each joint
+    moved = np.einsum("paj,kj->pka", slopes, inverse)  # displacement of each point by each joint
     carried = np.linalg.norm(moved, axis=2) > MOVED * np.abs(moved).max()
     text, closing, small = "", "", " ".join([repr(SMALLEST)] * 3)
     for k in range(joints):
         if not carried[:, k].any():
             raise NotApplicable(f"{arm.joints[k]} moves no mass")
         if (carried[:, k:].any(axis=1) & ~carried[:, k]).any():
-            raise NotApplicable("a mass moves with a joint and not with those before it: this is no chain")
+            raise NotApplicable("a mass moves with a joint and not with those before it: this is not a chain")
         p = int(np.flatnonzero(carried[:, k])[-1])
         x, y = points[p].tolist()
         dx, dy = moved[p, k].tolist()
         if arm.prismatic[k]:
             joint = f'type="slide" axis="{dx!r} {dy!r} 0"'
             expected = np.broadcast_to((dx, dy), points.shape)
-        else:  # a point turns about the place from which its displacement is seen at a right angle
+        else:  # a point turns about a centre in the direction normal to its displacement
             joint = f'type="hinge" axis="0 0 1" pos="{x - dy!r} {y + dx!r} 0"'
             expected = np.stack([y + dx - points[:, 1], points[:, 0] - x + dy], axis=1)
         apart = np.abs(moved[:, k] - expected)[carried[:, k]].max()
         if not apart <= MOVED * np.abs(moved).max():
-            raise NotApplicable(f"{arm.joints[k]} moves masses against each other: this is no chain")
+            raise NotApplicable(f"{arm.joints[k]} moves masses against each other: this is not a chain")
         text += f'<body><joint name="j{k}" {joint}/>'
         own = carried[:, k] & ~carried[:, k + 1 :].any(axis=1)
         for i in np.flatnonzero(own):
             place = " ".join(map(repr, (*points[i].tolist(), 0.0)))
             text += f'<body pos="{place}"><inertial pos="0 0 0" mass="{arm.masses[i] / unit!r}" '
             text += f'diaginertia="{small}"/><site name="p{i}"/></body>'
-        # A body with a joint has a mass of its own in MuJoCo; this one is below rounding.
+        # In MuJoCo a body with a joint needs a mass; this one is below rounding.
         text += f'<inertial pos="{x!r} {y!r} 0" mass="{SMALLEST!r}" diaginertia="{small}"/>'
         closing += "</body>"
     return mujoco.MjModel.from_xml_string(
@@ -91,7 +91,7 @@ def compared(trial: Trial) -> Compared:
     """
     arm, e = trial.arm, trial.shared(from_points)
     q, qd, _ = trial.states
-    # The pose whose joints are told best: of those with a carried mass farthest from its joint.
+    # The pose that determines the joints best: the one with carried masses farthest from their joints.
     lever = np.linalg.norm(np.einsum("npaj,kj->npka", e.slopes, np.linalg.inv(arm.motor_map)), axis=3)
     pose = int(np.argmax(lever.max(axis=1).min(axis=1)))
     unit = float((e.scale**2).min()) / LARGEST
@@ -118,7 +118,7 @@ def compared(trial: Trial) -> Compared:
 
 @check("MuJoCo: mass matrix and tip", AGREE)
 def mass_matrix(trial: Trial) -> Finding:
-    """M and the tip of random poses, from a model made in one."""
+    """M and the tip in random poses, from a model made in one pose."""
     theirs, arm, e = trial.shared(compared), trial.arm, trial.shared(from_points)
     q, B = trial.states[0][: len(theirs.M)], arm.motor_map
     own = arm.mass_matrix(q)

@@ -1,4 +1,4 @@
-"""Do environments keep their contract: the rules of vectors, and the bits of single ones?"""
+"""Do environments keep their contract: the rules of vectors, and the bits of single environments?"""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from redundant_envs.studies.verify.checks import (
 
 LANES, STEPS, SHORT_EPISODE = 9, 12, 5
 MANY, WHOLE = 64, 200
-"""Lanes and steps in which actions do their worst."""
+"""Number of lanes and steps with extreme actions."""
 RULES = Promise(0.0, "rules broken", "at most")
 
 
 def _arguments(trial: Trial) -> dict[str, Any]:
     if trial.subject.env_id is None:
-        raise NotApplicable("this is no environment")
+        raise NotApplicable("this is not an environment")
     return {} if trial.subject.task is None else {"task": dict(trial.subject.task)}
 
 
@@ -43,7 +43,7 @@ def _actions(trial: Trial, env: Any) -> Any:
 
 
 def _bits(*tables: Any) -> list[bytes]:
-    """Each lane's bits in some tables, those of dictionaries too."""
+    """Each lane's bits in some tables, including those of dictionaries."""
     flat = [v for x in tables for v in (x.values() if isinstance(x, dict) else (x,))]
     return [b"".join(np.asarray(x)[lane].tobytes() for x in flat) for lane in range(len(flat[0]))]
 
@@ -74,8 +74,8 @@ def rules(trial: Trial) -> Finding:
 
 @check("environment: ranges", Promise(0.0, "steps", "at most"), Mode.QUICK)
 def ranges(trial: Trial) -> Finding:
-    """Under the largest actions and under none observations stay in their space, and rewards and metrics are
-    numbers."""
+    """Under the largest actions and under none, observations stay in their space, and rewards and metrics are
+    finite."""
     _arguments(trial)
     outside = without = 0
     named: set[str] = set()
@@ -96,14 +96,14 @@ def ranges(trial: Trial) -> Finding:
     what = ", ".join(sorted(named)) or "rewards"
     words = (
         f"of {2 * (WHOLE + 1)} resets and steps of {MANY} lanes {outside} have observations outside their "
-        f"space, and in {without} rewards or metrics ({what}) are no numbers; the "
+        f"space, and in {without} rewards or metrics ({what}) are not finite; the "
         "task's functions must give -1 to 1, and finite rewards and metrics, always"
     )
     return Finding(outside + without, "", words)
 
 
 def _without_number(infos: Any) -> Iterator[str]:
-    """Names of the entries of infos that are not finite in a lane that has them; masks say which have."""
+    """Names of the entries of infos that are not finite in a lane that has them, according to the masks."""
     for name, value in infos.items():
         if isinstance(value, dict):
             yield from _without_number(value)
@@ -115,14 +115,14 @@ def _without_number(infos: Any) -> Iterator[str]:
 
 @check("environment: single and vector", EQUAL_BITS, Mode.QUICK)
 def single(trial: Trial) -> Finding:
-    """Environment i of a vector has the bits of the single one with seed s + i."""
+    """Environment i of a vector has the bits of the single environment with seed s + i."""
     own, lanes = _arguments(trial), 3
     many = _vector(trial, lanes)
     actions = _actions(trial, many)[:SHORT_EPISODE]
     first = many.reset(seed=7)[0]
     vectors = [(first,), *(many.step(a)[:4] for a in actions)]
     together = [_bits(*tables) for tables in vectors]
-    alone = [list(step) for step in together]  # after its end a lane is compared no more
+    alone = [list(step) for step in together]  # after its end a lane is no longer compared
     for i in range(lanes):
         env = gym.make(str(trial.subject.env_id), max_episode_steps=SHORT_EPISODE, **own)
         alone[0][i] = _bits(*_wide(env.reset(seed=7 + i)[:1]))[0]
@@ -137,7 +137,7 @@ def single(trial: Trial) -> Finding:
 
 
 def _wide(values: Iterable[Any]) -> list[Any]:
-    """What a single environment returns, as a vector of one would."""
+    """The outputs of a single environment in the form of a vector of one."""
     kinds: Any = (None, np.float64, np.bool_, np.bool_)
     return [
         {k: v[None] for k, v in x.items()} if isinstance(x, dict) else np.asarray(x, kind)[None]
@@ -147,7 +147,7 @@ def _wide(values: Iterable[Any]) -> list[Any]:
 
 @check("environment: states", EQUAL_BITS, Mode.QUICK)
 def states(trial: Trial) -> Finding:
-    """``get_state`` and ``set_state`` go on to the same bits, through the ends of episodes."""
+    """``get_state`` and ``set_state`` continue to the same bits, across the ends of episodes."""
     env = _vector(trial, autoreset_mode="same_step")
     env.reset(seed=3)
     actions = _actions(trial, env)
@@ -162,7 +162,7 @@ def states(trial: Trial) -> Finding:
 
 @check("environment: copies", EQUAL_BITS)
 def copies(trial: Trial) -> Finding:
-    """A copy goes on to the same bits, whatever becomes of the original."""
+    """A copy continues to the same bits, whatever happens to the original."""
     env = _vector(trial)
     env.reset(seed=4)
     actions = _actions(trial, env)

@@ -1,6 +1,6 @@
-"""Do the equations of an arm belong together? Each is found again from the point masses.
+"""Are the equations of an arm consistent? Each is derived again from the point masses.
 
-The equations are run on numbers with derivatives, so what is compared is exact to rounding. Forces and
+The equations are run on numbers with derivatives, so comparisons are exact to rounding. Forces and
 inertias are compared in units in which the mass matrix has ones on its diagonal: neither the unit of a joint
 nor a light link at the end of a heavy arm hides a mistake. Sums of at most ten joints in float64, whose terms
 may cancel, lose some 1e-14 in these units; sines of joint angles that a user's equations add up lose as much.
@@ -33,17 +33,17 @@ from redundant_envs.studies.verify.checks import (
 )
 
 AGREE = at_most(1e-10)
-"""A thousand times and more what rounding leaves, and a thousandth of what the smallest mistake in a formula
-makes: a factor, a sign, an index."""
+"""At least a thousand times the rounding errors, and a thousandth of the smallest mistake in a formula: a
+factor, a sign, an index."""
 LEAST = 1e-4
-"""Forces of the motion itself are compared with at least this share of what its energy could make: a single
-link has none of them, and sums over its point mass leave rounding."""
+"""Bias forces are compared with at least this share of the forces that the kinetic energy could cause: a
+single link has no bias forces, and sums over its point mass leave rounding."""
 TILTED = {"ax": 5.0, "ay": 9.81}
 """A field that is not vertical, m/s^2."""
 
 
 class Equations(NamedTuple):
-    """What follows from the point masses alone, at the states of a trial.
+    """Quantities that follow from the point masses alone, at the states of a trial.
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ def entries(letter: str, rows: int, columns: int) -> list[str]:
 
 
 def added_inertia(trial: Trial) -> Array:
-    """What effects add to the mass matrix beside masses, (joints, joints)."""
+    """Inertias that effects add to the mass matrix beside masses, (joints, joints)."""
     arm = trial.scene.robot
     total = np.zeros((len(arm.joints),) * 2)
     for effect in trial.scene.effects:
@@ -117,7 +117,7 @@ def at_poses(trial: Trial) -> Equations:
 
 
 def equations_at(arm: Arm, added: Array, q: Array) -> Equations:
-    """What follows from the point masses, and from what effects add to the mass matrix."""
+    """Quantities that follow from the point masses, and from the inertias that effects add."""
     n, joints, masses = len(q), len(arm.joints), np.array(arm.masses)
     of_points = [f"{axis}{k + 1}" for k in range(arm.num_masses) for axis in "xy"]
     slope = slopes(arm, of_points, q).reshape(n, -1, 2, joints)
@@ -141,7 +141,7 @@ def mass_matrix(trial: Trial) -> Finding:
 
 @check("mass matrix is positive", at_least(1e-14), Mode.QUICK)
 def positive(trial: Trial) -> Finding:
-    """The smallest eigenvalue of M, its diagonal scaled to ones.
+    """The smallest eigenvalue of M, with its diagonal scaled to ones.
 
     Positive masses and lengths make it positive in every pose; below 1e-14 rounding may make it negative.
     """
@@ -157,7 +157,7 @@ def positive(trial: Trial) -> Finding:
 
 @check("bias forces", AGREE, Mode.QUICK)
 def bias_forces(trial: Trial) -> Finding:
-    """h is that of Lagrange's equations with the arm's own M."""
+    """h is the bias force of Lagrange's equations with the arm's own M."""
     (q, qd), e = trial.poses, trial.shared(at_poses)
     expected = np.einsum("nijk,nj,nk->ni", e.change, qd, qd)
     expected -= 0.5 * np.einsum("njki,nj,nk->ni", e.change, qd, qd)
@@ -173,7 +173,7 @@ def bias_forces(trial: Trial) -> Finding:
 
 @check("passivity", AGREE, Mode.QUICK)
 def passivity(trial: Trial) -> Finding:
-    """qd^T (M' qd - 2 h) = 0: forces of the motion itself do no work."""
+    """qd^T (M' qd - 2 h) = 0: bias forces do no work beyond the change of M."""
     (q, qd), e = trial.poses, trial.shared(at_poses)
     rate = np.einsum("nijk,nk->nij", e.change, qd)
     power = np.einsum("ni,nij,nj->n", qd, rate, qd) - 2.0 * np.einsum(
@@ -186,7 +186,7 @@ def passivity(trial: Trial) -> Finding:
 
 @check("Coriolis matrix", AGREE)
 def coriolis(trial: Trial) -> Finding:
-    """C is that of Christoffel's symbols of M, so C + C^T = M', and C qd = h, where the arm gives C."""
+    """C follows from Christoffel's symbols of M, so C + C^T = M', and C qd = h, if the arm has C."""
     arm, (q, qd), e = trial.arm, trial.poses, trial.shared(at_poses)
     if not any("C11" in getattr(f, "physics_gives", ()) for f in arm.functions):
         raise NotApplicable("the arm gives no C")
@@ -231,9 +231,9 @@ def kinetic_energy(trial: Trial) -> Finding:
 
 @check("forward dynamics", AGREE, Mode.QUICK)
 def forward_dynamics(trial: Trial) -> Finding:
-    """M qdd + h + G = Q holds of the accelerations of random forces, in a field that is not vertical.
+    """M qdd + h + G = Q holds for the accelerations under random forces, in a field that is not vertical.
 
-    The residual is what a stable elimination keeps small, however badly conditioned M is.
+    A stable elimination keeps the residual small, however badly conditioned M is.
     """
     arm, (q, qd), e = trial.arm, trial.poses, trial.shared(at_poses)
     Q = np.random.default_rng(trial.seed + 1).normal(0.0, 5.0, q.shape) * e.scale
@@ -250,9 +250,9 @@ def forward_dynamics(trial: Trial) -> Finding:
 
 @check("mobility bounds", at_most(1.0 + 1e-9), Mode.QUICK)
 def mobility_bounds(trial: Trial) -> Finding:
-    """diag(B^T M^-1 B) is nowhere above the bounds from which error control knows how stiff a spring is.
+    """diag(B^T M^-1 B) is nowhere above the bounds from which error control computes how stiff a spring is.
 
-    A bound may be attained to rounding, in a straight arm or one with right angles.
+    A bound may be attained to rounding, by a straight arm or one with right angles.
     """
     arm, (q, _) = trial.scene.robot, trial.poses
     if arm.mobility_bounds is None:
@@ -269,8 +269,8 @@ def mobility_bounds(trial: Trial) -> Finding:
 
 @check("sliders held and struck", AGREE, Mode.QUICK)
 def sliders(trial: Trial) -> Finding:
-    """Held dynamics are those of the constrained system, with each slider held alone and with all, and slider
-    mobilities are columns of M^-1."""
+    """Held dynamics are those of the constrained system, with each slider held alone and with all held, and
+    slider mobilities are columns of M^-1."""
     arm, (q, qd), e = trial.arm, trial.poses, trial.shared(at_poses)
     slides = arm.sliders()
     if not slides:

@@ -25,13 +25,13 @@ from redundant_envs.studies.verify.checks import (
 )
 
 AGREE = at_most(1e-10)
-"""Of the largest number of a kind. They differ by the rounding of joined products, some 1e-15, which impacts
-amplify; another text of an equation makes a thousandth and more."""
+"""Largest difference, relative to the largest number of a kind. Evaluators differ by the rounding of joined
+products, some 1e-15, which impacts amplify; another form of an equation differs by a thousandth and more."""
 LANES, SINGLES = 16, 4
 MOST_STEPS = 4
-"""Equal steps that are looked at: without a compiler each takes some milliseconds."""
+"""Number of equal steps that are compared: without a compiler each takes some milliseconds."""
 MOST_EVALUATIONS = 24 * 12
-"""Evaluations of a lane that chooses its steps and is looked at."""
+"""Most evaluations of a compared lane that chooses its steps."""
 
 
 class Ended(NamedTuple):
@@ -41,7 +41,7 @@ class Ended(NamedTuple):
     ----------
     scene : Scene
         The trial's, with a calm interval of few equal steps.
-    lanes : (lanes,) the states of the trial that are looked at
+    lanes : (lanes,) the states of the trial that are compared
     states : (lanes, 2 joints)
     """
 
@@ -51,7 +51,7 @@ class Ended(NamedTuple):
 
 
 def compiled(trial: Trial) -> Ended:
-    """States at the end of an interval by compiled code, of those whose interval is short."""
+    """States at the end of an interval by compiled code, for those whose interval needs few evaluations."""
     own = trial.calm_scene
     steps = min(own.substeps, MOST_STEPS)
     seconds = max(own.control_dt / own.substeps * steps, SHORTEST_INTERVAL)
@@ -68,7 +68,7 @@ def compiled(trial: Trial) -> Ended:
 
 
 def direct(trial: Trial, lanes: Array, convert: Callable[[Array], Any]) -> Array:
-    """The same by the procedures that are compiled otherwise, on numbers of another kind."""
+    """The same by running the procedures, without compilation, on numbers of another kind."""
     dynamics = Dynamics(trial.shared(compiled).scene)
     q, qd, efforts = (x[lanes] for x in trial.states)
     names = (*dynamics.states[: 2 * q.shape[1]], *dynamics.commands)

@@ -1,4 +1,5 @@
-"""Are forces what their effects declare? Potentials against forces, and laws where they meet."""
+"""Do forces agree with the declarations of their effects? Potentials against forces, and laws where they
+meet."""
 
 from __future__ import annotations
 
@@ -25,16 +26,16 @@ from redundant_envs.studies.verify.checks import (
 from redundant_envs.studies.verify.states import BEYOND
 
 STEP = 1e-5
-"""Of the differences, rad and m: far below the lengths over which a potential changes its shape (1e-2),
-far above what rounding needs (1e-11)."""
+"""Step of the differences, rad and m: far below the lengths over which a potential changes its shape (1e-2),
+far above the limit of rounding (1e-11)."""
 SHARE_OF_TRAVEL = 0.01
-"""Of the travel of a joint, above which no difference goes: few of them straddle its ends."""
+"""Largest step of a difference as a fraction of the travel of a joint, so that few straddle its ends."""
 AGREEMENT = 1e-5
-"""Largest gap between a force and the slope of its potential, in units of the force: a thousand times what
-the differences of a smooth potential are off."""
+"""Largest gap between a force and the slope of its potential, in units of the force: a thousand times the
+error of differences of a smooth potential."""
 SMOOTH = 1e-6
-"""Two differences that agree to this, in units of the force, see a smooth potential: at a kink, such as the
-limit of a spring, no difference is a derivative, and the state says nothing."""
+"""If two differences agree to this, in units of the force, the potential is smooth there: at a kink, such as
+the limit of a spring, no difference is a derivative, and the state is not judged."""
 SMALL_FORCE = 1e-6
 """A force below this, in units of the largest of all states, is compared with that."""
 
@@ -68,7 +69,7 @@ def _potential(trial: Trial, effect: Effect, q: Array) -> Finding:
         def difference(steps: int, joint: int = k) -> Array:
             move = steps * step[joint] * inverse[joint]
             above, below = q + move, q - move
-            moved = ((above - below) @ arm.motor_map)[:, joint]  # of a large angle not quite what was asked
+            moved = ((above - below) @ arm.motor_map)[:, joint]  # for a large angle not exactly the step
             return (potential_energy(alone, above) - potential_energy(alone, below)) / moved
 
         near, far = difference(1), difference(2)
@@ -124,8 +125,8 @@ CONTINUOUS = 1e-9
 
 @check("forces at their switches", at_most(CONTINUOUS), Mode.QUICK)
 def forces_at_switches(trial: Trial) -> Finding:
-    """Both laws of a force with a ``switch`` are equal where they meet, at random rates, its states as they
-    are at the start."""
+    """Both laws of a force with a ``switch`` are equal where they meet, at random rates, with the initial
+    values of its states."""
     found = [
         _jump(trial, effect, hook, limit, side)
         for effect in trial.scene.effects
@@ -159,7 +160,7 @@ def _jump(trial: Trial, effect: Effect, hook: Force, limit: str, side: float) ->
     inside, outside = force(0.0, 0.0), force(0.0, side)
     share = np.linspace(0.0, BEYOND, len(q))
     nearby = np.maximum(np.abs(force(side * share * width, side)), np.abs(force(-side * share * width, 0.0)))
-    # The place itself is rounded, which a stiff force between near limits feels.
+    # The position itself is rounded, which matters for a stiff force between close limits.
     rounding = ROUNDING * (1.0 + np.abs(joints).sum(axis=1)) * nearby.max() / (BEYOND * width)
     most, where = trial.worst(ratio(np.maximum(np.abs(inside - outside) - rounding, 0.0), nearby.max()))
     state = int(np.argmax(np.abs(inside - outside)))

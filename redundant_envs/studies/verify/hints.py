@@ -1,7 +1,7 @@
-"""Does error control know how fast effects are, and do dampers brake?
+"""Does error control know the time scales of effects, and do dampers brake?
 
-Stiffness, damping and rates of states that effects declare say how short steps must be before an estimate has
-seen anything; here they are compared with derivatives of forces and of states.
+The declared stiffness, damping and rates of states determine how short steps must be before any error
+estimate exists; here they are compared with derivatives of forces and of states.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ from redundant_envs.studies.verify.checks import (
 from redundant_envs.studies.verify.equations import TILTED
 
 SHORT = at_most(1.5)
-"""A step has two radians of an oscillation, or two time constants of a decay. With half as much again it has
-three, which still lies in the region of stability of rk8; and a declared number may leave out states that are
-hardly met."""
+"""A step covers two radians of an oscillation, or two time constants of a decay. With half as much again it
+covers three, which is still in the region of stability of rk8; and a declared number may leave out states
+that hardly occur."""
 SLOWEST = 6.0
-"""Decades of rates below the usual ones: friction that is smooth at 0 is steepest there."""
+"""Number of decades of rates below the usual ones: friction that is smooth at 0 is steepest there."""
 DRIVES = at_most(1e-6)
-"""A power of a damper that is positive, in units of the largest that it takes."""
+"""Largest positive power of a damper, in units of the largest power that it absorbs."""
 
 Case = tuple[Dynamics, Effect, Force]
 
@@ -57,8 +57,8 @@ class Motion:
         moved: int | None = None,
         faster: int | None = None,
     ) -> Quantities:
-        """All quantities, of which ``more`` gives some, with derivatives by the position of the joint that is
-        ``moved``, or by the rate of the one that is ``faster``."""
+        """All quantities, some of them given in ``more``, with derivatives by the position of the joint
+        ``moved``, or by the rate of the joint ``faster``."""
         arm, d = self.dynamics.arm, self.dynamics
         back = np.linalg.inv(arm.motor_map)
         known: dict[str, Any] = fields_of(d) | {n: s.initial for n, s in d.effect_states.items()}
@@ -74,7 +74,7 @@ class Motion:
         return Quantities({**TILTED, **known, **more}, d.functions, arm.sincos)
 
     def of(self, case: Case, function: Callable[..., Any], x: Quantities) -> list[Any]:
-        """What a function of a force gives, one or two components."""
+        """The result of a function of a force, one or two components."""
         found = case[0].apply(*case[1:], function, x)
         return [*found] if isinstance(found, tuple) else [found]
 
@@ -95,7 +95,7 @@ class Motion:
 
 
 def point_names(case: Case, of_rate: bool) -> list[list[str]]:
-    """Names of the coordinates, or velocities, of the point of a force: the tip has two of each."""
+    """Names of the coordinates, or velocities, of the point of a force; the tip has two names for each."""
     assert isinstance(case[2].joint, Point)
     number, form = case[2].joint.number + 1, "v" if of_rate else ""
     last = number == case[0].arm.num_masses
@@ -103,8 +103,8 @@ def point_names(case: Case, of_rate: bool) -> list[list[str]]:
 
 
 def cases(trial: Trial) -> Iterator[tuple[Case, Motion]]:
-    """Forces of a scene that declare stiffness or damping, each with motions around all that it may do:
-    between its switches and beyond both, at rates of all sizes."""
+    """Forces of a scene that declare stiffness or damping, each with motions in all its regimes: between its
+    switches and beyond both, at rates of all sizes."""
     dynamics, (q, qd) = Dynamics(trial.scene), trial.poses
     rng = np.random.default_rng(trial.seed + 7)
     B = dynamics.arm.motor_map
@@ -130,7 +130,7 @@ def worst_of(findings: list[Finding], reason: str) -> Finding:
 
 
 def hinted(trial: Trial, which: str) -> list[Finding]:
-    """How many times the declared stiffness or damping forces have."""
+    """Ratios of the actual to the declared stiffness or damping of forces."""
     found = []
     for case, motion in cases(trial):
         effect, hook = case[1:]
@@ -165,7 +165,8 @@ def damping(trial: Trial) -> Finding:
 
 @check("dampers brake", DRIVES, Mode.QUICK)
 def dampers(trial: Trial) -> Finding:
-    """A force that declares a damping takes energy: what its own rate changes of it has no positive power.
+    """A force that declares a damping dissipates energy: the part that its own rate causes has no positive
+    power.
 
     The part that follows from a potential is left out, and so are the rates of other joints: a damper between
     two joints may drive one of them.

@@ -1,4 +1,4 @@
-"""Are impacts at hard stops those of rigid bodies? One at a time, against an impulse from the mass matrix."""
+"""Are impacts at hard stops those of rigid bodies? Each is compared with an impulse from the mass matrix."""
 
 from __future__ import annotations
 
@@ -23,13 +23,14 @@ from redundant_envs.studies.verify.checks import (
 from redundant_envs.studies.verify.equations import from_points
 
 SHORT = 1e-10
-"""Time that follows an impact, s, of an arm of a metre and more, and of shorter ones less: forces change
-velocities by 1e-7 in it, which is taken out."""
+"""Simulated time after an impact, s, for an arm of a metre and more, and shorter for shorter arms: forces
+change velocities by 1e-7 in it, which is subtracted."""
 SMALL = 0.01
-"""Below this restitution a slider may come to rest at its stop instead of a bounce that nobody would see."""
+"""Below this restitution a slider may come to rest at its stop instead of an invisible bounce."""
 AGREE = at_most(1e-8)
-"""Of velocities and energies: the impulse follows from an elimination that loses the condition of M, 1e6 at
-most of reasonable arms, and what is left of the time that follows is below 1e-10."""
+"""Largest relative error of velocities and energies: the impulse follows from an elimination that loses
+digits by the condition of M, at most 1e6 for reasonable arms, and the remaining effect of the time after it
+is below 1e-10."""
 
 
 class Struck(NamedTuple):
@@ -37,7 +38,7 @@ class Struck(NamedTuple):
 
     Attributes
     ----------
-    joint : (n,) which slider
+    joint : (n,) index of the slider
     qd, after, expected : (n, joints)
     M : (n, joints, joints)
     restitution : (n,)
@@ -54,7 +55,7 @@ class Struck(NamedTuple):
 
 
 def stops(trial: Trial) -> list[tuple[int, float, float, float]]:
-    """Of every slider with stops: joint, lower and upper end, restitution."""
+    """For every slider with stops: joint, lower and upper end, restitution."""
     found, arm = [], trial.scene.robot
     for effect in trial.scene.effects:
         for hook in effect.hooks(arm):
@@ -70,7 +71,8 @@ def stops(trial: Trial) -> list[tuple[int, float, float, float]]:
 
 
 def struck(trial: Trial) -> Struck:
-    """Each state with one slider at a stop of its travel, moving outwards; the others are inside theirs."""
+    """Each state with one slider at a stop of its travel, moving outwards; the others are between their
+    stops."""
     ends = stops(trial)
     q, qd, _ = (x.copy() for x in trial.states)
     rng = np.random.default_rng(trial.seed + 3)
@@ -103,7 +105,7 @@ def struck(trial: Trial) -> Struck:
 
 
 def _finite(low: float, high: float) -> tuple[float, float]:
-    """A travel of half a metre where one end is missing."""
+    """The travel of a slider; half a metre if one end is missing."""
     return (low, low + 0.5) if np.isfinite(low) else (high - 0.5, high) if np.isfinite(high) else (0.0, 0.5)
 
 
@@ -117,7 +119,7 @@ def _judged(trial: Trial, s: Struck) -> Array:
 
 @check("impacts: velocities", AGREE, Mode.QUICK)
 def velocities(trial: Trial) -> Finding:
-    """The slider returns with ``restitution`` times its speed, and the arm moves as the impulse moves it."""
+    """The slider returns with ``restitution`` times its speed, and the arm moves as the impulse requires."""
     stops(trial)
     s, e = trial.shared(struck), trial.shared(from_points)
     good = _judged(trial, s)
@@ -129,7 +131,7 @@ def velocities(trial: Trial) -> Finding:
 
 @check("impacts: momentum", AGREE, Mode.QUICK)
 def momentum(trial: Trial) -> Finding:
-    """M dqd has an entry at the slider alone: the impulse acts along it."""
+    """M dqd has an entry only at the slider: the impulse acts along it."""
     stops(trial)
     s, e = trial.shared(struck), trial.shared(from_points)
     good = _judged(trial, s)
@@ -144,7 +146,7 @@ def momentum(trial: Trial) -> Finding:
 
 @check("impacts: energy", AGREE, Mode.QUICK)
 def energy(trial: Trial) -> Finding:
-    """An impact takes (1 - restitution^2) v^2 / (2 W_jj), W the inverse of M, and no more or less."""
+    """An impact takes (1 - restitution^2) v^2 / (2 W_jj), with W the inverse of M."""
     stops(trial)
     s = trial.shared(struck)
     good = _judged(trial, s)

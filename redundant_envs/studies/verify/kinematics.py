@@ -1,4 +1,4 @@
-"""Does what an arm gives beside its equations of motion follow from its point masses, and from its joints?"""
+"""Do the further quantities of an arm follow from its point masses, and from its joints?"""
 
 from __future__ import annotations
 
@@ -56,7 +56,8 @@ def jacobian_rate(trial: Trial) -> Finding:
 
 @check("joints", AGREE, Mode.QUICK)
 def joints(trial: Trial) -> Finding:
-    """Rates of the joints are those of their positions, motors work along them, and the way back is right."""
+    """Rates of the joints are those of their positions, motors act along them, and the inverse map is
+    right."""
     arm, (q, qd) = trial.arm, trial.poses
     n = len(arm.joints)
     phi = table(arm, numbered("phi{}", n), values_of(arm, q), len(q))
@@ -72,7 +73,7 @@ def joints(trial: Trial) -> Finding:
 
 @check("motions of points", AGREE, Mode.QUICK)
 def motions(trial: Trial) -> Finding:
-    """Velocities, Jacobians and accelerations at constant rates of all point masses are those of their
+    """Velocities, Jacobians and accelerations at constant rates of all point masses follow from their
     positions."""
     arm, (q, qd), e = trial.arm, trial.poses, trial.shared(at_poses)
     count, points, joints = len(q), arm.num_masses, len(arm.joints)
@@ -118,8 +119,8 @@ def _second(arm: Any, q: Array, qd: Array) -> Array:
 
 @check("angular momentum", AGREE, Mode.QUICK)
 def angular_momentum(trial: Trial) -> Finding:
-    """Lz is that of the point masses about the base, and of the inertias of effects that turn with the first
-    revolute joint."""
+    """Lz is the angular momentum of the point masses about the base, and of the inertias of effects that turn
+    with the first revolute joint."""
     arm, (q, qd), e = trial.arm, trial.poses, trial.shared(at_poses)
     velocity = np.einsum("npaj,nj->npa", e.slopes, qd)
     parts = np.stack([e.points[..., 0] * velocity[..., 1], -e.points[..., 1] * velocity[..., 0]])
@@ -137,7 +138,8 @@ def angular_momentum(trial: Trial) -> Finding:
 
 @check("manipulability", AGREE, Mode.QUICK)
 def manipulability(trial: Trial) -> Finding:
-    """Its square is det J J^T, and it is not negative: near a singular pose a root shows half the digits."""
+    """The square of manipulability is det J J^T, and it is not negative: near a singular pose a root has only
+    half the digits."""
     arm, (q, _), e = trial.arm, trial.poses, trial.shared(at_poses)
     own, tip = arm.manipulability(q), e.slopes[:, -1]
     x, y = (np.square(tip[:, axis]).sum(axis=1) for axis in range(2))
@@ -148,7 +150,8 @@ def manipulability(trial: Trial) -> Finding:
 
 @check("column norms", AGREE, Mode.QUICK)
 def column_norms(trial: Trial) -> Finding:
-    """They are the metres at the tip per unit of each coordinate, which error control weighs errors with."""
+    """Column norms are the metres at the tip per unit of each coordinate, with which error control weights
+    errors."""
     arm, (q, _), e = trial.arm, trial.poses, trial.shared(at_poses)
     x = Quantities(values_of(arm, q), (*arm.functions, arm.column_norms), arm.sincos)
     expected = np.linalg.norm(e.slopes[:, -1], axis=1)
@@ -158,7 +161,7 @@ def column_norms(trial: Trial) -> Finding:
 
 @check("reach", at_most(1.0 + 1e-9), Mode.QUICK)
 def reach(trial: Trial) -> Finding:
-    """The tip is nowhere farther from the base than the full reach, by which tasks scale their distances:
+    """The tip is never farther from the base than the full reach, by which tasks scale their distances:
     neither in random poses nor in stretched and folded ones, with sliders between 0 and an upper end."""
     arm = trial.arm
     joints = np.concatenate([trial.square, trial.poses[0]]) @ arm.motor_map
@@ -178,8 +181,8 @@ def reach(trial: Trial) -> Finding:
 
 @check("posture", at_least(0.01), Mode.QUICK)
 def posture(trial: Trial) -> Finding:
-    """What is observed of the posture lies in -1 to 1 and moves with every revolute joint, also where a sine
-    or a cosine alone does not.
+    """The observed posture lies in -1 to 1 and changes with every revolute joint, also where a sine or a
+    cosine alone does not.
 
     The number is the smallest singular value of its derivatives by the coordinates, and those of the sliders.
     """
@@ -202,10 +205,10 @@ def posture(trial: Trial) -> Finding:
 
 @check("kinds of joints", at_least(1e-6), Mode.QUICK)
 def kinds(trial: Trial) -> Finding:
-    """A slider does not bring the point masses back after 2 pi of its coordinate, and a revolute joint does
-    not move them along straight lines.
+    """A slider does not return the point masses to their positions after 2 pi of its coordinate, and a
+    revolute joint does not move them along straight lines.
 
-    The number is how far the masses are from that, in units of their distances or derivatives.
+    The number is the distance of the masses from that behaviour, in units of their distances or derivatives.
     """
     arm, (q, _), e = trial.arm, trial.poses, trial.shared(at_poses)
     size, back = np.abs(e.points).max(), np.linalg.inv(arm.motor_map)

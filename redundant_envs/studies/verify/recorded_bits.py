@@ -1,7 +1,7 @@
-"""Scenes and environments whose every bit is recorded: on every machine they are the same.
+"""Scenes and environments of which every bit is recorded: it must be the same on every machine.
 
-``python -m redundant_envs.studies.verify.recorded_bits`` writes the record anew; a commit that
-changes it says why.
+``python -m redundant_envs.studies.verify.recorded_bits`` writes a new record; a commit that
+changes the record says why.
 """
 
 from __future__ import annotations
@@ -67,13 +67,13 @@ SCENES = {
     ),
     "stops dop853": rde.Scene(RPRP, (GRAVITY, FRICTION, stop(0.5), LIMITS), "dop853"),
 }
-"""Scenes by what is special about them."""
+"""Scenes, named by their special features."""
 
 WORKED = ("4R all rk8", "stops 1e-6, elastic", "RPRP gravity dop853")
-"""Scenes that are recorded with the book of the work and the log of events, too."""
+"""Scenes that are also recorded with the work and the log of events."""
 
 VARIED = ("4R all 1e-6", "RPRP generalized rk8", "stops 1e-6, inelastic")
-"""Scenes that are recorded with masses, lengths and friction of each lane's own, too."""
+"""Scenes that are also recorded with separate masses, lengths and friction for each lane."""
 
 ENVIRONMENTS: dict[str, dict[str, Any]] = {
     "FourRReach-v0": {},
@@ -83,7 +83,7 @@ ENVIRONMENTS: dict[str, dict[str, Any]] = {
     "FourRReach-v0 rk4": {"scene": "four_r_weak", "integrator": "rk4"},
     "RPRPReach-v0 limit springs": {"scene": "rprp_limit_springs", "integrator": "rk8"},
 }
-"""Environments and what is asked of them beside their ids."""
+"""Environments and their arguments beside the ids."""
 
 
 def starts(scene: rde.Scene) -> tuple[NDArray[Any], NDArray[Any], np.random.Generator]:
@@ -172,14 +172,14 @@ RECORDED: dict[str, tuple[Callable[..., Iterable[Any]], tuple[Any, ...]]] = {
     **{f"{name}, varied": (motion, (SCENES[name], False, True)) for name in VARIED},
     **{name: (episodes, (name,)) for name in ENVIRONMENTS},
 }
-"""Everything that is recorded: a function, and what it is called with."""
+"""Everything that is recorded: a function, and its arguments."""
 
 
 SHORT = (
     "4R all rk8", "4R all 1e-6", "RPRP generalized rk8", "stops 1e-6, inelastic", "stops rk4, inelastic",
     "stops dop853", "4R all rk8, work", "FourRReach-v0", "RPRPReach-v0",
 )  # fmt: skip
-"""Some of everything: what is looked at where all would take too long."""
+"""A selection of all kinds, for checks in which all of them would take too long."""
 
 
 def recorded() -> dict[str, str]:
@@ -194,7 +194,7 @@ def found(name: str) -> str:
 
 
 def record() -> None:
-    """Write the record anew."""
+    """Write a new record."""
     digests = {}
     for name in RECORDED:
         digests[name] = found(name)

@@ -43,17 +43,17 @@ CHECKS: tuple[Check, ...] = checks_of(
 )  # fmt: skip
 """All checks, in the order of the table. A new one is a function in one of these modules."""
 OF_THE_MACHINE = (bits.record,)
-"""Checks that no subject changes: they are run once."""
+"""Checks that do not depend on a subject: they are run once."""
 MACHINE = "this machine"
 COLUMNS = ("check", "found", "promised", "", "where")
 
 
 Done = Callable[[str], None]
-"""Told what is done."""
+"""Callback that receives finished checks."""
 
 
 def _untold(name: str) -> None:
-    """Nobody asks how far it is."""
+    """Callback that does nothing."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Report:
 
     @property
     def misses(self) -> tuple[str, ...]:
-        """What is wrong, in words."""
+        """The faults, in words."""
         return tuple(f"{o.check}: {o.finding.words}" for o in self.outcomes if o.verdict is Verdict.MISSED)
 
     @property
@@ -78,7 +78,7 @@ class Report:
 
 
 def checks_in(mode: Mode) -> list[Check]:
-    """The checks of a mode that look at subjects."""
+    """The checks of a mode that examine subjects."""
     return [c for c in CHECKS if c.mode <= mode and c not in OF_THE_MACHINE]
 
 
@@ -95,12 +95,12 @@ def verify(
     ----------
     thing : Arm, Scene, Effect, Task, a class of these, or Subject
     states : int, optional
-        Random states; by default as many as the mode has.
+        Number of random states; by default that of the mode.
     mode : Mode
     done : callable
-        Told the name of each check when it is done.
+        Receives the name of each check when it is done.
     checks : iterable of Check, optional
-        Those of the mode otherwise.
+        By default those of the mode.
     """
     kind = thing if isinstance(thing, type) else type(thing)
     subject = thing if isinstance(thing, Subject) else subject_from(kind.__name__, thing)
@@ -113,7 +113,7 @@ def verify(
 
 
 def verify_machine(mode: Mode, done: Done = _untold) -> Report:
-    """Check what belongs to no subject."""
+    """Run the checks that belong to no subject."""
     from redundant_envs.scene import load_scene, scene_names
 
     trial = Trial(Subject(MACHINE, load_scene(scene_names()[0])), STATES[mode], mode)
@@ -128,7 +128,7 @@ def verify_machine(mode: Mode, done: Done = _untold) -> Report:
 
 
 def about(subject: Subject) -> str:
-    """What a subject is, in one line."""
+    """Description of a subject, in one line."""
     scene = subject.scene
     step = f"{scene.integrator} {1000.0 * scene.control_dt / scene.substeps:.3g} ms"
     if scene.tolerance is not None:
@@ -151,7 +151,7 @@ def cells(outcome: Outcome) -> tuple[str, str, str, str, str]:
 
 
 def text_table(outcomes: Iterable[Outcome]) -> str:
-    """Outcomes as text in aligned columns; what is not applicable is told below, by reasons."""
+    """Outcomes as text in aligned columns; checks that are not applicable are listed below, by reason."""
     shown, left = _split(outcomes)
     lines = [COLUMNS, *map(cells, shown)]
     widths = [max(len(line[k]) for line in lines) for k in range(len(COLUMNS) - 1)]
@@ -163,7 +163,7 @@ def text_table(outcomes: Iterable[Outcome]) -> str:
 
 
 def notes(outcomes: Iterable[Outcome]) -> list[str]:
-    """What is wrong, and what a reader should do, in words."""
+    """Faults, and advice for the reader, in words."""
     told = []
     for o in outcomes:
         if o.verdict is Verdict.MISSED:
@@ -185,7 +185,7 @@ def _split(outcomes: Iterable[Outcome]) -> tuple[list[Outcome], list[tuple[str, 
 
 
 def _folded(names: Iterable[str]) -> str:
-    """Names of checks; of those of one kind, "kind: name", how many they are."""
+    """Names of checks; for those of one kind, "kind: name", their number."""
     kinds = Counter(name.partition(": ")[0] for name in names)
     return ", ".join(kind if n == 1 else f"{kind} ({n} checks)" for kind, n in kinds.items())
 
@@ -203,7 +203,7 @@ def markdown(reports: Iterable[tuple[str, Report]]) -> str:
 
 
 def as_json(reports: Iterable[tuple[str, Report]]) -> str:
-    """All outcomes as JSON; numbers that JSON has not are null."""
+    """All outcomes as JSON; numbers that JSON cannot represent are null."""
 
     def plain(o: Outcome) -> dict[str, Any]:
         numbers = {"found": o.finding.found, "bound": o.promise.bound}
@@ -220,7 +220,7 @@ def as_json(reports: Iterable[tuple[str, Report]]) -> str:
 
 
 def write(path: Path, text: str) -> None:
-    """Write a file; ValueError if it cannot be."""
+    """Write a file; ValueError if it cannot be written."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Is everything a number where nothing moves?"""
+"""Are all quantities finite when nothing moves?"""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ def numbers_at_rest(trial: Trial) -> Finding:
     verb = "is" if len(wrong) == 1 else "are"
     words = (
         f"at rest, without efforts, {', '.join(what for what, _ in wrong[:5])} "
-        f"{verb} no number; do not divide by a rate or an effort, which may be 0"
+        f"{verb} not finite; do not divide by a rate or an effort, which may be 0"
     )
     return Finding(len(wrong), where, words)
 
 
 def _values(dynamics: Dynamics, motion: Motion) -> Iterator[tuple[str, Any]]:
-    """What is looked at, by names that a reader knows."""
+    """The checked quantities, by names that a reader knows."""
     arm, x = dynamics.arm, motion.values()
     for effect, hook in dynamics.hooks:
         for part in (hook, *getattr(hook, "states", ())):

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from redundant_envs.scene import Scene
 
 BEYOND = 0.5
-"""How far beyond the travel poses lie, in units of it: springs at its ends act only there."""
+"""Distance of poses beyond the travel, in units of it: springs at its ends act only there."""
 WIDE = 5.0
-"""How many times as far every second pose has the angles without ends: they turn more than once."""
+"""Factor on unlimited angles in every second pose, so that they turn more than once."""
 FAR = 1.0
-"""How far from 0 sliders without ends are, to either side, in units of all lengths."""
+"""Largest distance of unlimited sliders from 0, to either side, in units of the sum of all lengths."""
 
 
 def random_states(
@@ -23,8 +23,8 @@ def random_states(
     """Coordinates, velocities and efforts, (count, joints) each.
 
     Angles uniform all around, travel uniform, rates normal: 2 rad/s, 0.5 m/s. One slider in four
-    stands still at an end of its travel. Efforts are uniform within the scene's limits, or where it has none
-    within the largest that hold the weights in these states.
+    is at rest at an end of its travel. Efforts are uniform within the scene's limits; without limits, within
+    the largest efforts that hold the weights in these states.
     ``beyond`` widens the travel to both sides, in units of itself.
     """
     arm: Any = scene.robot
@@ -50,9 +50,9 @@ def random_states(
 
 
 def random_poses(scene: Scene, count: int, seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Coordinates and velocities, (count, joints) each, wherever an arm can be: also beyond its travel, after
-    several turns, and with sliders that nothing limits on either side of 0. Poses in which its point masses
-    are nowhere are left out."""
+    """Coordinates and velocities, (count, joints) each, in all regions that an arm can reach: also beyond its
+    travel, after several turns, and with unlimited sliders on either side of 0. Poses in which the positions
+    of point masses are undefined are left out."""
     arm: Any = scene.robot
     q, qd, _ = random_states(scene, count, seed, BEYOND)
     joints, rng = q @ arm.motor_map, np.random.default_rng(seed + 3)

@@ -1,4 +1,4 @@
-"""What the words of the command name: arms, scenes, effects, tasks and environments, each as a scene."""
+"""Subjects named on the command line: arms, scenes, effects, tasks and environments, each as a scene."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ from redundant_envs.tasks import Task
 from redundant_envs.values import shown
 
 TOLERANCE = 1e-6
-"""Tip error [m] per control interval of scenes made here: that of the environments' standard accuracy."""
+"""Tip error [m] per control interval of scenes made here: the standard accuracy of the environments."""
 MASSES, LENGTHS = (2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35)
-"""kg and m of an arm given by its class, taken in turn: with equal ones an equation that takes one for
-another is right by chance."""
+"""kg and m of an arm given by its class, used in turn: with equal numbers an equation that confuses two of
+them would be right by chance."""
 NAME = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*(\.[^\W\d]\w*)*")
 
 
 @dataclass(frozen=True)
 class Subject:
-    """What is verified.
+    """A verified object.
 
     Attributes
     ----------
     name : str
-        The word that named it.
+        The word that names it.
     scene : Scene
-        With the arm or effect that is meant, or that of the environment.
+        With the arm or effect in question, or the scene of the environment.
     env_id : str, optional
-        Of an environment, or of a task in one.
+        Of an environment, or of the environment of a task.
     task : mapping, optional
         Numbers of the task other than its defaults.
     """
@@ -58,7 +58,7 @@ def subjects_of(words: Iterable[str]) -> list[Subject]:
     Raises
     ------
     ValueError
-        That names the word, and what is allowed.
+        The message names the word, and what is allowed.
     """
     return [subject_of(word) for word in [*words] or scene_names()]
 
@@ -108,15 +108,15 @@ def subject_from(name: str, thing: Any) -> Subject:
 
 
 def bare_scene(arm: Arm) -> Scene:
-    """An arm in a vertical plane, and nothing else."""
+    """A scene with an arm in a vertical plane, and nothing else."""
     return Scene(arm, (Gravity(),), tolerance=TOLERANCE)
 
 
 def effect_scene(name: str, effect: Effect) -> Scene:
-    """An effect on the first arm that it fits, in a vertical plane."""
+    """A scene with an effect on the first arm that it fits, in a vertical plane."""
     refused = []
     for kind in ARMS.values():
-        if not hasattr(kind, "coordinates"):  # Chain, whose joints are chosen with its numbers
+        if not hasattr(kind, "coordinates"):  # such as Chain, whose joints are chosen with its numbers
             continue
         try:
             arm = _arm(name, kind)
@@ -194,7 +194,7 @@ def _environment(name: str, env_id: str, task: Mapping[str, Any] | None = None) 
 
 
 def _task(name: str, task: Task) -> Subject:
-    """A task with the first arm that has a scene; a class that nobody registered is registered."""
+    """A task with the first arm that has a scene; an unregistered class is registered."""
     kind = type(task)
     if TASKS.get(kind.name) is not kind:
         registration.register_task(kind)

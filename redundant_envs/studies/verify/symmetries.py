@@ -1,4 +1,4 @@
-"""Does a motion run back, and does it scale as mechanics does?"""
+"""Is a motion reversible, and does it scale as mechanics requires?"""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from redundant_envs.studies.verify.checks import (
 )
 
 BACK = at_most(1e-9, "rad or reaches")
-"""How far a calm motion may end from its start, there and back by dop853: ten thousand times what that
-leaves."""
+"""Largest distance from its start at which a calm motion may end, there and back by dop853: ten thousand
+times the error of that."""
 
 
 def conserves(effect: Effect, scene: Scene) -> bool:
-    """Whether an effect is the same in a motion that runs back."""
+    """Whether an effect is the same in a reversed motion."""
     return all(
         isinstance(h, Field | PointMass | Inertia)
         or (isinstance(h, Force) and h.conservative is h.function and not h.states)
@@ -38,9 +38,9 @@ def conserves(effect: Effect, scene: Scene) -> bool:
 
 @check("time reversal", BACK)
 def time_reversal(trial: Trial) -> Finding:
-    """With velocities turned around an arm goes back to where it came from, under the same efforts.
+    """With reversed velocities an arm returns to its start, under the same efforts.
 
-    With those effects of the scene that conserve energy and depend on the position alone.
+    Only effects of the scene that conserve energy and depend on the position alone are included.
     """
     q, qd, efforts = trial.states
     kept = tuple(x for x in trial.scene.effects if conserves(x, trial.scene))
@@ -65,7 +65,7 @@ def time_reversal(trial: Trial) -> Finding:
 
 
 INTERVALS = 2
-"""More would let a motion that is too fast for its step grow beyond all numbers, which do not scale."""
+"""With more steps a motion that is too fast for its step could become infinite, which does not scale."""
 
 
 def _moved(arm: Any, g: float, seconds: float, q: Array, qd: Array, efforts: Array) -> Array:
@@ -89,14 +89,15 @@ def _differ(trial: Trial, one: Array, other: Array, words: str) -> Finding:
 
 
 def _step(trial: Trial) -> float:
-    """The scene's own step, s, made a power of two: it scales to the last bit. Its double is allowed, too."""
+    """The scene's own step, s, rounded to a power of two, which scales to the last bit; twice it is allowed,
+    too."""
     own = trial.scene.control_dt / trial.scene.substeps
     return float(2.0 ** np.floor(np.log2(np.clip(own, 2.0 * SHORTEST_INTERVAL, 0.5 * LONGEST_INTERVAL))))
 
 
 @check("scaling of masses", EQUAL_BITS)
 def scaling_of_masses(trial: Trial) -> Finding:
-    """Four times the masses and forces make the same motion: a power of two changes no digit."""
+    """Four times the masses and forces give the same motion: a power of two changes no digit."""
     arm = trial.scene.robot
     q, qd, efforts = trial.states
     heavy = dataclasses.replace(arm, masses=tuple(4.0 * m for m in arm.masses))
@@ -126,7 +127,8 @@ def scaling_of_lengths(trial: Trial) -> Finding:
 
 
 def _check_numbers(arm: Any, scaled: Any, letter: str, factor: float) -> None:
-    """Only where an arm has masses and lengths, and nothing else that would have to be scaled."""
+    """Raise NotApplicable if an arm has other parameters than masses and lengths, which would have to be
+    scaled."""
     before, after = arm.parameter_values(), scaled.parameter_values()
     others = [name for name in before if not (name[0] in "ml" and name[1:].isdigit())]
     if others:

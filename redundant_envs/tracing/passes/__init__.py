@@ -1,1 +1,1 @@
-"""Passes over a graph, each with a name of its own."""
+"""Named passes over a graph."""

@@ -11,8 +11,8 @@ from redundant_envs.tracing.graph import Operation, Value, reached
 def join_products(results: list[Value], asides: Container[int] = ()) -> None:
     """Join products that are used once with the sum they go into.
 
-    Of two products the one that is known later is joined. ``asides`` are the numbers of results that do not
-    count as uses for the others: those have the bits that they have without them.
+    Of two products the one that is computed later is joined. ``asides`` are the indices of results whose uses
+    do not count, so that the other results have the same bits as without them.
     """
     if asides:
         _join([r for k, r in enumerate(results) if k not in asides])
@@ -24,7 +24,7 @@ def _join(results: list[Value]) -> None:
     uses = dict.fromkeys(nodes, 0)
     for value in [a for n in nodes for a in n.operands] + [r for r in results if isinstance(r, Operation)]:
         uses[value] += 1
-    known: dict[Any, int] = {}  # cycles after which a value is there
+    known: dict[Any, int] = {}  # cycles after which a value is available
 
     def negative(value: Value) -> Value:
         if isinstance(value, float):

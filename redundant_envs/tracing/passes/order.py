@@ -1,8 +1,8 @@
 """The order of instructions.
 
 A processor looks only about a hundred instructions ahead. In LLVM's order, made for few registers, it
-waits for chains of divisions and sums although there are others farther on that could be begun. This
-order brings them near.
+waits for chains of divisions and sums although other instructions farther on could already begin. This
+order moves these nearer.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import heapq
 from redundant_envs.tracing.graph import FREE, Operation, Value, reached
 
 ISSUED = 3
-"""Instructions that may begin in a cycle; two are vectors of 512 bits, but more of 256 bits."""
+"""Instructions that may begin in a cycle: two with vectors of 512 bits, more with 256 bits."""
 REGISTERS = 26
 """Values that may wait to be used before the order prefers to use them up (32 registers)."""
 FAR = 120
@@ -20,7 +20,7 @@ FAR = 120
 
 
 def source_of(value: Operation) -> Operation:
-    """The value that an operand is another name of."""
+    """The value for which an operand is another name."""
     while value.name == "neg" and isinstance(value.arguments[0], Operation):
         value = value.arguments[0]
     return value
@@ -29,9 +29,9 @@ def source_of(value: Operation) -> Operation:
 def in_order(results: list[Value]) -> list[Operation]:
     """The operations that some results need and that cost time, in an order that keeps a processor busy.
 
-    A list schedule: in every cycle, of the operations whose operands are there, those begin that have
-    the longest chains behind them. When as many values wait to be used as there are registers, it is
-    those that use values up. Values used again after long are not counted: they wait in memory.
+    A list schedule: in every cycle, of the operations whose operands are available, those begin that have
+    the longest chains after them. When as many values wait to be used as there are registers, operations
+    that use up values come first. Values used again much later are not counted: they wait in memory.
     """
     nodes = reached(results)
     users: dict[Operation, list[Operation]] = {n: [] for n in nodes}

@@ -14,9 +14,10 @@ COMPARISONS = {
 
 
 def specialise(results: list[Value], known: Mapping[tuple[str, int], float]) -> list[Value]:
-    """The results if some places (space, number) hold known numbers: what these never choose is dropped.
+    """The results if some memory locations (space, number) hold known numbers: values never chosen are
+    dropped.
 
-    What was joined stays joined, so the bits are those of the whole function with these numbers.
+    Joined products stay joined, so the bits are those of the whole function with these numbers.
     """
     if not known:
         return results

@@ -1,7 +1,7 @@
 """A long step as calls of one right-hand side.
 
 Twelve copies of a right-hand side do not fit into a processor's instruction cache, so it becomes a
-function of its own, in two parts that do not wait for each other. The later part follows from the
+separate function, in two parts that do not wait for each other. The later part follows from the
 velocities of a stage and is a long chain. The earlier part, the sines above all, follows from its
 positions alone; those are known before the accelerations of the stage before are. So a call does the
 later part of its stage together with the earlier part of the next one.
@@ -32,8 +32,8 @@ class Subroutine:
         self, function: Callable[..., Sequence[Any]], positions: int, results: int, names: Sequence[str] = (),
         asides: Sequence[int] = (),
     ) -> None:  # fmt: skip
-        """``names`` are those of the arguments, to be shown; ``asides`` are numbers of results that change no
-        bit of the others."""
+        """``names`` are those of the arguments, for listings; ``asides`` are the indices of results that
+        change no bit of the others."""
         self.function = function
         self.positions = positions
         self.results = results
@@ -59,12 +59,12 @@ class Subroutine:
 
 
 class Part(NamedTuple):
-    """What one of the functions that stages call does.
+    """Results of one of the functions that stages call.
 
     Attributes
     ----------
     returned : values that are returned in registers
-    stores : (space, number, value) of what it leaves in memory: "shared" for all calls, "after" for the
+    stores : (space, number, value) of results in memory: "shared" for all calls, "after" for the
         next one, "told" for the caller
     """
 
@@ -75,10 +75,10 @@ class Part(NamedTuple):
 class Stages:
     """The calls of a subroutine in a graph, and the functions that they call.
 
-    Arguments that are the same place of memory in every call are loaded by the functions, others that
-    are the same are ``kept`` in memory by the caller; what follows from both alone, the first call finds
-    for all ("shared"). What the earlier part finds for the later one is carried to the next call in
-    memory ("before" to "after").
+    Arguments that are the same memory location in every call are loaded by the functions; other equal
+    arguments are ``kept`` in memory by the caller. Values that follow from both alone are computed by the
+    first call for all ("shared"). Results of the earlier part for the later one are carried to the next call
+    in memory ("before" to "after").
     """
 
     def __init__(
@@ -113,9 +113,9 @@ class Stages:
         results = specialise(results, known)
         needed = {n.extra[1] for n in reached(results) if n.name == "load" and n.extra[0] == "kept"}
         self.kept = {j: k for j, k in enumerate(kept) if j in needed}
-        """Places in the caller's memory -> numbers of the arguments that it keeps there."""
+        """Positions in the caller's memory -> numbers of the arguments that it keeps there."""
         self.results, self.carried, self.shared = self._split(results)
-        # Results that are the same number are given once.
+        # Equal results are passed once.
         alike = [bits_of(r) if isinstance(r, float) else r for r in self.results]  # 0.0 is not -0.0
         self.first = [alike.index(r) for r in alike]
         computed = [k for k, r in enumerate(self.results) if isinstance(r, Operation) and self.first[k] == k]
@@ -134,7 +134,7 @@ class Stages:
         }
 
     def _split(self, results: list[Value]) -> tuple[list[Value], list[Operation], list[Operation]]:
-        """The results as they follow from velocities, carried and shared values, and what those are."""
+        """The results as functions of velocities, carried and shared values, and these values."""
         early: dict[Operation, bool] = {}
         given: dict[Operation, bool] = {}
         for n in reached(results):
@@ -162,7 +162,7 @@ class Stages:
             return None
 
         later = _replaced(results, loaded)
-        # What is carried follows from shared values too.
+        # Carried values follow from shared values, too.
         _replaced(carried, lambda n: loaded(n) if n in shared else None)
         return later, carried, used
 
@@ -172,9 +172,10 @@ class Stages:
         return _replaced(nodes, lambda n: graph.load("shared", places[n]) if n in places else None)
 
     def in_order(self, results: Iterable[Value]) -> list[Operation]:
-        """What some results of the caller need, with sums for the next call before the present one.
+        """Operations that some results of the caller need, with sums for the next call before the present
+        one.
 
-        They fill its waits; sums for later ones would fill the registers.
+        These fill its waiting times; sums for later calls would fill the registers.
         """
         nodes = reached(results)
         calls = {c: i for i, c in enumerate(self.calls)}
@@ -202,12 +203,12 @@ def _is_load(node: Operation, spaces: Sequence[str]) -> bool:
 
 
 def _kept_in_memory(node: Operation) -> bool:
-    """Whether an operation is worth a place in memory."""
+    """Whether an operation is worth storing in memory."""
     return not node.is_condition and node.name not in ("load", "neg")
 
 
 def _replaced(nodes: Sequence[Value], replacement: Callable[[Operation], Operation | None]) -> list[Value]:
-    """Operations anew, where ``replacement`` gives another one for some of those they follow from."""
+    """Rebuild operations, with some of their operands replaced by those that ``replacement`` returns."""
     made: dict[Operation, Operation] = {}
 
     def anew(n: Value) -> Value:

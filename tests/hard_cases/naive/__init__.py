@@ -1,4 +1,4 @@
-"""Deliberately naive variants, each with one textbook mistake: what the hard cases are there to find."""
+"""Deliberately naive variants, each with one textbook mistake that the hard cases must find."""
 
 from naive.accelerations import DenseSolve, InvertedJacobian, RegularisedMass
 from naive.angles import SinglePrecision, SummedClock, WrappedAngles

@@ -28,7 +28,7 @@ class RegularisedMass(Subject):
     added = 1e-8
 
     def arm(self, kind, masses, lengths):
-        """Takes any numbers: a singular M is mended later."""
+        """Accepts any numbers: a singular M is regularised later."""
         made = object.__new__(type(super().arm(kind, (1.0,) * len(masses), (1.0,) * len(lengths))))
         object.__setattr__(made, "masses", tuple(masses))
         object.__setattr__(made, "lengths", tuple(lengths))

@@ -1,4 +1,4 @@
-"""Mistakes in what is kept of a state: wrapped angles, single precision, a clock that is a sum."""
+"""Mistakes in the stored state: wrapped angles, single precision, a clock that is a sum."""
 
 import numpy as np
 from subject import Subject, commands, started, unfilled

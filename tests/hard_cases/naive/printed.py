@@ -6,7 +6,7 @@ from naive.steps import EqualSteps
 
 
 class PrintedReport(EqualSteps):
-    """The report's five wrong terms, as they stand there."""
+    """The report's five wrong terms, as printed."""
 
     name = "the report as printed"
     longest = 2e-3

@@ -4,7 +4,7 @@ from subject import Subject
 
 
 class SavedPositions(Subject):
-    """Saves positions and velocities: who rests at a stop, and what still waits in a delay, is forgotten."""
+    """Saves only positions and velocities: sliders at rest, and commands in a delay, are forgotten."""
 
     name = "snapshot of q and qd"
 

@@ -11,7 +11,7 @@ from redundant_envs.effects import CentringSpring, Gravity, LimitSpring, Prismat
 
 
 class EqualSteps(Subject):
-    """Equal steps of RK4, without a look at what they meet."""
+    """Equal steps of RK4, without any check of their error."""
 
     name = "equal steps"
     longest = 1e-3
@@ -75,7 +75,7 @@ class EqualSteps(Subject):
         return q + h / 6.0 * (qd + 2.0 * v2 + 2.0 * v3 + v4), qd + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
 
     def at_stops(self, scene, acceleration, start, end, h, time, motion):
-        """What becomes of the end of a step; here there are no stops."""
+        """Modify the end of a step; here there are no stops."""
         return end
 
 
@@ -91,7 +91,7 @@ class ExplicitEuler(EqualSteps):
 
 
 class FixedSteps(EqualSteps):
-    """RK4 with 10 ms, because it always was enough: nothing asks whether it still is."""
+    """RK4 with 10 ms, because that was always enough: nothing checks whether it still is."""
 
     name = "fixed steps of 10 ms"
     longest = 1e-2

@@ -31,7 +31,7 @@ def impulse(arm, q, qd, k, restitution):
 
 
 class _ImpactAtStepEnd(EqualSteps):
-    """Looks at the end of each step which sliders are outside and go on outwards."""
+    """Checks at the end of each step which sliders are outside and still move outwards."""
 
     def at_stops(self, scene, acceleration, start, end, h, time, motion):
         q, qd = (x.copy() for x in end)
@@ -44,12 +44,12 @@ class _ImpactAtStepEnd(EqualSteps):
         return q, qd
 
     def strike(self, arm, q, qd, stop, outside):
-        """Change states in place."""
+        """Modify the given states."""
         raise NotImplementedError
 
 
 class FlippedVelocity(_ImpactAtStepEnd):
-    """At a stop the slider's own velocity changes its sign; nothing else feels the blow."""
+    """At a stop the slider's own velocity changes its sign; nothing else is affected."""
 
     name = "flipped velocity"
 
