@@ -37,7 +37,7 @@ def check_task(task: Task, scene: Scene) -> None:
     of_arm |= {name for pair in arm.sincos.values() for name in pair} | set(arm.parameter_values())
     given = set(givers_of(functions))
     _own(kind, "functions", given, of_arm)
-    _own(kind, "parameters", task.parameters(), of_arm | given)
+    _own(kind, "parameters", task.parameters(), of_arm | given | {"masses", "lengths"})
     _own(kind, "angles", (name for pair in task.angles.values() for name in pair), of_arm | given)
     begun = {name for f in task.begin_functions for name in gives_of(f)}
     _own(kind, "memory", task.memory, of_arm | (given - begun) | set(task.parameters()))
