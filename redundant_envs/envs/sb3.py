@@ -57,6 +57,7 @@ class SB3VecEnv(LaneValues, VecEnv):
         self._renderer: Any = None
         self._ready = False
         self.spec: EnvSpec | None = None
+        self._options_of_all: dict[str, Any] = {}
         super().__init__(
             core.num_envs,
             observation_space(self.core),
@@ -74,10 +75,11 @@ class SB3VecEnv(LaneValues, VecEnv):
 
         Options that are not valid raise and are forgotten; nothing else changes, seeds wait on.
         """
-        pending, seeds = self._options, self._seeds
+        pending, of_all, seeds = self._options, self._options_of_all, self._seeds
         self._reset_options()
         lanes = np.arange(self.num_envs)
         checked = [(lane, self.core.checked(o, lanes[[lane]])) for lane, o in enumerate(pending) if o]
+        checked_of_all = self.core.checked(of_all, lanes)
         self._reset_seeds()
         for lane, seed in enumerate(seeds):
             if seed is not None:
@@ -86,7 +88,7 @@ class SB3VecEnv(LaneValues, VecEnv):
             self.core.begin(lanes == lane, valid)
         rest = np.array([not options for options in pending])
         if rest.any():
-            self.core.begin(rest, self.core.checked({}, lanes[rest]))
+            self.core.begin(rest, checked_of_all)
         obs, out = self.core.observe()
         if self.render_mode is not None:
             self._see(out)
@@ -99,13 +101,21 @@ class SB3VecEnv(LaneValues, VecEnv):
         return super().seed(checked_seed("seed", seed))
 
     def set_options(self, options: list[dict[str, Any]] | dict[str, Any] | None = None) -> None:
-        """Options of the next reset: one mapping for all environments, or a list of one for each."""
-        if isinstance(options, list | tuple) and len(options) != self.num_envs:
+        """Options of the next reset: one mapping for all environments, or a list of one for each.
+
+        In a mapping for all, each array has a row for each environment, or one for all of them.
+        """
+        self._reset_options()
+        if not isinstance(options, list | tuple):
+            self._options_of_all = checked_options(options)
+        elif len(options) != self.num_envs:
             raise ValueError(f"options has {len(options)} entries; give one per environment, {self.num_envs}")
-        if isinstance(options, list | tuple):
-            self._options = [checked_options(one) for one in options]
         else:
-            super().set_options(checked_options(options))
+            self._options = [checked_options(one) for one in options]
+
+    def _reset_options(self) -> None:
+        super()._reset_options()
+        self._options_of_all = {}
 
     def step_async(self, actions: NDArray[Any]) -> None:
         """Keep the actions for :meth:`step_wait`."""
@@ -199,9 +209,11 @@ class SB3VecEnv(LaneValues, VecEnv):
     # ---- attributes and methods as SB3 reaches them ----------------------------------------------
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """An attribute, once per environment asked for; q, qd, tip and goal each of its own."""
+        """An attribute, once per environment asked for; q, qd, tip, goal, parameters each of its own."""
         value = getattr(self, attr_name)
         lanes = list(self._get_indices(indices))
+        if attr_name == "parameters":
+            return [value.of_lane(lane) for lane in lanes]
         return [value[lane] for lane in lanes] if attr_name in LANE_VALUES else [value] * len(lanes)
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:

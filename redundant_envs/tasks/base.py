@@ -73,6 +73,9 @@ class Task:
     ranges: ClassVar[Mapping[str, tuple[float, float]]] = {}
     """Allowed numbers; of those not named any positive one is allowed, and 0 only if negative ones are."""
 
+    units: ClassVar[Mapping[str, str]] = {"start_angle": "rad", "speed_bound": "rad/s or m/s"}
+    """Units of the task's numbers; one that is not named has none."""
+
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
             where = f"{type(self).__name__}.{field.name}"

@@ -48,6 +48,7 @@ def check_task(task: Task, scene: Scene) -> None:
         ("labels", task.labels, task.metrics),
         ("held_outputs", task.held_outputs, task.metrics),
         ("ranges", task.ranges, task.parameters()),
+        ("units", task.units, task.parameters()),
     ):
         for name in entries:
             if name not in allowed:

@@ -185,6 +185,10 @@ class ReachTask(Task):
     held_outputs = ("is_success", "touched_new")
     angles = {"goal_angle": ("goal_s", "goal_c")}
     goal_functions = (goal_error, goal_reward)
+    units = {
+        **Task.units, "goal_tolerance": "reach", "hold_speed": "reach/s", "hold_steps": "steps",
+        "inner": "reach", "outer": "reach", "rate_scale": "rad/s or m/s",
+    }  # fmt: skip
     # The squares of these numbers neither overflow nor vanish beside those of a motion.
     ranges = {
         "goal_tolerance": (1e-9, 2.0),  # the tip is never farther from a goal than two reaches
