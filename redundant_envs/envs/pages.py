@@ -7,7 +7,7 @@ import inspect
 from typing import Any
 
 from redundant_envs.algebra import gives_of
-from redundant_envs.envs.registration import MAX_EPISODE_STEPS
+from redundant_envs.envs.registration import MAX_EPISODE_STEPS, NAMESPACE
 from redundant_envs.envs.vector_env import info_names
 from redundant_envs.scene import Scene, load_scene
 from redundant_envs.tasks import REGISTRY as TASKS
@@ -117,6 +117,29 @@ def task_table(task: Task) -> str:
     """Numbers of the task."""
     rows = [(f"`{field.name}`", getattr(task, field.name)) for field in dataclasses.fields(task)]
     return table(("Number", "Default"), rows)
+
+
+def members(kind: type[Any]) -> str:
+    """Methods and values of an environment, those of Gymnasium's classes left out."""
+    own: dict[str, Any] = {}
+    for base in reversed(kind.__mro__):
+        if base.__module__.startswith(f"{NAMESPACE}."):
+            own |= {name: value for name, value in vars(base).items() if not name.startswith("_")}
+    methods = {name: value for name, value in own.items() if inspect.isfunction(value)}
+    values = [name for name, value in own.items() if isinstance(value, property)]
+    lines = ["## Methods"]
+    for name, method in methods.items():
+        given = inspect.signature(method).parameters.values()
+        plain = [p.replace(annotation=inspect.Parameter.empty) for p in given if p.name != "self"]
+        lines += [f"* `{name}{inspect.Signature(plain)}`: {_indented(method)}"]
+    lines += ["", "## Values"]
+    lines += [f"* `{name}`: {_indented(getattr(kind, name))}" for name in values]
+    return "\n".join(lines) + "\n"
+
+
+def _indented(member: Any) -> str:
+    """The docstring of a member, as an entry of a list."""
+    return (inspect.getdoc(member) or "").replace("\n", "\n  ").replace("\n  \n", "\n\n")
 
 
 def page(kind: type[Any], scene_name: Any) -> str:
