@@ -67,6 +67,7 @@ INFO = {
     "final_info": "Its last `info`.",
     "terminal_observation": "Last observation of an environment that ended in this step.",
     "TimeLimit.truncated": "Whether an end was a truncation.",
+    "episode": "Of an episode that ended: return `r`, control steps `l`, and `t`, s since the making.",
 }
 """Every key of ``info`` and what it holds."""
 
@@ -79,6 +80,7 @@ INFO_WHERE = {
     "final_info": "vector environments, `same_step`",
     "terminal_observation": "stable-baselines3",
     "TimeLimit.truncated": "stable-baselines3",
+    "episode": "stable-baselines3",
 }
 """Where keys of ``info`` are found that are not found everywhere."""
 
