@@ -65,7 +65,7 @@ def animate(trajectory: Trajectory, index: int | tuple[int, ...] | None = None) 
         motions = f"motions of shape {shape}" if shape else "one motion"
         fix = f"give index, such as {', '.join('0' for _ in shape)}" if shape else "leave index out"
         raise ValueError(f"index is {shown(index)} and trajectory has {motions}; {fix}")
-    rows = (slice(None), *chosen)
+    rows: Any = (slice(None), *chosen)
     return Animation(trajectory.scene, trajectory.t, trajectory.q[rows], trajectory.efforts[rows])
 
 
