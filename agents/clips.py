@@ -9,7 +9,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.studies.clips import check_clip, write_clip
+from redundant_envs.envs.clips import check_clip, write_clip
 
 from .rollout import Act
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from redundant_envs.envs.clips import check_clip
 from redundant_envs.extras import needs
-from redundant_envs.studies.clips import check_clip
 
 from .new_folder import check_unwritten
 from .run_folder import is_exported

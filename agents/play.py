@@ -8,10 +8,10 @@ from typing import Any
 
 import gymnasium as gym
 
+from redundant_envs.envs.clips import check_clip
 from redundant_envs.envs.registration import NAMESPACE, ids
 from redundant_envs.extras import needs
 from redundant_envs.files import exists
-from redundant_envs.studies.clips import check_clip
 from redundant_envs.values import shown
 
 from .clips import batched, clip

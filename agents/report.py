@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from redundant_envs.envs.clips import check_clip
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import MissingPackage, needs
-from redundant_envs.studies.clips import check_clip
 
 from . import command
 from .clips import clip

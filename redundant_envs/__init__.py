@@ -9,6 +9,7 @@ from redundant_envs.envs import registration as _registration
 
 if TYPE_CHECKING:
     from redundant_envs import effects
+    from redundant_envs.envs.animation import animate
     from redundant_envs.envs.check import check_vec_env
     from redundant_envs.envs.registration import (
         register_arm,
@@ -39,6 +40,7 @@ _HOMES = {
     "Event": "model.batch",
     "Numerics": "model.batch",
     "simulate": "model.trajectory",
+    "animate": "envs.animation",
     "make_sb3": "envs.sb3",
     "check_vec_env": "envs.check",
     "listing": "model.listing",
@@ -56,8 +58,8 @@ _HOMES = {
 }
 __all__ = [
     "RPRP", "Arm", "BatchSimulator", "Chain", "Event", "FourR", "GoalReachTask", "Numerics", "ReachTask",
-    "Scene", "Tableau", "Task", "bill", "check_vec_env", "effects", "listing", "load_scene", "register_arm",
-    "register_effect", "register_integrator", "register_task", "simulate",
+    "Scene", "Tableau", "Task", "animate", "bill", "check_vec_env", "effects", "listing", "load_scene",
+    "register_arm", "register_effect", "register_integrator", "register_task", "simulate",
 ]  # fmt: skip
 """The public names, but for ``make_sb3`` and ``torch_step``: they need torch, and ``import *`` must not."""
 

@@ -164,8 +164,8 @@ def _add_study_out(p: argparse.ArgumentParser) -> None:
 def simulate(options: argparse.Namespace) -> None:
     """Write CSV and figures of one or more scenes."""
     from redundant_envs import load_scene
+    from redundant_envs.envs.clips import check_clip
     from redundant_envs.studies import energy
-    from redundant_envs.studies.clips import check_clip
 
     asked: list[str] = options.scene or list(energy.STARTS)
     if options.clip is not None and len(asked) != 1:

@@ -78,7 +78,7 @@ def _run(
     check(config)
     torch.set_num_threads(config.torch_threads)
     given = own_config(folder) if resumed else config
-    base = make_sb3(config.env, config.num_envs, **given.env_kwargs)
+    base = make_sb3(config.env, config.num_envs, monitor=False, **given.env_kwargs)
     simulated = with_scene(config, base.core.scene)  # from now on, whatever happens to its file
     monitor = VecMonitor(base, info_keywords=KEYWORDS)
     model = make_model(config, monitor)

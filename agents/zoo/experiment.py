@@ -69,7 +69,7 @@ class Experiment(ExperimentManager):
         if n_envs > SEEDS_PER_RUN:
             raise ValueError(f"n_envs is {n_envs}; give at most {SEEDS_PER_RUN}: a run has no more seeds")
         given = self.eval_env_kwargs if eval_env else self.env_kwargs
-        base = make_sb3(self.env_name.gym_id, n_envs, **given)
+        base = make_sb3(self.env_name.gym_id, n_envs, monitor=False, **given)
         base.seed(SELECTION_SEED if eval_env else first_environment_seed(self.seed))
         log = None if eval_env or no_log else str(Path(self.save_path) / "0.monitor.csv")
         env: VecEnv = VecMonitor(base, log, **self.monitor_kwargs)

@@ -58,6 +58,13 @@ def attached(where: str, effect: Effect, arm: Arm) -> tuple[Hook, ...]:
                 f"{where} ({kind}).{f.name} is not an argument of its class, so it would not change with the "
                 "others; compute it in the effect's functions, or name it in 'static'"
             )
+    fields = {name.split("[")[0] for name in effect.parameters()}
+    for unit_of in effect.units(arm):
+        if unit_of not in {*effect.parameters(), *fields}:
+            raise ValueError(
+                f"{where} ({kind}).units has {unit_of!r}, which is none of its numbers: "
+                f"{', '.join(effect.parameters()) or 'it has none'}"
+            )
     own: Own = dict.fromkeys(effect.parameters(), False)
     for field, value in effect.parameters().items():
         if isinstance(value, bool) or not isinstance(value, int | float) or value != value:

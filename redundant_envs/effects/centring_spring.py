@@ -60,6 +60,9 @@ class CentringSpring(Effect):
             names = (f"CentringSpring.{name}[{i}]" for name in ("lower", "upper"))
             travel(next(names), self.lower[i], next(names), self.upper[i])
 
+    def units(self, arm: Arm) -> dict[str, str]:
+        return {"stiffness": "N/m", "lower": "m", "upper": "m"}
+
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         joints = for_sliders("CentringSpring", arm.kind, arm.sliders(), len(self.stiffness))
         return tuple(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from redundant_envs.algebra import clamp, physics
-from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link
+from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, units_of_joints
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
 
@@ -31,6 +31,9 @@ class EffortLimits(Effect):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "limits", not_negative("EffortLimits.limits", self.limits))
+
+    def units(self, arm: Arm) -> dict[str, str]:
+        return units_of_joints("limits", arm, "N m", "N")
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         bind = [{"command": f"command{k + 1}", "limit": f".limits[{k}]"} for k in range(len(arm.joints))]

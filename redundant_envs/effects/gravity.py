@@ -53,5 +53,8 @@ class Gravity(Effect):
         down = math.cos(tilt)
         return cls(g, (down * math.sin(roll), -down * math.cos(roll)))
 
+    def units(self, arm: Arm) -> dict[str, str]:
+        return {"g": "m/s^2"}
+
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return (Field(field, {"g": ".g", "down_x": ".down[0]", "down_y": ".down[1]"}),)

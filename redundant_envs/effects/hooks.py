@@ -317,6 +317,21 @@ class Effect:
         """Own numbers in units of which an environment takes its actions, one for each motor; () if none."""
         return ()
 
+    def units(self, arm: Arm) -> dict[str, str]:
+        """Units of its numbers, "field" or "field[k]" -> unit; of one that is not there none is known.
+
+        Those of masses, inertias and ends of travel follow from the hooks; an effect gives its others.
+        """
+        found: dict[str, str] = {}
+        for hook in self.hooks(arm):
+            if isinstance(hook, PointMass):
+                found[hook.mass[1:]] = "kg"
+            elif isinstance(hook, Inertia):
+                found[hook.inertia[1:]] = "kg" if arm.prismatic[hook.joints[0]] else "kg m^2"
+            elif isinstance(hook, Impact):
+                found |= dict.fromkeys((hook.lower[1:], hook.upper[1:]), "m")
+        return found
+
     def parameters(self) -> dict[str, float]:
         """The effect's numbers: "field" or "field[k]" -> value."""
         values: dict[str, float] = {}
@@ -329,6 +344,11 @@ class Effect:
             else:
                 values[f.name] = value
         return values
+
+
+def units_of_joints(field: str, arm: Arm, revolute: str, prismatic: str) -> dict[str, str]:
+    """Units of a field with a number for each joint."""
+    return {f"{field}[{k}]": prismatic if slides else revolute for k, slides in enumerate(arm.prismatic)}
 
 
 def snake_case(name: str) -> str:

@@ -97,6 +97,13 @@ class LimitSpring(Effect):
     def travel(self, arm: Arm) -> dict[int, tuple[str, str]]:
         return {arm.joint_index(self.coordinate): ("lower", "upper")}
 
+    def units(self, arm: Arm) -> dict[str, str]:
+        slides = arm.prismatic[arm.joint_index(self.coordinate)]
+        end, strength = ("m", "N") if slides else ("rad", "N m")
+        return {
+            "lower": end, "upper": end, "stiffness": f"{strength}/{end}", "damping": f"{strength} s/{end}^2"
+        }  # fmt: skip
+
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         k = arm.joint_index(self.coordinate)
         bind = {

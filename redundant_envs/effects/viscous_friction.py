@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from redundant_envs.algebra import physics
-from redundant_envs.effects.hooks import Effect, Force, Hook
+from redundant_envs.effects.hooks import Effect, Force, Hook, units_of_joints
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
 
@@ -38,6 +38,9 @@ class ViscousFriction(Effect):
     def __post_init__(self) -> None:
         checked = not_negative("ViscousFriction.coefficients", self.coefficients)
         object.__setattr__(self, "coefficients", checked)
+
+    def units(self, arm: Arm) -> dict[str, str]:
+        return units_of_joints("coefficients", arm, "N m s/rad", "N s/m")
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(

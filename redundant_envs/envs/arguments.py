@@ -13,7 +13,7 @@ from redundant_envs.model import parameters
 from redundant_envs.model.memory import Memory
 from redundant_envs.scene import Scene
 from redundant_envs.simulator.episode import Episode
-from redundant_envs.tasks.base import full_reach
+from redundant_envs.tasks.base import Task, full_reach
 from redundant_envs.tasks.limits import hard_stops
 from redundant_envs.values import shown
 
@@ -30,6 +30,14 @@ def reach_of(scene: Scene, values: Mapping[str, Any]) -> Any:
     reach = full_reach(scene.robot)
     ends = {f"high{joint + 1}": high for joint, (_, high) in scene.travel().items()}
     return reach(*(values[ends.get(name, name)] for name in arguments_of(reach)))
+
+
+def numbers_of_reward(task: Task) -> list[str]:
+    """Numbers of a task on which the reward of goals depends: no reset of a goal environment changes them."""
+    if not task.goal_conditioned:
+        return []
+    taken = {name for f in task.goal_functions for name in arguments_of(f)}
+    return [name for name in task.parameters() if name in taken]
 
 
 def _entries(scene: Scene, name: str) -> list[str]:
@@ -56,15 +64,18 @@ class ResetOptions:
             fixed = {n for ends in self.scene.travel().values() for n in ends}
             fixed |= {n for _, *ends in hard_stops(self.scene) for n in ends}
             names = [n for n in given if isinstance(n, str)]
-            moved = [n for n in names if n == "lengths" or fixed & set(_entries(self.scene, n))]
+            of_reward = numbers_of_reward(self.episode.task)
+            moved = [n for n in names if n in ("lengths", *of_reward) or fixed & set(_entries(self.scene, n))]
             if moved:
+                what = moved[0] if moved[0] in of_reward else "lengths and travel"
                 raise ValueError(
-                    f"parameter is {moved[0]!r}; goal environments keep lengths and travel, because "
-                    "compute_reward is a function of the two goals alone"
+                    f"parameter is {moved[0]!r}; goal environments keep {what}, because compute_reward is a "
+                    "function of the two goals alone"
+                    + (f": make one with task={{{what!r}: ...}}" if moved[0] in of_reward else "")
                 )
         values = None
         if given is not None:
-            values = parameters.lane_values(self.scene, self.memory, lanes, given, fresh=True)
+            values = parameters.lane_values(self.scene, self.memory, lanes, given, True, self.episode.task)
         present = values or parameters.lane_values(self.scene, self.memory, lanes, {}, fresh=False)
         arm, joints = self.scene.robot, len(self.episode.actions)
         if options.get("goal") is not None and not self.episode.goal:

@@ -11,7 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from redundant_envs.envs.arguments import Checked, ResetOptions, episode_limit, reach_of
+from redundant_envs.envs.arguments import (
+    Checked,
+    ResetOptions,
+    episode_limit,
+    numbers_of_reward,
+    reach_of,
+)
 from redundant_envs.envs.episode_keys import EpisodeKeys
 from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.envs.registration import check_arm
@@ -300,7 +306,8 @@ class Core(Copied):
         check_facts("state", state["simulator"], self._facts)
         dynamics = self.simulator.dynamics
         finite = (*dynamics.states, *dynamics.remembered, *self.task.memory, "steps")
-        check_numbers("state", state, self.memory, self.task.parameters(), finite)
+        kept = numbers_of_reward(self.task)
+        check_numbers("state", state, self.memory, kept, finite, self.task)
         for key, own in (("keys", self.keys), ("mask", self.mask), ("waiting", self.waiting)):
             check_array("state", key, state[key], own)
         generators = state["generators"]

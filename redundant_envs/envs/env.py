@@ -95,8 +95,9 @@ class ArmEnv(LaneValue, gym.Env[Any, Any]):
         ----------
         seed : int, optional
         options : dict, optional
-            "q", "qd": (joints,); "goal": (2,) [m]; "parameters": {name: numbers}, set on top of the
-            scene's own and kept until a reset gives "parameters" again ({} returns to the scene's).
+            "q", "qd": (joints,); "goal": (2,) [m]; "parameters": {name: numbers} of the arm, its effects
+            and the task, set on top of the environment's own and kept until a reset gives "parameters"
+            again ({} returns to the own ones).
         """
         options = checked_options(options)
         if "reset_mask" in options:

@@ -6,18 +6,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.envs.core import Core
+from redundant_envs.envs.parameters import Parameters, parameters_of
+from redundant_envs.scene import Scene
 
-LANE_VALUES = ("q", "qd", "tip", "goal")
-"""Properties of :class:`LaneValues`."""
+LANE_VALUES = ("q", "qd", "tip", "goal", "parameters")
+"""Properties of :class:`LaneValues` that lanes have each for itself."""
 
 
 class LaneValues:
-    """Coordinates, velocities, tips and goals of the lanes of a core, as copies.
+    """The scene of a core, and coordinates, velocities, tips, goals and numbers of its lanes, as copies.
 
-    To set them, give ``q``, ``qd`` and ``goal`` to the options of a reset.
+    To set them, give ``q``, ``qd``, ``goal`` and ``parameters`` to the options of a reset.
     """
 
     core: Core
+
+    @property
+    def scene(self) -> Scene:
+        """The scene: arm, effects, and how it is simulated."""
+        return self.core.scene
+
+    @property
+    def parameters(self) -> Parameters:
+        """Names, values and units of all numbers, of arm, effects and task."""
+        return parameters_of(self.core)
 
     @property
     def q(self) -> NDArray[np.float64]:
@@ -42,6 +54,10 @@ class LaneValues:
 
 class LaneValue(LaneValues):
     """The same for a core with one lane: without the first axis."""
+
+    @property
+    def parameters(self) -> Parameters:
+        return super().parameters.of_lane(0)
 
     @property
     def q(self) -> NDArray[np.float64]:

@@ -13,12 +13,21 @@ from redundant_envs.tasks import REGISTRY as TASKS
 
 
 class _Page:
-    """A docstring written when it is read: building a page costs nothing at import."""
+    """A docstring written when it is read: building a page costs nothing at import.
+
+    That of an environment has its methods and values, too. So ``help`` of an environment shows this text; of
+    a class it adds the members of all bases, Gymnasium's among them.
+    """
 
     def __get__(self, instance: Any, owner: type[Any]) -> str:
-        from redundant_envs.envs.pages import page
+        from redundant_envs.envs.pages import members, page
 
-        return page(owner, SCENES[IDS[owner.env_id].arm])
+        if issubclass(owner, ArmVectorEnv):
+            single = owner.__name__.removesuffix("VectorEnv") + "Env"
+            text = f"Native vector form of {single}. Its page: help({owner.__module__}.{single})\n"
+        else:
+            text = page(owner, SCENES[IDS[owner.env_id].arm])
+        return text if instance is None else f"{text}\n{members(owner)}"
 
 
 def __getattr__(name: str) -> type[Any]:
@@ -42,8 +51,7 @@ def __getattr__(name: str) -> type[Any]:
 def _made(name: str, env_id: str, task: str, kind: type[Any]) -> type[Any]:
     """The class, created again if the module of the task was reloaded."""
     home: dict[str, Any] = {"__module__": __name__, "__qualname__": name, "env_id": env_id, "task_name": task}
+    base: type[Any] = GoalArmEnv if kind.goal_conditioned else ArmEnv
     if name.endswith("VectorEnv"):
-        text = f"Native vector form of {name.removesuffix('VectorEnv')}."
-        return type(name, (ArmVectorEnv,), {**home, "__doc__": text})
-    single: type[Any] = GoalArmEnv if kind.goal_conditioned else ArmEnv
-    return type(name, (single,), {**home, "__doc__": _Page()})
+        base = ArmVectorEnv
+    return type(name, (base,), {**home, "__doc__": _Page()})

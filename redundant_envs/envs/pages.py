@@ -9,7 +9,7 @@ import re
 from typing import Any
 
 from redundant_envs.algebra import gives_of
-from redundant_envs.envs.registration import MAX_EPISODE_STEPS
+from redundant_envs.envs.registration import MAX_EPISODE_STEPS, NAMESPACE
 from redundant_envs.envs.vector_env import info_names
 from redundant_envs.scene import Scene, load_scene
 from redundant_envs.tasks import REGISTRY as TASKS
@@ -69,6 +69,7 @@ INFO = {
     "final_info": "Its last `info`.",
     "terminal_observation": "Last observation of an environment that ended in this step.",
     "TimeLimit.truncated": "Whether an end was a truncation.",
+    "episode": "Of an episode that ended: return `r`, control steps `l`, and `t`, s since the making.",
 }
 """Every key of ``info`` and its meaning."""
 
@@ -81,6 +82,7 @@ INFO_WHERE = {
     "final_info": "vector environments, `same_step`",
     "terminal_observation": "stable-baselines3",
     "TimeLimit.truncated": "stable-baselines3",
+    "episode": "stable-baselines3",
 }
 """Scenes and kinds of environments that have keys of ``info`` which others lack."""
 
@@ -146,6 +148,29 @@ def meanings(kind: type[Any]) -> dict[str, str]:
         for names, sentence in ENTRY.findall(section):
             found |= dict.fromkeys(names.split(", "), " ".join(sentence.split()))
     return found
+
+
+def members(kind: type[Any]) -> str:
+    """Methods and values of an environment, those of Gymnasium's classes left out."""
+    own: dict[str, Any] = {}
+    for base in reversed(kind.__mro__):
+        if base.__module__.startswith(f"{NAMESPACE}."):
+            own |= {name: value for name, value in vars(base).items() if not name.startswith("_")}
+    methods = {name: value for name, value in own.items() if inspect.isfunction(value)}
+    values = [name for name, value in own.items() if isinstance(value, property)]
+    lines = ["## Methods"]
+    for name, method in methods.items():
+        given = inspect.signature(method).parameters.values()
+        plain = [p.replace(annotation=inspect.Parameter.empty) for p in given if p.name != "self"]
+        lines += [f"* `{name}{inspect.Signature(plain)}`: {_indented(method)}"]
+    lines += ["", "## Values"]
+    lines += [f"* `{name}`: {_indented(getattr(kind, name))}" for name in values]
+    return "\n".join(lines) + "\n"
+
+
+def _indented(member: Any) -> str:
+    """The docstring of a member, as an entry of a list."""
+    return (inspect.getdoc(member) or "").replace("\n", "\n  ").replace("\n  \n", "\n\n")
 
 
 def page(kind: type[Any], scene_name: Any) -> str:

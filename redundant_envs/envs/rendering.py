@@ -282,7 +282,7 @@ class Renderer:
         canvas.disc(tip, 6.5, TRAIL)
         if core.goal_fields:
             goal = core.memory.read(core.goal_fields, index)[0]
-            radius = canvas.scale * core.reach * getattr(core.task, "goal_tolerance", 0.0)
+            radius = canvas.scale * core.reach * self._goal_tolerance(index)
             canvas.disc(goal, max(radius, 3.0), GOAL)
             canvas.disc(goal, radius + 8.0, GOAL, ring=2.5)
         if written:
@@ -321,6 +321,11 @@ class Renderer:
         if self._window is not None:
             self._window.close()
             self._window = None
+
+    def _goal_tolerance(self, lane: NDArray[np.intp]) -> float:
+        """Of a lane, in units of the full reach; 0 if the task has none."""
+        name = "goal_tolerance"
+        return float(self.core.memory.read((name,), lane)[0, 0]) if name in self.core.memory else 0.0
 
     def _travel(self, lane: NDArray[np.intp]) -> dict[int, tuple[float, float]]:
         """Ends of the travel of a lane's sliders, m."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 import importlib
+import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -27,9 +28,10 @@ from redundant_envs.envs.vector_env import (
 from redundant_envs.extras import needs
 from redundant_envs.simulator.environment import Autoreset
 from redundant_envs.simulator.episode import TIP
-from redundant_envs.values import whole_number
+from redundant_envs.values import shown, whole_number
 
 with needs("train"):
+    from stable_baselines3.common.monitor import Monitor
     from stable_baselines3.common.vec_env import VecEnv
     from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
@@ -38,18 +40,26 @@ class SB3VecEnv(LaneValues, VecEnv):
     """Lanes of a core as a VecEnv; use :func:`make_sb3`.
 
     A done environment begins its next episode in the same step; the last observation is in
-    ``infos[i]["terminal_observation"]``.
+    ``infos[i]["terminal_observation"]``, and with ``monitor`` the return, the control steps and the time of
+    its episode, s since the environments were made, in ``infos[i]["episode"]``.
     """
 
-    def __init__(self, core: Core, on_bad_action: str = "terminate", render_mode: str | None = None) -> None:
+    def __init__(
+        self, core: Core, on_bad_action: str = "terminate", render_mode: str | None = None,
+        monitor: bool = True,
+    ) -> None:  # fmt: skip
         if on_bad_action not in ON_BAD_ACTION:
             raise ValueError(f"on_bad_action is {on_bad_action!r}; choose {', '.join(ON_BAD_ACTION)}")
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode is {render_mode!r}; choose None or 'rgb_array'")
+        if not isinstance(monitor, bool):
+            raise ValueError(f"monitor is {shown(monitor)}; give True or False")
         self.core = core
         self.goal_conditioned = self.core.task.goal_conditioned
         self.on_bad_action = on_bad_action
         self.render_mode = render_mode
+        self.monitor = monitor
+        self._made = time.time()
         self.metadata: dict[str, Any] = {
             "render_modes": ["rgb_array"],
             "render_fps": round(1.0 / self.core.scene.control_dt),
@@ -57,6 +67,7 @@ class SB3VecEnv(LaneValues, VecEnv):
         self._renderer: Any = None
         self._ready = False
         self.spec: EnvSpec | None = None
+        self._options_of_all: dict[str, Any] = {}
         super().__init__(
             core.num_envs,
             observation_space(self.core),
@@ -74,10 +85,11 @@ class SB3VecEnv(LaneValues, VecEnv):
 
         Invalid options raise an error and are forgotten; nothing else changes, and seeds stay set.
         """
-        pending, seeds = self._options, self._seeds
+        pending, of_all, seeds = self._options, self._options_of_all, self._seeds
         self._reset_options()
         lanes = np.arange(self.num_envs)
         checked = [(lane, self.core.checked(o, lanes[[lane]])) for lane, o in enumerate(pending) if o]
+        checked_of_all = self.core.checked(of_all, lanes)
         self._reset_seeds()
         for lane, seed in enumerate(seeds):
             if seed is not None:
@@ -86,7 +98,7 @@ class SB3VecEnv(LaneValues, VecEnv):
             self.core.begin(lanes == lane, valid)
         rest = np.array([not options for options in pending])
         if rest.any():
-            self.core.begin(rest, self.core.checked({}, lanes[rest]))
+            self.core.begin(rest, checked_of_all)
         obs, out = self.core.observe()
         if self.render_mode is not None:
             self._see(out)
@@ -99,13 +111,21 @@ class SB3VecEnv(LaneValues, VecEnv):
         return super().seed(checked_seed("seed", seed))
 
     def set_options(self, options: list[dict[str, Any]] | dict[str, Any] | None = None) -> None:
-        """Options of the next reset: one mapping for all environments, or a list of one for each."""
-        if isinstance(options, list | tuple) and len(options) != self.num_envs:
+        """Options of the next reset: one mapping for all environments, or a list of one for each.
+
+        In a mapping for all, each array has a row for each environment, or one for all of them.
+        """
+        self._reset_options()
+        if not isinstance(options, list | tuple):
+            self._options_of_all = checked_options(options)
+        elif len(options) != self.num_envs:
             raise ValueError(f"options has {len(options)} entries; give one per environment, {self.num_envs}")
-        if isinstance(options, list | tuple):
-            self._options = [checked_options(one) for one in options]
         else:
-            super().set_options(checked_options(options))
+            self._options = [checked_options(one) for one in options]
+
+    def _reset_options(self) -> None:
+        super()._reset_options()
+        self._options_of_all = {}
 
     def step_async(self, actions: NDArray[Any]) -> None:
         """Keep the actions for :meth:`step_wait`."""
@@ -142,8 +162,16 @@ class SB3VecEnv(LaneValues, VecEnv):
             last = core.observation(last_obs, last_out, self.goal_conditioned)
             if self.goal_conditioned:
                 reward[lanes] = core.goal_reward(last["achieved_goal"][lanes], last["desired_goal"][lanes])
+            assert core.simulator.episode is not None
+            returns = sum(columns.of(last_out, name) for name in core.simulator.episode.returns)
             for n in lanes.tolist():
                 infos[n] = columns.info(last_out, n)
+                if self.monitor:
+                    infos[n]["episode"] = {
+                        "r": round(float(returns[n]), 6),
+                        "l": infos[n]["episode_steps"],
+                        "t": round(time.time() - self._made, 6),
+                    }
                 infos[n]["terminal_observation"] = (
                     {k: v[n] for k, v in last.items()} if self.goal_conditioned else last[n]
                 )
@@ -199,9 +227,11 @@ class SB3VecEnv(LaneValues, VecEnv):
     # ---- attributes and methods that SB3 uses ----------------------------------------------------
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """An attribute, once per environment asked for; q, qd, tip and goal each of its own."""
+        """An attribute, once per environment asked for; q, qd, tip, goal, parameters each of its own."""
         value = getattr(self, attr_name)
         lanes = list(self._get_indices(indices))
+        if attr_name == "parameters":
+            return [value.of_lane(lane) for lane in lanes]
         return [value[lane] for lane in lanes] if attr_name in LANE_VALUES else [value] * len(lanes)
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
@@ -221,11 +251,11 @@ class SB3VecEnv(LaneValues, VecEnv):
         return [result] * len(list(self._get_indices(indices)))
 
     def env_is_wrapped(self, wrapper_class: Any, indices: VecEnvIndices = None) -> list[bool]:
-        """No environment is wrapped inside."""
-        return [False] * len(list(self._get_indices(indices)))
+        """Whether infos are those of a wrapper: of ``Monitor`` with ``monitor``; of others they are not."""
+        return [self.monitor and wrapper_class is Monitor] * len(list(self._get_indices(indices)))
 
 
-def make_sb3(env_id: str, num_envs: int = 256, **kwargs: Any) -> SB3VecEnv:
+def make_sb3(env_id: str, num_envs: int = 256, monitor: bool = True, **kwargs: Any) -> SB3VecEnv:
     """A native stable-baselines3 VecEnv of a registered id.
 
     Parameters
@@ -233,6 +263,9 @@ def make_sb3(env_id: str, num_envs: int = 256, **kwargs: Any) -> SB3VecEnv:
     env_id : str
         A registered id, with or without the namespace; "module:id" imports the module that registers it.
     num_envs : int
+    monitor : bool
+        Give return, length and time of an episode at its end, ``info["episode"]``, as stable-baselines3's
+        Monitor does. Without it, wrap the result in a VecMonitor to have them.
     **kwargs
         Those of ``gymnasium.make``: scene, accuracy, task, on_bad_action, render_mode,
         max_episode_steps; and threads, over blocks of 8 environments.
@@ -253,7 +286,7 @@ def make_sb3(env_id: str, num_envs: int = 256, **kwargs: Any) -> SB3VecEnv:
     own = {name: arguments[name] for name in ("on_bad_action", "render_mode") if name in arguments}
     of_core = {name: value for name, value in arguments.items() if name not in (*own, "task")}
     task = make_task(arguments.get("task"), IDS[full].task)
-    env = SB3VecEnv(Core(num_envs=num_envs, task=task, env_id=full, **of_core), **own)
+    env = SB3VecEnv(Core(num_envs=num_envs, task=task, env_id=full, **of_core), **own, monitor=monitor)
     env.spec = dataclasses.replace(
         spec,
         kwargs={k: v for k, v in arguments.items() if k != "max_episode_steps"},

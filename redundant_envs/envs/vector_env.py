@@ -150,9 +150,10 @@ class ArmVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
         options : dict, optional
             "reset_mask": (num_envs,) bool, the environments to reset; "q", "qd": (joints,) or (n,
             joints);
-            "goal": (2,) or (n, 2) [m]; "parameters": {name: numbers}; n counts those reset.
-            Parameters are set on top of the scene's own and stay, through autoresets too, until
-            a reset of the environment gives "parameters" again ({} returns to the scene's).
+            "goal": (2,) or (n, 2) [m]; "parameters": {name: numbers} of the arm, its effects and the
+            task, each with a row for each environment or one for all; n counts those reset.
+            Parameters are set on top of the environment's own and stay, through autoresets too, until
+            a reset of the environment gives "parameters" again ({} returns to the own ones).
         """
         options = checked_options(options)
         mask = options.pop("reset_mask", None)

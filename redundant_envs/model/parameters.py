@@ -16,22 +16,28 @@ from redundant_envs.model.memory import Memory
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import LARGEST, LARGEST_RATIO, SMALLEST
 from redundant_envs.scene import Scene
+from redundant_envs.tasks.base import Task
 from redundant_envs.values import shown
 
 Table = dict[str, NDArray[np.float64]]
 """Parameter name -> values of some lanes."""
 
 
-def names_of(scene: Scene, name: str) -> list[str]:
-    """Scalar parameters behind a user's name: "masses" -> m1, m2, ..., "gravity.down" -> down[0], down[1]."""
+def names_of(scene: Scene, name: str, of_task: Iterable[str] = ()) -> list[str]:
+    """Scalar parameters behind a user's name: "masses" -> m1, m2, ..., "gravity.down" -> down[0], down[1].
+
+    Numbers of a task are their own names.
+    """
     parameters = scene.parameters()
+    if isinstance(name, str) and name in of_task:
+        return [name]
     if name in ("masses", "lengths"):
         return [p for p in parameters if p[0] == name[0] and p[1:].isdigit()]
     if isinstance(name, str) and "." in name:
         found = [p for p in parameters if p == name or p.startswith(f"{name}[")]
         if found:
             return found
-    valid = ["masses", "lengths", *sorted({p.split("[")[0] for p in parameters if "." in p})]
+    valid = ["masses", "lengths", *sorted({p.split("[")[0] for p in parameters if "." in p}), *of_task]
     raise ValueError(f"parameter is {shown(name)}; this scene has {', '.join(valid)}")
 
 
@@ -77,22 +83,24 @@ def check_start(name: str, columns: NDArray[np.float64]) -> None:
 
 
 def lane_values(
-    scene: Scene, memory: Memory, lanes: NDArray[np.intp], given: Mapping[str, Any], fresh: bool
-) -> Table:
+    scene: Scene, memory: Memory, lanes: NDArray[np.intp], given: Mapping[str, Any], fresh: bool,
+    task: Task | None = None,
+) -> Table:  # fmt: skip
     """All parameters of some lanes once the given ones are set; ValueError if one is not valid.
 
-    ``fresh`` starts from the scene's own numbers instead of the present ones.
+    ``fresh`` starts from the numbers of the scene, and of the task, instead of the present ones.
     """
-    nominal = scene.parameters()
+    of_task = {} if task is None else task.parameters()
+    nominal = {**scene.parameters(), **of_task}
     if not isinstance(given, Mapping):
         raise ValueError(f"parameters is {shown(given)}; give a mapping of names to numbers")
     if fresh:
         values = {p: np.full(len(lanes), v) for p, v in nominal.items()}
     else:
-        values = _present(scene, memory, lanes)
+        values = _present(memory, lanes, nominal)
     changed: list[str] = []
     for name, value in given.items():
-        names = names_of(scene, name)
+        names = names_of(scene, name, of_task)
         columns = table(name, value, len(lanes), len(names))
         for k, p in enumerate(names):
             values[p] = columns[:, k].copy()
@@ -100,20 +108,24 @@ def lane_values(
         if name in ("masses", "lengths"):
             _check_positive(name, columns)
     _check_fitting(scene, values, changed)
+    if task is not None and of_task.keys() & changed:
+        _check_task(task, values)
     return values
 
 
-def check_lanes(scene: Scene, memory: Memory, lanes: NDArray[np.intp]) -> None:
+def check_lanes(scene: Scene, memory: Memory, lanes: NDArray[np.intp], task: Task | None = None) -> None:
     """ValueError unless the parameters of lanes are some that they could be given."""
-    values = _present(scene, memory, lanes)
+    if task is not None:
+        _check_task(task, _present(memory, lanes, task.parameters()))
+    values = _present(memory, lanes, scene.parameters())
     for name in ("masses", "lengths"):
         _check_positive(name, np.stack([values[p] for p in names_of(scene, name)], axis=1))
     changed = [p for p, own in scene.parameters().items() if (values[p] != own).any()]
     _check_fitting(scene, values, changed)
 
 
-def _present(scene: Scene, memory: Memory, lanes: NDArray[np.intp]) -> Table:
-    names = tuple(scene.parameters())
+def _present(memory: Memory, lanes: NDArray[np.intp], names: Iterable[str]) -> Table:
+    names = tuple(names)
     present = memory.read(tuple(memory.dynamics.field_of(p) for p in names), lanes)
     return {p: present[:, k] for k, p in enumerate(names)}
 
@@ -182,6 +194,13 @@ def _check_effect(arm: Arm, effect: Any, values: Table) -> None:
             fields[f.name] = own if not parts else tuple(parts) if isinstance(own, tuple) else parts[0]
         made = type(effect)(**fields)
         check_numbers(effect.key, made, arm, made.hooks(arm))
+
+
+def _check_task(task: Task, values: Table) -> None:
+    """Build the task with each lane's numbers: its own checks decide."""
+    names = tuple(task.parameters())
+    for row in np.unique(np.stack([values[p] for p in names], axis=1), axis=0):
+        dataclasses.replace(task, **dict(zip(names, row.tolist(), strict=True)))
 
 
 def write(scene: Scene, memory: Memory, lanes: NDArray[np.intp], values: Table) -> None:

@@ -16,6 +16,7 @@ from redundant_envs.model.memory import Memory
 from redundant_envs.model.programs import Simulator
 from redundant_envs.simulator.blocks import LANES
 from redundant_envs.simulator.lane import PARAMETER, STATE
+from redundant_envs.tasks.base import Task
 
 KEPT_FIELDS = ("h", "interval", "tip_tolerance", "limit")
 """Parameters that belong to a simulator and to none of its states."""
@@ -166,8 +167,9 @@ def check_array(name: str, key: str, value: Any, like: NDArray[Any]) -> None:
 
 
 def check_numbers(
-    name: str, state: Mapping[str, Any], memory: Memory, kept: Iterable[str] = (), finite: Iterable[str] = ()
-) -> None:
+    name: str, state: Mapping[str, Any], memory: Memory, kept: Iterable[str] = (),
+    finite: Iterable[str] = (), task: Task | None = None,
+) -> None:  # fmt: skip
     """ValueError unless the numbers of a state may replace those of a memory.
 
     Parameters
@@ -181,6 +183,8 @@ def check_numbers(
         Parameters that are equal in all states, beside :data:`KEPT_FIELDS`.
     finite : names of fields
         States that are never without a number.
+    task : Task, optional
+        Whose numbers are parameters, too.
     """
     own, layout = memory.save(), memory.layout
     check_array(name, "states", state["states"], own["states"])
@@ -197,7 +201,7 @@ def check_numbers(
         )
     blocks = given.reshape(-1, layout.size(PARAMETER), LANES)
     states = state["states"][: memory.arrays[str(STATE)].size].reshape(memory.arrays[str(STATE)].shape)
-    for row in memory.dynamics.parameters:
+    for row in (*memory.dynamics.parameters, *(() if task is None else task.parameters())):
         numbers, here = blocks[:, layout.place(row)[1]], memory.column(row)
         if not (np.isfinite(numbers) | (numbers == here[:1, :1])).all():  # a side without a stop is infinite
             raise ValueError(f"{name}['parameters'] has a {row} that is not finite; give finite ones")
@@ -215,7 +219,7 @@ def check_numbers(
     taken, scene = memory.holding(state["states"], given), memory.dynamics.scene
     try:
         if not np.array_equal(given, own["parameters"]):
-            parameters.check_lanes(scene, taken, taken.index)
+            parameters.check_lanes(scene, taken, taken.index, task)
         q = taken.read(scene.robot.coordinates)
         parameters.check_stops(scene, taken, taken.index, q, None)
     except ValueError as error:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from redundant_envs.model.batch import BatchSimulator, Event, Numerics, Status
 from redundant_envs.model.energy import kinetic_energy, potential_energy
 from redundant_envs.scene import Scene, check_scene
+from redundant_envs.simulator.direct import fields_of
 from redundant_envs.values import shown
 
 Array = NDArray[np.float64]
@@ -30,6 +31,11 @@ class Trajectory:
     work : (T, ...) J
         Work of the motors and of forces without a potential since the start:
         kinetic + potential - work stays constant.
+    efforts : (T, ..., joints) N m or N
+        Efforts of the motors, applied from t on: behind limits and all else that effects put between
+        command and motor. Nothing is applied from the last time on: there a callable is not asked for a new
+        interval, and its last command counts.
+    scene : Scene
     events : list of Event
         Events at the stops of the sliders, in the order of time.
     """
@@ -40,7 +46,14 @@ class Trajectory:
     kinetic_energy: Array
     potential_energy: Array
     work: Array
+    efforts: Array
+    scene: Scene = field(repr=False)
     events: list[Event] = field(default_factory=list)
+
+    @property
+    def tip(self) -> Array:
+        """Position of the tip, (T, ..., 2), m."""
+        return self.scene.robot.forward_kinematics(self.q)
 
 
 def simulate(
@@ -89,6 +102,7 @@ def simulate(
     qs: list[Array] = []
     qds: list[Array] = []
     works: list[Array] = []
+    applied: list[Array] = []
     events: list[Event] = []
     step, command = 0, np.zeros((count, joints))
     commanded = -1
@@ -104,18 +118,20 @@ def simulate(
             command, commanded = _command(efforts, step, dt, batch, shape, command, commanded)
             here = batch.save()
             _check(batch.advance_partly(command, rest), step * dt)
-            state = batch.q, batch.qd, batch.work
+            state = batch.q, batch.qd, batch.work, motor_efforts(batch, command)
             if time == t[-1]:
                 events += batch.events(step * dt)
             batch.restore(here)
         else:
-            state = batch.q, batch.qd, batch.work
+            if time < t[-1] or not callable(efforts):
+                command, commanded = _command(efforts, step, dt, batch, shape, command, commanded)
+            state = batch.q, batch.qd, batch.work, motor_efforts(batch, command)
         if not (np.isfinite(state[0]).all() and np.isfinite(state[1]).all()):
             raise ValueError(
                 f"the motion is not finite at t = {time:.6g} s; take a shorter control_dt, more "
                 "substeps, or a softer scene"
             )
-        for store, value in zip((qs, qds, works), state, strict=True):
+        for store, value in zip((qs, qds, works, applied), state, strict=True):
             store.append(value)
     q_all = np.array(qs).reshape(len(t), *shape, joints)
     qd_all = np.array(qds).reshape(len(t), *shape, joints)
@@ -126,8 +142,21 @@ def simulate(
         kinetic_energy=kinetic_energy(scene, q_all, qd_all),
         potential_energy=potential_energy(scene, q_all),
         work=np.array(works).reshape(len(t), *shape),
+        efforts=np.array(applied).reshape(len(t), *shape, joints),
+        scene=scene,
         events=sorted(events, key=lambda e: e.time),
     )
+
+
+def motor_efforts(batch: BatchSimulator, command: Array) -> Array:
+    """Efforts of the motors under commands, (num_envs, joints) both, in the present states."""
+    dynamics = batch.simulator.dynamics
+    if not any(dynamics.chains):
+        return command
+    states = dict(zip(dynamics.effect_states, batch.z.T, strict=True))
+    numbers = {**fields_of(dynamics), **states, **dict(zip(dynamics.commands, command.T, strict=True))}
+    found, _ = dynamics.efforts(dynamics.quantities([*batch.q.T, *batch.qd.T], numbers), "derivative")
+    return np.stack([np.broadcast_to(effort, batch.num_envs) for effort in found], axis=1)
 
 
 def _instant(time: float, dt: float) -> int:

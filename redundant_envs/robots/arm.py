@@ -82,6 +82,8 @@ class Arm:
         The quantities of the model: functions of the physics dialect, found by what they give.
     kind : str, default the name of the class
         Name of the arm in scene files.
+    units : mapping of str to str, default {"masses": "kg", "lengths": "m"}
+        Units of the numbers of an arm.
     num_masses, num_lengths : int
         Point masses, by default as many as joints, and links.
     coordinates, rates : tuple of str
@@ -119,6 +121,7 @@ class Arm:
     masses: tuple[float, ...]
     lengths: tuple[float, ...]
 
+    units: ClassVar[Mapping[str, str]] = {"masses": "kg", "lengths": "m"}
     _derived: ClassVar[frozenset[str]] = frozenset()  # names of what the class has without having said it
     kind: ClassVar[str]
     joint_types: ClassVar[str]
@@ -198,9 +201,9 @@ class Arm:
                 setattr(cls, name, value)
 
     def __post_init__(self) -> None:
-        masses = positive_numbers("masses", self.masses, self.num_masses, "kg")
-        object.__setattr__(self, "masses", masses)
-        object.__setattr__(self, "lengths", positive_numbers("lengths", self.lengths, self.num_lengths, "m"))
+        for name, count in (("masses", self.num_masses), ("lengths", self.num_lengths)):
+            checked = positive_numbers(name, getattr(self, name), count, Arm.units[name])
+            object.__setattr__(self, name, checked)
 
     def joint_index(self, name: str) -> int:
         """Position of a joint by its name; an unknown name lists the valid ones."""

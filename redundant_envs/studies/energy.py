@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from redundant_envs.effects import CentringSpring, Gravity
+from redundant_envs.effects import Gravity
 from redundant_envs.model.energy import potential_energy
 from redundant_envs.model.trajectory import Trajectory, simulate
 from redundant_envs.scene import Scene
@@ -93,20 +93,6 @@ def default_start(name: str, scene: Scene) -> tuple[float, ...]:
             middle = 0.5 * (values[low] + values[high])
         q.append(middle)
     return tuple(q)
-
-
-def stated_limits(scene: Scene) -> dict[int, tuple[float, float]]:
-    """Travel that the scene states for its sliders: joint -> (lower, upper), m.
-
-    The report's centring spring names limits too, although it does not enforce them.
-    """
-    values = scene.parameters()
-    limits = {k: (values[a], values[b]) for k, (a, b) in scene.travel().items() if scene.robot.prismatic[k]}
-    for effect in scene.effects:
-        if isinstance(effect, CentringSpring):
-            joints = scene.robot.sliders()
-            limits.update(zip(joints, zip(effect.lower, effect.upper, strict=True), strict=True))
-    return limits
 
 
 def check_start(scene: Scene, seconds: float, q: ArrayLike, qd: ArrayLike | None = None) -> None:

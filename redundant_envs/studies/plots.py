@@ -10,15 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.envs.rendering import BACKGROUND, INK, JOINT, MARGIN, REACH, TRAIL, Canvas, draw_links
+from redundant_envs.envs.animation import animate, stated_limits
 from redundant_envs.extras import needs
-from redundant_envs.studies.clips import write_clip
-from redundant_envs.studies.energy import EnergyRun, stated_limits
+from redundant_envs.studies.energy import EnergyRun
 
 KINETIC, POTENTIAL, TOTAL, ERROR, LEFT_OUT = "#34496e", "#d9822b", "#2e8b66", "#8c3b3b", "#a9adb5"
 SLIDERS = ("#34496e", "#7c9dcd")
-FRAMES_PER_SECOND = 25
-TRAIL_FRAMES = 50
 
 
 def new_figure(height: float) -> Any:
@@ -110,38 +107,6 @@ def save_figures(run: EnergyRun, folder: Path) -> list[Path]:
     return written
 
 
-def arm_picture(
-    run: EnergyRun, q: NDArray[np.float64], trail: NDArray[np.float64], half_width: float, time: float
-) -> NDArray[np.uint8]:
-    """One frame, (480, 480, 3) uint8: the arm at q (joints,), its trail (n, 2) [m], the time [s]."""
-    arm = run.scene.robot
-    points = arm.points(q)  # type: ignore[attr-defined]
-    base = np.zeros(2)
-    canvas = Canvas(half_width)
-    canvas.trail(trail, 3.0, TRAIL, faint=0.1, strong=0.8)
-    draw_links(canvas, arm, q, stated_limits(run.scene))
-    for mass, point in zip(arm.masses, points, strict=True):
-        # The area of a disc shows the mass of the point.
-        canvas.disc(point, 9.0 * np.sqrt(mass / max(arm.masses)), JOINT)
-    canvas.disc(base, 8.0, JOINT)
-    canvas.disc(base, 4.0, BACKGROUND)
-    canvas.disc(base, canvas.scale * half_width / 1.08, REACH, ring=2.0)
-    canvas.text(f"time {time:.2f} s", MARGIN, MARGIN, INK)
-    return canvas.pixels
-
-
 def save_clip(run: EnergyRun, path: Path) -> None:
-    """Write the motion as a GIF or MP4 in real time, 25 frames per second."""
-    motion = run.trajectory
-    points = run.scene.robot.points(motion.q)  # type: ignore[attr-defined]
-    half_width = 1.08 * float(np.hypot(points[..., 0], points[..., 1]).max())
-    times = np.arange(0.0, motion.t[-1] + 1e-9, 1.0 / FRAMES_PER_SECOND)
-    rows = np.searchsorted(motion.t, times - 1e-9).clip(max=len(motion.t) - 1)
-    tips = points[:, -1]
-    frames = [
-        arm_picture(
-            run, motion.q[row], tips[max(0, row - 4 * TRAIL_FRAMES) : row + 1 : 4], half_width, motion.t[row]
-        )
-        for row in rows
-    ]
-    write_clip(path, frames, FRAMES_PER_SECOND)
+    """Write the motion as a GIF or MP4 in real time."""
+    animate(run.trajectory).save(path)

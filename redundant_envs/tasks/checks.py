@@ -34,7 +34,8 @@ def check_task(task: Task, scene: Scene) -> None:
     check_names(f"{kind}.functions", given, taken)
     begun = {name for f in task.begin_functions for name in gives_of(f)}
     taken |= {name: f"of {kind}.functions" for name in given if name not in begun}
-    check_names(f"{kind}.parameters", task.parameters(), taken)
+    shared = dict.fromkeys(("masses", "lengths"), f"of the arm {arm.kind}: options of a reset set them")
+    check_names(f"{kind}.parameters", task.parameters(), taken | shared)
     taken |= dict.fromkeys(task.parameters(), f"of {kind}.parameters")
     check_names(f"{kind}.memory", task.memory, taken)
     taken |= dict.fromkeys((*task.memory, *begun), f"of {kind}.memory or begin_functions")

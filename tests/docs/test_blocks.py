@@ -18,6 +18,8 @@ BLOCKS = [
     for page in MANUAL for line, block in blocks(page, "python")
 ]  # fmt: skip
 OTHERS = ("torch", "torchrl", "stable_baselines3", "sympy", "mujoco")
+BEHIND = {"RecordVideo": "moviepy", "animate(": "imageio"}
+"""Packages that are not imported by a block, but needed by what it calls."""
 
 
 @pytest.mark.parametrize(("page", "line", "block"), BLOCKS)
@@ -25,6 +27,9 @@ def test_block_runs_alone(page, line, block, tmp_path, monkeypatch, capsys):
     for name in OTHERS:
         if re.search(rf"^(import|from) {name}\b", block, re.M) and not importlib.util.find_spec(name):
             pytest.skip(f"{name} is not installed")
+    for call, name in BEHIND.items():
+        if call in block:
+            pytest.importorskip(name)
     monkeypatch.chdir(tmp_path)
     # Then line numbers of an error are those of the page.
     code = compile("\n" * (line - 1) + block, str(page.relative_to(ROOT)), "exec")

@@ -175,5 +175,12 @@ def test_the_page_draws_the_arm_with_all_its_names(env_id):
 def test_the_table_holds_no_key_that_nothing_gives(env_id):
     always = {key for key in explained(env_id) if not key.startswith("return_")}
     _, info = gym.make(env_id).reset(seed=0)
-    elsewhere = {"final_obs", "final_info", "terminal_observation", "TimeLimit.truncated", "beyond_limit"}
+    elsewhere = {
+        "final_obs",
+        "final_info",
+        "terminal_observation",
+        "TimeLimit.truncated",
+        "episode",
+        "beyond_limit",
+    }
     assert always - set(info) <= elsewhere | ({"events"} if "FourR" in env_id else set())

@@ -237,3 +237,35 @@ def test_letters_are_as_high_as_asked_and_differ():
 def test_a_character_without_a_glyph_is_refused():
     with pytest.raises(ValueError, match="no glyph for '~'"):
         cover("1 ~", 12.0)
+
+
+def test_record_video_of_gymnasium_writes_an_mp4(tmp_path):
+    pytest.importorskip("moviepy", reason="RecordVideo needs the extra 'plot'")
+    import imageio_ffmpeg
+
+    env = gym.make("redundant_envs/FourRReach-v0", render_mode="rgb_array", max_episode_steps=10)
+    env = gym.wrappers.RecordVideo(
+        env, str(tmp_path / "videos"), episode_trigger=lambda episode: episode == 0
+    )
+    env.reset(seed=0)
+    for action in actions(10, 1)[:, 0]:
+        *_, truncated, _ = env.step(action)
+    assert truncated
+    env.close()
+    (video,) = tmp_path.glob("videos/*.mp4")
+    frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(video))
+    assert frames in (10, 11)  # moviepy rounds the time of the last one
+    assert seconds == pytest.approx(frames * 0.02, abs=0.03)
+
+
+def test_the_extra_plot_has_what_record_video_needs():
+    import tomllib
+    from pathlib import Path
+
+    root = Path(__file__).parents[2]
+    data = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))
+    assert any(d.startswith("moviepy") for d in data["project"]["optional-dependencies"]["plot"])
+    pinned = (root / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    versions = dict(line.split("==") for line in pinned if "==" in line)
+    assert int(versions["pillow"].partition(".")[0]) < 12  # moviepy takes no later one
+    assert "moviepy" in versions

@@ -322,3 +322,37 @@ def test_asking_for_more_times_does_not_change_a_motion_with_stops(kwargs):
     for name in ("q", "qd", "work"):
         assert (getattr(a, name) == getattr(b, name)[at]).all()
     assert a.events == b.events
+
+
+def test_a_trajectory_has_the_tip_of_its_states():
+    scene = rde.Scene(rde.FourR((1,) * 4, (1,) * 4))
+    motion = rde.simulate(scene, np.zeros((2, 3, 4)), np.ones(4), [0.0, 0.01, 0.05])
+    assert motion.scene is scene
+    assert motion.tip.shape == (3, 2, 3, 2)
+    np.testing.assert_array_equal(motion.tip, scene.robot.forward_kinematics(motion.q))
+    np.testing.assert_array_equal(motion.efforts, np.zeros((3, 2, 3, 4)))
+
+
+def test_efforts_are_those_applied_from_each_time_on():
+    scene = rde.Scene(rde.FourR((1,) * 4, (1,) * 4), control_dt=0.02)
+    asked = []
+
+    def efforts(t, q, qd):
+        asked.append(t)
+        return np.full(4, 1.0 + round(t / 0.02))
+
+    times = [0.0, 0.01, 0.02, 0.05, 0.06]
+    motion = rde.simulate(scene, np.zeros(4), np.zeros(4), times, efforts)
+    np.testing.assert_array_equal(motion.efforts[:, 0], [1, 1, 2, 3, 3])  # from the end on none is asked for
+    np.testing.assert_allclose(asked, [0.0, 0.02, 0.04])
+    constant = rde.simulate(scene, np.zeros((2, 4)), np.zeros(4), [0.0, 0.02], (1, 2, 3, 4))
+    np.testing.assert_array_equal(constant.efforts, np.broadcast_to([1.0, 2, 3, 4], (2, 2, 4)))
+    alone = rde.simulate(scene, np.zeros(4), np.zeros(4), [0.0], (1, 2, 3, 4))
+    np.testing.assert_array_equal(alone.efforts, [[1.0, 2, 3, 4]])
+
+
+def test_efforts_are_behind_what_limits_the_motors():
+    limits = rde.effects.EffortLimits((1.0, 2.0, 3.0, 4.0))
+    scene = rde.Scene(rde.FourR((1,) * 4, (1,) * 4), (limits,))
+    motion = rde.simulate(scene, np.zeros((2, 4)), np.zeros(4), [0.0, 0.03], (-9.0, 1.5, 9.0, 9.0))
+    np.testing.assert_array_equal(motion.efforts, np.broadcast_to([-1.0, 1.5, 3.0, 4.0], (2, 2, 4)))

@@ -1,0 +1,147 @@
+"""Moving pictures of motions that were simulated."""
+
+from __future__ import annotations
+
+import base64
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from redundant_envs.effects import CentringSpring
+from redundant_envs.envs.clips import check_clip, write_clip
+from redundant_envs.envs.rendering import BACKGROUND, INK, JOINT, MARGIN, REACH, TRAIL, Canvas, draw_links
+from redundant_envs.model.trajectory import Trajectory
+from redundant_envs.scene import Scene
+from redundant_envs.values import shown
+
+FRAMES_PER_SECOND = 25
+TRAIL_SECONDS, TRAIL_POINTS = 2.0, 50
+"""How long the tip's way is shown, and by how many points at most."""
+BORDER = 1.08
+"""Half of a picture's width, in units of the farthest distance of a point from the base."""
+
+
+def animate(trajectory: Trajectory, index: int | tuple[int, ...] | None = None) -> Animation:
+    """A moving picture of a motion, in real time.
+
+    Its frames, 25 a second, show states of the trajectory: ask :func:`redundant_envs.simulate` for as many
+    times a second, or more.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        What ``simulate`` gave.
+    index : int or tuple of ints, optional
+        Which motion of a batch; a single motion has none.
+
+    Returns
+    -------
+    Animation
+        It shows itself in a notebook; ``save("file.gif")`` or ``save("file.mp4")`` writes it. Both need the
+        extra ``plot``.
+
+    Raises
+    ------
+    ValueError
+        If there is nothing to draw, the index chooses no motion, or the arm has no point mass for each joint.
+    """
+    if not isinstance(trajectory, Trajectory):
+        raise ValueError(f"trajectory is {shown(trajectory)}; give what redundant_envs.simulate returns")
+    arm, shape = trajectory.scene.robot, trajectory.q.shape[1:-1]
+    if not trajectory.t.size:
+        raise ValueError("trajectory has no times; simulate some to draw")
+    if arm.num_masses != len(arm.joints):
+        raise ValueError(
+            f"{arm.kind} has {arm.num_masses} point masses and {len(arm.joints)} joints; arms are drawn with "
+            "a point mass behind each joint"
+        )
+    chosen = () if index is None else index if isinstance(index, tuple) else (index,)
+    whole = all(isinstance(k, int | np.integer) and not isinstance(k, bool) for k in chosen)
+    inside = whole and all(-n <= k < n for k, n in zip(chosen, shape, strict=False))
+    if len(chosen) != len(shape) or not inside:
+        motions = f"motions of shape {shape}" if shape else "one motion"
+        fix = f"give index, such as {', '.join('0' for _ in shape)}" if shape else "leave index out"
+        raise ValueError(f"index is {shown(index)} and trajectory has {motions}; {fix}")
+    rows: Any = (slice(None), *chosen)
+    return Animation(trajectory.scene, trajectory.t, trajectory.q[rows], trajectory.efforts[rows])
+
+
+class Animation:
+    """Frames of a motion; use :func:`animate`."""
+
+    def __init__(
+        self, scene: Scene, t: NDArray[np.float64], q: NDArray[np.float64], efforts: NDArray[np.float64]
+    ) -> None:
+        self._scene, self._t, self._q, self._efforts = scene, t, q, efforts
+        points = scene.robot.points(q)
+        self._tips = points[:, -1]
+        self._half_width = BORDER * float(np.hypot(points[..., 0], points[..., 1]).max())
+        self._travel = stated_limits(scene)
+        values = scene.parameters()
+        self._limits = np.array([values[name] for name in scene.action_units()])
+
+    def __repr__(self) -> str:
+        return (
+            f"<Animation of {self._scene.robot.kind}, {self._t[-1] - self._t[0]:g} s; save('file.gif') or "
+            "save('file.mp4') writes it>"
+        )
+
+    def _repr_html_(self) -> str:
+        """A video that a notebook shows."""
+        with tempfile.TemporaryDirectory() as folder:
+            video = base64.b64encode(self.save(Path(folder) / "clip.mp4").read_bytes()).decode()
+        return f'<video controls autoplay loop muted src="data:video/mp4;base64,{video}"></video>'
+
+    def save(self, path: str | Path) -> Path:
+        """Write it as a GIF or an MP4, by the ending of the file's name; gives the path.
+
+        Raises
+        ------
+        ValueError
+            If the name ends in neither.
+        MissingPackage
+            If the extra ``plot`` is not installed.
+        """
+        path = Path(path)
+        check_clip(path)
+        times = np.arange(self._t[0], self._t[-1] + 1e-9, 1.0 / FRAMES_PER_SECOND)
+        rows = np.searchsorted(self._t, times - 1e-9).clip(max=len(self._t) - 1)
+        write_clip(path, [self.frame(int(row)) for row in rows], FRAMES_PER_SECOND)
+        return path
+
+    def frame(self, row: int) -> NDArray[np.uint8]:
+        """The picture of a row of the trajectory, (480, 480, 3) uint8: arm, way of the tip, time, efforts."""
+        row = range(len(self._t))[row]
+        arm, base = self._scene.robot, np.zeros(2)
+        canvas = Canvas(self._half_width)
+        canvas.disc(base, canvas.scale * self._half_width / BORDER, REACH, ring=2.0)
+        start = int(np.searchsorted(self._t, self._t[row] - TRAIL_SECONDS))
+        way = np.unique(np.linspace(start, row, TRAIL_POINTS).round().astype(int))
+        canvas.trail(self._tips[way], 3.0, TRAIL, faint=0.1, strong=0.8)
+        draw_links(canvas, arm, self._q[row], self._travel)
+        for mass, point in zip(arm.masses, arm.points(self._q[row]), strict=True):
+            # The area of a disc shows the mass of the point.
+            canvas.disc(point, 9.0 * np.sqrt(mass / max(arm.masses)), JOINT)
+        canvas.disc(base, 8.0, JOINT)
+        canvas.disc(base, 4.0, BACKGROUND)
+        if self._limits.all() and self._limits.size:
+            canvas.bars((self._efforts[row] / self._limits).tolist())
+        canvas.text(f"time {self._t[row]:.2f} s", MARGIN, MARGIN, INK)
+        return canvas.pixels
+
+
+def stated_limits(scene: Scene) -> dict[int, tuple[float, float]]:
+    """Travel that the scene states for its sliders: joint -> (lower, upper), m.
+
+    The report's centring spring names limits too, although it does not enforce them.
+    """
+    values = scene.parameters()
+    limits = {k: (values[a], values[b]) for k, (a, b) in scene.travel().items() if scene.robot.prismatic[k]}
+    for effect in scene.effects:
+        if isinstance(effect, CentringSpring):
+            joints: Any = scene.robot.sliders()
+            limits.update(zip(joints, zip(effect.lower, effect.upper, strict=True), strict=True))
+    return limits
