@@ -76,7 +76,10 @@ class Task:
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
             where = f"{type(self).__name__}.{field.name}"
-            value = number(where, getattr(self, field.name))
+            given: Any = getattr(self, field.name)
+            value = number(where, given)
+            if hasattr(given, "dtype"):  # a number of NumPy
+                object.__setattr__(self, field.name, given.item())
             low, high = self.ranges.get(field.name, (0.0, math.inf))
             if low >= 0.0 and value <= 0.0:
                 raise ValueError(f"{where} is {value}; it must be positive")
