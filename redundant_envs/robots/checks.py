@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
+from redundant_envs import dialect
 from redundant_envs.algebra import gives_of, numbered
 from redundant_envs.quantities import Quantities, givers_of
 from redundant_envs.robots.joint_types import MOST_JOINTS
@@ -14,7 +15,28 @@ OWN_NAMES = re.compile(
     r"tip_v?[xy]|manipulability|Jdqd\d|[XY]dqd\d+|a[xy]"
 )
 """Names of the quantities that every arm has."""
+FUNCTIONS = ("column_norms", "mobility_bounds", "held_dynamics", "slider_mobility", "coordinates_of_joints")
+"""What a class may give beside ``functions`` that is a function of its own."""
 OF_LANES = ("h", "interval", "work", "error", "fault", "limit", "steps", "reach", "U", "T", "Lz")
+
+
+def check_functions(arm: Any) -> None:
+    """ValueError unless the functions that an arm's class gives itself belong to the physics dialect."""
+    if arm.__module__.partition(".")[0] == __name__.partition(".")[0]:
+        return
+    inherited = {id(f) for base in arm.__mro__[1:] for f in vars(base).get("functions", ())}
+    given = [("functions", f) for f in arm.functions if id(f) not in inherited]
+    given += [("prepared", f) for f in vars(arm).get("prepared", ())]
+    given += [
+        (name, getattr(arm, name))
+        for name in FUNCTIONS
+        if callable(getattr(vars(arm).get(name), "__func__", vars(arm).get(name)))
+    ]
+    for name, function in given:
+        try:
+            dialect.check(function)
+        except ValueError as error:
+            raise ValueError(f"{arm.__name__}.{name}: {error}") from None
 
 
 def check_joints(arm: Any) -> None:
@@ -35,9 +57,6 @@ def check_joints(arm: Any) -> None:
         raise ValueError(f"{arm.__name__}.prismatic is {arm.prismatic!r}; give True or False for each joint")
     if len(set(arm.joints)) < n:
         raise ValueError(f"{arm.__name__}.joints is {arm.joints!r}; give each joint a name of its own")
-    for f in arm.functions:
-        if not hasattr(f, "physics_gives"):
-            raise ValueError(f"{arm.__name__}.functions has {f!r:.60}; mark it, write @physics above")
     taken = {name for f in arm.functions for name in gives_of(f)}
     taken |= {name for pair in arm.sincos.values() for name in pair}
     names = [*arm.coordinates, *arm.rates]
