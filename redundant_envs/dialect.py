@@ -75,11 +75,12 @@ def check(function: Any) -> None:
     ValueError
         The message says what to write.
     """
-    first, before = _traced(function), _random_states(function)
-    if before is None:
+    first = _traced(function)
+    if is_own(function):
         return
+    before = random_states()
     again = [_traced(function) for _ in range(TRACES - 1)]
-    if any(other != first for other in again) or _random_states(function) != before:
+    if any(other != first for other in again) or random_states() != before:
         raise ValueError(f"{_name(function)} {CHANGES}")
 
 
@@ -147,10 +148,13 @@ def _package(module: Any) -> str:
 OWN = _package(__name__)
 
 
-def _random_states(function: Any) -> Any:
-    """Where the random numbers stand that all modules share; None for functions of this package."""
-    if _package(getattr(function, "__module__", "")) == OWN:
-        return None
+def is_own(what: Any) -> bool:
+    """Whether a function or a class is one of this package."""
+    return _package(getattr(what, "__module__", "")) == OWN
+
+
+def random_states() -> Any:
+    """Where the random numbers stand that all modules share."""
     state: Any = np.random.get_state(legacy=False)
     inside = state["state"]
     return random.getstate(), state.get("has_gauss"), str(inside.get("pos", inside))

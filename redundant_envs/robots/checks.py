@@ -22,7 +22,7 @@ OF_LANES = ("h", "interval", "work", "error", "fault", "limit", "steps", "reach"
 
 def check_functions(arm: Any) -> None:
     """ValueError unless the functions that an arm's class gives itself belong to the physics dialect."""
-    if arm.__module__.partition(".")[0] == __name__.partition(".")[0]:
+    if dialect.is_own(arm):
         return
     inherited = {id(f) for base in arm.__mro__[1:] for f in vars(base).get("functions", ())}
     given = [("functions", f) for f in arm.functions if id(f) not in inherited]

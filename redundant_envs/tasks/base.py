@@ -41,6 +41,8 @@ class Task:
     start_angle: float = 2.0
     speed_bound: float = 50.0
 
+    static: ClassVar[tuple[str, ...]] = ()
+    """Fields that choose the structure, of which a task has others; functions do not know their names."""
     name: ClassVar[str]
     """Of the task in ids (``RPRP`` + name + ``-v0``) and in ``task={"type": name}``."""
     summary: ClassVar[str] = "has a task"
@@ -88,7 +90,8 @@ class Task:
 
     def parameters(self) -> dict[str, float]:
         """Numbers of the task, per environment."""
-        return {f.name: float(getattr(self, f.name)) for f in dataclasses.fields(self)}
+        fields = (f.name for f in dataclasses.fields(self) if f.name not in self.static)
+        return {name: float(getattr(self, name)) for name in fields}
 
     def functions(self, scene: Scene) -> tuple[Function, ...]:
         """The task's quantities for the arm of a scene, those of the reward included."""
