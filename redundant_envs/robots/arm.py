@@ -16,7 +16,13 @@ from numpy.typing import ArrayLike, NDArray
 from redundant_envs.algebra import gives_of, numbered
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots import derived, from_points
-from redundant_envs.robots.checks import FUNCTIONS, check_functions, check_joints, check_quantities
+from redundant_envs.robots.checks import (
+    FUNCTIONS,
+    check_functions,
+    check_joints,
+    check_of_classes,
+    check_quantities,
+)
 from redundant_envs.robots.joint_types import (
     check_joint_types,
     coordinates_of_joints,
@@ -119,6 +125,7 @@ class Arm:
     def __init_subclass__(cls) -> None:
         """Add what follows from what the class gives, and refuse a class that lacks something."""
         super().__init_subclass__()
+        check_of_classes(cls)
         if not {"functions", "joint_types"} & cls.__dict__.keys():
             return
         cls._derived = cls._derived - cls.__dict__.keys()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from typing import Any
 
@@ -17,7 +18,24 @@ OWN_NAMES = re.compile(
 """Names of the quantities that every arm has."""
 FUNCTIONS = ("column_norms", "mobility_bounds", "held_dynamics", "slider_mobility", "coordinates_of_joints")
 """What a class may give beside ``functions`` that is a function of its own."""
+OF_CLASSES = ("functions", "prepared", *FUNCTIONS, "coordinates", "rates", "joints", "prismatic", "sincos")
+"""What is the same for all arms of a class."""
+INSTEAD = "it belongs to the class: let its functions take m1, l1 and so on as arguments"
 OF_LANES = ("h", "interval", "work", "error", "fault", "limit", "steps", "reach", "U", "T", "Lz")
+
+
+def check_of_classes(arm: Any) -> None:
+    """ValueError if the class of an arm leaves to each arm what is the same for all."""
+    for name in OF_CLASSES:
+        if isinstance(value := vars(arm).get(name), property | functools.cached_property):
+            raise ValueError(f"{arm.__name__}.{name} is a {type(value).__name__}; {INSTEAD}")
+
+
+def check_own(arm: Any) -> None:
+    """ValueError if an arm has equations of its own, which could hold its masses and lengths."""
+    for name in OF_CLASSES:
+        if name in getattr(arm, "__dict__", ()):
+            raise ValueError(f"robot.{name} is that of one {arm.kind}; {INSTEAD}")
 
 
 def check_functions(arm: Any) -> None:
