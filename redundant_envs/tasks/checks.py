@@ -53,14 +53,14 @@ def check_task(task: Task, scene: Scene) -> None:
     _own(kind, "angles", (name for pair in task.angles.values() for name in pair), of_arm | given)
     begun = {name for f in task.begin_functions for name in gives_of(f)}
     _own(kind, "memory", task.memory, of_arm | (given - begun) | set(task.parameters()))
-    fields = {f.name for f in dataclasses.fields(task)}
+    fields, of_all = ([f.name for f in dataclasses.fields(x)] for x in (task, Task))
     for field, entries, allowed in (
         ("moves", task.moves, task.memory),
         ("updates", task.updates, task.memory),
         ("flags", task.flags, task.metrics),
         ("labels", task.labels, task.metrics),
         ("held_outputs", task.held_outputs, task.metrics),
-        ("static", task.static, fields - {f.name for f in dataclasses.fields(Task)}),
+        ("static", task.static, [f for f in fields if f not in of_all]),
         ("ranges", task.ranges, fields),
     ):
         for name in entries:
