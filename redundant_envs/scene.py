@@ -26,6 +26,7 @@ from redundant_envs.plain_data import check_keys, check_registered, plain, typed
 from redundant_envs.robots import REGISTRY as ARMS
 from redundant_envs.robots.added_inertia import Loaded
 from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.checks import check_own
 from redundant_envs.robots.parameters import number
 from redundant_envs.values import check_bounds, shown
 
@@ -77,6 +78,7 @@ class Scene:
     def __post_init__(self) -> None:
         if not isinstance(self.robot, Arm):
             raise ValueError(f"robot is {shown(self.robot)}; give an arm: {', '.join(sorted(ARMS))}")
+        check_own(self.robot)
         if isinstance(self.effects, Effect):
             one = shown(self.effects)
             raise ValueError(f"effects is the effect {one}; give a sequence, effects=({one},)")

@@ -9,6 +9,7 @@ from typing import Any, get_args
 
 from redundant_envs import dialect
 from redundant_envs.algebra import arguments_of, gives_of, name_of, numbered
+from redundant_envs.effects.captured import check_effect
 from redundant_envs.effects.hook_numbers import check_numbers
 from redundant_envs.effects.hooks import (
     SIDE,
@@ -97,6 +98,8 @@ def attached(where: str, effect: Effect, arm: Arm) -> tuple[Hook, ...]:
             f"{where} ({kind}) has a conservative force and no potential; give the potential, or leave "
             "'conservative' out: the power of a force without a potential counts as work"
         )
+    if not dialect.is_own(type(effect)):  # tests of the package hold this of its own effects
+        check_effect(where, effect, arm)
     return tuple(hooks)
 
 

@@ -287,17 +287,22 @@ class Effect:
         )
 
     def fitted(self, arm: Arm) -> Effect:
-        """The effect as a scene with this arm has it: with a number for each joint."""
-        count, wide = len(arm.joints), {}
-        for name in self.of_joints:
-            value = getattr(self, name)
-            wide[name] = tuple(value) if hasattr(value, "__len__") else (value,) * count
-            if len(wide[name]) != count:
-                raise ValueError(
-                    f"{type(self).__name__}.{name} has {len(value)} entries; {arm.kind} has {count} joints: "
-                    f"give {count} numbers, or one for all"
-                )
-        return dataclasses.replace(self, **wide) if wide else self
+        """The effect as a scene with this arm has it: plain numbers, and one for each joint."""
+        count, changed = len(arm.joints), {}
+        for f in dataclasses.fields(self):
+            given = getattr(self, f.name)
+            value = _of_python(given, static=f.name in self.static)
+            if f.name in self.of_joints:
+                wide = hasattr(value, "__len__") and not isinstance(value, str | bytes)
+                value = tuple(value) if wide else (value,) * count
+                if len(value) != count:
+                    raise ValueError(
+                        f"{type(self).__name__}.{f.name} has {len(value)} entries; {arm.kind} has {count} "
+                        f"joints: give {count} numbers, or one for all"
+                    )
+            if value is not given and f.init:
+                changed[f.name] = value
+        return dataclasses.replace(self, **changed) if changed else self
 
     def states(self, arm: Arm) -> dict[str, State]:
         """Its states by their names."""
@@ -349,6 +354,18 @@ class Effect:
 def units_of_joints(field: str, arm: Arm, revolute: str, prismatic: str) -> dict[str, str]:
     """Units of a field with a number for each joint."""
     return {f"{field}[{k}]": prismatic if slides else revolute for k, slides in enumerate(arm.prismatic)}
+
+
+def _of_python(value: Any, static: bool) -> Any:
+    """Numbers of NumPy as Python's own: floats, unless they are static; a row of them as a tuple."""
+    if isinstance(value, tuple):
+        plain = tuple(_of_python(v, static) for v in value)
+        return value if all(a is b for a, b in zip(plain, value, strict=True)) else plain
+    if getattr(getattr(value, "dtype", None), "kind", "") not in ("i", "u", "f"):
+        return value
+    if value.ndim:
+        return tuple(_of_python(v, static) for v in value)
+    return value.item() if static else float(value)
 
 
 def snake_case(name: str) -> str:

@@ -147,7 +147,7 @@ def register_arm(arm: type[Arm], scene: Mapping[str, Any] | str | Path | None = 
     ValueError
         If another arm has the name or one of the ids, or the scene is not one of this arm.
     """
-    from redundant_envs import dialect, robots
+    from redundant_envs import robots
     from redundant_envs.scene import load_scene
 
     if not (isinstance(arm, type) and issubclass(arm, robots.Arm)):
@@ -159,8 +159,6 @@ def register_arm(arm: type[Arm], scene: Mapping[str, Any] | str | Path | None = 
             f"class {types}(rde.Arm): joint_types = {types!r}"
         )
     _check_name("the arm", getattr(arm, "kind", None))
-    for f in arm.functions:
-        dialect.check(f)
     if scene is not None:
         _check_ids([arm.kind], TASKS)
     before = robots.REGISTRY.get(arm.kind)

@@ -42,14 +42,21 @@ def names_of(scene: Scene, name: str, of_task: Iterable[str] = ()) -> list[str]:
 
 
 def numbers(name: str, values: Any) -> NDArray[np.float64]:
-    """Real numbers as an array; a ValueError that names them if they are anything else."""
+    """Real numbers as an array; a ValueError that names them if they are anything else, truths among them."""
     try:
         array = np.asarray(values)
     except Exception:  # ragged lists, and objects whose conversion fails
         array = np.array(None)
-    if array.dtype.kind not in "biuf":
+    if array.dtype.kind not in "iuf" or (type(values) is not np.ndarray and _holds_truth(values)):
         raise ValueError(f"{name} is {shown(values)}; give real numbers, a list of them or an array")
     return array.astype(np.float64, copy=False)
+
+
+def _holds_truth(values: Any) -> bool:
+    """Whether True or False is among some numbers, which NumPy then takes for 1 and 0."""
+    if isinstance(values, list | tuple):
+        return any(map(_holds_truth, values))
+    return isinstance(values, bool) or getattr(getattr(values, "dtype", None), "kind", "f") == "b"
 
 
 def table(name: str, values: ArrayLike, lanes: int, width: int) -> NDArray[np.float64]:

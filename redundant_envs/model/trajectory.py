@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.model.batch import BatchSimulator, Event, Numerics, Status
 from redundant_envs.model.energy import kinetic_energy, potential_energy
+from redundant_envs.model.parameters import numbers
 from redundant_envs.scene import Scene, check_scene
 from redundant_envs.simulator.direct import fields_of
 from redundant_envs.values import shown
@@ -76,7 +77,7 @@ def simulate(
     Trajectory
     """
     check_scene(scene)
-    t = np.atleast_1d(np.asarray(times, dtype=np.float64))
+    t = np.atleast_1d(numbers("times", times))
     if t.ndim != 1 or not np.isfinite(t).all() or (t < 0.0).any() or (np.diff(t) <= 0.0).any():
         raise ValueError(
             f"times must be finite, not negative and strictly increasing; they are {shown(times)}"
@@ -84,11 +85,12 @@ def simulate(
     if t.size and not t[-1] < 2.0**53 * scene.control_dt:
         raise ValueError(f"times must be shorter than 2^53 control intervals of {scene.control_dt} s")
     joints = len(scene.robot.joints)
-    for name, given in (("q", q), ("qd", qd)):
-        if np.shape(given)[-1:] != (joints,):
-            raise ValueError(f"{name} has shape {np.shape(given)}; the last axis must have {joints} entries")
+    starts = [numbers(name, given) for name, given in (("q", q), ("qd", qd))]
+    for name, start in zip(("q", "qd"), starts, strict=True):
+        if start.shape[-1:] != (joints,):
+            raise ValueError(f"{name} has shape {start.shape}; the last axis must have {joints} entries")
     try:
-        q0, qd0 = np.broadcast_arrays(np.asarray(q, float), np.asarray(qd, float))
+        q0, qd0 = np.broadcast_arrays(*starts)
     except ValueError:
         raise ValueError(
             f"q and qd have shapes {np.shape(q)} and {np.shape(qd)}, which do not broadcast; give equal ones"
@@ -200,7 +202,7 @@ def _command(
     value = efforts
     if callable(efforts):
         value = efforts(step * dt, batch.q.reshape(*shape, joints), batch.qd.reshape(*shape, joints))
-    table = np.asarray(value, dtype=np.float64)
+    table = numbers("efforts", value)
     if table.shape != (joints,) and table.shape != (*shape, joints):
         raise ValueError(f"efforts has shape {table.shape}; give ({joints},) or {(*shape, joints)}")
     if not np.isfinite(table).all():

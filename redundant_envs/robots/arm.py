@@ -16,7 +16,13 @@ from numpy.typing import ArrayLike, NDArray
 from redundant_envs.algebra import gives_of, numbered
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots import derived, from_points
-from redundant_envs.robots.checks import check_joints, check_quantities
+from redundant_envs.robots.checks import (
+    FUNCTIONS,
+    check_functions,
+    check_joints,
+    check_of_classes,
+    check_quantities,
+)
 from redundant_envs.robots.joint_types import (
     check_joint_types,
     coordinates_of_joints,
@@ -147,22 +153,18 @@ class Arm:
     def __init_subclass__(cls) -> None:
         """Add everything that follows from the definitions of the class, and refuse an incomplete class."""
         super().__init_subclass__()
+        check_of_classes(cls)
         if not {"functions", "joint_types"} & cls.__dict__.keys():
             return
         cls._derived = cls._derived - cls.__dict__.keys()
         cls.functions = tuple(f for f in getattr(cls, "functions", ()) if not derived.follows(f))
+        check_functions(cls)
         types = getattr(cls, "joint_types", None)
         if types is not None:
             check_joint_types(f"{cls.__name__}.joint_types", types)
             cls._say(facts_of(types, cls.functions))
         check_joints(cls)
-        for name in (
-            "column_norms",
-            "mobility_bounds",
-            "held_dynamics",
-            "slider_mobility",
-            "coordinates_of_joints",
-        ):
+        for name in FUNCTIONS:
             if callable(cls.__dict__.get(name)) and not isinstance(cls.__dict__[name], staticmethod):
                 setattr(cls, name, staticmethod(cls.__dict__[name]))
         cls._say(_defaults(cls))

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from typing import Any
 
+from redundant_envs import dialect
 from redundant_envs.algebra import gives_of, numbered
 from redundant_envs.quantities import Quantities, givers_of
 from redundant_envs.robots.joint_types import MOST_JOINTS
@@ -14,7 +16,45 @@ OWN_NAMES = re.compile(
     r"tip_v?[xy]|manipulability|Jdqd\d|[XY]dqd\d+|a[xy]|[TU]|Lz"
 )
 """Names of the quantities that every arm has."""
+FUNCTIONS = ("column_norms", "mobility_bounds", "held_dynamics", "slider_mobility", "coordinates_of_joints")
+"""What a class may give beside ``functions`` that is a function of its own."""
+OF_CLASSES = ("functions", "prepared", *FUNCTIONS, "coordinates", "rates", "joints", "prismatic", "sincos")
+"""What is the same for all arms of a class."""
+INSTEAD = "it belongs to the class: let its functions take m1, l1 and so on as arguments"
 OF_LANES = ("h", "interval", "work", "error", "fault", "limit", "steps", "reach")
+
+
+def check_of_classes(arm: Any) -> None:
+    """ValueError if the class of an arm leaves to each arm what is the same for all."""
+    for name in OF_CLASSES:
+        if isinstance(value := vars(arm).get(name), property | functools.cached_property):
+            raise ValueError(f"{arm.__name__}.{name} is a {type(value).__name__}; {INSTEAD}")
+
+
+def check_own(arm: Any) -> None:
+    """ValueError if an arm has equations of its own, which could hold its masses and lengths."""
+    for name in OF_CLASSES:
+        if name in getattr(arm, "__dict__", ()):
+            raise ValueError(f"robot.{name} is that of one {arm.kind}; {INSTEAD}")
+
+
+def check_functions(arm: Any) -> None:
+    """ValueError unless the functions that an arm's class gives itself belong to the physics dialect."""
+    if dialect.is_own(arm):
+        return
+    inherited = {id(f) for base in arm.__mro__[1:] for f in vars(base).get("functions", ())}
+    given = [("functions", f) for f in arm.functions if id(f) not in inherited]
+    given += [("prepared", f) for f in vars(arm).get("prepared", ())]
+    given += [
+        (name, getattr(arm, name))
+        for name in FUNCTIONS
+        if callable(getattr(vars(arm).get(name), "__func__", vars(arm).get(name)))
+    ]
+    for name, function in given:
+        try:
+            dialect.check(function)
+        except ValueError as error:
+            raise ValueError(f"{arm.__name__}.{name}: {error}") from None
 
 
 def check_joints(arm: Any) -> None:
@@ -35,9 +75,6 @@ def check_joints(arm: Any) -> None:
         raise ValueError(f"{arm.__name__}.prismatic is {arm.prismatic!r}; give True or False for each joint")
     if len(set(arm.joints)) < n:
         raise ValueError(f"{arm.__name__}.joints is {arm.joints!r}; give each joint a name of its own")
-    for f in arm.functions:
-        if not hasattr(f, "physics_gives"):
-            raise ValueError(f"{arm.__name__}.functions has {f!r:.60}; mark it, write @physics above")
     taken = {name for f in arm.functions for name in gives_of(f)}
     taken |= {name for pair in arm.sincos.values() for name in pair}
     names = [*arm.coordinates, *arm.rates]

@@ -41,6 +41,9 @@ class Task:
     ----------
     A subclass sets them in its body. All but ``name`` have a default.
 
+    static : tuple of str, default ()
+        Fields of the task's own that choose its structure. They are no numbers of environments, and functions do
+        not know their names.
     name : str
         Of the task in ids (``RPRP`` + name + ``-v0``) and in ``task={"type": name}``.
     summary : str, default "has a task"
@@ -126,6 +129,7 @@ class Task:
     start_angle: float = 2.0
     speed_bound: float = 50.0
 
+    static: ClassVar[tuple[str, ...]] = ()
     name: ClassVar[str]
     summary: ClassVar[str] = "has a task"
     draws: ClassVar[int] = 0
@@ -147,7 +151,10 @@ class Task:
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
             where = f"{type(self).__name__}.{field.name}"
-            value = number(where, getattr(self, field.name))
+            given: Any = getattr(self, field.name)
+            value = number(where, given)
+            if hasattr(given, "dtype"):  # a number of NumPy
+                object.__setattr__(self, field.name, given.item())
             low, high = self.ranges.get(field.name, (0.0, math.inf))
             if low >= 0.0 and value <= 0.0:
                 raise ValueError(f"{where} is {value}; it must be positive")
@@ -156,7 +163,8 @@ class Task:
 
     def parameters(self) -> dict[str, float]:
         """Numbers of the task, per environment."""
-        return {f.name: float(getattr(self, f.name)) for f in dataclasses.fields(self)}
+        fields = (f.name for f in dataclasses.fields(self) if f.name not in self.static)
+        return {name: float(getattr(self, name)) for name in fields}
 
     def functions(self, scene: Scene) -> tuple[Function, ...]:
         """The task's quantities for the arm of a scene, those of the reward included."""

@@ -2,8 +2,22 @@
 
 from __future__ import annotations
 
+import copy
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
 from redundant_envs import dialect
 from redundant_envs.algebra import arguments_of, gives_of
+from redundant_envs.effects.captured import (
+    Described,
+    Owner,
+    Place,
+    check_captured,
+    function_described,
+    of_the_arm,
+)
+from redundant_envs.loaded_arm import identifier
 from redundant_envs.quantities import check_names, givers_of
 from redundant_envs.scene import Scene
 from redundant_envs.tasks.base import Task
@@ -40,14 +54,16 @@ def check_task(task: Task, scene: Scene) -> None:
     check_names(f"{kind}.memory", task.memory, taken)
     taken |= dict.fromkeys((*task.memory, *begun), f"of {kind}.memory or begin_functions")
     check_names(f"{kind}.angles", (name for pair in task.angles.values() for name in pair), taken)
+    fields, of_all = ([f.name for f in dataclasses.fields(x)] for x in (task, Task))
     for field, entries, allowed in (
         ("moves", task.moves, task.memory),
         ("updates", task.updates, task.memory),
         ("flags", task.flags, task.metrics),
         ("labels", task.labels, task.metrics),
         ("held_outputs", task.held_outputs, task.metrics),
-        ("ranges", task.ranges, task.parameters()),
-        ("units", task.units, task.parameters()),
+        ("static", task.static, [f for f in fields if f not in of_all]),
+        ("ranges", task.ranges, fields),
+        ("units", task.units, fields),
     ):
         for name in entries:
             if name not in allowed:
@@ -62,6 +78,50 @@ def check_task(task: Task, scene: Scene) -> None:
     if not task.observation(scene):
         raise ValueError(f"{kind}.observation is empty; give at least one quantity")
     _check_rewards(task, scene)
+    if not dialect.is_own(type(task)):  # tests of the package hold this of its own tasks
+        _check_captured(task, scene)
+
+
+def _argument(place: Place) -> str:
+    return (
+        f"take it as the argument {place.field} of the function, or name {place.field!r} in 'static' if it "
+        "is part of the structure and is never set"
+    )
+
+
+def _check_captured(task: Task, scene: Scene) -> None:
+    """ValueError if what a task says depends on numbers that are set per environment."""
+
+    def described(task: Task, robot: Any, *effects: Any) -> Described:
+        other = copy.copy(scene)
+        for cached in ("_parameters", "loaded_robot"):
+            vars(other).pop(cached, None)
+        object.__setattr__(other, "robot", robot)
+        object.__setattr__(other, "effects", effects)
+        return task_described(task, other)
+
+    def of_effect(key: str) -> Callable[[Place], str]:
+        return lambda place: f"take it as the argument {identifier(f'{key}.{place.name}')} of the function"
+
+    owners = [Owner(type(task).__name__, task, _argument), Owner("the arm", scene.robot, of_the_arm)]
+    owners += [Owner(f"the effect {e.key}", e, of_effect(e.key)) for e in scene.effects]
+    check_captured(owners, described)
+
+
+def task_described(task: Task, scene: Scene) -> Described:
+    """Everything that an environment takes from a task, but for its numbers."""
+    functions = (*task.functions(scene), *task.begin_functions)
+    found: Described = {"the number of functions": (str(len(functions)), "")}
+    for f in functions:
+        found[f"the function of {', '.join(gives_of(f))}"] = function_described(f)
+    names = ("draws", "memory", "moves", "updates", "metrics", "flags", "labels", "held_outputs", "angles")
+    told = {name: getattr(task, name) for name in (*names, "goal_conditioned", "speed_bound_ends")}
+    told |= {
+        "reward_terms": task.reward_terms(scene), "observation": tuple(task.observation(scene)),
+        "aliases": task.aliases(scene),
+        "start_range": [task.start_range(scene, joint) for joint in range(len(scene.robot.joints))],
+    }  # fmt: skip
+    return found | {name: (repr(value), "") for name, value in told.items()}
 
 
 def _check_rewards(task: Task, scene: Scene) -> None:

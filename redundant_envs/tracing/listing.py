@@ -101,7 +101,7 @@ def fingerprints(program: Program) -> Iterator[str]:
         nodes = reached(f.results)
         for subroutine in dict.fromkeys(n.extra for n in nodes if n.name == "stage"):
             results, inner = subroutine.traced()
-            yield repr((f.name, subroutine.asides, _told(inner, results)))
+            yield repr((f.name, subroutine.asides, outline(inner, results)))
         values = [*(value for _, _, value in f.stores), *(o.value for o in f.outputs)]
         places = [(space, row) for space, row, _ in f.stores], [o[:4] for o in f.outputs]
         yield repr(
@@ -112,15 +112,18 @@ def fingerprints(program: Program) -> Iterator[str]:
                 sorted(f.known.items()),
                 f.aside_results,
                 places,
-                _told(nodes, values),
+                outline(nodes, values),
             )
         )
     for kernel in program.kernels:
         yield from kernel_lines(kernel)
 
 
-def _told(nodes: Sequence[Operation], results: Sequence[Value]) -> list[Any]:
-    """Operations with numbers for those that they take, and results; constants stay what they are."""
+def outline(nodes: Sequence[Operation], results: Sequence[Value]) -> list[Any]:
+    """Operations with numbers for those that they take, and results; constants stay what they are.
+
+    It is equal for equal graphs, and for no others: by its representation, in which 0.0 and -0.0 differ.
+    """
     numbers: dict[Any, Any] = {n: k for k, n in enumerate(nodes)}
     told: list[Any] = []
     for n in nodes:

@@ -33,8 +33,18 @@ def _comparison(name: str) -> Callable[[Number, Any], Any]:
     return method
 
 
-def _refuse(what: str) -> NoReturn:
-    raise TypeError(f"a traced number is no single number: {what}")
+def _refuse(what: str, name: str | None = None) -> NoReturn:
+    """TypeError that says what to write; ``name`` is that of the function that was called, if it is known."""
+    error: Any = TypeError(f"a traced number is no single number: {what}")
+    error.name = name
+    raise error
+
+
+def _refused(what: str) -> Callable[..., NoReturn]:
+    def method(self: Number, *_: Any) -> NoReturn:
+        _refuse(what)
+
+    return method
 
 
 class Number:
@@ -56,7 +66,10 @@ class Number:
 
     def __pow__(self, exponent: int) -> Number:
         if not isinstance(exponent, int | float) or exponent not in EXPONENTS:
-            raise TypeError(f"the exponent is {exponent!r}; write a product, sqrt or exp, or 2, 3 or 4")
+            shown = "no constant" if isinstance(exponent, Number) else repr(exponent)
+            raise TypeError(
+                f"the exponent is {shown}; write 2, 3 or 4, or a product, 1.0 / x, sqrt(x), exp(k * x)"
+            )
         square = self * self
         return {2: square, 3: square * self, 4: square * square}[exponent]  # type: ignore[no-any-return]
 
@@ -71,18 +84,30 @@ class Number:
 
     def __float__(self) -> float:
         _refuse(
-            "use sqrt, exp, floor, minimum, maximum and where of redundant_envs.algebra, not those of math"
+            "use sqrt, exp, floor, minimum, maximum and where of redundant_envs.algebra, not those of math "
+            "and NumPy"
         )
 
     __int__ = __index__ = __float__  # type: ignore[assignment]
+    __floordiv__ = __rfloordiv__ = _refused("write floor(a / b) instead of a // b")
+    __mod__ = __rmod__ = _refused("write a - b * floor(a / b) instead of a % b")
+    __divmod__ = __rdivmod__ = _refused("write floor(a / b) and a - b * floor(a / b) instead of divmod")
+    __rpow__ = _refused("write exp(k * x) instead of a**x, with the logarithm k of a")
+    __pos__ = _refused("write x instead of +x")
+    __matmul__ = __rmatmul__ = _refused("write a sum of products instead of @")
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **_: Any) -> Any:
         """Let a NumPy scalar be an operand on either side."""
         name = {"divide": "truediv", "subtract": "sub", "multiply": "mul"}.get(ufunc.__name__, ufunc.__name__)
-        if name in OPERATORS and method == "__call__" and not any(getattr(x, "ndim", 0) for x in inputs):
+        if name in OPERATORS and method == "__call__":
+            if any(getattr(x, "ndim", 0) for x in inputs):
+                _refuse("it meets an array of NumPy; write a[0] * x, a[1] * x, ... for its entries")
             a, b = (x if isinstance(x, Number) else float(x) for x in inputs)
             return getattr(operator, name)(a, b)
-        _refuse(f"NumPy's {ufunc.__name__} does not know it; use the functions of redundant_envs.algebra")
+        _refuse(
+            f"NumPy's {ufunc.__name__} does not know it; use the functions of redundant_envs.algebra",
+            ufunc.__name__,
+        )
 
 
 class Condition:

@@ -283,6 +283,7 @@ def a_condition(x):
 
 
 OF_ALGEBRA = "of redundant_envs.algebra"
+TANH = "it calls tanh; write 1.0 - 2.0 / (exp(2.0 * x) + 1.0)"
 
 
 @pytest.mark.parametrize(
@@ -290,10 +291,10 @@ OF_ALGEBRA = "of redundant_envs.algebra"
     [
         (
             with_tanh,
-            ["with_tanh (", "test_users_functions.py:", "sqrt, exp", OF_ALGEBRA, "not those of math"],
+            ["with_tanh (", "test_users_functions.py:", "sqrt, exp", OF_ALGEBRA, TANH],
         ),
-        (with_bare_tanh, ["with_bare_tanh (", "not those of math"]),
-        (with_numpy, ["NumPy's tanh", OF_ALGEBRA]),
+        (with_bare_tanh, ["with_bare_tanh (", TANH]),
+        (with_numpy, ["with_numpy (", TANH, OF_ALGEBRA]),
         (with_default, ["'k'", "bind a number of the effect"]),
         (with_branch, ["where(condition, a, b)", "instead of if"]),
         (calls_one_with_a_branch, ["calls_one_with_a_branch (", "where(condition, a, b)"]),

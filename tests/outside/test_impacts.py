@@ -19,6 +19,8 @@ class Bumper(Effect):
     lower: float = 0.0
     restitution: float = 0.0
 
+    static = ("joint",)
+
     @property
     def key(self):
         return f"bumper{self.joint}"

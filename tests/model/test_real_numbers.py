@@ -1,0 +1,219 @@
+"""What counts as a number: real ones, of Python or NumPy, and nothing that merely converts to one."""
+
+import json
+from dataclasses import dataclass
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import redundant_envs as rde
+from redundant_envs import effects as e
+from redundant_envs.algebra import physics
+from redundant_envs.envs.vector_env import make_task
+from redundant_envs.model.parameters import numbers
+
+SCENE = "rprp_reach"
+ENV = "redundant_envs/RPRPReach-v0"
+NONE = {
+    "true": True,
+    "truth of NumPy": np.True_,
+    "truth in an array": np.array(True),
+    "truths": [True] * 4,
+    "a truth among numbers": [1.0, True, 1.0, 1.0],
+    "a truth of NumPy among numbers": (1, np.False_, 1, 1),
+    "an array of a truth among numbers": [np.array(True), 1, 1, 1],
+    "array of truths": np.ones(4, dtype=bool),
+    "a row of truths": [[1.0] * 4, np.ones(4, dtype=bool)],
+    "array of objects": np.array([1.0] * 4, dtype=object),
+    "text": "1",
+    "texts": ["1"] * 4,
+    "bytes": b"1",
+    "complex": 1.0 + 0.0j,
+    "nothing": None,
+    "date": np.array(["2020-01-01"], dtype="M8[D]"),
+}
+
+
+@pytest.fixture(scope="module")
+def faces():
+    """What sets parameters: the face of two lanes -> a function of a name and its value."""
+    batch = rde.BatchSimulator(rde.load_scene(SCENE), 2)
+    env, venv, sb3 = gym.make(ENV), gym.make_vec(ENV, num_envs=2), rde.make_sb3(ENV, num_envs=2)
+
+    def by_sb3(name, value):
+        sb3.set_options({"parameters": {name: value}})
+        sb3.reset()
+
+    def by_sb3_list(name, value):
+        sb3.set_options([{}, {"parameters": {name: value}}])
+        sb3.reset()
+
+    def of_one(name, value):
+        if np.shape(value)[:-1]:
+            raise ValueError(f"{name} give real numbers")  # two rows are none for one lane anyway
+        env.reset(seed=0, options={"parameters": {name: value}})
+
+    return {
+        "batch": lambda name, value: batch.set_parameters({name: value}),
+        "a lane": lambda name, value: batch.set_parameters({name: value}, index=[0]),
+        "env": of_one,
+        "vector env": lambda name, value: venv.reset(seed=0, options={"parameters": {name: value}}),
+        "sb3": by_sb3,
+        "sb3, one by one": by_sb3_list,
+    }
+
+
+@pytest.mark.parametrize("what", NONE)
+@pytest.mark.parametrize("name", ["masses", "viscous_friction.coefficients", "gravity.g"])
+@pytest.mark.parametrize("face", ["batch", "a lane", "env", "vector env", "sb3", "sb3, one by one"])
+def test_parameters_are_real_numbers_on_every_face(faces, face, name, what):
+    try:
+        with pytest.raises(ValueError, match=rf"{name}.* (is|give) .*real numbers|give"):
+            faces[face](name, NONE[what])
+    finally:
+        if face.startswith("sb3"):
+            faces["sb3"]("gravity.g", 9.81)
+
+
+@pytest.mark.parametrize("what", [w for w in NONE if w != "nothing"])
+def test_starts_and_efforts_are_real_numbers(what):
+    scene, value = rde.load_scene(SCENE), NONE[what]
+    batch = rde.BatchSimulator(scene, 2)
+    calls = [
+        lambda: batch.set_state(value, np.zeros((2, 4))),
+        lambda: batch.advance(value),
+        lambda: rde.simulate(scene, value, np.zeros(4), [0.02]),
+        lambda: rde.simulate(scene, [0.1] * 4, np.zeros(4), [0.02], efforts=value),
+        lambda: rde.simulate(scene, [0.1] * 4, np.zeros(4), [0.02], efforts=lambda t, q, qd: value),
+        lambda: rde.simulate(scene, [0.1] * 4, np.zeros(4), value),
+        lambda: gym.make(ENV).reset(options={"q": value}),
+        lambda: gym.make(ENV).reset(options={"goal": value}),
+    ]
+    for call in calls:
+        with pytest.raises(ValueError, match="give"):
+            call()
+
+
+@pytest.mark.parametrize("value", [True, np.False_, "1", np.array(True), None, [True], b"1", 1j])
+def test_constructors_take_real_numbers(value):
+    lengths = (0.3, 0.4)
+    for make in (
+        lambda: rde.RPRP((value, 1.0, 1.0, 1.0), lengths),
+        lambda: rde.RPRP((1.0,) * 4, (0.3, value)),
+        lambda: rde.Chain("R", (value,), (1.0,)),
+        lambda: e.Gravity(value),
+        lambda: e.Gravity(9.81, (0.0, value)),
+        lambda: e.ViscousFriction((0.0, value, 0.0, 0.0)),
+        lambda: e.ViscousFriction(value),
+        lambda: e.EffortLimits((1.0, value)),
+        lambda: e.LimitSpring("r1", 0.0, 0.3, stiffness=value),
+        lambda: e.PrismaticStop((0.0, 0.0), (0.3, 0.3), restitution=value),
+        lambda: e.CentringSpring((1.0, value), (0.0, 0.0), (0.3, 0.3)),
+        lambda: rde.ReachTask(goal_tolerance=value),
+        lambda: make_task({"hold_steps": value}, "Reach"),
+        lambda: rde.Scene(rde.RPRP((1.0,) * 4, lengths), control_dt=value),
+    ):
+        with pytest.raises(ValueError, match=r"\bis\b.*(give|must)|has .* entries"):
+            make()
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "{type: Gravity, g: true}",
+        "{type: Gravity, g: yes}",
+        "{type: Gravity, g: '9.81'}",
+        "{type: Damper, k: true}",
+        "{type: Damper, k: 1.0, ks: [1.0, false]}",
+        "{type: Damper, k: 'fast'}",
+        "{type: Damper, k: 1.0, ks: ['1', '2']}",
+        "{type: Damper, k: null}",
+    ],
+)
+def test_scene_files_have_real_numbers(tmp_path, line):
+    file = tmp_path / "scene.yaml"
+    file.write_text(
+        f"robot: {{type: RPRP, masses: [1.0, 1.0, 1.0, 1.0], lengths: [0.3, 0.4]}}\neffects: [{line}]\n"
+    )
+    with pytest.raises(ValueError, match=r"give a (finite )?number"):
+        rde.load_scene(file)
+    file.write_text(file.read_text().replace("[1.0, 1.0, 1.0, 1.0]", "[1.0, true, 1.0, 1.0]"))
+    with pytest.raises(ValueError, match=r"masses\[1\] is True; give a finite number"):
+        rde.load_scene(file)
+
+
+@physics
+def damping(rate, k):
+    return -k * rate
+
+
+@dataclass(frozen=True)
+class Damper(e.Effect):
+    """An effect of a user that checks none of its numbers."""
+
+    k: float
+    ks: tuple[float, ...] = (0.1, 0.2)
+    c: float | tuple[float, ...] = 0.0
+    joint: int = 0
+    of_joints = ("c",)
+    static = ("joint",)
+
+    def hooks(self, arm):
+        names = (".k", ".ks[0]", ".ks[1]", *(f".c[{k}]" for k in range(4)))
+        return tuple(e.Force(self.joint, damping, {"rate": f"phid{self.joint + 1}", "k": n}) for n in names)
+
+
+rde.register_effect(Damper)
+
+
+@dataclass(frozen=True)
+class WideReachTask(rde.ReachTask):
+    width: float = 1.0
+    name = "WideReach"
+
+
+KINDS = [np.float32, np.float64, np.int64, np.uint8, lambda x: np.array(x, dtype=np.float32)]
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=["float32", "float64", "int64", "uint8", "array of none"])
+def test_numbers_of_numpy_are_numbers(kind):
+    """In single fields, in tuples, in fields of joints and as whole arrays; plain ones are kept."""
+    arm = rde.RPRP((kind(1), 1.0, kind(2), 1.0), (1.0, kind(1)))
+    effect = Damper(kind(2), (kind(1), 3.0), kind(1), np.int64(1))
+    array = Damper(2.0, np.array([1.0, 3.0], dtype=np.float32), np.array([kind(1)] * 4), 1)
+    plain = rde.Scene(rde.RPRP((1.0, 1.0, 2.0, 1.0), (1.0, 1.0)), (Damper(2.0, (1.0, 3.0), 1.0, 1),))
+    for given in (effect, array):
+        scene = rde.Scene(arm, (given,), control_dt=np.float64(0.02))
+        assert scene == plain
+        assert json.dumps(scene.to_dict()) == json.dumps(plain.to_dict())
+        assert rde.Scene.from_dict(json.loads(json.dumps(scene.to_dict()))) == plain
+        kept = scene.effects[0]
+        assert {type(x) for x in (kept.k, *kept.ks, *kept.c, *scene.parameters().values())} == {float}
+        assert type(kept.joint) is int
+    task = WideReachTask(goal_tolerance=kind(1), width=kind(2))
+    assert type(task.width) in (int, float)
+    assert task == WideReachTask(goal_tolerance=1, width=2)
+
+
+def test_a_seeded_search_finds_nothing_but_real_numbers():
+    """Lists, tuples and arrays of any depth: real ones come out as float64, all others are refused."""
+    draw = np.random.default_rng(9)
+    good = [1.0, 2, -0.5, np.float32(2.0), np.int8(3), np.array(1.5)]
+    bad = [True, np.True_, np.array(False), "1", None, 1j, b"2", np.array("a"), object()]
+
+    def nested(depth, leaf):
+        if not depth:
+            return leaf
+        inner = [nested(depth - 1, good[draw.integers(len(good))]) for _ in range(draw.integers(1, 4))]
+        inner = [inner[0]] * len(inner)  # of one shape
+        inner[draw.integers(len(inner))] = nested(depth - 1, leaf)
+        return [list, tuple][draw.integers(2)](inner)
+
+    for _ in range(400):
+        depth = int(draw.integers(4))
+        leaf = bad[draw.integers(len(bad))]
+        with pytest.raises(ValueError, match=r"x is .*; give real numbers, a list of them or an array"):
+            numbers("x", nested(depth, leaf))
+        found = numbers("x", nested(int(draw.integers(2)), good[draw.integers(len(good))]))
+        assert found.dtype == np.float64
