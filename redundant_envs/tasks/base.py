@@ -42,8 +42,8 @@ class Task:
     A subclass sets them in its body. All but ``name`` have a default.
 
     static : tuple of str, default ()
-        Fields of the task's own that choose its structure. They are no numbers of environments, and functions do
-        not know their names.
+        Fields that choose the structure of a task. Environments have no such numbers, and functions take
+        none of them.
     name : str
         Of the task in ids (``RPRP`` + name + ``-v0``) and in ``task={"type": name}``.
     summary : str, default "has a task"
