@@ -134,9 +134,8 @@ def check_captured(owners: Sequence[Owner], described: Callable[..., Described])
             if found != nominal:
                 _check_steady(owners[0].name, nominal, described, things, STEADY)
                 _refuse(owners, described, nominal, {place: value})
-        if (
-            accepted[place] == 0
-        ):  # no other value is allowed, or none was guessed: the checks of its class are left out
+        if accepted[place] == 0:
+            # no other value is allowed, or none was guessed: the checks of its class are left out
             _refuse(owners, described, nominal, {place: 1.25 * _value(things, place) + 0.1})
 
 
