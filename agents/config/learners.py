@@ -66,7 +66,8 @@ class PPOSettings(PlainPPOSettings):
     schedule: Schedule = value(
         "linear", "learning rate and ent_coef: constant, or linear to 0 at total_steps"
     )
-    learning_rate: Real = number(6e-3, *RATE, "Adam's, at the beginning")
+    n_epochs: Whole = number(1, 1, 1000, "passes over the samples of an update")
+    learning_rate: Real = number(8e-3, *RATE, "Adam's, at the beginning")
     gamma: Real = number(0.97, 0, 1, "discount per control step")
     gae_lambda: Real = number(0.95, 0, 1, "weight of longer returns in the advantages")
     average: Real = number(0.9, 0, 1 - 1e-9, "share of the average that an epoch keeps; 0: no average")
