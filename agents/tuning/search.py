@@ -22,7 +22,7 @@ with needs("tune"):
     )
 
 PPO = {
-    "learning_rate": "5e-4..5e-3", "gamma": "0.9..0.99", "gae_lambda": "0.8..0.98", "n_epochs": "1..4",
+    "learning_rate": "5e-4..2e-2", "gamma": "0.9..0.99", "gae_lambda": "0.8..0.98", "n_epochs": "1..4",
     "batch_size": "512|1024|2048|4096", "ent_coef": "1e-3..3e-2", "clip_range": "0.1..0.4",
 }  # fmt: skip
 OFF_POLICY = {
@@ -32,7 +32,7 @@ OFF_POLICY = {
 SAC = {**OFF_POLICY, "tau": "1e-2..1e-1", "ent_coef": "1e-4..1e-2"}
 AVERAGED = {"smoothness": "1e-2..1", "average": "0.998|0.9995|0.9998"}
 DEFAULTS: dict[str, dict[str, str]] = {
-    "ppo": {**PPO, "average": "0.8|0.9|0.95"},
+    "ppo": {**PPO, "average": "0.8|0.9|0.95", "smoothness": "3e-2..1"},
     "sac": {**SAC, **AVERAGED},
     "her": {
         **SAC, **AVERAGED, "learning_rate": "1e-3..1e-2", "gamma": "0.9..0.98", "gradient_steps": "8..24",

@@ -59,13 +59,6 @@ def attached(where: str, effect: Effect, arm: Arm) -> tuple[Hook, ...]:
                 f"{where} ({kind}).{f.name} is not an argument of its class, so it would not change with the "
                 "others; compute it in the effect's functions, or name it in 'static'"
             )
-    fields = {name.split("[")[0] for name in effect.parameters()}
-    for unit_of in effect.units(arm):
-        if unit_of not in {*effect.parameters(), *fields}:
-            raise ValueError(
-                f"{where} ({kind}).units has {unit_of!r}, which is none of its numbers: "
-                f"{', '.join(effect.parameters()) or 'it has none'}"
-            )
     own: Own = dict.fromkeys(effect.parameters(), False)
     for field, value in effect.parameters().items():
         if isinstance(value, bool) or not isinstance(value, int | float) or value != value:
@@ -91,6 +84,7 @@ def attached(where: str, effect: Effect, arm: Arm) -> tuple[Hook, ...]:
             raise ValueError(f"{where} ({kind}), hook {n} ({type(hook).__name__}): {error}") from None
     check_numbers(f"{where} ({kind})", effect, arm, hooks)
     _check_entries(f"{where} ({kind})", effect, arm, hooks)
+    _check_units(f"{where} ({kind})", effect, arm)
     forces = [h for h in hooks if isinstance(h, Force)]
     booked = [h for h in forces if h.conservative is not None]
     if booked and all(h.potential is None for h in forces):
@@ -119,6 +113,17 @@ def _check_entries(where: str, effect: Effect, arm: Arm, hooks: Iterable[Hook]) 
             raise ValueError(
                 f"{where}.{field.name} has {len(entries)} entries, of which no hook uses "
                 f"{', '.join(unused)}; give {len(entries) - len(unused)}"
+            )
+
+
+def _check_units(where: str, effect: Effect, arm: Arm) -> None:
+    """Refuse the unit of a number that an effect does not have."""
+    numbers = effect.parameters()
+    for name in effect.units(arm):
+        if name not in {*numbers, *(n.split("[")[0] for n in numbers)}:
+            raise ValueError(
+                f"{where}.units has {name!r}, which is none of its numbers: "
+                f"{', '.join(numbers) or 'it has none'}"
             )
 
 
