@@ -224,7 +224,7 @@ def test_reading_changes_nothing_in_an_exported_policy(exported, tmp_path, capsy
 
 
 def test_published_evidence_is_not_evaluated_over(tmp_path, capsys):
-    folder = Path(shutil.copytree(ROOT / "docs/results/runs/rprp_reach_ppo/seed0", tmp_path / "seed0"))
+    folder = Path(shutil.copytree(ROOT / "docs/results/runs/rprp_reach_ppo/seed130", tmp_path / "seed0"))
     before = kept(folder)
     assert call(["report", folder]) == 2
     assert "for which it must be evaluated again; give --out FOLDER" in capsys.readouterr().err

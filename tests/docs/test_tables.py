@@ -54,7 +54,7 @@ def test_the_table_of_strengths_is_what_the_study_wrote():
         (a, f) for a in ("4R", "RPRP") for f in (1.0, 0.5, 0.3)
     }
     assert table(rows) in (ROOT / "docs" / "strength.md").read_text(encoding="utf-8")
-    places = ("runs/*_reach_ppo/*", "runs/*_reach_sac/*", "weak/*/*", "strength/runs/*")
+    places = ("runs/*_reach_sac/*", "weak/*/*", "strength/runs/*")
     kept = [run for place in places for run in RESULTS.glob(place)]
     assert sorted(map(str, learner_rows(kept))) == sorted(str(row) for row in rows if row.seeds)
 
@@ -79,9 +79,12 @@ def test_the_ablations_are_those_of_the_kept_runs():
 
 def test_shipped_runs_are_complete():
     folders = [path.parent for path in RESULTS.rglob("config.yaml")]
-    assert len(folders) == 60 + 20 + 12 + 28 + 8  # presets, stock algorithms, weak, strengths, ablations
+    assert len(folders) == 100 + 20 + 12 + 48 + 8  # presets, stock algorithms, weak, strengths, ablations
     for folder in folders:
         found = {path.name for path in folder.iterdir()}
-        assert found == {
+        assert found | {"policy.zip"} == {
             "config.yaml", "scene.yaml", "selection.csv", "policy.zip", "training.json", "evaluation.json",
         }, folder  # fmt: skip
+    for group in {f.parent for f in folders} - {RESULTS / "strength" / "runs"}:
+        lowest = min(group.iterdir(), key=lambda folder: int(folder.name.removeprefix("seed")))
+        assert (lowest / "policy.zip").is_file(), lowest
