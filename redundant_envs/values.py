@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import inspect
 import reprlib
 from collections.abc import Mapping
 from numbers import Integral
@@ -62,3 +64,36 @@ def whole_number(name: str, value: Any) -> int:
     if isinstance(value, bool) or not isinstance(value, Integral) or value < 1:
         raise ValueError(f"{name} is {value!r}; give a whole number of at least 1")
     return int(value)
+
+
+def check_declared(where: str, thing: Any, base: type) -> None:
+    """ValueError if numbers in the body of a class derived from ``base`` are no fields, or no defaults.
+
+    Parameters
+    ----------
+    where : str
+        Name of the thing in messages.
+    thing : instance of a dataclass
+    base : type
+        What its annotations call a ClassVar is none.
+    """
+    free = {name for name, kind in inspect.get_annotations(base).items() if "ClassVar" in str(kind)}
+    fields = {f.name for f in dataclasses.fields(thing)}
+    for cls in type(thing).__mro__:
+        if not issubclass(cls, base) or cls is base:
+            continue
+        annotated = inspect.get_annotations(cls)
+        if "__dataclass_fields__" not in vars(cls):
+            numbers = [n for n, kind in annotated.items() if n not in free and "ClassVar" not in str(kind)]
+            if numbers:
+                raise ValueError(
+                    f"{where}: {cls.__name__} has {', '.join(numbers)} in its body, and is no dataclass, so "
+                    "these are no numbers of it; write @dataclass(frozen=True) above 'class'"
+                )
+        for name in (fields - annotated.keys()) & vars(cls).keys():
+            value = vars(cls)[name]
+            if isinstance(value, int | float | tuple):
+                raise ValueError(
+                    f"{where}: {cls.__name__} has {name} = {shown(value)} without a type, so Python takes "
+                    f"it for no default; write {name}: {type(value).__name__} = {shown(value)}"
+                )

@@ -29,6 +29,7 @@ from redundant_envs.effects.hooks import (
 )
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import number
+from redundant_envs.values import check_declared
 
 STATE_NAME = re.compile(r"[^\W\d]\w*(\[\d+\])?")
 Own = dict[str, bool]
@@ -48,6 +49,7 @@ def attached(where: str, effect: Effect, arm: Arm) -> tuple[Hook, ...]:
         effect in the message.
     """
     kind = type(effect).__name__
+    check_declared(where, effect, Effect)
     hooks = effect.hooks(arm)
     if not isinstance(effect.key, str) or not KEY.fullmatch(effect.key):
         raise ValueError(f"{where} has the key {effect.key!r}; give letters, digits, '_' and '.'")

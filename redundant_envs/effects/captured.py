@@ -12,6 +12,7 @@ import dataclasses
 import functools
 import itertools
 import math
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -102,6 +103,12 @@ def check_captured(owners: Sequence[Owner], described: Callable[..., Described])
     described : function
         What is made, from the things of the owners.
     """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of its class, about numbers that nobody gave
+        _check_captured(owners, described)
+
+
+def _check_captured(owners: Sequence[Owner], described: Callable[..., Described]) -> None:
     things = [owner.thing for owner in owners]
     before = dialect.random_states()
     nominal = described(*things)
@@ -110,8 +117,10 @@ def check_captured(owners: Sequence[Owner], described: Callable[..., Described])
         raise ValueError(f"{owners[0].name} {dialect.CHANGES}")
     places = list(_places(things))
     accepted = dict.fromkeys(places, 0)
-    for k in range(KINDS):
-        values = {place: _other(k, n, _value(things, place)) for n, place in enumerate(places)}
+    trials = [
+        {place: _other(k, n, _value(things, place)) for n, place in enumerate(places)} for k in range(KINDS)
+    ]
+    for values in (*trials, *_far_apart(things, places)):
         changed = [_with(thing, o, values) for o, thing in enumerate(things)]
         found = _made(described, [c or t for c, t in zip(changed, things, strict=True)])
         if found is None:
@@ -236,6 +245,16 @@ def _other(kind: int, n: int, value: Any) -> Any:
         (1.0 / (16.0 * own), -16.0), (1e3 * own, 1e3), (1e-3 / own, 1e-6), (-own, -1.0), (0.0, 1.0),
     )[kind - 3]  # fmt: skip
     return factor * value if value else instead * own
+
+
+def _far_apart(things: Sequence[Any], places: Sequence[Place]) -> Iterator[dict[Place, Any]]:
+    """Other numbers of the first owner, any two of which are once much further apart than they were, in
+    either order: what compares a ratio or a difference differs."""
+    own = [place for place in places if place.owner == 0]
+    for bit in range((len(own) - 1).bit_length()):
+        for up in (0, 1):
+            factors = (1e3 if (n >> bit) & 1 == up else 1e-3 for n in range(len(own)))
+            yield {p: f * (_value(things, p) or 1.0) for p, f in zip(own, factors, strict=True)}
 
 
 def _across(seen: Sequence[float], value: float) -> list[float]:

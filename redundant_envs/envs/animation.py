@@ -78,7 +78,8 @@ class Animation:
         self._scene, self._t, self._q, self._efforts = scene, t, q, efforts
         points = scene.robot.points(q)
         self._tips = points[:, -1]
-        self._half_width = BORDER * float(np.hypot(points[..., 0], points[..., 1]).max())
+        farthest = float(np.hypot(points[..., 0], points[..., 1]).max())
+        self._half_width = BORDER * (farthest or 1.0)  # all points of a slider may stay at the base
         self._travel = stated_limits(scene)
         values = scene.parameters()
         self._limits = np.array([values[name] for name in scene.action_units()])

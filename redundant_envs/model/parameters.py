@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -21,6 +22,8 @@ from redundant_envs.values import shown
 
 Table = dict[str, NDArray[np.float64]]
 """Parameter name -> values of some lanes."""
+ROUNDING = 1e-12
+"""Relative change of a number by its class that is taken for rounding, as where shares are scaled again."""
 
 
 def names_of(scene: Scene, name: str, of_task: Iterable[str] = ()) -> list[str]:
@@ -197,9 +200,10 @@ def _check_effect(arm: Arm, effect: Any, values: Table) -> None:
         fields: dict[str, Any] = {}
         for f in dataclasses.fields(effect):
             parts = [v for p, v in numbers.items() if p.split("[")[0] == f.name]
-            own = getattr(effect, f.name)
-            fields[f.name] = own if not parts else tuple(parts) if isinstance(own, tuple) else parts[0]
-        made = type(effect)(**fields)
+            if parts:
+                fields[f.name] = tuple(parts) if isinstance(getattr(effect, f.name), tuple) else parts[0]
+        made = dataclasses.replace(effect, **fields)
+        _check_kept(f"{effect.key}.", made, numbers)
         check_numbers(effect.key, made, arm, made.hooks(arm))
 
 
@@ -207,7 +211,20 @@ def _check_task(task: Task, values: Table) -> None:
     """Build the task with each lane's numbers: its own checks decide."""
     names = tuple(task.parameters())
     for row in np.unique(np.stack([values[p] for p in names], axis=1), axis=0):
-        dataclasses.replace(task, **dict(zip(names, row.tolist(), strict=True)))
+        numbers = dict(zip(names, row.tolist(), strict=True))
+        _check_kept("", dataclasses.replace(task, **numbers), numbers)
+
+
+def _check_kept(before: str, made: Any, numbers: Mapping[str, float]) -> None:
+    """ValueError if a class makes other numbers of those that it is given, as one that scales them may:
+    lanes would have the given ones."""
+    kept = made.parameters()
+    for name, value in numbers.items():
+        if not math.isclose(kept.get(name, math.nan), value, rel_tol=ROUNDING):
+            raise ValueError(
+                f"{before}{name} is {value}, and {type(made).__name__} makes {kept.get(name)} of it; give "
+                "numbers that it keeps, all of them that depend on each other"
+            )
 
 
 def write(scene: Scene, memory: Memory, lanes: NDArray[np.intp], values: Table) -> None:

@@ -21,6 +21,7 @@ from redundant_envs.loaded_arm import identifier
 from redundant_envs.quantities import check_names, givers_of
 from redundant_envs.scene import Scene
 from redundant_envs.tasks.base import Task
+from redundant_envs.values import check_declared
 
 MOST_DRAWS = 64
 BUILT_IN = (
@@ -37,6 +38,7 @@ def check_task(task: Task, scene: Scene) -> None:
     and rewards and observations would mean something else.
     """
     kind, arm = type(task).__name__, scene.robot
+    check_declared(f"the task {kind}", task, Task)
     functions = (*task.functions(scene), *task.begin_functions)
     for f in functions:
         dialect.check(f)
