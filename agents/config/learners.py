@@ -117,7 +117,6 @@ class HERSettings(SACSettings):
     gamma: Real = number(0.95, 0, 1, "discount per control step")
     learning_rate: Real = number(4e-3, *RATE, "Adam's, of actor and critics, at the beginning")
     learning_starts: Whole = number(102_400, 0, 1e9, "environment steps with random actions before learning")
-    smoothness: Real = number(0.3, *SMOOTHNESS)
     gradient_steps: Whole = number(16, 1, 10_000, "critic steps after each train_freq")
     n_sampled_goal: Whole = number(4, 1, 100, "hindsight goals for every goal that was asked for")
     goal_selection_strategy: Literal["future", "final", "episode"] = value(
