@@ -35,7 +35,7 @@ for module, arguments in {calls!r}:
 print(json.dumps(results))
 """
 SIMULATE = ["simulate", "--scene", "four_r_free", "--seconds", "0.1"]
-RUN = str(ROOT / "docs" / "results" / "runs" / "rprp_reach_ppo" / "seed0")
+RUN = str(ROOT / "docs" / "results" / "runs" / "rprp_reach_ppo" / "seed130")
 COMMANDS = {
     # name -> module with main, arguments, package that is missing, extra
     "figures": (LIBRARY, SIMULATE, "matplotlib", "plot"),

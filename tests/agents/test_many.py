@@ -102,8 +102,10 @@ def test_a_run_of_other_settings_or_a_failed_one_is_told_in_one_line(tmp_path, c
 
 
 def test_a_checkpoint_means_that_a_run_is_not_finished(tmp_path):
-    assert is_finished(ROOT / "docs" / "results" / "runs" / "rprp_reach_ppo" / "seed0") is False  # no report
-    shutil.copytree(ROOT / "docs" / "results" / "runs" / "rprp_reach_ppo" / "seed0", tmp_path / "run")
+    assert (
+        is_finished(ROOT / "docs" / "results" / "runs" / "rprp_reach_ppo" / "seed130") is False
+    )  # no report
+    shutil.copytree(ROOT / "docs" / "results" / "runs" / "rprp_reach_ppo" / "seed130", tmp_path / "run")
     for name in FILES:
         (tmp_path / "run" / name).touch()
     assert is_finished(tmp_path / "run")

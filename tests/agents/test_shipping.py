@@ -30,7 +30,9 @@ from redundant_envs.envs.sb3 import make_sb3
 
 ROOT = Path(__file__).resolve().parents[2]
 RESULTS = ROOT / "docs" / "results"
-TRAINED = sorted(path for kind in ("runs", "baselines", "weak") for path in (RESULTS / kind).glob("*/seed0"))
+GROUPS = [path for kind in ("runs", "baselines", "weak") for path in (RESULTS / kind).iterdir()]
+TRAINED = sorted(min(g.iterdir(), key=lambda run: int(run.name.removeprefix("seed"))) for g in GROUPS)
+"""Of each group of seeds the lowest one."""
 SHIPPED = [
     pytest.param(
         ROOT / "policies" / name_of(read_config(run)),
