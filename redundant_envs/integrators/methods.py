@@ -33,7 +33,8 @@ class Step(NamedTuple):
     ----------
     positions, velocities, others : the new state
     watched : further results of the derivative function, beside derivatives
-    error5, error3 : the two estimates of each state, up to the factors ``h5`` and ``h3``
+    error5, error3 : two estimates of each state, up to the factors ``h5`` and ``h3``
+    error6 : a third one up to ``h6``, or none
     """
 
     positions: list[Any]
@@ -44,6 +45,8 @@ class Step(NamedTuple):
     error3: list[Any]
     h5: Any
     h3: Any
+    error6: list[Any] = []
+    h6: Any = None
 
 
 def weighted(weights: Sequence[float], terms: Numbers) -> tuple[float, Any]:
@@ -94,10 +97,14 @@ def explicit_step(
     # The lower of the two embedded methods differs from the method itself in three weights only.
     first = method.b[0]
     lower = [(e - b) / first for e, b in zip(method.error3, method.b, strict=True)]
-    error5, error3 = [], []
+    error5, error3, error6 = [], [], []
+    factor6 = 0.0
     for slope, (_, whole) in zip(slopes, totals, strict=True):
         factor5, total = weighted(method.error5, slope)
         error5.append(total)
         factor3, total = weighted(lower, slope)
         error3.append(whole + factor3 * total)
-    return Step(*parts, error5, error3, h * abs(factor5), h * first)
+        if method.error6:
+            factor6, total = weighted(method.error6, slope)
+            error6.append(total)
+    return Step(*parts, error5, error3, h * abs(factor5), h * first, error6, h * abs(factor6))

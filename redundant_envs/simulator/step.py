@@ -140,7 +140,9 @@ def step_error(dynamics: Dynamics, lane: Lane, step: Step) -> Any:
         ]
         return h * sum(terms[1:], terms[0])
 
-    return step_control.tip_error(tip_size(step.error5, step.h5), tip_size(step.error3, step.h3))
+    return step_control.tip_error(
+        tip_size(step.error6, step.h6), tip_size(step.error5, step.h5), tip_size(step.error3, step.h3)
+    )
 
 
 def integrated_states(dynamics: Dynamics) -> list[int]:
@@ -162,10 +164,11 @@ def others_error(dynamics: Dynamics, lane: Lane, step: Step, h: Any) -> Any:
     shares = []
     for k in integrated_states(dynamics):
         before, after = lane[dynamics.others[k]], step.others[k]
-        five, three = abs(step.error5[2 * n + k]) * step.h5, abs(step.error3[2 * n + k]) * step.h3
+        errors = (step.error6, step.h6), (step.error5, step.h5), (step.error3, step.h3)
+        sizes = [abs(error[2 * n + k]) * factor for error, factor in errors]
         pace = abs(after - before) * (lane.interval / h)
         size = maximum(maximum(abs(before), pace), SMALLEST_STATE)
-        shares.append(step_control.tip_error(five, three) / size)
+        shares.append(step_control.tip_error(*sizes) / size)
     return lane.interval * sum(gained[1:], gained[0]) * sum(shares[1:], shares[0])
 
 

@@ -1,6 +1,7 @@
 """Local steps for every lane: enough for the tolerance, and decided by that lane alone."""
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
@@ -9,9 +10,10 @@ import redundant_envs as rde
 from redundant_envs.algebra import maximum, physics
 from redundant_envs.effects.hooks import Effect, Force
 from redundant_envs.integrators import step_control
-from redundant_envs.integrators.step_control import blended_error
+from redundant_envs.integrators.step_control import blended_error, tip_error
 from redundant_envs.model.programs import batch_simulator
 from redundant_envs.quantities import Quantities
+from redundant_envs.studies.kinked_effects import TorqueSpeed, VelocityController
 from redundant_envs.studies.verify.states import random_states
 
 e = rde.effects
@@ -250,6 +252,60 @@ def test_an_estimate_that_overflows_does_not_pass():
     assert blended_error(0.0, 0.0) == 0.0
     assert blended_error(1e-200, 1e-200) == 0.0
     assert blended_error(3e-7, 4e-6) == pytest.approx(3e-7**2 / np.hypot(3e-7, 4e-7), rel=1e-12)
+    for huge in (1e160, 1e200, np.inf):
+        for estimates in itertools.product((0.0, 1e-7, huge), repeat=3):
+            assert (tip_error(*estimates) <= 1e-6) == (huge not in estimates), estimates
+    for e6, e5 in itertools.product((0.0, 1e-7, np.nan), repeat=2):  # a stage that e3 uses, e5 uses, too
+        assert (tip_error(e6, e5, 0.0) <= 1e-6) == bool(e6 + e5 < 1.0)
+
+
+def test_an_estimate_of_order_5_that_is_0_hides_no_error():
+    assert tip_error(3e-7, 0.0, 1e-4) == 2 * 3e-7
+    assert tip_error(0.0, 3e-7, 4e-6) == 2 * blended_error(3e-7, 4e-6)
+
+
+ONE_STEP_OF_CHANCE = {
+    "torque-speed curve": (
+        TorqueSpeed(
+            (1.992286633769344, 1.2848436159029, 4.310494518061289, 1.2225414751633483), 2.787930234772016
+        ),
+        (0.4036002456646146, 0.48906350123100406, 0.3184539539042901, 0.4885919334521271),
+        (0.30115216734270706, 0.13170441734081834, 0.18195421605261322, 0.12573677344802067),
+        (1.5046308486523685, -2.3302351985767, -1.2944904442308052, 3.0434766249592577),
+        (-1.4439605805381133, -0.9300558129746455, 2.808119076557165, -2.663760889219502),
+        (3.999094473104397, -3.997284700550585, 3.9947206524652854, 3.9997362676479398),
+    ),
+    "velocity controller": (
+        VelocityController(
+            (0.1703219907849756, 0.1631646107603007, 0.957740327517151, 0.07570121323944572),
+            (3.603775054127391, 0.9603380057759933, 1.3794805652588287, 0.8284895891399953),
+        ),
+        (0.4577949250245035, 0.24381728393314708, 0.33223131544340107, 0.2040673009165729),
+        (0.46126037727071745, 0.33467648410511863, 0.10952759372869408, 0.3070368258363449),
+        (2.651801879540085, -3.0411046645641724, 1.5878894862109538, -2.8016096546730513),
+        (-0.017425815245332817, 0.022336763540526845, -0.015064781575855514, 0.013523785799472467),
+        (3.536816067914814, 1.2894480463497349, 0.14561809718774743, 1.1946960792530614),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", ONE_STEP_OF_CHANCE)
+def test_a_step_whose_estimate_of_order_5_is_small_by_chance_is_not_accepted(case):
+    """Found by ``study intervals``: the blend of the orders 5 and 3 let these single steps pass, which are
+    off by 18 and 9 tolerances."""
+    effect, masses, lengths, angles, rates, efforts = ONE_STEP_OF_CHANCE[case]
+    arm = rde.FourR(masses, lengths)
+    start = [np.array([x]) @ np.linalg.inv(arm.motor_map) for x in (angles, rates)]
+
+    def tip(**how):
+        scene = rde.Scene(arm, (e.Gravity(), effect), control_dt=0.02, **how)
+        states, status = advance(scene, *start, np.array([efforts]))
+        return arm.forward_kinematics(states[:, :4])[0], status
+
+    (got, status), (one, _), (reference, _) = tip(tolerance=1e-6), tip(substeps=1), tip(integrator="dop853")
+    assert np.linalg.norm(one - reference) > 8e-6
+    assert np.linalg.norm(got - reference) < 1e-6
+    assert not status.numerics.any()
 
 
 # ---- the end of an interval, from numbers --------------------------------------------------------------

@@ -4,6 +4,7 @@ import math
 from functools import cache
 from itertools import combinations_with_replacement
 
+import numpy as np
 import pytest
 
 from redundant_envs.integrators.tableaus import METHODS, RK8
@@ -129,7 +130,7 @@ def test_order_is_not_higher(name):
     assert max(missed) > 1e-6
 
 
-@pytest.mark.parametrize(("weights", "order"), [("error5", 5), ("error3", 3)])
+@pytest.mark.parametrize(("weights", "order"), [("error6", 6), ("error5", 5), ("error3", 3)])
 def test_error_weights(weights, order):
     """The estimates vanish on every tree through their order and not on the next one."""
     e = getattr(RK8, weights)
@@ -142,8 +143,18 @@ def test_error_weights(weights, order):
     assert max(abs(weight(RK8, e, t)[0]) for t in trees(order + 1)) > 1e-6
 
 
+def test_the_stages_contain_one_estimate_of_order_6():
+    """Up to a factor: the weights that vanish on all trees up to order 6 are a line, that of ``error6``."""
+    conditions = np.array([stage_weights(RK8, tree) for n in range(1, 7) for tree in trees(n)])
+    _, sizes, rows = np.linalg.svd(conditions)
+    assert sizes[10] > 1e-8 * sizes[0]
+    assert sizes[11] < 1e-15 * sizes[0]
+    assert abs(rows[11] @ RK8.error6) == pytest.approx(np.linalg.norm(RK8.error6), rel=1e-12)
+
+
 def test_only_rk8_has_an_estimate():
     """euler and rk4 have no estimates."""
+    assert [n for n in NAMES if METHODS[n].error6] == ["rk8"]
     assert [n for n in NAMES if METHODS[n].error5] == ["rk8"]
     assert [n for n in NAMES if METHODS[n].error3] == ["rk8"]
 
