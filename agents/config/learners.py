@@ -111,12 +111,18 @@ class SACSettings(OffPolicySettings):
 
 
 class HERSettings(SACSettings):
-    """SAC with hindsight goals (stable-baselines3's HerReplayBuffer), for the goal environments."""
+    """SAC with hindsight goals (stable-baselines3's HerReplayBuffer), for the goal environments.
+
+    The reward says nothing about how the tip stays at the goal, so actions have to be smooth there; elsewhere a
+    large weight slows learning.
+    """
 
     buffer_size: Whole = number(500_000, 1, 1e7, "transitions kept")
     gamma: Real = number(0.95, 0, 1, "discount per control step")
     learning_rate: Real = number(4e-3, *RATE, "Adam's, of actor and critics, at the beginning")
     learning_starts: Whole = number(102_400, 0, 1e9, "environment steps with random actions before learning")
+    smoothness: Real = number(0.05, *SMOOTHNESS)
+    smoothness_at_goal: Real = number(0.6, 0, 1000, "the same weight for steps that reach their goal")
     gradient_steps: Whole = number(16, 1, 10_000, "critic steps after each train_freq")
     n_sampled_goal: Whole = number(4, 1, 100, "hindsight goals for every goal that was asked for")
     goal_selection_strategy: Literal["future", "final", "episode"] = value(

@@ -61,6 +61,9 @@ class AveragedSAC(Averaging, SAC):
         Critic steps from one actor step to the next.
     smoothness : float
         Weight of ``|a(s) - a(s')|^2`` in the actor's loss: mean actions at a state and at the next.
+    smoothness_at_goal : float, optional
+        The same for steps whose reward is above the mean of the sample: in goal environments those that
+        reach their goal.
     average : float
         Share of the average that an actor step keeps.
     error_scale : float
@@ -69,11 +72,13 @@ class AveragedSAC(Averaging, SAC):
 
     def __init__(
         self, *args: Any, activation: str = "silu", policy_delay: int = 2, smoothness: float = 0.1,
-        average: float = 0.9995, error_scale: float = ERROR_SCALE, **kwargs: Any,
+        smoothness_at_goal: float | None = None, average: float = 0.9995, error_scale: float = ERROR_SCALE,
+        **kwargs: Any,
     ) -> None:  # fmt: skip
         self.activation = activation
         self.policy_delay = policy_delay
         self.smoothness = smoothness
+        self.smoothness_at_goal = smoothness_at_goal
         self.average = average
         self.error_scale = error_scale
         super().__init__(*args, **kwargs)
@@ -108,6 +113,7 @@ class AveragedSAC(Averaging, SAC):
         pairs = torch.cat([now, sample.actions[order]], 1)
         discounts = self.gamma * (1.0 - sample.dones[order, 0])
         rewards = sample.rewards[order, 0]
+        smoothness = self._smoothness(rewards)
         for k in range(gradient_steps):
             rows = slice(k * batch_size, (k + 1) * batch_size)
             self._n_updates += 1
@@ -115,7 +121,7 @@ class AveragedSAC(Averaging, SAC):
             ahead = self._draw(torch.cat([after[rows], now[rows]]) if with_actor else after[rows])
             self._update_critics(pairs[rows], after[rows], rewards[rows], discounts[rows], ahead, rate)
             if with_actor:
-                self._update_actor(now[rows], ahead, rate)
+                self._update_actor(now[rows], ahead, smoothness[rows], rate)
             self.networks["targets"].vector.lerp_(self.networks["critics"].vector, self.tau)
         self.networks["actor"].write()  # the next actions are drawn by its modules
         self.logger.record("train/n_updates", self._n_updates, exclude="tensorboard")
@@ -127,6 +133,13 @@ class AveragedSAC(Averaging, SAC):
         if self.log_ent_coef is not None:
             return math.exp(float(self.log_ent_coef))
         return float(self.ent_coef_tensor)
+
+    def _smoothness(self, rewards: Tensor) -> Tensor:
+        """Weight of the term for smooth actions at each step of a sample, (rows, 1)."""
+        weights = torch.full_like(rewards, self.smoothness)
+        if self.smoothness_at_goal is not None:
+            weights[rewards > rewards.mean()] = self.smoothness_at_goal
+        return weights[:, None]
 
     def _draw(self, states: Tensor) -> Draw:
         """Actions of the present actor."""
@@ -156,7 +169,7 @@ class AveragedSAC(Averaging, SAC):
         critics.backward(tape, (found - goals[:, None]).div_(count))
         self.adams["critics"].step(rate)
 
-    def _update_actor(self, now: Tensor, drawn: Draw, rate: float) -> None:
+    def _update_actor(self, now: Tensor, drawn: Draw, smoothness: Tensor, rate: float) -> None:
         """One step of the actor; ``drawn`` has the next states' rows first, then those of ``now``."""
         count, width = len(now), drawn.actions.shape[1]
         action, noise, raw = drawn.actions[count:], drawn.noise[count:], drawn.outputs[count:, width:]
@@ -169,7 +182,7 @@ class AveragedSAC(Averaging, SAC):
         daction = critics.to_inputs(tape, dvalues, slice(now.shape[1], None))
         dbefore = daction * (1.0 - action * action) + (2.0 * alpha) * action
         after, here = torch.tanh(drawn.outputs[:, :width]).split(count)
-        dmean = dbefore + (2.0 * self.smoothness / count) * (here - after) * (1.0 - here * here)
+        dmean = dbefore + (2.0 / count) * smoothness * (here - after) * (1.0 - here * here)
         inside = (raw > LOG_STD[0]) & (raw < LOG_STD[1])
         dlog_std = (dbefore * noise - alpha) * inside
         rows = [(x[:, count:], z[:, count:]) for x, z in drawn.tape]

@@ -36,7 +36,7 @@ DEFAULTS: dict[str, dict[str, str]] = {
     "sac": {**SAC, **AVERAGED},
     "her": {
         **SAC, **AVERAGED, "learning_rate": "1e-3..1e-2", "gamma": "0.9..0.98", "gradient_steps": "8..24",
-        "n_sampled_goal": "2..8",
+        "n_sampled_goal": "2..8", "smoothness": "1e-2..0.3", "smoothness_at_goal": "0.1..3",
     },
     "plain_ppo": PPO,
     "plain_sac": SAC,

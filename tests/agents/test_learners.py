@@ -93,7 +93,8 @@ def test_adam_takes_the_steps_of_torch():
 
 @pytest.mark.parametrize(("algo", "env"), [("sac", "FourRReach-v0"), ("her", "RPRPGoalReach-v0")])
 def test_the_actor_and_critic_steps_of_sac_follow_the_derivatives_of_their_losses(algo, env):
-    model = make(algo, env, policy_delay=1, smoothness=0.3, ent_coef=0.05)
+    at_goal = {"smoothness_at_goal": 2.0} if algo == "her" else {}
+    model = make(algo, env, policy_delay=1, smoothness=0.3, ent_coef=0.05, **at_goal)
     model.learn(1700)
     actor, critics = model.networks["actor"], model.networks["critics"]
     sample = model.replay_buffer.sample(32)
@@ -109,7 +110,7 @@ def test_the_actor_and_critic_steps_of_sac_follow_the_derivatives_of_their_losse
             torch.cat([now, sample.actions], 1), after, sample.rewards[:, 0], discounts, drawn, 0.0
         )
         found_critics = critics.gradient.clone()
-        model._update_actor(now, drawn, 0.0)
+        model._update_actor(now, drawn, model._smoothness(sample.rewards[:, 0]), 0.0)
     assert steps == ["critics", "actor"]
 
     # the same losses through stable-baselines3's modules and torch's graph
@@ -127,7 +128,12 @@ def test_the_actor_and_critic_steps_of_sac_follow_the_derivatives_of_their_losse
         goals = sample.rewards[:, 0] + discounts * (ahead - 0.05 * drawn.log_prob[:32])
     values = policy.critic(raw, torch.tanh(u))
     near = (torch.tanh(mean) - torch.tanh(mean_after)).square().sum(1)
-    (0.05 * log_prob - torch.min(*values)[:, 0] + 0.3 * near).mean().backward()
+    weights = torch.full((32,), 0.3)
+    if at_goal:
+        reached = sample.rewards[:, 0] == 1.0
+        assert 0 < reached.sum() < 32
+        weights[reached] = 2.0
+    (0.05 * log_prob - torch.min(*values)[:, 0] + weights * near).mean().backward()
     head = torch.cat([policy.actor.mu.weight.grad, policy.actor.log_std.weight.grad])
     torch.testing.assert_close(actor._dweights[2][0], head, rtol=1e-4, atol=1e-6)
     second = policy.actor.latent_pi[2].weight.grad
@@ -274,6 +280,16 @@ def test_smoothness_makes_actions_of_following_states_alike():
             )
         changes.append(float((now - after).square().sum(1).mean()))
     assert changes[1] < 0.2 * changes[0]
+
+
+def test_smoothness_at_the_goal_weighs_steps_that_reach_it_whatever_the_two_rewards_are():
+    model = make("her", "RPRPGoalReach-v0", smoothness=0.25, smoothness_at_goal=2.0)
+    for missed, reached in ((0.0, 1.0), (-1.0, 0.0)):
+        weights = model._smoothness(torch.tensor([missed, reached, missed, missed]))
+        assert weights.tolist() == [[0.25], [2.0], [0.25], [0.25]]
+    for one in (-1.0, 0.0, 1.0):
+        assert model._smoothness(torch.full((3,), one)).tolist() == [[0.25]] * 3
+    assert make("sac", smoothness=0.25)._smoothness(torch.tensor([0.0, 1.0])).tolist() == [[0.25]] * 2
 
 
 def test_the_error_is_given_at_its_scale_and_the_goal_in_reaches():

@@ -41,7 +41,7 @@ SHIPPED = [
     )
     for run in TRAINED
 ]
-RUN = RESULTS / "runs" / "rprp_reach_sac" / "seed0"
+RUN = RESULTS / "runs" / "rprp_reach_sac" / "seed100"
 
 
 def observations(env, seed=7):

@@ -12,7 +12,7 @@ from markdown import MANUAL, ROOT, commands
 
 pytest.importorskip("typer", reason="commands of agents need the extra 'train'")
 
-RUN = "docs/results/runs/rprp_reach_sac/seed0"
+RUN = "docs/results/runs/rprp_reach_sac/seed100"
 PLACEHOLDERS = {"RUN": RUN, "FILE": "some.json"}
 FOUND = {command: (page.stem, whole) for page in MANUAL for command, whole in commands(page).items()}
 QUICK = (
@@ -37,7 +37,7 @@ SLOWER = (
     "python -m agents curves docs/results/runs/*/* --out runs/curves.png",
     "python -m agents evaluate RUN",
     "python -m agents report RUN",
-    "python -m agents export docs/results/runs/rprp_reach_sac/seed0",
+    "python -m agents export docs/results/runs/rprp_reach_sac/seed100",
     "python -m agents play policies/FourRReach-v0-sac --clip four_r.gif",
 )
 """Of under a minute each. The others train, measure for minutes, open a window or need a reader's files."""

@@ -68,8 +68,8 @@ def test_the_ablations_are_those_of_the_kept_runs():
     for setting, name in rows.items():
         cells = []
         for arm in ("four_r", "rprp"):
-            run = f"ablations/{arm}_sac.{setting}" if setting else f"runs/{arm}_reach_sac"
-            path = RESULTS / run / "seed0" / "evaluation.json"
+            run = f"{arm}_sac.{setting}" if setting else f"{arm}_sac"
+            path = RESULTS / "ablations" / run / "seed0" / "evaluation.json"
             found = json.loads(path.read_text(encoding="utf-8"))
             missed = round((1 - found["hold_success"]) * found["episodes"])
             there = f"{found['restless']} of {missed}" if missed else "-"
@@ -79,7 +79,7 @@ def test_the_ablations_are_those_of_the_kept_runs():
 
 def test_shipped_runs_are_complete():
     folders = [path.parent for path in RESULTS.rglob("config.yaml")]
-    assert len(folders) == 100 + 20 + 12 + 48 + 8  # presets, stock algorithms, weak, strengths, ablations
+    assert len(folders) == 140 + 20 + 12 + 48 + 10  # presets, stock algorithms, weak, strengths, ablations
     for folder in folders:
         found = {path.name for path in folder.iterdir()}
         assert found | {"policy.zip"} == {
