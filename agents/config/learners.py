@@ -113,8 +113,8 @@ class SACSettings(OffPolicySettings):
 class HERSettings(SACSettings):
     """SAC with hindsight goals (stable-baselines3's HerReplayBuffer), for the goal environments.
 
-    The reward says nothing about how the tip stays at the goal, so actions have to be smooth there; elsewhere a
-    large weight slows learning.
+    The reward says nothing about how the tip stays at the goal, so actions have to be smooth there; elsewhere
+    a large weight slows learning.
     """
 
     buffer_size: Whole = number(500_000, 1, 1e7, "transitions kept")

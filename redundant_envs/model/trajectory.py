@@ -98,6 +98,8 @@ def simulate(
     if not (np.isfinite(q0).all() and np.isfinite(qd0).all()):
         raise ValueError("q or qd has non-finite entries; give finite numbers")
     shape, count = q0.shape[:-1], int(np.prod(q0.shape[:-1], dtype=int))
+    if not count:
+        raise ValueError(f"q and qd have the shape {q0.shape} together; give at least one motion")
     batch = BatchSimulator(scene, count, track_work=True)
     batch.set_state(q0.reshape(count, joints), qd0.reshape(count, joints))
     dt = scene.control_dt

@@ -212,6 +212,8 @@ def test_bad_states_and_efforts():
         rde.simulate(SCENE, np.zeros(3), np.zeros(3), [0.1])
     with pytest.raises(ValueError, match="broadcast"):
         rde.simulate(SCENE, np.zeros((2, 4)), np.zeros((3, 4)), [0.1])
+    with pytest.raises(ValueError, match=r"q and qd have the shape \(0, 4\).*at least one"):
+        rde.simulate(SCENE, np.zeros((0, 4)), np.zeros((0, 4)), [0.1])
     with pytest.raises(ValueError, match=r"efforts has shape \(3,\)"):
         rde.simulate(SCENE, Q0, QD0, [0.1], np.zeros(3))
     with pytest.raises(ValueError, match=r"efforts has shape \(2,\).*\(3, 4\)"):
