@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from redundant_envs.extras import needs
@@ -9,7 +10,7 @@ from redundant_envs.extras import needs
 from .fields import Model, Real, Whole, number, value
 
 with needs("train"):
-    from pydantic import Field, PlainValidator
+    from pydantic import Field, PlainValidator, model_validator
     from pydantic_core import PydanticCustomError
 
 MOST_LAYERS = 8
@@ -34,6 +35,10 @@ EntropyWeight = Annotated[
 
 RATE = (1e-12, 1.0)
 SMOOTHNESS = (0, 1000, "weight of |a(s) - a(s')|^2, at a state and the next, in the actor's loss; 0: none")
+AT_GOAL = (
+    "smoothness of steps whose reward is above the mean, those that reach their goal; by default that of the "
+    "others, if it is given"
+)
 NET = "widths of the hidden layers"
 ACTIVATION = "between layers"
 
@@ -122,8 +127,17 @@ class HERSettings(SACSettings):
     learning_rate: Real = number(4e-3, *RATE, "Adam's, of actor and critics, at the beginning")
     learning_starts: Whole = number(102_400, 0, 1e9, "environment steps with random actions before learning")
     smoothness: Real = number(0.05, *SMOOTHNESS)
-    smoothness_at_goal: Real = number(0.6, 0, 1000, "the same weight for steps that reach their goal")
+    smoothness_at_goal: Real = number(0.6, 0, 1000, AT_GOAL)
     gradient_steps: Whole = number(16, 1, 10_000, "critic steps after each train_freq")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _alike(cls, given: Any) -> Any:
+        """One weight counts everywhere, as in configurations of before there were two."""
+        if isinstance(given, Mapping) and "smoothness" in given:
+            return {"smoothness_at_goal": given["smoothness"], **given}
+        return given
+
     n_sampled_goal: Whole = number(4, 1, 100, "hindsight goals for every goal that was asked for")
     goal_selection_strategy: Literal["future", "final", "episode"] = value(
         "future", "which tip position of the same episode becomes the goal"

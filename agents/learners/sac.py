@@ -16,6 +16,9 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from redundant_envs.extras import needs
 
 from .averaging import Averaging
@@ -62,8 +65,8 @@ class AveragedSAC(Averaging, SAC):
     smoothness : float
         Weight of ``|a(s) - a(s')|^2`` in the actor's loss: mean actions at a state and at the next.
     smoothness_at_goal : float, optional
-        The same for steps whose reward is above the mean of the sample: in goal environments those that
-        reach their goal.
+        The same for steps whose reward is above the mean of the sample: those that reach their goal, if
+        rewards have two values.
     average : float
         Share of the average that an actor step keeps.
     error_scale : float
@@ -98,6 +101,18 @@ class AveragedSAC(Averaging, SAC):
         self.adams = {name: Adam(self.networks[name]) for name in ("actor", "critics")}
         self.keep_means("actor")
         self.write_networks()
+
+    def _sample_action(
+        self, learning_starts: int, action_noise: Any = None, n_envs: int = 1
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """As in stable-baselines3, but before learning starts the actions of all environments are one draw: the
+        same numbers in a hundredth of the time."""
+        if self.num_timesteps >= learning_starts:
+            return super()._sample_action(learning_starts, action_noise, n_envs)
+        space: Any = self.action_space
+        drawn = space.np_random.uniform(space.low, space.high, (n_envs, *space.shape)).astype(space.dtype)
+        scaled = self.policy.scale_action(drawn)
+        return self.policy.unscale_action(scaled), scaled
 
     @torch.no_grad()
     def train(self, gradient_steps: int, batch_size: int = 64) -> None:

@@ -171,6 +171,19 @@ def test_shipped_configurations_load_and_are_named_by_what_they_are(name):
     assert config.algo in ALGORITHMS
 
 
+def test_one_weight_of_smooth_actions_counts_at_the_goal_too():
+    """As in configurations of before there were two."""
+
+    def weights(*overrides):
+        her = load("four_r_goal_reach_her", overrides).settings
+        return her.smoothness, her.smoothness_at_goal
+
+    assert weights() == (0.05, 0.6)
+    assert weights("her.smoothness=0.3") == (0.3, 0.3)
+    assert weights("her.smoothness_at_goal=0.3") == (0.05, 0.3)
+    assert weights("her.smoothness=0.2", "her.smoothness_at_goal=1") == (0.2, 1.0)
+
+
 def test_a_missing_configuration_lists_what_there_is():
     with pytest.raises(ValueError, match="rprp_reach_ppo"):
         load("configs/training/nothing.yaml")

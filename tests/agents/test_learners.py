@@ -267,6 +267,16 @@ def test_without_an_average_the_policy_is_the_last_actor():
     assert torch.equal(model.means["actor"], model.networks["actor"].vector)
 
 
+def test_random_actions_before_learning_are_those_of_stable_baselines3():
+    ours, theirs = make("sac"), make("sac")
+    for _ in range(2):
+        found = ours._sample_action(1, None, 16)
+        expected = SAC._sample_action(theirs, 1, None, 16)
+        for mine, other in zip(found, expected, strict=True):
+            assert mine.dtype == other.dtype
+            assert np.array_equal(mine, other)
+
+
 def test_smoothness_makes_actions_of_following_states_alike():
     changes = []
     for smoothness in (0.0, 30.0):

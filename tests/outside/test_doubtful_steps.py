@@ -99,7 +99,7 @@ class Estimated(e.EffortLimits):
     "arm", [pytest.param(LIFTERS[0], marks=pytest.mark.long), LIFTERS[1]], ids=["4R", "RPRP"]
 )
 def test_the_kink_of_a_limit_behind_a_lag_is_found_and_the_tolerance_is_kept(arm, monkeypatch):
-    """The effort stops changing within the interval: the estimate alone lets more than a tolerance pass."""
+    """The effort stops changing within the interval: the estimates alone are ten times less exact."""
     rng, n = np.random.default_rng(0), 2000
     low, high = np.where(arm.prismatic, 0.0, -3.0), np.where(arm.prismatic, 0.5, 3.0)
     q, qd = rng.uniform(low, high, (n, 4)), rng.normal(0.0, 0.5, (n, 4))
@@ -108,9 +108,10 @@ def test_the_kink_of_a_limit_behind_a_lag_is_found_and_the_tolerance_is_kept(arm
         Scene(arm, (e.Gravity(), ActuatorLag(0.2), kind(3.0)), tolerance=1e-7)
         for kind in (e.EffortLimits, Estimated)
     )
-    assert errors(found, q, qd, commands, lagging).max() < 0.2
+    off = errors(found, q, qd, commands, lagging).max()
+    assert off < 0.2
     monkeypatch.setattr(Dynamics, "kinks", {})
-    assert errors(estimated, q, qd, commands, lagging).max() > 1.0
+    assert errors(estimated, q, qd, commands, lagging).max() > 5.0 * off
 
 
 @pytest.mark.long
@@ -136,25 +137,31 @@ def test_the_tolerance_is_kept_behind_a_row_of_lags():
     assert off.max() < 1.0
 
 
-def test_what_errors_of_effects_states_move_at_the_tip_is_in_proportion_to_both_estimates():
+def test_what_errors_of_effects_states_move_at_the_tip_is_in_proportion_to_the_estimates():
     scene = Scene(rde.FourR((0.5,) * 4, (0.25,) * 4), (LagChain(0.01, 2),), tolerance=1e-6)
     dynamics, rng = Dynamics(scene), np.random.default_rng(0)
     fields = dict.fromkeys(dynamics.states, 0.5) | fields_of(dynamics)
     lane = Lane(Interval(dynamics).layout(), lambda name: fields.get(name, 0.0))
-    five, three, after = (rng.uniform(0.1, 1.0, len(dynamics.states)) for _ in range(3))
+    six, five, three, after = (rng.uniform(0.1, 1.0, len(dynamics.states)) for _ in range(4))
     n, h = dynamics.count, 0.02
 
-    def moved(five, three, h5, h3):
-        step = Step(after[:n], after[n : 2 * n], after[2 * n :], [], five, three, h5, h3)
+    def moved(errors, steps):
+        (six, five, three), (h6, h5, h3) = errors, steps
+        step = Step(after[:n], after[n : 2 * n], after[2 * n :], [], five, three, h5, h3, six, h6)
         return others_error(dynamics, lane, step, h)
 
-    expected = moved(five, three, 1e-3, 1e-2)
-    assert expected > 0.0
-    for factor in (1e-9, 3.0, 1e6):
-        assert moved(factor * five, factor * three, 1e-3, 1e-2) == pytest.approx(factor * expected)
-        assert moved(five, three, factor * 1e-3, factor * 1e-2) == pytest.approx(factor * expected)
-        assert moved(factor * five, three, 1e-3 / factor, 1e-2) == pytest.approx(expected)
-        assert moved(five, factor * three, 1e-3, 1e-2 / factor) == pytest.approx(expected)
+    for steps in np.array(
+        [[1e-4, 1e-3, 1e-2], [1e-2, 1e-3, 1e-2]]
+    ):  # one blend is the larger one, then the other
+        errors = np.array([six, five, three])
+        expected = moved(errors, steps)
+        assert expected > 0.0
+        for factor in (1e-9, 3.0, 1e6):
+            assert moved(factor * errors, steps) == pytest.approx(factor * expected)
+            assert moved(errors, factor * steps) == pytest.approx(factor * expected)
+            for k in range(3):
+                scale = np.where(np.arange(3) == k, factor, 1.0)
+                assert moved(scale[:, None] * errors, steps / scale) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("frequency", [300.0, 3000.0])
