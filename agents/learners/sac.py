@@ -105,8 +105,8 @@ class AveragedSAC(Averaging, SAC):
     def _sample_action(
         self, learning_starts: int, action_noise: Any = None, n_envs: int = 1
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """As in stable-baselines3, but before learning starts the actions of all environments are one draw: the
-        same numbers in a hundredth of the time."""
+        """As in stable-baselines3; but before learning starts, the actions of all environments are one draw,
+        of the same numbers in a hundredth of the time."""
         if self.num_timesteps >= learning_starts:
             return super()._sample_action(learning_starts, action_noise, n_envs)
         space: Any = self.action_space
