@@ -15,7 +15,7 @@ ARM = rde.RPRP((0.2, 0.2, 0.2, 0.1), (0.3, 0.3))
 DEEP = [-0.37828245, 0.15684442, 0.323228, 0.02206704], [-0.60305308, 0.12256787, -0.0091403, 0.18936389]
 
 
-class Estimated(e.LimitSpring):
+class Undeclared(e.LimitSpring):
     """A spring that does not declare its damping."""
 
     def hooks(self, arm):
@@ -46,15 +46,9 @@ def test_the_tolerance_is_kept_deep_in_a_strong_damper(tolerance):
     assert off.max() <= 1.0
 
 
-def test_its_estimate_alone_does_not_keep_it(monkeypatch):
-    monkeypatch.setattr(Dynamics, "kinks", {})
-    off = errors(Estimated, 1e-6)
-    assert off.max() > 10.0
-
-
 def test_a_spring_without_damping_costs_what_it_did():
     scene = rde.Scene(ARM, (e.Gravity(), e.LimitSpring("r2", -100.0, 0.0, 1000.0)), tolerance=1e-6)
-    told = dataclasses.replace(scene, effects=(e.Gravity(), Estimated("r2", -100.0, 0.0, 1000.0)))
+    told = dataclasses.replace(scene, effects=(e.Gravity(), Undeclared("r2", -100.0, 0.0, 1000.0)))
     rng, ends = np.random.default_rng(1), []
     q, qd = rng.uniform(-0.1, 0.2, (512, 4)), rng.normal(size=(512, 4))
     for made in (scene, told):
