@@ -86,7 +86,8 @@ def test_rk8_has_order_8_in_mpmath():
 def test_a_step_and_its_estimates_have_the_orders_that_they_are_for(method, orders):
     """On y'' = -y, with y' a state of first order as well; an estimate of order p is one of h^p in its sum.
 
-    In 40 digits, but for the weights, which are those of double precision.
+    The estimate of order 6 has its own test. In 40 digits, but for the weights, which are those of double
+    precision.
     """
     mpmath = pytest.importorskip("mpmath", reason="mpmath is in the extra 'verify'")
     import exact_numbers  # noqa: F401
@@ -109,6 +110,23 @@ def test_a_step_and_its_estimates_have_the_orders_that_they_are_for(method, orde
         measured = [float(mpmath.log(a / b, 2)) for a, b in pairs]
     # A step of order p is off by h^(p + 1).
     assert measured == pytest.approx([p + 1 for p in orders], abs=0.25)
+
+
+def test_the_estimate_of_order_6_falls_with_the_seventh_power_of_the_step():
+    """On y'' = -y^3 - y'^2, as in the test above; on linear equations it falls faster."""
+    mpmath = pytest.importorskip("mpmath", reason="mpmath is in the extra 'verify'")
+    import exact_numbers  # noqa: F401
+
+    with mpmath.workdps(40):
+        found = []
+        for h in (mpmath.mpf(1) / 8, mpmath.mpf(1) / 16):
+            y, v = mpmath.mpf("0.8"), mpmath.mpf("0.6")
+            step = explicit_step(
+                METHODS["rk8"], lambda q, v, z: (-(q[0] ** 3) - v[0] ** 2, v[0]), [y], [v], [y], h
+            )
+            assert step.error6[2] == step.error6[0]
+            found.append(abs(step.h6 * step.error6[0]))
+        assert float(mpmath.log(found[0] / found[1], 2)) == pytest.approx(7.0, abs=0.25)
 
 
 @pytest.mark.parametrize("method", sorted(set(METHODS) - {"dop853"}))
