@@ -130,14 +130,6 @@ class HERSettings(SACSettings):
     smoothness_at_goal: Real = number(0.6, 0, 1000, AT_GOAL)
     gradient_steps: Whole = number(16, 1, 10_000, "critic steps after each train_freq")
 
-    @model_validator(mode="before")
-    @classmethod
-    def _alike(cls, given: Any) -> Any:
-        """One weight counts everywhere, as in configurations of before there were two."""
-        if isinstance(given, Mapping) and "smoothness" in given:
-            return {"smoothness_at_goal": given["smoothness"], **given}
-        return given
-
     n_sampled_goal: Whole = number(4, 1, 100, "hindsight goals for every goal that was asked for")
     goal_selection_strategy: Literal["future", "final", "episode"] = value(
         "future", "which tip position of the same episode becomes the goal"
@@ -145,6 +137,14 @@ class HERSettings(SACSettings):
     error_scale: Real = number(
         0.05, 1e-6, 1e6, "distance from the goal that the networks are given as 1", "reach"
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _alike(cls, given: Any) -> Any:
+        """One weight counts everywhere, as in configurations of before there were two."""
+        if isinstance(given, Mapping) and "smoothness" in given:
+            return {"smoothness_at_goal": given["smoothness"], **given}
+        return given
 
 
 class PlainSACSettings(OffPolicySettings):

@@ -33,20 +33,20 @@ class Step(NamedTuple):
     ----------
     positions, velocities, others : the new state
     watched : further results of the derivative function, beside derivatives
-    error5, error3, error6 : estimates of each state, up to the factors ``h5``, ``h3``, ``h6``; empty if the
-        method has none
+    error6, error5, error3 : estimates of each state, up to the factors ``h6``, ``h5`` and ``h3``; empty if
+        the method has none
     """
 
     positions: list[Any]
     velocities: list[Any]
     others: list[Any]
     watched: list[Watched]
+    error6: list[Any]
     error5: list[Any]
     error3: list[Any]
+    h6: Any
     h5: Any
     h3: Any
-    error6: list[Any]
-    h6: Any
 
 
 def weighted(weights: Sequence[float], terms: Numbers) -> tuple[float, Any]:
@@ -78,7 +78,7 @@ def explicit_step(
         new = [s + h * k for s, k in zip((*velocities, *others), results, strict=False)]
         moved = [p + h * v for p, v in zip(positions, new, strict=False)]
         seen = [watch([w]) for w in results[n + m :]]
-        return Step(moved, new[:n], new[n:], seen, [], [], None, None, [], None)
+        return Step(moved, new[:n], new[n:], seen, [], [], [], None, None, None)
     for row in method.a:
         stage = state
         if any(row):
@@ -93,18 +93,16 @@ def explicit_step(
     seen = [watch(values) for values in zip(*watched, strict=True)]
     parts = new[:n], new[n : 2 * n], new[2 * n :], seen
     if not method.error5:
-        return Step(*parts, [], [], None, None, [], None)
+        return Step(*parts, [], [], [], None, None, None)
     # The lower of the two embedded methods differs from the method itself in three weights only.
     first = method.b[0]
     lower = [(e - b) / first for e, b in zip(method.error3, method.b, strict=True)]
-    error5, error3, error6 = [], [], []
-    factor6 = 0.0
+    error6, error5, error3 = [], [], []
     for slope, (_, whole) in zip(slopes, totals, strict=True):
+        factor6, total = weighted(method.error6, slope)
+        error6.append(total)
         factor5, total = weighted(method.error5, slope)
         error5.append(total)
         factor3, total = weighted(lower, slope)
         error3.append(whole + factor3 * total)
-        if method.error6:
-            factor6, total = weighted(method.error6, slope)
-            error6.append(total)
-    return Step(*parts, error5, error3, h * abs(factor5), h * first, error6, h * abs(factor6))
+    return Step(*parts, error6, error5, error3, h * abs(factor6), h * abs(factor5), h * first)

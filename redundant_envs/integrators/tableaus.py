@@ -97,8 +97,24 @@ RK4 = Tableau(
 """The classical method of order 4."""
 
 # Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., DOP853: the twelve
-# stages of the method of order 8 with its estimates of order 5 and 3, in double precision.
-_HAIRER = Tableau(
+# stages of the method of order 8 with its estimates of order 5 and 3, in double precision. error6 is the
+# sixth difference of the slopes over the stages 1 and 6 to 11, up to a factor the only estimate of order 6
+# in these stages (decision record 0017).
+_NODES = (
+    0.0,
+    0.05260015195876773,
+    0.0789002279381516,
+    0.1183503419072274,
+    0.2816496580927726,
+    0.3333333333333333,
+    0.25,
+    0.3076923076923077,
+    0.6512820512820513,
+    0.6,
+    0.8571428571428571,
+    1.0,
+)
+RK8 = Tableau(
     name="rk8",
     order=8,
     a=(
@@ -179,20 +195,8 @@ _HAIRER = Tableau(
         0.20136540080403034,
         0.04471061572777259,
     ),
-    c=(
-        0.0,
-        0.05260015195876773,
-        0.0789002279381516,
-        0.1183503419072274,
-        0.2816496580927726,
-        0.3333333333333333,
-        0.25,
-        0.3076923076923077,
-        0.6512820512820513,
-        0.6,
-        0.8571428571428571,
-        1.0,
-    ),
+    c=_NODES,
+    error6=difference(_NODES, (0, 5, 6, 7, 8, 9, 10)),
     error5=(
         0.01312004499419488,
         0.0,
@@ -223,11 +227,7 @@ _HAIRER = Tableau(
     ),
 )
 
-# error6 is the sixth difference of the slopes over the stages 1 and 6 to 11, up to a factor the only estimate
-# of order 6 in these stages (decision record 0017).
-RK8 = dataclasses.replace(_HAIRER, error6=difference(_HAIRER.c, (0, 5, 6, 7, 8, 9, 10)))
-
-DOP853 = dataclasses.replace(_HAIRER, name="dop853")
+DOP853 = dataclasses.replace(RK8, name="dop853")
 """The same stages; each lane chooses its steps so that their error stays near rounding."""
 
 METHODS: dict[str, Tableau] = {t.name: t for t in (EULER, RK4, RK8, DOP853)}

@@ -146,14 +146,13 @@ def test_what_errors_of_effects_states_move_at_the_tip_is_in_proportion_to_the_e
     n, h = dynamics.count, 0.02
 
     def moved(errors, steps):
-        (six, five, three), (h6, h5, h3) = errors, steps
-        step = Step(after[:n], after[n : 2 * n], after[2 * n :], [], five, three, h5, h3, six, h6)
+        step = Step(after[:n], after[n : 2 * n], after[2 * n :], [], *errors, *steps)
         return others_error(dynamics, lane, step, h)
 
-    for steps in np.array(
-        [[1e-4, 1e-3, 1e-2], [1e-2, 1e-3, 1e-2]]
-    ):  # one blend is the larger one, then the other
-        errors = np.array([six, five, three])
+    errors = np.array([six, five, three])
+    # The blend of the second and third estimate is the larger one, then that of the first and second.
+    for steps, unused in (((1e-4, 1e-3, 1e-2), 0), ((1e-2, 1e-3, 1e-2), 2)):
+        steps = np.array(steps)
         expected = moved(errors, steps)
         assert expected > 0.0
         for factor in (1e-9, 3.0, 1e6):
@@ -162,6 +161,9 @@ def test_what_errors_of_effects_states_move_at_the_tip_is_in_proportion_to_the_e
             for k in range(3):
                 scale = np.where(np.arange(3) == k, factor, 1.0)
                 assert moved(scale[:, None] * errors, steps / scale) == pytest.approx(expected)
+        for k in range(3):
+            more = moved(errors, np.where(np.arange(3) == k, 1.1, 1.0) * steps)
+            assert (more == expected) == (k == unused)
 
 
 @pytest.mark.parametrize("frequency", [300.0, 3000.0])
