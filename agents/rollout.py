@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from redundant_envs.control.computed_torque import ComputedTorque, pose_at
 from redundant_envs.envs.core import Core
-from redundant_envs.integrators.tableaus import METHODS
+from redundant_envs.numerics.tableaus import METHODS
 
 EVALUATION_SEED = 1_000_000
 """First seed of the goals of the evaluation; seeds of the training are smaller."""

@@ -13,7 +13,7 @@ from lanes_of_numbers import constants
 
 from redundant_envs.effects import Gravity, ViscousFriction
 from redundant_envs.quantities import Quantities
-from redundant_envs.simulator.dynamics import Dynamics
+from redundant_envs.lane.dynamics import Dynamics
 
 STAGES = 8
 GUARD = 6  # decimal digits carried beyond those asked for

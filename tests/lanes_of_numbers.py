@@ -1,7 +1,7 @@
 """A lane of a scene on numbers of any kind that the physics dialect knows: floats, or mpmath's."""
 
-from redundant_envs.simulator.interval import Interval
-from redundant_envs.simulator.lane import Lane
+from redundant_envs.lane.interval import Interval
+from redundant_envs.lane.memory import Lane
 
 
 def constants(dynamics, number):

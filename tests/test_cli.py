@@ -13,7 +13,7 @@ import yaml
 from redundant_envs import bill, listing, load_scene
 from redundant_envs.__main__ import main
 from redundant_envs.envs.registration import ids
-from redundant_envs.integrators.tableaus import METHODS
+from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.scene import scene_names
 
 

@@ -30,9 +30,9 @@ from redundant_envs.model.snapshot import check_array, check_facts, check_keys, 
 from redundant_envs.model.team import Team
 from redundant_envs.quantities import Quantities
 from redundant_envs.scene import Scene, scene_at
-from redundant_envs.simulator.blocks import LANES
-from redundant_envs.simulator.environment import BEGUN, DUE, GOAL_FIELDS, TICKET, Autoreset, Operation
-from redundant_envs.simulator.episode import TABLES, TIP
+from redundant_envs.batch.blocks import LANES
+from redundant_envs.batch.environment import BEGUN, DUE, GOAL_FIELDS, TICKET, Autoreset, Operation
+from redundant_envs.lane.episode import TABLES, TIP
 from redundant_envs.tasks import Task
 from redundant_envs.tasks.checks import check_task
 from redundant_envs.tasks.limits import range_of_starts

@@ -26,8 +26,8 @@ from redundant_envs.envs.vector_env import (
     make_task,
     observation_space,
 )
-from redundant_envs.simulator.environment import Operation
-from redundant_envs.simulator.episode import TIP
+from redundant_envs.batch.environment import Operation
+from redundant_envs.lane.episode import TIP
 
 RENDER_MODES = (None, "rgb_array", "human")
 

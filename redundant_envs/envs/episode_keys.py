@@ -6,7 +6,7 @@ import numpy as np
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
-from redundant_envs.simulator.environment import KEY_WORDS
+from redundant_envs.batch.environment import KEY_WORDS
 
 AHEAD = 8
 """Keys that one call draws for each lane if there are several: 16 words take hardly longer than 2."""

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.simulator.episode import ENDS, GOAL, TIP, Episode
+from redundant_envs.lane.episode import ENDS, GOAL, TIP, Episode
 
 INFO_NAMES = {
     "saturated": "saturated_actions",

@@ -12,7 +12,7 @@ import gymnasium as gym
 
 if TYPE_CHECKING:
     from redundant_envs.effects import Effect
-    from redundant_envs.integrators.tableaus import Tableau
+    from redundant_envs.numerics.tableaus import Tableau
     from redundant_envs.robots import Arm
     from redundant_envs.scene import Scene
     from redundant_envs.tasks import Task
@@ -179,7 +179,7 @@ def register_arm(arm: type[Arm], scene: Mapping[str, Any] | str | Path | None = 
 
 def _check_scene(scene: Scene, kind: str) -> None:
     """ValueError unless a scene can be an environment of an arm."""
-    from redundant_envs.simulator.dynamics import Dynamics
+    from redundant_envs.lane.dynamics import Dynamics
 
     if scene.robot.kind != kind:
         raise ValueError(f"scene has the arm {scene.robot.kind}; give one with a robot of type {kind}")
@@ -241,7 +241,7 @@ def register_integrator(method: Tableau) -> None:
     ValueError
         If another method has the name, or the tableau is not that of an explicit method.
     """
-    from redundant_envs.integrators import tableaus
+    from redundant_envs.numerics import tableaus
 
     if not isinstance(method, tableaus.Tableau):
         raise ValueError(f"method is {method!r}; give a redundant_envs.Tableau")

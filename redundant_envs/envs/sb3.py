@@ -26,8 +26,8 @@ from redundant_envs.envs.vector_env import (
     observation_space,
 )
 from redundant_envs.extras import needs
-from redundant_envs.simulator.environment import Autoreset
-from redundant_envs.simulator.episode import TIP
+from redundant_envs.batch.environment import Autoreset
+from redundant_envs.lane.episode import TIP
 from redundant_envs.values import shown, whole_number
 
 with needs("train"):

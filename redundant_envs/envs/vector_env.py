@@ -28,8 +28,8 @@ from redundant_envs.model import snapshot
 from redundant_envs.model.programs import environment_simulator
 from redundant_envs.plain_data import check_keys
 from redundant_envs.scene import Scene
-from redundant_envs.simulator.environment import Autoreset
-from redundant_envs.simulator.episode import TIP
+from redundant_envs.batch.environment import Autoreset
+from redundant_envs.lane.episode import TIP
 from redundant_envs.tasks import REGISTRY as TASKS
 from redundant_envs.tasks import Task
 from redundant_envs.tasks.limits import is_confined

@@ -10,10 +10,10 @@ from typing import NamedTuple
 from redundant_envs.effects.hooks import Field, Inertia
 from redundant_envs.loaded_arm import identifier
 from redundant_envs.scene import Scene, check_scene
-from redundant_envs.simulator.advance import advance_kernel
-from redundant_envs.simulator.blocks import Blocks
-from redundant_envs.simulator.dynamics import Dynamics
-from redundant_envs.simulator.lane import LOG
+from redundant_envs.batch.advance import advance_kernel
+from redundant_envs.batch.blocks import Blocks
+from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.lane.memory import LOG
 from redundant_envs.tracing.flow import LaneFunction, Program
 from redundant_envs.tracing.graph import Operation, located, reached
 from redundant_envs.tracing.listing import lines
@@ -46,7 +46,7 @@ def listing(scene: Scene, track_work: bool = False) -> str:
     check_scene(scene)
     with located():
         kernel, blocks = advance_kernel(Dynamics(scene, track_work))
-        names = {blocks.layout.place(name): name for name in blocks.layout.fields}
+        names = {blocks.layout.row_of(name): name for name in blocks.layout.fields}
         efforts = blocks.interval.dynamics.commands
 
         def name_of(space: str, k: int) -> str:

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.simulator.blocks import LANES
-from redundant_envs.simulator.dynamics import Dynamics
-from redundant_envs.simulator.lane import LOG, PARAMETER, STATE, Layout
+from redundant_envs.batch.blocks import LANES
+from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.lane.memory import LOG, PARAMETER, STATE, Layout
 
 Array = NDArray[np.float64]
 KEPT = (STATE, LOG, PARAMETER)
@@ -73,7 +73,7 @@ class Memory:
 
     def column(self, name: str) -> Array:
         """A field of all blocks, (blocks, 8); of shared parameters (1, 8)."""
-        space, row = self.layout.place(name)
+        space, row = self.layout.row_of(name)
         return self.arrays[space][:, row]
 
     def __contains__(self, name: str) -> bool:
@@ -96,7 +96,7 @@ class Memory:
         lanes = self.index if index is None else np.asarray(index)
         table = np.broadcast_to(np.asarray(values, dtype=np.float64), (len(lanes), len(names)))
         for name, column in zip(names, table.T, strict=True):
-            self.layout.place(name)  # for an unknown name, the error lists the valid ones
+            self.layout.row_of(name)  # for an unknown name, the error lists the valid ones
             if self.layout.fields[name].lifetime is PARAMETER and self.shared and len(column):
                 same = column.view(np.int64) if column.flags.c_contiguous else column.copy().view(np.int64)
                 present = self.column(name)[0, :1].copy().view(np.int64)

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from redundant_envs.model import parameters
 from redundant_envs.model.memory import Memory
 from redundant_envs.model.programs import Simulator
-from redundant_envs.simulator.blocks import LANES
-from redundant_envs.simulator.lane import PARAMETER, STATE
+from redundant_envs.batch.blocks import LANES
+from redundant_envs.lane.memory import PARAMETER, STATE
 from redundant_envs.tasks.base import Task
 
 KEPT_FIELDS = ("h", "interval", "tip_tolerance", "limit")
@@ -202,15 +202,15 @@ def check_numbers(
     blocks = given.reshape(-1, layout.size(PARAMETER), LANES)
     states = state["states"][: memory.arrays[str(STATE)].size].reshape(memory.arrays[str(STATE)].shape)
     for row in (*memory.dynamics.parameters, *(() if task is None else task.parameters())):
-        numbers, here = blocks[:, layout.place(row)[1]], memory.column(row)
+        numbers, here = blocks[:, layout.row_of(row)[1]], memory.column(row)
         if not (np.isfinite(numbers) | (numbers == here[:1, :1])).all():  # a side without a stop is infinite
             raise ValueError(f"{name}['parameters'] has a {row} that is not finite; give finite ones")
     for row in finite:
-        if not np.isfinite(states[:, layout.place(row)[1]]).all():
+        if not np.isfinite(states[:, layout.row_of(row)[1]]).all():
             raise ValueError(f"{name}['states'] has a {row} that is not finite; give finite numbers")
     for row in (*KEPT_FIELDS, *kept):
         if row in layout:
-            there, here = blocks[:, layout.place(row)[1]], memory.column(row)
+            there, here = blocks[:, layout.row_of(row)[1]], memory.column(row)
             if not (there == here[0, 0]).all():
                 raise ValueError(
                     f"{name}['parameters'] has the {row} {there.flat[0]:.6g}, this one {here.flat[0]:.6g}: "

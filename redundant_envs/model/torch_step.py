@@ -8,12 +8,12 @@ from typing import Any
 from redundant_envs.backends.torch import number, torch
 from redundant_envs.model.parameters import names_of
 from redundant_envs.scene import Scene, check_scene
-from redundant_envs.simulator.direct import cross_interval, fields_of
-from redundant_envs.simulator.dynamics import Dynamics
-from redundant_envs.simulator.interval import Interval
-from redundant_envs.simulator.lane import Lane
-from redundant_envs.simulator.setting import Plan
-from redundant_envs.simulator.step import lane_step
+from redundant_envs.lane.direct import cross_interval, fields_of
+from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.lane.interval import Interval
+from redundant_envs.lane.memory import Lane
+from redundant_envs.lane.features import Control
+from redundant_envs.lane.step import lane_step
 
 Step = Callable[..., tuple[Any, ...]]
 
@@ -48,12 +48,12 @@ def torch_step(scene: Scene) -> Step:
     check_scene(scene)
     dynamics = Dynamics(scene, located=False)  # equal steps have gradients, and a step may have two laws
     interval = Interval(dynamics)
-    if interval.stops:
+    if interval.features.stops:
         raise ValueError(
             "scene has a PrismaticStop, whose impacts have no meaningful derivative; use a "
             "LimitSpring for its joints"
         )
-    if interval.plan is Plan.ADAPTIVE:
+    if interval.features.control is Control.ADAPTIVE:
         raise ValueError(
             "scene.integrator is 'dop853', which chooses each step while it runs; use 'rk8', with a "
             "tolerance if errors are to be controlled"
@@ -90,7 +90,7 @@ def torch_step(scene: Scene) -> Step:
             new = (*made.positions, *made.velocities, *made.others)
             states = [torch.where(k < steps, x, y) for x, y in zip(new, states, strict=True)]
         lane = Lane(layout, {**fields, **dict(zip(dynamics.states, states, strict=True))}.__getitem__)
-        interval.renew(lane)
+        interval.update_effect_states(lane)
         states += [number(lane[n]) for n in of_effects]
         shape = torch.broadcast_shapes(*(x.shape for x in states))
         wide = [x.expand(shape) for x in states]

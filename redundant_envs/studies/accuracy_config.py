@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.files import exists, explained, read_yaml
-from redundant_envs.integrators.tableaus import METHODS
+from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.plain_data import check_keys
 from redundant_envs.robots.parameters import number, numbers
 from redundant_envs.scene import Scene

@@ -8,7 +8,7 @@ from typing import Any
 
 from redundant_envs import effects
 from redundant_envs.envs.registration import ids
-from redundant_envs.integrators.tableaus import METHODS
+from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.scene import scene_names
 
 

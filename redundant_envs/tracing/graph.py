@@ -130,6 +130,8 @@ class Graph:
     def __init__(self) -> None:
         self._known: dict[Any, Operation] = {}
         self._located = _located.get()
+        self.results: dict[Any, Any] = {}
+        """Results of functions with branches (:mod:`ways`), so that equal calls are traced once."""
         self.part = 0
         """Start a new part of the program. Equal products of different parts are recorded separately, so that
         joining in one part does not depend on the other parts."""

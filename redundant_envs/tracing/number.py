@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable
+from contextvars import ContextVar
 from typing import Any, NoReturn
 
 from redundant_envs import algebra
 from redundant_envs.tracing.graph import Graph, Value
 
 EXPONENTS = (2, 3, 4)
+deciding: ContextVar[Callable[[Any], bool] | None] = ContextVar("deciding", default=None)
+"""Answers conditions while a stretch is run for one of its ways; without it a condition is no bool."""
 OPERATORS = ("add", "sub", "mul", "truediv")
 
 
@@ -18,6 +21,8 @@ def _arithmetic(name: str, swapped: bool = False) -> Callable[[Number, Any], Any
     def method(self: Number, other: Any) -> Any:
         if not isinstance(other, Number | float | int):
             return NotImplemented
+        if isinstance(other, Number) and other.graph is not self.graph:
+            outlives()
         a, b = self.value, value_of(other)
         return Number(self.graph, getattr(self.graph, name)(*((b, a) if swapped else (a, b))))
 
@@ -28,9 +33,19 @@ def _comparison(name: str) -> Callable[[Number, Any], Any]:
     def method(self: Number, other: Any) -> Any:
         if not isinstance(other, Number | float | int):
             return NotImplemented
+        if isinstance(other, Number) and other.graph is not self.graph:
+            outlives()
         return Condition(self.graph, self.graph.record(name, self.value, value_of(other)))
 
     return method
+
+
+def outlives() -> NoReturn:
+    """Refuse a number that was computed before a request of a program and is used after it."""
+    raise TypeError(
+        "a number outlives a yield of its program, or is of another graph; keep it in a field before "
+        "(lane.name = x) and read that after (lane.name)"
+    )
 
 
 def _refuse(what: str, name: str | None = None) -> NoReturn:
@@ -148,7 +163,12 @@ class Condition:
     __hash__ = None  # type: ignore[assignment]
 
     def __bool__(self) -> bool:
-        _refuse("write where(condition, a, b), cases(...), and & | logical_not instead of if, and, or, not")
+        answer = deciding.get()
+        if answer is None:
+            _refuse(
+                "write where(condition, a, b), cases(...), and & | logical_not instead of if, and, or, not"
+            )
+        return answer(self)
 
 
 def value_of(x: Any) -> Value:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from compiled import compiled
 
-from redundant_envs.simulator.blocks import LANES
+from redundant_envs.batch.blocks import LANES
 from redundant_envs.tracing.flow import Kernel, LaneFunction
 from redundant_envs.tracing.graph import Graph
 

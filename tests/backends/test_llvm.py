@@ -12,7 +12,7 @@ from compiled import compiled, on_columns
 from small_scenes import FOUR_R, RPRP, e
 
 import redundant_envs as rde
-import redundant_envs.simulator.step as steps
+import redundant_envs.lane.step as steps
 from redundant_envs import algebra
 from redundant_envs.algebra import physics
 from redundant_envs.backends import llvm, llvm_kernels
@@ -20,9 +20,9 @@ from redundant_envs.effects.hooks import Effect, Force
 from redundant_envs.model import programs
 from redundant_envs.model.memory import aligned
 from redundant_envs.model.programs import batch_simulator
-from redundant_envs.simulator.blocks import LANES
-from redundant_envs.simulator.environment import philox, uniform
-from redundant_envs.simulator.lane import PARAMETER, SCRATCH, STATE, Field, Layout, Lifetime, traced
+from redundant_envs.batch.blocks import LANES
+from redundant_envs.batch.environment import philox, uniform
+from redundant_envs.lane.memory import PARAMETER, SCRATCH, STATE, Field, Layout, Lifetime, traced
 from redundant_envs.tracing.flow import Kernel, LaneFunction, Program
 from redundant_envs.tracing.graph import Graph
 

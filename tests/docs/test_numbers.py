@@ -12,7 +12,7 @@ import pytest
 from markdown import MANUAL, PAGES, ROOT, blocks, prose, text
 
 from redundant_envs.envs.registration import id_of
-from redundant_envs.integrators import contact_resolution, step_control
+from redundant_envs.events import contact_resolution, step_control
 from redundant_envs.scene import ACCURACIES
 from redundant_envs.simulator import setting
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from contact_problems import SLIDERS, complementary, contact, mobility, resolved
 
-from redundant_envs.integrators import contacts
-from redundant_envs.integrators.contact_resolution import Event
-from redundant_envs.integrators.sliders import ROUNDING
+from redundant_envs.events import contacts
+from redundant_envs.events.resolution import Event
+from redundant_envs.events.boundary import ROUNDING
 
 
 @SLIDERS

@@ -9,7 +9,7 @@ import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.algebra import physics
 from redundant_envs.effects.hooks import Force, Point
-from redundant_envs.simulator.dynamics import Dynamics
+from redundant_envs.lane.dynamics import Dynamics
 
 ARM = rde.RPRP((0.2, 0.2, 0.2, 0.1), (0.3, 0.3))
 DEEP = [-0.37828245, 0.15684442, 0.323228, 0.02206704], [-0.60305308, 0.12256787, -0.0091403, 0.18936389]

@@ -5,7 +5,7 @@ import pytest
 from stopped_scenes import scene
 
 import redundant_envs as rde
-from redundant_envs.integrators.tableaus import METHODS
+from redundant_envs.numerics.tableaus import METHODS
 
 
 def test_too_many_impacts_end_the_lane_and_leave_its_neighbours():

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.integrators import crossings
-from redundant_envs.integrators.methods import Watched
-from redundant_envs.integrators.sliders import Slider
+from redundant_envs.events import crossings
+from redundant_envs.numerics.methods import Watched
+from redundant_envs.events.boundary import Slider
 from redundant_envs.studies import hidden_impacts
 
 REACH = rde.load_scene("rprp_reach").to_dict()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.integrators.sliders import MARGIN, law_behind, limits_of_law
+from redundant_envs.events.boundary import MARGIN, law_behind, limits_of_law
 from redundant_envs.model.energy import kinetic_energy, potential_energy
 from redundant_envs.studies.verify.states import random_states
 

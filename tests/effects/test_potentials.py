@@ -10,7 +10,7 @@ import redundant_envs as rde
 from redundant_envs.algebra import arguments_of
 from redundant_envs.effects import CentringSpring, LimitSpring, limit_spring
 from redundant_envs.effects.hooks import Force
-from redundant_envs.integrators.sliders import side_beyond
+from redundant_envs.events.boundary import side_beyond
 from redundant_envs.model.energy import potential_energy
 
 

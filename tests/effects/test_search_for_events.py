@@ -7,15 +7,15 @@ import pytest
 from contact_problems import contact, mobility, resolved
 
 import redundant_envs as rde
-from redundant_envs.integrators import contacts
-from redundant_envs.integrators.contact_resolution import Event
-from redundant_envs.integrators.crossings import Crossing, Unseen
-from redundant_envs.integrators.event_search import after_trial, position_at_event
-from redundant_envs.integrators.event_times import Encounter, first_event
-from redundant_envs.integrators.methods import Watched
-from redundant_envs.integrators.sliders import Slider
+from redundant_envs.events import contacts
+from redundant_envs.events.resolution import Event
+from redundant_envs.events.crossings import Crossing, Unseen
+from redundant_envs.events.locate import after_trial, position_at_event
+from redundant_envs.events.first_event import Encounter, first_event
+from redundant_envs.numerics.methods import Watched
+from redundant_envs.events.boundary import Slider
 from redundant_envs.integrators.trial_steps import Phase, Search, Trial
-from redundant_envs.simulator import blocks
+from redundant_envs.batch import blocks
 
 ARM = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
 GROUP = blocks.LANES * blocks.GROUP

@@ -5,8 +5,8 @@ import pytest
 from contact_problems import SLIDERS, complementary, contact, mobility, resolved
 
 import redundant_envs as rde
-from redundant_envs.integrators import complementarity
-from redundant_envs.simulator.dynamics import Dynamics
+from redundant_envs.events import complementarity
+from redundant_envs.lane.dynamics import Dynamics
 
 UNEQUAL = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
 STOPPED = Dynamics(rde.Scene(UNEQUAL, (rde.effects.PrismaticStop((0.0, 0.0), (0.3, 0.3)),)))

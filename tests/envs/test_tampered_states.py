@@ -7,7 +7,7 @@ from faces import FACES, ID, every_face, plain
 from gymnasium.error import ResetNeeded
 
 import redundant_envs as rde
-from redundant_envs.simulator.lane import PARAMETER
+from redundant_envs.lane.memory import PARAMETER
 
 
 def tampered(env, name, value):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 import redundant_envs as rde
-from redundant_envs.integrators.tableaus import METHODS
+from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.tasks.limits import hard_stops
 
 from .cases import Case, with_lanes, without_calls

@@ -9,8 +9,8 @@ import pytest
 import redundant_envs as rde
 from redundant_envs.algebra import maximum, physics
 from redundant_envs.effects.hooks import Effect, Force
-from redundant_envs.integrators import step_control
-from redundant_envs.integrators.step_control import blended_error, tip_error
+from redundant_envs.numerics import error_control
+from redundant_envs.numerics.error_control import blended_error, tip_error
 from redundant_envs.model.programs import batch_simulator
 from redundant_envs.quantities import Quantities
 from redundant_envs.studies.interval_families import FAMILIES

@@ -7,7 +7,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 import pytest
 
-from redundant_envs.integrators.tableaus import METHODS, RK8
+from redundant_envs.numerics.tableaus import METHODS, RK8
 
 NAMES = sorted(set(METHODS) - {"dop853"})  # its stages are rk8's
 

@@ -9,8 +9,8 @@ import pytest
 import redundant_envs as rde
 from redundant_envs.model.memory import Memory, aligned
 from redundant_envs.model.programs import batch_simulator
-from redundant_envs.simulator.blocks import LANES
-from redundant_envs.simulator.lane import LOG, PARAMETER, STATE
+from redundant_envs.batch.blocks import LANES
+from redundant_envs.lane.memory import LOG, PARAMETER, STATE
 
 e = rde.effects
 MASSES = ("m1", "m2", "m3", "m4")

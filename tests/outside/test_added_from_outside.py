@@ -23,9 +23,9 @@ from gymnasium.utils.env_checker import check_env
 import redundant_envs as rde
 import redundant_envs.backends.torch
 from redundant_envs.backends.torch import torch
-from redundant_envs.simulator.direct import cross_interval, fields_of
-from redundant_envs.simulator.dynamics import Dynamics
-from redundant_envs.simulator.interval import Interval
+from redundant_envs.lane.direct import cross_interval, fields_of
+from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.lane.interval import Interval
 from redundant_envs.studies.verify import Mode, verify
 
 e = rde.effects

@@ -18,9 +18,9 @@ from redundant_envs.control.computed_torque import ComputedTorque
 from redundant_envs.effects import Effect, Inertia
 from redundant_envs.model.energy import kinetic_energy, potential_energy
 from redundant_envs.model.listing import _counts
-from redundant_envs.simulator.direct import cross_interval, fields_of
-from redundant_envs.simulator.dynamics import Dynamics
-from redundant_envs.simulator.interval import Interval
+from redundant_envs.lane.direct import cross_interval, fields_of
+from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.lane.interval import Interval
 from redundant_envs.studies.verify import Mode, verify
 
 e = rde.effects

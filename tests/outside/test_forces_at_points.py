@@ -12,9 +12,9 @@ import redundant_envs as rde
 from redundant_envs.backends.torch import torch
 from redundant_envs.control.statics import static_efforts
 from redundant_envs.effects import Effect, Force, Point
-from redundant_envs.simulator.direct import cross_interval, fields_of
-from redundant_envs.simulator.dynamics import Dynamics
-from redundant_envs.simulator.interval import Interval
+from redundant_envs.lane.direct import cross_interval, fields_of
+from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.lane.interval import Interval
 from redundant_envs.studies.verify import Mode, verify
 
 e = rde.effects

@@ -10,7 +10,7 @@ from three_r_by_hand import ThreeRByHand
 import redundant_envs as rde
 from redundant_envs.algebra import arguments_of, gives_of, physics, where
 from redundant_envs.robots.arm import Arm
-from redundant_envs.simulator import common_step
+from redundant_envs.lane import common_step
 from redundant_envs.studies.verify import (
     accuracy,
     conservation,
@@ -298,7 +298,7 @@ def test_mujoco_knows_masses_and_joints_of_its_own():
 
 
 def test_a_method_of_another_order_than_it_says_is_red(monkeypatch):
-    from redundant_envs.integrators.tableaus import METHODS
+    from redundant_envs.numerics.tableaus import METHODS
 
     heun = rde.Tableau("said_three", 3, ((), (1.0,)), (0.5, 0.5), (0.0, 1.0))
     monkeypatch.setitem(METHODS, heun.name, heun)

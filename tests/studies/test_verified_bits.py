@@ -11,7 +11,7 @@ from redundant_envs.effects import Actuation, Effect, State
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.env import ArmEnv
 from redundant_envs.envs.vector_env import ArmVectorEnv
-from redundant_envs.integrators import contacts
+from redundant_envs.events import contacts
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.model.memory import Memory
 from redundant_envs.studies.verify import (

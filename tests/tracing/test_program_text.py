@@ -2,7 +2,7 @@
 
 import re
 
-from redundant_envs.simulator.lane import SCRATCH, STATE, Field, Layout, traced
+from redundant_envs.lane.memory import SCRATCH, STATE, Field, Layout, traced
 from redundant_envs.tracing.flow import Kernel, LaneFunction, Program
 from redundant_envs.tracing.graph import Graph
 from redundant_envs.tracing.listing import function_lines, lines

@@ -11,7 +11,7 @@ import gymnasium as gym
 
 from redundant_envs.extras import needs
 from redundant_envs.files import explained, text_value
-from redundant_envs.integrators.tableaus import METHODS
+from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.scene import ACCURACIES, scene_data
 from redundant_envs.values import shown
 

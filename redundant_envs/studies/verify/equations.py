@@ -18,8 +18,8 @@ from redundant_envs.dual import Dual, dual
 from redundant_envs.effects.hooks import Inertia
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots.arm import Arm
-from redundant_envs.simulator.direct import fields_of
-from redundant_envs.simulator.dynamics import Dynamics
+from redundant_envs.lane.direct import fields_of
+from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.studies.verify.checks import (
     Array,
     Finding,

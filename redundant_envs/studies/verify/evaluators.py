@@ -10,9 +10,9 @@ import numpy as np
 
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.scene import SHORTEST_INTERVAL, Scene
-from redundant_envs.simulator.direct import cross_interval, fields_of
-from redundant_envs.simulator.dynamics import Dynamics
-from redundant_envs.simulator.interval import Interval
+from redundant_envs.lane.direct import cross_interval, fields_of
+from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.lane.interval import Interval
 from redundant_envs.studies.verify.checks import (
     Array,
     Finding,

@@ -14,11 +14,11 @@ import numpy as np
 
 from redundant_envs.dual import Dual, dual
 from redundant_envs.effects.hooks import Effect, Force, Point
-from redundant_envs.integrators.sliders import side_beyond
+from redundant_envs.events.boundary import side_beyond
 from redundant_envs.loaded_arm import identifier
 from redundant_envs.quantities import Quantities
-from redundant_envs.simulator.direct import fields_of
-from redundant_envs.simulator.dynamics import Dynamics
+from redundant_envs.lane.direct import fields_of
+from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.studies.verify.checks import (
     ROUNDING,
     Array,

@@ -1,0 +1,1 @@
+"""Batches of lanes in compiled kernels."""

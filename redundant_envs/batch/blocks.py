@@ -1,0 +1,209 @@
+"""Blocks of lanes in a kernel: the addresses of their memories, and the loop that advances all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from redundant_envs.lane.interval import Interval
+from redundant_envs.lane.memory import (
+    LOG, PARAMETER, SCRATCH, STATE, Lane, Layout, Lifetime, ProgramLane, lane_function, traced,
+)  # fmt: skip
+from redundant_envs.lane.program import Request
+from redundant_envs.tracing.flow import Array, Kernel, LaneFunction, Scalar
+from redundant_envs.tracing.graph import reached
+from redundant_envs.tracing.number import value_of
+from redundant_envs.tracing.program import Machine, Program
+
+LANES = 8
+GROUP = 64
+"""Blocks that go through a step together: few enough to stay in a small cache, many enough that the code of
+a step and the code of its events seldom replace each other in the instruction cache."""
+MEMORY = {
+    "state": "f64", "parameter": "f64", "log": "f64", "scratch": "f64", "queue": "i64",
+    "parameter_stride": "int", "count": "int", "substeps": "int",
+}  # fmt: skip
+"""Arguments of kernels that advance lanes. The stride is 0 while all lanes share their parameters."""
+
+ANSWERED = {None: "entered", Request.STEP: "due", Request.FORCES: "touching"}
+"""The field that is true when the program of a lane may go on after a request."""
+
+Procedure = Callable[[Lane], Any]
+
+
+@dataclass
+class Block:
+    """A block of lanes: its number, its first lane, the number of lanes, and the addresses of its
+    memories."""
+
+    number: Scalar
+    first: Scalar
+    lanes: Scalar
+    places: dict[str, Array]
+
+
+@dataclass
+class Ends:
+    """Work on the lanes at both ends of an interval.
+
+    Attributes
+    ----------
+    begin : procedure of a lane, before anything else
+    inputs : tables that it reads
+    end : procedure of a lane that has crossed the interval; it may return values for arrays
+    outputs : addresses of these arrays for a block
+    finish : records further work on a block
+    """
+
+    begin: Procedure
+    inputs: Mapping[str, Any]
+    end: Procedure
+    outputs: Callable[[Block], dict[str, Any]]
+    finish: Callable[[Block], None] = lambda block: None
+
+
+class Blocks:
+    """Lanes of an interval in a kernel.
+
+    Parameters
+    ----------
+    p : Kernel
+        Has the arguments of :data:`MEMORY`.
+    interval : Interval
+    layout : Layout
+    """
+
+    def __init__(self, p: Kernel, interval: Interval, layout: Layout) -> None:
+        self.p = p
+        self.interval = interval
+        self.layout = layout
+        self.functions: dict[str, LaneFunction] = {}
+        self.reads: dict[str, set[tuple[str, int]]] = {}
+        """Memory rows that each function loads."""
+        self.count = (p["count"] + (LANES - 1)) >> 3
+        """Number of blocks."""
+
+    def width(self, lifetime: Lifetime) -> int:
+        """Count of numbers of a block in a memory."""
+        return self.layout.size(lifetime) * LANES
+
+    @property
+    def scratch_size(self) -> int:
+        """Count of numbers of the scratch memory: two groups of blocks, and slots with states and
+        parameters."""
+        group = 2 * GROUP if self.interval.features.local else 1
+        slots = self.width(STATE) + self.width(SCRATCH) + self.width(PARAMETER)
+        return group * self.width(SCRATCH) + (slots if self.interval.features.local else 0)
+
+    @property
+    def queue_size(self) -> int:
+        """Length of the queue, in whole numbers: the waiting lanes, and the homes of the slots."""
+        return GROUP * LANES + LANES if self.interval.features.local else 1
+
+    def block(self, number: Any, in_group: Any) -> Block:
+        """The block with a number; ``in_group`` is its index in the scratch memory."""
+        p = self.p
+        first = number * LANES
+        rest = p["count"] - first
+        lanes = p.select(rest < LANES, rest, LANES)
+        places = {
+            str(STATE): p["state"] + number * self.width(STATE),
+            str(PARAMETER): p["parameter"] + number * p["parameter_stride"],
+            str(SCRATCH): p["scratch"] + in_group * self.width(SCRATCH),
+            str(LOG): p["log"] + number * self.width(LOG),
+        }
+        return Block(number, first, lanes, places)
+
+    def function(self, name: str, *procedures: Procedure, **more: Any) -> LaneFunction:
+        """Procedures of a lane, one after the other, as one compiled function."""
+
+        def run(lane: Lane) -> Any:
+            return [procedure(lane) for procedure in procedures][-1]
+
+        return self._keep(traced(name, self.layout, run, **more))
+
+    def _keep(self, made: LaneFunction) -> LaneFunction:
+        self.functions[made.name] = made
+        self.reads[made.name] = reads_of(made)
+        return made
+
+    def program(self, cross: Program) -> dict[Request | None, LaneFunction]:
+        """The program of a lane as functions: what it does at its beginning (None), and after each request."""
+        machine = Machine(cross, ProgramLane(self.layout), Request)
+        made = {}
+        for request in machine.graphs:
+            answered = ANSWERED[request]
+            written = machine.after(request, answered)
+            if request is not Request.FORCES:  # which the program itself asks for again
+                written[answered] = 0.0
+            stores = [(*self.layout.row_of(n), value_of(v)) for n, v in written.items()]
+            name = "begin_program" if request is None else f"after_{request.name.lower()}"
+            made[request] = self._keep(lane_function(name, self.layout, stores))
+        return made
+
+    def mask(self, block: Mapping[str, Array], name: str) -> Scalar:
+        """Lanes of a block whose field is not 0."""
+        space, row = self.layout.row_of(name)
+        self.p.masked.add((space, row))
+        return self.p.mask(block[space], row)
+
+    def whole_lines(self, block: Block, table: str, columns: int) -> Array:
+        """The rows of a table for a block; for a block that is not full, a copy padded with 0."""
+        p, array = self.p, self.p[table]
+        there = array + block.first * columns
+        tile = p.space(LANES * columns, array.element)
+        full = block.lanes == LANES
+        with p.when(block.lanes < LANES):
+            with p.each(LANES * columns) as i:
+                p.store(tile, i, p.number(i) * 0.0 if array.element in ("f32", "f64") else 0)
+            with p.each(block.lanes * columns) as i:
+                p.store(tile, i, p.load(there, i))
+        return p.choose(full, there, tile)
+
+    # ---- all lanes -----------------------------------------------------------------------------------
+
+    def advance(self, ends: Ends) -> None:
+        """Advance all lanes by a control interval."""
+        p, interval = self.p, self.interval
+        before: list[Procedure] = [ends.begin, interval.step.clear]
+        if not interval.features.repeated:
+            whole = self.function("interval", *before, interval.step.common_step, ends.end, inputs=ends.inputs)
+            with p.each(self.count) as number:
+                block = self.block(number, 0)
+                self.call_with_tables(whole, block, ends.inputs, ends.outputs(block))
+                ends.finish(block)
+            return
+        first = self.function("begin", *before, inputs=ends.inputs)
+        step = self.function("step", interval.step.common_step)
+        last = self.function("end", ends.end)
+        with p.each(self.count) as number:
+            block = self.block(number, 0)
+            self.call_with_tables(first, block, ends.inputs)
+            with p.each(p["substeps"]):
+                p.call(step, **block.places)
+            p.call(last, **block.places, **ends.outputs(block))
+            ends.finish(block)
+
+    def call_with_tables(
+        self, function: LaneFunction, block: Block, inputs: Mapping[str, Any], outputs: Any = None
+    ) -> None:
+        """Call a function that reads rows of tables."""
+        tables = {t: self.whole_lines(block, t, len(fields)) for t, (_, fields) in inputs.items()}
+        self.p.call(function, **tables, **block.places, **(outputs or {}))
+
+    def prune(self) -> None:
+        """Drop stores within an interval to rows that no function and no loop reads."""
+        read = self.p.masked.union(*self.reads.values())
+        for f in self.functions.values():
+            f.stores[:] = [s for s in f.stores if s[0] != SCRATCH or (s[0], s[1]) in read]
+
+
+def written_by(function: LaneFunction) -> list[tuple[str, int]]:
+    """Memory rows that a function stores to."""
+    return [(space, row) for space, row, _ in function.stores]
+
+
+def reads_of(function: LaneFunction) -> set[tuple[str, int]]:
+    """Memory rows that a function loads."""
+    return {n.extra for n in reached(function.results) if n.name == "load"}

@@ -1,0 +1,252 @@
+"""The programs of an environment: step, reset and observe all lanes, and the reward of goals."""
+
+from __future__ import annotations
+
+import enum
+from typing import Any
+
+from redundant_envs.quantities import Quantities
+from redundant_envs.batch.blocks import LANES, MEMORY, Block, Blocks, Ends
+from redundant_envs.lane.episode import ENDS, TABLES, Episode
+from redundant_envs.lane.memory import PARAMETER, SCRATCH, STATE, Field, Lane, Layout, traced
+from redundant_envs.batch.slots import advance
+from redundant_envs.tasks.base import Task
+from redundant_envs.tracing.flow import Kernel, Scalar
+
+
+class Operation(enum.IntEnum):
+    """Operation of a call of the kernel."""
+
+    STEP = 0
+    RESET = 1
+    OBSERVE = 2
+    CHECKED_STEP = 3
+    """Like STEP, but if an action is not finite it changes nothing and returns NaN as the first reward."""
+
+
+class Autoreset(enum.IntEnum):
+    """Time at which lanes whose episodes have ended start a new one."""
+
+    DISABLED = 0
+    NEXT_STEP = 1
+    SAME_STEP = 2
+
+
+KEY_WORDS = 4
+TICKET = KEY_WORDS + 1
+"""A ticket holds the key of a lane's next episode, four words, and whether the lane is to begin or has begun
+it."""
+DUE, BEGUN = 1, 2
+ROUNDS = 10
+ARGUMENTS = {
+    "actions": "f32",
+    "obs": "f32",
+    **TABLES,
+    "stride": "int",
+    "last_obs": "f32",
+    **{f"last_{table}": element for table, element in TABLES.items()},
+    "tickets": "u32",
+    "operation": "int",
+    "autoreset": "int",
+    "any_due": "int",
+}
+"""Arguments of the kernel beside memories. The stride is that of the rows of tables."""
+NOT_A_NUMBER = float("nan")
+INFINITY = float("inf")
+
+
+class EnvironmentKernel:
+    """Step, reset or observe all environments in one call.
+
+    After an autoreset in the same step ``last_obs`` and ``last_out`` hold the values before it.
+    """
+
+    def __init__(self, episode: Episode) -> None:
+        self.episode = episode
+        self.p = p = Kernel("environment", {**MEMORY, **ARGUMENTS})
+        self.blocks = Blocks(p, episode.interval, episode.layout())
+        self.inputs = {"actions": ("f32", episode.actions)}
+        self.observed = self.blocks.function("observe", episode.observe)
+        self.reset = self.blocks.function("reset", episode.reset)
+        self._record()
+        self.blocks.prune()
+
+    def _record(self) -> None:
+        p = self.p
+        operation = p["operation"]
+        checked, count = operation == Operation.CHECKED_STEP, p["count"] * len(self.episode.actions)
+        with p.when(checked), p.each(count) as k:
+            action = p.load(p["actions"], k)
+            bad = (action != action) | (action == INFINITY) | (action == -INFINITY)
+            with p.when(bad):
+                p.store(p["values"], 0, NOT_A_NUMBER)
+                p.leave()
+        steps = (operation == Operation.STEP) | (operation == Operation.CHECKED_STEP)
+        with p.when(steps):
+            ends = Ends(self.episode.command, self.inputs, self.end, self.outputs, self.renew)
+            advance(self.blocks, ends)
+        with p.when(~steps), p.each(self.blocks.count) as number:
+            block = self.blocks.block(number, 0)
+            with p.when(operation == Operation.RESET):
+                self.begin_due(block)
+            p.call(self.observed, **block.places, **self.outputs(block))
+
+    def end(self, lane: Lane) -> Any:
+        self.episode.finish_control_step(lane)
+        lane.next_part()
+        return self.episode.observe(lane)
+
+    def outputs(self, block: Block) -> dict[str, Any]:
+        p = self.p
+        obs = p["obs"] + block.first * len(self.episode.observed)
+        tables: dict[str, Any] = {table: p[table] + block.first for table in TABLES}
+        return {"obs": obs, **tables, **{f"{table}_stride": p["stride"] for table in TABLES}}
+
+    # ---- new episodes ----------------------------------------------------------------------------------
+
+    def _flag(self, lane: Scalar) -> Scalar:
+        return lane * TICKET + KEY_WORDS
+
+    def begin_due(self, block: Block, then: int = DUE) -> Scalar:
+        """Start new episodes in the lanes of a block whose tickets request one; returns whether any did."""
+        p = self.p
+        some = p.variable(0)
+        self._clear(block)
+        with p.each(block.lanes) as k:
+            lane = block.first + k
+            with p.when(p.load(p["tickets"], self._flag(lane)) != 0):
+                self.draw(block, k)
+                p.store(p["tickets"], self._flag(lane), then)
+                some.value = 1
+        with p.when(some.value != 0):
+            p.call(self.reset, **block.places)
+        return some.value
+
+    def _clear(self, block: Block) -> None:
+        space, row = self._place("resetting")
+        with self.p.each(LANES) as k:
+            self.p.store(block.places[space], k + row * LANES, 0.0)
+
+    def _place(self, name: str) -> tuple[str, int]:
+        return self.blocks.layout.row_of(name)
+
+    def draw(self, block: Block, k: Scalar) -> None:
+        """The draws of a lane's next episode, from its key and nothing else."""
+        p = self.p
+        key = [p.load(p["tickets"], (block.first + k) * TICKET + w) for w in range(KEY_WORDS)]
+        draws = self.episode.draws
+        for group in range(0, len(draws), 4):
+            words = philox(p, key[:2], [group // 4, 0, key[2], key[3]])
+            for name, word in zip(draws[group : group + 4], words, strict=False):
+                space, row = self._place(name)
+                p.store(block.places[space], k + row * LANES, uniform(p, word))
+        space, row = self._place("resetting")
+        p.store(block.places[space], k + row * LANES, 1.0)
+
+    def renew(self, block: Block) -> None:
+        """Autoreset of a block after its step."""
+        p, blocks = self.p, self.blocks
+        valid = p.record("<<", 1, block.lanes) - 1
+        places = block.places
+        done = (blocks.mask(places, "terminated") | blocks.mask(places, "truncated")) & valid
+        with p.when(p["autoreset"] == Autoreset.NEXT_STEP):
+            begun = p.variable(0)
+            with p.when(p["any_due"] != 0):
+                with p.each(block.lanes) as k, p.when(self._due(block.first + k)):
+                    begun.value = begun.value | p.record("<<", 1, k)
+                with p.when(begun.value != 0):
+                    self.begin_due(block, BEGUN)
+                    p.call(self.observed, **places, **self.outputs(block))
+            with p.each_set(done & ~begun.value) as k:
+                p.store(p["tickets"], self._flag(block.first + k), DUE)
+        with p.when((p["autoreset"] == Autoreset.SAME_STEP) & (done != 0)):
+            self._clear(block)
+            with p.each_set(done) as k:
+                self._keep_last(block.first + k)
+                self.draw(block, k)
+                p.store(p["tickets"], self._flag(block.first + k), DUE)
+            p.call(self.reset, **places)
+            p.call(self.observed, **places, **self.outputs(block))
+            with p.each_set(done) as k:
+                for table, names in self.episode.tables.items():
+                    rows = [row for row, name in enumerate(names) if name in ENDS]
+                    self._copy(table, f"last_{table}", table, block.first + k, rows)
+
+    def _due(self, lane: Scalar) -> Scalar:
+        return self.p.load(self.p["tickets"], self._flag(lane)) == DUE
+
+    def _keep_last(self, lane: Scalar) -> None:
+        """Outputs of a lane before it starts a new episode."""
+        p, width = self.p, len(self.episode.observed)
+        with p.each(width) as column:
+            p.store(p["last_obs"], lane * width + column, p.load(p["obs"], lane * width + column))
+        for table, names in self.episode.tables.items():
+            self._copy(f"last_{table}", table, table, lane, range(len(names)))
+
+    def _copy(self, goal: str, source: str, table: str, lane: Scalar, rows: Any) -> None:
+        """Rows of a lane from one table to another."""
+        p = self.p
+        for row in rows:
+            at = p["stride"] * row + lane
+            p.store(p[goal], at, p.load(p[source], at))
+
+
+def philox(p: Kernel, key: list[Any], counter: list[Any]) -> list[Any]:
+    """Philox4x32-10 (Salmon et al., SC11): four 32-bit words from a key and a counter."""
+    low = 0xFFFFFFFF
+    k0, k1 = key
+    c0, c1, c2, c3 = counter
+    zero = k0 & 0
+    c0, c1 = zero + c0, zero + c1
+    for _ in range(ROUNDS):
+        a = c0 * 0xD2511F53
+        b = c2 * 0xCD9E8D57
+        c0, c1, c2, c3 = (b >> 32) ^ c1 ^ k0, b & low, (a >> 32) ^ c3 ^ k1, a & low
+        k0, k1 = (k0 + 0x9E3779B9) & low, (k1 + 0xBB67AE85) & low
+    return [c0, c1, c2, c3]
+
+
+def uniform(p: Kernel, word: Scalar) -> Scalar:
+    """A 32-bit word as a float in (0, 1)."""
+    return (p.number(word) + 0.5) * 2.3283064365386963e-10
+
+
+GOAL_FIELDS = {name: f"{name} of a pair" for name in ("tip_x", "tip_y", "goal_x", "goal_y")}
+"""Quantities of a pair of goals, and their fields: no number of a task can have such a name."""
+
+
+def goal_layout(task: Task) -> Layout:
+    """Fields for the reward of goals: pairs, and the numbers on which it may depend."""
+    return Layout(
+        [
+            *(Field(name, "m", "of a pair of goals", SCRATCH) for name in GOAL_FIELDS.values()),
+            Field("reach", "m", "of the arm", PARAMETER),
+            *(Field(name, "", "number of the task", PARAMETER) for name in task.parameters()),
+            Field("no state", "", "a state that lanes must have", STATE),
+        ]
+    )
+
+
+def goal_reward_kernel(task: Task) -> Kernel:
+    """A kernel for the reward of goal environments, from both goals alone, in whole blocks."""
+    p = Kernel(
+        "goal_reward",
+        {"pairs": "f64", "numbers": "f64", "reward": "f64", "blocks": "int"},
+    )  # fmt: skip
+    layout = goal_layout(task)
+
+    def reward(lane: Lane) -> dict[Any, Any]:
+        known = {name: lane[field] for name, field in GOAL_FIELDS.items()}
+        known |= {name: lane[name] for name in ("reach", *task.parameters())}
+        x = Quantities(known, task.goal_functions, {})
+        return {("reward", "f64", 0, 0): x["goal_reward"]}
+
+    function = traced("goal_reward", layout, reward, inputs={"pairs": ("f64", tuple(GOAL_FIELDS.values()))})
+    function.stores.clear()  # these lanes have no memory
+    with p.each(p["blocks"]) as block:
+        pairs = p["pairs"] + block * (LANES * len(GOAL_FIELDS))
+        p.call(
+            function, pairs=pairs, reward=p["reward"] + block * LANES, parameter=p["numbers"],
+            state=p["numbers"], scratch=p["numbers"], log=p["numbers"],
+        )  # fmt: skip
+    return p

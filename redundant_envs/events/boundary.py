@@ -1,0 +1,208 @@
+"""Boundaries of a motion: a coordinate between two limits, and what happens where it reaches one of them.
+
+The coordinate is the travel of a joint, or any other function of the motion. Sides are 1 at the upper limit,
+-1 at the lower one, 0 at none.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from redundant_envs.algebra import maximum, where
+from redundant_envs.numerics.methods import Watched
+from redundant_envs.tracing.ways import branches
+
+ROUNDING = 8.881784197001252e-16
+"""Relative distance of four ulps: positions and times that are nearer count as equal."""
+NEGLIGIBLE_SPEED = 1e-13
+"""m/s; such a speed at a stop is rounding: the coordinate neither strikes the stop nor leaves it."""
+NO_LIMIT = 1e300
+"""Larger limits count as absent: infinite ones must not make every position close to them."""
+MARGIN = 1e-13
+"""m or rad, relative above 1: if a force changes its law this much later, the error is below tolerances."""
+SMALLEST_SCALE = 1e-280
+"""Smallest scale of rounding, for positions and limits that are all 0."""
+
+
+class Law(enum.Enum):
+    """What happens where a coordinate reaches its limit."""
+
+    BOUNCES = "bounces"
+    """The limit is a stop: it strikes the coordinate, and may hold it."""
+    CHANGES = "changes"
+    """A force changes its law; the coordinate goes on."""
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """The limits of a coordinate, and what happens there.
+
+    Attributes
+    ----------
+    name : str
+        Ends the names of its fields.
+    law : Law
+    lower, upper : str
+        Fields with the limits.
+    owner : str
+        Key of the effect that has added it.
+    joint : int, optional
+        The joint whose travel is the coordinate.
+    gap : callable, optional
+        For any other coordinate: takes quantities by name, and gives its value, m.
+    restitution : str
+        Field with the restitution of a stop.
+    """
+
+    name: str
+    law: Law
+    lower: str
+    upper: str
+    owner: str
+    joint: int | None = None
+    gap: Callable[..., Any] | None = None
+    restitution: str = ""
+
+    @property
+    def bounces(self) -> bool:
+        """Whether its limits are stops."""
+        return self.law is Law.BOUNCES
+
+    @property
+    def side(self) -> str:
+        """The field with the law of a force that holds: 1 above the upper limit, -1 below the lower one."""
+        return f"side_{self.name}"
+
+    @property
+    def active(self) -> str:
+        """The field with the side of the stop at which the coordinate rests."""
+        return f"active_stop_{self.name}"
+
+
+class BoundedCoordinate(NamedTuple):
+    """A coordinate with a boundary in a step.
+
+    Attributes
+    ----------
+    position, velocity : at the end of the step, m and m/s, or rad and rad/s
+    start_position, start_velocity : at its start
+    watched : accelerations at the stages; while it rests, pulling forces of its stop, N
+    active_stop : side of the stop it rests at
+    lower, upper : its limits
+    bounces : whether its limits are stops; otherwise it passes them
+    """
+
+    position: Any
+    velocity: Any
+    start_position: Any
+    start_velocity: Any
+    watched: Watched
+    active_stop: Any
+    lower: Any
+    upper: Any
+    bounces: bool = True
+
+    @property
+    def free(self) -> Any:
+        """Whether it rests at no stop."""
+        return self.active_stop == 0.0
+
+    @property
+    def closeness(self) -> Any:
+        """Positions nearer than this to a limit are at it: four ulps, but never 0."""
+        largest = maximum(size_of(self.lower), size_of(self.upper))
+        return ROUNDING * maximum(largest, maximum(abs(self.start_position), SMALLEST_SCALE))
+
+    @property
+    def side_beyond(self) -> Any:
+        """Side of the limit that it is beyond at the end of the step, if it is free."""
+        return where(self.free, side_beyond(self.position, self.lower, self.upper), 0.0)
+
+    def limit(self, side: Any) -> Any:
+        """The limit of a side."""
+        return where(side > 0.0, self.upper, self.lower)
+
+
+@branches
+def size_of(limit: Any) -> Any:
+    """Size of a limit; 0 if there is none."""
+    return abs(limit) if abs(limit) < NO_LIMIT else 0.0
+
+
+def side_beyond(position: Any, lower: Any, upper: Any) -> Any:
+    """Side of the limit that a position is beyond; also for arrays."""
+    return where(position > upper, 1.0, where(position < lower, -1.0, 0.0))
+
+
+@branches
+def limits_of_law(side: Any, lower: Any, upper: Any) -> tuple[Any, Any]:
+    """Positions between which a joint keeps the law of a side.
+
+    Ranges overlap by twice a margin, so that rounding does not switch the law back and forth.
+
+    Parameters
+    ----------
+    side : 1 above the upper position, -1 below the lower, 0 between
+    lower, upper : positions at which the law changes, m or rad
+    """
+    low, high = MARGIN * maximum(abs(lower), 1.0), MARGIN * maximum(abs(upper), 1.0)
+    if side > 0.0:
+        return upper - high, math.inf
+    if side < 0.0:
+        return -math.inf, lower + low
+    return lower - low, upper + high
+
+
+@branches
+def law_behind(side: Any, crossed: Any) -> Any:
+    """Side of the law that holds once a limit of the present one is crossed: upwards is 1, downwards -1."""
+    return crossed if side == 0.0 else 0.0
+
+
+@branches
+def side_touched(position: Any, active_stop: Any, lower: Any, upper: Any) -> Any:
+    """Side of the stop that a coordinate touches."""
+    if not active_stop == 0.0:
+        return active_stop
+    return 1.0 if position >= upper else -1.0 if position <= lower else 0.0
+
+
+def starts_at_stop(position: Any, velocity: Any, active_stop: Any, lower: Any, upper: Any) -> Any:
+    """Whether a free coordinate starts at a stop and does not move away from it.
+
+    Parameters
+    ----------
+    position, velocity : of the coordinate, m and m/s
+    active_stop : side of the stop it rests at
+    lower, upper : its stops, m
+    """
+    up, down = (position >= upper) & (velocity >= 0.0), (position <= lower) & (velocity <= 0.0)
+    return (active_stop == 0.0) & (up | down)
+
+
+def leaves_stop(position: Any, velocity: Any, active_stop: Any, lower: Any, upper: Any) -> Any:
+    """Whether a free coordinate starts at a stop and moves away from it.
+
+    It does not come to rest there, however slow it is, unless its speed is rounding.
+
+    Parameters
+    ----------
+    position, velocity : of the coordinate, m and m/s
+    active_stop : side of the stop it rests at
+    lower, upper : its stops, m
+    """
+    up = (position >= upper) & (velocity < -NEGLIGIBLE_SPEED)
+    down = (position <= lower) & (velocity > NEGLIGIBLE_SPEED)
+    return (active_stop == 0.0) & (up | down)
+
+
+def pick(chosen: Sequence[Any], values: Sequence[Any]) -> Any:
+    """The value of the chosen coordinate; that of the first one if none of the others is chosen."""
+    value = values[0]
+    for is_chosen, other in zip(chosen[1:], values[1:], strict=True):
+        value = where(is_chosen, other, value)
+    return value

@@ -1,1 +1,0 @@
-"""Integration methods, error control, events and contacts, on any kind of numbers."""

@@ -1,0 +1,216 @@
+"""Boundaries of a lane: how a step meets them, and how contacts with stops are resolved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from redundant_envs.algebra import any_of, maximum, minimum, where
+from redundant_envs.events import contacts, crossings, resolution
+from redundant_envs.events.boundary import (
+    BoundedCoordinate,
+    Boundary,
+    limits_of_law,
+    side_touched,
+    starts_at_stop,
+)
+from redundant_envs.events.resolution import Resolved, one_of
+from redundant_envs.lane import coordinates
+from redundant_envs.lane.features import WATCHED, Reason, SceneFeatures
+from redundant_envs.lane.memory import Lane
+from redundant_envs.lane.step import contact_quantities, held_of, known_numbers, pull
+from redundant_envs.numerics.methods import Watched
+from redundant_envs.quantities import Quantities
+from redundant_envs.tracing.ways import branches
+
+
+class Boundaries:
+    """Procedures of lanes at the boundaries of a scene."""
+
+    def __init__(self, features: SceneFeatures) -> None:
+        self.features, self.dynamics = features, features.dynamics
+
+    def limits(self, lane: Lane, b: Boundary) -> tuple[Any, Any]:
+        """Lower and upper limit of a coordinate."""
+        if b.bounces:
+            return lane[b.lower], lane[b.upper]
+        return limits_of_law(lane[b.side], lane[b.lower], lane[b.upper])
+
+    def active(self, lane: Lane, b: Boundary, form: str = "{}") -> Any:
+        """Side of the stop at which a coordinate rests."""
+        return lane[form.format(b.active)] if b in self.features.holding else 0.0
+
+    def in_step(self, lane: Lane, origin: str) -> list[BoundedCoordinate]:
+        """The coordinates in a step, whose initial values are in fields of this form."""
+        return [
+            BoundedCoordinate(
+                *coordinates.motion(self.dynamics, b, lane), *coordinates.motion(self.dynamics, b, lane, origin),
+                Watched(*lane.get(WATCHED, of=f"{{}}_{b.name}")), self.active(lane, b),
+                *self.limits(lane, b), b.bounces,
+            )
+            for b in self.features.boundaries
+        ]  # fmt: skip
+
+    def record_crossings(self, lane: Lane, origin: str, h: Any) -> None:
+        """How a step of length ``h`` meets the boundaries."""
+        for b, s in zip(self.features.boundaries, self.in_step(lane, origin), strict=True):
+            lane[f"crossing_{b.name}"] = crossings.crossing_of(s, h, self.features.overshoot)
+            lane[f"turning_{b.name}"] = crossings.turning_time(s, h)
+
+    def at_start(self, lane: Lane, rule: Any) -> list[Any]:
+        """Apply a rule of :mod:`boundary` to every stop in the state before the common step."""
+        return [
+            rule(
+                *coordinates.motion(self.dynamics, b, lane, "{}_start"), self.active(lane, b, "{}_start"),
+                *self.limits(lane, b),
+            )
+            for b in self.features.stops
+        ]  # fmt: skip
+
+    def touched_before(self, lane: Lane) -> Any:
+        """Whether a coordinate was at a stop, or rested there, before the common step."""
+
+        def touches(position: Any, _: Any, active: Any, lower: Any, upper: Any) -> Any:
+            return side_touched(position, active, lower, upper) != 0.0
+
+        return any_of(self.at_start(lane, touches))
+
+    def touches(self, lane: Lane) -> Any:
+        """Whether a coordinate that rests at no stop is at one now."""
+        found = []
+        for b in self.features.stops:
+            active, position = self.active(lane, b), coordinates.motion(self.dynamics, b, lane)[0]
+            found.append((active == 0.0) & (side_touched(position, active, *self.limits(lane, b)) != 0.0))
+        return any_of(found)
+
+    def confirm_crossings(self, lane: Lane) -> None:
+        """After a common step that ends near a boundary: whether the lane meets it."""
+        self.record_crossings(lane, "{}_start", lane.h)
+        # A coordinate that was released before the step starts at its stop and may leave it.
+        starts = dict(zip(self.features.stops, self.at_start(lane, starts_at_stop), strict=True))
+        meets = any_of(
+            s.free & ((lane[f"crossing_{b.name}"] != 0.0) | starts.get(b, False))
+            for b, s in zip(self.features.boundaries, self.in_step(lane, "{}_start"), strict=True)
+        )
+        met = where(meets, Reason.EVENT, Reason.NONE)
+        lane.reason = where(lane.reason == Reason.NEAR_BOUNDARY, met, lane.reason)
+
+    # ---- stops that hold sliders -------------------------------------------------------------------------
+
+    def quantities(self, lane: Lane) -> Quantities:
+        """Quantities of the present state, with the present sliders at rest."""
+        numbers = known_numbers(self.dynamics, lane, held=True)
+        x = contact_quantities(self.dynamics, lane.get(self.dynamics.states), numbers)
+        x["derivatives"] = self.dynamics.accelerations(x)
+        return x
+
+    def update_constraint_forces(self, lane: Lane) -> None:
+        """After a step with sliders at rest: also the force with which a stop would have to pull one now."""
+        x = self.quantities(lane)
+        for b in self.features.holding:
+            held, now = x[held_of(b)] > 0.0, pull(x, b, lane[b.active])
+            for name, value in (
+                ("least", minimum(lane[f"least_{b.name}"], now)),
+                ("most", maximum(lane[f"most_{b.name}"], now)),
+                ("last", now),
+            ):
+                lane[f"{name}_{b.name}"] = one_of(held, value, lane[f"{name}_{b.name}"])
+
+    def release(self, lane: Lane) -> None:
+        """Before a common step: release sliders whose stops would have to pull them."""
+        x, holding = self.quantities(lane), self.features.holding
+        resting = [self._contact(lane, lane, b, x[f"hold{b.joint + 1}"]) for b in holding]  # type: ignore[operator]
+        w = symmetric(len(holding), lambda i, j: x[f"W{holding[i].joint + 1}{holding[j].joint + 1}"])  # type: ignore[operator]
+        for b, leaves in zip(holding, contacts.leaving(resting, w), strict=True):
+            lane[b.active] = one_of(leaves, 0.0, lane[b.active])
+
+    def _contact(
+        self, lane: Lane, now: Lane, b: Boundary, force: Any, acceleration: Any = None, released: Any = None
+    ) -> contacts.Contact:
+        """A stop as a contact, with the motion of the lane ``now``."""
+        return contacts.Contact(
+            *coordinates.motion(self.dynamics, b, now), self.active(lane, b), *self.limits(lane, b),
+            acceleration, force, released, lane[b.restitution], b in self.features.holding, b.owner,
+        )  # fmt: skip
+
+    # ---- contacts ----------------------------------------------------------------------------------------
+
+    def find_contact_forces(self, lane: Lane) -> None:
+        """Accelerations, holding forces and mobilities, of the present state."""
+        x, dynamics = self.quantities(lane), self.dynamics
+        lane.set(dynamics.states[dynamics.count :], x["derivatives"], of="{}_slope")
+        for b in self.features.stops:
+            if b.joint is not None:
+                lane[f"force_{b.name}"] = x[f"hold{b.joint + 1}"]
+                pushed = x.each(f"W{k + 1}{b.joint + 1}" for k in range(dynamics.count))
+            else:
+                lane[f"acceleration_{b.name}"] = coordinates.acceleration(dynamics, b, x)
+                direction = coordinates.normal(dynamics, b, x)
+                lane.set(dynamics.arm.rates, direction, of=f"normal_{{}}_{b.name}")
+                pushed = coordinates.response(dynamics, direction, x)
+            lane.set(dynamics.arm.rates, pushed, of=f"mobility_{{}}_{b.name}")
+
+    def mobility(self, lane: Lane, of: Boundary, by: Boundary) -> Any:
+        """Change of the rate of a coordinate per impulse along another one."""
+        rates = self.dynamics.arm.rates
+        if of.joint is not None:
+            return lane[f"mobility_{rates[of.joint]}_{by.name}"]
+        terms = [lane[f"normal_{v}_{of.name}"] * lane[f"mobility_{v}_{by.name}"] for v in rates]
+        return sum(terms[1:], terms[0])
+
+    def resolve(self, lane: Lane) -> Any:
+        """Resolve the contacts of a lane once, by impulses, rest and release; whether the motion goes on."""
+        dynamics, stops = self.dynamics, self.features.stops
+        moving = dynamics.states[dynamics.count :]
+        # The velocities of a Taylor step to the stop, now that the accelerations are known.
+        values = {s: velocity_after(lane.slide, lane[s], lane[f"{s}_slope"]) for s in moving}
+        now = Lane(lane.layout, lambda name: values[name] if name in values else lane[name])
+        touching = [
+            self._contact(
+                lane, now, b, lane[f"force_{b.name}"] if b in self.features.holding else 0.0,
+                lane[f"acceleration_{b.name}" if b.joint is None else f"{dynamics.arm.rates[b.joint]}_slope"],
+                lane[f"released_{b.name}"],
+            )
+            for b in stops
+        ]  # fmt: skip
+        w = symmetric(len(stops), lambda i, j: self.mobility(lane, stops[i], stops[j]))
+        r = resolution.resolve_contacts(lane.impacts, touching, w)
+        for s, value in {**values, **self._struck(lane, values, touching, r)}.items():
+            lane[s] = one_of(r.strikes, value, values[s])
+        for b, stop, force, released, happened, speed in zip(
+            stops, r.active_stops, r.forces, r.released, r.happened, r.speeds, strict=True
+        ):
+            if b in self.features.holding:
+                lane[b.active], lane[f"force_{b.name}"] = stop, force
+            lane[f"released_{b.name}"] = released
+            if self.features.logs:
+                lane[f"happened_{b.name}"], lane[f"speed_{b.name}"] = happened, speed
+        lane.impacts, lane.changes, lane.slide = r.impacts, lane.changes + 1.0, 0.0
+        return r.going_on
+
+    def _struck(
+        self, lane: Lane, now: dict[str, Any], touching: Sequence[contacts.Contact], r: Resolved
+    ) -> dict[str, Any]:
+        """Velocities of the arm, and the work, after impulses."""
+        rates, stops = self.dynamics.arm.rates, self.features.stops
+        exact = {rates[b.joint]: v for b, v in zip(stops, r.velocities, strict=True) if b.joint is not None}
+        struck = {}
+        for v in rates:
+            pushes = [j * lane[f"mobility_{v}_{b.name}"] for j, b in zip(r.impulses, stops, strict=True)]
+            struck[v] = exact[v] if v in exact else now[v] + sum(pushes[1:], pushes[0])
+        if "work" in now:
+            done = [j * (c.velocity + v) for j, c, v in zip(r.impulses, touching, r.velocities, strict=True)]
+            struck["work"] = now["work"] + 0.5 * sum(done[1:], done[0])
+        return struck
+
+
+@branches
+def velocity_after(slide: Any, velocity: Any, slope: Any) -> Any:
+    """A velocity after a Taylor step of a certain time; without one, exactly the same."""
+    return velocity if slide == 0.0 else velocity + slide * slope
+
+
+def symmetric(count: int, upper: Callable[[int, int], Any]) -> list[list[Any]]:
+    """A symmetric matrix from the entries above its diagonal."""
+    entries = {(i, j): upper(i, j) for j in range(count) for i in range(j + 1)}
+    return [[entries[min(i, j), max(i, j)] for j in range(count)] for i in range(count)]

@@ -1,0 +1,212 @@
+"""The step that all lanes take together, and the reasons for which a lane leaves it."""
+
+from __future__ import annotations
+
+from functools import reduce
+from typing import Any
+
+from redundant_envs.algebra import any_of, cases, logical_not, maximum, where
+from redundant_envs.events import crossings
+from redundant_envs.numerics import error_control, estimates
+from redundant_envs.numerics.methods import Step
+from redundant_envs.events.boundary import side_beyond
+from redundant_envs.lane import coordinates, required_steps
+from redundant_envs.lane.boundaries import Boundaries
+from redundant_envs.lane.kinks import levels_of
+from redundant_envs.lane.memory import Lane
+from redundant_envs.lane.features import WATCHED, Control, Reason, SceneFeatures
+from redundant_envs.lane.step import (
+    integrated_states,
+    joint_quantities,
+    lane_step,
+    others_error,
+    pose_tells_distances,
+    step_error,
+    tip_norms,
+    watched_sliders,
+)
+
+
+class CommonStep:
+    """Procedures of a step, and of the one that all lanes take together."""
+
+    def __init__(self, features: SceneFeatures, boundaries: Boundaries) -> None:
+        self.features, self.boundaries, self.dynamics = features, boundaries, features.dynamics
+
+    def clear(self, lane: Lane) -> None:
+        """Before an interval."""
+        lane.error = 0.0
+        if not self.features.local:
+            return
+        lane.evaluations = lane.fault = 0.0
+        for name in self.features.doubts:
+            lane[name] = False
+        if self.features.stops:
+            lane.impacts = 0.0
+        if self.features.logs:
+            lane.logged = 0.0
+            lane.span_start = -lane.h if self.features.control is Control.FIXED else 0.0
+        if self.features.origin != "{}_start":
+            lane.set(self.features.kept, lane.get(self.features.kept), of=self.features.origin)
+
+    def start(self, lane: Lane) -> None:
+        """Before a common step: keep the state, and determine which lanes the step may serve."""
+        lane.set(self.features.kept, lane.get(self.features.kept), of="{}_start")
+        lane.error_start = lane.error
+        if self.features.stops:
+            lane.impacts_start = lane.impacts
+        for b in self.features.laws:
+            position, _ = coordinates.motion(self.dynamics, b, lane)
+            lane[b.side] = lane[f"{b.side}_start"] = side_beyond(position, lane[b.lower], lane[b.upper])
+        if self.features.control is not Control.FIXED:
+            steps = self.least_steps(lane)
+            lane.min_steps = where(steps <= 1.0, 0.0, steps)
+        if self.features.logs:
+            lane.logged_start = lane.logged
+            if self.features.control is Control.FIXED:
+                lane.span_start = lane.span_start + lane.h
+
+    def least_steps(self, lane: Lane) -> Any:
+        """Number of steps that the present rates and all springs and dampers require."""
+        arm = self.dynamics.arm
+        turning = [abs(lane[v]) for v, slides in zip(arm.rates, arm.prismatic, strict=True) if not slides]
+        rates = [lane.least_step_rate] if "least_step_rate" in self.dynamics.prepared else []
+        rates += required_steps.rates_of_motion(self.dynamics, lane, joint_quantities(self.dynamics, lane, "{}"))
+        least_step_rate = reduce(maximum, rates) if rates else 0.0
+        fastest = reduce(maximum, turning) if turning else 0.0
+        return estimates.least_steps(fastest, least_step_rate, lane.interval)
+
+    def common_step(self, lane: Lane) -> None:
+        """The step of all lanes."""
+        self._set_step(lane, lane.h, None)
+
+    def trial_step(self, lane: Lane) -> None:
+        """A trial step of the lanes that ask for one."""
+        self._set_step(lane, lane.step, lane.moving)
+
+    def record_step(self, lane: Lane) -> None:
+        """After a trial step: count it, and determine how it meets the boundaries."""
+        if self.features.boundaries:
+            self.boundaries.record_crossings(lane, "{}_trial", lane.step)
+        if self.features.holding:
+            lane.held = any_of(a != 0.0 for a in lane.get(self.features.active))
+        lane.due = lane.moving
+        stages = float(self.dynamics.method.stages)
+        lane.evaluations = lane.evaluations + where(lane.moving, stages, 0.0)
+
+    def _set_step(self, lane: Lane, h: Any, moving: Any) -> None:
+        """The fields of a step; the state of lanes that are not ``moving`` stays."""
+        dynamics = self.dynamics
+        step = lane_step(dynamics, lane, h)
+        if self.features.estimates:
+            error = step_error(dynamics, lane, step)
+            # The error of an adaptive step decides on that step, all others are summed up.
+            lane.error = error if self.features.control is Control.ADAPTIVE else lane.error + error
+        if self.features.doubts:
+            self._doubt(lane, step, h, moving)
+        new = [*step.positions, *step.velocities, *step.others]
+        if moving is not None:
+            new = [where(moving, x, lane[s]) for s, x in zip(dynamics.states, new, strict=True)]
+        lane.set(dynamics.states, new)
+        for b, watched in zip(self.features.boundaries, step.watched, strict=False):
+            lane.set(WATCHED, watched, of=f"{{}}_{b.name}")
+
+    def _doubt(self, lane: Lane, step: Step, h: Any, moving: Any) -> None:
+        """Record whether the error of a step may exceed its estimate."""
+        dynamics, sliders = self.dynamics, watched_sliders(self.dynamics)
+        levels = levels_of(dynamics.kinks)
+        watched = step.watched[len(self.features.boundaries) :]
+        kinks = [crossings.meets_kink(*kink, self.features.overshoot) for kink in zip(watched, levels, strict=False)]
+        hidden = [unseen for _, unseen in kinks]
+        crossed = [seen for seen, _ in kinks] + hidden
+        doubts = []
+        if integrated_states(dynamics):
+            limit = error_control.DOUBTFUL * lane.tip_tolerance
+            doubts.append(others_error(dynamics, lane, step, h) > limit)
+        if sliders:
+            ways = [h * maximum(w.most, -w.least) for w in watched[len(levels) :]]
+            far = sum(ways[1:], ways[0])
+            doubts += [far > error_control.FAR * distance for distance in self._distances(lane, "{}")]
+        if moving is not None and pose_tells_distances(dynamics):
+            doubts += self._farther(lane, "{}", "{}_start")
+        for name, found in (("kinked", crossed), ("hidden_kink", hidden), ("doubtful", doubts)):
+            if found:
+                seen = any_of(found) if moving is None else any_of(found) & moving
+                lane[name] = lane[name] | seen
+
+    def _distances(self, lane: Lane, form: str) -> list[Any]:
+        """Distance of the tip from each joint that turns, m, from the fields of a form."""
+        joints = zip(tip_norms(self.dynamics, lane, form), self.dynamics.arm.prismatic, strict=True)
+        return [norm for norm, slides in joints if not slides]
+
+    def _farther(self, lane: Lane, before: str, after: str) -> list[Any]:
+        """For each joint that turns, whether the tip is now many times as far from it as before."""
+        distances = zip(self._distances(lane, before), self._distances(lane, after), strict=True)
+        return [new > error_control.FARTHER * old for old, new in distances]
+
+    def judge(self, lane: Lane) -> None:
+        """After a common step: the reason why a lane leaves it, if it does.
+
+        For a lane that the step could not serve, its result is never used.
+        """
+        reason: Any = Reason.NONE
+        if self.features.boundaries:
+            moved, overshoot = self.boundaries.in_step(lane, "{}_start"), self.features.overshoot
+            pulled = any_of(crossings.most_pull(s, overshoot) > 0.0 for s in moved)
+            near = any_of(crossings.may_meet(s, lane.h, overshoot) for s in moved)
+            reason = cases((pulled, Reason.EVENT), (near, Reason.NEAR_BOUNDARY), default=Reason.NONE)
+        stages = float(self.dynamics.method.stages)
+        if self.features.control is Control.FIXED:
+            lane.evaluations = lane.evaluations + stages
+        elif self.features.control is Control.EQUAL:
+            # A link that has become fast during the step may have been too fast for it.
+            slow = self.least_steps(lane) <= error_control.TOO_FAST
+            single = lane.min_steps == 0.0
+            served = single & slow & (lane.error <= lane.tip_tolerance)
+            for name in self.features.doubts:
+                lane[name] = lane[name] & single
+            served = served & logical_not(self.kinked(lane) | self.doubtful(lane))
+            reason = where(served, reason, Reason.ACCURACY)
+            lane.evaluations = where(single, lane.evaluations + stages, lane.evaluations)
+            lane.error = where(single, lane.error, 0.0)
+        self._leave(lane, reason)
+
+    def kinked(self, lane: Lane) -> Any:
+        """Whether a step of an interval may have met a kink, which error estimates do not capture well."""
+        return lane.kinked if "kinked" in self.features.doubts else False
+
+    def hidden_kink(self, lane: Lane) -> Any:
+        """Whether it may have met a kink between its stages."""
+        return lane.hidden_kink if "hidden_kink" in self.features.doubts else False
+
+    def doubtful(self, lane: Lane) -> Any:
+        """Whether the error of an interval may exceed its estimate, though the motion is smooth.
+
+        Either a step has found so, or the tip is now so far from a joint that an error of its angle, made
+        when the tip was near, weighs more.
+        """
+        if "doubtful" not in self.features.doubts:
+            return False
+        if not pose_tells_distances(self.dynamics):
+            return lane.doubtful
+        return lane.doubtful | any_of(self._farther(lane, "{}_start", "{}"))
+
+    def skip_common_step(self, lane: Lane) -> None:
+        """Skip the common step: no lane is served by it."""
+        if self.features.control is Control.EQUAL:
+            lane.error = 0.0
+        self._leave(lane, Reason.ACCURACY)
+
+    def _leave(self, lane: Lane, reason: Any) -> None:
+        # Local steps do not help lanes whose state or effort is not finite.
+        names = [f"{s}_start" for s in self.dynamics.states[: 2 * self.dynamics.count]]
+        defect = self.defect(lane.get((*names, *self.dynamics.commands)))
+        lane.reason = where(defect == 0.0, reason, Reason.NONE)
+        # Poison every state: some were never advanced, and others hold results that depend on neighbours.
+        for s in self.dynamics.states:
+            lane[s] = where(defect == 0.0, lane[s], defect)
+
+    @staticmethod
+    def defect(values: list[Any]) -> Any:
+        """0 if some numbers are finite, else NaN."""
+        return reduce(lambda total, x: total + (x - x), values[1:], values[0] - values[0])

@@ -1,0 +1,344 @@
+"""Episodes of a task: efforts from actions, reward and faults after an interval, observation, new starts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property, reduce
+from typing import Any
+
+from redundant_envs.algebra import (
+    arguments_of,
+    gives_of,
+    logical_not,
+    maximum,
+    minimum,
+    numbered,
+    where,
+)
+from redundant_envs.effects.hooks import Sensing
+from redundant_envs.quantities import Quantities, check_names
+from redundant_envs.scene import identifier
+from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.lane.fields import copies
+from redundant_envs.lane.interval import Interval
+from redundant_envs.lane.memory import ENGINE, PARAMETER, SCRATCH, STATE, Field, Lane, Layout
+from redundant_envs.lane.names import OF_REWARDS, OF_THE_FIELD, names_of_arm, names_of_task, owners
+from redundant_envs.lane.sensing import measured, reads_nonsense
+from redundant_envs.lane.features import GIVEN_UP, OBSERVED_ANGLE, OBSERVED_RATE, Fault
+from redundant_envs.tasks.base import Task
+from redundant_envs.tasks.limits import depth_beyond, range_of_starts, spring_limits, start_position
+
+TIP, GOAL = ("tip_x", "tip_y"), ("goal_x", "goal_y")
+"""Achieved and desired goal, the last columns of the outputs."""
+ENDS = ("terminated", "truncated", "reward")
+"""Outputs about the end of a step. They stay when a new episode begins in the same step."""
+COUNTS = {
+    "steps": "control steps of the episode before this one",
+    "saturated": "entries of actions outside [-1, 1] in the episode",
+    "numerics": "faults of the last step",
+}
+"""What every lane remembers of its episode."""
+SPENT = {
+    "evaluations_sum": "evaluations of the equations of motion in the episode",
+    "events_sum": "events at stops in the episode",
+    "error_most": "largest estimated error of a control step in the episode, m",
+}
+"""What lanes with steps of their own remember beside it."""
+TABLES = {"flags": "i8", "counts": "i64", "values": "f64"}
+"""Tables that a step of an environment fills, and the types of their numbers."""
+
+
+@dataclass(frozen=True)
+class Episode:
+    """Episodes of the lanes of an environment, around their motion.
+
+    Parameters
+    ----------
+    interval : Interval
+    task : Task
+    """
+
+    interval: Interval
+    task: Task
+
+    @property
+    def dynamics(self) -> Dynamics:
+        return self.interval.dynamics
+
+    @property
+    def arm(self) -> Any:
+        return self.dynamics.arm
+
+    @property
+    def _owner(self) -> str:
+        return f"the task {type(self.task).__name__}"
+
+    @cached_property
+    def actions(self) -> tuple[str, ...]:
+        return tuple(numbered("action{}", self.dynamics.count))
+
+    @cached_property
+    def sensors(self) -> bool:
+        """Whether observations follow from readings of sensors."""
+        return any(isinstance(hook, Sensing) for _, hook in self.dynamics.hooks)
+
+    @cached_property
+    def draws(self) -> tuple[str, ...]:
+        """Uniform draws of an episode: of the start of each joint, then those of the task."""
+        return (*numbered("u{}", self.dynamics.count), *numbered("draw{}", self.task.draws))
+
+    @cached_property
+    def terms(self) -> tuple[str, ...]:
+        """Terms of the reward."""
+        return self.task.reward_terms(self.dynamics.scene)
+
+    @cached_property
+    def goal(self) -> tuple[str, ...]:
+        """Coordinates of the goal, if the task has one."""
+        return GOAL if set(GOAL) <= set(self.task.memory) else ()
+
+    @cached_property
+    def held_outputs(self) -> tuple[str, ...]:
+        """Metrics that are known only after a step, and kept until the next one."""
+        return (*ENDS, *self.task.held_outputs)
+
+    @cached_property
+    def returns(self) -> tuple[str, ...]:
+        """Sums of the reward terms."""
+        return tuple(f"{t}_sum" for t in self.terms)
+
+    @cached_property
+    def spent(self) -> tuple[str, ...]:
+        """Totals of an episode so far: evaluations, located events, and the largest error of an interval."""
+        interval = self.interval
+        if not interval.features.local:
+            return ()
+        found = {"events_sum": bool(interval.features.stops), "error_most": self.dynamics.scene.tolerance is not None}
+        return tuple(name for name in SPENT if found.get(name, True))
+
+    @cached_property
+    def counts(self) -> tuple[str, ...]:
+        """What a lane remembers of its episode beside its state and the task's memory."""
+        return (*self.returns, *self.spent, *COUNTS)
+
+    @cached_property
+    def observed(self) -> tuple[str, ...]:
+        """Observed quantities in order."""
+        return tuple(self.task.observation(self.dynamics.scene))
+
+    @cached_property
+    def tables(self) -> dict[str, tuple[str, ...]]:
+        """Quantities in the rows of the tables."""
+        beyond = ("beyond_limit",) if spring_limits(self.dynamics.scene) else ()
+        whole = ("numerics", "saturated", "steps", *(n for n in self.spent if n != "error_most"))
+        most = tuple(n for n in self.spent if n == "error_most")
+        measured = tuple(m for m in self.task.metrics if m not in self.task.flags)
+        return {
+            "flags": ("terminated", "truncated", *(m for m in self.task.metrics if m in self.task.flags)),
+            "counts": whole,
+            "values": ("reward", *measured, *beyond, *most, *self.returns, *TIP, *self.goal),
+        }
+
+    @cached_property
+    def aliases(self) -> dict[str, str]:
+        """Quantities with one name in the task and another in the scene."""
+        return {k: identifier(v) for k, v in self.task.aliases(self.dynamics.scene).items()}
+
+    def fields(self) -> Iterator[Field]:
+        """Fields of the lanes, those of the interval included."""
+        interval = self.interval
+        yield from interval.fields()
+        if not interval.features.local:
+            kept = [Field(name, "", name, STATE) for name in interval.features.kept]
+            yield from copies(kept, "{}_start", "when the interval began")
+        for name in self.task.parameters():
+            yield Field(name, "", "number", PARAMETER, owner=self._owner)
+        yield Field("limit", "", "control steps of an episode", PARAMETER)
+        for name in self.task.memory:
+            yield Field(name, "", "memory", STATE, owner=self._owner)
+        for name in self.returns:
+            yield Field(name, "", "sum of a reward term over the episode", STATE)
+        for name in (*self.spent, *COUNTS):
+            yield Field(name, "", (SPENT | COUNTS)[name], STATE)
+        for name in ENDS:
+            yield Field(name, "", "of the last step", STATE)
+        for name in self.task.held_outputs:
+            yield Field(name, "", "held output", STATE, owner=self._owner)
+        for name in self.actions:
+            yield Field(name, "", "action in [-1, 1] of the last step, which pictures show", STATE)
+        for name in self.draws:
+            yield Field(name, "", "uniform draw in (0, 1)", SCRATCH)
+        yield Field("resetting", "", "a new episode begins", SCRATCH, truth=True)
+
+    def layout(self) -> Layout:
+        fields, kind = list(self.fields()), type(self.task).__name__
+        ends = dict.fromkeys(self.aliases, "an end of the travel of a slider")
+        arguments = OF_THE_FIELD | OF_REWARDS | ends
+        check_names(f"{self.arm.kind}.functions", names_of_arm(self.arm), owners(fields, arguments))
+        others = owners((f for f in fields if f.owner != self._owner), arguments)
+        for attribute, names in names_of_task(self.task, self.dynamics.scene).items():
+            check_names(f"{kind}.{attribute}", names, others)
+        shown = dict.fromkeys((*TIP, *GOAL), f"of {ENGINE}: every step has it beside info")
+        of_engine = owners((f for f in fields if f.owner == ENGINE), arguments)
+        check_names(f"{kind}.metrics", self.task.metrics, shown | of_engine)
+        return Layout(fields)
+
+    def quantities(self, lane: Lane, known: Mapping[str, Any], functions: Any = None) -> Quantities:
+        """Quantities of the arm and the task."""
+        if functions is None:
+            functions = (*self.dynamics.functions, *self.task.functions(self.dynamics.scene))
+        names = self._numbers
+        source = {n: lane[self.aliases.get(n, n)] for n in (*names, "interval", "steps")}
+        return Quantities(
+            {**source, **known}, functions, {**self.arm.sincos, **self.task.angles}, (), self.aliases
+        )
+
+    @cached_property
+    def units(self) -> tuple[str, ...]:
+        """Fields with the units of the actions."""
+        return tuple(identifier(name) for name in self.dynamics.scene.action_units())
+
+    @cached_property
+    def _numbers(self) -> tuple[str, ...]:
+        return (*self.dynamics.numbers, *self.task.parameters())
+
+    # ---- a control step --------------------------------------------------------------------------------
+
+    def command(self, lane: Lane) -> None:
+        """Efforts from actions: saturated and counted; a non-finite action is recorded and commands no
+        effort."""
+        if not self.interval.features.local:
+            lane.set(self.interval.features.kept, lane.get(self.interval.features.kept), of="{}_start")
+        count: Any = 0.0
+        defect: Any = 0.0
+        for k, name in enumerate(self.actions):
+            action = lane[name]
+            clipped = minimum(maximum(action, -1.0), 1.0)
+            count = count + where(clipped != action, 1.0, 0.0)
+            defect = defect + (action - action)
+            used = where(action - action == 0.0, clipped, 0.0)
+            lane[name] = used
+            lane[self.dynamics.commands[k]] = used * lane[self.units[k]]
+        lane.numerics = where(defect == 0.0, 0.0, float(Fault.BAD_ACTION))
+        lane.saturated = lane.saturated + where(defect == 0.0, count, 0.0)
+
+    def finish_control_step(self, lane: Lane) -> None:
+        """After an interval: faults, task memory, reward and the ends of episodes.
+
+        A faulty lane returns to its last good state; its neighbours are not affected.
+        """
+        interval, task, states = self.interval, self.task, self.dynamics.states
+        interval.update_effect_states(lane)
+        defect = interval.step.defect(lane.get((*states, *self.dynamics.remembered)))
+        if self.sensors:
+            x = self.quantities(lane, {n: lane[n] for n in (*states, *task.memory, *self.actions)})
+            defect = defect + where(reads_nonsense(self.dynamics, x), math.nan, 0.0)
+            lane.next_part()
+        fastest = reduce(maximum, (abs(lane[v]) for v in self.arm.rates))
+        observable = (interval.features.largest_angle(lane) <= OBSERVED_ANGLE) & (fastest <= OBSERVED_RATE)
+        code = lane.numerics + where((defect == 0.0) & observable, 0.0, float(Fault.NON_FINITE))
+        if interval.features.local:
+            code = code + where(lane.fault >= GIVEN_UP, lane.fault, 0.0)
+        too_fast = logical_not(code > 0.0) & (fastest > lane.speed_bound)
+        fast = where(too_fast, float(Fault.SPEED_BOUND), 0.0)
+        if task.speed_bound_ends:
+            code = code + fast
+        faulty = code > 0.0
+        interval.undo(lane, faulty)
+        if task.moves:
+            x = self.quantities(lane, {n: lane[n] for n in (*states, *task.memory, *self.actions)})
+            for name, source in task.moves.items():
+                lane[name] = where(faulty, lane[name], x[source])
+        x = self.quantities(lane, {n: lane[n] for n in (*states, *task.memory, *self.actions)})
+        terms = self.terms
+        taking = [f for f in task.reward_functions(self.dynamics.scene) if "paid" in arguments_of(f)]
+        earned = [t for t in terms if not any(t in gives_of(f) for f in taking)]
+        if taking:
+            x["ended"] = code
+            x["paid"] = _sum([lane[f"{t}_sum"] + x[t] for t in earned])
+        lane.reward = _sum(x.each(terms))
+        new = {name: x[source] for name, source in task.updates.items()}
+        for t in terms:
+            lane[f"{t}_sum"] = lane[f"{t}_sum"] + x[t]
+        for name, value in new.items():
+            lane[name] = value
+        told = code if task.speed_bound_ends else code + fast
+        if interval.features.local:
+            told = told + where(lane.fault < GIVEN_UP, lane.fault, 0.0)
+        lane.numerics = told + interval.features.angle_fault(lane)
+        lane.steps = lane.steps + 1.0
+        lane.terminated = where(faulty, 1.0, 0.0)
+        lane.truncated = where(lane.steps >= lane.limit, 1.0, 0.0)
+        for name in task.held_outputs:
+            lane[name] = x[name]
+        for name in self.spent:
+            lane[name] = self._spent(lane, name)
+
+    @staticmethod
+    def _spent(lane: Lane, name: str) -> Any:
+        if name == "error_most":
+            return maximum(lane.error_most, lane.error)
+        return lane[name] + (lane.evaluations if name == "evaluations_sum" else lane.impacts)
+
+    # ---- observation -----------------------------------------------------------------------------------
+
+    def observe(self, lane: Lane) -> dict[Any, Any]:
+        """Observations, from readings of sensors, and outputs: functions of the state and the goal alone."""
+        scene, memory = self.dynamics.scene, (*self.task.memory, *self.counts, *self.held_outputs)
+        known = {n: lane[n] for n in (*self.dynamics.states, *self.task.memory)}
+        x = self.quantities(lane, known)
+        read = measured(self.dynamics, x)
+        seen = self.quantities(lane, {**known, **read}) if read else x
+        count = len(self.observed)
+        shown = {("obs", "f32", k, count): seen[name] for k, name in enumerate(self.observed)}
+        for table, element in TABLES.items():
+            for k, name in enumerate(self.tables[table]):
+                if name == "beyond_limit":
+                    depths = [
+                        depth_beyond(x[f"phi{joint + 1}"], lane[identifier(low)], lane[identifier(high)])
+                        for joint, low, high in spring_limits(scene)
+                    ]
+                    value = reduce(maximum, depths)
+                elif name == "numerics" and self.sensors:  # also for a start whose readings are not finite
+                    bad = reads_nonsense(self.dynamics, x) & (lane.numerics == 0.0)
+                    value = where(bad, float(Fault.NON_FINITE), lane.numerics)
+                else:
+                    value = lane[name] if name in memory else x[name]
+                shown[table, element, k, 0] = value > 0.0 if table == "flags" else value
+        return shown
+
+    # ---- a new episode ---------------------------------------------------------------------------------
+
+    def reset(self, lane: Lane) -> None:
+        """A new episode in the lanes that are ``resetting``, from their draws."""
+        task, arm, interval = self.task, self.arm, self.interval
+        functions = (
+            *(f for f in self.dynamics.functions if "phi1" not in gives_of(f)),
+            *task.functions(self.dynamics.scene), *task.begin_functions, arm.coordinates_of_joints,
+        )  # fmt: skip
+        drawn = [m for m in task.memory if m not in task.updates]
+        draws = {name: lane[name] for name in self.draws}
+        x = self.quantities(lane, {**draws, **self.start(lane)}, functions)
+        values = {name: x[name] for name in (*arm.coordinates, *drawn)}
+        remembered = [m for m in (*task.memory, *self.counts) if m not in drawn]
+        zero = [*arm.rates, *remembered, *interval.features.active, *self.held_outputs]
+        zero += ["next_step"] if "next_step" in lane else []
+        values |= {name: state.initial for name, state in self.dynamics.effect_states.items()}
+        for name, value in {**values, **dict.fromkeys(zero, 0.0)}.items():
+            lane[name] = where(lane.resetting, value, lane[name])
+
+    def start(self, lane: Lane) -> dict[str, Any]:
+        """Joint positions, uniform in each joint's range of starts inside the lane's own limits."""
+        positions = {}
+        for joint in range(self.dynamics.count):
+            low, high = range_of_starts(
+                self.task, self.dynamics.scene, joint, lambda name: lane[identifier(name)]
+            )
+            positions[f"phi{joint + 1}"] = start_position(lane[f"u{joint + 1}"], low, high)
+        return positions
+
+
+def _sum(terms: list[Any]) -> Any:
+    return sum(terms[1:], terms[0])

@@ -1,0 +1,143 @@
+"""A control interval of a lane: the step that all lanes take together, and the program of the others.
+
+A lane leaves the common step for three reasons: an error above its tolerance, a boundary that it meets, and
+the integrator dop853, whose steps are always local.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from redundant_envs.algebra import where
+from redundant_envs.lane.boundaries import Boundaries
+from redundant_envs.lane.common_step import CommonStep
+from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.lane.features import MOST_LOGGED, WATCHED, Control, SceneFeatures
+from redundant_envs.lane.fields import copies, motion_fields
+from redundant_envs.lane.memory import LOG, SCRATCH, STATE, Field, Lane, Layout
+from redundant_envs.lane.names import OF_THE_FIELD, names_of_arm, owners
+from redundant_envs.lane.program import LaneProgram
+from redundant_envs.lane.step import known_numbers
+from redundant_envs.lane.step_control import CLASSES
+from redundant_envs.quantities import check_names
+
+
+class Interval:
+    """The lanes of a scene in a control interval: their features, procedures and fields.
+
+    Attributes
+    ----------
+    features : SceneFeatures
+    boundaries : Boundaries
+    step : CommonStep
+    program : LaneProgram
+        Of lanes that the common step does not serve.
+    """
+
+    def __init__(self, dynamics: Dynamics) -> None:
+        self.dynamics = dynamics
+        self.features = SceneFeatures(dynamics)
+        self.boundaries = Boundaries(self.features)
+        self.step = CommonStep(self.features, self.boundaries)
+        control = CLASSES[self.features.control](self.features, self.step)
+        self.program = LaneProgram(self.features, self.boundaries, control)
+
+    def fields(self) -> Iterator[Field]:
+        """Fields of the lanes, without those that only the program of a lane sets."""
+        yield from motion_fields(self.dynamics)
+        features = self.features
+        if not features.local:
+            return
+        for name in features.active:
+            yield Field(name, "", "side of the stop a slider rests at: 1 upper, -1 lower, 0 none", STATE)
+        if features.control is Control.ADAPTIVE:
+            yield Field("next_step", "s", "length of the next step", STATE)
+        kept = [Field(name, "", name, STATE, book=name == "work") for name in features.kept]
+        yield from copies(kept, "{}_start", "before the common step")
+        if features.origin != "{}_start":
+            yield from copies(kept, features.origin, "when the interval began")
+        yield from copies(kept[: len(self.dynamics.states)], "{}_trial", "at the start of the trial step")
+        for name, unit, doc in (
+            ("evaluations", "", "evaluations of the right-hand side"),
+            ("reason", "", "why the lane leaves the common step (Reason)"),
+            ("error_start", "m", "error before the common step"),
+            ("min_steps", "", "least number of steps allowed; 0 where one may serve"),
+            ("state", "", "where the program of the lane waits"),
+        ):
+            yield Field(name, unit, doc, SCRATCH)
+        for name, doc in (
+            ("entered", "has just left the common step"),
+            ("due", "has made the trial step that it asked for"),
+            ("moving", "asks for a trial step"),
+            ("touching", "asks for the forces at its stops"),
+            ("complete", "has crossed its interval, or given it up"),
+            *features.doubts.items(),
+        ):
+            yield Field(name, "", doc, SCRATCH, truth=True)
+        yield from self._fields_of_boundaries()
+        if features.stops:
+            yield from self._fields_of_stops()
+
+    def _fields_of_boundaries(self) -> Iterator[Field]:
+        for b in self.features.boundaries:
+            for name in WATCHED:
+                doc = "acceleration at the stages, or pull of the stop"
+                yield Field(f"{name}_{b.name}", "m/s^2 or N", f"{name} {doc}", SCRATCH)
+            for name, unit, doc in (
+                ("crossing", "", "how the trial step meets a limit (Crossing)"),
+                ("turning", "s", "when the coordinate turns in the trial step"),
+            ):
+                yield Field(f"{name}_{b.name}", unit, doc, SCRATCH)
+        for b in self.features.laws:
+            yield Field(b.side, "", "which law of a force holds: 1 above, -1 below, 0 between", SCRATCH)
+            yield Field(f"{b.side}_start", "", f"{b.side} before the common step", SCRATCH)
+
+    def _fields_of_stops(self) -> Iterator[Field]:
+        dynamics = self.dynamics
+        for name, doc in (("impacts", "impacts of the interval"), ("impacts_start", "before the common step")):
+            yield Field(name, "", doc, SCRATCH)
+        yield Field("held", "", "a slider rests at its stop", SCRATCH, truth=True)
+        for v in dynamics.states[dynamics.count :]:
+            yield Field(f"{v}_slope", "", f"time derivative of {v}", SCRATCH, book=v == "work")
+        for b in self.features.stops:
+            if b in self.features.holding:
+                yield Field(f"force_{b.name}", "N", "that holds the slider", SCRATCH)
+            else:
+                yield Field(f"acceleration_{b.name}", "m/s^2", "of the gap", SCRATCH)
+                for v in dynamics.arm.rates:
+                    yield Field(f"normal_{v}_{b.name}", "", f"rate of the gap per {v}", SCRATCH)
+            for v in dynamics.arm.rates:
+                yield Field(f"mobility_{v}_{b.name}", "", f"{v} per impulse along {b.name}", SCRATCH)
+            for name, unit, doc in (
+                ("happened", "", "what the contact was resolved to (Happening)"),
+                ("speed", "m/s", "into the stop, before an impact"),
+            ):
+                yield Field(f"{name}_{b.name}", unit, doc, SCRATCH, book=True)
+        if self.features.logs:
+            yield Field("span_start", "s", "when the common step began", SCRATCH, book=True)
+            yield Field("logged_start", "", "events kept before the common step", SCRATCH, book=True)
+            yield Field("logged", "", "events kept", STATE, book=True)
+            for n in range(MOST_LOGGED):
+                for name, unit in (("time", "s"), ("kind", ""), ("speed", "m/s")):
+                    yield Field(f"log_{name}_{n}", unit, f"{name} of event {n}", LOG)
+
+    def update_effect_states(self, lane: Lane) -> None:
+        """At the end of an interval: update the states of effects that were constant in it."""
+        dynamics = self.dynamics
+        if dynamics.remembered:
+            numbers = known_numbers(dynamics, lane, held=False)
+            x = dynamics.quantities(lane.get(dynamics.states), numbers)
+            for name, value in dynamics.updates(x).items():
+                lane[name] = value
+
+    def undo(self, lane: Lane, failed: Any) -> None:
+        """Return lanes that failed to their states at the start of the interval."""
+        for name in self.features.kept:
+            lane[name] = where(failed, lane[self.features.origin.format(name)], lane[name])
+
+    def layout(self) -> Layout:
+        """The fields of the lanes, and the rows that hold them."""
+        fields, arm = list(self.fields()), self.dynamics.arm
+        check_names(f"{arm.kind}.functions", names_of_arm(arm), owners(fields, OF_THE_FIELD))
+        return Layout(fields)

@@ -1,0 +1,247 @@
+"""The memory of a lane: declared fields, and lanes with these fields on any kind of numbers."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from redundant_envs.algebra import where
+from redundant_envs.tracing.flow import LaneFunction, Output
+from redundant_envs.tracing.graph import Graph
+from redundant_envs.tracing.number import Condition, Number, value_of
+
+
+class Lifetime(enum.StrEnum):
+    """How long a field is kept; also the name of the memory that holds it."""
+
+    STATE = "state"
+    """From interval to interval: saved, restored and reset."""
+    PARAMETER = "parameter"
+    """Set by a user, or following from such numbers alone; one for all lanes until they differ."""
+    SCRATCH = "scratch"
+    """Within an interval."""
+    LOG = "log"
+    """Results of an interval, to be read after it."""
+
+
+STATE, PARAMETER, SCRATCH, LOG = Lifetime
+ENGINE = "the engine"
+"""Owner of the names that every lane has, whatever its arm, effects and task."""
+
+
+@dataclass(frozen=True)
+class Field:
+    """A number that every lane has.
+
+    Attributes
+    ----------
+    name, unit, doc : str
+    lifetime : Lifetime
+    truth : bool
+        Whether it holds a condition, as 1 or 0.
+    book : bool
+        Whether it is a record of the motion, which does not depend on it.
+    owner : str
+        Who has given it its name.
+    """
+
+    name: str
+    unit: str
+    doc: str
+    lifetime: Lifetime
+    truth: bool = False
+    book: bool = False
+    owner: str = ENGINE
+
+    @property
+    def whose(self) -> str:
+        """Whose name it is, and what it means."""
+        return f"of {self.owner}: {self.doc}"
+
+
+class Layout:
+    """Fields, and the rows that hold them."""
+
+    def __init__(self, fields: Iterable[Field]) -> None:
+        self.fields: dict[str, Field] = {}
+        self.rows: dict[Lifetime, dict[str, int]] = {lifetime: {} for lifetime in Lifetime}
+        for f in fields:
+            self.add(f)
+
+    def add(self, f: Field) -> None:
+        """Declare one more field."""
+        if f.name in self.fields:
+            raise ValueError(
+                f"{f.name!r} is a name {self.fields[f.name].whose}, and {f.whose}; rename one of them"
+            )
+        self.fields[f.name] = f
+        self.rows[f.lifetime][f.name] = len(self.rows[f.lifetime])
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.fields
+
+    def row_of(self, name: str) -> tuple[str, int]:
+        """Memory and row of a field; an unknown name lists those there are."""
+        if name not in self.fields:
+            raise AttributeError(f"a lane has no field {name!r}; it has {', '.join(self.fields)}")
+        lifetime = self.fields[name].lifetime
+        return str(lifetime), self.rows[lifetime][name]
+
+    def size(self, lifetime: Lifetime) -> int:
+        """Number of rows of a memory."""
+        return len(self.rows[lifetime])
+
+
+class Lane:
+    """One lane, or many alike: fields are read and set as attributes, or by ``lane[name]``.
+
+    Reading a field that was set returns the new value. ``load`` returns its value before, by its name.
+    """
+
+    __slots__ = ("_layout", "_load", "_now", "_written")
+    declares = False
+    """Whether a field that is set and not declared becomes a scratch field."""
+
+    def __init__(self, layout: Layout, load: Callable[[str], Any]) -> None:
+        object.__setattr__(self, "_layout", layout)
+        object.__setattr__(self, "_load", load)
+        object.__setattr__(self, "_now", {})
+        object.__setattr__(self, "_written", {})
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._now:
+            self._layout.row_of(name)
+            value = self._load(name)
+            self._now[name] = value > 0.0 if self._layout.fields[name].truth else value
+        return self._now[name]
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        if self.declares and name not in self._layout:
+            truth = isinstance(value, Condition | bool | np.bool_)
+            self._layout.add(Field(name, "", "of the program of a lane", SCRATCH, truth))
+        self._layout.row_of(name)
+        self._now[name] = self._written[name] = value
+
+    def __getattr__(self, name: str) -> Any:
+        return self[name]
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        self[name] = value
+
+    @property
+    def layout(self) -> Layout:
+        """The fields that it has."""
+        return self._layout
+
+    def next_part(self) -> None:
+        """Start a part that is computed apart from the previous ones, so that it has the same bits as
+        alone."""
+
+    def get(self, names: Iterable[str], of: str = "{}") -> list[Any]:
+        """Several fields, ``of`` being a form of their names such as "{}_start"."""
+        return [self[of.format(name)] for name in names]
+
+    def set(self, names: Iterable[str], values: Iterable[Any], of: str = "{}") -> None:
+        """Set several fields."""
+        for name, value in zip(names, values, strict=True):
+            self[of.format(name)] = value
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._layout
+
+    def written(self) -> dict[str, Any]:
+        """Fields that were set, and the last values of each: conditions as 1 or 0."""
+        return {
+            name: where(value, 1.0, 0.0) if self._layout.fields[name].truth else value
+            for name, value in self._written.items()
+        }
+
+
+class RunningLane(Lane):
+    """A lane on floats that runs a program."""
+
+    __slots__ = ()
+    declares = True
+
+
+class TracedLane(Lane):
+    """A lane whose numbers are recorded in a graph."""
+
+    __slots__ = ("_graph",)
+
+    def __init__(self, layout: Layout, graph: Graph, columns: Mapping[str, tuple[str, int]]) -> None:
+        super().__init__(
+            layout, lambda n: Number(self._graph, self._graph.load(*columns.get(n) or layout.row_of(n)))
+        )
+        object.__setattr__(self, "_graph", graph)
+
+    def next_part(self) -> None:
+        self._graph.part += 1
+
+
+class ProgramLane(TracedLane):
+    """A lane of a program that is traced, stretch by stretch."""
+
+    __slots__ = ()
+    declares = True
+
+    def __init__(self, layout: Layout) -> None:
+        super().__init__(layout, Graph(), {})
+
+    def begin(self, graph: Graph) -> None:
+        """Read all fields anew, as numbers of a graph."""
+        object.__setattr__(self, "_graph", graph)
+        self._now.clear()
+        self._written.clear()
+
+    def loaded(self, name: str) -> Number:
+        """A field as it is in memory."""
+        return Number(self._graph, self._graph.load(*self._layout.row_of(name)))
+
+
+def traced(
+    name: str,
+    layout: Layout,
+    function: Callable[[Lane], Mapping[tuple[str, str, int, int], Any] | None],
+    inputs: Mapping[str, tuple[str, tuple[str, ...]]] | None = None,
+    known: Mapping[str, float] | None = None,
+) -> LaneFunction:
+    """Record the effect of a function on a lane.
+
+    Parameters
+    ----------
+    name : str
+    layout : Layout
+    function : callable
+        Takes a lane; may return values for arrays, by (array, type of its elements, column, columns).
+    inputs : mapping
+        Array -> type of its elements, and the fields that its columns hold.
+    known : mapping
+        Fields that are known to hold certain numbers.
+    """
+    graph = Graph()
+    columns = {f: (array, k) for array, (_, fields) in (inputs or {}).items() for k, f in enumerate(fields)}
+    lane = TracedLane(layout, graph, columns)
+    for field in columns:
+        lane[field] = lane[field]
+    outputs = function(lane) or {}
+    stores = [(*layout.row_of(n), value_of(v)) for n, v in lane.written().items()]
+    made = lane_function(name, layout, stores)
+    made.outputs += [
+        Output(*place, v.value if isinstance(v, Condition) else value_of(v)) for place, v in outputs.items()
+    ]
+    made.inputs |= {array: (element, len(fields)) for array, (element, fields) in (inputs or {}).items()}
+    made.known = {layout.row_of(n): x for n, x in (known or {}).items()}
+    return made
+
+
+def lane_function(name: str, layout: Layout, stores: list[tuple[str, int, Any]]) -> LaneFunction:
+    """A function of lanes that stores values of a graph."""
+    return LaneFunction(
+        name, tuple(str(lifetime) for lifetime in Lifetime), stores,
+        asides=frozenset(layout.row_of(n) for n, f in layout.fields.items() if f.book),
+    )  # fmt: skip

@@ -1,0 +1,336 @@
+"""How a lane that the common step does not serve crosses its interval: a program to be read from top to
+bottom.
+
+``yield Request.STEP`` asks for a trial step of ``lane.step`` from the trial start, ``yield Request.FORCES`` for
+the accelerations and forces at the stops. All slots are served together; each lane then goes on where it
+waits. A trial step never changes the trial start, so that shorter ones can follow from there.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Generator, Sequence
+from typing import Any
+
+from redundant_envs.algebra import any_of, logical_not
+from redundant_envs.events import brackets, locate, resolution
+from redundant_envs.events.boundary import Boundary, law_behind, leaves_stop, starts_at_stop
+from redundant_envs.events.brackets import Search, Sought, TaylorStep, Trial
+from redundant_envs.events.first_event import Encounter, first_event
+from redundant_envs.events.locate import Aim
+from redundant_envs.events.resolution import one_of
+from redundant_envs.lane import coordinates
+from redundant_envs.lane.boundaries import Boundaries
+from redundant_envs.lane.features import Fault, SceneFeatures
+from redundant_envs.lane.memory import Lane
+from redundant_envs.lane.step_control import End, StepControl
+
+MOST_SEARCHED = 500
+"""Trial steps in search of one event; with more the interval is given up."""
+SEARCH = Search._fields
+
+
+class Request(enum.Enum):
+    """What a lane waits for."""
+
+    STEP = "moving"
+    """A trial step."""
+    FORCES = "touching"
+    """The accelerations and forces at its stops."""
+
+
+class Found(enum.Enum):
+    """How trial steps towards the end of a planned step, or towards an event, end."""
+
+    NOTHING = "nothing"
+    """The trial step has no event."""
+    EVENT = "event"
+    """It ends at an event."""
+    INACCURATE = "inaccurate"
+    """Its error is too large."""
+    LOST = "lost"
+    """There were too many trial steps."""
+    OTHER = "other"
+    """There is another event before, or a turn: this is sought now."""
+
+
+class LaneProgram:
+    """The program of a lane."""
+
+    def __init__(self, features: SceneFeatures, boundaries: Boundaries, control: StepControl) -> None:
+        self.features, self.boundaries, self.control = features, boundaries, control
+        self.dynamics = features.dynamics
+        self.smooth = self.dynamics.method.stages > 1
+
+    def cross(self, lane: Lane) -> Generator[Request, None, None]:
+        """Cross the interval."""
+        self.begin(lane)
+        while True:
+            if lane.at_stop and not (yield from self.resolve(lane)):
+                return self.give_up(lane)
+            match (yield from self.step_or_event(lane)):
+                case Found.LOST:
+                    return self.give_up(lane)
+                case Found.INACCURATE:
+                    self.shorten(lane)
+                case Found.EVENT:
+                    lane.at_stop = lane.at_stop | self.boundaries.touches(lane)
+                    if not lane.at_stop:
+                        self.start_here(lane)
+                case Found.NOTHING:
+                    match self.control.end(lane):
+                        case End.CROSSED:
+                            return None
+                        case End.REPEATED:
+                            self.shorten(lane)
+                        case _:
+                            lane.at_stop = self.boundaries.touches(lane)
+                            if not lane.at_stop:
+                                self.start_here(lane)
+
+    def step_or_event(self, lane: Lane) -> Generator[Request, None, Found]:
+        """Take trial steps to the end of the planned one, or to the first event before it."""
+        for b in self.features.boundaries:
+            lane[f"cleared_{b.name}"] = False
+        lane.searched = 0.0
+        while True:
+            yield Request.STEP
+            if self.is_lost(lane):
+                return Found.LOST
+            if not self.control.accurate(lane):
+                return Found.INACCURATE
+            if not self.features.boundaries:
+                return self.moved(lane)
+            trial = self.trial(lane)
+            if any_of(locate.may_hide_event(trial.h, e, self.features.overshoot) for e in trial.encounters):
+                self.retry(lane, 0.5 * trial.h)
+                continue
+            aim = locate.earliest_event(trial)
+            if not aim.exists:
+                return self.moved(lane)
+            self.seek(lane, trial, aim)
+            while True:
+                match (yield from self.search(lane)):
+                    case Found.NOTHING:
+                        break  # it turns before its limit: to the end of the planned step once more
+                    case Found.LOST | Found.EVENT as found:
+                        return found
+
+    def search(self, lane: Lane) -> Generator[Request, None, Found]:
+        """Take trial steps towards a turn, or an event."""
+        if lane.for_turn:
+            return (yield from self.turn(lane))
+        return (yield from self.event(lane))
+
+    def turn(self, lane: Lane) -> Generator[Request, None, Found]:
+        """Take trial steps to where a coordinate turns near its limit, until it is known whether it turns
+        before."""
+        while True:
+            yield Request.STEP
+            if self.is_lost(lane):
+                return Found.LOST
+            trial = self.trial(lane)
+            search = Search(*lane.get(SEARCH))
+            sought = brackets.sought_boundary(search, trial)
+            if sought.gap > sought.closeness:
+                self.seek(lane, trial, Aim(True, sought.chosen, search.target, search.side, False, sought.time))
+                return Found.OTHER
+            after = brackets.towards_turn(search, trial.h, sought)
+            h = brackets.next_towards_turn(after)
+            at_turn = abs(sought.speed * (h - trial.h)) <= sought.closeness
+            lane.set(SEARCH, after._replace(tries=search.tries + 1.0))
+            if at_turn | (search.tries >= brackets.MOST_TURN_GUESSES):
+                for b, is_sought in zip(self.features.boundaries, sought.chosen, strict=True):
+                    lane[f"cleared_{b.name}"] = lane[f"cleared_{b.name}"] | is_sought
+                self.retry(lane, trial.left)
+                return Found.NOTHING
+            self.retry(lane, h)
+
+    def event(self, lane: Lane) -> Generator[Request, None, Found]:
+        """Take trial steps ever nearer to an event, unless there is another one before it."""
+        while True:
+            yield Request.STEP
+            if self.is_lost(lane):
+                return Found.LOST
+            trial = self.trial(lane)
+            search = Search(*lane.get(SEARCH))
+            sought = brackets.sought_boundary(search, trial)
+            other = locate.other_event(trial, search, sought)
+            if other.exists:
+                self.seek(lane, trial, other)
+                return Found.OTHER
+            after = brackets.towards_event(search, trial.h, sought)
+            rest_of_way = brackets.taylor_step(trial, sought)
+            if brackets.ends_at_event(trial, search, after, sought, rest_of_way):
+                self.arrive(lane, trial, sought, rest_of_way)
+                return Found.EVENT
+            h = brackets.next_towards_event(trial, after, sought, brackets.correction(sought, after))
+            side = brackets.side_of_search(search, sought)
+            lane.set(SEARCH, after._replace(side=side, tries=search.tries + 1.0))
+            self.retry(lane, h)
+
+    def resolve(self, lane: Lane) -> Generator[Request, None, bool]:
+        """Resolve contacts until the motion goes on; false if they do not end."""
+        while True:
+            yield Request.FORCES
+            if lane.changes >= resolution.MOST_CHANGES or lane.impacts > resolution.MOST_IMPACTS:
+                return False
+            if self.boundaries.resolve(lane):
+                self.start_here(lane)
+                return True
+
+    # ---- a trial step ------------------------------------------------------------------------------------
+
+    def trial(self, lane: Lane) -> Trial:
+        """The trial step, and the first event of each coordinate in it."""
+        h = lane.step
+        encounters = [
+            Encounter(float(k), s, *self._forces(lane, b), *lane.get(self._seen(b)), self._mobility(lane, b))
+            for k, (b, s) in enumerate(
+                zip(self.features.boundaries, self.boundaries.in_step(lane, "{}_trial"), strict=True)
+            )
+        ]
+        events = [first_event(e, h, 1.0 / h, self.smooth) for e in encounters]
+        return Trial(h, lane.left, lane.interval, encounters, events)
+
+    @staticmethod
+    def _seen(b: Boundary) -> tuple[str, ...]:
+        return f"crossing_{b.name}", f"turning_{b.name}", f"cleared_{b.name}"
+
+    def _forces(self, lane: Lane, b: Boundary) -> Sequence[Any]:
+        """Force of a stop along its coordinate, now and at the trial start."""
+        return lane.get((f"force_{b.name}", f"force_trial_{b.name}")) if b in self.features.holding else (0.0, 0.0)
+
+    def _mobility(self, lane: Lane, b: Boundary) -> Any:
+        return self.boundaries.mobility(lane, b, b) if b in self.features.holding else 0.0
+
+    def seek(self, lane: Lane, trial: Trial, aim: Aim) -> None:
+        """Begin a search for an event."""
+        lane.set(SEARCH, brackets.begun(trial, aim.target, aim.side, aim.chosen, aim.turns))
+        lane.for_turn = aim.turns
+        self.retry(lane, aim.h)
+
+    def retry(self, lane: Lane, h: Any) -> None:
+        """Take the next trial step from the same start."""
+        self.back_to(lane, "{}_trial")
+        lane.step, lane.searched = h, lane.searched + 1.0
+
+    def start_here(self, lane: Lane) -> None:
+        """Start the next trial step here; it ends with the planned step."""
+        states = self.dynamics.states
+        lane.set(states, lane.get(states), of="{}_trial")
+        lane.error_trial, lane.step = lane.error, lane.left
+        for b in self.features.holding:
+            lane[f"force_trial_{b.name}"] = lane[f"force_{b.name}"]
+
+    def spend(self, lane: Lane, h: Any) -> None:
+        """Count the time of a step that is not repeated."""
+        lane.left, lane.elapsed = lane.left - h, lane.elapsed + h
+
+    def moved(self, lane: Lane) -> Found:
+        """End a trial step without an event."""
+        lane.slide = 0.0
+        self.spend(lane, lane.step)
+        self.note_released(lane)
+        return Found.NOTHING
+
+    def is_lost(self, lane: Lane) -> Any:
+        """Whether a search has no end, or waits for a time that is no number."""
+        within = self.control.within_budget(lane)
+        if not self.features.boundaries:
+            return False
+        rest = lane.left - lane.step
+        return logical_not((lane.searched < MOST_SEARCHED) & (rest == rest) & within)
+
+    # ---- events ------------------------------------------------------------------------------------------
+
+    def arrive(self, lane: Lane, trial: Trial, sought: Sought, rest_of_way: TaylorStep) -> None:
+        """End a trial step at its event: sliders that are at their stops are there exactly."""
+        arm, slide = self.dynamics.arm, brackets.slide_to_event(sought, rest_of_way)
+        crossed = [
+            one_of(sought_here, lane.side, e.motion.side_beyond)
+            for e, sought_here in zip(trial.encounters, sought.chosen, strict=True)
+        ]
+        positions = locate.positions_after(trial, sought, rest_of_way, slide)
+        exact = {
+            arm.coordinates[b.joint]: position
+            for b, position in zip(self.features.boundaries, positions, strict=True)
+            if b in self.features.holding and b.joint is not None
+        }
+        for q, v in zip(arm.coordinates, arm.rates, strict=True):
+            lane[q] = exact[q] if q in exact else lane[q] + slide * lane[v]
+        self.spend(lane, lane.step + slide)
+        lane.slide = slide
+        lane.at_stop = sought.bounces
+        for b, side, is_sought in zip(self.features.boundaries, crossed, sought.chosen, strict=True):
+            if b.bounces:
+                # It comes to its stop, even if by rounding it seems to move away.
+                lane[f"released_{b.name}"] = self._leaves(lane, b) & logical_not(is_sought)
+            else:
+                lane[b.side] = one_of(side != 0.0, law_behind(lane[b.side], side), lane[b.side])
+
+    def _leaves(self, lane: Lane, b: Boundary) -> Any:
+        """Whether a free coordinate is at its stop and moves away from it."""
+        motion = coordinates.motion(self.dynamics, b, lane)
+        return leaves_stop(*motion, self.boundaries.active(lane, b), *self.boundaries.limits(lane, b))
+
+    def note_released(self, lane: Lane) -> None:
+        """Record which coordinates leave their stops."""
+        for b in self.features.stops:
+            lane[f"released_{b.name}"] = self._leaves(lane, b)
+
+    # ---- the interval ------------------------------------------------------------------------------------
+
+    def begin(self, lane: Lane) -> None:
+        """Plan the first step; the common step is its first trial step, if it is of use."""
+        first = self.control.begin(lane)
+        lane.left = first.length
+        self.at_start(lane)
+        lane.due, lane.at_stop = False, False
+        if self.features.boundaries:
+            begun = any_of(self.boundaries.at_start(lane, starts_at_stop))
+            rested = any_of(a != 0.0 for a in lane.get(self.features.active, of="{}_start"))
+            lane.due = logical_not(first.retried | begun | rested)
+        if lane.due:
+            lane.step = lane.h
+        else:
+            lane.step = lane.left
+            lane.at_stop = self.boundaries.touched_before(lane)
+            self.back_to(lane, "{}_start")
+
+    def at_start(self, lane: Lane) -> None:
+        """The trial start, and what is counted, at the start of the interval."""
+        states = self.dynamics.states
+        lane.set(states, lane.get(states, of="{}_start"), of="{}_trial")
+        lane.error_trial, lane.elapsed, lane.slide = lane.error_start, 0.0, 0.0
+        for b in self.features.laws:
+            lane[b.side] = lane[f"{b.side}_start"]
+        if self.features.stops:
+            lane.changes, lane.impacts = 0.0, lane.impacts_start
+            lane.set(self.features.active, lane.get(self.features.active, of="{}_start"))
+        for b, leaves in zip(self.features.stops, self.boundaries.at_start(lane, leaves_stop), strict=True):
+            lane[f"released_{b.name}"] = leaves
+        if self.features.logs:
+            lane.logged = lane.logged_start
+
+    def back_to(self, lane: Lane, form: str) -> None:
+        """Return to the state in the fields of a form."""
+        states = self.dynamics.states
+        lane.set(states, lane.get(states, of=form))
+        lane.error = lane[form.format("error")]
+
+    def shorten(self, lane: Lane) -> None:
+        """After an inaccurate step: equal steps begin the interval anew, others begin the step anew."""
+        self.control.shorten(lane)
+        lane.step, lane.at_stop = lane.left, False
+        if not self.control.repeats:
+            return self.back_to(lane, "{}_trial")
+        self.at_start(lane)
+        lane.at_stop = self.boundaries.touched_before(lane)
+        return self.back_to(lane, "{}_start")
+
+    def give_up(self, lane: Lane) -> None:
+        """Leave the lane as it was at the start of the interval."""
+        self.at_start(lane)
+        self.back_to(lane, "{}_start")
+        lane.fault = float(Fault.EVENT_BUDGET)

@@ -1,0 +1,192 @@
+"""Which trial steps a lane plans, and when it has crossed its interval: one class for each :class:`Control`."""
+
+from __future__ import annotations
+
+import enum
+from abc import ABC, abstractmethod
+from typing import Any
+
+from redundant_envs.algebra import maximum
+from redundant_envs.lane.common_step import CommonStep
+from redundant_envs.lane.features import Control, Fault, Reason, SceneFeatures
+from redundant_envs.lane.memory import Lane
+from redundant_envs.lane.step import tip_norms
+from redundant_envs.numerics import error_control
+from redundant_envs.numerics.error_control import FirstStep, Verdict
+
+MOST_TRIALS = 65536
+"""Most trial steps of an interval that is crossed with 1, 2, 4, ... 16384 steps: twice as many as without
+events. With fixed steps the same, and :data:`TRIALS_OF_SUBSTEP` more for each substep."""
+TRIALS_OF_SUBSTEP = 16
+
+
+class End(enum.Enum):
+    """What comes after a trial step without an event."""
+
+    GOES_ON = "goes on"
+    """The planned step has not ended: an event had cut it short."""
+    NEXT = "next"
+    """The next planned step begins."""
+    REPEATED = "repeated"
+    """The interval is crossed again with more steps."""
+    CROSSED = "crossed"
+    """The interval is crossed."""
+
+
+class StepControl(ABC):
+    """How the steps of a lane are chosen."""
+
+    repeats = False
+    """Whether an inaccurate step begins the interval anew; otherwise the step is repeated."""
+
+    def __init__(self, features: SceneFeatures, step: CommonStep) -> None:
+        self.features, self.step, self.dynamics = features, step, features.dynamics
+        self.stages = float(features.dynamics.method.stages)
+
+    @abstractmethod
+    def begin(self, lane: Lane) -> FirstStep:
+        """Plan the first step of an interval."""
+
+    @abstractmethod
+    def accurate(self, lane: Lane) -> Any:
+        """Whether a trial step, and with equal steps the interval so far, is accurate enough."""
+
+    @abstractmethod
+    def shorten(self, lane: Lane) -> None:
+        """Plan a shorter step after an inaccurate one."""
+
+    @abstractmethod
+    def end(self, lane: Lane) -> End:
+        """After a trial step without an event, whose time is spent: what comes next."""
+
+    @abstractmethod
+    def within_budget(self, lane: Lane) -> Any:
+        """Whether the interval may have one more trial step."""
+
+
+class FixedSteps(StepControl):
+    """Each common step is one step."""
+
+    def begin(self, lane: Lane) -> FirstStep:
+        return FirstStep(lane.h, False)
+
+    def accurate(self, lane: Lane) -> Any:
+        return True
+
+    def shorten(self, lane: Lane) -> None:
+        raise AssertionError("fixed steps are never inaccurate")
+
+    def end(self, lane: Lane) -> End:
+        return End.GOES_ON if lane.left > 0.0 else End.CROSSED
+
+    def within_budget(self, lane: Lane) -> Any:
+        # If such steps make a slider unstable, every step can seem to end beyond a stop.
+        most = MOST_TRIALS * lane.h + TRIALS_OF_SUBSTEP * lane.interval
+        return lane.evaluations * lane.h < self.stages * most
+
+
+class EqualSteps(StepControl):
+    """1, 2, 4, ... 16384 equal steps, until the sum of their errors passes the tolerance."""
+
+    repeats = True
+
+    def begin(self, lane: Lane) -> FirstStep:
+        failed = lane.reason == Reason.ACCURACY
+        first = error_control.first_of_equal(
+            failed, lane.error, lane.min_steps, lane.tip_tolerance, lane.interval
+        )
+        lane.divisions = lane.steps_left = first.steps
+        for q in self.dynamics.arm.coordinates:
+            lane[f"{q}_seen"] = error_control.NEVER_SEEN
+        return first
+
+    def accurate(self, lane: Lane) -> Any:
+        return (lane.error <= lane.tip_tolerance) | (lane.divisions >= error_control.MOST_STEPS)
+
+    def shorten(self, lane: Lane) -> None:
+        steps = 2.0 * lane.divisions
+        lane.left = lane.step = lane.interval / steps
+        lane.divisions = lane.steps_left = steps
+
+    def end(self, lane: Lane) -> End:
+        ended, last = not lane.left > 0.0, not lane.steps_left - 1.0 > 0.0
+        lane.min_steps = maximum(lane.min_steps, self.step.least_steps(lane))
+        agrees = error_control.agrees(self._crossed(lane))
+        too_fast = lane.min_steps > error_control.TOO_FAST * lane.divisions
+        if lane.divisions < error_control.most_steps(self._impacts(lane)):
+            if too_fast or (ended and last and not agrees):
+                if last:
+                    coordinates = self.dynamics.arm.coordinates
+                    lane.set(coordinates, lane.get(coordinates), of="{}_seen")
+                return End.REPEATED
+        if not ended:
+            return End.GOES_ON
+        if last:
+            passed = (lane.error <= lane.tip_tolerance) & (lane.min_steps <= error_control.MOST_STEPS) & agrees
+            if not passed:
+                lane.fault = float(Fault.TOLERANCE_NOT_REACHED)
+            return End.CROSSED
+        lane.left, lane.steps_left = lane.interval / lane.divisions, lane.steps_left - 1.0
+        return End.NEXT
+
+    def _impacts(self, lane: Lane) -> Any:
+        return lane.impacts if self.features.stops else 0.0
+
+    def _crossed(self, lane: Lane) -> error_control.Crossed:
+        terms = [
+            n * abs(lane[q] - lane[f"{q}_seen"])
+            for n, q in zip(tip_norms(self.dynamics, lane), self.dynamics.arm.coordinates, strict=True)
+        ]
+        return error_control.Crossed(
+            lane.divisions, lane.error, lane.tip_tolerance, sum(terms[1:], terms[0]), self._impacts(lane),
+            self.step.doubtful(lane), self.step.kinked(lane), self.step.hidden_kink(lane),
+        )  # fmt: skip
+
+    def within_budget(self, lane: Lane) -> Any:
+        return lane.evaluations < MOST_TRIALS * self.stages
+
+
+class AdaptiveSteps(StepControl):
+    """Each step is as long as its error allows (dop853)."""
+
+    def begin(self, lane: Lane) -> FirstStep:
+        lane.next_step = error_control.first_adaptive(lane.next_step, lane.min_steps, lane.interval)
+        lane.steps_left = 0.0
+        return FirstStep(lane.next_step, True)
+
+    def _verdict(self, lane: Lane) -> Verdict:
+        return error_control.judge_adaptive(
+            lane.error, lane.step, lane.next_step, lane.min_steps, lane.interval, lane.steps_left - 1.0
+        )
+
+    def accurate(self, lane: Lane) -> Any:
+        return self._verdict(lane).accepted
+
+    def shorten(self, lane: Lane) -> None:
+        verdict = self._verdict(lane)
+        lane.next_step, lane.left = verdict.following, verdict.shorter
+
+    def end(self, lane: Lane) -> End:
+        lane.next_step = self._verdict(lane).following
+        if lane.left > 0.0:
+            return End.GOES_ON
+        rest = lane.interval - lane.elapsed
+        if not lane.next_step > 0.0:
+            lane.fault = float(Fault.TOLERANCE_NOT_REACHED | Fault.NO_STEP_FOUND)
+            return End.CROSSED
+        if not rest > error_control.CROSSED_SHARE * lane.interval:
+            return End.CROSSED
+        lane.left = error_control.rest_of_interval(rest, lane.next_step)
+        return End.NEXT
+
+    def within_budget(self, lane: Lane) -> Any:
+        taken = lane.steps_left
+        lane.steps_left = taken + 1.0
+        return taken < error_control.MOST_ADAPTIVE_STEPS + MOST_TRIALS
+
+
+CLASSES: dict[Control, type[StepControl]] = {
+    Control.FIXED: FixedSteps,
+    Control.EQUAL: EqualSteps,
+    Control.ADAPTIVE: AdaptiveSteps,
+}

@@ -1,0 +1,1 @@
+"""Methods of integration and their error control; they know no robot."""

@@ -1,0 +1,230 @@
+"""Step control: which steps a lane takes, and whether they are accurate enough."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from redundant_envs.algebra import logical_not, maximum, minimum, sqrt
+from redundant_envs.tracing.ways import branches
+
+
+class FirstStep(NamedTuple):
+    """The first step of a lane that the common step does not serve.
+
+    Attributes
+    ----------
+    length : of the planned step, s
+    retried : whether the common step is useless for the lane
+    steps : number of steps into which the interval is divided
+    """
+
+    length: Any
+    retried: Any
+    steps: Any = None
+
+
+# ---- a tolerance: 1, 2, 4, ... 16384 equal steps, until the sum of their errors passes ----------------
+
+# A sum of errors ignores their growth, which matters with many steps or many impacts. From 128 steps on an
+# interval must give the same result, to the tolerance, with half as many, unless errors that grow a hundred
+# thousand times would pass; from 1024 on always: such a motion may be chaotic. Two sliders between their
+# stops may double an error with each impact: from 4 impacts on errors that grow a hundred times must pass,
+# and from 8 on the check is always made, as it is after a kink of a force, or when the tip has come to
+# another distance from a joint. If impacts follow each other faster than steps, both motions have the same
+# pieces between them, and agree whatever their error is: after a kink such an agreement does not count.
+
+MOST_DOUBLINGS = 14
+MOST_STEPS = 2.0**MOST_DOUBLINGS
+CHECKED_STEPS, CHECKED_ALWAYS = 128.0, 1024.0
+GROWTH = 1e5
+SOME_IMPACTS, GROWTH_BY_SOME = 4.0, 100.0
+CHECKED_IMPACTS = 8.0
+MANY_IMPACTS, MOST_STEPS_OF_MANY = 32.0, 256.0
+"""With more steps, this many impacts multiply only rounding errors."""
+STEPS_PER_IMPACT = 8.0
+"""With fewer steps a comparison of a kinked interval with half as many does not count."""
+STEPS_OF_HIDDEN_KINK = 16.0
+"""Nor does it with fewer than these if a kink may have been passed back and forth between two stages: with
+half as many steps it may have been between stages, too."""
+KINKED_GROWTH, KINKED_SHARE = 16.0, 0.25
+"""For a kinked interval: the factor with which its estimated error must still pass, and the largest change to
+half as many steps, in tolerances: across a kink both are now and then, by chance, much smaller than the
+error. With 8 impacts ``GROWTH`` times the estimated error must pass."""
+TOO_FAST = 1.1
+"""A link may have become faster by a tenth than the rate for which the number of steps was chosen."""
+FARTHER, FAR = 4.0, 0.4
+"""Ratio of the tip's distances from a joint, after and before, from which on an error at the tip may exceed
+its estimate; and the travel of sliders in a step, in units of that distance, that may lead past the joint,
+where all is fast."""
+DOUBTFUL = 0.1
+"""Fraction of the tolerance from which on the error of an effect's state may be too large."""
+NEVER_SEEN = 1e300
+"""Positions, before an interval is crossed for the first time, that are near no real ones."""
+
+
+def first_of_equal(failed: Any, error: Any, min_steps: Any, tip_tolerance: Any, interval: Any) -> FirstStep:
+    """The first of equal steps, after the common single step has ``failed`` or did not matter."""
+    steps = maximum(steps_for_error(failed, error, tip_tolerance), steps_allowed(min_steps))
+    return FirstStep(interval / steps, failed, steps)
+
+
+@branches
+def steps_for_error(failed: Any, error: Any, tip_tolerance: Any) -> Any:
+    """Number of steps that the error of a single step calls for; 1 if that did not fail.
+
+    The error falls like n^-7, and the error of a single step predicts little beyond 64 steps.
+    """
+    if not failed:
+        return 1.0
+    for k in range(6, 0, -1):
+        if error > 4.0 * 2.0 ** (7 * k) * tip_tolerance:
+            return 2.0 ** (k + 1)
+    return 2.0
+
+
+@branches
+def steps_allowed(min_steps: Any) -> Any:
+    """The least power of two that is not below a number of steps."""
+    for k in range(MOST_DOUBLINGS - 1, -1, -1):
+        if min_steps > 2.0**k:
+            return 2.0 ** (k + 1)
+    return 1.0
+
+
+class Crossed(NamedTuple):
+    """Data of an interval that was crossed with equal steps.
+
+    Attributes
+    ----------
+    steps : their number
+    error, tip_tolerance : the sum of the errors, and what is allowed, m
+    change : distance of the tip from the result of the previous time, m
+    impacts : so far
+    doubtful, kinked : whether the error may exceed its estimate; whether a force may have had a kink
+    hidden_kink : whether it may have had one between the stages
+    """
+
+    steps: Any
+    error: Any
+    tip_tolerance: Any
+    change: Any
+    impacts: Any
+    doubtful: Any = False
+    kinked: Any = False
+    hidden_kink: Any = False
+
+
+def agrees(c: Crossed) -> Any:
+    """Whether the result of an interval is confirmed: by its estimate alone, or by that of the previous
+    time."""
+    return growth_allowed(c) | confirmed(c)
+
+
+@branches
+def growth_allowed(c: Crossed) -> Any:
+    """Whether errors that grow as much as the steps and impacts of an interval permit would still pass."""
+    if c.impacts >= CHECKED_IMPACTS or c.steps >= CHECKED_ALWAYS or c.doubtful or c.kinked:
+        return False
+    if not c.steps < CHECKED_STEPS:
+        return GROWTH * c.error <= c.tip_tolerance
+    return c.impacts < SOME_IMPACTS or GROWTH_BY_SOME * c.error <= c.tip_tolerance
+
+
+@branches
+def confirmed(c: Crossed) -> Any:
+    """Whether the result of the previous time confirms that of an interval."""
+    if not c.kinked:
+        return c.change <= c.tip_tolerance
+    growth = KINKED_GROWTH if c.impacts < CHECKED_IMPACTS else GROWTH
+    least = maximum(STEPS_PER_IMPACT * c.impacts, STEPS_OF_HIDDEN_KINK if c.hidden_kink else 1.0)
+    return (
+        (growth * c.error <= c.tip_tolerance)
+        & (c.change <= KINKED_SHARE * c.tip_tolerance)
+        & (c.steps >= minimum(least, most_steps(c.impacts)))
+    )
+
+
+@branches
+def most_steps(impacts: Any) -> Any:
+    """Largest number of steps into which an interval is divided."""
+    return MOST_STEPS if impacts < MANY_IMPACTS else MOST_STEPS_OF_MANY
+
+
+# ---- dop853: each step as long as its error allows (Hairer, Norsett, Wanner I, II.4) ------------------
+
+MOST_ADAPTIVE_STEPS = 1e6
+SHORTEST_SHARE = 1e-13
+"""Fraction of the interval below which no step is tried."""
+CROSSED_SHARE = 1e-14
+"""Fraction of the interval that is not worth a step."""
+
+
+@branches
+def first_adaptive(next_step: Any, min_steps: Any, interval: Any) -> Any:
+    """Length of a first step, s: that of the last one of the previous interval, if there was one and it is
+    not too long."""
+    longest = interval / maximum(min_steps, 1.0)
+    return next_step if next_step > 0.0 and next_step <= longest else longest
+
+
+class Verdict(NamedTuple):
+    """What the error of an adaptive step says.
+
+    Attributes
+    ----------
+    accepted : whether the step counts
+    shorter : length of the step if it is repeated, s
+    following : length of the next step; 0 if there is none, s
+    """
+
+    accepted: Any
+    shorter: Any
+    following: Any
+
+
+def judge_adaptive(error: Any, h: Any, next_step: Any, min_steps: Any, interval: Any, taken: Any) -> Verdict:
+    """Whether the error of a step, in units of the tolerance, is at most 1; the next step to try.
+
+    A lane that has made a million steps, or would need one of 1e-13 of the interval, has no next step.
+
+    Parameters
+    ----------
+    error, h : of the step
+    next_step : the step that was planned, which the end of the interval may have cut short, s
+    min_steps, interval : least number of steps of the interval, and its length, s
+    taken : steps so far
+    """
+    factor = factor_of_step(sqrt(sqrt(sqrt(maximum(error, 1e-12)))))
+    passed = error <= 1.0
+    grown = grown_step(h, next_step, minimum(h * factor, interval / maximum(min_steps, 1.0)))
+    shorter = h * minimum(factor, 0.9)
+    hopeless = (taken > MOST_ADAPTIVE_STEPS) | ((shorter < SHORTEST_SHARE * interval) & logical_not(passed))
+    return Verdict(passed | hopeless, shorter, following_step(hopeless, passed, grown, shorter))
+
+
+@branches
+def factor_of_step(eighth: Any) -> Any:
+    """Factor of the step length for an eighth root of the error."""
+    return minimum(maximum(0.9 / eighth, 1.0 / 3.0), 6.0) if eighth > 0.0 else 1.0 / 3.0
+
+
+@branches
+def grown_step(h: Any, next_step: Any, grown: Any) -> Any:
+    """The step after one of length ``h`` that passed; a step that the end cut short lengthens none."""
+    return maximum(grown, next_step) if h < next_step else grown
+
+
+@branches
+def following_step(hopeless: Any, passed: Any, grown: Any, shorter: Any) -> Any:
+    """Length of the next step; 0 if there is none."""
+    if hopeless:
+        return 0.0
+    return grown if passed else shorter
+
+
+@branches
+def rest_of_interval(rest: Any, following: Any) -> Any:
+    """Length of the next planned step, s: the last two steps share the rest of the interval."""
+    if rest <= following:
+        return rest
+    return minimum(following, 0.5 * rest) if rest < 2.0 * following else following

@@ -1,0 +1,108 @@
+"""One step of an explicit method: stages, sums and the error estimate, on any kind of numbers.
+
+Positions and velocities have the same count; other states are of first order. The derivative is any
+function.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+from redundant_envs.algebra import maximum, minimum
+from redundant_envs.numerics.tableaus import Tableau
+
+Numbers = Sequence[Any]
+Derivative = Callable[[Numbers, Numbers, Numbers], Numbers]
+"""(positions, velocities, others) -> accelerations, derivatives of the others, and watched quantities."""
+
+
+class Watched(NamedTuple):
+    """A quantity at the stages of a step."""
+
+    first: Any
+    last: Any
+    least: Any
+    most: Any
+
+
+class Step(NamedTuple):
+    """A step from a state.
+
+    Attributes
+    ----------
+    positions, velocities, others : the new state
+    watched : further results of the derivative function, beside derivatives
+    error6, error5, error3 : estimates of each state, up to the factors ``h6``, ``h5`` and ``h3``; empty if
+        the method has none
+    """
+
+    positions: list[Any]
+    velocities: list[Any]
+    others: list[Any]
+    watched: list[Watched]
+    error6: list[Any]
+    error5: list[Any]
+    error3: list[Any]
+    h6: Any
+    h5: Any
+    h3: Any
+
+
+def weighted(weights: Sequence[float], terms: Numbers) -> tuple[float, Any]:
+    """The first weight that is not 0, and the sum of terms in units of it."""
+    (factor, total), *rest = ((w, term) for w, term in zip(weights, terms, strict=False) if w != 0.0)
+    for w, term in rest:
+        total = total + (w / factor) * term
+    return factor, total
+
+
+def watch(values: Numbers) -> Watched:
+    """A quantity from its values at the stages."""
+    least = most = values[0]
+    for value in values[1:]:
+        least, most = minimum(least, value), maximum(most, value)
+    return Watched(values[0], values[-1], least, most)
+
+
+def explicit_step(
+    method: Tableau, derivative: Derivative, positions: Numbers, velocities: Numbers, others: Numbers, h: Any
+) -> Step:
+    """A step of length ``h``."""
+    n, m = len(positions), len(others)
+    state = [*positions, *velocities, *others]
+    slopes: list[list[Any]] = [[] for _ in state]
+    watched: list[list[Any]] = []
+    if method.name == "euler":
+        results = derivative(positions, velocities, others)
+        new = [s + h * k for s, k in zip((*velocities, *others), results, strict=False)]
+        moved = [p + h * v for p, v in zip(positions, new, strict=False)]
+        seen = [watch([w]) for w in results[n + m :]]
+        return Step(moved, new[:n], new[n:], seen, [], [], [], None, None, None)
+    for row in method.a:
+        stage = state
+        if any(row):
+            sums = [weighted(row, slope) for slope in slopes]
+            stage = [s + (h * f) * total for s, (f, total) in zip(state, sums, strict=True)]
+        results = derivative(stage[:n], stage[n : 2 * n], stage[2 * n :])
+        for slope, k in zip(slopes, (*stage[n : 2 * n], *results), strict=False):
+            slope.append(k)
+        watched.append(list(results[n + m :]))
+    totals = [weighted(method.b, slope) for slope in slopes]
+    new = [s + (h * f) * total for s, (f, total) in zip(state, totals, strict=True)]
+    seen = [watch(values) for values in zip(*watched, strict=True)]
+    parts = new[:n], new[n : 2 * n], new[2 * n :], seen
+    if not method.error5:
+        return Step(*parts, [], [], [], None, None, None)
+    # The lower of the two embedded methods differs from the method itself in three weights only.
+    first = method.b[0]
+    lower = [(e - b) / first for e, b in zip(method.error3, method.b, strict=True)]
+    error6, error5, error3 = [], [], []
+    for slope, (_, whole) in zip(slopes, totals, strict=True):
+        factor6, total = weighted(method.error6, slope)
+        error6.append(total)
+        factor5, total = weighted(method.error5, slope)
+        error5.append(total)
+        factor3, total = weighted(lower, slope)
+        error3.append(whole + factor3 * total)
+    return Step(*parts, error6, error5, error3, h * abs(factor6), h * abs(factor5), h * first)

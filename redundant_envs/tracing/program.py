@@ -1,0 +1,166 @@
+"""Programs of lanes: generators with ``if`` and ``while`` on numbers, traced as state machines.
+
+A program asks with ``yield`` for what all lanes do together, and goes on when it is done. On floats it simply
+runs. On traced numbers the stretch from one request to the next is run once for each way that its conditions
+can go; what the ways write into fields of the lane is merged. Fields are all that survives a request.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable, Generator, Iterator, Mapping
+from typing import Any, NamedTuple, Protocol
+
+from redundant_envs.tracing.graph import Graph, Operation
+from redundant_envs.tracing.number import Condition, Number, outlives
+from redundant_envs.tracing.ways import Ways, every_way, merged
+
+Program = Callable[[Any], Generator[enum.Enum, None, None]]
+Writes = dict[str, Any]
+
+
+class ProgramLane(Protocol):
+    """What the machine needs of a lane."""
+
+    def begin(self, graph: Graph) -> None:
+        """Read all fields anew, as numbers of a graph."""
+
+    def written(self) -> Writes:
+        """Fields that were set, and their last values as numbers."""
+
+    def loaded(self, name: str) -> Any:
+        """A field as it is in memory, as a number."""
+
+    def __getitem__(self, name: str) -> Any:
+        """A field."""
+
+
+class State(NamedTuple):
+    """Where a program may wait.
+
+    Attributes
+    ----------
+    number : of the state
+    request : what it has asked for; None before it begins
+    answers : for each stretch that leads there, the answers to its conditions
+    """
+
+    number: int
+    request: enum.Enum | None
+    answers: tuple[tuple[bool, ...], ...]
+
+
+class Machine:
+    """The states of a program, and what it writes between them.
+
+    Every stretch also writes the field "state", for each request whether the program asks for it, in the field
+    that is the value of the request, and "complete", whether the program has ended.
+
+    Parameters
+    ----------
+    program : callable
+        Takes a lane and returns the generator.
+    lane : ProgramLane
+    requests : type of enum
+        What the program may ask for.
+    """
+
+    def __init__(self, program: Program, lane: ProgramLane, requests: type[enum.Enum]) -> None:
+        self.program, self.lane, self.requests = program, lane, requests
+        self.states: list[State] = [State(0, None, ())]
+        self.writes: dict[int, Writes] = {}
+        self.graphs: dict[enum.Enum | None, Graph] = {}
+        self._rehearsals: dict[enum.Enum | None, Graph] = {}
+        self._found: dict[Any, tuple[State, Any]] = {}
+        for state in self.states:  # grows while it is explored
+            graph = self.graphs.setdefault(state.request, Graph())
+            self.writes[state.number] = every_way(
+                graph, lambda ways, s=state: self._run(s, ways), self._merge(graph), _name(state)
+            )
+
+    def _run(self, state: State, ways: Ways) -> Writes:
+        """One way of the stretch after a state."""
+        rehearsal = self._rehearsals.setdefault(state.request, Graph())
+        running = self.program(self.lane)
+        for answers in state.answers:
+            self.lane.begin(rehearsal)
+            with Ways(rehearsal, answers).taken_here():
+                next(running)
+        self.lane.begin(ways.graph)
+        request = next(running, None)
+        number = -1.0 if request is None else self._reached(state, request, running, ways)
+        told = {"state": number, "complete": float(request is None)}
+        told |= {r.value: float(r is request) for r in self.requests}
+        return {**{n: _of(ways.graph, v) for n, v in self.lane.written().items()}, **told}
+
+    def _reached(self, before: State, request: enum.Enum, running: Any, ways: Ways) -> float:
+        """Number of the state in which the program waits now."""
+        place, values = [], {}
+        while running is not None and getattr(running, "gi_frame", None) is not None:
+            frame = running.gi_frame
+            place.append((frame.f_code.co_qualname, frame.f_lineno))
+            values |= {(frame.f_code.co_qualname, n): v for n, v in _plain(frame.f_locals)}
+            running = running.gi_yieldfrom
+        key = tuple(place)
+        if key not in self._found:
+            answers = (*before.answers, tuple(a for _, a in ways.taken))
+            self._found[key] = State(len(self.states), request, answers), values
+            self.states.append(self._found[key][0])
+        state, known = self._found[key]
+        for where_, name in {*known, *values}:
+            a, b = known.get((where_, name), "unset"), values.get((where_, name), "unset")
+            if a != b or type(a) is not type(b):
+                raise TypeError(
+                    f"{where_} reaches one yield with different local variables: {name} is {a!r} in one way and "
+                    f"{b!r} in another; keep it in a field of the lane, or ask at two places"
+                )
+        return float(state.number)
+
+    def _merge(self, graph: Graph) -> Callable[[Condition, Writes, Writes], Writes]:
+        def merge(condition: Condition, a: Writes, b: Writes) -> Writes:
+            self.lane.begin(graph)
+            return {
+                n: merged(
+                    condition,
+                    a[n] if n in a else self.lane.loaded(n),
+                    b[n] if n in b else self.lane.loaded(n),
+                )
+                for n in {**a, **b}
+            }
+
+        return merge
+
+    def after(self, request: enum.Enum | None, answered: str) -> Writes:
+        """What is written by all stretches after a request, where the field ``answered`` is true."""
+        lane, total = self.lane, dict[str, Any]()
+        lane.begin(self.graphs[request])
+        states = [s for s in self.states if s.request is request]
+        for state in states:
+            here = lane[answered]
+            if len(states) > 1:
+                here = here & (lane["state"] == float(state.number))
+            for name, value in self.writes[state.number].items():
+                total[name] = merged(here, value, total.get(name, lane.loaded(name)))
+        return {n: v for n, v in total.items() if not _is(v, lane.loaded(n))}
+
+
+def _name(state: State) -> str:
+    return "the beginning of a program" if state.request is None else f"the stretch after {state.request.name}"
+
+
+def _is(a: Any, b: Any) -> bool:
+    return isinstance(a, Number) and isinstance(b, Number) and a.value is b.value
+
+
+def _of(graph: Graph, x: Any) -> Any:
+    """A number or condition, unless it is of another stretch."""
+    if isinstance(x, Number | Condition) and x.graph is not graph and isinstance(x.value, Operation):
+        outlives()
+    return x
+
+
+def _plain(variables: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Local variables that hold no numbers of lanes: a way may depend on them."""
+    for name, value in variables.items():
+        if value is None or isinstance(value, bool | int | float | str | enum.Enum):
+            yield name, value
