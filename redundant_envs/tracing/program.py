@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Protocol
 
 from redundant_envs.tracing.graph import Graph, Operation
 from redundant_envs.tracing.number import Condition, Number, outlives
-from redundant_envs.tracing.ways import Ways, every_way, merged
+from redundant_envs.tracing.ways import Fork, Tree, Way, Ways, every_way, merged_fields
 
 Program = Callable[[Any], Generator[enum.Enum, None, None]]
 Writes = dict[str, Any]
@@ -68,15 +68,13 @@ class Machine:
     def __init__(self, program: Program, lane: ProgramLane, requests: type[enum.Enum]) -> None:
         self.program, self.lane, self.requests = program, lane, requests
         self.states: list[State] = [State(0, None, ())]
-        self.writes: dict[int, Writes] = {}
+        self.ways: dict[int, Tree] = {}
         self.graphs: dict[enum.Enum | None, Graph] = {}
         self._rehearsals: dict[enum.Enum | None, Graph] = {}
         self._found: dict[Any, tuple[State, Any]] = {}
         for state in self.states:  # grows while it is explored
             graph = self.graphs.setdefault(state.request, Graph())
-            self.writes[state.number] = every_way(
-                graph, lambda ways, s=state: self._run(s, ways), self._merge(graph), _name(state)
-            )
+            self.ways[state.number] = every_way(graph, lambda ways, s=state: self._run(s, ways), _name(state))
 
     def _run(self, state: State, ways: Ways) -> Writes:
         """One way of the stretch after a state."""
@@ -116,40 +114,25 @@ class Machine:
                 )
         return float(state.number)
 
-    def _merge(self, graph: Graph) -> Callable[[Condition, Writes, Writes], Writes]:
-        def merge(condition: Condition, a: Writes, b: Writes) -> Writes:
-            self.lane.begin(graph)
-            return {
-                n: merged(
-                    condition,
-                    a[n] if n in a else self.lane.loaded(n),
-                    b[n] if n in b else self.lane.loaded(n),
-                )
-                for n in {**a, **b}
-            }
-
-        return merge
-
     def after(self, request: enum.Enum | None, answered: str) -> Writes:
         """What is written by all stretches after a request, where the field ``answered`` is true."""
-        lane, total = self.lane, dict[str, Any]()
+        lane = self.lane
         lane.begin(self.graphs[request])
         states = [s for s in self.states if s.request is request]
+        tree: Tree = Way({})
         for state in states:
             here = lane[answered]
             if len(states) > 1:
                 here = here & (lane["state"] == float(state.number))
-            for name, value in self.writes[state.number].items():
-                total[name] = merged(here, value, total.get(name, lane.loaded(name)))
-        return {n: v for n, v in total.items() if not _is(v, lane.loaded(n))}
+            tree = Fork(here, self.ways[state.number], tree)
+        results = [way.result for way in tree.leaves]
+        before = {name: lane.loaded(name) for result in results for name in result}
+        total = merged_fields(tree, {n: [r.get(n, x) for r in results] for n, x in before.items()})
+        return {n: x for n, x in total.items() if getattr(x, "value", x) is not before[n].value}
 
 
 def _name(state: State) -> str:
     return "the beginning of a program" if state.request is None else f"the stretch after {state.request.name}"
-
-
-def _is(a: Any, b: Any) -> bool:
-    return isinstance(a, Number) and isinstance(b, Number) and a.value is b.value
 
 
 def _of(graph: Graph, x: Any) -> Any:

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import contextlib
 import functools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from redundant_envs.algebra import logical_not, where
@@ -17,6 +18,9 @@ from redundant_envs.tracing.number import Condition, Number, deciding, outlives
 
 MOST_WAYS = 256
 """With more ways a stretch takes too long to trace, and its code is too long."""
+
+MERGING = ("select", "and", "or", "not")
+"""Operations that merge ways."""
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -58,10 +62,47 @@ class Ways:
             deciding.reset(token)
 
 
-def every_way(
-    graph: Graph, run: Callable[[Ways], Any], merge: Callable[[Condition, Any, Any], Any], what: str
-) -> Any:
-    """Run a stretch once for each way, and merge the results.
+@dataclass(eq=False)
+class Way:
+    """One way of a stretch, and its result."""
+
+    result: Any
+
+    @property
+    def leaves(self) -> list[Way]:
+        return [self]
+
+
+class Fork:
+    """The ways of a stretch in which a condition holds, and the others."""
+
+    def __init__(self, condition: Any, yes: Tree, no: Tree) -> None:
+        self.condition, self.yes, self.no = condition, yes, no
+        self.leaves: list[Way] = [*yes.leaves, *no.leaves]
+        self.known: dict[frozenset[Way], Any] = {}
+
+    def within(self, some: frozenset[Way]) -> Any:
+        """The condition under which one of some ways is taken."""
+        if some not in self.known:
+            yes, no = (_within(part, some) for part in (self.yes, self.no))
+            self.known[some] = either(self.condition, yes, no)
+        return self.known[some]
+
+
+Tree = Way | Fork
+
+
+def _within(tree: Tree, some: frozenset[Way]) -> Any:
+    if some.isdisjoint(tree.leaves):
+        return False
+    if some.issuperset(tree.leaves):
+        return True
+    assert isinstance(tree, Fork)
+    return tree.within(some.intersection(tree.leaves))
+
+
+def every_way(graph: Graph, run: Callable[[Ways], Any], what: str) -> Tree:
+    """Run a stretch once for each way.
 
     Parameters
     ----------
@@ -69,14 +110,12 @@ def every_way(
         Records what the stretch does.
     run : callable
         The stretch; it must do the same as long as its conditions have the same answers.
-    merge : callable
-        Takes a condition, the result where it holds, and the result elsewhere.
     what : str
         Names the stretch in messages.
     """
     count = 0
 
-    def way(ahead: list[bool]) -> Any:
+    def way(ahead: list[bool]) -> Tree:
         nonlocal count
         count += 1
         if count > MOST_WAYS:
@@ -86,11 +125,11 @@ def every_way(
             )
         ways = Ways(graph, ahead)
         with ways.taken_here():
-            result = run(ways)
+            tree: Tree = Way(run(ways))
         for k in reversed(range(len(ahead), len(ways.taken))):
             other = way([*(answer for _, answer in ways.taken[:k]), False])
-            result = merge(ways.taken[k][0], result, other)
-        return result
+            tree = Fork(ways.taken[k][0], tree, other)
+        return tree
 
     return way([])
 
@@ -109,8 +148,9 @@ def branches(function: F) -> F:
             return function(*arguments)
         known = (function, key)
         if known not in graph.results:
-            result = every_way(graph, lambda _: function(*arguments), merged, function.__qualname__)
-            graph.results[known] = (result, arguments)  # arguments are kept: keys hold identities
+            tree = every_way(graph, lambda _: function(*arguments), function.__qualname__)
+            # Arguments are kept, too: keys hold identities.
+            graph.results[known] = merged(tree, [way.result for way in tree.leaves]), arguments
         return graph.results[known][0]
 
     return call  # type: ignore[return-value]
@@ -131,57 +171,137 @@ def _key(x: Any) -> tuple[Graph | None, Any]:
     return None, (type(x), id(x))
 
 
-def merged(condition: Condition, a: Any, b: Any) -> Any:
-    """``a`` where a condition holds, else ``b``: numbers, conditions, or tuples and lists of them."""
-    if a is b or (isinstance(a, Number) and isinstance(b, Number) and a.value is b.value):
-        return a
-    if isinstance(a, Condition | bool) and isinstance(b, Condition | bool):
-        return _merged_conditions(condition, a, b)
-    if isinstance(a, Number | float | int) and isinstance(b, Number | float | int):
-        return _merged_numbers(condition, a, b)
-    if isinstance(a, tuple | list) and type(a) is type(b) and len(a) == len(b):
-        parts = [merged(condition, x, y) for x, y in zip(a, b, strict=True)]
-        return type(a)(*parts) if hasattr(a, "_fields") else type(a)(parts)
+def merged(tree: Tree, values: Sequence[Any]) -> Any:
+    """The value of the way that is taken: numbers, conditions, or tuples and lists of them.
+
+    Parameters
+    ----------
+    tree : the ways
+    values : one for each of its leaves, in order
+    """
+    first = values[0]
+    if all(isinstance(x, Condition | bool) for x in values):
+        return _merged_conditions(tree, iter(values))
+    if all(isinstance(x, Number | float | int) for x in values):
+        return _merged_numbers(tree, values)
+    alike = all(type(x) is type(first) for x in values)
+    if alike and isinstance(first, tuple | list) and len({len(x) for x in values}) == 1:
+        parts = [merged(tree, part) for part in zip(*values, strict=True)]
+        return type(first)(*parts) if hasattr(first, "_fields") else type(first)(parts)
+    if all(x is first for x in values):
+        return first
+    other = next(x for x in values if x is not first)
     raise TypeError(
-        f"a function with branches returns {a!r} in one way and {b!r} in another; return numbers, or tuples "
-        "of numbers, of the same form in every way"
+        f"a function with branches returns {first!r} in one way and {other!r} in another; return numbers, or "
+        "tuples of numbers, of the same form in every way"
     )
 
 
-def _merged_conditions(condition: Condition, a: Any, b: Any) -> Any:
+def _merged_conditions(tree: Tree, values: Iterator[Any]) -> Any:
+    if isinstance(tree, Way):
+        return next(values)
+    yes = _merged_conditions(tree.yes, values)
+    return either(tree.condition, yes, _merged_conditions(tree.no, values))
+
+
+def either(condition: Any, a: Any, b: Any) -> Any:
+    """The condition ``a`` where another one holds, else ``b``."""
     if isinstance(a, bool) and isinstance(b, bool):
         return a if a == b else condition if a else logical_not(condition)
     if isinstance(a, bool):
         return condition | b if a else logical_not(condition) & b
     if isinstance(b, bool):
         return logical_not(condition) | a if b else condition & a
-    if a.value is b.value:
-        return a
-    return where(condition, a, b)
+    return a if a.value is b.value else where(condition, a, b)
 
 
-def _merged_numbers(condition: Condition, a: Any, b: Any) -> Any:
-    """One selection where ``b`` or ``a`` is itself a selection of the other."""
-    if isinstance(a, float | int) and isinstance(b, float | int) and bits_of(a) == bits_of(b):
+def _merged_numbers(tree: Tree, values: Sequence[Any]) -> Any:
+    """A selection at each fork whose sides differ."""
+    numbers = iter(values)
+
+    def at(part: Tree) -> Any:
+        if isinstance(part, Way):
+            return next(numbers)
+        yes = at(part.yes)
+        return _selected(part.condition, yes, at(part.no))
+
+    return at(tree)
+
+
+def _selected(condition: Any, a: Any, b: Any) -> Any:
+    """One selection, also where ``a`` or ``b`` is itself a selection of the other."""
+    if _same(a, b):
         return a
     for one, other, here in ((a, b, condition), (b, a, logical_not(condition))):
         value = getattr(other, "value", None)
         if isinstance(value, Operation) and value.name == "select":
-            inner, chosen, rest = value.arguments
-            inner = Condition(condition.graph, inner)
+            graph, (inner, chosen, rest) = condition.graph, value.arguments
+            inner = Condition(graph, inner)
             if _same(chosen, one):
-                return where(here | inner, one, _number(condition.graph, rest))
+                return where(here | inner, one, _number(graph, rest))
             if _same(rest, one):
-                return where(logical_not(here) & inner, _number(condition.graph, chosen), one)
+                return where(logical_not(here) & inner, _number(graph, chosen), one)
     return where(condition, a, b)
 
 
-def _same(value: Any, number: Any) -> bool:
-    x = getattr(number, "value", number)
-    return value is x or (
-        isinstance(value, float) and isinstance(x, float | int) and bits_of(value) == bits_of(x)
-    )
+def _same(a: Any, b: Any) -> bool:
+    return _key(a)[1] == _key(b)[1]
 
 
 def _number(graph: Graph, value: Any) -> Any:
     return value if isinstance(value, float) else Number(graph, value)
+
+
+def merged_fields(tree: Tree, fields: dict[str, list[Any]]) -> dict[str, Any]:
+    """Numbers of several fields, of the way that is taken.
+
+    Fields that are equal in the same ways are merged alike, in the form that needs fewer operations: a
+    selection at each fork, or one for each different number but one, by the condition that its ways are
+    taken, which all these fields share.
+
+    Parameters
+    ----------
+    tree : the ways
+    fields : for each field, its numbers in the leaves of the tree
+    """
+    alike: dict[Any, list[str]] = {}
+    for name, values in fields.items():
+        keys = [_key(float(x) if isinstance(x, int) else x)[1] for x in values]
+        first = {key: k for k, key in reversed(list(enumerate(keys)))}
+        alike.setdefault(tuple(first[key] for key in keys), []).append(name)
+    total: dict[str, Any] = {}
+    used: set[Operation] = set()
+    for partition, names in sorted(alike.items(), key=lambda item: -len(item[1])):
+        forms = [
+            {name: form(fields[name]) for name in names}
+            for form in (lambda v: _merged_numbers(tree, v), lambda v, p=partition: _by_number(tree, p, v))
+        ]
+        needed = [_operations(form.values(), used) for form in forms]
+        best = min((0, 1), key=lambda k: len(needed[k]))
+        used |= needed[best]
+        total |= forms[best]
+    return total
+
+
+def _by_number(tree: Tree, partition: Sequence[int], values: Sequence[Any]) -> Any:
+    groups: dict[int, list[Way]] = {}
+    for way, k in zip(tree.leaves, partition, strict=True):
+        groups.setdefault(k, []).append(way)
+    # The last selection decides between two numbers, and the others come after it.
+    *others, last = sorted(groups, key=lambda k: len(groups[k]))
+    result = values[last]
+    for k in reversed(others):
+        result = where(_within(tree, frozenset(groups[k])), values[k], result)
+    return result
+
+
+def _operations(values: Iterable[Any], known: set[Operation]) -> set[Operation]:
+    """Operations that decide and select, and that some values need beside known ones."""
+    found: set[Operation] = set()
+    stack = [x.value for x in values if isinstance(x, Number)]
+    while stack:
+        node = stack.pop()
+        if isinstance(node, Operation) and node.name in MERGING and node not in known and node not in found:
+            found.add(node)
+            stack += node.arguments
+    return found
