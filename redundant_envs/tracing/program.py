@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Protocol
 
 from redundant_envs.tracing.graph import Graph, Operation
 from redundant_envs.tracing.number import Condition, Number, outlives
-from redundant_envs.tracing.ways import Fork, Tree, Way, Ways, every_way, merged_fields
+from redundant_envs.tracing.ways import Exclusive, Tree, Way, Ways, every_way, merged_fields
 
 Program = Callable[[Any], Generator[enum.Enum, None, None]]
 Writes = dict[str, Any]
@@ -119,12 +119,10 @@ class Machine:
         lane = self.lane
         lane.begin(self.graphs[request])
         states = [s for s in self.states if s.request is request]
-        tree: Tree = Way({})
-        for state in states:
-            here = lane[answered]
-            if len(states) > 1:
-                here = here & (lane["state"] == float(state.number))
-            tree = Fork(here, self.ways[state.number], tree)
+        here = [lane[answered]]
+        if len(states) > 1:
+            here = [here[0] & (lane["state"] == float(state.number)) for state in states]
+        tree = Exclusive([(h, self.ways[s.number]) for h, s in zip(here, states, strict=True)], Way({}))
         results = [way.result for way in tree.leaves]
         before = {name: lane.loaded(name) for result in results for name in result}
         total = merged_fields(tree, {n: [r.get(n, x) for r in results] for n, x in before.items()})

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from redundant_envs.algebra import logical_not, where
+from redundant_envs.algebra import any_of, logical_not, where
 from redundant_envs.tracing.graph import Graph, Operation, bits_of
 from redundant_envs.tracing.number import Condition, Number, deciding, outlives
 
@@ -86,6 +86,30 @@ class Fork:
         if some not in self.known:
             yes, no = (_within(part, some) for part in (self.yes, self.no))
             self.known[some] = either(self.condition, yes, no)
+        return self.known[some]
+
+
+class Exclusive(Fork):
+    """Ways of which those under one condition are taken if it holds, and others if none holds.
+
+    At most one of the conditions holds.
+    """
+
+    def __init__(self, parts: Sequence[tuple[Any, Tree]], none: Way) -> None:
+        tree: Tree = none
+        for condition, part in reversed(parts):
+            tree = Fork(condition, part, tree)
+        assert isinstance(tree, Fork)
+        super().__init__(tree.condition, tree.yes, tree.no)
+        self.parts, self.none = parts, none
+
+    def within(self, some: frozenset[Way]) -> Any:
+        """The condition under which one of some ways is taken."""
+        if self.none in some:
+            return logical_not(self.within(frozenset(self.leaves) - some))
+        if some not in self.known:
+            inside = [(c, _within(part, some.intersection(part.leaves))) for c, part in self.parts]
+            self.known[some] = any_of(c & taken for c, taken in inside)
         return self.known[some]
 
 
