@@ -15,6 +15,10 @@ from redundant_envs.lane.program import Request
 from redundant_envs.tracing.flow import Scalar
 
 
+IDLE = -2.0
+"""State of a slot without a lane."""
+
+
 class Slots:
     """Local time stepping: lanes that the common step does not serve go through slots, eight at a time."""
 
@@ -256,6 +260,7 @@ class Slots:
         home, k = self._home(lane)
         self._copy(self.carried_out, home.places, k, self.slots, slot)
         self._set(slot, "complete", 0.0)
+        self._set(slot, "state", IDLE)
 
     # ---- the log of events -----------------------------------------------------------------------------
 

@@ -6,7 +6,7 @@ import enum
 from abc import ABC, abstractmethod
 from typing import Any
 
-from redundant_envs.algebra import maximum
+from redundant_envs.algebra import logical_not, maximum
 from redundant_envs.lane.common_step import CommonStep
 from redundant_envs.lane.features import Control, Fault, Reason, SceneFeatures
 from redundant_envs.lane.memory import Lane
@@ -109,25 +109,25 @@ class EqualSteps(StepControl):
         lane.divisions = lane.steps_left = steps
 
     def end(self, lane: Lane) -> End:
-        ended, last = not lane.left > 0.0, not lane.steps_left - 1.0 > 0.0
+        ended, last = logical_not(lane.left > 0.0), logical_not(lane.steps_left - 1.0 > 0.0)
         lane.min_steps = maximum(lane.min_steps, self.step.least_steps(lane))
         agrees = error_control.agrees(self._crossed(lane))
         too_fast = lane.min_steps > error_control.TOO_FAST * lane.divisions
-        if lane.divisions < error_control.most_steps(self._impacts(lane)):
-            if too_fast or (ended and last and not agrees):
-                if last:
-                    coordinates = self.dynamics.arm.coordinates
-                    lane.set(coordinates, lane.get(coordinates), of="{}_seen")
-                return End.REPEATED
+        most = error_control.most_steps(self._impacts(lane))
+        if (lane.divisions < most) & (too_fast | (ended & last & logical_not(agrees))):
+            if last:
+                coordinates = self.dynamics.arm.coordinates
+                lane.set(coordinates, lane.get(coordinates), of="{}_seen")
+            return End.REPEATED
         if not ended:
             return End.GOES_ON
-        if last:
-            passed = (lane.error <= lane.tip_tolerance) & (lane.min_steps <= error_control.MOST_STEPS) & agrees
-            if not passed:
-                lane.fault = float(Fault.TOLERANCE_NOT_REACHED)
-            return End.CROSSED
-        lane.left, lane.steps_left = lane.interval / lane.divisions, lane.steps_left - 1.0
-        return End.NEXT
+        if not last:
+            lane.left, lane.steps_left = lane.interval / lane.divisions, lane.steps_left - 1.0
+            return End.NEXT
+        passed = (lane.error <= lane.tip_tolerance) & (lane.min_steps <= error_control.MOST_STEPS) & agrees
+        if not passed:
+            lane.fault = float(Fault.TOLERANCE_NOT_REACHED)
+        return End.CROSSED
 
     def _impacts(self, lane: Lane) -> Any:
         return lane.impacts if self.features.stops else 0.0

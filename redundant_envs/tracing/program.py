@@ -11,9 +11,13 @@ import enum
 from collections.abc import Callable, Generator, Iterator, Mapping
 from typing import Any, NamedTuple, Protocol
 
+from redundant_envs.algebra import any_of, logical_not, where
 from redundant_envs.tracing.graph import Graph, Operation
 from redundant_envs.tracing.number import Condition, Number, outlives
-from redundant_envs.tracing.ways import Exclusive, Tree, Way, Ways, every_way, merged_fields
+from redundant_envs.tracing.ways import Exclusive, Fork, Tree, Way, Ways, every_way, merged_fields
+
+ENDED = -1.0
+"""The number of a state in which a program has ended."""
 
 Program = Callable[[Any], Generator[enum.Enum, None, None]]
 Writes = dict[str, Any]
@@ -86,10 +90,8 @@ class Machine:
                 next(running)
         self.lane.begin(ways.graph)
         request = next(running, None)
-        number = -1.0 if request is None else self._reached(state, request, running, ways)
-        told = {"state": number, "complete": float(request is None)}
-        told |= {r.value: float(r is request) for r in self.requests}
-        return {**{n: _of(ways.graph, v) for n, v in self.lane.written().items()}, **told}
+        number = ENDED if request is None else self._reached(state, request, running, ways)
+        return {**{n: _of(ways.graph, v) for n, v in self.lane.written().items()}, "state": number}
 
     def _reached(self, before: State, request: enum.Enum, running: Any, ways: Ways) -> float:
         """Number of the state in which the program waits now."""
@@ -118,15 +120,52 @@ class Machine:
         """What is written by all stretches after a request, where the field ``answered`` is true."""
         lane = self.lane
         lane.begin(self.graphs[request])
-        states = [s for s in self.states if s.request is request]
-        here = [lane[answered]]
-        if len(states) > 1:
-            here = [here[0] & (lane["state"] == float(state.number)) for state in states]
-        tree = Exclusive([(h, self.ways[s.number]) for h, s in zip(here, states, strict=True)], Way({}))
+        parts = [(s, self.ways[s.number]) for s in self.states if s.request is request]
+        here, ends = lane[answered], []
+        while (end := _common_end([tree for _, tree in parts])) is not None:
+            condition, way, rest = end
+            ends.append((here & condition, way))
+            here = here & logical_not(condition)
+            parts = [(s, tree) for (s, _), tree in zip(parts, rest, strict=True)]
+        if len(parts) > 1:
+            ends += [(here & (lane["state"] == float(s.number)), tree) for s, tree in parts]
+        else:
+            ends.append((here, parts[0][1]))
+        tree = Exclusive(ends, Way({}))
         results = [way.result for way in tree.leaves]
         before = {name: lane.loaded(name) for result in results for name in result}
         total = merged_fields(tree, {n: [r.get(n, x) for r in results] for n, x in before.items()})
-        return {n: x for n, x in total.items() if getattr(x, "value", x) is not before[n].value}
+        for asked in self.requests:
+            waits = [total["state"] == float(s.number) for s in self.states if s.request is asked]
+            if waits:
+                total[asked.value] = where(any_of(waits), 1.0, 0.0)
+        total["complete"] = where(total["state"] == ENDED, 1.0, 0.0)
+        return {n: x for n, x in total.items() if n not in before or getattr(x, "value", x) is not before[n].value}
+
+
+def _common_end(trees: list[Tree]) -> tuple[Condition, Way, list[Tree]] | None:
+    """If all stretches of several states begin with one fork, and on one side of it do the same at once: the
+    condition of that side, its way, and the other side of each."""
+    first, *others = trees
+    forks = [tree for tree in trees if isinstance(tree, Fork)]
+    if not others or any(getattr(tree, "condition", None) is None for tree in trees):
+        return None
+    condition = forks[0].condition
+    if any(tree.condition.value is not condition.value for tree in forks):
+        return None
+    sides = [tree.yes for tree in forks], [tree.no for tree in forks]
+    for (ends, rest), end in ((sides, condition), (sides[::-1], logical_not(condition))):
+        if all(isinstance(way, Way) and _alike(way.result, ends[0].result) for way in ends):  # type: ignore[union-attr]
+            return end, ends[0], rest  # type: ignore[return-value]
+    return None
+
+
+def _alike(a: Writes, b: Writes) -> bool:
+    return a.keys() == b.keys() and all(
+        getattr(a[n], "value", a[n]) is getattr(b[n], "value", b[n]) or a[n] is b[n]
+        or (isinstance(a[n], float) and a[n] == b[n])
+        for n in a
+    )  # fmt: skip
 
 
 def _name(state: State) -> str:
