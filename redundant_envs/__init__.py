@@ -18,11 +18,11 @@ if TYPE_CHECKING:
         register_task,
     )
     from redundant_envs.envs.sb3 import make_sb3 as make_sb3  # not in __all__
-    from redundant_envs.numerics.tableaus import Tableau
     from redundant_envs.model.batch import BatchSimulator, Event, Numerics
     from redundant_envs.model.listing import bill, listing
     from redundant_envs.model.torch_step import torch_step as torch_step  # not in __all__
     from redundant_envs.model.trajectory import simulate
+    from redundant_envs.numerics.tableaus import Tableau
     from redundant_envs.robots import RPRP, Arm, Chain, FourR
     from redundant_envs.scene import Scene, load_scene
     from redundant_envs.tasks import GoalReachTask, ReachTask, Task

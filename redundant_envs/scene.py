@@ -20,8 +20,8 @@ from redundant_envs.effects.hooks import (
     State,
 )
 from redundant_envs.files import exists, explained, read_yaml, scene_folder
-from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.loaded_arm import identifier, loaded_arm
+from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.plain_data import check_keys, check_registered, plain, typed
 from redundant_envs.robots import REGISTRY as ARMS
 from redundant_envs.robots.added_inertia import Loaded

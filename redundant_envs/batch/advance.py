@@ -7,11 +7,11 @@ from typing import Any
 
 from redundant_envs.algebra import where
 from redundant_envs.batch.blocks import MEMORY, Block, Blocks, Ends
+from redundant_envs.batch.slots import advance
 from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.lane.features import GIVEN_UP, Control, Fault
 from redundant_envs.lane.interval import Interval
 from redundant_envs.lane.memory import Lane
-from redundant_envs.lane.features import GIVEN_UP, Control, Fault
-from redundant_envs.batch.slots import advance
 from redundant_envs.tracing.flow import Kernel
 
 COLUMNS = {"error": "f64", "finite": "i8", "evaluations": "i64", "events": "i64", "numerics": "i8"}
@@ -21,9 +21,10 @@ COLUMNS = {"error": "f64", "finite": "i8", "evaluations": "i64", "events": "i64"
 def advance_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:
     """A kernel that takes ``efforts`` (lanes, joints) and fills :data:`COLUMNS`."""
     interval = Interval(dynamics)
+    features = interval.features
     p = Kernel("advance", {**MEMORY, "efforts": "f64", **COLUMNS})
     blocks = Blocks(p, interval, interval.layout())
-    gives_up = interval.features.local and (bool(interval.features.boundaries) or interval.features.control is Control.ADAPTIVE)
+    gives_up = features.local and (bool(features.boundaries) or features.control is Control.ADAPTIVE)
 
     def end(lane: Lane) -> dict[Any, Any]:
         interval.update_effect_states(lane)
@@ -31,28 +32,28 @@ def advance_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:
         defect = reduce(lambda total, x: total + 0.0 * x, motion[1:], 0.0 * motion[0])
         told: dict[str, Any] = {}
         fault: Any = 0.0
-        if interval.features.local:
+        if features.local:
             fault, given_up = lane.fault, lane.fault >= GIVEN_UP
             defect = where(given_up, 0.0, defect)
             told["evaluations"] = lane.evaluations
-        if interval.features.stops:
+        if features.stops:
             told["events"] = where(given_up, 0.0, lane.impacts)
         if gives_up:
             interval.undo(lane, given_up)
-        if interval.features.logs:
+        if features.logs:
             lane.logged = where(given_up, 0.0, lane.logged)
-        if interval.features.estimates:
+        if features.estimates:
             told["error"] = lane.error
         told["finite"] = defect == 0.0
         told["numerics"] = (
-            where(defect == 0.0, 0.0, float(Fault.NON_FINITE)) + fault + interval.features.angle_fault(lane)
+            where(defect == 0.0, 0.0, float(Fault.NON_FINITE)) + fault + features.angle_fault(lane)
         )
         return {(name, COLUMNS[name], 0, 0): value for name, value in told.items()}
 
     told = ["finite", "numerics"]
-    told += ["evaluations"] if interval.features.local else []
-    told += ["error"] if interval.features.estimates else []
-    told += ["events"] if interval.features.stops else []
+    told += ["evaluations"] if features.local else []
+    told += ["error"] if features.estimates else []
+    told += ["events"] if features.stops else []
 
     def outputs(block: Block) -> dict[str, Any]:
         return {name: p[name] + block.first for name in told}

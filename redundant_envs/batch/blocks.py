@@ -8,7 +8,16 @@ from typing import Any
 
 from redundant_envs.lane.interval import Interval
 from redundant_envs.lane.memory import (
-    LOG, PARAMETER, SCRATCH, STATE, Lane, Layout, Lifetime, ProgramLane, lane_function, traced,
+    LOG,
+    PARAMETER,
+    SCRATCH,
+    STATE,
+    Lane,
+    Layout,
+    Lifetime,
+    ProgramLane,
+    lane_function,
+    traced,
 )  # fmt: skip
 from redundant_envs.lane.program import Request
 from redundant_envs.tracing.flow import Array, Kernel, LaneFunction, Scalar
@@ -26,7 +35,7 @@ MEMORY = {
 }  # fmt: skip
 """Arguments of kernels that advance lanes. The stride is 0 while all lanes share their parameters."""
 
-ANSWERED = {None: "entered", Request.STEP: "due", Request.FORCES: "touching"}
+ANSWERED: dict[Any, str] = {None: "entered", Request.STEP: "due", Request.FORCES: "touching"}
 """The field that is true when the program of a lane may go on after a request."""
 
 Procedure = Callable[[Lane], Any]
@@ -128,8 +137,8 @@ class Blocks:
         self.reads[made.name] = reads_of(made)
         return made
 
-    def program(self, cross: Program) -> dict[Request | None, LaneFunction]:
-        """The program of a lane as functions: what it does at its beginning (None), and after each request."""
+    def program(self, cross: Program) -> dict[Any, LaneFunction]:
+        """The program of a lane as functions: at its beginning (None), and after each request."""
         machine = Machine(cross, ProgramLane(self.layout), Request)
         made = {}
         for request in machine.graphs:
@@ -168,7 +177,9 @@ class Blocks:
         p, interval = self.p, self.interval
         before: list[Procedure] = [ends.begin, interval.step.clear]
         if not interval.features.repeated:
-            whole = self.function("interval", *before, interval.step.common_step, ends.end, inputs=ends.inputs)
+            whole = self.function(
+                "interval", *before, interval.step.common_step, ends.end, inputs=ends.inputs
+            )
             with p.each(self.count) as number:
                 block = self.block(number, 0)
                 self.call_with_tables(whole, block, ends.inputs, ends.outputs(block))

@@ -5,11 +5,11 @@ from __future__ import annotations
 import enum
 from typing import Any
 
-from redundant_envs.quantities import Quantities
 from redundant_envs.batch.blocks import LANES, MEMORY, Block, Blocks, Ends
+from redundant_envs.batch.slots import advance
 from redundant_envs.lane.episode import ENDS, TABLES, Episode
 from redundant_envs.lane.memory import PARAMETER, SCRATCH, STATE, Field, Lane, Layout, traced
-from redundant_envs.batch.slots import advance
+from redundant_envs.quantities import Quantities
 from redundant_envs.tasks.base import Task
 from redundant_envs.tracing.flow import Kernel, Scalar
 

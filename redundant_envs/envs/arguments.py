@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.algebra import arguments_of
+from redundant_envs.lane.episode import Episode
 from redundant_envs.model import parameters
 from redundant_envs.model.memory import Memory
 from redundant_envs.scene import Scene
-from redundant_envs.lane.episode import Episode
 from redundant_envs.tasks.base import Task, full_reach
 from redundant_envs.tasks.limits import hard_stops
 from redundant_envs.values import shown

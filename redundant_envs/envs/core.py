@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from redundant_envs.batch.blocks import LANES
+from redundant_envs.batch.environment import BEGUN, DUE, GOAL_FIELDS, TICKET, Autoreset, Operation
 from redundant_envs.envs.arguments import (
     Checked,
     ResetOptions,
@@ -22,6 +24,7 @@ from redundant_envs.envs.episode_keys import EpisodeKeys
 from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.envs.registration import check_arm
 from redundant_envs.envs.single_lane import SingleLane
+from redundant_envs.lane.episode import TABLES, TIP
 from redundant_envs.model import parameters
 from redundant_envs.model.copies import Copied
 from redundant_envs.model.memory import Memory, aligned
@@ -30,9 +33,6 @@ from redundant_envs.model.snapshot import check_array, check_facts, check_keys, 
 from redundant_envs.model.team import Team
 from redundant_envs.quantities import Quantities
 from redundant_envs.scene import Scene, scene_at
-from redundant_envs.batch.blocks import LANES
-from redundant_envs.batch.environment import BEGUN, DUE, GOAL_FIELDS, TICKET, Autoreset, Operation
-from redundant_envs.lane.episode import TABLES, TIP
 from redundant_envs.tasks import Task
 from redundant_envs.tasks.checks import check_task
 from redundant_envs.tasks.limits import range_of_starts

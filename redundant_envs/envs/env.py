@@ -12,6 +12,7 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
+from redundant_envs.batch.environment import Operation
 from redundant_envs.envs.arguments import (
     check_action,
     checked_options,
@@ -26,7 +27,6 @@ from redundant_envs.envs.vector_env import (
     make_task,
     observation_space,
 )
-from redundant_envs.batch.environment import Operation
 from redundant_envs.lane.episode import TIP
 
 RENDER_MODES = (None, "rgb_array", "human")

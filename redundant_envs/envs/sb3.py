@@ -15,6 +15,7 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
+from redundant_envs.batch.environment import Autoreset
 from redundant_envs.envs.arguments import check_action, checked_options, checked_seed, refuse_bad_action
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.lane_values import LANE_VALUES, LaneValues
@@ -26,7 +27,6 @@ from redundant_envs.envs.vector_env import (
     observation_space,
 )
 from redundant_envs.extras import needs
-from redundant_envs.batch.environment import Autoreset
 from redundant_envs.lane.episode import TIP
 from redundant_envs.values import shown, whole_number
 

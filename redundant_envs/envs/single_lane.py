@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.envs.outputs import Columns, Outputs
-from redundant_envs.model.programs import Part
 from redundant_envs.batch.blocks import LANES
 from redundant_envs.batch.environment import Autoreset
+from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.lane.episode import TABLES, TIP
+from redundant_envs.model.programs import Part
 
 FORMATS = {"flags": "?", "counts": "q", "values": "d"}
 """Numbers of the tables as :mod:`struct` reads them; a row has one for each lane of a block."""

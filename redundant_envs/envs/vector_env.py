@@ -14,6 +14,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from redundant_envs.batch.environment import Autoreset
 from redundant_envs.envs.arguments import (
     check_action,
     checked_options,
@@ -24,12 +25,11 @@ from redundant_envs.envs.arguments import (
 from redundant_envs.envs.core import STATE_KEYS, Core
 from redundant_envs.envs.lane_values import LaneValues
 from redundant_envs.envs.outputs import Columns, Outputs
+from redundant_envs.lane.episode import TIP
 from redundant_envs.model import snapshot
 from redundant_envs.model.programs import environment_simulator
 from redundant_envs.plain_data import check_keys
 from redundant_envs.scene import Scene
-from redundant_envs.batch.environment import Autoreset
-from redundant_envs.lane.episode import TIP
 from redundant_envs.tasks import REGISTRY as TASKS
 from redundant_envs.tasks import Task
 from redundant_envs.tasks.limits import is_confined

@@ -166,7 +166,7 @@ def law_behind(side: Any, crossed: Any) -> Any:
 @branches
 def side_touched(position: Any, active_stop: Any, lower: Any, upper: Any) -> Any:
     """Side of the stop that a coordinate touches."""
-    if not active_stop == 0.0:
+    if active_stop != 0.0:
         return active_stop
     return 1.0 if position >= upper else -1.0 if position <= lower else 0.0
 

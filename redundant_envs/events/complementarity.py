@@ -1,8 +1,9 @@
 """Which of several stops act on their coordinates, and with what force: linear complementarity problems.
 
-The mobility w of the coordinates is symmetric and positive definite: w[i][j] is the velocity of coordinate i by a
-unit impulse along coordinate j, so each problem has one solution. One or two coordinates are solved by formulas; for
-more, the set of stops that act is searched. Sides are 1 at the upper stop, -1 at the lower one, 0 at none.
+The mobility w of the coordinates is symmetric and positive definite: w[i][j] is the velocity of coordinate i
+by a unit impulse along coordinate j, so each problem has one solution. One or two coordinates are solved by
+formulas; for more, the set of stops that act is searched. Sides are 1 at the upper stop, -1 at the lower one,
+0 at none.
 """
 
 from __future__ import annotations
@@ -111,8 +112,8 @@ def halting(velocities: Sequence[Any], still: Sequence[Any], w: Matrix) -> list[
 def pressed(accelerations: Sequence[Any], w: Matrix) -> list[Any]:
     """Which of the coordinates at rest at their stops are pressed onto them.
 
-    ``accelerations`` are the outward ones that the coordinates would have without stops. There is exactly one set
-    of pressing stops with which no stop pulls and no coordinate moves into a stop.
+    ``accelerations`` are the outward ones that the coordinates would have without stops. There is exactly one
+    set of pressing stops with which no stop pulls and no coordinate moves into a stop.
     """
     count = len(accelerations)
     if count == 1:

@@ -174,9 +174,7 @@ def approach_of(contacts: Sequence[Contact]) -> Approach:
     return Approach(sides, negligible, velocities, speeds, any_of(u > 0.0 for u in speeds))
 
 
-def impact_of(
-    contacts: Sequence[Contact], approach: Approach, support: Support, w: Matrix
-) -> Impact:
+def impact_of(contacts: Sequence[Contact], approach: Approach, support: Support, w: Matrix) -> Impact:
     """Impacts of coordinates that move into their stops, once it is known which others their stops support.
 
     A coordinate that moves away from its stop is no longer supported by it, however near it is: if an
@@ -270,14 +268,12 @@ def unheld_accelerations(contacts: Sequence[Contact], sides: Sequence[Any], w: M
     return unheld
 
 
-def support_of(
-    contacts: Sequence[Contact], approach: Approach, unheld: Sequence[Any], w: Matrix
-) -> Support:
+def support_of(contacts: Sequence[Contact], approach: Approach, unheld: Sequence[Any], w: Matrix) -> Support:
     """Which coordinates come to rest and which are released.
 
     If one strikes its stop, only those without velocity come to rest, and they do so before it strikes:
-    whether a stop supports a coordinate follows from the motion alone, not from its earlier state. The bounces of
-    others, however low, are not over yet.
+    whether a stop supports a coordinate follows from the motion alone, not from its earlier state. The
+    bounces of others, however low, are not over yet.
 
     Parameters
     ----------
@@ -311,7 +307,7 @@ def support_together(
 ) -> Support:
     """Which coordinates come to rest and which are released, if several may rest.
 
-    Each decision changes the force on the others, so all are decided together: coordinates that ``stay`` rest.
+    Each decision changes the force on the others, so all are decided together: those that ``stay`` rest.
     """
     several = any_of(a & b for a, b in itertools.combinations(may_rest, 2))
     decide = several & support.changes

@@ -68,8 +68,8 @@ class Event(NamedTuple):
 
 
 class Quintic(NamedTuple):
-    """side (gap + s0 s + c2 s^2 + ... + c5 s^5): distance of a coordinate beyond a limit, at a fraction s of a
-    step."""
+    """side (gap + s0 s + c2 s^2 + ... + c5 s^5): distance of a coordinate beyond a limit, at a fraction s of
+    a step."""
 
     side: Any
     gap: Any

@@ -80,7 +80,7 @@ class Resolved(NamedTuple):
 def halt_of(
     contacts: Sequence[Contact], approach: Approach, impact: Impact, support: Support, w: Matrix
 ) -> Halt:
-    """Which coordinates have to stop: a coordinate that comes to rest must not set off another that rests, too.
+    """Which coordinates have to stop: one that comes to rest must not set off another that rests, too.
 
     Parameters
     ----------

@@ -8,8 +8,8 @@ from typing import Any
 from redundant_envs.algebra import any_of, maximum, minimum, where
 from redundant_envs.events import contacts, crossings, resolution
 from redundant_envs.events.boundary import (
-    BoundedCoordinate,
     Boundary,
+    BoundedCoordinate,
     limits_of_law,
     side_touched,
     starts_at_stop,
@@ -44,7 +44,8 @@ class Boundaries:
         """The coordinates in a step, whose initial values are in fields of this form."""
         return [
             BoundedCoordinate(
-                *coordinates.motion(self.dynamics, b, lane), *coordinates.motion(self.dynamics, b, lane, origin),
+                *coordinates.motion(self.dynamics, b, lane),
+                *coordinates.motion(self.dynamics, b, lane, origin),
                 Watched(*lane.get(WATCHED, of=f"{{}}_{b.name}")), self.active(lane, b),
                 *self.limits(lane, b), b.bounces,
             )

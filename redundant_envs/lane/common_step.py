@@ -7,14 +7,12 @@ from typing import Any
 
 from redundant_envs.algebra import any_of, cases, logical_not, maximum, where
 from redundant_envs.events import crossings
-from redundant_envs.numerics import error_control, estimates
-from redundant_envs.numerics.methods import Step
 from redundant_envs.events.boundary import side_beyond
 from redundant_envs.lane import coordinates, required_steps
 from redundant_envs.lane.boundaries import Boundaries
+from redundant_envs.lane.features import WATCHED, Control, Reason, SceneFeatures
 from redundant_envs.lane.kinks import levels_of
 from redundant_envs.lane.memory import Lane
-from redundant_envs.lane.features import WATCHED, Control, Reason, SceneFeatures
 from redundant_envs.lane.step import (
     integrated_states,
     joint_quantities,
@@ -25,6 +23,8 @@ from redundant_envs.lane.step import (
     tip_norms,
     watched_sliders,
 )
+from redundant_envs.numerics import error_control, estimates
+from redundant_envs.numerics.methods import Step
 
 
 class CommonStep:
@@ -71,7 +71,9 @@ class CommonStep:
         arm = self.dynamics.arm
         turning = [abs(lane[v]) for v, slides in zip(arm.rates, arm.prismatic, strict=True) if not slides]
         rates = [lane.least_step_rate] if "least_step_rate" in self.dynamics.prepared else []
-        rates += required_steps.rates_of_motion(self.dynamics, lane, joint_quantities(self.dynamics, lane, "{}"))
+        rates += required_steps.rates_of_motion(
+            self.dynamics, lane, joint_quantities(self.dynamics, lane, "{}")
+        )
         least_step_rate = reduce(maximum, rates) if rates else 0.0
         fastest = reduce(maximum, turning) if turning else 0.0
         return estimates.least_steps(fastest, least_step_rate, lane.interval)
@@ -116,7 +118,10 @@ class CommonStep:
         dynamics, sliders = self.dynamics, watched_sliders(self.dynamics)
         levels = levels_of(dynamics.kinks)
         watched = step.watched[len(self.features.boundaries) :]
-        kinks = [crossings.meets_kink(*kink, self.features.overshoot) for kink in zip(watched, levels, strict=False)]
+        kinks = [
+            crossings.meets_kink(*kink, self.features.overshoot)
+            for kink in zip(watched, levels, strict=False)
+        ]
         hidden = [unseen for _, unseen in kinks]
         crossed = [seen for seen, _ in kinks] + hidden
         doubts = []

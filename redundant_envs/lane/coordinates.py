@@ -29,8 +29,8 @@ def motion(dynamics: Dynamics, b: Boundary, lane: Lane, form: str = "{}") -> tup
         return gap.value, gap.slope
     if b.bounces:
         return lane[form.format(arm.coordinates[b.joint])], lane[form.format(arm.rates[b.joint])]
-    states = dict(zip(dynamics.states, lane.get(dynamics.states, of=form), strict=True))
-    x = Quantities(states, tuple(arm.functions), arm.sincos, lane)
+    known = dict(zip(dynamics.states, lane.get(dynamics.states, of=form), strict=True))
+    x = Quantities(known, tuple(arm.functions), arm.sincos, lane)
     return x[f"phi{b.joint + 1}"], x[f"phid{b.joint + 1}"]
 
 

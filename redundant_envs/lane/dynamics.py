@@ -20,12 +20,12 @@ from redundant_envs.effects.hooks import (
     State,
 )
 from redundant_envs.events.boundary import Boundary, Law, side_beyond
-from redundant_envs.numerics.tableaus import METHODS, Tableau
+from redundant_envs.lane import kinks, required_steps
 from redundant_envs.loaded_arm import added_inertias, carried_masses, identifier
+from redundant_envs.numerics.tableaus import METHODS, Tableau
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots.added_inertia import Added, functions_with, held_functions
 from redundant_envs.scene import Scene
-from redundant_envs.lane import kinks, required_steps
 from redundant_envs.tracing.graph import owned
 
 
@@ -101,17 +101,22 @@ class Dynamics:
     @cached_property
     def boundaries(self) -> tuple[Boundary, ...]:
         """Boundaries at which the motion has events."""
-        return (*self._stops, *self._walls, *(self.law_of.values() if self.controlled and self.located else ()))
+        return (
+            *self._stops,
+            *self._walls,
+            *(self.law_of.values() if self.controlled and self.located else ()),
+        )
 
     @cached_property
     def _stops(self) -> tuple[Boundary, ...]:
         """Stops of the sliders."""
-        return tuple(
-            Boundary(self.arm.joints[h.joint], Law.BOUNCES, *own[:2], e.key, h.joint, restitution=own[2])
-            for e, h in self.hooks
-            if isinstance(h, Impact)
-            for own in [[identifier(f"{e.key}{name}") for name in (h.lower, h.upper, h.restitution)]]
-        )
+        found = []
+        for e, h in self.hooks:
+            if isinstance(h, Impact):
+                lower, upper, bounce = (identifier(e.key + own) for own in (h.lower, h.upper, h.restitution))
+                name = self.arm.joints[h.joint]
+                found.append(Boundary(name, Law.BOUNCES, lower, upper, e.key, h.joint, restitution=bounce))
+        return tuple(found)
 
     @cached_property
     def _walls(self) -> tuple[Boundary, ...]:
@@ -288,8 +293,8 @@ class Dynamics:
             if not isinstance(hook, Force):
                 continue
             if hook.switch is not None and not self.laws:
-                switch = self.law_of[id(hook)]
-                x[switch.side] = side_beyond(*x.each((f"phi{switch.joint + 1}", switch.lower, switch.upper)))
+                law = self.law_of[id(hook)]
+                x[law.side] = side_beyond(*x.each((motion_of(hook)[0], law.lower, law.upper)))
             force = self._components(effect, hook, hook.function, x)
             changes |= self._changes(effect, hook, "derivative", x)
             for rate, component in force.items():

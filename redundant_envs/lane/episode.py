@@ -18,15 +18,15 @@ from redundant_envs.algebra import (
     where,
 )
 from redundant_envs.effects.hooks import Sensing
-from redundant_envs.quantities import Quantities, check_names
-from redundant_envs.scene import identifier
 from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.lane.features import GIVEN_UP, OBSERVED_ANGLE, OBSERVED_RATE, Fault
 from redundant_envs.lane.fields import copies
 from redundant_envs.lane.interval import Interval
 from redundant_envs.lane.memory import ENGINE, PARAMETER, SCRATCH, STATE, Field, Lane, Layout
 from redundant_envs.lane.names import OF_REWARDS, OF_THE_FIELD, names_of_arm, names_of_task, owners
 from redundant_envs.lane.sensing import measured, reads_nonsense
-from redundant_envs.lane.features import GIVEN_UP, OBSERVED_ANGLE, OBSERVED_RATE, Fault
+from redundant_envs.quantities import Quantities, check_names
+from redundant_envs.scene import identifier
 from redundant_envs.tasks.base import Task
 from redundant_envs.tasks.limits import depth_beyond, range_of_starts, spring_limits, start_position
 
@@ -115,7 +115,10 @@ class Episode:
         interval = self.interval
         if not interval.features.local:
             return ()
-        found = {"events_sum": bool(interval.features.stops), "error_most": self.dynamics.scene.tolerance is not None}
+        found = {
+            "events_sum": bool(interval.features.stops),
+            "error_most": self.dynamics.scene.tolerance is not None,
+        }
         return tuple(name for name in SPENT if found.get(name, True))
 
     @cached_property

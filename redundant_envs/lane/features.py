@@ -10,10 +10,10 @@ from typing import Any
 from redundant_envs.algebra import maximum, where
 from redundant_envs.events.boundary import Boundary
 from redundant_envs.events.crossings import Overshoot
-from redundant_envs.numerics.methods import Watched
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.memory import Lane
 from redundant_envs.lane.step import integrated_states, pose_tells_distances
+from redundant_envs.numerics.methods import Watched
 
 
 class Fault(enum.IntFlag):

@@ -95,7 +95,10 @@ class Interval:
 
     def _fields_of_stops(self) -> Iterator[Field]:
         dynamics = self.dynamics
-        for name, doc in (("impacts", "impacts of the interval"), ("impacts_start", "before the common step")):
+        for name, doc in (
+            ("impacts", "impacts of the interval"),
+            ("impacts_start", "before the common step"),
+        ):
             yield Field(name, "", doc, SCRATCH)
         yield Field("held", "", "a slider rests at its stop", SCRATCH, truth=True)
         for v in dynamics.states[dynamics.count :]:

@@ -1,20 +1,25 @@
-"""How a lane that the common step does not serve crosses its interval: a program to be read from top to
-bottom.
+"""How a lane that the common step does not serve crosses its interval: read :meth:`LaneProgram.cross`.
 
-``yield Request.STEP`` asks for a trial step of ``lane.step`` from the trial start, ``yield Request.FORCES`` for
-the accelerations and forces at the stops. All slots are served together; each lane then goes on where it
+``yield Request.STEP`` asks for a trial step of ``lane.step`` from the trial start, ``yield Request.FORCES``
+for the accelerations and forces at the stops. All slots are served together; each lane then goes on where it
 waits. A trial step never changes the trial start, so that shorter ones can follow from there.
 """
 
 from __future__ import annotations
 
 import enum
-from collections.abc import Generator, Sequence
+from collections.abc import Generator
 from typing import Any
 
 from redundant_envs.algebra import any_of, logical_not
 from redundant_envs.events import brackets, locate, resolution
-from redundant_envs.events.boundary import Boundary, law_behind, leaves_stop, starts_at_stop
+from redundant_envs.events.boundary import (
+    Boundary,
+    BoundedCoordinate,
+    law_behind,
+    leaves_stop,
+    starts_at_stop,
+)
 from redundant_envs.events.brackets import Search, Sought, TaylorStep, Trial
 from redundant_envs.events.first_event import Encounter, first_event
 from redundant_envs.events.locate import Aim
@@ -133,7 +138,9 @@ class LaneProgram:
             search = Search(*lane.get(SEARCH))
             sought = brackets.sought_boundary(search, trial)
             if sought.gap > sought.closeness:
-                self.seek(lane, trial, Aim(True, sought.chosen, search.target, search.side, False, sought.time))
+                self.seek(
+                    lane, trial, Aim(True, sought.chosen, search.target, search.side, False, sought.time)
+                )
                 return Found.OTHER
             after = brackets.towards_turn(search, trial.h, sought)
             h = brackets.next_towards_turn(after)
@@ -184,25 +191,22 @@ class LaneProgram:
     def trial(self, lane: Lane) -> Trial:
         """The trial step, and the first event of each coordinate in it."""
         h = lane.step
+        moved = self.boundaries.in_step(lane, "{}_trial")
         encounters = [
-            Encounter(float(k), s, *self._forces(lane, b), *lane.get(self._seen(b)), self._mobility(lane, b))
-            for k, (b, s) in enumerate(
-                zip(self.features.boundaries, self.boundaries.in_step(lane, "{}_trial"), strict=True)
-            )
+            self._encounter(lane, float(k), b, s)
+            for k, (b, s) in enumerate(zip(self.features.boundaries, moved, strict=True))
         ]
         events = [first_event(e, h, 1.0 / h, self.smooth) for e in encounters]
         return Trial(h, lane.left, lane.interval, encounters, events)
 
-    @staticmethod
-    def _seen(b: Boundary) -> tuple[str, ...]:
-        return f"crossing_{b.name}", f"turning_{b.name}", f"cleared_{b.name}"
-
-    def _forces(self, lane: Lane, b: Boundary) -> Sequence[Any]:
-        """Force of a stop along its coordinate, now and at the trial start."""
-        return lane.get((f"force_{b.name}", f"force_trial_{b.name}")) if b in self.features.holding else (0.0, 0.0)
-
-    def _mobility(self, lane: Lane, b: Boundary) -> Any:
-        return self.boundaries.mobility(lane, b, b) if b in self.features.holding else 0.0
+    def _encounter(self, lane: Lane, number: float, b: Boundary, motion: BoundedCoordinate) -> Encounter:
+        names = (f"crossing_{b.name}", f"turning_{b.name}", f"cleared_{b.name}")
+        crossing, turning_time, cleared = lane.get(names)
+        forces, mobility = [0.0, 0.0], 0.0
+        if b in self.features.holding:
+            forces = lane.get((f"force_{b.name}", f"force_trial_{b.name}"))
+            mobility = self.boundaries.mobility(lane, b, b)
+        return Encounter(number, motion, *forces, crossing, turning_time, cleared, mobility)  # type: ignore[call-arg]
 
     def seek(self, lane: Lane, trial: Trial, aim: Aim) -> None:
         """Begin a search for an event."""

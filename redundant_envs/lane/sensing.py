@@ -11,8 +11,8 @@ import numpy as np
 
 from redundant_envs.algebra import any_of, arguments_of, gives_of, logical_not
 from redundant_envs.effects.hooks import Reading, Sensing
-from redundant_envs.quantities import Quantities
 from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.quantities import Quantities
 from redundant_envs.tracing.graph import owned
 
 LARGEST = {Reading.POSITION: 1e6, Reading.RATE: 1e100}

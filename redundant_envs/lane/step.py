@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from typing import Any
 
 from redundant_envs.algebra import arguments_of, maximum, sqrt, where
-from redundant_envs.numerics import estimates
-from redundant_envs.numerics.methods import Step, explicit_step
-from redundant_envs.quantities import Quantities
 from redundant_envs.events.boundary import Boundary
 from redundant_envs.lane import coordinates
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.kinks import kink_values, levels_of
 from redundant_envs.lane.memory import Lane
+from redundant_envs.numerics import estimates
+from redundant_envs.numerics.methods import Step, explicit_step
+from redundant_envs.quantities import Quantities
 from redundant_envs.tracing.passes.stages import Subroutine
 
 MOST_INLINED = 4

@@ -1,4 +1,4 @@
-"""Which trial steps a lane plans, and when it has crossed its interval: one class for each :class:`Control`."""
+"""Which trial steps a lane plans, and when its interval is crossed: a class for each :class:`Control`."""
 
 from __future__ import annotations
 

@@ -7,13 +7,13 @@ from collections import Counter
 from pathlib import Path
 from typing import NamedTuple
 
-from redundant_envs.effects.hooks import Field, Inertia
-from redundant_envs.loaded_arm import identifier
-from redundant_envs.scene import Scene, check_scene
 from redundant_envs.batch.advance import advance_kernel
 from redundant_envs.batch.blocks import Blocks
+from redundant_envs.effects.hooks import Field, Inertia
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.memory import LOG
+from redundant_envs.loaded_arm import identifier
+from redundant_envs.scene import Scene, check_scene
 from redundant_envs.tracing.flow import LaneFunction, Program
 from redundant_envs.tracing.graph import Operation, located, reached
 from redundant_envs.tracing.listing import lines

@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.backends import cache, llvm
-from redundant_envs.model.memory import Memory, aligned
-from redundant_envs.scene import Scene
 from redundant_envs.batch.advance import advance_kernel
 from redundant_envs.batch.blocks import LANES, Blocks
-from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.batch.environment import EnvironmentKernel, goal_reward_kernel
+from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.episode import Episode
 from redundant_envs.lane.interval import Interval
+from redundant_envs.model.memory import Memory, aligned
+from redundant_envs.scene import Scene
 from redundant_envs.tasks.base import Task
 from redundant_envs.tracing.flow import Kernel, Program
 from redundant_envs.tracing.graph import uncollected

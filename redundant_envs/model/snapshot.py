@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from redundant_envs.batch.blocks import LANES
+from redundant_envs.lane.memory import PARAMETER, STATE
 from redundant_envs.model import parameters
 from redundant_envs.model.memory import Memory
 from redundant_envs.model.programs import Simulator
-from redundant_envs.batch.blocks import LANES
-from redundant_envs.lane.memory import PARAMETER, STATE
 from redundant_envs.tasks.base import Task
 
 KEPT_FIELDS = ("h", "interval", "tip_tolerance", "limit")

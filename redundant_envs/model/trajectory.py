@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from redundant_envs.lane.direct import fields_of
 from redundant_envs.model.batch import BatchSimulator, Event, Numerics, Status
 from redundant_envs.model.energy import kinetic_energy, potential_energy
 from redundant_envs.model.parameters import numbers
 from redundant_envs.scene import Scene, check_scene
-from redundant_envs.lane.direct import fields_of
 from redundant_envs.values import shown
 
 Array = NDArray[np.float64]

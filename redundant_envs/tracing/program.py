@@ -8,6 +8,7 @@ can go; what the ways write into fields of the lane is merged. Fields are all th
 from __future__ import annotations
 
 import enum
+import functools
 from collections.abc import Callable, Generator, Iterator, Mapping
 from typing import Any, NamedTuple, Protocol
 
@@ -57,8 +58,8 @@ class State(NamedTuple):
 class Machine:
     """The states of a program, and what it writes between them.
 
-    Every stretch also writes the field "state", for each request whether the program asks for it, in the field
-    that is the value of the request, and "complete", whether the program has ended.
+    Every stretch also writes the field "state"; for each request whether the program asks for it, in the
+    field that is the value of the request; and "complete", whether the program has ended.
 
     Parameters
     ----------
@@ -78,7 +79,8 @@ class Machine:
         self._found: dict[Any, tuple[State, Any]] = {}
         for state in self.states:  # grows while it is explored
             graph = self.graphs.setdefault(state.request, Graph())
-            self.ways[state.number] = every_way(graph, lambda ways, s=state: self._run(s, ways), _name(state))
+            run = functools.partial(self._run, state)
+            self.ways[state.number] = every_way(graph, run, _name(state))
 
     def _run(self, state: State, ways: Ways) -> Writes:
         """One way of the stretch after a state."""
@@ -95,7 +97,8 @@ class Machine:
 
     def _reached(self, before: State, request: enum.Enum, running: Any, ways: Ways) -> float:
         """Number of the state in which the program waits now."""
-        place, values = [], {}
+        place: list[tuple[str, int]] = []
+        values: dict[tuple[str, str], Any] = {}
         while running is not None and getattr(running, "gi_frame", None) is not None:
             frame = running.gi_frame
             place.append((frame.f_code.co_qualname, frame.f_lineno))
@@ -111,8 +114,8 @@ class Machine:
             a, b = known.get((where_, name), "unset"), values.get((where_, name), "unset")
             if a != b or type(a) is not type(b):
                 raise TypeError(
-                    f"{where_} reaches one yield with different local variables: {name} is {a!r} in one way and "
-                    f"{b!r} in another; keep it in a field of the lane, or ask at two places"
+                    f"{where_} reaches one yield with different local variables: {name} is {a!r} in one way "
+                    f"and {b!r} in another; keep it in a field of the lane, or ask at two places"
                 )
         return float(state.number)
 
@@ -121,7 +124,8 @@ class Machine:
         lane = self.lane
         lane.begin(self.graphs[request])
         parts = [(s, self.ways[s.number]) for s in self.states if s.request is request]
-        here, ends = lane[answered], []
+        here = lane[answered]
+        ends: list[tuple[Any, Tree]] = []
         while (end := _common_end([tree for _, tree in parts])) is not None:
             condition, way, rest = end
             ends.append((here & condition, way))
@@ -140,15 +144,16 @@ class Machine:
             if waits:
                 total[asked.value] = where(any_of(waits), 1.0, 0.0)
         total["complete"] = where(total["state"] == ENDED, 1.0, 0.0)
-        return {n: x for n, x in total.items() if n not in before or getattr(x, "value", x) is not before[n].value}
+        return {
+            n: x for n, x in total.items() if n not in before or getattr(x, "value", x) is not before[n].value
+        }
 
 
 def _common_end(trees: list[Tree]) -> tuple[Condition, Way, list[Tree]] | None:
     """If all stretches of several states begin with one fork, and on one side of it do the same at once: the
     condition of that side, its way, and the other side of each."""
-    first, *others = trees
     forks = [tree for tree in trees if isinstance(tree, Fork)]
-    if not others or any(getattr(tree, "condition", None) is None for tree in trees):
+    if len(forks) != len(trees) or len(trees) < 2:
         return None
     condition = forks[0].condition
     if any(tree.condition.value is not condition.value for tree in forks):
@@ -169,7 +174,9 @@ def _alike(a: Writes, b: Writes) -> bool:
 
 
 def _name(state: State) -> str:
-    return "the beginning of a program" if state.request is None else f"the stretch after {state.request.name}"
+    return (
+        "the beginning of a program" if state.request is None else f"the stretch after {state.request.name}"
+    )
 
 
 def _of(graph: Graph, x: Any) -> Any:

@@ -144,8 +144,8 @@ def every_way(graph: Graph, run: Callable[[Ways], Any], what: str) -> Tree:
         count += 1
         if count > MOST_WAYS:
             raise ValueError(
-                f"{what} has more than {MOST_WAYS} ways; let a function marked with @branches decide a part of "
-                "it, whose ways are merged where it returns"
+                f"{what} has more than {MOST_WAYS} ways; let a function marked with @branches decide a part "
+                "of it, whose ways are merged where it returns"
             )
         ways = Ways(graph, ahead)
         with ways.taken_here():

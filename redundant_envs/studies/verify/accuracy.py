@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.effects import Gravity
-from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.model.batch import BatchSimulator, Numerics
+from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.scene import Scene
 from redundant_envs.studies.verify.checks import (
     ENOUGH_SMOOTH,

@@ -16,10 +16,10 @@ import numpy as np
 from redundant_envs.algebra import numbered
 from redundant_envs.dual import Dual, dual
 from redundant_envs.effects.hooks import Inertia
-from redundant_envs.quantities import Quantities
-from redundant_envs.robots.arm import Arm
 from redundant_envs.lane.direct import fields_of
 from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.quantities import Quantities
+from redundant_envs.robots.arm import Arm
 from redundant_envs.studies.verify.checks import (
     Array,
     Finding,

@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from redundant_envs.model.batch import BatchSimulator
-from redundant_envs.scene import SHORTEST_INTERVAL, Scene
 from redundant_envs.lane.direct import cross_interval, fields_of
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.interval import Interval
+from redundant_envs.model.batch import BatchSimulator
+from redundant_envs.scene import SHORTEST_INTERVAL, Scene
 from redundant_envs.studies.verify.checks import (
     Array,
     Finding,

@@ -15,10 +15,10 @@ import numpy as np
 from redundant_envs.dual import Dual, dual
 from redundant_envs.effects.hooks import Effect, Force, Point
 from redundant_envs.events.boundary import side_beyond
-from redundant_envs.loaded_arm import identifier
-from redundant_envs.quantities import Quantities
 from redundant_envs.lane.direct import fields_of
 from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.loaded_arm import identifier
+from redundant_envs.quantities import Quantities
 from redundant_envs.studies.verify.checks import (
     ROUNDING,
     Array,
@@ -68,7 +68,7 @@ class Motion:
             slopes = np.zeros(len(names)) if joint is None else back[joint]
             along = (Dual(x, s) if s else x for x, s in zip(columns, slopes.tolist(), strict=True))
             known |= dict(zip(names, along, strict=True))
-        for switch in d.switch_of.values():
+        for switch in d.law_of.values():
             position = self.joints[:, switch.joint]
             known[switch.side] = side_beyond(position, known[switch.lower], known[switch.upper])
         return Quantities({**TILTED, **known, **more}, d.functions, arm.sincos)

@@ -9,9 +9,9 @@ import numpy as np
 
 from redundant_envs.algebra import gives_of, numbered
 from redundant_envs.effects.hooks import Actuation, Force, Hook, Sensing, State
+from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots.checks import OF_LANES, OWN_NAMES
-from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.studies.verify.checks import Finding, Mode, Promise, Trial, check
 from redundant_envs.studies.verify.hints import Motion
 
