@@ -15,15 +15,10 @@ from redundant_envs.lane.memory import (
     Lane,
     Layout,
     Lifetime,
-    ProgramLane,
-    lane_function,
     traced,
 )  # fmt: skip
-from redundant_envs.lane.program import Request
 from redundant_envs.tracing.flow import Array, Kernel, LaneFunction, Scalar
 from redundant_envs.tracing.graph import reached
-from redundant_envs.tracing.number import value_of
-from redundant_envs.tracing.program import Machine, Program
 
 LANES = 8
 GROUP = 64
@@ -34,9 +29,6 @@ MEMORY = {
     "parameter_stride": "int", "count": "int", "substeps": "int",
 }  # fmt: skip
 """Arguments of kernels that advance lanes. The stride is 0 while all lanes share their parameters."""
-
-ANSWERED: dict[Any, str] = {None: "entered", Request.STEP: "due", Request.FORCES: "touching"}
-"""The field that is true when the program of a lane may go on after a request."""
 
 Procedure = Callable[[Lane], Any]
 
@@ -137,19 +129,10 @@ class Blocks:
         self.reads[made.name] = reads_of(made)
         return made
 
-    def program(self, cross: Program) -> dict[Any, LaneFunction]:
+    def program(self) -> dict[Any, LaneFunction]:
         """The program of a lane as functions: at its beginning (None), and after each request."""
-        machine = Machine(cross, ProgramLane(self.layout), Request)
-        made = {}
-        for request in machine.graphs:
-            answered = ANSWERED[request]
-            written = machine.after(request, answered)
-            if request is not Request.FORCES:  # which the program itself asks for again
-                written[answered] = 0.0
-            stores = [(*self.layout.row_of(n), value_of(v)) for n, v in written.items()]
-            name = "begin_program" if request is None else f"after_{request.name.lower()}"
-            made[request] = self._keep(lane_function(name, self.layout, stores))
-        return made
+        made = self.interval.traced_program(self.layout)
+        return {request: self._keep(function) for request, function in made.items()}
 
     def mask(self, block: Mapping[str, Array], name: str) -> Scalar:
         """Lanes of a block whose field is not 0."""

@@ -82,7 +82,7 @@ class Slots:
         """The functions of blocks, and those of slots."""
         make, step, boundaries = self.blocks.function, self.interval.step, self.interval.boundaries
         i = self.features
-        self.goes_on = self.blocks.program(self.interval.program.cross)
+        self.goes_on = self.blocks.program()
         before: tuple[Procedure, ...] = (self.begin, step.clear, step.start)
         if i.repeated:
             self.cleared = make("clear", self.begin, step.clear, inputs=self.inputs)

@@ -294,7 +294,7 @@ class Dynamics:
                 continue
             if hook.switch is not None and not self.laws:
                 law = self.law_of[id(hook)]
-                x[law.side] = side_beyond(*x.each((motion_of(hook)[0], law.lower, law.upper)))
+                x[law.side] = side_beyond(*x.each((required_steps.motion_of(hook)[0], law.lower, law.upper)))
             force = self._components(effect, hook, hook.function, x)
             changes |= self._changes(effect, hook, "derivative", x)
             for rate, component in force.items():

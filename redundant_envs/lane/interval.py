@@ -13,14 +13,29 @@ from redundant_envs.algebra import where
 from redundant_envs.lane.boundaries import Boundaries
 from redundant_envs.lane.common_step import CommonStep
 from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.features import MOST_LOGGED, WATCHED, Control, SceneFeatures
+from redundant_envs.lane.features import GIVEN_UP, MOST_LOGGED, WATCHED, Control, SceneFeatures
 from redundant_envs.lane.fields import copies, motion_fields
-from redundant_envs.lane.memory import LOG, SCRATCH, STATE, Field, Lane, Layout
+from redundant_envs.lane.memory import (
+    LOG,
+    SCRATCH,
+    STATE,
+    Field,
+    Lane,
+    Layout,
+    ProgramLane,
+    lane_function,
+)  # fmt: skip
 from redundant_envs.lane.names import OF_THE_FIELD, names_of_arm, owners
-from redundant_envs.lane.program import LaneProgram
+from redundant_envs.lane.program import LaneProgram, Request
 from redundant_envs.lane.step import known_numbers
 from redundant_envs.lane.step_control import CLASSES
 from redundant_envs.quantities import check_names
+from redundant_envs.tracing.flow import LaneFunction
+from redundant_envs.tracing.number import value_of
+from redundant_envs.tracing.program import Machine
+
+ANSWERED = {None: "entered", Request.STEP: "due", Request.FORCES: "touching"}
+"""The field that is true when the program of a lane may go on after a request."""
 
 
 class Interval:
@@ -138,6 +153,33 @@ class Interval:
         """Return lanes that failed to their states at the start of the interval."""
         for name in self.features.kept:
             lane[name] = where(failed, lane[self.features.origin.format(name)], lane[name])
+
+    def undo_given_up(self, lane: Lane) -> None:
+        """Return a lane to its state at the start of the interval if that was given up."""
+        self.undo(lane, lane.fault >= GIVEN_UP)
+
+    def traced_program(self, layout: Layout, whole: bool = False) -> dict[Request | None, LaneFunction]:
+        """The program of a lane as functions: at its beginning (None), and after each request.
+
+        Parameters
+        ----------
+        layout : Layout
+            Gets the fields that only the program sets.
+        whole : bool
+            Whether graphs have whole functions (:class:`Graph`).
+        """
+        machine, made = Machine(self.program.cross, ProgramLane(layout), Request, whole), {}
+        for request in (None, *Request):
+            if request not in machine.graphs:
+                continue
+            answered = ANSWERED[request]
+            written = machine.after(request, answered)
+            if request is not Request.FORCES:  # which the program itself asks for again
+                written[answered] = 0.0
+            stores = [(*layout.row_of(n), value_of(v)) for n, v in written.items()]
+            name = "begin_program" if request is None else f"after_{request.name.lower()}"
+            made[request] = lane_function(name, layout, stores)
+        return made
 
     def layout(self) -> Layout:
         """The fields of the lanes, and the rows that hold them."""

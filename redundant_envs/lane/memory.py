@@ -209,6 +209,7 @@ def traced(
     function: Callable[[Lane], Mapping[tuple[str, str, int, int], Any] | None],
     inputs: Mapping[str, tuple[str, tuple[str, ...]]] | None = None,
     known: Mapping[str, float] | None = None,
+    whole: bool = False,
 ) -> LaneFunction:
     """Record the effect of a function on a lane.
 
@@ -222,8 +223,10 @@ def traced(
         Array -> type of its elements, and the fields that its columns hold.
     known : mapping
         Fields that are known to hold certain numbers.
+    whole : bool
+        Whether the graph has whole functions (:class:`Graph`).
     """
-    graph = Graph()
+    graph = Graph(whole)
     columns = {f: (array, k) for array, (_, fields) in (inputs or {}).items() for k, f in enumerate(fields)}
     lane = TracedLane(layout, graph, columns)
     for field in columns:

@@ -125,9 +125,17 @@ def is_zero(value: Value, sign: float) -> bool:
 
 
 class Graph:
-    """Records operations; equal operations are recorded once."""
+    """Records operations; equal operations are recorded once.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    whole : bool
+        Whether sines and exponentials are operations, for an interpreter; otherwise they are recorded as the
+        operations that compute them, so that every machine has the same bits.
+    """
+
+    def __init__(self, whole: bool = False) -> None:
+        self.whole = whole
         self._known: dict[Any, Operation] = {}
         self._located = _located.get()
         self.results: dict[Any, Any] = {}

@@ -205,6 +205,8 @@ def sincos(x: Number) -> tuple[Any, Any]:
     Cody and Waite's reduction by multiples of pi/2 held in two parts, then the polynomials of
     fdlibm (k_sin.c, k_cos.c) on [-pi/4, pi/4]; the quadrant swaps them and sets the signs.
     """
+    if x.graph.whole:
+        return _unary("sin")(x), _unary("cos")(x)
     shifted = fma(x, 0.6366197723675814, ROUND)  # 2/pi
     k = shifted - ROUND
     r = fma(-k, 1.5707963267948966, x)
@@ -232,6 +234,8 @@ def exp(x: Number) -> Any:
     Cody and Waite's reduction by multiples of ln 2 held in two parts (fdlibm, e_exp.c), the Taylor polynomial
     of degree 13 on [-ln 2 / 2, ln 2 / 2], and two powers of two, neither of which overflows.
     """
+    if x.graph.whole:
+        return _unary("exp")(x)
     x = algebra.minimum(algebra.maximum(x, -746.0), 746.0)
     k = fma(x, 1.4426950408889634, ROUND) - ROUND
     r = fma(-k, 6.93147180369123816490e-01, x)

@@ -68,9 +68,13 @@ class Machine:
     lane : ProgramLane
     requests : type of enum
         What the program may ask for.
+    whole : bool
+        Whether graphs have whole functions (:class:`Graph`).
     """
 
-    def __init__(self, program: Program, lane: ProgramLane, requests: type[enum.Enum]) -> None:
+    def __init__(
+        self, program: Program, lane: ProgramLane, requests: type[enum.Enum], whole: bool = False
+    ) -> None:
         self.program, self.lane, self.requests = program, lane, requests
         self.states: list[State] = [State(0, None, ())]
         self.ways: dict[int, Tree] = {}
@@ -78,13 +82,13 @@ class Machine:
         self._rehearsals: dict[enum.Enum | None, Graph] = {}
         self._found: dict[Any, tuple[State, Any]] = {}
         for state in self.states:  # grows while it is explored
-            graph = self.graphs.setdefault(state.request, Graph())
+            graph = self.graphs.setdefault(state.request, Graph(whole))
             run = functools.partial(self._run, state)
             self.ways[state.number] = every_way(graph, run, _name(state))
 
     def _run(self, state: State, ways: Ways) -> Writes:
         """One way of the stretch after a state."""
-        rehearsal = self._rehearsals.setdefault(state.request, Graph())
+        rehearsal = self._rehearsals.setdefault(state.request, Graph(ways.graph.whole))
         running = self.program(self.lane)
         for answers in state.answers:
             self.lane.begin(rehearsal)
