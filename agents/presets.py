@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from redundant_envs.files import exists, scene_folder
+from redundant_envs.files import config_folder, exists
 from redundant_envs.values import shown
 
 
 def preset_folder() -> Path:
     """The folder of the presets: package data in a wheel, configs/training in a checkout."""
-    return scene_folder().parent / "training"
+    return config_folder("training")
 
 
 def presets() -> list[str]:

@@ -24,7 +24,11 @@ def study_stops(
     trust: Trust = False,
 ) -> None:
     """Cost of hard stops on the states of an RPRP policy."""
-    from redundant_envs.studies import common, stops
+    try:
+        from redundant_envs.studies import stops
+    except ModuleNotFoundError:
+        raise ValueError("study stops is in the source tree, not in the wheel; run it there") from None
+    from redundant_envs.tables import table, write_rows
 
     from .own_scene import own_config, tell_differences
 
@@ -42,8 +46,8 @@ def study_stops(
         "random actions": stops.random_policy(0),
     }
     rows = stops.run(policies, lanes)
-    common.write_rows(rows, stops.COLUMNS, out)
-    print(common.table(rows, stops.COLUMNS[stops.COLUMNS.index("states") :]))
+    write_rows(rows, stops.COLUMNS, out)
+    print(table(rows, stops.COLUMNS[stops.COLUMNS.index("states") :]))
     print(out)
 
 
@@ -59,12 +63,12 @@ def study_policy(
     trust: Trust = False,
 ) -> None:
     """Effect of the physics on a policy, and training under the cheapest."""
-    from redundant_envs.studies.common import study_path
+    from redundant_envs.files import config_folder
 
     from .drawing import check_drawing
     from .studies.policy.settings import load_study
 
-    what = load_study(config or study_path("policy"), overrides or ())
+    what = load_study(config or config_folder("studies") / "policy.yaml", overrides or ())
     check_drawing()
     from .studies.policy.report import write_report
     from .studies.policy.run import run_study

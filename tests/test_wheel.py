@@ -106,11 +106,33 @@ def test_console_scripts(core, tmp_path):
     version = f"redundant-envs {importlib.import_module('redundant_envs').__version__}\n"
     for name in ("redundant-envs", "redundant-envs-train"):
         assert call(program(core, name), "--version", folder=tmp_path).stdout == version
-    assert "rprp_reach" in call(program(core, "redundant-envs"), "list", folder=tmp_path).stdout
+    named = call(program(core, "redundant-envs"), "list", folder=tmp_path).stdout
+    assert "rprp_reach" in named
+    assert "studies" not in named
     done = call(program(core, "redundant-envs-train"), "train", "rprp_reach_ppo", folder=tmp_path)
     assert done.returncode == 2
     assert "pip install 'redundant-envs[train]'" in done.stderr
     assert len(done.stderr.splitlines()) == 1
+
+
+def test_studies_stay_in_the_source_tree(core, wheel, tmp_path):
+    """All else of the command line works without them."""
+    with zipfile.ZipFile(wheel) as archive:
+        names = archive.namelist()
+    assert not [name for name in names if "redundant_envs/studies" in name or "throughput" in name]
+    assert "redundant_envs/verify/recorded_bits.json" in names
+    command = program(core, "redundant-envs")
+    for words in (["accuracy"], ["accuracy", "--config", "mine.yaml"], []):
+        done = call(command, "study", *words, folder=tmp_path)
+        assert done.returncode == 2
+        assert "in the source tree" in done.stderr
+        assert len(done.stderr.splitlines()) == 1
+    for words in (["verify", "--quick", "--states", "64", "four_r_reach"], ["scene", "rprp_reach", "--bill"]):
+        done = call(command, *words, folder=tmp_path)
+        assert done.returncode == 0, done.stderr
+    done = call(command, "scene", "rprp_reach", "--drawing", "arm.svg", folder=tmp_path)
+    assert done.returncode == 2
+    assert "pip install 'redundant-envs[plot]'" in done.stderr
 
 
 def test_a_wheel_trains_from_an_empty_folder(wheel, tmp_path):

@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from redundant_envs.extras import needs
-from redundant_envs.studies.common import write_rows
+from redundant_envs.tables import write_rows
 
 from .. import command
 from ..config import Config

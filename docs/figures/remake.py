@@ -21,6 +21,7 @@ from agents.rollout import policy_act
 from agents.studies.strength import read_rows
 from agents.studies.strength_figure import figure
 from redundant_envs.__main__ import main
+from redundant_envs.envs.schematic import save_schematic
 
 ROOT = Path(__file__).resolve().parents[2]
 FIGURES, RESULTS, POLICIES = ROOT / "docs" / "figures", ROOT / "docs" / "results", ROOT / "policies"
@@ -77,5 +78,5 @@ if __name__ == "__main__":
     for name, runs in CURVES.items():
         curves(sorted((RESULTS / runs).glob("*/*")), FIGURES / f"learning_curves{name}.png")
     figure(read_rows(RESULTS / "strength" / "strength.csv")).savefig(FIGURES / "strength.png")
-    main(["study", "schematic", "--out", str(FIGURES / "arms.svg")])
+    save_schematic(FIGURES / "arms.svg")
     main(["study", "accuracy", "--redraw", str(RESULTS / "accuracy")])

@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from redundant_envs.machine import versions
+from redundant_envs.progress import Progress
 from redundant_envs.scene import Scene
 from redundant_envs.studies import accuracy_metrics as metrics
 from redundant_envs.studies import peers
@@ -27,9 +29,8 @@ from redundant_envs.studies.accuracy_long import (
     second_reference,
 )
 from redundant_envs.studies.accuracy_methods import Method, installed, long_methods, panel_methods
-from redundant_envs.studies.common import dgemm_rate, one_core, versions
 from redundant_envs.studies.impacts import impact_motion
-from redundant_envs.studies.progress import Progress
+from redundant_envs.studies.timing import dgemm_rate, one_core
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]

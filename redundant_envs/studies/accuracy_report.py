@@ -12,7 +12,7 @@ from redundant_envs.studies.accuracy import Answer, PanelResult, Row
 from redundant_envs.studies.accuracy_config import PEERS, Study
 from redundant_envs.studies.accuracy_long import PATH_SECONDS, error_names
 from redundant_envs.studies.accuracy_methods import brief
-from redundant_envs.studies.common import write_rows
+from redundant_envs.tables import write_rows
 
 LONG_HEADS = {
     "energy_rate": "energy",

@@ -12,8 +12,9 @@ import gymnasium as gym
 import numpy as np
 
 from redundant_envs.envs.registration import NAMESPACE, SCENES
+from redundant_envs.machine import versions
 from redundant_envs.scene import load_scene
-from redundant_envs.studies.common import one_core, versions
+from redundant_envs.studies.timing import one_core
 
 COLUMNS = (
     "machine", "date", "python", "llvmlite", "numpy", "commit", "gymnasium", "env", "lanes",

@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.model.batch import BatchSimulator, Numerics
+from redundant_envs.progress import Progress
 from redundant_envs.scene import Scene
 from redundant_envs.studies.interval_families import FAMILIES, Draw, Family
-from redundant_envs.studies.progress import Progress
 
 COLUMNS = (
     "family", "tolerance", "intervals", "judged", "missed", "flagged", "spent", "largest_error", "events",

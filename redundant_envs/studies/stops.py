@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.effects import PrismaticStop
+from redundant_envs.machine import versions
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.scene import Scene, load_scene
-from redundant_envs.studies.common import one_core, versions
+from redundant_envs.studies.timing import one_core
 
 COLUMNS = (
     "machine", "date", "python", "llvmlite", "numpy", "commit", "states", "lanes", "touched_share",

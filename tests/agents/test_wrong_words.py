@@ -130,7 +130,7 @@ def test_the_help_of_train_has_all_keys(capsys):
         "verify rprp_reach --states 0", "verify --bits rprp_reach", "verify --bits short --quick", "study",
         "study nope", "study throughput --config nope.yaml", "study impacts --intervals 0",
         "study intervals --processes 0", "study stops --lanes 1", "study environments --rounds 0",
-        "study schematic --out a.gif", "study accuracy --config nope.yaml", "scene", "scene nope",
+        "scene rprp_reach --drawing a.gif", "study accuracy --config nope.yaml", "scene", "scene nope",
         "scene rprp_reach --listing x", "list x", "--import", "--import nope list",
     ],
 )  # fmt: skip

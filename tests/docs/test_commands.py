@@ -21,7 +21,7 @@ QUICK = (
     "python -m redundant_envs scene four_r_free --bill",
     "python -m redundant_envs scene four_r_free --listing",
     "python -m redundant_envs verify --quick four_r_reach",
-    "python -m redundant_envs study schematic",
+    "python -m redundant_envs scene rprp_reach --drawing runs/arm.svg",
     "python -m agents table docs/results/runs/*/*",
     "python -m agents schema",
     "python examples/play_with_numpy.py policies/RPRPReach-v0-sac",

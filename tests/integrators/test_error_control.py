@@ -16,7 +16,7 @@ from redundant_envs.quantities import Quantities
 from redundant_envs.studies.interval_families import FAMILIES
 from redundant_envs.studies.intervals import tips_after
 from redundant_envs.studies.kinked_effects import TorqueSpeed, VelocityController
-from redundant_envs.studies.verify.states import random_states
+from redundant_envs.verify.states import random_states
 
 e = rde.effects
 LAB = rde.FourR((1.0,) * 4, (0.5,) * 4)

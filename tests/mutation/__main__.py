@@ -23,7 +23,7 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, NamedTuple
 
-from redundant_envs.studies.progress import Progress
+from redundant_envs.progress import Progress
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = "redundant_envs"
@@ -38,7 +38,7 @@ MODULES = (
     *(f"integrators/{m}" for m in (*STEPS, *STOPS)),
     *(f"simulator/{m}" for m in SIMULATOR),
 )
-TESTS = ("tests/studies/test_recorded_bits.py", "tests/robots", "tests/integrators", "tests/effects",
+TESTS = ("tests/verify/test_recorded_bits.py", "tests/robots", "tests/integrators", "tests/effects",
          "tests/simulator", "tests/oracles", "tests/hard_cases", "tests/outside", "tests/model",
          "tests/control", "tests/test_dialect.py")  # fmt: skip
 SECONDS = 1800.0

@@ -21,7 +21,7 @@ from redundant_envs.model.listing import _counts
 from redundant_envs.simulator.direct import cross_interval, fields_of
 from redundant_envs.simulator.dynamics import Dynamics
 from redundant_envs.simulator.interval import Interval
-from redundant_envs.studies.verify import Mode, verify
+from redundant_envs.verify import Mode, verify
 
 e = rde.effects
 ROTORS = (0.12, 0.3, 0.05, 0.02)

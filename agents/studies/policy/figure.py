@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from redundant_envs.studies.plots import new_figure
+from redundant_envs.figures import new_figure
 
 from .run import ArmResult
 from .settings import Study
@@ -19,7 +19,7 @@ def figure(result: ArmResult, study: Study, about: Mapping[str, str]) -> Any:
     """Differences of hold success and return from the reference, with intervals, per physics."""
     reference = next(row for row in result.rows if row["physics"] == study.reference)
     rows = [row for row in result.rows if row is not reference and not row.get("refused")]
-    drawn = new_figure(2.4 + 0.45 * len(rows))
+    drawn = new_figure(7.0, 2.4 + 0.45 * len(rows))
     panels = drawn.subplots(1, 2, sharey=True)
     holds = [hold_difference(row, study) for row in rows]
     returns = [return_difference(row, study, reference) for row in rows]

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from redundant_envs.studies.common import write_rows
+from redundant_envs.tables import write_rows
 
 from ... import COMMAND
 from .episodes import TIMING_REPEATS

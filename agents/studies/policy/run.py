@@ -15,7 +15,7 @@ import yaml
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
-from redundant_envs.studies.common import versions
+from redundant_envs.machine import versions
 
 from ...config import Config, load
 from ...own_scene import difference as other_scene

@@ -11,7 +11,7 @@ from redundant_envs.effects import Gravity
 from redundant_envs.integrators.tableaus import METHODS
 from redundant_envs.model.batch import BatchSimulator, Numerics
 from redundant_envs.scene import Scene
-from redundant_envs.studies.verify.checks import (
+from redundant_envs.verify.checks import (
     ENOUGH_SMOOTH,
     Array,
     Finding,
@@ -24,7 +24,7 @@ from redundant_envs.studies.verify.checks import (
     check,
     nothing,
 )
-from redundant_envs.studies.verify.conservation import (
+from redundant_envs.verify.conservation import (
     energy_changes,
     exact_in_parts,
     exact_whole,

@@ -11,7 +11,7 @@ from redundant_envs.effects import Gravity
 from redundant_envs.effects.hooks import Effect, Field, Force, Inertia, PointMass
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.scene import LONGEST_INTERVAL, SHORTEST_INTERVAL, Scene
-from redundant_envs.studies.verify.checks import (
+from redundant_envs.verify.checks import (
     ENOUGH_SMOOTH,
     EQUAL_BITS,
     Array,

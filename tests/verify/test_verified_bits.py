@@ -14,7 +14,7 @@ from redundant_envs.envs.vector_env import ArmVectorEnv
 from redundant_envs.integrators import contacts
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.model.memory import Memory
-from redundant_envs.studies.verify import (
+from redundant_envs.verify import (
     Subject,
     bits,
     environments,
@@ -23,8 +23,8 @@ from redundant_envs.studies.verify import (
     recorded_bits,
     verify,
 )
-from redundant_envs.studies.verify.checks import Mode, Trial, Verdict, checks_of
-from redundant_envs.studies.verify.subjects import subject_of
+from redundant_envs.verify.checks import Mode, Trial, Verdict, checks_of
+from redundant_envs.verify.subjects import subject_of
 
 e = rde.effects
 BITS = tuple(c for c in checks_of(bits) if c is not bits.record)

@@ -20,7 +20,7 @@ from redundant_envs.quantities import Quantities
 from redundant_envs.robots.arm import Arm
 from redundant_envs.simulator.direct import fields_of
 from redundant_envs.simulator.dynamics import Dynamics
-from redundant_envs.studies.verify.checks import (
+from redundant_envs.verify.checks import (
     Array,
     Finding,
     Mode,

@@ -11,7 +11,7 @@ from redundant_envs.algebra import numbered
 from redundant_envs.effects.hooks import Effect, Field, Force
 from redundant_envs.model.energy import at_joints, hook_value, potential_energy
 from redundant_envs.scene import Scene
-from redundant_envs.studies.verify.checks import (
+from redundant_envs.verify.checks import (
     ENOUGH_SMOOTH,
     ROUNDING,
     Array,
@@ -23,7 +23,7 @@ from redundant_envs.studies.verify.checks import (
     check,
     ratio,
 )
-from redundant_envs.studies.verify.states import BEYOND
+from redundant_envs.verify.states import BEYOND
 
 STEP = 1e-5
 """Step of the differences, rad and m: far below the lengths over which a potential changes its shape (1e-2),

@@ -6,11 +6,11 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from redundant_envs.studies.progress import Progress
-from redundant_envs.studies.verify import recorded_bits, report
-from redundant_envs.studies.verify.checks import Mode, Verdict
-from redundant_envs.studies.verify.report import MACHINE, OF_THE_MACHINE, Report, checks_in
-from redundant_envs.studies.verify.subjects import subjects_of
+from redundant_envs.progress import Progress
+from redundant_envs.verify import recorded_bits, report
+from redundant_envs.verify.checks import Mode, Verdict
+from redundant_envs.verify.report import MACHINE, OF_THE_MACHINE, Report, checks_in
+from redundant_envs.verify.subjects import subjects_of
 
 
 def run(

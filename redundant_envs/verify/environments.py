@@ -10,7 +10,7 @@ import gymnasium as gym
 import numpy as np
 
 from redundant_envs.envs.check import BrokenRule, check_vec_env
-from redundant_envs.studies.verify.checks import (
+from redundant_envs.verify.checks import (
     EQUAL_BITS,
     Finding,
     Mode,

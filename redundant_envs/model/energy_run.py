@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ from redundant_envs.effects import Gravity
 from redundant_envs.model.energy import potential_energy
 from redundant_envs.model.trajectory import Trajectory, simulate
 from redundant_envs.scene import Scene
+from redundant_envs.tables import write_rows
 
 Array = NDArray[np.float64]
 
@@ -136,9 +136,5 @@ def write_csv(run: EnergyRun, path: Path) -> None:
     arm, motion = run.scene.robot, run.trajectory
     header = ["t", *arm.coordinates, *arm.rates, "kinetic", "potential", "work", "total"]
     columns = (motion.t, motion.q, motion.qd, motion.kinetic_energy, motion.potential_energy, motion.work)
-    table = np.column_stack([*columns, run.total])
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(header)
-        writer.writerows([repr(float(x)) for x in row] for row in table)
+    values = np.column_stack([*columns, run.total]).tolist()
+    write_rows([dict(zip(header, row, strict=True)) for row in values], header, path)

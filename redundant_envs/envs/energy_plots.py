@@ -1,8 +1,7 @@
-"""Figures and clips of recorded motions. Drawing packages are imported when a picture is made."""
+"""Figures and clips of recorded motions."""
 
 from __future__ import annotations
 
-import io
 import itertools
 from pathlib import Path
 from typing import Any
@@ -11,25 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.envs.animation import animate, stated_limits
-from redundant_envs.extras import needs
-from redundant_envs.studies.energy import EnergyRun
+from redundant_envs.figures import bare, new_figure, save_figure
+from redundant_envs.model.energy_run import EnergyRun
 
 KINETIC, POTENTIAL, TOTAL, ERROR, LEFT_OUT = "#34496e", "#d9822b", "#2e8b66", "#8c3b3b", "#a9adb5"
 SLIDERS = ("#34496e", "#7c9dcd")
-
-
-def new_figure(height: float) -> Any:
-    """An empty figure, 7 inches wide, drawn without any window system."""
-    with needs("plot"):
-        from matplotlib.figure import Figure
-    return Figure(figsize=(7.0, height), dpi=100, layout="constrained")
 
 
 def energies_figure(run: EnergyRun) -> Any:
     """Figure 1: kinetic and potential energy; below, the travel of the sliders if there are any."""
     motion = run.trajectory
     sliders = run.scene.robot.sliders()
-    figure = new_figure(5.4 if sliders else 3.6)
+    figure = new_figure(7.0, 5.4 if sliders else 3.6)
     panels = figure.subplots(
         2 if sliders else 1, sharex=True, squeeze=False, height_ratios=[3, 2][: 1 + bool(sliders)]
     )[:, 0]
@@ -54,7 +46,7 @@ def energies_figure(run: EnergyRun) -> Any:
 def total_figure(run: EnergyRun) -> Any:
     """Figure 2: total energy on the scale of its parts; below, its relative departure."""
     motion = run.trajectory
-    figure = new_figure(5.0)
+    figure = new_figure(7.0, 5.0)
     energy, error = figure.subplots(2, sharex=True, height_ratios=[3, 2])
     book = run.without_springs
     if book is not None:
@@ -81,9 +73,7 @@ def total_figure(run: EnergyRun) -> Any:
 def _finish(panels: Any, t: NDArray[np.float64]) -> None:
     for panel in panels:
         panel.set_xlim(t[0], t[-1])
-        panel.grid(color="0.9", lw=0.7)
-        panel.set_axisbelow(True)
-        panel.spines[["top", "right"]].set_visible(False)
+        bare(panel)
         # Outside, so that a legend never covers a curve.
         panel.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
     panels[-1].set_xlabel("time [s]")
@@ -91,20 +81,8 @@ def _finish(panels: Any, t: NDArray[np.float64]) -> None:
 
 def save_figures(run: EnergyRun, folder: Path) -> list[Path]:
     """Write both figures of a run as PNG; returns their paths."""
-    first, second = energies_figure(run), total_figure(run)
-    with needs("plot"):
-        from PIL import Image
-
-    folder.mkdir(parents=True, exist_ok=True)
-    written = []
-    for kind, figure in (("energies", first), ("total", second)):
-        path = folder / f"{run.name}_{kind}.png"
-        memory = io.BytesIO()
-        figure.savefig(memory, format="png")
-        # A palette makes the file a third as large; line drawings have few colours.
-        Image.open(memory).convert("RGB").quantize(64).save(path, optimize=True)
-        written.append(path)
-    return written
+    figures = {"energies": energies_figure(run), "total": total_figure(run)}
+    return [save_figure(figure, folder / f"{run.name}_{kind}.png") for kind, figure in figures.items()]
 
 
 def save_clip(run: EnergyRun, path: Path) -> None:

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from redundant_envs.model.batch import BatchSimulator
-from redundant_envs.studies.verify import recorded_bits
-from redundant_envs.studies.verify.checks import (
+from redundant_envs.verify import recorded_bits
+from redundant_envs.verify.checks import (
     EQUAL_BITS,
     Array,
     Finding,

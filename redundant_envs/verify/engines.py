@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from redundant_envs.extras import needs
-from redundant_envs.studies.verify.checks import (
+from redundant_envs.verify.checks import (
     Array,
     Finding,
     NotApplicable,
@@ -20,7 +20,7 @@ from redundant_envs.studies.verify.checks import (
     check,
     ratio,
 )
-from redundant_envs.studies.verify.equations import added_inertia, from_points
+from redundant_envs.verify.equations import added_inertia, from_points
 
 AGREE = at_most(1e-9)
 """Residual of MuJoCo's equations of motion, in units of its terms, and the difference of mass matrices in

@@ -8,7 +8,7 @@ import numpy as np
 
 from redundant_envs.effects.hooks import Impact
 from redundant_envs.model.batch import BatchSimulator
-from redundant_envs.studies.verify.checks import (
+from redundant_envs.verify.checks import (
     ENOUGH_SMOOTH,
     EQUAL_BITS,
     Array,
@@ -20,7 +20,7 @@ from redundant_envs.studies.verify.checks import (
     check,
     ratio,
 )
-from redundant_envs.studies.verify.equations import from_points
+from redundant_envs.verify.equations import from_points
 
 SHORT = 1e-10
 """Simulated time after an impact, s, for an arm of a metre and more, and shorter for shorter arms: forces

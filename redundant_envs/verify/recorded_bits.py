@@ -1,6 +1,6 @@
 """Scenes and environments of which every bit is recorded: it must be the same on every machine.
 
-``python -m redundant_envs.studies.verify.recorded_bits`` writes a new record; a commit that
+``python -m redundant_envs.verify.recorded_bits`` writes a new record; a commit that
 changes the record says why.
 """
 

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from redundant_envs.extras import MissingPackage
 from redundant_envs.robots.arm import Arm
 from redundant_envs.scene import Scene
-from redundant_envs.studies.verify.states import random_poses, random_states
-from redundant_envs.studies.verify.subjects import Subject
+from redundant_envs.verify.states import random_poses, random_states
+from redundant_envs.verify.subjects import Subject
 
 Array = NDArray[Any]
 

@@ -1,7 +1,8 @@
-"""The schematic of both arms, which explains their coordinates, lengths and masses."""
+"""Schematics of both arms, which explain their coordinates, lengths and masses."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.envs.rendering import BACKGROUND, JOINT, LINKS, RAIL, TRAIL
+from redundant_envs.figures import new_figure, save_figure
 from redundant_envs.robots import RPRP, FourR
-from redundant_envs.studies.plots import new_figure
 
 Point = NDArray[np.float64]
 Color = tuple[float, float, float]
@@ -22,10 +23,8 @@ SLIDER_TRAVEL = 0.7
 FOUR_POSE = np.array([1.2, 0.62, -0.62, 0.72])
 """theta1 to theta4 of the drawn 4R arm, rad."""
 LENGTH = 0.68
-LEGEND = (
-    "Angles are absolute, from the direction of +x. A motor acts at every joint. "
-    "Grey rails are the travel of the sliders between their stops."
-)
+LEGEND = "Angles are absolute, from the direction of +x. A motor acts at every joint."
+OF_SLIDERS = " Grey rails are the travel of the sliders between their stops."
 
 
 def shade(color: tuple[int, int, int]) -> Color:
@@ -145,33 +144,29 @@ def draw_four_r(axes: Any) -> None:
     axes.set_title("4R", fontsize=14, color=INK, loc="left", fontweight="bold")
 
 
-def schematic_figure() -> Any:
-    """Both arms side by side."""
-    figure = new_figure(4.3)
-    figure.set_size_inches(11.0, 4.3)
+DRAWN = {"RPRP": (draw_rprp, (-0.3, 2.35, -0.2, 1.35)), "FourR": (draw_four_r, (-0.3, 2.65, -0.2, 1.5))}
+"""Kind of an arm -> the function that draws it, and the ends of the axes, m."""
+
+
+def save_schematic(path: Path, kinds: Sequence[str] = tuple(DRAWN)) -> Path:
+    """Draw arms side by side, as SVG or PNG by the ending of the name.
+
+    Parameters
+    ----------
+    path : Path
+    kinds : sequence of str
+        Of ``DRAWN``; by default all.
+    """
+    for kind in kinds:
+        if kind not in DRAWN:
+            raise ValueError(f"the arm is a {kind}; only {' and '.join(DRAWN)} have a drawing")
+    figure = new_figure(5.5 * len(kinds), 4.3)
     figure.set_facecolor(shade(BACKGROUND))
-    for axes, draw, view in zip(
-        figure.subplots(1, 2),
-        (draw_rprp, draw_four_r),
-        ((-0.3, 2.35, -0.2, 1.35), (-0.3, 2.65, -0.2, 1.5)),
-        strict=True,
-    ):
+    for axes, kind in zip(figure.subplots(1, len(kinds), squeeze=False)[0], kinds, strict=True):
+        draw, view = DRAWN[kind]
         draw(axes)
         gravity(axes, (view[0] + 0.12, view[3] - 0.05))
         axes.set(xlim=view[:2], ylim=view[2:], aspect="equal")
         axes.set_axis_off()
-    figure.supxlabel(LEGEND, fontsize=10, color=INK)
-    return figure
-
-
-def save_schematic(path: Path) -> Path:
-    """Write the schematic as SVG or PNG, by the ending of its name."""
-    figure = schematic_figure()
-    import matplotlib
-
-    path.parent.mkdir(parents=True, exist_ok=True)
-    # Text becomes outlines, so that the picture is the same everywhere, and in every run.
-    with matplotlib.rc_context({"svg.hashsalt": "schematic", "svg.fonttype": "path"}):
-        facts = {"Date": None} if path.suffix == ".svg" else None
-        figure.savefig(path, dpi=160, facecolor=figure.get_facecolor(), metadata=facts)
-    return path
+    figure.supxlabel(LEGEND + OF_SLIDERS * ("RPRP" in kinds), fontsize=10, color=INK)
+    return save_figure(figure, path, dpi=160, facecolor=figure.get_facecolor())

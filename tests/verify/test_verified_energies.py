@@ -20,11 +20,11 @@ from redundant_envs.effects import (
 )
 from redundant_envs.effects.hooks import Effect, Force, State
 from redundant_envs.scene import LONGEST_INTERVAL, SHORTEST_INTERVAL, scene_names
-from redundant_envs.studies.verify import Mode, conservation, evaluators, impacts, symmetries, verify
-from redundant_envs.studies.verify.accuracy import flagged, order
-from redundant_envs.studies.verify.checks import Verdict, checks_of
-from redundant_envs.studies.verify.conservation import energy_book
-from redundant_envs.studies.verify.forces import forces_at_switches, potentials
+from redundant_envs.verify import Mode, conservation, evaluators, impacts, symmetries, verify
+from redundant_envs.verify.accuracy import flagged, order
+from redundant_envs.verify.checks import Verdict, checks_of
+from redundant_envs.verify.conservation import energy_book
+from redundant_envs.verify.forces import forces_at_switches, potentials
 
 FOUR_R = rde.FourR((2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35))
 RPRP = rde.RPRP((2.3, 0.7, 1.9, 0.4), (1.1, 0.6))

@@ -5,9 +5,9 @@ measures one number of a subject and compares it with a promise. A promise is a 
 in float64 for any reasonable arm, not the value that the arms of this package happen to have.
 """
 
-from redundant_envs.studies.verify.checks import Mode, Verdict
-from redundant_envs.studies.verify.report import Report, verify, verify_machine
-from redundant_envs.studies.verify.subjects import Subject, subject_from, subjects_of
+from redundant_envs.verify.checks import Mode, Verdict
+from redundant_envs.verify.report import Report, verify, verify_machine
+from redundant_envs.verify.subjects import Subject, subject_from, subjects_of
 
 __all__ = [
     "Mode", "Report", "Subject", "Verdict", "subject_from", "subjects_of", "verify", "verify_machine",

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from redundant_envs.studies.common import versions
-from redundant_envs.studies.verify import (
+from redundant_envs.machine import versions
+from redundant_envs.verify import (
     accuracy,
     bits,
     conservation,
@@ -26,7 +26,7 @@ from redundant_envs.studies.verify import (
     rest,
     symmetries,
 )
-from redundant_envs.studies.verify.checks import (
+from redundant_envs.verify.checks import (
     STATES,
     Check,
     Mode,
@@ -35,7 +35,7 @@ from redundant_envs.studies.verify.checks import (
     Verdict,
     checks_of,
 )
-from redundant_envs.studies.verify.subjects import Subject, subject_from
+from redundant_envs.verify.subjects import Subject, subject_from
 
 CHECKS: tuple[Check, ...] = checks_of(
     equations, kinematics, forces, hints, rest, conservation, accuracy, impacts, symmetries, bits, evaluators,

@@ -5,8 +5,8 @@ import json
 import pytest
 
 from redundant_envs.__main__ import main
-from redundant_envs.studies.verify import recorded_bits
-from redundant_envs.studies.verify.recorded_bits import RECORDED, SHORT
+from redundant_envs.verify import recorded_bits
+from redundant_envs.verify.recorded_bits import RECORDED, SHORT
 
 
 @pytest.mark.parametrize(

@@ -12,8 +12,8 @@ from redundant_envs.effects.hooks import Actuation, Force, Hook, Sensing, State
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots.checks import OF_LANES, OWN_NAMES
 from redundant_envs.simulator.dynamics import Dynamics
-from redundant_envs.studies.verify.checks import Finding, Mode, Promise, Trial, check
-from redundant_envs.studies.verify.hints import Motion
+from redundant_envs.verify.checks import Finding, Mode, Promise, Trial, check
+from redundant_envs.verify.hints import Motion
 
 FINITE = Promise(0.0, "quantities", "at most")
 

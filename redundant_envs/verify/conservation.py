@@ -13,7 +13,7 @@ from redundant_envs.effects.hooks import Inertia, PointMass
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.model.energy import kinetic_energy, potential_energy
 from redundant_envs.scene import Scene
-from redundant_envs.studies.verify.checks import (
+from redundant_envs.verify.checks import (
     ENOUGH_SMOOTH,
     ROUNDING,
     Array,
@@ -25,7 +25,7 @@ from redundant_envs.studies.verify.checks import (
     check,
     ratio,
 )
-from redundant_envs.studies.verify.equations import added_inertia, equations_at, from_points, slopes
+from redundant_envs.verify.equations import added_inertia, equations_at, from_points, slopes
 
 # ---- the energy balance --------------------------------------------------------------------------
 

@@ -13,7 +13,7 @@ from redundant_envs.scene import SHORTEST_INTERVAL, Scene
 from redundant_envs.simulator.direct import cross_interval, fields_of
 from redundant_envs.simulator.dynamics import Dynamics
 from redundant_envs.simulator.interval import Interval
-from redundant_envs.studies.verify.checks import (
+from redundant_envs.verify.checks import (
     Array,
     Finding,
     Mode,

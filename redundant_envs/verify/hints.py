@@ -19,7 +19,7 @@ from redundant_envs.loaded_arm import identifier
 from redundant_envs.quantities import Quantities
 from redundant_envs.simulator.direct import fields_of
 from redundant_envs.simulator.dynamics import Dynamics
-from redundant_envs.studies.verify.checks import (
+from redundant_envs.verify.checks import (
     ROUNDING,
     Array,
     Finding,
@@ -30,7 +30,7 @@ from redundant_envs.studies.verify.checks import (
     check,
     ratio,
 )
-from redundant_envs.studies.verify.equations import TILTED
+from redundant_envs.verify.equations import TILTED
 
 SHORT = at_most(1.5)
 """A step covers two radians of an oscillation, or two time constants of a decay. With half as much again it

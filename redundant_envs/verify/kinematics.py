@@ -10,7 +10,8 @@ from redundant_envs.algebra import numbered
 from redundant_envs.dual import Dual, dual
 from redundant_envs.effects.hooks import Inertia
 from redundant_envs.quantities import Quantities
-from redundant_envs.studies.verify.checks import (
+from redundant_envs.tasks.base import full_reach
+from redundant_envs.verify.checks import (
     Array,
     Finding,
     Mode,
@@ -20,8 +21,7 @@ from redundant_envs.studies.verify.checks import (
     check,
     ratio,
 )
-from redundant_envs.studies.verify.equations import AGREE, at_poses, entries, found, slopes, table, values_of
-from redundant_envs.tasks.base import full_reach
+from redundant_envs.verify.equations import AGREE, at_poses, entries, found, slopes, table, values_of
 
 
 @check("Jacobian", AGREE, Mode.QUICK)

@@ -12,7 +12,7 @@ from small_scenes import OWN_IDS
 import redundant_envs as rde
 from redundant_envs.__main__ import main
 from redundant_envs.extras import MissingPackage
-from redundant_envs.studies.verify import (
+from redundant_envs.verify import (
     Mode,
     Subject,
     Verdict,
@@ -23,7 +23,7 @@ from redundant_envs.studies.verify import (
     subjects_of,
     verify,
 )
-from redundant_envs.studies.verify.checks import (
+from redundant_envs.verify.checks import (
     EQUAL_BITS,
     Check,
     Finding,
@@ -34,7 +34,7 @@ from redundant_envs.studies.verify.checks import (
     at_most,
     check,
 )
-from redundant_envs.studies.verify.subjects import LENGTHS, MASSES, subject_of
+from redundant_envs.verify.subjects import LENGTHS, MASSES, subject_of
 
 e = rde.effects
 FOUR_R = rde.FourR((2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35))

@@ -9,8 +9,8 @@ import redundant_envs as rde
 from redundant_envs.algebra import physics
 from redundant_envs.effects import Actuation, CentringSpring, Effect, Force, LimitSpring, Point, State
 from redundant_envs.studies.kinked_effects import SmoothFriction
-from redundant_envs.studies.verify import hints, rest, verify
-from redundant_envs.studies.verify.checks import Verdict, checks_of
+from redundant_envs.verify import hints, rest, verify
+from redundant_envs.verify.checks import Verdict, checks_of
 
 FOUR_R = rde.FourR((2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35))
 RPRP = rde.RPRP((2.3, 0.7, 1.9, 0.4), (1.1, 0.6))
