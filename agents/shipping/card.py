@@ -69,9 +69,9 @@ def card(
         "observation, info = env.reset()",
         "action, _ = model.predict(observation, deterministic=True)", "```", "",
         f"`policy.onnx` takes {' and '.join(parts)}, batch first, in single precision, and gives `actions`; "
-        "`policy.npz` has the same layers as arrays, with which `examples/play_with_numpy.py` acts. It has "
-        f"{len(layers.biases)} layers of {', '.join(str(len(b)) for b in layers.biases)} units, {count} "
-        f"numbers, {layers.activation} between them and {layers.output} at the end.", "",
+        "`policy.npz` has the same layers as arrays, with which `docs/examples/play_with_numpy.py` acts. It "
+        f"has {len(layers.biases)} layers of {', '.join(str(len(b)) for b in layers.biases)} units, "
+        f"{count} numbers, {layers.activation} between them and {layers.output} at the end.", "",
         f"Both compute in double precision. Over {checked} observations their actions differ from those of "
         f"the weights in double precision by at most {worst['policy.onnx']:.1g} (ONNX) and "
         f"{worst['policy.npz']:.1g} (NumPy), those of stable-baselines3, which computes in single precision, "

@@ -1,7 +1,7 @@
 """Experiments of rl_zoo3 with the averaged learners and the native vector environment.
 
 ``python -m agents.zoo --algo averaged_sac --env redundant_envs/RPRPReach-v0 --seed 0
---conf-file hyperparams/averaged_sac.yml`` takes all arguments of ``rl_zoo3.train``. With the settings and the
+--conf-file configs/zoo/averaged_sac.yml`` takes all arguments of ``rl_zoo3.train``. With the settings and the
 seed of a preset it takes the preset's steps, to the same bits.
 """
 

@@ -184,7 +184,7 @@ def test_one_command_exports_and_numpy_alone_acts(tmp_path, capsys):
     alone = (
         "import sys; sys.modules.update(torch=None, stable_baselines3=None, onnxruntime=None, scipy=None)\n"
     )
-    program = alone + (ROOT / "examples" / "play_with_numpy.py").read_text()
+    program = alone + (ROOT / "docs" / "examples" / "play_with_numpy.py").read_text()
     command = [sys.executable, "-c", program, str(folder), "--episodes", "100"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -1,4 +1,4 @@
-"""hyperparams/: the settings of the presets for rl_zoo3; agents.zoo: the same learning to the same bits."""
+"""configs/zoo/: the settings of the presets for rl_zoo3; agents.zoo: the same learning to the same bits."""
 
 import importlib.util
 import inspect
@@ -32,8 +32,8 @@ needs_zoo = pytest.mark.skipif(
 
 
 def hyperparameters(name):
-    """A file of hyperparams/, by environment."""
-    return yaml.safe_load((ROOT / "hyperparams" / f"{name}.yml").read_text(encoding="utf-8"))
+    """A file of configs/zoo/, by environment."""
+    return yaml.safe_load((ROOT / "configs" / "zoo" / f"{name}.yml").read_text(encoding="utf-8"))
 
 
 def of_preset(config):
@@ -107,9 +107,9 @@ SMALL = {
 
 
 def call(folder, name, env_id, *arguments):
-    """agents.zoo on hyperparams/, with its logs in a folder."""
+    """agents.zoo on configs/zoo/, with its logs in a folder."""
     command = [sys.executable, "-m", "agents.zoo", "--algo", name, "--env", env_id, "--num-threads", "1"]
-    command += ["--conf-file", f"hyperparams/{name}.yml", "--log-folder", str(folder), *arguments]
+    command += ["--conf-file", f"configs/zoo/{name}.yml", "--log-folder", str(folder), *arguments]
     return subprocess.run(command, check=False, capture_output=True, text=True, cwd=ROOT)
 
 

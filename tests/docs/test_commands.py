@@ -24,7 +24,7 @@ QUICK = (
     "python -m redundant_envs scene rprp_reach --drawing runs/arm.svg",
     "python -m agents table docs/results/runs/*/*",
     "python -m agents schema",
-    "python examples/play_with_numpy.py policies/RPRPReach-v0-sac",
+    "python docs/examples/play_with_numpy.py policies/RPRPReach-v0-sac",
 )
 SLOWER = (
     "python -m redundant_envs verify --quick rprp_reach --json runs/found.json --markdown runs/found.md",
@@ -89,7 +89,7 @@ def parse(command, whole):
 
 def test_every_command_is_one_and_takes_its_arguments():
     for command, (page, in_block) in FOUND.items():
-        if command.startswith("python examples"):
+        if command.startswith("python docs/examples"):
             assert (ROOT / command.split()[1]).is_file(), f"{page}: {command}"
             continue
         try:
@@ -109,10 +109,11 @@ def test_a_command_with_a_wrong_option_or_name_would_be_seen():
 def run(command, tmp_path, monkeypatch):
     """Run a documented command in a separate folder, with copies of the files that it may write to."""
     assert command in FOUND, f"{command} is on no page any more"
-    for name in ("policies", "examples", "configs"):
+    for name in ("policies", "configs"):
         (tmp_path / name).symlink_to(ROOT / name)
     results = tmp_path / "docs" / "results"
     results.mkdir(parents=True)
+    (tmp_path / "docs" / "examples").symlink_to(ROOT / "docs" / "examples")
     if "accuracy" in command:
         shutil.copytree(ROOT / "docs/results/accuracy", results / "accuracy")
     elif RUN in command or "RUN" in command.split():

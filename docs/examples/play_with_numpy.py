@@ -1,4 +1,4 @@
-"""Act with a trained policy by NumPy alone: python examples/play_with_numpy.py policies/RPRPReach-v0-sac
+"""Act with a trained policy by NumPy alone: python docs/examples/play_with_numpy.py policies/RPRPReach-v0-sac
 
 Beside redundant-envs and what it needs (neither torch nor stable-baselines3), this uses nothing but NumPy.
 """

@@ -1,4 +1,4 @@
-"""PPO on the native vector environment, in one file: python examples/cleanrl_ppo.py --seed 1
+"""PPO on the native vector environment, in one file: python docs/examples/cleanrl_ppo.py --seed 1
 
 In the form of CleanRL (Huang et al. 2022, JMLR 23(274), docs.cleanrl.dev): one file, one algorithm, every
 detail visible; nothing is imported from this repository but the environments. The algorithm is PPO with
