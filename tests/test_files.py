@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from refusals import ANYTHING, refusal, short
 
 import redundant_envs as rde
-from agents.__main__ import main as agents_main
-from agents.config import load
 from redundant_envs.__main__ import main
 from redundant_envs.files import LARGEST_FILE, config_folder, parse_yaml, read_yaml, text_value
 from redundant_envs.scene import scene_names
 from redundant_envs.studies.accuracy_config import load_study
 from redundant_envs.studies.throughput import load_config
+from redundant_envs_train.__main__ import main as agents_main
+from redundant_envs_train.config import load
 
 EFFECTS = b"effects:\n- {type: Gravity}\n"
 ROBOT = "robot: {type: FourR, masses: [1, 1, 1, 1], lengths: [1, 1, 1, 1]}\n"

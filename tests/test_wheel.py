@@ -198,14 +198,13 @@ def test_the_wheel_tells_what_it_is(wheel):
     assert about.get_all("Project-URL")
 
 
-def test_an_editable_install_finds_the_application():
+def test_an_editable_install_finds_the_application_under_the_same_name():
     data = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    (place,) = (d for d in data["tool"]["hatch"]["build"]["targets"]["wheel"]["dev-mode-dirs"] if d != ".")
-    find = (
-        "import redundant_envs_train as t, redundant_envs_train.__main__ as m; print(m.__file__, t.COMMAND)"
-    )
-    path = os.pathsep.join([str(ROOT), str(ROOT / place)])
-    command = [sys.executable, "-c", find]
-    environment = {**os.environ, "PYTHONPATH": path}
+    places = data["tool"]["hatch"]["build"]["targets"]["wheel"]["dev-mode-dirs"]
+    path = os.pathsep.join(str(ROOT / place) for place in places)
+    script = data["project"]["scripts"]["redundant-envs-train"]
+    find = f"import {script.partition(':')[0]} as m, redundant_envs_train as t; print(m.__file__, t.COMMAND)"
+    command, environment = [sys.executable, "-c", find], {**os.environ, "PYTHONPATH": path}
     done = subprocess.run(command, check=True, capture_output=True, text=True, env=environment, cwd="/")
-    assert done.stdout.split() == [str(ROOT / "agents" / "__main__.py"), "redundant-envs-train"]
+    place = ROOT / "agents" / "redundant_envs_train" / "__main__.py"
+    assert done.stdout.split() == [str(place), "redundant-envs-train"]

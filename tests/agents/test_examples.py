@@ -10,7 +10,7 @@ import pytest
 import torch
 from stable_baselines3 import SAC
 
-from agents.rollout import EVALUATION_SEED, run_episodes
+from redundant_envs_train.rollout import EVALUATION_SEED, run_episodes
 
 ROOT = Path(__file__).parents[2]
 PPO = ROOT / "docs" / "examples" / "cleanrl_ppo.py"

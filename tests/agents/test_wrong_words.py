@@ -6,8 +6,8 @@ import sys
 
 import pytest
 
-from agents.__main__ import main
 from redundant_envs import __main__ as library
+from redundant_envs_train.__main__ import main
 
 WRONG = {
     "nope": "choose train, tune",
@@ -68,7 +68,7 @@ WRONG = {
 LARGE = ("torch", "stable_baselines3", "onnx")
 CALLS = f"""
 import contextlib, io, json, sys
-from agents.__main__ import main
+from redundant_envs_train.__main__ import main
 found = {{}}
 for words in json.loads(sys.argv[1]):
     said, out = io.StringIO(), io.StringIO()
@@ -104,7 +104,7 @@ def test_a_mistake_is_one_line_and_status_2_before_anything_large_is_imported(wo
 def test_a_wrong_name_is_refused_before_the_parser_is_imported():
     """Its packages alone take longer than the rest."""
     program = (
-        "import sys; from agents.__main__ import main; assert main(['train', 'nope']) == 2; "
+        "import sys; from redundant_envs_train.__main__ import main; assert main(['train', 'nope']) == 2; "
         "assert not {'torch', 'pydantic', 'typer', 'stable_baselines3'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", program], capture_output=True, check=True)

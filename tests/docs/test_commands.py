@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import re
 import shlex
 import shutil
@@ -70,8 +71,8 @@ def parse(command, whole):
     elif module == "agents":
         import typer
 
-        from agents.commands import app
-        from agents.config import load
+        from redundant_envs_train.commands import app
+        from redundant_envs_train.config import load
 
         step, name = typer.main.get_command(app), words[0] if words else ""
         while words and hasattr(step, "commands"):
@@ -81,10 +82,7 @@ def parse(command, whole):
             if name in ("train", "tune") and not given["config"].startswith("runs/"):
                 load(given["config"], given["overrides"] or ())
     else:
-        name = module.replace(".", "/")
-        assert module.startswith("rl_zoo3") or any(
-            (ROOT / f"{name}{end}").exists() for end in (".py", "/__main__.py")
-        ), module
+        assert module.startswith("rl_zoo3") or importlib.util.find_spec(module), module
 
 
 def test_every_command_is_one_and_takes_its_arguments():

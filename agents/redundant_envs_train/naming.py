@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import shlex
+from pathlib import Path
 
-COMMAND = "python -m agents" if __name__.partition(".")[0] == "agents" else "redundant-envs-train"
+COMMAND = "python -m agents" if Path.cwd() == Path(__file__).parents[2] else "redundant-envs-train"
+"""In a checkout nothing need be installed; elsewhere the name of the script, in the same words everywhere."""
 
 
 def command(*words: object) -> str:

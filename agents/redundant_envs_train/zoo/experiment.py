@@ -1,6 +1,6 @@
 """Experiments of rl_zoo3 with the averaged learners and the native vector environment.
 
-``python -m agents.zoo --algo averaged_sac --env redundant_envs/RPRPReach-v0 --seed 0
+``python -m redundant_envs_train.zoo --algo averaged_sac --env redundant_envs/RPRPReach-v0 --seed 0
 --conf-file configs/zoo/averaged_sac.yml`` takes all arguments of ``rl_zoo3.train``. With the settings and the
 seed of a preset it takes the preset's steps, to the same bits.
 """

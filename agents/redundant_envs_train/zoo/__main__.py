@@ -1,4 +1,4 @@
-"""``python -m agents.zoo``: takes all arguments of ``rl_zoo3.train``."""
+"""``python -m redundant_envs_train.zoo``: takes all arguments of ``rl_zoo3.train``."""
 
 from __future__ import annotations
 
