@@ -1,37 +1,56 @@
-"""A progress bar on standard error, without a package."""
+"""Progress of a command on standard error."""
 
 from __future__ import annotations
 
+import contextlib
+import importlib.util
+import itertools
 import sys
-import time
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
 
-WIDTH = 24
+from redundant_envs.extras import needs
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
 
 
-class Progress:
-    """Counts finished parts and estimates the remaining time.
+def progress_bars() -> Progress:
+    """Lines of progress; every task has a ``note``."""
+    with needs("train"):
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    return Progress(
+        TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"),
+        TextColumn("{task.fields[note]}"), TimeElapsedColumn(), TimeRemainingColumn(),
+        console=Console(stderr=True), redirect_stdout=sys.stdout.isatty(),
+    )  # fmt: skip
 
-    On a terminal one line is redrawn; elsewhere each count is a line.
+
+@contextlib.contextmanager
+def counted(name: str, total: int, each: int = 1) -> Iterator[Callable[[str], None]]:
+    """A function that counts one more finished part and takes its description.
+
+    On a terminal it moves a bar if rich is installed; elsewhere it writes a line.
 
     Parameters
     ----------
     name : str
     total : int
         Counts until the end.
+    each : int
+        Counts from one line to the next.
     """
+    if sys.stderr.isatty() and importlib.util.find_spec("rich"):
+        with progress_bars() as bars:
+            task = bars.add_task(name, total=total, note="")
+            yield lambda what: bars.update(task, advance=1, note=what)
+        return
+    counts = itertools.count(1)
 
-    def __init__(self, name: str, total: int) -> None:
-        self.name, self.total, self.done = name, total, 0
-        self._start = time.monotonic()
+    def line(what: str) -> None:
+        count = next(counts)
+        if count % each == 0:
+            print(f"{name} {count // each}/{total // each}: {what}", file=sys.stderr, flush=True)
 
-    def step(self, what: str) -> None:
-        """Count one more finished part, described by ``what``."""
-        self.done += 1
-        left = (time.monotonic() - self._start) * (self.total / self.done - 1.0)
-        minutes, seconds = divmod(round(left), 60)
-        filled = WIDTH * self.done // self.total
-        bar = "#" * filled + "." * (WIDTH - filled)
-        text = f"{self.name} [{bar}] {self.done}/{self.total}, {minutes}:{seconds:02d} left: {what}"
-        terminal = sys.stderr.isatty()
-        end = "\n" if not terminal or self.done == self.total else ""
-        print(f"\r\x1b[K{text[:110]}" if terminal else text, end=end, file=sys.stderr, flush=True)
+    yield line

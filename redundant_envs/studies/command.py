@@ -29,20 +29,16 @@ def add_studies(parser: argparse.ArgumentParser) -> None:
     p.add_argument("--lanes", type=int, default=4096)
     p.set_defaults(handler=stops)
     _add_study_out(p)
-    p = studies.add_parser("impacts", help="whether error control finds every impact at hard stops")
-    p.add_argument("--intervals", type=int, default=100_000, help="over all families")
-    p.add_argument("--families", type=int, default=12, help="number of random families beside the named ones")
-    p.add_argument("--independent", type=int, default=100, help="intervals for SciPy, some 50 ms each")
-    p.add_argument("--processes", type=int, default=1, help="number of processes, each with its own families")
-    p.add_argument("--seed", type=int, default=0)
-    p.set_defaults(handler=impacts)
-    _add_study_out(p)
-    p = studies.add_parser("intervals", help="whether the tolerance is kept in families of hard scenes")
-    p.add_argument("--intervals", type=int, default=100_000, help="over all families")
-    p.add_argument("--processes", type=int, default=1, help="number of processes, each with its own families")
-    p.add_argument("--seed", type=int, default=0)
-    p.set_defaults(handler=intervals)
-    _add_study_out(p)
+    for name, what in (
+        ("impacts", "whether error control finds every impact at hard stops"),
+        ("intervals", "whether the tolerance is kept in families of hard scenes"),
+    ):
+        p = studies.add_parser(name, help=what)
+        p.add_argument("--intervals", type=int, default=100_000, help="over all families")
+        p.add_argument("--processes", type=int, default=1, help="number of processes, each with its families")
+        p.add_argument("--seed", type=int, default=0)
+        p.set_defaults(handler=intervals)
+        _add_study_out(p)
     p = studies.add_parser("accuracy", help="error against cost, beside MuJoCo and SciPy")
     p.add_argument("--config", type=Path, metavar="YAML", help="default: configs/studies/accuracy.yaml")
     p.add_argument("--out", type=Path, default=Path("runs/studies"), metavar="FOLDER")
@@ -85,21 +81,6 @@ def stops(options: argparse.Namespace) -> None:
     _report(rows, study.COLUMNS, "states", options.out, "stops")
 
 
-def impacts(options: argparse.Namespace) -> None:
-    """Check intervals of random scenes with hard stops."""
-    from redundant_envs.studies import hidden_impacts as study
-
-    for name, least in (
-        ("intervals", 1), ("families", 0), ("independent", 0), ("seed", 0), ("processes", 1),
-    ):  # fmt: skip
-        if getattr(options, name) < least:
-            raise ValueError(f"{name} is {getattr(options, name)}; give at least {least}")
-    rows = study.run(
-        options.intervals, options.families, options.independent, options.seed, options.processes
-    )
-    _report(rows, study.COLUMNS, "family", options.out, "impacts")
-
-
 def intervals(options: argparse.Namespace) -> None:
     """Check intervals of many families of scenes."""
     from redundant_envs.studies import intervals as study
@@ -107,8 +88,8 @@ def intervals(options: argparse.Namespace) -> None:
     for name, least in (("intervals", 1), ("seed", 0), ("processes", 1)):
         if getattr(options, name) < least:
             raise ValueError(f"{name} is {getattr(options, name)}; give at least {least}")
-    rows = study.run(options.intervals, options.seed, options.processes)
-    _report(rows, study.COLUMNS, "family", options.out, "intervals")
+    rows = study.run(options.study, options.intervals, options.seed, options.processes)
+    _report(rows, study.COLUMNS, "family", options.out, options.study)
 
 
 def accuracy(options: argparse.Namespace) -> None:

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from redundant_envs.progress import Progress
+from redundant_envs.progress import counted
 from redundant_envs.verify import recorded_bits, report
 from redundant_envs.verify.checks import Mode, Verdict
 from redundant_envs.verify.report import MACHINE, OF_THE_MACHINE, Report, checks_in
@@ -34,14 +34,15 @@ def run(
     for file in (json_file, markdown_file):
         if file is not None and file.is_dir():
             raise ValueError(f"{file} is a folder; give a file to be written")
-    done = _progress(len(subjects), len(checks_in(chosen)))
     reports: list[tuple[str, Report]] = []
-    for subject in subjects:
-        found = report.verify(subject, states, chosen, done)
-        reports.append((report.about(subject), found))
+    each = len(checks_in(chosen))
+    with counted("verify", len(subjects) * each + len(OF_THE_MACHINE), each) as done:
+        for subject in subjects:
+            found = report.verify(subject, states, chosen, done)
+            reports.append((report.about(subject), found))
+            _show(*reports[-1])
+        reports.append((MACHINE, report.verify_machine(chosen, done)))
         _show(*reports[-1])
-    reports.append((MACHINE, report.verify_machine(chosen, done)))
-    _show(*reports[-1])
     if json_file is not None:
         report.write(json_file, report.as_json(reports))
     if markdown_file is not None:
@@ -61,31 +62,16 @@ def _show(title: str, found: Report) -> None:
     print(flush=True)
 
 
-def _progress(subjects: int, checks: int) -> report.Done:
-    """Progress callback for each check; if output goes to a file, there is only one line per subject."""
-    terminal = sys.stderr.isatty()
-    each = 1 if terminal else checks
-    bar = Progress("verify", (subjects * checks + len(OF_THE_MACHINE)) // each)
-    count = 0
-
-    def done(name: str) -> None:
-        nonlocal count
-        count += 1
-        if count % each == 0:
-            bar.step(name if terminal else name.partition(": ")[0])
-
-    return done
-
-
 def compare_bits(everything: bool) -> int:
     """Print whether recorded motions have the same bits on this machine; returns 1 if one differs."""
     names = list(recorded_bits.RECORDED if everything else recorded_bits.SHORT)
-    expected, same, progress = recorded_bits.recorded(), 0, Progress("recorded bits", len(names))
-    for name in names:
-        progress.step(name)
-        if recorded_bits.found(name) == expected[name]:
-            same += 1
-        else:
-            print(f"{name}: other bits")
+    expected, same = recorded_bits.recorded(), 0
+    with counted("recorded bits", len(names)) as done:
+        for name in names:
+            if recorded_bits.found(name) == expected[name]:
+                same += 1
+            else:
+                print(f"{name}: other bits")
+            done(name)
     print(f"{same} of {len(names)} recorded motions have the same bits on this machine")
     return int(same < len(names))

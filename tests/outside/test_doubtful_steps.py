@@ -24,7 +24,7 @@ from redundant_envs.simulator.interval import Interval
 from redundant_envs.simulator.lane import Lane
 from redundant_envs.simulator.step import others_error
 from redundant_envs.studies.interval_families import kinked
-from redundant_envs.studies.intervals import judge
+from redundant_envs.studies.intervals import judge_family
 
 
 def crossed(scene, q, qd, efforts, parts=1, z=None, **how):
@@ -221,7 +221,7 @@ def test_the_tolerance_is_kept_where_two_crossings_of_a_kink_agree_by_chance(spr
     ],
 )
 def test_the_tolerance_is_kept_across_kinks_that_depend_on_rates(family):
-    tally = judge(family, 512, seed=31)
+    tally = judge_family(family, 512, seed=31)
     assert tally.missed == 0
     assert tally.judged >= 0.8 * tally.intervals
     assert tally.flagged <= 0.02 * tally.intervals

@@ -243,7 +243,7 @@ def test_a_miss_exits_with_1_in_words_and_files(few, tmp_path, capsys):
     out, err = capsys.readouterr()
     assert "FourR: MISSED: missed: too much" in out
     assert "2 promises kept, 2 missed" in out
-    assert "verify [" in err
+    assert "verify 1/2: FourR: missed" in err
     assert "2 broken promises" in err
     data = json.loads(found.read_text(encoding="utf-8"))
     assert data["good"] is False

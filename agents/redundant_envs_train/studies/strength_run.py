@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from redundant_envs.progress import counted
 from redundant_envs.scene import scene_data
 
 from ..config import Config, load
@@ -12,7 +13,6 @@ from ..config.fields import checked
 from ..new_folder import check_out
 from ..training.amount import count_of
 from ..training.many import train_many
-from ..training.watch import progress_bars
 from .strength import (
     ARMS,
     HOLDABLE,
@@ -85,13 +85,11 @@ def run_study(
     if {(row.arm, row.factor, row.who, row.episodes) for row in rows} != {
         (arm, factor, who, episodes) for arm in ARMS for factor in factors for who in (HOLDABLE, *POSES)
     }:
-        with progress_bars() as bars:
-            line = bars.add_task("computed torque, and what can be held", total=len(ARMS), note="")
-            rows = []
+        rows = []
+        with counted("computed torque, and what can be held", len(ARMS)) as done:
             for arm in ARMS:
-                bars.update(line, note=arm)
                 rows += expert_rows(arm, factors, episodes)
-                bars.advance(line)
+                done(arm)
         write_rows(rows, expert)
     known = {(row.arm, row.factor, row.who) for row in given}
     chosen = {name: config for name, (key, config) in trainings(factors, seeds).items() if key not in known}

@@ -93,7 +93,7 @@ def check_same(config: Config, folder: Path) -> None:
 
 def _follow(names: Sequence[str], workers: list[Any], news: Any) -> list[str]:
     """Show the progress of the workers until they end."""
-    from .watch import progress_bars
+    from redundant_envs.progress import progress_bars
 
     failures: list[str] = []
     with progress_bars() as bars, stop_request() as stop:

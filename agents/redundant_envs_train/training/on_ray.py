@@ -143,7 +143,7 @@ def _check_listening(place: str) -> None:
 
 def _follow(configs: Mapping[str, Config], folder: Path) -> list[str]:
     """Submit unfinished runs, show their progress, and write the returned folders; returns failures."""
-    from .watch import progress_bars
+    from redundant_envs.progress import progress_bars
 
     failures: list[str] = []
     with progress_bars() as bars, stop_request() as stop:

@@ -11,6 +11,7 @@ import yaml
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
+from redundant_envs.progress import progress_bars
 
 from .. import command
 from ..config import WITHOUT_EFFECT, Config, PlainPPOSettings, first_environment_seed
@@ -25,7 +26,7 @@ from . import checkpoint
 from .interrupt import Stopped, stop_request
 from .start import start_from
 from .telemetry import check, logger
-from .watch import OnPoint, Watch, progress_bars
+from .watch import OnPoint, Watch
 
 with needs("train"):
     import torch

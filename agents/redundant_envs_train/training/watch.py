@@ -20,7 +20,7 @@ from . import checkpoint
 from .interrupt import Request
 
 with needs("train"):
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import Progress
     from stable_baselines3.common.callbacks import BaseCallback
 
 BAR_STEPS = 400
@@ -139,11 +139,3 @@ class Watch(BaseCallback):
         held = "-" if math.isnan(self.hold) else f"{100 * self.hold:.1f} %"
         note = f"holds {held}, while exploring {now}"
         self.progress.update(self.task, completed=share * config.total_steps, note=note)
-
-
-def progress_bars() -> Progress:
-    """Lines of progress; every task has a ``note``."""
-    return Progress(
-        TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"),
-        TextColumn("{task.fields[note]}"), TimeElapsedColumn(), TimeRemainingColumn(),
-    )  # fmt: skip

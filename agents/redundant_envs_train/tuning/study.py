@@ -12,6 +12,7 @@ from typing import Any
 
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
+from redundant_envs.progress import progress_bars
 from redundant_envs.values import shown
 
 from ..config import WITHOUT_EFFECT, Config
@@ -20,7 +21,6 @@ from ..start import with_start
 from ..training import checkpoint, telemetry
 from ..training.interrupt import Stopped, stop_request
 from ..training.train import simulator_hash, train
-from ..training.watch import progress_bars
 from .arguments import check_arguments
 from .results import MESSAGE, complete, ended, order_of, write
 from .search import Space, space_of, with_parameters

@@ -16,6 +16,7 @@ from redundant_envs.envs.core import Core
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
 from redundant_envs.machine import versions
+from redundant_envs.progress import progress_bars
 
 from ...config import Config, load
 from ...own_scene import difference as other_scene
@@ -24,7 +25,6 @@ from ...policies import load_policy
 from ...rollout import policy_act, run_episodes
 from ...run_folder import SELECTION, read_config, read_facts, read_table
 from ...training.train import simulator_hash, train
-from ...training.watch import progress_bars
 from .episodes import Evaluation, evaluate_under, figures, held, stepping
 from .pairs import compare, compare_groups
 from .settings import Study, slug
