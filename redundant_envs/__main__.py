@@ -218,8 +218,9 @@ def show_scene(options: argparse.Namespace) -> None:
         from redundant_envs.model.listing import bill
         from redundant_envs.tables import table
 
-        rows = [{"of": owner, **counts._asdict()} for owner, counts in bill(scene).items()]
-        print(table(rows, list(rows[0])))
+        found = bill(scene)
+        head = ("of", *next(iter(found.values()))._fields)
+        print(table(head, ((owner, *counts) for owner, counts in found.items())))
         return
     if options.drawing is not None:
         from redundant_envs.envs.schematic import save_schematic

@@ -16,14 +16,16 @@ if TYPE_CHECKING:
 
 
 def progress_bars() -> Progress:
-    """Lines of progress; every task has a ``note``."""
+    """Lines of progress on a terminal or in a notebook; every task has a ``note``."""
     with needs("train"):
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    console = Console(stderr=True)
     return Progress(
         TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"),
         TextColumn("{task.fields[note]}"), TimeElapsedColumn(), TimeRemainingColumn(),
-        console=Console(stderr=True), redirect_stdout=sys.stdout.isatty(),
+        console=console, redirect_stdout=sys.stdout.isatty(),
+        disable=not (console.is_terminal or console.is_jupyter),
     )  # fmt: skip
 
 

@@ -1,14 +1,14 @@
-"""Tables: rows as CSV and as text in aligned columns."""
+"""Tables: rows as CSV, as Markdown and as text in aligned columns."""
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 
-def write_rows(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], path: Path) -> None:
+def write_rows(rows: Iterable[Mapping[str, Any]], columns: Sequence[str], path: Path) -> None:
     """Write rows as CSV."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w", newline="", encoding="utf-8") as file:
@@ -17,9 +17,15 @@ def write_rows(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], path: 
         writer.writerows(rows)
 
 
-def table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> str:
-    """Rows as text in aligned columns."""
-    lines = [list(columns), *([str(row[c]) for c in columns] for row in rows)]
-    widths = [max(len(line[k]) for line in lines) for k in range(len(columns))]
-    padded = (" ".join(f"{c:>{w}}" for c, w in zip(line, widths, strict=True)) for line in lines)
-    return "\n".join(padded)
+def table(head: Sequence[Any], rows: Iterable[Iterable[Any]], align: str = ">") -> str:
+    """A table as text in aligned columns: ">" to the right, "<" to the left."""
+    lines = [[str(cell) for cell in line] for line in (head, *rows)]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    padded = ("  ".join(f"{c:{align}{w}}" for c, w in zip(line, widths, strict=True)) for line in lines)
+    return "\n".join(line.rstrip() for line in padded)
+
+
+def markdown(head: Sequence[Any], rows: Iterable[Iterable[Any]]) -> str:
+    """A Markdown table; a bar in a cell becomes a slash."""
+    lines = ([str(cell).replace("|", "/") for cell in line] for line in (head, ["---"] * len(head), *rows))
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)

@@ -10,7 +10,9 @@ import numpy as np
 
 from redundant_envs.envs.clips import check_clip
 from redundant_envs.envs.sb3 import make_sb3
-from redundant_envs.extras import MissingPackage, needs
+from redundant_envs.extras import MissingPackage
+from redundant_envs.figures import bare, new_figure, save_figure
+from redundant_envs.tables import markdown
 
 from . import command
 from .clips import clip
@@ -39,9 +41,6 @@ MEASURES = (
 
 def plots(folder: Path, config: Config, result: dict[str, Any], evaluated: Path, out: Path) -> list[Path]:
     """Learning curves and final distances as pictures in ``out``; ``evaluated`` has episodes.csv."""
-    with needs("plot"):
-        import matplotlib.pyplot as plt
-    plt.switch_backend("Agg")
     episodes = read_table(evaluated, "episodes.csv", EPISODES)
     target = out / "plots"
     target.mkdir(parents=True, exist_ok=True)
@@ -51,7 +50,8 @@ def plots(folder: Path, config: Config, result: dict[str, Any], evaluated: Path,
     if run is not None and len(run.curve):
         pictures.insert(0, target / "learning_curve.png")
         draw_curves(group([run]), pictures[0])
-    figure, axes = plt.subplots(figsize=(6.4, 3.8), layout="constrained")
+    figure = new_figure(6.4, 3.8)
+    axes = figure.subplots()
     for column, label in ((3, config.label), (6, "computed-torque expert")):
         distance = np.sort(1000 * episodes[:, column])
         axes.plot(distance, 100 * np.arange(1, len(distance) + 1) / len(distance), label=label)
@@ -63,8 +63,8 @@ def plots(folder: Path, config: Config, result: dict[str, Any], evaluated: Path,
     axes.axvline(tolerance, color="0.7", linewidth=1, linestyle="--")
     axes.text(tolerance, 2, " goal tolerance", color="0.4", fontsize=8)
     axes.legend(loc="center left")
-    figure.savefig(target / "final_distance.png", dpi=120)
-    plt.close(figure)
+    bare(axes)
+    save_figure(figure, target / "final_distance.png", dpi=120)
     return pictures
 
 
@@ -115,8 +115,7 @@ def page(
     """The text of report.md."""
     learner = config.label
     rows = [
-        f"| {name} | {number(result.get(key), scale, digits, unit)} "
-        f"| {number(result.get(f'expert_{key}'), scale, digits, unit)} |"
+        (name, *(number(result.get(f"{who}{key}"), scale, digits, unit) for who in ("", "expert_")))
         for name, key, scale, digits, unit in MEASURES
     ]
     origin = [f"{name} {version}" for name, version in result["versions"].items()]
@@ -134,7 +133,7 @@ def page(
         f"# {learner} on {config.env}, seed {config.seed}", "", summary(result), "",
         "![clip](clip.gif)", "", *(f"[{c.name}]({c.name})\n" for c in clips[1:]),
         *(f"![{p.stem}](plots/{p.name})" for p in pictures), "",
-        f"| {result['episodes']} frozen goals | {learner} | computed torque |", "|---|---|---|", *rows, "",
+        markdown((f"{result['episodes']} frozen goals", learner, "computed torque"), rows), "",
         *([f"Simulated in the run's own scene: {scene}.", ""] if scene else []),
         "Time to hold is the median over the goals that were held; effort is the mean square of the "
         "normalized motor efforts, smoothness their mean change from one control step to the next: less is "

@@ -47,7 +47,8 @@ def study_stops(
     }
     rows = stops.run(policies, lanes)
     write_rows(rows, stops.COLUMNS, out)
-    print(table(rows, stops.COLUMNS[stops.COLUMNS.index("states") :]))
+    shown = stops.COLUMNS[stops.COLUMNS.index("states") :]
+    print(table(shown, ([row[c] for c in shown] for row in rows)))
     print(out)
 
 

@@ -13,6 +13,7 @@ from PIL import Image
 
 from redundant_envs.__main__ import main
 from redundant_envs.envs.schematic import save_schematic
+from redundant_envs.figures import save_figure
 from redundant_envs_train.clips import batched
 from redundant_envs_train.evidence.curves import curves
 from redundant_envs_train.evidence.table import brief_table
@@ -77,6 +78,6 @@ if __name__ == "__main__":
         thumbnail(name, policy, seed)
     for name, runs in CURVES.items():
         curves(sorted((RESULTS / runs).glob("*/*")), FIGURES / f"learning_curves{name}.png")
-    figure(read_rows(RESULTS / "strength" / "strength.csv")).savefig(FIGURES / "strength.png")
+    save_figure(figure(read_rows(RESULTS / "strength" / "strength.csv")), FIGURES / "strength.png")
     save_schematic(FIGURES / "arms.svg")
     main(["study", "accuracy", "--redraw", str(RESULTS / "accuracy")])

@@ -23,8 +23,8 @@ SLIDER_TRAVEL = 0.7
 FOUR_POSE = np.array([1.2, 0.62, -0.62, 0.72])
 """theta1 to theta4 of the drawn 4R arm, rad."""
 LENGTH = 0.68
-LEGEND = "Angles are absolute, from the direction of +x. A motor acts at every joint."
-OF_SLIDERS = " Grey rails are the travel of the sliders between their stops."
+LEGEND = ("Angles are absolute, from the direction of +x.", "A motor acts at every joint.")
+OF_SLIDERS = "Grey rails are the travel of the sliders between their stops."
 
 
 def shade(color: tuple[int, int, int]) -> Color:
@@ -168,5 +168,6 @@ def save_schematic(path: Path, kinds: Sequence[str] = tuple(DRAWN)) -> Path:
         gravity(axes, (view[0] + 0.12, view[3] - 0.05))
         axes.set(xlim=view[:2], ylim=view[2:], aspect="equal")
         axes.set_axis_off()
-    figure.supxlabel(LEGEND + OF_SLIDERS * ("RPRP" in kinds), fontsize=10, color=INK)
+    legend = (" " if len(kinds) > 1 else "\n").join((*LEGEND, *[OF_SLIDERS] * ("RPRP" in kinds)))
+    figure.supxlabel(legend, fontsize=10, color=INK)
     return save_figure(figure, path, dpi=160, facecolor=figure.get_facecolor())

@@ -118,5 +118,5 @@ def _report(rows: list[dict[str, Any]], columns: Sequence[str], first: str, out:
     start = columns.index(first)
     if rows:
         print(", ".join(f"{c} {rows[0][c]}" for c in columns[:start] if rows[0][c]))
-    print(table(rows, columns[start:]))
+    print(table(columns[start:], ([row[c] for c in columns[start:]] for row in rows)))
     print(path)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from redundant_envs import tables
 from redundant_envs.machine import versions
 from redundant_envs.verify import (
     accuracy,
@@ -153,13 +154,8 @@ def cells(outcome: Outcome) -> tuple[str, str, str, str, str]:
 def text_table(outcomes: Iterable[Outcome]) -> str:
     """Outcomes as text in aligned columns; checks that are not applicable are listed below, by reason."""
     shown, left = _split(outcomes)
-    lines = [COLUMNS, *map(cells, shown)]
-    widths = [max(len(line[k]) for line in lines) for k in range(len(COLUMNS) - 1)]
-    rows = [
-        "  ".join([*(f"{c:<{w}}" for c, w in zip(line[:-1], widths, strict=True)), line[-1]]).rstrip()
-        for line in lines
-    ]
-    return "\n".join([*rows, *(f"not applicable, {reason}: {names}" for reason, names in left)])
+    lines = [tables.table(COLUMNS, map(cells, shown), "<")]
+    return "\n".join([*lines, *(f"not applicable, {reason}: {names}" for reason, names in left)])
 
 
 def notes(outcomes: Iterable[Outcome]) -> list[str]:
@@ -195,8 +191,7 @@ def markdown(reports: Iterable[tuple[str, Report]]) -> str:
     parts = ["# What verify found", "", ", ".join(f"{k} {v}" for k, v in versions().items() if v), ""]
     for title, report in reports:
         shown, left = _split(report.outcomes)
-        parts += [f"## {title}", "", f"| {' | '.join(COLUMNS)} |", "|---" * len(COLUMNS) + "|"]
-        parts += [f"| {' | '.join(c.replace('|', '/') for c in cells(o))} |" for o in shown]
+        parts += [f"## {title}", "", tables.markdown(COLUMNS, map(cells, shown))]
         parts += ["", *(f"* Not applicable, {reason}: {names}" for reason, names in left)]
         parts += [*(f"* {note}" for note in notes(report.outcomes)), ""]
     return "\n".join(parts)

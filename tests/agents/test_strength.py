@@ -14,6 +14,7 @@ from redundant_envs.control.holding import can_hold, holding_load
 from redundant_envs.control.statics import effort_limits
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.scene import load_scene, scene_data
+from redundant_envs.tables import write_rows
 from redundant_envs_train.__main__ import main
 from redundant_envs_train.config import load
 from redundant_envs_train.rollout import EVALUATION_SEED
@@ -23,6 +24,7 @@ from redundant_envs_train.studies.factors import factors_of
 from redundant_envs_train.studies.strength import (
     ARMS,
     COLORS,
+    COLUMNS,
     EXPERT,
     FACTORS,
     HOLDABLE,
@@ -34,7 +36,6 @@ from redundant_envs_train.studies.strength import (
     learner_rows,
     read_rows,
     weakened,
-    write_rows,
 )
 from redundant_envs_train.studies.strength_figure import AREA, figure
 from redundant_envs_train.studies.strength_run import run_study, trainings
@@ -250,7 +251,7 @@ def made_up_rows():
 
 def test_rows_survive_their_file(tmp_path):
     path = tmp_path / "new" / "strength.csv"
-    write_rows(made_up_rows(), path)
+    write_rows(map(dataclasses.asdict, made_up_rows()), COLUMNS, path)
     assert read_rows(path) == made_up_rows()
 
 
@@ -267,7 +268,7 @@ def test_rows_survive_their_file(tmp_path):
 )
 def test_damaged_files_are_refused(tmp_path, old, new, words):
     path = tmp_path / "strength.csv"
-    write_rows(made_up_rows(), path)
+    write_rows(map(dataclasses.asdict, made_up_rows()), COLUMNS, path)
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new, 1))

@@ -314,7 +314,7 @@ def test_the_study_without_peers(tmp_path, monkeypatch):
     (result,) = results
     assert {r["peer"] for r in result.rows} == {""}
     assert [a.by for a in result.agreements] == ["rk8, 64 steps"]
-    text = accuracy_report.markdown(study, results, "a command", [])
+    text = accuracy_report.page_text(study, results, "a command", [])
     assert "mujoco is not installed" in text
     assert "| not run |" in text
 

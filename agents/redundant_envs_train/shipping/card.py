@@ -8,6 +8,7 @@ from typing import Any
 
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.registration import MAX_EPISODE_STEPS
+from redundant_envs.tables import markdown
 
 from ..config import Config, OffPolicySettings
 from ..evaluate import PACKAGES
@@ -121,13 +122,12 @@ def _results(evaluation: Mapping[str, Any]) -> list[str]:
     lines = [
         f"On {evaluation['episodes']} frozen goals that training never saw ({_plain(evaluation['date'])}); "
         f"the 95 % interval of hold success is {100 * low:.1f} to {100 * high:.1f} %:", "",
-        "| | this policy | computed torque |", "|---|---|---|",
     ]  # fmt: skip
+    cells = []
     for label, key, scale, digits, unit in rows:
         found = [evaluation.get(f"{who}{key}") for who in ("", "expert_")]
-        cells = ["-" if v is None else f"{scale * v:.{digits}f}{unit}" for v in found]
-        lines.append(f"| {label} | {cells[0]} | {cells[1]} |")
-    return lines
+        cells.append((label, *("-" if v is None else f"{scale * v:.{digits}f}{unit}" for v in found)))
+    return [*lines, markdown(("", "this policy", "computed torque"), cells)]
 
 
 def _plain(text: str) -> str:

@@ -255,17 +255,8 @@ def _without_limits(scene: Scene) -> dict[str, Any]:
     return {**data, "effects": effects}
 
 
-def write_rows(rows: Sequence[Row], path: Path) -> None:
-    """Write rows as CSV; an empty field is None."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, COLUMNS)
-        writer.writeheader()
-        writer.writerows(dataclasses.asdict(row) for row in rows)
-
-
 def read_rows(path: Path) -> list[Row]:
-    """Rows that :func:`write_rows` wrote; ValueError with file and line for others."""
+    """The rows of a CSV file of ``COLUMNS``; ValueError with file and line for others."""
     with path.open(newline="", encoding="utf-8") as file:
         reader = csv.DictReader(file)
         if tuple(reader.fieldnames or ()) != COLUMNS:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from redundant_envs.extras import needs
+from redundant_envs.figures import bare, new_figure
 
 from .strength import ARMS, COLORS, HOLDABLE, Row
 
@@ -36,19 +36,14 @@ def figure(rows: Sequence[Row]) -> Any:
     arms = [arm for arm in ARMS if any(row.arm == arm for row in rows)]
     if not arms:
         raise ValueError("rows is empty; give those of expert_rows and learner_rows")
-    with needs("plot"):
-        from matplotlib.figure import Figure
-
-    result = Figure(figsize=(4.0 * len(arms) + 0.6, 3.9), dpi=120, layout="constrained")
+    result = new_figure(4.0 * len(arms) + 0.6, 3.9, 120)
     panels = result.subplots(1, len(arms), sharey=True, squeeze=False)[0]
     handles: dict[str, Any] = {}
     for panel, arm in zip(panels, arms, strict=True):
         handles |= _draw(panel, [row for row in rows if row.arm == arm])
         panel.set_title(arm, loc="left", fontweight="bold")
         panel.set_xlabel("motor strength (effort limits times ...)")
-        panel.grid(color="0.92", linewidth=0.7)
-        panel.set_axisbelow(True)
-        panel.spines[["top", "right"]].set_visible(False)
+        bare(panel)
     panels[0].set_ylabel("hold success, %")
     panels[0].set_ylim(0.0, 103.0)
     shown = [who for who in (HOLDABLE, *COLORS) if who in handles]

@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
+from redundant_envs.figures import save_figure
 from redundant_envs.progress import counted
 from redundant_envs.scene import scene_data
+from redundant_envs.tables import markdown, write_rows
 
 from ..config import Config, load
 from ..config.fields import checked
 from ..new_folder import check_out
 from ..training.amount import count_of
 from ..training.many import train_many
-from .strength import (
-    ARMS,
-    HOLDABLE,
-    POSES,
-    Row,
-    expert_rows,
-    learner_rows,
-    read_rows,
-    weakened,
-    write_rows,
-)
+from .strength import ARMS, COLUMNS, HOLDABLE, POSES, Row, expert_rows, learner_rows, read_rows, weakened
 from .strength_figure import figure
 
 LEARNERS = ("ppo", "sac")
@@ -90,15 +83,15 @@ def run_study(
             for arm in ARMS:
                 rows += expert_rows(arm, factors, episodes)
                 done(arm)
-        write_rows(rows, expert)
+        write_rows(map(dataclasses.asdict, rows), COLUMNS, expert)
     known = {(row.arm, row.factor, row.who) for row in given}
     chosen = {name: config for name, (key, config) in trainings(factors, seeds).items() if key not in known}
     if chosen:
         train_many(chosen, out / "runs", processes)
     trained = learner_rows([out / "runs" / name for name in chosen])
     rows = [*rows, *(row for row in (*given, *trained) if row.factor in factors)]
-    write_rows(rows, out / "strength.csv")
-    figure(rows).savefig(out / "strength.png")
+    write_rows(map(dataclasses.asdict, rows), COLUMNS, out / "strength.csv")
+    save_figure(figure(rows), out / "strength.png")
     return table(rows)
 
 
@@ -106,7 +99,7 @@ def table(rows: Sequence[Row]) -> str:
     """Hold success in percent, a line for each arm and factor."""
     who = list(dict.fromkeys(row.who for row in rows))
     found = {(row.arm, row.factor, row.who): row for row in rows}
-    lines = [f"| arm | limits times | {' | '.join(who)} |", "|---|---|" + "---|" * len(who)]
+    lines = []
     for arm, factor in dict.fromkeys((row.arm, row.factor) for row in rows):
         cells = []
         for name in who:
@@ -117,5 +110,5 @@ def table(rows: Sequence[Row]) -> str:
                 else ""
             )
             cells.append(f"{100 * row.hold_success:.1f} %{more}" if row else "-")
-        lines.append(f"| {arm} | {factor:g} | {' | '.join(cells)} |")
-    return "\n".join(lines)
+        lines.append((arm, f"{factor:g}", *cells))
+    return markdown(("arm", "limits times", *who), lines)

@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from redundant_envs.extras import needs
-from redundant_envs.tables import write_rows
+from redundant_envs.tables import markdown, write_rows
 
 from .. import command
 from ..config import Config
@@ -122,8 +122,12 @@ def page(study: optuna.Study, config: Config, space: Space, folder: Path) -> str
     counts = ", ".join(f"{states.count(state)} {state}" for state in STATES if state in states)
     keys = list(space)
     rows = [
-        f"| {trial.number} | {100 * (trial.value or 0.0):.1f} % | {return_of(trial):.1f} | "
-        f"{' | '.join(_number(trial.params[key]) for key in keys)} |"
+        (
+            trial.number,
+            f"{100 * (trial.value or 0.0):.1f} %",
+            f"{return_of(trial):.1f}",
+            *(_number(trial.params[key]) for key in keys),
+        )
         for trial in best[:SHOWN]
     ]
     lines = [
@@ -133,16 +137,14 @@ def page(study: optuna.Study, config: Config, space: Space, folder: Path) -> str
         "and the best of many is lucky too: judge `best.yaml` by other seeds and the goals of the "
         "evaluation, with "
         f"`{command('train', folder / 'best.yaml', '--seeds', '1..5')}`.", "",
-        f"| trial | hold success | mean return | {' | '.join(keys)} |", "|---|---|---|" + "---|" * len(keys),
-        *rows, "",
+        markdown(("trial", "hold success", "mean return", *keys), rows), "",
         f"Searched: {', '.join(f'{key} {searched}' for key, searched in space.items())}.", "",
     ]  # fmt: skip
     shares = importance(study)
     if shares:
         lines += [
             f"Importance for hold success (PED-ANOVA, {len(best)} complete trials):", "",
-            "| setting | share |", "|---|---|",
-            *(f"| {key} | {100 * share:.0f} % |" for key, share in shares.items()), "",
+            markdown(("setting", "share"), ((k, f"{100 * share:.0f} %") for k, share in shares.items())), "",
         ]  # fmt: skip
     return "\n".join(lines)
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import io
 import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
-from redundant_envs.figures import new_figure
+from redundant_envs.figures import bare, new_figure
 
 from .run import ArmResult
 from .settings import Study
@@ -76,16 +74,4 @@ def _draw(panel: Any, label: str, differences: Sequence[Difference]) -> None:
     panel.set_xlim(-edge, edge)
     panel.set_xlabel(label, fontsize=8.5)
     panel.tick_params(labelsize=8)
-    panel.spines[["top", "right"]].set_visible(False)
-
-
-def save_figure(drawn: Any, path: Path) -> None:
-    """As PNG and SVG; the same numbers give the same files."""
-    import matplotlib
-
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with matplotlib.rc_context({"svg.hashsalt": "redundant-envs", "svg.fonttype": "path"}):
-        drawn.savefig(path.with_suffix(".svg"), metadata={"Date": None, "Creator": None})
-    memory = io.BytesIO()
-    drawn.savefig(memory, format="png", dpi=150, metadata={"Software": None})
-    path.with_suffix(".png").write_bytes(memory.getvalue())
+    bare(panel)

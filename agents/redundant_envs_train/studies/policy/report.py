@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from redundant_envs.tables import write_rows
+from redundant_envs.figures import save_figure
+from redundant_envs.tables import markdown, write_rows
 
 from ... import COMMAND
 from .episodes import TIMING_REPEATS
-from .figure import figure, save_figure
+from .figure import figure
 from .run import ArmResult, Row, save_scenes, stamp
 from .settings import Study, slug
 from .words import (
@@ -48,45 +49,46 @@ DIFFERENCE_COLUMNS = (
 def physics_table(rows: Sequence[Mapping[str, Any]], study: Study) -> str:
     """Markdown table, a row per physics."""
     reference = next(row for row in rows if row["physics"] == study.reference)
-    lines = [
-        f"| physics | stepped by | hold success | minus {study.reference}, points | held only there, here "
-        f"| mean return | minus {study.reference} | median of abs. differences | ended early "
-        "| evaluations per control step | ns per control step |",
-        "|---|---|---|---|---|---|---|---|---|---|---|",
-    ]
+    minus, lines = f"minus {study.reference}", []
     for row in rows:
         if row.get("refused"):
-            lines.append(f"| {row['physics']} | cannot | | | | | | | | | |")
+            lines.append((row["physics"], "cannot", *[""] * 9))
             continue
         hold, gain = "reference", "reference"
         if row is not reference:
             h, g = hold_difference(row, study), return_difference(row, study, reference)
             hold, gain = (f"{signed(d.value)} ({signed(d.low)} to {signed(d.high)})" for d in (h, g))
         lines.append(
-            f"| {row['physics']} | {row['stepping']} | {percent(row['hold_success'])} | {hold} "
-            f"| {row['lost']}, {row['won']} | {row['mean_return']:.2f} | {gain} "
-            f"| {plain(row['median_abs_return_difference'])} | {row['ended']} "
-            f"| {plain(row['evaluations_per_step'])} | {row['ns_per_step']:.0f} |"
-        )
-    return "\n".join(lines)
+            (
+                row["physics"], row["stepping"], percent(row["hold_success"]), hold,
+                f"{row['lost']}, {row['won']}", f"{row['mean_return']:.2f}", gain,
+                plain(row["median_abs_return_difference"]), row["ended"], plain(row["evaluations_per_step"]),
+                f"{row['ns_per_step']:.0f}",
+            )
+        )  # fmt: skip
+    head = (
+        "physics", "stepped by", "hold success", f"{minus}, points", "held only there, here", "mean return",
+        minus, "median of abs. differences", "ended early", "evaluations per control step",
+        "ns per control step",
+    )  # fmt: skip
+    return markdown(head, lines)
 
 
 def training_table(rows: Sequence[Mapping[str, Any]]) -> str:
     """Markdown table, a row per trained policy."""
     reference = rows[0]["reference"]
-    lines = [
-        f"| trained under | stepped by | seed | hold success under {reference} | mean return under "
-        f"{reference} | hold success under its own | mean return under its own | ended early under its own "
-        "| train seconds |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
-    lines += [
-        f"| {r['trained_under']} | {r['stepping']} | {r['train_seed']} | {percent(r['hold_success'])} "
-        f"| {r['mean_return']:.2f} | {percent(r['own_hold_success'])} "
-        f"| {r['own_mean_return']:.2f} | {r['own_ended']} | {r['train_seconds']:.0f} |"
+    head = (
+        "trained under", "stepped by", "seed", f"hold success under {reference}",
+        f"mean return under {reference}", "hold success under its own", "mean return under its own",
+        "ended early under its own", "train seconds",
+    )  # fmt: skip
+    lines = (
+        (r["trained_under"], r["stepping"], r["train_seed"], percent(r["hold_success"]),
+         f"{r['mean_return']:.2f}", percent(r["own_hold_success"]), f"{r['own_mean_return']:.2f}",
+         r["own_ended"], f"{r['train_seconds']:.0f}")
         for r in sorted(rows, key=lambda r: r["trained_under"] == "preset")
-    ]
-    return "\n".join(lines)
+    )  # fmt: skip
+    return markdown(head, lines)
 
 
 def write_report(study: Study, results: Sequence[ArmResult], folder: Path) -> Path:
@@ -101,7 +103,9 @@ def write_report(study: Study, results: Sequence[ArmResult], folder: Path) -> Pa
         _write(folder / "training_differences.csv", differences, DIFFERENCE_COLUMNS, about)
     for result in results:
         _write_episodes(folder / f"episodes_{slug(result.name)}.csv", result, study, about)
-        save_figure(figure(result, study, about), folder / "figures" / slug(result.name))
+        drawn = figure(result, study, about)
+        for kind in ("svg", "png"):
+            save_figure(drawn, folder / "figures" / f"{slug(result.name)}.{kind}", dpi=150)
     target = folder / "report.md"
     target.write_text(report_text(study, results, about), encoding="utf-8")
     return target
