@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import dataclasses
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,8 +15,6 @@ from redundant_envs.extras import MissingPackage
 from redundant_envs.modules import OPTION, take_imports
 
 # Only argparse here: each command imports what it needs, so that --help is instant.
-
-STUDIES = ("throughput", "environments", "stops", "impacts", "intervals", "accuracy", "schematic")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -41,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def verify(options: argparse.Namespace) -> int:
     """Check the promises about arms, scenes, effects and environments, and print the values; 1 on a miss."""
-    from redundant_envs.studies.verify import command
+    from redundant_envs.verify import command
 
     if options.bits:
         others = ("subject", "states", "mode", "json", "markdown")
@@ -100,53 +100,20 @@ def parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     p.set_defaults(handler=verify)
 
-    studies = commands.add_parser("study", help="measure the library").add_subparsers(
-        dest="study", required=True
-    )
-    p = studies.add_parser("throughput", help="nanoseconds per step of the compiled core")
-    p.add_argument("--config", type=Path, metavar="YAML", help="default: configs/studies/throughput.yaml")
-    p.set_defaults(handler=throughput)
-    _add_study_out(p)
-    p = studies.add_parser("environments", help="speed of the Gymnasium environments")
-    p.add_argument("--lanes", type=int, default=4096)
-    p.add_argument("--rounds", type=int, default=10)
-    p.set_defaults(handler=environments)
-    _add_study_out(p)
-    p = studies.add_parser("stops", help="cost of the hard stops of the RPRP scene")
-    p.add_argument("--lanes", type=int, default=4096)
-    p.set_defaults(handler=stops)
-    _add_study_out(p)
-    p = studies.add_parser("impacts", help="whether error control finds every impact at hard stops")
-    p.add_argument("--intervals", type=int, default=100_000, help="over all families")
-    p.add_argument("--families", type=int, default=12, help="number of random families beside the named ones")
-    p.add_argument("--independent", type=int, default=100, help="intervals for SciPy, some 50 ms each")
-    p.add_argument("--processes", type=int, default=1, help="number of processes, each with its own families")
-    p.add_argument("--seed", type=int, default=0)
-    p.set_defaults(handler=impacts)
-    _add_study_out(p)
-    p = studies.add_parser("intervals", help="whether the tolerance is kept in families of hard scenes")
-    p.add_argument("--intervals", type=int, default=100_000, help="over all families")
-    p.add_argument("--processes", type=int, default=1, help="number of processes, each with its own families")
-    p.add_argument("--seed", type=int, default=0)
-    p.set_defaults(handler=intervals)
-    _add_study_out(p)
-    p = studies.add_parser("accuracy", help="error against cost, beside MuJoCo and SciPy")
-    p.add_argument("--config", type=Path, metavar="YAML", help="default: configs/studies/accuracy.yaml")
-    p.add_argument("--out", type=Path, default=Path("runs/studies"), metavar="FOLDER")
-    p.add_argument(
-        "--redraw", type=Path, metavar="FOLDER",
-        help="instead, draw the figures again from the tables of an earlier run, into its folder",
-    )  # fmt: skip
-    p.set_defaults(handler=accuracy)
+    p = commands.add_parser("study", help="measure the library; in the source tree only")
+    try:
+        from redundant_envs.studies.command import add_studies
+    except ModuleNotFoundError:
+        p.add_argument("study", nargs=argparse.REMAINDER)
+        p.set_defaults(handler=no_studies)
+    else:
+        add_studies(p)
 
-    p = studies.add_parser("schematic", help="draw both arms with their angles, lengths and sliders")
-    p.add_argument("--out", type=Path, default=Path("runs/studies/arms.svg"), metavar="SVG_OR_PNG")
-    p.set_defaults(handler=schematic)
-
-    p = commands.add_parser("scene", help="print a scene")
+    p = commands.add_parser("scene", help="print or draw a scene")
     p.add_argument("scene", metavar="NAME_OR_PATH")
     p.add_argument("--listing", action="store_true", help="print its traced program instead")
     p.add_argument("--bill", action="store_true", help="count its operations by effect instead")
+    p.add_argument("--drawing", type=Path, metavar="SVG_OR_PNG", help="draw its arm instead")
     p.add_argument("--source", action="store_true", help=argparse.SUPPRESS)
     p.set_defaults(handler=show_scene)
 
@@ -155,17 +122,11 @@ def parser() -> argparse.ArgumentParser:
     return top
 
 
-def _add_study_out(p: argparse.ArgumentParser) -> None:
-    p.add_argument(
-        "--out", type=Path, default=Path("runs/studies"), metavar="FOLDER", help="folder, or a .csv file"
-    )
-
-
 def simulate(options: argparse.Namespace) -> None:
     """Write CSV and figures of one or more scenes."""
     from redundant_envs import load_scene
     from redundant_envs.envs.clips import check_clip
-    from redundant_envs.studies import energy
+    from redundant_envs.model import energy_run as energy
 
     asked: list[str] = options.scene or list(energy.STARTS)
     if options.clip is not None and len(asked) != 1:
@@ -191,7 +152,7 @@ def simulate(options: argparse.Namespace) -> None:
             f"{run.drift:.1e}"
         )
         # After the numbers, so that these are written even if matplotlib is missing.
-        from redundant_envs.studies import plots
+        from redundant_envs.envs import energy_plots as plots
 
         try:
             pictures = plots.save_figures(run, options.out)
@@ -203,113 +164,44 @@ def simulate(options: argparse.Namespace) -> None:
         print("\n".join(f"  {p}" for p in (path, *pictures)))
 
 
-def throughput(options: argparse.Namespace) -> None:
-    """Time the compiled core."""
-    from redundant_envs.studies import common
-    from redundant_envs.studies import throughput as study
-
-    config = study.load_config(options.config or common.study_path("throughput"))
-    _report(study.run(config), study.COLUMNS, "dgemm_gflops", options.out, "throughput")
-
-
-def environments(options: argparse.Namespace) -> None:
-    """Time the environments."""
-    from redundant_envs.studies import environments as study
-
-    rows = study.run(options.lanes, options.rounds)
-    _report(rows, study.COLUMNS, "env", options.out, "environments")
-
-
-def stops(options: argparse.Namespace) -> None:
-    """Time intervals with and without stops, on states of random actions."""
-    from redundant_envs.studies import stops as study
-
-    if options.lanes < 8:
-        raise ValueError(f"lanes is {options.lanes}; give at least 8")
-    rows = study.run({"random actions": study.random_policy(0)}, options.lanes)
-    _report(rows, study.COLUMNS, "states", options.out, "stops")
-
-
-def impacts(options: argparse.Namespace) -> None:
-    """Check intervals of random scenes with hard stops."""
-    from redundant_envs.studies import hidden_impacts as study
-
-    for name, least in (
-        ("intervals", 1), ("families", 0), ("independent", 0), ("seed", 0), ("processes", 1),
-    ):  # fmt: skip
-        if getattr(options, name) < least:
-            raise ValueError(f"{name} is {getattr(options, name)}; give at least {least}")
-    rows = study.run(
-        options.intervals, options.families, options.independent, options.seed, options.processes
+def no_studies(options: argparse.Namespace) -> None:
+    """Say where the studies are."""
+    raise ValueError(
+        "the studies are in the source tree, not in the wheel; run python -m redundant_envs study there"
     )
-    _report(rows, study.COLUMNS, "family", options.out, "impacts")
-
-
-def intervals(options: argparse.Namespace) -> None:
-    """Check intervals of many families of scenes."""
-    from redundant_envs.studies import intervals as study
-
-    for name, least in (("intervals", 1), ("seed", 0), ("processes", 1)):
-        if getattr(options, name) < least:
-            raise ValueError(f"{name} is {getattr(options, name)}; give at least {least}")
-    rows = study.run(options.intervals, options.seed, options.processes)
-    _report(rows, study.COLUMNS, "family", options.out, "intervals")
-
-
-def accuracy(options: argparse.Namespace) -> None:
-    """Measure errors and costs; write tables, figures and a page."""
-    from redundant_envs.studies import accuracy_config, accuracy_report
-    from redundant_envs.studies.common import study_path
-
-    command = "python -m redundant_envs study accuracy"
-    if options.config:
-        command += f" --config {options.config}"
-    study = accuracy_config.load_study(options.config or study_path("accuracy"))
-    if options.redraw:
-        from redundant_envs.studies import accuracy_plots
-
-        drawn = accuracy_plots.read(study, options.redraw)
-        print("\n".join(str(path) for path in accuracy_plots.save_figures(drawn, study, options.redraw)))
-        return
-    page, *others = accuracy_report.write(study, command, options.out)
-    print(page.read_text(encoding="utf-8"))
-    print("\n".join(str(path) for path in (page, *others)))
-
-
-def schematic(options: argparse.Namespace) -> None:
-    """Draw the schematic of both arms."""
-    from redundant_envs.studies.schematic import save_schematic
-
-    if options.out.suffix not in (".svg", ".png"):
-        raise ValueError(f"--out is {options.out}; give a file that ends in .svg or .png")
-    try:
-        print(save_schematic(options.out))
-    except ImportError as error:
-        raise ValueError(str(error)) from error
-
-
-def _report(rows: list[dict[str, Any]], columns: Sequence[str], first: str, out: Path, name: str) -> None:
-    """Write a study's rows as CSV and print them; values common to all rows are printed once, on one line."""
-    from redundant_envs.studies.common import table, write_rows
-
-    path = out if out.suffix == ".csv" else out / f"{name}.csv"
-    write_rows(rows, columns, path)
-    start = columns.index(first)
-    if rows:
-        print(", ".join(f"{c} {rows[0][c]}" for c in columns[:start] if rows[0][c]))
-    print(table(rows, columns[start:]))
-    print(path)
 
 
 def list_names(options: argparse.Namespace) -> None:
     """Print every name that the other commands and gymnasium.make take."""
-    from redundant_envs.studies.names import names
+    from redundant_envs import effects
+    from redundant_envs.envs.registration import ids
+    from redundant_envs.numerics.tableaus import METHODS
+    from redundant_envs.scene import scene_names
 
-    print(names(STUDIES), end="")
+    groups = {
+        "environments": ids(),
+        "scenes": scene_names(),
+        "effects": [_signature(effect) for _, effect in sorted(effects.REGISTRY.items())],
+        "integrators": list(METHODS),
+    }
+    with contextlib.suppress(ModuleNotFoundError):
+        from redundant_envs.studies.command import STUDIES
+
+        groups["studies"] = list(STUDIES)
+    print("\n\n".join("\n  ".join((kind, *names)) for kind, names in groups.items()))
+
+
+def _signature(effect: type[Any]) -> str:
+    """An effect with its numbers, and their defaults."""
+    fields = [
+        f.name if f.default is dataclasses.MISSING else f"{f.name}={f.default}"
+        for f in dataclasses.fields(effect)
+    ]
+    return f"{effect.__name__}({', '.join(fields)})"
 
 
 def show_scene(options: argparse.Namespace) -> None:
-    """Print a scene as YAML, its traced program, or the operations that it costs."""
+    """Print a scene as YAML, its traced program or its costs, or draw its arm."""
     from redundant_envs import load_scene
 
     if options.source:
@@ -324,10 +216,16 @@ def show_scene(options: argparse.Namespace) -> None:
         return
     if options.bill:
         from redundant_envs.model.listing import bill
-        from redundant_envs.studies.common import table
+        from redundant_envs.tables import table
 
-        rows = [{"of": owner, **counts._asdict()} for owner, counts in bill(scene).items()]
-        print(table(rows, list(rows[0])))
+        found = bill(scene)
+        head = ("of", *next(iter(found.values()))._fields)
+        print(table(head, ((owner, *counts) for owner, counts in found.items())))
+        return
+    if options.drawing is not None:
+        from redundant_envs.envs.schematic import save_schematic
+
+        print(save_schematic(options.drawing, [scene.robot.kind]))
         return
     import yaml
 

@@ -184,10 +184,10 @@ def text_value(text: str, where: str) -> Any:
     return parse_yaml(text, where)
 
 
-def scene_folder() -> Path:
-    """The folder of named scenes: package data in a wheel, configs/scenes in a checkout."""
-    installed = Path(__file__).parent / "configs" / "scenes"
-    return installed if installed.is_dir() else Path(__file__).parents[1] / "configs" / "scenes"
+def config_folder(kind: str) -> Path:
+    """A folder of configs/, such as that of the named scenes: package data in a wheel."""
+    installed = Path(__file__).parent / "configs"
+    return (installed if installed.is_dir() else Path(__file__).parents[1] / "configs") / kind
 
 
 def exists(path: Path) -> bool:

@@ -19,7 +19,7 @@ from redundant_envs.effects.hooks import (
     Impact,
     State,
 )
-from redundant_envs.files import exists, explained, read_yaml, scene_folder
+from redundant_envs.files import config_folder, exists, explained, read_yaml
 from redundant_envs.loaded_arm import identifier, loaded_arm
 from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.plain_data import check_keys, check_registered, plain, typed
@@ -263,7 +263,7 @@ def check_scene(scene: Any) -> None:
 
 def scene_names() -> list[str]:
     """Names of the scenes that come with the package."""
-    return sorted(p.stem for p in scene_folder().glob("*.yaml"))
+    return sorted(p.stem for p in config_folder("scenes").glob("*.yaml"))
 
 
 def load_scene(scene: str | Path | Mapping[str, Any] | Scene) -> Scene:
@@ -287,7 +287,7 @@ def scene_path(scene: str | Path) -> Path:
     """The file of a scene; a name refers to a scene of the package."""
     if isinstance(scene, Path) or scene.endswith((".yaml", ".yml")):
         return Path(scene)
-    return scene_folder() / f"{scene}.yaml"
+    return config_folder("scenes") / f"{scene}.yaml"
 
 
 def scene_data(scene: str | Path) -> Any:

@@ -12,8 +12,8 @@ from exact_numbers import exactly
 from lanes_of_numbers import constants
 
 from redundant_envs.effects import Gravity, ViscousFriction
-from redundant_envs.quantities import Quantities
 from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.quantities import Quantities
 
 STAGES = 8
 GUARD = 6  # decimal digits carried beyond those asked for

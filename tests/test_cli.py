@@ -167,10 +167,17 @@ def test_verify_measures_a_scenes_own_step(capsys, tmp_path):
     assert "take more substeps" in capsys.readouterr().out
 
 
-def test_the_schematic_is_drawn_the_same_every_time(tmp_path):
-    pictures = []
-    for name in ("one.svg", "two.svg"):
-        assert main(["study", "schematic", "--out", str(tmp_path / name)]) == 0
-        pictures.append((tmp_path / name).read_bytes())
-    assert pictures[0] == pictures[1]
-    assert main(["study", "schematic", "--out", str(tmp_path / "arms.gif")]) == 2
+def test_the_drawing_of_a_scene_is_the_same_every_time(tmp_path):
+    for kind in ("svg", "png"):
+        pictures = [tmp_path / f"{name}.{kind}" for name in ("one", "two")]
+        for path in pictures:
+            assert main(["scene", "rprp_reach", "--drawing", str(path)]) == 0
+        first, second = (path.read_bytes() for path in pictures)
+        assert first == second
+
+
+def test_a_drawing_shows_an_arm_that_it_knows(tmp_path, capsys):
+    chain = tmp_path / "chain.yaml"
+    chain.write_text("robot: {type: Chain, joint_types: RR, masses: [1, 1], lengths: [0.2, 0.2]}\n")
+    assert main(["scene", str(chain), "--drawing", str(tmp_path / "chain.svg")]) == 2
+    assert "only RPRP and FourR have a drawing" in capsys.readouterr().err

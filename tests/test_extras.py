@@ -24,7 +24,7 @@ sys.meta_path.insert(0, Blocked())
 import os
 os.chdir({folder!r})
 """
-LIBRARY, AGENTS = "redundant_envs.__main__", "agents.__main__"
+LIBRARY, AGENTS = "redundant_envs.__main__", "redundant_envs_train.__main__"
 EACH = """
 import contextlib, importlib, io, json
 results = []
@@ -79,7 +79,7 @@ CALLS = {
     "make_sb3": ("import redundant_envs as rde; rde.make_sb3('RPRPReach-v0')", "stable_baselines3", "train"),
     "make_sb3, torch": ("import redundant_envs as rde; rde.make_sb3('RPRPReach-v0')", "torch", "train"),
     "the module of make_sb3": ("import redundant_envs.envs.sb3", "stable_baselines3", "train"),
-    "agents.zoo": ("import agents.zoo.experiment", "rl_zoo3", "zoo"),
+    "redundant_envs_train.zoo": ("import redundant_envs_train.zoo.experiment", "rl_zoo3", "zoo"),
     "MuJoCo": (f"{SCENE} peers.mujoco_interval(s, 'RK4', .01, (z, z, z), .02)", "mujoco", "verify"),
     "SciPy": (f"{SCENE} peers.scipy_interval(s, 'RK45', .01, .01, (z, z, z), .02)", "scipy", "verify"),
 }
@@ -126,7 +126,7 @@ def test_calls_name_the_extra(name, tmp_path):
 
 
 def test_the_command_for_rl_zoo3_names_the_extra_in_one_line(tmp_path):
-    done = run("from agents.zoo.__main__ import main; sys.exit(main())", "rl_zoo3", tmp_path)
+    done = run("from redundant_envs_train.zoo.__main__ import main; sys.exit(main())", "rl_zoo3", tmp_path)
     assert done.returncode == 2
     assert (
         done.stderr == "error: rl_zoo3 is not installed; install it with: pip install 'redundant-envs[zoo]'\n"

@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from refusals import ANYTHING, refusal, short
 
 import redundant_envs as rde
-from agents.__main__ import main as agents_main
-from agents.config import load
 from redundant_envs.__main__ import main
-from redundant_envs.files import LARGEST_FILE, parse_yaml, read_yaml, scene_folder, text_value
+from redundant_envs.files import LARGEST_FILE, config_folder, parse_yaml, read_yaml, text_value
 from redundant_envs.scene import scene_names
 from redundant_envs.studies.accuracy_config import load_study
 from redundant_envs.studies.throughput import load_config
+from redundant_envs_train.__main__ import main as agents_main
+from redundant_envs_train.config import load
 
 EFFECTS = b"effects:\n- {type: Gravity}\n"
 ROBOT = "robot: {type: FourR, masses: [1, 1, 1, 1], lengths: [1, 1, 1, 1]}\n"
@@ -193,7 +193,7 @@ def test_numbers_with_exponents_are_numbers_in_a_file(tmp_path):
 
 @pytest.mark.parametrize("name", scene_names())
 def test_files_of_the_package_and_what_scenes_print_are_read_as_before(name, tmp_path):
-    path = scene_folder() / f"{name}.yaml"
+    path = config_folder("scenes") / f"{name}.yaml"
     assert read_yaml(path, "scene") == yaml.safe_load(path.read_text())
     printed = tmp_path / "printed.yaml"
     printed.write_text(yaml.safe_dump(rde.load_scene(name).to_dict()))

@@ -106,11 +106,33 @@ def test_console_scripts(core, tmp_path):
     version = f"redundant-envs {importlib.import_module('redundant_envs').__version__}\n"
     for name in ("redundant-envs", "redundant-envs-train"):
         assert call(program(core, name), "--version", folder=tmp_path).stdout == version
-    assert "rprp_reach" in call(program(core, "redundant-envs"), "list", folder=tmp_path).stdout
+    named = call(program(core, "redundant-envs"), "list", folder=tmp_path).stdout
+    assert "rprp_reach" in named
+    assert "studies" not in named
     done = call(program(core, "redundant-envs-train"), "train", "rprp_reach_ppo", folder=tmp_path)
     assert done.returncode == 2
     assert "pip install 'redundant-envs[train]'" in done.stderr
     assert len(done.stderr.splitlines()) == 1
+
+
+def test_studies_stay_in_the_source_tree(core, wheel, tmp_path):
+    """All else of the command line works without them."""
+    with zipfile.ZipFile(wheel) as archive:
+        names = archive.namelist()
+    assert not [name for name in names if "redundant_envs/studies" in name or "throughput" in name]
+    assert "redundant_envs/verify/recorded_bits.json" in names
+    command = program(core, "redundant-envs")
+    for words in (["accuracy"], ["accuracy", "--config", "mine.yaml"], []):
+        done = call(command, "study", *words, folder=tmp_path)
+        assert done.returncode == 2
+        assert "in the source tree" in done.stderr
+        assert len(done.stderr.splitlines()) == 1
+    for words in (["verify", "--quick", "--states", "64", "four_r_reach"], ["scene", "rprp_reach", "--bill"]):
+        done = call(command, *words, folder=tmp_path)
+        assert done.returncode == 0, done.stderr
+    done = call(command, "scene", "rprp_reach", "--drawing", "arm.svg", folder=tmp_path)
+    assert done.returncode == 2
+    assert "pip install 'redundant-envs[plot]'" in done.stderr
 
 
 def test_a_wheel_trains_from_an_empty_folder(wheel, tmp_path):
@@ -176,14 +198,13 @@ def test_the_wheel_tells_what_it_is(wheel):
     assert about.get_all("Project-URL")
 
 
-def test_an_editable_install_finds_the_application():
+def test_an_editable_install_finds_the_application_under_the_same_name():
     data = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    (place,) = (d for d in data["tool"]["hatch"]["build"]["targets"]["wheel"]["dev-mode-dirs"] if d != ".")
-    find = (
-        "import redundant_envs_train as t, redundant_envs_train.__main__ as m; print(m.__file__, t.COMMAND)"
-    )
-    path = os.pathsep.join([str(ROOT), str(ROOT / place)])
-    command = [sys.executable, "-c", find]
-    environment = {**os.environ, "PYTHONPATH": path}
+    places = data["tool"]["hatch"]["build"]["targets"]["wheel"]["dev-mode-dirs"]
+    path = os.pathsep.join(str(ROOT / place) for place in places)
+    script = data["project"]["scripts"]["redundant-envs-train"]
+    find = f"import {script.partition(':')[0]} as m, redundant_envs_train as t; print(m.__file__, t.COMMAND)"
+    command, environment = [sys.executable, "-c", find], {**os.environ, "PYTHONPATH": path}
     done = subprocess.run(command, check=True, capture_output=True, text=True, env=environment, cwd="/")
-    assert done.stdout.split() == [str(ROOT / "agents" / "__main__.py"), "redundant-envs-train"]
+    place = ROOT / "agents" / "redundant_envs_train" / "__main__.py"
+    assert done.stdout.split() == [str(place), "redundant-envs-train"]

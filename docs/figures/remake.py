@@ -11,16 +11,18 @@ from pathlib import Path
 import gymnasium as gym
 from PIL import Image
 
-from agents.clips import batched
-from agents.evidence.curves import curves
-from agents.evidence.table import brief_table
-from agents.own_scene import own_config
-from agents.play import play
-from agents.policies import load_policy
-from agents.rollout import policy_act
-from agents.studies.strength import read_rows
-from agents.studies.strength_figure import figure
 from redundant_envs.__main__ import main
+from redundant_envs.envs.schematic import save_schematic
+from redundant_envs.figures import save_figure
+from redundant_envs_train.clips import batched
+from redundant_envs_train.evidence.curves import curves
+from redundant_envs_train.evidence.table import brief_table
+from redundant_envs_train.own_scene import own_config
+from redundant_envs_train.play import play
+from redundant_envs_train.policies import load_policy
+from redundant_envs_train.rollout import policy_act
+from redundant_envs_train.studies.strength import read_rows
+from redundant_envs_train.studies.strength_figure import figure
 
 ROOT = Path(__file__).resolve().parents[2]
 FIGURES, RESULTS, POLICIES = ROOT / "docs" / "figures", ROOT / "docs" / "results", ROOT / "policies"
@@ -76,6 +78,6 @@ if __name__ == "__main__":
         thumbnail(name, policy, seed)
     for name, runs in CURVES.items():
         curves(sorted((RESULTS / runs).glob("*/*")), FIGURES / f"learning_curves{name}.png")
-    figure(read_rows(RESULTS / "strength" / "strength.csv")).savefig(FIGURES / "strength.png")
-    main(["study", "schematic", "--out", str(FIGURES / "arms.svg")])
+    save_figure(figure(read_rows(RESULTS / "strength" / "strength.csv")), FIGURES / "strength.png")
+    save_schematic(FIGURES / "arms.svg")
     main(["study", "accuracy", "--redraw", str(RESULTS / "accuracy")])

@@ -12,16 +12,11 @@ from redundant_envs.algebra import gives_of
 from redundant_envs.envs.registration import MAX_EPISODE_STEPS, NAMESPACE
 from redundant_envs.envs.vector_env import info_names
 from redundant_envs.scene import Scene, load_scene
+from redundant_envs.tables import markdown
 from redundant_envs.tasks import REGISTRY as TASKS
 from redundant_envs.tasks import Task
 
 UNITS = {False: "N m", True: "N"}
-
-
-def table(head: tuple[str, ...], rows: list[tuple[Any, ...]]) -> str:
-    """A Markdown table."""
-    lines = [head, tuple("---" for _ in head), *rows]
-    return "\n".join("| " + " | ".join(str(c) for c in line) + " |" for line in lines)
 
 
 def action_table(scene: Scene) -> str:
@@ -32,13 +27,13 @@ def action_table(scene: Scene) -> str:
         (k, f"effort at {joint} / {limits[k]:g} {UNITS[prismatic]}", -1, 1, joint, UNITS[prismatic])
         for k, (joint, prismatic) in enumerate(zip(scene.robot.joints, scene.robot.prismatic, strict=True))
     ]
-    return table(("Num", "Action", "Control Min", "Control Max", "Joint", "Unit of the effort"), rows)
+    return markdown(("Num", "Action", "Control Min", "Control Max", "Joint", "Unit of the effort"), rows)
 
 
 def observation_table(scene: Scene, task: Task) -> str:
     """Observed quantities in order."""
     rows = [(k, text, -1, 1) for k, text in enumerate(task.observation(scene).values())]
-    return table(("Num", "Observation", "Min", "Max"), rows)
+    return markdown(("Num", "Observation", "Min", "Max"), rows)
 
 
 def reward_table(scene: Scene, task: Task) -> str:
@@ -49,7 +44,7 @@ def reward_table(scene: Scene, task: Task) -> str:
         for term in gives_of(function):
             name = term.removesuffix("_term")
             rows.append((name, f"`{formula}`", f"`return_{name}`"))
-    return table(("Term", "Value per step", "Sum over the episode in info"), rows)
+    return markdown(("Term", "Value per step", "Sum over the episode in info"), rows)
 
 
 INFO = {
@@ -94,7 +89,7 @@ def info_table(scene: Scene, task: Task) -> str:
     rows = [
         (f"`{name}`", INFO.get(name, "A metric of the task."), INFO_WHERE.get(name, "")) for name in names
     ]
-    return table(("Key", "Meaning", "Only in"), rows)
+    return markdown(("Key", "Meaning", "Only in"), rows)
 
 
 def argument_table(kind: type[Any]) -> str:
@@ -104,7 +99,7 @@ def argument_table(kind: type[Any]) -> str:
         if name != "self":
             default = "of the id" if name == "scene" else f"`{parameter.default!r}`"
             rows.append((f"`{name}`", default, ARGUMENTS[name]))
-    return table(("Parameter", "Default", "Description"), rows)
+    return markdown(("Parameter", "Default", "Description"), rows)
 
 
 ARGUMENTS = {
@@ -127,7 +122,7 @@ def task_table(task: Task) -> str:
         )
         for field in dataclasses.fields(task)
     ]  # fmt: skip
-    return table(("Number", "Default", "Unit", "Allowed", "Meaning"), rows)
+    return markdown(("Number", "Default", "Unit", "Allowed", "Meaning"), rows)
 
 
 def _allowed(low: float, high: float) -> str:

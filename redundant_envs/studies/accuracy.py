@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from redundant_envs.machine import versions
+from redundant_envs.progress import counted
 from redundant_envs.scene import Scene
 from redundant_envs.studies import accuracy_metrics as metrics
 from redundant_envs.studies import peers
@@ -27,9 +29,8 @@ from redundant_envs.studies.accuracy_long import (
     second_reference,
 )
 from redundant_envs.studies.accuracy_methods import Method, installed, long_methods, panel_methods
-from redundant_envs.studies.common import dgemm_rate, one_core, versions
 from redundant_envs.studies.impacts import impact_motion
-from redundant_envs.studies.progress import Progress
+from redundant_envs.studies.timing import dgemm_rate, one_core
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
@@ -102,20 +103,19 @@ def long_columns(study: Study) -> tuple[str, ...]:
 def run(study: Study) -> list[PanelResult]:
     """The whole study; reports its progress on standard error."""
     total = sum(2 + len(panel_methods(study, p)) + len(long_methods(study, p)) for p in study.panels)
-    progress = Progress("accuracy", total)
-    with one_core():
-        return [run_panel(study, panel, study.seed + i, progress) for i, panel in enumerate(study.panels)]
+    with one_core(), counted("accuracy", total) as done:
+        return [run_panel(study, panel, study.seed + i, done) for i, panel in enumerate(study.panels)]
 
 
-def run_panel(study: Study, panel: Panel, seed: int, progress: Progress) -> PanelResult:
+def run_panel(study: Study, panel: Panel, seed: int, done: Callable[[str], None]) -> PanelResult:
     """Measure everything on one panel."""
     scene = panel.scene(study.control_dt, **study.reference.scene)
     start = panel.states(study.states, seed)
     reference = metrics.end(scene, start, study.control_dt)
     agreements = check_reference(study, panel, scene, start, reference[0])
-    progress.step(f"{panel.name}: reference")
+    done(f"{panel.name}: reference")
     free = free_motions(study, panel, start)
-    progress.step(f"{panel.name}: Lyapunov exponent {free.exponent:.3g} 1/s")
+    done(f"{panel.name}: Lyapunov exponent {free.exponent:.3g} 1/s")
     turns = Turns(study.timing)
     for method in panel_methods(study, panel):
         count = study.scipy_states if method.peer == "scipy" else study.states
@@ -124,14 +124,14 @@ def run_panel(study: Study, panel: Panel, seed: int, progress: Progress) -> Pane
         turns.add(
             {**name(panel, method), **interval_errors(method, scene, some, known)}, method.timer(scene, some)
         )
-        progress.step(f"{panel.name}: error of {method.line}, {method.setting}")
+        done(f"{panel.name}: error of {method.line}, {method.setting}")
     long_rows, methods = [], long_methods(study, panel)
     for i, method in enumerate(methods):
         row = {**name(panel, method), "lyapunov_exponent": free.exponent, **long_metrics(method, free)}
         long_rows.append(row)
         # The rounds of timing are spread out, since the speed of a machine changes within seconds.
         turns.until((i + 1) / len(methods))
-        progress.step(f"{panel.name}: {free.seconds:g} s of {method.line}, {method.setting}; timing")
+        done(f"{panel.name}: {free.seconds:g} s of {method.line}, {method.setting}; timing")
     rows = turns.timed()
     result = PanelResult(panel, agreements, rows, long_rows, free)
     stamp = {**about(), "dgemm_gflops": round(turns.rate, 2)}

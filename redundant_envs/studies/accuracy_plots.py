@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from redundant_envs.extras import needs
+from redundant_envs.figures import bare, new_figure, save_figure
 from redundant_envs.studies.accuracy import WHAT, PanelResult, Row, answers
 from redundant_envs.studies.accuracy_config import Panel, Study
 
@@ -148,11 +147,9 @@ def energy_figure(results: Sequence[Drawn], control_dt: float, motions: int) -> 
 
 def _grid(count: int, height: float) -> tuple[Any, list[Any]]:
     """A figure with a number of panels of a height [inch], two in a row; the axes are shared."""
-    with needs("plot"):
-        from matplotlib.figure import Figure
     columns = min(2, count)
     rows = -(-count // columns)
-    figure = Figure(figsize=(WIDTH, height * rows + 1.1), dpi=200, layout="constrained")
+    figure = new_figure(WIDTH, height * rows + 1.1, 200)
     grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
     for panel in grid[count:]:
         panel.set_visible(False)
@@ -208,9 +205,7 @@ def _finish(figure: Any, axes: Sequence[Any], label: str, dt: float, note: str =
         panel.set_xticks(list(TICKS), list(TICKS.values()))
         panel.minorticks_off()
         panel.tick_params(labelsize=8.5, labelbottom=True, length=2)
-        panel.grid(color="0.92", lw=0.6)
-        panel.set_axisbelow(True)
-        panel.spines[["top", "right"]].set_visible(False)
+        bare(panel)
     figure.supxlabel(f"time of one core for {1e3 * dt:g} ms of one arm [logarithmic]{note}", fontsize=9.5)
     figure.supylabel(label, fontsize=9.5)
     handles = {h.get_label(): h for panel in axes for h in panel.get_lines() if h.get_label()[0] != "_"}
@@ -237,14 +232,8 @@ def save_figures(results: Sequence[Drawn], study: Study, folder: Path) -> list[P
         "accuracy_work_precision": work_precision_figure(results, study.control_dt),
         "accuracy_energy": energy_figure(results, study.control_dt, study.long_runs.states),
     }
-    with needs("plot"):
-        from PIL import Image
-
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, figure in pictures.items():
-        figure.savefig(folder / f"{name}.svg", metadata={"Date": None})
-        memory = io.BytesIO()
-        figure.savefig(memory, format="png")
-        # A palette makes the file a third as large; line drawings have few colours.
-        Image.open(memory).convert("RGB").quantize(128).save(folder / f"{name}.png", optimize=True)
-    return [folder / f"{name}.{kind}" for kind in ("png", "svg") for name in pictures]
+    return [
+        save_figure(figure, folder / f"{name}.{kind}")
+        for kind in ("png", "svg")
+        for name, figure in pictures.items()
+    ]

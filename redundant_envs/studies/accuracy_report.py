@@ -12,7 +12,7 @@ from redundant_envs.studies.accuracy import Answer, PanelResult, Row
 from redundant_envs.studies.accuracy_config import PEERS, Study
 from redundant_envs.studies.accuracy_long import PATH_SECONDS, error_names
 from redundant_envs.studies.accuracy_methods import brief
-from redundant_envs.studies.common import write_rows
+from redundant_envs.tables import markdown, write_rows
 
 LONG_HEADS = {
     "energy_rate": "energy",
@@ -53,17 +53,12 @@ def advantage(answer: Answer, bar: float | None) -> str:
     return f"{answer.ratio:.0f} x ({'above' if answer.ratio >= bar else '**below**'} {bar:g})"
 
 
-def table(lines: Sequence[Sequence[str]]) -> list[str]:
-    """Lines of a Markdown table; the first is its head."""
-    rows = [lines[0], ["---"] * len(lines[0]), *lines[1:]]
-    return ["| " + " | ".join(row) + " |" for row in rows]
-
-
-def answer_table(study: Study, results: Sequence[PanelResult]) -> list[str]:
+def answer_table(study: Study, results: Sequence[PanelResult]) -> str:
     """Lines with an arm, an error and its cost."""
     cost = f"{1e3 * study.control_dt:g} ms cost"
     head = ["arm", "99 % of states within", "our cheapest", cost, "evaluations"]
-    lines = [[*head, "MuJoCo's cheapest", cost, "evaluations", "we are cheaper by"]]
+    head += ["MuJoCo's cheapest", cost, "evaluations", "we are cheaper by"]
+    lines = []
     for result in results:
         run = any(row["peer"] == "mujoco" for row in result.rows)
         for answer in accuracy.answers(result.rows, study.thresholds_mm):
@@ -77,26 +72,27 @@ def answer_table(study: Study, results: Sequence[PanelResult]) -> list[str]:
                     advantage(answer, result.panel.bar),
                 ]
             )
-    return table(lines)
+    return markdown(head, lines)
 
 
-def reference_table(results: Sequence[PanelResult]) -> list[str]:
+def reference_table(results: Sequence[PanelResult]) -> str:
     """Accuracy of the reference, a line for each panel and check."""
-    lines = [["arm", "compared with", "states", "largest difference of the tips", "digits that agree"]]
+    head = ["arm", "compared with", "states", "largest difference of the tips", "digits that agree"]
+    lines = []
     for result in results:
         lines += [
             [result.panel.name, a.by, str(a.states), f"{1e3 * a.metres:.1e} mm", f"{a.digits:.1f}"]
             for a in result.agreements
         ]
-    return table(lines)
+    return markdown(head, lines)
 
 
-def long_table(study: Study, results: Sequence[PanelResult]) -> list[str]:
+def long_table(study: Study, results: Sequence[PanelResult]) -> str:
     """Long motions: all of MuJoCo's, and those of ours that an answer names."""
     heads = {f"tip_mm_{name}": after(name) for name in error_names(study)}
     found = {key for result in results for row in result.long_rows for key in row}
     heads |= {name: head for name, head in LONG_HEADS.items() if f"{name}_median" in found}
-    lines = [["arm", "configuration", *heads.values()]]
+    head, lines = ["arm", "configuration", *heads.values()], []
     for result in results:
         cheapest = [a.ours for a in accuracy.answers(result.rows, study.thresholds_mm) if a.ours]
         named = {(row["method"], row["setting"]) for row in cheapest}
@@ -106,7 +102,7 @@ def long_table(study: Study, results: Sequence[PanelResult]) -> list[str]:
                 values = (row.get(f"{name}_median") for name in heads)
                 cells = ("" if x is None else f"{x:.0e}" for x in values)
                 lines.append([result.panel.name, ", ".join(who), *cells])
-    return table(lines)
+    return markdown(head, lines)
 
 
 def after(name: str) -> str:
@@ -116,7 +112,7 @@ def after(name: str) -> str:
     return f"tip after {count} {text}, mm"
 
 
-def markdown(study: Study, results: Sequence[PanelResult], command: str, figures: Sequence[Path]) -> str:
+def page_text(study: Study, results: Sequence[PanelResult], command: str, figures: Sequence[Path]) -> str:
     """The page.
 
     Parameters
@@ -150,7 +146,7 @@ def markdown(study: Study, results: Sequence[PanelResult], command: str, figures
         "the arm does not need; its stops are springs without damping, as stiff as its step allows "
         f"({brief(study.mujoco_stiffness)}/step^2). Its evaluations are those of a step, ours the mean.",
         "",
-        *answer_table(study, results),
+        answer_table(study, results),
         "",
     ]
     if stamp["mujoco"] == "4.0.0":
@@ -164,7 +160,7 @@ def markdown(study: Study, results: Sequence[PanelResult], command: str, figures
         f"The reference is this package's own ({stepping}), on the same states. Errors below the largest "
         "difference from another account of the same arm mean nothing; the figures shade them.",
         "",
-        *reference_table(results),
+        reference_table(results),
         "",
         "## Beyond a control interval",
         "",
@@ -176,7 +172,7 @@ def markdown(study: Study, results: Sequence[PanelResult], command: str, figures
         f"how far a slider is beyond one at most within {PATH_SECONDS:g} s, and the error of the time of the "
         "first impact.",
         "",
-        *long_table(study, results),
+        long_table(study, results),
         "",
     ]
     return "\n".join(lines)
@@ -194,8 +190,8 @@ def write(study: Study, command: str, folder: Path) -> list[Path]:
     write_rows([row for r in results for row in r.rows], accuracy.COLUMNS, tables[0])
     write_rows([row for r in results for row in r.long_rows], accuracy.long_columns(study), tables[1])
     page = folder / "accuracy.md"
-    page.write_text(markdown(study, results, command, []), encoding="utf-8")
+    page.write_text(page_text(study, results, command, []), encoding="utf-8")
     figures = accuracy_plots.save_figures(accuracy_plots.drawn(results), study, folder)
     shown = [path for path in figures if path.suffix == ".png"]
-    page.write_text(markdown(study, results, command, shown), encoding="utf-8")
+    page.write_text(page_text(study, results, command, shown), encoding="utf-8")
     return [page, *tables, *figures]

@@ -12,8 +12,10 @@ import gymnasium as gym
 import numpy as np
 
 from redundant_envs.envs.registration import NAMESPACE, SCENES
+from redundant_envs.machine import versions
+from redundant_envs.progress import counted
 from redundant_envs.scene import load_scene
-from redundant_envs.studies.common import one_core, versions
+from redundant_envs.studies.timing import one_core
 
 COLUMNS = (
     "machine", "date", "python", "llvmlite", "numpy", "commit", "gymnasium", "env", "lanes",
@@ -111,8 +113,8 @@ def run(lanes: int = 4096, rounds: int = 10, steps: int = 2000) -> list[dict[str
         if value < 1:
             raise ValueError(f"{field} is {value}; give a whole number of at least 1")
     rows, about = [], versions()
-    with one_core():
-        for i, name in enumerate(IDS):
+    with one_core(), counted("environments", len(IDS)) as done:
+        for name in IDS:
             rates = vector_rates(name, lanes, rounds)
             lively = vector_rates(name, lanes, rounds, renewed=True)
             fixed = vector_rates(name, lanes, rounds, controlled=False)
@@ -135,9 +137,5 @@ def run(lanes: int = 4096, rounds: int = 10, steps: int = 2000) -> list[dict[str
                     "import_to_first_step_s": round(first_step_seconds(name), 3),
                 }
             )
-            print(
-                f"environments {i + 1}/{len(IDS)}: {name} {max(rates) / 1e6:.2f} million steps/s, "
-                f"single {single:.1f} us",
-                file=sys.stderr,
-            )
+            done(f"{name} {max(rates) / 1e6:.2f} million steps/s, single {single:.1f} us")
     return rows

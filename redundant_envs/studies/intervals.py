@@ -1,5 +1,8 @@
 """Is the tolerance kept? Control intervals of many families of scenes, each judged by two references.
 
+``study intervals`` has families of all effects, ``study impacts`` families of short travels and strong
+efforts.
+
 The reference is dop853, which chooses its steps for errors near rounding. It counts if equal steps of rk8,
 many times finer and without error control, confirm it to a tenth of the tolerance. An interval is missed if
 the tip is off by more than twice the tolerance without a flag.
@@ -11,7 +14,7 @@ import contextlib
 import dataclasses
 import itertools
 import multiprocessing
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -20,21 +23,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.model.batch import BatchSimulator, Numerics
+from redundant_envs.progress import counted
 from redundant_envs.scene import Scene
 from redundant_envs.studies.interval_families import FAMILIES, Draw, Family
-from redundant_envs.studies.progress import Progress
+from redundant_envs.studies.stop_families import NAMED, StopFamily, drawn_families
+from redundant_envs.verify.judging import judge
 
 COLUMNS = (
     "family", "tolerance", "intervals", "judged", "missed", "flagged", "spent", "largest_error", "events",
     "evaluations",
 )  # fmt: skip
-CONFIRMED = 0.1
-"""The reference counts if the other one differs by less than this, in units of the tolerance."""
-LIMIT = 2.0
-"""An error beyond this is a miss, in units of the tolerance."""
 BATCH = 4096
+DRAWN = 12
+"""Random families with stops beside the named ones."""
 
 Array = NDArray[np.float64]
+AnyFamily = Family | StopFamily
 
 
 @dataclass
@@ -59,7 +63,12 @@ class Tally:
     evaluations: int = 0
 
 
-def tips_after(family: Family, scene: Scene, drawn: Draw) -> tuple[Array, Any]:
+def families(study: str, seed: int) -> Sequence[AnyFamily]:
+    """The families of ``study intervals`` or ``study impacts``."""
+    return FAMILIES if study == "intervals" else [*NAMED, *drawn_families(DRAWN, seed)]
+
+
+def tips_after(family: AnyFamily, scene: Scene, drawn: Draw) -> tuple[Array, Any]:
     """Tips after a control interval, (count, 2), m, and its status."""
     arm: Any = family.robot
     inverse = np.linalg.inv(arm.motor_map)
@@ -69,11 +78,12 @@ def tips_after(family: Family, scene: Scene, drawn: Draw) -> tuple[Array, Any]:
     efforts = drawn.efforts if family.actuation == "joint" else drawn.efforts @ np.asarray(arm.motor_map).T
     status = batch.advance(efforts)
     values = dict(zip(arm.coordinates, batch.q.T, strict=True))
-    values |= {f"l{k + 1}": length for k, length in enumerate(drawn.parameters["lengths"].T)}
+    if "lengths" in drawn.parameters:
+        values |= {f"l{k + 1}": length for k, length in enumerate(drawn.parameters["lengths"].T)}
     return np.stack(arm.evaluate(["tip_x", "tip_y"], {**arm.parameter_values(), **values}), axis=-1), status
 
 
-def judge(family: Family, count: int, seed: Any, misses: list[Draw] | None = None) -> Tally:
+def judge_family(family: AnyFamily, count: int, seed: Any, misses: list[Draw] | None = None) -> Tally:
     """Judge intervals of a family; ``misses`` collects the random data of missed ones."""
     rng, tally = np.random.default_rng(seed), Tally()
     asked = family.scene()
@@ -85,12 +95,8 @@ def judge(family: Family, count: int, seed: Any, misses: list[Draw] | None = Non
             tips_after(family, scene, drawn) for scene in (asked, reference, equal)
         )
         spent = ((status.numerics | how.numerics | also.numerics) & Numerics.EVENT_BUDGET) > 0
-        whole = (how.numerics == 0) & (also.numerics == 0)
-        with np.errstate(invalid="ignore"):
-            confirmed = whole & (np.linalg.norm(best - other, axis=1) <= CONFIRMED * family.tolerance)
-            error = np.linalg.norm(tip - best, axis=1) / family.tolerance
-        judged = confirmed & (status.numerics == 0)
-        missed = judged & ~(error <= LIMIT)
+        known = (status.numerics | how.numerics | also.numerics) == 0
+        judged, missed, error = judge(tip, [best, other], family.tolerance, known)
         tally.intervals += len(tip)
         tally.judged += int(judged.sum())
         tally.missed += int(missed.sum())
@@ -110,10 +116,10 @@ def chosen(drawn: Draw, lanes: NDArray[np.bool_]) -> Draw:
     return Draw(drawn.joints[lanes], drawn.rates[lanes], drawn.efforts[lanes], parameters)
 
 
-def row(number: int, intervals: int, seed: int) -> dict[str, Any]:
+def row(study: str, number: int, intervals: int, seed: int) -> dict[str, Any]:
     """A row of ``COLUMNS``, for the number of a family: its functions could not be sent to a process."""
-    family = FAMILIES[number]
-    tally = judge(family, intervals, (seed, number))
+    family = families(study, seed)[number]
+    tally = judge_family(family, intervals, (seed, number))
     return {
         "family": family.name,
         "tolerance": family.tolerance,
@@ -123,12 +129,13 @@ def row(number: int, intervals: int, seed: int) -> dict[str, Any]:
     }
 
 
-def run(intervals: int, seed: int = 0, processes: int = 1) -> list[dict[str, Any]]:
-    """Rows of ``COLUMNS``: ``intervals`` in all, the same number for each family."""
-    each = -(-intervals // len(FAMILIES))
-    tasks = [(number, each, seed) for number in range(len(FAMILIES))]
-    rows, progress = [], Progress("intervals", len(FAMILIES))
+def run(study: str, intervals: int, seed: int = 0, processes: int = 1) -> list[dict[str, Any]]:
+    """Rows of ``COLUMNS``: ``intervals`` in all, the same number for each family of a study."""
+    count = len(families(study, seed))
+    tasks = [(study, number, -(-intervals // count), seed) for number in range(count)]
+    rows = []
     with contextlib.ExitStack() as stack:
+        done = stack.enter_context(counted(study, count))
         found: Iterable[dict[str, Any]] = itertools.starmap(row, tasks)
         if processes > 1:
             context = multiprocessing.get_context("spawn")
@@ -136,5 +143,5 @@ def run(intervals: int, seed: int = 0, processes: int = 1) -> list[dict[str, Any
             found = pool.map(row, *zip(*tasks, strict=True))
         for one in found:
             rows.append(one)
-            progress.step(f"{one['family']}: {one['missed']} missed of {one['judged']} judged")
+            done(f"{one['family']}: {one['missed']} missed of {one['judged']} judged")
     return rows

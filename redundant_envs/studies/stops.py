@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import sys
 import time
 from collections.abc import Callable
 from typing import Any
@@ -13,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.effects import PrismaticStop
+from redundant_envs.machine import versions
 from redundant_envs.model.batch import BatchSimulator
+from redundant_envs.progress import counted
 from redundant_envs.scene import Scene, load_scene
-from redundant_envs.studies.common import one_core, versions
+from redundant_envs.studies.timing import one_core
 
 COLUMNS = (
     "machine", "date", "python", "llvmlite", "numpy", "commit", "states", "lanes", "touched_share",
@@ -92,7 +93,9 @@ def paired_times(batches: list[BatchSimulator], efforts: Array, repeats: int) ->
     return best
 
 
-def rows_of(name: str, policy: Policy, lanes: int, repeats: int) -> list[dict[str, Any]]:
+def rows_of(
+    name: str, policy: Policy, lanes: int, repeats: int, done: Callable[[str], None]
+) -> list[dict[str, Any]]:
     """Rows of ``COLUMNS`` for the states that a policy visits: shares 1 % and 20 %, and its own."""
     scene = load_scene("rprp_reach")
     q, qd, efforts = visited_states(policy, 4 * lanes)
@@ -130,7 +133,7 @@ def rows_of(name: str, policy: Policy, lanes: int, repeats: int) -> list[dict[st
                 "events_per_lane": round(events, 4),
             }
         )
-        print(f"stops: {name}, {100 * count / lanes:.1f} % touched: {rows[-1]['ratio']}", file=sys.stderr)
+        done(f"{name}, {100 * count / lanes:.1f} % touched: {rows[-1]['ratio']}")
     return rows
 
 
@@ -153,5 +156,6 @@ def measured(scene: Scene, q: Array, qd: Array, efforts: Array, repeats: int) ->
 def run(policies: dict[str, Policy], lanes: int = 4096, repeats: int = 30) -> list[dict[str, Any]]:
     """Time the RPRP reach scene on the states of some policies; on one core."""
     about = versions()
-    with one_core():
-        return [{**about, **row} for name, p in policies.items() for row in rows_of(name, p, lanes, repeats)]
+    with one_core(), counted("stops", len(policies) * (len(SHARES) + 1)) as done:
+        found = [row for name, p in policies.items() for row in rows_of(name, p, lanes, repeats, done)]
+    return [{**about, **row} for row in found]

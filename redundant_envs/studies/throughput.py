@@ -6,7 +6,6 @@ import dataclasses
 import functools
 import platform
 import re
-import sys
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -18,12 +17,14 @@ from numpy.typing import NDArray
 from redundant_envs.backends import llvm
 from redundant_envs.effects import Gravity, LimitSpring, ViscousFriction
 from redundant_envs.files import exists, explained, read_yaml
+from redundant_envs.machine import versions
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.model.programs import batch_simulator, traced_batch
 from redundant_envs.plain_data import check_keys
+from redundant_envs.progress import counted
 from redundant_envs.robots import RPRP, Arm, Chain, FourR
 from redundant_envs.scene import Scene
-from redundant_envs.studies.common import dgemm_rate, one_core, versions
+from redundant_envs.studies.timing import dgemm_rate, one_core
 from redundant_envs.values import shown
 
 COLUMNS = (
@@ -223,8 +224,8 @@ def packed_instructions(scene: Scene) -> tuple[int | None, str]:
 def run(config: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Time every case of the study; one row of ``COLUMNS`` for each."""
     rows, about = [], versions()
-    with one_core():
-        for i, case in enumerate(config["cases"]):
+    with one_core(), counted("throughput", len(config["cases"])) as done:
+        for case in config["cases"]:
             lanes, efforts, figures = config["lanes"], None, None
             if "tolerance" in case:
                 scene = controlled_scene(case["arm"], case["tolerance"])
@@ -263,9 +264,6 @@ def run(config: Mapping[str, Any]) -> list[dict[str, Any]]:
                     "compile_seconds": round(compile_seconds(scene), 2),
                 }
             )
-            print(
-                f"throughput {i + 1}/{len(config['cases'])}: {case['arm']} {case['integrator']}"
-                f"{' to ' + str(case['tolerance']) + ' m' if figures else ''} {best:.1f} ns",
-                file=sys.stderr,
-            )
+            to = f" to {case['tolerance']} m" if figures else ""
+            done(f"{case['arm']} {case['integrator']}{to} {best:.1f} ns")
     return rows

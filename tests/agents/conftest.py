@@ -6,6 +6,6 @@ import pytest
 @pytest.fixture(autouse=True)
 def short_clips(monkeypatch):
     """Reports of tests show one episode, not four: the clips take most of their time."""
-    from agents import report
+    from redundant_envs_train import report
 
     monkeypatch.setattr(report, "CLIP_EPISODES", 1)

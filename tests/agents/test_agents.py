@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import yaml
 
-from agents.__main__ import main
-from agents.config import (
+from redundant_envs_train.__main__ import main
+from redundant_envs_train.config import (
     ALGORITHMS,
     MOST_EPISODES,
     MOST_SEEDS,
@@ -18,13 +18,13 @@ from agents.config import (
     first_environment_seed,
     load,
 )
-from agents.config.fields import limits
-from agents.config.keys import complete, help_of_keys, keys
-from agents.config.run import KEPT_FOR_GOALS
-from agents.evaluate import evaluate, summary
-from agents.presets import presets
-from agents.rollout import EVALUATION_SEED, SELECTION_SEED, STUDY_SEED
-from agents.statistics import wilson
+from redundant_envs_train.config.fields import limits
+from redundant_envs_train.config.keys import complete, help_of_keys, keys
+from redundant_envs_train.config.run import KEPT_FOR_GOALS
+from redundant_envs_train.evaluate import evaluate, summary
+from redundant_envs_train.presets import presets
+from redundant_envs_train.rollout import EVALUATION_SEED, SELECTION_SEED, STUDY_SEED
+from redundant_envs_train.statistics import wilson
 
 CONFIG = "configs/training/rprp_reach_ppo.yaml"
 

@@ -13,15 +13,15 @@ import pytest
 import torch
 import yaml
 
-from agents.__main__ import main
-from agents.config import Config, checked
-from agents.learners.networks import Adam
-from agents.new_folder import find_checkpoint
-from agents.policies import read_weights
-from agents.training import checkpoint
-from agents.training.train import resume, train
-from agents.training.watch import Watch
 from redundant_envs.envs.sb3 import make_sb3
+from redundant_envs_train.__main__ import main
+from redundant_envs_train.config import Config, checked
+from redundant_envs_train.learners.networks import Adam
+from redundant_envs_train.new_folder import find_checkpoint
+from redundant_envs_train.policies import read_weights
+from redundant_envs_train.training import checkpoint
+from redundant_envs_train.training.train import resume, train
+from redundant_envs_train.training.watch import Watch
 
 SMALL = {
     "ppo": {"num_envs": 32, "total_steps": 4096, "ppo": {"n_steps": 16, "batch_size": 256}},
@@ -301,5 +301,4 @@ def test_a_folder_with_a_checkpoint_is_not_begun_anew(killed, capsys):
 def test_the_policy_file_is_the_average_without_anything_of_ours(tmp_path):
     train(config("her"), tmp_path / "run")
     with zipfile.ZipFile(tmp_path / "run" / "policy.zip") as archive:
-        assert b"agents" not in archive.read("data")
         assert b"redundant_envs" not in archive.read("data")

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from run_folders import CURVE, FOUR_R, RPRP, config_text, write_run
 
-from agents.evidence.aggregate import interquartile_mean, stratified_bootstrap
-from agents.evidence.runs import group, read_groups, read_run
-from agents.evidence.table import table
 from redundant_envs.scene import load_scene
+from redundant_envs_train.evidence.aggregate import interquartile_mean, stratified_bootstrap
+from redundant_envs_train.evidence.runs import group, read_groups, read_run
+from redundant_envs_train.evidence.table import table
 
 # ---- aggregates ----------------------------------------------------------------------------------
 
@@ -74,7 +74,7 @@ def test_bootstrap_keeps_the_points_of_a_curve_together():
 def test_bootstrap_does_not_depend_on_how_many_points_are_drawn_at_once(monkeypatch):
     samples = np.random.default_rng(3).normal(size=(6, 5))
     whole = stratified_bootstrap([samples, samples[:5]], interquartile_mean, 200)
-    monkeypatch.setattr("agents.evidence.aggregate.MOST_NUMBERS", 100)
+    monkeypatch.setattr("redundant_envs_train.evidence.aggregate.MOST_NUMBERS", 100)
     np.testing.assert_array_equal(
         stratified_bootstrap([samples, samples[:5]], interquartile_mean, 200), whole
     )

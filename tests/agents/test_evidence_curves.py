@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from run_folders import CURVE, FOUR_R, RPRP, write_run
 
-from agents.evidence.aggregate import interquartile_mean, stratified_bootstrap
-from agents.evidence.curves import curves
-from agents.evidence.figure import draw
-from agents.evidence.learning import MEASURES, summarize
-from agents.evidence.runs import read_groups
+from redundant_envs_train.evidence.aggregate import interquartile_mean, stratified_bootstrap
+from redundant_envs_train.evidence.curves import curves
+from redundant_envs_train.evidence.figure import draw
+from redundant_envs_train.evidence.learning import MEASURES, summarize
+from redundant_envs_train.evidence.runs import read_groups
 
 
 def make_runs(base: Path, seeds: int = 3) -> list[Path]:

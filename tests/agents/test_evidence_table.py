@@ -3,8 +3,8 @@
 import pytest
 from run_folders import write_run
 
-from agents.evidence.aggregate import interquartile_mean, stratified_bootstrap
-from agents.evidence.table import rows, table
+from redundant_envs_train.evidence.aggregate import interquartile_mean, stratified_bootstrap
+from redundant_envs_train.evidence.table import rows, table
 
 
 def cells(text: str, number: int) -> list[dict[str, str]]:

@@ -1,4 +1,4 @@
-"""examples/: the programs run, and their results agree with the project's evaluation."""
+"""docs/examples/: the programs run, and their results agree with the project's evaluation."""
 
 import importlib.util
 import subprocess
@@ -10,10 +10,10 @@ import pytest
 import torch
 from stable_baselines3 import SAC
 
-from agents.rollout import EVALUATION_SEED, run_episodes
+from redundant_envs_train.rollout import EVALUATION_SEED, run_episodes
 
 ROOT = Path(__file__).parents[2]
-PPO = ROOT / "examples" / "cleanrl_ppo.py"
+PPO = ROOT / "docs" / "examples" / "cleanrl_ppo.py"
 POLICY = ROOT / "docs" / "results" / "runs" / "rprp_reach_sac" / "seed100" / "policy.zip"
 RPRP = "redundant_envs/RPRPReach-v0"
 

@@ -9,12 +9,12 @@ import pytest
 import yaml
 from run_folders import assert_same_policy
 
-from agents.__main__ import main
-from agents.evidence.runs import read_groups
-from agents.own_scene import difference, own_config
-from agents.training import checkpoint
-from agents.training.watch import Watch
 from redundant_envs.scene import load_scene
+from redundant_envs_train.__main__ import main
+from redundant_envs_train.evidence.runs import read_groups
+from redundant_envs_train.own_scene import difference, own_config
+from redundant_envs_train.training import checkpoint
+from redundant_envs_train.training.watch import Watch
 
 SMALL = [
     "num_envs=32", "ppo.n_steps=16", "ppo.batch_size=256", "total_steps=1024", "curve_every=512",

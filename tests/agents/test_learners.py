@@ -10,12 +10,12 @@ from stable_baselines3 import SAC
 from stable_baselines3.common.callbacks import BaseCallback
 from torch.nn import functional
 
-from agents.config import Config, checked
-from agents.learners.build import make_model
-from agents.learners.goals import goal_mixing
-from agents.learners.networks import ACTIVATIONS, Adam, Networks, linear_layers
-from agents.learners.ppo import neighbouring_actions
 from redundant_envs.envs.sb3 import make_sb3
+from redundant_envs_train.config import Config, checked
+from redundant_envs_train.learners.build import make_model
+from redundant_envs_train.learners.goals import goal_mixing
+from redundant_envs_train.learners.networks import ACTIVATIONS, Adam, Networks, linear_layers
+from redundant_envs_train.learners.ppo import neighbouring_actions
 
 SMALL = {
     "ppo": {"n_steps": 4, "batch_size": 32, "net_arch": [16, 12]},

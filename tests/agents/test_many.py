@@ -11,13 +11,13 @@ import pytest
 from rich.progress import Progress
 from run_folders import assert_same_policy
 
-from agents.__main__ import main
-from agents.config import load
-from agents.new_folder import CHECKPOINT
-from agents.training import many
-from agents.training.amount import seeds_of
-from agents.training.many import FILES, finish, is_finished
-from agents.training.train import train
+from redundant_envs_train.__main__ import main
+from redundant_envs_train.config import load
+from redundant_envs_train.new_folder import CHECKPOINT
+from redundant_envs_train.training import many
+from redundant_envs_train.training.amount import seeds_of
+from redundant_envs_train.training.many import FILES, finish, is_finished
+from redundant_envs_train.training.train import train
 
 ROOT = Path(__file__).parents[2]
 SMALL = [

@@ -14,16 +14,16 @@ from pathlib import Path
 import pytest
 from run_folders import assert_same_policy
 
-from agents.__main__ import main
-from agents.config import load
-from agents.training.train import train
+from redundant_envs_train.__main__ import main
+from redundant_envs_train.config import load
+from redundant_envs_train.training.train import train
 
 pytest.importorskip("ray", reason="ray is not installed; pip install 'redundant-envs[ray]'")
 
 import ray
 from ray.cluster_utils import Cluster
 
-from agents.training import on_ray
+from redundant_envs_train.training import on_ray
 
 ROOT = str(Path(__file__).parents[2])
 SMALL = [
@@ -66,7 +66,7 @@ def cluster(disk):
 
     def prepare():
         sys.path.insert(0, ROOT)  # Ray would add it later
-        from agents import report
+        from redundant_envs_train import report
 
         def short(folder):
             (folder / "report.md").write_text(f"again: train {folder}/config.yaml")

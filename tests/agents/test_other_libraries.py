@@ -25,6 +25,6 @@ def test_the_program_for_torchrl_prints_what_its_comments_say():
 
 def test_the_page_names_files_and_arguments_that_exist():
     text = PAGE.read_text(encoding="utf-8")
-    for name in re.findall(r"(?:hyperparams|examples|agents)/\w+\.\w+", text):
+    for name in re.findall(r"(?:configs/zoo|docs/examples|agents/redundant_envs_train)/\w+\.\w+", text):
         assert (ROOT / name).exists(), name
-    assert len(re.findall(r"hyperparams/\w+\.yml", text)) >= 2
+    assert len(re.findall(r"configs/zoo/\w+\.yml", text)) >= 2

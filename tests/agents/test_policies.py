@@ -18,12 +18,12 @@ import yaml
 from run_folders import write_scene
 from stable_baselines3 import PPO, SAC
 
-from agents import policies
-from agents.__main__ import main
-from agents.config import Config, checked
-from agents.learners.build import make_model
-from agents.policies import load_policy, save_policy
 from redundant_envs.envs.sb3 import make_sb3
+from redundant_envs_train import policies
+from redundant_envs_train.__main__ import main
+from redundant_envs_train.config import Config, checked
+from redundant_envs_train.learners.build import make_model
+from redundant_envs_train.policies import load_policy, save_policy
 
 KINDS = {
     "ppo": {"env": "redundant_envs/RPRPReach-v0", "ppo": {"batch_size": 64, "net_arch": [16, 8]}},
@@ -35,7 +35,7 @@ import sys, warnings
 
 class Blocked:
     def find_spec(self, name, path=None, target=None):
-        if name.partition(".")[0] in ("agents", "redundant_envs", "redundant_envs_train"):
+        if name.partition(".")[0] in ("redundant_envs", "redundant_envs_train"):
             raise ModuleNotFoundError(f"{name} is blocked", name=name)
 
 sys.meta_path.insert(0, Blocked())
@@ -49,7 +49,7 @@ with open("observations.pkl", "rb") as file:
 actions = model.predict(observations, deterministic=True)[0]
 with open("actions.pkl", "wb") as file:
     pickle.dump(actions, file)
-assert not any(name.partition(".")[0] in ("agents", "redundant_envs") for name in sys.modules)
+assert not any(name.partition(".")[0] in ("redundant_envs", "redundant_envs_train") for name in sys.modules)
 print(model.learning_rate, model.lr_schedule(0.5))
 """
 

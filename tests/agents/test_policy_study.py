@@ -10,17 +10,24 @@ import pytest
 import yaml
 from run_folders import write_scene
 
-from agents.__main__ import main
-from agents.config import load
-from agents.learners.build import make_model
-from agents.rollout import EVALUATION_SEED, SELECTION_SEED, STUDY_SEED, Outcome, expert_act, random_act
-from agents.statistics import bootstrap_means, middle_95, permutation_test, sign_test
-from agents.studies.policy.episodes import evaluate_under, held
-from agents.studies.policy.pairs import compare, compare_groups, half_from
-from agents.studies.policy.run import describe
-from agents.studies.policy.settings import Physics, Study, load_study
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.scene import load_scene
+from redundant_envs_train.__main__ import main
+from redundant_envs_train.config import load
+from redundant_envs_train.learners.build import make_model
+from redundant_envs_train.rollout import (
+    EVALUATION_SEED,
+    SELECTION_SEED,
+    STUDY_SEED,
+    Outcome,
+    expert_act,
+    random_act,
+)
+from redundant_envs_train.statistics import bootstrap_means, middle_95, permutation_test, sign_test
+from redundant_envs_train.studies.policy.episodes import evaluate_under, held
+from redundant_envs_train.studies.policy.pairs import compare, compare_groups, half_from
+from redundant_envs_train.studies.policy.run import describe
+from redundant_envs_train.studies.policy.settings import Physics, Study, load_study
 
 PRESET = "configs/training/rprp_reach_ppo.yaml"
 SHIPPED = "configs/studies/policy.yaml"

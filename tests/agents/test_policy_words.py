@@ -2,8 +2,8 @@
 
 import pytest
 
-from agents.studies.policy.settings import Physics, Study
-from agents.studies.policy.words import (
+from redundant_envs_train.studies.policy.settings import Physics, Study
+from redundant_envs_train.studies.policy.words import (
     LARGE,
     NONE,
     OPEN,

@@ -17,16 +17,16 @@ import pytest
 import torch
 import yaml
 
-from agents.__main__ import main
-from agents.config import Config, checked
-from agents.learners.build import make_model
-from agents.policies import load_policy, read_weights
-from agents.rollout import EVALUATION_SEED, policy_act, run_episodes
-from agents.run_folder import read_config
-from agents.shipping import onnx_file
-from agents.shipping.export import export, name_of
-from agents.shipping.layers import Layers, activated, exact_actions, layers_of
 from redundant_envs.envs.sb3 import make_sb3
+from redundant_envs_train.__main__ import main
+from redundant_envs_train.config import Config, checked
+from redundant_envs_train.learners.build import make_model
+from redundant_envs_train.policies import load_policy, read_weights
+from redundant_envs_train.rollout import EVALUATION_SEED, policy_act, run_episodes
+from redundant_envs_train.run_folder import read_config
+from redundant_envs_train.shipping import onnx_file
+from redundant_envs_train.shipping.export import export, name_of
+from redundant_envs_train.shipping.layers import Layers, activated, exact_actions, layers_of
 
 ROOT = Path(__file__).resolve().parents[2]
 RESULTS = ROOT / "docs" / "results"
@@ -136,7 +136,7 @@ def test_a_policy_zip_of_other_weights_is_refused(tmp_path, monkeypatch):
         policy.state_dict = lambda: make_model(config, make_sb3(config.env, 1)).policy.state_dict()
         return policy
 
-    monkeypatch.setattr("agents.shipping.export.load_policy", load)
+    monkeypatch.setattr("redundant_envs_train.shipping.export.load_policy", load)
     with pytest.raises(ValueError, match=r"policy.zip acts otherwise .* at most 0.0001"):
         export(RUN, tmp_path)
     assert list(tmp_path.iterdir()) == []
@@ -184,7 +184,7 @@ def test_one_command_exports_and_numpy_alone_acts(tmp_path, capsys):
     alone = (
         "import sys; sys.modules.update(torch=None, stable_baselines3=None, onnxruntime=None, scipy=None)\n"
     )
-    program = alone + (ROOT / "examples" / "play_with_numpy.py").read_text()
+    program = alone + (ROOT / "docs" / "examples" / "play_with_numpy.py").read_text()
     command = [sys.executable, "-c", program, str(folder), "--episodes", "100"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -11,14 +11,14 @@ import pytest
 import yaml
 from run_folders import assert_same_policy
 
-from agents.__main__ import main
-from agents.config import load
-from agents.learners.build import make_model
-from agents.policies import load_policy, save_policy
-from agents.run_folder import read_config
-from agents.training.start import start_from
-from agents.training.watch import Watch
 from redundant_envs.envs.sb3 import make_sb3
+from redundant_envs_train.__main__ import main
+from redundant_envs_train.config import load
+from redundant_envs_train.learners.build import make_model
+from redundant_envs_train.policies import load_policy, save_policy
+from redundant_envs_train.run_folder import read_config
+from redundant_envs_train.training.start import start_from
+from redundant_envs_train.training.watch import Watch
 
 POLICIES = Path(__file__).resolve().parents[2] / "policies"
 PPO = POLICIES / "RPRPReach-v0-ppo"

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from run_folders import write_run
 
-from agents.__main__ import main
+from redundant_envs_train.__main__ import main
 
 ROOT = Path(__file__).parents[2]
 SMALL = [
@@ -95,7 +95,7 @@ def test_a_stopped_training_leaves_a_run(number, every, tmp_path, capsys):
 
 
 def test_a_second_request_interrupts_at_once():
-    from agents.training.interrupt import stop_request
+    from redundant_envs_train.training.interrupt import stop_request
 
     outside = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
     try:
@@ -110,8 +110,8 @@ def test_a_second_request_interrupts_at_once():
 
 
 def test_ctrl_c_elsewhere_is_one_line(monkeypatch, capsys):
-    from agents.evidence import table
     from redundant_envs import __main__ as library
+    from redundant_envs_train.evidence import table
 
     def interrupted(*_):
         raise KeyboardInterrupt

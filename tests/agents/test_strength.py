@@ -10,15 +10,21 @@ import pytest
 import yaml
 from run_folders import write_scene
 
-from agents.__main__ import main
-from agents.config import load
-from agents.rollout import EVALUATION_SEED
-from agents.run_folder import SELECTION
-from agents.studies import strength, strength_run
-from agents.studies.factors import factors_of
-from agents.studies.strength import (
+from redundant_envs.control.holding import can_hold, holding_load
+from redundant_envs.control.statics import effort_limits
+from redundant_envs.envs.sb3 import make_sb3
+from redundant_envs.scene import load_scene, scene_data
+from redundant_envs.tables import write_rows
+from redundant_envs_train.__main__ import main
+from redundant_envs_train.config import load
+from redundant_envs_train.rollout import EVALUATION_SEED
+from redundant_envs_train.run_folder import SELECTION
+from redundant_envs_train.studies import strength, strength_run
+from redundant_envs_train.studies.factors import factors_of
+from redundant_envs_train.studies.strength import (
     ARMS,
     COLORS,
+    COLUMNS,
     EXPERT,
     FACTORS,
     HOLDABLE,
@@ -30,14 +36,9 @@ from agents.studies.strength import (
     learner_rows,
     read_rows,
     weakened,
-    write_rows,
 )
-from agents.studies.strength_figure import AREA, figure
-from agents.studies.strength_run import run_study, trainings
-from redundant_envs.control.holding import can_hold, holding_load
-from redundant_envs.control.statics import effort_limits
-from redundant_envs.envs.sb3 import make_sb3
-from redundant_envs.scene import load_scene, scene_data
+from redundant_envs_train.studies.strength_figure import AREA, figure
+from redundant_envs_train.studies.strength_run import run_study, trainings
 
 ROOT = Path(__file__).resolve().parents[2]
 PRESETS = {"4R": "configs/training/four_r_reach_ppo.yaml", "RPRP": "configs/training/rprp_reach_sac.yaml"}
@@ -250,7 +251,7 @@ def made_up_rows():
 
 def test_rows_survive_their_file(tmp_path):
     path = tmp_path / "new" / "strength.csv"
-    write_rows(made_up_rows(), path)
+    write_rows(map(dataclasses.asdict, made_up_rows()), COLUMNS, path)
     assert read_rows(path) == made_up_rows()
 
 
@@ -267,7 +268,7 @@ def test_rows_survive_their_file(tmp_path):
 )
 def test_damaged_files_are_refused(tmp_path, old, new, words):
     path = tmp_path / "strength.csv"
-    write_rows(made_up_rows(), path)
+    write_rows(map(dataclasses.asdict, made_up_rows()), COLUMNS, path)
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new, 1))

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents.own_scene import own_config
-from agents.policies import load_policy
-from agents.rollout import expert_act, policy_act, run_episodes
 from redundant_envs.tasks import ReachTask
+from redundant_envs_train.own_scene import own_config
+from redundant_envs_train.policies import load_policy
+from redundant_envs_train.rollout import expert_act, policy_act, run_episodes
 
 POLICIES = Path(__file__).parents[2] / "policies"
 EPISODES, SEED = 200, 5_000_000

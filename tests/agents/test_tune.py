@@ -6,20 +6,20 @@ import re
 import pytest
 import yaml
 
-from agents.__main__ import main
-from agents.config import load
-from agents.new_folder import CHECKPOINT
-from agents.presets import presets
-from agents.rollout import SELECTION_SEED
-from agents.training import watch
-from agents.training.interrupt import Stopped
+from redundant_envs_train.__main__ import main
+from redundant_envs_train.config import load
+from redundant_envs_train.new_folder import CHECKPOINT
+from redundant_envs_train.presets import presets
+from redundant_envs_train.rollout import SELECTION_SEED
+from redundant_envs_train.training import watch
+from redundant_envs_train.training.interrupt import Stopped
 
 pytest.importorskip("optuna", reason="optuna is not installed; pip install 'redundant-envs[tune]'")
 
-from agents.tuning import study as studies
-from agents.tuning.search import Range, own_parameters, space_of, with_parameters
-from agents.tuning.study import LEAST_AHEAD, tune
-from agents.tuning.trials import STARTUP_TRIALS
+from redundant_envs_train.tuning import study as studies
+from redundant_envs_train.tuning.search import Range, own_parameters, space_of, with_parameters
+from redundant_envs_train.tuning.study import LEAST_AHEAD, tune
+from redundant_envs_train.tuning.trials import STARTUP_TRIALS
 
 SMALL = [
     "num_envs=32", "ppo.n_steps=16", "ppo.batch_size=256", "total_steps=2048", "curve_every=1024",
@@ -239,7 +239,7 @@ def test_a_trial_below_the_median_is_pruned(monkeypatch, tmp_path):
 
 
 def test_a_pruned_training_ends_at_its_point(tmp_path):
-    from agents.training.train import train
+    from redundant_envs_train.training.train import train
 
     class Enough(Exception):
         pass

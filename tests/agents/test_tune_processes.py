@@ -5,14 +5,14 @@ import contextlib
 import pytest
 from test_tune import CONFIG, GAMMA, by_gamma, curve, fake_train, rows  # noqa: F401 - by_gamma is a fixture
 
-from agents.config import Config, checked, load
-from agents.training.interrupt import Stopped
-from agents.tuning import study as studies
-from agents.tuning.results import score
-from agents.tuning.search import space_of
-from agents.tuning.study import tune
-from agents.tuning.trials import Judge
-from agents.tuning.workers import Worker
+from redundant_envs_train.config import Config, checked, load
+from redundant_envs_train.training.interrupt import Stopped
+from redundant_envs_train.tuning import study as studies
+from redundant_envs_train.tuning.results import score
+from redundant_envs_train.tuning.search import space_of
+from redundant_envs_train.tuning.study import tune
+from redundant_envs_train.tuning.trials import Judge
+from redundant_envs_train.tuning.workers import Worker
 
 
 def test_a_point_that_is_met_twice_is_one_point():

@@ -6,8 +6,8 @@ import sys
 
 import pytest
 
-from agents.__main__ import main
 from redundant_envs import __main__ as library
+from redundant_envs_train.__main__ import main
 
 WRONG = {
     "nope": "choose train, tune",
@@ -68,7 +68,7 @@ WRONG = {
 LARGE = ("torch", "stable_baselines3", "onnx")
 CALLS = f"""
 import contextlib, io, json, sys
-from agents.__main__ import main
+from redundant_envs_train.__main__ import main
 found = {{}}
 for words in json.loads(sys.argv[1]):
     said, out = io.StringIO(), io.StringIO()
@@ -104,7 +104,7 @@ def test_a_mistake_is_one_line_and_status_2_before_anything_large_is_imported(wo
 def test_a_wrong_name_is_refused_before_the_parser_is_imported():
     """Its packages alone take longer than the rest."""
     program = (
-        "import sys; from agents.__main__ import main; assert main(['train', 'nope']) == 2; "
+        "import sys; from redundant_envs_train.__main__ import main; assert main(['train', 'nope']) == 2; "
         "assert not {'torch', 'pydantic', 'typer', 'stable_baselines3'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", program], capture_output=True, check=True)
@@ -130,7 +130,7 @@ def test_the_help_of_train_has_all_keys(capsys):
         "verify rprp_reach --states 0", "verify --bits rprp_reach", "verify --bits short --quick", "study",
         "study nope", "study throughput --config nope.yaml", "study impacts --intervals 0",
         "study intervals --processes 0", "study stops --lanes 1", "study environments --rounds 0",
-        "study schematic --out a.gif", "study accuracy --config nope.yaml", "scene", "scene nope",
+        "scene rprp_reach --drawing a.gif", "study accuracy --config nope.yaml", "scene", "scene nope",
         "scene rprp_reach --listing x", "list x", "--import", "--import nope list",
     ],
 )  # fmt: skip

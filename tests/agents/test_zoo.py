@@ -1,4 +1,4 @@
-"""hyperparams/: the settings of the presets for rl_zoo3; agents.zoo: the same learning to the same bits."""
+"""configs/zoo/: the settings of the presets for rl_zoo3; learning of rl_zoo3 to the same bits."""
 
 import importlib.util
 import inspect
@@ -12,12 +12,12 @@ import yaml
 from stable_baselines3 import PPO, SAC
 from torch import nn
 
-from agents.config import Config, checked, load
-from agents.learners.build import policy_kwargs, policy_name
-from agents.learners.ppo import AveragedPPO
-from agents.learners.sac import AveragedSAC
-from agents.presets import presets
-from agents.training.train import train
+from redundant_envs_train.config import Config, checked, load
+from redundant_envs_train.learners.build import policy_kwargs, policy_name
+from redundant_envs_train.learners.ppo import AveragedPPO
+from redundant_envs_train.learners.sac import AveragedSAC
+from redundant_envs_train.presets import presets
+from redundant_envs_train.training.train import train
 
 ROOT = Path(__file__).parents[2]
 CLASSES = {"averaged_ppo": AveragedPPO, "averaged_sac": AveragedSAC, "ppo": PPO, "sac": SAC}
@@ -32,8 +32,8 @@ needs_zoo = pytest.mark.skipif(
 
 
 def hyperparameters(name):
-    """A file of hyperparams/, by environment."""
-    return yaml.safe_load((ROOT / "hyperparams" / f"{name}.yml").read_text(encoding="utf-8"))
+    """A file of configs/zoo/, by environment."""
+    return yaml.safe_load((ROOT / "configs" / "zoo" / f"{name}.yml").read_text(encoding="utf-8"))
 
 
 def of_preset(config):
@@ -107,9 +107,17 @@ SMALL = {
 
 
 def call(folder, name, env_id, *arguments):
-    """agents.zoo on hyperparams/, with its logs in a folder."""
-    command = [sys.executable, "-m", "agents.zoo", "--algo", name, "--env", env_id, "--num-threads", "1"]
-    command += ["--conf-file", f"hyperparams/{name}.yml", "--log-folder", str(folder), *arguments]
+    """redundant_envs_train.zoo on configs/zoo/, with its logs in a folder."""
+    command = [sys.executable, "-m", "redundant_envs_train.zoo", "--algo", name, "--env", env_id]
+    command += [
+        "--num-threads",
+        "1",
+        "--conf-file",
+        f"configs/zoo/{name}.yml",
+        "--log-folder",
+        str(folder),
+        *arguments,
+    ]
     return subprocess.run(command, check=False, capture_output=True, text=True, cwd=ROOT)
 
 

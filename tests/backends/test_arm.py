@@ -16,8 +16,8 @@ import pytest
 import redundant_envs as rde
 from redundant_envs.backends import cache, llvm
 from redundant_envs.model import programs
-from redundant_envs.studies.verify import recorded_bits
-from redundant_envs.studies.verify.recorded_bits import RECORDED
+from redundant_envs.verify import recorded_bits
+from redundant_envs.verify.recorded_bits import RECORDED
 
 EMULATOR, COMPILER = "qemu-aarch64", "aarch64-linux-gnu-gcc"
 CORTEX = llvm.Processor("cortex-a72", "", "aarch64-unknown-linux-gnu")

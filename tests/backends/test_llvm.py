@@ -16,13 +16,13 @@ import redundant_envs.lane.step as steps
 from redundant_envs import algebra
 from redundant_envs.algebra import physics
 from redundant_envs.backends import llvm, llvm_kernels
+from redundant_envs.batch.blocks import LANES
+from redundant_envs.batch.environment import philox, uniform
 from redundant_envs.effects.hooks import Effect, Force
+from redundant_envs.lane.memory import PARAMETER, SCRATCH, STATE, Field, Layout, Lifetime, traced
 from redundant_envs.model import programs
 from redundant_envs.model.memory import aligned
 from redundant_envs.model.programs import batch_simulator
-from redundant_envs.batch.blocks import LANES
-from redundant_envs.batch.environment import philox, uniform
-from redundant_envs.lane.memory import PARAMETER, SCRATCH, STATE, Field, Layout, Lifetime, traced
 from redundant_envs.tracing.flow import Kernel, LaneFunction, Program
 from redundant_envs.tracing.graph import Graph
 

@@ -9,8 +9,8 @@ import pytest
 import redundant_envs as rde
 from redundant_envs.backends import cache, llvm
 from redundant_envs.model.programs import batch_simulator
-from redundant_envs.studies.verify import recorded_bits
-from redundant_envs.studies.verify.recorded_bits import RECORDED
+from redundant_envs.verify import recorded_bits
+from redundant_envs.verify.recorded_bits import RECORDED
 
 e = rde.effects
 pytestmark = pytest.mark.skipif(

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from agents.rollout import expert_act, run_episodes
 from redundant_envs.control.computed_torque import ComputedTorque, lightest_pose, pose_at
 from redundant_envs.control.statics import effort_limits, motor_efforts
+from redundant_envs_train.rollout import expert_act, run_episodes
 
 
 @pytest.mark.parametrize("env_id", ["RPRPReach-v0", "FourRReach-v0"])

@@ -53,5 +53,7 @@ def commands(page: Path) -> dict[str, bool]:
     found = dict.fromkeys(re.findall(r"`([^`\n]+)`", prose(page)), False)
     found |= {re.sub(r"\s+#.*", "", line).strip(): True for line in in_blocks}
     return {
-        line: whole for line, whole in found.items() if line.startswith(("python -m ", "python examples"))
+        line: whole
+        for line, whole in found.items()
+        if line.startswith(("python -m ", "python docs/examples"))
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import re
 import shlex
 import shutil
@@ -21,10 +22,10 @@ QUICK = (
     "python -m redundant_envs scene four_r_free --bill",
     "python -m redundant_envs scene four_r_free --listing",
     "python -m redundant_envs verify --quick four_r_reach",
-    "python -m redundant_envs study schematic",
+    "python -m redundant_envs scene rprp_reach --drawing runs/arm.svg",
     "python -m agents table docs/results/runs/*/*",
     "python -m agents schema",
-    "python examples/play_with_numpy.py policies/RPRPReach-v0-sac",
+    "python docs/examples/play_with_numpy.py policies/RPRPReach-v0-sac",
 )
 SLOWER = (
     "python -m redundant_envs verify --quick rprp_reach --json runs/found.json --markdown runs/found.md",
@@ -70,8 +71,8 @@ def parse(command, whole):
     elif module == "agents":
         import typer
 
-        from agents.commands import app
-        from agents.config import load
+        from redundant_envs_train.commands import app
+        from redundant_envs_train.config import load
 
         step, name = typer.main.get_command(app), words[0] if words else ""
         while words and hasattr(step, "commands"):
@@ -81,15 +82,12 @@ def parse(command, whole):
             if name in ("train", "tune") and not given["config"].startswith("runs/"):
                 load(given["config"], given["overrides"] or ())
     else:
-        name = module.replace(".", "/")
-        assert module.startswith("rl_zoo3") or any(
-            (ROOT / f"{name}{end}").exists() for end in (".py", "/__main__.py")
-        ), module
+        assert module.startswith("rl_zoo3") or importlib.util.find_spec(module), module
 
 
 def test_every_command_is_one_and_takes_its_arguments():
     for command, (page, in_block) in FOUND.items():
-        if command.startswith("python examples"):
+        if command.startswith("python docs/examples"):
             assert (ROOT / command.split()[1]).is_file(), f"{page}: {command}"
             continue
         try:
@@ -109,10 +107,11 @@ def test_a_command_with_a_wrong_option_or_name_would_be_seen():
 def run(command, tmp_path, monkeypatch):
     """Run a documented command in a separate folder, with copies of the files that it may write to."""
     assert command in FOUND, f"{command} is on no page any more"
-    for name in ("policies", "examples", "configs"):
+    for name in ("policies", "configs"):
         (tmp_path / name).symlink_to(ROOT / name)
     results = tmp_path / "docs" / "results"
     results.mkdir(parents=True)
+    (tmp_path / "docs" / "examples").symlink_to(ROOT / "docs" / "examples")
     if "accuracy" in command:
         shutil.copytree(ROOT / "docs/results/accuracy", results / "accuracy")
     elif RUN in command or "RUN" in command.split():

@@ -26,7 +26,7 @@ def test_what_an_error_costs_is_what_the_study_wrote():
     ],
 )  # fmt: skip
 def test_the_table_of_learners_is_made_from_the_shipped_runs(page, folder):
-    from agents.evidence.table import table
+    from redundant_envs_train.evidence.table import table
 
     runs = sorted((ROOT / "docs" / "results" / folder).glob("*/*"))
     rows = [line for line in table(runs).splitlines() if line.startswith("| ")]
@@ -37,7 +37,7 @@ def test_the_table_of_learners_is_made_from_the_shipped_runs(page, folder):
 
 
 def test_the_results_of_the_readme_are_those_of_the_shipped_runs():
-    from agents.evidence.table import brief_table
+    from redundant_envs_train.evidence.table import brief_table
 
     table = brief_table(sorted(RESULTS.glob("runs/*/*")))
     assert table.count("\n") >= 7
@@ -46,8 +46,8 @@ def test_the_results_of_the_readme_are_those_of_the_shipped_runs():
 
 
 def test_the_table_of_strengths_is_what_the_study_wrote():
-    from agents.studies.strength import learner_rows, read_rows
-    from agents.studies.strength_run import table
+    from redundant_envs_train.studies.strength import learner_rows, read_rows
+    from redundant_envs_train.studies.strength_run import table
 
     rows = read_rows(ROOT / "docs" / "results" / "strength" / "strength.csv")
     assert {(row.arm, row.factor) for row in rows} >= {

@@ -93,6 +93,6 @@ def _environment() -> dict[str, str]:
     return {
         **os.environ,
         "PATH": os.pathsep.join((scripts, os.environ.get("PATH", ""))),
-        "PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "editable"))),
+        "PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "agents"))),
         "MPLBACKEND": "Agg",
     }

@@ -5,8 +5,8 @@ import pytest
 from contact_problems import SLIDERS, complementary, contact, mobility, resolved
 
 from redundant_envs.events import contacts
-from redundant_envs.events.resolution import Event
 from redundant_envs.events.boundary import ROUNDING
+from redundant_envs.events.resolution import Event
 
 
 @SLIDERS

@@ -20,10 +20,10 @@ from redundant_envs.effects import (
     State,
 )  # fmt: skip
 from redundant_envs.events import crossings
-from redundant_envs.numerics.methods import Watched
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.interval import Interval
 from redundant_envs.lane.kinks import levels_of
+from redundant_envs.numerics.methods import Watched
 from redundant_envs.studies.kinked_effects import QuadraticDrag, VelocityController
 
 RPRP = rde.RPRP((0.5,) * 4, (0.25, 0.25))

@@ -8,9 +8,10 @@ import pytest
 
 import redundant_envs as rde
 from redundant_envs.events import crossings
-from redundant_envs.numerics.methods import Watched
 from redundant_envs.events.boundary import Slider
-from redundant_envs.studies import hidden_impacts
+from redundant_envs.numerics.methods import Watched
+from redundant_envs.studies.intervals import judge_family
+from redundant_envs.studies.stop_families import NAMED, StopFamily, drawn_families
 
 REACH = rde.load_scene("rprp_reach").to_dict()
 
@@ -77,11 +78,11 @@ def test_a_slider_that_leaves_its_stop_slowly_does_not_rest_there_at_the_start(k
 
 @pytest.mark.parametrize(
     "number",
-    [k if k < 3 else pytest.param(k, marks=pytest.mark.long) for k in range(len(hidden_impacts.NAMED))],
+    [k if k < 3 else pytest.param(k, marks=pytest.mark.long) for k in range(len(NAMED))],
 )
 def test_no_interval_of_a_family_hides_an_impact(number):
     """Of every thousand, up to 43 did. ``study impacts`` judges a million."""
-    tally = hidden_impacts.judge(hidden_impacts.NAMED[number], 1024, seed=number)
+    tally = judge_family(NAMED[number], 1024, seed=number)
     assert tally.judged >= 0.99 * tally.intervals
     assert tally.missed == 0
     assert tally.flagged <= 1
@@ -89,8 +90,8 @@ def test_no_interval_of_a_family_hides_an_impact(number):
 
 def test_errors_that_grow_over_many_impacts_are_kept_or_flagged():
     """Up to 256 impacts in 0.1 s: results on which two references agree are right, and few are given up."""
-    family = hidden_impacts.Family(control_dt=0.1, travel=0.02, restitution=0.99)
-    tally = hidden_impacts.judge(family, 4096, seed=3)
+    family = StopFamily(control_dt=0.1, travel=0.02, restitution=0.99)
+    tally = judge_family(family, 4096, seed=3)
     assert tally.missed == 0  # two were
     assert tally.judged >= 0.98 * tally.intervals
     assert tally.flagged <= 0.01 * tally.intervals
@@ -144,7 +145,7 @@ STRIKE_BY_TURNS = [  # of drawn families: both sliders at their stops within a n
 def test_sliders_that_strike_by_turns_do_not_know_the_length_of_a_step(case):
     """Their gaps fall below rounding within the chain of impacts, sooner or later in it."""
     number, q, qd, efforts = case
-    family = [*hidden_impacts.NAMED, *hidden_impacts.drawn_families(12, 0)][number]
+    family = [*NAMED, *drawn_families(12, 0)][number]
     scene, ends = family.scene(), []
     for kwargs in ({}, {"tolerance": None}, {"tolerance": None, "substeps": 96}):
         batch = rde.BatchSimulator(dataclasses.replace(scene, **kwargs), 1)
@@ -153,15 +154,6 @@ def test_sliders_that_strike_by_turns_do_not_know_the_length_of_a_step(case):
         ends.append(scene.robot.forward_kinematics(batch.q)[0])
     np.testing.assert_allclose(ends[0], ends[2], rtol=0, atol=2.0 * family.tolerance)
     np.testing.assert_allclose(ends[1], ends[2], rtol=0, atol=2.0 * family.tolerance)
-
-
-def test_impacts_agree_with_an_account_that_shares_no_code():
-    pytest.importorskip("scipy", reason="scipy is in the extra 'verify'")
-    for number in (2, 5):
-        family = hidden_impacts.NAMED[number]
-        judged, missed = hidden_impacts.judge_independently(family, 8, seed=number)
-        assert judged >= 7
-        assert missed == 0
 
 
 SLIDERS = rde.RPRP((0.5,) * 4, (0.25, 0.25))

@@ -9,7 +9,7 @@ import pytest
 import redundant_envs as rde
 from redundant_envs.events.boundary import MARGIN, law_behind, limits_of_law
 from redundant_envs.model.energy import kinetic_energy, potential_energy
-from redundant_envs.studies.verify.states import random_states
+from redundant_envs.verify.states import random_states
 
 e = rde.effects
 RPRP = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.studies.independent_stops import StoppedArm
+from tests.oracles.independent_stops import StoppedArm
 
 ARM = rde.RPRP((0.5,) * 4, (0.5, 0.5))
 LOWER, UPPER = np.array([-0.39, -0.39]), np.array([-0.2156, -0.2757])

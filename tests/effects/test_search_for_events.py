@@ -5,17 +5,17 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from contact_problems import contact, mobility, resolved
+from redundant_envs.integrators.trial_steps import Phase, Search, Trial
 
 import redundant_envs as rde
-from redundant_envs.events import contacts
-from redundant_envs.events.resolution import Event
-from redundant_envs.events.crossings import Crossing, Unseen
-from redundant_envs.events.locate import after_trial, position_at_event
-from redundant_envs.events.first_event import Encounter, first_event
-from redundant_envs.numerics.methods import Watched
-from redundant_envs.events.boundary import Slider
-from redundant_envs.integrators.trial_steps import Phase, Search, Trial
 from redundant_envs.batch import blocks
+from redundant_envs.events import contacts
+from redundant_envs.events.boundary import Slider
+from redundant_envs.events.crossings import Crossing, Unseen
+from redundant_envs.events.first_event import Encounter, first_event
+from redundant_envs.events.locate import after_trial, position_at_event
+from redundant_envs.events.resolution import Event
+from redundant_envs.numerics.methods import Watched
 
 ARM = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
 GROUP = blocks.LANES * blocks.GROUP

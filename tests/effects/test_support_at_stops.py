@@ -11,7 +11,7 @@ import pytest
 from supported_sliders import ARMS, ENTERS, SPAN, STANDS, UPPER, advanced, expected, scene, starts
 
 import redundant_envs as rde
-from redundant_envs.studies.independent_stops import StoppedArm
+from tests.oracles.independent_stops import StoppedArm
 
 HIDDEN = 1e-6
 """m/s; a slower impact may penetrate by less than four ulps of the travel, and is not found."""

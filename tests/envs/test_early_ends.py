@@ -8,7 +8,7 @@ import pytest
 from small_scenes import OWN_IDS
 
 import redundant_envs as rde
-from agents.rollout import expert_act
+from redundant_envs_train.rollout import expert_act
 
 LANES = 128
 every_id = pytest.mark.parametrize("env_id", OWN_IDS)

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from redundant_envs.scene import Scene
 from redundant_envs.tasks.limits import hard_stops
+from redundant_envs.verify.judging import agree, judge
 
 from .cases import Array, numbers
 from .played import Played, Violation
 from .playing import Lanes, Step
 from .references import (
-    AGREEMENT,
     Judgement,
     energies,
     fine_interval,
@@ -27,8 +27,6 @@ from .references import (
     tolerance_of,
 )
 
-LIMIT = 2.0
-"""Errors of the tip below this are kept tolerances, in units of the tolerance."""
 ENERGY = 1e-5
 """An energy balance that is off by less is closed, in units of the exchanged energies: impacts cost equal
 steps a few 1e-8."""
@@ -88,12 +86,13 @@ def missed_tolerances(
     """Lanes whose tip is off, and by how much."""
     tolerance = tolerance_of(scene)
     right = tips(scene, judgement.finer)
-    error = np.linalg.norm(tips(scene, of_lanes(step.after, lanes)) - right, axis=1)
-    for k in np.flatnonzero(judgement.agreed & ~(error <= LIMIT * tolerance)):
+    _, missed, error = judge(tips(scene, of_lanes(step.after, lanes)), [right], tolerance, judgement.agreed)
+    for k in np.flatnonzero(missed):
         # An impact within the first step of both references leaves them the same piece before it.
         finest, _ = fine_interval(scene, step, lanes[[k]], MANY_STEPS)
-        if np.linalg.norm(tips(scene, finest)[0] - right[k]) <= AGREEMENT * tolerance:
-            yield int(lanes[k]), f"the tip is off by {error[k]:.3g} m, the tolerance is {tolerance:.3g} m"
+        if agree([tips(scene, finest), right[[k]]], tolerance)[0]:
+            off = f"the tip is off by {tolerance * error[k]:.3g} m"
+            yield int(lanes[k]), f"{off}, the tolerance is {tolerance:.3g} m"
 
 
 def open_books(

@@ -14,6 +14,7 @@ from redundant_envs.effects.hooks import Field, Force
 from redundant_envs.model import parameters
 from redundant_envs.model.energy import hook_value
 from redundant_envs.scene import Scene
+from redundant_envs.verify.judging import agree
 
 from .cases import Array, numbers
 from .playing import Lanes, Step, lanes_now
@@ -23,8 +24,6 @@ FINE = ((96, 160), (1536, 2560))
 FINE_ACROSS_KINKS = ((1536, 2560, 4297), (12288, 20483, 34381))
 """Where a force changes its law errors depend on where a step meets the change: of 96 and 160 steps both were
 off by three tolerances, and by the same."""
-AGREEMENT = 0.1
-"""References agree if their tips differ by less than this, in units of the tolerance."""
 ROUNDING = 1e-9
 """The tolerance of scenes that have none, in units of the arm's length."""
 
@@ -128,9 +127,7 @@ def judged(scene: Scene, step: Step, lanes: NDArray[np.intp]) -> Judgement:
             break
         ends, flags = zip(*(fine_interval(scene, step, lanes[left], n) for n in steps), strict=True)
         coarser, finer = ends[0], ends[-1]
-        with np.errstate(all="ignore"):
-            apart = [np.linalg.norm(tips(scene, x) - tips(scene, finer), axis=1) for x in ends[:-1]]
-        within = np.max(apart, axis=0) <= AGREEMENT * tolerance_of(scene)
+        within = agree([tips(scene, end) for end in reversed(ends)], tolerance_of(scene))
         exact = rounding_of(scene, finer, steps[-1]) <= tolerance_of(scene)
         agreed = (np.bitwise_or.reduce(flags) == 0) & within & exact
         if not pairs:

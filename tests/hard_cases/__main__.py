@@ -17,7 +17,7 @@ os.environ.setdefault("REDUNDANT_ENVS_CACHE", str(HERE.parents[1] / ".pytest_cac
 import page  # noqa: E402
 from catalogue import all_cases  # noqa: E402
 
-from redundant_envs.studies.common import machine_name  # noqa: E402
+from redundant_envs.machine import machine_name  # noqa: E402
 
 
 def main() -> None:

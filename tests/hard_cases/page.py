@@ -13,6 +13,7 @@ from engine import MuJoCo
 from subject import Subject
 
 import redundant_envs as rde
+from redundant_envs.tables import markdown
 
 COMMAND = "python tests/hard_cases"
 PICTURES = {
@@ -58,11 +59,6 @@ def cell(figure: Figure) -> str:
     return shown(figure.found) if figure.kept else f"**{shown(figure.found)}**"
 
 
-def table(rows: Sequence[Sequence[str]]) -> list[str]:
-    head, *body = ["| " + " | ".join(row) + " |" for row in rows]
-    return [head, "|" + " --- |" * len(rows[0]), *body]
-
-
 def subnormal_time() -> str:
     """Time of an interval with subnormal rates relative to one with others; speeds are not tested."""
     lanes, seconds = 1024, []
@@ -94,12 +90,12 @@ def section(case: Case, found: dict[str, list[Figure]]) -> list[str]:
         lines += ["", f"*MuJoCo:* {case.mujoco}"]
     if case.waiting_for:
         return [*lines, "", f"The case waits for the effect `{case.waiting_for}`.", ""]
-    rows = [["", "promised", *found]]
+    rows = []
     for k, figure in enumerate(found[Subject.name]):
         sign = "≥" if figure.at_most is None else "≤"
         label = f"{figure.name.rstrip(',')}{', ' + figure.unit if figure.unit else ''}"
         rows.append([label, f"{sign} {shown(figure.bound)}", *(cell(each[k]) for each in found.values())])
-    lines += ["", *table(rows), ""]
+    lines += ["", markdown(["", "promised", *found], rows), ""]
     if case.number in TIMED:
         lines += [TIMED[case.number](), ""]
     if case.number in PICTURES:
@@ -108,9 +104,9 @@ def section(case: Case, found: dict[str, list[Figure]]) -> list[str]:
     return lines
 
 
-def summary(cases: Sequence[Case], results: dict[str, dict[str, list[Figure]]]) -> list[str]:
+def summary(cases: Sequence[Case], results: dict[str, dict[str, list[Figure]]]) -> str:
     """One row for each case."""
-    rows = [["case", "", "figures that keep their bound", "naive variants that fail it", "test"]]
+    head, rows = ["case", "", "figures that keep their bound", "naive variants that fail it", "test"], []
     for case in cases:
         own = results[case.number][Subject.name]
         kept = f"{sum(f.kept for f in own)} of {len(own)}"
@@ -118,7 +114,7 @@ def summary(cases: Sequence[Case], results: dict[str, dict[str, list[Figure]]]) 
         if case.waiting_for:
             kept, names = f"waits for `{case.waiting_for}`", ""
         rows.append([case.number, case.title, kept, names, f"`{case.function}`"])
-    return table(rows)
+    return markdown(head, rows)
 
 
 def text(cases: Sequence[Case], results: dict[str, dict[str, list[Figure]]], machine: str, date: str) -> str:
@@ -132,7 +128,7 @@ def text(cases: Sequence[Case], results: dict[str, dict[str, list[Figure]]], mac
         "",
         f"Measured on {date} on {machine}.",
         "",
-        *summary(cases, results),
+        summary(cases, results),
     ]
     for module, title in THEMES.items():
         lines += ["", f"## {title}", ""]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 from engine import STEP, MuJoCo
 from measured import GRAVITY, LAB, STATE_B, acceleration_error, energy, tip_error
@@ -15,21 +14,19 @@ from subject import Subject
 from test_stops_and_impacts import START
 
 import redundant_envs as rde
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
+from redundant_envs.figures import bare, new_figure, save_figure
 
 SIZE, DPI = (6.4, 3.6), 120
 
 
 def draw(number, folder, with_mujoco):
     """Draw the picture of a case into a folder."""
-    figure, axes = plt.subplots(figsize=SIZE, dpi=DPI, layout="constrained")
+    figure = new_figure(*SIZE, DPI)
+    axes = figure.subplots()
     {"3": vanishing_masses, "10": fly_by, "11": chaos, "23": five_impacts}[number](axes, with_mujoco)
-    axes.spines[["top", "right"]].set_visible(False)
+    bare(axes)
     axes.legend(frameon=False, fontsize=8, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
-    figure.savefig(Path(folder) / f"{PICTURES[number][0]}.png", metadata={"Software": None})
-    plt.close(figure)
+    save_figure(figure, Path(folder) / f"{PICTURES[number][0]}.png")
 
 
 def vanishing_masses(axes, with_mujoco):

@@ -8,7 +8,7 @@ from measured import GRAVITY, LAB, STATE_A, acceleration_error, energy_error, ti
 from naive import DenseSolve, ExplicitEuler, FixedSteps, InvertedJacobian, RegularisedMass
 
 import redundant_envs as rde
-from redundant_envs.studies.verify.states import random_states
+from redundant_envs.verify.states import random_states
 
 RELATIVE = "of the largest acceleration"
 

@@ -9,14 +9,13 @@ import pytest
 import redundant_envs as rde
 from redundant_envs.algebra import maximum, physics
 from redundant_envs.effects.hooks import Effect, Force
-from redundant_envs.numerics import error_control
-from redundant_envs.numerics.error_control import blended_error, tip_error
 from redundant_envs.model.programs import batch_simulator
+from redundant_envs.numerics.error_control import blended_error, tip_error
 from redundant_envs.quantities import Quantities
 from redundant_envs.studies.interval_families import FAMILIES
 from redundant_envs.studies.intervals import tips_after
 from redundant_envs.studies.kinked_effects import TorqueSpeed, VelocityController
-from redundant_envs.studies.verify.states import random_states
+from redundant_envs.verify.states import random_states
 
 e = rde.effects
 LAB = rde.FourR((1.0,) * 4, (0.5,) * 4)

@@ -9,10 +9,10 @@ from lanes_of_numbers import lane_of
 
 import redundant_envs as rde
 from redundant_envs.effects import Gravity, LimitSpring, ViscousFriction
-from redundant_envs.numerics.methods import explicit_step
-from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.step import lane_step, step_error
+from redundant_envs.numerics.methods import explicit_step
+from redundant_envs.numerics.tableaus import METHODS
 
 FOUR_R = rde.FourR((2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35))
 RPRP = rde.RPRP((2.3, 0.7, 1.9, 0.4), (1.1, 0.6))

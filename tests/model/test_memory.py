@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.model.memory import Memory, aligned
-from redundant_envs.model.programs import batch_simulator
 from redundant_envs.batch.blocks import LANES
 from redundant_envs.lane.memory import LOG, PARAMETER, STATE
+from redundant_envs.model.memory import Memory, aligned
+from redundant_envs.model.programs import batch_simulator
 
 e = rde.effects
 MASSES = ("m1", "m2", "m3", "m4")

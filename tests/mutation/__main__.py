@@ -23,7 +23,7 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, NamedTuple
 
-from redundant_envs.studies.progress import Progress
+from redundant_envs.progress import counted
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = "redundant_envs"
@@ -38,7 +38,7 @@ MODULES = (
     *(f"integrators/{m}" for m in (*STEPS, *STOPS)),
     *(f"simulator/{m}" for m in SIMULATOR),
 )
-TESTS = ("tests/studies/test_recorded_bits.py", "tests/robots", "tests/integrators", "tests/effects",
+TESTS = ("tests/verify/test_recorded_bits.py", "tests/robots", "tests/integrators", "tests/effects",
          "tests/simulator", "tests/oracles", "tests/hard_cases", "tests/outside", "tests/model",
          "tests/control", "tests/test_dialect.py")  # fmt: skip
 SECONDS = 1800.0
@@ -135,8 +135,12 @@ def run(count: int, seed: int, workers: int, out: Path, modules: Sequence[str]) 
     drawn = random.Random(seed).sample(everything, count)
     print(f"{count} of {len(everything)} mutants of {len(modules)} modules", file=sys.stderr)
     out.parent.mkdir(parents=True, exist_ok=True)
-    progress, rows = Progress("mutants", count), []
-    with tempfile.TemporaryDirectory() as folder, open(out, "w", newline="", encoding="utf-8") as file:
+    rows = []
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        open(out, "w", newline="", encoding="utf-8") as file,
+        counted("mutants", count) as told,
+    ):
         writer = csv.DictWriter(file, COLUMNS)
         writer.writeheader()
         clones: SimpleQueue[Path] = SimpleQueue()
@@ -157,7 +161,7 @@ def run(count: int, seed: int, workers: int, out: Path, modules: Sequence[str]) 
                 rows.append(row)
                 writer.writerow(row)
                 file.flush()
-                progress.step(f"{row['outcome']}: {row['module']}:{row['line']} {row['operator']}")
+                told(f"{row['outcome']}: {row['module']}:{row['line']} {row['operator']}")
     return rows
 
 

@@ -26,7 +26,7 @@ from redundant_envs.backends.torch import torch
 from redundant_envs.lane.direct import cross_interval, fields_of
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.interval import Interval
-from redundant_envs.studies.verify import Mode, verify
+from redundant_envs.verify import Mode, verify
 
 e = rde.effects
 FOLDER = Path(__file__).parent

@@ -16,12 +16,12 @@ import redundant_envs.backends.numpy
 from redundant_envs.backends.torch import torch
 from redundant_envs.control.computed_torque import ComputedTorque
 from redundant_envs.effects import Effect, Inertia
-from redundant_envs.model.energy import kinetic_energy, potential_energy
-from redundant_envs.model.listing import _counts
 from redundant_envs.lane.direct import cross_interval, fields_of
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.interval import Interval
-from redundant_envs.studies.verify import Mode, verify
+from redundant_envs.model.energy import kinetic_energy, potential_energy
+from redundant_envs.model.listing import _counts
+from redundant_envs.verify import Mode, verify
 
 e = rde.effects
 ROTORS = (0.12, 0.3, 0.05, 0.02)

@@ -14,7 +14,7 @@ from redundant_envs.control.computed_torque import ComputedTorque
 from redundant_envs.control.statics import static_efforts
 from redundant_envs.effects import Effect, Point, PointMass
 from redundant_envs.model.energy import kinetic_energy, potential_energy
-from redundant_envs.studies.verify import Mode, verify
+from redundant_envs.verify import Mode, verify
 
 e = rde.effects
 LOAD = 0.7

@@ -8,8 +8,8 @@ from three_r_by_hand import ThreeRByHand, mass_matrix
 
 import redundant_envs as rde
 from redundant_envs.algebra import physics
-from redundant_envs.studies.verify import equations, kinematics, verify
-from redundant_envs.studies.verify.checks import checks_of
+from redundant_envs.verify import equations, kinematics, verify
+from redundant_envs.verify.checks import checks_of
 
 e = rde.effects
 MASSES = (2.0, 1.5, 1.0, 0.5)

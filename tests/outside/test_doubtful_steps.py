@@ -16,15 +16,15 @@ from rrp import RRP
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.numerics.methods import Step
-from redundant_envs.scene import Scene
 from redundant_envs.lane.direct import fields_of
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.interval import Interval
 from redundant_envs.lane.memory import Lane
 from redundant_envs.lane.step import others_error
+from redundant_envs.numerics.methods import Step
+from redundant_envs.scene import Scene
 from redundant_envs.studies.interval_families import kinked
-from redundant_envs.studies.intervals import judge
+from redundant_envs.studies.intervals import judge_family
 
 
 def crossed(scene, q, qd, efforts, parts=1, z=None, **how):
@@ -221,7 +221,7 @@ def test_the_tolerance_is_kept_where_two_crossings_of_a_kink_agree_by_chance(spr
     ],
 )
 def test_the_tolerance_is_kept_across_kinks_that_depend_on_rates(family):
-    tally = judge(family, 512, seed=31)
+    tally = judge_family(family, 512, seed=31)
     assert tally.missed == 0
     assert tally.judged >= 0.8 * tally.intervals
     assert tally.flagged <= 0.02 * tally.intervals

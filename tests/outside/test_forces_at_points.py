@@ -15,7 +15,7 @@ from redundant_envs.effects import Effect, Force, Point
 from redundant_envs.lane.direct import cross_interval, fields_of
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.interval import Interval
-from redundant_envs.studies.verify import Mode, verify
+from redundant_envs.verify import Mode, verify
 
 e = rde.effects
 AT_POINTS = [(name, k + 1) for name, arm in ARMS.items() for k in range(arm.num_masses)]

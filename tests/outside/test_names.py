@@ -11,11 +11,11 @@ import three_r
 
 import redundant_envs as rde
 from redundant_envs.algebra import physics
-from redundant_envs.model.programs import environment_simulator
-from redundant_envs.scene import load_scene
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.episode import Episode
 from redundant_envs.lane.interval import Interval
+from redundant_envs.model.programs import environment_simulator
+from redundant_envs.scene import load_scene
 from redundant_envs.tasks import ReachTask
 from redundant_envs.tasks.checks import check_task
 

@@ -37,7 +37,7 @@ def folder(tmp_path):
 
 
 def called(folder, module, *words):
-    paths = os.pathsep.join([str(ROOT), str(ROOT / "editable")])
+    paths = os.pathsep.join([str(ROOT), str(ROOT / "agents")])
     return subprocess.run(
         [sys.executable, "-m", module, *words],
         cwd=folder, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": paths},

@@ -15,8 +15,8 @@ from two_stage_spring import TwoStageSpring
 import redundant_envs as rde
 from redundant_envs.scene import scene_names
 from redundant_envs.studies.kinked_effects import KINKED
-from redundant_envs.studies.verify import equations, forces, hints, kinematics, rest, subject_from
-from redundant_envs.studies.verify.checks import Trial, Verdict, checks_of
+from redundant_envs.verify import equations, forces, hints, kinematics, rest, subject_from
+from redundant_envs.verify.checks import Trial, Verdict, checks_of
 from tests.fuzz.drawing import drawn_scene
 
 e = rde.effects

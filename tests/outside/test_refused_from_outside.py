@@ -17,7 +17,7 @@ from redundant_envs.algebra import physics
 from redundant_envs.effects import Effect, Force
 from redundant_envs.envs.registration import IDS
 from redundant_envs.robots.arm import Arm
-from redundant_envs.studies.verify import Mode, verify
+from redundant_envs.verify import Mode, verify
 
 e = rde.effects
 ThreeRByHand = three_r_by_hand.ThreeRByHand

@@ -9,9 +9,9 @@ from three_r_by_hand import ThreeRByHand
 
 import redundant_envs as rde
 from redundant_envs.algebra import arguments_of, gives_of, physics, where
-from redundant_envs.robots.arm import Arm
 from redundant_envs.lane import common_step
-from redundant_envs.studies.verify import (
+from redundant_envs.robots.arm import Arm
+from redundant_envs.verify import (
     accuracy,
     conservation,
     engines,
@@ -21,7 +21,7 @@ from redundant_envs.studies.verify import (
     symmetries,
     verify,
 )
-from redundant_envs.studies.verify.checks import checks_of
+from redundant_envs.verify.checks import checks_of
 
 e = rde.effects
 EQUATIONS = checks_of(equations, kinematics)

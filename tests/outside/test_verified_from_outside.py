@@ -17,7 +17,7 @@ from arms import ARMS
 
 import redundant_envs as rde
 from redundant_envs.algebra import numbered, physics
-from redundant_envs.studies.verify import (
+from redundant_envs.verify import (
     Mode,
     Verdict,
     accuracy,
@@ -29,7 +29,7 @@ from redundant_envs.studies.verify import (
     kinematics,
     verify,
 )
-from redundant_envs.studies.verify.checks import checks_of
+from redundant_envs.verify.checks import checks_of
 
 e = rde.effects
 

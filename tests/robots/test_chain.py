@@ -9,8 +9,8 @@ import pytest
 from test_oracles import CASES, close
 
 import redundant_envs as rde
-from redundant_envs.studies.verify import equations, kinematics, verify
-from redundant_envs.studies.verify.checks import checks_of
+from redundant_envs.verify import equations, kinematics, verify
+from redundant_envs.verify.checks import checks_of
 
 e = rde.effects
 BY_HAND = {
@@ -194,7 +194,7 @@ def test_symbols_of_a_chain_are_those_of_its_equations():
 
 
 def test_verify_of_the_class_of_all_chains_says_to_name_one():
-    from redundant_envs.studies.verify.subjects import subject_of
+    from redundant_envs.verify.subjects import subject_of
 
     with pytest.raises(ValueError, match=r"the arm Chain needs joint_types, too; name an arm that has them"):
         subject_of("Chain")

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.model.programs import batch_simulator, environment_simulator
 from redundant_envs.lane.memory import LOG, PARAMETER, SCRATCH, STATE, Field, Lane, Layout, traced
+from redundant_envs.model.programs import batch_simulator, environment_simulator
 from redundant_envs.tasks.reach import ReachTask
 from redundant_envs.tracing.graph import reached
 from redundant_envs.tracing.number import Condition

@@ -9,6 +9,7 @@ import pytest
 from redundant_envs.__main__ import main
 from redundant_envs.studies import intervals
 from redundant_envs.studies.interval_families import FAMILIES, Family
+from redundant_envs.verify import judging
 
 QUICK = (
     "4R, limit springs",
@@ -26,7 +27,7 @@ QUICK = (
 )
 def test_no_interval_of_a_family_is_off_without_a_flag(family):
     """``study intervals`` judges a million."""
-    tally = intervals.judge(family, 1024, seed=12)
+    tally = intervals.judge_family(family, 1024, seed=12)
     assert tally.missed == 0
     assert tally.judged >= 0.8 * tally.intervals
     assert tally.flagged <= 1
@@ -44,16 +45,16 @@ def test_a_tolerance_that_is_not_kept_is_told_with_the_intervals():
     fast = next(f for f in FAMILIES if f.name == "4R, fast")
     loose = Loose(**{f.name: getattr(fast, f.name) for f in dataclasses.fields(Family)})
     misses = []
-    tally = intervals.judge(loose, 512, seed=1, misses=misses)
+    tally = intervals.judge_family(loose, 512, seed=1, misses=misses)
     assert tally.missed > 20
-    assert tally.largest_error > intervals.LIMIT
+    assert tally.largest_error > judging.LIMIT
     drawn = np.concatenate([one.joints for one in misses])
     assert drawn.shape == (tally.missed, 4)
 
 
 def test_an_unconfirmed_reference_judges_nothing():
     coarse = dataclasses.replace(FAMILIES[0], steps=1)
-    tally = intervals.judge(coarse, 512, seed=1)
+    tally = intervals.judge_family(coarse, 512, seed=1)
     assert tally.judged < 0.9 * tally.intervals
     assert tally.missed == 0
 
@@ -84,9 +85,9 @@ class Sends:
 
 def test_processes_find_what_one_finds(monkeypatch):
     monkeypatch.setattr(intervals, "FAMILIES", [f for f in FAMILIES if f.name in (*QUICK, "4R, friction")])
-    alone = intervals.run(300, seed=3)
+    alone = intervals.run("intervals", 300, seed=3)
     monkeypatch.setattr(intervals, "ProcessPoolExecutor", Sends)
-    assert intervals.run(300, seed=3, processes=2) == alone
+    assert intervals.run("intervals", 300, seed=3, processes=2) == alone
     assert len(alone) == len(QUICK) + 1
 
 

@@ -1,0 +1,193 @@
+"""Several runs at a time, in separate processes, each on its own core."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import queue
+import shutil
+import signal
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from redundant_envs.extras import needs
+from redundant_envs.modules import IMPORTED, import_named
+
+from ..config import Config
+from ..new_folder import check_out, find_checkpoint
+from ..own_scene import difference
+from ..run_folder import read_config, read_evaluation, read_facts
+from ..start import with_start
+from .amount import cores, count_of
+from .interrupt import Stopped, stop_request
+
+with needs("train"):
+    from rich.progress import Progress
+
+POLL = 0.2
+"""s"""
+FILES = ("evaluation.json", "episodes.csv", "report.md")
+"""Files of a run that is finished, evaluated and reported."""
+
+
+def train_many(configs: Mapping[str, Config], folder: Path, processes: int | None = None) -> None:
+    """Train, evaluate and report configurations in folders by their names; finished ones are left alone.
+
+    Parameters
+    ----------
+    configs : mapping
+        Folder inside ``folder`` -> configuration.
+    folder : Path
+    processes : int, optional
+        Runs at a time; without it one for each core. Each has its own core while there are enough.
+
+    Raises
+    ------
+    Stopped
+        The user asked to stop; the same command continues the runs.
+    ValueError
+        ``processes`` is not allowed, a folder holds another run, or a run failed (reported after the others
+        were finished).
+    """
+    check_out(folder)
+    own = cores()
+    count = min(count_of(processes), len(configs))
+    configs = {name: with_start(config) for name, config in configs.items()}
+    alone = all(config.torch_threads == 1 for config in configs.values())
+    for name, config in configs.items():
+        check_same(config, folder / name)
+    context = multiprocessing.get_context("spawn")
+    jobs, news = context.Queue(), context.Queue()
+    for name, config in configs.items():
+        jobs.put((name, config.to_dict(), str(folder / name)))
+    workers = []
+    for k in range(count):
+        core = own[k] if alone and count <= len(own) else None
+        worker = context.Process(target=_work, args=(jobs, news, core, tuple(IMPORTED)), daemon=True)
+        worker.start()
+        workers.append(worker)
+        jobs.put(None)
+    check_all_finished(_follow(list(configs), workers, news), len(configs))
+
+
+def check_all_finished(failures: Sequence[str], count: int) -> None:
+    """ValueError with the failures, a text for each, among ``count`` runs."""
+    if failures:
+        raise ValueError(
+            f"{len(failures)} of {count} runs failed; the same command goes on: {'; '.join(failures)}"
+        )
+
+
+def check_same(config: Config, folder: Path) -> None:
+    """Refuse a folder that holds a run of another configuration, or in another scene."""
+    if not (folder / "config.yaml").is_file():
+        return
+    if read_config(folder).to_dict() != config.to_dict():
+        raise ValueError(f"{folder} holds a run of another configuration; choose another --out or delete it")
+    if other := difference(folder):
+        raise ValueError(
+            f"{folder} holds a run in another scene ({other}); choose another --out or delete it"
+        )
+
+
+def _follow(names: Sequence[str], workers: list[Any], news: Any) -> list[str]:
+    """Show the progress of the workers until they end."""
+    from redundant_envs.progress import progress_bars
+
+    failures: list[str] = []
+    with progress_bars() as bars, stop_request() as stop:
+        tasks = {name: bars.add_task(name, total=1.0, note="waits", start=False) for name in names}
+        told, over = False, set()
+        while any(worker.is_alive() for worker in workers) or not news.empty():
+            if stop.made and not told:  # each saves a checkpoint and ends
+                told = True
+                for worker in workers:
+                    worker.terminate()
+            try:
+                name, share, note, failed = news.get(timeout=POLL)
+            except queue.Empty:
+                continue
+            if failed:
+                failures.append(f"{name}: {note}")
+            if share == 1.0:
+                over.add(name)
+            bars.start_task(tasks[name])
+            bars.update(tasks[name], completed=share, note=note)
+    if not stop.made:
+        lost = [str(w.exitcode) for w in workers if w.exitcode]
+        missing = [name for name in names if name not in over]
+        failures += [f"{name}: its process ended ({', '.join(lost) or 'early'})" for name in missing]
+    if stop.made:
+        raise Stopped("stopped; the same command with the same --out goes on")
+    return failures
+
+
+class Teller(Progress):
+    """Progress that is sent to another process instead of being shown.
+
+    ``news`` takes (name, share done, note, whether the run failed) by its method ``put``.
+    """
+
+    def __init__(self, news: Any, name: str) -> None:
+        super().__init__(disable=True)
+        self.news, self.name = news, name
+
+    def update(self, task_id: Any, **changes: Any) -> None:
+        """Send the share done and the note; without a reader the training ends."""
+        parent = multiprocessing.parent_process()
+        if parent is not None and not parent.is_alive():
+            raise KeyboardInterrupt
+        total = self._tasks[task_id].total or 1.0
+        if "completed" in changes:
+            self.news.put((self.name, 0.99 * changes["completed"] / total, changes.get("note", ""), False))
+
+
+def _work(jobs: Any, news: Any, core: int | None, modules: tuple[str, ...] = ()) -> None:
+    """Finish jobs until none is left."""
+    for module in modules:
+        import_named(module)
+    from ..config import checked
+
+    # Ctrl-C of a terminal reaches all processes: only the first one reacts, and sends SIGTERM to the others.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if core is not None:
+        os.sched_setaffinity(0, {core})
+    while (job := jobs.get()) is not None:
+        name, data, place = job
+        try:
+            finish(checked(Config, data), Path(place), Teller(news, name))
+            news.put((name, 1.0, result_of(Path(place)), False))
+        except KeyboardInterrupt:
+            return
+        except Exception as error:
+            news.put((name, 1.0, f"failed: {error}", True))
+
+
+def result_of(folder: Path) -> str:
+    """The hold success of an evaluated run in words."""
+    return f"holds {100 * read_evaluation(folder)['hold_success']:.1f} %"
+
+
+def is_finished(folder: Path) -> bool:
+    """Whether a run is trained to its end, evaluated and reported."""
+    trained = (folder / "training.json").is_file() and not read_facts(folder)["stopped"]
+    return trained and not find_checkpoint(folder) and all((folder / file).is_file() for file in FILES)
+
+
+def finish(config: Config, folder: Path, progress: Progress) -> None:
+    """Train, evaluate and report a configuration, as far as this is not done yet."""
+    from ..evaluate import evaluate, write_evaluation
+    from ..report import report
+    from .train import resume, train
+
+    if is_finished(folder):
+        return
+    if find_checkpoint(folder):
+        resume(folder, progress)
+    elif not (folder / "training.json").is_file() or read_facts(folder)["stopped"]:
+        if (folder / "config.yaml").is_file():  # killed before its first checkpoint: only this run
+            shutil.rmtree(folder)
+        train(config, folder, progress)
+    write_evaluation(evaluate(folder), folder)
+    report(folder, overwrite=True)

@@ -1,0 +1,337 @@
+"""Several runs on a Ray cluster: each is a task on a core of some machine, and works on that machine's disk.
+
+No file system is shared. A task receives the existing files of its run and returns all of its files; they are
+written here.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import shutil
+import socket
+import tempfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from redundant_envs import __version__
+from redundant_envs.extras import needs
+from redundant_envs.modules import IMPORTED, OPTION
+from redundant_envs.values import shown
+
+from ..config import Config, checked
+from ..new_folder import check_new, check_out
+from .amount import count_of
+from .interrupt import Stopped, stop_request
+from .many import POLL, Teller, check_all_finished, check_same, finish, is_finished, result_of
+
+# Ray reads it when it starts: nothing about this machine or its user is sent to anyone.
+os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+with needs("ray"):
+    import ray
+
+LOCAL = "local"
+"""Ray's name of a cluster of this machine alone."""
+RETRIES = 2
+"""Number of machines of a cluster that a run may lose before it counts as failed."""
+CONNECTING = 10.0
+"""s; time limit for reaching the address of a cluster."""
+INCOMING = ".incoming"
+"""Folder beside the runs, in which a run is written before it gets its final name."""
+MOST_CHARACTERS = 300
+"""Most characters of a failure in a message."""
+
+Files = dict[str, bytes]
+"""Contents of the files of a folder by their paths inside it, with slashes."""
+
+
+def train_on_ray(
+    configs: Mapping[str, Config], folder: Path, address: str | None = None, processes: int | None = None
+) -> None:
+    """Train, evaluate and report configurations on a Ray cluster; finished runs are left alone.
+
+    The results are those of :func:`~.many.train_many` to the bit, on machines of the same kind.
+
+    Parameters
+    ----------
+    configs : mapping
+        Folder inside ``folder`` -> configuration.
+    folder : Path
+        On this machine.
+    address : str, optional
+        Of the cluster, such as ``10.0.0.1:6379``, ``ray://10.0.0.1:10001`` or ``auto``. By default that of
+        the environment variable RAY_ADDRESS, otherwise a cluster of this machine alone, which ends with the
+        call.
+    processes : int, optional
+        Number of runs at a time on the cluster of this machine; by default one for each core.
+
+    Raises
+    ------
+    Stopped
+        The user asked to stop; the folders of runs that had begun are returned with their last checkpoint,
+        and the same command continues them.
+    ValueError
+        There is no cluster at ``address``, a folder holds another run, or a run failed (reported after the
+        others were finished).
+    """
+    if IMPORTED:
+        raise ValueError(
+            f"{OPTION} names {', '.join(IMPORTED)}, which the machines of a cluster may not have; train on "
+            "this machine, without Ray"
+        )
+    for config in configs.values():
+        if config.start_from is not None:
+            raise ValueError(
+                f"start_from is {shown(config.start_from)}, a file that the machines of a cluster may not "
+                "have; train on this machine, without Ray"
+            )
+    if address is not None and not address.strip():
+        raise ValueError("address is empty; give host:port, ray://host:port or auto, or leave it out")
+    check_out(folder)
+    count = count_of(processes)
+    place = address or os.environ.get("RAY_ADDRESS") or LOCAL
+    if place != LOCAL and processes is not None:
+        raise ValueError(
+            f"processes is {processes}, and the cluster at {shown(place)} has its own number; leave one out"
+        )
+    for name, config in configs.items():
+        check_same(config, folder / name)
+    with _cluster(place, count):
+        most = max((int(node["Resources"].get("CPU", 0)) for node in ray.nodes() if node["Alive"]), default=0)
+        for config in configs.values():
+            if 0 < most < config.torch_threads:  # Ray would wait for ever
+                raise ValueError(
+                    f"torch_threads is {config.torch_threads}; the largest machine of the cluster has {most} "
+                    "CPUs, give at most so many"
+                )
+        failures = _follow(configs, folder)
+    check_all_finished(failures, len(configs))
+
+
+@contextlib.contextmanager
+def _cluster(place: str, count: int) -> Iterator[None]:
+    """A connection to a cluster; an existing one of the calling program is used, and kept."""
+    if ray.is_initialized():
+        yield
+        return
+    options: dict[str, Any] = {"log_to_driver": False, "logging_level": logging.ERROR}
+    if place == LOCAL:
+        options |= {"num_cpus": count, "include_dashboard": False}
+    try:
+        try:
+            _check_listening(place)
+            ray.init(place, **options)
+        except Exception as error:  # Ray reports an address without a cluster in many ways
+            raise ValueError(
+                f"address is {shown(place)}; Ray cannot reach a cluster there ({_short(error)}). Give "
+                "host:port, ray://host:port or auto, or none for a cluster of this machine alone"
+            ) from error
+        yield
+    finally:
+        ray.shutdown()
+
+
+def _check_listening(place: str) -> None:
+    """OSError if nothing listens at host:port, since Ray would try to connect for ever."""
+    host, colon, port = place.rpartition(":")
+    if colon and "/" not in host and port.isdecimal() and 0 < int(port) < 2**16:
+        socket.create_connection((host.strip("[]"), int(port)), timeout=CONNECTING).close()
+
+
+def _follow(configs: Mapping[str, Config], folder: Path) -> list[str]:
+    """Submit unfinished runs, show their progress, and write the returned folders; returns failures."""
+    from redundant_envs.progress import progress_bars
+
+    failures: list[str] = []
+    with progress_bars() as bars, stop_request() as stop:
+        lines = {name: bars.add_task(name, total=1.0, note="waits", start=False) for name in configs}
+        board: Any = ray.remote(num_cpus=0, max_restarts=-1)(Board).remote()
+        running: dict[Any, str] = {}
+
+        def show(name: str, share: float, note: str) -> None:
+            bars.start_task(lines[name])
+            bars.update(lines[name], completed=share, note=note)
+
+        def over(name: str, note: str, failed: bool) -> None:
+            if failed:
+                failures.append(f"{name}: {note}")
+            show(name, 1.0, f"failed: {note}" if failed else note)
+
+        for name, config in configs.items():
+            place = folder / name
+            try:
+                restore(place)
+                if is_finished(place):
+                    over(name, result_of(place), failed=False)
+                    continue
+                if not (place / "config.yaml").is_file():
+                    check_new(place)
+                submit = train_one.options(num_cpus=config.torch_threads).remote
+                own = pack(place) if place.is_dir() else {}
+                running[submit(name, config.to_dict(), own, str(place), __version__, board)] = name
+            except (ValueError, OSError) as error:
+                over(name, _short(error), failed=True)
+        told = False
+        while running:
+            if stop.made and not told:  # each saves a checkpoint, ends, and returns its files
+                told = True
+                for task in running:
+                    ray.cancel(task)
+            ready, _ = ray.wait(list(running), timeout=POLL)
+            for task in ready:
+                name = running.pop(task)
+                try:
+                    outcome = ray.get(task)
+                    if outcome.files:
+                        receive(outcome.files, folder / name)
+                    if not stop.made:
+                        over(name, outcome.note, outcome.failed)
+                except Exception as error:  # an error of the machine, the cluster or this disk
+                    if not stop.made:
+                        over(name, _short(error), failed=True)
+            with contextlib.suppress(ray.exceptions.RayError):  # bars are lost with a machine, not results
+                for name, share, note, _ in ray.get(board.read.remote()):
+                    if name in running.values():
+                        show(name, share, note)
+    if stop.made:
+        raise Stopped("stopped; the same command with the same --out goes on")
+    return failures
+
+
+def _short(error: BaseException) -> str:
+    """The last line of an error, which names the mistake; Ray puts the worker's traceback before it."""
+    text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    return (lines[-1] if lines else type(error).__name__)[:MOST_CHARACTERS]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The result of a task: the files of its run, and its result or failure in words."""
+
+    files: Files
+    note: str
+    failed: bool
+
+
+class Board:
+    """Queue of progress reports from the tasks to the process that shows them."""
+
+    def __init__(self) -> None:
+        self.news: list[Any] = []
+
+    def put(self, item: Any) -> None:
+        """Keep one report."""
+        self.news.append(item)
+
+    def read(self) -> list[Any]:
+        """All reports since the last call."""
+        news, self.news = self.news, []
+        return news
+
+
+class _Sender:
+    """The interface of a queue for a board; no call waits for an answer."""
+
+    def __init__(self, board: Any) -> None:
+        self.board = board
+
+    def put(self, item: Any) -> None:
+        self.board.put.remote(item)
+
+
+@ray.remote(max_retries=RETRIES, scheduling_strategy="SPREAD")
+def train_one(name: str, data: dict[str, Any], files: Files, where: str, version: str, board: Any) -> Outcome:
+    """Finish one run on the machine of this task.
+
+    Parameters
+    ----------
+    name : str
+        Of the run.
+    data : dict
+        Its configuration.
+    files : dict
+        Its existing files.
+    where : str
+        Its folder on the machine of the user, which reports and messages name.
+    version : str
+        Of redundant-envs on the machine of the user.
+    board : actor handle
+        Receives the reports.
+    """
+    if version != __version__:
+        note = (
+            f"{socket.gethostname()} has redundant-envs {__version__}, and the command runs {version}; "
+            "install the same on all machines"
+        )
+        return Outcome({}, note, failed=True)
+    with tempfile.TemporaryDirectory(prefix="redundant-envs-", ignore_cleanup_errors=True) as root:
+        place = Path(root) / Path(name).name
+        failed = True
+        try:
+            if files:
+                unpack(files, place)
+            finish(checked(Config, data), place, Teller(_Sender(board), name))
+            page = place / "report.md"
+            text = page.read_text(encoding="utf-8").replace(str(place), where)
+            page.write_text(text, encoding="utf-8")
+            failed, note = False, result_of(place)
+        except KeyboardInterrupt:
+            note = "its task was cancelled"
+        except Exception as error:
+            note = str(error).replace(str(place), where)
+        return Outcome(pack(place) if place.is_dir() else {}, note, failed)
+
+
+def pack(folder: Path) -> Files:
+    """The files of a folder; links are left out."""
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and not path.is_symlink()
+    }
+
+
+def unpack(files: Files, folder: Path) -> None:
+    """Write files into a folder that does not exist yet.
+
+    Raises
+    ------
+    ValueError
+        A path leads out of the folder; nothing is written.
+    """
+    for name in files:
+        path = PurePosixPath(name)
+        if path.is_absolute() or not path.parts or ".." in path.parts or "\\" in name or ":" in name:
+            raise ValueError(f"a file of the run is named {shown(name)}, which leads out of {folder}")
+    folder.mkdir(parents=True)
+    for name, content in files.items():
+        target = folder / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(content)
+
+
+def restore(folder: Path) -> None:
+    """Restore the name of a run after a kill between the two renamings of :func:`receive`."""
+    old = folder.parent / INCOMING / f"{folder.name}.old"
+    if old.exists() and not folder.exists():
+        os.replace(old, folder)
+
+
+def receive(files: Files, folder: Path) -> None:
+    """Make a folder of files that replaces an older one; it is complete or unchanged."""
+    incoming = folder.parent / INCOMING
+    part, old = incoming / folder.name, incoming / f"{folder.name}.old"
+    restore(folder)
+    for left in (part, old):
+        shutil.rmtree(left, ignore_errors=True)
+    unpack(files, part)
+    if folder.exists():
+        os.replace(folder, old)
+    os.replace(part, folder)
+    shutil.rmtree(old, ignore_errors=True)
+    with contextlib.suppress(OSError):  # another run is being written
+        incoming.rmdir()

@@ -1,0 +1,153 @@
+"""One training run from a configuration to a run folder; it can be stopped and resumed."""
+
+from __future__ import annotations
+
+from contextlib import closing, nullcontext
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from redundant_envs.envs.core import Core
+from redundant_envs.envs.sb3 import make_sb3
+from redundant_envs.extras import needs
+from redundant_envs.progress import progress_bars
+
+from .. import command
+from ..config import WITHOUT_EFFECT, Config, PlainPPOSettings, first_environment_seed
+from ..drawing import EVALUATED
+from ..learners.build import make_model
+from ..new_folder import check_new, find_checkpoint
+from ..own_scene import SCENE, own_config, with_scene
+from ..policies import save_policy
+from ..run_folder import read_config, write_json
+from ..start import with_start
+from . import checkpoint
+from .interrupt import Stopped, stop_request
+from .start import start_from
+from .telemetry import check, logger
+from .watch import OnPoint, Watch
+
+with needs("train"):
+    import torch
+    from rich.progress import Progress
+    from stable_baselines3.common.monitor import ResultsWriter
+    from stable_baselines3.common.vec_env import VecMonitor
+
+LOG_EPISODES = 4
+"""Episodes of every environment between two lines of SAC's log."""
+LOG_ROLLOUTS = 10
+"""Rollouts between two lines of PPO's log."""
+KEYWORDS = ("is_success",)
+
+
+def train(
+    config: Config, folder: Path, progress: Progress | None = None, on_point: OnPoint | None = None
+) -> dict[str, Any]:
+    """Train, and keep the averaged policy in ``folder``; returns steps and seconds.
+
+    Parameters
+    ----------
+    config : Config
+    folder : Path
+        It is made, or is empty.
+    progress : Progress, optional
+        Bars of a caller, which get a line while the training runs.
+    on_point : callable, optional
+        Called with the environment steps, the hold success, 0 to 1, and the mean return of every point of
+        the learning curve. What it raises ends the training and is raised here; the folder has the policy
+        of that point.
+
+    Raises
+    ------
+    Stopped
+        The user asked to stop; the folder has the policy so far, and a checkpoint.
+    """
+    check_new(folder)
+    config = with_start(config)
+    return _run(config, folder, progress, resumed=False, on_point=on_point)
+
+
+def resume(folder: Path, progress: Progress | None = None) -> dict[str, Any]:
+    """Continue from the last checkpoint of a run folder, to the same bits as without a break."""
+    return _run(read_config(folder), folder, progress, resumed=True)
+
+
+def _run(
+    config: Config, folder: Path, progress: Progress | None, resumed: bool, on_point: OnPoint | None = None
+) -> dict[str, Any]:
+    check(config)
+    torch.set_num_threads(config.torch_threads)
+    given = own_config(folder) if resumed else config
+    base = make_sb3(config.env, config.num_envs, monitor=False, **given.env_kwargs)
+    simulated = with_scene(config, base.core.scene)  # from now on, whatever happens to its file
+    monitor = VecMonitor(base, info_keywords=KEYWORDS)
+    model = make_model(config, monitor)
+    if config.start_from is not None and not resumed:
+        start_from(model, config, base)
+    folder.mkdir(parents=True, exist_ok=True)
+    # after the learner, which sets its own seed in the environments: otherwise seeds would share most goals
+    base.seed(first_environment_seed(config.seed))
+    run = identity(config, base.core)
+    begun = checkpoint.restore(folder, model, monitor, run) if resumed else {}
+    for name in (*EVALUATED, "report.md"):  # evaluation of the policy at the stop
+        (folder / name).unlink(missing_ok=True)
+    if not resumed:
+        (folder / SCENE).write_text(yaml.safe_dump(base.core.scene.to_dict(), sort_keys=False))
+        (folder / "config.yaml").write_text(yaml.safe_dump(config.to_dict(), sort_keys=False))
+    header: dict[str, Any] = {"t_start": monitor.t_start, "env_id": config.env}
+    monitor.results_writer = ResultsWriter(
+        str(folder / "monitor.csv"), header=header, extra_keys=KEYWORDS, override_existing=not resumed
+    )
+    with stop_request() as stop, closing(monitor):
+        model.set_logger(logger(folder, config))
+        with progress_bars() if progress is None else nullcontext(progress) as bars:
+            watch = Watch(simulated, folder, monitor, bars, stop, begun, run, on_point)
+            every = (
+                LOG_ROLLOUTS
+                if isinstance(config.settings, PlainPPOSettings)
+                else LOG_EPISODES * config.num_envs
+            )
+            try:
+                left = config.total_steps - model.num_timesteps
+                model.learn(left, callback=watch, log_interval=every, reset_num_timesteps=not resumed)
+                # a request during the last rollout comes too late
+                stopped = stop.made and model.num_timesteps < config.total_steps
+                if not stopped:
+                    watch.point()
+            except KeyboardInterrupt:
+                stopped = True
+            finally:
+                model.logger.close()
+                if progress is not None:
+                    bars.remove_task(watch.task)
+        seconds = watch.seconds()
+        if stopped:
+            save_policy(model, folder / "policy.zip")
+        facts = {
+            "env_steps": int(model.num_timesteps),
+            "train_seconds": round(seconds, 2),
+            "simulator": simulator_hash(base.core),
+        }
+        write_json(folder / "training.json", {**facts, "stopped": stopped})
+    if stopped:
+        go_on = f"Go on with: {command('resume', folder)}, or look" if find_checkpoint(folder) else "Look"
+        raise Stopped(
+            f"stopped after {facts['env_steps']} of {config.total_steps} steps; the policy so far is kept. "
+            f"{go_on} at it with: {command('report', folder)}"
+        )
+    checkpoint.remove(folder)
+    return facts
+
+
+def identity(config: Config, core: Core) -> dict[str, Any]:
+    """Identity of a checkpoint: the simulator, and the configuration without entries that change no step."""
+    settings = config.to_dict()
+    for name in (*WITHOUT_EFFECT, "max_seconds"):
+        del settings[name]
+    return {"settings": settings, "simulator": simulator_hash(core)}
+
+
+def simulator_hash(core: Core) -> str:
+    """Identifies the simulator of a scene: a hash of its program."""
+    return core.simulator.key[:16]

@@ -1,0 +1,141 @@
+"""Monitoring of a training: progress, learning curve, checkpoints, and its end."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from redundant_envs.extras import needs
+
+from ..config import Config
+from ..policies import save_policy
+from ..rollout import SELECTION_SEED, policy_act, run_episodes
+from ..run_folder import SELECTION
+from . import checkpoint
+from .interrupt import Request
+
+with needs("train"):
+    from rich.progress import Progress
+    from stable_baselines3.common.callbacks import BaseCallback
+
+BAR_STEPS = 400
+"""Steps of the progress bar."""
+RETURN = "return_"
+"""Prefix of the terms of an episode's return in ``info``."""
+OnPoint = Callable[[int, float, float], None]
+"""Receives a point of the learning curve: environment steps, hold success (0 to 1), mean return."""
+
+
+class Watch(BaseCallback):
+    """Progress, learning curve and checkpoints of a training, and its end if the user asks for it."""
+
+    def __init__(
+        self, config: Config, folder: Path, monitor: Any, progress: Progress, stop: Request,
+        begun: dict[str, float], run: dict[str, Any], on_point: OnPoint | None = None,
+    ) -> None:  # fmt: skip
+        super().__init__()
+        self.model: Any  # an algorithm with an average
+        self.stop = stop
+        self.config = config
+        self.folder = folder
+        self.monitor = monitor
+        self.progress = progress
+        self.run = run
+        name = f"{config.label} {config.env.split('/')[-1]} seed {config.seed}"
+        self.on_point = on_point
+        self.task = progress.add_task(name, total=config.total_steps, note="")
+        self.hold = begun.get("hold", math.nan)
+        """Hold success of the last point of the curve."""
+        self.table = folder / "selection.csv"
+        if not begun:
+            self.table.write_text(",".join(SELECTION) + "\n", encoding="utf-8")
+        self._next = begun.get("next", config.curve_every)
+        self._before = begun.get("seconds", 0.0)
+        self._apart = 0.0
+        self._start = self._kept = time.perf_counter()
+        self._bar = 0
+        self._ending = False
+        self._collected: tuple[float, int] | None = None
+
+    def seconds(self) -> float:
+        """Training time so far, without evaluations, s."""
+        return self._before + time.perf_counter() - self._start - self._apart
+
+    def _on_rollout_start(self) -> None:
+        if self._collected is not None:
+            since, updates = self._collected
+            steps = self.model._n_updates - updates
+            if steps > 0:
+                each = (time.perf_counter() - since) / steps
+                self.logger.record("time/update_ms", 1000.0 * each)
+        every = self.config.checkpoint_seconds
+        due = every > 0.0 and time.perf_counter() - self._kept >= every
+        if due or (self.stop.made and not self._ending):
+            facts = {"next": self._next, "seconds": self.seconds(), "hold": self.hold}
+            checkpoint.save(self.folder, self.model, self.monitor, facts, self.run)
+            self._kept = time.perf_counter()
+        self._ending = self.stop.made
+
+    def _on_rollout_end(self) -> None:
+        self._collected = (time.perf_counter(), self.model._n_updates)
+
+    def _on_step(self) -> bool:
+        if self._ending:
+            return False
+        self._log_episodes()
+        if self.num_timesteps - self._bar >= self.config.total_steps // BAR_STEPS:
+            self._bar = self.num_timesteps
+            self._show()
+        if self.num_timesteps >= self._next:
+            self._next += self.config.curve_every
+            self.point()
+        return self.config.max_seconds is None or self.seconds() < self.config.max_seconds
+
+    def _log_episodes(self) -> None:
+        """Means over the episodes that ended: touch, distance, terms of the return."""
+        for i in np.flatnonzero(self.locals["dones"]):
+            info = self.locals["infos"][i]
+            self.logger.record_mean("episode/touch_success", float(info["touch_success"]))
+            self.logger.record_mean("episode/hold_success", float(info["is_success"]))
+            self.logger.record_mean("episode/distance_m", info["distance"])
+            for name, term in info.items():
+                if name.startswith(RETURN):
+                    self.logger.record_mean(f"reward/{name.removeprefix(RETURN)}", term)
+
+    def point(self) -> None:
+        """One point of the learning curve: the averaged policy on the selection goals."""
+        begun, config = time.perf_counter(), self.config
+        seconds = self.seconds()
+        with self.model.averaged():
+            outcome = run_episodes(
+                config.env, policy_act(self.model), config.curve_episodes, SELECTION_SEED, **config.env_kwargs
+            )
+        self.hold = float(outcome.hold.mean())
+        touch, returned = float(outcome.touch.mean()), float(outcome.returns.mean())
+        with self.table.open("a", encoding="utf-8") as file:
+            file.write(f"{self.num_timesteps},{seconds:.2f},{self.hold:.4f},{touch:.4f},{returned:.4f}\n")
+        self.logger.record("curve/hold_success", self.hold)
+        self.logger.record("curve/touch_success", touch)
+        self.logger.record("curve/return", returned)
+        save_policy(self.model, self.folder / "policy.zip")
+        self._apart += time.perf_counter() - begun
+        self._show()
+        if self.on_point is not None:
+            self.on_point(self.num_timesteps, self.hold, returned)
+
+    def _show(self) -> None:
+        config = self.config
+        # the run ends with the steps or with the seconds, whichever comes first
+        share = self.num_timesteps / config.total_steps
+        if config.max_seconds is not None:
+            share = max(share, self.seconds() / config.max_seconds)
+        recent = self.model.ep_success_buffer
+        now = f"{100 * np.mean(recent):.0f} %" if recent else "-"
+        held = "-" if math.isnan(self.hold) else f"{100 * self.hold:.1f} %"
+        note = f"holds {held}, while exploring {now}"
+        self.progress.update(self.task, completed=share * config.total_steps, note=note)

@@ -1,0 +1,302 @@
+"""A study: trials, kept in a file from which the same command continues."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from redundant_envs.envs.sb3 import make_sb3
+from redundant_envs.extras import needs
+from redundant_envs.progress import progress_bars
+from redundant_envs.values import shown
+
+from ..config import WITHOUT_EFFECT, Config
+from ..new_folder import check_out
+from ..start import with_start
+from ..training import checkpoint, telemetry
+from ..training.interrupt import Stopped, stop_request
+from ..training.train import simulator_hash, train
+from .arguments import check_arguments
+from .results import MESSAGE, complete, ended, order_of, write
+from .search import Space, space_of, with_parameters
+from .trials import Judge
+from .workers import Pruned, news, outcome, workers
+
+with needs("tune"):
+    import optuna
+    from optuna.storages import JournalStorage
+    from optuna.storages.journal import JournalFileBackend
+    from optuna.trial import TrialState
+    from rich.progress import Progress
+
+JOURNAL, LOCK = "study.journal", "study.lock"
+STUDY = "tune"
+"""Name of the study in its file."""
+SETTINGS = "settings"
+"""Attribute of a study: the settings that identify it."""
+AHEAD = "ahead"
+"""Attribute of a study: number of trials just before another one that it ignores, as they may still run."""
+LEAST_AHEAD = 3
+"""So four trials at a time give the results of one at a time."""
+
+
+def tune(
+    config: Config, folder: Path, trials: int, searches: Sequence[str] = (), overrides: Sequence[str] = (),
+    seed: int = 0, processes: int = 1,
+) -> Path:  # fmt: skip
+    """Search the settings that hold most goals at the end of a training.
+
+    A trial is a training in ``folder``/trial<k>. It is ranked by the hold success at the last point of its
+    learning curve, on the selection goals, and among equal ones by the mean return; goals of the
+    evaluation are never used. A trial below the median of the others at the same point of the curve is
+    pruned.
+
+    Parameters
+    ----------
+    config : Config
+        Everything except the searched settings. The first trial has its own values, as far as the search
+        space contains them.
+    folder : Path
+        New or empty, or of the same study, which continues until it has ``trials``.
+    trials : int
+        Total number; those that were stopped or killed are not counted.
+    searches, overrides : sequence of str
+        As in :func:`~.search.space_of`.
+    seed : int
+        Of the sampler.
+    processes : int
+        Trials at a time. The results are the same for 1 to 4; a study with more has other results.
+
+    Returns
+    -------
+    Path
+        The page tune.md; beside it are best.yaml and trials.csv.
+
+    Raises
+    ------
+    Stopped
+        The user asked to stop; the same call continues.
+    ValueError
+        An argument is not allowed, ``folder`` belongs to another study, no trial was completed, or a
+        process ended before its trial.
+    """
+    check_arguments(config, trials, seed, processes)
+    telemetry.check(config)
+    config = with_start(config)
+    space = space_of(config, searches, overrides)
+    check_out(folder)
+    if folder.exists() and any(folder.iterdir()) and not (folder / JOURNAL).is_file():
+        raise ValueError(f"out is {folder}, which holds other files and no study; choose another --out")
+    folder.mkdir(parents=True, exist_ok=True)
+    with _alone(folder):
+        study = _open(folder, config, space, seed, processes)
+        trying = _Trying(study, config, space, folder, trials, seed)
+        try:
+            _fail_running(study, folder)  # left by a process that was killed
+            with progress_bars() as bars:
+                if processes == 1:
+                    trying.one_by_one(bars)
+                else:
+                    trying.several(bars, processes)
+        except KeyboardInterrupt:
+            _fail_running(study, folder)
+            count = len(ended(study))
+            if complete(study):
+                write(study, config, space, folder)
+            raise Stopped(f"stopped after {count} of {trials} trials; the same command goes on") from None
+        return write(study, config, space, folder)
+
+
+@contextlib.contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Refuse a folder in which another process tunes, if the system supports file locks."""
+    try:
+        import fcntl
+    except ImportError:
+        yield
+        return
+    with (folder / LOCK).open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise ValueError(
+                f"out is {folder}, in which another process tunes; wait for its end, or choose another --out"
+            ) from None
+        yield
+
+
+def _open(folder: Path, config: Config, space: Space, seed: int, processes: int) -> optuna.Study:
+    """The study of a folder, new or from an earlier call."""
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    settings = _settings(config, space, seed)
+    path = folder / JOURNAL
+    _cut_half_line(path)
+    try:
+        study = optuna.create_study(
+            storage=JournalStorage(JournalFileBackend(str(path))), study_name=STUDY, direction="maximize",
+            load_if_exists=True,
+        )  # fmt: skip
+        found = study.user_attrs.get(SETTINGS)
+        if found is None:
+            study.set_user_attr(AHEAD, max(LEAST_AHEAD, processes - 1))
+            study.set_user_attr(SETTINGS, settings)
+        ahead = int(study.user_attrs[AHEAD])
+    except Exception as error:  # a damaged file may raise any error
+        reason = " ".join(str(error).split())[:300]
+        raise ValueError(f"{path} is damaged ({reason}); choose another --out or delete it") from error
+    if any(trial.value is None or not 0.0 <= trial.value <= 1.0 for trial in complete(study)):
+        raise ValueError(
+            f"{path} is damaged (the hold success of a trial is invalid); choose another --out or delete it"
+        )
+    if processes > ahead + 1:
+        raise ValueError(
+            f"processes is {processes}, and the study in {folder} was begun for at most {ahead + 1} at a "
+            "time; give at most so many, or choose another --out"
+        )
+    found = found or settings
+    for name in (*settings, *found):
+        if found.get(name) != settings.get(name):
+            raise ValueError(
+                f"{folder} holds a study with {name}: {shown(found.get(name))}, and this one has "
+                f"{shown(settings.get(name))}; choose another --out"
+            )
+    return study
+
+
+def _cut_half_line(path: Path) -> None:
+    """Cut off an incomplete last line, left by a kill or a power cut: Optuna would append the next one to
+    it."""
+    if path.is_file():
+        whole = path.read_bytes().rfind(b"\n") + 1
+        if whole < path.stat().st_size:
+            os.truncate(path, whole)
+
+
+def _settings(config: Config, space: Space, seed: int) -> dict[str, Any]:
+    """The settings that identify a study, as flat plain data; other settings cannot continue it."""
+    data = config.to_dict()
+    for name in WITHOUT_EFFECT:
+        del data[name]
+    own = data.pop(config.algo)
+    data |= {f"{config.algo}.{name}": value for name, value in own.items()}
+    core = make_sb3(config.env, 1, **config.env_kwargs).core
+    data |= {"simulator": simulator_hash(core), "--seed": seed}
+    data |= {f"--search {key}": str(searched) for key, searched in space.items()}
+    plain: dict[str, Any] = json.loads(json.dumps(data))
+    return plain
+
+
+def _fail_running(study: optuna.Study, folder: Path) -> None:
+    """Mark trials that were stopped or killed as failed; others replace them."""
+    while study.get_trials(deepcopy=False, states=(TrialState.WAITING,)):  # killed before it began
+        study.ask()
+    for trial in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
+        study.tell(trial.number, state=TrialState.FAIL)
+        checkpoint.remove(folder / f"trial{trial.number}")
+
+
+class _Trying:
+    """Run the remaining trials of a study, one after another or several at a time."""
+
+    def __init__(
+        self, study: optuna.Study, config: Config, space: Space, folder: Path, trials: int, seed: int
+    ) -> None:
+        self.study, self.config, self.space, self.folder = study, config, space, folder
+        self.trials, self.seed = trials, seed
+        self.ahead = int(study.user_attrs[AHEAD])
+
+    def one_by_one(self, bars: Progress) -> None:
+        """Train in this process."""
+        line = self._line(bars)
+        for order in self._left():
+            self._show(bars, line)
+            if (job := self._begin(order)) is None:
+                continue
+            judge, config, place = job
+
+            def point(steps: int, hold: float, returned: float, judge: Judge = judge) -> None:
+                if judge.add(steps, hold, returned):
+                    raise Pruned
+
+            self._end(judge, outcome(config, place, train, point, bars))
+        self._show(bars, line)
+
+    def several(self, bars: Progress, processes: int) -> None:
+        """Train in processes; a trial begins when all trials on which it depends are over."""
+        line = self._line(bars)
+        left, running = deque(self._left()), dict[int, tuple[Judge, Any]]()
+        count = min(processes, len(left))
+        with stop_request() as stop, workers(count, self.config) as team:
+            while left or running:
+                if stop.made:
+                    raise KeyboardInterrupt
+                for worker in team:
+                    while worker.order is None and left and self._may_begin(left[0], running):
+                        order = left.popleft()
+                        if (job := self._begin(order)) is None:
+                            continue
+                        judge, config, place = job
+                        name = f"trial {judge.trial.number}"
+                        running[order] = judge, bars.add_task(name, total=config.total_steps, note="")
+                        worker.order = order
+                        worker.pipe.send((config.to_dict(), str(place)))
+                self._show(bars, line)
+                for worker, message in news(team):
+                    assert worker.order is not None
+                    judge, bar = running[worker.order]
+                    if message is None:
+                        raise ValueError(
+                            f"the process of trial {judge.trial.number} ended "
+                            f"({worker.process.exitcode}); the same command goes on"
+                        )
+                    kind, content = message
+                    if kind == "point":
+                        bars.update(bar, completed=content[0], note=f"holds {100 * content[1]:.1f} %")
+                        worker.pipe.send(judge.add(*content))
+                        continue
+                    self._end(judge, content)
+                    bars.remove_task(bar)
+                    del running[worker.order]
+                    worker.order = None
+        self._show(bars, line)
+
+    def _may_begin(self, order: int, running: Iterable[int]) -> bool:
+        """Whether all trials on which a trial depends are over."""
+        return min(running, default=order) >= order - self.ahead
+
+    def _left(self) -> list[int]:
+        """Positions of the trials that have not ended yet."""
+        over = {order_of(trial) for trial in ended(self.study)}
+        return [order for order in range(self.trials) if order not in over]
+
+    def _begin(self, order: int) -> tuple[Judge, Config, Path] | None:
+        """A trial, its configuration and folder; None if its settings are incompatible."""
+        judge = Judge(self.study, self.config, self.space, order, self.ahead, self.seed)
+        try:
+            config = with_parameters(self.config, self.space, judge.trial.params)
+        except ValueError as error:
+            self._end(judge, " ".join(str(error).split())[:300])
+            return None
+        return judge, config, self.folder / f"trial{judge.trial.number}"
+
+    def _end(self, judge: Judge, how: str | None) -> None:
+        """Report the end of a trial, as returned by :func:`~.workers.outcome`, to the study."""
+        if how == "":
+            self.study.tell(judge.trial, judge.hold)
+            return
+        if how is not None:
+            judge.trial.set_user_attr(MESSAGE, how)
+        self.study.tell(judge.trial, state=TrialState.PRUNED)
+
+    def _line(self, bars: Progress) -> Any:
+        return bars.add_task("tune", total=self.trials, note="")
+
+    def _show(self, bars: Progress, line: Any) -> None:
+        best = complete(self.study)
+        note = f"best holds {100 * (best[0].value or 0.0):.1f} %, trial {best[0].number}" if best else ""
+        bars.update(line, completed=len(ended(self.study)), note=note)

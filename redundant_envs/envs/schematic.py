@@ -1,0 +1,173 @@
+"""Schematics of both arms, which explain their coordinates, lengths and masses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from redundant_envs.envs.rendering import BACKGROUND, JOINT, LINKS, RAIL, TRAIL
+from redundant_envs.figures import new_figure, save_figure
+from redundant_envs.robots import RPRP, FourR
+
+Point = NDArray[np.float64]
+Color = tuple[float, float, float]
+
+INK, SOFT = "#1c2434", "#8a93a3"
+SLIDER_POSE = np.array([0.82, 0.36, -0.6, 0.32])
+"""theta1, r1, theta2, r2 of the drawn RPRP arm; rad, m."""
+SLIDER_TRAVEL = 0.7
+FOUR_POSE = np.array([1.2, 0.62, -0.62, 0.72])
+"""theta1 to theta4 of the drawn 4R arm, rad."""
+LENGTH = 0.68
+LEGEND = ("Angles are absolute, from the direction of +x.", "A motor acts at every joint.")
+OF_SLIDERS = "Grey rails are the travel of the sliders between their stops."
+
+
+def shade(color: tuple[int, int, int]) -> Color:
+    """A colour of the renderer in matplotlib's form."""
+    return color[0] / 255, color[1] / 255, color[2] / 255
+
+
+def toward(angle: float) -> Point:
+    """Unit vector at an angle from +x, rad."""
+    return np.array([np.cos(angle), np.sin(angle)])
+
+
+def link(axes: Any, a: Point, b: Point, color: tuple[int, int, int], width: float) -> None:
+    """A thick line with round ends."""
+    axes.plot(*zip(a, b, strict=True), color=shade(color), lw=width, solid_capstyle="round", zorder=3)
+
+
+def joint(axes: Any, place: Point) -> None:
+    """A revolute joint."""
+    axes.plot(*place, "o", ms=9, mfc=shade(BACKGROUND), mec=shade(JOINT), mew=2.2, zorder=6)
+
+
+def mass(axes: Any, place: Point, number: int, offset: tuple[float, float], tip: bool = False) -> None:
+    """A point mass with its name, ``offset`` points away."""
+    if tip:
+        axes.plot(*place, "o", ms=11, color=shade(TRAIL), zorder=7)
+    name = rf"$m_{number}$" + ("  (tip)" if tip else "")
+    axes.annotate(name, place, offset, textcoords="offset points", ha="center", va="center",
+                  fontsize=12, color=INK, zorder=8)  # fmt: skip
+
+
+def angle_mark(axes: Any, place: Point, angle: float, number: int, radius: float = 0.27) -> None:
+    """An absolute angle: an arc from the direction of +x, with its name in its middle."""
+    reach = place + (radius + 0.13) * toward(0.0)
+    axes.plot(*zip(place, reach, strict=True), color=SOFT, lw=0.9, ls=(0, (4, 3)), zorder=1)
+    arc = np.array([place + radius * toward(t) for t in np.linspace(0.0, angle, 40)])
+    axes.plot(*arc[:-3].T, color=INK, lw=1.1, zorder=4)
+    axes.annotate("", arc[-1], arc[-5], zorder=4, arrowprops={
+        "arrowstyle": "-|>", "color": INK, "lw": 1.1, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 9,
+    })  # fmt: skip
+    name = place + (radius + 0.1) * toward(0.5 * angle)
+    axes.text(*name, rf"$\theta_{number}$", ha="center", va="center", fontsize=13, color=INK, zorder=8)
+
+
+def dimension(axes: Any, a: Point, b: Point, name: str, side: float) -> None:
+    """A length beside a link, ``side`` m to its left, with its name."""
+    along = (b - a) / np.linalg.norm(b - a)
+    across = side * np.array([-along[1], along[0]])
+    for end in (a, b):
+        near, far = end + 0.55 * across, end + 1.12 * across
+        axes.plot(*zip(near, far, strict=True), color=SOFT, lw=0.8, zorder=2)
+    axes.annotate("", a + across, b + across, zorder=2, arrowprops={
+        "arrowstyle": "<|-|>", "color": SOFT, "lw": 0.9, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 8,
+    })  # fmt: skip
+    axes.text(*(0.5 * (a + b) + 1.62 * across), name, ha="center", va="center", fontsize=13, color=INK)
+
+
+def ground(axes: Any) -> None:
+    """The base, hatched, with the axes of the plane and gravity."""
+    axes.plot((-0.16, 0.16), (-0.075, -0.075), color=INK, lw=1.6, zorder=2)
+    for x in np.linspace(-0.13, 0.16, 6):
+        axes.plot((x, x - 0.05), (-0.075, -0.135), color=INK, lw=0.9, zorder=2)
+    axes.fill((-0.09, 0.09, 0.0), (-0.075, -0.075, 0.03), color=shade(RAIL), zorder=2)
+
+
+def gravity(axes: Any, place: tuple[float, float]) -> None:
+    """The arrow of gravity."""
+    x, y = place
+    axes.annotate("", (x, y - 0.3), (x, y), arrowprops={
+        "arrowstyle": "-|>", "color": SOFT, "lw": 1.6, "mutation_scale": 13, "shrinkA": 0, "shrinkB": 0,
+    })  # fmt: skip
+    axes.text(x + 0.06, y - 0.15, "$g$", fontsize=13, color=INK, va="center")
+
+
+def draw_rprp(axes: Any) -> None:
+    """Two revolute joints, each followed by a slider."""
+    lengths = (LENGTH, 0.6)
+    points = RPRP((1.0,) * 4, lengths).points(SLIDER_POSE)
+    base = np.zeros(2)
+    ground(axes)
+    for k, root, fixed, end in ((0, base, points[0], points[1]), (1, points[1], points[2], points[3])):
+        along = toward(SLIDER_POSE[2 * k])
+        stops = [root + (lengths[k] + travel) * along for travel in (0.0, SLIDER_TRAVEL)]
+        axes.plot(*zip(*stops, strict=True), color=shade(RAIL), lw=7, solid_capstyle="butt", zorder=2)
+        across = 0.07 * np.array([-along[1], along[0]])
+        for stop in stops:
+            ends = zip(stop - across, stop + across, strict=True)
+            axes.plot(*ends, color=shade(JOINT), lw=2.0, zorder=2)
+        link(axes, root, fixed, LINKS[2 * k], 15 - 3 * k)
+        link(axes, fixed, end, LINKS[2 * k + 1], 6)
+        axes.plot(*fixed, "o", ms=6, color=shade(JOINT), zorder=6)
+        side = -0.17 if k else 0.17
+        dimension(axes, root, fixed, rf"$l_{k + 1}$", side)
+        dimension(axes, fixed, end, rf"$r_{k + 1}$", side)
+        angle_mark(axes, root, SLIDER_POSE[2 * k], k + 1)
+        joint(axes, root)
+    mass(axes, points[0], 1, (16, -12))
+    mass(axes, points[1], 2, (29, 12))
+    mass(axes, points[2], 3, (10, 18))
+    mass(axes, points[3], 4, (34, 14), tip=True)
+    axes.set_title("RPRP", fontsize=14, color=INK, loc="left", fontweight="bold")
+
+
+def draw_four_r(axes: Any) -> None:
+    """Four revolute joints."""
+    points = FourR((1.0,) * 4, (LENGTH,) * 4).points(FOUR_POSE)
+    joints = [np.zeros(2), *points]
+    ground(axes)
+    for k in range(4):
+        link(axes, joints[k], joints[k + 1], LINKS[k], (15, 12.5, 10.5, 9)[k])
+        dimension(axes, joints[k], joints[k + 1], rf"$l_{k + 1}$", -0.16 if k == 2 else 0.16)
+        angle_mark(axes, joints[k], FOUR_POSE[k], k + 1)
+    for k in range(4):
+        joint(axes, joints[k])
+    for k, offset in enumerate(((17, -12), (2, 18), (8, -18), (36, -6))):
+        mass(axes, points[k], k + 1, offset, tip=k == 3)
+    axes.set_title("4R", fontsize=14, color=INK, loc="left", fontweight="bold")
+
+
+DRAWN = {"RPRP": (draw_rprp, (-0.3, 2.35, -0.2, 1.35)), "FourR": (draw_four_r, (-0.3, 2.65, -0.2, 1.5))}
+"""Kind of an arm -> the function that draws it, and the ends of the axes, m."""
+
+
+def save_schematic(path: Path, kinds: Sequence[str] = tuple(DRAWN)) -> Path:
+    """Draw arms side by side, as SVG or PNG by the ending of the name.
+
+    Parameters
+    ----------
+    path : Path
+    kinds : sequence of str
+        Of ``DRAWN``; by default all.
+    """
+    for kind in kinds:
+        if kind not in DRAWN:
+            raise ValueError(f"the arm is a {kind}; only {' and '.join(DRAWN)} have a drawing")
+    figure = new_figure(5.5 * len(kinds), 4.3)
+    figure.set_facecolor(shade(BACKGROUND))
+    for axes, kind in zip(figure.subplots(1, len(kinds), squeeze=False)[0], kinds, strict=True):
+        draw, view = DRAWN[kind]
+        draw(axes)
+        gravity(axes, (view[0] + 0.12, view[3] - 0.05))
+        axes.set(xlim=view[:2], ylim=view[2:], aspect="equal")
+        axes.set_axis_off()
+    legend = (" " if len(kinds) > 1 else "\n").join((*LEGEND, *[OF_SLIDERS] * ("RPRP" in kinds)))
+    figure.supxlabel(legend, fontsize=10, color=INK)
+    return save_figure(figure, path, dpi=160, facecolor=figure.get_facecolor())

@@ -1,0 +1,197 @@
+"""Is a scene's step fine enough, is its tolerance kept, and does its method have the declared order?"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from redundant_envs.effects import Gravity
+from redundant_envs.model.batch import BatchSimulator, Numerics
+from redundant_envs.numerics.tableaus import METHODS
+from redundant_envs.scene import Scene
+from redundant_envs.verify.checks import (
+    ENOUGH_SMOOTH,
+    Array,
+    Finding,
+    Mode,
+    NotApplicable,
+    Promise,
+    Trial,
+    at_least,
+    at_most,
+    check,
+    nothing,
+)
+from redundant_envs.verify.conservation import energy_changes, exact_in_parts, exact_whole
+from redundant_envs.verify.judging import judge
+
+ENOUGH = 1e-3
+"""Tip error of a control interval [m] that is good enough for the 99th percentile."""
+MISSED = 1e-3
+"""Share of the states that may miss the tolerance without a flag.
+
+Scenes of the package miss none of a million (``study intervals``). An estimate of high order does not see a
+strong damper that is not declared: then some intervals of a hundred, or even some of ten, are missed.
+"""
+
+
+class Interval(NamedTuple):
+    """A control interval at the scene's own step.
+
+    Attributes
+    ----------
+    q, qd : (n, joints), at its end
+    work : (n,) J
+    numerics : (n,)
+    """
+
+    q: Array
+    qd: Array
+    work: Array
+    numerics: NDArray[np.int8]
+
+
+def own_interval(trial: Trial) -> Interval:
+    q, qd, efforts = trial.states
+    batch = BatchSimulator(trial.scene, len(q), track_work=True)
+    batch.set_state(q, qd)
+    status = batch.advance(efforts)
+    return Interval(batch.q, batch.qd, batch.work, status.numerics)
+
+
+def tips(trial: Trial) -> tuple[Array, list[Array], NDArray[np.bool_]]:
+    """Tips at the scene's own step, those of the two references, m, and whether these are valid."""
+    whole, parts = trial.shared(exact_whole), trial.shared(exact_in_parts)
+    own, first, second = (
+        trial.arm.forward_kinematics(x.q) for x in (trial.shared(own_interval), whole, parts)
+    )
+    return own, [second, first], whole.good & parts.good & np.isfinite(first - second).all(axis=1)
+
+
+@check("tip error of the own step", nothing("m, 99 % of the states"), Mode.QUICK)
+def own_step(trial: Trial) -> Finding:
+    """The tip error of a control interval at the scene's own step, against dop853 in parts."""
+    own, (best, other), sure = tips(trial)
+    if not sure.any():
+        raise NotApplicable("dop853 crosses no interval of this scene without trouble")
+    off, apart = (np.linalg.norm(x - best, axis=1) for x in (own, other))
+    off = np.where(np.isnan(off), np.inf, off)[sure]
+    median, high, most = np.median(off), np.quantile(off, 0.99), off.max()
+    where = f"median {median:.1e}, max {most:.1e}; references agree to {apart[sure].max():.0e}"
+    words = ""
+    if not high < ENOUGH:
+        words = "the tip is off by more than 1 mm at the 99th percentile: take more substeps, or a tolerance"
+    return Finding(float(high), where, words)
+
+
+@check("energy of the own step", nothing("J, 99 % of the states"), Mode.QUICK)
+def own_energy(trial: Trial) -> Finding:
+    """Change of kinetic + potential - work over a control interval at the scene's own step."""
+    q, qd, _ = trial.states
+    own = trial.shared(own_interval)
+    gap = np.abs(energy_changes(trial.scene, q, qd, own.q, own.qd, own.work)[0])
+    gap = np.where(np.isnan(gap), np.inf, gap)
+    return Finding(float(np.quantile(gap, 0.99)), f"median {np.median(gap):.1e}, max {gap.max():.1e}")
+
+
+FLAGGED = at_most(0.05, "of the states")
+"""Largest share of intervals with a flag. Extreme states cause flags; scenes of the package have none."""
+
+
+@check("intervals without a flag", FLAGGED, Mode.QUICK)
+def flagged(trial: Trial) -> Finding:
+    """The share of the states whose control interval ends with a flag, at the scene's own step."""
+    numerics = trial.shared(own_interval).numerics
+    names = ", ".join(str(f.name) for f in Numerics(int(np.bitwise_or.reduce(numerics))))
+    share = float(np.mean(numerics != 0))
+    words = (
+        f"{100 * share:.2g} % of the intervals end with a flag ({names}): docs/trouble.md says what each "
+        "means; where a force jumps, or its stiffness does, end steps there by Force(switch=...)"
+    )
+    return Finding(share, names, words)
+
+
+@check("tolerance kept", at_most(MISSED, "of the states"), Mode.QUICK)
+def tolerance_kept(trial: Trial) -> Finding:
+    """The share of the states that are off by more than twice the scene's tolerance, and not flagged."""
+    tolerance = trial.scene.tolerance
+    if tolerance is None:
+        raise NotApplicable("the scene has no tolerance")
+    own, references, sure = tips(trial)
+    judged, missed, error = judge(own, references, tolerance, sure)
+    if np.mean(judged) < ENOUGH_SMOOTH:
+        raise NotApplicable(f"references agree to a tenth of it at {np.mean(judged):.0%} of the states only")
+    missed &= trial.shared(own_interval).numerics == 0
+    share = float(missed.sum() / judged.sum())
+    most, where = trial.worst(np.where(missed, tolerance * error, 0.0))
+    words = (
+        f"{100 * share:.2g} % of the intervals are off by more than twice the tolerance of {tolerance:g} m "
+        f"and not flagged, the worst by {most:.1e} m: a force jumps, or its stiffness does; say where by "
+        "Force(switch=...), or take a shorter control_dt"
+    )
+    return Finding(share, where if share else "", words)
+
+
+# ---- order of convergence --------------------------------------------------------------------------
+
+LANES = 64
+FINE, SHARE = 1e-11, 0.75
+"""Error of the finer steps at which the order is measured, in radians and reaches: far above rounding, and so
+small that the next order of the method adds little; and the quantile of the states. In an arm with very
+unequal links some motions change faster than any step that rounding allows, and show a lower order."""
+CALM, GROWTH = 3.0, 1.25
+"""Longest step that is tried, in units of the time in which a state stays calm, since rounding grows beyond
+it; and the ratio of successive steps that are tried."""
+SHORT_OF = 0.3
+"""Tolerated difference of the measured order from the method's: at a finite step the next order
+contributes."""
+
+
+def smooth_scene(trial: Trial, integrator: str) -> Scene:
+    """The scene's arm in a vertical plane, with a step of a method, so that no kink hides its order."""
+    return Scene(trial.scene.robot, (Gravity(),), integrator, trial.scene.control_dt)
+
+
+def declared(trial: Trial) -> Promise:
+    return at_least(METHODS[trial.scene.integrator].order - SHORT_OF)
+
+
+@check("order of convergence", declared)
+def order(trial: Trial) -> Finding:
+    """Halving the step divides the error by 2^order, on the scene's arm in a vertical plane."""
+    name = trial.scene.integrator
+    if name == "dop853":
+        raise NotApplicable("dop853 chooses its steps itself")
+    q, qd, efforts = (x[:LANES] for x in trial.states)
+    # With an angle of many turns only rounding would be measured.
+    q = np.where(trial.arm.prismatic, q, np.remainder(q, 2.0 * np.pi))
+    unit = np.where(trial.arm.prismatic, np.linalg.norm(trial.arm.points(q), axis=2).max(), 1.0)
+
+    batches = {method: BatchSimulator(smooth_scene(trial, method), len(q)) for method in ("rk8", name)}
+
+    def moved(method: str, steps: int, seconds: float) -> Array:
+        batch = batches[method]
+        batch.set_state(q, qd)
+        for _ in range(steps):
+            batch.advance_partly(efforts, seconds / steps)
+        return batch.q @ trial.scene.robot.motor_map / unit
+
+    # For each state the first step with that error: some are much faster than others.
+    found, seconds, longest = np.full(len(q), np.nan), 1e-7, CALM * trial.calm[: len(q)]
+    while seconds < longest.max() and np.isnan(found).any():
+        exact = moved("rk8", 8, seconds)
+        coarse, fine = (np.abs(moved(name, n, seconds) - exact).max(axis=1) for n in (1, 2))
+        due = np.isnan(found) & ~(fine < FINE) & (seconds <= longest)
+        found = np.where(due, np.log2(coarse / fine), found)
+        seconds *= GROWTH
+    found = found[np.isfinite(found)]
+    if len(found) < ENOUGH_SMOOTH * len(q):
+        raise NotApplicable("the motions of this arm are too simple to show an order above rounding")
+    high = float(np.quantile(found, SHARE))
+    words = (
+        f"{name}: halving the step divides the error by 2^{high:.2f}, and its order is said to be "
+        f"{METHODS[name].order}: a coefficient is wrong"
+    )
+    return Finding(high, f"{SHARE:.0%} quantile of {len(found)} states", words)

@@ -1,0 +1,188 @@
+"""Are bits independent of the batch, the index in it, neighbours, threads, copies and snapshots?"""
+
+from __future__ import annotations
+
+import copy
+import pickle
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from redundant_envs.model.batch import BatchSimulator
+from redundant_envs.verify import recorded_bits
+from redundant_envs.verify.checks import (
+    EQUAL_BITS,
+    Array,
+    Finding,
+    Mode,
+    NotApplicable,
+    NotRun,
+    Promise,
+    Trial,
+    check,
+)
+
+LANES = 67
+"""Eight full blocks of lanes, and one that is not full."""
+INTERVALS = 3
+
+
+def batch_of(trial: Trial, lanes: Array, threads: int = 1) -> BatchSimulator:
+    """A batch whose lanes have the states with these indices, in this order."""
+    q, qd, _ = trial.states
+    batch = BatchSimulator(trial.scene, len(lanes), threads, track_work=True)
+    batch.set_state(q[lanes % len(q)], qd[lanes % len(q)])
+    return batch
+
+
+def numbers(batch: Any) -> Array:
+    """All outputs of a batch for its lanes, as whole numbers that show every bit, (lanes, ...)."""
+    table = np.concatenate([batch.q, batch.qd, batch.z, batch.work[:, None]], axis=1)
+    table[np.isnan(table)] = np.nan  # one of many
+    return np.ascontiguousarray(table).view(np.int64)
+
+
+def run(trial: Trial, batch: Any, lanes: Array, first: int = 0, last: int = INTERVALS) -> Array:
+    """Every number of some intervals, each lane under the efforts of its state, (lanes, ...)."""
+    efforts, tables = trial.states[2], []
+    for step in range(first, last):
+        batch.advance(np.roll(efforts, step, axis=0)[lanes % len(efforts)])
+        tables.append(numbers(batch))
+    return np.concatenate(tables, axis=1)
+
+
+def alone(trial: Trial) -> Array:
+    """The bits that all others are compared with."""
+    lanes = np.arange(LANES)
+    return run(trial, batch_of(trial, lanes), lanes)
+
+
+def differing(trial: Trial, found: Array, lanes: Array, what: str) -> Finding:
+    """Number of lanes whose bits differ from those of the same states in :func:`alone`."""
+    other = (found != trial.shared(alone)[lanes]).any(axis=1)
+    count = int(other.sum())
+    where = f"state {lanes[int(np.argmax(other))]}" if count else ""
+    return Finding(count, where, f"{count} of {len(lanes)} lanes have other bits {what}")
+
+
+@check("bits: batch and place", EQUAL_BITS, Mode.QUICK)
+def place(trial: Trial) -> Finding:
+    """A lane has the same bits at another index, and in batches of 1, of 8 and of 9."""
+    order = np.random.default_rng(trial.seed).permutation(LANES)
+    found, lanes = [run(trial, batch_of(trial, order), order)], [order]
+    for some in (order[:1], order[1:9], order[9:18]):
+        found.append(run(trial, batch_of(trial, some), some))
+        lanes.append(some)
+    return differing(trial, np.concatenate(found), np.concatenate(lanes), "at another index or batch size")
+
+
+@check("bits: neighbours", EQUAL_BITS, Mode.QUICK)
+def neighbours(trial: Trial) -> Finding:
+    """A lane has the same bits beside others, some of which are not finite."""
+    lanes = np.arange(LANES)
+    batch, own = batch_of(trial, lanes), lanes % 2 == 0
+    others = np.flatnonzero(~own)
+    batch.set_state(batch.q[others[::-1]], 1e200 * batch.qd[others], others)
+    efforts = trial.states[2]
+    tables = []
+    for step in range(INTERVALS):
+        now = np.roll(efforts, step, axis=0)[lanes % len(efforts)].copy()
+        now[others] = np.nan
+        batch.advance(now)
+        tables.append(numbers(batch))
+    return differing(trial, np.concatenate(tables, axis=1)[own], lanes[own], "beside other neighbours")
+
+
+@check("bits: threads", EQUAL_BITS, Mode.QUICK)
+def threads(trial: Trial) -> Finding:
+    """Two and three threads give the bits of one."""
+    lanes = np.arange(LANES)
+    found = [run(trial, batch_of(trial, lanes, count), lanes) for count in (2, 3)]
+    return differing(trial, np.concatenate(found), np.tile(lanes, 2), "with more threads")
+
+
+@check("bits: parameters of lanes", EQUAL_BITS)
+def parameters(trial: Trial) -> Finding:
+    """Lanes whose own numbers are equal to those of the scene have the same bits."""
+    lanes = np.arange(LANES)
+    batch = batch_of(trial, lanes)
+    masses = np.array(trial.scene.robot.masses)
+    batch.set_parameters({"masses": 1.5 * masses}, [0])
+    batch.set_parameters({"masses": masses}, [0])
+    return differing(trial, run(trial, batch, lanes), lanes, "with parameters of their own")
+
+
+def _continued(trial: Trial, remade: Callable[[BatchSimulator], Any], what: str) -> Finding:
+    lanes, width = np.arange(LANES), trial.shared(alone).shape[1] // INTERVALS
+    batch = batch_of(trial, lanes)
+    run(trial, batch, lanes, 0, 1)
+    other = remade(batch)
+    found = np.concatenate([trial.shared(alone)[:, :width], run(trial, other, lanes, 1)], axis=1)
+    return differing(trial, found, lanes, what)
+
+
+@check("bits: copies", EQUAL_BITS, Mode.QUICK)
+def copies(trial: Trial) -> Finding:
+    """A copy continues to the same bits, whatever happens to the original."""
+
+    def copied(batch: BatchSimulator) -> BatchSimulator:
+        made = copy.deepcopy(batch)
+        batch.set_state(0.0 * batch.q + trial.states[0][:1], -batch.qd)
+        return made
+
+    return _continued(trial, copied, "in a copy")
+
+
+@check("bits: pickles", EQUAL_BITS)
+def pickles(trial: Trial) -> Finding:
+    """A pickle continues to the same bits."""
+
+    def pickled(batch: BatchSimulator) -> Any:
+        try:
+            text = pickle.dumps(batch)
+        except (pickle.PicklingError, AttributeError, TypeError) as error:
+            raise NotApplicable(f"what the scene is made of cannot be pickled: {error}") from None
+        return pickle.loads(text)
+
+    return _continued(trial, pickled, "in a pickle")
+
+
+@check("bits: snapshots", EQUAL_BITS, Mode.QUICK)
+def snapshots(trial: Trial) -> Finding:
+    """A snapshot is restored by a batch that has advanced, and by a new one with other numbers."""
+
+    def restored(batch: BatchSimulator) -> BatchSimulator:
+        snapshot = batch.save()
+        batch.advance(-trial.states[2][np.arange(LANES) % trial.count])
+        batch.restore(snapshot)
+        return batch
+
+    def taken_over(batch: BatchSimulator) -> BatchSimulator:
+        snapshot = batch.save()
+        other = batch_of(trial, np.arange(LANES)[::-1])
+        other.advance(None)
+        other.set_parameters({"masses": 1.5 * np.array(trial.scene.robot.masses)}, [0])
+        other.restore(snapshot)
+        return other
+
+    found = [_continued(trial, way, "after a snapshot is restored") for way in (restored, taken_over)]
+    return max(found, key=lambda finding: finding.found)
+
+
+# ---- the record ------------------------------------------------------------------------------------
+
+RECORDED = {Mode.QUICK: ("4R all rk8",), Mode.STANDARD: recorded_bits.SHORT, Mode.FULL: None}
+"""Recorded motions that each mode checks; None means all."""
+
+
+@check("record of bits", Promise(0.0, "motions differ", "equal bits"), Mode.QUICK)
+def record(trial: Trial) -> Finding:
+    """Recorded motions have the same bits on this machine; no subject changes them."""
+    names = RECORDED[trial.mode] or tuple(recorded_bits.RECORDED)
+    if not recorded_bits.RECORD.exists():
+        raise NotRun("the record is not installed")
+    expected = recorded_bits.recorded()
+    other = [name for name in names if recorded_bits.found(name) != expected[name]]
+    words = f"this machine has other bits: {', '.join(other)}"
+    return Finding(len(other), f"of {len(names)}", words)

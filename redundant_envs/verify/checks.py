@@ -1,0 +1,286 @@
+"""A check, its promise, its finding, and the table of all checks of a subject."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from redundant_envs.extras import MissingPackage
+from redundant_envs.robots.arm import Arm
+from redundant_envs.scene import Scene
+from redundant_envs.verify.states import random_poses, random_states
+from redundant_envs.verify.subjects import Subject
+
+Array = NDArray[Any]
+
+ROUNDING = 32 * np.finfo(np.float64).eps
+"""Rounding error of a quantity of which differences are taken, relative to the quantity."""
+ENOUGH_SMOOTH = 0.5
+"""Share of the states that must be smooth, and of the intervals that must be judged."""
+
+
+class Mode(enum.IntEnum):
+    """Extent of the checks; each mode includes the ones before it."""
+
+    QUICK = 0
+    STANDARD = 1
+    FULL = 2
+
+
+STATES = {Mode.QUICK: 256, Mode.STANDARD: 1024, Mode.FULL: 8192}
+"""Number of random states of each mode, unless the command gives one."""
+
+
+class Verdict(enum.Enum):
+    KEPT = "kept"
+    MISSED = "MISSED"
+    MEASURED = "measured"
+    NOT_APPLICABLE = "not applicable"
+    NOT_RUN = "not run"
+
+
+class NotApplicable(Exception):
+    """A check does not apply to a subject; the message is the reason."""
+
+
+class NotRun(Exception):
+    """A check could not be run here; the message is the reason."""
+
+
+@dataclass(frozen=True)
+class Promise:
+    """Condition on a number.
+
+    Parameters
+    ----------
+    bound : float
+        NaN if nothing is promised.
+    unit : str
+        "" for a ratio.
+    relation : {"at most", "at least", "equal bits", ""}
+        "equal bits" counts the lanes that differ, and promises none.
+    """
+
+    bound: float
+    unit: str
+    relation: str
+
+    def holds(self, found: float) -> bool:
+        """Whether a number is as promised; NaN never is."""
+        return found >= self.bound if self.relation == "at least" else found <= self.bound
+
+    def __str__(self) -> str:
+        if self.relation in ("", "equal bits"):
+            return self.relation or "-"
+        return f"{self.relation} {self.bound:.3g} {self.unit}".rstrip()
+
+
+def at_most(bound: float, unit: str = "") -> Promise:
+    return Promise(bound, unit, "at most")
+
+
+def at_least(bound: float, unit: str = "") -> Promise:
+    return Promise(bound, unit, "at least")
+
+
+EQUAL_BITS = Promise(0.0, "lanes differ", "equal bits")
+
+
+def nothing(unit: str) -> Promise:
+    """Promise for a number that is only measured; its judgement is left to the reader."""
+    return Promise(math.nan, unit, "")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A number, and the state in which it was found.
+
+    Attributes
+    ----------
+    found : float
+    where : str
+        State and joint of the worst case.
+    words : str
+        The fault, if the promise is missed, or advice for a reader of a measured number.
+    """
+
+    found: float
+    where: str = ""
+    words: str = ""
+
+
+@dataclass(frozen=True)
+class Check:
+    """A function that measures a subject, and the promise about its result.
+
+    Attributes
+    ----------
+    name, family : str
+    promise : Promise, or a function of the trial that returns one
+    mode : the smallest mode in which it runs
+    measure : function of a :class:`Trial`; it raises :class:`NotApplicable` or :class:`NotRun` with a reason
+    """
+
+    name: str
+    family: str
+    promise: Promise | Callable[[Trial], Promise]
+    mode: Mode
+    measure: Callable[[Trial], Finding]
+
+    def run(self, trial: Trial) -> Outcome:
+        """The outcome for a subject; an error of the subject's own code is a miss whose text reports it."""
+        promise = nothing("")
+        try:
+            promise = self.promise(trial) if callable(self.promise) else self.promise
+            with np.errstate(all="ignore"):
+                finding = self.measure(trial)
+        except NotApplicable as reason:
+            return self._outcome(trial, promise, Verdict.NOT_APPLICABLE, Finding(math.nan, "", str(reason)))
+        except (NotRun, MissingPackage) as reason:
+            return self._outcome(trial, promise, Verdict.NOT_RUN, Finding(math.nan, "", str(reason)))
+        except Exception as error:  # code of users may raise any error, and the other checks continue
+            kind = "" if isinstance(error, ValueError) else f"{type(error).__name__}: "
+            words = f"it could not be measured: {kind}{error}"
+            return self._outcome(trial, promise, Verdict.MISSED, Finding(math.nan, "", words))
+        if not promise.relation:
+            return self._outcome(trial, promise, Verdict.MEASURED, finding)
+        verdict = Verdict.KEPT if promise.holds(finding.found) else Verdict.MISSED
+        return self._outcome(trial, promise, verdict, finding)
+
+    def _outcome(self, trial: Trial, promise: Promise, verdict: Verdict, finding: Finding) -> Outcome:
+        return Outcome(trial.subject.name, self.family, self.name, promise, verdict, finding)
+
+
+def check(
+    name: str, promise: Promise | Callable[[Trial], Promise], mode: Mode = Mode.STANDARD
+) -> Callable[[Callable[[Trial], Finding]], Check]:
+    """Turn a function into a check; :func:`checks_of` finds it in its module."""
+
+    def made(measure: Callable[[Trial], Finding]) -> Check:
+        return Check(name, measure.__module__.rpartition(".")[2], promise, mode, measure)
+
+    return made
+
+
+def checks_of(*modules: Any) -> tuple[Check, ...]:
+    """The checks of some modules, in the order of their definitions."""
+    return tuple(x for module in modules for x in vars(module).values() if isinstance(x, Check))
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A line of the table: promise and finding for a subject."""
+
+    subject: str
+    family: str
+    check: str
+    promise: Promise
+    verdict: Verdict
+    finding: Finding
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A subject and its random states; checks share intermediate results.
+
+    Parameters
+    ----------
+    subject : Subject
+    count : int
+        Random states.
+    mode : Mode
+    seed : int
+        Of the states.
+    """
+
+    subject: Subject
+    count: int = STATES[Mode.STANDARD]
+    mode: Mode = Mode.STANDARD
+    seed: int = 0
+    _kept: dict[Any, Any] = dataclasses.field(default_factory=dict, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        if self.count < 1:
+            raise ValueError(f"states is {self.count}; give at least 1")
+
+    @property
+    def scene(self) -> Scene:
+        return self.subject.scene
+
+    @property
+    def arm(self) -> Arm:
+        """The arm with the masses and inertias that effects add."""
+        return self.scene.loaded_robot
+
+    @cached_property
+    def states(self) -> tuple[Array, Array, Array]:
+        """Coordinates, velocities and joint efforts, (count, joints) each."""
+        q, qd, efforts = random_states(self.scene, self.count, self.seed)
+        return q, qd, efforts
+
+    @cached_property
+    def poses(self) -> tuple[Array, Array]:
+        """Coordinates and velocities in all regions that the arm can reach, (up to count, joints) each."""
+        return random_poses(self.scene, self.count, self.seed)
+
+    @cached_property
+    def square(self) -> Array:
+        """The poses whose joint angles are multiples of a right angle: straight, folded and square."""
+        arm = self.scene.robot
+        joints = self.poses[0] @ arm.motor_map
+        turns = np.random.default_rng(self.seed + 4).integers(0, 4, joints.shape)
+        turns[0] = 0
+        return np.where(arm.prismatic, joints, 0.5 * np.pi * turns) @ np.linalg.inv(arm.motor_map)
+
+    @cached_property
+    def calm(self) -> Array:
+        """The longest time of each state, (count,) s, in which no joint turns by more than a radian or slides
+        by more than the reach, at its rate or from rest at its acceleration: rounding hardly grows within
+        it."""
+        q, qd, efforts = self.states
+        B = self.scene.robot.motor_map
+        reach = np.linalg.norm(self.arm.points(q), axis=2).max()
+        unit = np.where(self.scene.robot.prismatic, reach, 1.0)
+        with np.errstate(all="ignore"):
+            qdd = self.arm.forward_dynamics(q, qd, efforts @ B.T)
+            rate, faster = (np.abs(x @ B / unit).max(axis=1) for x in (qd, qdd))
+            return np.minimum(1.0 / rate, 1.0 / np.sqrt(faster))
+
+    @cached_property
+    def calm_scene(self) -> Scene:
+        """The scene, with an interval that is calm for at least half of the states."""
+        seconds = min(self.scene.control_dt, float(np.median(self.calm)))
+        return dataclasses.replace(self.scene, control_dt=seconds)
+
+    def shared(self, make: Callable[[Trial], Any]) -> Any:
+        """The result of a function for this trial, computed once."""
+        if make not in self._kept:
+            self._kept[make] = make(self)
+        return self._kept[make]
+
+    def worst(self, gaps: Array, names: Iterable[str] = ()) -> tuple[float, str]:
+        """The largest of (states,) or (states, joints, ...) numbers, with its state and joint.
+
+        ``names`` are those of the second axis: by default the joints.
+        """
+        told = np.where(np.isnan(gaps), np.inf, gaps)
+        place = np.unravel_index(int(np.argmax(told)), told.shape)
+        where = f"state {place[0]}"
+        if len(place) > 1:
+            where += f", {(tuple(names) or self.arm.joints)[place[1]]}"
+        return float(gaps[place]), where
+
+
+def ratio(difference: Any, scale: Any) -> Array:
+    """A difference in units of a scale; if the scale is 0, it is 0 or infinite."""
+    difference, scale = np.broadcast_arrays(np.abs(difference), scale)
+    with np.errstate(all="ignore"):
+        return np.where(scale > 0.0, difference / scale, np.where(difference == 0.0, 0.0, np.inf))

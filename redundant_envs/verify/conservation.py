@@ -1,0 +1,199 @@
+"""Is the energy balance closed along motions, and is momentum kept?"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from redundant_envs.algebra import numbered
+from redundant_envs.effects.hooks import Inertia, PointMass
+from redundant_envs.model.batch import BatchSimulator
+from redundant_envs.model.energy import kinetic_energy, potential_energy
+from redundant_envs.scene import Scene
+from redundant_envs.verify.checks import (
+    ENOUGH_SMOOTH,
+    ROUNDING,
+    Array,
+    Finding,
+    Mode,
+    NotApplicable,
+    Trial,
+    at_most,
+    check,
+    ratio,
+)
+from redundant_envs.verify.equations import added_inertia, equations_at, from_points, slopes
+
+# ---- the energy balance --------------------------------------------------------------------------
+
+OPEN = 1e-9
+"""Largest gap of the energy balance, in units of the exchanged energies: forty times the error of dop853 in
+scenes of all effects (2e-11), and far below the effect of a wrong term."""
+SAME = 0.1
+"""Gaps that differ by no more than this, in units of ``OPEN``, when the interval is simulated whole and in
+parts, come from the balance itself. Steps across a kink, such as that of a stiff spring, cause gaps of their
+own, and their states are not judged."""
+PARTS, EQUAL_STEPS = 3, 32
+
+
+class Crossing(NamedTuple):
+    """The end of a control interval.
+
+    Attributes
+    ----------
+    q, qd : (n, joints)
+    work : (n,) J
+    good : (n,) whether there was no fault
+    """
+
+    q: Array
+    qd: Array
+    work: Array
+    good: NDArray[np.bool_]
+
+
+def crossed(scene: Scene, q: Array, qd: Array, efforts: Array, parts: int = 1) -> Crossing:
+    """A control interval by dop853, whole or in parts."""
+    return moved(
+        dataclasses.replace(scene, integrator="dop853", substeps=1, tolerance=None), q, qd, efforts, parts
+    )
+
+
+def moved(scene: Scene, q: Array, qd: Array, efforts: Array, parts: int = 1) -> Crossing:
+    """A control interval under constant efforts, in equal parts."""
+    batch = BatchSimulator(scene, len(q), track_work=True)
+    batch.set_state(q, qd)
+    good = np.ones(len(q), np.bool_)
+    for _ in range(parts):
+        good &= batch.advance_partly(efforts, scene.control_dt / parts).numerics == 0
+    return Crossing(batch.q, batch.qd, batch.work, good)
+
+
+def exact_whole(trial: Trial) -> Crossing:
+    return crossed(trial.scene, *trial.states)
+
+
+def calm_whole(trial: Trial) -> Crossing:
+    if trial.calm_scene == trial.scene:
+        return trial.shared(exact_whole)  # type: ignore[no-any-return]
+    return crossed(trial.calm_scene, *trial.states)
+
+
+def calm_in_parts(trial: Trial) -> Crossing:
+    return crossed(trial.calm_scene, *trial.states, PARTS)
+
+
+def exact_in_parts(trial: Trial) -> Crossing:
+    """The same interval with other steps, different from the scene's own.
+
+    If effects update their states at the end of an interval, it cannot be divided, and has equal steps.
+    """
+    if all(state.update is None for state in trial.scene.states().values()):
+        return crossed(trial.scene, *trial.states, PARTS)
+    substeps = EQUAL_STEPS * trial.scene.substeps
+    fine = dataclasses.replace(trial.scene, integrator="rk8", substeps=substeps, tolerance=None)
+    return moved(fine, *trial.states)
+
+
+def energy_changes(
+    scene: Scene, q: Array, qd: Array, new_q: Array, new_qd: Array, work: Array
+) -> tuple[Array, Array, Array]:
+    """Change of kinetic + potential - work, exchanged energies, stored energies; (n,) each, J."""
+    kinetic = [kinetic_energy(scene, *state) for state in ((q, qd), (new_q, new_qd))]
+    potential = [potential_energy(scene, x) for x in (q, new_q)]
+    gained = potential[1] - potential[0]
+    scale = kinetic[0] + kinetic[1] + np.abs(gained) + np.abs(work)
+    stored = np.abs(potential[0]) + np.abs(potential[1])
+    return kinetic[1] - kinetic[0] + gained - work, scale, stored
+
+
+@check("energy book", at_most(OPEN), Mode.QUICK)
+def energy_book(trial: Trial) -> Finding:
+    """Kinetic + potential - work is constant over a control interval, in units of the energies involved.
+
+    If half of the motions are too fast for an interval, a shorter one is used.
+    """
+    q, qd, _ = trial.states
+    whole, parts = trial.shared(calm_whole), trial.shared(calm_in_parts)
+    change, scale, stored = energy_changes(trial.scene, q, qd, *whole[:3])
+    other = energy_changes(trial.scene, q, qd, *parts[:3])[0]
+    noise = ROUNDING * stored
+    judged = whole.good & parts.good & ~(np.abs(change - other) > SAME * OPEN * scale + noise)
+    if np.mean(judged) < ENOUGH_SMOOTH:
+        words = (
+            f"energy: {100 * np.mean(judged):.0f} % of the intervals could be simulated without trouble and "
+            f"to {OPEN * SAME:.0e} of their energies; that is too few to judge the scene by"
+        )
+        return Finding(np.inf, f"{np.mean(judged):.0%} of the states judged", words)
+    gap = np.maximum(np.abs(change) - noise, 0.0)
+    relative = np.where(judged, np.where(gap == 0.0, 0.0, ratio(gap, scale)), 0.0)
+    most, where = trial.worst(np.where(np.isnan(relative), np.inf, relative))
+    joules = np.abs(change[judged]).max()
+    words = (
+        f"energy: kinetic + potential - work changes by up to {joules:.3g} J in a control interval, "
+        f"{most:.1e} of the energies at hand; a force is booked as what it is not: check potential and "
+        "conservative of the effects"
+    )
+    return Finding(most, where, words)
+
+
+# ---- momentum ------------------------------------------------------------------------------------
+
+ADRIFT = 1e-9
+"""Largest change of a momentum, in units of the sum of the sizes of its parts: forty times the error of
+dop853 over a control interval, as for the energy balance."""
+MOVE, RIGID = 0.5, 1e-9
+"""If a joint moves the whole arm by the first number, rad or m, its inertia changes by at most the second."""
+
+
+def at_base(trial: Trial) -> Array:
+    """Coordinates per unit of the first joint, (joints,); joints are linear in coordinates."""
+    arm = trial.scene.robot
+    turned = slopes(arm, numbered("phi{}", len(arm.joints)), trial.states[0][:1])[0]
+    return np.asarray(np.linalg.inv(turned)[:, 0])
+
+
+@check("momentum", at_most(ADRIFT), Mode.QUICK)
+def momentum(trial: Trial) -> Finding:
+    """Without a field, and with motors at all joints but the first, the momentum along that is kept.
+
+    It turns the whole arm about the base, or slides it, which changes no inertia. The momentum is computed
+    from the point masses, including the masses that effects add.
+    """
+    q, qd, efforts = trial.states
+    e, base = trial.shared(from_points), at_base(trial)
+    added = added_inertia(trial)
+    elsewhere = equations_at(trial.arm, added, q + MOVE * base)
+    change = ratio(elsewhere.M - e.M, e.scale[:, :, None] * e.scale[:, None, :])
+    if not change.max() <= RIGID:
+        raise NotApplicable("the first joint moves the masses against each other")
+    kept = tuple(
+        x for x in trial.scene.effects
+        if all(isinstance(h, PointMass | Inertia) for h in x.hooks(trial.scene.robot))
+    )  # fmt: skip
+    scene = Scene(trial.scene.robot, kept, control_dt=trial.calm_scene.control_dt)
+    forces = np.where(np.arange(q.shape[1]) == 0, 0.0, efforts)
+    end = crossed(scene, q, qd, forces)
+    after = equations_at(trial.arm, added, end.q)
+    before, then = (_momentum(at.M, rates, base) for at, rates in ((e, qd), (after, end.qd)))
+    good = end.good & np.isfinite(then).all(axis=1)
+    if np.mean(good) < ENOUGH_SMOOTH:
+        raise NotApplicable("too few motions without a field could be simulated to rounding")
+    size = np.maximum(before[:, 1], then[:, 1])
+    gaps = np.where(good, ratio(np.where(good, then[:, 0] - before[:, 0], 0.0), size), 0.0)
+    most, where = trial.worst(gaps)
+    words = (
+        f"{trial.arm.kind}: the momentum about the base changes by {most:.1e} of its parts without a moment "
+        "there: M, h or Q is wrong"
+    )
+    return Finding(most, where, words)
+
+
+def _momentum(M: Array, qd: Array, base: Array) -> Array:
+    """The momentum of the first joint, and the sum of the sizes of its parts, (n, 2)."""
+    total = np.einsum("nij,j,ni->n", M, base, qd)
+    size = np.einsum("nij,j,ni->n", np.abs(M), np.abs(base), np.abs(qd))
+    return np.stack([total, size], axis=1)

@@ -1,0 +1,191 @@
+"""Do environments keep their contract: the rules of vectors, and the bits of single environments?"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from redundant_envs.envs.check import BrokenRule, check_vec_env
+from redundant_envs.verify.checks import (
+    EQUAL_BITS,
+    Finding,
+    Mode,
+    NotApplicable,
+    Promise,
+    Trial,
+    check,
+)
+
+LANES, STEPS, SHORT_EPISODE = 9, 12, 5
+MANY, WHOLE = 64, 200
+"""Number of lanes and steps with extreme actions."""
+RULES = Promise(0.0, "rules broken", "at most")
+
+
+def _arguments(trial: Trial) -> dict[str, Any]:
+    if trial.subject.env_id is None:
+        raise NotApplicable("this is not an environment")
+    return {} if trial.subject.task is None else {"task": dict(trial.subject.task)}
+
+
+def _vector(trial: Trial, lanes: int = LANES, **arguments: Any) -> Any:
+    own = {**_arguments(trial), **arguments}
+    return gym.make_vec(str(trial.subject.env_id), num_envs=lanes, max_episode_steps=SHORT_EPISODE, **own)
+
+
+def _actions(trial: Trial, env: Any) -> Any:
+    rng = np.random.default_rng(trial.seed)
+    return rng.uniform(-1.2, 1.2, (STEPS, env.num_envs, *env.single_action_space.shape)).astype(np.float32)
+
+
+def _bits(*tables: Any) -> list[bytes]:
+    """Each lane's bits in some tables, including those of dictionaries."""
+    flat = [v for x in tables for v in (x.values() if isinstance(x, dict) else (x,))]
+    return [b"".join(np.asarray(x)[lane].tobytes() for x in flat) for lane in range(len(flat[0]))]
+
+
+def _steps(env: Any, actions: Any) -> list[list[bytes]]:
+    return [_bits(*env.step(a)[:4]) for a in actions]
+
+
+def _differing(one: list[list[bytes]], other: list[list[bytes]], what: str) -> Finding:
+    lanes = {k for a, b in zip(one, other, strict=True) for k in range(len(a)) if a[k] != b[k]}
+    return Finding(len(lanes), f"lane {min(lanes)}" if lanes else "", f"{len(lanes)} lanes differ {what}")
+
+
+@check("environment: rules of vectors", RULES, Mode.QUICK)
+def rules(trial: Trial) -> Finding:
+    """``rde.check_vec_env`` finds no broken rule, in each autoreset mode."""
+    _arguments(trial)
+    broken = []
+    for mode in ("next_step", "same_step", "disabled"):
+        env = _vector(trial, 3, autoreset_mode=mode)
+        try:
+            check_vec_env(env)
+        except BrokenRule as error:
+            broken.append(f"{mode}: {error}")
+        env.close()
+    return Finding(len(broken), "", "; ".join(broken))
+
+
+@check("environment: ranges", Promise(0.0, "steps", "at most"), Mode.QUICK)
+def ranges(trial: Trial) -> Finding:
+    """Under the largest actions and under none, observations stay in their space, and rewards and metrics are
+    finite."""
+    _arguments(trial)
+    outside = without = 0
+    named: set[str] = set()
+    for largest in (1.0, 0.0):
+        env: Any = gym.make_vec(str(trial.subject.env_id), num_envs=MANY, **_arguments(trial))
+        shape = (MANY, *env.single_action_space.shape)
+        actions = np.random.default_rng(trial.seed).choice([-largest, largest], shape).astype(np.float32)
+        observation, infos = env.reset(seed=trial.seed)
+        reward: Any = np.zeros(MANY)
+        for step in range(WHOLE + 1):
+            if step:
+                observation, reward, _, _, infos = env.step(actions)
+            unknown = [*_without_number(infos)]
+            named.update(unknown)
+            outside += not env.observation_space.contains(observation)
+            without += bool(unknown) or not np.isfinite(reward).all()
+        env.close()
+    what = ", ".join(sorted(named)) or "rewards"
+    words = (
+        f"of {2 * (WHOLE + 1)} resets and steps of {MANY} lanes {outside} have observations outside their "
+        f"space, and in {without} rewards or metrics ({what}) are not finite; the "
+        "task's functions must give -1 to 1, and finite rewards and metrics, always"
+    )
+    return Finding(outside + without, "", words)
+
+
+def _without_number(infos: Any) -> Iterator[str]:
+    """Names of the entries of infos that are not finite in a lane that has them, according to the masks."""
+    for name, value in infos.items():
+        if isinstance(value, dict):
+            yield from _without_number(value)
+        elif isinstance(value, np.ndarray) and value.dtype.kind == "f":
+            there = infos.get(f"_{name}", np.ones(len(value), np.bool_))
+            if not np.isfinite(value[there]).all():
+                yield name
+
+
+@check("environment: single and vector", EQUAL_BITS, Mode.QUICK)
+def single(trial: Trial) -> Finding:
+    """Environment i of a vector has the bits of the single environment with seed s + i."""
+    own, lanes = _arguments(trial), 3
+    many = _vector(trial, lanes)
+    actions = _actions(trial, many)[:SHORT_EPISODE]
+    first = many.reset(seed=7)[0]
+    vectors = [(first,), *(many.step(a)[:4] for a in actions)]
+    together = [_bits(*tables) for tables in vectors]
+    alone = [list(step) for step in together]  # after its end a lane is no longer compared
+    for i in range(lanes):
+        env = gym.make(str(trial.subject.env_id), max_episode_steps=SHORT_EPISODE, **own)
+        alone[0][i] = _bits(*_wide(env.reset(seed=7 + i)[:1]))[0]
+        for step, action in enumerate(actions):
+            result = env.step(action[i])
+            alone[step + 1][i] = _bits(*_wide(result[:4]))[0]
+            if result[2] or result[3]:
+                break
+        env.close()
+    many.close()
+    return _differing(together, alone, "from single environments with their seeds")
+
+
+def _wide(values: Iterable[Any]) -> list[Any]:
+    """The outputs of a single environment in the form of a vector of one."""
+    kinds: Any = (None, np.float64, np.bool_, np.bool_)
+    return [
+        {k: v[None] for k, v in x.items()} if isinstance(x, dict) else np.asarray(x, kind)[None]
+        for x, kind in zip(values, kinds, strict=False)
+    ]
+
+
+@check("environment: states", EQUAL_BITS, Mode.QUICK)
+def states(trial: Trial) -> Finding:
+    """``get_state`` and ``set_state`` continue to the same bits, across the ends of episodes."""
+    env = _vector(trial, autoreset_mode="same_step")
+    env.reset(seed=3)
+    actions = _actions(trial, env)
+    _steps(env, actions[:4])
+    state = env.get_state()
+    first = _steps(env, actions[4:])
+    env.set_state(state)
+    again = _steps(env, actions[4:])
+    env.close()
+    return _differing(first, again, "after set_state")
+
+
+@check("environment: copies", EQUAL_BITS)
+def copies(trial: Trial) -> Finding:
+    """A copy continues to the same bits, whatever happens to the original."""
+    env = _vector(trial)
+    env.reset(seed=4)
+    actions = _actions(trial, env)
+    _steps(env, actions[:4])
+    other = copy.deepcopy(env)
+    first = _steps(env, actions[4:])
+    again = _steps(other, actions[4:])
+    env.close()
+    return _differing(first, again, "in a copy")
+
+
+@check("environment: seeds, threads and neighbours", EQUAL_BITS)
+def seeds(trial: Trial) -> Finding:
+    """Equal seeds and actions give equal bits, with two threads and in a larger vector, too."""
+    tables = []
+    for lanes, threads in ((LANES, 1), (LANES, 2), (3 * LANES, 1)):
+        env = _vector(trial, lanes, threads=threads)
+        first = _bits(env.reset(seed=5)[0])
+        actions = np.zeros((STEPS, lanes, *env.single_action_space.shape), np.float32)
+        rng = np.random.default_rng(trial.seed)
+        actions[:, :LANES] = rng.uniform(-1.0, 1.0, actions[:, :LANES].shape)
+        steps = [first, *_steps(env, actions)]
+        tables.append([step[:LANES] for step in steps])
+        env.close()
+    found = [_differing(tables[0], other, "with threads or more neighbours") for other in tables[1:]]
+    return max(found, key=lambda finding: finding.found)

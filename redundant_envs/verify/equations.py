@@ -1,0 +1,305 @@
+"""Are the equations of an arm consistent? Each is derived again from the point masses.
+
+The equations are run on numbers with derivatives, so comparisons are exact to rounding. Forces and
+inertias are compared in units in which the mass matrix has ones on its diagonal: neither the unit of a joint
+nor a light link at the end of a heavy arm hides a mistake. Sums of at most ten joints in float64, whose terms
+may cancel, lose some 1e-14 in these units; sines of joint angles that a user's equations add up lose as much.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from redundant_envs.algebra import numbered
+from redundant_envs.dual import Dual, dual
+from redundant_envs.effects.hooks import Inertia
+from redundant_envs.lane.direct import fields_of
+from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.quantities import Quantities
+from redundant_envs.robots.arm import Arm
+from redundant_envs.verify.checks import (
+    Array,
+    Finding,
+    Mode,
+    NotApplicable,
+    Trial,
+    at_least,
+    at_most,
+    check,
+    ratio,
+)
+
+AGREE = at_most(1e-10)
+"""At least a thousand times the rounding errors, and a thousandth of the smallest mistake in a formula: a
+factor, a sign, an index."""
+LEAST = 1e-4
+"""Bias forces are compared with at least this share of the forces that the kinetic energy could cause: a
+single link has no bias forces, and sums over its point mass leave rounding."""
+TILTED = {"ax": 5.0, "ay": 9.81}
+"""A field that is not vertical, m/s^2."""
+
+
+class Equations(NamedTuple):
+    """Quantities that follow from the point masses alone, at the states of a trial.
+
+    Attributes
+    ----------
+    points : (n, masses, 2)
+    slopes : (n, masses, 2, joints)
+        Derivatives of the points by the coordinates.
+    M : (n, joints, joints)
+        Mass matrix, inertias that effects add included.
+    scale : (n, joints)
+        Roots of its diagonal.
+    change : (n, joints, joints, joints)
+        Derivatives of the arm's own mass matrix by the coordinates, the last axis.
+    """
+
+    points: Array
+    slopes: Array
+    M: Array
+    scale: Array
+    change: Array
+
+
+def values_of(arm: Arm, q: Array, qd: Array | None = None, along: Array | None = None) -> dict[str, Any]:
+    """Known quantities of an arm at some states; with ``along`` the coordinates have these derivatives."""
+    values: dict[str, Any] = {**arm.parameter_values(), "ax": 0.0, "ay": 0.0}
+    for k, name in enumerate(arm.coordinates):
+        values[name] = q[:, k] if along is None else Dual(q[:, k], along[:, k])
+    if qd is not None:
+        values |= {name: qd[:, k] for k, name in enumerate(arm.rates)}
+    return values
+
+
+def table(arm: Arm, names: Iterable[str], values: dict[str, Any], count: int, slope: bool = False) -> Array:
+    """Quantities, or their derivatives, (count, names)."""
+    found = arm.evaluate(names, values)
+    parts = [dual(x).slope if slope else x for x in found]
+    return np.stack([np.broadcast_to(np.asarray(x, float), count) for x in parts], axis=-1)
+
+
+def slopes(arm: Arm, names: Iterable[str], q: Array) -> Array:
+    """Derivatives of quantities of the position by each coordinate, (n, names, joints)."""
+    wanted, columns = list(names), []
+    for k in range(q.shape[1]):
+        along = np.zeros_like(q)
+        along[:, k] = 1.0
+        columns.append(table(arm, wanted, values_of(arm, q, along=along), len(q), slope=True))
+    return np.stack(columns, axis=-1)
+
+
+def entries(letter: str, rows: int, columns: int) -> list[str]:
+    return [f"{letter}{i + 1}{j + 1}" for i in range(rows) for j in range(columns)]
+
+
+def added_inertia(trial: Trial) -> Array:
+    """Inertias that effects add to the mass matrix beside masses, (joints, joints)."""
+    arm = trial.scene.robot
+    total = np.zeros((len(arm.joints),) * 2)
+    for effect in trial.scene.effects:
+        for hook in effect.hooks(arm):
+            if isinstance(hook, Inertia):
+                direction = arm.motor_map[:, list(hook.joints)].sum(axis=1)
+                total += effect.parameters()[hook.inertia[1:]] * np.outer(direction, direction)
+    return total
+
+
+def from_points(trial: Trial) -> Equations:
+    return equations_at(trial.arm, added_inertia(trial), trial.states[0])
+
+
+def at_poses(trial: Trial) -> Equations:
+    return equations_at(trial.arm, added_inertia(trial), trial.poses[0])
+
+
+def equations_at(arm: Arm, added: Array, q: Array) -> Equations:
+    """Quantities that follow from the point masses, and from the inertias that effects add."""
+    n, joints, masses = len(q), len(arm.joints), np.array(arm.masses)
+    of_points = [f"{axis}{k + 1}" for k in range(arm.num_masses) for axis in "xy"]
+    slope = slopes(arm, of_points, q).reshape(n, -1, 2, joints)
+    M = np.einsum("p,npai,npaj->nij", masses, slope, slope) + added
+    change = slopes(arm, entries("M", joints, joints), q).reshape(n, joints, joints, joints)
+    return Equations(arm.points(q), slope, M, np.sqrt(np.einsum("nii->ni", M)), change)
+
+
+def found(trial: Trial, gaps: Array, what: str, names: Iterable[str] = ()) -> Finding:
+    gap, where = trial.worst(gaps, names)
+    return Finding(gap, where, f"{trial.arm.kind}: {what} by {gap:.1e} of its size")
+
+
+@check("mass matrix", AGREE, Mode.QUICK)
+def mass_matrix(trial: Trial) -> Finding:
+    """M is the sum of m_k J_k^T J_k over the point masses."""
+    own, e = trial.arm.mass_matrix(trial.poses[0]), trial.shared(at_poses)
+    gaps = ratio(own - e.M, e.scale[:, :, None] * e.scale[:, None, :])
+    return found(trial, gaps, "M contradicts the point masses")
+
+
+@check("mass matrix is positive", at_least(1e-14), Mode.QUICK)
+def positive(trial: Trial) -> Finding:
+    """The smallest eigenvalue of M, with its diagonal scaled to ones.
+
+    Positive masses and lengths make it positive in every pose; below 1e-14 rounding may make it negative.
+    """
+    own, e = trial.arm.mass_matrix(trial.poses[0]), trial.shared(at_poses)
+    scaled = own / (e.scale[:, :, None] * e.scale[:, None, :])
+    if not np.isfinite(scaled).all():
+        return Finding(np.nan, "", f"{trial.arm.kind}: M is not finite, or a joint moves no mass")
+    least = np.linalg.eigvalsh(0.5 * (scaled + np.swapaxes(scaled, 1, 2)))[:, 0]
+    state = int(np.argmin(least))
+    words = f"{trial.arm.kind}: M is not positive definite: a motion has no, or negative, kinetic energy"
+    return Finding(float(least[state]), f"state {state}", words)
+
+
+@check("bias forces", AGREE, Mode.QUICK)
+def bias_forces(trial: Trial) -> Finding:
+    """h is the bias force of Lagrange's equations with the arm's own M."""
+    (q, qd), e = trial.poses, trial.shared(at_poses)
+    expected = np.einsum("nijk,nj,nk->ni", e.change, qd, qd)
+    expected -= 0.5 * np.einsum("njki,nj,nk->ni", e.change, qd, qd)
+    terms = np.einsum("nijk,nj,nk->ni", np.abs(e.change), np.abs(qd), np.abs(qd))
+    terms += 0.5 * np.einsum("njki,nj,nk->ni", np.abs(e.change), np.abs(qd), np.abs(qd))
+    size = (terms / e.scale).max(axis=1, keepdims=True)
+    size = np.maximum(
+        size, LEAST * np.square(e.scale * qd).sum(axis=1, keepdims=True) / e.scale.max(axis=1)[:, None]
+    )
+    gaps = ratio((trial.arm.bias_forces(q, qd) - expected) / e.scale, size)
+    return found(trial, gaps, "h contradicts the derivatives of M")
+
+
+@check("passivity", AGREE, Mode.QUICK)
+def passivity(trial: Trial) -> Finding:
+    """qd^T (M' qd - 2 h) = 0: bias forces do no work beyond the change of M."""
+    (q, qd), e = trial.poses, trial.shared(at_poses)
+    rate = np.einsum("nijk,nk->nij", e.change, qd)
+    power = np.einsum("ni,nij,nj->n", qd, rate, qd) - 2.0 * np.einsum(
+        "ni,ni->n", qd, trial.arm.bias_forces(q, qd)
+    )
+    size = np.einsum("ni,nijk,nj,nk->n", np.abs(qd), np.abs(e.change), np.abs(qd), np.abs(qd))
+    size = np.maximum(size, LEAST * np.square(e.scale * qd).sum(axis=1) * np.abs(qd).max(axis=1))
+    return found(trial, ratio(power, size), "h does work: qd^T (M' - 2 C) qd is not 0 but off")
+
+
+@check("Coriolis matrix", AGREE)
+def coriolis(trial: Trial) -> Finding:
+    """C follows from Christoffel's symbols of M, so C + C^T = M', and C qd = h, if the arm has C."""
+    arm, (q, qd), e = trial.arm, trial.poses, trial.shared(at_poses)
+    if not any("C11" in getattr(f, "physics_gives", ()) for f in arm.functions):
+        raise NotApplicable("the arm gives no C")
+    C = arm.coriolis_matrix(q, qd)
+    scale = e.scale[:, :, None] * e.scale[:, None, :]
+    size = (np.einsum("nijk,nk->nij", np.abs(e.change), np.abs(qd)) / scale).max(axis=(1, 2))
+    size = np.maximum(size, LEAST * np.abs(qd).max(axis=1))
+    rate = np.einsum("nijk,nk->nij", e.change, qd)
+    turn = np.einsum("nikj,nk->nij", e.change, qd)
+    christoffel = 0.5 * (rate + turn - np.swapaxes(turn, 1, 2))
+    gaps = ratio((C - christoffel) / scale, size[:, None, None])
+    power = (np.einsum("nij,nj->ni", C, qd) - arm.bias_forces(q, qd)) / e.scale
+    moved = size * (e.scale * np.abs(qd)).max(axis=1)
+    gaps = np.concatenate([gaps, ratio(power, moved[:, None])[:, :, None]], axis=2)
+    return found(trial, gaps, "C contradicts M or h")
+
+
+@check("gravity forces", AGREE, Mode.QUICK)
+def gravity_forces(trial: Trial) -> Finding:
+    """G is the moment of the weights, and the derivative of U, in a field of either direction."""
+    arm, (q, _), e = trial.arm, trial.poses, trial.shared(at_poses)
+    masses, joints = np.array(arm.masses), len(arm.joints)
+    gaps = []
+    for axis, field in enumerate(({"ax": 1.0, "ay": 0.0}, {"ax": 0.0, "ay": 1.0})):
+        expected = np.einsum("p,npj->nj", masses, e.slopes[:, :, axis])
+        own = table(arm, numbered("G{}", joints), values_of(arm, q) | field, len(q))
+        gaps.append(ratio(own - expected, e.scale * np.sqrt(masses.sum())))
+        energy = table(arm, ["U"], values_of(arm, q) | field, len(q))
+        height = np.einsum("p,np->n", masses, e.points[:, :, axis])[:, None]
+        gaps.append(ratio(energy - height, np.abs(masses * e.points[:, :, axis]).sum(1)[:, None]))
+    return found(trial, np.concatenate(gaps, axis=1), "G or U contradicts the point masses", arm.joints * 4)
+
+
+@check("kinetic energy", AGREE, Mode.QUICK)
+def kinetic_energy(trial: Trial) -> Finding:
+    """T is qd^T M qd / 2 of the point masses."""
+    (q, qd), e = trial.poses, trial.shared(at_poses)
+    expected = 0.5 * np.einsum("ni,nij,nj->n", qd, e.M, qd)
+    size = 0.5 * (e.scale * np.abs(qd)).sum(axis=1) ** 2
+    return found(trial, ratio(trial.arm.kinetic_energy(q, qd) - expected, size), "T contradicts the masses")
+
+
+@check("forward dynamics", AGREE, Mode.QUICK)
+def forward_dynamics(trial: Trial) -> Finding:
+    """M qdd + h + G = Q holds for the accelerations under random forces, in a field that is not vertical.
+
+    A stable elimination keeps the residual small, however badly conditioned M is.
+    """
+    arm, (q, qd), e = trial.arm, trial.poses, trial.shared(at_poses)
+    Q = np.random.default_rng(trial.seed + 1).normal(0.0, 5.0, q.shape) * e.scale
+    n = len(arm.joints)
+    values = values_of(arm, q, qd) | TILTED | {f"Q{k + 1}": Q[:, k] for k in range(n)}
+    qdd, G = (table(arm, numbered(form, n), values, len(q)) for form in ("qdd{}", "G{}"))
+    h = arm.bias_forces(q, qd)
+    own = arm.mass_matrix(q)
+    terms = np.einsum("nij,nj->ni", np.abs(own), np.abs(qdd)) + np.abs(h) + np.abs(G) + np.abs(Q)
+    left = (np.einsum("nij,nj->ni", own, qdd) + h + G - Q) / e.scale
+    gaps = ratio(left, (terms / e.scale).max(axis=1, keepdims=True))
+    return found(trial, gaps, "the accelerations contradict M qdd + h + G = Q")
+
+
+@check("mobility bounds", at_most(1.0 + 1e-9), Mode.QUICK)
+def mobility_bounds(trial: Trial) -> Finding:
+    """diag(B^T M^-1 B) is nowhere above the bounds from which error control computes how stiff a spring is.
+
+    A bound may be attained to rounding, by a straight arm or one with right angles.
+    """
+    arm, (q, _) = trial.scene.robot, trial.poses
+    if arm.mobility_bounds is None:
+        raise NotApplicable("the arm gives none")
+    B, names = arm.motor_map, numbered("W{}", len(arm.joints))
+    bounds = np.array(Quantities(arm.parameter_values(), (arm.mobility_bounds,), {}).each(names), float)
+    q = np.concatenate([q, trial.square])
+    own = np.einsum("ji,njk,ki->ni", B, np.linalg.inv(arm.mass_matrix(q)), B) / bounds
+    most, where = trial.worst(own)
+    return Finding(
+        most, where, f"{arm.kind}: the mobility is {most:.3g} of its bound: error control trusts it"
+    )
+
+
+@check("sliders held and struck", AGREE, Mode.QUICK)
+def sliders(trial: Trial) -> Finding:
+    """Held dynamics are those of the constrained system, with each slider held alone and with all held, and
+    slider mobilities are columns of M^-1."""
+    arm, (q, qd), e = trial.arm, trial.poses, trial.shared(at_poses)
+    slides = arm.sliders()
+    if not slides:
+        raise NotApplicable("the arm has no slider")
+    n, dynamics, own = len(arm.joints), Dynamics(trial.scene), arm.mass_matrix(q)
+    Q = np.random.default_rng(trial.seed + 2).normal(0.0, 5.0, q.shape) * e.scale
+    gaps = []
+    for held in dict.fromkeys((tuple(slides), *((k,) for k in slides))):
+        rates = qd.copy()
+        rates[:, held] = 0.0
+        values = fields_of(dynamics) | values_of(arm, q, rates) | TILTED
+        values |= {f"Q{k + 1}": Q[:, k] for k in range(n)}
+        values |= {f"held{k + 1}": np.full(len(q), float(k in held)) for k in slides}
+        x = Quantities(values, dynamics.functions_held, arm.sincos)
+        qdd, hold = _columns(x, numbered("qdd{}", n), len(q)), np.zeros_like(q)
+        hold[:, held] = _columns(x, [f"hold{k + 1}" for k in held], len(q))
+        h, G = arm.bias_forces(q, rates), table(arm, numbered("G{}", n), values_of(arm, q) | TILTED, len(q))
+        terms = np.einsum("nij,nj->ni", np.abs(own), np.abs(qdd)) + np.abs(h) + np.abs(G) + np.abs(Q)
+        size = (terms / e.scale).max(axis=1, keepdims=True)
+        left = (np.einsum("nij,nj->ni", own, qdd) + h + G - Q - hold) / e.scale
+        gaps += [ratio(left, size), ratio(np.where(np.isin(range(n), held), qdd, 0.0) * e.scale, size)]
+    for k in slides:
+        W = _columns(x, [f"W{i + 1}{k + 1}" for i in range(n)], len(q))
+        product = np.einsum("nij,nj->ni", own, W) - np.eye(n)[k]
+        most = (np.einsum("nij,nj->ni", np.abs(own), np.abs(W)) / e.scale).max(axis=1, keepdims=True)
+        gaps.append(ratio(product / e.scale, most))
+    words = "held_dynamics or slider_mobility contradicts M"
+    return found(trial, np.concatenate(gaps, axis=1), words, arm.joints * len(gaps))
+
+
+def _columns(x: Quantities, names: Iterable[str], count: int) -> Array:
+    return np.stack([np.broadcast_to(a, count) for a in x.each(names)], axis=1)

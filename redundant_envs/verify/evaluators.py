@@ -1,0 +1,111 @@
+"""Do the evaluators of a scene agree: compiled code, NumPy, single numbers, torch?"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from redundant_envs.lane.direct import cross_interval, fields_of
+from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.lane.interval import Interval
+from redundant_envs.model.batch import BatchSimulator
+from redundant_envs.scene import SHORTEST_INTERVAL, Scene
+from redundant_envs.verify.checks import (
+    Array,
+    Finding,
+    Mode,
+    NotApplicable,
+    Trial,
+    at_most,
+    check,
+    ratio,
+)
+
+AGREE = at_most(1e-10)
+"""Largest difference, relative to the largest number of a kind. Evaluators differ by the rounding of joined
+products, some 1e-15, which impacts amplify; another form of an equation differs by a thousandth and more."""
+LANES, SINGLES = 16, 4
+MOST_STEPS = 4
+"""Number of equal steps that are compared: without a compiler each takes some milliseconds."""
+MOST_EVALUATIONS = 24 * 12
+"""Most evaluations of a compared lane that chooses its steps."""
+
+
+class Ended(NamedTuple):
+    """Ends of intervals by compiled code.
+
+    Attributes
+    ----------
+    scene : Scene
+        The trial's, with a calm interval of few equal steps.
+    lanes : (lanes,) the states of the trial that are compared
+    states : (lanes, 2 joints)
+    """
+
+    scene: Scene
+    lanes: Array
+    states: Array
+
+
+def compiled(trial: Trial) -> Ended:
+    """States at the end of an interval by compiled code, for those whose interval needs few evaluations."""
+    own = trial.calm_scene
+    steps = min(own.substeps, MOST_STEPS)
+    seconds = max(own.control_dt / own.substeps * steps, SHORTEST_INTERVAL)
+    scene = dataclasses.replace(own, control_dt=seconds, substeps=steps)
+    q, qd, efforts = trial.states
+    batch = BatchSimulator(scene, len(q), track_work=True)
+    batch.set_state(q, qd)
+    status = batch.advance(efforts)
+    short = (status.evaluations <= MOST_EVALUATIONS) & (trial.calm >= scene.control_dt)
+    lanes = np.flatnonzero(short & (status.numerics == 0))[:LANES]
+    if not len(lanes):
+        raise NotApplicable(f"every interval takes more than {MOST_EVALUATIONS} evaluations")
+    return Ended(scene, lanes, np.concatenate([batch.q, batch.qd], axis=1)[lanes])
+
+
+def direct(trial: Trial, lanes: Array, convert: Callable[[Array], Any]) -> Array:
+    """The same by running the procedures, without compilation, on numbers of another kind."""
+    dynamics = Dynamics(trial.shared(compiled).scene)
+    q, qd, efforts = (x[lanes] for x in trial.states)
+    names = (*dynamics.states[: 2 * q.shape[1]], *dynamics.commands)
+    columns = np.concatenate([q, qd, efforts], axis=1).T
+    fields = fields_of(dynamics) | {n: s.initial for n, s in dynamics.effect_states.items()}
+    fields |= {n: convert(x) for n, x in zip(names, columns, strict=True)}
+    lane = cross_interval(Interval(dynamics), fields)
+    states = dynamics.states[: 2 * q.shape[1]]
+    return np.stack([np.broadcast_to(np.asarray(lane[s]), len(lanes)) for s in states], axis=1)
+
+
+def agreement(trial: Trial, found: Array, other: str) -> Finding:
+    expected = trial.shared(compiled).states[: len(found)]
+    joints = len(trial.arm.joints)
+    size = np.abs(expected).reshape(len(expected), 2, joints).max(axis=(0, 2))
+    gaps = ratio(found - expected, np.repeat(size, joints))
+    most, where = trial.worst(gaps, (*trial.arm.coordinates, *trial.arm.rates))
+    return Finding(most, where, f"compiled code and {other} are {most:.1e} apart after an interval")
+
+
+@check("evaluators: NumPy", AGREE)
+def arrays(trial: Trial) -> Finding:
+    """Compiled code and the same procedures on arrays end an interval in the same state."""
+    return agreement(trial, direct(trial, trial.shared(compiled).lanes, np.ascontiguousarray), "NumPy")
+
+
+@check("evaluators: single numbers", AGREE)
+def singles(trial: Trial) -> Finding:
+    """Compiled code and the same procedures on single numbers end an interval in the same state."""
+    lanes = trial.shared(compiled).lanes[:SINGLES]
+    rows = [direct(trial, lanes[k : k + 1], lambda x: np.float64(x[0])) for k in range(len(lanes))]
+    return agreement(trial, np.concatenate(rows), "single numbers")
+
+
+@check("evaluators: torch", AGREE, Mode.FULL)
+def tensors(trial: Trial) -> Finding:
+    """Compiled code and the same procedures on torch tensors end an interval in the same state."""
+    from redundant_envs.backends.torch import number
+
+    return agreement(trial, direct(trial, trial.shared(compiled).lanes, number), "torch")

@@ -1,0 +1,172 @@
+"""Do forces agree with the declarations of their effects? Potentials against forces, and laws where they
+meet."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from redundant_envs.algebra import numbered
+from redundant_envs.effects.hooks import Effect, Field, Force
+from redundant_envs.model.energy import at_joints, hook_value, potential_energy
+from redundant_envs.scene import Scene
+from redundant_envs.verify.checks import (
+    ENOUGH_SMOOTH,
+    ROUNDING,
+    Array,
+    Finding,
+    Mode,
+    NotApplicable,
+    Trial,
+    at_most,
+    check,
+    ratio,
+)
+from redundant_envs.verify.states import BEYOND
+
+STEP = 1e-5
+"""Step of the differences, rad and m: far below the lengths over which a potential changes its shape (1e-2),
+far above the limit of rounding (1e-11)."""
+SHARE_OF_TRAVEL = 0.01
+"""Largest step of a difference as a fraction of the travel of a joint, so that few straddle its ends."""
+AGREEMENT = 1e-5
+"""Largest gap between a force and the slope of its potential, in units of the force: a thousand times the
+error of differences of a smooth potential."""
+SMOOTH = 1e-6
+"""If two differences agree to this, in units of the force, the potential is smooth there: at a kink, such as
+the limit of a spring, no difference is a derivative, and the state is not judged."""
+SMALL_FORCE = 1e-6
+"""A force below this, in units of the largest of all states, is compared with that."""
+
+
+@check("potentials against forces", at_most(AGREEMENT), Mode.QUICK)
+def potentials(trial: Trial) -> Finding:
+    """Every effect's conservative force is minus the slope of its potential, also beyond the travel, and over
+    several turns."""
+
+    def has_one(effect: Effect) -> bool:
+        hooks = effect.hooks(trial.scene.robot)
+        return any(isinstance(h, Field) or (isinstance(h, Force) and h.conservative) for h in hooks)
+
+    found = [_potential(trial, effect, trial.poses[0]) for effect in trial.scene.effects if has_one(effect)]
+    if not found:
+        raise NotApplicable("no effect has a potential")
+    return max(found, key=lambda f: f.found if f.found == f.found else np.inf)
+
+
+def _potential(trial: Trial, effect: Effect, q: Array) -> Finding:
+    arm: Any = trial.scene.robot
+    alone = Scene(arm, (effect,))
+    inverse = np.linalg.inv(arm.motor_map)  # from joint positions to coordinates
+    here = np.abs(potential_energy(alone, q))
+    slope, rough = np.empty_like(q), np.empty_like(q)
+    step = np.full(len(arm.joints), STEP)
+    for k, (lower, upper) in alone.travel().items():
+        step[k] = min(STEP, SHARE_OF_TRAVEL * (alone.parameters()[upper] - alone.parameters()[lower]))
+    for k in range(len(arm.joints)):
+
+        def difference(steps: int, joint: int = k) -> Array:
+            move = steps * step[joint] * inverse[joint]
+            above, below = q + move, q - move
+            moved = ((above - below) @ arm.motor_map)[:, joint]  # for a large angle not exactly the step
+            return (potential_energy(alone, above) - potential_energy(alone, below)) / moved
+
+        near, far = difference(1), difference(2)
+        slope[:, k] = -(4.0 * near - far) / 3.0
+        rough[:, k] = np.abs(near - far)
+    force = conservative_force(alone, effect, q)
+    largest = np.maximum(np.abs(force), np.abs(slope)).max(axis=1)
+    scale = np.maximum(largest, SMALL_FORCE * largest.max())[:, None]
+    noise = ROUNDING * here[:, None] / step
+    smooth = np.all(rough <= SMOOTH * scale + noise, axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        gap = np.where(smooth[:, None], np.maximum(np.abs(force - slope) - noise, 0.0) / scale, 0.0)
+    gap = np.where(scale > 0.0, gap, 0.0)
+    most, where = trial.worst(gap)
+    share = float(np.mean(smooth))
+    if share < ENOUGH_SMOOTH:
+        words = (
+            f"{effect.key}: the potential can be differentiated at {100 * share:.0f} % of the states only; "
+            "it must change smoothly"
+        )
+        return Finding(np.inf, effect.key, words)
+    state, joint = np.unravel_index(int(np.argmax(gap)), gap.shape)
+    words = (
+        f"{effect.key}: at {arm.joints[joint]} the conservative force is {force[state, joint]:.6g} and minus "
+        f"the derivative of the potential {slope[state, joint]:.6g}; one is wrong (its sign, a factor, its "
+        "joint)"
+    )
+    return Finding(most, f"{where}, {effect.key}", words)
+
+
+def conservative_force(scene: Scene, effect: Effect, q: Array) -> Array:
+    """The forces at the joints that an effect books as potential energy, (n, joints), N m or N."""
+    arm: Any = scene.robot
+    values = {**arm.parameter_values(), "ax": 0.0, "ay": 0.0}
+    values |= {name: q[:, k] for k, name in enumerate(arm.coordinates)}
+    force = np.zeros_like(q)
+    for hook in effect.hooks(arm):
+        if isinstance(hook, Force) and hook.conservative is not None:
+            force += at_joints(arm, effect, hook, hook.conservative, values)
+        elif isinstance(hook, Field):
+            ax, ay = hook_value(arm, effect, hook, hook.function, values)
+            weight = arm.evaluate(numbered("G{}", len(arm.joints)), {**values, "ax": ax, "ay": ay})
+            columns = np.stack([np.broadcast_to(g, len(q)) for g in weight], axis=1)
+            force -= columns @ np.linalg.inv(arm.motor_map).T
+    return force
+
+
+# ---- laws that meet ------------------------------------------------------------------------------
+
+CONTINUOUS = 1e-9
+"""Largest jump of a force where its law changes, in units of the largest force nearby."""
+
+
+@check("forces at their switches", at_most(CONTINUOUS), Mode.QUICK)
+def forces_at_switches(trial: Trial) -> Finding:
+    """Both laws of a force with a ``switch`` are equal where they meet, at random rates, with the initial
+    values of its states."""
+    found = [
+        _jump(trial, effect, hook, limit, side)
+        for effect in trial.scene.effects
+        for hook in effect.hooks(trial.scene.robot)
+        if isinstance(hook, Force) and hook.switch is not None
+        for limit, side in zip(hook.switch, (-1.0, 1.0), strict=True)
+    ]
+    if not found:
+        raise NotApplicable("no force changes its law at a position")
+    return max(found, key=lambda f: f.found if f.found == f.found else np.inf)
+
+
+def _jump(trial: Trial, effect: Effect, hook: Force, limit: str, side: float) -> Finding:
+    arm: Any = trial.scene.robot
+    q, qd, _ = trial.states
+    own, joints = effect.parameters(), q @ arm.motor_map
+    lower, upper = (own[name[1:]] for name in hook.switch or ())
+    width = upper - lower if np.isfinite(upper - lower) else 1.0
+    if not np.isfinite(own[limit[1:]]):
+        return Finding(0.0)
+
+    def force(beyond: Array | float, side: float) -> Array:
+        joints[:, hook.joint] = own[limit[1:]] + beyond
+        at = joints @ np.linalg.inv(arm.motor_map)
+        values = {**arm.parameter_values(), "ax": 0.0, "ay": 0.0}
+        for names, numbers in ((arm.coordinates, at), (arm.rates, qd)):
+            values |= {name: numbers[:, k] for k, name in enumerate(names)}
+        told = hook_value(arm, effect, hook, hook.function, values, side)
+        return np.broadcast_to(np.asarray(told, np.float64), len(q))
+
+    inside, outside = force(0.0, 0.0), force(0.0, side)
+    share = np.linspace(0.0, BEYOND, len(q))
+    nearby = np.maximum(np.abs(force(side * share * width, side)), np.abs(force(-side * share * width, 0.0)))
+    # The position itself is rounded, which matters for a stiff force between close limits.
+    rounding = ROUNDING * (1.0 + np.abs(joints).sum(axis=1)) * nearby.max() / (BEYOND * width)
+    most, where = trial.worst(ratio(np.maximum(np.abs(inside - outside) - rounding, 0.0), nearby.max()))
+    state = int(np.argmax(np.abs(inside - outside)))
+    words = (
+        f"{effect.key}: at {hook.switch}, {limit} = {own[limit[1:]]:g} of {arm.joints[hook.joint]}, the "
+        f"force is {inside[state]:.6g} by the law between and {outside[state]:.6g} by the law beyond; they "
+        "must be equal, since a motion cannot be located where its force jumps to and fro"
+    )
+    return Finding(most, f"{where}, {effect.key}", words)

@@ -1,0 +1,181 @@
+"""Are impacts at hard stops those of rigid bodies? Each is compared with an impulse from the mass matrix."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from redundant_envs.effects.hooks import Impact
+from redundant_envs.model.batch import BatchSimulator
+from redundant_envs.verify.checks import (
+    ENOUGH_SMOOTH,
+    EQUAL_BITS,
+    Array,
+    Finding,
+    Mode,
+    NotApplicable,
+    Trial,
+    at_most,
+    check,
+    ratio,
+)
+from redundant_envs.verify.equations import from_points
+
+SHORT = 1e-10
+"""Simulated time after an impact, s, for an arm of a metre and more, and shorter for shorter arms: forces
+change velocities by 1e-7 in it, which is subtracted."""
+SMALL = 0.01
+"""Below this restitution a slider may come to rest at its stop instead of an invisible bounce."""
+AGREE = at_most(1e-8)
+"""Largest relative error of velocities and energies: the impulse follows from an elimination that loses
+digits by the condition of M, at most 1e6 for reasonable arms, and the remaining effect of the time after it
+is below 1e-10."""
+
+
+class Struck(NamedTuple):
+    """States in which one slider strikes a stop, and the velocities afterwards.
+
+    Attributes
+    ----------
+    joint : (n,) index of the slider
+    qd, after, expected : (n, joints)
+    M : (n, joints, joints)
+    restitution : (n,)
+    good : (n,) bool
+    """
+
+    joint: Array
+    qd: Array
+    after: Array
+    expected: Array
+    M: Array
+    restitution: Array
+    good: Array
+
+
+def stops(trial: Trial) -> list[tuple[int, float, float, float]]:
+    """For every slider with stops: joint, lower and upper end, restitution."""
+    found, arm = [], trial.scene.robot
+    for effect in trial.scene.effects:
+        for hook in effect.hooks(arm):
+            if isinstance(hook, Impact):
+                own = effect.parameters()
+                numbers = (own[name[1:]] for name in (hook.lower, hook.upper, hook.restitution))
+                found.append((hook.joint, *numbers))
+    if not found:
+        raise NotApplicable("the scene has no hard stops")
+    if not any(np.isfinite(x[1:3]).any() for x in found):
+        raise NotApplicable("no stop has an end")
+    return found  # type: ignore[return-value]
+
+
+def struck(trial: Trial) -> Struck:
+    """Each state with one slider at a stop of its travel, moving outwards; the others are between their
+    stops."""
+    ends = stops(trial)
+    q, qd, _ = (x.copy() for x in trial.states)
+    rng = np.random.default_rng(trial.seed + 3)
+    for joint, low, high, _ in ends:
+        low, high = (low, high) if np.isfinite([low, high]).all() else _finite(low, high)
+        q[:, joint] = rng.uniform(low + 0.1 * (high - low), high - 0.1 * (high - low), len(q))
+    sides = [(j, end, way) for j, low, high, _ in ends for end, way in ((low, -1.0), (high, 1.0))]
+    sides = [x for x in sides if np.isfinite(x[1])]
+    chosen = rng.integers(len(sides), size=len(q))
+    struck_joint = np.array([x[0] for x in sides])[chosen]
+    rows = np.arange(len(q))
+    q[rows, struck_joint] = np.array([x[1] for x in sides])[chosen]
+    qd[rows, struck_joint] = np.array([x[2] for x in sides])[chosen] * rng.uniform(0.5, 1.5, len(q))
+    e, ways = ends[0][3], []
+    good = np.ones(len(q), bool)
+    short = SHORT * min(1.0, np.linalg.norm(trial.arm.points(q), axis=2).max())
+    for seconds in (short, 2.0 * short):
+        batch = BatchSimulator(trial.scene, len(q), track_work=True)
+        batch.set_state(q, qd)
+        status = batch.advance_partly(None, seconds)
+        good &= (status.events > 0) & (status.numerics == 0)
+        ways.append(batch.qd)
+    M = trial.arm.mass_matrix(q)
+    push = np.linalg.solve(M, np.eye(q.shape[1])[struck_joint][..., None])[..., 0]
+    after = 2.0 * ways[0] - ways[1]
+    back = np.abs(after[rows, struck_joint]) <= 0.5 * e * np.abs(qd[rows, struck_joint])
+    own = np.where(back & (e < SMALL), 0.0, e)
+    impulse = -(1.0 + own) * qd[rows, struck_joint] / push[rows, struck_joint]
+    return Struck(struck_joint, qd, after, qd + push * impulse[:, None], M, own, good)
+
+
+def _finite(low: float, high: float) -> tuple[float, float]:
+    """The travel of a slider; half a metre if one end is missing."""
+    return (low, low + 0.5) if np.isfinite(low) else (high - 0.5, high) if np.isfinite(high) else (0.0, 0.5)
+
+
+def _judged(trial: Trial, s: Struck) -> Array:
+    if np.mean(s.good) < ENOUGH_SMOOTH:
+        raise ValueError(
+            f"a slider that strikes its stop has an event in {np.mean(s.good):.0%} of the states"
+        )
+    return s.good
+
+
+@check("impacts: velocities", AGREE, Mode.QUICK)
+def velocities(trial: Trial) -> Finding:
+    """The slider returns with ``restitution`` times its speed, and the arm moves as the impulse requires."""
+    stops(trial)
+    s, e = trial.shared(struck), trial.shared(from_points)
+    good = _judged(trial, s)
+    size = (e.scale * np.abs(s.qd)).max(axis=1, keepdims=True)
+    gaps = np.where(good[:, None], ratio((s.after - s.expected) * e.scale, size), 0.0)
+    most, where = trial.worst(gaps)
+    return Finding(most, where, f"velocities after an impact are off by {most:.1e}: impulse or restitution")
+
+
+@check("impacts: momentum", AGREE, Mode.QUICK)
+def momentum(trial: Trial) -> Finding:
+    """M dqd has an entry only at the slider: the impulse acts along it."""
+    stops(trial)
+    s, e = trial.shared(struck), trial.shared(from_points)
+    good = _judged(trial, s)
+    change = np.einsum("nij,nj->ni", s.M, s.after - s.qd)
+    rows = np.arange(len(change))
+    size = (e.scale * np.abs(s.qd)).max(axis=1)
+    change[rows, s.joint] = 0.0
+    gaps = np.where(good[:, None], ratio(change / e.scale, size[:, None]), 0.0)
+    most, where = trial.worst(gaps)
+    return Finding(most, where, "an impact changes momenta of joints that it does not act on")
+
+
+@check("impacts: energy", AGREE, Mode.QUICK)
+def energy(trial: Trial) -> Finding:
+    """An impact takes (1 - restitution^2) v^2 / (2 W_jj), with W the inverse of M."""
+    stops(trial)
+    s = trial.shared(struck)
+    good = _judged(trial, s)
+    before, after = (0.5 * np.einsum("ni,nij,nj->n", v, s.M, v) for v in (s.qd, s.after))
+    rows = np.arange(len(before))
+    own = np.linalg.inv(s.M)[rows, s.joint, s.joint]
+    lost = (1.0 - s.restitution**2) * s.qd[rows, s.joint] ** 2 / (2.0 * own)
+    gaps = np.where(good, ratio(after - before + lost, before), 0.0)
+    most, where = trial.worst(gaps)
+    return Finding(most, where, f"the energy of an impact is off by {most:.1e} of the kinetic energy")
+
+
+INTERVALS = 20
+
+
+@check("impacts: no slider beyond its stop", EQUAL_BITS, Mode.QUICK)
+def inside(trial: Trial) -> Finding:
+    """After each of some control intervals every slider is within its stops, to the last bit."""
+    ends = stops(trial)
+    q, qd, efforts = trial.states
+    batch = BatchSimulator(trial.scene, len(q), track_work=True)
+    batch.set_state(q, qd)
+    beyond = np.zeros(q.shape)
+    for _ in range(INTERVALS):
+        batch.advance(efforts)
+        now = batch.q
+        for joint, low, high, _ in ends:
+            out = np.maximum(low - now[:, joint], now[:, joint] - high)
+            beyond[:, joint] = np.maximum(beyond[:, joint], np.where(np.isnan(out), 0.0, out))
+    most, where = trial.worst(beyond)
+    lanes = int((beyond > 0.0).any(axis=1).sum())
+    return Finding(lanes, where if lanes else "", f"a slider is up to {most:.1e} m beyond its stop")

@@ -1,0 +1,229 @@
+"""Do the further quantities of an arm follow from its point masses, and from its joints?"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from redundant_envs.algebra import numbered
+from redundant_envs.dual import Dual, dual
+from redundant_envs.effects.hooks import Inertia
+from redundant_envs.quantities import Quantities
+from redundant_envs.tasks.base import full_reach
+from redundant_envs.verify.checks import (
+    Array,
+    Finding,
+    Mode,
+    Trial,
+    at_least,
+    at_most,
+    check,
+    ratio,
+)
+from redundant_envs.verify.equations import AGREE, at_poses, entries, found, slopes, table, values_of
+
+
+@check("Jacobian", AGREE, Mode.QUICK)
+def jacobian(trial: Trial) -> Finding:
+    """J is the derivative of the tip, the tip is the last point mass, and its velocity is J qd."""
+    arm, (q, qd), e = trial.arm, trial.poses, trial.shared(at_poses)
+    J, tip = arm.jacobian(q), e.slopes[:, -1]
+    largest = np.linalg.norm(tip, axis=1).max(axis=0)
+    reach = np.linalg.norm(e.points, axis=2).max()
+    velocity = table(arm, ["tip_vx", "tip_vy"], values_of(arm, q, qd), len(q))
+    speed = (np.abs(tip) * np.abs(qd)[:, None, :]).sum(axis=2)
+    gaps = [
+        np.abs(ratio(J - tip, largest)).max(axis=1),
+        ratio(arm.forward_kinematics(q) - e.points[:, -1], reach),
+        ratio(velocity - np.einsum("naj,nj->na", tip, qd), speed.max(axis=1, keepdims=True)),
+    ]
+    names = (*arm.joints, *("tip x", "tip y", "velocity x", "velocity y"))
+    return found(trial, np.concatenate(gaps, axis=1), "J, tip or its velocity contradicts the points", names)
+
+
+@check("rate of the Jacobian", AGREE, Mode.QUICK)
+def jacobian_rate(trial: Trial) -> Finding:
+    """Jdqd is J' qd."""
+    arm, (q, qd) = trial.arm, trial.poses
+    joints = len(arm.joints)
+    change = slopes(arm, entries("J", 2, joints), q).reshape(len(q), 2, joints, joints)
+    expected = np.einsum("najk,nj,nk->na", change, qd, qd)
+    size = np.einsum("najk,nj,nk->na", np.abs(change), np.abs(qd), np.abs(qd)).max(axis=1, keepdims=True)
+    gaps = ratio(arm.jacobian_dot_qd(q, qd) - expected, size)
+    return found(trial, gaps, "Jdqd contradicts the derivatives of J", ("x", "y"))
+
+
+@check("joints", AGREE, Mode.QUICK)
+def joints(trial: Trial) -> Finding:
+    """Rates of the joints are those of their positions, motors act along them, and the inverse map is
+    right."""
+    arm, (q, qd) = trial.arm, trial.poses
+    n = len(arm.joints)
+    phi = table(arm, numbered("phi{}", n), values_of(arm, q), len(q))
+    rates = table(arm, numbered("phid{}", n), values_of(arm, q, qd), len(q))
+    moved = np.einsum("nij,nj->ni", slopes(arm, numbered("phi{}", n), q), qd)
+    back = arm.coordinates_of_joints(*phi.T)
+    again = np.stack(back if isinstance(back, tuple) else (back,), axis=-1)
+    size, most = np.abs(qd).sum(axis=1, keepdims=True), np.abs(q).sum(axis=1, keepdims=True)
+    gaps = [ratio(rates - moved, size), ratio(rates - qd @ arm.motor_map, size), ratio(again - q, most)]
+    words = "phi, phid, Q and coordinates_of_joints contradict each other"
+    return found(trial, np.concatenate(gaps, axis=1), words, arm.joints * 3)
+
+
+@check("motions of points", AGREE, Mode.QUICK)
+def motions(trial: Trial) -> Finding:
+    """Velocities, Jacobians and accelerations at constant rates of all point masses follow from their
+    positions."""
+    arm, (q, qd), e = trial.arm, trial.poses, trial.shared(at_poses)
+    count, points, joints = len(q), arm.num_masses, len(arm.joints)
+    own = table(arm, [f"{axis}{k + 1}{j + 1}" for k in range(points) for axis in "XY" for j in range(joints)],
+                values_of(arm, q), count).reshape(count, points, 2, joints)  # fmt: skip
+    v, a = (
+        table(
+            arm,
+            [form.format(axis, k + 1) for k in range(points) for axis in axes],
+            values_of(arm, q, qd),
+            count,
+        )
+        for form, axes in (("v{}{}", "xy"), ("{}dqd{}", "XY"))
+    )
+    slope = e.slopes
+    speed = np.einsum("npaj,nj->npa", slope, qd)
+    change = _second(arm, q, qd)
+    most = np.einsum("npaj,nj->npa", np.abs(slope), np.abs(qd)).max(axis=(1, 2))[:, None]
+    faster = np.maximum(
+        np.abs(change).max(axis=1, keepdims=True), most * np.abs(qd).max(axis=1, keepdims=True)
+    )
+    gaps = [
+        np.abs(ratio(own - slope, np.linalg.norm(slope, axis=2).max(axis=(0, 1))))
+        .max(axis=3)
+        .reshape(count, -1),
+        ratio(v - speed.reshape(count, -1), most),
+        ratio(a - change, faster),
+    ]
+    names = [f"point {k + 1} {axis}" for k in range(points) for axis in "xy"]
+    words = "X, Y, vx, vy, Xdqd or Ydqd of a point mass contradicts its position"
+    return found(trial, np.concatenate(gaps, axis=1), words, names * 3)
+
+
+def _second(arm: Any, q: Array, qd: Array) -> Array:
+    """Accelerations of the point masses at constant rates, (n, 2 masses): x1 y1 x2 ..."""
+    values = values_of(arm, q)
+    for k, name in enumerate(arm.coordinates):
+        values[name] = Dual(Dual(q[:, k], qd[:, k]), Dual(qd[:, k]))
+    positions = arm.evaluate([f"{axis}{k + 1}" for k in range(arm.num_masses) for axis in "xy"], values)
+    parts = [dual(dual(x).slope).slope for x in positions]
+    return np.stack([np.broadcast_to(np.asarray(x, float), len(q)) for x in parts], axis=1)
+
+
+@check("angular momentum", AGREE, Mode.QUICK)
+def angular_momentum(trial: Trial) -> Finding:
+    """Lz is the angular momentum of the point masses about the base, and of the inertias of effects that turn
+    with the first revolute joint."""
+    arm, (q, qd), e = trial.arm, trial.poses, trial.shared(at_poses)
+    velocity = np.einsum("npaj,nj->npa", e.slopes, qd)
+    parts = np.stack([e.points[..., 0] * velocity[..., 1], -e.points[..., 1] * velocity[..., 0]])
+    parts = np.array(arm.masses)[:, None] * np.moveaxis(parts, 0, -1)
+    expected, size = parts.sum(axis=(1, 2)), np.abs(parts).sum(axis=(1, 2))
+    rates, first = qd @ arm.motor_map, next((k for k, s in enumerate(arm.prismatic) if not s), None)
+    for effect in trial.scene.effects:
+        for hook in effect.hooks(trial.scene.robot):
+            if isinstance(hook, Inertia) and first in hook.joints:
+                share = effect.parameters()[hook.inertia[1:]] * rates[:, list(hook.joints)].sum(axis=1)
+                expected, size = expected + share, size + np.abs(share)
+    gaps = ratio(arm.angular_momentum(q, qd) - expected, size)
+    return found(trial, gaps, "Lz contradicts the point masses")
+
+
+@check("manipulability", AGREE, Mode.QUICK)
+def manipulability(trial: Trial) -> Finding:
+    """The square of manipulability is det J J^T, and it is not negative: near a singular pose a root has only
+    half the digits."""
+    arm, (q, _), e = trial.arm, trial.poses, trial.shared(at_poses)
+    own, tip = arm.manipulability(q), e.slopes[:, -1]
+    x, y = (np.square(tip[:, axis]).sum(axis=1) for axis in range(2))
+    expected = np.linalg.det(np.einsum("naj,nbj->nab", tip, tip))
+    gaps = ratio(np.copysign(np.square(own), own) - expected, x * y)
+    return found(trial, gaps, "manipulability contradicts the derivatives of the tip")
+
+
+@check("column norms", AGREE, Mode.QUICK)
+def column_norms(trial: Trial) -> Finding:
+    """Column norms are the metres at the tip per unit of each coordinate, with which error control weights
+    errors."""
+    arm, (q, _), e = trial.arm, trial.poses, trial.shared(at_poses)
+    x = Quantities(values_of(arm, q), (*arm.functions, arm.column_norms), arm.sincos)
+    expected = np.linalg.norm(e.slopes[:, -1], axis=1)
+    own = np.stack([np.broadcast_to(n, len(q)) for n in x.each(numbered("n{}", len(arm.joints)))], axis=1)
+    return found(trial, ratio(own - expected, expected.max(axis=0)), "column_norms contradicts the tip")
+
+
+@check("reach", at_most(1.0 + 1e-9), Mode.QUICK)
+def reach(trial: Trial) -> Finding:
+    """The tip is never farther from the base than the full reach, by which tasks scale their distances:
+    neither in random poses nor in stretched and folded ones, with sliders between 0 and an upper end."""
+    arm = trial.arm
+    joints = np.concatenate([trial.square, trial.poses[0]]) @ arm.motor_map
+    known, share = dict(arm.parameter_values()), np.random.default_rng(trial.seed + 5).random(len(joints))
+    share[0], high = 1.0, sum(arm.lengths) or 1.0
+    for k in arm.sliders():
+        joints[:, k], known[f"high{k + 1}"] = high * share, high
+    most = Quantities(known, (full_reach(arm),), {})["reach"]
+    tip = np.linalg.norm(arm.forward_kinematics(joints @ np.linalg.inv(arm.motor_map)), axis=1)
+    far = float(np.nanmax(tip) / most)
+    words = (
+        f"{arm.kind}: the tip comes {far:.4g} times as far as the sum of extent, {', '.join(arm.extent)}; "
+        "name all lengths and sliders from the base to the tip"
+    )
+    return Finding(far, "", words)
+
+
+@check("posture", at_least(0.01), Mode.QUICK)
+def posture(trial: Trial) -> Finding:
+    """The observed posture lies in -1 to 1 and changes with every revolute joint, also where a sine or a
+    cosine alone does not.
+
+    The number is the smallest singular value of its derivatives by the coordinates, and those of the sliders.
+    """
+    arm: Any = trial.scene.robot
+    names, slides, (q, _) = [*arm.posture], arm.sliders(), trial.poses
+    wanted = [*names, *(f"phi{k + 1}" for k in slides)]
+    values = table(arm, names, values_of(arm, q), len(q)) if names else np.zeros((len(q), 1))
+    if not np.abs(values).max() <= 1.0 + 1e-9:
+        gap, where = trial.worst(np.abs(values), names)
+        return Finding(np.nan, where, f"{arm.kind}.posture has {gap:.3g}; its quantities must lie in -1 to 1")
+    least = np.linalg.svd(slopes(arm, wanted, trial.square), compute_uv=False)
+    least = least[:, -1] if least.shape[1] == len(arm.joints) else np.zeros(len(q))
+    state = int(np.argmin(least))
+    words = (
+        f"{arm.kind}.posture ({', '.join(names) or 'nothing'}) does not change with every revolute joint; "
+        "give the sine and the cosine of each angle"
+    )
+    return Finding(float(least[state]), f"state {state}", words)
+
+
+@check("kinds of joints", at_least(1e-6), Mode.QUICK)
+def kinds(trial: Trial) -> Finding:
+    """A slider does not return the point masses to their positions after 2 pi of its coordinate, and a
+    revolute joint does not move them along straight lines.
+
+    The number is the distance of the masses from that behaviour, in units of their distances or derivatives.
+    """
+    arm, (q, _), e = trial.arm, trial.poses, trial.shared(at_poses)
+    size, back = np.abs(e.points).max(), np.linalg.inv(arm.motor_map)
+    of_points = [f"{axis}{k + 1}" for k in range(arm.num_masses) for axis in "xy"]
+    moved = []
+    for k, slides in enumerate(arm.prismatic):
+        if slides:
+            gap = np.abs(arm.points(q + 2.0 * np.pi * back[k]) - e.points).max(axis=(1, 2)) / size
+        else:
+            there = slopes(arm, of_points, q + back[k]) @ back[k]
+            here = slopes(arm, of_points, q) @ back[k]
+            gap = ratio(np.abs(there - here).max(axis=1), np.abs(here).max())
+        moved.append(np.where(np.isfinite(gap), gap, np.inf).max())
+    k = int(np.argmin(moved))
+    words = (
+        "slides, and moves as if it turned" if arm.prismatic[k] else "turns, and moves along straight lines"
+    )
+    return Finding(float(moved[k]), arm.joints[k], f"{arm.kind}.prismatic says that {arm.joints[k]} {words}")

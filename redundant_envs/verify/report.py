@@ -1,0 +1,223 @@
+"""All checks of some subjects, and their table as text, Markdown and JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from redundant_envs import tables
+from redundant_envs.machine import versions
+from redundant_envs.verify import (
+    accuracy,
+    bits,
+    conservation,
+    engines,
+    environments,
+    equations,
+    evaluators,
+    forces,
+    hints,
+    impacts,
+    kinematics,
+    rest,
+    symmetries,
+)
+from redundant_envs.verify.checks import (
+    STATES,
+    Check,
+    Mode,
+    Outcome,
+    Trial,
+    Verdict,
+    checks_of,
+)
+from redundant_envs.verify.subjects import Subject, subject_from
+
+CHECKS: tuple[Check, ...] = checks_of(
+    equations, kinematics, forces, hints, rest, conservation, accuracy, impacts, symmetries, bits, evaluators,
+    engines, environments,
+)  # fmt: skip
+"""All checks, in the order of the table. A new one is a function in one of these modules."""
+OF_THE_MACHINE = (bits.record,)
+"""Checks that do not depend on a subject: they are run once."""
+MACHINE = "this machine"
+COLUMNS = ("check", "found", "promised", "", "where")
+
+
+Done = Callable[[str], None]
+"""Callback that receives finished checks."""
+
+
+def _untold(name: str) -> None:
+    """Callback that does nothing."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """What was found."""
+
+    outcomes: tuple[Outcome, ...]
+
+    @property
+    def misses(self) -> tuple[str, ...]:
+        """The faults, in words."""
+        return tuple(f"{o.check}: {o.finding.words}" for o in self.outcomes if o.verdict is Verdict.MISSED)
+
+    @property
+    def good(self) -> bool:
+        """Whether no promise is missed."""
+        return not self.misses
+
+    def of(self, name: str) -> Outcome:
+        """The first outcome of a check."""
+        return next(o for o in self.outcomes if o.check == name)
+
+
+def checks_in(mode: Mode) -> list[Check]:
+    """The checks of a mode that examine subjects."""
+    return [c for c in CHECKS if c.mode <= mode and c not in OF_THE_MACHINE]
+
+
+def verify(
+    thing: Any,
+    states: int | None = None,
+    mode: Mode = Mode.STANDARD,
+    done: Done = _untold,
+    checks: Iterable[Check] | None = None,
+) -> Report:
+    """Check an arm, a scene, an effect, a task, or a :class:`Subject`.
+
+    Parameters
+    ----------
+    thing : Arm, Scene, Effect, Task, a class of these, or Subject
+    states : int, optional
+        Number of random states; by default that of the mode.
+    mode : Mode
+    done : callable
+        Receives the name of each check when it is done.
+    checks : iterable of Check, optional
+        By default those of the mode.
+    """
+    kind = thing if isinstance(thing, type) else type(thing)
+    subject = thing if isinstance(thing, Subject) else subject_from(kind.__name__, thing)
+    trial = Trial(subject, STATES[mode] if states is None else states, mode)
+    outcomes = []
+    for one in checks_in(mode) if checks is None else checks:
+        outcomes.append(one.run(trial))
+        done(f"{subject.name}: {one.name}")
+    return Report(tuple(outcomes))
+
+
+def verify_machine(mode: Mode, done: Done = _untold) -> Report:
+    """Run the checks that belong to no subject."""
+    from redundant_envs.scene import load_scene, scene_names
+
+    trial = Trial(Subject(MACHINE, load_scene(scene_names()[0])), STATES[mode], mode)
+    outcomes = []
+    for one in OF_THE_MACHINE:
+        outcomes.append(one.run(trial))
+        done(f"{MACHINE}: {one.name}")
+    return Report(tuple(outcomes))
+
+
+# ---- the table -------------------------------------------------------------------------------------
+
+
+def about(subject: Subject) -> str:
+    """Description of a subject, in one line."""
+    scene = subject.scene
+    step = f"{scene.integrator} {1000.0 * scene.control_dt / scene.substeps:.3g} ms"
+    if scene.tolerance is not None:
+        step = f"{scene.integrator} to {scene.tolerance:g} m in {1000.0 * scene.control_dt:.3g} ms"
+    elif scene.integrator == "dop853":
+        step = f"dop853 in {1000.0 * scene.control_dt:.3g} ms"
+    effects = ", ".join(type(x).__name__ for x in scene.effects) or "no effects"
+    return f"{subject.name}: {scene.robot.kind}, {effects}; {step}"
+
+
+def cells(outcome: Outcome) -> tuple[str, str, str, str, str]:
+    """A line of the table."""
+    finding, promise = outcome.finding, outcome.promise
+    found = "" if math.isnan(finding.found) else f"{finding.found:.3g}"
+    if outcome.verdict is Verdict.MEASURED and promise.unit:
+        found += f" {promise.unit.partition(',')[0]}"
+    reason = finding.words if outcome.verdict in (Verdict.NOT_APPLICABLE, Verdict.NOT_RUN) else finding.where
+    promised = str(promise) if outcome.verdict is not Verdict.MEASURED else promise.unit.partition(", ")[2]
+    return outcome.check, found, promised, outcome.verdict.value, reason
+
+
+def text_table(outcomes: Iterable[Outcome]) -> str:
+    """Outcomes as text in aligned columns; checks that are not applicable are listed below, by reason."""
+    shown, left = _split(outcomes)
+    lines = [tables.table(COLUMNS, map(cells, shown), "<")]
+    return "\n".join([*lines, *(f"not applicable, {reason}: {names}" for reason, names in left)])
+
+
+def notes(outcomes: Iterable[Outcome]) -> list[str]:
+    """Faults, and advice for the reader, in words."""
+    told = []
+    for o in outcomes:
+        if o.verdict is Verdict.MISSED:
+            told.append(f"MISSED: {o.check}: {o.finding.words}")
+        elif o.verdict is Verdict.MEASURED and o.finding.words:
+            told.append(o.finding.words)
+    return told
+
+
+def _split(outcomes: Iterable[Outcome]) -> tuple[list[Outcome], list[tuple[str, str]]]:
+    shown: list[Outcome] = []
+    left: dict[str, list[str]] = {}
+    for o in outcomes:
+        if o.verdict is Verdict.NOT_APPLICABLE:
+            left.setdefault(o.finding.words, []).append(o.check)
+        else:
+            shown.append(o)
+    return shown, [(reason, _folded(names)) for reason, names in left.items()]
+
+
+def _folded(names: Iterable[str]) -> str:
+    """Names of checks; for those of one kind, "kind: name", their number."""
+    kinds = Counter(name.partition(": ")[0] for name in names)
+    return ", ".join(kind if n == 1 else f"{kind} ({n} checks)" for kind, n in kinds.items())
+
+
+def markdown(reports: Iterable[tuple[str, Report]]) -> str:
+    """Tables of Markdown, one for each subject."""
+    parts = ["# What verify found", "", ", ".join(f"{k} {v}" for k, v in versions().items() if v), ""]
+    for title, report in reports:
+        shown, left = _split(report.outcomes)
+        parts += [f"## {title}", "", tables.markdown(COLUMNS, map(cells, shown))]
+        parts += ["", *(f"* Not applicable, {reason}: {names}" for reason, names in left)]
+        parts += [*(f"* {note}" for note in notes(report.outcomes)), ""]
+    return "\n".join(parts)
+
+
+def as_json(reports: Iterable[tuple[str, Report]]) -> str:
+    """All outcomes as JSON; numbers that JSON cannot represent are null."""
+
+    def plain(o: Outcome) -> dict[str, Any]:
+        numbers = {"found": o.finding.found, "bound": o.promise.bound}
+        return {
+            "check": o.check, "family": o.family, "verdict": o.verdict.value,
+            **{k: v if math.isfinite(v) else None for k, v in numbers.items()},
+            "relation": o.promise.relation, "unit": o.promise.unit, "where": o.finding.where,
+            "words": "" if o.verdict is Verdict.KEPT else o.finding.words,
+        }  # fmt: skip
+
+    subjects = [{"subject": title, "outcomes": [plain(o) for o in r.outcomes]} for title, r in reports]
+    good = all(r.good for _, r in reports)
+    return json.dumps({**versions(), "good": good, "subjects": subjects}, indent=1) + "\n"
+
+
+def write(path: Path, text: str) -> None:
+    """Write a file; ValueError if it cannot be written."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ValueError(f"{path} cannot be written: {error}") from None

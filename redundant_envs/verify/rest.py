@@ -1,0 +1,68 @@
+"""Are all quantities finite when nothing moves?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from redundant_envs.algebra import gives_of, numbered
+from redundant_envs.effects.hooks import Actuation, Force, Hook, Sensing, State
+from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.quantities import Quantities
+from redundant_envs.robots.checks import OF_LANES, OWN_NAMES
+from redundant_envs.verify.checks import Finding, Mode, Promise, Trial, check
+from redundant_envs.verify.hints import Motion
+
+FINITE = Promise(0.0, "quantities", "at most")
+
+
+@check("numbers at rest", FINITE, Mode.QUICK)
+def numbers_at_rest(trial: Trial) -> Finding:
+    """Quantities of the arm, forces, links, changes of states, readings and accelerations are finite without
+    velocities and efforts: in random poses, at ends of travel, straight, folded and square."""
+    dynamics = Dynamics(trial.scene, track_work=True)
+    q = np.concatenate([trial.states[0], trial.poses[0], trial.square])
+    q = q[np.isfinite(dynamics.arm.points(q)).all(axis=(1, 2))]
+    motion = Motion(dynamics, q @ dynamics.arm.motor_map, np.zeros_like(q))
+    wrong = []
+    for what, value in _values(dynamics, motion):
+        good = np.isfinite(np.broadcast_to(np.asarray(value, float), len(q)))
+        if not good.all():
+            state = int(np.argmin(good))
+            wrong.append((what, dict(zip(dynamics.arm.joints, motion.joints[state].round(4), strict=True))))
+    where = f"{wrong[0][0]} at {', '.join(f'{k} {v:g}' for k, v in wrong[0][1].items())}" if wrong else ""
+    verb = "is" if len(wrong) == 1 else "are"
+    words = (
+        f"at rest, without efforts, {', '.join(what for what, _ in wrong[:5])} "
+        f"{verb} not finite; do not divide by a rate or an effort, which may be 0"
+    )
+    return Finding(len(wrong), where, words)
+
+
+def _values(dynamics: Dynamics, motion: Motion) -> Iterator[tuple[str, Any]]:
+    """The checked quantities, by names that a reader knows."""
+    arm, x = dynamics.arm, motion.values()
+    for effect, hook in dynamics.hooks:
+        for part in (hook, *getattr(hook, "states", ())):
+            for field in _functions(part):
+                function = getattr(part, field)
+                found = dynamics.apply(effect, part, function, x) if function is not None else ()
+                for value in found if isinstance(found, tuple) else (found,):
+                    yield f"{field} of {effect.key}", value
+    names = [*numbered("qdd{}", len(arm.joints)), *(f"the change of {n}" for n in dynamics.others)]
+    yield from zip(names, dynamics.accelerations(motion.values()), strict=True)
+    x.update({f"t{k + 1}": 0.0 for k in range(len(arm.joints))})
+    given = {name for f in (*arm.functions, arm.column_norms) for name in gives_of(f)}
+    all_of_them = Quantities(x, (*dynamics.functions, arm.column_norms), arm.sincos)
+    for name in sorted(n for n in given if OWN_NAMES.fullmatch(n) or n in OF_LANES):
+        yield name, all_of_them[name]
+
+
+def _functions(part: Hook | State) -> tuple[str, ...]:
+    if isinstance(part, Force):
+        return "function", "potential", "conservative", "stiffness", "damping"
+    if isinstance(part, State):
+        return "derivative", "update", "rate"
+    return ("function",) if isinstance(part, Actuation | Sensing) else ()

@@ -1,0 +1,305 @@
+"""verify: the words that name subjects, the table, the files, and the exit status."""
+
+import dataclasses
+import json
+import math
+import sys
+
+import numpy as np
+import pytest
+from small_scenes import OWN_IDS
+
+import redundant_envs as rde
+from redundant_envs.__main__ import main
+from redundant_envs.extras import MissingPackage
+from redundant_envs.verify import (
+    Mode,
+    Subject,
+    Verdict,
+    command,
+    engines,
+    report,
+    subject_from,
+    subjects_of,
+    verify,
+)
+from redundant_envs.verify.checks import (
+    EQUAL_BITS,
+    Check,
+    Finding,
+    NotApplicable,
+    NotRun,
+    Promise,
+    at_least,
+    at_most,
+    check,
+)
+from redundant_envs.verify.subjects import LENGTHS, MASSES, subject_of
+
+e = rde.effects
+FOUR_R = rde.FourR((2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35))
+
+MODULE = """
+from dataclasses import dataclass
+import redundant_envs as rde
+
+arm = rde.RPRP((1.0, 2.0, 3.0, 4.0), (0.5, 0.6))
+scene = rde.Scene(arm, (), "rk4", 0.01)
+friction = rde.effects.ViscousFriction(0.3)
+stop = rde.effects.PrismaticStop((0.0, 0.0), (0.2, 0.2), 0.5)
+task = rde.ReachTask(start_angle=1.0)
+number = 3
+
+@dataclass(frozen=True)
+class Needy(rde.effects.Effect):
+    strength: float
+
+class Home:
+    arm = arm
+"""
+
+
+@pytest.fixture
+def mine(tmp_path, monkeypatch):
+    """A module of a user in the present folder."""
+    (tmp_path / "verify_me.py").write_text(MODULE, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    yield
+    sys.modules.pop("verify_me", None)
+
+
+# ---- subjects ------------------------------------------------------------------------------------------
+
+
+def test_without_a_word_all_named_scenes_are_meant():
+    subjects = subjects_of([])
+    assert [s.name for s in subjects] == rde.scene.scene_names()
+    assert all(s.env_id is None for s in subjects)
+
+
+def test_an_arm_has_unequal_numbers_and_a_bare_scene():
+    subject = subject_of("FourR")
+    assert subject.scene.robot == rde.FourR(MASSES, LENGTHS)
+    assert [type(x) for x in subject.scene.effects] == [e.Gravity]
+    assert subject_of("RPRP").scene.robot == rde.RPRP(MASSES, LENGTHS[:2])
+
+
+def test_an_id_is_an_environment_with_or_without_its_namespace():
+    for word in OWN_IDS:
+        for name in (word, word.partition("/")[2]):
+            subject = subject_of(name)
+            assert subject.env_id == word
+            assert subject.scene.action_units()
+
+
+def test_a_task_is_its_environment_and_an_effect_fits_an_arm():
+    assert subject_of("GoalReach").env_id == "redundant_envs/RPRPGoalReach-v0"
+    (field,) = subject_of("Gravity").scene.effects
+    assert isinstance(field, e.Gravity)
+    effect = subject_from("mine", e.LimitSpring("joint3", -1.0, 1.0))
+    assert effect.name == "mine"
+    assert effect.scene.robot.kind == "FourR"
+
+
+def test_objects_of_modules_are_subjects(mine):
+    arm, scene, friction, stop, task, inner = subjects_of(
+        [f"verify_me:{n}" for n in ("arm", "scene", "friction", "stop", "task", "Home.arm")]
+    )
+    assert arm.scene.robot.masses == inner.scene.robot.masses == (1.0, 2.0, 3.0, 4.0)
+    assert scene.scene.integrator == "rk4"
+    assert [type(x).__name__ for x in friction.scene.effects] == ["Gravity", "ViscousFriction"]
+    assert stop.scene.robot.kind == "RPRP"
+    assert task.task["start_angle"] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [
+        ("nowhere", "'nowhere' is nothing that verify knows; give a scene .*four_r_free.*module:object"),
+        ("nowhere.yaml", "there is no such file"),
+        ("ViscousFriction", "has no default of coefficients; name one that has its numbers"),
+        ("no_module:arm", "No module named 'no_module'"),
+        ("verify_me:nothing", "has no 'nothing'; of what verify takes it has arm, scene, friction"),
+        ("verify_me:number", "verify_me:number is 3; verify takes an arm, a scene"),
+        ("verify_me:Needy", "has no default of strength"),
+    ],
+)
+def test_a_word_that_names_nothing_is_refused_with_what_is_allowed(word, said, mine):
+    with pytest.raises(ValueError, match=said):
+        subject_of(word)
+
+
+def test_an_effect_that_fits_no_arm_says_why():
+    class Never(e.Effect):
+        def hooks(self, arm):
+            raise ValueError("never")
+
+    with pytest.raises(ValueError, match="Never fits no arm; RPRP: never"):
+        subject_from("Never", Never())
+
+
+# ---- promises and outcomes -----------------------------------------------------------------------------
+
+
+def test_what_is_no_number_keeps_no_promise():
+    assert at_most(1.0).holds(1.0)
+    assert not at_most(1.0).holds(math.nan)
+    assert at_least(1.0).holds(2.0)
+    assert not at_least(1.0).holds(math.nan)
+    assert not EQUAL_BITS.holds(1.0)
+    assert str(at_most(1e-9, "m")) == "at most 1e-09 m"
+
+
+def outcomes(*measures, promise=None):
+    checks = [Check(f"check {k}", "tests", promise or at_most(1.0, "m"), Mode.QUICK, m)
+              for k, m in enumerate(measures)]  # fmt: skip
+    return verify(FOUR_R, 4, checks=checks)
+
+
+def raising(error):
+    def measure(trial):
+        raise error
+
+    return measure
+
+
+FOUND = {
+    "kept": lambda trial: Finding(0.5, "state 1"),
+    "missed": lambda trial: Finding(2.0, "state 2", "too much"),
+    "not applicable": raising(NotApplicable("there is none")),
+    "not run": raising(NotRun("there is no engine")),
+    "missing package": raising(MissingPackage("mujoco is not installed")),
+    "error": raising(ValueError("not to be had")),
+    "mistake": raising(TypeError("not callable")),
+}
+
+
+def test_reasons_and_errors_stand_in_the_table():
+    found = outcomes(*FOUND.values())
+    verdicts = [o.verdict.value for o in found.outcomes]
+    assert verdicts == ["kept", "MISSED", "not applicable", "not run", "not run", "MISSED", "MISSED"]
+    assert found.misses == (
+        "check 1: too much",
+        "check 5: it could not be measured: not to be had",
+        "check 6: it could not be measured: TypeError: not callable",
+    )
+    text = report.text_table(found.outcomes)
+    assert "not applicable, there is none: check 2" in text
+    assert "not run  mujoco is not installed" in text
+    assert len({line.find("at most 1 m") for line in text.splitlines()[1:3]}) == 1
+
+
+def test_a_check_whose_package_is_missing_is_not_run_and_no_miss(monkeypatch):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    found = verify(FOUR_R, 8, checks=[engines.accelerations, engines.mass_matrix])
+    assert found.good
+    assert {o.verdict for o in found.outcomes} == {Verdict.NOT_RUN}
+    assert "pip install 'redundant-envs[verify]'" in found.outcomes[0].finding.words
+
+
+def test_a_measured_number_is_no_promise():
+    found = outcomes(lambda trial: Finding(9.0, "", "look"), promise=Promise(math.nan, "m, all", ""))
+    assert found.good
+    assert found.outcomes[0].verdict is Verdict.MEASURED
+    assert report.notes(found.outcomes) == ["look"]
+
+
+def test_a_check_is_one_function():
+    @check("short links", at_least(0.1, "m"), Mode.QUICK)
+    def short_links(trial):
+        shortest = int(np.argmin(trial.arm.lengths))
+        return Finding(trial.arm.lengths[shortest], f"link {shortest + 1}", "a link is too short")
+
+    assert verify(FOUR_R, checks=[short_links]).good
+    light = dataclasses.replace(FOUR_R, lengths=(1.0, 0.05, 1.0, 1.0))
+    (outcome,) = verify(light, checks=[short_links]).outcomes
+    assert (outcome.finding.where, outcome.verdict) == ("link 2", Verdict.MISSED)
+
+
+def test_modes_run_what_those_before_them_run():
+    quick, standard, full = (report.checks_in(mode) for mode in Mode)
+    assert set(quick) < set(standard) < set(full)
+    assert len({c.name for c in full}) == len(full)
+
+
+# ---- the command ---------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def few(monkeypatch):
+    """Two checks instead of all, one of which is missed."""
+    checks = tuple(
+        Check(name, "tests", at_most(1.0, "m"), Mode.QUICK, FOUND[name]) for name in ("kept", "missed")
+    )
+    monkeypatch.setattr(report, "CHECKS", checks)
+    monkeypatch.setattr(report, "OF_THE_MACHINE", ())
+    monkeypatch.setattr(command, "OF_THE_MACHINE", ())
+
+
+def test_a_miss_exits_with_1_in_words_and_files(few, tmp_path, capsys):
+    found, page = tmp_path / "runs" / "found.json", tmp_path / "found.md"
+    assert main(["verify", "FourR", "four_r_free", "--json", str(found), "--markdown", str(page)]) == 1
+    out, err = capsys.readouterr()
+    assert "FourR: MISSED: missed: too much" in out
+    assert "2 promises kept, 2 missed" in out
+    assert "verify 1/2: FourR: missed" in err
+    assert "2 broken promises" in err
+    data = json.loads(found.read_text(encoding="utf-8"))
+    assert data["good"] is False
+    assert data["machine"]
+    outcomes = data["subjects"][0]["outcomes"]
+    assert {bool(o["words"]) for o in outcomes if o["verdict"] == "kept"} == {False}
+    first = data["subjects"][0]["outcomes"][1]
+    assert {k: first[k] for k in ("check", "verdict", "found", "bound", "relation", "unit", "where")} == {
+        "check": "missed", "verdict": "MISSED", "found": 2.0, "bound": 1.0, "relation": "at most",
+        "unit": "m", "where": "state 2",
+    }  # fmt: skip
+    text = page.read_text(encoding="utf-8")
+    assert "| missed | 2 | at most 1 m | MISSED | state 2 |" in text
+    assert "* MISSED: missed: too much" in text
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("four_r_free", "nowhere"),
+        ("four_r_free", "--states", "0"),
+        ("four_r_free", "--json", "/dev/null/found.json"),
+        ("four_r_free", "--bits"),
+        ("--bits", "all", "--quick"),
+    ],
+)
+def test_a_mistake_in_what_is_asked_for_exits_with_2(words, few, capsys):
+    assert main(["verify", *words]) == 2
+    assert "redundant_envs: " in capsys.readouterr().err
+
+
+def test_quick_and_full_exclude_each_other(capsys):
+    assert main(["verify", "--quick", "--full"]) == 2
+    assert "not allowed with argument" in capsys.readouterr().err
+
+
+def test_an_arm_an_environment_and_a_module_are_good(mine, capsys):
+    """All options at once."""
+    words = ("FourR", "RPRPGoalReach-v0", "verify_me:stop")
+    assert main(["verify", "--quick", "--states", "64", *words]) == 0
+    out = capsys.readouterr().out
+    assert out.count("mass matrix is positive") == 3
+    assert "environment: single and vector" in out
+    assert "impacts: momentum" in out
+    assert "record of bits" in out
+    assert " 0 missed" in out
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("word", ["four_r_reach", "rprp_reach", "rprp_stops", "FourRGoalReach-v0"])
+def test_all_checks_of_subjects_of_the_package_are_good(word):
+    """Long for torch and 8192 states; tests of faults look at each check of right subjects, too."""
+    assert verify(subject_of(word), mode=Mode.FULL).misses == ()
+
+
+def test_a_subject_may_be_made_in_a_program():
+    subject = Subject("mine", rde.load_scene("rprp_stops"))
+    assert subject_from("other", subject) is subject
+    assert subject_from("scene", subject.scene) == Subject("scene", subject.scene)
