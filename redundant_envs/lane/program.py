@@ -266,8 +266,12 @@ class LaneProgram:
         self.spend(lane, lane.step + slide)
         lane.slide = slide
         lane.at_stop = sought.bounces
-        for b, side, is_sought in zip(self.features.boundaries, crossed, sought.chosen, strict=True):
+        for b, side, is_sought, position in zip(
+            self.features.boundaries, crossed, sought.chosen, positions, strict=True
+        ):
             if b.bounces:
+                if b.joint is None:
+                    lane[f"arrived_{b.name}"] = position <= 0.0
                 # It comes to its stop, even if by rounding it seems to move away.
                 lane[f"released_{b.name}"] = self._leaves(lane, b) & logical_not(is_sought)
             else:
@@ -282,6 +286,8 @@ class LaneProgram:
         """Record which coordinates leave their stops."""
         for b in self.features.stops:
             lane[f"released_{b.name}"] = self._leaves(lane, b)
+            if b.joint is None:
+                lane[f"arrived_{b.name}"] = False
 
     # ---- the interval ------------------------------------------------------------------------------------
 
@@ -314,6 +320,8 @@ class LaneProgram:
             lane.set(self.features.active, lane.get(self.features.active, of="{}_start"))
         for b, leaves in zip(self.features.stops, self.boundaries.at_start(lane, leaves_stop), strict=True):
             lane[f"released_{b.name}"] = leaves
+            if b.joint is None:
+                lane[f"arrived_{b.name}"] = False
         if self.features.logs:
             lane.logged = lane.logged_start
 
