@@ -21,7 +21,7 @@ from redundant_envs.algebra import clamp, maximum, physics
 from redundant_envs.effects.hooks import Actuation, Effect, Force, Hook, Link, State
 
 Array = NDArray[Any]
-LANES, INTERVALS = 192, 12
+LANES, INTERVALS = 512, 16
 LOG2_OF_10 = 3.3219280948873626
 
 # ---- effects with states and kinks ------------------------------------------------------------------
@@ -106,6 +106,14 @@ def springs(*joints: str, damping: float = 20.0) -> tuple[e.Effect, ...]:
     return tuple(e.LimitSpring(joint, -0.15, 0.1, 900.0, damping) for joint in joints)
 
 
+AT = ("at rest", "slow, at stops")
+NEAR = ("slow, near stops", "near stops", "still")
+PLACED = (*AT, *NEAR)
+KINDS = ("anywhere", *PLACED, "fast", "together", "broken")
+"""Kinds of starts: sliders at their stops, from 1e-18 to 0.1 m away, all striking at once; numbers that are
+not finite, or too large."""
+
+
 @dataclass(frozen=True)
 class Aimed:
     """A motion of a scene.
@@ -118,6 +126,7 @@ class Aimed:
     speeds : greatest speed of links and sliders at the start is 10 to this power, rad/s and m/s
     fastest : speed of the first joint in one lane, rad/s or m/s
     lanes, intervals : their numbers
+    kinds : of starts, one after the other
     """
 
     scene: rde.Scene
@@ -127,6 +136,7 @@ class Aimed:
     fastest: float = 1e5
     lanes: int = LANES
     intervals: int = INTERVALS
+    kinds: tuple[str, ...] = KINDS
 
 
 def fixed(arm: Any, *effects: e.Effect, integrator: str = "rk8", **more: Any) -> rde.Scene:
@@ -157,27 +167,47 @@ AIMED: dict[str, Aimed] = {
     "events: rk8, 3 sliders, log": Aimed(fixed(THREE, GRAVITY, stops(THREE)), work=True),
     "events: rk4, 3 bent sliders": Aimed(fixed(BENT, GRAVITY, stops(BENT), integrator="rk4")),
     "events: rk4, 4 sliders": Aimed(fixed(FOUR, GRAVITY, stops(FOUR), integrator="rk4")),
+    "events: rk8, 2 sliders, turns near stops": Aimed(
+        fixed(RPRP, GRAVITY, stops(RPRP), LAG, control_dt=0.05), kinds=NEAR
+    ),
     # Doubling under a tolerance.
     "events: 1e-6, 1 slider, log": Aimed(doubling(ONE, GRAVITY, stops(ONE)), work=True),
     "events: 1e-6, 2 sliders, log": Aimed(doubling(RPRP, GRAVITY, stops(RPRP)), work=True),
-    "events: 1e-12, 2 sliders": Aimed(doubling(RPRP, GRAVITY, stops(RPRP), tolerance=1e-12), lanes=96),
+    "events: 1e-12, 2 sliders": Aimed(doubling(RPRP, GRAVITY, stops(RPRP), tolerance=1e-12)),
     "events: 1e-6, 3 sliders": Aimed(doubling(THREE, GRAVITY, stops(THREE))),
     "events: 1e-9, 2 sliders, switches, lag, kinks, log": Aimed(
-        doubling(TWO, stops(TWO), *springs("joint1", "r2"), LAG, PLAY, tolerance=1e-9), work=True, lanes=64
+        doubling(TWO, stops(TWO), *springs("joint1", "r2"), LAG, PLAY, tolerance=1e-9),
+        work=True,
+        lanes=64,
+        intervals=12,
     ),
-    "events: 1e-6, switches": Aimed(doubling(RPRP, GRAVITY, *springs("r1", "r2", "joint2", damping=300.0))),
+    "events: 1e-6, switches": Aimed(
+        doubling(RPRP, GRAVITY, *springs("r1", "r2", "joint2", damping=300.0)), lanes=192
+    ),
     "events: 1e-6, 4R switches, kinks, generalized": Aimed(
-        doubling(FOUR_R, *springs("joint2", "joint4"), PLAY, actuation="generalized"), speeds=2.0
+        doubling(FOUR_R, *springs("joint2", "joint4"), PLAY, actuation="generalized"),
+        speeds=2.0,
+        lanes=96,
+        intervals=12,
     ),
     "events: 1e-6, no boundaries, lag, kinks": Aimed(doubling(RPRP, GRAVITY, LAG, PLAY), speeds=3.0),
+    "events: 1e-6, 2 sliders, turns near stops": Aimed(
+        doubling(RPRP, GRAVITY, stops(RPRP), LAG, control_dt=0.05), kinds=NEAR
+    ),
+    "events: 1e-6, 2 sliders, stops on one side at 0": Aimed(
+        doubling(RPRP, GRAVITY, e.PrismaticStop((0.0, None), (None, 0.0), 0.5))
+    ),
     # dop853.
     "events: dop853, 2 sliders, log": Aimed(adaptive(RPRP, GRAVITY, stops(RPRP)), work=True),
-    "events: dop853, 3 sliders": Aimed(adaptive(THREE, GRAVITY, stops(THREE)), lanes=96),
+    "events: dop853, 3 sliders": Aimed(adaptive(THREE, GRAVITY, stops(THREE))),
     "events: dop853, stops, switches, lag, kinks": Aimed(
-        adaptive(TWO, stops(TWO), *springs("joint1", "r2"), LAG, PLAY), lanes=96
+        adaptive(TWO, stops(TWO), *springs("joint1", "r2"), LAG, PLAY), lanes=192
+    ),
+    "events: dop853, 2 sliders, turns near stops": Aimed(
+        adaptive(RPRP, GRAVITY, stops(RPRP), LAG, control_dt=0.05), kinds=NEAR
     ),
     "events: dop853, switches": Aimed(adaptive(RPRP, GRAVITY, *springs("r1", "r2")), speeds=2.0),
-    "events: dop853, no boundaries": Aimed(adaptive(FOUR_R, GRAVITY, LAG), speeds=4.0),
+    "events: dop853, no boundaries": Aimed(adaptive(FOUR_R, GRAVITY, LAG), speeds=4.0, lanes=96),
 }
 """Motions by their names."""
 
@@ -191,33 +221,33 @@ def powers(rng: np.random.Generator, low: float, high: float, shape: Any) -> Arr
 
 
 def starts(aimed: Aimed, rng: np.random.Generator) -> tuple[Array, Array]:
-    """States of lanes: of eight kinds, one after the other."""
+    """States of lanes: of each kind in turn."""
     arm, n = aimed.scene.robot, aimed.lanes
-    count, kind = len(arm.coordinates), np.arange(n) % 8
-    q = 3.0 * rng.random((n, count)) - 1.5
-    qd = 6.0 * rng.random((n, count)) - 3.0
-    qd[kind == 1] = 0.0  # at rest, at their stops
-    qd[kind == 2] = powers(rng, -16.0, 0.0, (n, count))[kind == 2]  # slow, at their stops
-    qd[kind == 3] = powers(rng, -14.0, 0.5, (n, count))[kind == 3]  # slow, near their stops
-    qd[kind == 4] *= 0.3  # near their stops
-    fast = powers(rng, 0.0, aimed.speeds, (n, count))
-    qd[kind == 5] = fast[kind == 5]
-    together = powers(rng, -8.0, 0.5, (n, 1))  # all sliders strike at once
+    shape = n, len(arm.coordinates)
+    kinds = np.array(aimed.kinds)[np.arange(n) % len(aimed.kinds)]
+    q = 3.0 * rng.random(shape) - 1.5
+    qd = 6.0 * rng.random(shape) - 3.0
+    for kind, speeds in (
+        ("at rest", 0.0 * qd), ("still", 0.0 * qd), ("slow, at stops", powers(rng, -16.0, 0.0, shape)),
+        ("slow, near stops", powers(rng, -14.0, 0.5, shape)), ("near stops", 0.3 * qd),
+        ("fast", powers(rng, 0.0, aimed.speeds, shape)),
+    ):  # fmt: skip
+        qd[kinds == kind] = speeds[kinds == kind]
+    speed = np.abs(powers(rng, -8.0, 0.5, n))
+    stops = [x for x in aimed.scene.effects if isinstance(x, e.PrismaticStop)]
     for i, k in enumerate(arm.sliders()):
         q[:, k] *= 0.1
-        for effect in aimed.scene.effects:
-            if not isinstance(effect, e.PrismaticStop):
-                continue
-            low, high = float(effect.lower[i] or 0.0), float(effect.upper[i] or 0.0)
+        for effect in stops:
+            ends = effect.lower[i], effect.upper[i]
+            low, high = (far if end is None else end for far, end in zip((-1.0, 1.0), ends, strict=True))
             up = rng.random(n) < 0.5
-            stop = np.where(up, high, low)
-            inward = np.where(up, -1.0, 1.0)
-            away = np.abs(powers(rng, -18.0, -1.0, n)) * np.isin(kind, (3, 4))
-            near = (rng.random(n) < 0.8) & np.isin(kind, (1, 2, 3, 4))
-            q[:, k] = np.clip(np.where(near | (kind == 6), stop + inward * away, q[:, k]), low, high)
-            qd[:, k] = np.where(kind == 6, -inward * np.abs(together[:, 0]), qd[:, k])
-    broken = np.flatnonzero(kind == 7)[:4]
-    qd[broken, 0] = (np.nan, np.inf, 1e200, aimed.fastest)
+            stop, inward = np.where(up, high, low), np.where(up, -1.0, 1.0)
+            away = np.abs(powers(rng, -18.0, -1.0, n)) * np.isin(kinds, NEAR)
+            placed = (rng.random(n) < 0.8) & np.isin(kinds, PLACED) | (kinds == "together")
+            q[:, k] = np.clip(np.where(placed, stop + inward * away, q[:, k]), low, high)
+            qd[:, k] = np.where(kinds == "together", -inward * speed, qd[:, k])
+    broken = np.flatnonzero(kinds == "broken")[:4]
+    qd[broken, 0] = (np.nan, np.inf, 1e200, aimed.fastest)[: len(broken)]
     return q, qd
 
 
@@ -249,7 +279,9 @@ def aimed_motion(name: str) -> Iterator[Array]:
         yield from (np.asarray(column, np.float64) for column in status)
         if aimed.work:
             yield batch.work
-            yield np.array([(x.lane, x.time, x.speed) for x in events(batch)])
+            happened = events(batch)
+            yield np.array([(x.lane, x.time, x.speed) for x in happened])
+            yield np.array([f"{x.kind} {x.joint}" for x in happened])
 
 
 def events(batch: rde.BatchSimulator) -> list[Any]:
