@@ -1,4 +1,3 @@
-# mypy: allow-untyped-defs
 """Scenes aimed at every way in which a lane crosses a control interval, for the record of bits.
 
 Their starts are chosen to meet rare cases: sliders at rest at their stops, or nearer to them than rounding,
@@ -8,8 +7,8 @@ many lanes and few intervals.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -17,71 +16,11 @@ from numpy.typing import NDArray
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.algebra import clamp, maximum, physics
-from redundant_envs.effects.hooks import Actuation, Effect, Force, Hook, Link, State
+from redundant_envs.studies.verify.aimed_effects import DryFriction, Lag, Play
 
 Array = NDArray[Any]
 LANES, INTERVALS = 512, 16
 LOG2_OF_10 = 3.3219280948873626
-
-# ---- effects with states and kinks ------------------------------------------------------------------
-
-
-@physics
-def approach(command, effort, time_constant):
-    return (command - effort) / time_constant
-
-
-@physics
-def effort_of(effort):
-    return effort
-
-
-@physics
-def fastest_change(time_constant):
-    return 1.0 / time_constant
-
-
-@dataclass(frozen=True)
-class Lag(Effect):
-    """The effort of each motor approaches its command: a state of each is integrated beside the arm's."""
-
-    time_constant: float
-
-    def hooks(self, arm: Any) -> tuple[Hook, ...]:
-        return tuple(self._link(k, "N" if slides else "N m") for k, slides in enumerate(arm.prismatic))
-
-    def _link(self, k: int, unit: str) -> Actuation:
-        own = {"effort": f".effort[{k}]", "time_constant": ".time_constant"}
-        bind = {"command": f"command{k + 1}", **own}
-        state = State(f"effort[{k}]", unit, derivative=approach, bind=bind, rate=fastest_change)
-        return Actuation(k, effort_of, own, Link.LAG, states=(state,))
-
-
-@physics
-def wind_up(rate, position, turn):
-    return 0.5 * turn + 0.1 * rate + 0.01 * position
-
-
-@physics
-def backlash(rate, position, turn, play, drag):
-    beyond = maximum(abs(position - turn) - play, 0.0)
-    return -drag * beyond * clamp(10.0 * rate, -1.0, 1.0)
-
-
-@dataclass(frozen=True)
-class Play(Effect):
-    """A force on the last joint with two kinks, and a state that changes after each interval only."""
-
-    play: float
-    drag: float
-
-    def hooks(self, arm: Any) -> tuple[Hook, ...]:
-        k = len(arm.coordinates)
-        here = {"rate": f"phid{k}", "position": f"phi{k}", "turn": ".turn"}
-        state = State("turn", "rad", update=wind_up, bind=here)
-        return (Force(k - 1, backlash, {**here, "play": ".play", "drag": ".drag"}, states=(state,)),)
-
 
 # ---- scenes -----------------------------------------------------------------------------------------
 
@@ -107,9 +46,9 @@ def springs(*joints: str, damping: float = 20.0) -> tuple[e.Effect, ...]:
 
 
 AT = ("at rest", "slow, at stops")
-NEAR = ("slow, near stops", "near stops", "still")
+NEAR = ("slow, near stops", "near stops", "still", "spun")
 PLACED = (*AT, *NEAR)
-KINDS = ("anywhere", *PLACED, "fast", "together", "broken")
+KINDS = ("anywhere", *AT, *NEAR[:3], "fast", "together", "broken")
 """Kinds of starts: sliders at their stops, from 1e-18 to 0.1 m away, all striking at once; numbers that are
 not finite, or too large."""
 
@@ -127,6 +66,8 @@ class Aimed:
     fastest : speed of the first joint in one lane, rad/s or m/s
     lanes, intervals : their numbers
     kinds : of starts, one after the other
+    efforts : greatest effort is 10 to this power, N m or N
+    numbers : parameters that differ from those of the scene, so that scenes share machine code
     """
 
     scene: rde.Scene
@@ -137,6 +78,8 @@ class Aimed:
     lanes: int = LANES
     intervals: int = INTERVALS
     kinds: tuple[str, ...] = KINDS
+    efforts: float = 1.5
+    numbers: Mapping[str, float] = field(default_factory=dict)
 
 
 def fixed(arm: Any, *effects: e.Effect, integrator: str = "rk8", **more: Any) -> rde.Scene:
@@ -151,6 +94,7 @@ def adaptive(arm: Any, *effects: e.Effect, **more: Any) -> rde.Scene:
     return rde.Scene(arm, effects, "dop853", **more)
 
 
+WEIGHTLESS: dict[str, Any] = {"efforts": -8.0, "numbers": {"gravity.g": 0.0}}
 LAG, PLAY = Lag(0.01), Play(0.02, 3.0)
 AIMED: dict[str, Aimed] = {
     # Equal steps: stops only; switches are not located.
@@ -168,7 +112,16 @@ AIMED: dict[str, Aimed] = {
     "events: rk4, 3 bent sliders": Aimed(fixed(BENT, GRAVITY, stops(BENT), integrator="rk4")),
     "events: rk4, 4 sliders": Aimed(fixed(FOUR, GRAVITY, stops(FOUR), integrator="rk4")),
     "events: rk8, 2 sliders, turns near stops": Aimed(
-        fixed(RPRP, GRAVITY, stops(RPRP), LAG, control_dt=0.05), kinds=NEAR
+        fixed(RPRP, GRAVITY, stops(RPRP), LAG, control_dt=0.05), kinds=NEAR[:3]
+    ),
+    "events: rk4, 4 sliders, nearly together": Aimed(
+        fixed(FOUR, GRAVITY, stops(FOUR), integrator="rk4"), kinds=("nearly together",), **WEIGHTLESS
+    ),
+    "events: rk8, 1 slider, late turns": Aimed(
+        fixed(ONE, GRAVITY, e.PrismaticStop((0.0,), (None,), 0.5), control_dt=0.1), kinds=("spun",)
+    ),
+    "events: rk4, 2 sliders, forces that jump": Aimed(
+        fixed(TWO, stops(TWO), DryFriction(2.0), integrator="rk4", control_dt=0.05)
     ),
     # Doubling under a tolerance.
     "events: 1e-6, 1 slider, log": Aimed(doubling(ONE, GRAVITY, stops(ONE)), work=True),
@@ -192,10 +145,13 @@ AIMED: dict[str, Aimed] = {
     ),
     "events: 1e-6, no boundaries, lag, kinks": Aimed(doubling(RPRP, GRAVITY, LAG, PLAY), speeds=3.0),
     "events: 1e-6, 2 sliders, turns near stops": Aimed(
-        doubling(RPRP, GRAVITY, stops(RPRP), LAG, control_dt=0.05), kinds=NEAR
+        doubling(RPRP, GRAVITY, stops(RPRP), LAG, control_dt=0.05), kinds=NEAR[:3]
     ),
     "events: 1e-6, 2 sliders, stops on one side at 0": Aimed(
         doubling(RPRP, GRAVITY, e.PrismaticStop((0.0, None), (None, 0.0), 0.5))
+    ),
+    "events: 1e-6, 2 sliders, nearly together, log": Aimed(
+        doubling(RPRP, GRAVITY, stops(RPRP)), work=True, kinds=("nearly together", "at rest"), **WEIGHTLESS
     ),
     # dop853.
     "events: dop853, 2 sliders, log": Aimed(adaptive(RPRP, GRAVITY, stops(RPRP)), work=True),
@@ -204,10 +160,10 @@ AIMED: dict[str, Aimed] = {
         adaptive(TWO, stops(TWO), *springs("joint1", "r2"), LAG, PLAY), lanes=192
     ),
     "events: dop853, 2 sliders, turns near stops": Aimed(
-        adaptive(RPRP, GRAVITY, stops(RPRP), LAG, control_dt=0.05), kinds=NEAR
+        adaptive(RPRP, GRAVITY, stops(RPRP), LAG, control_dt=0.05), kinds=NEAR[:3]
     ),
     "events: dop853, switches": Aimed(adaptive(RPRP, GRAVITY, *springs("r1", "r2")), speeds=2.0),
-    "events: dop853, no boundaries": Aimed(adaptive(FOUR_R, GRAVITY, LAG), speeds=4.0, lanes=96),
+    "events: dop853, no boundaries": Aimed(adaptive(FOUR_R, GRAVITY, LAG), speeds=2.5, lanes=96, intervals=8),
 }
 """Motions by their names."""
 
@@ -234,6 +190,7 @@ def starts(aimed: Aimed, rng: np.random.Generator) -> tuple[Array, Array]:
     ):  # fmt: skip
         qd[kinds == kind] = speeds[kinds == kind]
     speed = np.abs(powers(rng, -8.0, 0.5, n))
+    soon = np.abs(powers(rng, -4.0, -2.0, n))
     stops = [x for x in aimed.scene.effects if isinstance(x, e.PrismaticStop)]
     for i, k in enumerate(arm.sliders()):
         q[:, k] *= 0.1
@@ -246,6 +203,14 @@ def starts(aimed: Aimed, rng: np.random.Generator) -> tuple[Array, Array]:
             placed = (rng.random(n) < 0.8) & np.isin(kinds, PLACED) | (kinds == "together")
             q[:, k] = np.clip(np.where(placed, stop + inward * away, q[:, k]), low, high)
             qd[:, k] = np.where(kinds == "together", -inward * speed, qd[:, k])
+            way = np.abs(qd[:, k]) * soon * (1.0 + powers(rng, -14.0, -6.0, n))
+            nearly = kinds == "nearly together"
+            q[:, k] = np.where(nearly, stop + inward * way, q[:, k])
+            qd[:, k] = np.where(nearly, -inward * np.abs(qd[:, k]), qd[:, k])
+    for k, slides in enumerate(arm.prismatic):
+        if not slides:
+            qd[kinds == "nearly together", k] = 0.0
+            qd[:, k] = np.where(kinds == "spun", powers(rng, 1.0, 2.3, n), qd[:, k])
     broken = np.flatnonzero(kinds == "broken")[:4]
     qd[broken, 0] = (np.nan, np.inf, 1e200, aimed.fastest)[: len(broken)]
     return q, qd
@@ -269,11 +234,13 @@ def aimed_motion(name: str) -> Iterator[Array]:
     batch.set_state(q, qd)
     if aimed.varied:
         batch.set_parameters(parameters(aimed, rng))
+    if aimed.numbers:
+        batch.set_parameters(aimed.numbers)
     shape = (aimed.lanes, len(aimed.scene.robot.coordinates))
-    steady = powers(rng, -2.0, 2.0, shape)
+    steady = powers(rng, aimed.efforts - 4.5, aimed.efforts, shape)
     for _ in range(aimed.intervals):
         changing = rng.random(shape) < 0.5
-        steady = np.where(changing, powers(rng, -3.0, 1.5, shape), steady)
+        steady = np.where(changing, powers(rng, aimed.efforts - 4.5, aimed.efforts, shape), steady)
         status = batch.advance(steady)
         yield from (batch.q, batch.qd, batch.z)
         yield from (np.asarray(column, np.float64) for column in status)
