@@ -7,31 +7,27 @@ many lanes and few intervals.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.studies.verify.aimed_effects import DryFriction, Lag, Play
 
-Array = NDArray[Any]
 LANES, INTERVALS = 512, 16
-LOG2_OF_10 = 3.3219280948873626
-
-# ---- scenes -----------------------------------------------------------------------------------------
 
 RPRP = rde.RPRP(masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3, 0.5))
 ONE = rde.Chain("RP", masses=(1.0, 0.5), lengths=(0.4,))
+PAIR = rde.Chain("PP", masses=(1.0, 0.5))
 TWO = rde.Chain("PPR", masses=(1.0, 2.0, 0.5), lengths=(0.4,))
 THREE = rde.Chain("RPPP", masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3,))
 BENT = rde.Chain("PRPRP", masses=(2.0, 1.5, 1.0, 0.5, 0.7), lengths=(0.3, 0.5))
 FOUR = rde.Chain("PPPP", masses=(2.0, 0.5, 1.0, 0.3))
 FOUR_R = rde.FourR(masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3, 0.5, 0.4, 0.6))
 GRAVITY = e.Gravity(9.81, (0.6, -0.7))
+FALL = 5.886
+"""Acceleration of a free slider along +x under this gravity, m/s^2."""
 
 
 def stops(arm: Any, restitution: float = 0.5, width: float = 0.2) -> e.Effect:
@@ -47,8 +43,7 @@ def springs(*joints: str, damping: float = 20.0) -> tuple[e.Effect, ...]:
 
 AT = ("at rest", "slow, at stops")
 NEAR = ("slow, near stops", "near stops", "still", "spun")
-PLACED = (*AT, *NEAR)
-KINDS = ("anywhere", *AT, *NEAR[:3], "fast", "together", "broken")
+KINDS = ("anywhere", *AT, *NEAR[:3], "fast", "together", "one strikes", "broken")
 """Kinds of starts: sliders at their stops, from 1e-18 to 0.1 m away, all striking at once; numbers that are
 not finite, or too large."""
 
@@ -94,7 +89,14 @@ def adaptive(arm: Any, *effects: e.Effect, **more: Any) -> rde.Scene:
     return rde.Scene(arm, effects, "dop853", **more)
 
 
-WEIGHTLESS: dict[str, Any] = {"efforts": -8.0, "numbers": {"gravity.g": 0.0}}
+WEIGHTLESS: dict[str, Any] = {
+    "kinds": ("nearly together", "one strikes"),
+    "efforts": -8.0,
+    "numbers": {"gravity.g": 0.0},
+}
+FALLING = GRAVITY, stops(PAIR)
+THROWN: dict[str, Any] = {"kinds": ("thrown",), "efforts": -8.0, "intervals": 4}
+NARROW = e.PrismaticStop((-0.003, -0.002), (0.002, 0.004), 0.5)
 LAG, PLAY = Lag(0.01), Play(0.02, 3.0)
 AIMED: dict[str, Aimed] = {
     # Equal steps: stops only; switches are not located.
@@ -115,13 +117,21 @@ AIMED: dict[str, Aimed] = {
         fixed(RPRP, GRAVITY, stops(RPRP), LAG, control_dt=0.05), kinds=NEAR[:3]
     ),
     "events: rk4, 4 sliders, nearly together": Aimed(
-        fixed(FOUR, GRAVITY, stops(FOUR), integrator="rk4"), kinds=("nearly together",), **WEIGHTLESS
+        fixed(FOUR, GRAVITY, stops(FOUR), integrator="rk4"),
+        **WEIGHTLESS,
     ),
     "events: rk8, 1 slider, late turns": Aimed(
         fixed(ONE, GRAVITY, e.PrismaticStop((0.0,), (None,), 0.5), control_dt=0.1), kinds=("spun",)
     ),
     "events: rk4, 2 sliders, forces that jump": Aimed(
-        fixed(TWO, stops(TWO), DryFriction(2.0), integrator="rk4", control_dt=0.05)
+        fixed(TWO, stops(TWO), DryFriction(2.0), integrator="rk4", control_dt=0.05), lanes=192
+    ),
+    "events: rk8, 2 sliders, narrow stops, 2 substeps, log": Aimed(
+        fixed(RPRP, GRAVITY, NARROW, *springs("joint2"), control_dt=0.04, substeps=2), work=True
+    ),
+    "events: rk4, 2 sliders of a pair, thrown": Aimed(fixed(PAIR, *FALLING, integrator="rk4"), **THROWN),
+    "events: rk4, 2 sliders of a pair, creeping": Aimed(
+        fixed(PAIR, *FALLING, integrator="rk4"), **WEIGHTLESS | {"kinds": ("creeping", "slow, near stops")}
     ),
     # Doubling under a tolerance.
     "events: 1e-6, 1 slider, log": Aimed(doubling(ONE, GRAVITY, stops(ONE)), work=True),
@@ -151,10 +161,16 @@ AIMED: dict[str, Aimed] = {
         doubling(RPRP, GRAVITY, e.PrismaticStop((0.0, None), (None, 0.0), 0.5))
     ),
     "events: 1e-6, 2 sliders, nearly together, log": Aimed(
-        doubling(RPRP, GRAVITY, stops(RPRP)), work=True, kinds=("nearly together", "at rest"), **WEIGHTLESS
+        doubling(RPRP, GRAVITY, stops(RPRP)),
+        work=True,
+        **WEIGHTLESS,
     ),
+    "events: 1e-6, 2 sliders, narrow stops, log": Aimed(doubling(RPRP, GRAVITY, NARROW), work=True),
+    "events: 1e-6, 2 sliders, thrown": Aimed(doubling(TWO, *FALLING), **THROWN),
     # dop853.
     "events: dop853, 2 sliders, log": Aimed(adaptive(RPRP, GRAVITY, stops(RPRP)), work=True),
+    "events: dop853, 2 sliders, narrow stops, log": Aimed(adaptive(RPRP, GRAVITY, NARROW), work=True),
+    "events: dop853, 2 sliders, thrown": Aimed(adaptive(TWO, *FALLING), **THROWN),
     "events: dop853, 3 sliders": Aimed(adaptive(THREE, GRAVITY, stops(THREE))),
     "events: dop853, stops, switches, lag, kinks": Aimed(
         adaptive(TWO, stops(TWO), *springs("joint1", "r2"), LAG, PLAY), lanes=192
@@ -166,94 +182,3 @@ AIMED: dict[str, Aimed] = {
     "events: dop853, no boundaries": Aimed(adaptive(FOUR_R, GRAVITY, LAG), speeds=2.5, lanes=96, intervals=8),
 }
 """Motions by their names."""
-
-# ---- motions ----------------------------------------------------------------------------------------
-
-
-def powers(rng: np.random.Generator, low: float, high: float, shape: Any) -> Array:
-    """Numbers from about 10^low to 10^high of either sign, the same on every machine."""
-    exponents = np.floor(LOG2_OF_10 * (low + (high - low) * rng.random(shape))).astype(np.int64)
-    return np.where(rng.random(shape) < 0.5, -1.0, 1.0) * np.ldexp(1.0 + rng.random(shape), exponents)
-
-
-def starts(aimed: Aimed, rng: np.random.Generator) -> tuple[Array, Array]:
-    """States of lanes: of each kind in turn."""
-    arm, n = aimed.scene.robot, aimed.lanes
-    shape = n, len(arm.coordinates)
-    kinds = np.array(aimed.kinds)[np.arange(n) % len(aimed.kinds)]
-    q = 3.0 * rng.random(shape) - 1.5
-    qd = 6.0 * rng.random(shape) - 3.0
-    for kind, speeds in (
-        ("at rest", 0.0 * qd), ("still", 0.0 * qd), ("slow, at stops", powers(rng, -16.0, 0.0, shape)),
-        ("slow, near stops", powers(rng, -14.0, 0.5, shape)), ("near stops", 0.3 * qd),
-        ("fast", powers(rng, 0.0, aimed.speeds, shape)),
-    ):  # fmt: skip
-        qd[kinds == kind] = speeds[kinds == kind]
-    speed = np.abs(powers(rng, -8.0, 0.5, n))
-    soon = np.abs(powers(rng, -4.0, -2.0, n))
-    stops = [x for x in aimed.scene.effects if isinstance(x, e.PrismaticStop)]
-    for i, k in enumerate(arm.sliders()):
-        q[:, k] *= 0.1
-        for effect in stops:
-            ends = effect.lower[i], effect.upper[i]
-            low, high = (far if end is None else end for far, end in zip((-1.0, 1.0), ends, strict=True))
-            up = rng.random(n) < 0.5
-            stop, inward = np.where(up, high, low), np.where(up, -1.0, 1.0)
-            away = np.abs(powers(rng, -18.0, -1.0, n)) * np.isin(kinds, NEAR)
-            placed = (rng.random(n) < 0.8) & np.isin(kinds, PLACED) | (kinds == "together")
-            q[:, k] = np.clip(np.where(placed, stop + inward * away, q[:, k]), low, high)
-            qd[:, k] = np.where(kinds == "together", -inward * speed, qd[:, k])
-            way = np.abs(qd[:, k]) * soon * (1.0 + powers(rng, -14.0, -6.0, n))
-            nearly = kinds == "nearly together"
-            q[:, k] = np.where(nearly, stop + inward * way, q[:, k])
-            qd[:, k] = np.where(nearly, -inward * np.abs(qd[:, k]), qd[:, k])
-    for k, slides in enumerate(arm.prismatic):
-        if not slides:
-            qd[kinds == "nearly together", k] = 0.0
-            qd[:, k] = np.where(kinds == "spun", powers(rng, 1.0, 2.3, n), qd[:, k])
-    broken = np.flatnonzero(kinds == "broken")[:4]
-    qd[broken, 0] = (np.nan, np.inf, 1e200, aimed.fastest)[: len(broken)]
-    return q, qd
-
-
-def parameters(aimed: Aimed, rng: np.random.Generator) -> dict[str, Array]:
-    """Masses of each lane, light ones between heavy ones among them, and its restitution."""
-    n, arm = aimed.lanes, aimed.scene.robot
-    values = {"masses": np.abs(powers(rng, -1.5, 1.0, (n, len(arm.coordinates))))}
-    if any(isinstance(effect, e.PrismaticStop) for effect in aimed.scene.effects):
-        values["prismatic_stop.restitution"] = rng.choice((0.0, 0.5, 1.0, 0.1, 0.95), n)
-    return values
-
-
-def aimed_motion(name: str) -> Iterator[Array]:
-    """Tables of numbers, interval by interval."""
-    aimed = AIMED[name]
-    rng = np.random.default_rng(len(name))
-    q, qd = starts(aimed, rng)
-    batch = rde.BatchSimulator(aimed.scene, aimed.lanes, track_work=aimed.work)
-    batch.set_state(q, qd)
-    if aimed.varied:
-        batch.set_parameters(parameters(aimed, rng))
-    if aimed.numbers:
-        batch.set_parameters(aimed.numbers)
-    shape = (aimed.lanes, len(aimed.scene.robot.coordinates))
-    steady = powers(rng, aimed.efforts - 4.5, aimed.efforts, shape)
-    for _ in range(aimed.intervals):
-        changing = rng.random(shape) < 0.5
-        steady = np.where(changing, powers(rng, aimed.efforts - 4.5, aimed.efforts, shape), steady)
-        status = batch.advance(steady)
-        yield from (batch.q, batch.qd, batch.z)
-        yield from (np.asarray(column, np.float64) for column in status)
-        if aimed.work:
-            yield batch.work
-            happened = events(batch)
-            yield np.array([(x.lane, x.time, x.speed) for x in happened])
-            yield np.array([f"{x.kind} {x.joint}" for x in happened])
-
-
-def events(batch: rde.BatchSimulator) -> list[Any]:
-    """The events of an interval; none if a lane had more than are kept."""
-    try:
-        return batch.events()
-    except ValueError:
-        return []

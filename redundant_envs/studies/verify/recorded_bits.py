@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.studies.verify.aimed_scenes import AIMED, aimed_motion
+from redundant_envs.studies.verify.aimed_motions import aimed_motion
+from redundant_envs.studies.verify.aimed_scenes import AIMED
 
 RECORD = Path(__file__).with_name("recorded_bits.json")
 LANES, INTERVALS = 256, 50
