@@ -14,6 +14,8 @@ from redundant_envs.studies.verify.aimed_scenes import AIMED, AT, FALL, NEAR, Ai
 
 Array = NDArray[Any]
 LOG2_OF_10 = 3.3219280948873626
+BROKEN = np.nan, np.inf, 1e200, 1e60, 1e20
+"""Rates of the first joint that are no numbers, or with which a motion soon is none."""
 
 
 def powers(rng: np.random.Generator, low: float, high: float, shape: Any) -> Array:
@@ -63,9 +65,18 @@ def starts(aimed: Aimed, rng: np.random.Generator) -> tuple[Array, Array]:
     for i, k in enumerate(arm.sliders()):
         qd[:, k] = np.where(alone, np.where(striking == i, np.sign(q[:, k]) * speed, 0.0), qd[:, k])
     qd[alone] *= arm.prismatic
+    turns = ~np.array(arm.prismatic)
+    for kind, sides, speeds in (
+        ("folded", powers(rng, -7.0, -3.0, shape), powers(rng, -1.0, 1.0, shape)),
+        ("in step", 0.01 * rng.random((n, 1)), powers(rng, 0.0, 1.0, (n, 1))),
+    ):
+        q[kinds == kind] = np.where(turns & (kind == "in step"), 0.0, sides + 0.0 * q)[kinds == kind]
+        qd[kinds == kind] = np.where(turns, 0.0, speeds + 0.0 * qd)[kinds == kind]
+    qd[kinds == "round", 0] = np.ldexp(1.0, rng.integers(4, 9, n))[kinds == "round"]
+    qd[kinds == "round", 1:] *= 0.1
     _send_past(aimed, rng, kinds, q, qd)
-    broken = np.flatnonzero(kinds == "broken")[:4]
-    qd[broken, 0] = (np.nan, np.inf, 1e200, aimed.fastest)[: len(broken)]
+    broken = np.flatnonzero(kinds == "broken")[: len(BROKEN) + 1]
+    qd[broken, 0] = (aimed.fastest, *BROKEN)[: len(broken)]
     return q, qd
 
 

@@ -96,6 +96,7 @@ WEIGHTLESS: dict[str, Any] = {
 }
 FALLING = GRAVITY, stops(PAIR)
 THROWN: dict[str, Any] = {"kinds": ("thrown",), "efforts": -8.0, "intervals": 4}
+SWITCHES = springs("r1", "r2", "joint2", damping=300.0)
 NARROW = e.PrismaticStop((-0.003, -0.002), (0.002, 0.004), 0.5)
 LAG, PLAY = Lag(0.01), Play(0.02, 3.0)
 AIMED: dict[str, Aimed] = {
@@ -144,9 +145,7 @@ AIMED: dict[str, Aimed] = {
         lanes=64,
         intervals=12,
     ),
-    "events: 1e-6, switches": Aimed(
-        doubling(RPRP, GRAVITY, *springs("r1", "r2", "joint2", damping=300.0)), lanes=192
-    ),
+    "events: 1e-6, switches": Aimed(doubling(RPRP, GRAVITY, *SWITCHES), lanes=192),
     "events: 1e-6, 4R switches, kinks, generalized": Aimed(
         doubling(FOUR_R, *springs("joint2", "joint4"), PLAY, actuation="generalized"),
         speeds=2.0,
@@ -167,6 +166,26 @@ AIMED: dict[str, Aimed] = {
     ),
     "events: 1e-6, 2 sliders, narrow stops, log": Aimed(doubling(RPRP, GRAVITY, NARROW), work=True),
     "events: 1e-6, 2 sliders, thrown": Aimed(doubling(TWO, *FALLING), **THROWN),
+    "events: 1e-2, 2 sliders, narrow stops, folded, log": Aimed(
+        doubling(RPRP, GRAVITY, NARROW, tolerance=1e-2), work=True, **WEIGHTLESS | {"kinds": ("folded",)}
+    ),
+    "events: 1e-13, 2 sliders": Aimed(
+        doubling(RPRP, GRAVITY, stops(RPRP), tolerance=1e-13), lanes=64, intervals=6
+    ),
+    "events: 1e-6, switches passed together": Aimed(
+        doubling(RPRP, GRAVITY, *SWITCHES), varied=False, **WEIGHTLESS | {"kinds": ("in step",)}
+    ),
+    "events: 1e-6, switches, too stiff": Aimed(
+        doubling(RPRP, GRAVITY, *SWITCHES),
+        kinds=("folded",),
+        lanes=16,
+        intervals=2,
+        efforts=-8.0,
+        numbers={"gravity.g": 0.0, "limit_spring.joint2.stiffness": 1e14},
+    ),  # fmt: skip
+    "events: 1e-6, no boundaries, steps a power of 2": Aimed(
+        doubling(RPRP, GRAVITY, LAG, PLAY, control_dt=0.015625), kinds=("round",), lanes=96, intervals=2
+    ),
     # dop853.
     "events: dop853, 2 sliders, log": Aimed(adaptive(RPRP, GRAVITY, stops(RPRP)), work=True),
     "events: dop853, 2 sliders, narrow stops, log": Aimed(adaptive(RPRP, GRAVITY, NARROW), work=True),
@@ -180,5 +199,8 @@ AIMED: dict[str, Aimed] = {
     ),
     "events: dop853, switches": Aimed(adaptive(RPRP, GRAVITY, *springs("r1", "r2")), speeds=2.0),
     "events: dop853, no boundaries": Aimed(adaptive(FOUR_R, GRAVITY, LAG), speeds=2.5, lanes=96, intervals=8),
+    "events: dop853, no boundaries, too many steps": Aimed(
+        adaptive(FOUR_R, GRAVITY, LAG), fastest=1e8, kinds=("broken",), lanes=1, intervals=1
+    ),
 }
 """Motions by their names."""
