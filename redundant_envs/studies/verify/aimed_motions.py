@@ -72,6 +72,7 @@ def starts(aimed: Aimed, rng: np.random.Generator) -> tuple[Array, Array]:
     ):
         q[kinds == kind] = np.where(turns & (kind == "in step"), 0.0, sides + 0.0 * q)[kinds == kind]
         qd[kinds == kind] = np.where(turns, 0.0, speeds + 0.0 * qd)[kinds == kind]
+    q[kinds == "at zero"] = 0.0
     qd[kinds == "round", 0] = np.ldexp(1.0, rng.integers(4, 9, n))[kinds == "round"]
     qd[kinds == "round", 1:] *= 0.1
     _send_past(aimed, rng, kinds, q, qd)

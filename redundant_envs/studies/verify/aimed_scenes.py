@@ -97,6 +97,7 @@ WEIGHTLESS: dict[str, Any] = {
 FALLING = GRAVITY, stops(PAIR)
 THROWN: dict[str, Any] = {"kinds": ("thrown",), "efforts": -8.0, "intervals": 4}
 SWITCHES = springs("r1", "r2", "joint2", damping=300.0)
+BUZZ = {"lower": -1e-6, "upper": 1e-6, "stiffness": 1e11, "damping": 0.0}
 NARROW = e.PrismaticStop((-0.003, -0.002), (0.002, 0.004), 0.5)
 LAG, PLAY = Lag(0.01), Play(0.02, 3.0)
 AIMED: dict[str, Aimed] = {
@@ -131,8 +132,10 @@ AIMED: dict[str, Aimed] = {
         fixed(RPRP, GRAVITY, NARROW, *springs("joint2"), control_dt=0.04, substeps=2), work=True
     ),
     "events: rk4, 2 sliders of a pair, thrown": Aimed(fixed(PAIR, *FALLING, integrator="rk4"), **THROWN),
-    "events: rk4, 2 sliders of a pair, creeping": Aimed(
-        fixed(PAIR, *FALLING, integrator="rk4"), **WEIGHTLESS | {"kinds": ("creeping", "slow, near stops")}
+    "events: rk4, 2 sliders of a pair, creeping, log": Aimed(
+        fixed(PAIR, *FALLING, integrator="rk4"),
+        work=True,
+        **WEIGHTLESS | {"kinds": ("creeping", "slow, near stops")},
     ),
     # Doubling under a tolerance.
     "events: 1e-6, 1 slider, log": Aimed(doubling(ONE, GRAVITY, stops(ONE)), work=True),
@@ -152,7 +155,9 @@ AIMED: dict[str, Aimed] = {
         lanes=96,
         intervals=12,
     ),
-    "events: 1e-6, no boundaries, lag, kinks": Aimed(doubling(RPRP, GRAVITY, LAG, PLAY), speeds=3.0),
+    "events: 1e-6, no boundaries, lag, kinks": Aimed(
+        doubling(RPRP, GRAVITY, LAG, PLAY), speeds=3.0, kinds=(*KINDS, "at zero")
+    ),
     "events: 1e-6, 2 sliders, turns near stops": Aimed(
         doubling(RPRP, GRAVITY, stops(RPRP), LAG, control_dt=0.05), kinds=NEAR[:3]
     ),
@@ -169,9 +174,8 @@ AIMED: dict[str, Aimed] = {
     "events: 1e-2, 2 sliders, narrow stops, folded, log": Aimed(
         doubling(RPRP, GRAVITY, NARROW, tolerance=1e-2), work=True, **WEIGHTLESS | {"kinds": ("folded",)}
     ),
-    "events: 1e-13, 2 sliders": Aimed(
-        doubling(RPRP, GRAVITY, stops(RPRP), tolerance=1e-13), lanes=64, intervals=6
-    ),
+    "events: 1e-6, 2 sliders, narrow stops, kinks": Aimed(doubling(RPRP, GRAVITY, NARROW, PLAY), lanes=256),
+    "events: 1e-13, 2 sliders": Aimed(doubling(RPRP, GRAVITY, stops(RPRP), tolerance=1e-13), intervals=8),
     "events: 1e-6, switches passed together": Aimed(
         doubling(RPRP, GRAVITY, *SWITCHES), varied=False, **WEIGHTLESS | {"kinds": ("in step",)}
     ),
@@ -182,7 +186,16 @@ AIMED: dict[str, Aimed] = {
         intervals=2,
         efforts=-8.0,
         numbers={"gravity.g": 0.0, "limit_spring.joint2.stiffness": 1e14},
-    ),  # fmt: skip
+    ),
+    "events: 1e-6, switches, too many trials": Aimed(
+        doubling(RPRP, GRAVITY, *SWITCHES),
+        kinds=("folded",),
+        lanes=16,
+        intervals=2,
+        efforts=-8.0,
+        numbers={"gravity.g": 0.0}
+        | {f"limit_spring.{r}.{n}": x for r in ("r1", "r2") for n, x in BUZZ.items()},
+    ),
     "events: 1e-6, no boundaries, steps a power of 2": Aimed(
         doubling(RPRP, GRAVITY, LAG, PLAY, control_dt=0.015625), kinds=("round",), lanes=96, intervals=2
     ),
