@@ -75,6 +75,7 @@ class LaneProgram:
                 return self.give_up(lane)
             match (yield from self.step_or_event(lane)):
                 case Found.LOST:
+                    lane.error = lane.error_start
                     return self.give_up(lane)
                 case Found.INACCURATE:
                     self.shorten(lane)
@@ -342,7 +343,11 @@ class LaneProgram:
         return self.back_to(lane, "{}_start")
 
     def give_up(self, lane: Lane) -> None:
-        """Leave the lane as it was at the start of the interval."""
-        self.at_start(lane)
-        self.back_to(lane, "{}_start")
+        """Leave the lane as it was at the start of the interval, but for its estimate."""
+        kept = (*self.dynamics.states, *self.features.active)
+        lane.set(kept, lane.get(kept, of="{}_start"))
+        if self.features.stops:
+            lane.impacts = lane.impacts_start
+        if self.features.logs:
+            lane.logged = lane.logged_start
         lane.fault = float(Fault.EVENT_BUDGET)
