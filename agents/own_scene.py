@@ -80,8 +80,8 @@ def difference(folder: Path) -> str:
 
 
 def tell_differences(folders: Sequence[Path]) -> None:
-    """One line on stderr if runs were trained in other scenes than their configurations name today."""
-    found = [text for text in map(difference, folders) if text]
+    """One line on stderr if run folders are of other scenes than their configurations name today."""
+    found = [text for folder in folders if folder.is_dir() and (text := difference(folder))]
     more = f" (and so for {len(found) - 1} more of {len(folders)} runs)" if len(found) > 1 else ""
     if found:
         print(f"note: {found[0]}; the run's own is used{more}", file=sys.stderr)

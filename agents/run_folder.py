@@ -70,7 +70,11 @@ def read_evaluation(folder: Path) -> dict[str, Any]:
         )
     if not path.is_file():
         raise ValueError(f"run folder {folder} has no evaluation.json; make it: {evaluate_anew(folder)}")
-    data = _read_json(path, evaluate_anew(folder))
+    return checked_evaluation(_read_json(path, evaluate_anew(folder)), folder)
+
+
+def checked_evaluation(data: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """The evaluation of a run with this folder; ValueError if an entry is missing or impossible."""
     low_high = data.get("interval")
     checks = {name: _is_number(data.get(name)) for name in (*DISTANCES, *RETURNS)}
     checks |= {name: _is_number(data.get(name), 1) for name in RATES}
@@ -91,7 +95,8 @@ def read_evaluation(folder: Path) -> dict[str, Any]:
     for name, holds in checks.items():
         if not holds:
             raise ValueError(
-                f"{path} has {shown(data.get(name))} as {name!r}; make it again: {evaluate_anew(folder)}"
+                f"{folder}/evaluation.json has {shown(data.get(name))} as {name!r}; make it again: "
+                f"{evaluate_anew(folder)}"
             )
     return data
 

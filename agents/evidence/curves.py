@@ -11,7 +11,8 @@ import numpy as np
 
 from .figure import draw
 from .learning import AXES, MEASURES, expert, summarize
-from .runs import Group, read_groups
+from .run_table import read_groups
+from .runs import Group
 
 ENDINGS = (".png", ".svg")
 TABLE = (
@@ -23,7 +24,7 @@ TABLE = (
 
 
 def curves(folders: Iterable[str | Path], path: str | Path, x: str = "both") -> Path:
-    """Draw learning curves of run folders and write their numbers beside them, as CSV.
+    """Draw learning curves of runs and write their numbers beside them, as CSV.
 
     For each environment and scene there are panels of hold success, touch success and mean return on the
     selection goals. Pale lines are seeds, a thick line is their interquartile mean, and a band its
@@ -31,7 +32,8 @@ def curves(folders: Iterable[str | Path], path: str | Path, x: str = "both") -> 
 
     Parameters
     ----------
-    folders : iterable of run folders
+    folders : iterable
+        Run folders, or tables of runs, as in :func:`read_runs`.
     path : str or Path
         Figure to write, .png or .svg; its folder is made.
     x : str
