@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .aggregate import LEAST_RUNS, interquartile_mean, stratified_bootstrap
+from .aggregate import LEAST_RUNS, bootstrap_interval, interquartile_mean
 from .run_table import read_groups
 from .runs import Group
 
@@ -28,7 +28,7 @@ BRIEF = (
 )  # fmt: skip
 EXPLANATION = (
     "Computed torque acts on the same goals as the learners. IQM is the interquartile mean of the seeds, and "
-    f"its interval a stratified bootstrap over seeds (unknown with fewer than {LEAST_RUNS}). Figures without "
+    f"its interval a bootstrap over seeds (unknown with fewer than {LEAST_RUNS}). Figures without "
     "another label are medians over seeds. Time to hold is the median over held episodes, of the seeds that "
     "held any. Effort is the mean squared normalised action, smoothness the mean change of the action from "
     "step to step; less is better for all three. Steps per second are those of the whole training."
@@ -65,7 +65,7 @@ def brief_table(places: Iterable[str | Path]) -> str:
 def _results(same: Group) -> list[str]:
     """A row of the first table, in the order of RESULTS."""
     hold, steps = same.numbers("hold_success"), same.numbers("env_steps")
-    low, high = stratified_bootstrap([hold], interquartile_mean)
+    low, high = bootstrap_interval(hold)
     interval = "unknown" if np.isnan(low) else f"{_percent(same, [low], '')} to {_percent(same, [high], '')}"
     taken = _number(steps, 1e-6)
     if steps and max(steps) > 1.01 * min(steps):
