@@ -275,8 +275,8 @@ def test_unknown_arguments_are_refused(command, capsys):
 
 
 def test_restless_are_the_goals_at_which_the_tip_ended_without_holding_them(tmp_path):
-    run = Path(__file__).parents[2] / "docs" / "results" / "baselines" / "rprp_reach_td3" / "seed0"
-    for name in ("scene.yaml", "policy.zip", "training.json"):
+    run = Path(__file__).parents[2] / "policies" / "RPRPReach-v0-td3"
+    for name in ("scene.yaml", "policy.zip"):
         shutil.copy(run / name, tmp_path)
     config = load(run / "config.yaml", ["evaluation_episodes=100"])
     (tmp_path / "config.yaml").write_text(yaml.safe_dump(config.to_dict()))

@@ -194,7 +194,7 @@ def test_runs_of_other_scenes_are_refused(tmp_path, change):
     data = copy.deepcopy(weakened("four_r_reach", 0.5))
     change(data)
     folder = run_folder(tmp_path / "run", "4R", 0, 0.5, scene=data)
-    with pytest.raises(ValueError, match=r"run: scene.yaml has .* give four_r_reach"):
+    with pytest.raises(ValueError, match=r"run: its scene has .* give four_r_reach"):
         learner_rows([folder])
 
 
@@ -230,9 +230,9 @@ def test_only_finished_runs_of_one_setting_and_of_the_reach_environments_are_joi
     with pytest.raises(ValueError, match=r"e/evaluation.json has the hold success 0.5 outside its interval"):
         learner_rows([wrong])
     with pytest.raises(ValueError, match=r"her.seed110 is of redundant_envs/RPRPGoalReach-v0; give"):
-        learner_rows([ROOT / "docs" / "results" / "runs" / "rprp_goal_reach_her" / "seed110"])
+        learner_rows([ROOT / "docs" / "results" / "runs.csv" / "rprp_goal_reach_her" / "seed110"])
     with pytest.raises(ValueError, match=r"td3.seed0 is a run of TD3; give"):
-        learner_rows([ROOT / "docs" / "results" / "baselines" / "rprp_reach_td3" / "seed0"])
+        learner_rows([ROOT / "docs" / "results" / "baselines.csv" / "rprp_reach_td3" / "seed0"])
 
 
 # ---- file and figure -----------------------------------------------------------------------------
