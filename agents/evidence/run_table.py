@@ -84,10 +84,10 @@ def _read_table(path: Path, pattern: str) -> list[Run]:
                 names.append(name := str(value_of(row["run"])))
                 if pattern == "." or fnmatch.fnmatchcase(name, pattern):
                     runs.append(_run(path / name, row))
-    except (ValueError, LookupError, TypeError, AttributeError, csv.Error) as error:
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError, csv.Error) as error:
         reason = str(error).partition(";")[0]
         raise ValueError(
-            f"{path} is no table of runs or is damaged (after run {name!r}: {reason}); write it again: "
+            f"{path} is no table of runs, or its run {name!r} is damaged ({reason}); write it again: "
             f"{command('table', 'RUNS', '--out', path)}"
         ) from error
     if not runs:

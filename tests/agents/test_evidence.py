@@ -169,7 +169,9 @@ def various_runs(base):
         write_run(base / "a" / "seed0", 0, machine="12", time_to_hold=None),
         write_run(base / "a" / "seed1", 1, curve=[], without=("effort",)),
         write_run(base / "b" / "0", 0, FOUR_R, "sac", settings={"env_kwargs": {"scene": "four_r_weak"}}),
-        write_run(base / "c" / "x", 3, settings={"env_kwargs": {"scene": scene}}, versions={"a.b": "1", "c": ""}),
+        write_run(
+            base / "c" / "x", 3, settings={"env_kwargs": {"scene": scene}}, versions={"a.b": "", "c": "1"}
+        ),
     ]
 
 
@@ -213,8 +215,6 @@ def test_a_damaged_table_is_named_with_the_run(tmp_path, old, new, words):
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new, 1))
-    with pytest.raises(
-        ValueError, match=r"runs.csv is no table of runs or is damaged.*write it again"
-    ) as error:
+    with pytest.raises(ValueError, match=r"runs.csv is no table of runs.*write it again") as error:
         read_runs([path])
     assert words in str(error.value)

@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from run_folders import write_scene
+from run_folders import write_run
 
 from agents.__main__ import main
 from agents.config import load
 from agents.rollout import EVALUATION_SEED
-from agents.run_folder import SELECTION
 from agents.studies import strength, strength_run
 from agents.studies.factors import factors_of
 from agents.studies.strength import (
@@ -140,24 +139,10 @@ def test_the_published_rows_of_computed_torque_are_those_of_this_code(arm, monke
 
 def run_folder(path, arm, seed, hold, **env_kwargs):
     """A run folder after an evaluation."""
-    config = load(PRESETS[arm]).to_dict()
-    config |= {"seed": seed, "env_kwargs": env_kwargs}
-    path.mkdir(parents=True)
-    (path / "config.yaml").write_text(yaml.safe_dump(config))
-    write_scene(path)
-    evaluation = {
-        "env": config["env"], "algo": config["algo"], "seed": seed, "episodes": 100, "hold_success": hold,
-        "interval": [hold - 0.05, hold + 0.05], "touch_success": hold + 0.1, "expert_hold_success": 0.5,
-        "median_distance": 0.01, "expert_median_distance": 0.01, "mean_return": 50.0,
-        "expert_mean_return": 50.0, "env_steps": 1000, "train_seconds": 1.0, "machine": "x",
-        "date": "2026-11-22", "versions": {"machine": "x"},
-    }  # fmt: skip
-    (path / "evaluation.json").write_text(json.dumps(evaluation))
-    (path / "training.json").write_text(
-        json.dumps({"stopped": False, "env_steps": 1000, "train_seconds": 1.0})
-    )
-    (path / "selection.csv").write_text(",".join(SELECTION) + "\n1000,1.0,0.5,0.6,50.0\n")
-    return path
+    config = load(PRESETS[arm]).to_dict() | {"env_kwargs": env_kwargs}
+    facts = {"hold_success": hold, "interval": [hold - 0.05, hold + 0.05], "touch_success": hold + 0.1}
+    env, algo, _ = (config.pop(name) for name in ("env", "algo", "seed"))
+    return write_run(path, seed, env, algo, settings=config, episodes=100, **facts)
 
 
 def test_runs_become_rows_by_arm_factor_and_learner(tmp_path):
@@ -211,15 +196,17 @@ def test_runs_of_other_episodes_and_runs_given_twice_are_refused(tmp_path):
 def changed(folder, file, **entries):
     """A run folder with entries of a file changed."""
     path = folder / file
-    write = json.dumps if file.endswith("json") else yaml.safe_dump
-    path.write_text(write(yaml.safe_load(path.read_text()) | entries))
+    read, write = (json.loads, json.dumps) if file.endswith("json") else (yaml.safe_load, yaml.safe_dump)
+    path.write_text(write(read(path.read_text()) | entries))
     return folder
 
 
 def test_only_finished_runs_of_one_setting_and_of_the_reach_environments_are_joined(tmp_path):
     first = run_folder(tmp_path / "a", "4R", 0, 0.5)
+    stopped = run_folder(tmp_path / "b", "4R", 1, 0.5)
+    (stopped / "training.json").write_text('{"stopped": true, "env_steps": 1, "train_seconds": 1.0}')
     with pytest.raises(ValueError, match=r"b is a training that was stopped"):
-        learner_rows([changed(run_folder(tmp_path / "b", "4R", 1, 0.5), "training.json", stopped=True)])
+        learner_rows([stopped])
     other = changed(run_folder(tmp_path / "c", "4R", 1, 0.5), "config.yaml", total_steps=1000)
     with pytest.raises(ValueError, match=r"c has other settings than .*a; give runs of one setting"):
         learner_rows([first, other])
