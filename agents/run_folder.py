@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -150,6 +151,15 @@ def write_text(path: Path, text: str) -> None:
 def write_json(path: Path, data: dict[str, Any]) -> None:
     """Write plain data, like :func:`write_text`."""
     write_text(path, json.dumps(data, indent=2) + "\n")
+
+
+def flat(data: Mapping[str, Any], where: str = "") -> dict[str, Any]:
+    """Data by dotted names; a mapping that is empty, or whose keys have dots, stays one."""
+    found: dict[str, Any] = {}
+    for name, value in data.items():
+        inner = isinstance(value, Mapping) and value and not any("." in key for key in value)
+        found |= flat(value, f"{where}{name}.") if inner else {f"{where}{name}": value}
+    return found
 
 
 def _read_json(path: Path, remedy: str) -> dict[str, Any]:

@@ -21,8 +21,8 @@ from redundant_envs.studies.common import write_rows
 
 from .. import command
 from ..config import config_of
-from ..run_folder import SELECTION, checked_evaluation
-from .runs import Group, Run, flat, group, read_run, run_of
+from ..run_folder import SELECTION, checked_evaluation, flat
+from .runs import Group, Run, group, read_run, run_of
 
 SECTIONS = ("run", "simulator", "config", "evaluation", "scene", "curve")
 """First parts of the names of columns."""
@@ -64,7 +64,7 @@ def read_runs(places: Iterable[str | Path]) -> list[Run]:
         if table is None:
             runs.append(read_run(place))
         else:
-            runs += _read_table(table, str(place.relative_to(table)))
+            runs += _read_table(table, place.relative_to(table).as_posix())
     if not runs:
         raise ValueError("folders is empty; give at least one run folder")
     return runs

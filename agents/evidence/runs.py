@@ -18,7 +18,7 @@ from redundant_envs.values import shown
 from .. import command
 from ..config import WITHOUT_EFFECT, Config
 from ..own_scene import read_scene
-from ..run_folder import SELECTION, evaluate_anew, read_config, read_evaluation, read_facts, read_table
+from ..run_folder import SELECTION, evaluate_anew, flat, read_config, read_evaluation, read_facts, read_table
 
 CIRCUMSTANCES = ("train_seconds", "versions", "machine", "date")
 """Entries in which two trainings of one seed may differ although their results are the same."""
@@ -204,12 +204,3 @@ def _differences(runs: list[Run]) -> list[list[str]]:
     names = sorted({name for own in settings for name, value in own.items() if value != {}})
     differing = [n for n in names if any(own.get(n) != settings[0].get(n) for own in settings)]
     return [[f"{n}={shown(own[n]) if n in own else 'unset'}" for n in differing] for own in settings]
-
-
-def flat(data: Mapping[str, Any], where: str = "") -> dict[str, Any]:
-    """Data by dotted names; a mapping that is empty, or whose keys have dots, stays one."""
-    found: dict[str, Any] = {}
-    for name, value in data.items():
-        inner = isinstance(value, Mapping) and value and not any("." in key for key in value)
-        found |= flat(value, f"{where}{name}.") if inner else {f"{where}{name}": value}
-    return found

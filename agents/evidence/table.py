@@ -65,7 +65,7 @@ def brief_table(places: Iterable[str | Path]) -> str:
 def _results(same: Group) -> list[str]:
     """A row of the first table, in the order of RESULTS."""
     hold, steps = same.numbers("hold_success"), same.numbers("env_steps")
-    low, high = bootstrap_interval(hold)
+    low, high = map(float, bootstrap_interval(hold))
     interval = "unknown" if np.isnan(low) else f"{_percent(same, [low], '')} to {_percent(same, [high], '')}"
     taken = _number(steps, 1e-6)
     if steps and max(steps) > 1.01 * min(steps):
@@ -77,7 +77,7 @@ def _results(same: Group) -> list[str]:
     ]
     return [
         same.title, same.learner, str(len(same.runs)), _percent(same, hold), _percent(same, [min(hold)]),
-        f"{_percent(same, [interquartile_mean(hold)])} [{interval}]",
+        f"{_percent(same, [float(interquartile_mean(hold))])} [{interval}]",
         _percent(same, same.numbers("expert_hold_success")), _holds_more(same),
         _percent(same, same.numbers("touch_success")), taken, _number(same.numbers("train_seconds")),
         _number(speeds),

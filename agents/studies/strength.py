@@ -275,7 +275,8 @@ def read_rows(path: Path) -> list[Row]:
         rows = []
         for values in reader:
             try:
-                rows.append(Row(**{name: value_of(cell) if cell else None for name, cell in values.items()}))
+                cells: dict[str, Any] = {k: value_of(cell) if cell else None for k, cell in values.items()}
+                rows.append(Row(**cells))
             except (ValueError, TypeError) as error:
                 raise ValueError(f"{path}, line {reader.line_num}: {error}; write the file again") from error
     return rows

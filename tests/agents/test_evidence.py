@@ -176,20 +176,14 @@ def various_runs(base):
 
 
 def test_runs_of_a_table_are_those_of_the_folders(tmp_path):
-    folders = various_runs(tmp_path / "runs")
-    write_runs(read_runs(folders), tmp_path / "new" / "runs.csv")
-    for one, other in zip(read_runs(folders), read_runs([tmp_path / "new" / "runs.csv"]), strict=True):
+    folders, path = various_runs(tmp_path / "runs"), tmp_path / "new" / "runs.csv"
+    write_runs(read_runs(folders), path)
+    for one, other in zip(read_runs(folders), read_runs([path]), strict=True):
         for name in ("env", "algo", "learner", "seed", "settings", "scene", "evaluation", "simulator"):
             assert getattr(one, name) == getattr(other, name), name
         np.testing.assert_array_equal(one.curve, other.curve)
-        assert other.folder == tmp_path / "new" / "runs.csv" / one.folder.relative_to(tmp_path / "runs")
-    assert table([tmp_path / "new" / "runs.csv"]) == table(folders)
-
-
-def test_runs_of_a_table_are_picked_by_their_names(tmp_path):
-    folders = various_runs(tmp_path / "runs")
-    path = tmp_path / "runs.csv"
-    write_runs(read_runs(folders), path)
+        assert other.folder == path / one.folder.relative_to(tmp_path / "runs")
+    assert table([path]) == table(folders)
     for pattern, names in {"a/*": ["seed0", "seed1"], "b/0": ["0"], "*/seed1": ["seed1"]}.items():
         assert [run.folder.name for run in read_runs([path / pattern])] == names
     assert len(read_runs([path / "b" / "*", folders[0]])) == 2
