@@ -6,6 +6,8 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
+
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "docs" / "results"
 
@@ -21,6 +23,5 @@ def published_run(name: str, folder: Path) -> Path:
     (folder / "evaluation.json").write_text(json.dumps(run.evaluation))
     facts = {key: run.evaluation[key] for key in ("env_steps", "train_seconds")}
     (folder / "training.json").write_text(json.dumps({**facts, "simulator": run.simulator, "stopped": False}))
-    lines = [",".join(SELECTION), *(",".join(map(repr, row)) for row in run.curve.tolist())]
-    (folder / "selection.csv").write_text("\n".join([*lines, ""]))
+    np.savetxt(folder / "selection.csv", run.curve, delimiter=",", comments="", header=",".join(SELECTION))
     return folder

@@ -36,8 +36,7 @@ for module, arguments in {calls!r}:
 print(json.dumps(results))
 """
 SIMULATE = ["simulate", "--scene", "four_r_free", "--seconds", "0.1"]
-RUN = "RUN"
-"""Stands for a run folder."""
+RUN = "RUN"  # stands for a run folder
 COMMANDS = {
     # name -> module with main, arguments, package that is missing, extra
     "figures": (LIBRARY, SIMULATE, "matplotlib", "plot"),

@@ -184,9 +184,8 @@ def test_runs_of_a_table_are_those_of_the_folders(tmp_path):
         np.testing.assert_array_equal(one.curve, other.curve)
         assert other.folder == path / one.folder.relative_to(tmp_path / "runs")
     assert table([path]) == table(folders)
-    for pattern, names in {"a/*": ["seed0", "seed1"], "b/0": ["0"], "*/seed1": ["seed1"]}.items():
-        assert [run.folder.name for run in read_runs([path / pattern])] == names
-    assert len(read_runs([path / "b" / "*", folders[0]])) == 2
+    picked = read_runs([path / "b" / "0", folders[0], path / "*seed1"])
+    assert [run.folder.name for run in picked] == ["0", "seed0", "seed1"]
     with pytest.raises(ValueError, match=r"runs.csv has no run d/\*; it has a/seed0, a/seed1, b/0 ..."):
         read_runs([path / "d" / "*"])
 
@@ -206,9 +205,8 @@ def test_runs_of_a_table_are_those_of_the_folders(tmp_path):
 def test_a_damaged_table_is_named_with_the_run(tmp_path, old, new, words):
     path = tmp_path / "runs.csv"
     write_runs([read_run(write_run(tmp_path / "seed0"))], path)
-    text = path.read_text()
-    assert old in text
-    path.write_text(text.replace(old, new, 1))
+    assert old in path.read_text()
+    path.write_text(path.read_text().replace(old, new, 1))
     with pytest.raises(ValueError, match=r"runs.csv is no table of runs.*write it again") as error:
         read_runs([path])
     assert words in str(error.value)
