@@ -10,7 +10,7 @@ import itertools
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from redundant_envs.algebra import all_of, any_of, logical_not, maximum, minimum, sqrt
+from redundant_envs.algebra import all_of, any_of, logical_not, maximum, minimum, sqrt, where
 from redundant_envs.events.boundary import NEGLIGIBLE_SPEED, ROUNDING, side_touched
 from redundant_envs.events.complementarity import Matrix, impulses, outward_mobilities, pressed
 from redundant_envs.tracing.ways import branches
@@ -67,43 +67,12 @@ class Contact(NamedTuple):
     @property
     def limit(self) -> Any:
         """The stop that it touches; without one, the lower."""
-        return _limit_of(self.side, self.lower, self.upper)
+        return where(self.side > 0.0, self.upper, self.lower)
 
     @property
     def holding_force(self) -> Any:
         """Force with which a stop holds it, N."""
-        return 0.0 if not self.holds else _force_if_held(self.free, self.force)
-
-    def velocity_unless(self, negligible: Any) -> Any:
-        """Its velocity, or 0 where that is negligible."""
-        return _zero_if(negligible, self.velocity)
-
-
-@branches
-def _limit_of(side: Any, lower: Any, upper: Any) -> Any:
-    return upper if side > 0.0 else lower
-
-
-@branches
-def _force_if_held(free: Any, force: Any) -> Any:
-    return 0.0 if free else force
-
-
-@branches
-def _zero_if(condition: Any, x: Any) -> Any:
-    return 0.0 if condition else x
-
-
-@branches
-def side_if(supported: Any, side: Any) -> Any:
-    """Side of a stop if it supports, else 0."""
-    return side if supported else 0.0
-
-
-@branches
-def outward_if(may_rest: Any, acceleration: Any) -> Any:
-    """An outward acceleration, or that of a coordinate which is pressed onto no stop."""
-    return acceleration if may_rest else AWAY
+        return where(self.free, 0.0, self.force) if self.holds else 0.0
 
 
 class Approach(NamedTuple):
@@ -169,7 +138,7 @@ def approach_of(contacts: Sequence[Contact]) -> Approach:
     for side, c in zip(sides, contacts, strict=True):
         out = side * c.velocity
         negligible.append((out > 0.0) & (out <= NEGLIGIBLE_SPEED))
-    velocities = [c.velocity_unless(n) for n, c in zip(negligible, contacts, strict=True)]
+    velocities = [where(n, 0.0, c.velocity) for n, c in zip(negligible, contacts, strict=True)]
     speeds = [side * v for side, v in zip(sides, velocities, strict=True)]
     return Approach(sides, negligible, velocities, speeds, any_of(u > 0.0 for u in speeds))
 
@@ -187,7 +156,7 @@ def impact_of(contacts: Sequence[Contact], approach: Approach, support: Support,
         c.resting | (u > 0.0) | ((u == 0.0) & (side * c.acceleration >= 0.0))
         for c, side, u in zip(contacts, sides, speeds, strict=True)
     ]
-    supporting = [side_if(s, side) for s, side in zip(supported, sides, strict=True)]
+    supporting = [where(s, side, 0.0) for s, side in zip(supported, sides, strict=True)]
     p = impulses(speeds, supporting, w, [c.restitution for c in contacts])
     pushed = [strikes & (x > 0.0) for x in p]
     hits = [x & (u > 0.0) for x, u in zip(pushed, speeds, strict=True)]
@@ -197,11 +166,6 @@ def impact_of(contacts: Sequence[Contact], approach: Approach, support: Support,
         by_turns = touching[0] & touching[1] & logical_not(supported[0] & supported[1])
         stops_all = strikes & by_turns & collapses(speeds, sides, w, contacts[0].restitution)
     return Impact(strikes, p, pushed, hits, stops_all)
-
-
-@branches
-def _lasting(first: Any, a: Any, b: Any) -> Any:
-    return a if first else b
 
 
 def collapses(speeds: Sequence[Any], sides: Sequence[Any], w: Matrix, restitution: Any) -> Any:
@@ -217,7 +181,7 @@ def collapses(speeds: Sequence[Any], sides: Sequence[Any], w: Matrix, restitutio
     p = -(1.0 + restitution) * sa * sb * w[0][1]
     square = p * p - 4.0 * restitution * w[0][0] * w[1][1]
     slope = p + sqrt(maximum(square, 0.0))
-    lasting = _lasting(ua > 0.0, 2.0 * w[0][0] * ub + slope * ua, 2.0 * w[1][1] * ua + slope * ub)
+    lasting = where(ua > 0.0, 2.0 * w[0][0] * ub + slope * ua, 2.0 * w[1][1] * ua + slope * ub)
     return (minimum(minimum(p, square), lasting) >= 0.0) & (p > 0.0)
 
 
@@ -297,7 +261,7 @@ def support_of(contacts: Sequence[Contact], approach: Approach, unheld: Sequence
         for c, u, free, a, settled in zip(contacts, approach.speeds, unheld, pressing, now, strict=True)
     ]
     if len(contacts) > 2:
-        unheld = [outward_if(may, a) for may, a in zip(may_rest, unheld, strict=True)]
+        unheld = [where(may, a, AWAY) for may, a in zip(may_rest, unheld, strict=True)]
     stay = pressed(unheld, outward_mobilities(w, approach.sides))
     return support_together(contacts, support, may_rest, stay)
 

@@ -9,7 +9,7 @@ import enum
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from redundant_envs.algebra import any_of, logical_not, maximum
+from redundant_envs.algebra import any_of, logical_not, maximum, where
 from redundant_envs.events.boundary import NEGLIGIBLE_SPEED
 from redundant_envs.events.complementarity import Matrix, halting
 from redundant_envs.events.contacts import (
@@ -114,15 +114,9 @@ def impulses_of(approach: Approach, impact: Impact, halt: Halt) -> list[Any]:
     """Impulses along the coordinates, N s: those of impacts, otherwise those that stop coordinates."""
     bounces = impact.strikes & logical_not(impact.stops_all)
     return [
-        one_of(bounces, -side * p, h)
+        where(bounces, -side * p, h)
         for side, p, h in zip(approach.sides, impact.impulses, halt.impulses, strict=True)
     ]
-
-
-@branches
-def one_of(first: Any, a: Any, b: Any) -> Any:
-    """The first or the second of two numbers."""
-    return a if first else b
 
 
 def velocities_after(
@@ -231,7 +225,7 @@ def resolve_contacts(impacts: Any, contacts: Sequence[Contact], w: Matrix) -> Re
     # The solution for speeds also serves accelerations: the holding forces from now on.
     accelerations = [side * a for side, a in zip(approach.sides, unheld, strict=True)]
     for hit in impact.hits:
-        impacts = impacts + one_of(hit, 1.0, 0.0)
+        impacts = impacts + where(hit, 1.0, 0.0)
     return Resolved(
         strikes=impact.strikes | any_of(support.rests) | any_of(approach.negligible),
         going_on=logical_not(impact.strikes) & logical_not(looks_again(contacts, approach, support, halt)),
@@ -244,6 +238,6 @@ def resolve_contacts(impacts: Any, contacts: Sequence[Contact], w: Matrix) -> Re
             happened_to(c, impact.strikes, hit, rests, off, a)
             for (c, hit, rests, off, _), a in zip(changes, active, strict=True)
         ],
-        speeds=[one_of(hit, u, 0.0) for hit, u in zip(impact.hits, approach.speeds, strict=True)],
+        speeds=[where(hit, u, 0.0) for hit, u in zip(impact.hits, approach.speeds, strict=True)],
         impacts=impacts,
     )

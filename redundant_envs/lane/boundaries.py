@@ -15,7 +15,7 @@ from redundant_envs.events.boundary import (
     side_touched,
     starts_at_stop,
 )
-from redundant_envs.events.resolution import Resolved, one_of
+from redundant_envs.events.resolution import Resolved
 from redundant_envs.lane import coordinates
 from redundant_envs.lane.features import WATCHED, Reason, SceneFeatures
 from redundant_envs.lane.memory import Lane
@@ -128,7 +128,7 @@ class Boundaries:
                 ("most", maximum(lane[f"most_{b.name}"], now)),
                 ("last", now),
             ):
-                lane[f"{name}_{b.name}"] = one_of(held, value, lane[f"{name}_{b.name}"])
+                lane[f"{name}_{b.name}"] = where(held, value, lane[f"{name}_{b.name}"])
 
     def release(self, lane: Lane) -> None:
         """Before a common step: release sliders whose stops would have to pull them."""
@@ -136,7 +136,7 @@ class Boundaries:
         resting = [self._contact(lane, lane, b, x[f"hold{b.joint + 1}"]) for b in holding]  # type: ignore[operator]
         w = symmetric(len(holding), lambda i, j: x[f"W{holding[i].joint + 1}{holding[j].joint + 1}"])  # type: ignore[operator]
         for b, leaves in zip(holding, contacts.leaving(resting, w), strict=True):
-            lane[b.active] = one_of(leaves, 0.0, lane[b.active])
+            lane[b.active] = where(leaves, 0.0, lane[b.active])
 
     def _contact(
         self, lane: Lane, now: Lane, b: Boundary, force: Any, acceleration: Any = None, released: Any = None
@@ -144,7 +144,7 @@ class Boundaries:
         """A stop as a contact, with the motion of the lane ``now``."""
         position, velocity = coordinates.motion(self.dynamics, b, now)
         if b.joint is None:
-            position = one_of(lane[f"arrived_{b.name}"], 0.0, position)
+            position = where(lane[f"arrived_{b.name}"], 0.0, position)
         return contacts.Contact(
             position, velocity, self.active(lane, b), *self.limits(lane, b),
             acceleration, force, released, lane[b.restitution], b in self.features.holding, b.owner,
@@ -193,7 +193,7 @@ class Boundaries:
         w = symmetric(len(stops), lambda i, j: self.mobility(lane, stops[i], stops[j]))
         r = resolution.resolve_contacts(lane.impacts, touching, w)
         for s, value in {**values, **self._struck(lane, values, touching, r)}.items():
-            lane[s] = one_of(r.strikes, value, values[s])
+            lane[s] = where(r.strikes, value, values[s])
         for b, stop, force, released, happened, speed in zip(
             stops, r.active_stops, r.forces, r.released, r.happened, r.speeds, strict=True
         ):

@@ -11,7 +11,7 @@ import enum
 from collections.abc import Generator
 from typing import Any
 
-from redundant_envs.algebra import any_of, logical_not
+from redundant_envs.algebra import any_of, logical_not, where
 from redundant_envs.events import brackets, locate, resolution
 from redundant_envs.events.boundary import (
     Boundary,
@@ -23,7 +23,6 @@ from redundant_envs.events.boundary import (
 from redundant_envs.events.brackets import Search, Sought, TaylorStep, Trial
 from redundant_envs.events.first_event import Encounter, first_event
 from redundant_envs.events.locate import Aim
-from redundant_envs.events.resolution import one_of
 from redundant_envs.lane import coordinates
 from redundant_envs.lane.boundaries import Boundaries
 from redundant_envs.lane.features import Fault, SceneFeatures
@@ -253,7 +252,7 @@ class LaneProgram:
         """End a trial step at its event: sliders that are at their stops are there exactly."""
         arm, slide = self.dynamics.arm, brackets.slide_to_event(sought, rest_of_way)
         crossed = [
-            one_of(sought_here, lane.side, e.motion.side_beyond)
+            where(sought_here, lane.side, e.motion.side_beyond)
             for e, sought_here in zip(trial.encounters, sought.chosen, strict=True)
         ]
         positions = locate.positions_after(trial, sought, rest_of_way, slide)
@@ -276,7 +275,7 @@ class LaneProgram:
                 # It comes to its stop, even if by rounding it seems to move away.
                 lane[f"released_{b.name}"] = self._leaves(lane, b) & logical_not(is_sought)
             else:
-                lane[b.side] = one_of(side != 0.0, law_behind(lane[b.side], side), lane[b.side])
+                lane[b.side] = where(side != 0.0, law_behind(lane[b.side], side), lane[b.side])
 
     def _leaves(self, lane: Lane, b: Boundary) -> Any:
         """Whether a free coordinate is at its stop and moves away from it."""

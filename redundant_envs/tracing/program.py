@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, Protocol
 from redundant_envs.algebra import any_of, logical_not, where
 from redundant_envs.tracing.graph import Graph, Operation
 from redundant_envs.tracing.number import Condition, Number, outlives
-from redundant_envs.tracing.ways import Exclusive, Fork, Tree, Way, Ways, every_way, merged_fields
+from redundant_envs.tracing.ways import Exclusive, Fork, Tree, Way, Ways, every_way, merged_fields, same
 
 ENDED = -1.0
 """The number of a state in which a program has ended."""
@@ -148,9 +148,7 @@ class Machine:
             if waits:
                 total[asked.value] = where(any_of(waits), 1.0, 0.0)
         total["complete"] = where(total["state"] == ENDED, 1.0, 0.0)
-        return {
-            n: x for n, x in total.items() if n not in before or getattr(x, "value", x) is not before[n].value
-        }
+        return {n: x for n, x in total.items() if n not in before or not same(x, before[n])}
 
 
 def _common_end(trees: list[Tree]) -> tuple[Condition, Way, list[Tree]] | None:
@@ -170,17 +168,11 @@ def _common_end(trees: list[Tree]) -> tuple[Condition, Way, list[Tree]] | None:
 
 
 def _alike(a: Writes, b: Writes) -> bool:
-    return a.keys() == b.keys() and all(
-        getattr(a[n], "value", a[n]) is getattr(b[n], "value", b[n]) or a[n] is b[n]
-        or (isinstance(a[n], float) and a[n] == b[n])
-        for n in a
-    )  # fmt: skip
+    return a.keys() == b.keys() and all(same(a[n], b[n]) for n in a)
 
 
 def _name(state: State) -> str:
-    return (
-        "the beginning of a program" if state.request is None else f"the stretch after {state.request.name}"
-    )
+    return "the beginning" if state.request is None else f"the stretch after {state.request.name}"
 
 
 def _of(graph: Graph, x: Any) -> Any:

@@ -254,21 +254,22 @@ def _merged_numbers(tree: Tree, values: Sequence[Any]) -> Any:
 
 def _selected(condition: Any, a: Any, b: Any) -> Any:
     """One selection, also where ``a`` or ``b`` is itself a selection of the other."""
-    if _same(a, b):
+    if same(a, b):
         return a
     for one, other, here in ((a, b, condition), (b, a, logical_not(condition))):
         value = getattr(other, "value", None)
         if isinstance(value, Operation) and value.name == "select":
             graph, (inner, chosen, rest) = condition.graph, value.arguments
             inner = Condition(graph, inner)
-            if _same(chosen, one):
+            if same(chosen, one):
                 return where(here | inner, one, _number(graph, rest))
-            if _same(rest, one):
+            if same(rest, one):
                 return where(logical_not(here) & inner, _number(graph, chosen), one)
     return where(condition, a, b)
 
 
-def _same(a: Any, b: Any) -> bool:
+def same(a: Any, b: Any) -> bool:
+    """Whether two numbers are one value of a graph, or one constant."""
     return _key(a)[1] == _key(b)[1]
 
 
