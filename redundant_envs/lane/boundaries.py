@@ -109,6 +109,11 @@ class Boundaries:
         met = where(meets, Reason.EVENT, Reason.NONE)
         lane.reason = where(lane.reason == Reason.NEAR_BOUNDARY, met, lane.reason)
 
+    def is_cut(self, lane: Lane) -> Any:
+        """Whether an instant that is known beforehand lies within the common step."""
+        times = [time - lane.span_start for time in lane.get(self.features.instants)]
+        return any_of((time > 0.0) & (time < lane.h) for time in times)
+
     # ---- stops that hold sliders -------------------------------------------------------------------------
 
     def quantities(self, lane: Lane) -> Quantities:

@@ -45,6 +45,7 @@ class CommonStep:
             lane.impacts = 0.0
         if self.features.logs:
             lane.logged = 0.0
+        if self.features.spans:
             lane.span_start = -lane.h if self.features.control is Control.FIXED else 0.0
         if self.features.origin != "{}_start":
             lane.set(self.features.kept, lane.get(self.features.kept), of=self.features.origin)
@@ -63,8 +64,8 @@ class CommonStep:
             lane.min_steps = where(steps <= 1.0, 0.0, steps)
         if self.features.logs:
             lane.logged_start = lane.logged
-            if self.features.control is Control.FIXED:
-                lane.span_start = lane.span_start + lane.h
+        if self.features.spans and self.features.control is Control.FIXED:
+            lane.span_start = lane.span_start + lane.h
 
     def least_steps(self, lane: Lane) -> Any:
         """Number of steps that the present rates and all springs and dampers require."""
@@ -160,6 +161,8 @@ class CommonStep:
             pulled = any_of(crossings.most_pull(s, overshoot) > 0.0 for s in moved)
             near = any_of(crossings.may_meet(s, lane.h, overshoot) for s in moved)
             reason = cases((pulled, Reason.EVENT), (near, Reason.NEAR_BOUNDARY), default=Reason.NONE)
+        if self.features.instants:
+            reason = where(self.boundaries.is_cut(lane), Reason.EVENT, reason)
         stages = float(self.dynamics.method.stages)
         if self.features.control is Control.FIXED:
             lane.evaluations = lane.evaluations + stages

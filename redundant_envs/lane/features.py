@@ -121,7 +121,7 @@ class SceneFeatures:
     @property
     def local(self) -> bool:
         """Whether lanes may take local steps."""
-        return bool(self.stops) or self.control is not Control.FIXED
+        return bool(self.stops or self.instants) or self.control is not Control.FIXED
 
     @property
     def repeated(self) -> bool:
@@ -137,6 +137,16 @@ class SceneFeatures:
     def logs(self) -> bool:
         """Whether events are kept."""
         return bool(self.stops) and self.dynamics.track_work
+
+    @property
+    def spans(self) -> bool:
+        """Whether lanes know when in the interval the common step begins."""
+        return self.logs or bool(self.instants)
+
+    @property
+    def instants(self) -> tuple[str, ...]:
+        """Fields with instants at which a planned step ends, s from the start of the interval; none yet."""
+        return ()
 
     @property
     def origin(self) -> str:

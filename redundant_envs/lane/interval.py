@@ -17,6 +17,7 @@ from redundant_envs.lane.features import GIVEN_UP, MOST_LOGGED, WATCHED, Control
 from redundant_envs.lane.fields import copies, motion_fields
 from redundant_envs.lane.memory import (
     LOG,
+    PARAMETER,
     SCRATCH,
     STATE,
     Field,
@@ -90,6 +91,11 @@ class Interval:
             *features.doubts.items(),
         ):
             yield Field(name, "", doc, SCRATCH, truth=True)
+        if features.spans:
+            book = not features.instants
+            yield Field("span_start", "s", "when the common step began", SCRATCH, book=book)
+        for name in features.instants:
+            yield Field(name, "s", "instant of the interval at which a planned step ends", PARAMETER)
         yield from self._fields_of_boundaries()
         if features.stops:
             yield from self._fields_of_stops()
@@ -134,7 +140,6 @@ class Interval:
             ):
                 yield Field(f"{name}_{b.name}", unit, doc, SCRATCH, book=True)
         if self.features.logs:
-            yield Field("span_start", "s", "when the common step began", SCRATCH, book=True)
             yield Field("logged_start", "", "events kept before the common step", SCRATCH, book=True)
             yield Field("logged", "", "events kept", STATE, book=True)
             for n in range(MOST_LOGGED):

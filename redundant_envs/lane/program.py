@@ -14,6 +14,7 @@ from typing import Any
 from redundant_envs.algebra import any_of, logical_not, where
 from redundant_envs.events import brackets, locate, resolution
 from redundant_envs.events.boundary import (
+    ROUNDING,
     Boundary,
     BoundedCoordinate,
     law_behind,
@@ -83,7 +84,7 @@ class LaneProgram:
                     if not lane.at_stop:
                         self.start_here(lane)
                 case Found.NOTHING:
-                    match self.control.end(lane):
+                    match self.end_of_trial(lane):
                         case End.CROSSED:
                             return None
                         case End.REPEATED:
@@ -238,6 +239,27 @@ class LaneProgram:
         self.note_released(lane)
         return Found.NOTHING
 
+    def end_of_trial(self, lane: Lane) -> End:
+        """After a trial step without an event: what comes next."""
+        if self.features.instants and lane.left <= 0.0 and lane.after_instant > 0.0:
+            lane.left = lane.after_instant
+            self.cut(lane)
+            return End.GOES_ON
+        end = self.control.end(lane)
+        if end is End.NEXT:
+            self.cut(lane)
+        return end
+
+    def cut(self, lane: Lane) -> None:
+        """End the planned step at the first instant before its end; the rest of it comes then."""
+        if not self.features.instants:
+            return
+        ahead = [time - lane.span_start - lane.elapsed for time in lane.get(self.features.instants)]
+        left = lane.left
+        for time in ahead:
+            left = where((time > ROUNDING * lane.interval) & (time < left), time, left)
+        lane.after_instant, lane.left = lane.left - left, left
+
     def is_lost(self, lane: Lane) -> Any:
         """Whether a search has no end, or waits for a time that is no number."""
         within = self.control.within_budget(lane)
@@ -296,11 +318,14 @@ class LaneProgram:
         first = self.control.begin(lane)
         lane.left = first.length
         self.at_start(lane)
+        self.cut(lane)
         lane.due, lane.at_stop = False, False
+        for b in self.features.holding:
+            lane[f"force_trial_{b.name}"] = 0.0
         if self.features.boundaries:
             begun = any_of(self.boundaries.at_start(lane, starts_at_stop))
             rested = any_of(a != 0.0 for a in lane.get(self.features.active, of="{}_start"))
-            lane.due = logical_not(first.retried | begun | rested)
+            lane.due = logical_not(first.retried | begun | rested | self.boundaries.is_cut(lane))
         if lane.due:
             lane.step = lane.h
         else:
@@ -334,10 +359,12 @@ class LaneProgram:
     def shorten(self, lane: Lane) -> None:
         """After an inaccurate step: equal steps begin the interval anew, others begin the step anew."""
         self.control.shorten(lane)
+        if self.control.repeats:
+            self.at_start(lane)
+        self.cut(lane)
         lane.step, lane.at_stop = lane.left, False
         if not self.control.repeats:
             return self.back_to(lane, "{}_trial")
-        self.at_start(lane)
         lane.at_stop = self.boundaries.touched_before(lane)
         return self.back_to(lane, "{}_start")
 
