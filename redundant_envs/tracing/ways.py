@@ -256,25 +256,23 @@ def _selected(condition: Any, a: Any, b: Any) -> Any:
     """One selection, also where ``a`` or ``b`` is itself a selection of the other."""
     if same(a, b):
         return a
-    for one, other, here in ((a, b, condition), (b, a, logical_not(condition))):
+    for one, other, holds in ((a, b, True), (b, a, False)):
         value = getattr(other, "value", None)
         if isinstance(value, Operation) and value.name == "select":
             graph, (inner, chosen, rest) = condition.graph, value.arguments
-            inner = Condition(graph, inner)
-            if same(chosen, one):
-                return where(here | inner, one, _number(graph, rest))
-            if same(rest, one):
-                return where(logical_not(here) & inner, _number(graph, chosen), one)
+            is_chosen = same(Number(graph, chosen), one)
+            if is_chosen or same(Number(graph, rest), one):
+                here = condition if holds else logical_not(condition)
+                inner = Condition(graph, inner)
+                if is_chosen:
+                    return where(here | inner, one, Number(graph, rest))
+                return where(logical_not(here) & inner, Number(graph, chosen), one)
     return where(condition, a, b)
 
 
 def same(a: Any, b: Any) -> bool:
     """Whether two numbers are one value of a graph, or one constant."""
     return _key(a)[1] == _key(b)[1]
-
-
-def _number(graph: Graph, value: Any) -> Any:
-    return value if isinstance(value, float) else Number(graph, value)
 
 
 def merged_fields(tree: Tree, fields: dict[str, list[Any]]) -> dict[str, Any]:
