@@ -246,28 +246,10 @@ def _merged_numbers(tree: Tree, values: Sequence[Any]) -> Any:
     def at(part: Tree) -> Any:
         if isinstance(part, Way):
             return next(numbers)
-        yes = at(part.yes)
-        return _selected(part.condition, yes, at(part.no))
+        yes, no = at(part.yes), at(part.no)
+        return yes if same(yes, no) else where(part.condition, yes, no)
 
     return at(tree)
-
-
-def _selected(condition: Any, a: Any, b: Any) -> Any:
-    """One selection, also where ``a`` or ``b`` is itself a selection of the other."""
-    if same(a, b):
-        return a
-    for one, other, holds in ((a, b, True), (b, a, False)):
-        value = getattr(other, "value", None)
-        if isinstance(value, Operation) and value.name == "select":
-            graph, (inner, chosen, rest) = condition.graph, value.arguments
-            is_chosen = same(Number(graph, chosen), one)
-            if is_chosen or same(Number(graph, rest), one):
-                here = condition if holds else logical_not(condition)
-                inner = Condition(graph, inner)
-                if is_chosen:
-                    return where(here | inner, one, Number(graph, rest))
-                return where(logical_not(here) & inner, Number(graph, chosen), one)
-    return where(condition, a, b)
 
 
 def same(a: Any, b: Any) -> bool:
