@@ -26,6 +26,77 @@ def source_of(value: Operation) -> Operation:
     return value
 
 
+class Schedule:
+    """Operations that wait to begin, and values that wait to be used."""
+
+    def __init__(self, nodes: list[Operation]) -> None:
+        self.nodes = nodes
+        self.place = {n: k for k, n in enumerate(nodes)}
+        self.users: dict[Operation, list[Operation]] = {n: [] for n in nodes}
+        for n in nodes:
+            for a in dict.fromkeys(n.operands):
+                self.users[a].append(n)
+        self.chain: dict[Operation, int] = {}
+        """Cycles from the beginning of an operation to the end of all that follow from it."""
+        for n in reversed(nodes):
+            self.chain[n] = n.latency + max((self.chain[u] for u in self.users[n]), default=0)
+        real = [n for n in nodes if n.name not in FREE]
+        self.inputs = {
+            n: dict.fromkeys(s for s in map(source_of, n.operands) if s.name not in FREE) for n in real
+        }
+        uses: dict[Operation, list[int]] = {n: [] for n in real}
+        for n in real:
+            for a in self.inputs[n]:
+                uses[a].append(self.chain[n])
+        self.far = {a for a, chains in uses.items() if chains and max(chains) - min(chains) > FAR}
+        self.left = {a: len(chains) for a, chains in uses.items()}
+        self.missing = {n: len(set(n.operands)) for n in nodes}
+        self.begins = dict.fromkeys(self.place, 0)
+        self.coming = [(0, self.place[n]) for n in nodes if self.missing[n] == 0]
+        self.ready: set[int] = set()
+        self.waiting = 0
+
+    def more_waiting(self, n: Operation) -> int:
+        """How many more values wait to be used after an operation than before it."""
+        freed = sum(self.left[a] == 1 and a not in self.far for a in self.inputs[n])
+        return (n not in self.far and self.left[n] > 0) - freed
+
+    def done(self, n: Operation, cycle: int) -> None:
+        """An operation has begun in a cycle: those that waited for it alone may follow."""
+        for u in self.users[n]:
+            self.begins[u] = max(self.begins[u], cycle + n.latency)
+            self.missing[u] -= 1
+            if self.missing[u] == 0:
+                heapq.heappush(self.coming, (self.begins[u], self.place[u]))
+
+    def come(self, cycle: int) -> None:
+        """Operations whose operands are available in a cycle become ready."""
+        while self.coming and self.coming[0][0] <= cycle:
+            k = heapq.heappop(self.coming)[1]
+            if self.nodes[k].name in FREE:
+                self.done(self.nodes[k], cycle)
+            else:
+                self.ready.add(k)
+
+    def next(self) -> Operation | None:
+        """The operation that begins next; None if it is better to wait."""
+        nodes, chain = self.nodes, self.chain
+        if not self.ready:
+            return None
+        if self.waiting < REGISTERS:
+            return nodes[max(self.ready, key=lambda k: (chain[nodes[k]], -k))]
+        k = min(self.ready, key=lambda k: (max(self.more_waiting(nodes[k]), 0), -chain[nodes[k]], k))
+        return None if self.more_waiting(nodes[k]) > 0 and self.coming else nodes[k]
+
+    def begin(self, n: Operation, cycle: int) -> None:
+        """Begin an operation in a cycle."""
+        self.ready.discard(self.place[n])
+        self.waiting += self.more_waiting(n)
+        for a in self.inputs[n]:
+            self.left[a] -= 1
+        self.done(n, cycle)
+
+
 def in_order(results: list[Value]) -> list[Operation]:
     """The operations that some results need and that cost time, in an order that keeps a processor busy.
 
@@ -33,64 +104,13 @@ def in_order(results: list[Value]) -> list[Operation]:
     the longest chains after them. When as many values wait to be used as there are registers, operations
     that use up values come first. Values used again much later are not counted: they wait in memory.
     """
-    nodes = reached(results)
-    users: dict[Operation, list[Operation]] = {n: [] for n in nodes}
-    for n in nodes:
-        for a in dict.fromkeys(n.operands):
-            users[a].append(n)
-    chain: dict[Operation, int] = {}  # cycles from the beginning of an operation to the end of all
-    for n in reversed(nodes):
-        chain[n] = n.latency + max((chain[u] for u in users[n]), default=0)
-    real = [n for n in nodes if n.name not in FREE]
-    inputs = {n: dict.fromkeys(s for s in map(source_of, n.operands) if s.name not in FREE) for n in real}
-    uses: dict[Operation, list[int]] = {n: [] for n in real}
-    for n in real:
-        for a in inputs[n]:
-            uses[a].append(chain[n])
-    far = {a for a, chains in uses.items() if chains and max(chains) - min(chains) > FAR}
-    left = {a: len(chains) for a, chains in uses.items()}
-    missing = {n: len(set(n.operands)) for n in nodes}
-    place = {n: k for k, n in enumerate(nodes)}
-    begins = dict.fromkeys(place, 0)
-
-    def more_waiting(n: Operation) -> int:
-        freed = sum(left[a] == 1 and a not in far for a in inputs[n])
-        return (n not in far and left[n] > 0) - freed
-
-    order: list[Operation] = []
-    waiting = cycle = 0
-    coming = [(0, place[n]) for n in nodes if missing[n] == 0]
-    ready: set[int] = set()
-
-    def done(n: Operation, cycle: int) -> None:
-        for u in users[n]:
-            begins[u] = max(begins[u], cycle + n.latency)
-            missing[u] -= 1
-            if missing[u] == 0:
-                heapq.heappush(coming, (begins[u], place[u]))
-
-    while coming or ready:
-        while coming and coming[0][0] <= cycle:
-            k = heapq.heappop(coming)[1]
-            if nodes[k].name in FREE:
-                done(nodes[k], cycle)
-            else:
-                ready.add(k)
+    schedule, order, cycle = Schedule(reached(results)), list[Operation](), 0
+    while schedule.coming or schedule.ready:
+        schedule.come(cycle)
         for _ in range(ISSUED):
-            if not ready:
+            if (n := schedule.next()) is None:
                 break
-            if waiting < REGISTERS:
-                k = max(ready, key=lambda k: (chain[nodes[k]], -k))
-            else:
-                k = min(ready, key=lambda k: (max(more_waiting(nodes[k]), 0), -chain[nodes[k]], k))
-                if more_waiting(nodes[k]) > 0 and coming:
-                    break
-            n = nodes[k]
-            ready.discard(k)
-            waiting += more_waiting(n)
-            for a in inputs[n]:
-                left[a] -= 1
             order.append(n)
-            done(n, cycle)
+            schedule.begin(n, cycle)
         cycle += 1
     return order
