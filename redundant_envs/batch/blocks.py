@@ -41,7 +41,7 @@ class Block:
     number: Scalar
     first: Scalar
     lanes: Scalar
-    places: dict[str, Array]
+    pointers: dict[str, Array]
 
 
 @dataclass
@@ -108,13 +108,13 @@ class Blocks:
         first = number * LANES
         rest = p["count"] - first
         lanes = p.select(rest < LANES, rest, LANES)
-        places = {
+        pointers = {
             str(STATE): p["state"] + number * self.width(STATE),
             str(PARAMETER): p["parameter"] + number * p["parameter_stride"],
             str(SCRATCH): p["scratch"] + in_group * self.width(SCRATCH),
             str(LOG): p["log"] + number * self.width(LOG),
         }
-        return Block(number, first, lanes, places)
+        return Block(number, first, lanes, pointers)
 
     def function(self, name: str, *procedures: Procedure, **more: Any) -> LaneFunction:
         """Procedures of a lane, one after the other, as one compiled function."""
@@ -175,8 +175,8 @@ class Blocks:
             block = self.block(number, 0)
             self.call_with_tables(first, block, ends.inputs)
             with p.each(p["substeps"]):
-                p.call(step, **block.places)
-            p.call(last, **block.places, **ends.outputs(block))
+                p.call(step, **block.pointers)
+            p.call(last, **block.pointers, **ends.outputs(block))
             ends.finish(block)
 
     def call_with_tables(
@@ -184,7 +184,7 @@ class Blocks:
     ) -> None:
         """Call a function that reads rows of tables."""
         tables = {t: self.whole_lines(block, t, len(fields)) for t, (_, fields) in inputs.items()}
-        self.p.call(function, **tables, **block.places, **(outputs or {}))
+        self.p.call(function, **tables, **block.pointers, **(outputs or {}))
 
     def prune(self) -> None:
         """Drop stores within an interval to rows that no function and no loop reads."""

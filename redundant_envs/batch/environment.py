@@ -33,9 +33,9 @@ class Autoreset(enum.IntEnum):
 
 
 KEY_WORDS = 4
-TICKET = KEY_WORDS + 1
-"""A ticket holds the key of a lane's next episode, four words, and whether the lane is to begin or has begun
-it."""
+EPISODE_KEY = KEY_WORDS + 1
+"""Words of an episode key: four of the key of a lane's next episode, and whether it is to begin or has
+begun."""
 DUE, BEGUN = 1, 2
 ROUNDS = 10
 ARGUMENTS = {
@@ -45,7 +45,7 @@ ARGUMENTS = {
     "stride": "int",
     "last_obs": "f32",
     **{f"last_{table}": element for table, element in TABLES.items()},
-    "tickets": "u32",
+    "episode_keys": "u32",
     "operation": "int",
     "autoreset": "int",
     "any_due": "int",
@@ -83,13 +83,13 @@ class EnvironmentKernel:
                 p.leave()
         steps = (operation == Operation.STEP) | (operation == Operation.CHECKED_STEP)
         with p.when(steps):
-            ends = Ends(self.episode.command, self.inputs, self.end, self.outputs, self.renew)
+            ends = Ends(self.episode.command, self.inputs, self.end, self.outputs, self.autoreset)
             advance(self.blocks, ends)
         with p.when(~steps), p.each(self.blocks.count) as number:
             block = self.blocks.block(number, 0)
             with p.when(operation == Operation.RESET):
                 self.begin_due(block)
-            p.call(self.observed, **block.places, **self.outputs(block))
+            p.call(self.observed, **block.pointers, **self.outputs(block))
 
     def end(self, lane: Lane) -> Any:
         self.episode.finish_control_step(lane)
@@ -105,50 +105,50 @@ class EnvironmentKernel:
     # ---- new episodes ----------------------------------------------------------------------------------
 
     def _flag(self, lane: Scalar) -> Scalar:
-        return lane * TICKET + KEY_WORDS
+        return lane * EPISODE_KEY + KEY_WORDS
 
     def begin_due(self, block: Block, then: int = DUE) -> Scalar:
-        """Start new episodes in the lanes of a block whose tickets request one; returns whether any did."""
+        """Start new episodes in the lanes of a block whose keys request one; returns whether any did."""
         p = self.p
         some = p.variable(0)
         self._clear(block)
         with p.each(block.lanes) as k:
             lane = block.first + k
-            with p.when(p.load(p["tickets"], self._flag(lane)) != 0):
+            with p.when(p.load(p["episode_keys"], self._flag(lane)) != 0):
                 self.draw(block, k)
-                p.store(p["tickets"], self._flag(lane), then)
+                p.store(p["episode_keys"], self._flag(lane), then)
                 some.value = 1
         with p.when(some.value != 0):
-            p.call(self.reset, **block.places)
+            p.call(self.reset, **block.pointers)
         return some.value
 
     def _clear(self, block: Block) -> None:
-        space, row = self._place("resetting")
+        space, row = self._row_of("resetting")
         with self.p.each(LANES) as k:
-            self.p.store(block.places[space], k + row * LANES, 0.0)
+            self.p.store(block.pointers[space], k + row * LANES, 0.0)
 
-    def _place(self, name: str) -> tuple[str, int]:
+    def _row_of(self, name: str) -> tuple[str, int]:
         return self.blocks.layout.row_of(name)
 
     def draw(self, block: Block, k: Scalar) -> None:
         """The draws of a lane's next episode, from its key and nothing else."""
         p = self.p
-        key = [p.load(p["tickets"], (block.first + k) * TICKET + w) for w in range(KEY_WORDS)]
+        key = [p.load(p["episode_keys"], (block.first + k) * EPISODE_KEY + w) for w in range(KEY_WORDS)]
         draws = self.episode.draws
         for group in range(0, len(draws), 4):
             words = philox(p, key[:2], [group // 4, 0, key[2], key[3]])
             for name, word in zip(draws[group : group + 4], words, strict=False):
-                space, row = self._place(name)
-                p.store(block.places[space], k + row * LANES, uniform(p, word))
-        space, row = self._place("resetting")
-        p.store(block.places[space], k + row * LANES, 1.0)
+                space, row = self._row_of(name)
+                p.store(block.pointers[space], k + row * LANES, uniform(p, word))
+        space, row = self._row_of("resetting")
+        p.store(block.pointers[space], k + row * LANES, 1.0)
 
-    def renew(self, block: Block) -> None:
+    def autoreset(self, block: Block) -> None:
         """Autoreset of a block after its step."""
         p, blocks = self.p, self.blocks
         valid = p.record("<<", 1, block.lanes) - 1
-        places = block.places
-        done = (blocks.mask(places, "terminated") | blocks.mask(places, "truncated")) & valid
+        pointers = block.pointers
+        done = (blocks.mask(pointers, "terminated") | blocks.mask(pointers, "truncated")) & valid
         with p.when(p["autoreset"] == Autoreset.NEXT_STEP):
             begun = p.variable(0)
             with p.when(p["any_due"] != 0):
@@ -156,24 +156,24 @@ class EnvironmentKernel:
                     begun.value = begun.value | p.record("<<", 1, k)
                 with p.when(begun.value != 0):
                     self.begin_due(block, BEGUN)
-                    p.call(self.observed, **places, **self.outputs(block))
+                    p.call(self.observed, **pointers, **self.outputs(block))
             with p.each_set(done & ~begun.value) as k:
-                p.store(p["tickets"], self._flag(block.first + k), DUE)
+                p.store(p["episode_keys"], self._flag(block.first + k), DUE)
         with p.when((p["autoreset"] == Autoreset.SAME_STEP) & (done != 0)):
             self._clear(block)
             with p.each_set(done) as k:
                 self._keep_last(block.first + k)
                 self.draw(block, k)
-                p.store(p["tickets"], self._flag(block.first + k), DUE)
-            p.call(self.reset, **places)
-            p.call(self.observed, **places, **self.outputs(block))
+                p.store(p["episode_keys"], self._flag(block.first + k), DUE)
+            p.call(self.reset, **pointers)
+            p.call(self.observed, **pointers, **self.outputs(block))
             with p.each_set(done) as k:
                 for table, names in self.episode.tables.items():
                     rows = [row for row, name in enumerate(names) if name in ENDS]
                     self._copy(table, f"last_{table}", table, block.first + k, rows)
 
     def _due(self, lane: Scalar) -> Scalar:
-        return self.p.load(self.p["tickets"], self._flag(lane)) == DUE
+        return self.p.load(self.p["episode_keys"], self._flag(lane)) == DUE
 
     def _keep_last(self, lane: Scalar) -> None:
         """Outputs of a lane before it starts a new episode."""

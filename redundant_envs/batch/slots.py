@@ -45,7 +45,7 @@ class Slots:
 
     def finish(self, block: Block) -> None:
         """Finish a block whose lanes have crossed the interval."""
-        self.p.call(self.ended, **block.places, **self.ends.outputs(block))
+        self.p.call(self.ended, **block.pointers, **self.ends.outputs(block))
         self.ends.finish(block)
 
     def block(self, number: Scalar) -> Block:
@@ -121,7 +121,7 @@ class Slots:
             blocks.call_with_tables(self.started, block, inputs)
             self.common_step(block)
             valid = (p.record("<<", 1, block.lanes)) - 1
-            leaving = blocks.mask(block.places, "reason") & valid
+            leaving = blocks.mask(block.pointers, "reason") & valid
             with p.each_set(leaving) as lane:
                 p.store(self.waiting, self.tail.value, block.first + lane)
                 self.tail.value = self.tail.value + 1
@@ -138,38 +138,38 @@ class Slots:
                 self.leave(slot, first)
 
     def common_step(self, block: Block) -> None:
-        p, i, places = self.p, self.features, block.places
+        p, i, pointers = self.p, self.features, block.pointers
         if i.control is Control.ADAPTIVE:
-            p.call(self.skipped, **places)
+            p.call(self.skipped, **pointers)
             return
         with contextlib.ExitStack() as served:
             if i.control is Control.EQUAL:
-                mask = self.blocks.mask(places, "min_steps")
+                mask = self.blocks.mask(pointers, "min_steps")
                 serves = mask != 255
                 with p.when(mask == 255):
-                    p.call(self.skipped, **places)
+                    p.call(self.skipped, **pointers)
                 served.enter_context(p.when(serves))
             if i.holding:
                 self._held_or_free(block)
             else:
-                p.call(self.common, **places)
+                p.call(self.common, **pointers)
             if i.boundaries:
-                with p.when(self.blocks.mask(places, "reason") != 0):
-                    p.call(self.confirmed, **places)
+                with p.when(self.blocks.mask(pointers, "reason") != 0):
+                    p.call(self.confirmed, **pointers)
 
     def _held_or_free(self, block: Block) -> None:
         """A common step, in a faster form for blocks in which no slider rests."""
-        p, places = self.p, block.places
+        p, pointers = self.p, block.pointers
         resting = p.variable(0)
         for name in self.features.active:
-            resting.value = resting.value | self.blocks.mask(places, name)
+            resting.value = resting.value | self.blocks.mask(pointers, name)
         with p.when(resting.value == 0):
-            p.call(self.common, **places)
+            p.call(self.common, **pointers)
         with p.when(resting.value != 0):
-            p.call(self.released, **places)
+            p.call(self.released, **pointers)
             if self.features.logs:
                 self.log_released(block)
-            p.call(self.common_held, **places)
+            p.call(self.common_held, **pointers)
 
     # ---- slots -----------------------------------------------------------------------------------------
 
@@ -197,27 +197,27 @@ class Slots:
     @cached_property
     def carried_in(self) -> list[str]:
         """Fields of blocks that slots read."""
-        known = {place for f in self.of_blocks for place in written_by(f)}
+        known = {row for f in self.of_blocks for row in written_by(f)}
         read = set().union(*(self.blocks.reads[f.name] for f in self.of_slots))
         if self.features.logs:
             read.add(self.layout.row_of("span_start"))  # read by the log of events, and by no function
         return [
             n
             for n in self.layout.fields
-            for place in [self.layout.row_of(n)]
-            if place in read and (place[0] == STATE or place in known)
+            for row in [self.layout.row_of(n)]
+            if row in read and (row[0] == STATE or row in known)
         ]
 
     @cached_property
     def carried_out(self) -> list[str]:
         """Fields that slots return: states, and fields that are read at the end of the interval."""
-        written = {place for f in self.of_slots for place in written_by(f)}
+        written = {row for f in self.of_slots for row in written_by(f)}
         read = self.blocks.reads[self.ended.name] | {self.layout.row_of("fault")}
         return [
             n
             for n in self.layout.fields
-            for place in [self.layout.row_of(n)]
-            if place in written and (place[0] == STATE or place in read)
+            for row in [self.layout.row_of(n)]
+            if row in written and (row[0] == STATE or row in read)
         ]
 
     def _home(self, lane: Scalar) -> tuple[Block, Scalar]:
@@ -242,10 +242,10 @@ class Slots:
         self.free.value = self.free.value & ~p.record("<<", 1, slot)
         p.store(self.homes, slot, lane)
         home, k = self._home(lane)
-        self._copy(self.carried_in, self.slots, slot, home.places, k)
+        self._copy(self.carried_in, self.slots, slot, home.pointers, k)
         with p.when(~self.shared):
             numbers = [n for n, f in self.layout.fields.items() if f.lifetime is PARAMETER]
-            self._copy(numbers, self.slots, slot, home.places, k)
+            self._copy(numbers, self.slots, slot, home.pointers, k)
         self._set(slot, "entered", 1.0)
 
     def leave(self, slot: Scalar, first: Scalar) -> None:
@@ -257,7 +257,7 @@ class Slots:
         self.before.value = self.before.value - p.select((lane >> 3) < first, 1, 0)
         self.free.value = self.free.value | p.record("<<", 1, slot)
         home, k = self._home(lane)
-        self._copy(self.carried_out, home.places, k, self.slots, slot)
+        self._copy(self.carried_out, home.pointers, k, self.slots, slot)
         self._set(slot, "complete", 0.0)
         self._set(slot, "state", IDLE)
 
@@ -276,10 +276,10 @@ class Slots:
                 p.store(block[str(LOG)], at + k * LANES, value)
             p.store(counts[space], slot + row * LANES, count + 1.0)
 
-    def _of(self, places: Any, lane: Any, name: str) -> Scalar:
+    def _of(self, pointers: Any, lane: Any, name: str) -> Scalar:
         space, row = self.layout.row_of(name)
         self.p.masked.add((space, row))
-        return self.p.load(places[space], lane + row * LANES)
+        return self.p.load(pointers[space], lane + row * LANES)
 
     def log(self) -> None:
         """Log the events of the sliders in the slots."""
@@ -297,13 +297,13 @@ class Slots:
 
     def log_released(self, block: Block) -> None:
         """Log the sliders that were released before the common step."""
-        p, places = self.p, block.places
+        p, pointers = self.p, block.pointers
         with p.each(LANES) as lane:
             for k, name in enumerate(self.features.active):
-                now, was = self._of(places, lane, name), self._of(places, lane, f"{name}_start")
+                now, was = self._of(pointers, lane, name), self._of(pointers, lane, f"{name}_start")
                 with p.when(now != was):
-                    time = self._of(places, lane, "span_start")
-                    self._append(places, lane, places, lane, time, Happening.RELEASE + 10.0 * k, 0.0)
+                    time = self._of(pointers, lane, "span_start")
+                    self._append(pointers, lane, pointers, lane, time, Happening.RELEASE + 10.0 * k, 0.0)
 
 
 def advance(blocks: Blocks, ends: Ends) -> None:

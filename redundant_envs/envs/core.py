@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.batch.blocks import LANES
-from redundant_envs.batch.environment import BEGUN, DUE, GOAL_FIELDS, TICKET, Autoreset, Operation
+from redundant_envs.batch.environment import BEGUN, DUE, EPISODE_KEY, GOAL_FIELDS, Autoreset, Operation
 from redundant_envs.envs.arguments import (
     Checked,
     ResetOptions,
@@ -89,7 +89,7 @@ class Core(Copied):
         self.columns = Columns(episode)
         self.goal_fields = episode.goal
         self._episode_keys = EpisodeKeys(num_envs)
-        self._tickets = np.zeros((num_envs, TICKET), dtype=np.uint32)
+        self._key_table = np.zeros((num_envs, EPISODE_KEY), dtype=np.uint32)
         self.waiting = np.zeros(num_envs, dtype=np.bool_)  # keys drawn and not yet used
         self.obs_size = len(episode.observed)
         self.reach = reach_of(self.scene, self.scene.parameters())
@@ -101,12 +101,12 @@ class Core(Copied):
         self._goal_reward = None
         if self.task.goal_functions:
             self._goal_reward = Call(simulator.program.kernels[1], simulator.kernels["goal_reward"])
-        self.keys, self.mask = self._tickets[:, :-1], self._tickets[:, -1]
+        self.keys, self.mask = self._key_table[:, :-1], self._key_table[:, -1]
 
     def single_lane(self) -> SingleLane:
         """The only lane of a core with one lane, to be stepped without the loop over blocks."""
         part = Part(self.simulator, "environment", self.memory, 0, 1)
-        return SingleLane(part, self.columns, self.obs_size, len(self.actions), self._tickets)
+        return SingleLane(part, self.columns, self.obs_size, len(self.actions), self._key_table)
 
     @staticmethod
     def _found_simulator(state: Mapping[str, Any]) -> Simulator:
@@ -173,7 +173,7 @@ class Core(Copied):
         if autoreset == Autoreset.SAME_STEP:
             last_obs, last_out = np.zeros_like(obs), Outputs.made(self.columns, count, np.zeros)
         any_due = int(self.mask.any())
-        lines = {"actions": actions, "obs": obs, "last_obs": last_obs, "tickets": self._tickets}
+        lines = {"actions": actions, "obs": obs, "last_obs": last_obs, "episode_keys": self._key_table}
         columns = {**dict(zip(TABLES, out, strict=True)), **dict(zip(LAST_TABLES, last_out, strict=True))}
         places = {name: (address(table), table.strides[0]) for name, table in lines.items()}
         places |= {name: (address(table), table.itemsize) for name, table in columns.items()}

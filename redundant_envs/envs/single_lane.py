@@ -28,11 +28,11 @@ class SingleLane:
     columns : Columns
     observed, actions : int
         Numbers of an observation and of an action.
-    tickets : (1, TICKET) array
+    episode_keys : (1, EPISODE_KEY) array
     """
 
     def __init__(
-        self, part: Part, columns: Columns, observed: int, actions: int, tickets: NDArray[np.uint32]
+        self, part: Part, columns: Columns, observed: int, actions: int, episode_keys: NDArray[np.uint32]
     ) -> None:
         self.columns = columns
         self._part = part
@@ -48,7 +48,7 @@ class SingleLane:
         self._entry, self._address = part.entry, part.address
         tables = dict(zip(TABLES, self.outputs, strict=True))
         part.set(
-            actions=action, obs=obs, stride=LANES, last_obs=obs, tickets=tickets, any_due=0,
+            actions=action, obs=obs, stride=LANES, last_obs=obs, episode_keys=episode_keys, any_due=0,
             autoreset=Autoreset.DISABLED, **tables, **{f"last_{name}": t for name, t in tables.items()},
         )  # fmt: skip
 
@@ -57,7 +57,7 @@ class SingleLane:
         if operation != self._operation:
             self._part.set(operation=operation)
             self._operation = operation
-        self._part.place()
+        self._part.set_pointers()
         self._part()
         return self._obs.copy()
 

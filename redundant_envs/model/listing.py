@@ -113,10 +113,10 @@ def _counted(step: LaneFunction, dynamics: Dynamics) -> Counter[tuple[str, str]]
 def _count(nodes: list[Operation]) -> Counter[tuple[str, str]]:
     counts: Counter[tuple[str, str]] = Counter()
     for n in nodes:
-        if n.place is None or n.name == "load":
+        if n.origin is None or n.name == "load":
             continue
-        owner = n.place.owner or _part(n.place.file)
-        if n.place.function == "sincos":
+        owner = n.origin.owner or _part(n.origin.file)
+        if n.origin.function == "sincos":
             counts[owner, "sine_pairs"] += n.name == "bit" and n.extra == 1
         elif n.name in COUNTED:
             counts[owner, COUNTED[n.name]] += 1

@@ -172,14 +172,14 @@ class Part(Call):
             count=self.lanes.stop - self.lanes.start,
         )  # fmt: skip
         self._version = -1
-        self.place()
+        self.set_pointers()
 
     @property
     def moved(self) -> bool:
         """Whether arrays of the memory have been replaced since the kernel got their addresses."""
         return self._version != self.memory.version
 
-    def place(self) -> None:
+    def set_pointers(self) -> None:
         """Give the kernel the addresses of the memory: parameters get new arrays when lanes differ."""
         if not self.moved:
             return

@@ -71,7 +71,7 @@ class Team:
 
     def __call__(self) -> None:
         for part in self.parts:
-            part.place()
+            part.set_pointers()
         if len(self.parts) > 1 and self._process != os.getpid():
             self._start()
         for worker, part in zip(self._workers, self.parts[1:], strict=True):

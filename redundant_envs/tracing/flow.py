@@ -288,12 +288,12 @@ class Kernel:
         """Return from the kernel."""
         self.record("leave")
 
-    def call(self, function: LaneFunction, **places: Array | Scalar) -> None:
-        """Run a function on a block; ``places`` are the addresses of its spaces and arrays for that block,
+    def call(self, function: LaneFunction, **pointers: Array | Scalar) -> None:
+        """Run a function on a block; ``pointers`` are the addresses of its spaces and arrays for that block,
         and the strides of columns."""
         self.functions[function.name] = function
-        starts = (x.start if isinstance(x, Array) else x for x in places.values())
-        self.record("call", *starts, extra=(function.name, tuple(places)))
+        starts = (x.start if isinstance(x, Array) else x for x in pointers.values())
+        self.record("call", *starts, extra=(function.name, tuple(pointers)))
 
 
 @dataclass

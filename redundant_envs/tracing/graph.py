@@ -23,7 +23,7 @@ LATENCY = {"/": 24, "sqrt": 32, "select": 2}
 ADDITION = 4
 
 
-class Place(NamedTuple):
+class Origin(NamedTuple):
     """Origin of an operation.
 
     Attributes
@@ -77,7 +77,7 @@ def uncollected() -> Iterator[None]:
             gc.enable()
 
 
-def _place() -> Place:
+def _origin() -> Origin:
     frame: Any = sys._getframe(2)
     here = str(Path(__file__).parent)
     while frame.f_back is not None:
@@ -85,20 +85,20 @@ def _place() -> Place:
         if name == "sincos" or not (file.startswith(here) or file in _TRANSPARENT):
             break
         frame = frame.f_back
-    return Place(_owner.get(), frame.f_code.co_qualname, frame.f_code.co_filename, frame.f_lineno)
+    return Origin(_owner.get(), frame.f_code.co_qualname, frame.f_code.co_filename, frame.f_lineno)
 
 
 class Operation:
     """One operation of a graph; ``extra`` is its data beside the values of its arguments."""
 
-    __slots__ = ("arguments", "extra", "name", "place")
+    __slots__ = ("arguments", "extra", "name", "origin")
 
-    def __init__(self, name: str, arguments: list[Value], extra: Any = None, place: Any = None) -> None:
+    def __init__(self, name: str, arguments: list[Value], extra: Any = None, origin: Any = None) -> None:
         self.name = name
         self.arguments = arguments
         self.extra = extra
-        self.place = place
-        """Its origin, a :class:`Place`, if the graph keeps origins."""
+        self.origin = origin
+        """Its origin, a :class:`Origin`, if the graph keeps origins."""
 
     @property
     def operands(self) -> list[Operation]:
@@ -153,8 +153,8 @@ class Graph:
         )
         found = self._known.get(key)
         if found is None:
-            place = _place() if self._located else None
-            found = self._known[key] = Operation(name, list(arguments), extra, place)
+            origin = _origin() if self._located else None
+            found = self._known[key] = Operation(name, list(arguments), extra, origin)
         return found
 
     def load(self, space: str, k: int) -> Operation:

@@ -49,10 +49,10 @@ def _numbered(numbers: dict[Operation, int], name_of: Namer) -> Iterator[str]:
     """Operations, grouped under their source functions if these are known."""
     present = None
     for n, k in numbers.items():
-        if n.place is not None and n.name != "load" and n.place[:3] != present:
-            present = n.place[:3]
-            owner = f" for {n.place.owner}" if n.place.owner else ""
-            yield f"  # {n.place.function}{owner}, {n.place.file}:{n.place.line}"
+        if n.origin is not None and n.name != "load" and n.origin[:3] != present:
+            present = n.origin[:3]
+            owner = f" for {n.origin.owner}" if n.origin.owner else ""
+            yield f"  # {n.origin.function}{owner}, {n.origin.file}:{n.origin.line}"
         yield f"  %{k} = {_operation(n, numbers, name_of)}"
 
 

@@ -264,7 +264,7 @@ def places(function, context=located):
         graph = Graph()
     with owned("gravity"):
         result = traced(function, graph)
-    return [n.place for n in reached([result.value]) if n.name != "load"]
+    return [n.origin for n in reached([result.value]) if n.name != "load"]
 
 
 def test_places_are_kept_where_they_are_asked_for_and_nowhere_else():

@@ -29,7 +29,7 @@ def _join(results: list[Value]) -> None:
     def negative(value: Value) -> Value:
         if isinstance(value, float):
             return -value
-        result = Operation("neg", [value], None, value.place)
+        result = Operation("neg", [value], None, value.origin)
         known[result] = known.get(value, 0)
         return result
 

@@ -43,7 +43,7 @@ def specialise(results: list[Value], known: Mapping[tuple[str, int], float]) -> 
         if node.name == "stage":  # the stages know it
             node.arguments = arguments
             return node
-        return Operation(node.name, arguments, node.extra, node.place)
+        return Operation(node.name, arguments, node.extra, node.origin)
 
     for node in reached(results):
         made[node] = folded(node)

@@ -220,7 +220,7 @@ def _replaced(nodes: Sequence[Value], replacement: Callable[[Operation], Operati
         while stack:
             n, complete = stack.pop()
             if complete:
-                made[n] = Operation(n.name, [anew(a) for a in n.arguments], n.extra, n.place)
+                made[n] = Operation(n.name, [anew(a) for a in n.arguments], n.extra, n.origin)
             elif n not in made:
                 other = replacement(n) or (n if n.name == "load" else None)
                 if other is not None:
