@@ -49,7 +49,7 @@ _HOMES = {
     "Task": "tasks",
     "ReachTask": "tasks",
     "GoalReachTask": "tasks",
-    "Tableau": "integrators.tableaus",
+    "Tableau": "numerics.tableaus",
     "register_arm": "envs.registration",
     "register_effect": "envs.registration",
     "register_integrator": "envs.registration",
