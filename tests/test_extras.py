@@ -8,6 +8,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from published_runs import published_run
 
 from redundant_envs.extras import MissingPackage, needs
 
@@ -35,7 +36,7 @@ for module, arguments in {calls!r}:
 print(json.dumps(results))
 """
 SIMULATE = ["simulate", "--scene", "four_r_free", "--seconds", "0.1"]
-RUN = str(ROOT / "docs" / "results" / "runs" / "rprp_reach_ppo" / "seed130")
+RUN = "RUN"  # stands for a run folder
 COMMANDS = {
     # name -> module with main, arguments, package that is missing, extra
     "figures": (LIBRARY, SIMULATE, "matplotlib", "plot"),
@@ -101,7 +102,11 @@ PACKAGES = list(dict.fromkeys(package for _, _, package, _ in COMMANDS.values())
 )
 def test_commands_name_the_extra_in_one_line(package, tmp_path):
     of_package = {name: command for name, command in COMMANDS.items() if command[2] == package}
-    done = run(EACH.format(calls=[command[:2] for command in of_package.values()]), package, tmp_path)
+    folder = published_run("rprp_reach_ppo/seed130", tmp_path / "run")
+    calls = [
+        (main, [str(folder) if w == RUN else w for w in words]) for main, words, *_ in of_package.values()
+    ]
+    done = run(EACH.format(calls=calls), package, tmp_path)
     assert done.returncode == 0, done.stderr
     results = json.loads(done.stdout)
     for (name, (_, _, _, extra)), (code, err) in zip(of_package.items(), results, strict=True):

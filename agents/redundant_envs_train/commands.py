@@ -11,7 +11,7 @@ from redundant_envs.extras import needs
 from redundant_envs.values import shown
 
 from . import COMMAND, command
-from .options import Folder, Folders, Out, Overwrite, PolicyFolder, Trust, complete, presets
+from .options import Folder, Folders, Out, Overwrite, PolicyFolder, Runs, Trust, complete, presets
 from .study_commands import study
 from .training.interrupt import Stopped
 
@@ -276,11 +276,18 @@ def report(folder: PolicyFolder, out: Out = None, overwrite: Overwrite = False, 
 
 @app.command()
 def table(
-    folders: Folders,
-    out: Annotated[Path | None, typer.Option(help="write the rows to a .csv file too")] = None,
+    runs: Runs,
+    out: Annotated[
+        Path | None, typer.Option(help="write a table of runs, .csv: all numbers and settings of each run")
+    ] = None,
 ) -> None:
-    """Print evaluated runs as a Markdown table: seeds of equal settings in one row."""
-    from .evidence.table import rows, table, write_rows
+    """Print evaluated runs as a Markdown table, seeds of equal settings in one row.
+
+    With --out all runs are collected in one file, which `table`, `curves` and `study strength` read as they
+    read the run folders.
+    """
+    from .evidence.run_table import read_groups, write_runs
+    from .evidence.table import table
     from .new_folder import check_out
     from .own_scene import tell_differences
 
@@ -288,28 +295,28 @@ def table(
         if out.suffix.lower() != ".csv":
             raise ValueError(f"out is {out}; end its name in .csv")
         check_out(out.parent)
-    text = table(folders)
-    tell_differences(folders)
+    text = table(runs)
+    tell_differences(runs)
     print(text)
     if out is not None:
-        write_rows(rows(folders), out)
+        write_runs([run for same in read_groups(runs) for run in same.runs], out)
 
 
 @app.command()
 def curves(
-    folders: Folders,
+    runs: Runs,
     out: Annotated[Path, typer.Option(help="picture, .png or .svg; its numbers are saved beside it")] = Path(
         "runs/curves.png"
     ),
 ) -> None:
-    """Draw learning curves of run folders: all seeds, their interquartile mean and its interval."""
+    """Draw learning curves of runs: all seeds, their interquartile mean and its interval."""
     from .evidence.curves import curves
     from .new_folder import check_out
     from .own_scene import tell_differences
 
     check_out(out.parent)
-    curves(folders, out)
-    tell_differences(folders)
+    curves(runs, out)
+    tell_differences(runs)
     print(out)
 
 

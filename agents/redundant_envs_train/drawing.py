@@ -22,11 +22,6 @@ def check_drawing() -> None:
     check_clip(Path("clip.gif"))
 
 
-def is_evaluated(folder: Path) -> bool:
-    """Whether a folder has all of its evaluation; a published run has no table of its episodes."""
-    return all((folder / name).is_file() for name in EVALUATED)
-
-
 def check_target(folder: Path, out: Path | None, overwrite: bool) -> None:
     """Refuse to replace files by a report, or to write into an exported policy, without ``overwrite``."""
     if out is not None:
@@ -39,7 +34,5 @@ def check_target(folder: Path, out: Path | None, overwrite: bool) -> None:
         reason = "is an exported policy"
     elif (folder / "report.md").exists():
         reason = "has a report"
-    elif (folder / "evaluation.json").is_file() and not is_evaluated(folder):
-        reason = "is evaluated, but has no episodes.csv, for which it must be evaluated again"
     if reason:
         raise ValueError(f"{folder} {reason}; give --out FOLDER, or --overwrite to write into it")

@@ -13,6 +13,10 @@ with needs("train"):
 Folder = Annotated[Path, typer.Argument(help="run folder")]
 PolicyFolder = Annotated[Path, typer.Argument(help="run folder, or folder of an exported policy")]
 Folders = Annotated[list[Path], typer.Argument(help="run folders")]
+Runs = Annotated[
+    list[Path],
+    typer.Argument(help="run folders; tables of runs, or runs of a table, such as runs.csv/*_sac/*"),
+]
 Out = Annotated[Path | None, typer.Option(help="folder to write to")]
 Overwrite = Annotated[
     bool, typer.Option("--overwrite", help="write into the run folder, or replace files in --out")

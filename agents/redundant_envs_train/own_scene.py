@@ -15,7 +15,7 @@ from redundant_envs.values import shown
 
 from . import command
 from .config import Config
-from .run_folder import read_config
+from .run_folder import flat, read_config
 
 SCENE = "scene.yaml"
 MOST_SHOWN = 3
@@ -80,8 +80,8 @@ def difference(folder: Path) -> str:
 
 
 def tell_differences(folders: Sequence[Path]) -> None:
-    """One line on stderr if runs were trained in other scenes than their configurations name today."""
-    found = [text for text in map(difference, folders) if text]
+    """One line on stderr if run folders are of other scenes than their configurations name today."""
+    found = [text for folder in folders if folder.is_dir() and (text := difference(folder))]
     more = f" (and so for {len(found) - 1} more of {len(folders)} runs)" if len(found) > 1 else ""
     if found:
         print(f"note: {found[0]}; the run's own is used{more}", file=sys.stderr)
@@ -89,15 +89,8 @@ def tell_differences(folders: Sequence[Path]) -> None:
 
 def _flat(data: Mapping[str, Any]) -> dict[str, Any]:
     """A scene's data by dotted names; an effect's numbers by its type."""
-    flat: dict[str, Any] = {}
-    for name, value in data.items():
-        if name == "effects":
-            flat |= {f"{e['type']}.{key}": v for e in value for key, v in e.items()}
-        elif isinstance(value, Mapping):
-            flat |= {f"{name}.{key}": v for key, v in value.items()}
-        else:
-            flat[name] = value
-    return flat
+    effects = {effect["type"]: effect for effect in data["effects"]}
+    return flat({name: value for name, value in data.items() if name != "effects"} | effects)
 
 
 def _words(value: Any) -> str:

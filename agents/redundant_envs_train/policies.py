@@ -45,9 +45,13 @@ HARMLESS = (
 
 NUMBERS = ("learning_rate", "clip_range")
 """Schedules, which are functions of this package: saved as their initial values."""
-LEFT_OUT: dict[str, Any] = {"replay_buffer_class": None, "replay_buffer_kwargs": {}, "action_noise": None}
+LEFT_OUT: dict[str, Any] = {
+    "replay_buffer_class": None, "replay_buffer_kwargs": {}, "action_noise": None, "_last_obs": None,
+    "_last_original_obs": None, "_last_episode_starts": None, "ep_info_buffer": None,
+}  # fmt: skip
 """Attributes that are not saved: with the buffer of hindsight goals, stable-baselines3 loads a policy only
-together with an environment; noise is a class of this package."""
+together with an environment; noise is a class of this package; the last observations of all environments and
+their last episodes would be more than half of the file."""
 
 
 def save_policy(model: Any, path: Path) -> None:

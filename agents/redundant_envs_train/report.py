@@ -17,7 +17,7 @@ from redundant_envs.tables import markdown
 from . import command
 from .clips import clip
 from .config import Config
-from .drawing import check_drawing, check_target, is_evaluated
+from .drawing import EVALUATED, check_drawing, check_target
 from .evaluate import evaluate, summary, write_evaluation
 from .evidence.curves import draw_curves
 from .evidence.runs import group, read_run
@@ -98,7 +98,7 @@ def report(folder: Path, out: Path | None = None, overwrite: bool = False, trust
         print(f"{clips.pop()} is left out: {error}", file=sys.stderr)
     policy = load_policy(folder, config, trust)
     evaluated = folder
-    if not is_evaluated(folder):
+    if not all((folder / name).is_file() for name in EVALUATED):
         evaluated = out
         write_evaluation(evaluate(folder, trust), out)
     result = read_evaluation(evaluated)

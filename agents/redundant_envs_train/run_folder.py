@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +71,11 @@ def read_evaluation(folder: Path) -> dict[str, Any]:
         )
     if not path.is_file():
         raise ValueError(f"run folder {folder} has no evaluation.json; make it: {evaluate_anew(folder)}")
-    data = _read_json(path, evaluate_anew(folder))
+    return checked_evaluation(_read_json(path, evaluate_anew(folder)), folder)
+
+
+def checked_evaluation(data: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """The evaluation of a run with this folder; ValueError if an entry is missing or impossible."""
     low_high = data.get("interval")
     checks = {name: _is_number(data.get(name)) for name in (*DISTANCES, *RETURNS)}
     checks |= {name: _is_number(data.get(name), 1) for name in RATES}
@@ -91,7 +96,8 @@ def read_evaluation(folder: Path) -> dict[str, Any]:
     for name, holds in checks.items():
         if not holds:
             raise ValueError(
-                f"{path} has {shown(data.get(name))} as {name!r}; make it again: {evaluate_anew(folder)}"
+                f"{folder}/evaluation.json has {shown(data.get(name))} as {name!r}; make it again: "
+                f"{evaluate_anew(folder)}"
             )
     return data
 
@@ -145,6 +151,15 @@ def write_text(path: Path, text: str) -> None:
 def write_json(path: Path, data: dict[str, Any]) -> None:
     """Write plain data, like :func:`write_text`."""
     write_text(path, json.dumps(data, indent=2) + "\n")
+
+
+def flat(data: Mapping[str, Any], where: str = "") -> dict[str, Any]:
+    """Data by dotted names; a mapping that is empty, or whose keys have dots, stays one."""
+    found: dict[str, Any] = {}
+    for name, value in data.items():
+        inner = isinstance(value, Mapping) and value and not any("." in key for key in value)
+        found |= flat(value, f"{where}{name}.") if inner else {f"{where}{name}": value}
+    return found
 
 
 def _read_json(path: Path, remedy: str) -> dict[str, Any]:

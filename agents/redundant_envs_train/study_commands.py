@@ -88,7 +88,9 @@ def study_strength(
     seeds: Annotated[str, typer.Option(help="of the learners, such as 0..2; none: no training")] = "0..2",
     factors: Annotated[str, typer.Option(help="effort limits, times those of the reach scenes")] = "",
     episodes: Annotated[int, typer.Option(help="goals")] = 1000,
-    runs: Annotated[list[Path] | None, typer.Option(help="run folders to take beside those trained")] = None,
+    runs: Annotated[
+        list[Path] | None, typer.Option(help="run folder or table of runs, taken beside those trained")
+    ] = None,
     processes: Annotated[int | None, typer.Option(help="trainings at a time (default: all cores)")] = None,
     out: Annotated[Path, typer.Option(help="folder; a stopped study in it is continued")] = Path(
         "runs/studies/strength"

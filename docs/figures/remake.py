@@ -1,7 +1,7 @@
 """Make the pictures of the README and of docs/ again, and the README's results: python docs/figures/remake.py
 
 It takes a minute, trains nothing and measures nothing. Clips and thumbnails show the policies in policies/;
-figures are drawn from the tables and runs in docs/results. Those of docs/hard_cases.md are drawn by
+figures are drawn from the tables in docs/results. Those of docs/hard_cases.md are drawn by
 ``python tests/hard_cases --pictures``.
 """
 
@@ -36,9 +36,8 @@ THUMBNAILS = {
 MOMENT = 18
 """Control steps of the episode that a thumbnail shows the last of."""
 SIDE = 160
-RUNS_OF_README = "runs/*/*"
-"""In docs/results; its table of results has a row for each group of seeds."""
 CURVES = {"": "runs", "_weak": "weak", "_baselines": "baselines"}
+"""End of a figure's name -> table of runs."""
 
 
 def thumbnail(name: str, policy: str, seed: int) -> None:
@@ -65,7 +64,7 @@ def clips() -> None:
 
 def results(readme: Path) -> None:
     """Write the table of results between its marks."""
-    table = brief_table(sorted(RESULTS.glob(RUNS_OF_README)))
+    table = brief_table([RESULTS / "runs.csv"])
     text = readme.read_text(encoding="utf-8")
     marked = re.compile(r"(<!-- results: .*? -->\n).*?(<!-- end of results -->)", re.S)
     readme.write_text(marked.sub(rf"\g<1>{table}\n\g<2>", text), encoding="utf-8")
@@ -77,7 +76,7 @@ if __name__ == "__main__":
     for name, (policy, seed) in THUMBNAILS.items():
         thumbnail(name, policy, seed)
     for name, runs in CURVES.items():
-        curves(sorted((RESULTS / runs).glob("*/*")), FIGURES / f"learning_curves{name}.png")
+        curves([RESULTS / f"{runs}.csv"], FIGURES / f"learning_curves{name}.png")
     save_figure(figure(read_rows(RESULTS / "strength" / "strength.csv")), FIGURES / "strength.png")
     save_schematic(FIGURES / "arms.svg")
     main(["study", "accuracy", "--redraw", str(RESULTS / "accuracy")])

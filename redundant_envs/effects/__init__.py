@@ -8,6 +8,7 @@ from redundant_envs.effects.hooks import (
     Effect,
     Field,
     Force,
+    Gap,
     Impact,
     Inertia,
     Link,
@@ -22,7 +23,8 @@ from redundant_envs.effects.prismatic_stop import PrismaticStop
 from redundant_envs.effects.viscous_friction import ViscousFriction
 
 __all__ = [
-    "Actuation", "CentringSpring", "Effect", "EffortLimits", "Field", "Force", "Gravity", "Impact",
+    "Actuation", "CentringSpring", "Effect", "EffortLimits", "Field", "Force", "Gap", "Gravity",
+    "Impact",
     "Inertia", "LimitSpring", "Link", "Point", "PointMass", "PrismaticStop",
     "Reading", "Sensing", "State", "ViscousFriction",
 ]  # fmt: skip

@@ -17,6 +17,7 @@ from redundant_envs.effects.hooks import (
     Effect,
     Field,
     Force,
+    Gap,
     Hook,
     Impact,
     Inertia,
@@ -147,7 +148,7 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
         _check_switch(hook, own)
     if isinstance(hook, Force) and isinstance(hook.joint, Point):
         _check_point(hook.joint, arm)
-    elif not isinstance(hook, Field):
+    elif not isinstance(hook, Field | Gap):
         _check_joint(hook.joint, arm)
     if isinstance(hook, Impact):
         for name in ("lower", "upper", "restitution"):
@@ -171,6 +172,15 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
                 f"{name_of(hook.function)} depends on {moving}; a uniform field may depend on "
                 "parameters alone: give a Force at each point for another"
             )
+    if isinstance(hook, Gap):
+        _own("restitution", hook.restitution, {n: False for n, moves in own.items() if not moves})
+        moving = _beyond(roots, {*arm.parameter_values(), *arm.coordinates})
+        if moving:
+            raise ValueError(
+                f"{name_of(hook.function)} depends on {moving}; a gap may depend on the pose and on numbers"
+            )
+        if all(behind.isdisjoint(arm.coordinates) for behind in roots.values()):
+            raise ValueError(f"{name_of(hook.function)} depends on no coordinate of the arm; a gap must move")
     if isinstance(hook, Sensing):
         if not isinstance(hook.reading, Reading):
             raise ValueError(
@@ -289,7 +299,7 @@ def _check_state(state: State, own: Own, arm: Arm) -> None:
 def _check_function(
     field: str,
     function: Callable[..., Any],
-    hook: Field | Force | Actuation | Sensing | State,
+    hook: Field | Force | Actuation | Gap | Sensing | State,
     own: Own,
     arm: Arm,
 ) -> dict[str, set[str]]:

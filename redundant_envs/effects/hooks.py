@@ -172,6 +172,22 @@ class Impact:
 
 
 @dataclass(frozen=True)
+class Gap:
+    """A stop where a function of the motion is 0: the arm moves where it is positive.
+
+    ``function`` gives the gap [m] from quantities of the pose, such as tip_x, and numbers of the effect; dual
+    numbers differentiate it twice, so it must be smooth beyond 0, too. Impacts are located in time. Their
+    impulse acts along the gradient of the gap, without friction, and ``restitution`` names a number of the
+    effect. The stop holds nothing: an arm that is pressed onto it bounces, and an interval with more than 256
+    impacts is given up with a fault. ``bind`` says what arguments stand for, see :class:`Effect`.
+    """
+
+    function: Callable[..., Any]
+    restitution: str
+    bind: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class PointMass:
     """A mass that moves with a point mass of the arm: its number is a field of the effect (".mass"), kg."""
 
@@ -217,7 +233,7 @@ class Sensing:
     reading: Reading = Reading.POSITION
 
 
-Hook = Field | Force | Actuation | Impact | PointMass | Inertia | Sensing
+Hook = Field | Force | Actuation | Impact | Gap | PointMass | Inertia | Sensing
 
 
 @dataclass(frozen=True)

@@ -94,6 +94,7 @@ class BoundedCoordinate(NamedTuple):
     active_stop : side of the stop it rests at
     lower, upper : its limits
     bounces : whether its limits are stops; otherwise it passes them
+    scale : size of the numbers from which it is computed, if these are larger than its own
     """
 
     position: Any
@@ -105,6 +106,7 @@ class BoundedCoordinate(NamedTuple):
     lower: Any
     upper: Any
     bounces: bool = True
+    scale: Any = 0.0
 
     @property
     def free(self) -> Any:
@@ -115,6 +117,8 @@ class BoundedCoordinate(NamedTuple):
     def closeness(self) -> Any:
         """Positions nearer than this to a limit are at it: four ulps, but never 0."""
         largest = maximum(size_of(self.lower), size_of(self.upper))
+        if not isinstance(self.scale, float):
+            largest = maximum(largest, self.scale)
         return ROUNDING * maximum(largest, maximum(abs(self.start_position), SMALLEST_SCALE))
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -32,6 +33,8 @@ class Boundaries:
 
     def limits(self, lane: Lane, b: Boundary) -> tuple[Any, Any]:
         """Lower and upper limit of a coordinate."""
+        if b.joint is None:
+            return 0.0, math.inf
         if b.bounces:
             return lane[b.lower], lane[b.upper]
         return limits_of_law(lane[b.side], lane[b.lower], lane[b.upper])
@@ -47,10 +50,20 @@ class Boundaries:
                 *coordinates.motion(self.dynamics, b, lane),
                 *coordinates.motion(self.dynamics, b, lane, origin),
                 Watched(*lane.get(WATCHED, of=f"{{}}_{b.name}")), self.active(lane, b),
-                *self.limits(lane, b), b.bounces,
+                *self.limits(lane, b), b.bounces, self._scale(lane, b),
             )
             for b in self.features.boundaries
         ]  # fmt: skip
+
+    def _scale(self, lane: Lane, b: Boundary) -> Any:
+        """Size of the numbers from which a coordinate is computed, m: the lengths of the arm."""
+        if b.joint is not None:
+            return 0.0
+        arm = self.dynamics.arm
+        sizes = [lane[f"l{k + 1}"] for k in range(arm.num_lengths)] + [
+            abs(lane[arm.coordinates[k]]) for k in arm.sliders()
+        ]
+        return sum(sizes[1:], sizes[0])
 
     def record_crossings(self, lane: Lane, origin: str, h: Any) -> None:
         """How a step of length ``h`` meets the boundaries."""
@@ -129,8 +142,11 @@ class Boundaries:
         self, lane: Lane, now: Lane, b: Boundary, force: Any, acceleration: Any = None, released: Any = None
     ) -> contacts.Contact:
         """A stop as a contact, with the motion of the lane ``now``."""
+        position, velocity = coordinates.motion(self.dynamics, b, now)
+        if b.joint is None:
+            position = one_of(lane[f"arrived_{b.name}"], 0.0, position)
         return contacts.Contact(
-            *coordinates.motion(self.dynamics, b, now), self.active(lane, b), *self.limits(lane, b),
+            position, velocity, self.active(lane, b), *self.limits(lane, b),
             acceleration, force, released, lane[b.restitution], b in self.features.holding, b.owner,
         )  # fmt: skip
 

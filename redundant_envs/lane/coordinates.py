@@ -38,7 +38,7 @@ def acceleration(dynamics: Dynamics, b: Boundary, x: Quantities) -> Any:
     """Acceleration of a gap, from quantities with the accelerations of the coordinates."""
     q, v, a = _motion_of_arm(dynamics, x)
     moving = [Dual(Dual(x0, x1), Dual(x1, x2)) for x0, x1, x2 in zip(q, v, a, strict=True)]
-    return dual(_gap(dynamics, b, moving, x).slope).slope
+    return dual(_gap(dynamics, b, moving, _numbers(dynamics, x)).slope).slope
 
 
 def normal(dynamics: Dynamics, b: Boundary, x: Quantities) -> list[Any]:
@@ -47,7 +47,8 @@ def normal(dynamics: Dynamics, b: Boundary, x: Quantities) -> list[Any]:
     n = range(dynamics.count)
     if b.joint is not None:
         return [1.0 if k == b.joint else 0.0 for k in n]
-    return [_gap(dynamics, b, [Dual(q[j], float(j == k)) for j in n], x).slope for k in n]
+    numbers = _numbers(dynamics, x)
+    return [_gap(dynamics, b, [Dual(q[j], float(j == k)) for j in n], numbers).slope for k in n]
 
 
 def response(dynamics: Dynamics, impulse: Sequence[Any], x: Quantities) -> list[Any]:
@@ -56,9 +57,12 @@ def response(dynamics: Dynamics, impulse: Sequence[Any], x: Quantities) -> list[
     arm = dynamics.arm
     still = {q: x[q] for q in arm.coordinates} | dict.fromkeys(arm.rates, 0.0) | {"ax": ABSENT, "ay": ABSENT}
     still |= {f"Q{k + 1}": push for k, push in enumerate(impulse)}
-    given = {n: x[n] for n in dynamics.numbers if n not in still}
-    made = Quantities({**given, **still}, dynamics.functions, arm.sincos)
+    made = Quantities({**_numbers(dynamics, x), **still}, dynamics.functions, arm.sincos)
     return made.each(f"qdd{k + 1}" for k in range(dynamics.count))
+
+
+def _numbers(dynamics: Dynamics, x: Quantities) -> dict[str, Any]:
+    return {name: x[name] for name in dynamics.numbers}
 
 
 def _motion_of_arm(dynamics: Dynamics, x: Quantities) -> tuple[list[Any], list[Any], list[Any]]:

@@ -46,10 +46,11 @@ def cross_interval(interval: Interval, fields: Mapping[str, Any]) -> Mapping[str
         The new states by their names, and "fault", "error", "evaluations" where the scene has them.
     """
     several = any(getattr(x, "shape", ()) for x in fields.values())
-    lane: Any = Arrays(interval, fields) if several else Floats(interval, fields)
-    for _ in range(interval.dynamics.scene.substeps):
-        lane.common_step()
-    lane.end()
+    with np.errstate(all="ignore"):  # infinite limits meet zeros, as in compiled code
+        lane: Any = Arrays(interval, fields) if several else Floats(interval, fields)
+        for _ in range(interval.dynamics.scene.substeps):
+            lane.common_step()
+        lane.end()
     return lane.fields  # type: ignore[no-any-return]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import operator
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from redundant_envs.effects.hooks import (
     Effect,
     Field,
     Force,
+    Gap,
     Impact,
     Point,
     State,
@@ -121,7 +123,14 @@ class Dynamics:
     @cached_property
     def _walls(self) -> tuple[Boundary, ...]:
         """Boundaries whose coordinates are functions of the motion."""
-        return ()
+        found: list[Boundary] = []
+        for e, h in self.hooks:
+            if isinstance(h, Gap):
+                gap = functools.partial(self.apply, e, h, h.function)
+                restitution = identifier(e.key + h.restitution)
+                name = f"gap{len(found) + 1}"
+                found.append(Boundary(name, Law.BOUNCES, "", "", e.key, gap=gap, restitution=restitution))
+        return tuple(found)
 
     @cached_property
     def law_of(self) -> dict[int, Boundary]:

@@ -123,6 +123,7 @@ class Interval:
                 yield Field(f"force_{b.name}", "N", "that holds the slider", SCRATCH)
             else:
                 yield Field(f"acceleration_{b.name}", "m/s^2", "of the gap", SCRATCH)
+                yield Field(f"arrived_{b.name}", "", "is at its stop, but for rounding", SCRATCH, truth=True)
                 for v in dynamics.arm.rates:
                     yield Field(f"normal_{v}_{b.name}", "", f"rate of the gap per {v}", SCRATCH)
             for v in dynamics.arm.rates:

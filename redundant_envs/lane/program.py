@@ -75,6 +75,7 @@ class LaneProgram:
                 return self.give_up(lane)
             match (yield from self.step_or_event(lane)):
                 case Found.LOST:
+                    lane.error = lane.error_start
                     return self.give_up(lane)
                 case Found.INACCURATE:
                     self.shorten(lane)
@@ -266,8 +267,12 @@ class LaneProgram:
         self.spend(lane, lane.step + slide)
         lane.slide = slide
         lane.at_stop = sought.bounces
-        for b, side, is_sought in zip(self.features.boundaries, crossed, sought.chosen, strict=True):
+        for b, side, is_sought, position in zip(
+            self.features.boundaries, crossed, sought.chosen, positions, strict=True
+        ):
             if b.bounces:
+                if b.joint is None:
+                    lane[f"arrived_{b.name}"] = position <= 0.0
                 # It comes to its stop, even if by rounding it seems to move away.
                 lane[f"released_{b.name}"] = self._leaves(lane, b) & logical_not(is_sought)
             else:
@@ -282,6 +287,8 @@ class LaneProgram:
         """Record which coordinates leave their stops."""
         for b in self.features.stops:
             lane[f"released_{b.name}"] = self._leaves(lane, b)
+            if b.joint is None:
+                lane[f"arrived_{b.name}"] = False
 
     # ---- the interval ------------------------------------------------------------------------------------
 
@@ -314,6 +321,8 @@ class LaneProgram:
             lane.set(self.features.active, lane.get(self.features.active, of="{}_start"))
         for b, leaves in zip(self.features.stops, self.boundaries.at_start(lane, leaves_stop), strict=True):
             lane[f"released_{b.name}"] = leaves
+            if b.joint is None:
+                lane[f"arrived_{b.name}"] = False
         if self.features.logs:
             lane.logged = lane.logged_start
 
@@ -334,7 +343,11 @@ class LaneProgram:
         return self.back_to(lane, "{}_start")
 
     def give_up(self, lane: Lane) -> None:
-        """Leave the lane as it was at the start of the interval."""
-        self.at_start(lane)
-        self.back_to(lane, "{}_start")
+        """Leave the lane as it was at the start of the interval, but for its estimate."""
+        kept = (*self.dynamics.states, *self.features.active)
+        lane.set(kept, lane.get(kept, of="{}_start"))
+        if self.features.stops:
+            lane.impacts = lane.impacts_start
+        if self.features.logs:
+            lane.logged = lane.logged_start
         lane.fault = float(Fault.EVENT_BUDGET)

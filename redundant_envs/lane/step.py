@@ -30,7 +30,7 @@ def known_numbers(dynamics: Dynamics, lane: Lane, held: bool) -> dict[str, Any]:
 
 def contact_quantities(dynamics: Dynamics, states: Sequence[Any], numbers: dict[str, Any]) -> Quantities:
     """Quantities while sliders rest at their stops, accelerations among them."""
-    x = dynamics.quantities(states, numbers, held=True)
+    x = dynamics.quantities(states, numbers, held=bool(dynamics.holding))
     x.update({f"held{k + 1}": 0.0 for k in dynamics.arm.sliders()})
     for b in dynamics.holding:
         x[held_of(b)] = abs(numbers[b.active])

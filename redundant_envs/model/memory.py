@@ -48,7 +48,7 @@ class Memory:
         scene = dynamics.scene
         steps = {"h": scene.control_dt / scene.substeps, "interval": scene.control_dt}
         initial = {name: state.initial for name, state in dynamics.effect_states.items()}
-        for stop in dynamics.stops:  # at 0, or at the stop that is nearest
+        for stop in dynamics.holding:  # at 0, or at the stop that is nearest
             low, high = dynamics.parameters[stop.lower], dynamics.parameters[stop.upper]
             initial[dynamics.arm.coordinates[stop.joint]] = min(max(0.0, low), high)
         for name, value in {**dynamics.parameters, **steps, **more, **initial}.items():

@@ -82,7 +82,7 @@ def torch_step(scene: Scene) -> Step:
             with torch.no_grad():
                 now = dict(zip(dynamics.states, states, strict=True))
                 crossed = cross_interval(interval, {**fields, **now})
-                steps = number(crossed.divisions).clamp(min=1.0)
+                steps = number(crossed["divisions"]).clamp(min=1.0)
         h = fields["interval"] / steps
         for k in range(int(steps.max())):
             now = dict(zip(dynamics.states, states, strict=True))

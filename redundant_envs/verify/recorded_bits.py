@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 
 import redundant_envs as rde
 from redundant_envs import effects as e
+from redundant_envs.verify.aimed_motions import aimed_motion
+from redundant_envs.verify.aimed_scenes import AIMED
 
 RECORD = Path(__file__).with_name("recorded_bits.json")
 LANES, INTERVALS = 256, 50
@@ -171,6 +173,7 @@ RECORDED: dict[str, tuple[Callable[..., Iterable[Any]], tuple[Any, ...]]] = {
     **{f"{name}, work": (motion, (SCENES[name], True)) for name in WORKED},
     **{f"{name}, varied": (motion, (SCENES[name], False, True)) for name in VARIED},
     **{name: (episodes, (name,)) for name in ENVIRONMENTS},
+    **{name: (aimed_motion, (name,)) for name in AIMED},
 }
 """Everything that is recorded: a function, and its arguments."""
 

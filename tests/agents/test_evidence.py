@@ -5,8 +5,9 @@ import pytest
 from run_folders import CURVE, FOUR_R, RPRP, config_text, write_run
 
 from redundant_envs.scene import load_scene
-from redundant_envs_train.evidence.aggregate import interquartile_mean, stratified_bootstrap
-from redundant_envs_train.evidence.runs import group, read_groups, read_run
+from redundant_envs_train.evidence.aggregate import bootstrap_interval, interquartile_mean
+from redundant_envs_train.evidence.run_table import read_groups, read_runs, write_runs
+from redundant_envs_train.evidence.runs import group, read_run
 from redundant_envs_train.evidence.table import table
 
 # ---- aggregates ----------------------------------------------------------------------------------
@@ -32,74 +33,30 @@ def test_interquartile_mean_is_the_trimmed_mean_of_rliable():
     np.testing.assert_allclose(interquartile_mean(values, 1), stats.trim_mean(values, 0.25, axis=1))
 
 
-def test_interquartile_mean_of_an_unknown_value_is_unknown():
-    columns = [[1.0, np.nan], [1.0, 2.0], [1.0, 3.0], [1.0, 4.0]]  # a high value would be left out
-    np.testing.assert_array_equal(interquartile_mean(columns), [1.0, np.nan])
-
-
-def test_interquartile_mean_refuses_no_values():
-    with pytest.raises(ValueError, match=r"values has the shape \(0, 2\); give at least one value"):
-        interquartile_mean(np.empty((0, 2)))
-
-
 def test_bootstrap_interval_covers_the_truth_at_about_its_rate():
     samples = np.random.default_rng(1).normal(3.0, 1.0, (20, 400))  # 400 experiments of 20 runs
-    low, high = stratified_bootstrap([samples], interquartile_mean, 500)
+    low, high = bootstrap_interval(samples)
     covered = np.mean((low <= 3.0) & (high >= 3.0))
     assert 0.87 <= covered <= 0.98  # percentile intervals of 20 runs are a little too narrow
 
 
-def test_bootstrap_interval_of_a_mean_has_the_width_of_theory():
-    samples = np.random.default_rng(2).normal(0.0, 1.0, 400)
-    low, high = stratified_bootstrap([samples], np.mean)
-    assert high - low == pytest.approx(2 * 1.96 * samples.std() / 20, rel=0.1)
-
-
-def test_bootstrap_draws_each_stratum_from_its_own_runs():
-    easy, hard = np.full(5, 1.0), np.full(10, 0.0)
-    np.testing.assert_allclose(stratified_bootstrap([easy, hard], np.mean), 1 / 3)
-    low, high = stratified_bootstrap([np.concatenate([easy, hard])], np.mean)
-    assert low < 0.2
-    assert high > 0.5
-
-
 def test_bootstrap_keeps_the_points_of_a_curve_together():
-    def change(curves, axis):
-        return np.diff(curves, axis=-1).mean(axis)
-
     curves_ = np.array([0.0, 5.0, 9.0, 4.0, 7.0])[:, None] + np.arange(4.0)  # (runs, points)
-    np.testing.assert_allclose(stratified_bootstrap([curves_], change), 1.0)
+    for end in bootstrap_interval(curves_):
+        np.testing.assert_allclose(np.diff(end), 1.0)
 
 
 def test_bootstrap_does_not_depend_on_how_many_points_are_drawn_at_once(monkeypatch):
     samples = np.random.default_rng(3).normal(size=(6, 5))
-    whole = stratified_bootstrap([samples, samples[:5]], interquartile_mean, 200)
+    whole = bootstrap_interval(samples)
     monkeypatch.setattr("redundant_envs_train.evidence.aggregate.MOST_NUMBERS", 100)
-    np.testing.assert_array_equal(
-        stratified_bootstrap([samples, samples[:5]], interquartile_mean, 200), whole
-    )
+    np.testing.assert_array_equal(bootstrap_interval(samples), whole)
 
 
 def test_the_interval_of_fewer_than_five_runs_is_unknown():
-    assert np.isnan(stratified_bootstrap([[[1.0, 2.0]]], interquartile_mean)).all()
-    four = [1.0, 2.0, 3.0, 4.0]
-    assert np.isnan(stratified_bootstrap([four], interquartile_mean)).all()
-    assert np.isnan(stratified_bootstrap([[*four, 5.0], four], interquartile_mean)).all()
-    assert np.isfinite(stratified_bootstrap([[*four, 5.0]], interquartile_mean)).all()
-
-
-@pytest.mark.parametrize(
-    ("samples", "resamples", "words"),
-    [
-        ([], 10, "samples is empty"),
-        ([[1.0], []], 10, r"samples\[1\] has the shape \(0,\); give at least one run"),
-        ([[[1.0, 2.0]], [[1.0]]], 10, r"samples\[1\] has the shape \(1, 1\).*\(2,\)"),
-        ([[1.0, 2.0]], 0, "resamples is 0; give at least 1"),
-    ],
-)
-def test_bootstrap_refuses_what_it_cannot_draw(samples, resamples, words):
-    with pytest.raises(ValueError, match=words):
-        stratified_bootstrap(samples, interquartile_mean, resamples)
+    assert np.isnan(bootstrap_interval([[1.0, 2.0]])).all()
+    assert np.isnan(bootstrap_interval([1.0, 2.0, 3.0, 4.0])).all()
+    assert np.isfinite(bootstrap_interval([1.0, 2.0, 3.0, 4.0, 5.0])).all()
 
 
 # ---- runs ----------------------------------------------------------------------------------------
@@ -199,3 +156,57 @@ def test_a_run_that_was_evaluated_by_an_older_version_is_the_same_run(tmp_path):
     new = write_run(tmp_path / "new", restless=3)
     (only,) = read_groups([old, new])
     assert len(only.runs) == 1
+
+
+# ---- tables of runs ------------------------------------------------------------------------------
+
+
+def various_runs(base):
+    """Folders of runs that differ in all that a table keeps."""
+    scene = load_scene("rprp_reach").to_dict()
+    scene["robot"]["masses"] = [0.5, 0.5, 0.25, 0.1]
+    return [
+        write_run(base / "a" / "seed0", 0, machine="12", time_to_hold=None),
+        write_run(base / "a" / "seed1", 1, curve=[], without=("effort",)),
+        write_run(base / "b" / "0", 0, FOUR_R, "sac", settings={"env_kwargs": {"scene": "four_r_weak"}}),
+        write_run(
+            base / "c" / "x", 3, settings={"env_kwargs": {"scene": scene}}, versions={"a.b": "", "c": "1"}
+        ),
+    ]
+
+
+def test_runs_of_a_table_are_those_of_the_folders(tmp_path):
+    folders, path = various_runs(tmp_path / "runs"), tmp_path / "new" / "runs.csv"
+    write_runs(read_runs(folders), path)
+    for one, other in zip(read_runs(folders), read_runs([path]), strict=True):
+        for name in ("env", "algo", "learner", "seed", "settings", "scene", "evaluation", "simulator"):
+            assert getattr(one, name) == getattr(other, name), name
+        np.testing.assert_array_equal(one.curve, other.curve)
+        assert other.folder == path / one.folder.relative_to(tmp_path / "runs")
+    assert table([path]) == table(folders)
+    picked = read_runs([path / "b" / "0", folders[0], path / "*seed1"])
+    assert [run.folder.name for run in picked] == ["0", "seed0", "seed1"]
+    with pytest.raises(ValueError, match=r"runs.csv has no run d/\*; it has a/seed0, a/seed1, b/0 ..."):
+        read_runs([path / "d" / "*"])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("evaluation.hold_success", "hold", "'hold_success'"),
+        ("0.99,", "1.99,", "has 1.99 as 'hold_success'"),
+        (",rk8,", ",rk7,", "'rk7'"),
+        ("config.total_steps", "config.total", "total"),
+        ("[1000.0, 2000.0, 3000.0]", "[1000.0, 3000.0, 2000.0]", "steps or seconds go back"),
+        ("[1000.0, 2000.0, 3000.0]", "[1000.0]", "shape"),
+        ("run,", "name,", "'run'"),
+    ],
+)
+def test_a_damaged_table_is_named_with_the_run(tmp_path, old, new, words):
+    path = tmp_path / "runs.csv"
+    write_runs([read_run(write_run(tmp_path / "seed0"))], path)
+    assert old in path.read_text()
+    path.write_text(path.read_text().replace(old, new, 1))
+    with pytest.raises(ValueError, match=r"runs.csv is no table of runs.*write it again") as error:
+        read_runs([path])
+    assert words in str(error.value)

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from run_folders import CURVE, FOUR_R, RPRP, write_run
 
-from redundant_envs_train.evidence.aggregate import interquartile_mean, stratified_bootstrap
+from redundant_envs_train.evidence.aggregate import bootstrap_interval
 from redundant_envs_train.evidence.curves import curves
 from redundant_envs_train.evidence.figure import draw
 from redundant_envs_train.evidence.learning import MEASURES, summarize
-from redundant_envs_train.evidence.runs import read_groups
+from redundant_envs_train.evidence.run_table import read_groups
 
 
 def make_runs(base: Path, seeds: int = 3) -> list[Path]:
@@ -91,7 +91,7 @@ def test_the_csv_holds_what_a_direct_computation_gives(tmp_path):
         for column, name in enumerate(MEASURES, start=2):
             values = [table_[k, column] for table_ in tables]
             assert float(row[name]) == pytest.approx(np.mean(sorted(values)[1:-1]))
-            low, high = stratified_bootstrap([values], interquartile_mean)
+            low, high = bootstrap_interval(values)
             assert float(row[f"{name}_low"]) == pytest.approx(low)
             assert float(row[f"{name}_high"]) == pytest.approx(high)
         assert (float(row["expert_hold_success"]), float(row["expert_mean_return"])) == (1.0, 63.0)
@@ -112,22 +112,15 @@ def test_of_two_points_at_one_step_the_last_counts(tmp_path):
 
 
 def test_a_figure_of_one_seed_is_written_as_svg(tmp_path):
-    path = curves([write_run(tmp_path / "a")], tmp_path / "one.svg", "seconds")
+    path = curves([write_run(tmp_path / "a")], tmp_path / "one.svg")
     assert "<svg" in (tmp_path / "one.svg").read_text()
     with path.open() as file:
         assert {row["hold_success_low"] for row in csv.DictReader(file)} == {""}
 
 
-@pytest.mark.parametrize(
-    ("path", "x", "words"),
-    [
-        ("a.gif", "both", r"path is '.*a.gif'; end its name in .png or .svg"),
-        ("a.png", "hours", "x is 'hours'; choose steps, seconds or both"),
-    ],
-)
-def test_a_figure_that_cannot_be_written_is_refused_before_anything_is_read(tmp_path, path, x, words):
-    with pytest.raises(ValueError, match=words):
-        curves([tmp_path / "missing"], tmp_path / path, x)
+def test_a_figure_that_cannot_be_written_is_refused_before_anything_is_read(tmp_path):
+    with pytest.raises(ValueError, match=r"path is '.*a.gif'; end its name in .png or .svg"):
+        curves([tmp_path / "missing"], tmp_path / "a.gif")
 
 
 def test_a_run_without_a_curve_is_named(tmp_path):
@@ -140,4 +133,3 @@ def test_runs_without_common_time_are_named(tmp_path):
     folders = [write_run(tmp_path / "a", 0), write_run(tmp_path / "b", 1, curve=late)]
     with pytest.raises(ValueError, match=f"{folders[0]} ends at 3.5 and {folders[1]} starts at 101"):
         curves(folders, tmp_path / "a.png")
-    curves(folders, tmp_path / "a.png", "steps")

@@ -14,7 +14,7 @@ from redundant_envs_train.rollout import EVALUATION_SEED, run_episodes
 
 ROOT = Path(__file__).parents[2]
 PPO = ROOT / "docs" / "examples" / "cleanrl_ppo.py"
-POLICY = ROOT / "docs" / "results" / "runs" / "rprp_reach_sac" / "seed100" / "policy.zip"
+POLICY = ROOT / "policies" / "RPRPReach-v0-sac" / "policy.zip"
 RPRP = "redundant_envs/RPRPReach-v0"
 
 

@@ -11,7 +11,7 @@ from run_folders import assert_same_policy
 
 from redundant_envs.scene import load_scene
 from redundant_envs_train.__main__ import main
-from redundant_envs_train.evidence.runs import read_groups
+from redundant_envs_train.evidence.run_table import read_groups
 from redundant_envs_train.own_scene import difference, own_config
 from redundant_envs_train.training import checkpoint
 from redundant_envs_train.training.watch import Watch
@@ -221,14 +221,6 @@ def test_reading_changes_nothing_in_an_exported_policy(exported, tmp_path, capsy
     assert "is an exported policy; give --out FOLDER" in capsys.readouterr().err
     assert kept(exported) == before
     assert "![learning_curve]" not in (tmp_path / "b" / "report.md").read_text()
-
-
-def test_published_evidence_is_not_evaluated_over(tmp_path, capsys):
-    folder = Path(shutil.copytree(ROOT / "docs/results/runs/rprp_reach_ppo/seed130", tmp_path / "seed0"))
-    before = kept(folder)
-    assert call(["report", folder]) == 2
-    assert "for which it must be evaluated again; give --out FOLDER" in capsys.readouterr().err
-    assert kept(folder) == before
 
 
 def test_what_is_there_is_replaced_only_when_asked(run, capsys):

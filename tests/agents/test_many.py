@@ -3,11 +3,10 @@
 import json
 import os
 import queue
-import shutil
 import signal
-from pathlib import Path
 
 import pytest
+from published_runs import published_run
 from rich.progress import Progress
 from run_folders import assert_same_policy
 
@@ -19,7 +18,6 @@ from redundant_envs_train.training.amount import seeds_of
 from redundant_envs_train.training.many import FILES, finish, is_finished
 from redundant_envs_train.training.train import train
 
-ROOT = Path(__file__).parents[2]
 SMALL = [
     "num_envs=32", "ppo.n_steps=16", "ppo.batch_size=256", "total_steps=1024", "curve_episodes=5",
     "evaluation_episodes=10", "env_kwargs.max_episode_steps=20",
@@ -102,10 +100,8 @@ def test_a_run_of_other_settings_or_a_failed_one_is_told_in_one_line(tmp_path, c
 
 
 def test_a_checkpoint_means_that_a_run_is_not_finished(tmp_path):
-    assert (
-        is_finished(ROOT / "docs" / "results" / "runs" / "rprp_reach_ppo" / "seed130") is False
-    )  # no report
-    shutil.copytree(ROOT / "docs" / "results" / "runs" / "rprp_reach_ppo" / "seed130", tmp_path / "run")
+    published_run("rprp_reach_ppo/seed130", tmp_path / "run")
+    assert is_finished(tmp_path / "run") is False  # no report
     for name in FILES:
         (tmp_path / "run" / name).touch()
     assert is_finished(tmp_path / "run")

@@ -10,16 +10,17 @@ import shutil
 import subprocess
 import sys
 import zipfile
-from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 import yaml
+from published_runs import RESULTS, ROOT, published_run
 
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs_train.__main__ import main
-from redundant_envs_train.config import Config, checked
+from redundant_envs_train.config import Config, checked, config_of
+from redundant_envs_train.evidence.run_table import read_groups
 from redundant_envs_train.learners.build import make_model
 from redundant_envs_train.policies import load_policy, read_weights
 from redundant_envs_train.rollout import EVALUATION_SEED, policy_act, run_episodes
@@ -28,20 +29,20 @@ from redundant_envs_train.shipping import onnx_file
 from redundant_envs_train.shipping.export import export, name_of
 from redundant_envs_train.shipping.layers import Layers, activated, exact_actions, layers_of
 
-ROOT = Path(__file__).resolve().parents[2]
-RESULTS = ROOT / "docs" / "results"
-GROUPS = [path for kind in ("runs", "baselines", "weak") for path in (RESULTS / kind).iterdir()]
-TRAINED = sorted(min(g.iterdir(), key=lambda run: int(run.name.removeprefix("seed"))) for g in GROUPS)
-"""Of each group of seeds the lowest one."""
 SHIPPED = [
     pytest.param(
-        ROOT / "policies" / name_of(read_config(run)),
-        id=name_of(read_config(run)),
-        marks=pytest.mark.long if "baselines" in run.parts else (),
+        folder,
+        id=folder.name,
+        marks=() if folder.name.rpartition("-")[2] in ("ppo", "sac", "her") else pytest.mark.long,
     )
-    for run in TRAINED
+    for folder in sorted((ROOT / "policies").iterdir())
 ]
-RUN = RESULTS / "runs" / "rprp_reach_sac" / "seed100"
+
+
+@pytest.fixture
+def run(tmp_path):
+    """The run folder of a shipped policy."""
+    return published_run("rprp_reach_sac/seed100", tmp_path / "runs" / "seed100")
 
 
 def observations(env, seed=7):
@@ -120,9 +121,11 @@ def test_layers_are_those_of_the_policy(algo, activation, tmp_path):
 
 
 def test_one_policy_is_shipped_for_each_row():
-    shipped = {path.name for path in (ROOT / "policies").iterdir()}
-    assert shipped == {name_of(read_config(run)) for run in TRAINED}
-    assert len(shipped) >= 20
+    shipped = {path.name: read_config(path) for path in (ROOT / "policies").iterdir()}
+    groups = read_groups(RESULTS / f"{name}.csv" for name in ("runs", "baselines", "weak"))
+    rows = [config_of({**same.runs[0].settings, "seed": same.runs[0].seed}) for same in groups]
+    assert {name: config.seed for name, config in shipped.items()} == {name_of(c): c.seed for c in rows}
+    assert len(shipped) == len(rows) == 20
 
 
 def test_silu_does_not_overflow():
@@ -130,7 +133,7 @@ def test_silu_does_not_overflow():
     np.testing.assert_allclose(activated("silu", x), [0, 0, 0, 2 / (1 + np.exp(-2.0)), 1e4], atol=1e-15)
 
 
-def test_a_policy_zip_of_other_weights_is_refused(tmp_path, monkeypatch):
+def test_a_policy_zip_of_other_weights_is_refused(run, tmp_path, monkeypatch):
     def load(folder, config):
         policy = load_policy(folder, config)
         policy.state_dict = lambda: make_model(config, make_sb3(config.env, 1)).policy.state_dict()
@@ -138,13 +141,13 @@ def test_a_policy_zip_of_other_weights_is_refused(tmp_path, monkeypatch):
 
     monkeypatch.setattr("redundant_envs_train.shipping.export.load_policy", load)
     with pytest.raises(ValueError, match=r"policy.zip acts otherwise .* at most 0.0001"):
-        export(RUN, tmp_path)
-    assert list(tmp_path.iterdir()) == []
+        export(run, tmp_path)
+    assert [p.name for p in tmp_path.iterdir()] == ["runs"]
 
 
 @pytest.mark.parametrize("file", ["policy.onnx", "policy.npz"])
 @pytest.mark.parametrize("value", [1e-3, np.nan])
-def test_a_file_that_acts_otherwise_is_refused_and_leaves_nothing(file, value, tmp_path, monkeypatch):
+def test_a_file_that_acts_otherwise_is_refused_and_leaves_nothing(run, file, value, tmp_path, monkeypatch):
     def wrong(layers):
         first, *rest = layers.biases
         return dataclasses.replace(layers, biases=(first + value, *rest))
@@ -156,26 +159,25 @@ def test_a_file_that_acts_otherwise_is_refused_and_leaves_nothing(file, value, t
         save = Layers.save
         monkeypatch.setattr(Layers, "save", lambda self, path: save(wrong(self), path))
     with pytest.raises(ValueError, match=rf"{file} acts otherwise .* at most 1e-06"):
-        export(RUN, tmp_path)
-    assert list(tmp_path.iterdir()) == []
+        export(run, tmp_path)
+    assert [p.name for p in tmp_path.iterdir()] == ["runs"]
 
 
-def test_nothing_of_a_strangers_pickles_is_passed_on(tmp_path):
-    shutil.copytree(RUN, tmp_path / "run")
-    with zipfile.ZipFile(RUN / "policy.zip") as archive:
+def test_nothing_of_a_strangers_pickles_is_passed_on(run, tmp_path):
+    with zipfile.ZipFile(run / "policy.zip") as archive:
         members = {name: archive.read(name) for name in archive.namelist()}
     about = json.loads(members["data"])
     about["note"] = {":type:": "x", ":serialized:": base64.b64encode(pickle.dumps(os.getcwd)).decode()}
-    with zipfile.ZipFile(tmp_path / "run" / "policy.zip", "w") as archive:
+    with zipfile.ZipFile(run / "policy.zip", "w") as archive:
         for name, data in (members | {"data": json.dumps(about).encode()}).items():
             archive.writestr(name, data)
-    folder = export(tmp_path / "run", tmp_path / "out")
+    folder = export(run, tmp_path / "out")
     with zipfile.ZipFile(folder / "policy.zip") as archive:
         assert "note" not in json.loads(archive.read("data"))
 
 
-def test_one_command_exports_and_numpy_alone_acts(tmp_path, capsys):
-    assert main(["export", str(RUN), "--out", str(tmp_path)]) == 0
+def test_one_command_exports_and_numpy_alone_acts(run, tmp_path, capsys):
+    assert main(["export", str(run), "--out", str(tmp_path)]) == 0
     folder = tmp_path / "RPRPReach-v0-sac"
     assert capsys.readouterr().out.strip() == str(folder)
     assert {p.name for p in folder.iterdir()} == {
@@ -188,7 +190,7 @@ def test_one_command_exports_and_numpy_alone_acts(tmp_path, capsys):
     command = [sys.executable, "-c", program, str(folder), "--episodes", "100"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    act = policy_act(load_policy(RUN, read_config(RUN)))
+    act = policy_act(load_policy(run, read_config(run)))
     held = run_episodes("redundant_envs/RPRPReach-v0", act, 100, EVALUATION_SEED).hold
     assert f"{100 * held.mean():.1f} % of 100 goals are held" in done.stdout
 
@@ -199,9 +201,9 @@ def without_differences(card):
     return text + re.sub(r"[\d.]+e-\d+", "?", last)
 
 
-@pytest.mark.parametrize("name", ["rprp_reach_sac", "four_r_goal_reach_her"])
+@pytest.mark.parametrize("name", ["rprp_reach_sac/seed100", "four_r_goal_reach_her/seed110"])
 def test_an_export_of_a_shipped_run_is_what_is_shipped(name, tmp_path):
-    (run,) = (run for run in TRAINED if run.parent.name == name)
+    run = published_run(name, tmp_path / "run")
     folder = export(run, tmp_path)
     shipped = ROOT / "policies" / folder.name
     cards = [without_differences((place / "README.md").read_text()) for place in (folder, shipped)]
@@ -216,9 +218,9 @@ def test_an_export_of_a_shipped_run_is_what_is_shipped(name, tmp_path):
         assert torch.equal(weights[key], tensor)
 
 
-def test_two_policies_of_one_id_and_algorithm_are_refused(tmp_path, capsys):
-    shutil.copytree(RUN, tmp_path / "run")
-    assert main(["export", str(RUN), str(tmp_path / "run"), "--out", str(tmp_path / "out")]) == 2
+def test_two_policies_of_one_id_and_algorithm_are_refused(run, tmp_path, capsys):
+    shutil.copytree(run, tmp_path / "run")
+    assert main(["export", str(run), str(tmp_path / "run"), "--out", str(tmp_path / "out")]) == 2
     assert "policies of one id and algorithm" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
@@ -235,34 +237,32 @@ def test_two_policies_of_one_id_and_algorithm_are_refused(tmp_path, capsys):
         ("evaluation.json", {"versions": {"x\n# y": "1"}}, "as 'versions'"),
     ],
 )
-def test_a_run_that_cannot_be_exported_says_why(file, change, word, tmp_path, capsys):
-    shutil.copytree(RUN, tmp_path / "run")
-    path = tmp_path / "run" / file
+def test_a_run_that_cannot_be_exported_says_why(run, file, change, word, tmp_path, capsys):
+    path = run / file
     if change is None:
         path.unlink()
     else:
         read, write = (json.loads, json.dumps) if file.endswith("json") else (yaml.safe_load, yaml.safe_dump)
         path.write_text(write(read(path.read_text()) | change))
-    assert main(["export", str(tmp_path / "run"), "--out", str(tmp_path / "out")]) == 2
+    assert main(["export", str(run), "--out", str(tmp_path / "out")]) == 2
     assert word in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 
-def test_a_folder_that_is_there_is_not_overwritten(tmp_path, capsys):
+def test_a_folder_that_is_there_is_not_overwritten(run, tmp_path, capsys):
     (tmp_path / "RPRPReach-v0-sac").mkdir()
-    assert main(["export", str(RUN), "--out", str(tmp_path)]) == 2
+    assert main(["export", str(run), "--out", str(tmp_path)]) == 2
     assert "exists; delete it or choose another --out" in capsys.readouterr().err
     (tmp_path / "file").write_text("")
-    assert main(["export", str(RUN), "--out", str(tmp_path / "file")]) == 2
+    assert main(["export", str(run), "--out", str(tmp_path / "file")]) == 2
     assert "which is a file" in capsys.readouterr().err
 
 
-def test_a_card_has_no_markup_of_a_run_folder(tmp_path):
-    shutil.copytree(RUN, tmp_path / "run")
-    path = tmp_path / "run" / "evaluation.json"
+def test_a_card_has_no_markup_of_a_run_folder(run, tmp_path):
+    path = run / "evaluation.json"
     bad = {"machine": "<img src=x onerror=alert(1)> `rm` | [a](b)", "versions": {"<b>": "*"}}
     path.write_text(json.dumps(json.loads(path.read_text()) | bad))
-    text = (export(tmp_path / "run", tmp_path / "out") / "README.md").read_text()
+    text = (export(run, tmp_path / "out") / "README.md").read_text()
     assert "<" not in text
     assert "`rm`" not in text
 
@@ -280,6 +280,6 @@ def test_a_goal_policy_has_an_input_for_each_part(tmp_path):
     np.testing.assert_allclose(by_onnx, exact, rtol=0, atol=1e-6)
 
 
-def test_a_run_that_is_given_twice_is_exported_once(tmp_path, capsys):
-    assert main(["export", str(RUN), f"{RUN}/", "--out", str(tmp_path)]) == 0
+def test_a_run_that_is_given_twice_is_exported_once(run, tmp_path, capsys):
+    assert main(["export", str(run), f"{run}/", "--out", str(tmp_path)]) == 0
     assert len(capsys.readouterr().out.splitlines()) == 1

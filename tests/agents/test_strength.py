@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from run_folders import write_scene
+from run_folders import write_run
 
 from redundant_envs.control.holding import can_hold, holding_load
 from redundant_envs.control.statics import effort_limits
@@ -18,7 +18,6 @@ from redundant_envs.tables import write_rows
 from redundant_envs_train.__main__ import main
 from redundant_envs_train.config import load
 from redundant_envs_train.rollout import EVALUATION_SEED
-from redundant_envs_train.run_folder import SELECTION
 from redundant_envs_train.studies import strength, strength_run
 from redundant_envs_train.studies.factors import factors_of
 from redundant_envs_train.studies.strength import (
@@ -141,24 +140,10 @@ def test_the_published_rows_of_computed_torque_are_those_of_this_code(arm, monke
 
 def run_folder(path, arm, seed, hold, **env_kwargs):
     """A run folder after an evaluation."""
-    config = load(PRESETS[arm]).to_dict()
-    config |= {"seed": seed, "env_kwargs": env_kwargs}
-    path.mkdir(parents=True)
-    (path / "config.yaml").write_text(yaml.safe_dump(config))
-    write_scene(path)
-    evaluation = {
-        "env": config["env"], "algo": config["algo"], "seed": seed, "episodes": 100, "hold_success": hold,
-        "interval": [hold - 0.05, hold + 0.05], "touch_success": hold + 0.1, "expert_hold_success": 0.5,
-        "median_distance": 0.01, "expert_median_distance": 0.01, "mean_return": 50.0,
-        "expert_mean_return": 50.0, "env_steps": 1000, "train_seconds": 1.0, "machine": "x",
-        "date": "2026-11-22", "versions": {"machine": "x"},
-    }  # fmt: skip
-    (path / "evaluation.json").write_text(json.dumps(evaluation))
-    (path / "training.json").write_text(
-        json.dumps({"stopped": False, "env_steps": 1000, "train_seconds": 1.0})
-    )
-    (path / "selection.csv").write_text(",".join(SELECTION) + "\n1000,1.0,0.5,0.6,50.0\n")
-    return path
+    config = load(PRESETS[arm]).to_dict() | {"env_kwargs": env_kwargs}
+    facts = {"hold_success": hold, "interval": [hold - 0.05, hold + 0.05], "touch_success": hold + 0.1}
+    env, algo, _ = (config.pop(name) for name in ("env", "algo", "seed"))
+    return write_run(path, seed, env, algo, settings=config, episodes=100, **facts)
 
 
 def test_runs_become_rows_by_arm_factor_and_learner(tmp_path):
@@ -195,7 +180,7 @@ def test_runs_of_other_scenes_are_refused(tmp_path, change):
     data = copy.deepcopy(weakened("four_r_reach", 0.5))
     change(data)
     folder = run_folder(tmp_path / "run", "4R", 0, 0.5, scene=data)
-    with pytest.raises(ValueError, match=r"run: scene.yaml has .* give four_r_reach"):
+    with pytest.raises(ValueError, match=r"run: its scene has .* give four_r_reach"):
         learner_rows([folder])
 
 
@@ -212,15 +197,17 @@ def test_runs_of_other_episodes_and_runs_given_twice_are_refused(tmp_path):
 def changed(folder, file, **entries):
     """A run folder with entries of a file changed."""
     path = folder / file
-    write = json.dumps if file.endswith("json") else yaml.safe_dump
-    path.write_text(write(yaml.safe_load(path.read_text()) | entries))
+    read, write = (json.loads, json.dumps) if file.endswith("json") else (yaml.safe_load, yaml.safe_dump)
+    path.write_text(write(read(path.read_text()) | entries))
     return folder
 
 
 def test_only_finished_runs_of_one_setting_and_of_the_reach_environments_are_joined(tmp_path):
     first = run_folder(tmp_path / "a", "4R", 0, 0.5)
+    stopped = run_folder(tmp_path / "b", "4R", 1, 0.5)
+    (stopped / "training.json").write_text('{"stopped": true, "env_steps": 1, "train_seconds": 1.0}')
     with pytest.raises(ValueError, match=r"b is a training that was stopped"):
-        learner_rows([changed(run_folder(tmp_path / "b", "4R", 1, 0.5), "training.json", stopped=True)])
+        learner_rows([stopped])
     other = changed(run_folder(tmp_path / "c", "4R", 1, 0.5), "config.yaml", total_steps=1000)
     with pytest.raises(ValueError, match=r"c has other settings than .*a; give runs of one setting"):
         learner_rows([first, other])
@@ -231,9 +218,9 @@ def test_only_finished_runs_of_one_setting_and_of_the_reach_environments_are_joi
     with pytest.raises(ValueError, match=r"e/evaluation.json has the hold success 0.5 outside its interval"):
         learner_rows([wrong])
     with pytest.raises(ValueError, match=r"her.seed110 is of redundant_envs/RPRPGoalReach-v0; give"):
-        learner_rows([ROOT / "docs" / "results" / "runs" / "rprp_goal_reach_her" / "seed110"])
+        learner_rows([ROOT / "docs" / "results" / "runs.csv" / "rprp_goal_reach_her" / "seed110"])
     with pytest.raises(ValueError, match=r"td3.seed0 is a run of TD3; give"):
-        learner_rows([ROOT / "docs" / "results" / "baselines" / "rprp_reach_td3" / "seed0"])
+        learner_rows([ROOT / "docs" / "results" / "baselines.csv" / "rprp_reach_td3" / "seed0"])
 
 
 # ---- file and figure -----------------------------------------------------------------------------
@@ -343,9 +330,9 @@ def test_the_study_without_training_writes_rows_figure_and_table(tmp_path, capsy
     assert (tmp_path / "strength.png").stat().st_size > 10_000
     rows = read_rows(tmp_path / "strength.csv")
     assert {(row.arm, row.factor) for row in rows} == {(a, f) for a in ("4R", "RPRP") for f in (1.0, 0.4)}
-    before = (tmp_path / "expert.csv").stat().st_mtime_ns
-    assert main([*command, "--out", str(tmp_path)]) == 0  # what is finished stays
-    assert (tmp_path / "expert.csv").stat().st_mtime_ns == before
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(strength_run, "expert_rows", None)
+        assert main([*command, "--out", str(tmp_path)]) == 0  # what is finished stays
     assert main([*command[:-1], "11", "--out", str(tmp_path)]) == 0  # of other goals it does not
     assert {row.episodes for row in read_rows(tmp_path / "strength.csv")} == {11}
 

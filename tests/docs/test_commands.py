@@ -10,10 +10,11 @@ import sys
 
 import pytest
 from markdown import MANUAL, ROOT, commands
+from published_runs import RESULTS, published_run
 
 pytest.importorskip("typer", reason="commands of agents need the extra 'train'")
 
-RUN = "docs/results/runs/rprp_reach_sac/seed100"
+RUN = "runs/rprp_reach_sac/seed100"
 PLACEHOLDERS = {"RUN": RUN, "FILE": "some.json"}
 FOUND = {command: (page.stem, whole) for page in MANUAL for command, whole in commands(page).items()}
 QUICK = (
@@ -23,7 +24,7 @@ QUICK = (
     "python -m redundant_envs scene four_r_free --listing",
     "python -m redundant_envs verify --quick four_r_reach",
     "python -m redundant_envs scene rprp_reach --drawing runs/arm.svg",
-    "python -m agents table docs/results/runs/*/*",
+    "python -m agents table docs/results/runs.csv",
     "python -m agents schema",
     "python docs/examples/play_with_numpy.py policies/RPRPReach-v0-sac",
 )
@@ -35,10 +36,10 @@ SLOWER = (
     "python -m redundant_envs simulate",
     "python -m redundant_envs verify rprp_reach",
     "python -m redundant_envs study accuracy --redraw docs/results/accuracy",
-    "python -m agents curves docs/results/runs/*/* --out runs/curves.png",
+    "python -m agents curves docs/results/runs.csv --out runs/curves.png",
     "python -m agents evaluate RUN",
     "python -m agents report RUN",
-    "python -m agents export docs/results/runs/rprp_reach_sac/seed100",
+    "python -m agents export RUN",
     "python -m agents play policies/FourRReach-v0-sac --clip four_r.gif",
 )
 """Of under a minute each. The others train, measure for minutes, open a window or need a reader's files."""
@@ -114,12 +115,12 @@ def run(command, tmp_path, monkeypatch):
     (tmp_path / "docs" / "examples").symlink_to(ROOT / "docs" / "examples")
     if "accuracy" in command:
         shutil.copytree(ROOT / "docs/results/accuracy", results / "accuracy")
-    elif RUN in command or "RUN" in command.split():
-        shutil.copytree(ROOT / RUN, tmp_path / RUN)
+    elif "RUN" in command.split():
+        published_run("rprp_reach_sac/seed100", tmp_path / RUN)
         if "report" in command:
             (tmp_path / RUN / "evaluation.json").unlink()  # as where a training has just ended
     else:
-        (results / "runs").symlink_to(ROOT / "docs/results/runs")
+        shutil.copy(RESULTS / "runs.csv", results)
     words = words_of(command)
     monkeypatch.chdir(tmp_path)
     if words[1] == "-m":

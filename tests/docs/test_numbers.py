@@ -3,7 +3,6 @@
 import contextlib
 import csv
 import io
-import json
 import re
 
 import gymnasium as gym
@@ -113,11 +112,10 @@ def test_budgets_are_those_of_the_code():
 
 def test_stock_learners_are_described_with_their_own_figures():
     held = {}
-    for run in sorted((RESULTS / "baselines").glob("*_plain_*/*/evaluation.json")):
-        arm, learner = re.match(r"(four_r|rprp)_reach_plain_(\w+)", run.parts[-3]).groups()
-        held.setdefault((learner, arm), []).append(
-            json.loads(run.read_text(encoding="utf-8"))["hold_success"]
-        )
+    for row in rows("baselines.csv"):
+        if found := re.match(r"(four_r|rprp)_reach_plain_(\w+)/", row["run"]):
+            arm, learner = found.groups()
+            held.setdefault((learner, arm), []).append(float(row["evaluation.hold_success"]))
     page = text(ROOT / "docs" / "learners.md")
     for learner in ("ppo", "sac"):
         four_r, rprp = (100.0 * np.median(held[learner, arm]) for arm in ("four_r", "rprp"))

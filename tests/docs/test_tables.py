@@ -1,16 +1,22 @@
 """Tables of the README and the manual are those of the studies and runs."""
 
-import json
-from pathlib import Path
+import re
+import shlex
 
 import pytest
+from published_runs import RESULTS, ROOT
 
-ROOT = Path(__file__).parents[2]
-RESULTS = ROOT / "docs" / "results"
+from redundant_envs_train.config import WITHOUT_EFFECT
+from redundant_envs_train.evidence.run_table import read_groups, read_runs
+from redundant_envs_train.evidence.table import brief_table, table
+from redundant_envs_train.own_scene import read_scene
+from redundant_envs_train.run_folder import read_config
+from redundant_envs_train.studies import strength_run
+from redundant_envs_train.studies.strength import ARMS, FACTORS, learner_rows, read_rows
 
 
 def test_what_an_error_costs_is_what_the_study_wrote():
-    written = (ROOT / "docs" / "results" / "accuracy" / "accuracy.md").read_text(encoding="utf-8")
+    written = (RESULTS / "accuracy" / "accuracy.md").read_text(encoding="utf-8")
     lines = (ROOT / "docs" / "accuracy.md").read_text(encoding="utf-8").splitlines()
     start = next(i for i, line in enumerate(lines) if line.startswith("| arm | 99 %"))
     rows = lines[start : lines.index("", start)]
@@ -20,46 +26,35 @@ def test_what_an_error_costs_is_what_the_study_wrote():
 
 
 @pytest.mark.parametrize(
-    ("page", "folder"),
-    [
-        ("docs/learners.md", "runs"), ("docs/learners.md", "baselines"), ("docs/strength.md", "weak"),
-    ],
-)  # fmt: skip
-def test_the_table_of_learners_is_made_from_the_shipped_runs(page, folder):
-    from redundant_envs_train.evidence.table import table
-
-    runs = sorted((ROOT / "docs" / "results" / folder).glob("*/*"))
-    rows = [line for line in table(runs).splitlines() if line.startswith("| ")]
+    ("page", "name"),
+    [("docs/learners.md", "runs"), ("docs/learners.md", "baselines"), ("docs/strength.md", "weak")],
+)
+def test_the_table_of_learners_is_made_from_the_table_of_runs(page, name):
+    rows = [line for line in table([RESULTS / f"{name}.csv"]).splitlines() if line.startswith("| ")]
     assert len(rows) >= 8
     text = (ROOT / page).read_text(encoding="utf-8")
     for row in rows:
         assert row in text
 
 
-def test_the_results_of_the_readme_are_those_of_the_shipped_runs():
-    from redundant_envs_train.evidence.table import brief_table
-
-    table = brief_table(sorted(RESULTS.glob("runs/*/*")))
-    assert table.count("\n") >= 7
-    again = "the table of results is not that of docs/results/runs; run python docs/figures/remake.py"
-    assert f"-->\n{table}\n<!--" in (ROOT / "README.md").read_text(encoding="utf-8"), again
+def test_the_results_of_the_readme_are_those_of_the_table_of_runs():
+    brief = brief_table([RESULTS / "runs.csv"])
+    assert brief.count("\n") >= 7
+    again = "the table of results is not that of docs/results/runs.csv; run python docs/figures/remake.py"
+    assert f"-->\n{brief}\n<!--" in (ROOT / "README.md").read_text(encoding="utf-8"), again
 
 
 def test_the_table_of_strengths_is_what_the_study_wrote():
-    from redundant_envs_train.studies.strength import learner_rows, read_rows
-    from redundant_envs_train.studies.strength_run import table
-
-    rows = read_rows(ROOT / "docs" / "results" / "strength" / "strength.csv")
-    assert {(row.arm, row.factor) for row in rows} >= {
-        (a, f) for a in ("4R", "RPRP") for f in (1.0, 0.5, 0.3)
-    }
-    assert table(rows) in (ROOT / "docs" / "strength.md").read_text(encoding="utf-8")
-    places = ("runs/*_reach_sac/*", "weak/*/*", "strength/runs/*")
-    kept = [run for place in places for run in sorted(RESULTS.glob(place))]  # means depend on the order
+    rows = read_rows(RESULTS / "strength" / "strength.csv")
+    assert {(row.arm, row.factor) for row in rows} >= {(a, f) for a in ARMS for f in FACTORS}
+    page = (ROOT / "docs" / "strength.md").read_text(encoding="utf-8")
+    assert strength_run.table(rows) in page
+    (command,) = re.findall("^python -m agents study strength --seeds none --runs .*", page, re.M)
+    kept = [ROOT / place for place in shlex.split(command) if "docs/results" in place]
     assert sorted(map(str, learner_rows(kept))) == sorted(str(row) for row in rows if row.seeds)
 
 
-def test_the_ablations_are_those_of_the_kept_runs():
+def test_the_ablations_are_those_of_the_table_of_runs():
     text = (ROOT / "docs" / "learners.md").read_text(encoding="utf-8")
     rows = {"": "all parts", "average=0": "without the average",
             "smoothness=0": "without the smoothness term",
@@ -69,22 +64,27 @@ def test_the_ablations_are_those_of_the_kept_runs():
         cells = []
         for arm in ("four_r", "rprp"):
             run = f"{arm}_sac.{setting}" if setting else f"{arm}_sac"
-            path = RESULTS / "ablations" / run / "seed0" / "evaluation.json"
-            found = json.loads(path.read_text(encoding="utf-8"))
+            found = read_runs([RESULTS / "ablations.csv" / run / "seed0"])[0].evaluation
             missed = round((1 - found["hold_success"]) * found["episodes"])
             there = f"{found['restless']} of {missed}" if missed else "-"
             cells += [f"{100 * found['hold_success']:.1f} %", there]
         assert f"| {name} | {' | '.join(cells)} |" in text
 
 
-def test_shipped_runs_are_complete():
-    folders = [path.parent for path in RESULTS.rglob("config.yaml")]
-    assert len(folders) == 140 + 20 + 12 + 48 + 10  # presets, stock algorithms, weak, strengths, ablations
-    for folder in folders:
-        found = {path.name for path in folder.iterdir()}
-        assert found | {"policy.zip"} == {
-            "config.yaml", "scene.yaml", "selection.csv", "policy.zip", "training.json", "evaluation.json",
-        }, folder  # fmt: skip
-    for group in {f.parent for f in folders} - {RESULTS / "strength" / "runs"}:
-        lowest = min(group.iterdir(), key=lambda folder: int(folder.name.removeprefix("seed")))
-        assert (lowest / "policy.zip").is_file(), lowest
+@pytest.mark.parametrize(("name", "runs", "policies"), [("ablations", 10, 10), ("strength/runs", 48, 16)])
+def test_a_row_of_a_study_has_the_policy_of_its_lowest_seed(name, runs, policies):
+    groups = read_groups([RESULTS / f"{name}.csv"])
+    assert sum(len(same.runs) for same in groups) == runs
+    first = [same.runs[0] for same in groups if len(same.runs) < 10]  # PPO of full strength has none
+    lowest = {RESULTS / name / run.folder.relative_to(RESULTS / f"{name}.csv"): run for run in first}
+    assert {path.parent for path in (RESULTS / name).rglob("policy.zip")} == lowest.keys()
+    assert len(lowest) == policies
+    for folder, run in lowest.items():
+        config = {k: v for k, v in read_config(folder).to_dict().items() if k not in WITHOUT_EFFECT}
+        assert config == {**run.settings, "seed": run.seed}
+        assert read_scene(folder).to_dict() == run.scene
+
+
+def test_results_stay_small():
+    sizes = [path.stat().st_size for path in RESULTS.rglob("*") if path.is_file()]
+    assert (len(sizes) <= 150, sum(sizes) <= 6_000_000) == (True, True)

@@ -19,8 +19,13 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Config:
     file = preset_path(path)
     data = read(file, overrides, "configs/training")
     with explained(file, not overrides):
-        check_version(data)
-        config: Config = checked(Config, data)
+        return config_of(data)
+
+
+def config_of(data: dict[str, Any]) -> Config:
+    """A configuration from plain data of this version."""
+    check_version(data)
+    config: Config = checked(Config, data)
     return config
 
 

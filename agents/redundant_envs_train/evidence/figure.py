@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from redundant_envs.extras import needs
+from redundant_envs.figures import bare, new_figure
 
 from .aggregate import LEAST_RUNS
 from .learning import MEASURES, expert, points, summarize
@@ -38,7 +39,6 @@ LONG = 30
 def draw(groups: Sequence[Group], axes: Sequence[str]) -> Any:
     """The figure of the groups: a subfigure per environment and scene, a row per axis, three panels each."""
     with needs("plot"):
-        from matplotlib.figure import Figure
         from matplotlib.lines import Line2D
         from matplotlib.patches import Patch
     explained: list[Any] = [
@@ -50,7 +50,7 @@ def draw(groups: Sequence[Group], axes: Sequence[str]) -> Any:
     titles = list(dict.fromkeys(same.title for same in groups))
     looks = _looks(groups)
     height = len(titles) * (2.5 * len(axes) + 0.75)
-    figure = Figure(figsize=(11.0, height), dpi=120, layout="constrained")
+    figure = new_figure(11.0, height, 120)
     parts = figure.subfigures(len(titles), 1, squeeze=False)[:, 0]
     for part, title in zip(parts, titles, strict=True):
         shown = [same for same in groups if same.title == title]
@@ -91,9 +91,7 @@ def _finish(panel: Any, name: str, axis: str, shown: Sequence[Group]) -> None:
         panel.axhline(level, color="black", linestyle=(0, (5, 3)), linewidth=1.1, label="computed torque")
     panel.set_title(TITLES[name], loc="left", fontsize="medium")
     _x_scale(panel, axis, [points(run, axis)[0][-1] for same in shown for run in same.runs])
-    panel.grid(color="0.9", linewidth=0.6)
-    panel.set_axisbelow(True)
-    panel.spines[["top", "right"]].set_visible(False)
+    bare(panel)
     if name.endswith("success"):
         panel.set_title(f"{TITLES[name]} {MISSES}", loc="left", fontsize="medium")
         _rate_scale(panel, 1.0 / max(same.runs[0].settings["curve_episodes"] for same in shown))

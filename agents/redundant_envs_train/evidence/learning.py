@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..run_folder import SELECTION
-from .aggregate import interquartile_mean, stratified_bootstrap
+from .aggregate import bootstrap_interval, interquartile_mean
 from .runs import Group, Run
 
 AXES = {"steps": "env_steps", "seconds": "seconds"}
@@ -61,7 +61,7 @@ def summarize(same: Group, axis: str) -> Curve:
     runs = np.stack(
         [np.stack([np.interp(grid, x, column) for column in values.T], axis=1) for x, values in lines]
     )  # (runs, points, measures)
-    return Curve(grid, interquartile_mean(runs), *stratified_bootstrap([runs], interquartile_mean))
+    return Curve(grid, interquartile_mean(runs), *bootstrap_interval(runs))
 
 
 def points(run: Run, axis: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -16,9 +16,9 @@ from redundant_envs.envs.registration import SCENES
 from redundant_envs.values import shown
 
 from .. import command
-from ..config import WITHOUT_EFFECT
+from ..config import WITHOUT_EFFECT, Config
 from ..own_scene import read_scene
-from ..run_folder import SELECTION, evaluate_anew, read_config, read_evaluation, read_facts, read_table
+from ..run_folder import SELECTION, evaluate_anew, flat, read_config, read_evaluation, read_facts, read_table
 
 CIRCUMSTANCES = ("train_seconds", "versions", "machine", "date")
 """Entries in which two trainings of one seed may differ although their results are the same."""
@@ -31,6 +31,7 @@ class Run:
     Attributes
     ----------
     folder : Path
+        For a row of a table, that of the table and the name of the run.
     env, algo : str
     learner : str
         Name of the algorithm in tables and figures.
@@ -43,6 +44,8 @@ class Run:
         Content of evaluation.json.
     curve : ndarray (points, len(SELECTION))
         The rows of selection.csv.
+    simulator : str or None
+        Checksum of the simulator that it was trained with.
     """
 
     folder: Path
@@ -54,6 +57,7 @@ class Run:
     scene: Mapping[str, Any]
     evaluation: Mapping[str, Any]
     curve: NDArray[np.float64]
+    simulator: str | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,32 +103,42 @@ def read_run(folder: str | Path, stopped: bool = False, evaluation: Mapping[str,
         damaged or belongs to another run.
     """
     folder = Path(folder)
-    config = read_config(folder)
-    settings = config.to_dict()
-    seed = settings.pop("seed")
-    for name in WITHOUT_EFFECT:
-        del settings[name]
-    scene = read_scene(folder).to_dict()
+    config, scene = read_config(folder), read_scene(folder).to_dict()
     evaluation = read_evaluation(folder) if evaluation is None else evaluation
-    if read_facts(folder)["stopped"] and not stopped:
+    facts = read_facts(folder)
+    if facts["stopped"] and not stopped:
         raise ValueError(
             f"{folder} is a training that was stopped; leave it out, or go on with it: "
             f"{command('resume', folder)}"
         )
-    for name, value in (("env", settings["env"]), ("algo", settings["algo"]), ("seed", seed)):
-        if evaluation[name] != value:
+    curve = read_table(folder, "selection.csv", SELECTION)
+    return run_of(folder, config, scene, evaluation, curve, facts["simulator"])
+
+
+def run_of(
+    folder: Path, config: Config, scene: Mapping[str, Any], evaluation: Mapping[str, Any],
+    curve: NDArray[np.float64], simulator: str | None,
+) -> Run:  # fmt: skip
+    """A run from its parts; ValueError if they contradict each other."""
+    settings = config.to_dict()
+    seed = settings.pop("seed")
+    for name in WITHOUT_EFFECT:
+        del settings[name]
+    for name in ("env", "algo", "seed"):
+        if evaluation[name] != (value := getattr(config, name)):
             raise ValueError(
                 f"{folder}/evaluation.json has {shown(evaluation[name])} as {name!r}, and config.yaml has "
                 f"{shown(value)}; make it again: {evaluate_anew(folder)}"
             )
-    curve = read_table(folder, "selection.csv", SELECTION)
     progress = curve[:, [SELECTION.index("env_steps"), SELECTION.index("seconds")]]
     if not np.isfinite(curve).all() or (np.diff(progress, axis=0) < 0).any():
         raise ValueError(
             f"{folder}/selection.csv is damaged (a number is not finite, or steps or seconds go back); make "
             f"it again: {command('train', folder / 'config.yaml', '--out', 'NEW_FOLDER')}"
         )
-    return Run(folder, config.env, config.algo, config.label, seed, settings, scene, evaluation, curve)
+    return Run(
+        folder, config.env, config.algo, config.label, seed, settings, scene, evaluation, curve, simulator
+    )
 
 
 def group(runs: Iterable[Run]) -> list[Group]:
@@ -157,14 +171,6 @@ def group(runs: Iterable[Run]) -> list[Group]:
     ]
 
 
-def read_groups(folders: Iterable[str | Path]) -> list[Group]:
-    """The groups of run folders; ValueError as in :func:`read_run` and :func:`group`, or without folders."""
-    groups = group(read_run(folder) for folder in folders)
-    if not groups:
-        raise ValueError("folders is empty; give at least one run folder")
-    return groups
-
-
 def _same_results(a: Run, b: Run) -> bool:
     told = a.evaluation.keys() & b.evaluation.keys() - CIRCUMSTANCES  # folders of older versions have less
     facts = [{name: run.evaluation[name] for name in told} for run in (a, b)]
@@ -191,18 +197,10 @@ def _checksum(scene: Mapping[str, Any]) -> str:
 
 def _differences(runs: list[Run]) -> list[list[str]]:
     """For each run, the settings in which the runs differ, as "name=value"."""
-    flat = [
-        _flat(run.settings) | {"goals": run.evaluation["episodes"], "scene": _checksum(run.scene)}
+    settings = [
+        flat(run.settings) | {"goals": run.evaluation["episodes"], "scene": _checksum(run.scene)}
         for run in runs
     ]
-    names = sorted({name for settings in flat for name in settings})
-    differing = [n for n in names if any(s.get(n) != flat[0].get(n) for s in flat)]
-    return [[f"{n}={shown(s[n]) if n in s else 'unset'}" for n in differing] for s in flat]
-
-
-def _flat(settings: Mapping[str, Any], where: str = "") -> dict[str, Any]:
-    """Settings by their dotted names."""
-    flat: dict[str, Any] = {}
-    for name, value in settings.items():
-        flat |= _flat(value, f"{where}{name}.") if isinstance(value, Mapping) else {f"{where}{name}": value}
-    return flat
+    names = sorted({name for own in settings for name, value in own.items() if value != {}})
+    differing = [n for n in names if any(own.get(n) != settings[0].get(n) for own in settings)]
+    return [[f"{n}={shown(own[n]) if n in own else 'unset'}" for n in differing] for own in settings]

@@ -28,8 +28,8 @@ from redundant_envs.tasks.reach import ReachTask
 from redundant_envs.values import shown
 
 from ..evidence.figure import LEARNER_COLORS
-from ..evidence.runs import Run, read_run
-from ..own_scene import read_scene
+from ..evidence.run_table import read_runs, value_of
+from ..evidence.runs import Run
 from ..rollout import EVALUATION_SEED, expert_act, run_episodes
 from ..run_folder import evaluate_anew
 from ..statistics import wilson
@@ -178,31 +178,35 @@ def _share(held: NDArray[np.bool_]) -> tuple[float, float, float]:
     return share, min(low, share), max(high, share)
 
 
-def learner_rows(folders: Sequence[Path]) -> list[Row]:
+def learner_rows(places: Sequence[Path]) -> list[Row]:
     """Rows of evaluated runs: those of one arm, factor and learner are seeds of one row.
+
+    ``places`` are run folders and tables of runs, as in :func:`read_runs`.
 
     Raises
     ------
     ValueError
         If a run has another task, or another scene than a reach scene with all limits times one factor; or
-        a folder is not an evaluated run folder.
+        a place is not an evaluated run.
     """
     found: dict[tuple[str, float, str], list[Run]] = {}
-    for folder in folders:
-        run = read_run(folder)
+    for run in read_runs(places) if places else ():
         arm = next((arm for arm, (env, _) in ARMS.items() if env == run.env), None)
         if arm is None:
-            raise ValueError(f"{folder} is of {run.env}; give {' or '.join(env for env, _ in ARMS.values())}")
+            known = " or ".join(env for env, _ in ARMS.values())
+            raise ValueError(f"{run.folder} is of {run.env}; give {known}")
         if run.learner not in COLORS:
-            raise ValueError(f"{folder} is a run of {run.learner}; give {', '.join(LEARNERS)}")
-        key = (arm, _factor(folder, arm, run.settings["env_kwargs"]), run.learner)
+            raise ValueError(f"{run.folder} is a run of {run.learner}; give {', '.join(LEARNERS)}")
+        key = (arm, _factor(run, arm), run.learner)
         same = found.setdefault(key, [])
         if run.seed in [other.seed for other in same]:
-            raise ValueError(f"{folder} is a second run of seed {run.seed}; leave one out")
+            raise ValueError(f"{run.folder} is a second run of seed {run.seed}; leave one out")
         same.append(run)
         own = [{k: v for k, v in r.settings.items() if k != "env_kwargs"} for r in (same[0], run)]
         if own[0] != own[1]:
-            raise ValueError(f"{folder} has other settings than {same[0].folder}; give runs of one setting")
+            raise ValueError(
+                f"{run.folder} has other settings than {same[0].folder}; give runs of one setting"
+            )
     return [
         Row(
             *key,
@@ -228,20 +232,21 @@ def _ends(run: Run) -> tuple[float, float]:
     return min(low, hold), max(high, hold)
 
 
-def _factor(folder: Path, arm: str, env_kwargs: dict[str, Any]) -> float:
+def _factor(run: Run, arm: str) -> float:
     """Effort limits of a run's scene / those of the reach scene of its arm."""
+    env_kwargs = run.settings["env_kwargs"]
     for name in env_kwargs:
         if name not in SAME_GOALS:
             raise ValueError(
-                f"{folder}: env_kwargs has {name!r}, so its goals or episodes are others; leave it out"
+                f"{run.folder}: env_kwargs has {name!r}, so its goals or episodes are others; leave it out"
             )
     strong = scene_at(ARMS[arm][1], env_kwargs.get("accuracy"))
-    scene = read_scene(folder)
+    scene = load_scene(run.scene)
     ratios = effort_limits(scene) / effort_limits(strong)
     others = [_without_limits(s) for s in (scene, strong)]
     if np.ptp(ratios) > 1e-9 * ratios[0] or others[0] != others[1]:
         raise ValueError(
-            f"{folder}: scene.yaml has {', '.join(f'{r:g}' for r in ratios)} times the limits of "
+            f"{run.folder}: its scene has {', '.join(f'{r:g}' for r in ratios)} times the limits of "
             f"{ARMS[arm][1]}, or differs in something else; give {ARMS[arm][1]} with all limits times "
             "one factor"
         )
@@ -264,10 +269,8 @@ def read_rows(path: Path) -> list[Row]:
         rows = []
         for values in reader:
             try:
-                factor, hold, low, high = (float(values[COLUMNS[k]]) for k in (1, 3, 4, 5))
-                touch = float(values["touch_success"]) if values["touch_success"] else None
-                counts = int(values["seeds"]), int(values["episodes"])
-                rows.append(Row(values["arm"], factor, values["who"], hold, low, high, touch, *counts))
+                cells: dict[str, Any] = {k: value_of(cell) if cell else None for k, cell in values.items()}
+                rows.append(Row(**cells))
             except (ValueError, TypeError) as error:
                 raise ValueError(f"{path}, line {reader.line_num}: {error}; write the file again") from error
     return rows

@@ -73,8 +73,8 @@ def run_study(
         count_of(processes)
     given = learner_rows(runs)
     check_out(out)
-    expert = out / "expert.csv"
-    rows = read_rows(expert) if expert.is_file() else []
+    path = out / "strength.csv"
+    rows = [row for row in read_rows(path) if not row.seeds] if path.is_file() else []
     if {(row.arm, row.factor, row.who, row.episodes) for row in rows} != {
         (arm, factor, who, episodes) for arm in ARMS for factor in factors for who in (HOLDABLE, *POSES)
     }:
@@ -83,14 +83,14 @@ def run_study(
             for arm in ARMS:
                 rows += expert_rows(arm, factors, episodes)
                 done(arm)
-        write_rows(map(dataclasses.asdict, rows), COLUMNS, expert)
+        write_rows(map(dataclasses.asdict, rows), COLUMNS, path)
     known = {(row.arm, row.factor, row.who) for row in given}
     chosen = {name: config for name, (key, config) in trainings(factors, seeds).items() if key not in known}
     if chosen:
         train_many(chosen, out / "runs", processes)
     trained = learner_rows([out / "runs" / name for name in chosen])
     rows = [*rows, *(row for row in (*given, *trained) if row.factor in factors)]
-    write_rows(map(dataclasses.asdict, rows), COLUMNS, out / "strength.csv")
+    write_rows(map(dataclasses.asdict, rows), COLUMNS, path)
     save_figure(figure(rows), out / "strength.png")
     return table(rows)
 

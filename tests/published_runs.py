@@ -1,0 +1,27 @@
+"""Run folders of shipped policies, made again from their files and the table of runs."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+RESULTS = ROOT / "docs" / "results"
+
+
+def published_run(name: str, folder: Path) -> Path:
+    """Make the folder of a run of docs/results/runs.csv whose policy is in policies/."""
+    from redundant_envs_train.evidence.run_table import read_runs
+    from redundant_envs_train.run_folder import SELECTION
+
+    (run,) = read_runs([RESULTS / "runs.csv" / name])
+    others = shutil.ignore_patterns("README.md", "policy.npz", "policy.onnx")
+    shutil.copytree(ROOT / "policies" / f"{run.env.split('/')[1]}-{run.algo}", folder, ignore=others)
+    (folder / "evaluation.json").write_text(json.dumps(run.evaluation))
+    facts = {key: run.evaluation[key] for key in ("env_steps", "train_seconds")}
+    (folder / "training.json").write_text(json.dumps({**facts, "simulator": run.simulator, "stopped": False}))
+    np.savetxt(folder / "selection.csv", run.curve, delimiter=",", comments="", header=",".join(SELECTION))
+    return folder
