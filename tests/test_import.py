@@ -14,7 +14,7 @@ FIRST = {
     "effects": f"from redundant_envs.effects import Gravity; {LOAD}",
     "robots": f"from redundant_envs.robots.arm import Arm; {LOAD}",
     "tasks": f"from redundant_envs.tasks.reach import ReachTask; {LOAD}",
-    "integrators": f"from redundant_envs.numerics.tableaus import METHODS; {LOAD}",
+    "numerics": f"from redundant_envs.numerics.tableaus import METHODS; {LOAD}",
     "quantities": f"from redundant_envs.quantities import Quantities; {LOAD}",
     "dialect": f"from redundant_envs.dialect import check; {LOAD}",
     "tracing": f"from redundant_envs.tracing.number import Number; {LOAD}",

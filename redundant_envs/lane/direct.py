@@ -166,7 +166,8 @@ class Arrays:
         self._call(*common_procedures(interval))
         served = dict(self.fields)
         leaves = self.fields["reason"] != float(Reason.NONE)
-        self.fields |= {"entered": where(leaves, 1.0, 0.0), "state": -2.0, "complete": 0.0, "moving": 0.0}
+        self.fields |= {"entered": where(leaves, 1.0, 0.0), "state": -2.0, "complete": 0.0}
+        self.fields |= {"moving": 0.0, "touching": 0.0}
         self._apply(self.traced.program[None])
         if interval.features.boundaries:
             self._apply(self.traced.program[Request.STEP])

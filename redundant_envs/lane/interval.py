@@ -127,6 +127,8 @@ class Interval:
         for b in self.features.stops:
             if b in self.features.holding:
                 yield Field(f"force_{b.name}", "N", "that holds the slider", SCRATCH)
+                doc = f"force_{b.name} at the start of the trial step"
+                yield Field(f"force_trial_{b.name}", "N", doc, SCRATCH)
             else:
                 yield Field(f"acceleration_{b.name}", "m/s^2", "of the gap", SCRATCH)
                 yield Field(f"arrived_{b.name}", "", "is at its stop, but for rounding", SCRATCH, truth=True)

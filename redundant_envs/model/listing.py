@@ -19,7 +19,9 @@ from redundant_envs.tracing.graph import Operation, located, reached
 from redundant_envs.tracing.listing import lines
 
 PACKAGE = Path(__file__).parents[1]
-PARTS = {"robots": "arm", "integrators": "integrator", "simulator": "interval"}
+PARTS = {
+    "robots": "arm", "numerics": "integrator", "events": "integrator", "lane": "interval", "batch": "interval",
+}  # fmt: skip
 """Folders of the package, and the owner to which the operations written there are attributed."""
 COUNTED = {"+": "additions", "-": "additions", "*": "products", "/": "divisions", "sqrt": "roots"}
 BYTES = 8

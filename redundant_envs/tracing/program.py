@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import enum
 import functools
+import itertools
 from collections.abc import Callable, Generator, Iterator, Mapping
 from typing import Any, NamedTuple, Protocol
 
@@ -101,11 +102,11 @@ class Machine:
 
     def _reached(self, before: State, request: enum.Enum, running: Any, ways: Ways) -> float:
         """Number of the state in which the program waits now."""
-        place: list[tuple[str, int]] = []
+        place: list[tuple[Any, ...]] = []
         values: dict[tuple[str, str], Any] = {}
         while running is not None and getattr(running, "gi_frame", None) is not None:
             frame = running.gi_frame
-            place.append((frame.f_code.co_qualname, frame.f_lineno))
+            place.append(_place(frame))
             values |= {(frame.f_code.co_qualname, n): v for n, v in _plain(frame.f_locals)}
             running = running.gi_yieldfrom
         key = tuple(place)
@@ -180,6 +181,12 @@ def _of(graph: Graph, x: Any) -> Any:
     if isinstance(x, Number | Condition) and x.graph is not graph and isinstance(x.value, Operation):
         outlives()
     return x
+
+
+def _place(frame: Any) -> tuple[Any, ...]:
+    """Function, line and column of the yield at which a generator waits: not its place in the bytecode."""
+    line, _, column, _ = next(itertools.islice(frame.f_code.co_positions(), frame.f_lasti // 2, None))
+    return frame.f_code.co_qualname, line, column
 
 
 def _plain(variables: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:

@@ -246,10 +246,11 @@ def test_the_step_of_free_sliders_is_the_step_of_all_to_the_last_bit(integrator)
     form."""
     simulator = batch_simulator(dataclasses.replace(STEPPED["RPRP held"], integrator=integrator), False)
     blocks, layout = simulator.blocks, simulator.blocks.layout
-    interval, known = simulator.interval, dict.fromkeys(simulator.interval.active, 0.0)
+    interval, features = simulator.interval, simulator.interval.features
+    known, arm = dict.fromkeys(features.active, 0.0), simulator.dynamics.arm
     p = Kernel("both", {f"{life}_{name}": "f64" for name in ("free", "every") for life in Lifetime})
     for name, numbers in (("free", known), ("every", {})):
-        function = traced(name, layout, interval.common_step, known=numbers)
+        function = traced(name, layout, interval.step.common_step, known=numbers)
         p.call(function, **{str(life): p[f"{life}_{name}"] for life in Lifetime})
     step = compiled(p)
     assert {"common", "common_held"} <= set(blocks.functions)
@@ -261,10 +262,10 @@ def test_the_step_of_free_sliders_is_the_step_of_all_to_the_last_bit(integrator)
             name: {str(life): aligned(layout.size(life), LANES) for life in Lifetime}
             for name in ("free", "every")
         }
-        for field in (*simulator.dynamics.states, *simulator.dynamics.commands, *interval.active):
-            space, row = layout.place(field)
+        for field in (*simulator.dynamics.states, *simulator.dynamics.commands, *features.active):
+            space, row = layout.row_of(field)
             values = rng.normal(0.0, 2.0, LANES)
-            if field in interval.active:
+            if field in features.active:
                 values = rng.choice([0.0, 0.0, 1.0, -1.0], LANES)
             for memory in memories.values():
                 memory[space][row] = values
@@ -273,10 +274,10 @@ def test_the_step_of_free_sliders_is_the_step_of_all_to_the_last_bit(integrator)
         before = memories["free"][str(STATE)].copy()
         step(**{f"{life}_{name}": a for name, memory in memories.items() for life, a in memory.items()})
         free, every = (memory[str(STATE)] for memory in memories.values())
-        held = {n: before[layout.place(n)[1]] != 0.0 for n in interval.active}
+        held = {n: before[layout.row_of(n)[1]] != 0.0 for n in features.active}
         unheld = ~np.any(list(held.values()), axis=0)
         np.testing.assert_array_equal(free[:, unheld], every[:, unheld])
-        rates = {n: layout.place(v)[1] for n, v in zip(interval.active, interval.rates, strict=True)}
+        rates = {b.active: layout.row_of(arm.rates[b.joint])[1] for b in features.holding}
         assert (free[0, unheld] != before[0, unheld]).all()
         for name, row in rates.items():
             assert (every[row, held[name]] == before[row, held[name]]).all()

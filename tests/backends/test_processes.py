@@ -63,7 +63,7 @@ def test_a_program_is_kept_from_process_to_process_and_wherever_its_folder_goes(
 
 CHANGES = {
     "effects/viscous_friction.py": ("return -coefficient * rate", "return -2.0 * coefficient * rate", True),
-    "integrators/methods.py": ("p + h * v for p, v", "p - h * v for p, v", True),
+    "numerics/methods.py": ("p + h * v for p, v", "p - h * v for p, v", True),
     "tracing/passes/join.py": ("uses[a] == 1", "uses[a] == -1", False),
     "backends/llvm_lanes.py": ('"prefer-vector-width"="512"', '"prefer-vector-width"="256"', False),
 }
@@ -72,7 +72,7 @@ CHANGES = {
 
 @pytest.mark.parametrize(
     "file",
-    [pytest.param(f, marks=pytest.mark.long) if f.startswith(("integ", "trac")) else f for f in CHANGES],
+    [pytest.param(f, marks=pytest.mark.long) if f.startswith(("numer", "trac")) else f for f in CHANGES],
 )
 def test_stale_machine_code_is_impossible(copied, tmp_path, file):
     kept = {CACHE_VARIABLE: str(tmp_path / "cache")}

@@ -13,7 +13,7 @@ from redundant_envs.lane.memory import PARAMETER
 def tampered(env, name, value):
     """A state of an environment in which the first lane has another number."""
     state, memory = env.get_state(), env.core.memory
-    space, row = memory.layout.place(name)
+    space, row = memory.layout.row_of(name)
     key = "parameters" if space == str(PARAMETER) else "states"
     numbers = state[key].copy()
     block = numbers[: memory.arrays[space].size].reshape(memory.arrays[space].shape)

@@ -1,1 +1,1 @@
-"""Mutants of the equations, the integrators and the simulator: does a test see each?"""
+"""Mutants of the equations, the numerics, the events and the lanes: does a test see each?"""

@@ -29,18 +29,20 @@ ROOT = Path(__file__).parents[2]
 PACKAGE = "redundant_envs"
 EQUATIONS = ("robots/rprp", "robots/rprp_elimination", "robots/four_r", "robots/four_r_elimination",
              "robots/derived", "robots/added_inertia")  # fmt: skip
-STEPS = ("methods", "tableaus", "step_control", "trial_steps")
-STOPS = ("sliders", "crossings", "event_times", "event_brackets", "event_search", "contacts",
-         "contact_resolution", "complementarity")  # fmt: skip
-SIMULATOR = ("dynamics", "kinks", "stiffness", "step", "common_step", "local_steps", "at_stops", "interval")
+NUMERICS = ("methods", "tableaus", "error_control", "estimates")
+EVENTS = ("boundary", "crossings", "first_event", "brackets", "locate", "contacts", "resolution",
+          "complementarity")  # fmt: skip
+LANE = ("dynamics", "kinks", "required_steps", "step", "common_step", "step_control", "coordinates",
+        "boundaries", "features", "program", "interval")  # fmt: skip
 MODULES = (
     *EQUATIONS,
-    *(f"integrators/{m}" for m in (*STEPS, *STOPS)),
-    *(f"simulator/{m}" for m in SIMULATOR),
+    *(f"numerics/{m}" for m in NUMERICS),
+    *(f"events/{m}" for m in EVENTS),
+    *(f"lane/{m}" for m in LANE),
 )
-TESTS = ("tests/verify/test_recorded_bits.py", "tests/robots", "tests/integrators", "tests/effects",
-         "tests/simulator", "tests/oracles", "tests/hard_cases", "tests/outside", "tests/model",
-         "tests/control", "tests/test_dialect.py")  # fmt: skip
+TESTS = ("tests/verify/test_recorded_bits.py", "tests/robots", "tests/numerics", "tests/events",
+         "tests/effects", "tests/lane", "tests/batch", "tests/oracles", "tests/hard_cases", "tests/outside",
+         "tests/model", "tests/control", "tests/test_dialect.py")  # fmt: skip
 SECONDS = 1800.0
 """For the tests of a mutant; one that takes longer counts as neither killed nor survived."""
 COLUMNS = ("module", "line", "function", "operator", "outcome", "seconds", "before", "after")

@@ -71,11 +71,11 @@ def test_evaluators_agree_after_an_interval(name, steps):
     for convert in (np.ascontiguousarray, lambda x: torch.tensor(np.ascontiguousarray(x))):
         columns = map(convert, table.T)
         fields = {**fields_of(dynamics), **dict(zip((*names, *dynamics.commands), columns, strict=True))}
-        fields |= {n: convert(np.zeros(12)) for n in Interval(dynamics).active}
+        fields |= {n: convert(np.zeros(12)) for n in Interval(dynamics).features.active}
         with np.errstate(all="ignore"):
             lane = cross_interval(Interval(dynamics), fields)
         found = np.stack([np.asarray(lane[n]) for n in names], axis=1)
-        resting = batch._memory.read(Interval(dynamics).active).any(axis=1) if stops else np.zeros(12, bool)
+        resting = batch._memory.read(Interval(dynamics).features.active).any(axis=1) if stops else np.zeros(12, bool)
         assert np.abs(found - compiled)[~resting].max() <= 1e-12 * np.abs(compiled).max()
     row = {
         **fields_of(dynamics),

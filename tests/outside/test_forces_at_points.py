@@ -121,7 +121,7 @@ def test_evaluators_agree_on_forces_at_points(name, steps):
 def test_a_stiff_tether_makes_error_control_take_steps_that_are_short_enough():
     arm = ARMS["4R"]
     scene = rde.Scene(arm, (Tether(4, 0.5, 0.5, 4e4),), tolerance=1e-6)
-    assert Dynamics(scene).prepare(Dynamics(scene).parameters)["steady"] == 0.5 * np.sqrt(4e4 / 0.5)
+    assert Dynamics(scene).prepare(Dynamics(scene).parameters)["least_step_rate"] == 0.5 * np.sqrt(4e4 / 0.5)
     batch = rde.BatchSimulator(scene, 8)
     reference = rde.BatchSimulator(dataclasses.replace(scene, tolerance=None, substeps=400), 8)
     for b in (batch, reference):

@@ -170,7 +170,11 @@ def test_a_restitution_that_is_not_the_scenes_is_red(monkeypatch):
     checks = checks_of(impacts)
     assert red(scene, checks) == set()
     right = contacts.impulses
-    monkeypatch.setattr(contacts, "impulses", lambda speeds, sides, w, r: right(speeds, sides, w, 0.99 * r))
+
+    def wrong(speeds, sides, w, restitution):
+        return right(speeds, sides, w, [0.99 * x for x in restitution])
+
+    monkeypatch.setattr(contacts, "impulses", wrong)
     assert red(scene, checks) == {"impacts: velocities", "impacts: momentum", "impacts: energy"}
 
 

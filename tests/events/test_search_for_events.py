@@ -1,25 +1,20 @@
-"""Number of pieces needed to find events of sliders at their stops, and the order in which lanes are
-served."""
+"""The number of trial steps that find events of sliders at their stops, and the first guesses of their times."""
 
-import gymnasium as gym
 import numpy as np
 import pytest
 from contact_problems import contact, mobility, resolved
-from redundant_envs.integrators.trial_steps import Phase, Search, Trial
 
 import redundant_envs as rde
-from redundant_envs.batch import blocks
 from redundant_envs.events import contacts
-from redundant_envs.events.boundary import Slider
-from redundant_envs.events.crossings import Crossing, Unseen
+from redundant_envs.events.boundary import BoundedCoordinate
+from redundant_envs.events.brackets import Search, Trial, sought_boundary
+from redundant_envs.events.crossings import Crossing
 from redundant_envs.events.first_event import Encounter, first_event
-from redundant_envs.events.locate import after_trial, position_at_event
-from redundant_envs.events.resolution import Event
+from redundant_envs.events.locate import earliest_event, other_event, position_at_event
+from redundant_envs.events.resolution import Happening
 from redundant_envs.numerics.methods import Watched
 
 ARM = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
-GROUP = blocks.LANES * blocks.GROUP
-"""Lanes that go through a step together."""
 
 
 def scene(restitution=0.5, upper=(0.3, 0.3), **kwargs):
@@ -42,14 +37,14 @@ def slider_along(motion, h, upper, lower=-9.0):
     v, a = motion.deriv(), motion.deriv(2)
     seen = [a(t) for t in np.linspace(0.0, h, 13)]
     watched = Watched(seen[0], seen[-1], min(seen), max(seen))
-    return Slider(motion(h), v(h), motion(0.0), v(0.0), watched, 0.0, lower, upper)
+    return BoundedCoordinate(motion(h), v(h), motion(0.0), v(0.0), watched, 0.0, lower, upper)
 
 
 def first_guess(motion, h, upper, turns=0.0):
     """Time at which ``first_event`` predicts such a slider at its upper stop."""
-    encounter = Encounter(0.0, 0.0, Crossing.NONE, turns, False, 1.0)
-    with np.errstate(all="ignore"):  # both sides of a choice are computed
-        found = first_event(slider_along(motion, h, upper), encounter, h, 1.0 / h, smooth=True)
+    slider = slider_along(motion, h, upper)
+    encounter = Encounter(0.0, slider, 0.0, 0.0, Crossing.NONE, turns, False, 1.0)
+    found = first_event(encounter, h, 1.0 / h, True)
     assert (found.side, found.turns) == (1.0, False)
     return found.time
 
@@ -198,7 +193,7 @@ def test_sliders_that_leave_before_a_step_are_those_that_would_leave_at_a_contac
         pair = [contact(0.0, s, resting=True, force=f) for s, f in zip(sides, force.tolist(), strict=True)]
         got = contacts.leaving(pair, w.tolist())
         resolution = resolved(pair, w)
-        assert got == [x == Event.RELEASE for x in resolution.happened]
+        assert got == [x == Happening.RELEASE for x in resolution.happened]
         if (sides * force <= 0.0).all():  # both are pushed: nothing changes
             assert got == [False, False]
         seen.add(tuple(got))
@@ -222,13 +217,13 @@ def test_an_arm_that_a_bounce_taken_away_has_moved_is_looked_at_again():
     got = resolved([r1, r2], [[1.09944, -0.267404], [-0.267404, 0.0758599]], 0.0)
     assert got.velocities[0] < -1e-4  # into its stop
     assert got.active_stops == [0.0, 1.0]
-    assert got.happened == [Event.RELEASE, Event.REST]
+    assert got.happened == [Happening.RELEASE, Happening.REST]
     assert not got.going_on
 
 
 def test_a_slider_a_rounding_error_beyond_its_stop_is_put_on_it():
     def placed(position, velocity, lower, upper):
-        s = Slider(position, velocity, 0.1, 0.0, None, 0.0, lower, upper)
+        s = BoundedCoordinate(position, velocity, 0.1, 0.0, None, 0.0, lower, upper)
         return position_at_event(s, position, False, 5.0, 0.02)
 
     for lower, upper, position, at in ((0.0, 9.0, -7.8e-32, 0.0), (-9.0, 0.25, 0.25 + 6e-17, 0.25)):
@@ -246,78 +241,22 @@ def test_of_three_sliders_the_first_that_comes_to_its_stop_is_looked_for(order):
     times = np.array([0.004, 0.009, 0.014])[list(order)]
     glides = [np.polynomial.Polynomial([0.3 - t, 1.0]) for t in times]
     sliders = [slider_along(glide, h, 0.3, 0.0) for glide in glides]
-    encounters = [Encounter(0.0, 0.0, Crossing.ENDS_BEYOND, h, False, 1.0)] * 3
-    unseen = Unseen(0.1, 0.1)
-    none = Search(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    with np.errstate(all="ignore"):
-        trial = Trial(True, Phase.RUN, h, h, True, h)
-        tried = after_trial(trial, none, sliders, encounters, unseen, True)
+    encounters = [
+        Encounter(float(k), s, 0.0, 0.0, Crossing.ENDS_BEYOND, h, False, 1.0) for k, s in enumerate(sliders)
+    ]
+    trial = Trial(h, h, h, encounters, [first_event(e, h, 1.0 / h, True) for e in encounters])
     first = order.index(0)
-    assert (tried.again, tried.accepted, tried.phase) == (True, False, Phase.FIND_EVENT)
-    assert (tried.search.target, tried.search.side) == (first, 1.0)
-    assert tried.h == pytest.approx(0.004, abs=1e-12)
+    aim = earliest_event(trial)
+    assert (aim.exists, aim.target, aim.side, aim.turns) == (True, first, 1.0, False)
+    assert aim.h == pytest.approx(0.004, abs=1e-12)
     # Towards the last of them: the trial step shows that two others came before.
     last = order.index(2)
     search = Search(float(last), 1.0, 0.0, h, 0.0, 0.006, 1.0)
-    with np.errstate(all="ignore"):
-        trial = Trial(True, Phase.FIND_EVENT, h, h, True, h)
-        changed = after_trial(trial, search, sliders, encounters, unseen, True)
-    assert changed.search.target != last
-    assert changed.h < h
-
-
-# ---- many blocks ---------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    "kwargs", [{}, {"substeps": 3}, {"tolerance": 1e-6}, {"integrator": "dop853"}], ids=str
-)
-def test_lanes_of_many_groups_are_those_of_one(kwargs):
-    count = 2 * GROUP + 77
-    q, qd, efforts = random_states(count, 4)
-
-    def run(index, threads=1):
-        batch = rde.BatchSimulator(scene(**kwargs), len(index), threads=threads)
-        batch.set_state(q[index], qd[index])
-        seen = []
-        for k in range(4):
-            status = batch.advance(np.roll(efforts, k, axis=1)[index])
-            seen.append(np.column_stack([batch.q, batch.qd, status.events, status.evaluations]))
-        return np.stack(seen, axis=1)
-
-    whole = run(np.arange(count))
-    assert (whole[..., 8].sum(axis=1) > 0).mean() > 0.3
-    order = np.random.default_rng(5).permutation(count)
-    np.testing.assert_array_equal(run(order), whole[order])
-    np.testing.assert_array_equal(run(np.arange(count), threads=2), whole)
-    for part in np.array_split(np.arange(count), 9):
-        np.testing.assert_array_equal(run(part), whole[part])
-
-
-def test_lanes_go_on_beside_a_group_that_has_none_of_its_own():
-    q, qd, efforts = random_states(GROUP, 7)
-    calm = np.tile([-np.pi / 2, 0.15, -np.pi / 2, 0.15], (8, 1))
-    ends = []
-    for more in (0, 8):
-        batch = rde.BatchSimulator(scene(), GROUP + more)
-        batch.set_state(np.vstack([q, calm[:more]]), np.vstack([qd, 0.0 * calm[:more]]))
-        status = batch.advance(np.vstack([efforts, 0.0 * calm[:more]]))
-        assert (status.evaluations[GROUP:] == 12).all()
-        ends.append(np.column_stack([batch.q, batch.qd, status.evaluations])[:GROUP])
-    np.testing.assert_array_equal(*ends)
-
-
-def test_environments_of_many_groups_are_those_of_few():
-    count, last = GROUP + 21, GROUP - 64  # few are in one group, many are not
-    make = {"max_episode_steps": 20}
-    many = gym.make_vec("redundant_envs/RPRPReach-v0", num_envs=count, **make)
-    few = gym.make_vec("redundant_envs/RPRPReach-v0", num_envs=count - last, **make)
-    np.testing.assert_array_equal(many.reset(seed=3)[0][last:], few.reset(seed=3 + last)[0])
-    rng = np.random.default_rng(6)
-    for _ in range(45):
-        actions = rng.uniform(-1, 1, (count, 4)).astype(np.float32)
-        a, b = many.step(actions), few.step(actions[last:])
-        for x, y in zip(a[:4], b[:4], strict=True):
-            np.testing.assert_array_equal(x[last:], y)
-        for name, values in b[4].items():
-            np.testing.assert_array_equal(a[4][name][last:], values, err_msg=name)
+    other = other_event(trial, search, sought_boundary(search, trial))
+    assert other.exists
+    assert other.target != last
+    assert other.h < h
+    # Towards the first of them there is none before.
+    search = search._replace(target=float(first))
+    trial = trial._replace(encounters=encounters[first : first + 1], events=trial.events[first : first + 1])
+    assert not other_event(trial, search, sought_boundary(search, trial)).exists

@@ -38,7 +38,7 @@ def names_read(function):
 
 
 def test_fields_live_one_after_the_other_in_the_memory_of_their_lifetime():
-    assert {name: LAYOUT.place(name) for name in LAYOUT.fields} == {
+    assert {name: LAYOUT.row_of(name) for name in LAYOUT.fields} == {
         "q": ("state", 0), "q_start": ("scratch", 0), "mass": ("parameter", 0), "resting": ("scratch", 1),
         "v": ("state", 1), "v_start": ("scratch", 2), "time": ("log", 0),
     }  # fmt: skip
@@ -63,7 +63,7 @@ def test_two_fields_of_one_name_are_refused(second):
         lambda lane: setattr(lane, "weight", 1.0),
         lambda lane: lane.__setitem__("weight", 1.0),
         lambda lane: lane.get(["q"], of="{}_weight"),
-        lambda lane: LAYOUT.place("weight"),
+        lambda lane: LAYOUT.row_of("weight"),
     ],
 )
 def test_an_unknown_field_lists_those_there_are(lane, use):

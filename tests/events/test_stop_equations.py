@@ -73,7 +73,7 @@ def test_impulses_solve_the_complementarity_problem(count):
         d = u + restitution * np.maximum(u, 0.0)
         expected = np.zeros(count)
         expected[at] = complementary(outward[np.ix_(at, at)], d[at])
-        p = complementarity.impulses(u.tolist(), sides.tolist(), w.tolist(), restitution)
+        p = complementarity.impulses(u.tolist(), sides.tolist(), w.tolist(), [restitution] * count)
         np.testing.assert_allclose(p, expected, rtol=1e-9, atol=1e-12)
         struck.add(tuple(expected > 0.0))
     assert len(struck) == 2**count - 1
@@ -87,9 +87,9 @@ def test_impulses_do_not_know_the_order_of_the_sliders(count):
         sides, u = rng.choice([-1.0, 1.0], count), rng.normal(size=count)
         if not (u > 0).any():
             continue
-        p = complementarity.impulses(u.tolist(), sides.tolist(), w.tolist(), 0.5)
+        p = complementarity.impulses(u.tolist(), sides.tolist(), w.tolist(), [0.5] * count)
         others = w[np.ix_(order, order)].tolist()
-        again = complementarity.impulses(u[order].tolist(), sides[order].tolist(), others, 0.5)
+        again = complementarity.impulses(u[order].tolist(), sides[order].tolist(), others, [0.5] * count)
         np.testing.assert_allclose(np.array(p)[order], again, rtol=1e-9, atol=1e-12)
 
 
@@ -130,13 +130,13 @@ def test_the_equations_on_arrays_are_those_on_numbers(count):
         return np.array(np.broadcast_arrays(*columns, np.zeros(64))[:-1], dtype=float)
 
     got = (
-        complementarity.impulses(v, sides, list(w), 0.3),
+        complementarity.impulses(v, sides, list(w), [0.3] * count),
         complementarity.halting(v, still, w),
         complementarity.pressed(v, w),
     )
     for k in range(64):
         one = (
-            complementarity.impulses(v[:, k].tolist(), sides[:, k].tolist(), many[k].tolist(), 0.3),
+            complementarity.impulses(v[:, k].tolist(), sides[:, k].tolist(), many[k].tolist(), [0.3] * count),
             complementarity.halting(v[:, k].tolist(), still[:, k].tolist(), many[k]),
             complementarity.pressed(v[:, k].tolist(), many[k]),
         )

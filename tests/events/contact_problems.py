@@ -47,5 +47,7 @@ def contact(
     return Contact(position, velocity, side if resting else 0.0, lower, upper, acceleration, force, released)
 
 
-def resolved(contacts, w, restitution=0.5, at_stop=True, changes=0.0, impacts=0.0):
-    return resolve_contacts(at_stop, changes, impacts, contacts, np.asarray(w).tolist(), restitution)
+def resolved(contacts, w, restitution=0.5):
+    """Contacts of stops of one restitution, resolved once."""
+    alike = [c._replace(restitution=restitution) for c in contacts]
+    return resolve_contacts(0.0, alike, np.asarray(w).tolist())

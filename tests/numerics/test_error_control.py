@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,8 +10,12 @@ import pytest
 import redundant_envs as rde
 from redundant_envs.algebra import maximum, physics
 from redundant_envs.effects.hooks import Effect, Force
+from redundant_envs.lane.features import Fault
+from redundant_envs.lane.memory import Layout, RunningLane
+from redundant_envs.lane.step_control import End, EqualSteps
 from redundant_envs.model.programs import batch_simulator
-from redundant_envs.numerics.error_control import blended_error, tip_error
+from redundant_envs.numerics.error_control import Crossed
+from redundant_envs.numerics.estimates import blended_error, tip_error
 from redundant_envs.quantities import Quantities
 from redundant_envs.studies.interval_families import FAMILIES
 from redundant_envs.studies.intervals import tips_after
@@ -332,10 +337,27 @@ def test_a_step_whose_estimate_of_order_5_is_small_by_chance_is_not_accepted(cas
 # ---- the end of an interval, from numbers --------------------------------------------------------------
 
 
-def crossed_again(error, change=0.0, steps=64.0, impacts=0.0, **doubts):
-    """Whether an interval that has just been crossed is to be crossed again, for a tolerance of 1."""
-    c = step_control.Crossed(True, True, 1.0, steps, 0.0, change, impacts, **doubts)
-    return bool(step_control.end_doubling(c, error, 1.0, 0.0, 1.0).unsure)
+class KnownInterval(EqualSteps):
+    """The control of a lane that has just made the last of its steps, from data of the interval."""
+
+    def __init__(self, crossed):
+        self.crossed, self.features = crossed, SimpleNamespace(stops=True)
+        self.dynamics = SimpleNamespace(arm=SimpleNamespace(coordinates=()))
+        self.step = SimpleNamespace(least_steps=lambda lane: 0.0)
+
+    def _crossed(self, lane):
+        return self.crossed
+
+
+def ended(error, change=0.0, steps=64.0, impacts=0.0, **doubts):
+    """What follows an interval that has just been crossed, for a tolerance of 1; and the fault."""
+    lane = RunningLane(Layout([]), lambda name: None)
+    for name, value in (
+        ("left", 0.0), ("steps_left", 1.0), ("min_steps", 0.0), ("divisions", steps), ("error", error),
+        ("tip_tolerance", 1.0), ("impacts", impacts), ("fault", 0.0), ("interval", 1.0),
+    ):  # fmt: skip
+        lane[name] = np.float64(value)
+    return KnownInterval(Crossed(steps, error, 1.0, change, impacts, **doubts)).end(lane), lane.fault
 
 
 @pytest.mark.parametrize(
@@ -361,10 +383,9 @@ def crossed_again(error, change=0.0, steps=64.0, impacts=0.0, **doubts):
     ],
 )
 def test_an_interval_has_to_come_out_the_same_where_its_estimate_is_doubtful(known, again):
-    assert crossed_again(**known) is again
+    assert ended(**known) == ((End.REPEATED if again else End.CROSSED), 0.0)
 
 
 def test_many_impacts_behind_a_kink_end_with_a_flag():
-    c = step_control.Crossed(True, True, 1.0, 256.0, 0.0, 0.3, 63.0, kinked=True)
-    end = step_control.end_doubling(c, 1e-9, 1.0, 0.0, 1.0)
-    assert (bool(end.unsure), bool(end.flagged)) == (False, True)
+    found = ended(1e-9, change=0.3, steps=256.0, impacts=63.0, kinked=True)
+    assert found == (End.CROSSED, Fault.TOLERANCE_NOT_REACHED)

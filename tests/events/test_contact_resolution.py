@@ -6,7 +6,7 @@ from contact_problems import SLIDERS, complementary, contact, mobility, resolved
 
 from redundant_envs.events import contacts
 from redundant_envs.events.boundary import ROUNDING
-from redundant_envs.events.resolution import Event
+from redundant_envs.events.resolution import Happening
 
 
 @SLIDERS
@@ -40,9 +40,9 @@ def test_struck_sliders_have_the_speeds_of_the_impulses(count):
         np.testing.assert_allclose(got.velocities, after, atol=1e-10 * max(1.0, np.abs(after).max()))
         np.testing.assert_allclose(got.impulses, -sides * p, rtol=1e-9, atol=1e-12)
         assert got.impacts == np.count_nonzero((p > 0) & (u > 0))
-        kinds = np.where((p > 0) & (u > 0), np.where(sides > 0, Event.UPPER_IMPACT, Event.LOWER_IMPACT), 0)
+        kinds = np.where((p > 0) & (u > 0), np.where(sides > 0, Happening.UPPER_IMPACT, Happening.LOWER_IMPACT), 0)
         left = resting & (sides * np.array(got.velocities) < 0.0)
-        assert got.happened == np.where(left, Event.RELEASE, kinds).tolist()
+        assert got.happened == np.where(left, Happening.RELEASE, kinds).tolist()
         assert (np.array(got.active_stops) != 0.0).tolist() == (resting & ~left).tolist()
         tried += 1
     assert tried > 300
@@ -66,7 +66,7 @@ def test_of_sliders_that_rest_those_leave_whose_stops_would_pull_in_the_end(coun
             holds = -sides * force  # all are pushed: nothing changes
         stays = holds > 0.0
         assert (np.array(got.active_stops) != 0.0).tolist() == stays.tolist()
-        assert got.happened == np.where(stays, Event.NONE, Event.RELEASE).tolist()
+        assert got.happened == np.where(stays, Happening.NONE, Happening.RELEASE).tolist()
         assert got.going_on
         np.testing.assert_allclose(got.forces, -sides * holds, rtol=1e-8, atol=1e-10)
         leaves = contacts.leaving(at, w)
@@ -100,7 +100,7 @@ def test_a_slider_that_comes_to_rest_beside_others_that_rest(count):
             stays[1:] = True  # nothing asks for a decision
         assert (np.array(got.active_stops) != 0.0).tolist() == stays.tolist()
         if stays[0]:
-            assert got.happened[0] == Event.REST
+            assert got.happened[0] == Happening.REST
             np.testing.assert_allclose(np.array(got.velocities)[stays], 0.0, atol=1e-15)
         seen.add((stays[0], stays[1:].all()))
     assert len(seen) >= min(4, 2 * count)
@@ -135,7 +135,7 @@ def test_a_slider_that_stands_still_is_looked_at_before_another_one_strikes(know
     got = resolved([first(known), striking], w, 1.0)
     rests = press > 0.0 or (known and supported)
     if rests != known:
-        assert (got.happened[0], got.impacts) == (Event.REST if rests else Event.RELEASE, 0.0)
+        assert (got.happened[0], got.impacts) == (Happening.REST if rests else Happening.RELEASE, 0.0)
         assert got.velocities == [0.0, 1.0]
         assert not got.going_on
         got = resolved([first(rests)._replace(released=got.released[0]), striking], w, 1.0)
@@ -171,35 +171,18 @@ def test_a_single_slider_bounces_rests_and_goes():
     got = resolved([contact(0.6, 1.0)], w, 0.5)
     assert got.velocities == [pytest.approx(-0.3)]
     assert got.impulses == [pytest.approx(-0.45)]
-    assert (got.happened, got.speeds) == ([Event.UPPER_IMPACT], [0.6])
+    assert (got.happened, got.speeds) == ([Happening.UPPER_IMPACT], [0.6])
     got = resolved([contact(-1e-6, 1.0, acceleration=3.0)], w, 0.5)
-    assert (got.velocities, got.active_stops, got.happened) == ([0.0], [1.0], [Event.REST])
+    assert (got.velocities, got.active_stops, got.happened) == ([0.0], [1.0], [Happening.REST])
     assert got.forces == [pytest.approx(-1.5)]
     assert resolved([contact(-1e-3, 1.0, acceleration=3.0)], w, 0.5).active_stops == [0.0]
     assert resolved([contact(-1e-6, 1.0, acceleration=3.0, released=True)], w, 0.5).active_stops == [0.0]
     got = resolved([contact(0.0, -1.0, resting=True, force=-0.1)], w, 0.5)
-    assert (got.active_stops, got.happened, got.released) == ([0.0], [Event.RELEASE], [True])
+    assert (got.active_stops, got.happened, got.released) == ([0.0], [Happening.RELEASE], [True])
     assert resolved([contact(0.6, 1.0, released=True)], w, 0.5).released == [False]
     assert resolved([contact(-0.6, 1.0, released=True)], w, 0.5).released == [True]
     away = resolved([contact(0.6, away=True)], w, 0.5)
-    assert (away.velocities, away.happened, away.going_on) == ([0.6], [Event.NONE], True)
-
-
-@SLIDERS
-def test_a_lane_that_is_not_at_a_stop_or_has_spent_its_budget_is_left_as_it_was(count):
-    at = [contact(0.5, 1.0, resting=False)] * count
-    w = np.eye(count)
-    moving = resolved(at, w, at_stop=False)
-    assert not moving.strikes
-    assert not moving.given_up
-    assert (moving.happened, moving.impacts) == ([Event.NONE] * count, 0.0)
-    for spent in ({"changes": 512.0}, {"impacts": 257.0}):
-        got = resolved(at, w, **spent)
-        assert got.given_up
-        assert not got.strikes
-        assert not got.going_on
-        assert got.happened == [Event.NONE] * count
-    assert not resolved(at, w, changes=511.0, impacts=256.0).given_up
+    assert (away.velocities, away.happened, away.going_on) == ([0.6], [Happening.NONE], True)
 
 
 def struck_by_turns(u, W, restitution, most=100_000):

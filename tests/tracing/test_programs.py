@@ -1,0 +1,333 @@
+"""Programs of lanes: traced as state machines they do what they do on floats."""
+
+import enum
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from refusals import ANYTHING
+
+from redundant_envs.backends.interpreter import evaluate
+from redundant_envs.lane.memory import SCRATCH, STATE, Field, Layout, ProgramLane, RunningLane
+from redundant_envs.tracing.flow import Kernel, LaneFunction, Program
+from redundant_envs.tracing.listing import fingerprints
+from redundant_envs.tracing.number import value_of
+from redundant_envs.tracing.program import ENDED, Machine
+
+
+class Ask(enum.Enum):
+    """What the programs of these tests ask for."""
+
+    ADD = "adding"
+    HALVE = "halving"
+
+
+ACTIONS = {Ask.ADD: ("x", lambda x, d: x + d), Ask.HALVE: ("y", lambda y, d: 0.5 * y)}
+"""The field that a request changes, and how, from the field and from d."""
+GIVEN = ("x", "y", "d")
+
+
+def layout():
+    fields = [Field(n, "", n, STATE) for n in (*GIVEN, "state", "count")]
+    truths = ("answered", "complete", *(ask.value for ask in Ask))
+    return Layout([*fields, *(Field(n, "", n, SCRATCH, truth=True) for n in truths)])
+
+
+class Traced:
+    """A program as functions of lanes, by the interpreter."""
+
+    def __init__(self, program):
+        self.layout = layout()
+        self.machine = Machine(program, ProgramLane(self.layout), Ask, whole=True)
+        self.functions = {
+            ask: self.machine.after(ask, "answered") for ask in (None, *Ask) if ask in self.machine.graphs
+        }
+        self.names = {self.layout.row_of(n): n for n in self.layout.fields}
+
+    def apply(self, ask, fields):
+        written = self.functions[ask]
+        found = evaluate(
+            [value_of(x) for x in written.values()], lambda place: fields.get(self.names[place], 0.0)
+        )
+        fields |= dict(zip(written, found, strict=True))
+
+    def run(self, **columns):
+        """Fields at the end of the program, from columns of numbers."""
+        fields = {n: np.array(x, dtype=float) for n, x in columns.items()}
+        count = len(fields["x"])
+        fields |= {"answered": np.ones(count), "state": np.full(count, -2.0)}
+        self.apply(None, fields)
+        for _ in range(10_000):
+            waiting = {ask: np.broadcast_to(fields.get(ask.value, 0.0), count) > 0.0 for ask in Ask}
+            if not any(w.any() for w in waiting.values()):
+                assert (np.broadcast_to(fields["complete"], count) == 1.0).all()
+                assert (np.broadcast_to(fields["state"], count) == ENDED).all()
+                return fields
+            ask = next(ask for ask in Ask if waiting[ask].any())
+            name, action = ACTIONS[ask]
+            fields[name] = np.where(waiting[ask], action(fields[name], fields["d"]), fields[name])
+            fields["answered"] = np.where(waiting[ask], 1.0, 0.0)
+            self.apply(ask, fields)
+        raise AssertionError("the program does not end")
+
+
+def on_floats(program, **numbers):
+    """Fields at the end of a program of one lane, and what it has asked for."""
+    known = {n: np.float64(x) for n, x in numbers.items()}
+    lane, asked = RunningLane(layout(), lambda n: known.get(n, np.float64(0.0))), []
+    for ask in program(lane):
+        name, action = ACTIONS[ask]
+        lane[name] = action(lane[name], lane["d"])
+        asked.append(ask)
+    return lane, asked
+
+
+# ---- programs ------------------------------------------------------------------------------------------
+
+
+def no_request(lane):
+    lane.y = lane.x + 1.0
+    return
+    yield
+
+
+def one_after_the_other(lane):
+    yield Ask.ADD
+    lane.count = lane.x
+    yield Ask.HALVE
+    lane.count = lane.count + lane.y
+
+
+def halves(lane):
+    """Asks until y is small; whether it was large before."""
+    lane.large = lane.y > 4.0
+    while lane.y > 1.0:
+        yield Ask.HALVE
+    return lane.large
+
+
+def nested(lane):
+    """Loops, early ends, and a part that is a program, too."""
+    lane.count = 0.0
+    while lane.count < 6.0:
+        yield Ask.ADD
+        if lane.x > 9.0 or (lane.d < 0.0 and lane.x < -3.0):
+            lane.y = -1.0
+            return
+        if lane.x > lane.y:
+            if (yield from halves(lane)):
+                lane.x = lane.x - 2.0
+                continue
+            lane.y = lane.y + 5.0
+        lane.count = lane.count + 1.0
+    lane.y = lane.y * 2.0
+
+
+def two_places(lane):
+    """One request at two places: each lane goes on where it waits."""
+    if lane.x < lane.y:
+        yield Ask.ADD
+        lane.count = lane.count + 1.0
+    else:
+        yield Ask.ADD
+        lane.count = lane.count - 1.0
+    if not lane.x > 2.0:
+        yield Ask.HALVE
+
+
+PROGRAMS = (no_request, one_after_the_other, nested, two_places)
+TRACED = {program.__name__: Traced(program) for program in PROGRAMS}
+NUMBERS = st.lists(st.tuples(*[st.sampled_from([-4.0, -0.5, 0.0, 1.0, 3.0, 7.0, 20.0])] * 3), min_size=1,
+                   max_size=9)  # fmt: skip
+
+
+@pytest.mark.parametrize("program", PROGRAMS, ids=lambda p: p.__name__)
+@ANYTHING
+@given(lanes=NUMBERS)
+def test_a_program_on_floats_and_its_traced_graph_agree_on_random_lanes(program, lanes):
+    traced = TRACED[program.__name__].run(**dict(zip(GIVEN, np.array(lanes).T, strict=True)))
+    for k, numbers in enumerate(lanes):
+        lane, _ = on_floats(program, **dict(zip(GIVEN, numbers, strict=True)))
+        for name in (*GIVEN, "count"):
+            assert np.broadcast_to(traced.get(name, 0.0), len(lanes))[k] == lane[name], (name, numbers)
+
+
+def test_lanes_ask_for_different_things_and_wait_at_different_places():
+    """The programs above would be no test if all lanes did the same."""
+    ways = {tuple(on_floats(nested, x=x, y=y, d=d)[1]) for x in (-4, 0, 7) for y in (0, 3, 20) for d in (-1, 1)}
+    assert len(ways) > 5
+    assert len(TRACED["nested"].machine.states) == 3
+    assert len(TRACED["two_places"].machine.states) == 4
+
+
+# ---- what is refused -------------------------------------------------------------------------------------
+
+
+def kept_in_a_variable(lane):
+    x = lane.x + 1.0
+    yield Ask.ADD
+    lane.y = x
+
+
+def kept_and_added(lane):
+    x = lane.x
+    yield Ask.ADD
+    lane.y = lane.y + x
+
+
+def kept_and_compared(lane):
+    x = lane.x
+    yield Ask.ADD
+    if lane.x > x:
+        lane.y = 1.0
+
+
+def kept_condition(lane):
+    near = lane.x < 1.0
+    yield Ask.ADD
+    if near:
+        lane.y = 1.0
+
+
+def condition_of_both(lane):
+    near = lane.x < 1.0
+    yield Ask.ADD
+    lane.y = 1.0 if near & (lane.x < 2.0) else 0.0
+
+
+@pytest.mark.parametrize(
+    "program",
+    [kept_in_a_variable, kept_and_added, kept_and_compared, kept_condition, condition_of_both],
+    ids=lambda p: p.__name__,
+)
+def test_a_number_that_outlives_a_yield_is_refused(program):
+    said = r"outlives a yield .*; keep it in a field before \(lane.name = x\) and read that after \(lane.name\)"
+    with pytest.raises(TypeError, match=said):
+        Traced(program)
+
+
+def words(lane):
+    kind = "near" if lane.x < 1.0 else "far"
+    yield Ask.ADD
+    lane.y = 1.0 if kind == "near" else 2.0
+
+
+def counts(lane):
+    k = 0
+    while k < 3:
+        yield Ask.ADD
+        k += 1
+
+
+def set_in_one_way(lane):
+    if lane.x < 1.0:
+        kind = 1
+    yield Ask.ADD
+    lane.y = 1.0 if "kind" in locals() else 2.0
+
+
+def of_two_kinds(lane):
+    k = 1 if lane.x < 1.0 else 1.0
+    yield Ask.ADD
+    lane.y = 1.0 if isinstance(k, int) else 2.0
+
+
+def inner(lane, kind):
+    yield Ask.ADD
+    lane.y = kind
+
+
+def in_a_part(lane):
+    yield from inner(lane, 1.0 if lane.x < 1.0 else 2.0)
+
+
+@pytest.mark.parametrize("program", [words, counts, set_in_one_way, of_two_kinds, in_a_part],
+                         ids=lambda p: p.__name__)  # fmt: skip
+def test_one_yield_that_is_reached_with_different_local_variables_is_refused(program):
+    with pytest.raises(
+        TypeError,
+        match=r"reaches one yield with different local variables: k\w* is .* in one way and .* in another; "
+        r"keep it in a field of the lane, or ask at two places",
+    ):
+        Traced(program)
+
+
+def many_ways(lane):
+    for k in range(9):
+        if lane.x > float(k) * lane.d:
+            lane.count = lane.count + 1.0
+        elif lane.y > float(k):
+            lane.count = lane.count - 1.0
+    yield Ask.ADD
+
+
+def many_ways_later(lane):
+    yield Ask.ADD
+    yield from many_ways(lane)
+
+
+@pytest.mark.parametrize(
+    ("program", "said"),
+    [(many_ways, "the beginning of a program"), (many_ways_later, "the stretch after ADD")],
+)
+def test_a_stretch_with_more_than_256_ways_is_refused(program, said):
+    with pytest.raises(ValueError, match=f"{said} has more than 256 ways; let a function marked with @branches"):
+        Traced(program)
+
+
+# ---- numbers of states -----------------------------------------------------------------------------------
+
+SOURCE = """
+def program(lane):
+    assert lane is not None
+    lane.count = 0.0
+    while lane.count < 3.0:
+        assert Ask is not None, "only more bytecode"
+        yield Ask.ADD
+        assert lane
+        if lane.x > 2.0:
+            yield Ask.HALVE
+            "a text"
+        lane.count = lane.count + 1.0
+"""
+
+
+def program_of(source, optimize):
+    found = {"Ask": Ask}
+    exec(compile(source, "program.py", "exec", optimize=optimize), found)
+    return found["program"]
+
+
+def fingerprint(traced):
+    kernel = Kernel("probe", {"state": "f64", "scratch": "f64"})
+    for ask, written in traced.functions.items():
+        stores = [(*traced.layout.row_of(n), value_of(x)) for n, x in written.items()]
+        function = LaneFunction(f"after_{ask}", ("state", "scratch"), stores)
+        kernel.call(function, **{space: kernel[space] for space in ("state", "scratch")})
+    return list(fingerprints(Program([kernel])))
+
+
+def test_states_and_the_fingerprint_of_a_program_do_not_depend_on_its_bytecode():
+    """Other releases of Python compile the same text to other bytecode; kept machine code serves them all."""
+    variants = [program_of(SOURCE, 0), program_of(SOURCE, 1), program_of("\n\n# more lines\n" + SOURCE, 2)]
+    assert len({v.__code__.co_code for v in variants}) == 2
+    traced = [Traced(v) for v in variants]
+    states = [[(s.number, s.request, s.answers) for s in t.machine.states] for t in traced]
+    assert states[0] == states[1] == states[2]
+    assert [s.number for s in traced[0].machine.states] == [0, 1, 2]
+    assert fingerprint(traced[0]) == fingerprint(traced[1]) == fingerprint(traced[2])
+    other = Traced(program_of(SOURCE.replace("2.0", "2.5"), 0))
+    assert fingerprint(other) != fingerprint(traced[0])
+
+
+def two_in_a_line(lane):
+    yield Ask.ADD; yield Ask.ADD; yield Ask.HALVE  # noqa: E702
+    lane.count = lane.x
+
+
+def test_requests_of_one_line_are_different_states():
+    found = Traced(two_in_a_line).run(x=[1.0], y=[3.0], d=[0.5])
+    lane, asked = on_floats(two_in_a_line, x=1.0, y=3.0, d=0.5)
+    assert asked == [Ask.ADD, Ask.ADD, Ask.HALVE]
+    assert (found["x"][0], found["y"][0], found["count"][0]) == (lane.x, lane.y, lane.count)

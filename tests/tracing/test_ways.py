@@ -1,0 +1,324 @@
+"""Functions with branches: the same on floats, by the interpreter and compiled; ways that are refused."""
+
+import functools
+import itertools
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from compiled import on_columns
+from hypothesis import given
+from hypothesis import strategies as st
+from refusals import ANYTHING
+
+from redundant_envs.algebra import where
+from redundant_envs.backends.interpreter import evaluate
+from redundant_envs.tracing.graph import Graph, reached
+from redundant_envs.tracing.number import Condition, Number, value_of
+from redundant_envs.tracing.ways import MOST_WAYS, Exclusive, Fork, Way, branches, merged_fields
+
+
+def numbers_of(graph, count):
+    return [Number(graph, graph.load("row", k)) for k in range(count)]
+
+
+def flat(result):
+    """Numbers of a result, conditions as 1 or 0."""
+    if isinstance(result, tuple | list):
+        return [x for part in result for x in flat(part)]
+    return [where(result, 1.0, 0.0) if isinstance(result, Condition | bool | np.bool_) else result]
+
+
+def interpreted(function, *columns):
+    """Results of a traced function by the interpreter, a row for each number."""
+    graph = Graph(True)
+    results = flat(function(*numbers_of(graph, len(columns))))
+    with np.errstate(invalid="ignore"):  # both sides of a selection are computed
+        found = evaluate([value_of(x) for x in results], lambda place: columns[place[1]])
+    return np.array([np.broadcast_to(x, columns[0].shape) for x in found], dtype=float)
+
+
+def one_by_one(function, *columns):
+    """The same on the floats of one lane after the other."""
+    with np.errstate(invalid="ignore"):
+        return np.array([flat(function(*lane)) for lane in zip(*columns, strict=True)], dtype=float).T
+
+
+def columns_of(count, lanes=200, seed=0):
+    """Random numbers, many of them equal to others, or zeros of either sign."""
+    rng = np.random.default_rng(seed)
+    return rng.choice([-2.0, -1.0, -0.0, 0.0, 0.5, 1.0, 2.0, np.inf], (count, lanes))
+
+
+# ---- the same on all kinds of numbers ------------------------------------------------------------------
+
+
+class Pair(NamedTuple):
+    low: Any
+    high: Any
+
+
+@branches
+def in_order(a, b):
+    return Pair(a, b) if a <= b else Pair(b, a)
+
+
+@branches
+def middle(a, b, c):
+    if a < b:
+        if b < c:
+            return b
+        return c if a < c else a
+    if a < c:
+        return a
+    return c if b < c else b
+
+
+@branches
+def within(a, b, c):
+    """A condition and numbers, by ``and``, ``or`` and ``not``."""
+    inside = a <= b and b <= c
+    outside = not (a < b) or b > c
+    if inside and outside:
+        return True, (b, 1)
+    return b == c, (a * c if outside else -b, 2)
+
+
+@branches
+def first_below(a, b, c):
+    """A loop that is left early."""
+    for k, x in enumerate((a, b, c)):
+        if x < 0.0:
+            return float(k)
+    return 3.0
+
+
+@branches
+def spread(a, b, c):
+    """Functions with branches within one."""
+    low, high = in_order(a, b)
+    if c < low:
+        return high - c
+    return in_order(high, c).high - low if middle(a, b, c) > 0.0 else 0.0
+
+
+FUNCTIONS = (in_order, middle, within, first_below, spread)
+
+
+@pytest.mark.parametrize("function", FUNCTIONS, ids=lambda f: f.__name__)
+def test_a_function_with_branches_is_the_same_on_floats_by_the_interpreter_and_compiled(function):
+    columns = columns_of(function.__wrapped__.__code__.co_argcount)
+    expected = one_by_one(function, *columns)
+    np.testing.assert_array_equal(interpreted(function, *columns), expected)
+
+    @functools.wraps(function)
+    def numbers(*x):
+        return flat(function(*x))
+
+    np.testing.assert_array_equal(on_columns(numbers, *columns), expected)
+
+
+LEAVES = st.sampled_from(["a", "b", "c", "-a", 0.0, -0.0, 1.0])
+TREES = st.recursive(
+    LEAVES,
+    lambda inner: st.tuples(st.sampled_from("abc"), st.sampled_from(["<", "==", "not <"]),
+                            st.sampled_from(["a", "b", "c", 0.0]), inner, inner),
+    max_leaves=12,
+)  # fmt: skip
+"""Trees of decisions: a comparison and two trees, or a result."""
+
+
+def decided(tree, names):
+    """The result of a tree of decisions, with ``if``."""
+    if not isinstance(tree, tuple):
+        return -names["a"] if tree == "-a" else names.get(tree, tree)
+    left, comparison, right, yes, no = tree
+    x, y = names[left], names.get(right, right)
+    if comparison == "not <":
+        return decided(yes if not x < y else no, names)
+    return decided(yes if (x < y if comparison == "<" else x == y) else no, names)
+
+
+@ANYTHING
+@given(TREES, TREES)
+def test_any_tree_of_decisions_is_the_same_on_floats_and_by_the_interpreter(one, other):
+    @branches
+    def function(a, b, c):
+        names = {"a": a, "b": b, "c": c}
+        return decided(one, names), decided(other, names)
+
+    columns = np.array(list(itertools.product([-1.0, -0.0, 0.0, 1.0], repeat=3))).T
+    expected, got = one_by_one(function, *columns), interpreted(function, *columns)
+    np.testing.assert_array_equal(got, expected)
+    np.testing.assert_array_equal(np.signbit(got), np.signbit(expected))
+
+
+# ---- merging -------------------------------------------------------------------------------------------
+
+
+def size_or_none(x):
+    return x if x > 0.0 else -x
+
+
+def test_ways_of_a_function_within_another_are_merged_where_it_returns():
+    size = branches(size_or_none)
+
+    @branches
+    def total(numbers):
+        return sum((size(x) for x in numbers[1:]), size(numbers[0]))
+
+    columns = columns_of(12)
+    np.testing.assert_array_equal(
+        interpreted(lambda *x: total(x), *columns), one_by_one(lambda *x: total(x), *columns)
+    )
+
+
+@pytest.mark.parametrize("count", [8, 9])
+def test_more_than_256_ways_are_refused(count):
+    @branches
+    def total(numbers):
+        return sum((size_or_none(x) for x in numbers[1:]), size_or_none(numbers[0]))
+
+    assert MOST_WAYS == 256
+    if count == 8:
+        columns = columns_of(count)
+        np.testing.assert_array_equal(
+            interpreted(lambda *x: total(x), *columns), one_by_one(lambda *x: total(x), *columns)
+        )
+        return
+    with pytest.raises(ValueError, match=r"total has more than 256 ways; let a function marked with @bran"):
+        total(tuple(numbers_of(Graph(), count)))
+
+
+def test_a_condition_and_its_opposite_are_one_decision():
+    runs = []
+
+    @branches
+    def function(a, b):
+        runs.append(1)
+        if a < b and a < b:
+            return a
+        return b if not a < b else 9.0
+
+    (result,) = flat(function(*numbers_of(Graph(), 2)))
+    assert len(runs) == 2
+    assert [n.name for n in reached([result.value]) if n.name != "load"] == ["<", "select"]
+
+
+def test_ways_with_one_result_need_no_selection():
+    @branches
+    def same(a, b):
+        return a if a < b else a
+
+    @branches
+    def once(a, b, c):
+        if a < b:
+            return 1.0
+        return 1.0 if c < b else b
+
+    a, b, c = numbers_of(Graph(), 3)
+    assert same(a, b).value is a.value
+    names = [n.name for n in reached([once(a, b, c).value])]
+    assert names.count("select") == 1
+
+
+def test_equal_calls_are_traced_once():
+    runs = []
+
+    @branches
+    def function(x, kind, pair):
+        runs.append(1)
+        return x * kind if x < pair[0] else pair[1]
+
+    graph = Graph()
+    a, b = numbers_of(graph, 2)
+    first = function(a, 2.0, (a, b))
+    assert len(runs) == 2
+    again = function(Number(graph, graph.load("row", 0)), 2.0, (a, b))
+    assert again.value is first.value
+    assert len(runs) == 2
+    for others in ((a, 2.0, (b, b)), (a, 0.0, (a, b)), (a, -0.0, (a, b)), (a, 2.0, [a, b])):
+        function(*others)
+    assert len(runs) == 10
+    function(*(numbers_of(Graph(), 1) * 1), 2.0, (1.0, 0.0))
+    assert len(runs) == 12
+
+
+# ---- results of different forms --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "pair",
+    [(1.0, (1.0, 2.0)), ((1.0, 2.0), (1.0, 2.0, 3.0)), (None, 1.0), ((1.0,), [1.0]), ("a", "b"),
+     (Pair(1.0, 2.0), (1.0, 2.0)), ((1.0, None), (1.0, 2.0)), (True, 1.5)],
+    ids=str,
+)  # fmt: skip
+def test_results_of_different_forms_are_refused(pair):
+    @branches
+    def function(x):
+        return pair[0] if x < 0.0 else pair[1]
+
+    if pair == (True, 1.5):  # a truth is a number, too
+        assert interpreted(function, np.array([-1.0, 1.0])).tolist() == [[1.0, 1.5]]
+        return
+    with pytest.raises(
+        TypeError, match=r"returns .* in one way and .* in another; return numbers, or tuples of numbers, of"
+    ):
+        function(*numbers_of(Graph(), 1))
+
+
+def test_what_is_the_same_in_every_way_may_be_anything():
+    kept = object()
+    found = branches(lambda x: (kept, None, x) if x < 0.0 else (kept, None, 0.0))(*numbers_of(Graph(), 1))
+    assert found[:2] == (kept, None)
+
+
+# ---- fields of programs --------------------------------------------------------------------------------
+
+
+@st.composite
+def trees_of_ways(draw, depth=4):
+    """A tree of ways as nested tuples of the numbers of conditions."""
+    if depth == 0 or draw(st.booleans()):
+        return None
+    return draw(st.integers(0, 4)), draw(trees_of_ways(depth - 1)), draw(trees_of_ways(depth - 1))
+
+
+def built(tree, conditions):
+    return Way({}) if tree is None else Fork(conditions[tree[0]], *(built(t, conditions) for t in tree[1:]))
+
+
+def taken(tree, held):
+    """The leaf of a tree that is taken."""
+    while isinstance(tree, Fork):
+        tree = tree.yes if held[tree.condition.value] else tree.no
+    return tree
+
+
+@ANYTHING
+@given(st.lists(trees_of_ways(), min_size=1, max_size=3), st.data())
+def test_fields_are_those_of_the_way_that_is_taken(shapes, data):
+    """Of the first of several exclusive trees whose condition holds, or of none."""
+    graph = Graph(True)
+    conditions = [Condition(graph, graph.record("<", graph.load("row", k), 0.0)) for k in range(5)]
+    heads = [Number(graph, graph.load("row", 5)) == float(k) for k in range(len(shapes))]
+    parts = [(head, built(shape, conditions)) for head, shape in zip(heads, shapes, strict=True)]
+    none = Way({})
+    tree = Exclusive(parts, none)
+    count = len(tree.leaves)
+    some = st.lists(st.sampled_from([0.0, 1.0, 2.0]), min_size=count, max_size=count)
+    fields = {name: data.draw(some) for name in "xyz"}
+    fields["w"] = [float(k) for k in range(count)]
+    merged = merged_fields(tree, fields)
+    columns = np.array(list(itertools.product([-1.0, 1.0], repeat=5))).T
+    for head in range(len(shapes) + 1):
+        rows = [*columns, np.full(columns.shape[1], float(head))]
+        found = evaluate([value_of(x) for x in merged.values()], lambda place, rows=rows: rows[place[1]])
+        for lane in range(columns.shape[1]):
+            held = {c.value: columns[k, lane] < 0.0 for k, c in enumerate(conditions)}
+            way = taken(parts[head][1], held) if head < len(shapes) else none
+            k = [leaf is way for leaf in tree.leaves].index(True)
+            got = {
+                n: np.broadcast_to(x, columns.shape[1:])[lane] for n, x in zip(merged, found, strict=True)
+            }
+            assert got == {n: values[k] for n, values in fields.items()}
