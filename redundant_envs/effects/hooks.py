@@ -128,6 +128,12 @@ class Force:
             return f"vx{self.joint.number + 1}", f"vy{self.joint.number + 1}"
         return (f"phid{self.joint + 1}",)
 
+    @property
+    def motion(self) -> tuple[str, str]:
+        """Names of the position and the rate of its joint."""
+        assert isinstance(self.joint, int)
+        return f"phi{self.joint + 1}", f"phid{self.joint + 1}"
+
 
 class Link(enum.IntEnum):
     """Position of an effect in the chain from the command of a motor to its effort."""
