@@ -13,7 +13,7 @@ from typing import Any
 from redundant_envs.effects import REGISTRY as EFFECTS
 from redundant_envs.effects.attached import Attachments, identifier
 from redundant_envs.effects.attaching import check_attached
-from redundant_envs.effects.hooks import Effect, Field, Impact, State
+from redundant_envs.effects.hooks import Effect, Field, Impact, State, states_of
 from redundant_envs.files import config_folder, exists, explained, read_yaml
 from redundant_envs.loaded_arm import loaded_arm
 from redundant_envs.numerics.tableaus import METHODS
@@ -179,7 +179,7 @@ class Scene:
 
     def states(self) -> dict[str, State]:
         """States of the effects by name: "actuator_lag.effort[0]"."""
-        return {s.parameter: s.state for a in self.attached for s in a.states}
+        return {f"{a.key}.{s.name}": s for a in self.attached for s in states_of(a.hook)}
 
     @functools.cached_property
     def _parameters(self) -> dict[str, float]:

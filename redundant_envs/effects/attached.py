@@ -7,6 +7,7 @@ fields.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,7 +15,7 @@ from typing import Any, Generic, TypeVar
 
 from redundant_envs.algebra import arguments_of, numbered
 from redundant_envs.effects import REGISTRY
-from redundant_envs.effects.hooks import SIDE, Actuation, Effect, Force, Hook, State, snake_case
+from redundant_envs.effects.hooks import SIDE, Actuation, Effect, Force, Hook, State, snake_case, states_of
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots.arm import Arm
 from redundant_envs.tracing.graph import owned
@@ -37,14 +38,7 @@ def identifier(parameter: str) -> str:
 
 @dataclass(frozen=True)
 class Bound:
-    """A function of an effect, and the names of the quantities that it takes.
-
-    Attributes
-    ----------
-    function : callable
-    names : of its arguments, in order
-    key : of its effect
-    """
+    """A function of the effect ``key``, and the names of the quantities that it takes, in order."""
 
     function: Callable[..., Any]
     names: tuple[str, ...]
@@ -65,27 +59,6 @@ Functions = Mapping[str, Bound]
 
 
 @dataclass(frozen=True, eq=False)
-class AttachedState:
-    """A state of an effect.
-
-    Attributes
-    ----------
-    parameter : its name in :meth:`Scene.states`
-    state : State
-    functions : Functions
-    """
-
-    parameter: str
-    state: State
-    functions: Functions
-
-    @property
-    def field(self) -> str:
-        """Its field of a lane."""
-        return identifier(self.parameter)
-
-
-@dataclass(frozen=True, eq=False)
 class Attached(Generic[Kind]):
     """A hook of an effect.
 
@@ -94,14 +67,14 @@ class Attached(Generic[Kind]):
     effect : Effect
     hook : of one of the kinds of :data:`Hook`
     functions : Functions
-    states : tuple of AttachedState
+    states : field of each of its states -> functions of the state
     law : name of the boundary at which a force changes its law; "" without one
     """
 
     effect: Effect
     hook: Kind
     functions: Functions
-    states: tuple[AttachedState, ...]
+    states: Mapping[str, Functions]
     law: str
 
     @property
@@ -112,7 +85,7 @@ class Attached(Generic[Kind]):
     @property
     def side(self) -> str:
         """The field with the law of a force that holds; see :attr:`Boundary.side`."""
-        return f"side_{self.law}" if self.law else SIDE
+        return f"side_{self.law}"
 
     def parameter(self, own: str) -> str:
         """Name of a parameter of its effect, which the hook names ".lower"."""
@@ -128,7 +101,7 @@ class Attached(Generic[Kind]):
 
     def changes(self, what: str, x: Quantities) -> dict[str, Any]:
         """Results of the functions of its states that are the "derivative" or the "update", by field."""
-        return {s.field: s.functions[what](x) for s in self.states if what in s.functions}
+        return {field: own[what](x) for field, own in self.states.items() if what in own}
 
 
 class EffectStates(dict[str, State]):
@@ -182,7 +155,8 @@ class Attachments(tuple[Attached[Hook], ...]):
     @cached_property
     def states(self) -> EffectStates:
         """States of the effects."""
-        return EffectStates((s.field, s.state) for a in self for s in a.states)
+        pairs = (zip(a.states, states_of(a.hook), strict=True) for a in self)
+        return EffectStates(itertools.chain.from_iterable(pairs))
 
     @cached_property
     def chains(self) -> dict[str, list[Attached[Actuation]]]:
@@ -205,18 +179,20 @@ class Attachments(tuple[Attached[Hook], ...]):
 
 
 def _attached(effect: Effect, hook: Any, law: str) -> Attached[Any]:
-    key, side = effect.key, f"side_{law}" if law else SIDE
+    key = effect.key
 
-    def resolved(source: str) -> str:
-        return identifier(f"{key}{source}") if source.startswith(".") else side if source == SIDE else source
+    def name_of(source: str) -> str:
+        if source == SIDE and law:
+            return f"side_{law}"
+        return identifier(f"{key}{source}") if source.startswith(".") else source
 
     def bound(part: Any) -> Functions:
         values = {f.name: getattr(part, f.name) for f in dataclasses.fields(part)}
         return {
-            field: Bound(f, tuple(resolved(part.bind.get(a, a)) for a in arguments_of(f)), key)
+            field: Bound(f, tuple(name_of(part.bind.get(a, a)) for a in arguments_of(f)), key)
             for field, f in values.items()
             if callable(f)
         }
 
-    states = (AttachedState(f"{key}.{s.name}", s, bound(s)) for s in getattr(hook, "states", ()))
-    return Attached(effect, hook, bound(hook), tuple(states), law)
+    states = {name_of(f".{s.name}"): bound(s) for s in states_of(hook)}
+    return Attached(effect, hook, bound(hook), states, law)

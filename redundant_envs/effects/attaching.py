@@ -1,19 +1,19 @@
 """Checks that an effect fits an arm: of every hook, when a scene is made, before anything is compiled.
 
-:data:`RULES` says of each function of a hook how many values it returns and what it may depend on,
-:data:`OWN_NUMBERS` which fields name numbers of the effect.
+:data:`RULES` says of each function how many values it returns and what it may depend on.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import enum
+import functools
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Set
 from typing import Any, NamedTuple, get_args
 
 from redundant_envs import dialect
-from redundant_envs.algebra import arguments_of, gives_of, name_of, numbered
+from redundant_envs.algebra import arguments_of, name_of, numbered
 from redundant_envs.effects.captured import check_effect
 from redundant_envs.effects.hook_numbers import check_numbers
 from redundant_envs.effects.hooks import (
@@ -31,9 +31,12 @@ from redundant_envs.effects.hooks import (
     Reading,
     Sensing,
     State,
+    states_of,
 )
+from redundant_envs.quantities import Quantities
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import number
+from redundant_envs.tracing.number import Loads
 from redundant_envs.values import check_declared
 
 
@@ -48,14 +51,8 @@ class May(enum.Enum):
 
 
 class Rule(NamedTuple):
-    """What a function of a hook returns, and what it may depend on.
-
-    Attributes
-    ----------
-    values : how many it returns
-    may : what it may depend on; at a point OWN_JOINT is PARAMETERS
-    refused : what is said of a function that depends on more
-    """
+    """How many values a function returns, what it may depend on, and what is said of one that depends on
+    more."""
 
     values: int = 1
     may: May = May.ANYTHING
@@ -63,47 +60,32 @@ class Rule(NamedTuple):
 
 
 RULES: dict[type, dict[str, Rule]] = {
-    Field: {
-        "function": Rule(
-            2,
-            May.PARAMETERS,
-            "{name} depends on {more}; a uniform field may depend on parameters alone: give a Force at each "
-            "point for another",
-        )
-    },
+    Field: {"function": Rule(2, May.PARAMETERS, "{name} depends on {more}; a uniform field may depend on "
+                             "parameters alone: give a Force at each point for another")},
     Force: {
         "function": Rule(),
         "kink": Rule(),
-        "potential": Rule(may=May.POSITION),
-        "conservative": Rule(may=May.POSITION),
-        "stiffness": Rule(may=May.PARAMETERS),
-        "damping": Rule(may=May.OWN_JOINT),
+        "potential": Rule(1, May.POSITION),
+        "conservative": Rule(1, May.POSITION),
+        "stiffness": Rule(1, May.PARAMETERS),
+        "damping": Rule(1, May.OWN_JOINT),
     },
     Actuation: {"function": Rule(), "kink": Rule()},
-    Sensing: {
-        "function": Rule(
-            1, May.MOTION, "{name} depends on {more}; a sensor may use the motion and its numbers"
-        )
-    },
+    Sensing: {"function": Rule(1, May.MOTION, "{name} depends on {more}; a sensor may use the motion and its "
+                               "numbers")},
     State: {
         "derivative": Rule(),
         "update": Rule(),
         "rate": Rule(1, May.PARAMETERS, "rate {name} may depend on parameters alone"),
     },
-}
-"""Functions of hooks and of states. At a point a force and its conservative part return two values."""
+}  # fmt: skip
+"""Functions of hooks and of states. At a point those of :data:`AXES` return two values."""
 AXES = "function", "conservative"
 NOT_ALL = (
     "{name} has a potential and depends on {more}, so not all of it is the derivative of the potential; give "
     "the part that is as a separate function, conservative="
 )
-"""What is said of a force that is conservative by default and depends on more than the position."""
-OWN_NUMBERS: dict[type, tuple[str, ...]] = {
-    PointMass: ("mass",),
-    Inertia: ("inertia",),
-    Impact: ("lower", "upper", "restitution"),
-    Force: ("switch",),
-}
+OWN_NUMBERS = "mass", "inertia", "lower", "upper", "restitution"
 """Fields of hooks that name numbers of the effect, none of them a state."""
 STATE_NAME = re.compile(r"[^\W\d]\w*(\[\d+\])?")
 Own = dict[str, bool]
@@ -140,7 +122,7 @@ def check_attached(where: str, effect: Effect, arm: Arm) -> None:
         if isinstance(value, bool) or not isinstance(value, int | float) or value != value:
             raise ValueError(f"{where} ({kind}).{field} is {value!r:.80}; give a number or a tuple of them")
     for n, hook in enumerate(hooks):
-        states: Any = _states_of(hook)
+        states: Any = states_of(hook)
         if not isinstance(states, tuple | list):
             raise ValueError(
                 f"{where} ({kind}), hook {n}: states is {states!r:.60}; give a tuple, such as (State(...),)"
@@ -177,7 +159,7 @@ def _check_entries(where: str, effect: Effect, arm: Arm, hooks: Iterable[Hook]) 
     used = {name for low_high in effect.travel(arm).values() for name in low_high}
     used |= {*effect.action_units(arm)}
     for hook in hooks:
-        for part in (hook, *_states_of(hook)):
+        for part in (hook, *states_of(hook)):
             used |= {source[1:] for source in getattr(part, "bind", {}).values()}
             named = (getattr(part, field.name) for field in dataclasses.fields(part))
             used |= {name[1:] for name in named if isinstance(name, str) and name[:1] == "."}
@@ -202,16 +184,12 @@ def _check_units(where: str, effect: Effect, arm: Arm) -> None:
             )
 
 
-def _states_of(hook: Any) -> tuple[State, ...]:
-    return hook.states if isinstance(hook, Force | Actuation) else ()
-
-
 def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
     _check_place(hook, arm)
-    for field in OWN_NUMBERS.get(type(hook), ()):
-        named = getattr(hook, field)
-        for name in (named or ()) if field == "switch" else (named,):
-            _own(field, name, {n: False for n, is_state in own.items() if not is_state})
+    named = [(field, getattr(hook, field)) for field in OWN_NUMBERS if hasattr(hook, field)]
+    named += [("switch", name) for name in getattr(hook, "switch", None) or ()]
+    for field, name in named:
+        _own(field, name, {n: False for n, is_state in own.items() if not is_state})
     if isinstance(hook, Impact) and not arm.prismatic[hook.joint]:
         raise ValueError(
             f"{arm.joints[hook.joint]!r} is not a slider; hard ends of travel are those of sliders"
@@ -220,7 +198,7 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
         if not isinstance(getattr(hook, field, next(iter(choices))), choices):
             names = ", ".join(f"{choices.__name__}.{choice.name}" for choice in choices)
             raise ValueError(f"{field} is {getattr(hook, field)!r}; choose {names}")
-    for part in (hook, *_states_of(hook)):
+    for part in (hook, *states_of(hook)):
         if isinstance(part, State):
             _check_state(part)
         for field, rule in RULES.get(type(part), {}).items():
@@ -295,34 +273,27 @@ def _check_function(field: str, rule: Rule, part: Any, own: Own, arm: Arm) -> No
     at_point = isinstance(part, Force) and isinstance(part.joint, Point)
     wanted = 2 if at_point and field in AXES else rule.values
     if values != wanted and field == "function":
-        raise ValueError(
-            f"function {name} returns {values} values; "
-            f"a {type(part).__name__}{' at a point' if at_point else ''} needs {wanted}"
-        )
+        kind = f"{type(part).__name__}{' at a point' if at_point else ''}"
+        raise ValueError(f"function {name} returns {values} values; a {kind} needs {wanted}")
     if values != wanted:
         raise ValueError(f"{field} {name} must return {'two values' if wanted == 2 else 'one value'}")
-    if rule.may is May.ANYTHING:
-        return
-    may, allowed = rule.may, set(arm.parameter_values())
-    if may is May.OWN_JOINT and at_point:
-        may = May.PARAMETERS
-    if may in (May.MOTION, May.POSITION):
-        allowed |= {*arm.coordinates, *(arm.rates if may is May.MOTION else ())}
-    free = {f"phi{part.joint + 1}", f"phid{part.joint + 1}"} if may is May.OWN_JOINT else set()
-    more = ", ".join(
-        sorted(source for source, behind in roots.items() if behind - allowed and source not in free)
-    )
-    if more:
+    may = May.PARAMETERS if rule.may is May.OWN_JOINT and at_point else rule.may
+    allowed = {*arm.parameter_values()}
+    allowed |= {*arm.coordinates} if may in (May.POSITION, May.MOTION) else set()
+    allowed |= {*arm.rates} if may is May.MOTION else set()
+    free = {*part.motion} if may is May.OWN_JOINT else set()
+    more = ", ".join(sorted(source for source in roots.keys() - free if roots[source] - allowed))
+    if more and may is not May.ANYTHING:
         whole = field == "conservative" and function is part.function
         refused = NOT_ALL if whole else rule.refused
         raise ValueError(refused.format(field=field, name=name, more=more, may=may.value))
 
 
-def _roots(field: str, function: Callable[..., Any], part: Any, own: Own, arm: Arm) -> dict[str, set[str]]:
+def _roots(field: str, function: Callable[..., Any], part: Any, own: Own, arm: Arm) -> dict[str, Set[str]]:
     """What each quantity that a function takes depends on; refuses names that nothing has."""
     if not isinstance(part.bind, Mapping):
         raise ValueError(f"bind is {part.bind!r:.80}; give a mapping of arguments to names")
-    found: dict[str, set[str]] = {}
+    found: dict[str, Set[str]] = {}
     takes = hook_arguments(part)
     for name in part.bind:
         if name not in takes:
@@ -340,13 +311,20 @@ def _roots(field: str, function: Callable[..., Any], part: Any, own: Own, arm: A
             found |= {source: {source}} if own[source[1:]] else {}
         else:
             chosen = source == SIDE and getattr(part, "switch", None) is not None
-            found[source] = roots_of(where, f"phi{part.joint + 1}" if chosen else source, arm)
+            try:
+                found[source] = roots_of(part.motion[0] if chosen else source, arm)
+            except ValueError:
+                raise ValueError(
+                    f"{where}: no quantity of {arm.kind} is called {source!r}, or it follows from the "
+                    "forces; give one such as phi1 (position of joint 1), phid1 (its rate), tip_x, tip_vx, "
+                    "s1, c1, m1, l1, or bind a number of the effect by '.name'"
+                ) from None
     return found
 
 
 def hook_arguments(hook: Any) -> list[str]:
     """Arguments of all functions of a hook or a state, those of a hook's states included."""
-    values = [getattr(x, field.name) for x in (hook, *_states_of(hook)) for field in dataclasses.fields(x)]
+    values = [getattr(x, field.name) for x in (hook, *states_of(hook)) for field in dataclasses.fields(x)]
     return list(dict.fromkeys(a for f in values if callable(f) for a in arguments_of(f)))
 
 
@@ -357,29 +335,11 @@ def _own(where: str, source: str, own: Own) -> None:
         raise ValueError(f"{where}: {source!r} is not a number of this effect; it has {valid}")
 
 
-def roots_of(where: str, quantity: str, arm: Arm) -> set[str]:
-    """States, commands and parameters on which a quantity of an arm depends."""
-    givers = {name: f for f in arm.functions for name in gives_of(f)}
-    angles = {name: angle for angle, pair in arm.sincos.items() for name in pair}
+@functools.lru_cache(maxsize=256)
+def roots_of(quantity: str, arm: Arm) -> frozenset[str]:
+    """States, commands and parameters that a quantity of an arm takes, by running the functions of the arm on
+    numbers that are loaded by name; ValueError if it takes any other."""
     commands = numbered("command{}", len(arm.joints))
-    base = {*arm.coordinates, *arm.rates, *arm.parameter_values(), *commands, "ax", "ay"}
-    roots: set[str] = set()
-    waiting, seen = [quantity], {quantity}
-    while waiting:
-        name = waiting.pop()
-        needed: Iterable[str] = ()
-        if name in base:
-            roots.add(name)
-        elif name in angles:
-            needed = (angles[name],)
-        elif name in givers:
-            needed = arguments_of(givers[name])
-        else:
-            raise ValueError(
-                f"{where}: no quantity of {arm.kind} is called {quantity!r}, or it follows from the forces; "
-                "give one such as phi1 (position of joint 1), phid1 (its rate), tip_x, tip_vx, s1, c1, m1, "
-                "l1, or bind a number of the effect by '.name'"
-            )
-        waiting += [n for n in needed if n not in seen]
-        seen.update(needed)
-    return roots
+    loads = Loads((*arm.coordinates, *arm.rates, *arm.parameter_values(), *commands, "ax", "ay"))
+    _ = Quantities({}, arm.functions, arm.sincos, loads)[quantity]
+    return frozenset(loads)

@@ -226,6 +226,11 @@ class Sensing:
 Hook = Field | Force | Actuation | Impact | PointMass | Inertia | Sensing
 
 
+def states_of(hook: Any) -> tuple[State, ...]:
+    """The states of a hook."""
+    return hook.states if isinstance(hook, Force | Actuation) else ()
+
+
 @dataclass(frozen=True)
 class Effect:
     """Base of all effects.
@@ -312,8 +317,7 @@ class Effect:
 
     def states(self, arm: Arm) -> dict[str, State]:
         """Its states by their names."""
-        found = [s for h in self.hooks(arm) if isinstance(h, Force | Actuation) for s in h.states]
-        return {s.name: s for s in found}
+        return {s.name: s for h in self.hooks(arm) for s in states_of(h)}
 
     def travel(self, arm: Arm) -> dict[int, tuple[str, str]]:
         """Joints this effect limits: joint -> own fields of the lower and the upper limit.

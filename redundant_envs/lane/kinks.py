@@ -17,8 +17,8 @@ from redundant_envs.effects.hooks import Actuation
 from redundant_envs.moving import Moving, kinks_in, moving
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots.arm import Arm
-from redundant_envs.tracing.graph import Graph, Operation, Value, is_zero
-from redundant_envs.tracing.number import Number, value_of
+from redundant_envs.tracing.graph import Operation, Value, is_zero
+from redundant_envs.tracing.number import Loads, value_of
 
 
 @dataclass(frozen=True)
@@ -75,24 +75,12 @@ def kink_values(attached: Attachments, watches: Watches, x: Quantities) -> list[
 # ---- finding kinks --------------------------------------------------------------------------------
 
 
-class Named(Quantities):
-    """Traced numbers by the names of quantities."""
-
-    def __init__(self) -> None:
-        super().__init__({}, (), {})
-        self.graph = Graph()
-
-    def __missing__(self, name: str) -> Any:
-        self[name] = Number(self.graph, self.graph.load("quantity", name))  # type: ignore[arg-type]
-        return self[name]
-
-
 def kinks_of(attached: Attachments, moves: Moves) -> Watches:
     """Functions of effects whose kinks are watched, by their hooks.
 
     A kink that is found in two functions, or found and declared, is watched once.
     """
-    x = Named()
+    x = Quantities({}, (), {}, Loads())
     found: list[tuple[Attached[Any], Watch, list[Key]]] = []
     seen: set[Key] = set()
     for a in attached.along(x):
@@ -105,7 +93,7 @@ def kinks_of(attached: Attachments, moves: Moves) -> Watches:
             seen.add(own)
             stands_for.update(chosen)
         # Functions that determine the motion within an interval.
-        rates = [s.functions["derivative"] for s in a.states if "derivative" in s.functions]
+        rates = [own["derivative"] for own in a.states.values() if "derivative" in own]
         for function in (a.functions["function"], *rates):
             watch = Watch(function, moves.of(function, command))
             result = watch.run(x)
@@ -147,7 +135,7 @@ class Moves:
     def _moves(self, name: str) -> bool:
         if name not in self.known:
             states = (*self.arm.coordinates, *self.arm.rates)
-            self.known[name] = not roots_of(name, name, self.arm).isdisjoint(states)
+            self.known[name] = not roots_of(name, self.arm).isdisjoint(states)
         return self.known[name]
 
 

@@ -16,7 +16,7 @@ def rates_of_parameters(scene: Scene, x: Quantities) -> list[Any]:
     """Steps per second that follow from the parameters alone."""
     rates = []
     for a in scene.attached:
-        rates += [estimates.steps_of_state(s.functions["rate"](x)) for s in a.states if "rate" in s.functions]
+        rates += [estimates.steps_of_state(own["rate"](x)) for own in a.states.values() if "rate" in own]
         if not isinstance(a.hook, Force):
             continue
         for field, rule in (("stiffness", estimates.steps_of_spring), ("damping", estimates.steps_of_damper)):

@@ -206,21 +206,22 @@ def rates_of_states(trial: Trial) -> Finding:
     B, found = dynamics.arm.motor_map, []
     motion = Motion(dynamics, q @ B, qd @ B, efforts)
     for a in dynamics.scene.attached:
-        states = [s for s in a.states if "derivative" in s.functions]
-        if not any("rate" in s.functions for s in states):
+        states = {field: own for field, own in a.states.items() if "derivative" in own}
+        if not any("rate" in own for own in states.values()):
             continue
+        names = [dynamics.effect_states[field].name for field in states]
         own, declared = np.zeros((len(q), len(states), len(states))), np.full((len(states), len(q)), np.nan)
-        for j, s in enumerate(states):
-            x = motion.values({s.field: Dual(np.full(len(q), s.state.initial), 1.0)})
-            for i, other in enumerate(states):
-                own[:, i, j] = dual(other.functions["derivative"](x)).slope
-            if "rate" in s.functions:
-                declared[j] = s.functions["rate"](x)
-        said = [j for j, s in enumerate(states) if "rate" in s.functions]
+        for j, (field, functions) in enumerate(states.items()):
+            x = motion.values({field: Dual(np.full(len(q), dynamics.effect_states.initial[field]), 1.0)})
+            for i, other in enumerate(states.values()):
+                own[:, i, j] = dual(other["derivative"](x)).slope
+            if "rate" in functions:
+                declared[j] = functions["rate"](x)
+        said = [j for j, functions in enumerate(states.values()) if "rate" in functions]
         gaps = [ratio(own[:, j, j], declared[j]) for j in said]
         if len(said) == len(states) and np.isfinite(own).all():
             gaps.append(ratio(np.abs(np.linalg.eigvals(own)).max(axis=1), declared.max(axis=0)))
-        most, where = trial.worst(np.stack(gaps, axis=1), [*(states[j].state.name for j in said), "together"])
+        most, where = trial.worst(np.stack(gaps, axis=1), [*(names[j] for j in said), "together"])
         words = (
             f"{a.key}: states change {most:.3g} times as fast as their rate= says: error control takes "
             "steps that are too long; give the largest"

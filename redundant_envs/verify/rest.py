@@ -45,7 +45,7 @@ def _values(dynamics: Dynamics, motion: Motion) -> Iterator[tuple[str, Any]]:
     """The checked quantities, by names that a reader knows."""
     arm, x = dynamics.arm, motion.values()
     for a in dynamics.scene.attached:
-        parts: list[Functions] = [a.functions, *(s.functions for s in a.states)]
+        parts: list[Functions] = [a.functions, *a.states.values()]
         for field, function in (named for part in parts for named in part.items()):
             found = function(x) if field != "kink" else ()
             for value in found if isinstance(found, tuple) else (found,):
