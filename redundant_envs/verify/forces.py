@@ -18,12 +18,12 @@ from redundant_envs.verify.checks import (
     Array,
     Finding,
     Mode,
-    NotApplicable,
     Trial,
     at_most,
     check,
     ratio,
 )
+from redundant_envs.verify.hints import worst_of
 from redundant_envs.verify.states import BEYOND
 
 STEP = 1e-5
@@ -49,9 +49,7 @@ def potentials(trial: Trial) -> Finding:
         a.key for a in trial.scene.attached if isinstance(a.hook, Field) or "conservative" in a.functions
     }
     found = [_potential(trial, x, trial.poses[0]) for x in trial.scene.effects if x.key in booked]
-    if not found:
-        raise NotApplicable("no effect has a potential")
-    return max(found, key=lambda f: f.found if f.found == f.found else np.inf)
+    return worst_of(found, "no effect has a potential")
 
 
 def _potential(trial: Trial, effect: Effect, q: Array) -> Finding:
@@ -127,9 +125,7 @@ def forces_at_switches(trial: Trial) -> Finding:
         for a in trial.scene.attached.of(Force)
         for limit, side in zip(a.hook.switch or (), (-1.0, 1.0), strict=False)
     ]
-    if not found:
-        raise NotApplicable("no force changes its law at a position")
-    return max(found, key=lambda f: f.found if f.found == f.found else np.inf)
+    return worst_of(found, "no force changes its law at a position")
 
 
 def _jump(trial: Trial, a: Attached[Force], limit: str, side: float) -> Finding:
