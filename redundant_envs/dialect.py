@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dis
+import functools
 import random
 import traceback
 from collections.abc import Callable, Iterator
@@ -67,8 +68,13 @@ TRACES = 8
 """How often a function from outside is traced: one that throws a coin is found but once in 128 times."""
 
 
-def check(function: Any) -> None:
+def check(function: Any) -> int:
     """Refuse a function that is outside the dialect, or that computes something else when it is run again.
+
+    Returns
+    -------
+    int
+        How many values it returns.
 
     Raises
     ------
@@ -77,11 +83,12 @@ def check(function: Any) -> None:
     """
     first = _traced(function)
     if is_own(function):
-        return
+        return first[0]
     before = random_states()
     again = [_traced(function) for _ in range(TRACES - 1)]
     if any(other != first for other in again) or random_states() != before:
         raise ValueError(f"{_name(function)} {CHANGES}")
+    return first[0]
 
 
 CHANGES = (
@@ -93,11 +100,6 @@ CHANGES = (
 """What is said of functions that are not the same when they are run again."""
 
 
-def results_of(function: Any) -> int:
-    """Number of values that a function of the dialect returns; ValueError if it is none."""
-    return _traced(function)[0]
-
-
 def computed_by(function: Any) -> str:
     """What a function of the dialect computes: texts are equal if all operations and constants are."""
     return _traced(function)[1]
@@ -105,6 +107,12 @@ def computed_by(function: Any) -> str:
 
 def _traced(function: Any) -> tuple[int, str]:
     """Number of the values that a function returns, and an outline of its operations."""
+    if is_own(function) and getattr(function, "__closure__", function) is None:
+        return _traced_once(function)  # what it computes cannot change
+    return _trace(function)
+
+
+def _trace(function: Any) -> tuple[int, str]:
     if not callable(function):
         raise ValueError(f"{function!r:.80} is no function; write one with 'def', marked @physics")
     name = _name(function)
@@ -135,6 +143,9 @@ def _traced(function: Any) -> tuple[int, str]:
             )
     found = [value_of(value) for value in values]
     return len(values), repr(outline(reached(found), found))
+
+
+_traced_once = functools.lru_cache(maxsize=512)(_trace)
 
 
 def _name(function: Any) -> str:

@@ -11,16 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from redundant_envs.effects import REGISTRY as EFFECTS
-from redundant_envs.effects.attaching import attached
-from redundant_envs.effects.hooks import (
-    Effect,
-    Field,
-    Hook,
-    Impact,
-    State,
-)
+from redundant_envs.effects.attached import Attachments, identifier
+from redundant_envs.effects.attaching import check_attached
+from redundant_envs.effects.hooks import Effect, Field, Impact, State, states_of
 from redundant_envs.files import config_folder, exists, explained, read_yaml
-from redundant_envs.loaded_arm import identifier, loaded_arm
+from redundant_envs.loaded_arm import loaded_arm
 from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.plain_data import check_keys, check_registered, plain, typed
 from redundant_envs.robots import REGISTRY as ARMS
@@ -89,7 +84,6 @@ class Scene:
         object.__setattr__(self, "effects", tuple(self.effects))
         fitted: list[Effect] = []
         seen: dict[str, Effect] = {}
-        hooks: list[Hook] = []
         for i, effect in enumerate(self.effects):
             if not isinstance(effect, Effect):
                 raise ValueError(
@@ -98,7 +92,7 @@ class Scene:
                 )
             effect = effect.fitted(self.robot)
             fitted.append(effect)
-            hooks += attached(f"effects[{i}]", effect, self.robot)
+            check_attached(f"effects[{i}]", effect, self.robot)
             if effect.key in seen:
                 fix = "combine the two into one"
                 if type(effect) is not type(seen[effect.key]):
@@ -106,12 +100,12 @@ class Scene:
                 raise ValueError(f"effects[{i}] is a second {effect.key!r}; {fix}")
             seen[effect.key] = effect
         object.__setattr__(self, "effects", tuple(fitted))
-        impacts = [(e.key, h) for e in fitted for h in e.hooks(self.robot) if isinstance(h, Impact)]
-        if len({(key, h.restitution) for key, h in impacts}) > 1:
+        impacts = self.attached.of(Impact)
+        if len({a.parameter(a.hook.restitution) for a in impacts}) > 1:
             raise ValueError(
                 "effects has stops with several restitutions; one number serves all stops: combine them"
             )
-        if len({h.joint for _, h in impacts}) < len(impacts):
+        if len({a.hook.joint for a in impacts}) < len(impacts):
             raise ValueError("effects has two stops for one slider; combine them into one")
         self._check_identifiers()
         if isinstance(self.robot, Loaded):
@@ -120,7 +114,7 @@ class Scene:
                 "scene's own robot, and the effects"
             )
         _ = self.loaded_robot  # refuses impossible masses and inertias
-        if sum(isinstance(h, Field) for h in hooks) > 1:
+        if len(self.attached.of(Field)) > 1:
             raise ValueError("effects has two uniform fields; combine them into one Gravity")
         if not isinstance(self.integrator, str) or self.integrator not in METHODS:
             raise ValueError(f"integrator is {shown(self.integrator)}; choose {', '.join(METHODS)}")
@@ -185,7 +179,7 @@ class Scene:
 
     def states(self) -> dict[str, State]:
         """States of the effects by name: "actuator_lag.effort[0]"."""
-        return {f"{e.key}.{n}": s for e in self.effects for n, s in e.states(self.robot).items()}
+        return {f"{a.key}.{s.name}": s for a in self.attached for s in states_of(a.hook)}
 
     @functools.cached_property
     def _parameters(self) -> dict[str, float]:
@@ -197,15 +191,21 @@ class Scene:
     @functools.cached_property
     def loaded_robot(self) -> Arm:
         """The arm with the masses and inertias that effects add to its own."""
-        return loaded_arm(self.robot, self.effects, self._parameters)
+        return loaded_arm(self.robot, self.attached, self._parameters)
+
+    @functools.cached_property
+    def attached(self) -> Attachments:
+        """The hooks of the effects, bound to names of quantities."""
+        return Attachments.to(self.robot, self.effects)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "attached"}
 
     def travel(self) -> dict[int, tuple[str, str]]:
         """Limited joints: joint index -> parameter names of its lower and upper limit."""
         limits: dict[int, tuple[str, str]] = {}
-        # A hard stop is the limit, whatever else acts near it.
-        for effect in sorted(
-            self.effects, key=lambda e: any(isinstance(h, Impact) for h in e.hooks(self.robot))
-        ):
+        hard = self.attached.keys_of(Impact)  # A hard stop is the limit, whatever else acts near it.
+        for effect in sorted(self.effects, key=lambda e: e.key in hard):
             for joint, (low, high) in effect.travel(self.robot).items():
                 limits[joint] = (f"{effect.key}.{low}", f"{effect.key}.{high}")
         return limits

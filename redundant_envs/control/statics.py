@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.algebra import numbered
 from redundant_envs.effects import EffortLimits
-from redundant_envs.effects.hooks import Actuation, Field, Force, Impact, Point
-from redundant_envs.model.energy import at_joints, hook_value
+from redundant_envs.effects.hooks import Actuation, Force, Point
+from redundant_envs.model.energy import at_joints, scene_quantities
 from redundant_envs.scene import Scene
+from redundant_envs.tasks.limits import hard_stops
 from redundant_envs.values import shown
 
 Array = NDArray[np.float64]
@@ -38,24 +37,18 @@ def static_efforts(scene: Scene, q: ArrayLike) -> Array:
     ValueError
         If q is of another shape, or the scene has ``actuation="generalized"``.
     """
-    arm: Any = scene.loaded_robot
+    arm = scene.robot
     place = np.asarray(q, dtype=np.float64)
     joints = len(arm.joints)
     if place.shape[-1:] != (joints,):
         raise ValueError(f"q has shape {place.shape}; the last axis must have {joints} entries")
     if scene.actuation != "joint":
         raise ValueError(f"scene.actuation is {scene.actuation!r}; efforts are those of joints: use 'joint'")
-    values: dict[str, Any] = {**arm.parameter_values(), "ax": 0.0, "ay": 0.0, **dict.fromkeys(arm.rates, 0.0)}
-    values |= {name: place[..., k] for k, name in enumerate(arm.coordinates)}
-    hooks = [(effect, hook) for effect in scene.effects for hook in effect.hooks(arm)]
-    for effect, hook in hooks:
-        if isinstance(hook, Field):
-            values["ax"], values["ay"] = hook_value(arm, effect, hook, hook.function, values)
-    gravity = np.stack(np.broadcast_arrays(*arm.evaluate(numbered("G{}", joints), values)), axis=-1)
+    x = scene_quantities(scene, place)
+    gravity = np.stack(np.broadcast_arrays(*x.each(numbered("G{}", joints))), axis=-1)
     efforts: Array = gravity @ np.linalg.inv(arm.motor_map).T
-    for effect, hook in hooks:
-        if isinstance(hook, Force):
-            efforts -= at_joints(arm, effect, hook, hook.function, values)
+    for a in scene.attached.of(Force):
+        efforts -= at_joints(scene, a, "function", x)
     return efforts
 
 
@@ -85,12 +78,7 @@ def motor_efforts(scene: Scene, q: ArrayLike) -> Array:
 def stops(scene: Scene) -> Travel:
     """Hard ends of the travel, joint -> lower and upper [m]; infinite where there is none."""
     values = scene.parameters()
-    return {
-        hook.joint: (values[f"{effect.key}{hook.lower}"], values[f"{effect.key}{hook.upper}"])
-        for effect in scene.effects
-        for hook in effect.hooks(scene.robot)
-        if isinstance(hook, Impact)
-    }
+    return {joint: (values[lower], values[upper]) for joint, lower, upper in hard_stops(scene)}
 
 
 def slider_travel(scene: Scene) -> Travel:
@@ -117,18 +105,17 @@ def effort_limits(scene: Scene) -> Array:
         If the scene has none, or an effect whose part at rest is not known: another actuation, or a spring
         on a revolute joint, whose force depends on how often the joint has turned.
     """
-    for i, effect in enumerate(scene.effects):
-        for hook in effect.hooks(scene.robot):
-            if isinstance(hook, Force):
-                turns = not isinstance(hook.joint, Point) and not scene.robot.prismatic[hook.joint]
-                known = hook.potential is None or not turns
-            else:
-                known = not isinstance(hook, Actuation) or isinstance(effect, EffortLimits)
-            if not known:
-                raise ValueError(
-                    f"effects[{i}] is {shown(effect)}; the load at rest is known with gravity, friction, "
-                    "effort limits, stops, and springs on sliders: leave this effect out"
-                )
+    for a in scene.attached:
+        if isinstance(a.hook, Force):
+            turns = not isinstance(a.hook.joint, Point) and not scene.robot.prismatic[a.hook.joint]
+            known = a.hook.potential is None or not turns
+        else:
+            known = not isinstance(a.hook, Actuation) or isinstance(a.effect, EffortLimits)
+        if not known:
+            raise ValueError(
+                f"effects[{scene.effects.index(a.effect)}] is {shown(a.effect)}; the load at rest is known "
+                "with gravity, friction, effort limits, stops, and springs on sliders: leave this effect out"
+            )
     limits = next((e.limits for e in scene.effects if isinstance(e, EffortLimits)), ())
     given = np.atleast_1d(limits)
     if not given.size or given.min() <= 0.0:

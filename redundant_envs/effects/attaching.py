@@ -1,14 +1,19 @@
-"""Checks that an effect fits an arm: of every hook, when a scene is made, before anything is compiled."""
+"""Checks that an effect fits an arm: of every hook, when a scene is made, before anything is compiled.
+
+:data:`RULES` says of each function how many values it returns and what it may depend on.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import enum
+import functools
 import re
-from collections.abc import Callable, Iterable, Mapping
-from typing import Any, get_args
+from collections.abc import Callable, Iterable, Mapping, Set
+from typing import Any, NamedTuple, get_args
 
 from redundant_envs import dialect
-from redundant_envs.algebra import arguments_of, gives_of, name_of, numbered
+from redundant_envs.algebra import arguments_of, name_of, numbered
 from redundant_envs.effects.captured import check_effect
 from redundant_envs.effects.hook_numbers import check_numbers
 from redundant_envs.effects.hooks import (
@@ -27,11 +32,64 @@ from redundant_envs.effects.hooks import (
     Reading,
     Sensing,
     State,
+    states_of,
 )
+from redundant_envs.quantities import Quantities
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import number
+from redundant_envs.tracing.number import Loads
 from redundant_envs.values import check_declared
 
+
+class May(enum.Enum):
+    """What a function may depend on, beside parameters."""
+
+    ANYTHING = "motion, commands, field and states"
+    MOTION = "the motion"
+    POSITION = "the position"
+    OWN_JOINT = "parameters and the position and rate of its own joint"
+    PARAMETERS = "parameters"
+
+
+class Rule(NamedTuple):
+    """How many values a function returns, what it may depend on, and what is said of one that depends on
+    more."""
+
+    values: int = 1
+    may: May = May.ANYTHING
+    refused: str = "{field} {name} depends on {more}; it may depend on {may} alone"
+
+
+RULES: dict[type, dict[str, Rule]] = {
+    Field: {"function": Rule(2, May.PARAMETERS, "{name} depends on {more}; a uniform field may depend on "
+                             "parameters alone: give a Force at each point for another")},
+    Force: {
+        "function": Rule(),
+        "kink": Rule(),
+        "potential": Rule(1, May.POSITION),
+        "conservative": Rule(1, May.POSITION),
+        "stiffness": Rule(1, May.PARAMETERS),
+        "damping": Rule(1, May.OWN_JOINT),
+    },
+    Actuation: {"function": Rule(), "kink": Rule()},
+    Gap: {"function": Rule(1, May.POSITION, "{name} depends on {more}; a gap may depend on the pose and on "
+                           "numbers")},
+    Sensing: {"function": Rule(1, May.MOTION, "{name} depends on {more}; a sensor may use the motion and its "
+                               "numbers")},
+    State: {
+        "derivative": Rule(),
+        "update": Rule(),
+        "rate": Rule(1, May.PARAMETERS, "rate {name} may depend on parameters alone"),
+    },
+}  # fmt: skip
+"""Functions of hooks and of states. At a point those of :data:`AXES` return two values."""
+AXES = "function", "conservative"
+NOT_ALL = (
+    "{name} has a potential and depends on {more}, so not all of it is the derivative of the potential; give "
+    "the part that is as a separate function, conservative="
+)
+OWN_NUMBERS = "mass", "inertia", "lower", "upper", "restitution"
+"""Fields of hooks that name numbers of the effect, none of them a state."""
 STATE_NAME = re.compile(r"[^\W\d]\w*(\[\d+\])?")
 Own = dict[str, bool]
 """Names of an effect's own numbers, and whether they are states."""
@@ -39,8 +97,8 @@ HOOKS = ", ".join(kind.__name__ for kind in get_args(Hook))
 KEY = re.compile(r"[^\W\d]\w*(\.\w+)*")
 
 
-def attached(where: str, effect: Effect, arm: Arm) -> tuple[Hook, ...]:
-    """The hooks of an effect on an arm, checked.
+def check_attached(where: str, effect: Effect, arm: Arm) -> None:
+    """Check the hooks of an effect on an arm.
 
     Raises
     ------
@@ -67,7 +125,7 @@ def attached(where: str, effect: Effect, arm: Arm) -> tuple[Hook, ...]:
         if isinstance(value, bool) or not isinstance(value, int | float) or value != value:
             raise ValueError(f"{where} ({kind}).{field} is {value!r:.80}; give a number or a tuple of them")
     for n, hook in enumerate(hooks):
-        states: Any = _states_of(hook)
+        states: Any = states_of(hook)
         if not isinstance(states, tuple | list):
             raise ValueError(
                 f"{where} ({kind}), hook {n}: states is {states!r:.60}; give a tuple, such as (State(...),)"
@@ -97,7 +155,6 @@ def attached(where: str, effect: Effect, arm: Arm) -> tuple[Hook, ...]:
         )
     if not dialect.is_own(type(effect)):  # tests of the package hold this of its own effects
         check_effect(where, effect, arm)
-    return tuple(hooks)
 
 
 def _check_entries(where: str, effect: Effect, arm: Arm, hooks: Iterable[Hook]) -> None:
@@ -105,7 +162,7 @@ def _check_entries(where: str, effect: Effect, arm: Arm, hooks: Iterable[Hook]) 
     used = {name for low_high in effect.travel(arm).values() for name in low_high}
     used |= {*effect.action_units(arm)}
     for hook in hooks:
-        for part in (hook, *_states_of(hook)):
+        for part in (hook, *states_of(hook)):
             used |= {source[1:] for source in getattr(part, "bind", {}).values()}
             named = (getattr(part, field.name) for field in dataclasses.fields(part))
             used |= {name[1:] for name in named if isinstance(name, str) and name[:1] == "."}
@@ -130,103 +187,39 @@ def _check_units(where: str, effect: Effect, arm: Arm) -> None:
             )
 
 
-def _states_of(hook: Any) -> tuple[State, ...]:
-    return hook.states if isinstance(hook, Force | Actuation) else ()
-
-
 def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
-    at_point = isinstance(hook, Force) and isinstance(hook.joint, Point)
-    if isinstance(hook, PointMass):
-        _check_point(hook.point, arm)
-        _own("mass", hook.mass, {n: False for n, moves in own.items() if not moves})
-        return
+    _check_place(hook, arm)
+    named = [(field, getattr(hook, field)) for field in OWN_NUMBERS if hasattr(hook, field)]
+    named += [("switch", name) for name in getattr(hook, "switch", None) or ()]
+    for field, name in named:
+        _own(field, name, {n: False for n, is_state in own.items() if not is_state})
+    if isinstance(hook, Impact) and not arm.prismatic[hook.joint]:
+        raise ValueError(
+            f"{arm.joints[hook.joint]!r} is not a slider; hard ends of travel are those of sliders"
+        )
+    for field, choices in (("link", Link), ("reading", Reading)):
+        if not isinstance(getattr(hook, field, next(iter(choices))), choices):
+            names = ", ".join(f"{choices.__name__}.{choice.name}" for choice in choices)
+            raise ValueError(f"{field} is {getattr(hook, field)!r}; choose {names}")
+    for part in (hook, *states_of(hook)):
+        if isinstance(part, State):
+            _check_state(part)
+        for field, rule in RULES.get(type(part), {}).items():
+            if getattr(part, field) is not None:
+                _check_function(field, rule, part, own, arm)
+
+
+def _check_place(hook: Hook, arm: Arm) -> None:
+    """Refuse a joint or a point that the arm does not have, or where no such hook can be."""
+    place = getattr(hook, "joint", getattr(hook, "point", None))
     if isinstance(hook, Inertia):
         _check_inertia(hook, arm)
-        _own("inertia", hook.inertia, {n: False for n, moves in own.items() if not moves})
-        return
+    elif isinstance(hook, PointMass) or (isinstance(place, Point) and isinstance(hook, Force)):
+        _check_point(place, arm)
+    elif hasattr(hook, "joint"):
+        _check_joint(place, arm)
     if isinstance(hook, Force):
-        _check_switch(hook, own)
-    if isinstance(hook, Force) and isinstance(hook.joint, Point):
-        _check_point(hook.joint, arm)
-    elif not isinstance(hook, Field | Gap):
-        _check_joint(hook.joint, arm)
-    if isinstance(hook, Impact):
-        for name in ("lower", "upper", "restitution"):
-            _own(name, getattr(hook, name), {n: False for n, moves in own.items() if not moves})
-        if not arm.prismatic[hook.joint]:
-            raise ValueError(
-                f"{arm.joints[hook.joint]!r} is not a slider; hard ends of travel are those of sliders"
-            )
-        return
-    roots = _check_function("function", hook.function, hook, own, arm)
-    wanted = 2 if at_point or isinstance(hook, Field) else 1
-    if dialect.results_of(hook.function) != wanted:
-        raise ValueError(
-            f"function {name_of(hook.function)} returns {dialect.results_of(hook.function)} values; "
-            f"a {type(hook).__name__}{' at a point' if at_point else ''} needs {wanted}"
-        )
-    if isinstance(hook, Field):
-        moving = _beyond(roots, set(arm.parameter_values()))
-        if moving:
-            raise ValueError(
-                f"{name_of(hook.function)} depends on {moving}; a uniform field may depend on "
-                "parameters alone: give a Force at each point for another"
-            )
-    if isinstance(hook, Gap):
-        _own("restitution", hook.restitution, {n: False for n, moves in own.items() if not moves})
-        moving = _beyond(roots, {*arm.parameter_values(), *arm.coordinates})
-        if moving:
-            raise ValueError(
-                f"{name_of(hook.function)} depends on {moving}; a gap may depend on the pose and on numbers"
-            )
-        if all(behind.isdisjoint(arm.coordinates) for behind in roots.values()):
-            raise ValueError(f"{name_of(hook.function)} depends on no coordinate of the arm; a gap must move")
-    if isinstance(hook, Sensing):
-        if not isinstance(hook.reading, Reading):
-            raise ValueError(
-                f"reading is {hook.reading!r}; choose {', '.join(f'Reading.{r.name}' for r in Reading)}"
-            )
-        unknown = _beyond(roots, {*arm.parameter_values(), *arm.coordinates, *arm.rates})
-        if unknown:
-            raise ValueError(
-                f"{name_of(hook.function)} depends on {unknown}; a sensor may use the motion and its numbers"
-            )
-    if isinstance(hook, Actuation) and not isinstance(hook.link, Link):
-        raise ValueError(f"link is {hook.link!r}; choose {', '.join(f'Link.{link.name}' for link in Link)}")
-    for state in _states_of(hook):
-        _check_state(state, own, arm)
-    if isinstance(hook, Force | Actuation) and hook.kink is not None:
-        _check_function("kink", hook.kink, hook, own, arm)
-        if dialect.results_of(hook.kink) != 1:
-            raise ValueError(f"kink {name_of(hook.kink)} must return one value")
-    if not isinstance(hook, Force):
-        return
-    numbers = set(arm.parameter_values())
-    for name in ("potential", "conservative", "stiffness", "damping"):
-        function = getattr(hook, name)
-        if function is None:
-            continue
-        roots = _check_function(name, function, hook, own, arm)
-        if dialect.results_of(function) != (wanted if name == "conservative" else 1):
-            values = "two values" if at_point and name == "conservative" else "one value"
-            raise ValueError(f"{name} {name_of(function)} must return {values}")
-        fixed = name in ("stiffness", "damping")
-        allowed = numbers if fixed else {*numbers, *arm.coordinates}
-        if name == "damping" and not at_point:
-            own_motion = {f"phi{_joint_of(hook) + 1}", f"phid{_joint_of(hook) + 1}"}
-            roots = {source: behind for source, behind in roots.items() if source not in own_motion}
-        moving = _beyond(roots, allowed)
-        if not moving:
-            continue
-        if function is hook.function and name == "conservative":
-            raise ValueError(
-                f"{name_of(function)} has a potential and depends on {moving}, so not all of it is the "
-                "derivative of the potential; give the part that is as a separate function, conservative="
-            )
-        what = "parameters" if fixed else "the position"
-        if name == "damping" and not at_point:
-            what = "parameters and the position and rate of its own joint"
-        raise ValueError(f"{name} {name_of(function)} depends on {moving}; it may depend on {what} alone")
+        _check_switch(hook)
 
 
 def _check_joint(joint: Any, arm: Arm) -> None:
@@ -247,8 +240,8 @@ def _check_inertia(hook: Inertia, arm: Arm) -> None:
         )
 
 
-def _check_switch(hook: Force, own: Own) -> None:
-    """Refuse positions at which a force changes its law that are no two numbers of the effect."""
+def _check_switch(hook: Force) -> None:
+    """Refuse positions at which a force changes its law that are no two names, or those of a point."""
     if hook.switch is None:
         return
     if not isinstance(hook.switch, tuple) or len(hook.switch) != 2:
@@ -257,13 +250,6 @@ def _check_switch(hook: Force, own: Own) -> None:
         raise ValueError(
             "switch is given, and the force acts at a Point; a change of law is located along a joint only"
         )
-    for name in hook.switch:
-        _own("switch", name, {n: False for n, moves in own.items() if not moves})
-
-
-def _joint_of(hook: Force) -> int:
-    assert isinstance(hook.joint, int)
-    return hook.joint
 
 
 def _check_point(point: Any, arm: Arm) -> None:
@@ -275,64 +261,75 @@ def _check_point(point: Any, arm: Arm) -> None:
         )
 
 
-def _beyond(roots: Mapping[str, set[str]], allowed: set[str]) -> str:
-    """Names of the quantities that depend on more than is allowed."""
-    return ", ".join(sorted(source for source, behind in roots.items() if behind - allowed))
-
-
-def _check_state(state: State, own: Own, arm: Arm) -> None:
+def _check_state(state: State) -> None:
     """Refuse a state with neither a derivative nor an update, or with both."""
     if (state.derivative is None) == (state.update is None):
         raise ValueError(f"the state {state.name!r} needs either a derivative or an update")
     number(f"initial of the state {state.name!r}", state.initial)
-    for name in ("derivative", "update", "rate"):
-        function = getattr(state, name)
-        if function is None:
-            continue
-        roots = _check_function(f"{name} of the state {state.name!r},", function, state, own, arm)
-        if dialect.results_of(function) != 1:
-            raise ValueError(f"{name} {name_of(function)} must return one value")
-        if name == "rate" and any(behind - set(arm.parameter_values()) for behind in roots.values()):
-            raise ValueError(f"rate {name_of(function)} may depend on parameters alone")
 
 
-def _check_function(
-    field: str,
-    function: Callable[..., Any],
-    hook: Field | Force | Actuation | Gap | Sensing | State,
-    own: Own,
-    arm: Arm,
-) -> dict[str, set[str]]:
-    """Check a hook's function and its names; returns the inputs of each quantity of the arm in it."""
-    dialect.check(function)
-    if not isinstance(hook.bind, Mapping):
-        raise ValueError(f"bind is {hook.bind!r:.80}; give a mapping of arguments to names")
-    found: dict[str, set[str]] = {}
-    takes = (*hook_arguments(hook),)
-    for name in hook.bind:
+def _check_function(field: str, rule: Rule, part: Any, own: Own, arm: Arm) -> None:
+    """Check a function of a hook or a state: its text, the names that it takes, and its rule."""
+    function = getattr(part, field)
+    values, name = dialect.check(function), name_of(function)
+    roots = _roots(field, function, part, own, arm)
+    at_point = isinstance(part, Force) and isinstance(part.joint, Point)
+    wanted = 2 if at_point and field in AXES else rule.values
+    if values != wanted and field == "function":
+        kind = f"{type(part).__name__}{' at a point' if at_point else ''}"
+        raise ValueError(f"function {name} returns {values} values; a {kind} needs {wanted}")
+    if values != wanted:
+        raise ValueError(f"{field} {name} must return {'two values' if wanted == 2 else 'one value'}")
+    may = May.PARAMETERS if rule.may is May.OWN_JOINT and at_point else rule.may
+    allowed = {*arm.parameter_values()}
+    allowed |= {*arm.coordinates} if may in (May.POSITION, May.MOTION) else set()
+    allowed |= {*arm.rates} if may is May.MOTION else set()
+    free = {*part.motion} if may is May.OWN_JOINT else set()
+    more = ", ".join(sorted(source for source in roots.keys() - free if roots[source] - allowed))
+    if more and may is not May.ANYTHING:
+        whole = field == "conservative" and function is part.function
+        refused = NOT_ALL if whole else rule.refused
+        raise ValueError(refused.format(field=field, name=name, more=more, may=may.value))
+    if isinstance(part, Gap) and all(behind.isdisjoint(arm.coordinates) for behind in roots.values()):
+        raise ValueError(f"{name} depends on no coordinate of the arm; a gap must move")
+
+
+def _roots(field: str, function: Callable[..., Any], part: Any, own: Own, arm: Arm) -> dict[str, Set[str]]:
+    """What each quantity that a function takes depends on; refuses names that nothing has."""
+    if not isinstance(part.bind, Mapping):
+        raise ValueError(f"bind is {part.bind!r:.80}; give a mapping of arguments to names")
+    found: dict[str, Set[str]] = {}
+    takes = hook_arguments(part)
+    for name in part.bind:
         if name not in takes:
             raise ValueError(
                 f"bind has {name!r}, which no function here takes; they take {', '.join(takes) or 'nothing'}"
             )
+    label = f"{field} of the state {part.name!r}," if isinstance(part, State) else field
     for argument in arguments_of(function):
-        source = hook.bind.get(argument, argument)
-        where = f"{field} {name_of(function)}, argument {argument!r}"
+        source = part.bind.get(argument, argument)
+        where = f"{label} {name_of(function)}, argument {argument!r}"
         if not isinstance(source, str):
             raise ValueError(f"{where}: bind gives {source!r:.80}; give a name in quotation marks")
         if source.startswith("."):
             _own(where, source, own)
-            if own[source[1:]]:
-                found[source] = {source}
-        elif source == SIDE and isinstance(hook, Force) and hook.switch is not None:
-            found[source] = roots_of(where, f"phi{_joint_of(hook) + 1}", arm)
+            found |= {source: {source}} if own[source[1:]] else {}
         else:
-            found[source] = roots_of(where, source, arm)
+            chosen = source == SIDE and getattr(part, "switch", None) is not None
+            try:
+                found[source] = roots_of(part.motion[0] if chosen else source, arm)
+            except ValueError:
+                raise ValueError(
+                    f"{where}: no quantity of {arm.kind} is called {source!r}, or it follows from the "
+                    "forces; give one such as phi1 (position of joint 1), phid1 (its rate), tip_x, tip_vx, "
+                    "s1, c1, m1, l1, or bind a number of the effect by '.name'"
+                ) from None
     return found
 
 
 def hook_arguments(hook: Any) -> list[str]:
     """Arguments of all functions of a hook or a state, those of a hook's states included."""
-    values = [getattr(x, field.name) for x in (hook, *_states_of(hook)) for field in dataclasses.fields(x)]
+    values = [getattr(x, field.name) for x in (hook, *states_of(hook)) for field in dataclasses.fields(x)]
     return list(dict.fromkeys(a for f in values if callable(f) for a in arguments_of(f)))
 
 
@@ -343,29 +340,11 @@ def _own(where: str, source: str, own: Own) -> None:
         raise ValueError(f"{where}: {source!r} is not a number of this effect; it has {valid}")
 
 
-def roots_of(where: str, quantity: str, arm: Arm) -> set[str]:
-    """States, commands and parameters on which a quantity of an arm depends."""
-    givers = {name: f for f in arm.functions for name in gives_of(f)}
-    angles = {name: angle for angle, pair in arm.sincos.items() for name in pair}
+@functools.lru_cache(maxsize=256)
+def roots_of(quantity: str, arm: Arm) -> frozenset[str]:
+    """States, commands and parameters that a quantity of an arm takes, by running the functions of the arm on
+    numbers that are loaded by name; ValueError if it takes any other."""
     commands = numbered("command{}", len(arm.joints))
-    base = {*arm.coordinates, *arm.rates, *arm.parameter_values(), *commands, "ax", "ay"}
-    roots: set[str] = set()
-    waiting, seen = [quantity], {quantity}
-    while waiting:
-        name = waiting.pop()
-        needed: Iterable[str] = ()
-        if name in base:
-            roots.add(name)
-        elif name in angles:
-            needed = (angles[name],)
-        elif name in givers:
-            needed = arguments_of(givers[name])
-        else:
-            raise ValueError(
-                f"{where}: no quantity of {arm.kind} is called {quantity!r}, or it follows from the forces; "
-                "give one such as phi1 (position of joint 1), phid1 (its rate), tip_x, tip_vx, s1, c1, m1, "
-                "l1, or bind a number of the effect by '.name'"
-            )
-        waiting += [n for n in needed if n not in seen]
-        seen.update(needed)
-    return roots
+    loads = Loads((*arm.coordinates, *arm.rates, *arm.parameter_values(), *commands, "ax", "ay"))
+    _ = Quantities({}, arm.functions, arm.sincos, loads)[quantity]
+    return frozenset(loads)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-import functools
 import itertools
 import math
 import warnings
@@ -377,15 +376,7 @@ def _described(part: str, hook: Any, known: dict[int, tuple[str, str]]) -> Descr
 
 def function_described(function: Any) -> tuple[str, str]:
     """Name of a function, and all that it computes."""
-    if dialect.is_own(function) and getattr(function, "__closure__", function) is None:
-        return _own_described(function)
     try:
         return name_of(function), dialect.computed_by(function)
     except ValueError as error:
         return name_of(function), str(error)
-
-
-@functools.lru_cache(maxsize=256)
-def _own_described(function: Any) -> tuple[str, str]:
-    """The same of a function of this package that holds nothing."""
-    return name_of(function), dialect.computed_by(function)

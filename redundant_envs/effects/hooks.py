@@ -128,6 +128,12 @@ class Force:
             return f"vx{self.joint.number + 1}", f"vy{self.joint.number + 1}"
         return (f"phid{self.joint + 1}",)
 
+    @property
+    def motion(self) -> tuple[str, str]:
+        """Names of the position and the rate of its joint."""
+        assert isinstance(self.joint, int)
+        return f"phi{self.joint + 1}", f"phid{self.joint + 1}"
+
 
 class Link(enum.IntEnum):
     """Position of an effect in the chain from the command of a motor to its effort."""
@@ -236,6 +242,11 @@ class Sensing:
 Hook = Field | Force | Actuation | Impact | Gap | PointMass | Inertia | Sensing
 
 
+def states_of(hook: Any) -> tuple[State, ...]:
+    """The states of a hook."""
+    return hook.states if isinstance(hook, Force | Actuation) else ()
+
+
 @dataclass(frozen=True)
 class Effect:
     """Base of all effects.
@@ -322,8 +333,7 @@ class Effect:
 
     def states(self, arm: Arm) -> dict[str, State]:
         """Its states by their names."""
-        found = [s for h in self.hooks(arm) if isinstance(h, Force | Actuation) for s in h.states]
-        return {s.name: s for s in found}
+        return {s.name: s for h in self.hooks(arm) for s in states_of(h)}
 
     def travel(self, arm: Arm) -> dict[int, tuple[str, str]]:
         """Joints this effect limits: joint -> own fields of the lower and the upper limit.

@@ -305,7 +305,7 @@ class Core(Copied):
         check_keys("state", state, STATE_KEYS, "get_state")
         check_facts("state", state["simulator"], self._facts)
         dynamics = self.simulator.dynamics
-        finite = (*dynamics.states, *dynamics.remembered, *self.task.memory, "steps")
+        finite = (*dynamics.states, *dynamics.effect_states.updated, *self.task.memory, "steps")
         kept = numbers_of_reward(self.task)
         check_numbers("state", state, self.memory, kept, finite, self.task)
         for key, own in (("keys", self.keys), ("mask", self.mask), ("waiting", self.waiting)):

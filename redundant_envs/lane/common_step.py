@@ -14,7 +14,6 @@ from redundant_envs.lane.features import WATCHED, Control, Reason, SceneFeatures
 from redundant_envs.lane.kinks import levels_of
 from redundant_envs.lane.memory import Lane
 from redundant_envs.lane.step import (
-    integrated_states,
     joint_quantities,
     lane_step,
     others_error,
@@ -72,9 +71,8 @@ class CommonStep:
         arm = self.dynamics.arm
         turning = [abs(lane[v]) for v, slides in zip(arm.rates, arm.prismatic, strict=True) if not slides]
         rates = [lane.least_step_rate] if "least_step_rate" in self.dynamics.prepared else []
-        rates += required_steps.rates_of_motion(
-            self.dynamics, lane, joint_quantities(self.dynamics, lane, "{}")
-        )
+        here = joint_quantities(self.dynamics, lane, "{}")
+        rates += required_steps.rates_of_motion(self.dynamics.scene, lane, here)
         least_step_rate = reduce(maximum, rates) if rates else 0.0
         fastest = reduce(maximum, turning) if turning else 0.0
         return estimates.least_steps(fastest, least_step_rate, lane.interval)
@@ -126,7 +124,7 @@ class CommonStep:
         hidden = [unseen for _, unseen in kinks]
         crossed = [seen for seen, _ in kinks] + hidden
         doubts = []
-        if integrated_states(dynamics):
+        if dynamics.effect_states.integrated:
             limit = error_control.DOUBTFUL * lane.tip_tolerance
             doubts.append(others_error(dynamics, lane, step, h) > limit)
         if sliders:

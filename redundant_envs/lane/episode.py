@@ -82,7 +82,7 @@ class Episode:
     @cached_property
     def sensors(self) -> bool:
         """Whether observations follow from readings of sensors."""
-        return any(isinstance(hook, Sensing) for _, hook in self.dynamics.hooks)
+        return bool(self.dynamics.scene.attached.of(Sensing))
 
     @cached_property
     def draws(self) -> tuple[str, ...]:
@@ -234,7 +234,7 @@ class Episode:
         """
         interval, task, states = self.interval, self.task, self.dynamics.states
         interval.update_effect_states(lane)
-        defect = interval.step.defect(lane.get((*states, *self.dynamics.remembered)))
+        defect = interval.step.defect(lane.get((*states, *self.dynamics.effect_states.updated)))
         if self.sensors:
             x = self.quantities(lane, {n: lane[n] for n in (*states, *task.memory, *self.actions)})
             defect = defect + where(reads_nonsense(self.dynamics, x), math.nan, 0.0)
@@ -328,7 +328,7 @@ class Episode:
         remembered = [m for m in (*task.memory, *self.counts) if m not in drawn]
         zero = [*arm.rates, *remembered, *interval.features.active, *self.held_outputs]
         zero += ["next_step"] if "next_step" in lane else []
-        values |= {name: state.initial for name, state in self.dynamics.effect_states.items()}
+        values |= self.dynamics.effect_states.initial
         for name, value in {**values, **dict.fromkeys(zero, 0.0)}.items():
             lane[name] = where(lane.resetting, value, lane[name])
 

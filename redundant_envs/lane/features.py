@@ -12,7 +12,7 @@ from redundant_envs.events.boundary import Boundary
 from redundant_envs.events.crossings import Overshoot
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.memory import Lane
-from redundant_envs.lane.step import integrated_states, pose_tells_distances
+from redundant_envs.lane.step import pose_tells_distances
 from redundant_envs.numerics.methods import Watched
 
 
@@ -114,7 +114,7 @@ class SceneFeatures:
         if dynamics.kinks:
             found["kinked"] = "a step of the interval may have met a kink"
             found["hidden_kink"] = "it may have met one that no stage has seen"
-        if integrated_states(dynamics) or pose_tells_distances(dynamics):
+        if dynamics.effect_states.integrated or pose_tells_distances(dynamics):
             found["doubtful"] = "a step of the interval makes its estimate doubtful"
         return found
 
@@ -161,7 +161,7 @@ class SceneFeatures:
     @property
     def kept(self) -> tuple[str, ...]:
         """Fields that are kept at the start of an interval, and restored when it is given up."""
-        return (*self.dynamics.states, *self.dynamics.remembered, *self.active)
+        return (*self.dynamics.states, *self.dynamics.effect_states.updated, *self.active)
 
     def largest_angle(self, lane: Lane) -> Any:
         """The largest of the coordinates that are angles, rad."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from redundant_envs.algebra import gives_of
+from redundant_envs.effects.attached import identifier
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.memory import ENGINE, PARAMETER, SCRATCH, STATE, Field
-from redundant_envs.loaded_arm import identifier
 
 
 def motion_fields(dynamics: Dynamics) -> Iterator[Field]:

@@ -151,7 +151,7 @@ class Interval:
     def update_effect_states(self, lane: Lane) -> None:
         """At the end of an interval: update the states of effects that were constant in it."""
         dynamics = self.dynamics
-        if dynamics.remembered:
+        if dynamics.effect_states.updated:
             numbers = known_numbers(dynamics, lane, held=False)
             x = dynamics.quantities(lane.get(dynamics.states), numbers)
             for name, value in dynamics.updates(x).items():

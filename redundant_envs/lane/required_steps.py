@@ -2,61 +2,46 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from redundant_envs.effects.hooks import Actuation, Effect, Force, Point
+from redundant_envs.effects.attached import Attached
+from redundant_envs.effects.hooks import Force, Point
+from redundant_envs.lane.memory import Lane
 from redundant_envs.numerics import estimates
 from redundant_envs.quantities import Quantities
-
-if TYPE_CHECKING:
-    from redundant_envs.lane.dynamics import Dynamics
-    from redundant_envs.lane.memory import Lane
+from redundant_envs.scene import Scene
 
 
-def rates_of_parameters(dynamics: Dynamics, x: Quantities) -> list[Any]:
+def rates_of_parameters(scene: Scene, x: Quantities) -> list[Any]:
     """Steps per second that follow from the parameters alone."""
     rates = []
-    for effect, hook in dynamics.hooks:
-        for state in hook.states if isinstance(hook, Force | Actuation) else ():
-            if state.rate is not None:
-                rates.append(estimates.steps_of_state(dynamics.apply(effect, state, state.rate, x)))
-        if not isinstance(hook, Force):
+    for a in scene.attached:
+        rates += [estimates.steps_of_state(own["rate"](x)) for own in a.states.values() if "rate" in own]
+        if not isinstance(a.hook, Force):
             continue
-        damping = None if depends_on_motion(dynamics, effect, hook) else hook.damping
-        for function, rule in (
-            (hook.stiffness, estimates.steps_of_spring),
-            (damping, estimates.steps_of_damper),
-        ):
-            if function is not None:
-                mobility = most_mobility(dynamics, effect, hook, x)
-                rates.append(rule(dynamics.apply(effect, hook, function, x), mobility))
+        for field, rule in (("stiffness", estimates.steps_of_spring), ("damping", estimates.steps_of_damper)):
+            if field in a.functions and not (field == "damping" and depends_on_motion(a)):
+                mobility = most_mobility(scene, a, x)
+                rates.append(rule(a.functions[field](x), mobility))
     return rates
 
 
-def depends_on_motion(dynamics: Dynamics, effect: Effect, hook: Force) -> bool:
+def depends_on_motion(a: Attached[Any]) -> bool:
     """Whether the damping of a force depends on the position or the rate of its joint."""
-    if hook.damping is None or isinstance(hook.joint, Point):
+    if "damping" not in a.functions or isinstance(a.hook.joint, Point):
         return False
-    return not {*motion_of(hook)}.isdisjoint(dynamics.bound(effect, hook, hook.damping))
+    return not {*a.hook.motion}.isdisjoint(a.functions["damping"].names)
 
 
-def motion_of(hook: Force) -> tuple[str, str]:
-    """Names of the position and the rate of the joint of a force."""
-    assert isinstance(hook.joint, int)
-    return f"phi{hook.joint + 1}", f"phid{hook.joint + 1}"
-
-
-def dampers(dynamics: Dynamics) -> list[tuple[Effect, Force]]:
+def dampers(scene: Scene) -> list[Attached[Force]]:
     """Forces whose damping depends on their joint's motion, under a tolerance. Estimates of dop853, which
     are held near rounding, see such dampers."""
-    if dynamics.scene.tolerance is None:
-        return []
-    return [(e, h) for e, h in dynamics.hooks if isinstance(h, Force) and depends_on_motion(dynamics, e, h)]
+    return [] if scene.tolerance is None else [a for a in scene.attached.of(Force) if depends_on_motion(a)]
 
 
-def mobilities(dynamics: Dynamics, x: Quantities) -> dict[str, Any]:
+def mobilities(scene: Scene, x: Quantities) -> dict[str, Any]:
     """Largest mobilities of the joints of :func:`dampers`, by their fields."""
-    return {field_of(h): most_mobility(dynamics, e, h, x) for e, h in dampers(dynamics)}
+    return {field_of(a.hook): most_mobility(scene, a, x) for a in dampers(scene)}
 
 
 def field_of(hook: Force) -> str:
@@ -65,30 +50,29 @@ def field_of(hook: Force) -> str:
     return f"most_mobility{hook.joint + 1}"
 
 
-def rates_of_motion(dynamics: Dynamics, lane: Lane, x: Quantities) -> list[Any]:
+def rates_of_motion(scene: Scene, lane: Lane, x: Quantities) -> list[Any]:
     """Steps per second that dampers require now, if their damping depends on positions and rates ``x``."""
     rates = []
-    for effect, hook in dampers(dynamics):
-        assert hook.damping is not None
-        position, rate = motion_of(hook)
+    for a in dampers(scene):
+        position, rate = a.hook.motion
         ahead = Quantities(
             {position: x[position] + lane.interval * x[rate], rate: x[rate]},
-            tuple(dynamics.arm.functions), dynamics.arm.sincos, lane,
+            tuple(scene.robot.functions), scene.robot.sincos, lane,
         )  # fmt: skip
-        here, there = (dynamics.apply(effect, hook, hook.damping, known) for known in (x, ahead))
-        mobility = lane[field_of(hook)]
+        here, there = (a.functions["damping"](known) for known in (x, ahead))
+        mobility = lane[field_of(a.hook)]
         rates.append(estimates.steps_towards_damper(here, there, mobility, lane.interval))
     return rates
 
 
-def most_mobility(dynamics: Dynamics, effect: Effect, hook: Force, x: Quantities) -> Any:
+def most_mobility(scene: Scene, a: Attached[Any], x: Quantities) -> Any:
     """Largest acceleration by a unit force at its own joint or point, in any pose."""
-    if isinstance(hook.joint, Point):  # no more than if the point mass were free
-        return 1.0 / x[f"m{hook.joint.number + 1}"]
-    if dynamics.arm.mobility_bounds is None:
+    if isinstance(a.hook.joint, Point):  # no more than if the point mass were free
+        return 1.0 / x[f"m{a.hook.joint.number + 1}"]
+    if scene.robot.mobility_bounds is None:
         raise ValueError(
-            f"{dynamics.arm.kind} has no mobility_bounds, from which error control knows what "
-            f"{type(effect).__name__} asks of its steps; give the arm these bounds, or the scene an "
+            f"{scene.robot.kind} has no mobility_bounds, from which error control knows what "
+            f"{type(a.effect).__name__} asks of its steps; give the arm these bounds, or the scene an "
             "integrator and substeps"
         )
-    return x[f"W{hook.joint + 1}"]
+    return x[f"W{a.hook.joint + 1}"]

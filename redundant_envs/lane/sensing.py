@@ -13,7 +13,6 @@ from redundant_envs.algebra import any_of, arguments_of, gives_of, logical_not
 from redundant_envs.effects.hooks import Reading, Sensing
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.quantities import Quantities
-from redundant_envs.tracing.graph import owned
 
 LARGEST = {Reading.POSITION: 1e6, Reading.RATE: 1e100}
 """Largest readings: sines are exact up to 1e6 rad, and squares of rates are finite."""
@@ -22,13 +21,10 @@ LARGEST = {Reading.POSITION: 1e6, Reading.RATE: 1e100}
 def readings(dynamics: Dynamics, x: Quantities) -> dict[tuple[Reading, int], Any]:
     """Readings of the scene's sensors, from true quantities."""
     read: dict[tuple[Reading, int], Any] = {}
-    for effect, hook in dynamics.hooks:
-        if isinstance(hook, Sensing):
-            key, name = (hook.reading, hook.joint), hook.reading.value.format(hook.joint + 1)
-            reaching = read.get(key, x[name])
-            names = dynamics.bound(effect, hook, hook.function)
-            with owned(effect.key):
-                read[key] = hook.function(*(reaching if n == name else x[n] for n in names))
+    for a in dynamics.scene.attached.of(Sensing):
+        key, name = (a.hook.reading, a.hook.joint), a.hook.reading.value.format(a.hook.joint + 1)
+        reaching, function = read.get(key, x[name]), a.functions["function"]
+        read[key] = function.on(reaching if n == name else x[n] for n in function.names)
     return read
 
 

@@ -24,7 +24,7 @@ def known_numbers(dynamics: Dynamics, lane: Lane, held: bool) -> dict[str, Any]:
     """Inputs of the equations beside the state: efforts, parameters, and the stops at which sliders rest."""
     stops = [b.active for b in dynamics.holding] if held else []
     sides = [b.side for b in dynamics.laws]
-    names = [*dynamics.commands, *dynamics.numbers, *dynamics.remembered, *stops, *sides]
+    names = [*dynamics.commands, *dynamics.numbers, *dynamics.effect_states.updated, *stops, *sides]
     return dict(zip(names, lane.get(names), strict=True))
 
 
@@ -99,7 +99,7 @@ def lane_step(dynamics: Dynamics, lane: Lane, h: Any) -> Step:
             x = dynamics.quantities(values[:width], given)
         results = dynamics.accelerations(x)
         results += [watched_acceleration(dynamics, b, x) for b in dynamics.boundaries]
-        results += kink_values(dynamics, x)
+        results += kink_values(dynamics.scene.attached, dynamics.kinks, x)
         return [*results, *(values[count + k] for k in sliders)]
 
     kinks, sliders = levels_of(dynamics.kinks), watched_sliders(dynamics)
@@ -107,8 +107,8 @@ def lane_step(dynamics: Dynamics, lane: Lane, h: Any) -> Step:
     right_hand_side: Any = derivatives
     if dynamics.method.stages > MOST_INLINED:
         right_hand_side = Subroutine(
-            derivatives, count, count + len(dynamics.others) + more, (*dynamics.states, *numbers),
-            [count + k for k, name in enumerate(dynamics.others) if name == "work"],
+            derivatives, count, width - count + more, (*dynamics.states, *numbers),
+            [k - count for k, name in enumerate(dynamics.states) if name == "work"],
         )  # fmt: skip
     inputs = list(numbers.values())
     states = lane.get(dynamics.states)
@@ -148,11 +148,6 @@ def step_error(dynamics: Dynamics, lane: Lane, step: Step) -> Any:
     )
 
 
-def integrated_states(dynamics: Dynamics) -> list[int]:
-    """States of effects that steps integrate, as indices in ``Step.others``."""
-    return [k for k, name in enumerate(dynamics.others) if name != "work"]
-
-
 def others_error(dynamics: Dynamics, lane: Lane, step: Step, h: Any) -> Any:
     """Estimated tip error from errors of effects' states, m. No other estimate contains an error that does
     not act yet. Each error is related to the size of its state, now or at the end of the interval at the pace
@@ -165,8 +160,8 @@ def others_error(dynamics: Dynamics, lane: Lane, step: Step, h: Any) -> Any:
         )
     ]
     shares = []
-    for k in integrated_states(dynamics):
-        before, after = lane[dynamics.others[k]], step.others[k]
+    for k, name in enumerate(dynamics.effect_states.integrated):
+        before, after = lane[name], step.others[k]
         errors = (step.error6, step.h6), (step.error5, step.h5), (step.error3, step.h3)
         sizes = [abs(error[2 * n + k]) * factor for error, factor in errors]
         pace = abs(after - before) * (lane.interval / h)

@@ -217,9 +217,7 @@ class BatchSimulator(Copied):
         present = self._memory.read(self.scene.robot.coordinates, lanes)
         parameters.check_stops(self.scene, self._memory, lanes, present, given)
         parameters.write(self.scene, self._memory, lanes, given)
-        stops = {
-            e.key for e in self.scene.effects for h in e.hooks(self.scene.robot) if isinstance(h, Impact)
-        }
+        stops = self.scene.attached.keys_of(Impact)
         if any(name.startswith(f"{key}.") for key in stops for name in values):
             self._memory.forget(lanes)  # a stop that holds a slider may be gone
 

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 from redundant_envs.batch.advance import advance_kernel
 from redundant_envs.batch.blocks import Blocks
+from redundant_envs.effects.attached import identifier
 from redundant_envs.effects.hooks import Field, Inertia
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.memory import LOG
-from redundant_envs.loaded_arm import identifier
 from redundant_envs.scene import Scene, check_scene
 from redundant_envs.tracing.flow import LaneFunction, Program
 from redundant_envs.tracing.graph import Operation, located, reached
@@ -20,7 +20,8 @@ from redundant_envs.tracing.listing import lines
 
 PACKAGE = Path(__file__).parents[1]
 PARTS = {
-    "robots": "arm", "numerics": "integrator", "events": "integrator", "lane": "interval", "batch": "interval",
+    "robots": "arm", "numerics": "integrator", "events": "integrator", "lane": "interval",
+    "batch": "interval",
 }  # fmt: skip
 """Folders of the package, and the owner to which the operations written there are attributed."""
 COUNTED = {"+": "additions", "-": "additions", "*": "products", "/": "divisions", "sqrt": "roots"}
@@ -71,13 +72,12 @@ def bill(scene: Scene, track_work: bool = False) -> dict[str, Operations]:
     check_scene(scene)
     counts, blocks = _counts(scene, track_work)
     rest = scene
-    for effect in scene.effects:
-        if any(isinstance(hook, Field | Inertia) for hook in effect.hooks(scene.robot)):
-            rest = dataclasses.replace(rest, effects=tuple(e for e in rest.effects if e.key != effect.key))
-            without, _ = _counts(rest, track_work)
-            more = counts["arm"] - without["arm"]  # with an inertia the arm's own elimination is not used
-            counts.setdefault(effect.key, Counter()).update(more)
-            counts["arm"] -= more
+    for key in dict.fromkeys(a.key for a in scene.attached.of(Field, Inertia)):
+        rest = dataclasses.replace(rest, effects=tuple(e for e in rest.effects if e.key != key))
+        without, _ = _counts(rest, track_work)
+        more = counts["arm"] - without["arm"]  # with an inertia the arm's own elimination is not used
+        counts.setdefault(key, Counter()).update(more)
+        counts["arm"] -= more
     for name, field in blocks.layout.fields.items():
         if field.lifetime is not LOG:
             counts.setdefault(_owner_of_field(scene, name), Counter())["bytes"] += BYTES
@@ -132,12 +132,9 @@ def _part(file: str) -> str:
 
 
 def _owner_of_field(scene: Scene, name: str) -> str:
-    for effect in scene.effects:
-        if name in {identifier(f"{effect.key}.{k}") for k in effect.parameters()}:
-            return effect.key
     arm = scene.robot
     for effect in scene.effects:
-        if name in {identifier(f"{effect.key}.{k}") for k in effect.states(arm)}:
+        if name in {identifier(f"{effect.key}.{k}") for k in (*effect.parameters(), *effect.states(arm))}:
             return effect.key
     of_arm = (*arm.coordinates, *arm.rates, *arm.parameter_values())
     return "arm" if name in of_arm else "interval"

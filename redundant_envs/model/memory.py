@@ -47,7 +47,7 @@ class Memory:
         }
         scene = dynamics.scene
         steps = {"h": scene.control_dt / scene.substeps, "interval": scene.control_dt}
-        initial = {name: state.initial for name, state in dynamics.effect_states.items()}
+        initial = dict(dynamics.effect_states.initial)
         for stop in dynamics.holding:  # at 0, or at the stop that is nearest
             low, high = dynamics.parameters[stop.lower], dynamics.parameters[stop.upper]
             initial[dynamics.arm.coordinates[stop.joint]] = min(max(0.0, low), high)
@@ -137,8 +137,8 @@ class Memory:
     def begin(self, index: NDArray[Any]) -> None:
         """Begin a new motion in some lanes: their fields beside positions and velocities are reset."""
         self.forget(index)
-        for name, state in self.dynamics.effect_states.items():
-            self.write((name,), state.initial, index)
+        for name, initial in self.dynamics.effect_states.initial.items():
+            self.write((name,), initial, index)
         if "work" in self:
             self.write(("work",), 0.0, index)
 

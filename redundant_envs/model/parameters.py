@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from redundant_envs.effects.attached import identifier
 from redundant_envs.effects.hook_numbers import check_numbers
-from redundant_envs.effects.hooks import Impact
-from redundant_envs.loaded_arm import carried_masses, check_inertias, identifier
+from redundant_envs.loaded_arm import carried_masses, check_inertias
 from redundant_envs.model.memory import Memory
-from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import LARGEST, LARGEST_RATIO, SMALLEST
 from redundant_envs.scene import Scene
 from redundant_envs.tasks.base import Task
+from redundant_envs.tasks.limits import hard_stops
 from redundant_envs.values import shown
 
 Table = dict[str, NDArray[np.float64]]
@@ -145,11 +145,11 @@ def _check_fitting(scene: Scene, values: Table, changed: Iterable[str]) -> None:
     changed = list(changed)
     for effect in scene.effects:
         if any(p.startswith(f"{effect.key}.") for p in changed):
-            _check_effect(scene.robot, effect, values)
-    for mass, loads in carried_masses(scene.robot, scene.effects).items():
+            _check_effect(scene, effect, values)
+    for mass, loads in carried_masses(scene.attached).items():
         total = sum((values[name] for name in loads), values[mass])
         _check_positive(f"{mass} with {', '.join(loads)}", total[:, None])
-    check_inertias(scene.robot, scene.effects, values)
+    check_inertias(scene.robot, scene.attached, values)
 
 
 def check_stops(
@@ -159,22 +159,18 @@ def check_stops(
 
     ``values`` are all parameters of the lanes, or None for the present ones.
     """
-    for effect in scene.effects:
-        for hook in effect.hooks(scene.robot):
-            if not isinstance(hook, Impact):
-                continue
-            names = [f"{effect.key}{end}" for end in (hook.lower, hook.upper)]
-            ends = memory.read(tuple(identifier(n) for n in names), lanes).T
-            if values is not None:
-                ends = np.array([values[n] for n in names])
-            x = q[:, hook.joint]
-            outside = (x < ends[0]) | (x > ends[1])
-            if outside.any():
-                lane = int(np.flatnonzero(outside)[0])
-                raise ValueError(
-                    f"{scene.robot.joints[hook.joint]} is {x[lane]:.6g} m; its stops are at "
-                    f"{ends[0][lane]:.6g} and {ends[1][lane]:.6g} m: put it between them"
-                )
+    for joint, *names in hard_stops(scene):
+        ends = memory.read(tuple(identifier(n) for n in names), lanes).T
+        if values is not None:
+            ends = np.array([values[n] for n in names])
+        x = q[:, joint]
+        outside = (x < ends[0]) | (x > ends[1])
+        if outside.any():
+            lane = int(np.flatnonzero(outside)[0])
+            raise ValueError(
+                f"{scene.robot.joints[joint]} is {x[lane]:.6g} m; its stops are at "
+                f"{ends[0][lane]:.6g} and {ends[1][lane]:.6g} m: put it between them"
+            )
 
 
 def _check_positive(name: str, columns: NDArray[np.float64]) -> None:
@@ -192,7 +188,7 @@ def _check_positive(name: str, columns: NDArray[np.float64]) -> None:
         raise ValueError(f"{name} spans a ratio of {ratio:.1e}; at most {LARGEST_RATIO:.0e} is supported")
 
 
-def _check_effect(arm: Arm, effect: Any, values: Table) -> None:
+def _check_effect(scene: Scene, effect: Any, values: Table) -> None:
     """Build the effect with each lane's numbers, so that its own checks apply."""
     names = [p for p in values if p.startswith(f"{effect.key}.")]
     for row in np.unique(np.stack([values[p] for p in names], axis=1), axis=0):
@@ -204,7 +200,8 @@ def _check_effect(arm: Arm, effect: Any, values: Table) -> None:
                 fields[f.name] = tuple(parts) if isinstance(getattr(effect, f.name), tuple) else parts[0]
         made = dataclasses.replace(effect, **fields)
         _check_kept(f"{effect.key}.", made, numbers)
-        check_numbers(effect.key, made, arm, made.hooks(arm))
+        hooks = [a.hook for a in scene.attached if a.key == effect.key]
+        check_numbers(effect.key, made, scene.robot, hooks)
 
 
 def _check_task(task: Task, values: Table) -> None:

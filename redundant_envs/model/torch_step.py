@@ -71,11 +71,12 @@ def torch_step(scene: Scene) -> Step:
             effects = dict(zip(of_effects, _checked("z", z, len(of_effects)).unbind(-1), strict=True))
         elif z is not None:
             raise ValueError("z is given, and no effect of the scene has a state; leave it out")
-        states = [*tensors[0].unbind(-1), *tensors[1].unbind(-1), *(effects[n] for n in dynamics.others)]
+        states = [*tensors[0].unbind(-1), *tensors[1].unbind(-1)]
+        states += [effects[n] for n in dynamics.effect_states.integrated]
         fields = {
             **fields_of(dynamics, _named(dynamics, parameters or {})),
             **dict(zip(dynamics.commands, tensors[2].unbind(-1), strict=True)),
-            **{n: effects[n] for n in dynamics.remembered},
+            **{n: effects[n] for n in dynamics.effect_states.updated},
         }
         steps = number(float(scene.substeps))
         if scene.tolerance is not None:

@@ -155,7 +155,7 @@ def simulate(
 def motor_efforts(batch: BatchSimulator, command: Array) -> Array:
     """Efforts of the motors under commands, (num_envs, joints) both, in the present states."""
     dynamics = batch.simulator.dynamics
-    if not any(dynamics.chains):
+    if not any(batch.scene.attached.chains.values()):
         return command
     states = dict(zip(dynamics.effect_states, batch.z.T, strict=True))
     numbers = {**fields_of(dynamics), **states, **dict(zip(dynamics.commands, command.T, strict=True))}

@@ -9,6 +9,7 @@ from typing import Any
 
 from redundant_envs import dialect
 from redundant_envs.algebra import arguments_of, gives_of
+from redundant_envs.effects.attached import identifier
 from redundant_envs.effects.captured import (
     Described,
     Owner,
@@ -17,7 +18,6 @@ from redundant_envs.effects.captured import (
     function_described,
     of_the_arm,
 )
-from redundant_envs.loaded_arm import identifier
 from redundant_envs.quantities import check_names, givers_of
 from redundant_envs.scene import Scene
 from redundant_envs.tasks.base import Task

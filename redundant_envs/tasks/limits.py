@@ -16,10 +16,11 @@ Limit = tuple[int, str, str]
 
 def spring_limits(scene: Scene) -> list[Limit]:
     """Limits that a joint may pass against a force: those of springs."""
+    hard = scene.attached.keys_of(Impact)
     return [
         (joint, f"{effect.key}.{low}", f"{effect.key}.{high}")
         for effect in scene.effects
-        if not any(isinstance(hook, Impact) for hook in effect.hooks(scene.robot))
+        if effect.key not in hard
         for joint, (low, high) in effect.travel(scene.robot).items()
     ]
 
@@ -27,10 +28,8 @@ def spring_limits(scene: Scene) -> list[Limit]:
 def hard_stops(scene: Scene) -> list[Limit]:
     """Limits that no joint can pass; one of them is infinite where there is no stop."""
     return [
-        (hook.joint, f"{effect.key}{hook.lower}", f"{effect.key}{hook.upper}")
-        for effect in scene.effects
-        for hook in effect.hooks(scene.robot)
-        if isinstance(hook, Impact)
+        (a.hook.joint, a.parameter(a.hook.lower), a.parameter(a.hook.upper))
+        for a in scene.attached.of(Impact)
     ]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from contextvars import ContextVar
 from typing import Any, NoReturn
 
@@ -258,3 +258,18 @@ algebra.register_numbers(
     ),
     Number, Condition,
 )  # fmt: skip
+
+
+class Loads(dict[str, Number]):
+    """Numbers that are loaded by their names: those that were asked for, of some or of any names."""
+
+    def __init__(self, names: Collection[str] | None = None) -> None:
+        super().__init__()
+        self.graph, self.names = Graph(), names
+
+    def __contains__(self, name: object) -> bool:
+        return self.names is None or name in self.names
+
+    def __missing__(self, name: str) -> Number:
+        self[name] = Number(self.graph, self.graph.load("quantity", name))  # type: ignore[arg-type]
+        return self[name]

@@ -170,10 +170,8 @@ def momentum(trial: Trial) -> Finding:
     change = ratio(elsewhere.M - e.M, e.scale[:, :, None] * e.scale[:, None, :])
     if not change.max() <= RIGID:
         raise NotApplicable("the first joint moves the masses against each other")
-    kept = tuple(
-        x for x in trial.scene.effects
-        if all(isinstance(h, PointMass | Inertia) for h in x.hooks(trial.scene.robot))
-    )  # fmt: skip
+    others = {a.key for a in trial.scene.attached if not isinstance(a.hook, PointMass | Inertia)}
+    kept = tuple(x for x in trial.scene.effects if x.key not in others)
     scene = Scene(trial.scene.robot, kept, control_dt=trial.calm_scene.control_dt)
     forces = np.where(np.arange(q.shape[1]) == 0, 0.0, efforts)
     end = crossed(scene, q, qd, forces)

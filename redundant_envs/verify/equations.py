@@ -100,11 +100,9 @@ def added_inertia(trial: Trial) -> Array:
     """Inertias that effects add to the mass matrix beside masses, (joints, joints)."""
     arm = trial.scene.robot
     total = np.zeros((len(arm.joints),) * 2)
-    for effect in trial.scene.effects:
-        for hook in effect.hooks(arm):
-            if isinstance(hook, Inertia):
-                direction = arm.motor_map[:, list(hook.joints)].sum(axis=1)
-                total += effect.parameters()[hook.inertia[1:]] * np.outer(direction, direction)
+    for a in trial.scene.attached.of(Inertia):
+        direction = arm.motor_map[:, list(a.hook.joints)].sum(axis=1)
+        total += a.number(a.hook.inertia) * np.outer(direction, direction)
     return total
 
 

@@ -73,7 +73,7 @@ def direct(trial: Trial, lanes: Array, convert: Callable[[Array], Any]) -> Array
     q, qd, efforts = (x[lanes] for x in trial.states)
     names = (*dynamics.states[: 2 * q.shape[1]], *dynamics.commands)
     columns = np.concatenate([q, qd, efforts], axis=1).T
-    fields = fields_of(dynamics) | {n: s.initial for n, s in dynamics.effect_states.items()}
+    fields = fields_of(dynamics) | dynamics.effect_states.initial
     fields |= {n: convert(x) for n, x in zip(names, columns, strict=True)}
     lane = cross_interval(Interval(dynamics), fields)
     states = dynamics.states[: 2 * q.shape[1]]

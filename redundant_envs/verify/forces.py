@@ -3,13 +3,14 @@ meet."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from redundant_envs.algebra import numbered
+from redundant_envs.effects.attached import Attached
 from redundant_envs.effects.hooks import Effect, Field, Force
-from redundant_envs.model.energy import at_joints, hook_value, potential_energy
+from redundant_envs.model.energy import at_joints, potential_energy, scene_quantities
 from redundant_envs.scene import Scene
 from redundant_envs.verify.checks import (
     ENOUGH_SMOOTH,
@@ -17,12 +18,12 @@ from redundant_envs.verify.checks import (
     Array,
     Finding,
     Mode,
-    NotApplicable,
     Trial,
     at_most,
     check,
     ratio,
 )
+from redundant_envs.verify.hints import worst_of
 from redundant_envs.verify.states import BEYOND
 
 STEP = 1e-5
@@ -44,15 +45,11 @@ SMALL_FORCE = 1e-6
 def potentials(trial: Trial) -> Finding:
     """Every effect's conservative force is minus the slope of its potential, also beyond the travel, and over
     several turns."""
-
-    def has_one(effect: Effect) -> bool:
-        hooks = effect.hooks(trial.scene.robot)
-        return any(isinstance(h, Field) or (isinstance(h, Force) and h.conservative) for h in hooks)
-
-    found = [_potential(trial, effect, trial.poses[0]) for effect in trial.scene.effects if has_one(effect)]
-    if not found:
-        raise NotApplicable("no effect has a potential")
-    return max(found, key=lambda f: f.found if f.found == f.found else np.inf)
+    booked = {
+        a.key for a in trial.scene.attached if isinstance(a.hook, Field) or "conservative" in a.functions
+    }
+    found = [_potential(trial, x, trial.poses[0]) for x in trial.scene.effects if x.key in booked]
+    return worst_of(found, "no effect has a potential")
 
 
 def _potential(trial: Trial, effect: Effect, q: Array) -> Finding:
@@ -75,7 +72,7 @@ def _potential(trial: Trial, effect: Effect, q: Array) -> Finding:
         near, far = difference(1), difference(2)
         slope[:, k] = -(4.0 * near - far) / 3.0
         rough[:, k] = np.abs(near - far)
-    force = conservative_force(alone, effect, q)
+    force = conservative_force(alone, q)
     largest = np.maximum(np.abs(force), np.abs(slope)).max(axis=1)
     scale = np.maximum(largest, SMALL_FORCE * largest.max())[:, None]
     noise = ROUNDING * here[:, None] / step
@@ -100,20 +97,16 @@ def _potential(trial: Trial, effect: Effect, q: Array) -> Finding:
     return Finding(most, f"{where}, {effect.key}", words)
 
 
-def conservative_force(scene: Scene, effect: Effect, q: Array) -> Array:
-    """The forces at the joints that an effect books as potential energy, (n, joints), N m or N."""
-    arm: Any = scene.robot
-    values = {**arm.parameter_values(), "ax": 0.0, "ay": 0.0}
-    values |= {name: q[:, k] for k, name in enumerate(arm.coordinates)}
-    force = np.zeros_like(q)
-    for hook in effect.hooks(arm):
-        if isinstance(hook, Force) and hook.conservative is not None:
-            force += at_joints(arm, effect, hook, hook.conservative, values)
-        elif isinstance(hook, Field):
-            ax, ay = hook_value(arm, effect, hook, hook.function, values)
-            weight = arm.evaluate(numbered("G{}", len(arm.joints)), {**values, "ax": ax, "ay": ay})
-            columns = np.stack([np.broadcast_to(g, len(q)) for g in weight], axis=1)
-            force -= columns @ np.linalg.inv(arm.motor_map).T
+def conservative_force(scene: Scene, q: Array) -> Array:
+    """The forces at the joints that effects book as potential energy, (n, joints), N m or N."""
+    x, force = scene_quantities(scene, q), np.zeros_like(q)
+    for a in scene.attached.of(Force):
+        if "conservative" in a.functions:
+            force += at_joints(scene, a, "conservative", x)
+    if scene.attached.of(Field):
+        weight = x.each(numbered("G{}", q.shape[1]))
+        columns = np.stack([np.broadcast_to(g, len(q)) for g in weight], axis=1)
+        force -= columns @ np.linalg.inv(scene.robot.motor_map).T
     return force
 
 
@@ -128,34 +121,27 @@ def forces_at_switches(trial: Trial) -> Finding:
     """Both laws of a force with a ``switch`` are equal where they meet, at random rates, with the initial
     values of its states."""
     found = [
-        _jump(trial, effect, hook, limit, side)
-        for effect in trial.scene.effects
-        for hook in effect.hooks(trial.scene.robot)
-        if isinstance(hook, Force) and hook.switch is not None
-        for limit, side in zip(hook.switch, (-1.0, 1.0), strict=True)
+        _jump(trial, a, limit, side)
+        for a in trial.scene.attached.of(Force)
+        for limit, side in zip(a.hook.switch or (), (-1.0, 1.0), strict=False)
     ]
-    if not found:
-        raise NotApplicable("no force changes its law at a position")
-    return max(found, key=lambda f: f.found if f.found == f.found else np.inf)
+    return worst_of(found, "no force changes its law at a position")
 
 
-def _jump(trial: Trial, effect: Effect, hook: Force, limit: str, side: float) -> Finding:
-    arm: Any = trial.scene.robot
+def _jump(trial: Trial, a: Attached[Force], limit: str, side: float) -> Finding:
+    arm, hook, joint = trial.scene.robot, a.hook, cast(int, a.hook.joint)
     q, qd, _ = trial.states
-    own, joints = effect.parameters(), q @ arm.motor_map
-    lower, upper = (own[name[1:]] for name in hook.switch or ())
+    joints = q @ arm.motor_map
+    lower, upper = map(a.number, hook.switch or ())
     width = upper - lower if np.isfinite(upper - lower) else 1.0
-    if not np.isfinite(own[limit[1:]]):
+    if not np.isfinite(a.number(limit)):
         return Finding(0.0)
 
     def force(beyond: Array | float, side: float) -> Array:
-        joints[:, hook.joint] = own[limit[1:]] + beyond
-        at = joints @ np.linalg.inv(arm.motor_map)
-        values = {**arm.parameter_values(), "ax": 0.0, "ay": 0.0}
-        for names, numbers in ((arm.coordinates, at), (arm.rates, qd)):
-            values |= {name: numbers[:, k] for k, name in enumerate(names)}
-        told = hook_value(arm, effect, hook, hook.function, values, side)
-        return np.broadcast_to(np.asarray(told, np.float64), len(q))
+        joints[:, joint] = a.number(limit) + beyond
+        x = scene_quantities(trial.scene, joints @ np.linalg.inv(arm.motor_map), qd)
+        x[a.side] = side
+        return np.broadcast_to(np.asarray(a.functions["function"](x), np.float64), len(q))
 
     inside, outside = force(0.0, 0.0), force(0.0, side)
     share = np.linspace(0.0, BEYOND, len(q))
@@ -165,8 +151,8 @@ def _jump(trial: Trial, effect: Effect, hook: Force, limit: str, side: float) ->
     most, where = trial.worst(ratio(np.maximum(np.abs(inside - outside) - rounding, 0.0), nearby.max()))
     state = int(np.argmax(np.abs(inside - outside)))
     words = (
-        f"{effect.key}: at {hook.switch}, {limit} = {own[limit[1:]]:g} of {arm.joints[hook.joint]}, the "
+        f"{a.key}: at {hook.switch}, {limit} = {a.number(limit):g} of {arm.joints[joint]}, the "
         f"force is {inside[state]:.6g} by the law between and {outside[state]:.6g} by the law beyond; they "
         "must be equal, since a motion cannot be located where its force jumps to and fro"
     )
-    return Finding(most, f"{where}, {effect.key}", words)
+    return Finding(most, f"{where}, {a.key}", words)

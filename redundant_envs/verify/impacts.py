@@ -56,13 +56,10 @@ class Struck(NamedTuple):
 
 def stops(trial: Trial) -> list[tuple[int, float, float, float]]:
     """For every slider with stops: joint, lower and upper end, restitution."""
-    found, arm = [], trial.scene.robot
-    for effect in trial.scene.effects:
-        for hook in effect.hooks(arm):
-            if isinstance(hook, Impact):
-                own = effect.parameters()
-                numbers = (own[name[1:]] for name in (hook.lower, hook.upper, hook.restitution))
-                found.append((hook.joint, *numbers))
+    found = [
+        (a.hook.joint, *map(a.number, (a.hook.lower, a.hook.upper, a.hook.restitution)))
+        for a in trial.scene.attached.of(Impact)
+    ]
     if not found:
         raise NotApplicable("the scene has no hard stops")
     if not any(np.isfinite(x[1:3]).any() for x in found):

@@ -127,11 +127,10 @@ def angular_momentum(trial: Trial) -> Finding:
     parts = np.array(arm.masses)[:, None] * np.moveaxis(parts, 0, -1)
     expected, size = parts.sum(axis=(1, 2)), np.abs(parts).sum(axis=(1, 2))
     rates, first = qd @ arm.motor_map, next((k for k, s in enumerate(arm.prismatic) if not s), None)
-    for effect in trial.scene.effects:
-        for hook in effect.hooks(trial.scene.robot):
-            if isinstance(hook, Inertia) and first in hook.joints:
-                share = effect.parameters()[hook.inertia[1:]] * rates[:, list(hook.joints)].sum(axis=1)
-                expected, size = expected + share, size + np.abs(share)
+    for a in trial.scene.attached.of(Inertia):
+        if first in a.hook.joints:
+            share = a.number(a.hook.inertia) * rates[:, list(a.hook.joints)].sum(axis=1)
+            expected, size = expected + share, size + np.abs(share)
     gaps = ratio(arm.angular_momentum(q, qd) - expected, size)
     return found(trial, gaps, "Lz contradicts the point masses")
 

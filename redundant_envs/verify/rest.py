@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from redundant_envs.algebra import gives_of, numbered
-from redundant_envs.effects.hooks import Actuation, Force, Hook, Sensing, State
+from redundant_envs.effects.attached import Functions
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots.checks import OF_LANES, OWN_NAMES
@@ -44,25 +44,17 @@ def numbers_at_rest(trial: Trial) -> Finding:
 def _values(dynamics: Dynamics, motion: Motion) -> Iterator[tuple[str, Any]]:
     """The checked quantities, by names that a reader knows."""
     arm, x = dynamics.arm, motion.values()
-    for effect, hook in dynamics.hooks:
-        for part in (hook, *getattr(hook, "states", ())):
-            for field in _functions(part):
-                function = getattr(part, field)
-                found = dynamics.apply(effect, part, function, x) if function is not None else ()
-                for value in found if isinstance(found, tuple) else (found,):
-                    yield f"{field} of {effect.key}", value
-    names = [*numbered("qdd{}", len(arm.joints)), *(f"the change of {n}" for n in dynamics.others)]
+    for a in dynamics.scene.attached:
+        parts: list[Functions] = [a.functions, *a.states.values()]
+        for field, function in (named for part in parts for named in part.items()):
+            found = function(x) if field != "kink" else ()
+            for value in found if isinstance(found, tuple) else (found,):
+                yield f"{field} of {a.key}", value
+    others = (f"the change of {name}" for name in dynamics.states[2 * dynamics.count :])
+    names = [*numbered("qdd{}", len(arm.joints)), *others]
     yield from zip(names, dynamics.accelerations(motion.values()), strict=True)
     x.update({f"t{k + 1}": 0.0 for k in range(len(arm.joints))})
     given = {name for f in (*arm.functions, arm.column_norms) for name in gives_of(f)}
     all_of_them = Quantities(x, (*dynamics.functions, arm.column_norms), arm.sincos)
     for name in sorted(n for n in given if OWN_NAMES.fullmatch(n) or n in OF_LANES):
         yield name, all_of_them[name]
-
-
-def _functions(part: Hook | State) -> tuple[str, ...]:
-    if isinstance(part, Force):
-        return "function", "potential", "conservative", "stiffness", "damping"
-    if isinstance(part, State):
-        return "derivative", "update", "rate"
-    return ("function",) if isinstance(part, Actuation | Sensing) else ()

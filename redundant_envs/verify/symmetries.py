@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from redundant_envs.effects import Gravity
-from redundant_envs.effects.hooks import Effect, Field, Force, Inertia, PointMass
+from redundant_envs.effects.hooks import Field, Force, Hook, Inertia, PointMass
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.scene import LONGEST_INTERVAL, SHORTEST_INTERVAL, Scene
 from redundant_envs.verify.checks import (
@@ -27,13 +27,10 @@ BACK = at_most(1e-9, "rad or reaches")
 times the error of that."""
 
 
-def conserves(effect: Effect, scene: Scene) -> bool:
-    """Whether an effect is the same in a reversed motion."""
-    return all(
-        isinstance(h, Field | PointMass | Inertia)
-        or (isinstance(h, Force) and h.conservative is h.function and not h.states)
-        for h in effect.hooks(scene.robot)
-    )
+def conserves(h: Hook) -> bool:
+    """Whether a hook is the same in a reversed motion."""
+    of_force = isinstance(h, Force) and h.conservative is h.function and not h.states
+    return of_force or isinstance(h, Field | PointMass | Inertia)
 
 
 @check("time reversal", BACK)
@@ -43,7 +40,8 @@ def time_reversal(trial: Trial) -> Finding:
     Only effects of the scene that conserve energy and depend on the position alone are included.
     """
     q, qd, efforts = trial.states
-    kept = tuple(x for x in trial.scene.effects if conserves(x, trial.scene))
+    others = {a.key for a in trial.scene.attached if not conserves(a.hook)}
+    kept = tuple(x for x in trial.scene.effects if x.key not in others)
     seconds = trial.calm_scene.control_dt
     scene = Scene(trial.scene.robot, kept, "dop853", seconds, actuation=trial.scene.actuation)
     batch = BatchSimulator(scene, len(q))

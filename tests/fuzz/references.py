@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import redundant_envs as rde
-from redundant_envs.effects.hooks import Field, Force
+from redundant_envs.effects.hooks import Force
 from redundant_envs.model import parameters
-from redundant_envs.model.energy import hook_value
+from redundant_envs.model.energy import scene_quantities
 from redundant_envs.scene import Scene
 from redundant_envs.verify.judging import agree
 
@@ -61,34 +61,15 @@ def tips(scene: Scene, lanes: Lanes) -> Array:
     return np.stack(quantities(scene, lanes, ["tip_x", "tip_y"]), axis=1)
 
 
-class OwnNumbers:
-    """An effect whose numbers are those of lanes."""
-
-    def __init__(self, key: str, values: dict[str, Array]) -> None:
-        self.values = {k[len(key) + 1 :]: v for k, v in values.items() if k.startswith(f"{key}.")}
-
-    def parameters(self) -> dict[str, Any]:
-        return self.values
-
-
 def energies(scene: Scene, lanes: Lanes) -> tuple[Array, Array]:
     """Kinetic and potential energy of each lane, J."""
-    arm = scene.loaded_robot
-    own = lane_parameters(scene, lanes)
-    values: dict[str, Any] = {**arm.parameter_values(), **{k: v for k, v in own.items() if "." not in k}}
-    values |= {"ax": 0.0, "ay": 0.0}
-    values |= {name: lanes.q[:, k] for k, name in enumerate(arm.coordinates)}
-    springs: Any = np.zeros(len(lanes.q))
-    field = {}
     with np.errstate(all="ignore"):
-        for effect in scene.effects:
-            of_lanes: Any = OwnNumbers(effect.key, own)
-            for hook in effect.hooks(arm):
-                if isinstance(hook, Field):
-                    field["ax"], field["ay"] = hook_value(arm, of_lanes, hook, hook.function, values)
-                elif isinstance(hook, Force) and hook.potential is not None:
-                    springs = springs + hook_value(arm, of_lanes, hook, hook.potential, values)
-        kinetic, potential = quantities(scene, lanes, ["T", "U"], field)
+        x = scene_quantities(scene, lanes.q, parameters=lane_parameters(scene, lanes))
+        springs: Any = np.zeros(len(lanes.q))
+        for a in scene.attached:
+            if "potential" in a.functions:
+                springs = springs + a.functions["potential"](x)
+        kinetic, potential = quantities(scene, lanes, ["T", "U"], {"ax": x["ax"], "ay": x["ay"]})
         return kinetic, potential + springs
 
 
@@ -121,7 +102,7 @@ def judged(scene: Scene, step: Step, lanes: NDArray[np.intp]) -> Judgement:
     """Results of the references for an interval of some lanes, whose states are finite."""
     left, done = np.arange(len(lanes)), np.zeros(len(lanes), np.bool_)
     pairs: list[list[Array]] = []
-    kinked = any(isinstance(h, Force) and h.switch for e in scene.effects for h in e.hooks(scene.robot))
+    kinked = any(a.law for a in scene.attached.of(Force))
     for steps in FINE_ACROSS_KINKS if kinked else FINE:
         if not len(left):
             break

@@ -1,0 +1,198 @@
+"""The hooks of a scene's effects, bound once: every function with the names of the quantities that it takes.
+
+Names are those of a lane: quantities of the arm, and numbers and states of effects under the names of their
+fields.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Generic, TypeVar
+
+from redundant_envs.algebra import arguments_of, numbered
+from redundant_envs.effects import REGISTRY
+from redundant_envs.effects.hooks import SIDE, Actuation, Effect, Force, Hook, State, snake_case, states_of
+from redundant_envs.quantities import Quantities
+from redundant_envs.robots.arm import Arm
+from redundant_envs.tracing.graph import owned
+
+OWN_KEYS = frozenset(
+    snake_case(name) for name, kind in REGISTRY.items() if kind.__module__.startswith("redundant_envs.")
+)
+"""First parts of the parameter names of this package's effects; none is like a name of a field."""
+Kind = TypeVar("Kind", covariant=True)
+
+
+def identifier(parameter: str) -> str:
+    """A parameter name as the name of a field of a lane: "gravity.down[0]" -> gravity_down_0.
+
+    Effects of users get two underscores, "my_spring.k" -> my_spring__k, which no generated name has.
+    """
+    dot = "_" if parameter.partition(".")[0] in OWN_KEYS else "__"
+    return parameter.replace(".", dot).replace("[", dot).replace("]", "")
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A function of the effect ``key``, and the names of the quantities that it takes, in order."""
+
+    function: Callable[..., Any]
+    names: tuple[str, ...]
+    key: str
+
+    def __call__(self, x: Quantities) -> Any:
+        """Evaluate it on quantities."""
+        return self.on(x.each(self.names))
+
+    def on(self, arguments: Iterable[Any]) -> Any:
+        """Evaluate it on the values of its arguments."""
+        with owned(self.key):
+            return self.function(*arguments)
+
+
+Functions = Mapping[str, Bound]
+"""The functions that a hook or a state has, by their fields, such as "damping"."""
+
+
+@dataclass(frozen=True, eq=False)
+class Attached(Generic[Kind]):
+    """A hook of an effect.
+
+    Attributes
+    ----------
+    effect : Effect
+    hook : of one of the kinds of :data:`Hook`
+    functions : Functions
+    states : field of each of its states -> functions of the state
+    law : name of the boundary at which a force changes its law; "" without one
+    """
+
+    effect: Effect
+    hook: Kind
+    functions: Functions
+    states: Mapping[str, Functions]
+    law: str
+
+    @property
+    def key(self) -> str:
+        """Key of its effect."""
+        return self.effect.key
+
+    @property
+    def side(self) -> str:
+        """The field with the law of a force that holds; see :attr:`Boundary.side`."""
+        return f"side_{self.law}"
+
+    def parameter(self, own: str) -> str:
+        """Name of a parameter of its effect, which the hook names ".lower"."""
+        return f"{self.key}{own}"
+
+    def field(self, own: str) -> str:
+        """The field of such a parameter."""
+        return identifier(self.parameter(own))
+
+    def number(self, own: str) -> float:
+        """Nominal value of such a parameter."""
+        return self.effect.parameters()[own[1:]]
+
+    def changes(self, what: str, x: Quantities) -> dict[str, Any]:
+        """Results of the functions of its states that are the "derivative" or the "update", by field."""
+        return {field: own[what](x) for field, own in self.states.items() if what in own}
+
+
+class EffectStates(dict[str, State]):
+    """The states of a scene's effects by their fields, in the order of :meth:`Scene.states`."""
+
+    @cached_property
+    def initial(self) -> dict[str, float]:
+        """Values at the start of a motion."""
+        return {name: state.initial for name, state in self.items()}
+
+    @cached_property
+    def integrated(self) -> tuple[str, ...]:
+        """Those that steps integrate."""
+        return tuple(name for name, state in self.items() if state.derivative is not None)
+
+    @cached_property
+    def updated(self) -> tuple[str, ...]:
+        """Those that are constant within an interval, and updated at its end."""
+        return tuple(name for name, state in self.items() if state.update is not None)
+
+
+class Attachments(tuple[Attached[Hook], ...]):
+    """All hooks of a scene, in the order of its effects."""
+
+    commands: tuple[str, ...]
+    """Fields of the commanded efforts."""
+
+    @classmethod
+    def to(cls, arm: Arm, effects: Sequence[Effect]) -> Attachments:
+        """The hooks of effects on an arm."""
+        found: list[Attached[Hook]] = []
+        laws = 0
+        for effect in effects:
+            for hook in effect.hooks(arm):
+                changes = getattr(hook, "switch", None) is not None
+                laws += changes
+                found.append(_attached(effect, hook, f"switch{laws}" if changes else ""))
+        made = cls(found)
+        made.commands = tuple(numbered("command{}", len(arm.joints)))
+        return made
+
+    def of(self, *kinds: type[Kind]) -> tuple[Attached[Kind], ...]:
+        """Hooks of some kinds."""
+        every: tuple[Attached[Any], ...] = self
+        return tuple(a for a in every if isinstance(a.hook, kinds))
+
+    def keys_of(self, *kinds: type) -> set[str]:
+        """Keys of the effects with hooks of some kinds."""
+        return {a.key for a in self if isinstance(a.hook, kinds)}
+
+    @cached_property
+    def states(self) -> EffectStates:
+        """States of the effects."""
+        pairs = (zip(a.states, states_of(a.hook), strict=True) for a in self)
+        return EffectStates(itertools.chain.from_iterable(pairs))
+
+    @cached_property
+    def chains(self) -> dict[str, list[Attached[Actuation]]]:
+        """For the command of each motor the links between it and the effort, in order."""
+        links = sorted(self.of(Actuation), key=lambda link: link.hook.link)
+        return {c: [a for a in links if a.hook.joint == k] for k, c in enumerate(self.commands)}
+
+    def along(self, x: Quantities, only: Iterable[Any] | None = None) -> Iterator[Attached[Any]]:
+        """Forces, then the links of motors; while a link is evaluated, its command in ``x`` is the input of
+        the link. With ``only``, motors without one of these links are left out."""
+        yield from self.of(Force)
+        for command, chain in self.chains.items():
+            if only is not None and not any(link in only for link in chain):
+                continue
+            given = x[command]
+            for link in chain:
+                yield link
+                x[command] = link.functions["function"](x)
+            x[command] = given
+
+
+def _attached(effect: Effect, hook: Any, law: str) -> Attached[Any]:
+    key = effect.key
+
+    def name_of(source: str) -> str:
+        if source == SIDE and law:
+            return f"side_{law}"
+        return identifier(f"{key}{source}") if source.startswith(".") else source
+
+    def bound(part: Any) -> Functions:
+        values = {f.name: getattr(part, f.name) for f in dataclasses.fields(part)}
+        return {
+            field: Bound(f, tuple(name_of(part.bind.get(a, a)) for a in arguments_of(f)), key)
+            for field, f in values.items()
+            if callable(f)
+        }
+
+    states = {name_of(f".{s.name}"): bound(s) for s in states_of(hook)}
+    return Attached(effect, hook, bound(hook), states, law)
