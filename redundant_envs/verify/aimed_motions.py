@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.verify.aimed_scenes import AIMED, AT, FALL, NEAR, Aimed
+from redundant_envs.verify.aimed_scenes import AIMED, AT, FALL, NEAR, PLAY, Aimed
 
 Array = NDArray[Any]
 LOG2_OF_10 = 3.3219280948873626
@@ -72,7 +72,8 @@ def starts(aimed: Aimed, rng: np.random.Generator) -> tuple[Array, Array]:
     ):
         q[kinds == kind] = np.where(turns & (kind == "in step"), 0.0, sides + 0.0 * q)[kinds == kind]
         qd[kinds == kind] = np.where(turns, 0.0, speeds + 0.0 * qd)[kinds == kind]
-    q[kinds == "at zero"] = 0.0
+    q[kinds == "at a kink"] = 0.0
+    q[kinds == "at a kink", -1] = PLAY.play
     qd[kinds == "round", 0] = np.ldexp(1.0, rng.integers(4, 9, n))[kinds == "round"]
     qd[kinds == "round", 1:] *= 0.1
     _send_past(aimed, rng, kinds, q, qd)

@@ -97,6 +97,11 @@ WEIGHTLESS: dict[str, Any] = {
 FALLING = GRAVITY, stops(PAIR)
 THROWN: dict[str, Any] = {"kinds": ("thrown",), "efforts": -8.0, "intervals": 4}
 SWITCHES = springs("r1", "r2", "joint2", damping=300.0)
+LONG: dict[str, Any] = {
+    "kinds": ("near stops", "slow, near stops", "anywhere"),
+    "lanes": 1536,
+    "intervals": 10,
+}
 BUZZ = {"lower": -1e-6, "upper": 1e-6, "stiffness": 1e11, "damping": 0.0}
 NARROW = e.PrismaticStop((-0.003, -0.002), (0.002, 0.004), 0.5)
 LAG, PLAY = Lag(0.01), Play(0.02, 3.0)
@@ -137,6 +142,15 @@ AIMED: dict[str, Aimed] = {
         work=True,
         **WEIGHTLESS | {"kinds": ("creeping", "slow, near stops")},
     ),
+    "events: euler, 2 sliders, 3 substeps, long steps, log": Aimed(
+        fixed(RPRP, GRAVITY, stops(RPRP), integrator="euler", control_dt=0.1, substeps=3), work=True, **LONG
+    ),
+    "events: rk4, 2 sliders, generalized, lag, long steps": Aimed(
+        fixed(TWO, stops(TWO), LAG, PLAY, integrator="rk4", control_dt=0.1, actuation="generalized"), **LONG
+    ),
+    "events: rk8, 2 sliders, turns near stops, long steps": Aimed(
+        fixed(RPRP, GRAVITY, stops(RPRP), LAG, control_dt=0.1), **LONG
+    ),
     # Doubling under a tolerance.
     "events: 1e-6, 1 slider, log": Aimed(doubling(ONE, GRAVITY, stops(ONE)), work=True),
     "events: 1e-6, 2 sliders, log": Aimed(doubling(RPRP, GRAVITY, stops(RPRP)), work=True),
@@ -156,7 +170,7 @@ AIMED: dict[str, Aimed] = {
         intervals=12,
     ),
     "events: 1e-6, no boundaries, lag, kinks": Aimed(
-        doubling(RPRP, GRAVITY, LAG, PLAY), speeds=3.0, kinds=(*KINDS, "at zero")
+        doubling(RPRP, GRAVITY, LAG, PLAY), speeds=3.0, kinds=(*KINDS, "at a kink")
     ),
     "events: 1e-6, 2 sliders, turns near stops": Aimed(
         doubling(RPRP, GRAVITY, stops(RPRP), LAG, control_dt=0.05), kinds=NEAR[:3]
