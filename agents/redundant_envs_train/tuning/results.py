@@ -15,7 +15,7 @@ from redundant_envs.tables import markdown, write_rows
 from .. import command, pages
 from ..config import Config
 from ..run_folder import write_text
-from .search import Space, with_parameters
+from .search import Space, with_parameters, words
 
 with needs("tune"):
     import optuna
@@ -132,7 +132,7 @@ def page(study: optuna.Study, config: Config, space: Space, folder: Path) -> str
         "tune", config=config, counts=counts, complete=len(best),
         judge=command("train", folder / "best.yaml", "--seeds", "1..5"),
         best=markdown(("trial", "hold success", "mean return", *space), rows),
-        searched=", ".join(f"{key} {searched}" for key, searched in space.items()),
+        searched=", ".join(f"{key} {words(searched)}" for key, searched in space.items()),
         shares=shares and markdown(("setting", "share"), shares),
     )  # fmt: skip
 
