@@ -12,7 +12,6 @@ from redundant_envs.envs.clips import check_clip
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import MissingPackage
 from redundant_envs.figures import bare, new_figure, save_figure
-from redundant_envs.tables import markdown
 
 from . import command
 from .clips import clip
@@ -22,21 +21,12 @@ from .evaluate import evaluate, summary, write_evaluation
 from .evidence.curves import draw_curves
 from .evidence.runs import group, read_run
 from .own_scene import difference, own_config
+from .pages import measures, page
 from .policies import load_policy
 from .rollout import EVALUATION_SEED, policy_act
 from .run_folder import EPISODES, is_exported, read_evaluation, read_table
 
 CLIP_EPISODES = 4
-MEASURES = (
-    ("hold success", "hold_success", 100.0, 1, " %"),
-    ("touch success", "touch_success", 100.0, 1, " %"),
-    ("median final distance", "median_distance", 1000.0, 2, " mm"),
-    ("median time to hold", "time_to_hold", 1.0, 2, " s"),
-    ("effort", "effort", 1.0, 4, ""),
-    ("smoothness", "smoothness", 1.0, 4, ""),
-    ("mean return", "mean_return", 1.0, 1, ""),
-)
-"""Lines of the table: name, key, factor, digits, unit."""
 
 
 def plots(folder: Path, config: Config, result: dict[str, Any], evaluated: Path, out: Path) -> list[Path]:
@@ -105,48 +95,10 @@ def report(folder: Path, out: Path | None = None, overwrite: bool = False, trust
     pictures = plots(folder, config, result, evaluated, out)
     clip(clips, config.env, policy_act(policy), CLIP_EPISODES, EVALUATION_SEED, **config.env_kwargs)
     target = out / "report.md"
-    target.write_text(page(folder, config, result, clips, pictures), encoding="utf-8")
+    text = page(
+        "report", folder=folder, config=config, result=result, clips=clips, pictures=pictures,
+        summary=summary(result), scene=difference(folder), again=command("train", folder / "config.yaml"),
+        measures=measures(result, f"{result['episodes']} frozen goals", config.label),
+    )  # fmt: skip
+    target.write_text(text, encoding="utf-8")
     return target
-
-
-def page(
-    folder: Path, config: Config, result: dict[str, Any], clips: list[Path], pictures: list[Path]
-) -> str:
-    """The text of report.md."""
-    learner = config.label
-    rows = [
-        (name, *(number(result.get(f"{who}{key}"), scale, digits, unit) for who in ("", "expert_")))
-        for name, key, scale, digits, unit in MEASURES
-    ]
-    origin = [f"{name} {version}" for name, version in result["versions"].items()]
-    speed, steps, seconds = "", result["env_steps"], result["train_seconds"]
-    if steps is not None and seconds:
-        speed = (
-            f"{steps / 1e6:.2f} million environment steps in {seconds:.0f} s of training, without "
-            f"evaluations: {steps / seconds:,.0f} per second. "
-        )
-    same = "to the same bits with this machine and these versions"
-    if config.max_seconds is not None:
-        same = f"for {config.max_seconds:g} s, which are never the same number of steps"
-    scene = difference(folder)
-    lines = [
-        f"# {learner} on {config.env}, seed {config.seed}", "", summary(result), "",
-        "![clip](clip.gif)", "", *(f"[{c.name}]({c.name})\n" for c in clips[1:]),
-        *(f"![{p.stem}](plots/{p.name})" for p in pictures), "",
-        markdown((f"{result['episodes']} frozen goals", learner, "computed torque"), rows), "",
-        *([f"Simulated in the run's own scene: {scene}.", ""] if scene else []),
-        "Time to hold is the median over the goals that were held; effort is the mean square of the "
-        "normalized motor efforts, smoothness their mean change from one control step to the next: less is "
-        "better.", "",
-        f"{speed}Evaluated on {result['date']}. Machine: {result['machine']}. {', '.join(origin)}.", "",
-        f"In `{folder}`: `config.yaml` is what was run, `scene.yaml` what was simulated, `policy.zip` the "
-        "policy at the end, which stable-baselines3 loads, `selection.csv` the learning curve (on goals of "
-        "its own), `monitor.csv` every training episode, `episodes.csv` the evaluation.", "",
-        f"Again, {same}: `{command('train', folder / 'config.yaml')}`", "",
-    ]  # fmt: skip
-    return "\n".join(lines)
-
-
-def number(value: float | None, scale: float, digits: int, unit: str) -> str:
-    """A rounded number with its unit."""
-    return "-" if value is None else f"{scale * value:.{digits}f}{unit}"

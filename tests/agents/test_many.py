@@ -16,6 +16,7 @@ from redundant_envs_train.new_folder import CHECKPOINT
 from redundant_envs_train.training import many
 from redundant_envs_train.training.amount import seeds_of
 from redundant_envs_train.training.many import FILES, finish, is_finished
+from redundant_envs_train.training.pool import follow
 from redundant_envs_train.training.train import train
 
 SMALL = [
@@ -123,10 +124,12 @@ def test_a_run_whose_process_was_killed_is_named():
     news = queue.Queue()
     news.put(("seed0", 1.0, "holds 99.0 %", False))
     news.put(("seed1", 0.3, "", False))
-    news.put(("seed2", 1.0, "failed: no room", True))
-    assert many._follow(["seed0", "seed1", "seed2"], [Ended()], news) == [
-        "seed2: failed: no room", "seed1: its process ended (-9)",
-    ]  # fmt: skip
+    news.put(("seed2", 1.0, "no room", True))
+    names = ["seed0", "seed1", "seed2"]
+    with pytest.raises(
+        ValueError, match=r"^2 of 3 runs .*: seed2: no room; seed1: its process ended \(-9\)$"
+    ):
+        follow(names, lambda stop: many._reports(names, [Ended()], news, stop))
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="the system has no affinity of cores")

@@ -1,6 +1,7 @@
 """Exported policies act like the trained ones, and their card describes them."""
 
 import base64
+import copy
 import dataclasses
 import json
 import os
@@ -27,7 +28,7 @@ from redundant_envs_train.rollout import EVALUATION_SEED, policy_act, run_episod
 from redundant_envs_train.run_folder import read_config
 from redundant_envs_train.shipping import onnx_file
 from redundant_envs_train.shipping.export import export, name_of
-from redundant_envs_train.shipping.layers import Layers, activated, exact_actions, layers_of
+from redundant_envs_train.shipping.layers import Layers, activated, exact_actions, layers_of, modules_of
 
 SHIPPED = [
     pytest.param(
@@ -114,7 +115,7 @@ def test_layers_are_those_of_the_policy(algo, activation, tmp_path):
     np.testing.assert_allclose(layers(seen), exact, rtol=0, atol=1e-12)
     layers.save(tmp_path / "policy.npz")
     np.testing.assert_array_equal(Layers.load(tmp_path / "policy.npz")(seen), layers(seen))
-    onnx_file.write(layers, tmp_path / "policy.onnx", {"env": config.env})
+    onnx_file.write(model.policy, layers.inputs, tmp_path / "policy.onnx", {"env": config.env})
     by_onnx = onnx_file.actions_of(tmp_path / "policy.onnx", layers.inputs)(seen)
     np.testing.assert_allclose(by_onnx, exact, rtol=0, atol=1e-7)
     assert next(model.policy.parameters()).dtype == torch.float32
@@ -152,9 +153,14 @@ def test_a_file_that_acts_otherwise_is_refused_and_leaves_nothing(run, file, val
         first, *rest = layers.biases
         return dataclasses.replace(layers, biases=(first + value, *rest))
 
+    def wrong_policy(policy):
+        policy = copy.deepcopy(policy)
+        modules_of(policy)[0].bias.data += value
+        return policy
+
     if file == "policy.onnx":
         write = onnx_file.write
-        monkeypatch.setattr(onnx_file, "write", lambda layers, *more: write(wrong(layers), *more))
+        monkeypatch.setattr(onnx_file, "write", lambda policy, *more: write(wrong_policy(policy), *more))
     else:
         save = Layers.save
         monkeypatch.setattr(Layers, "save", lambda self, path: save(wrong(self), path))
@@ -275,7 +281,7 @@ def test_a_goal_policy_has_an_input_for_each_part(tmp_path):
     assert list(layers.inputs) == ["achieved_goal", "desired_goal", "observation"]
     seen = observations(env)
     exact = exact_actions(model.policy, layers.inputs, seen)
-    onnx_file.write(layers, tmp_path / "policy.onnx", {})
+    onnx_file.write(model.policy, layers.inputs, tmp_path / "policy.onnx", {})
     by_onnx = onnx_file.actions_of(tmp_path / "policy.onnx", layers.inputs)(seen)
     np.testing.assert_allclose(by_onnx, exact, rtol=0, atol=1e-6)
 

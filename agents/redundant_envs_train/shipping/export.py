@@ -113,7 +113,7 @@ def _write(
         (folder / name).write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
     layers.save(folder / "policy.npz")
     about = {name: str(evaluation[name]) for name in ("env", "algo", "seed", "hold_success", "date")}
-    onnx_file.write(layers, folder / "policy.onnx", about)
+    onnx_file.write(policy, layers.inputs, folder / "policy.onnx", about)
     saved = learner.load(folder / "policy.zip", device="cpu")
     acting = {
         "policy.onnx": onnx_file.actions_of(folder / "policy.onnx", layers.inputs),

@@ -7,6 +7,7 @@ precision every library agrees far below 1e-6.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,7 +25,7 @@ with needs("train"):
     import torch
     from sb3_contrib.common.torch_layers import BatchRenorm1d
     from stable_baselines3.common.policies import ActorCriticPolicy
-    from torch import nn
+    from torch import Tensor, nn
 
 HIDDEN = {activation.module: name for name, activation in ACTIVATIONS.items()}
 
@@ -154,17 +155,23 @@ def _inputs(space: spaces.Space[Any]) -> dict[str, int]:
     return {"observation": spaces.flatdim(space)}
 
 
+class Exact(nn.Module):
+    """A policy's own modules in double precision: from the parts of observations to deterministic actions."""
+
+    def __init__(self, policy: Any, dtype: torch.dtype = torch.float64) -> None:
+        super().__init__()
+        self.layers, self.dtype = copy.deepcopy(modules_of(policy)).double().eval(), dtype
+
+    def forward(self, *parts: Tensor) -> Tensor:
+        """Actions, (n, actions)."""
+        actions: Tensor = self.layers(torch.cat(parts, 1).double()).clamp(-1.0, 1.0).to(self.dtype)
+        return actions
+
+
+@torch.no_grad()
 def exact_actions(policy: Any, inputs: Mapping[str, int], observations: Any) -> NDArray[np.float64]:
     """Actions of a policy's own modules in double precision, (n, actions)."""
-    modules = modules_of(policy)
-    training = modules.training
-    with torch.no_grad():
-        x = torch.from_numpy(joined(inputs, observations))
-        try:
-            found = modules.double().eval()(x).clamp(-1.0, 1.0).numpy()
-        finally:
-            modules.float().train(training)
-    actions: NDArray[np.float64] = found
+    actions: NDArray[np.float64] = Exact(policy)(torch.from_numpy(joined(inputs, observations))).numpy()
     return actions
 
 

@@ -3,30 +3,27 @@
 from __future__ import annotations
 
 import multiprocessing
-import os
 import queue
 import shutil
-import signal
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from redundant_envs.extras import needs
-from redundant_envs.modules import IMPORTED, import_named
+from redundant_envs.modules import IMPORTED
 
 from ..config import Config
 from ..new_folder import check_out, find_checkpoint
 from ..own_scene import difference
 from ..run_folder import read_config, read_evaluation, read_facts
 from ..start import with_start
-from .amount import cores, count_of
-from .interrupt import Stopped, stop_request
+from .amount import count_of
+from .interrupt import Request
+from .pool import POLL, News, follow, places, settle
 
 with needs("train"):
     from rich.progress import Progress
 
-POLL = 0.2
-"""s"""
 FILES = ("evaluation.json", "episodes.csv", "report.md")
 """Files of a run that is finished, evaluated and reported."""
 
@@ -51,10 +48,8 @@ def train_many(configs: Mapping[str, Config], folder: Path, processes: int | Non
         were finished).
     """
     check_out(folder)
-    own = cores()
     count = min(count_of(processes), len(configs))
     configs = {name: with_start(config) for name, config in configs.items()}
-    alone = all(config.torch_threads == 1 for config in configs.values())
     for name, config in configs.items():
         check_same(config, folder / name)
     context = multiprocessing.get_context("spawn")
@@ -62,21 +57,13 @@ def train_many(configs: Mapping[str, Config], folder: Path, processes: int | Non
     for name, config in configs.items():
         jobs.put((name, config.to_dict(), str(folder / name)))
     workers = []
-    for k in range(count):
-        core = own[k] if alone and count <= len(own) else None
+    for core in places(count, all(config.torch_threads == 1 for config in configs.values())):
         worker = context.Process(target=_work, args=(jobs, news, core, tuple(IMPORTED)), daemon=True)
         worker.start()
         workers.append(worker)
         jobs.put(None)
-    check_all_finished(_follow(list(configs), workers, news), len(configs))
-
-
-def check_all_finished(failures: Sequence[str], count: int) -> None:
-    """ValueError with the failures, a text for each, among ``count`` runs."""
-    if failures:
-        raise ValueError(
-            f"{len(failures)} of {count} runs failed; the same command goes on: {'; '.join(failures)}"
-        )
+    names = list(configs)
+    follow(names, lambda stop: _reports(names, workers, news, stop))
 
 
 def check_same(config: Config, folder: Path) -> None:
@@ -91,47 +78,37 @@ def check_same(config: Config, folder: Path) -> None:
         )
 
 
-def _follow(names: Sequence[str], workers: list[Any], news: Any) -> list[str]:
-    """Show the progress of the workers until they end."""
-    from redundant_envs.progress import progress_bars
-
-    failures: list[str] = []
-    with progress_bars() as bars, stop_request() as stop:
-        tasks = {name: bars.add_task(name, total=1.0, note="waits", start=False) for name in names}
-        told, over = False, set()
-        while any(worker.is_alive() for worker in workers) or not news.empty():
-            if stop.made and not told:  # each saves a checkpoint and ends
-                told = True
-                for worker in workers:
-                    worker.terminate()
-            try:
-                name, share, note, failed = news.get(timeout=POLL)
-            except queue.Empty:
+def _reports(names: Sequence[str], workers: Sequence[Any], news: Any, stop: Request) -> Iterator[News]:
+    """Reports of the processes; runs whose processes ended without one have failed."""
+    left, told = list(names), False
+    while left:
+        if stop.made and not told:
+            told = True
+            for worker in workers:
+                worker.terminate()
+        alive = any(worker.is_alive() for worker in workers)
+        try:
+            report: News = news.get(timeout=POLL)
+        except queue.Empty:
+            if alive:
                 continue
-            if failed:
-                failures.append(f"{name}: {note}")
-            if share == 1.0:
-                over.add(name)
-            bars.start_task(tasks[name])
-            bars.update(tasks[name], completed=share, note=note)
-    if not stop.made:
-        lost = [str(w.exitcode) for w in workers if w.exitcode]
-        missing = [name for name in names if name not in over]
-        failures += [f"{name}: its process ended ({', '.join(lost) or 'early'})" for name in missing]
-    if stop.made:
-        raise Stopped("stopped; the same command with the same --out goes on")
-    return failures
+            codes = ", ".join(str(worker.exitcode) for worker in workers if worker.exitcode)
+            yield from ((name, 1.0, f"its process ended ({codes or 'early'})", True) for name in left)
+            return
+        if report[1] == 1.0:
+            left.remove(report[0])
+        yield report
 
 
 class Teller(Progress):
     """Progress that is sent to another process instead of being shown.
 
-    ``news`` takes (name, share done, note, whether the run failed) by its method ``put``.
+    ``tell`` takes the reports.
     """
 
-    def __init__(self, news: Any, name: str) -> None:
+    def __init__(self, tell: Callable[[News], Any], name: str) -> None:
         super().__init__(disable=True)
-        self.news, self.name = news, name
+        self.tell, self.name = tell, name
 
     def update(self, task_id: Any, **changes: Any) -> None:
         """Send the share done and the note; without a reader the training ends."""
@@ -140,28 +117,23 @@ class Teller(Progress):
             raise KeyboardInterrupt
         total = self._tasks[task_id].total or 1.0
         if "completed" in changes:
-            self.news.put((self.name, 0.99 * changes["completed"] / total, changes.get("note", ""), False))
+            self.tell((self.name, 0.99 * changes["completed"] / total, changes.get("note", ""), False))
 
 
 def _work(jobs: Any, news: Any, core: int | None, modules: tuple[str, ...] = ()) -> None:
     """Finish jobs until none is left."""
-    for module in modules:
-        import_named(module)
+    settle(core, modules)
     from ..config import checked
 
-    # Ctrl-C of a terminal reaches all processes: only the first one reacts, and sends SIGTERM to the others.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if core is not None:
-        os.sched_setaffinity(0, {core})
     while (job := jobs.get()) is not None:
         name, data, place = job
         try:
-            finish(checked(Config, data), Path(place), Teller(news, name))
+            finish(checked(Config, data), Path(place), Teller(news.put, name))
             news.put((name, 1.0, result_of(Path(place)), False))
         except KeyboardInterrupt:
             return
         except Exception as error:
-            news.put((name, 1.0, f"failed: {error}", True))
+            news.put((name, 1.0, str(error), True))
 
 
 def result_of(folder: Path) -> str:

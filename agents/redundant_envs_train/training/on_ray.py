@@ -25,8 +25,9 @@ from redundant_envs.values import shown
 from ..config import Config, checked
 from ..new_folder import check_new, check_out
 from .amount import count_of
-from .interrupt import Stopped, stop_request
-from .many import POLL, Teller, check_all_finished, check_same, finish, is_finished, result_of
+from .interrupt import Request
+from .many import Teller, check_same, finish, is_finished, result_of
+from .pool import POLL, News, follow
 
 # Ray reads it when it starts: nothing about this machine or its user is sent to anyone.
 os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
@@ -107,8 +108,7 @@ def train_on_ray(
                     f"torch_threads is {config.torch_threads}; the largest machine of the cluster has {most} "
                     "CPUs, give at most so many"
                 )
-        failures = _follow(configs, folder)
-    check_all_finished(failures, len(configs))
+        follow(list(configs), lambda stop: _reports(configs, folder, stop))
 
 
 @contextlib.contextmanager
@@ -141,64 +141,41 @@ def _check_listening(place: str) -> None:
         socket.create_connection((host.strip("[]"), int(port)), timeout=CONNECTING).close()
 
 
-def _follow(configs: Mapping[str, Config], folder: Path) -> list[str]:
-    """Submit unfinished runs, show their progress, and write the returned folders; returns failures."""
-    from redundant_envs.progress import progress_bars
-
-    failures: list[str] = []
-    with progress_bars() as bars, stop_request() as stop:
-        lines = {name: bars.add_task(name, total=1.0, note="waits", start=False) for name in configs}
-        board: Any = ray.remote(num_cpus=0, max_restarts=-1)(Board).remote()
-        running: dict[Any, str] = {}
-
-        def show(name: str, share: float, note: str) -> None:
-            bars.start_task(lines[name])
-            bars.update(lines[name], completed=share, note=note)
-
-        def over(name: str, note: str, failed: bool) -> None:
-            if failed:
-                failures.append(f"{name}: {note}")
-            show(name, 1.0, f"failed: {note}" if failed else note)
-
-        for name, config in configs.items():
-            place = folder / name
+def _reports(configs: Mapping[str, Config], folder: Path, stop: Request) -> Iterator[News]:
+    """Submit unfinished runs as tasks, report on them, and write the returned folders."""
+    board: Any = ray.remote(num_cpus=0, max_restarts=-1)(Board).remote()
+    running: dict[Any, str] = {}
+    for name, config in configs.items():
+        place = folder / name
+        try:
+            restore(place)
+            if is_finished(place):
+                yield name, 1.0, result_of(place), False
+                continue
+            if not (place / "config.yaml").is_file():
+                check_new(place)
+            submit = train_one.options(num_cpus=config.torch_threads).remote
+            own = pack(place) if place.is_dir() else {}
+            running[submit(name, config.to_dict(), own, str(place), __version__, board)] = name
+        except (ValueError, OSError) as error:
+            yield name, 1.0, _short(error), True
+    told = False
+    while running:
+        if stop.made and not told:  # each saves a checkpoint, ends, and returns its files
+            told = True
+            for task in running:
+                ray.cancel(task)
+        for task in ray.wait(list(running), timeout=POLL)[0]:
+            name = running.pop(task)
             try:
-                restore(place)
-                if is_finished(place):
-                    over(name, result_of(place), failed=False)
-                    continue
-                if not (place / "config.yaml").is_file():
-                    check_new(place)
-                submit = train_one.options(num_cpus=config.torch_threads).remote
-                own = pack(place) if place.is_dir() else {}
-                running[submit(name, config.to_dict(), own, str(place), __version__, board)] = name
-            except (ValueError, OSError) as error:
-                over(name, _short(error), failed=True)
-        told = False
-        while running:
-            if stop.made and not told:  # each saves a checkpoint, ends, and returns its files
-                told = True
-                for task in running:
-                    ray.cancel(task)
-            ready, _ = ray.wait(list(running), timeout=POLL)
-            for task in ready:
-                name = running.pop(task)
-                try:
-                    outcome = ray.get(task)
-                    if outcome.files:
-                        receive(outcome.files, folder / name)
-                    if not stop.made:
-                        over(name, outcome.note, outcome.failed)
-                except Exception as error:  # an error of the machine, the cluster or this disk
-                    if not stop.made:
-                        over(name, _short(error), failed=True)
-            with contextlib.suppress(ray.exceptions.RayError):  # bars are lost with a machine, not results
-                for name, share, note, _ in ray.get(board.read.remote()):
-                    if name in running.values():
-                        show(name, share, note)
-    if stop.made:
-        raise Stopped("stopped; the same command with the same --out goes on")
-    return failures
+                outcome = ray.get(task)
+                if outcome.files:
+                    receive(outcome.files, folder / name)
+                yield name, 1.0, outcome.note, outcome.failed
+            except Exception as error:  # an error of the machine, the cluster or this disk
+                yield name, 1.0, _short(error), True
+        with contextlib.suppress(ray.exceptions.RayError):  # bars are lost with a machine, not results
+            yield from (item for item in ray.get(board.read.remote()) if item[0] in running.values())
 
 
 def _short(error: BaseException) -> str:
@@ -233,16 +210,6 @@ class Board:
         return news
 
 
-class _Sender:
-    """The interface of a queue for a board; no call waits for an answer."""
-
-    def __init__(self, board: Any) -> None:
-        self.board = board
-
-    def put(self, item: Any) -> None:
-        self.board.put.remote(item)
-
-
 @ray.remote(max_retries=RETRIES, scheduling_strategy="SPREAD")
 def train_one(name: str, data: dict[str, Any], files: Files, where: str, version: str, board: Any) -> Outcome:
     """Finish one run on the machine of this task.
@@ -274,7 +241,7 @@ def train_one(name: str, data: dict[str, Any], files: Files, where: str, version
         try:
             if files:
                 unpack(files, place)
-            finish(checked(Config, data), place, Teller(_Sender(board), name))
+            finish(checked(Config, data), place, Teller(board.put.remote, name))
             page = place / "report.md"
             text = page.read_text(encoding="utf-8").replace(str(place), where)
             page.write_text(text, encoding="utf-8")

@@ -12,10 +12,10 @@ import yaml
 from redundant_envs.extras import needs
 from redundant_envs.tables import markdown, write_rows
 
-from .. import command
+from .. import command, pages
 from ..config import Config
 from ..run_folder import write_text
-from .search import Space, with_parameters
+from .search import Space, with_parameters, words
 
 with needs("tune"):
     import optuna
@@ -120,33 +120,21 @@ def page(study: optuna.Study, config: Config, space: Space, folder: Path) -> str
     best = complete(study)
     states = [state_of(trial) for trial in study.get_trials(deepcopy=False)]
     counts = ", ".join(f"{states.count(state)} {state}" for state in STATES if state in states)
-    keys = list(space)
     rows = [
         (
-            trial.number,
-            f"{100 * (trial.value or 0.0):.1f} %",
-            f"{return_of(trial):.1f}",
-            *(_number(trial.params[key]) for key in keys),
+            trial.number, f"{100 * (trial.value or 0.0):.1f} %", f"{return_of(trial):.1f}",
+            *(_number(trial.params[key]) for key in space),
         )
         for trial in best[:SHOWN]
-    ]
-    lines = [
-        f"# Tuning of {config.label} on {config.env}", "",
-        f"Trials: {counts}. Hold success is that of the last point of the learning curve, on "
-        f"{config.curve_episodes} selection goals; the return breaks ties. The search has seen these goals, "
-        "and the best of many is lucky too: judge `best.yaml` by other seeds and the goals of the "
-        "evaluation, with "
-        f"`{command('train', folder / 'best.yaml', '--seeds', '1..5')}`.", "",
-        markdown(("trial", "hold success", "mean return", *keys), rows), "",
-        f"Searched: {', '.join(f'{key} {searched}' for key, searched in space.items())}.", "",
     ]  # fmt: skip
-    shares = importance(study)
-    if shares:
-        lines += [
-            f"Importance for hold success (PED-ANOVA, {len(best)} complete trials):", "",
-            markdown(("setting", "share"), ((k, f"{100 * share:.0f} %") for k, share in shares.items())), "",
-        ]  # fmt: skip
-    return "\n".join(lines)
+    shares = [(key, f"{100 * share:.0f} %") for key, share in importance(study).items()]
+    return pages.page(
+        "tune", config=config, counts=counts, complete=len(best),
+        judge=command("train", folder / "best.yaml", "--seeds", "1..5"),
+        best=markdown(("trial", "hold success", "mean return", *space), rows),
+        searched=", ".join(f"{key} {words(searched)}" for key, searched in space.items()),
+        shares=shares and markdown(("setting", "share"), shares),
+    )  # fmt: skip
 
 
 def importance(study: optuna.Study) -> dict[str, float]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from redundant_envs.extras import needs
@@ -51,69 +50,15 @@ NUMBER = r"[-+]?(?:\d+(?:\.\d+)?|\.\d+)(?:[eE][-+]?\d+)?"
 MOST_CHOICES = 100
 
 
-@dataclass(frozen=True)
-class Range:
-    """Numbers from ``low`` to ``high``, both included."""
-
-    low: float
-    high: float
-    whole: bool
-
-    @property
-    def log(self) -> bool:
-        """Whether the range is searched on a logarithmic scale."""
-        return self.low > 0.0 and self.high / self.low >= LOGARITHMIC
-
-    def distribution(self) -> BaseDistribution:
-        """The range as a distribution of Optuna."""
-        if self.whole:
-            return IntDistribution(int(self.low), int(self.high), log=self.log)
-        return FloatDistribution(self.low, self.high, log=self.log)
-
-    def value(self, parameter: Any) -> Any:
-        """The setting for a parameter of a trial."""
-        return parameter
-
-    def ends(self) -> tuple[Any, ...]:
-        """Parameters at both ends."""
-        return (int(self.low), int(self.high)) if self.whole else (self.low, self.high)
-
-    def parameter(self, value: Any) -> Any:
-        """The parameter of a trial for a setting; None if the range does not contain it."""
-        return value if isinstance(value, int | float) and self.low <= value <= self.high else None
-
-    def __str__(self) -> str:
-        return f"{self.low!r}..{self.high!r}"
+Space = dict[str, Any]
+"""By dotted key, such as ``sac.gamma``, Optuna's distribution: a range, or a choice of the texts of values."""
 
 
-@dataclass(frozen=True)
-class Choice:
-    """Some values of a setting, by their texts."""
-
-    values: Mapping[str, Any]
-
-    def distribution(self) -> BaseDistribution:
-        """The choice as a distribution of Optuna."""
-        return CategoricalDistribution(tuple(self.values))
-
-    def value(self, parameter: Any) -> Any:
-        """The setting for a parameter of a trial."""
-        return self.values[parameter]
-
-    def ends(self) -> tuple[Any, ...]:
-        """All parameters."""
-        return tuple(self.values)
-
-    def parameter(self, value: Any) -> Any:
-        """The parameter of a trial for a setting; None if the choice does not contain it."""
-        return next((text for text, own in self.values.items() if own == value), None)
-
-    def __str__(self) -> str:
-        return "|".join(self.values)
-
-
-Space = dict[str, Range | Choice]
-"""Range or choice by dotted key, such as ``sac.gamma``."""
+def words(searched: Any) -> str:
+    """A range or choice as a user writes it."""
+    if isinstance(searched, CategoricalDistribution):
+        return "|".join(map(str, searched.choices))
+    return f"{searched.low!r}..{searched.high!r}"
 
 
 def space_of(config: Config, searches: Sequence[str] = (), overrides: Sequence[str] = ()) -> Space:
@@ -157,46 +102,50 @@ def space_of(config: Config, searches: Sequence[str] = (), overrides: Sequence[s
     return space
 
 
-def _check_some_value(config: Config, key: str, searched: Range | Choice) -> None:
-    """ValueError if no value of a key is compatible with the configuration."""
+def _check_some_value(config: Config, key: str, searched: Any) -> None:
+    """ValueError if no choice, or no end of a range, is compatible with the configuration."""
     refused = ""
-    for parameter in searched.ends():
+    choice = isinstance(searched, CategoricalDistribution)
+    for parameter in searched.choices if choice else (searched.low, searched.high):
         try:
             with_parameters(config, {key: searched}, {key: parameter})
         except ValueError as error:
             refused = str(error)
         else:
             return
-    raise ValueError(f"no value of {key} {searched} goes together with the configuration: {refused}")
+    raise ValueError(f"no value of {key} {words(searched)} goes together with the configuration: {refused}")
 
 
-def _one(config: Config, key: str, text: str) -> Range | Choice:
+def _allowed(config: Config, key: str, value: Any) -> Any:
+    """A value, or a text of one, as the setting of the learner; ValueError if it is not allowed."""
+    if isinstance(value, str):
+        value = text_value(value, f"the value {shown(value)}")
+    name = key.partition(".")[2]
+    return getattr(checked(type(config.settings), {name: value}, f"{config.algo}."), name)
+
+
+def _one(config: Config, key: str, text: str) -> BaseDistribution:
     """The range or choice that a text describes."""
-    kind = type(config.settings)
-    valid = {f"{config.algo}.{name}": name for name in kind.model_fields}
-    if key not in valid:
-        raise ValueError(f"search key {shown(key)} is unknown; valid: {', '.join(valid)}")
-    name = valid[key]
-
-    def allowed(value: Any) -> Any:
-        return getattr(checked(kind, {name: value}, f"{config.algo}."), name)
-
+    fields = {f"{config.algo}.{name}": field for name, field in type(config.settings).model_fields.items()}
+    if key not in fields:
+        raise ValueError(f"search key {shown(key)} is unknown; valid: {', '.join(fields)}")
     ends = re.fullmatch(rf"({NUMBER})\s*\.\.\s*({NUMBER})", text)
     if ends:
-        low, high = (allowed(float(end)) for end in ends.groups())
+        low, high = (_allowed(config, key, float(end)) for end in ends.groups())
         if not low < high:
             raise ValueError(f"search of {key} is {shown(text)}; write the lower number first")
-        return Range(low, high, whole=kind.model_fields[name].annotation is int)
+        kind = IntDistribution if fields[key].annotation is int else FloatDistribution
+        return kind(low, high, log=low > 0.0 and high / low >= LOGARITHMIC)
     texts = [part.strip() for part in text.split("|")]
     if not 2 <= len(texts) <= MOST_CHOICES:
         raise ValueError(
             f"search of {key} is {shown(text)}; write low..high, or 2 to {MOST_CHOICES} values as a|b|c"
         )
-    values = [allowed(text_value(part, f"the value {shown(part)}")) for part in texts]
+    values = [_allowed(config, key, part) for part in texts]
     for k, value in enumerate(values):
         if value in values[:k]:
             raise ValueError(f"search of {key} has {shown(texts[k])} twice; give different values")
-    return Choice(dict(zip(texts, values, strict=True)))
+    return CategoricalDistribution(texts)
 
 
 def with_parameters(config: Config, space: Space, parameters: Mapping[str, Any]) -> Config:
@@ -209,12 +158,21 @@ def with_parameters(config: Config, space: Space, parameters: Mapping[str, Any])
     """
     data = config.to_dict()
     for key, parameter in parameters.items():
-        data[config.algo][key.partition(".")[2]] = space[key].value(parameter)
+        choice = isinstance(space[key], CategoricalDistribution)
+        name = key.partition(".")[2]
+        data[config.algo][name] = _allowed(config, key, parameter) if choice else parameter
     chosen: Config = checked(Config, data)
     return chosen
 
 
 def own_parameters(config: Config, space: Space) -> dict[str, Any]:
     """The parameters for the settings of a configuration, as far as the space contains them."""
-    found = {key: s.parameter(getattr(config.settings, key.partition(".")[2])) for key, s in space.items()}
-    return {key: parameter for key, parameter in found.items() if parameter is not None}
+    found: dict[str, Any] = {}
+    for key, searched in space.items():
+        own = getattr(config.settings, key.partition(".")[2])
+        if isinstance(searched, CategoricalDistribution):
+            own = next((text for text in searched.choices if _allowed(config, key, text) == own), None)
+            found |= {} if own is None else {key: own}
+        elif isinstance(own, int | float) and searched.low <= own <= searched.high:
+            found[key] = own
+    return found

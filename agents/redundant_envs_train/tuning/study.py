@@ -23,7 +23,7 @@ from ..training.interrupt import Stopped, stop_request
 from ..training.train import simulator_hash, train
 from .arguments import check_arguments
 from .results import MESSAGE, complete, ended, order_of, write
-from .search import Space, space_of, with_parameters
+from .search import Space, space_of, with_parameters, words
 from .trials import Judge
 from .workers import Pruned, news, outcome, workers
 
@@ -186,7 +186,7 @@ def _settings(config: Config, space: Space, seed: int) -> dict[str, Any]:
     data |= {f"{config.algo}.{name}": value for name, value in own.items()}
     core = make_sb3(config.env, 1, **config.env_kwargs).core
     data |= {"simulator": simulator_hash(core), "--seed": seed}
-    data |= {f"--search {key}": str(searched) for key, searched in space.items()}
+    data |= {f"--search {key}": words(searched) for key, searched in space.items()}
     plain: dict[str, Any] = json.loads(json.dumps(data))
     return plain
 

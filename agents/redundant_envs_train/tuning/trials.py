@@ -57,9 +57,8 @@ class Judge:
         self.history.add_trials([self._scored(trial) for trial in before])
         if order == 0:
             self.history.enqueue_trial(own_parameters(config, space))
-        distributions = {key: searched.distribution() for key, searched in space.items()}
-        study.enqueue_trial(self.history.ask(distributions).params, user_attrs={ORDER: order})
-        self.trial: Trial = study.ask(distributions)
+        study.enqueue_trial(self.history.ask(space).params, user_attrs={ORDER: order})
+        self.trial: Trial = study.ask(space)
         self.points: list[tuple[int, float, float]] = []
 
     def add(self, steps: int, hold: float, returned: float) -> bool:

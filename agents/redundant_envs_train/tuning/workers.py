@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import multiprocessing
-import os
-import signal
 from collections.abc import Iterator
 from dataclasses import dataclass
 from multiprocessing import connection
@@ -13,16 +11,16 @@ from pathlib import Path
 from typing import Any
 
 from redundant_envs.extras import needs
-from redundant_envs.modules import IMPORTED, import_named
+from redundant_envs.modules import IMPORTED
 
 from ..config import Config, checked
-from ..training.amount import cores
+from ..training.pool import POLL, places, settle
 
 with needs("train"):
     from rich.progress import Progress
 
-POLL, PATIENCE = 0.2, 20.0
-"""s; interval between checks whether the user asked to stop, and grace period before a process is killed."""
+PATIENCE = 20.0
+"""s; grace period before a process is killed."""
 
 
 class Pruned(Exception):
@@ -42,14 +40,11 @@ class Worker:
 def workers(count: int, config: Config) -> Iterator[list[Worker]]:
     """Context with ``count`` processes, which end with it."""
     context = multiprocessing.get_context("spawn")
-    own = cores()
-    pinned = config.torch_threads == 1 and count <= len(own)
     made: list[Worker] = []
     try:
-        for k in range(count):
+        for core in places(count, config.torch_threads == 1):
             ours, theirs = context.Pipe()
-            arguments = (theirs, own[k] if pinned else None, tuple(IMPORTED))
-            process = context.Process(target=_work, args=arguments, daemon=True)
+            process = context.Process(target=_work, args=(theirs, core, tuple(IMPORTED)), daemon=True)
             process.start()
             theirs.close()
             made.append(Worker(process, ours))
@@ -78,12 +73,7 @@ def news(all_workers: list[Worker]) -> list[tuple[Worker, Any]]:
 
 def _work(pipe: Any, core: int | None, modules: tuple[str, ...]) -> None:
     """Train the jobs from the pipe until None arrives; send each point, and receive whether to continue."""
-    # Ctrl-C of a terminal reaches all processes: only the first one reacts, and sends SIGTERM to the others.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    for module in modules:
-        import_named(module)
-    if core is not None:
-        os.sched_setaffinity(0, {core})
+    settle(core, modules)
     from ..training.train import train
 
     def point(steps: int, hold: float, returned: float) -> None:

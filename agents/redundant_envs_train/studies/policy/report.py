@@ -12,6 +12,7 @@ from redundant_envs.figures import save_figure
 from redundant_envs.tables import markdown, write_rows
 
 from ... import COMMAND
+from ...pages import page
 from .episodes import TIMING_REPEATS
 from .figure import figure
 from .run import ArmResult, Row, save_scenes, stamp
@@ -113,67 +114,19 @@ def write_report(study: Study, results: Sequence[ArmResult], folder: Path) -> Pa
 
 def report_text(study: Study, results: Sequence[ArmResult], about: Mapping[str, str]) -> str:
     """report.md."""
-    last = study.seed + study.episodes - 1
-    lines = [
-        "# What the physics costs a policy", "",
-        ", ".join(f"{k} {v}" for k, v in about.items() if v) + ".", "",
-        f"One trained policy per arm, deterministic, in the same {study.episodes} episodes (seeds "
-        f"{study.seed} to {last}, used for nothing else) under each physics: equal starts and goals, "
-        "checked to the bit. Task, reward and motors are the same; only the stepping of the scene "
-        f"differs. Differences are taken episode by episode from `{study.reference}`; intervals are the "
-        f"middle 95 % of {study.resamples} bootstrap resamples of the episodes. They say what other "
-        "episodes would give this policy, not what another policy would get. About one in twenty such "
-        "intervals misses its true value, so one that just misses 0 among so many is no evidence. "
-        f"Margins, chosen before: {percent(study.narrow_hold)} of the episodes for hold success, "
-        f"{percent(study.narrow_return)} of the reference's mean return.", "",
-        "ns per control step: the compiled environment step (motors, physics, reward, observation) of "
-        f"one lane on one core, on the policy's own actions, the best of {TIMING_REPEATS} of each step. "
-        "Evaluations: of the equations of motion, per control step.", "",
-    ]  # fmt: skip
+    parts = []
     for result in results:
-        lines += _arm_text(result, study)
-    lines += [
-        "## Files", "",
-        f"* `study.yaml`: what was asked for. Again: `{COMMAND} study policy --config FOLDER/study.yaml`.",
-        "* `physics.csv`: the tables of the first part, a row per arm and physics.",
-        "* `episodes_<arm>.csv`: every episode under every physics, with its goal.",
-        "* `figures/`: the differences and their intervals, PNG and SVG.",
-        "* `scenes/`: the scenes as they were simulated; `python -m redundant_envs scene FILE --listing` "
-        "prints the simulator of one.",
-        *(["* `training.csv`, `training_differences.csv`: the second part."] if study.train_seeds else []),
-    ]  # fmt: skip
-    if study.train_seeds or not all(arm.run for arm in study.arms.values()):
-        lines.append(
-            f"* `runs/`: the policies that the study trained; `{COMMAND} report FOLDER` completes one."
-        )
-    return "\n".join([*lines, ""])
-
-
-def _arm_text(result: ArmResult, study: Study) -> list[str]:
-    rows = result.rows
-    reference = next(row for row in rows if row["physics"] == study.reference)
-    lines = [
-        f"## {result.name}", "",
-        f"{result.env}; the policy: {result.policy}.", "",
-        conclusion(rows, study), "",
-        f"![{result.name}](figures/{slug(result.name)}.png)", "",
-        physics_table(rows, study), "",
-        *(f"* {physics_sentence(row, reference, study)}" for row in rows if row is not reference), "",
-    ]  # fmt: skip
-    if trouble(reference):
-        lines += [f"**{study.reference}** itself: {' '.join(trouble(reference))}", ""]
-    if result.trained:
-        cheap = study.arms[result.name].cheap
-        changed = f", with {', '.join(study.train_overrides)}" if study.train_overrides else ""
-        lines += [
-            f"### {result.name}: trained under {cheap}, evaluated under {study.reference}", "",
-            f"{study.train_seeds} policies trained under {cheap} and {study.train_seeds} with the same "
-            f"seeds under the preset's own physics{changed}, all in the same episodes as above. Intervals "
-            "are over the policies, resampled within each group.", "",
-            training_table(result.trained), "",
-            *(f"* {training_sentence(row, study)}" for row in result.training.values()), "",
-        ]  # fmt: skip
-    return lines
+        reference = next(row for row in result.rows if row["physics"] == study.reference)
+        parts.append((result, reference, [row for row in result.rows if row is not reference]))
+    return page(
+        "policy_study", study=study, results=parts,
+        about=", ".join(f"{k} {v}" for k, v in about.items() if v), repeats=TIMING_REPEATS, command=COMMAND,
+        all_given=all(arm.run for arm in study.arms.values()),
+        **{f.__name__: f for f in (
+            conclusion, percent, physics_sentence, physics_table, slug, training_sentence, training_table,
+            trouble,
+        )},
+    )  # fmt: skip
 
 
 def _write(path: Path, rows: Sequence[Row], columns: Sequence[str], about: Mapping[str, str]) -> None:

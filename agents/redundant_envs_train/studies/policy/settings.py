@@ -15,7 +15,7 @@ from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.scene import ACCURACIES, scene_data
 from redundant_envs.values import shown
 
-from ...config import Config, Real, Text, Whole, checked, read
+from ...config import MOST_EPISODES, Config, Real, Text, Whole, checked, number, read, value
 from ...config.fields import fields_of
 from ...rollout import STUDY_SEED
 
@@ -44,7 +44,7 @@ class Physics:
     """How a scene is stepped: an integrator with equal substeps, or an accuracy."""
 
     integrator: Text = ""
-    substeps: Whole = 1
+    substeps: Whole = number(1, 1, 1e6, "of an integrator, in each control interval")
     accuracy: Accuracy = None
 
     def __post_init__(self) -> None:
@@ -55,10 +55,9 @@ class Physics:
             )
         if self.integrator and self.integrator not in METHODS:
             raise ValueError(f"integrator is {self.integrator!r}; choose {', '.join(METHODS)}")
-        if self.substeps < 1 or (self.accuracy is not None and self.substeps != 1):
+        if self.accuracy is not None and self.substeps != 1:
             raise ValueError(
-                f"substeps is {self.substeps}; give at least 1, and none beside an accuracy, which "
-                "chooses the steps itself"
+                f"substeps is {self.substeps} beside an accuracy, which chooses the steps itself"
             )
         if isinstance(self.accuracy, str) and self.accuracy not in ACCURACIES:
             raise ValueError(
@@ -100,29 +99,18 @@ class StudyArm:
 
 @model
 class Study:
-    """The comparison.
-
-    Attributes
-    ----------
-    physics, arms : by name
-    reference : name of the physics that the others are compared with
-    episodes, seed : episode i starts from seed + i under every physics; used for nothing else
-    train_seeds : policies per training physics in the second part; 0 leaves it out
-    train_overrides : of the presets in the second part, such as "total_steps=4000000"
-    resamples : of the bootstrap
-    narrow_hold, narrow_return : margins, shares of the episodes and of the reference's mean return
-    """
+    """The comparison: ``physics`` and ``arms`` by name."""
 
     physics: Mapping[str, Physics]
     arms: Mapping[str, StudyArm]
-    reference: Text = "exact"
-    episodes: Whole = 1000
-    seed: Whole = STUDY_SEED
-    train_seeds: Whole = 5
-    train_overrides: tuple[Text, ...] = ()
-    resamples: Whole = 10_000
-    narrow_hold: Real = 0.01
-    narrow_return: Real = 0.01
+    reference: Text = value("exact", "name of the physics that the others are compared with")
+    episodes: Whole = number(1000, 2, MOST_EPISODES, "episode i starts from seed + i under every physics")
+    seed: Whole = value(STUDY_SEED, "first seed of the episodes, used for nothing else")
+    train_seeds: Whole = number(5, 0, 100, "policies per physics in the second part; 0 leaves it out")
+    train_overrides: tuple[Text, ...] = value((), "of the presets there, such as total_steps=4000000")
+    resamples: Whole = number(10_000, 100, 1e7, "of the bootstrap")
+    narrow_hold: Real = number(0.01, 1e-9, 0.999, "margin, a share of the episodes")
+    narrow_return: Real = number(0.01, 1e-9, 0.999, "margin, a share of the reference's mean return")
 
     def __post_init__(self) -> None:
         for name in ("physics", "arms"):
@@ -136,10 +124,7 @@ class Study:
                 f"seed is {self.seed}; choose at least {STUDY_SEED}: lower ones would meet the goals of "
                 "training, evaluation and selection"
             )
-        for name, least in (("episodes", 2), ("resamples", 100)):
-            if getattr(self, name) < least:
-                raise ValueError(f"{name} is {getattr(self, name)}; it must be at least {least}")
-        if self.train_seeds == 1 or not 0 <= self.train_seeds <= 100:
+        if self.train_seeds == 1:
             raise ValueError(f"train_seeds is {self.train_seeds}; choose 0 (no training) or 2..100")
         for name, arm in self.arms.items():
             if self.train_seeds and arm.cheap not in self.physics:
@@ -147,9 +132,6 @@ class Study:
                     f"arms.{name}.cheap is {arm.cheap!r}; choose {', '.join(self.physics)}, or set "
                     "train_seeds to 0"
                 )
-        for name in ("narrow_hold", "narrow_return"):
-            if not 0.0 < getattr(self, name) < 1.0:
-                raise ValueError(f"{name} is {getattr(self, name)}; it must lie between 0 and 1")
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data that makes an equal study."""

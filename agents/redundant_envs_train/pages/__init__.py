@@ -1,0 +1,46 @@
+"""Pages for readers: Markdown templates of Jinja2, one file each."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from redundant_envs.extras import needs
+from redundant_envs.tables import markdown
+
+with needs("train"):
+    import jinja2
+
+MEASURES = (
+    ("hold success", "hold_success", 100.0, 1, " %"), ("touch success", "touch_success", 100.0, 1, " %"),
+    ("median final distance", "median_distance", 1000.0, 2, " mm"),
+    ("median time to hold", "time_to_hold", 1.0, 2, " s"), ("effort", "effort", 1.0, 4, ""),
+    ("smoothness", "smoothness", 1.0, 4, ""), ("mean return", "mean_return", 1.0, 1, ""),
+)  # fmt: skip
+"""Lines of a table of results: name, key, factor, digits, unit."""
+
+
+def plain(text: str) -> str:
+    """A text of a run folder without characters that have a meaning in Markdown or HTML."""
+    return re.sub(r"[^\w .,;:()@+/-]", "?", text)[:200]
+
+
+def measures(evaluation: Mapping[str, Any], goals: str, policy: str, count: int = len(MEASURES)) -> str:
+    """The first ``count`` results of a policy beside those of computed torque, as a Markdown table."""
+    rows = []
+    for label, key, scale, digits, unit in MEASURES[:count]:
+        found = (evaluation.get(f"{who}{key}") for who in ("", "expert_"))
+        rows.append((label, *("-" if v is None else f"{scale * v:.{digits}f}{unit}" for v in found)))
+    return markdown((goals, policy, "computed torque"), rows)
+
+
+def page(name: str, **facts: Any) -> str:
+    """The text of the template ``name``.md with these facts; a fact that is missing is an error."""
+    templates = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent), undefined=jinja2.StrictUndefined,
+        keep_trailing_newline=True, trim_blocks=True,
+    )  # fmt: skip
+    templates.filters["plain"] = plain
+    return templates.get_template(f"{name}.md").render(facts)
