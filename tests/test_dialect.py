@@ -16,7 +16,7 @@ import redundant_envs
 from redundant_envs import algebra, dialect
 from redundant_envs.algebra import PRIMITIVES, arguments_of, gives_of, is_physics, physics
 
-PLACES = ("algebra", "robots", "effects", "tasks", "studies.kinked_effects")
+PLACES = ("algebra", "robots", "effects", "tasks", "studies.kinked_effects", "verify.aimed_effects")
 PACKAGE = Path(redundant_envs.__file__).parent
 
 

@@ -186,7 +186,11 @@ class Episode:
         shown = dict.fromkeys((*TIP, *GOAL), f"of {ENGINE}: every step has it beside info")
         of_engine = owners((f for f in fields if f.owner == ENGINE), arguments)
         check_names(f"{kind}.metrics", self.task.metrics, shown | of_engine)
-        return Layout(fields)
+        layout = Layout(fields)
+        layout.taken |= dict.fromkeys(names_of_arm(self.arm), f"{self.arm.kind}.functions")
+        for attribute, names in names_of_task(self.task, self.dynamics.scene).items():
+            layout.taken |= dict.fromkeys(names, f"{kind}.{attribute}")
+        return layout
 
     def quantities(self, lane: Lane, known: Mapping[str, Any], functions: Any = None) -> Quantities:
         """Quantities of the arm and the task."""

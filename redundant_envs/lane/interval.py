@@ -193,4 +193,6 @@ class Interval:
         """The fields of the lanes, and the rows that hold them."""
         fields, arm = list(self.fields()), self.dynamics.arm
         check_names(f"{arm.kind}.functions", names_of_arm(arm), owners(fields, OF_THE_FIELD))
-        return Layout(fields)
+        layout = Layout(fields)
+        layout.taken |= dict.fromkeys(names_of_arm(arm), f"{arm.kind}.functions")
+        return layout

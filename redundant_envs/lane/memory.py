@@ -69,11 +69,15 @@ class Layout:
     def __init__(self, fields: Iterable[Field]) -> None:
         self.fields: dict[str, Field] = {}
         self.rows: dict[Lifetime, dict[str, int]] = {lifetime: {} for lifetime in Lifetime}
+        self.taken: dict[str, str] = {}
+        """Names that no further field may have, and where they are given."""
         for f in fields:
             self.add(f)
 
     def add(self, f: Field) -> None:
         """Declare one more field."""
+        if f.name in self.taken:
+            raise ValueError(f"{self.taken[f.name]} has {f.name!r}, a name {f.whose}; rename it")
         if f.name in self.fields:
             raise ValueError(
                 f"{f.name!r} is a name {self.fields[f.name].whose}, and {f.whose}; rename one of them"

@@ -11,9 +11,10 @@ import pytest
 from markdown import MANUAL, PAGES, ROOT, blocks, prose, text
 
 from redundant_envs.envs.registration import id_of
-from redundant_envs.events import contact_resolution, step_control
+from redundant_envs.events import resolution
+from redundant_envs.lane import step_control
+from redundant_envs.numerics import error_control
 from redundant_envs.scene import ACCURACIES
-from redundant_envs.simulator import setting
 
 SHIPPED = [id_of(arm, task) for arm in ("RPRP", "FourR") for task in ("Reach", "GoalReach")]
 """Ids of the package itself; other tests may have registered more."""
@@ -100,9 +101,9 @@ def test_the_default_accuracy_is_what_every_id_has():
 
 def test_budgets_are_those_of_the_code():
     budgets = {
-        r"(\d+) impacts or more has to give the same result": step_control.CHECKED_IMPACTS,
-        r"more than (\d+) impacts": contact_resolution.MOST_IMPACTS,
-        r"(\d\d [\d]{3}) pieces of motion": setting.MOST_TRIALS,
+        r"(\d+) impacts or more has to give the same result": error_control.CHECKED_IMPACTS,
+        r"more than (\d+) impacts": resolution.MOST_IMPACTS,
+        r"(\d\d [\d]{3}) pieces of motion": step_control.MOST_TRIALS,
     }
     for pattern, number in budgets.items():
         found = [m for page in MANUAL for m in re.findall(pattern, prose(page))]

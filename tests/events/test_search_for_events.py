@@ -1,4 +1,4 @@
-"""The number of trial steps that find events of sliders at their stops, and the first guesses of their times."""
+"""The number of trial steps that find events of sliders at their stops, and first guesses of their times."""
 
 import numpy as np
 import pytest

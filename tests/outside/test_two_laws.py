@@ -66,7 +66,9 @@ def test_compiled_code_and_numpy_agree(name):
     with np.errstate(all="ignore"):  # lanes that are not served are computed, too
         lane = cross_interval(Interval(dynamics), {**fields_of(dynamics), **given})
     count = dynamics.count
-    np.testing.assert_allclose(np.stack([lane[q] for q in dynamics.states[:count]], -1), found.q, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        np.stack([lane[q] for q in dynamics.states[:count]], -1), found.q, rtol=0, atol=1e-12
+    )
 
 
 def test_equal_steps_have_the_law_of_the_place():

@@ -155,7 +155,9 @@ def test_a_program_on_floats_and_its_traced_graph_agree_on_random_lanes(program,
 
 def test_lanes_ask_for_different_things_and_wait_at_different_places():
     """The programs above would be no test if all lanes did the same."""
-    ways = {tuple(on_floats(nested, x=x, y=y, d=d)[1]) for x in (-4, 0, 7) for y in (0, 3, 20) for d in (-1, 1)}
+    ways = {
+        tuple(on_floats(nested, x=x, y=y, d=d)[1]) for x in (-4, 0, 7) for y in (0, 3, 20) for d in (-1, 1)
+    }
     assert len(ways) > 5
     assert len(TRACED["nested"].machine.states) == 3
     assert len(TRACED["two_places"].machine.states) == 4
@@ -202,7 +204,9 @@ def condition_of_both(lane):
     ids=lambda p: p.__name__,
 )
 def test_a_number_that_outlives_a_yield_is_refused(program):
-    said = r"outlives a yield .*; keep it in a field before \(lane.name = x\) and read that after \(lane.name\)"
+    said = (
+        r"outlives a yield .*; keep it in a field before \(lane.name = x\) and read that after \(lane.name\)"
+    )
     with pytest.raises(TypeError, match=said):
         Traced(program)
 
@@ -269,10 +273,12 @@ def many_ways_later(lane):
 
 @pytest.mark.parametrize(
     ("program", "said"),
-    [(many_ways, "the beginning of a program"), (many_ways_later, "the stretch after ADD")],
+    [(many_ways, "the beginning"), (many_ways_later, "the stretch after ADD")],
 )
 def test_a_stretch_with_more_than_256_ways_is_refused(program, said):
-    with pytest.raises(ValueError, match=f"{said} has more than 256 ways; let a function marked with @branches"):
+    with pytest.raises(
+        ValueError, match=f"{said} has more than 256 ways; let a function marked with @branches"
+    ):
         Traced(program)
 
 
@@ -322,7 +328,9 @@ def test_states_and_the_fingerprint_of_a_program_do_not_depend_on_its_bytecode()
 
 
 def two_in_a_line(lane):
-    yield Ask.ADD; yield Ask.ADD; yield Ask.HALVE  # noqa: E702
+    yield Ask.ADD
+    yield Ask.ADD
+    yield Ask.HALVE
     lane.count = lane.x
 
 

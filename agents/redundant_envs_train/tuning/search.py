@@ -51,7 +51,7 @@ MOST_CHOICES = 100
 
 
 Space = dict[str, Any]
-"""By dotted key, such as ``sac.gamma``, Optuna's distribution: a range, or a choice of the texts of values."""
+"""By dotted key, such as ``sac.gamma``, Optuna's distribution: a range, or a choice of texts of values."""
 
 
 def words(searched: Any) -> str:
