@@ -98,7 +98,7 @@ def test_monitoring_can_be_left_out():
 def test_ppo_and_evaluate_policy_run_without_a_warning(env_id):
     env = rde.make_sb3(env_id, 64)
     assert env.env_is_wrapped(Monitor) == [True] * 64
-    model = PPO("MlpPolicy", env, n_steps=16, batch_size=256, n_epochs=1, device="cpu")
+    model = PPO("MlpPolicy", env, n_steps=16, batch_size=256, n_epochs=1, device="cpu", seed=0)
     model.learn(64 * 112)
     assert len(model.ep_info_buffer) == 64  # what rollout/ep_rew_mean is the mean of
     assert max(episode["l"] for episode in model.ep_info_buffer) == 100
