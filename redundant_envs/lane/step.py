@@ -193,7 +193,7 @@ def tip_weights(dynamics: Dynamics, lane: Lane) -> list[Any]:
     if dynamics.scene.tolerance is None:
         return norms
     lengths = lane.get(f"l{k + 1}" for k in range(arm.num_lengths))
-    reach = sum(lengths[1:], lengths[0])
+    reach = sum(lengths[1:], lengths[0]) if lengths else 0.0  # an arm of sliders alone has none
     return [
         n if slides else estimates.tip_weight(n, reach, lane.tip_tolerance)
         for n, slides in zip(norms, arm.prismatic, strict=True)

@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 
+import numpy as np
 import pytest
 import rrp
 from three_r_by_hand import ThreeRByHand
@@ -321,3 +322,14 @@ def test_a_tolerance_that_is_not_kept_is_red(monkeypatch):
 
     monkeypatch.setattr(common_step, "step_error", small)
     assert misses(arm, (accuracy.tolerance_kept,), **step) == {"tolerance kept"}
+
+
+@pytest.mark.parametrize("steps", [{"tolerance": 1e-6}, {"integrator": "rk8"}, {"integrator": "dop853"}])
+def test_an_arm_of_sliders_alone_falls_along_them(steps):
+    arm = rde.Chain("PP", masses=(1.0, 0.5))
+    sideways = rde.effects.Gravity(9.81, (1.0, 0.0))
+    batch = rde.BatchSimulator(rde.Scene(arm, (sideways,), control_dt=0.1, **steps), 2)
+    status = batch.advance(np.zeros((2, 2)))
+    assert not status.numerics.any()
+    # The first mass falls freely, and the second beside it.
+    np.testing.assert_allclose(batch.q, [[0.5 * 9.81 * 0.1**2, 0.0]] * 2, rtol=0.0, atol=1e-13)
