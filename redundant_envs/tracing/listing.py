@@ -92,7 +92,7 @@ def fingerprints(program: Program) -> Iterator[str]:
         nodes = reached(f.results)
         for subroutine in dict.fromkeys(n.extra for n in nodes if n.name == "stage"):
             results, inner = subroutine.traced()
-            yield repr((f.name, subroutine.asides, outline(inner, results)))
+            yield repr((f.name, tuple(subroutine.asides), outline(inner, results)))
         places = [(space, row) for space, row, _ in f.stores], [o[:4] for o in f.outputs]
         told = f.aside_results, places, outline(nodes, f.results)
         yield repr((f.name, f.spaces, sorted(f.inputs.items()), sorted(f.known.items()), *told))
