@@ -17,7 +17,7 @@ import inspect
 import math
 import operator
 from collections.abc import Callable, Iterable
-from typing import Any, NamedTuple, overload
+from typing import Any, NamedTuple
 
 PRIMITIVES = ("sqrt", "exp", "minimum", "maximum", "where", "floor")
 """Names that functions of the dialect may call beside each other."""
@@ -187,12 +187,6 @@ def all_of(conditions: Iterable[Any]) -> Any:
     return functools.reduce(operator.and_, conditions, True)
 
 
-@overload
-def physics(function: Callable[..., Any]) -> Callable[..., Any]: ...
-@overload
-def physics(
-    *, gives: str, takes: str | None = None
-) -> Callable[[Callable[..., Any]], Callable[..., Any]]: ...
 def physics(function: Callable[..., Any] | None = None, *, gives: str = "", takes: str | None = None) -> Any:
     """Mark a function as text of the physics dialect.
 

@@ -65,11 +65,8 @@ def internal(module: ir.Module, result: ir.Type, arguments: list[ir.Type], name:
 
 def signature(function: LaneFunction) -> dict[str, ir.Type]:
     """Arguments of the LLVM function: spaces, tables, columns and their strides."""
-    arguments: dict[str, ir.Type] = {}
-    for name, (element, _) in function.inputs.items():
-        arguments[name] = ELEMENT[element].as_pointer()
-    for space in function.spaces:
-        arguments[space] = DOUBLE.as_pointer()
+    arguments = {name: ELEMENT[element].as_pointer() for name, (element, _) in function.inputs.items()}
+    arguments |= dict.fromkeys(function.spaces, DOUBLE.as_pointer())
     for output in function.outputs:
         arguments[output.array] = ELEMENT[output.element].as_pointer()
         if not output.columns and output.column:

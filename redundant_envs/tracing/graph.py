@@ -125,8 +125,8 @@ class Graph:
         self.results: dict[Any, Any] = {}
         """Results of functions with branches (:mod:`ways`), so that equal calls are traced once."""
         self.part = 0
-        """Start a new part of the program. Equal products of different parts are recorded separately, so that
-        joining in one part does not depend on the other parts."""
+        """Part of the program. Equal products of different parts are recorded separately, so that joining in
+        one part does not depend on the other parts."""
 
     def record(self, name: str, *arguments: Value, extra: Any = None) -> Operation:
         operands = [a if type(a) is Operation else bits_of(a) for a in arguments]

@@ -66,7 +66,11 @@ class Machine:
         self.lane.begin(ways.graph)
         request = next(running, None)
         number = ENDED if request is None else self._reached(state, request, running, ways)
-        return {**{n: _of(ways.graph, v) for n, v in self.lane.written().items()}, "state": number}
+        written = self.lane.written()
+        for x in written.values():
+            if isinstance(x, Traced) and x.graph is not ways.graph and isinstance(x.value, Operation):
+                outlives()
+        return {**written, "state": number}
 
     def _reached(self, before: State, request: enum.Enum, running: Any, ways: Ways) -> float:
         """Number of the state in which the program waits now."""
@@ -124,11 +128,9 @@ def _common_end(trees: list[Tree]) -> tuple[Condition, Way, list[Tree]] | None:
     """If all stretches of several states begin with one fork, and on one side of it do the same at once: the
     condition of that side, its way, and the other side of each."""
     forks = [tree for tree in trees if isinstance(tree, Fork)]
-    if len(forks) != len(trees) or len(trees) < 2:
+    if len(forks) != len(trees) or len(trees) < 2 or len({tree.condition.value for tree in forks}) > 1:
         return None
     condition = forks[0].condition
-    if any(tree.condition.value is not condition.value for tree in forks):
-        return None
     sides = [tree.yes for tree in forks], [tree.no for tree in forks]
     for (ends, rest), end in ((sides, condition), (sides[::-1], logical_not(condition))):
         if all(isinstance(way, Way) and _alike(way.result, ends[0].result) for way in ends):  # type: ignore[union-attr]
@@ -138,13 +140,6 @@ def _common_end(trees: list[Tree]) -> tuple[Condition, Way, list[Tree]] | None:
 
 def _alike(a: Writes, b: Writes) -> bool:
     return a.keys() == b.keys() and all(same(a[n], b[n]) for n in a)
-
-
-def _of(graph: Graph, x: Any) -> Any:
-    """A number or condition, unless it is of another stretch."""
-    if isinstance(x, Traced) and x.graph is not graph and isinstance(x.value, Operation):
-        outlives()
-    return x
 
 
 def _place(frame: Any) -> tuple[Any, ...]:

@@ -58,6 +58,9 @@ class Way:
     def leaves(self) -> list[Way]:
         return [self]
 
+    def within(self, some: frozenset[Way]) -> bool:
+        return self in some
+
 
 class Fork:
     """The ways of a stretch in which a condition holds, and the others."""
@@ -69,10 +72,15 @@ class Fork:
 
     def within(self, some: frozenset[Way]) -> Any:
         """The condition under which one of some ways is taken."""
+        some = some.intersection(self.leaves)
+        if len(some) in (0, len(self.leaves)):
+            return bool(some)
         if some not in self.known:
-            yes, no = (_within(part, some) for part in (self.yes, self.no))
-            self.known[some] = either(self.condition, yes, no)
+            self.known[some] = self._within(some)
         return self.known[some]
+
+    def _within(self, some: frozenset[Way]) -> Any:
+        return either(self.condition, self.yes.within(some), self.no.within(some))
 
 
 class Exclusive(Fork):
@@ -89,26 +97,13 @@ class Exclusive(Fork):
         super().__init__(tree.condition, tree.yes, tree.no)
         self.parts, self.none = parts, none
 
-    def within(self, some: frozenset[Way]) -> Any:
-        """The condition under which one of some ways is taken."""
+    def _within(self, some: frozenset[Way]) -> Any:
         if self.none in some:
             return logical_not(self.within(frozenset(self.leaves) - some))
-        if some not in self.known:
-            inside = [(c, _within(part, some.intersection(part.leaves))) for c, part in self.parts]
-            self.known[some] = any_of(c & taken for c, taken in inside)
-        return self.known[some]
+        return any_of(c & part.within(some) for c, part in self.parts)
 
 
 Tree = Way | Fork
-
-
-def _within(tree: Tree, some: frozenset[Way]) -> Any:
-    if some.isdisjoint(tree.leaves):
-        return False
-    if some.issuperset(tree.leaves):
-        return True
-    assert isinstance(tree, Fork)
-    return tree.within(some.intersection(tree.leaves))
 
 
 def every_way(graph: Graph, run: Callable[[Ways], Any], what: str) -> Tree:
@@ -261,7 +256,7 @@ def _by_number(tree: Tree, partition: Sequence[int], values: Sequence[Any]) -> A
     *others, last = sorted(groups, key=lambda k: len(groups[k]))
     result = values[last]
     for k in reversed(others):
-        result = where(_within(tree, frozenset(groups[k])), values[k], result)
+        result = where(tree.within(frozenset(groups[k])), values[k], result)
     return result
 
 
