@@ -253,7 +253,7 @@ def test_a_mask_has_the_lanes_whose_number_is_not_zero():
 def test_a_function_is_called_on_the_places_it_is_told_whatever_their_order():
     graph = Graph()
     a, b = graph.load("left", 1), graph.load("right", 0)
-    function = LaneFunction("difference", ("left", "right"), [("left", 2, graph.subtract(a, b))])
+    function = LaneFunction("difference", ("left", "right"), [("left", 2, graph.combine("-", a, b))])
 
     def record(p):
         with p.each(2) as block:

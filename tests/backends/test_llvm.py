@@ -294,7 +294,7 @@ def probe():
     rows = [graph.load("row", k) for k in range(40)]
     total = rows[0]
     for a, b in itertools.pairwise(rows):
-        total = graph.add(graph.multiply(graph.divide(a, b), total), b)
+        total = graph.combine("+", graph.combine("*", graph.combine("/", a, b), total), b)
     p = Kernel("probe", {"row": "f64"})
     p.call(LaneFunction("probe", ("row",), [("row", 40, total)]), row=p["row"])
     return Program([p])

@@ -36,7 +36,7 @@ def test_tables_and_known_numbers_are_listed():
 def test_a_kernel_is_its_loops_and_branches_and_calls():
     p = Kernel("walk", {"x": "f64", "n": "int"})
     graph = Graph()
-    function = LaneFunction("half", ("x",), [("x", 0, graph.multiply(graph.load("x", 0), 0.5))])
+    function = LaneFunction("half", ("x",), [("x", 0, graph.combine("*", graph.load("x", 0), 0.5))])
     with p.each(p["n"]) as i, p.when(i > 2):
         p.call(function, x=p["x"] + i)
     text = "\n".join(lines(Program([p])))
