@@ -8,7 +8,7 @@ import time
 from collections.abc import Sequence
 
 import numpy as np
-from catalogue import THEMES, Case, Figure, shown
+from hard_case import THEMES, Case, Figure, shown
 from engine import MuJoCo
 from subject import Subject
 
