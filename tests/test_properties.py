@@ -1,4 +1,4 @@
-"""Scenes of the catalogue keep the promises of ``verify`` (equations, energy, accuracy, bits, ...) and copy."""
+"""Scenes of the catalogue keep every promise of ``verify`` (equations, energy, bits, ...), and copies go on."""
 
 from functools import cache
 
