@@ -11,15 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from redundant_envs.extras import needs
-from redundant_envs.verify.checks import (
-    Array,
-    Finding,
-    NotApplicable,
-    Trial,
-    at_most,
-    check,
-    ratio,
-)
+from redundant_envs.verify.checks import Array, Finding, NotApplicable, Trial, at_most, check, ratio
 from redundant_envs.verify.equations import added_inertia, from_points
 
 AGREE = at_most(1e-9)
