@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from redundant_envs.scene import Scene
 from redundant_envs.tasks.limits import hard_stops, narrowed
 
+Array = NDArray[Any]
 BEYOND = 0.5
 """Distance of poses beyond the travel, in units of it: springs at its ends act only there."""
 WIDE = 5.0
@@ -20,9 +21,7 @@ FAR = 1.0
 """Largest distance of unlimited sliders from 0, to either side, in units of the sum of all lengths."""
 
 
-def random_states(
-    scene: Scene, count: int, seed: int, beyond: float = 0.0
-) -> tuple[NDArray[np.float64], ...]:
+def random_states(scene: Scene, count: int, seed: int, beyond: float = 0.0) -> tuple[Array, Array, Array]:
     """Coordinates, velocities and efforts, (count, joints) each.
 
     Angles uniform all around, travel uniform, rates normal: 2 rad/s, 0.5 m/s. One slider in four
@@ -53,7 +52,7 @@ def random_states(
     return joints @ inverse, rates @ inverse, rng.uniform(-1.0, 1.0, shape) * limits
 
 
-def random_poses(scene: Scene, count: int, seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def random_poses(scene: Scene, count: int, seed: int) -> tuple[Array, Array]:
     """Coordinates and velocities, (count, joints) each, in all regions that an arm can reach: also beyond its
     travel, after several turns, and with unlimited sliders on either side of 0. Poses in which the positions
     of point masses are undefined are left out."""
