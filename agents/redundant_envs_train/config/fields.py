@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Annotated, Any, get_args
 
 from redundant_envs.extras import needs
@@ -19,9 +19,8 @@ LARGEST_WHOLE = 2**53
 
 
 def _whole(value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise PydanticCustomError("kind", "give a whole number")
-    if not abs(value) <= LARGEST_WHOLE or value != int(value):
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not number or not abs(value) <= LARGEST_WHOLE or value != int(value):
         raise PydanticCustomError("kind", "give a whole number")
     return int(value)
 
@@ -67,13 +66,7 @@ class Model(BaseModel):
 
 
 def checked(kind: type[Any], data: Any, where: str = "") -> Any:
-    """A model from plain data.
-
-    Raises
-    ------
-    ValueError
-        Names the first field that is wrong, its value and what is allowed.
-    """
+    """A model from plain data; the ValueError names the first wrong field, its value and what is allowed."""
     if not isinstance(data, Mapping):
         raise ValueError(f"{where.rstrip('.') or 'the configuration'} is {shown(data)}; give a mapping")
     try:
@@ -85,8 +78,7 @@ def checked(kind: type[Any], data: Any, where: str = "") -> Any:
 def explain(kind: type[Any], error: ValidationError, where: str = "") -> str:
     """The first mistake of a validation as one sentence."""
     # A key that is unknown is often the reason why another one is missing.
-    mistakes = sorted(error.errors(), key=lambda e: e["type"] not in UNKNOWN)
-    mistake = mistakes[0]
+    mistake = min(error.errors(), key=lambda e: e["type"] not in UNKNOWN)
     place = tuple(mistake["loc"])
     name = where + dotted(place)
     got = shown(mistake["input"])
@@ -106,10 +98,12 @@ def explain(kind: type[Any], error: ValidationError, where: str = "") -> str:
             return f"{name} is {got}; give a mapping"
         case "tuple_type" | "list_type":
             return f"{name} is {got}; give a list{example(kind, place)}"
-        case "too_long" | "too_short":
-            limits = {"too_long": f"at most {mistake['ctx'].get('max_length')}",
-                      "too_short": f"at least {mistake['ctx'].get('min_length')}"}  # fmt: skip
-            return f"{name} has {mistake['ctx']['actual_length']} entries; give {limits[mistake['type']]}"
+        case "too_long":
+            has, most = mistake["ctx"]["actual_length"], mistake["ctx"]["max_length"]
+            return f"{name} has {has} entries; give at most {most}"
+        case "too_short":
+            has, least = mistake["ctx"]["actual_length"], mistake["ctx"]["min_length"]
+            return f"{name} has {has} entries; give at least {least}"
         case "greater_than_equal" | "less_than_equal" | "kind":
             return f"{name} is {got}; {allowed(kind, place, mistake['msg'])}"
     return f"{name} is {got}; {mistake['msg']}"
@@ -143,12 +137,10 @@ def allowed(kind: type[Any], place: tuple[int | str, ...], message: str) -> str:
     names = [str(part) for part in place if not isinstance(part, int)]
     owner = model_at(kind, tuple(names[:-1]))
     field = fields_of(owner).get(names[-1])
-    if field is None:
+    low, high = limits(field) if field else (None, None)
+    if field is None or low is None or high is None:
         return message
-    low, high = limits(field)
     whole = "whole " if "int" in str(field.annotation) else ""
-    if low is None or high is None:
-        return message
     return f"give a {whole}number from {short(low)} to {short(high)}"
 
 
@@ -166,14 +158,9 @@ def short(bound: float) -> str:
 
 def limits(field: FieldInfo) -> tuple[float | None, float | None]:
     """Least and largest value of a number, or of the numbers in a list."""
+    inside = [bound for inner in get_args(field.annotation) for bound in getattr(inner, "__metadata__", ())]
     low = high = None
-    for bound in _bounds(field):
-        low, high = getattr(bound, "ge", low), getattr(bound, "le", high)
+    for part in (*field.metadata, *inside):
+        for bound in getattr(part, "metadata", (part,)):
+            low, high = getattr(bound, "ge", low), getattr(bound, "le", high)
     return low, high
-
-
-def _bounds(field: FieldInfo) -> Iterator[Any]:
-    yield from field.metadata
-    for inner in get_args(field.annotation):
-        for bound in getattr(inner, "__metadata__", ()):
-            yield from getattr(bound, "metadata", (bound,))
