@@ -188,7 +188,6 @@ def _member(path: Path, name: str) -> bytes:
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, OSError) as error:
         raise ValueError(f"{path} is damaged ({error}); it is not a complete zip file") from error
     if len(data) > MOST_BYTES:
-        raise ValueError(
-            f"{path} has a {name!r} of more than {MOST_BYTES} bytes; a policy of an arm is smaller"
-        )
+        most = f"more than {MOST_BYTES} bytes"
+        raise ValueError(f"{path} has a {name!r} of {most}; a policy of an arm is smaller")
     return data

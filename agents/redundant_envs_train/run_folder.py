@@ -81,7 +81,7 @@ def checked_evaluation(data: dict[str, Any], folder: Path) -> dict[str, Any]:
     for name, low, high in (("seed", 0, MOST_SEEDS), ("episodes", 1, MOST_EPISODES)):
         checks[name] = isinstance(data.get(name), int) and _is_number(data[name], high) and data[name] >= low
     checks["env"], checks["algo"] = data.get("env") in ids(), data.get("algo") in ALGORITHMS
-    ends = data.get("interval")
+    ends: Any = data.get("interval")
     pair = isinstance(ends, list) and [_is_number(rate, 1) for rate in ends] == [True, True]
     checks["interval"] = pair and ends[0] <= ends[1]
     versions = data.get("versions")

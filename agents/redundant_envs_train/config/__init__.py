@@ -1,6 +1,6 @@
 """Training configurations: pydantic models with ranges, units and help; unknown keys are errors."""
 
-from .fields import Real, Text, Whole, checked, number, value
+from .fields import Model, Real, Text, Whole, checked, number, value
 from .files import complete, config_of, help_of_keys, load, read
 from .learners import HERSettings, OffPolicySettings, PlainPPOSettings, TD3Settings, TQCSettings
 from .run import (
@@ -16,7 +16,7 @@ from .run import (
 
 __all__ = [
     "ALGORITHMS", "MOST_EPISODES", "MOST_SEEDS", "SEEDS_PER_RUN", "WITHOUT_EFFECT", "Config", "HERSettings",
-    "OffPolicySettings", "PlainPPOSettings", "Real", "TD3Settings", "TQCSettings", "Text", "Whole", "checked",
+    "Model", "OffPolicySettings", "PlainPPOSettings", "Real", "TD3Settings", "TQCSettings", "Text", "Whole", "checked",
     "complete", "config_of", "first_environment_seed", "help_of_keys", "label", "load", "number",
     "read", "value",
 ]  # fmt: skip

@@ -55,10 +55,6 @@ def value(default: Any, help: str) -> Any:
     return Field(default, description=help)
 
 
-UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
-"""pydantic's names for the mistake that a model does not have a key."""
-
-
 class Model(BaseModel):
     """Base of models: frozen, and refusing unknown keys."""
 
@@ -78,15 +74,15 @@ def checked(kind: type[Any], data: Any, where: str = "") -> Any:
 def explain(kind: type[Any], error: ValidationError, where: str = "") -> str:
     """The first mistake of a validation as one sentence."""
     # A key that is unknown is often the reason why another one is missing.
-    mistake = min(error.errors(), key=lambda e: e["type"] not in UNKNOWN)
+    mistake = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
     place = tuple(mistake["loc"])
     name = where + dotted(place)
     got = shown(mistake["input"])
     match mistake["type"]:
-        case kind_of if kind_of in UNKNOWN:
+        case "extra_forbidden":
             owner = model_at(kind, place[:-1])
             prefix = where + dotted(place[:-1]) + ("." if place[:-1] else "")
-            return f"{name[:80]} is unknown; valid: {', '.join(prefix + f for f in fields_of(owner))}"
+            return f"{name[:80]} is unknown; valid: {', '.join(prefix + f for f in owner.model_fields)}"
         case "missing":
             return f"{name} is missing"
         case "value_error":  # a message written by the model itself, which names its fields
@@ -94,7 +90,7 @@ def explain(kind: type[Any], error: ValidationError, where: str = "") -> str:
             return message if not name or message.startswith(name) else f"{name}: {message}"
         case "literal_error":
             return f"{name} is {got}; choose {mistake['ctx']['expected']}"
-        case "model_type" | "model_attributes_type" | "mapping_type" | "dict_type" | "dataclass_type":
+        case "model_type" | "model_attributes_type" | "mapping_type" | "dict_type":
             return f"{name} is {got}; give a mapping"
         case "tuple_type" | "list_type":
             return f"{name} is {got}; give a list{example(kind, place)}"
@@ -109,12 +105,6 @@ def explain(kind: type[Any], error: ValidationError, where: str = "") -> str:
     return f"{name} is {got}; {mistake['msg']}"
 
 
-def fields_of(kind: type[Any]) -> dict[str, FieldInfo]:
-    """Fields of a model or of a checked dataclass, by name."""
-    fields: dict[str, FieldInfo] = kind.__pydantic_fields__
-    return fields
-
-
 def dotted(place: tuple[int | str, ...]) -> str:
     """Name of an entry of nested data, as users write it: ``sac.net_arch[1]``."""
     text = ""
@@ -126,9 +116,9 @@ def dotted(place: tuple[int | str, ...]) -> str:
 def model_at(kind: type[Any], place: tuple[int | str, ...]) -> type[Any]:
     """The model that contains an entry of another model."""
     for part in place:
-        field = fields_of(kind).get(str(part))
+        field = kind.model_fields.get(str(part))
         inner = (field.annotation, *get_args(field.annotation)) if field else ()
-        kind = next((c for c in inner if hasattr(c, "__pydantic_fields__")), kind)
+        kind = next((c for c in inner if hasattr(c, "model_fields")), kind)
     return kind
 
 
@@ -136,7 +126,7 @@ def allowed(kind: type[Any], place: tuple[int | str, ...], message: str) -> str:
     """Numbers that are allowed for an entry."""
     names = [str(part) for part in place if not isinstance(part, int)]
     owner = model_at(kind, tuple(names[:-1]))
-    field = fields_of(owner).get(names[-1])
+    field = owner.model_fields.get(names[-1])
     low, high = limits(field) if field else (None, None)
     if field is None or low is None or high is None:
         return message
@@ -146,7 +136,7 @@ def allowed(kind: type[Any], place: tuple[int | str, ...], message: str) -> str:
 
 def example(kind: type[Any], place: tuple[int | str, ...]) -> str:
     """The default of a list, as an example of one."""
-    field = fields_of(model_at(kind, place[:-1])).get(str(place[-1])) if place else None
+    field = model_at(kind, place[:-1]).model_fields.get(str(place[-1])) if place else None
     default = field.default if field is not None else None
     return f", such as [{', '.join(map(str, default))}]" if isinstance(default, tuple) and default else ""
 

@@ -35,7 +35,7 @@ class _Client(KVWriter):
 
 def check(config: Config) -> dict[str, Any]:
     """The packages of the clients by name; a missing one is refused before a training begins."""
-    found = {}
+    found: dict[str, Any] = {}
     for name in CLIENTS:
         if name in config.telemetry:
             with needs(name):
@@ -58,10 +58,7 @@ def logger(folder: Path, config: Config) -> Logger:
             )
             writers.append(_Client(run.log, run.finish))
         else:
-            mlflow = clients[name]
-            mlflow.start_run(run_name=folder.name)
-            mlflow.log_dict(config.to_dict(), "config.yaml")
-            writers.append(
-                _Client(lambda figures, step: mlflow.log_metrics(figures, step=step), mlflow.end_run)
-            )
+            clients[name].start_run(run_name=folder.name)
+            clients[name].log_dict(config.to_dict(), "config.yaml")
+            writers.append(_Client(clients[name].log_metrics, clients[name].end_run))
     return Logger(str(folder), writers)
