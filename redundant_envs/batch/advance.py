@@ -21,7 +21,7 @@ COLUMNS = {"error": "f64", "finite": "i8", "evaluations": "i64", "events": "i64"
 def advance_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:
     """A kernel that takes ``efforts`` (lanes, joints) and fills :data:`COLUMNS`."""
     interval = Interval(dynamics)
-    features = interval.features
+    features = interval.dynamics
     p = Kernel("advance", {**MEMORY, "efforts": "f64", **COLUMNS})
     blocks = Blocks(p, interval, interval.layout())
     gives_up = features.local and (bool(features.boundaries) or features.control is Control.ADAPTIVE)

@@ -93,14 +93,14 @@ class Blocks:
     def scratch_size(self) -> int:
         """Count of numbers of the scratch memory: two groups of blocks, and slots with states and
         parameters."""
-        group = 2 * GROUP if self.interval.features.local else 1
+        group = 2 * GROUP if self.interval.dynamics.local else 1
         slots = self.width(STATE) + self.width(SCRATCH) + self.width(PARAMETER)
-        return group * self.width(SCRATCH) + (slots if self.interval.features.local else 0)
+        return group * self.width(SCRATCH) + (slots if self.interval.dynamics.local else 0)
 
     @property
     def queue_size(self) -> int:
         """Length of the queue, in whole numbers: the waiting lanes, and the homes of the slots."""
-        return GROUP * LANES + LANES if self.interval.features.local else 1
+        return GROUP * LANES + LANES if self.interval.dynamics.local else 1
 
     def block(self, number: Any, in_group: Any) -> Block:
         """The block with a number; ``in_group`` is its index in the scratch memory."""
@@ -159,7 +159,7 @@ class Blocks:
         """Advance all lanes by a control interval."""
         p, interval = self.p, self.interval
         before: list[Procedure] = [ends.begin, interval.step.clear]
-        if not interval.features.repeated:
+        if not interval.dynamics.repeated:
             whole = self.function(
                 "interval", *before, interval.step.common_step, ends.end, inputs=ends.inputs
             )

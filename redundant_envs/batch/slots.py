@@ -23,7 +23,7 @@ class Slots:
 
     def __init__(self, blocks: Blocks, ends: Ends) -> None:
         self.blocks, self.p, self.interval = blocks, blocks.p, blocks.interval
-        self.layout, self.features = blocks.layout, blocks.interval.features
+        self.layout, self.dynamics = blocks.layout, blocks.interval.dynamics
         self.begin, self.inputs, self.ends = ends.begin, ends.inputs, ends
         self.trace()  # before any address: the program of a lane declares fields
         p, group = self.p, 2 * GROUP * blocks.width(SCRATCH)
@@ -55,7 +55,7 @@ class Slots:
     def advance(self) -> None:
         p, count = self.p, self.blocks.count
         groups = (count + (GROUP - 1)) >> 6
-        if self.features.repeated:
+        if self.dynamics.repeated:
             with p.each(groups) as group:
                 first = group * GROUP
                 end = p.select(first + GROUP < count, first + GROUP, count)
@@ -81,7 +81,7 @@ class Slots:
     def trace(self) -> None:
         """The functions of blocks, and those of slots."""
         make, step, boundaries = self.blocks.function, self.interval.step, self.interval.boundaries
-        i = self.features
+        i = self.dynamics
         self.goes_on = self.blocks.program()
         before: tuple[Procedure, ...] = (self.begin, step.clear, step.start)
         if i.repeated:
@@ -117,7 +117,7 @@ class Slots:
         self.head.value = self.tail.value = 0
         with p.each(end, start=first) as number:
             block = self.block(number)
-            inputs = {} if self.features.repeated else self.inputs
+            inputs = {} if self.dynamics.repeated else self.inputs
             blocks.call_with_tables(self.started, block, inputs)
             self.common_step(block)
             valid = (p.record("<<", 1, block.lanes)) - 1
@@ -138,7 +138,7 @@ class Slots:
                 self.leave(slot, first)
 
     def common_step(self, block: Block) -> None:
-        p, i, pointers = self.p, self.features, block.pointers
+        p, i, pointers = self.p, self.dynamics, block.pointers
         if i.control is Control.ADAPTIVE:
             p.call(self.skipped, **pointers)
             return
@@ -161,13 +161,13 @@ class Slots:
         """A common step, in a faster form for blocks in which no slider rests."""
         p, pointers = self.p, block.pointers
         resting = p.variable(0)
-        for name in self.features.active:
+        for name in self.dynamics.active:
             resting.value = resting.value | self.blocks.mask(pointers, name)
         with p.when(resting.value == 0):
             p.call(self.common, **pointers)
         with p.when(resting.value != 0):
             p.call(self.released, **pointers)
-            if self.features.logs:
+            if self.dynamics.logs:
                 self.log_released(block)
             p.call(self.common_held, **pointers)
 
@@ -175,7 +175,7 @@ class Slots:
 
     def trial(self) -> None:
         """Take a trial step with all slots, and let their programs go on."""
-        p, i, slots, mask = self.p, self.features, self.slots, self.blocks.mask
+        p, i, slots, mask = self.p, self.dynamics, self.slots, self.blocks.mask
         with p.when(mask(slots, "entered") != 0):
             p.call(self.goes_on[None], **slots)
             if i.boundaries:
@@ -199,7 +199,7 @@ class Slots:
         """Fields of blocks that slots read."""
         known = {row for f in self.of_blocks for row in written_by(f)}
         read = set().union(*(self.blocks.reads[f.name] for f in self.of_slots))
-        if self.features.logs:
+        if self.dynamics.logs:
             read.add(self.layout.row_of("span_start"))  # read by the log of events, and by no function
         return [
             n
@@ -287,7 +287,7 @@ class Slots:
         with p.each_set(self.free.value ^ 255) as slot:
             lane = p.load(self.homes, slot)
             log = {str(LOG): p["log"] + (lane >> 3) * self.blocks.width(LOG)}
-            for k, s in enumerate(self.features.stops):
+            for k, s in enumerate(self.dynamics.stops):
                 happened = self._of(self.slots, slot, f"happened_{s.name}")
                 with p.when(happened > 0.0):
                     time = self._of(self.slots, slot, "span_start") + self._of(self.slots, slot, "elapsed")
@@ -299,7 +299,7 @@ class Slots:
         """Log the sliders that were released before the common step."""
         p, pointers = self.p, block.pointers
         with p.each(LANES) as lane:
-            for k, name in enumerate(self.features.active):
+            for k, name in enumerate(self.dynamics.active):
                 now, was = self._of(pointers, lane, name), self._of(pointers, lane, f"{name}_start")
                 with p.when(now != was):
                     time = self._of(pointers, lane, "span_start")
@@ -308,7 +308,7 @@ class Slots:
 
 def advance(blocks: Blocks, ends: Ends) -> None:
     """Advance all lanes by a control interval."""
-    if blocks.interval.features.local:
+    if blocks.interval.dynamics.local:
         Slots(blocks, ends).advance()
     else:
         blocks.advance(ends)

@@ -66,7 +66,7 @@ class Floats:
     def common_step(self) -> None:
         """Take a common step, and let the program of the lane cross the interval if that does not serve."""
         interval, lane = self.interval, self.fields
-        if not interval.features.local:
+        if not interval.dynamics.local:
             interval.step.common_step(lane)
         elif self._leaves(lane):
             self._run(lane)
@@ -75,7 +75,7 @@ class Floats:
         """End the interval."""
         interval, lane = self.interval, self.fields
         interval.update_effect_states(lane)
-        if interval.features.local:
+        if interval.dynamics.local:
             interval.undo_given_up(lane)
 
     def _leaves(self, lane: Lane) -> bool:
@@ -98,7 +98,7 @@ class Floats:
 
 def common_procedures(interval: Interval) -> list[Callable[[Lane], None]]:
     """What a lane does with all others in a common step, if it may take local steps."""
-    features, step, boundaries = interval.features, interval.step, interval.boundaries
+    features, step, boundaries = interval.dynamics, interval.step, interval.boundaries
     if features.control is Control.ADAPTIVE:
         return [step.start, step.skip_common_step]
     held = [boundaries.release] if features.holding else []
@@ -109,7 +109,7 @@ def common_procedures(interval: Interval) -> list[Callable[[Lane], None]]:
 
 def trial_procedures(interval: Interval) -> list[Callable[[Lane], None]]:
     """What all slots do together in a trial step."""
-    forces = [interval.boundaries.find_contact_forces] if interval.features.holding else []
+    forces = [interval.boundaries.find_contact_forces] if interval.dynamics.holding else []
     return [interval.step.trial_step, interval.step.record_step, *forces]
 
 
@@ -118,7 +118,7 @@ class Traced:
 
     def __init__(self, interval: Interval) -> None:
         self.layout = interval.layout()
-        self.program = interval.traced_program(self.layout, whole=True) if interval.features.local else {}
+        self.program = interval.traced_program(self.layout, whole=True) if interval.dynamics.local else {}
         self.names = {self.layout.row_of(name): name for name in self.layout.fields}
         self._known: dict[Any, LaneFunction] = {}
 
@@ -160,7 +160,7 @@ class Arrays:
     def common_step(self) -> None:
         """Take a common step, and let programs cross the interval where that does not serve."""
         interval = self.interval
-        if not interval.features.local:
+        if not interval.dynamics.local:
             self._call(interval.step.common_step)
             return
         self._call(*common_procedures(interval))
@@ -169,7 +169,7 @@ class Arrays:
         self.fields |= {"entered": where(leaves, 1.0, 0.0), "state": -2.0, "complete": 0.0}
         self.fields |= {"moving": 0.0, "touching": 0.0}
         self._apply(self.traced.program[None])
-        if interval.features.boundaries:
+        if interval.dynamics.boundaries:
             self._apply(self.traced.program[Request.STEP])
         while self._some("moving") or self._some("touching"):
             while self._some("touching"):
@@ -184,5 +184,5 @@ class Arrays:
     def end(self) -> None:
         """End the interval."""
         self._call(self.interval.update_effect_states)
-        if self.interval.features.local:
+        if self.interval.dynamics.local:
             self._call(self.interval.undo_given_up)

@@ -18,14 +18,10 @@ from redundant_envs.tracing.number import Condition, Number, value_of
 class Lifetime(enum.StrEnum):
     """How long a field is kept; also the name of the memory that holds it."""
 
-    STATE = "state"
-    """From interval to interval: saved, restored and reset."""
-    PARAMETER = "parameter"
-    """Set by a user, or following from such numbers alone; one for all lanes until they differ."""
-    SCRATCH = "scratch"
-    """Within an interval."""
-    LOG = "log"
-    """Results of an interval, to be read after it."""
+    STATE = "state"  # from interval to interval: saved, restored and reset
+    PARAMETER = "parameter"  # set by a user, or following from such numbers; shared until lanes differ
+    SCRATCH = "scratch"  # within an interval
+    LOG = "log"  # results of an interval, to be read after it
 
 
 STATE, PARAMETER, SCRATCH, LOG = Lifetime
@@ -154,6 +150,11 @@ class Lane:
         for name, value in zip(names, values, strict=True):
             self[of.format(name)] = value
 
+    def copy(self, names: Iterable[str], of: str = "{}", to: str = "{}") -> None:
+        """Set fields of one form to those of another."""
+        names = tuple(names)
+        self.set(names, self.get(names, of), to)
+
     def __contains__(self, name: str) -> bool:
         return name in self._layout
 
@@ -215,20 +216,11 @@ def traced(
     known: Mapping[str, float] | None = None,
     whole: bool = False,
 ) -> LaneFunction:
-    """Record the effect of a function on a lane.
+    """Record the effect of a function on a lane, which may return values for arrays, by (array, type of its
+    elements, column, columns).
 
-    Parameters
-    ----------
-    name : str
-    layout : Layout
-    function : callable
-        Takes a lane; may return values for arrays, by (array, type of its elements, column, columns).
-    inputs : mapping
-        Array -> type of its elements, and the fields that its columns hold.
-    known : mapping
-        Fields that are known to hold certain numbers.
-    whole : bool
-        Whether the graph has whole functions (:class:`Graph`).
+    ``inputs`` are arrays with the type of their elements and the fields that their columns hold, ``known``
+    fields that hold certain numbers; ``whole`` is for :class:`Graph`.
     """
     graph = Graph(whole)
     columns = {f: (array, k) for array, (_, fields) in (inputs or {}).items() for k, f in enumerate(fields)}

@@ -246,7 +246,7 @@ def test_the_step_of_free_sliders_is_the_step_of_all_to_the_last_bit(integrator)
     form."""
     simulator = batch_simulator(dataclasses.replace(STEPPED["RPRP held"], integrator=integrator), False)
     blocks, layout = simulator.blocks, simulator.blocks.layout
-    interval, features = simulator.interval, simulator.interval.features
+    interval, features = simulator.interval, simulator.interval.dynamics
     known, arm = dict.fromkeys(features.active, 0.0), simulator.dynamics.arm
     p = Kernel("both", {f"{life}_{name}": "f64" for name in ("free", "every") for life in Lifetime})
     for name, numbers in (("free", known), ("every", {})):
