@@ -15,21 +15,17 @@ from redundant_envs.lane.common_step import CommonStep
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import GIVEN_UP, MOST_LOGGED, WATCHED, Control
 from redundant_envs.lane.fields import copies, motion_fields
-from redundant_envs.lane.memory import LOG, PARAMETER, SCRATCH, STATE, Field, Lane, Layout
-from redundant_envs.lane.memory import ProgramLane, lane_function
+from redundant_envs.lane.memory import LOG, PARAMETER, SCRATCH, STATE, Field, Lane, Layout, ProgramLane
 from redundant_envs.lane.names import OF_THE_FIELD, names_of_arm, owners
 from redundant_envs.lane.program import LaneProgram, Request
 from redundant_envs.lane.step import known_numbers
 from redundant_envs.lane.step_control import CLASSES
 from redundant_envs.quantities import check_names
 from redundant_envs.tracing.flow import LaneFunction
-from redundant_envs.tracing.number import value_of
 from redundant_envs.tracing.program import Machine
 
 ANSWERED = {None: "entered", Request.STEP: "due", Request.FORCES: "touching"}
 """The field that is true when the program of a lane may go on after a request."""
-
-
 CONDITIONS = {
     "entered": "has just left the common step",
     "due": "has made the trial step that it asked for",
@@ -128,9 +124,11 @@ class Interval:
         for name in self.dynamics.kept:
             lane[name] = where(failed, lane[self.dynamics.origin.format(name)], lane[name])
 
-    def undo_given_up(self, lane: Lane) -> None:
-        """Return a lane to its state at the start of the interval if that was given up."""
-        self.undo(lane, lane.fault >= GIVEN_UP)
+    def end(self, lane: Lane) -> None:
+        """End an interval; a lane that has given it up returns to its state at the start."""
+        self.update_effect_states(lane)
+        if self.dynamics.local:
+            self.undo(lane, lane.fault >= GIVEN_UP)
 
     def traced_program(self, layout: Layout, whole: bool = False) -> dict[Request | None, LaneFunction]:
         """The program of a lane as functions: at its beginning (None), and after each request.
@@ -144,9 +142,8 @@ class Interval:
             written = machine.after(request, answered)
             if request is not Request.FORCES:  # which the program itself asks for again
                 written[answered] = 0.0
-            stores = [(*layout.row_of(n), value_of(v)) for n, v in written.items()]
             name = "begin_program" if request is None else f"after_{request.name.lower()}"
-            made[request] = lane_function(name, layout, stores)
+            made[request] = layout.function(name, written)
         return made
 
     def layout(self) -> Layout:
