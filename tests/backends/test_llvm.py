@@ -111,7 +111,7 @@ def test_comparisons_and_choices_agree_with_plain_ones():
 def test_philox_known_answers(key, counter, words):
     p = Kernel("draw", {"given": "u32", "words": "u32", "numbers": "f64"})
     given = [p.load(p["given"], k) for k in range(6)]
-    for k, word in enumerate(philox(p, given[:2], given[2:])):
+    for k, word in enumerate(philox(given[:2], given[2:])):
         p.store(p["words"], k, word)
         p.store(p["numbers"], k, uniform(p, word))
     got, numbers = np.zeros(4, np.uint32), np.zeros(4)
