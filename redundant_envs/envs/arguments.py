@@ -40,87 +40,67 @@ def numbers_of_reward(task: Task) -> list[str]:
     return [name for name in task.parameters() if name in taken]
 
 
-def _entries(scene: Scene, name: str) -> list[str]:
-    """Parameters that a name refers to; none if it is unknown, which another check reports."""
-    return [p for p in scene.parameters() if p == name or p.startswith(f"{name}[")]
+def checked_reset(
+    episode: Episode, memory: Memory, options: Mapping[str, Any], lanes: NDArray[np.intp]
+) -> Checked:
+    """Validated parameters and rows that the options of a reset of some lanes set."""
+    if not options:
+        return None, []
+    scene, task = episode.dynamics.scene, episode.task
+    for key in options:
+        if key not in OPTION_KEYS:
+            raise ValueError(f"options has the unknown key {shown(key)}; valid: {', '.join(OPTION_KEYS)}")
+    given, goal = options.get("parameters"), options.get("goal")
+    if task.goal_conditioned and isinstance(given, Mapping):
+        _check_of_reward(scene, task, given)
+    values = None
+    if given is not None:
+        values = parameters.lane_values(scene, memory, lanes, given, True, task)
+    present = values or parameters.lane_values(scene, memory, lanes, {}, fresh=False)
+    if goal is not None and not episode.goal:
+        raise ValueError(f"options['goal'] is given, and the task {task.name} has no goal; leave it out")
+    writes: list[tuple[tuple[str, ...], NDArray[np.float64]]] = []
+    joints = len(episode.actions)
+    for key, rows, width in (
+        ("q", scene.robot.coordinates, joints),
+        ("qd", scene.robot.rates, joints),
+        ("goal", episode.goal, 2),
+    ):
+        if options.get(key) is not None:
+            numbers = parameters.table(f"options[{key!r}]", options[key], len(lanes), width)
+            parameters.check_start(key, numbers)
+            writes.append((rows, numbers))
+            if key == "q":  # beyond a spring it is allowed, beyond a stop it is not
+                parameters.check_stops(scene, memory, lanes, numbers, present, "options['q']: ")
+            elif key == "goal":
+                _check_goal(numbers, reach_of(scene, present))
+    return values, writes
 
 
-class ResetOptions:
-    """Options of resets of the lanes of a memory."""
-
-    def __init__(self, episode: Episode, memory: Memory) -> None:
-        self.episode, self.memory = episode, memory
-        self.scene = episode.dynamics.scene
-
-    def checked(self, options: Mapping[str, Any], lanes: NDArray[np.intp]) -> Checked:
-        """Validated parameters and rows that the options of some lanes set."""
-        if not options:
-            return None, []
-        for key in options:
-            if key not in OPTION_KEYS:
-                raise ValueError(f"options has the unknown key {shown(key)}; valid: {', '.join(OPTION_KEYS)}")
-        given = options.get("parameters")
-        if self.episode.task.goal_conditioned and isinstance(given, Mapping):
-            fixed = {n for ends in self.scene.travel().values() for n in ends}
-            fixed |= {n for _, *ends in hard_stops(self.scene) for n in ends}
-            names = [n for n in given if isinstance(n, str)]
-            of_reward = numbers_of_reward(self.episode.task)
-            moved = [n for n in names if n in ("lengths", *of_reward) or fixed & set(_entries(self.scene, n))]
-            if moved:
-                what = moved[0] if moved[0] in of_reward else "lengths and travel"
-                raise ValueError(
-                    f"parameter is {moved[0]!r}; goal environments keep {what}, because compute_reward is a "
-                    "function of the two goals alone"
-                    + (f": make one with task={{{what!r}: ...}}" if moved[0] in of_reward else "")
-                )
-        values = None
-        if given is not None:
-            values = parameters.lane_values(self.scene, self.memory, lanes, given, True, self.episode.task)
-        present = values or parameters.lane_values(self.scene, self.memory, lanes, {}, fresh=False)
-        arm, joints = self.scene.robot, len(self.episode.actions)
-        if options.get("goal") is not None and not self.episode.goal:
+def _check_of_reward(scene: Scene, task: Task, given: Mapping[str, Any]) -> None:
+    """Refuse parameters of a goal environment on which its reward depends."""
+    fixed = {n for ends in scene.travel().values() for n in ends}
+    fixed |= {n for _, *ends in hard_stops(scene) for n in ends}
+    of_reward = numbers_of_reward(task)
+    for name in (n for n in given if isinstance(n, str)):
+        entries = {p for p in scene.parameters() if p == name or p.startswith(f"{name}[")}
+        if name in ("lengths", *of_reward) or fixed & entries:
+            what = name if name in of_reward else "lengths and travel"
             raise ValueError(
-                f"options['goal'] is given, and the task {self.episode.task.name} has no goal; leave it out"
-            )
-        writes: list[tuple[tuple[str, ...], NDArray[np.float64]]] = []
-        for key, rows, width in (
-            ("q", arm.coordinates, joints),
-            ("qd", arm.rates, joints),
-            ("goal", self.episode.goal, 2),
-        ):
-            if options.get(key) is not None:
-                numbers = parameters.table(f"options[{key!r}]", options[key], len(lanes), width)
-                parameters.check_start(key, numbers)
-                writes.append((rows, numbers))
-                if key == "q":
-                    self._check_stops(numbers, present)
-                elif key == "goal":
-                    self._check_goal(numbers, present)
-        return values, writes
-
-    def _check_goal(self, goal: NDArray[np.float64], values: parameters.Table) -> None:
-        reach = reach_of(self.scene, values)
-        radius = np.linalg.norm(goal, axis=1)
-        if (radius > reach).any():
-            lane = int(np.argmax(radius - reach))
-            raise ValueError(
-                f"options['goal'] is {radius[lane]:.6g} m from the base; the arm reaches "
-                f"{reach[lane]:.6g} m: choose a goal within it"
+                f"parameter is {name!r}; goal environments keep {what}, because compute_reward is a "
+                "function of the two goals alone"
+                + (f": make one with task={{{what!r}: ...}}" if name in of_reward else "")
             )
 
-    def _check_stops(self, q: NDArray[np.float64], values: parameters.Table) -> None:
-        """Refuse starts beyond a hard stop, which no motion can reach; beyond a spring they are allowed."""
-        arm = self.scene.robot
-        positions = q @ arm.motor_map
-        for joint, low, high in hard_stops(self.scene):
-            x = positions[:, joint]
-            outside = (x < values[low]) | (x > values[high])
-            if outside.any():
-                lane = int(np.flatnonzero(outside)[0])
-                raise ValueError(
-                    f"options['q'] puts {arm.joints[joint]} at {x[lane]:.6g}; its travel is "
-                    f"[{values[low][lane]:.6g}, {values[high][lane]:.6g}]: start inside it"
-                )
+
+def _check_goal(goal: NDArray[np.float64], reach: NDArray[np.float64]) -> None:
+    radius = np.linalg.norm(goal, axis=1)
+    if (radius > reach).any():
+        lane = int(np.argmax(radius - reach))
+        raise ValueError(
+            f"options['goal'] is {radius[lane]:.6g} m from the base; the arm reaches {reach[lane]:.6g} m: "
+            "choose a goal within it"
+        )
 
 
 def checked_options(options: Any) -> dict[str, Any]:
