@@ -44,11 +44,6 @@ CHUNK = 100_000
 """Number of poses of a batch: its arrays stay below 100 MB."""
 
 
-def can_hold(scene: Scene, goals: ArrayLike, tolerance: float = 0.0) -> NDArray[np.bool_]:
-    """Whether the arm can rest with its tip at each goal, (n,) bool, the motors within their limits."""
-    return holding_load(scene, goals, tolerance) <= 1.0
-
-
 def holding_load(scene: Scene, goals: ArrayLike, tolerance: float = 0.0) -> Array:
     """Least load, (n,), at which the arm can rest with its tip at a goal; inf where it is out of reach.
 

@@ -123,22 +123,17 @@ def checked_seed(name: str, seed: Any) -> int | None:
 
 def check_action(actions: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
     """Actions as float32, or a ValueError about their shape or dtype."""
-    if not (
-        type(actions) is np.ndarray
-        and actions.dtype is FLOAT32
-        and actions.shape == shape
-        and actions.flags.carray
-    ):
-        array = np.asarray(actions)
-        if array.dtype.kind == "f" and array.dtype.itemsize > 4:  # finite actions must stay finite as float32
-            array = np.where(np.isfinite(array), np.clip(array, -1e30, 1e30), array)
-        if array.dtype.kind not in "fiu":
-            raise ValueError(f"action has dtype {array.dtype}; give numbers")
-        if array.shape != shape:
-            raise ValueError(f"action has shape {array.shape}; give {shape}")
-        actions = np.ascontiguousarray(array, dtype=np.float32)
-        return actions if actions.flags.carray else actions.copy()
-    return actions
+    of_floats = type(actions) is np.ndarray and actions.dtype is FLOAT32
+    if of_floats and actions.shape == shape and actions.flags.carray:
+        return actions  # type: ignore[no-any-return]
+    array = np.asarray(actions)
+    if array.dtype.kind == "f" and array.dtype.itemsize > 4:  # finite actions must stay finite as float32
+        array = np.where(np.isfinite(array), np.clip(array, -1e30, 1e30), array)
+    if array.dtype.kind not in "fiu":
+        raise ValueError(f"action has dtype {array.dtype}; give numbers")
+    if array.shape != shape:
+        raise ValueError(f"action has shape {array.shape}; give {shape}")
+    return np.require(array, np.float32, ["C", "A", "W"])
 
 
 def refuse_bad_action(actions: NDArray[np.float32]) -> None:
@@ -152,21 +147,15 @@ def refuse_bad_action(actions: NDArray[np.float32]) -> None:
 
 def episode_limit(max_episode_steps: Any) -> float:
     """Control steps until truncation; None and -1 mean never."""
-    whole = isinstance(max_episode_steps, int | np.integer)
-    if max_episode_steps is None or (whole and max_episode_steps == -1):
+    given = max_episode_steps
+    if given is None or (isinstance(given, int | np.integer) and given == -1):
         return float("inf")
-    number = isinstance(max_episode_steps, int | float | np.integer | np.floating)
-    if (
-        not number
-        or isinstance(max_episode_steps, bool)
-        or not 1 <= max_episode_steps <= LARGEST_WHOLE
-        or max_episode_steps != int(max_episode_steps)
-    ):
+    number = isinstance(given, int | float | np.integer | np.floating) and not isinstance(given, bool)
+    if not number or not 1 <= given <= LARGEST_WHOLE or given != int(given):
         raise ValueError(
-            f"max_episode_steps is {shown(max_episode_steps)}; give a whole number of at least 1, or -1 "
-            "for no limit"
+            f"max_episode_steps is {shown(given)}; give a whole number of at least 1, or -1 for no limit"
         )
-    return float(max_episode_steps)
+    return float(given)
 
 
 def plain_scene(scene: Any) -> Any:
