@@ -16,7 +16,7 @@ from .run import (
 
 __all__ = [
     "ALGORITHMS", "MOST_EPISODES", "MOST_SEEDS", "SEEDS_PER_RUN", "WITHOUT_EFFECT", "Config", "HERSettings",
-    "Model", "OffPolicySettings", "PlainPPOSettings", "Real", "TD3Settings", "TQCSettings", "Text", "Whole", "checked",
-    "complete", "config_of", "first_environment_seed", "help_of_keys", "label", "load", "number",
+    "Model", "OffPolicySettings", "PlainPPOSettings", "Real", "TD3Settings", "TQCSettings", "Text", "Whole",
+    "checked", "complete", "config_of", "first_environment_seed", "help_of_keys", "label", "load", "number",
     "read", "value",
 ]  # fmt: skip

@@ -52,35 +52,17 @@ SAME_GOALS = {"scene", "accuracy", "on_bad_action"}
 
 @dataclass(frozen=True)
 class Row:
-    """One point of the figure.
+    """One point of the figure; with several seeds their mean, and the union of their intervals."""
 
-    Attributes
-    ----------
-    arm : {"4R", "RPRP"}
-    factor : float
-        Effort limits / those of the reach scene.
-    who : str
-        HOLDABLE, or a name of COLORS.
-    hold_success, low, high : float
-        Share of the goals and its 95 % interval (Wilson), 0 to 1. With several seeds it is their mean, and
-        low and high are the ends of the union of their intervals.
-    touch_success : float or None
-        Share of the goals that were touched; None for :data:`HOLDABLE`.
-    seeds : int
-        Of trained policies; 0 without training.
-    episodes : int
-        Goals, of each seed; the fewest if seeds differ.
-    """
-
-    arm: str
-    factor: float
-    who: str
-    hold_success: float
-    low: float
+    arm: str  # of ARMS
+    factor: float  # effort limits / those of the reach scene
+    who: str  # HOLDABLE, or a name of COLORS
+    hold_success: float  # share of the goals, 0 to 1
+    low: float  # ends of its 95 % interval (Wilson)
     high: float
-    touch_success: float | None
-    seeds: int
-    episodes: int
+    touch_success: float | None  # share of the goals; None for HOLDABLE
+    seeds: int  # of trained policies; 0 without training
+    episodes: int  # goals, of each seed; the fewest if seeds differ
 
     def __post_init__(self) -> None:
         for name, valid in (("arm", ARMS), ("who", (HOLDABLE, *COLORS))):
@@ -100,20 +82,7 @@ COLUMNS = tuple(field.name for field in dataclasses.fields(Row))
 
 
 def weakened(scene_name: str, factor: float) -> dict[str, Any]:
-    """Plain data of a scene whose effort limits are multiplied by a factor.
-
-    Parameters
-    ----------
-    scene_name : str
-        A name or the path of a YAML file.
-    factor : float
-        Positive.
-
-    Raises
-    ------
-    ValueError
-        If the factor is not positive, or the scene has no EffortLimits.
-    """
+    """Plain data of a scene, by name or file, whose effort limits are multiplied by a positive factor."""
     if not number("factor", factor) > 0.0:
         raise ValueError(f"factor is {factor}; it must be positive")
     limits = effort_limits(load_scene(scene_name))
@@ -149,13 +118,7 @@ def expert_rows(
 ) -> list[Row]:
     """Shares that can be held at all, and that computed torque holds with either plan, on the same goals.
 
-    Parameters
-    ----------
-    arm : {"4R", "RPRP"}
-    factors : sequence of float
-    episodes : int
-    seed : int
-        Of the first environment; episode i has the goal of seed + i.
+    Episode i has the goal of ``seed + i``.
     """
     if arm not in ARMS:
         raise ValueError(f"arm is {shown(arm)}; choose {', '.join(ARMS)}")
@@ -179,15 +142,9 @@ def _share(held: NDArray[np.bool_]) -> tuple[float, float, float]:
 
 
 def learner_rows(places: Sequence[Path]) -> list[Row]:
-    """Rows of evaluated runs: those of one arm, factor and learner are seeds of one row.
+    """Rows of the evaluated runs of :func:`read_runs`: one for the seeds of an arm, factor and learner.
 
-    ``places`` are run folders and tables of runs, as in :func:`read_runs`.
-
-    Raises
-    ------
-    ValueError
-        If a run has another task, or another scene than a reach scene with all limits times one factor; or
-        a place is not an evaluated run.
+    ValueError if a run has another task, or a scene that is no reach scene with all limits times one factor.
     """
     found: dict[tuple[str, float, str], list[Run]] = {}
     for run in read_runs(places) if places else ():
