@@ -211,8 +211,7 @@ def tune(
     ] = 1,
 ) -> None:
     """Search the learner's settings that hold most goals, with Optuna."""
-    from .tuning.arguments import check_arguments
-    from .tuning.search import space_of
+    from .tuning.search import check_arguments, space_of
 
     base = with_start(load(config, overrides or ()))
     check_arguments(base, trials, seed, processes)

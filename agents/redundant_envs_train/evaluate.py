@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.envs.sb3 import make_sb3
+from redundant_envs.machine import machine_name
 
 from .config import label
 from .own_scene import own_config
@@ -32,17 +33,6 @@ def versions() -> dict[str, str]:
         except PackageNotFoundError:
             found[name] = "not installed"
     return found
-
-
-def processor() -> str:
-    """Name of the processor, as far as the system reports it."""
-    try:
-        for line in Path("/proc/cpuinfo").read_text().splitlines():
-            if line.startswith("model name"):
-                return line.split(":", 1)[1].strip()
-    except OSError:
-        pass
-    return platform.processor() or platform.machine()
 
 
 class Evaluation(NamedTuple):
@@ -85,7 +75,7 @@ def evaluate(folder: Path, trust: bool = False) -> Evaluation:
         **measures("", policy),
         **measures("expert_", expert),
         "date": time.strftime("%Y-%m-%d"),
-        "machine": processor(),
+        "machine": machine_name(),
         "versions": versions(),
     }
     return Evaluation(result, episode_table(policy, expert))

@@ -23,13 +23,7 @@ MOST_SHOWN = 3
 
 
 def read_scene(folder: Path) -> Scene:
-    """The scene that a run was trained in.
-
-    Raises
-    ------
-    ValueError
-        scene.yaml is missing or damaged.
-    """
+    """The scene that a run was trained in."""
     path = folder / SCENE
     if not path.is_file():
         raise ValueError(

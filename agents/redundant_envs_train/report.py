@@ -14,14 +14,14 @@ from redundant_envs.extras import MissingPackage
 from redundant_envs.figures import bare, new_figure, save_figure
 
 from . import command
-from .clips import clip
 from .config import Config
-from .drawing import EVALUATED, check_drawing, check_target
 from .evaluate import evaluate, summary, write_evaluation
 from .evidence.curves import draw_curves
 from .evidence.runs import group, read_run
+from .new_folder import EVALUATED, check_drawing, check_target
 from .own_scene import difference, own_config
 from .pages import measures, page
+from .play import clip
 from .policies import load_policy
 from .rollout import EVALUATION_SEED, policy_act
 from .run_folder import EPISODES, is_exported, read_evaluation, read_table
@@ -59,23 +59,10 @@ def plots(folder: Path, config: Config, result: dict[str, Any], evaluated: Path,
 
 
 def report(folder: Path, out: Path | None = None, overwrite: bool = False, trust: bool = False) -> Path:
-    """Write plots, clips and report.md of a run, and its evaluation if it has none yet.
+    """Write plots, clips and report.md of a run or an exported policy, and its evaluation if it has none yet.
 
-    Parameters
-    ----------
-    folder : Path
-        Of a run, or of an exported policy.
-    out : Path, optional
-        Folder for all files; without it the folder itself.
-    overwrite : bool
-        Whether existing files are replaced.
-    trust : bool
-        As in :func:`load_policy`.
-
-    Raises
-    ------
-    ValueError
-        Files would be replaced, or the folder of a policy written to, without ``overwrite``.
+    All files go to ``out``, without it to the folder itself; ValueError if some would be replaced, or the
+    folder of a policy written to, without ``overwrite``. ``trust`` is as in :func:`load_policy`.
     """
     check_target(folder, out, overwrite)
     config = own_config(folder)

@@ -45,18 +45,10 @@ def write_runs(runs: Sequence[Run], path: Path) -> None:
 
 
 def read_runs(places: Iterable[str | Path]) -> list[Run]:
-    """Runs from run folders and tables.
+    """Runs from run folders, tables of :func:`write_runs`, and runs of a table.
 
-    Parameters
-    ----------
-    places : iterable of str or Path
-        Run folders, tables of :func:`write_runs`, and runs of a table: ``TABLE.csv/NAME``, where the name may
-        be a pattern such as ``*_sac/*``.
-
-    Raises
-    ------
-    ValueError
-        A folder is not an evaluated run, a table is damaged or has no such run, or there are no places.
+    These are written ``TABLE.csv/NAME``, where the name may be a pattern such as ``*_sac/*``. ValueError if a
+    folder is not an evaluated run, a table is damaged or has no such run, or there are no places.
     """
     runs: list[Run] = []
     for place in map(Path, places):

@@ -26,58 +26,27 @@ CIRCUMSTANCES = ("train_seconds", "versions", "machine", "date")
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """One evaluated run.
+    """One evaluated run."""
 
-    Attributes
-    ----------
-    folder : Path
-        For a row of a table, that of the table and the name of the run.
-    env, algo : str
-    learner : str
-        Name of the algorithm in tables and figures.
-    seed : int
-    settings : mapping
-        The configuration without its seed.
-    scene : mapping
-        Plain data of the scene that it was trained in.
-    evaluation : mapping
-        Content of evaluation.json.
-    curve : ndarray (points, len(SELECTION))
-        The rows of selection.csv.
-    simulator : str or None
-        Checksum of the simulator that it was trained with.
-    """
-
-    folder: Path
+    folder: Path  # for a row of a table, that of the table and the name of the run
     env: str
     algo: str
-    learner: str
+    learner: str  # name of the algorithm in tables and figures
     seed: int
-    settings: Mapping[str, Any]
-    scene: Mapping[str, Any]
-    evaluation: Mapping[str, Any]
-    curve: NDArray[np.float64]
-    simulator: str | None
+    settings: Mapping[str, Any]  # the configuration without its seed
+    scene: Mapping[str, Any]  # plain data of the scene that it was trained in
+    evaluation: Mapping[str, Any]  # content of evaluation.json
+    curve: NDArray[np.float64]  # rows of selection.csv, (points, len(SELECTION))
+    simulator: str | None  # checksum of the simulator that it was trained with
 
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Runs of one environment, learner and all settings, in the order of their seeds.
+    """Runs of one environment, learner and all settings, in the order of their seeds."""
 
-    Attributes
-    ----------
-    environment : str
-        Id without its namespace.
-    scene : str
-        Name of the scene, or "" for the environment's own.
-    learner : str
-        "PPO", and the settings that differ where several groups share environment, scene and learner.
-    runs : tuple of Run
-    """
-
-    environment: str
-    scene: str
-    learner: str
+    environment: str  # id without its namespace
+    scene: str  # its name, or "" for the environment's own
+    learner: str  # "PPO", and the settings that differ between groups of one environment, scene and learner
     runs: tuple[Run, ...]
 
     @property
@@ -94,13 +63,8 @@ class Group:
 def read_run(folder: str | Path, stopped: bool = False, evaluation: Mapping[str, Any] | None = None) -> Run:
     """Read a run folder; that of a training that was stopped only if ``stopped``.
 
-    ``evaluation`` replaces that of the folder.
-
-    Raises
-    ------
-    ValueError
-        The folder is not that of an evaluated run (the message says what is missing), or a file in it is
-        damaged or belongs to another run.
+    ``evaluation`` replaces that of the folder. ValueError if the folder is not that of an evaluated run, or a
+    file in it is damaged or belongs to another run.
     """
     folder = Path(folder)
     config, scene = read_config(folder), read_scene(folder).to_dict()
@@ -144,12 +108,7 @@ def run_of(
 def group(runs: Iterable[Run]) -> list[Group]:
     """Join runs of the same environment, learner, settings and number of evaluation episodes.
 
-    A seed counts once: the first of several folders of one seed is taken if their results are the same.
-
-    Raises
-    ------
-    ValueError
-        Two folders of one group have the same seed and different results.
+    A seed counts once: the first of several folders of one seed is taken, if their results are the same.
     """
     found: dict[str, dict[int, Run]] = {}
     for run in runs:

@@ -108,10 +108,9 @@ class AveragedPPO(Averaging, PPO):
         buffer.values[:] = self._values(flat).view(buffer.values.shape).numpy()
         if ends:
             steps, lanes, last = zip(*ends, strict=True)
-            after = (
-                {k: np.stack([o[k] for o in last]) for k in last[0]} if isinstance(last[0], dict) else None
-            )
-            values = self._values(np.stack(last) if after is None else after)
+            goals = isinstance(last[0], dict)
+            after = {k: np.stack([o[k] for o in last]) for k in last[0]} if goals else np.stack(last)
+            values = self._values(after)
             buffer.rewards[list(steps), list(lanes)] += self.gamma * values.numpy()
         buffer.pos, buffer.full = len(buffer.values), True
         buffer.compute_returns_and_advantage(

@@ -21,9 +21,8 @@ from ..start import with_start
 from ..training import checkpoint, telemetry
 from ..training.interrupt import Stopped, stop_request
 from ..training.train import simulator_hash, train
-from .arguments import check_arguments
 from .results import MESSAGE, complete, ended, order_of, write
-from .search import Space, space_of, with_parameters, words
+from .search import Space, check_arguments, space_of, with_parameters, words
 from .trials import Judge
 from .workers import Pruned, news, outcome, workers
 
@@ -54,36 +53,13 @@ def tune(
     A trial is a training in ``folder``/trial<k>. It is ranked by the hold success at the last point of its
     learning curve, on the selection goals, and among equal ones by the mean return; goals of the
     evaluation are never used. A trial below the median of the others at the same point of the curve is
-    pruned.
+    pruned. The first trial has the settings of ``config``, as far as the search space of ``searches`` and
+    ``overrides`` contains them; ``seed`` is the sampler's.
 
-    Parameters
-    ----------
-    config : Config
-        Everything except the searched settings. The first trial has its own values, as far as the search
-        space contains them.
-    folder : Path
-        New or empty, or of the same study, which continues until it has ``trials``.
-    trials : int
-        Total number; those that were stopped or killed are not counted.
-    searches, overrides : sequence of str
-        As in :func:`~.search.space_of`.
-    seed : int
-        Of the sampler.
-    processes : int
-        Trials at a time. The results are the same for 1 to 4; a study with more has other results.
-
-    Returns
-    -------
-    Path
-        The page tune.md; beside it are best.yaml and trials.csv.
-
-    Raises
-    ------
-    Stopped
-        The user asked to stop; the same call continues.
-    ValueError
-        An argument is not allowed, ``folder`` belongs to another study, no trial was completed, or a
-        process ended before its trial.
+    ``folder`` is new or empty, or of the same study, which continues until it has ``trials``, without those
+    that were stopped or killed. ``processes`` are trials at a time; the results are the same for 1 to 4. The
+    page tune.md is returned; beside it are best.yaml and trials.csv. Stopped if the user asked for it: the
+    same call continues.
     """
     check_arguments(config, trials, seed, processes)
     telemetry.check(config)

@@ -31,18 +31,8 @@ WARMUP = 0.2
 class Judge:
     """One trial: its settings, the points of its learning curve, and whether the others were better.
 
-    Parameters
-    ----------
-    study : optuna.Study
-        The study of the trial.
-    config, space
-        Of the study.
-    order : int
-        Position of the trial in the study, from 0.
-    ahead : int
-        Number of trials just before it that it ignores.
-    seed : int
-        Of the study's sampler.
+    ``order`` is its position in the study, from 0; it ignores the ``ahead`` trials just before it. ``seed``
+    is that of the study's sampler.
     """
 
     def __init__(
