@@ -18,13 +18,20 @@ from .evidence import curves as curve_pictures
 from .evidence import table as tables
 from .evidence.run_table import read_groups, write_runs
 from .evidence.runs import read_run
-from .new_folder import EVALUATED, check_drawing, check_new, check_out, check_target, check_unwritten
-from .own_scene import own_config, tell_differences
 from .presets import presets
+from .run_folder import (
+    EVALUATED,
+    check_drawing,
+    check_new,
+    check_out,
+    check_target,
+    check_unwritten,
+    own_config,
+    tell_differences,
+)
 from .start import with_start
 from .studies.factors import factors_of
-from .training.interrupt import Stopped
-from .training.pool import count_of, seeds_of
+from .training.pool import Stopped, count_of, seeds_of
 
 with needs("train"):
     import pydantic  # noqa: F401 - typer imports it while it reads the words
@@ -80,8 +87,7 @@ app = typer.Typer(
 study = typer.Typer(help="Measure effects on policies.", no_args_is_help=True, rich_markup_mode=None)
 app.add_typer(study, name="study")
 
-PLACES = ("processes", "ray")
-"""Where several runs are executed."""
+PLACES = ("processes", "ray")  # where several runs are executed
 
 
 def run(arguments: list[str]) -> int:

@@ -15,10 +15,9 @@ from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.machine import machine_name
 
 from .config import label
-from .own_scene import own_config
 from .policies import load_policy
 from .rollout import EVALUATION_SEED, Outcome, expert_act, policy_act, run_episodes
-from .run_folder import EPISODES, FACTS, read_facts, write_json
+from .run_folder import EPISODES, FACTS, own_config, read_facts, write_json
 from .statistics import wilson
 
 PACKAGES = ("redundant-envs", "gymnasium", "stable-baselines3", "torch", "numpy", "llvmlite")

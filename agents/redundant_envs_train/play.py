@@ -16,8 +16,8 @@ from redundant_envs.extras import needs
 from redundant_envs.files import exists
 from redundant_envs.values import shown
 
-from .own_scene import own_config, tell_differences
 from .rollout import Act, expert_act, policy_act, random_act, zero_act
+from .run_folder import own_config, tell_differences
 
 ACTIONS: dict[str, Callable[[int], Act]] = {
     "zero": lambda seed: zero_act(), "random": random_act, "expert": lambda seed: expert_act(),
@@ -25,8 +25,7 @@ ACTIONS: dict[str, Callable[[int], Act]] = {
 """Sources of actions without a policy, from a seed."""
 MOST_EPISODES = 1_000_000
 MOST_SEED = 2**63
-CLIP_EVERY = 2
-"""Control steps from frame to frame."""
+CLIP_EVERY = 2  # control steps from frame to frame
 
 
 def play(

@@ -29,14 +29,12 @@ from .learners.networks import ACTIVATIONS
 with needs("train"):
     import torch
 
-MOST_BYTES = 64 * 2**20
-"""Largest weights that are read: 16 million numbers, far more than an arm needs."""
+MOST_BYTES = 64 * 2**20  # largest weights that are read: 16 million numbers, far more than an arm needs
 TENSOR_NAMES = {
     "collections OrderedDict", "torch._utils _rebuild_tensor_v2", "torch FloatStorage", "torch LongStorage",
 }  # fmt: skip
 """Objects to which a table of tensors may refer; anything else in a file is refused."""
-TENSOR_TYPES = (torch.float32, torch.int64)
-"""Weights, and the counters of CrossQ's normalisation."""
+TENSOR_TYPES = (torch.float32, torch.int64)  # weights, and the counters of CrossQ's normalisation
 HARMLESS = (
     "policy.zip is read without its pickled objects, which could run any code; add --trust to load it as "
     "stable-baselines3 does, if you know who made it"

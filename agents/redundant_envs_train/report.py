@@ -18,13 +18,21 @@ from .config import Config
 from .evaluate import evaluate, summary, write_evaluation
 from .evidence.curves import draw_curves
 from .evidence.runs import group, read_run
-from .new_folder import EVALUATED, check_drawing, check_target
-from .own_scene import difference, own_config
 from .pages import measures, page
 from .play import clip
 from .policies import load_policy
 from .rollout import EVALUATION_SEED, policy_act
-from .run_folder import EPISODES, is_exported, read_evaluation, read_table
+from .run_folder import (
+    EPISODES,
+    EVALUATED,
+    check_drawing,
+    check_target,
+    difference,
+    is_exported,
+    own_config,
+    read_evaluation,
+    read_table,
+)
 
 CLIP_EPISODES = 4
 

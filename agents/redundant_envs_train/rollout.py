@@ -12,15 +12,11 @@ from redundant_envs.control.computed_torque import ComputedTorque, pose_at
 from redundant_envs.envs.core import Core
 from redundant_envs.numerics.tableaus import METHODS
 
-EVALUATION_SEED = 1_000_000
-"""First seed of the goals of the evaluation; seeds of the training are smaller."""
-SELECTION_SEED = 2_000_000
-"""First seed of the goals of the learning curve."""
-STUDY_SEED = 3_000_000
-"""First seed of the goals of the policy study."""
+EVALUATION_SEED = 1_000_000  # first seed of the goals of the evaluation; seeds of the training are smaller
+SELECTION_SEED = 2_000_000  # first seed of the goals of the learning curve
+STUDY_SEED = 3_000_000  # first seed of the goals of the policy study
 
-Act = Callable[[Any, Core, int], NDArray[np.float32]]
-"""(observations, core, step) -> actions (n, joints)."""
+Act = Callable[[Any, Core, int], NDArray[np.float32]]  # (observations, core, step) -> actions (n, joints)
 
 
 class Outcome(NamedTuple):
@@ -33,13 +29,9 @@ class Outcome(NamedTuple):
     ended: NDArray[np.bool_]  # whether numerics ended the episode before its time
     steps: NDArray[np.int64]  # control steps
     evaluations: NDArray[np.int64]  # of the equations of motion
-    time_to_hold: NDArray[
-        np.float64
-    ]  # s, from which on the tip stayed at the goal and slow; else NaN
+    time_to_hold: NDArray[np.float64]  # s, from which on the tip stayed at the goal and slow; else NaN
     effort: NDArray[np.float64]  # mean square of the normalized efforts, 0 to 1
-    smoothness: NDArray[
-        np.float64
-    ]  # mean change of an effort from step to step, 0 to 2: less is smoother
+    smoothness: NDArray[np.float64]  # mean change of an effort from step to step, 0 to 2: less is smoother
 
 
 def run_episodes(env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any) -> Outcome:

@@ -16,10 +16,10 @@ from redundant_envs.envs.schematic import save_schematic
 from redundant_envs.figures import save_figure
 from redundant_envs_train.evidence.curves import curves
 from redundant_envs_train.evidence.table import brief_table
-from redundant_envs_train.own_scene import own_config
 from redundant_envs_train.play import batched, play
 from redundant_envs_train.policies import load_policy
 from redundant_envs_train.rollout import policy_act
+from redundant_envs_train.run_folder import own_config
 from redundant_envs_train.studies.strength import read_rows
 from redundant_envs_train.studies.strength_run import figure
 

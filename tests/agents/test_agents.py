@@ -19,7 +19,7 @@ from redundant_envs_train.config import (
     load,
 )
 from redundant_envs_train.config.fields import limits
-from redundant_envs_train.config.keys import complete, help_of_keys, keys
+from redundant_envs_train.config.files import complete, help_of_keys, keys
 from redundant_envs_train.config.run import KEPT_FOR_GOALS
 from redundant_envs_train.evaluate import evaluate, summary
 from redundant_envs_train.presets import presets

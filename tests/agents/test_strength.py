@@ -36,8 +36,7 @@ from redundant_envs_train.studies.strength import (
     read_rows,
     weakened,
 )
-from redundant_envs_train.studies.strength_figure import AREA, figure
-from redundant_envs_train.studies.strength_run import run_study, trainings
+from redundant_envs_train.studies.strength_run import AREA, figure, run_study, trainings
 
 ROOT = Path(__file__).resolve().parents[2]
 PRESETS = {"4R": "configs/training/four_r_reach_ppo.yaml", "RPRP": "configs/training/rprp_reach_sac.yaml"}

@@ -29,20 +29,14 @@ Algorithm = Literal["ppo", "sac", "her", "plain_ppo", "plain_sac", "td3", "tqc",
 ALGORITHMS: tuple[str, ...] = get_args(Algorithm)
 SEEDS_PER_RUN = 10_000
 """Environment seeds of a run, one per environment, from :func:`first_environment_seed` on."""
-MOST_SEEDS = 9999
-"""Largest seed of a run."""
+MOST_SEEDS = 9999  # largest seed of a run
 KEPT_FOR_GOALS = (1_000_000, 10_000_000)
 """Environment seeds, from one to below the other, that serve evaluation only, never training."""
-MOST_EPISODES = 1_000_000
-"""With more, seeds would overlap with those of the evaluation or of the curve."""
-WITHOUT_EFFECT = ("checkpoint_seconds", "telemetry")
-"""Settings that change no result."""
-MOST_SAMPLES = 10**8
-"""Most samples between two updates of PPO, which a rollout holds in memory."""
-MOST_DRAWN = 10**7
-"""Most samples that are drawn at once."""
-MOST_DIVISOR = 10**6
-"""Largest batch that a message proposes."""
+MOST_EPISODES = 1_000_000  # with more, seeds would overlap with those of the evaluation or of the curve
+WITHOUT_EFFECT = ("checkpoint_seconds", "telemetry")  # settings that change no result
+MOST_SAMPLES = 10**8  # most samples between two updates of PPO, which a rollout holds in memory
+MOST_DRAWN = 10**7  # most samples that are drawn at once
+MOST_DIVISOR = 10**6  # largest batch that a message proposes
 VERSION = 2
 CHANGES = {
     2: "the saved policy is the average of the last weights, not the best on the selection goals; the "

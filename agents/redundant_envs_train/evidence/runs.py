@@ -17,8 +17,16 @@ from redundant_envs.values import shown
 
 from .. import command, train_again
 from ..config import WITHOUT_EFFECT, Config
-from ..own_scene import read_scene
-from ..run_folder import SELECTION, evaluate_anew, flat, read_config, read_evaluation, read_facts, read_table
+from ..run_folder import (
+    SELECTION,
+    evaluate_anew,
+    flat,
+    read_config,
+    read_evaluation,
+    read_facts,
+    read_scene,
+    read_table,
+)
 
 CIRCUMSTANCES = ("train_seconds", "versions", "machine", "date")
 """Entries in which two trainings of one seed may differ although their results are the same."""

@@ -17,8 +17,7 @@ with needs("train"):
     from gymnasium import spaces
     from torch import Tensor
 
-ERROR_SCALE = 0.05
-"""Distance from the goal that is the input 1 of the networks, in reaches."""
+ERROR_SCALE = 0.05  # distance from the goal that is the input 1 of the networks, in reaches
 
 
 def goal_mixing(space: spaces.Space[Any], error_scale: float = ERROR_SCALE) -> Tensor | None:
@@ -47,11 +46,9 @@ class Averaging:
     to date, and those with averages hold them.
     """
 
-    networks: dict[str, Networks]
-    """All trained vectors, and targets."""
+    networks: dict[str, Networks]  # all trained vectors, and targets
     adams: dict[str, Adam]
-    means: dict[str, Tensor]
-    """Averages of the vectors of some networks."""
+    means: dict[str, Tensor]  # averages of the vectors of some networks
 
     def inputs(self, observations: Any) -> Tensor:
         """Inputs of the networks from observations, (rows, inputs)."""

@@ -18,8 +18,7 @@ with needs("train"):
     import torch
     from torch import Tensor, nn
 
-Backward = Callable[[Tensor, Tensor], Tensor]
-"""(derivatives of outputs, inputs) -> derivatives of inputs."""
+Backward = Callable[[Tensor, Tensor], Tensor]  # (derivatives of outputs, inputs) -> derivatives of inputs
 
 
 class Activation(NamedTuple):

@@ -30,8 +30,7 @@ with needs("train"):
     from torch import Tensor
 
 
-EPSILON = 1e-5
-"""Adam's, as in stable-baselines3's PPO."""
+EPSILON = 1e-5  # Adam's, as in stable-baselines3's PPO
 
 
 class AveragedPPO(Averaging, PPO):

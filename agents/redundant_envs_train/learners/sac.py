@@ -30,8 +30,7 @@ with needs("train"):
     from torch import Tensor
     from torch.nn.functional import softplus
 
-LOG_STD = (-20.0, 2.0)
-"""Bounds of the logarithm of the standard deviation, as in stable-baselines3."""
+LOG_STD = (-20.0, 2.0)  # bounds of the logarithm of the standard deviation, as in stable-baselines3
 FIRST_UPDATES = 10
 """An average is at first the mean of about the last nine tenths of all weights: the first ones are poor."""
 

@@ -23,11 +23,9 @@ from ..config import Config, OffPolicySettings, PlainPPOSettings
 from ..evaluate import PACKAGES
 from ..evidence.runs import read_run
 from ..learners.build import ALGORITHM_CLASSES, policy_kwargs, policy_name
-from ..new_folder import check_out
-from ..own_scene import SCENE, difference, own_config
 from ..pages import measures, page, plain
 from ..policies import load_policy
-from ..run_folder import FACTS, read_config
+from ..run_folder import FACTS, SCENE, check_out, difference, own_config, read_config
 from .layers import Exact, Layers, exact_actions, layers_of, sampled
 
 with needs("onnx"):
@@ -44,15 +42,12 @@ ORIGIN = {
 }  # fmt: skip
 MODULES = {"TQC": "sb3_contrib", "CrossQ": "sb3_contrib"}
 """Packages of classes that are not stable-baselines3's."""
-OPSET = 17
-"""Old enough for every runtime since 2022."""
+OPSET = 17  # old enough for every runtime since 2022
 TOLERANCE = 1e-6
 """Largest difference of an action from that of the policy's own weights, computed in double precision."""
-SINGLE = 1e-4
-"""The same for policy.zip: some ten times the error of single precision."""
+SINGLE = 1e-4  # the same for policy.zip: some ten times the error of single precision
 LANES, STEPS = 64, 100
-SEED = 4_000_000
-"""Episodes of the check; no other part uses these."""
+SEED = 4_000_000  # episodes of the check; no other part uses these
 
 
 def name_of(config: Config) -> str:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from redundant_envs.values import shown
 
-FACTORS = (1.0, 0.8, 0.6, 0.5, 0.4, 0.3)
-"""Effort limits, in units of those of the reach scenes."""
+FACTORS = (1.0, 0.8, 0.6, 0.5, 0.4, 0.3)  # effort limits, in units of those of the reach scenes
 MOST_FACTORS, MOST_FACTOR = 100, 10.0
 DIGITS = 6
 

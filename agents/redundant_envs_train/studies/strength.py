@@ -40,8 +40,7 @@ ARMS = {"4R": ("redundant_envs/FourRReach-v0", "four_r_reach"),
 """For each arm the environment and the scene whose limits have the factor 1."""
 HOLDABLE, EXPERT = "can be held at all", "computed torque"
 LIGHTEST = "computed torque to the lightest pose"
-POSES = {EXPERT: pose_at, LIGHTEST: lightest_pose}
-"""Poses in which the plans of computed torque end."""
+POSES = {EXPERT: pose_at, LIGHTEST: lightest_pose}  # poses in which the plans of computed torque end
 LEARNERS = ("PPO", "SAC")
 COLORS = {EXPERT: "#000000", LIGHTEST: "#7F7F7F"} | {who: LEARNER_COLORS[who] for who in LEARNERS}
 """Colours of all controllers and learners; the share that can be held is a grey area."""
@@ -77,8 +76,7 @@ class Row:
             )
 
 
-COLUMNS = tuple(field.name for field in dataclasses.fields(Row))
-"""Of the CSV file."""
+COLUMNS = tuple(field.name for field in dataclasses.fields(Row))  # of the CSV file
 
 
 def weakened(scene_name: str, factor: float) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from redundant_envs.tables import markdown, write_rows
 
 from ..config import Config, load
 from ..config.fields import checked
-from ..new_folder import check_out
+from ..run_folder import check_out
 from ..training.many import train_many
 from ..training.pool import count_of
 from .strength import (
@@ -35,8 +35,7 @@ MARKERS = dict(zip(COLORS, ("o", "v", "s", "^"), strict=True))
 """A marker for each, so that they can be distinguished without colours."""
 AREA = "#D9D9D9"
 
-Key = tuple[str, float, str]
-"""Arm, factor and learner of a row."""
+Key = tuple[str, float, str]  # arm, factor and learner of a row
 
 
 def trainings(factors: Sequence[float], seeds: Sequence[int]) -> dict[str, tuple[Key, Config]]:

@@ -12,12 +12,9 @@ from typing import Any
 from redundant_envs.extras import needs
 
 from ..config import Config, checked
-from ..new_folder import check_out, find_checkpoint
-from ..own_scene import difference
-from ..run_folder import read_config, read_evaluation, read_facts
+from ..run_folder import check_out, difference, find_checkpoint, read_config, read_evaluation, read_facts
 from ..start import with_start
-from .interrupt import Request
-from .pool import POLL, News, count_of, follow, places, settle, start
+from .pool import POLL, News, Request, count_of, follow, places, settle, start
 
 with needs("train"):
     from rich.progress import Progress

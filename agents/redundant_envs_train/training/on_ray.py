@@ -24,10 +24,9 @@ from redundant_envs.modules import IMPORTED, OPTION
 from redundant_envs.values import shown
 
 from ..config import Config, checked
-from ..new_folder import check_new, check_out
-from .interrupt import Request
+from ..run_folder import check_new, check_out
 from .many import Teller, check_same, finish, is_finished, result_of
-from .pool import POLL, News, count_of, follow
+from .pool import POLL, News, Request, count_of, follow
 
 # Ray reads it when it starts: nothing about this machine or its user is sent to anyone.
 os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
@@ -35,16 +34,11 @@ with needs("ray"):
     import ray
     from ray.util.queue import Queue
 
-LOCAL = "local"
-"""Ray's name of a cluster of this machine alone."""
-RETRIES = 2
-"""Number of machines of a cluster that a run may lose before it counts as failed."""
-CONNECTING = 10.0
-"""s; time limit for reaching the address of a cluster."""
-INCOMING = ".incoming"
-"""Folder beside the runs, in which a run is written before it gets its final name."""
-MOST_CHARACTERS = 300
-"""Most characters of a failure in a message."""
+LOCAL = "local"  # Ray's name of a cluster of this machine alone
+RETRIES = 2  # number of machines of a cluster that a run may lose before it counts as failed
+CONNECTING = 10.0  # s; time limit for reaching the address of a cluster
+INCOMING = ".incoming"  # folder beside the runs, in which a run is written before it gets its final name
+MOST_CHARACTERS = 300  # most characters of a failure in a message
 
 
 def train_on_ray(

@@ -1,24 +1,63 @@
-"""Several runs at a time: their seeds, the protocol of a place where they go on, and following them."""
+"""Requests to end a training in order, and several runs at a time: their seeds, places and progress."""
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import signal
+import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from redundant_envs.modules import IMPORTED, import_named
 from redundant_envs.progress import progress_bars
 
 from ..config import MOST_SEEDS
-from .interrupt import Request, Stopped, stop_request
 
-POLL = 0.2
-"""s; longest time without a look whether the user asked to stop."""
+POLL = 0.2  # s; longest time without a look whether the user asked to stop
 MOST_PROCESSES = 1024
-News = tuple[str, float, str, bool]
-"""Name of a run, share done (1.0: it ended), note, whether it failed."""
+News = tuple[str, float, str, bool]  # name of a run, share done (1.0: it ended), note, whether it failed
+
+
+class Stopped(KeyboardInterrupt):
+    """A run was stopped by its user; the message says what was kept and how to continue."""
+
+
+@dataclass
+class Request:
+    """Whether the user asked to stop."""
+
+    made: bool = False
+
+
+@contextlib.contextmanager
+def stop_request() -> Iterator[Request]:
+    """Within this context the first SIGINT or SIGTERM is kept as a request; a second one interrupts at once.
+
+    In a thread other than the main one, which receives no signals, the request is never made.
+    """
+    request = Request()
+    if threading.current_thread() is not threading.main_thread():
+        yield request
+        return
+
+    def note(number: int, frame: object) -> None:
+        if request.made:
+            raise KeyboardInterrupt
+        request.made = True
+
+    # a signal that is ignored, as by nohup or in a worker, stays ignored
+    heard = [n for n in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(n) is not signal.SIG_IGN]
+    before = {number: signal.signal(number, note) for number in heard}
+    try:
+        yield request
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler or signal.SIG_DFL)
+
+
 Pool = Callable[[Request], Iterator[News]]
 """A place where runs go on: its reports until all have ended. On request each saves a checkpoint and ends."""
 

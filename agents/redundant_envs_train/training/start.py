@@ -13,8 +13,8 @@ from redundant_envs.values import shown
 
 from ..config import Config
 from ..learners.build import ALGORITHM_CLASSES, policy_kwargs
-from ..own_scene import SCENE, own_config
 from ..policies import check_weights, read_about, read_weights
+from ..run_folder import SCENE, own_config
 from ..start import policy_file
 
 with needs("train"):

@@ -16,13 +16,20 @@ from redundant_envs.progress import progress_bars
 from .. import command
 from ..config import WITHOUT_EFFECT, Config, PlainPPOSettings, first_environment_seed
 from ..learners.build import make_model
-from ..new_folder import EVALUATED, check_new, find_checkpoint
-from ..own_scene import SCENE, own_config, with_scene
 from ..policies import save_policy
-from ..run_folder import read_config, write_json
+from ..run_folder import (
+    EVALUATED,
+    SCENE,
+    check_new,
+    find_checkpoint,
+    own_config,
+    read_config,
+    with_scene,
+    write_json,
+)
 from ..start import with_start
 from . import checkpoint
-from .interrupt import Stopped, stop_request
+from .pool import Stopped, stop_request
 from .start import start_from
 from .telemetry import check, logger
 from .watch import OnPoint, Watch
@@ -33,10 +40,8 @@ with needs("train"):
     from stable_baselines3.common.monitor import ResultsWriter
     from stable_baselines3.common.vec_env import VecMonitor
 
-LOG_EPISODES = 4
-"""Episodes of every environment between two lines of SAC's log."""
-LOG_ROLLOUTS = 10
-"""Rollouts between two lines of PPO's log."""
+LOG_EPISODES = 4  # episodes of every environment between two lines of SAC's log
+LOG_ROLLOUTS = 10  # rollouts between two lines of PPO's log
 KEYWORDS = ("is_success",)
 
 

@@ -17,16 +17,14 @@ from ..policies import save_policy
 from ..rollout import SELECTION_SEED, policy_act, run_episodes
 from ..run_folder import SELECTION
 from . import checkpoint
-from .interrupt import Request
+from .pool import Request
 
 with needs("train"):
     from rich.progress import Progress
     from stable_baselines3.common.callbacks import BaseCallback
 
-BAR_STEPS = 400
-"""Steps of the progress bar."""
-RETURN = "return_"
-"""Prefix of the terms of an episode's return in ``info``."""
+BAR_STEPS = 400  # steps of the progress bar
+RETURN = "return_"  # prefix of the terms of an episode's return in ``info``
 OnPoint = Callable[[int, float, float], None]
 """Receives a point of the learning curve: environment steps, hold success (0 to 1), mean return."""
 

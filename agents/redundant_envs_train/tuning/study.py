@@ -16,14 +16,13 @@ from redundant_envs.progress import progress_bars
 from redundant_envs.values import shown
 
 from ..config import WITHOUT_EFFECT, Config
-from ..new_folder import check_out
+from ..run_folder import check_out
 from ..start import with_start
 from ..training import checkpoint, telemetry
-from ..training.interrupt import Stopped, stop_request
+from ..training.pool import Stopped, stop_request
 from ..training.train import simulator_hash, train
-from .results import MESSAGE, complete, ended, order_of, write
 from .search import Space, check_arguments, space_of, with_parameters, words
-from .trials import Judge
+from .trials import MESSAGE, Judge, complete, ended, order_of, write
 from .workers import Pruned, news, outcome, workers
 
 with needs("tune"):
@@ -34,14 +33,11 @@ with needs("tune"):
     from rich.progress import Progress
 
 JOURNAL, LOCK = "study.journal", "study.lock"
-STUDY = "tune"
-"""Name of the study in its file."""
-SETTINGS = "settings"
-"""Attribute of a study: the settings that identify it."""
+STUDY = "tune"  # name of the study in its file
+SETTINGS = "settings"  # attribute of a study: the settings that identify it
 AHEAD = "ahead"
 """Attribute of a study: number of trials just before another one that it ignores, as they may still run."""
-LEAST_AHEAD = 3
-"""So four trials at a time give the results of one at a time."""
+LEAST_AHEAD = 3  # so four trials at a time give the results of one at a time
 
 
 def tune(

@@ -18,11 +18,10 @@ from redundant_envs.machine import versions
 from redundant_envs.progress import progress_bars
 
 from ...config import Config, load
-from ...own_scene import difference as other_scene
-from ...own_scene import own_config
 from ...policies import load_policy
 from ...rollout import policy_act, run_episodes
-from ...run_folder import SELECTION, read_config, read_facts, read_table
+from ...run_folder import SELECTION, own_config, read_config, read_facts, read_table
+from ...run_folder import difference as other_scene
 from ...training.train import simulator_hash, train
 from .episodes import Evaluation, compare, compare_groups, evaluate_under, figures, held, stepping
 from .settings import Study, slug
