@@ -63,13 +63,6 @@ class Interrupted(Exception):
     """Ctrl-C inside a command, which typer would otherwise handle itself."""
 
 
-class _Train(typer.core.TyperCommand):
-    def format_epilog(self, ctx: Any, formatter: Any) -> None:
-        """All keys of a configuration."""
-        self.epilog = help_of_keys()
-        super().format_epilog(ctx, formatter)
-
-
 class _Commands(typer.core.TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         """Run a command; interrupts are passed on to the caller."""
@@ -116,7 +109,7 @@ def _usage(error: Any) -> int:
     raise ValueError(f"{message.rstrip('.')}; {more}see {context.command_path} --help")
 
 
-@app.command(cls=_Train)
+@app.command(epilog=help_of_keys())
 def train(
     config: Training,
     overrides: Annotated[

@@ -56,9 +56,7 @@ def evaluate(folder: Path, trust: bool = False) -> Evaluation:
     core = make_sb3(config.env, 1, **config.env_kwargs).core
     at_goal = policy.distance <= core.task.goal_tolerance * core.reach
     result = {
-        "env": config.env,
-        "algo": config.algo,
-        "seed": config.seed,
+        **{name: getattr(config, name) for name in ("env", "algo", "seed")},
         "episodes": n,
         "hold_success": float(policy.hold.mean()),
         "interval": [low, high],
@@ -77,7 +75,17 @@ def evaluate(folder: Path, trust: bool = False) -> Evaluation:
         "machine": machine_name(),
         "versions": versions(),
     }
-    return Evaluation(result, episode_table(policy, expert))
+    seeds = EVALUATION_SEED + np.arange(n)
+    columns = (
+        seeds,
+        policy.hold,
+        policy.touch,
+        policy.distance,
+        policy.returns,
+        expert.hold,
+        expert.distance,
+    )
+    return Evaluation(result, np.column_stack(columns))
 
 
 def write_evaluation(found: Evaluation, folder: Path) -> None:
@@ -100,23 +108,14 @@ def measures(who: str, outcome: Outcome) -> dict[str, float | None]:
     }
 
 
-def episode_table(policy: Outcome, expert: Outcome) -> np.ndarray:
-    """One row per episode."""
-    seeds = EVALUATION_SEED + np.arange(len(policy.hold))
-    return np.column_stack(
-        [seeds, policy.hold, policy.touch, policy.distance, policy.returns, expert.hold, expert.distance]
-    )
-
-
 def summary(result: dict[str, Any]) -> str:
     """The evaluation in a few sentences."""
     low, high = result["interval"]
     lines = [
         f"{label(result['algo'])} on {result['env']}, seed {result['seed']}: hold success "
-        f"{100 * result['hold_success']:.1f} % of {result['episodes']} episodes "
-        f"(95 % interval {100 * low:.1f} to {100 * high:.1f} %), touch "
-        f"{100 * result['touch_success']:.1f} %, median final distance "
-        f"{1000 * result['median_distance']:.1f} mm.",
+        f"{100 * result['hold_success']:.1f} % of {result['episodes']} episodes (95 % interval "
+        f"{100 * low:.1f} to {100 * high:.1f} %), touch {100 * result['touch_success']:.1f} %, median final "
+        f"distance {1000 * result['median_distance']:.1f} mm.",
         f"Computed torque on the same goals: {100 * result['expert_hold_success']:.1f} %, "
         f"{1000 * result['expert_median_distance']:.1f} mm.",
     ]
@@ -127,8 +126,7 @@ def summary(result: dict[str, Any]) -> str:
             "but had not been still for long enough."
         )
     difference = result["hold_success"] - result["expert_hold_success"]
-    if difference < 0:
-        lines.append("The learner loses to computed torque.")
-    elif difference > 0:
-        lines.append("The learner holds more goals than computed torque.")
+    if difference:
+        verb = "loses to" if difference < 0 else "holds more goals than"
+        lines.append(f"The learner {verb} computed torque.")
     return "\n".join(lines)

@@ -63,22 +63,18 @@ def run_episodes(env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any)
         step += 1
     scene = env.core.scene
     per_step = scene.substeps * METHODS[scene.integrator].stages  # reported only if it varies
-    steps = np.array([e["episode_steps"] for e in ends])
-    hold = np.array([e["is_success"] for e in ends])
+    steps, hold, touch, distance, whole = (
+        np.array([end[name] for end in ends])
+        for name in ("episode_steps", "is_success", "touch_success", "distance", "TimeLimit.truncated")
+    )
     evaluations = [e.get("evaluations", n * per_step) for e, n in zip(ends, steps.tolist(), strict=True)]
     return Outcome(
-        hold=hold,
-        touch=np.array([e["touch_success"] for e in ends]),
-        distance=np.array([e["distance"] for e in ends]),
-        returns=returns,
-        ended=np.array([not e["TimeLimit.truncated"] for e in ends]),
-        steps=steps,
-        evaluations=np.array(evaluations),
+        hold, touch, distance, returns,
+        ended=~whole, steps=steps, evaluations=np.array(evaluations),
         # ``held`` counts the steps before the last one
         time_to_hold=np.where(hold, (steps - held - 1.0) * scene.control_dt, np.nan),
-        effort=effort / steps,
-        smoothness=change / np.maximum(steps - 1, 1),
-    )
+        effort=effort / steps, smoothness=change / np.maximum(steps - 1, 1),
+    )  # fmt: skip
 
 
 def policy_act(model: Any) -> Act:

@@ -117,7 +117,8 @@ class Config(Model):
                     f"with a preset of {name} or of {self.algo}"
                 )
         if self.algo == "her" and "Goal" not in self.env:
-            raise ValueError(f"env is {self.env}; her needs a goal environment: {', '.join(_goal_ids())}")
+            goal_ids = ", ".join(name for name in ids() if "Goal" in name)
+            raise ValueError(f"env is {self.env}; her needs a goal environment: {goal_ids}")
         if self.algo == "crossq" and "Goal" in self.env:
             raise ValueError(
                 f"env is {self.env}; crossq of sb3-contrib has no networks for goal environments: choose "
@@ -143,8 +144,14 @@ class Config(Model):
                     f"total_steps is {self.total_steps}; {self.algo} begins to learn after "
                     f"{settings.learning_starts}: give more, or a lower {self.algo}.learning_starts"
                 )
-        if isinstance(settings, TQCSettings):
-            _check_quantiles(settings)
+        if (
+            isinstance(settings, TQCSettings)
+            and settings.top_quantiles_to_drop_per_net >= settings.n_quantiles
+        ):
+            raise ValueError(
+                f"tqc.top_quantiles_to_drop_per_net is {settings.top_quantiles_to_drop_per_net}; with "
+                f"{settings.n_quantiles} quantiles give at most {settings.n_quantiles - 1}"
+            )
         if isinstance(settings, HERSettings):
             _check_first_episodes(self.num_envs, self.env_kwargs, settings)
         return self
@@ -163,10 +170,6 @@ class Config(Model):
     def to_dict(self) -> dict[str, Any]:
         """Plain data, with the settings of the chosen algorithm only."""
         return self.model_dump(mode="json", exclude=set(ALGORITHMS) - {self.algo})
-
-
-def _goal_ids() -> list[str]:
-    return [name for name in ids() if "Goal" in name]
 
 
 def check_env_kwargs(env_kwargs: Mapping[str, Any]) -> None:
@@ -194,14 +197,6 @@ def _check_first_episodes(num_envs: int, env_kwargs: Mapping[str, Any], her: HER
             )
 
 
-def _check_quantiles(tqc: TQCSettings) -> None:
-    if tqc.top_quantiles_to_drop_per_net >= tqc.n_quantiles:
-        raise ValueError(
-            f"tqc.top_quantiles_to_drop_per_net is {tqc.top_quantiles_to_drop_per_net}; with "
-            f"{tqc.n_quantiles} quantiles give at most {tqc.n_quantiles - 1}"
-        )
-
-
 def _check_sample(algo: str, settings: OffPolicySettings) -> None:
     if settings.batch_size * settings.gradient_steps > MOST_DRAWN:
         raise ValueError(
@@ -219,11 +214,8 @@ def _check_rollout(algo: str, num_envs: int, ppo: PlainPPOSettings) -> None:
         )
     if samples % ppo.batch_size:
         divisors = [d for d in range(2, min(samples, MOST_DIVISOR) + 1) if samples % d == 0]
-        fix = (
-            f"such as {min(divisors, key=lambda d: abs(d - ppo.batch_size))}"
-            if divisors
-            else "and be 2 or more"
-        )
+        near = min(divisors, key=lambda d: abs(d - ppo.batch_size), default=None)
+        fix = "and be 2 or more" if near is None else f"such as {near}"
         raise ValueError(
             f"{algo}.batch_size is {ppo.batch_size}; it must divide num_envs * {algo}.n_steps = {samples}, "
             f"{fix}"

@@ -39,7 +39,9 @@ def write_runs(runs: Sequence[Run], path: Path) -> None:
             run.evaluation, run.scene, dict(zip(SELECTION, run.curve.T.tolist(), strict=True)),
         )  # fmt: skip
         cells = flat(dict(zip(SECTIONS, parts, strict=True)))
-        rows.append({name: _cell(value) for name, value in cells.items()})
+        # JSON, but a text as it is if that cannot be mistaken
+        plain = {n for n, v in cells.items() if isinstance(v, str) and v and value_of(v) is v}
+        rows.append({name: v if name in plain else json.dumps(v) for name, v in cells.items()})
     columns = dict.fromkeys(name for row in rows for name in row)
     write_rows(rows, sorted(columns, key=lambda name: SECTIONS.index(name.partition(".")[0])), path)
 
@@ -101,11 +103,6 @@ def _run(folder: Path, row: dict[str, str]) -> Run:
     evaluation = checked_evaluation(data["evaluation"], folder)
     scene = Scene.from_dict(data["scene"]).to_dict()
     return run_of(folder, config_of(data["config"]), scene, evaluation, curve, data["simulator"])
-
-
-def _cell(value: Any) -> str:
-    """JSON, but a text as it is if that cannot be mistaken."""
-    return value if isinstance(value, str) and value and value_of(value) is value else json.dumps(value)
 
 
 def value_of(cell: str) -> Any:

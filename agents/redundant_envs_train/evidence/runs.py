@@ -165,8 +165,7 @@ def _checksum(scene: Mapping[str, Any]) -> str:
 def _differences(runs: list[Run]) -> list[list[str]]:
     """For each run, the settings in which the runs differ, as "name=value"."""
     settings = [
-        flat(run.settings) | {"goals": run.evaluation["episodes"], "scene": _checksum(run.scene)}
-        for run in runs
+        flat(r.settings) | {"goals": r.evaluation["episodes"], "scene": _checksum(r.scene)} for r in runs
     ]
     names = sorted({name for own in settings for name, value in own.items() if value != {}})
     differing = [n for n in names if any(own.get(n) != settings[0].get(n) for own in settings)]

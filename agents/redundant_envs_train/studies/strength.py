@@ -162,18 +162,15 @@ def learner_rows(places: Sequence[Path]) -> list[Row]:
             raise ValueError(
                 f"{run.folder} has other settings than {same[0].folder}; give runs of one setting"
             )
-    return [
-        Row(
-            *key,
-            hold_success=float(np.mean([run.evaluation["hold_success"] for run in runs])),
-            low=min(_ends(run)[0] for run in runs),
-            high=max(_ends(run)[1] for run in runs),
-            touch_success=float(np.mean([run.evaluation["touch_success"] for run in runs])),
-            seeds=len(runs),
-            episodes=min(run.evaluation["episodes"] for run in runs),
+    rows = []
+    for key, runs in sorted(found.items()):
+        held, touched, goals = (
+            [run.evaluation[name] for run in runs] for name in ("hold_success", "touch_success", "episodes")
         )
-        for key, runs in sorted(found.items())
-    ]
+        low, high = zip(*map(_ends, runs), strict=True)
+        mean = float(np.mean(held))
+        rows.append(Row(*key, mean, min(low), max(high), float(np.mean(touched)), len(runs), min(goals)))
+    return rows
 
 
 def _ends(run: Run) -> tuple[float, float]:

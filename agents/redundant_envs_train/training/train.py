@@ -16,7 +16,7 @@ from redundant_envs.progress import progress_bars
 from .. import command
 from ..config import WITHOUT_EFFECT, Config, PlainPPOSettings, first_environment_seed
 from ..learners.build import make_model
-from ..policies import save_policy
+from ..policies import save_policy, start_from
 from ..run_folder import (
     EVALUATED,
     SCENE,
@@ -30,7 +30,6 @@ from ..run_folder import (
 from ..start import with_start
 from . import checkpoint
 from .pool import Stopped, stop_request
-from .start import start_from
 from .telemetry import check, logger
 from .watch import OnPoint, Watch
 

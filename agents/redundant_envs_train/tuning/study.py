@@ -6,7 +6,7 @@ import contextlib
 import json
 import os
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -141,8 +141,7 @@ def _open(folder: Path, config: Config, space: Space, seed: int, processes: int)
 
 
 def _cut_half_line(path: Path) -> None:
-    """Cut off an incomplete last line, left by a kill or a power cut: Optuna would append the next one to
-    it."""
+    """Cut off an incomplete last line, left by a kill: Optuna would append the next one to it."""
     if path.is_file():
         whole = path.read_bytes().rfind(b"\n") + 1
         if whole < path.stat().st_size:
@@ -184,7 +183,7 @@ class _Trying:
 
     def one_by_one(self, bars: Progress) -> None:
         """Train in this process."""
-        line = self._line(bars)
+        line = bars.add_task("tune", total=self.trials, note="")
         for order in self._left():
             self._show(bars, line)
             if (job := self._begin(order)) is None:
@@ -200,7 +199,7 @@ class _Trying:
 
     def several(self, bars: Progress, processes: int) -> None:
         """Train in processes; a trial begins when all trials on which it depends are over."""
-        line = self._line(bars)
+        line = bars.add_task("tune", total=self.trials, note="")
         left, running = deque(self._left()), dict[int, tuple[Judge, Any]]()
         count = min(processes, len(left))
         with stop_request() as stop, workers(count, self.config) as team:
@@ -208,7 +207,12 @@ class _Trying:
                 if stop.made:
                     raise KeyboardInterrupt
                 for worker in team:
-                    while worker.order is None and left and self._may_begin(left[0], running):
+                    # all trials on which a trial depends are over
+                    while (
+                        worker.order is None
+                        and left
+                        and min(running, default=left[0]) >= left[0] - self.ahead
+                    ):
                         order = left.popleft()
                         if (job := self._begin(order)) is None:
                             continue
@@ -237,10 +241,6 @@ class _Trying:
                     worker.order = None
         self._show(bars, line)
 
-    def _may_begin(self, order: int, running: Iterable[int]) -> bool:
-        """Whether all trials on which a trial depends are over."""
-        return min(running, default=order) >= order - self.ahead
-
     def _left(self) -> list[int]:
         """Positions of the trials that have not ended yet."""
         over = {order_of(trial) for trial in ended(self.study)}
@@ -258,15 +258,12 @@ class _Trying:
 
     def _end(self, judge: Judge, how: str | None) -> None:
         """Report the end of a trial, as returned by :func:`~.workers.outcome`, to the study."""
+        if how:
+            judge.trial.set_user_attr(MESSAGE, how)
         if how == "":
             self.study.tell(judge.trial, judge.hold)
-            return
-        if how is not None:
-            judge.trial.set_user_attr(MESSAGE, how)
-        self.study.tell(judge.trial, state=TrialState.PRUNED)
-
-    def _line(self, bars: Progress) -> Any:
-        return bars.add_task("tune", total=self.trials, note="")
+        else:
+            self.study.tell(judge.trial, state=TrialState.PRUNED)
 
     def _show(self, bars: Progress, line: Any) -> None:
         best = complete(self.study)

@@ -55,8 +55,7 @@ def ended(study: optuna.Study) -> list[FrozenTrial]:
 
 
 def order_of(trial: FrozenTrial) -> int:
-    """Position of a trial in the study; a trial that is repeated after a break has the position of the
-    first."""
+    """Position of a trial in the study; one that is repeated after a break has that of the first."""
     return int(trial.user_attrs[ORDER])
 
 
@@ -125,13 +124,11 @@ def page(study: optuna.Study, config: Config, space: Space, folder: Path) -> str
     best = complete(study)
     states = [state_of(trial) for trial in study.get_trials(deepcopy=False)]
     counts = ", ".join(f"{states.count(state)} {state}" for state in STATES if state in states)
-    rows = [
-        (
-            trial.number, f"{100 * (trial.value or 0.0):.1f} %", f"{return_of(trial):.1f}",
-            *(_number(trial.params[key]) for key in space),
-        )
-        for trial in best[:SHOWN]
-    ]  # fmt: skip
+    rows = []
+    for trial in best[:SHOWN]:
+        numbers = (trial.params[key] for key in space)
+        cells = (f"{number:.4g}" if isinstance(number, float) else number for number in numbers)
+        rows.append((trial.number, f"{100 * (trial.value or 0.0):.1f} %", f"{return_of(trial):.1f}", *cells))
     shares = [(key, f"{100 * share:.0f} %") for key, share in importance(study).items()]
     return pages.page(
         "tune", config=config, counts=counts, complete=len(best),
@@ -151,10 +148,6 @@ def importance(study: optuna.Study) -> dict[str, float]:
     return dict(optuna.importance.get_param_importances(study, evaluator=evaluator))
 
 
-def _number(parameter: Any) -> str:
-    return f"{parameter:.4g}" if isinstance(parameter, float) else str(parameter)
-
-
 class Judge:
     """One trial: its settings, the points of its learning curve, and whether the others were better.
 
@@ -167,8 +160,9 @@ class Judge:
     ) -> None:
         self.order, self.config = order, config
         before = sorted((t for t in ended(study) if order_of(t) < order - ahead), key=order_of)
+        own_seed = int(np.random.SeedSequence((seed, order)).generate_state(1)[0])  # by position alone
         self.history = optuna.create_study(
-            direction="maximize", sampler=optuna.samplers.TPESampler(seed=_sampler_seed(seed, order)),
+            direction="maximize", sampler=optuna.samplers.TPESampler(seed=own_seed),
             pruner=optuna.pruners.MedianPruner(STARTUP_TRIALS, int(WARMUP * config.total_steps)),
         )  # fmt: skip
         self.history.add_trials([self._scored(trial) for trial in before])
@@ -184,7 +178,8 @@ class Judge:
         if not again:
             self.points.append((steps, hold, returned))
         self.trial.set_user_attr(STEPS, steps)
-        self.trial.set_user_attr(POINTS, [list(map(_plain, point)) for point in self.points])
+        plain = [[number if math.isfinite(number) else None for number in point] for point in self.points]
+        self.trial.set_user_attr(POINTS, plain)  # JSON, in the journal
         if again or steps >= self.config.total_steps:
             return False
         self.trial.report(hold, steps)
@@ -201,8 +196,7 @@ class Judge:
 
     def _scored(self, trial: FrozenTrial) -> FrozenTrial:
         """A trial judged by its score instead of hold success alone."""
-        points = trial.user_attrs.get(POINTS, [])
-        scores = self._scores(points)
+        scores = self._scores(trial.user_attrs.get(POINTS, []))
         complete = trial.state is TrialState.COMPLETE
         return create_trial(
             state=trial.state, params=trial.params, distributions=trial.distributions,
@@ -212,13 +206,3 @@ class Judge:
     def _scores(self, points: Any) -> dict[int, float]:
         episodes = self.config.curve_episodes
         return {int(steps): score(hold, returned, episodes) for steps, hold, returned in points}
-
-
-def _plain(number: float) -> float | None:
-    """A number in the precision of the journal."""
-    return number if math.isfinite(number) else None
-
-
-def _sampler_seed(seed: int, order: int) -> int:
-    """The sampler's seed for a trial: it follows from its position, not from breaks between trials."""
-    return int(np.random.SeedSequence((seed, order)).generate_state(1)[0])
