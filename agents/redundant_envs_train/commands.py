@@ -12,23 +12,13 @@ from redundant_envs.extras import needs
 from redundant_envs.files import config_folder
 from redundant_envs.values import shown
 
-from . import COMMAND, command
+from . import COMMAND, command, run_folder
 from .config import Config, complete, help_of_keys, load
 from .evidence import curves as curve_pictures
 from .evidence import table as tables
 from .evidence.run_table import read_groups, write_runs
 from .evidence.runs import read_run
 from .presets import presets
-from .run_folder import (
-    EVALUATED,
-    check_drawing,
-    check_new,
-    check_out,
-    check_target,
-    check_unwritten,
-    own_config,
-    tell_differences,
-)
 from .start import with_start
 from .studies.factors import factors_of
 from .training.pool import Stopped, count_of, seeds_of
@@ -140,7 +130,7 @@ def train(
         each = [(k, [*(overrides or ()), f"seed={k}"]) for k in seeds_of(seeds)]
         chosen = {f"seed{k}": with_start(load(config, words)) for k, words in each}
         count_of(processes)
-        check_drawing()
+        run_folder.check_drawing()
         if on == "ray":
             from .training.on_ray import train_on_ray
 
@@ -155,8 +145,8 @@ def train(
         raise ValueError("processes is for several seeds; give --seeds, such as --seeds 0..9")
     one = with_start(load(config, overrides or ()))
     folder = out or Path("runs") / f"{name}_seed{one.seed}_{stamp}"
-    check_new(folder)
-    check_drawing()
+    run_folder.check_new(folder)
+    run_folder.check_drawing()
     from .training.train import train
 
     facts = train(one, folder)
@@ -226,9 +216,9 @@ def tune(
 @app.command()
 def resume(folder: Folder) -> None:
     """Go on with a training that was stopped or killed, from its last checkpoint, to the same bits."""
-    own_config(folder)
-    check_drawing()
-    tell_differences([folder])
+    run_folder.own_config(folder)
+    run_folder.check_drawing()
+    run_folder.tell_differences([folder])
     from .training.train import resume
 
     _finish(folder, resume(folder))
@@ -243,17 +233,17 @@ def evaluate(
     Prints the results, and writes nothing. With --out FOLDER evaluation.json and episodes.csv are written
     there; with --overwrite they replace those of the run folder.
     """
-    own_config(folder)
+    run_folder.own_config(folder)
     if out is not None:
-        check_unwritten(out, EVALUATED, overwrite)
-    tell_differences([folder])
+        run_folder.check_unwritten(out, run_folder.EVALUATED, overwrite)
+    run_folder.tell_differences([folder])
     from .evaluate import evaluate, summary, write_evaluation
 
     found = evaluate(folder, trust)
     print(summary(found.result))
     if out is not None or overwrite:
         write_evaluation(found, out or folder)
-        print(f"written: {(out or folder) / EVALUATED[0]}")
+        print(f"written: {(out or folder) / run_folder.EVALUATED[0]}")
 
 
 @app.command()
@@ -263,10 +253,10 @@ def report(folder: PolicyFolder, out: Out = None, overwrite: Overwrite = False, 
     A run without a report, such as one that was stopped, gets it in its folder. If files would be
     replaced, and for an exported policy, --out FOLDER or --overwrite is needed.
     """
-    own_config(folder)
-    check_target(folder, out, overwrite)
-    check_drawing()
-    tell_differences([folder])
+    run_folder.own_config(folder)
+    run_folder.check_target(folder, out, overwrite)
+    run_folder.check_drawing()
+    run_folder.tell_differences([folder])
     from .report import report
 
     print(f"report: {report(folder, out, overwrite, trust)}")
@@ -287,9 +277,9 @@ def table(
     if out is not None:
         if out.suffix.lower() != ".csv":
             raise ValueError(f"out is {out}; end its name in .csv")
-        check_out(out.parent)
+        run_folder.check_out(out.parent)
     text = tables.table(runs)
-    tell_differences(runs)
+    run_folder.tell_differences(runs)
     print(text)
     if out is not None:
         write_runs([run for same in read_groups(runs) for run in same.runs], out)
@@ -303,9 +293,9 @@ def curves(
     ),
 ) -> None:
     """Draw learning curves of runs: all seeds, their interquartile mean and its interval."""
-    check_out(out.parent)
+    run_folder.check_out(out.parent)
     curve_pictures.curves(runs, out)
-    tell_differences(runs)
+    run_folder.tell_differences(runs)
     print(out)
 
 
@@ -336,7 +326,7 @@ def export(
     """Write policies for others: stable-baselines3, ONNX, NumPy arrays, and a card."""
     for folder in folders:
         read_run(folder)
-    tell_differences(folders)
+    run_folder.tell_differences(folders)
     from .shipping.export import export_all
 
     for folder in export_all(folders, out):
@@ -363,12 +353,12 @@ def study_stops(
         raise ValueError("study stops is in the source tree, not in the wheel; run it there") from None
     from redundant_envs.tables import table, write_rows
 
-    config = own_config(folder)
+    config = run_folder.own_config(folder)
     if lanes < 8:
         raise ValueError(f"lanes is {lanes}; give at least 8")
     if config.env != stops.ENVIRONMENT:
         raise ValueError(f"folder is a run of {config.env}; the study is of {stops.ENVIRONMENT}")
-    tell_differences([folder])
+    run_folder.tell_differences([folder])
     from .policies import load_policy
 
     model = load_policy(folder, config, trust)
@@ -396,7 +386,7 @@ def study_policy(
     from .studies.policy.settings import load_study
 
     what = load_study(config or config_folder("studies") / "policy.yaml", overrides or ())
-    check_drawing()
+    run_folder.check_drawing()
     from .studies.policy.report import write_report
     from .studies.policy.run import run_study
 
@@ -425,7 +415,7 @@ def study_strength(
     """Where learning pays: hold success over the strength of the motors."""
     chosen = [] if seeds == "none" else seeds_of(seeds)
     times = factors_of(factors)
-    check_drawing()
-    from .studies.strength_run import run_study
+    run_folder.check_drawing()
+    from .studies.strength import run_study
 
     print(run_study(times, chosen, episodes, runs or (), processes, out))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.machine import machine_name
 
-from .config import label
+from .config.run import label
 from .policies import load_policy
 from .rollout import EVALUATION_SEED, Outcome, expert_act, policy_act, run_episodes
 from .run_folder import EPISODES, FACTS, own_config, read_facts, write_json

@@ -13,7 +13,7 @@ from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import MissingPackage
 from redundant_envs.figures import bare, new_figure, save_figure
 
-from . import command
+from . import command, run_folder
 from .config import Config
 from .evaluate import evaluate, summary, write_evaluation
 from .evidence.curves import draw_curves
@@ -22,29 +22,18 @@ from .pages import measures, page
 from .play import clip
 from .policies import load_policy
 from .rollout import EVALUATION_SEED, policy_act
-from .run_folder import (
-    EPISODES,
-    EVALUATED,
-    check_drawing,
-    check_target,
-    difference,
-    is_exported,
-    own_config,
-    read_evaluation,
-    read_table,
-)
 
 CLIP_EPISODES = 4
 
 
 def plots(folder: Path, config: Config, result: dict[str, Any], evaluated: Path, out: Path) -> list[Path]:
     """Learning curves and final distances as pictures in ``out``; ``evaluated`` has episodes.csv."""
-    episodes = read_table(evaluated, "episodes.csv", EPISODES)
+    episodes = run_folder.read_table(evaluated, "episodes.csv", run_folder.EPISODES)
     target = out / "plots"
     target.mkdir(parents=True, exist_ok=True)
     pictures = [target / "final_distance.png"]
     # an exported policy has no learning curve, and a run that was stopped may have none yet
-    run = None if is_exported(folder) else read_run(folder, stopped=True, evaluation=result)
+    run = None if run_folder.is_exported(folder) else read_run(folder, stopped=True, evaluation=result)
     if run is not None and len(run.curve):
         pictures.insert(0, target / "learning_curve.png")
         draw_curves(group([run]), pictures[0])
@@ -72,9 +61,9 @@ def report(folder: Path, out: Path | None = None, overwrite: bool = False, trust
     All files go to ``out``, without it to the folder itself; ValueError if some would be replaced, or the
     folder of a policy written to, without ``overwrite``. ``trust`` is as in :func:`load_policy`.
     """
-    check_target(folder, out, overwrite)
-    config = own_config(folder)
-    check_drawing()
+    run_folder.check_target(folder, out, overwrite)
+    config = run_folder.own_config(folder)
+    run_folder.check_drawing()
     out = folder if out is None else out
     clips = [out / "clip.gif", out / "clip.mp4"]
     try:
@@ -83,16 +72,17 @@ def report(folder: Path, out: Path | None = None, overwrite: bool = False, trust
         print(f"{clips.pop()} is left out: {error}", file=sys.stderr)
     policy = load_policy(folder, config, trust)
     evaluated = folder
-    if not all((folder / name).is_file() for name in EVALUATED):
+    if not all((folder / name).is_file() for name in run_folder.EVALUATED):
         evaluated = out
         write_evaluation(evaluate(folder, trust), out)
-    result = read_evaluation(evaluated)
+    result = run_folder.read_evaluation(evaluated)
     pictures = plots(folder, config, result, evaluated, out)
     clip(clips, config.env, policy_act(policy), CLIP_EPISODES, EVALUATION_SEED, **config.env_kwargs)
     target = out / "report.md"
     text = page(
         "report", folder=folder, config=config, result=result, clips=clips, pictures=pictures,
-        summary=summary(result), scene=difference(folder), again=command("train", folder / "config.yaml"),
+        summary=summary(result), scene=run_folder.difference(folder),
+        again=command("train", folder / "config.yaml"),
         measures=measures(result, f"{result['episodes']} frozen goals", config.label),
     )  # fmt: skip
     target.write_text(text, encoding="utf-8")

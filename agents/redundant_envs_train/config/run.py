@@ -9,18 +9,8 @@ from redundant_envs.envs.registration import ARGUMENTS, MAX_EPISODE_STEPS, ids
 from redundant_envs.extras import needs
 from redundant_envs.values import shown
 
+from . import learners
 from .fields import Model, Real, Text, Whole, number, value
-from .learners import (
-    CrossQSettings,
-    HERSettings,
-    OffPolicySettings,
-    PlainPPOSettings,
-    PlainSACSettings,
-    PPOSettings,
-    SACSettings,
-    TD3Settings,
-    TQCSettings,
-)
 
 with needs("train"):
     from pydantic import model_validator
@@ -83,14 +73,14 @@ class Config(Model):
         ("tensorboard",), "where figures of the training are logged"
     )
     env_kwargs: dict[Any, Any] = value({}, f"arguments of the environment: {', '.join(ARGUMENTS)}")
-    ppo: PPOSettings | None = value(None, "settings of ppo")
-    sac: SACSettings | None = value(None, "settings of sac")
-    her: HERSettings | None = value(None, "settings of her")
-    plain_ppo: PlainPPOSettings | None = value(None, "settings of plain_ppo")
-    plain_sac: PlainSACSettings | None = value(None, "settings of plain_sac")
-    td3: TD3Settings | None = value(None, "settings of td3")
-    tqc: TQCSettings | None = value(None, "settings of tqc")
-    crossq: CrossQSettings | None = value(None, "settings of crossq")
+    ppo: learners.PPOSettings | None = value(None, "settings of ppo")
+    sac: learners.SACSettings | None = value(None, "settings of sac")
+    her: learners.HERSettings | None = value(None, "settings of her")
+    plain_ppo: learners.PlainPPOSettings | None = value(None, "settings of plain_ppo")
+    plain_sac: learners.PlainSACSettings | None = value(None, "settings of plain_sac")
+    td3: learners.TD3Settings | None = value(None, "settings of td3")
+    tqc: learners.TQCSettings | None = value(None, "settings of tqc")
+    crossq: learners.CrossQSettings | None = value(None, "settings of crossq")
 
     @model_validator(mode="before")
     @classmethod
@@ -135,7 +125,7 @@ class Config(Model):
             raise ValueError(f"telemetry is {shown(list(self.telemetry))}; name each one once")
         check_env_kwargs(self.env_kwargs)
         settings = self.settings
-        if isinstance(settings, PlainPPOSettings):
+        if isinstance(settings, learners.PlainPPOSettings):
             _check_rollout(self.algo, self.num_envs, settings)
         else:
             _check_sample(self.algo, settings)
@@ -145,21 +135,21 @@ class Config(Model):
                     f"{settings.learning_starts}: give more, or a lower {self.algo}.learning_starts"
                 )
         if (
-            isinstance(settings, TQCSettings)
+            isinstance(settings, learners.TQCSettings)
             and settings.top_quantiles_to_drop_per_net >= settings.n_quantiles
         ):
             raise ValueError(
                 f"tqc.top_quantiles_to_drop_per_net is {settings.top_quantiles_to_drop_per_net}; with "
                 f"{settings.n_quantiles} quantiles give at most {settings.n_quantiles - 1}"
             )
-        if isinstance(settings, HERSettings):
+        if isinstance(settings, learners.HERSettings):
             _check_first_episodes(self.num_envs, self.env_kwargs, settings)
         return self
 
     @property
-    def settings(self) -> PlainPPOSettings | OffPolicySettings:
+    def settings(self) -> learners.PlainPPOSettings | learners.OffPolicySettings:
         """Those of the chosen learner."""
-        chosen: PlainPPOSettings | OffPolicySettings = getattr(self, self.algo)
+        chosen: learners.PlainPPOSettings | learners.OffPolicySettings = getattr(self, self.algo)
         return chosen
 
     @property
@@ -185,7 +175,7 @@ def check_env_kwargs(env_kwargs: Mapping[str, Any]) -> None:
         )
 
 
-def _check_first_episodes(num_envs: int, env_kwargs: Mapping[str, Any], her: HERSettings) -> None:
+def _check_first_episodes(num_envs: int, env_kwargs: Mapping[str, Any], her: learners.HERSettings) -> None:
     """Hindsight needs whole episodes: the first ones are over before the first gradient step."""
     least = num_envs * env_kwargs.get("max_episode_steps", MAX_EPISODE_STEPS)
     needed = {"learning_starts": least, "buffer_size": 2 * least}
@@ -197,7 +187,7 @@ def _check_first_episodes(num_envs: int, env_kwargs: Mapping[str, Any], her: HER
             )
 
 
-def _check_sample(algo: str, settings: OffPolicySettings) -> None:
+def _check_sample(algo: str, settings: learners.OffPolicySettings) -> None:
     if settings.batch_size * settings.gradient_steps > MOST_DRAWN:
         raise ValueError(
             f"{algo}.batch_size is {settings.batch_size}; with {settings.gradient_steps} gradient steps, "
@@ -205,7 +195,7 @@ def _check_sample(algo: str, settings: OffPolicySettings) -> None:
         )
 
 
-def _check_rollout(algo: str, num_envs: int, ppo: PlainPPOSettings) -> None:
+def _check_rollout(algo: str, num_envs: int, ppo: learners.PlainPPOSettings) -> None:
     samples = num_envs * ppo.n_steps
     if samples > MOST_SAMPLES:
         raise ValueError(

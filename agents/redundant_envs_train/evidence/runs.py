@@ -15,18 +15,8 @@ from numpy.typing import NDArray
 from redundant_envs.envs.registration import SCENES
 from redundant_envs.values import shown
 
-from .. import command, train_again
+from .. import command, run_folder, train_again
 from ..config import WITHOUT_EFFECT, Config
-from ..run_folder import (
-    SELECTION,
-    evaluate_anew,
-    flat,
-    read_config,
-    read_evaluation,
-    read_facts,
-    read_scene,
-    read_table,
-)
 
 CIRCUMSTANCES = ("train_seconds", "versions", "machine", "date")
 """Entries in which two trainings of one seed may differ although their results are the same."""
@@ -44,7 +34,7 @@ class Run:
     settings: Mapping[str, Any]  # the configuration without its seed
     scene: Mapping[str, Any]  # plain data of the scene that it was trained in
     evaluation: Mapping[str, Any]  # content of evaluation.json
-    curve: NDArray[np.float64]  # rows of selection.csv, (points, len(SELECTION))
+    curve: NDArray[np.float64]  # rows of selection.csv, (points, len(run_folder.SELECTION))
     simulator: str | None  # checksum of the simulator that it was trained with
 
 
@@ -75,15 +65,15 @@ def read_run(folder: str | Path, stopped: bool = False, evaluation: Mapping[str,
     file in it is damaged or belongs to another run.
     """
     folder = Path(folder)
-    config, scene = read_config(folder), read_scene(folder).to_dict()
-    evaluation = read_evaluation(folder) if evaluation is None else evaluation
-    facts = read_facts(folder)
+    config, scene = run_folder.read_config(folder), run_folder.read_scene(folder).to_dict()
+    evaluation = run_folder.read_evaluation(folder) if evaluation is None else evaluation
+    facts = run_folder.read_facts(folder)
     if facts["stopped"] and not stopped:
         raise ValueError(
             f"{folder} is a training that was stopped; leave it out, or go on with it: "
             f"{command('resume', folder)}"
         )
-    curve = read_table(folder, "selection.csv", SELECTION)
+    curve = run_folder.read_table(folder, "selection.csv", run_folder.SELECTION)
     return run_of(folder, config, scene, evaluation, curve, facts["simulator"])
 
 
@@ -100,9 +90,9 @@ def run_of(
         if evaluation[name] != (value := getattr(config, name)):
             raise ValueError(
                 f"{folder}/evaluation.json has {shown(evaluation[name])} as {name!r}, and config.yaml has "
-                f"{shown(value)}; make it again: {evaluate_anew(folder)}"
+                f"{shown(value)}; make it again: {run_folder.evaluate_anew(folder)}"
             )
-    progress = curve[:, [SELECTION.index("env_steps"), SELECTION.index("seconds")]]
+    progress = curve[:, [run_folder.SELECTION.index("env_steps"), run_folder.SELECTION.index("seconds")]]
     if not np.isfinite(curve).all() or (np.diff(progress, axis=0) < 0).any():
         raise ValueError(
             f"{folder}/selection.csv is damaged (a number is not finite, or steps or seconds go back); make "
@@ -141,7 +131,7 @@ def group(runs: Iterable[Run]) -> list[Group]:
 def _same_results(a: Run, b: Run) -> bool:
     told = a.evaluation.keys() & b.evaluation.keys() - CIRCUMSTANCES  # folders of older versions have less
     facts = [{name: run.evaluation[name] for name in told} for run in (a, b)]
-    kept = [i for i, name in enumerate(SELECTION) if name != "seconds"]
+    kept = [i for i, name in enumerate(run_folder.SELECTION) if name != "seconds"]
     return facts[0] == facts[1] and np.array_equal(a.curve[:, kept], b.curve[:, kept])
 
 
@@ -165,7 +155,8 @@ def _checksum(scene: Mapping[str, Any]) -> str:
 def _differences(runs: list[Run]) -> list[list[str]]:
     """For each run, the settings in which the runs differ, as "name=value"."""
     settings = [
-        flat(r.settings) | {"goals": r.evaluation["episodes"], "scene": _checksum(r.scene)} for r in runs
+        run_folder.flat(r.settings) | {"goals": r.evaluation["episodes"], "scene": _checksum(r.scene)}
+        for r in runs
     ]
     names = sorted({name for own in settings for name, value in own.items() if value != {}})
     differing = [n for n in names if any(own.get(n) != settings[0].get(n) for own in settings)]

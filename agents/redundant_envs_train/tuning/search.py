@@ -14,12 +14,7 @@ from ..config import Config, checked
 from ..training.pool import count_of
 
 with needs("tune"):
-    from optuna.distributions import (
-        BaseDistribution,
-        CategoricalDistribution,
-        FloatDistribution,
-        IntDistribution,
-    )
+    from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
 
 PPO = {
     "learning_rate": "5e-4..2e-2", "gamma": "0.9..0.99", "gae_lambda": "0.8..0.98", "n_epochs": "1..4",
@@ -84,10 +79,8 @@ def space_of(config: Config, searches: Sequence[str] = (), overrides: Sequence[s
     """
     fixed = {override.partition("=")[0].strip() for override in overrides}
     if not searches:
-        defaults = DEFAULTS[config.algo]
-        searches = [
-            f"{config.algo}.{k}={v}" for k, v in defaults.items() if f"{config.algo}.{k}" not in fixed
-        ]
+        defaults = {f"{config.algo}.{name}": what for name, what in DEFAULTS[config.algo].items()}
+        searches = [f"{key}={what}" for key, what in defaults.items() if key not in fixed]
         if not searches:
             raise ValueError("every setting of the default search has a value; give --search key=low..high")
     space: Space = {}
@@ -127,7 +120,7 @@ def _allowed(config: Config, key: str, value: Any) -> Any:
     return getattr(checked(type(config.settings), {name: value}, f"{config.algo}."), name)
 
 
-def _one(config: Config, key: str, text: str) -> BaseDistribution:
+def _one(config: Config, key: str, text: str) -> Any:
     """The range or choice that a text describes."""
     fields = {f"{config.algo}.{name}": field for name, field in type(config.settings).model_fields.items()}
     if key not in fields:
@@ -156,8 +149,7 @@ def with_parameters(config: Config, space: Space, parameters: Mapping[str, Any])
     data = config.to_dict()
     for key, parameter in parameters.items():
         choice = isinstance(space[key], CategoricalDistribution)
-        name = key.partition(".")[2]
-        data[config.algo][name] = _allowed(config, key, parameter) if choice else parameter
+        data[config.algo][key.partition(".")[2]] = _allowed(config, key, parameter) if choice else parameter
     chosen: Config = checked(Config, data)
     return chosen
 
