@@ -16,8 +16,7 @@ from . import COMMAND, command, run_folder
 from .config import Config, complete, help_of_keys, load
 from .evidence import curves as curve_pictures
 from .evidence import table as tables
-from .evidence.run_table import read_groups, write_runs
-from .evidence.runs import read_run
+from .evidence.runs import read_groups, read_run, write_runs
 from .presets import presets
 from .start import with_start
 from .studies.factors import factors_of
@@ -158,8 +157,7 @@ def train(
 
 def _finish(folder: Path, facts: dict[str, Any]) -> None:
     """Evaluate and report a run that was trained to its end."""
-    from .evaluate import evaluate, summary, write_evaluation
-    from .report import report
+    from .report import evaluate, report, summary, write_evaluation
 
     found = evaluate(folder)
     write_evaluation(found, folder)
@@ -237,7 +235,7 @@ def evaluate(
     if out is not None:
         run_folder.check_unwritten(out, run_folder.EVALUATED, overwrite)
     run_folder.tell_differences([folder])
-    from .evaluate import evaluate, summary, write_evaluation
+    from .report import evaluate, summary, write_evaluation
 
     found = evaluate(folder, trust)
     print(summary(found.result))

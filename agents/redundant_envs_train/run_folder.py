@@ -115,14 +115,12 @@ def read_facts(folder: Path) -> dict[str, Any]:
     if not path.is_file():
         return {**dict.fromkeys((*FACTS, "simulator")), "stopped": False}
     data = _read_json(path, train_again(folder))
-    for name in FACTS:
-        if not _is_number(data.get(name)):
-            raise ValueError(f"{path} has {shown(data.get(name))} as {name!r}; delete it to go on without")
-    simulator = data.get("simulator")
-    if simulator is not None and not _is_line(simulator):
-        raise ValueError(f"{path} has {shown(simulator)} as 'simulator'; delete it to go on without")
-    facts = {name: data[name] for name in FACTS}
-    return {**facts, "simulator": simulator, "stopped": data.get("stopped") is True}
+    facts = {name: data.get(name) for name in (*FACTS, "simulator")}
+    for name, value in facts.items():
+        fits = _is_number(value) if name in FACTS else value is None or _is_line(value)
+        if not fits:
+            raise ValueError(f"{path} has {shown(value)} as {name!r}; delete it to go on without")
+    return {**facts, "stopped": data.get("stopped") is True}
 
 
 def read_table(folder: Path, name: str, columns: tuple[str, ...]) -> NDArray[np.float64]:
@@ -236,7 +234,10 @@ def difference(folder: Path) -> str:
     names = [name for name in {**own, **other} if own.get(name) != other.get(name)]
     if not names:
         return ""
-    words = [f"{n} {_words(own.get(n))}, not {_words(other.get(n))}" for n in names[:MOST_SHOWN]]
+    words = []
+    for name in names[:MOST_SHOWN]:
+        mine, theirs = ("absent" if (v := d.get(name)) is None else shown(v) for d in (own, other))
+        words.append(f"{name} {mine}, not {theirs}")
     more = f" and {len(names) - MOST_SHOWN} more" if len(names) > MOST_SHOWN else ""
     return f"{folder / SCENE} differs from {what} ({'; '.join(words)}{more})"
 
@@ -253,10 +254,6 @@ def _flat_scene(data: Mapping[str, Any]) -> dict[str, Any]:
     """A scene's data by dotted names; an effect's numbers by its type."""
     effects = {effect["type"]: effect for effect in data["effects"]}
     return flat({name: value for name, value in data.items() if name != "effects"} | effects)
-
-
-def _words(value: Any) -> str:
-    return "absent" if value is None else shown(value)
 
 
 # ---- checks of folders for results, before anything long begins

@@ -5,8 +5,7 @@ import pytest
 from run_folders import CURVE, FOUR_R, RPRP, config_text, write_run
 
 from redundant_envs.scene import load_scene
-from redundant_envs_train.evidence.run_table import read_groups, read_runs, write_runs
-from redundant_envs_train.evidence.runs import group, read_run
+from redundant_envs_train.evidence.runs import group, read_groups, read_run, read_runs, write_runs
 from redundant_envs_train.evidence.table import table
 from redundant_envs_train.statistics import interquartile_mean, run_interval
 

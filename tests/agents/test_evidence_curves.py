@@ -9,7 +9,7 @@ import pytest
 from run_folders import CURVE, FOUR_R, RPRP, write_run
 
 from redundant_envs_train.evidence.curves import MEASURES, curves, draw, summarize
-from redundant_envs_train.evidence.run_table import read_groups
+from redundant_envs_train.evidence.runs import read_groups
 from redundant_envs_train.statistics import run_interval
 
 

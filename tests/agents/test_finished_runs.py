@@ -11,7 +11,7 @@ from run_folders import assert_same_policy
 
 from redundant_envs.scene import load_scene
 from redundant_envs_train.__main__ import main
-from redundant_envs_train.evidence.run_table import read_groups
+from redundant_envs_train.evidence.runs import read_groups
 from redundant_envs_train.run_folder import difference, own_config
 from redundant_envs_train.training import checkpoint
 from redundant_envs_train.training.watch import Watch

@@ -21,7 +21,7 @@ from published_runs import RESULTS, ROOT, published_run
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs_train.__main__ import main
 from redundant_envs_train.config import Config, checked, config_of
-from redundant_envs_train.evidence.run_table import read_groups
+from redundant_envs_train.evidence.runs import read_groups
 from redundant_envs_train.learners.build import make_model
 from redundant_envs_train.policies import load_policy, read_weights
 from redundant_envs_train.rollout import EVALUATION_SEED, policy_act, run_episodes

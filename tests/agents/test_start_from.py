@@ -15,9 +15,8 @@ from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs_train.__main__ import main
 from redundant_envs_train.config import load
 from redundant_envs_train.learners.build import make_model
-from redundant_envs_train.policies import load_policy, save_policy
+from redundant_envs_train.policies import load_policy, save_policy, start_from
 from redundant_envs_train.run_folder import read_config
-from redundant_envs_train.policies import start_from
 from redundant_envs_train.training.watch import Watch
 
 POLICIES = Path(__file__).resolve().parents[2] / "policies"

@@ -21,6 +21,7 @@ from redundant_envs_train.rollout import EVALUATION_SEED
 from redundant_envs_train.studies import strength
 from redundant_envs_train.studies.factors import factors_of
 from redundant_envs_train.studies.strength import (
+    AREA,
     ARMS,
     COLORS,
     COLUMNS,
@@ -30,13 +31,15 @@ from redundant_envs_train.studies.strength import (
     LIGHTEST,
     Row,
     expert_rows,
+    figure,
     frozen_goals,
     goal_loads,
     learner_rows,
     read_rows,
+    run_study,
+    trainings,
     weakened,
 )
-from redundant_envs_train.studies.strength import AREA, figure, run_study, trainings
 
 ROOT = Path(__file__).resolve().parents[2]
 PRESETS = {"4R": "configs/training/four_r_reach_ppo.yaml", "RPRP": "configs/training/rprp_reach_sac.yaml"}

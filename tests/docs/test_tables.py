@@ -7,7 +7,7 @@ import pytest
 from published_runs import RESULTS, ROOT
 
 from redundant_envs_train.config import WITHOUT_EFFECT
-from redundant_envs_train.evidence.run_table import read_groups, read_runs
+from redundant_envs_train.evidence.runs import read_groups, read_runs
 from redundant_envs_train.evidence.table import brief_table, table
 from redundant_envs_train.run_folder import read_config, read_scene
 from redundant_envs_train.studies import strength as strength_run

@@ -15,8 +15,7 @@ from redundant_envs.tables import write_rows
 
 from ..run_folder import SELECTION
 from ..statistics import LEAST_RUNS, interquartile_mean, run_interval
-from .run_table import read_groups
-from .runs import Group, Run
+from .runs import Group, Run, read_groups
 
 AXES = {"steps": "env_steps", "seconds": "seconds"}  # name of an x axis -> its column of selection.csv
 MEASURES = {"hold_success": "expert_hold_success", "touch_success": "", "return": "expert_mean_return"}

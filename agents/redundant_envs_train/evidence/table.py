@@ -10,8 +10,7 @@ import numpy as np
 from redundant_envs.tables import markdown
 
 from ..statistics import LEAST_RUNS, interquartile_mean, run_interval
-from .run_table import read_groups
-from .runs import Group
+from .runs import Group, read_groups
 
 MEASURES = ("time_to_hold", "effort", "smoothness")
 """Compared with computed torque, whose entries have the prefix "expert_"."""

@@ -20,11 +20,11 @@ from redundant_envs.scene import scene_names
 from redundant_envs.values import shown
 
 from ..config import Config, OffPolicySettings, PlainPPOSettings
-from ..evaluate import PACKAGES
 from ..evidence.runs import read_run
 from ..learners.build import ALGORITHM_CLASSES, policy_kwargs, policy_name
-from ..pages import measures, page, plain
+from ..pages import page, plain, results_table
 from ..policies import load_policy
+from ..report import PACKAGES
 from ..run_folder import FACTS, SCENE, check_out, difference, own_config, read_config
 from .layers import Exact, Layers, exact_actions, layers_of, sampled
 
@@ -174,7 +174,7 @@ def card(
         parts=[f"`{name}` ({width} numbers)" for name, width in layers.inputs.items()],
         count=sum(w.size + b.size for w, b in zip(layers.weights, layers.biases, strict=True)),
         versions=[f"{name} {plain(version)}" for name, version in found if name in ("python", *PACKAGES)],
-        results=measures(evaluation, "", "this policy", 4),
+        results=results_table(evaluation, "", "this policy", 4),
     )  # fmt: skip
 
 

@@ -32,8 +32,7 @@ from redundant_envs.values import shown
 
 from ..config import Config, checked, load
 from ..evidence.curves import LEARNER_COLORS
-from ..evidence.run_table import read_runs, value_of
-from ..evidence.runs import Run
+from ..evidence.runs import Run, read_runs, value_of
 from ..rollout import EVALUATION_SEED, expert_act, run_episodes
 from ..run_folder import check_out, evaluate_anew
 from ..statistics import wilson

@@ -125,8 +125,7 @@ def is_finished(folder: Path) -> bool:
 
 def finish(config: Config, folder: Path, progress: Progress) -> None:
     """Train, evaluate and report a configuration, as far as this is not done yet."""
-    from ..evaluate import evaluate, write_evaluation
-    from ..report import report
+    from ..report import evaluate, report, write_evaluation
     from .train import resume, train
 
     if is_finished(folder):
