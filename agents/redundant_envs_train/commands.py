@@ -19,7 +19,6 @@ from .evidence import table as tables
 from .evidence.runs import read_groups, read_run, write_runs
 from .presets import presets
 from .start import with_start
-from .studies.factors import factors_of
 from .training.pool import Stopped, count_of, seeds_of
 
 with needs("train"):
@@ -69,6 +68,7 @@ app = typer.Typer(
 study = typer.Typer(help="Measure effects on policies.", no_args_is_help=True, rich_markup_mode=None)
 app.add_typer(study, name="study")
 
+MOST_FACTORS, MOST_FACTOR = 100, 10.0
 PLACES = ("processes", "ray")  # where several runs are executed
 
 
@@ -119,7 +119,12 @@ def train(
     ] = None,
 ) -> None:
     """Train, evaluate and report."""
-    check_place(on, address, seeds)
+    if on not in PLACES:
+        raise ValueError(f"on is {shown(on)}; choose {' or '.join(PLACES)}")
+    if on != "processes" and seeds is None:
+        raise ValueError(f"on {on} is for several seeds; give --seeds, such as --seeds 0..9")
+    if address is not None and on != "ray":
+        raise ValueError(f"address is {shown(address)}, which is for Ray; add --on ray")
     name = Path(config).stem
     stamp = time.strftime("%Y%m%d-%H%M%S")
     if seeds is not None:
@@ -164,16 +169,6 @@ def _finish(folder: Path, facts: dict[str, Any]) -> None:
     print(summary(found.result))
     print(f"{facts['env_steps']} environment steps in {facts['train_seconds']:.0f} s")
     print(f"report: {report(folder, overwrite=True)}")
-
-
-def check_place(on: str, address: str | None, seeds: str | None) -> None:
-    """Refuse an unknown ``--on``, and options of several runs or of Ray that have no effect."""
-    if on not in PLACES:
-        raise ValueError(f"on is {shown(on)}; choose {' or '.join(PLACES)}")
-    if on != "processes" and seeds is None:
-        raise ValueError(f"on {on} is for several seeds; give --seeds, such as --seeds 0..9")
-    if address is not None and on != "ray":
-        raise ValueError(f"address is {shown(address)}, which is for Ray; add --on ray")
 
 
 @app.command()
@@ -397,6 +392,21 @@ def study_policy(
     print(f"report: {path}")
 
 
+def factors_of(text: str) -> tuple[float, ...]:
+    """Factors of the effort limits as a user writes them, ``0.6,0.5``."""
+    try:
+        factors = tuple(round(float(part), 6) for part in text.split(","))
+    except ValueError:
+        factors = ()
+    valid = 1 <= len(set(factors)) == len(factors) <= MOST_FACTORS
+    if not valid or not all(0.0 < factor <= MOST_FACTOR for factor in factors):
+        raise ValueError(
+            f"factors is {shown(text)}; give different numbers above 0 and up to {MOST_FACTOR:g}, such "
+            "as 0.6,0.5"
+        )
+    return factors
+
+
 @study.command("strength")
 def study_strength(
     seeds: Annotated[str, Option(help="of the learners, such as 0..2; none: no training")] = "0..2",
@@ -412,7 +422,7 @@ def study_strength(
 ) -> None:
     """Where learning pays: hold success over the strength of the motors."""
     chosen = [] if seeds == "none" else seeds_of(seeds)
-    times = factors_of(factors)
+    times = factors_of(factors) if factors else ()
     run_folder.check_drawing()
     from .studies.strength import run_study
 

@@ -151,7 +151,7 @@ def test_a_training_goes_on_in_its_own_scene(trained, tmp_path, monkeypatch, cap
         assert not (tmp_path / "run" / "evaluation.json").exists()  # an old one is of another policy
         write_scene_file(tmp_path, 8.0)  # while it runs
         if len(points) == 1:
-            self.stop.made = True
+            self.stop.set()
         return point(self)
 
     point = Watch.point

@@ -76,7 +76,7 @@ def test_a_training_records_what_it_started_from_and_goes_on(tmp_path, monkeypat
     point = Watch.point
 
     def stop(self):
-        self.stop.made = True
+        self.stop.set()
         return point(self)
 
     with monkeypatch.context() as patch:

@@ -101,7 +101,7 @@ def test_a_second_request_interrupts_at_once():
     try:
         with stop_request() as stop:
             os.kill(os.getpid(), signal.SIGINT)
-            assert stop.made
+            assert stop.is_set()
             with pytest.raises(KeyboardInterrupt):
                 os.kill(os.getpid(), signal.SIGINT)
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

@@ -16,10 +16,10 @@ from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.scene import load_scene, scene_data
 from redundant_envs.tables import write_rows
 from redundant_envs_train.__main__ import main
+from redundant_envs_train.commands import factors_of
 from redundant_envs_train.config import load
 from redundant_envs_train.rollout import EVALUATION_SEED
 from redundant_envs_train.studies import strength
-from redundant_envs_train.studies.factors import factors_of
 from redundant_envs_train.studies.strength import (
     AREA,
     ARMS,
@@ -309,7 +309,6 @@ def test_factors_that_are_none_are_refused(text):
 
 def test_learners_are_trained_with_scaled_limits_and_nothing_else_changed():
     assert factors_of("0.6,0.5") == (0.6, 0.5)
-    assert factors_of("") == FACTORS
     chosen = trainings((1.0, 0.5), [3])
     assert len(chosen) == 2 * 2 * 2
     key, config = chosen["4r_sac_0.5_seed3"]

@@ -38,7 +38,6 @@ from ..run_folder import check_out, evaluate_anew
 from ..statistics import wilson
 from ..training.many import train_many
 from ..training.pool import count_of
-from .factors import FACTORS
 
 ARMS = {"4R": ("redundant_envs/FourRReach-v0", "four_r_reach"),
         "RPRP": ("redundant_envs/RPRPReach-v0", "rprp_reach")}  # fmt: skip
@@ -46,6 +45,7 @@ ARMS = {"4R": ("redundant_envs/FourRReach-v0", "four_r_reach"),
 HOLDABLE, EXPERT = "can be held at all", "computed torque"
 LIGHTEST = "computed torque to the lightest pose"
 POSES = {EXPERT: pose_at, LIGHTEST: lightest_pose}  # poses in which the plans of computed torque end
+FACTORS = (1.0, 0.8, 0.6, 0.5, 0.4, 0.3)  # effort limits, in units of those of the reach scenes
 LEARNERS = ("PPO", "SAC")
 COLORS = {EXPERT: "#000000", LIGHTEST: "#7F7F7F"} | {who: LEARNER_COLORS[who] for who in LEARNERS}
 """Colours of all controllers and learners; the share that can be held is a grey area."""
@@ -269,6 +269,7 @@ def run_study(
         raise ValueError(f"episodes is {episodes}; give a whole number from 2 to 1000000")
     if processes is not None:
         count_of(processes)
+    factors = factors or FACTORS
     given = learner_rows(runs)
     check_out(out)
     path = out / "strength.csv"

@@ -7,6 +7,7 @@ import queue
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 from redundant_envs.extras import needs
@@ -14,7 +15,7 @@ from redundant_envs.extras import needs
 from ..config import Config, checked
 from ..run_folder import check_out, difference, find_checkpoint, read_config, read_evaluation, read_facts
 from ..start import with_start
-from .pool import POLL, News, Request, count_of, follow, places, settle, start
+from .pool import POLL, News, count_of, follow, places, settle, start
 
 with needs("train"):
     from rich.progress import Progress
@@ -59,11 +60,11 @@ def check_same(config: Config, folder: Path) -> None:
         )
 
 
-def _reports(names: Sequence[str], workers: Sequence[Any], news: Any, stop: Request) -> Iterator[News]:
+def _reports(names: Sequence[str], workers: Sequence[Any], news: Any, stop: Event) -> Iterator[News]:
     """Reports of the processes; runs whose processes ended without one have failed."""
     left, told = list(names), False
     while left:
-        if stop.made and not told:
+        if stop.is_set() and not told:
             told = True
             for worker in workers:
                 worker.terminate()

@@ -16,6 +16,7 @@ import tarfile
 import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from threading import Event
 from typing import Any, NamedTuple
 
 from redundant_envs import __version__
@@ -26,7 +27,7 @@ from redundant_envs.values import shown
 from ..config import Config, checked
 from ..run_folder import check_new, check_out
 from .many import Teller, check_same, finish, is_finished, result_of
-from .pool import POLL, News, Request, count_of, follow
+from .pool import POLL, News, count_of, follow
 
 # Ray reads it when it starts: nothing about this machine or its user is sent to anyone.
 os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
@@ -109,7 +110,7 @@ def _cluster(place: str, count: int) -> Iterator[None]:
         ray.shutdown()
 
 
-def _reports(configs: Mapping[str, Config], folder: Path, stop: Request) -> Iterator[News]:
+def _reports(configs: Mapping[str, Config], folder: Path, stop: Event) -> Iterator[News]:
     """Submit unfinished runs as tasks, report on them, and write the returned folders."""
     board = Queue(actor_options={"num_cpus": 0, "max_restarts": -1})
     running: dict[Any, str] = {}
@@ -128,7 +129,7 @@ def _reports(configs: Mapping[str, Config], folder: Path, stop: Request) -> Iter
             yield name, 1.0, _short(error), True
     told = False
     while running:
-        if stop.made and not told:  # each saves a checkpoint, ends, and returns its files
+        if stop.is_set() and not told:  # each saves a checkpoint, ends, and returns its files
             told = True
             for task in running:
                 ray.cancel(task)

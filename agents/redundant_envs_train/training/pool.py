@@ -8,7 +8,6 @@ import re
 import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from redundant_envs.modules import IMPORTED, import_named
@@ -25,28 +24,21 @@ class Stopped(KeyboardInterrupt):
     """A run was stopped by its user; the message says what was kept and how to continue."""
 
 
-@dataclass
-class Request:
-    """Whether the user asked to stop."""
-
-    made: bool = False
-
-
 @contextlib.contextmanager
-def stop_request() -> Iterator[Request]:
+def stop_request() -> Iterator[threading.Event]:
     """Within this context the first SIGINT or SIGTERM is kept as a request; a second one interrupts at once.
 
     In a thread other than the main one, which receives no signals, the request is never made.
     """
-    request = Request()
+    request = threading.Event()
     if threading.current_thread() is not threading.main_thread():
         yield request
         return
 
     def note(number: int, frame: object) -> None:
-        if request.made:
+        if request.is_set():
             raise KeyboardInterrupt
-        request.made = True
+        request.set()
 
     # a signal that is ignored, as by nohup or in a worker, stays ignored
     heard = [n for n in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(n) is not signal.SIG_IGN]
@@ -58,7 +50,7 @@ def stop_request() -> Iterator[Request]:
             signal.signal(number, handler or signal.SIG_DFL)
 
 
-Pool = Callable[[Request], Iterator[News]]
+Pool = Callable[[threading.Event], Iterator[News]]
 """A place where runs go on: its reports until all have ended. On request each saves a checkpoint and ends."""
 
 
@@ -72,7 +64,7 @@ def follow(names: Sequence[str], pool: Pool) -> None:
                 failures.append(f"{name}: {note}")
             bars.start_task(lines[name])
             bars.update(lines[name], completed=share, note=f"failed: {note}" if failed else note)
-    if stop.made:
+    if stop.is_set():
         raise Stopped("stopped; the same command with the same --out goes on")
     if failures:
         raise ValueError(

@@ -90,7 +90,7 @@ def _run(
                 left = config.total_steps - model.num_timesteps
                 model.learn(left, callback=watch, log_interval=every, reset_num_timesteps=not resumed)
                 # a request during the last rollout comes too late
-                stopped = stop.made and model.num_timesteps < config.total_steps
+                stopped = stop.is_set() and model.num_timesteps < config.total_steps
                 if not stopped:
                     watch.point()
             except KeyboardInterrupt:

@@ -204,7 +204,7 @@ class _Trying:
         count = min(processes, len(left))
         with stop_request() as stop, workers(count, self.config) as team:
             while left or running:
-                if stop.made:
+                if stop.is_set():
                     raise KeyboardInterrupt
                 for worker in team:
                     # all trials on which a trial depends are over
