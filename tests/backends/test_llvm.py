@@ -97,36 +97,27 @@ def test_comparisons_and_choices_agree_with_plain_ones():
 
 
 @pytest.mark.parametrize(
-    ("key", "counter", "words"),
-    [  # Random123's known-answer vectors of philox4x32-10
-        ((0, 0), (0, 0, 0, 0), (0x6627E8D5, 0xE169C58D, 0xBC57AC4C, 0x9B00DBD8)),
-        ((2**32 - 1,) * 2, (2**32 - 1,) * 4, (0x408F276D, 0x41C83B0E, 0xA20BC7C6, 0x6D5451FD)),
+    ("given", "words"),
+    [  # Random123's known-answer vectors of philox4x32-10: key and counter
+        ([0] * 6, (0x6627E8D5, 0xE169C58D, 0xBC57AC4C, 0x9B00DBD8)),
+        ([2**32 - 1] * 6, (0x408F276D, 0x41C83B0E, 0xA20BC7C6, 0x6D5451FD)),
         (
-            (0xA4093822, 0x299F31D0),
-            (0x243F6A88, 0x85A308D3, 0x13198A2E, 0x03707344),
+            [0xA4093822, 0x299F31D0, 0x243F6A88, 0x85A308D3, 0x13198A2E, 0x03707344],
             (0xD16CFE09, 0x94FDCCEB, 0x5001E420, 0x24126EA1),
         ),
     ],
 )
-def test_philox_known_answers(key, counter, words):
+def test_draws_are_those_of_philox_and_neither_zero_nor_one(given, words):
     p = Kernel("draw", {"given": "u32", "words": "u32", "numbers": "f64"})
-    given = [p.load(p["given"], k) for k in range(6)]
-    for k, word in enumerate(philox(given[:2], given[2:])):
+    loaded = [p.load(p["given"], k) for k in range(6)]
+    for k, word in enumerate([*philox(loaded[:2], loaded[2:]), loaded[0]]):
         p.store(p["words"], k, word)
         p.store(p["numbers"], k, uniform(p, word))
-    got, numbers = np.zeros(4, np.uint32), np.zeros(4)
-    compiled(p)(given=np.array([*key, *counter], np.uint32), words=got, numbers=numbers)
-    assert tuple(got) == words
-    np.testing.assert_array_equal(numbers, (np.array(words) + 0.5) / 2**32)
-
-
-@pytest.mark.parametrize("word", [0, 2**32 - 1])
-def test_a_draw_is_neither_zero_nor_one(word):
-    p = Kernel("draw", {"words": "u32", "numbers": "f64"})
-    p.store(p["numbers"], 0, uniform(p, p.load(p["words"])))
-    numbers = np.zeros(1)
-    compiled(p)(words=np.array([word], np.uint32), numbers=numbers)
-    assert 0.0 < numbers[0] < 1.0
+    got, numbers = np.zeros(5, np.uint32), np.zeros(5)
+    compiled(p)(given=np.array(given, np.uint32), words=got, numbers=numbers)
+    assert tuple(got) == (*words, given[0])
+    np.testing.assert_array_equal(numbers, (got + 0.5) / 2**32)
+    assert ((numbers > 0.0) & (numbers < 1.0)).all()
 
 
 # ---- tables ----------------------------------------------------------------------------------------

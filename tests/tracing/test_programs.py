@@ -93,13 +93,6 @@ def no_request(lane):
     yield
 
 
-def one_after_the_other(lane):
-    yield Ask.ADD
-    lane.count = lane.x
-    yield Ask.HALVE
-    lane.count = lane.count + lane.y
-
-
 def halves(lane):
     """Asks until y is small; whether it was large before."""
     lane.large = lane.y > 4.0
@@ -143,7 +136,7 @@ def requests_of_one_line(lane):
     lane.count = lane.x
 
 
-PROGRAMS = (no_request, one_after_the_other, nested, two_places, requests_of_one_line)
+PROGRAMS = (no_request, nested, two_places, requests_of_one_line)
 TRACED = {program.__name__: Traced(program) for program in PROGRAMS}
 NUMBERS = st.lists(st.tuples(*[st.sampled_from([-4.0, -0.5, 0.0, 1.0, 3.0, 7.0, 20.0])] * 3), min_size=1,
                    max_size=9)  # fmt: skip
