@@ -11,7 +11,7 @@ from typing import Any
 from redundant_envs.algebra import ABSENT, gives_of, maximum
 from redundant_envs.effects.attached import Attached, EffectStates, identifier
 from redundant_envs.effects.hooks import Field, Force, Gap, Impact, Point
-from redundant_envs.events.boundary import Boundary, Law, side_beyond
+from redundant_envs.events.boundary import Boundary, side_beyond
 from redundant_envs.lane import kinks, required_steps
 from redundant_envs.loaded_arm import added_inertias, carried_masses
 from redundant_envs.numerics.tableaus import METHODS, Tableau
@@ -84,7 +84,7 @@ class Dynamics:
         for a in self.scene.attached.of(Impact):
             lower, upper, bounce = map(a.field, (a.hook.lower, a.hook.upper, a.hook.restitution))
             name = self.arm.joints[a.hook.joint]
-            found.append(Boundary(name, Law.BOUNCES, lower, upper, a.key, a.hook.joint, restitution=bounce))
+            found.append(Boundary(name, lower, upper, a.key, a.hook.joint, restitution=bounce))
         return tuple(found)
 
     @cached_property
@@ -92,7 +92,7 @@ class Dynamics:
         """Boundaries whose coordinates are functions of the motion."""
         return tuple(
             Boundary(
-                f"gap{k + 1}", Law.BOUNCES, "", "", a.key, gap=a.functions["function"],
+                f"gap{k + 1}", "", "", a.key, gap=a.functions["function"],
                 restitution=a.field(a.hook.restitution),
             )
             for k, a in enumerate(self.scene.attached.of(Gap))
@@ -105,13 +105,13 @@ class Dynamics:
         for a in self.scene.attached.of(Force):
             if a.hook.switch is not None and isinstance(a.hook.joint, int):
                 lower, upper = map(a.field, a.hook.switch)
-                found[a] = Boundary(a.law, Law.CHANGES, lower, upper, a.key, a.hook.joint)
+                found[a] = Boundary(a.law, lower, upper, a.key, a.hook.joint, bounces=False)
         return found
 
     @cached_property
     def laws(self) -> tuple[Boundary, ...]:
         """Boundaries at which a force changes its law."""
-        return tuple(b for b in self.boundaries if b.law is Law.CHANGES)
+        return tuple(b for b in self.boundaries if not b.bounces)
 
     @cached_property
     def stops(self) -> tuple[Boundary, ...]:

@@ -5,8 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from redundant_envs.events.contacts import Contact
-from redundant_envs.events.resolution import resolve_contacts
+from redundant_envs.events.contacts import Contact, resolve_contacts
 
 SLIDERS = pytest.mark.parametrize("count", [1, 2, 3], ids=["one slider", "two", "three"])
 

@@ -6,7 +6,7 @@ from contact_problems import SLIDERS, complementary, contact, mobility, resolved
 
 from redundant_envs.events import contacts
 from redundant_envs.events.boundary import ROUNDING
-from redundant_envs.events.resolution import Happening
+from redundant_envs.events.contacts import Happening
 
 
 @SLIDERS

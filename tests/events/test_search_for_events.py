@@ -7,11 +7,17 @@ from contact_problems import contact, mobility, resolved
 import redundant_envs as rde
 from redundant_envs.events import contacts
 from redundant_envs.events.boundary import BoundedCoordinate
-from redundant_envs.events.brackets import Search, Trial, sought_boundary
+from redundant_envs.events.contacts import Happening
 from redundant_envs.events.crossings import Crossing
 from redundant_envs.events.first_event import Encounter, first_event
-from redundant_envs.events.locate import earliest_event, other_event, position_at_event
-from redundant_envs.events.resolution import Happening
+from redundant_envs.events.search import (
+    Search,
+    Trial,
+    earliest_event,
+    other_event,
+    position_at_event,
+    sought_boundary,
+)
 from redundant_envs.numerics.methods import Watched
 
 ARM = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))

@@ -30,8 +30,7 @@ PACKAGE = "redundant_envs"
 EQUATIONS = ("robots/rprp", "robots/rprp_elimination", "robots/four_r", "robots/four_r_elimination",
              "robots/derived", "robots/added_inertia")  # fmt: skip
 NUMERICS = ("methods", "tableaus", "error_control", "estimates")
-EVENTS = ("boundary", "crossings", "first_event", "brackets", "locate", "contacts", "resolution",
-          "complementarity")  # fmt: skip
+EVENTS = ("boundary", "crossings", "first_event", "search", "contacts", "complementarity")
 LANE = ("dynamics", "kinks", "required_steps", "step", "common_step", "step_control", "coordinates",
         "boundaries", "features", "program", "interval")  # fmt: skip
 MODULES = (
