@@ -196,24 +196,29 @@ def all_of(conditions: Iterable[Any]) -> Any:
 def physics(function: Callable[..., Any]) -> Callable[..., Any]: ...
 @overload
 def physics(
-    *, gives: str, takes: str | None = None
+    *, gives: str | Iterable[str], takes: str | Iterable[str] | None = None
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]: ...
-def physics(function: Callable[..., Any] | None = None, *, gives: str = "", takes: str | None = None) -> Any:
+def physics(
+    function: Callable[..., Any] | None = None,
+    *,
+    gives: str | Iterable[str] = "",
+    takes: str | Iterable[str] | None = None,
+) -> Any:
     """Mark a function as text of the physics dialect.
 
     Parameters
     ----------
-    gives : str
-        Names of the quantities that the function returns, separated by blanks. A function
+    gives : str or iterable of str
+        Names of the quantities that the function returns, separated by blanks if in one text. A function
         without it is a helper, called by other marked functions only.
-    takes : str, optional
+    takes : str or iterable of str, optional
         Names of its arguments, if it takes any number of them (``*values``).
     """
 
     def mark(f: Callable[..., Any]) -> Callable[..., Any]:
-        f.physics_gives = tuple(gives.split())  # type: ignore[attr-defined]
-        if takes is not None:
-            f.physics_takes = tuple(takes.split())  # type: ignore[attr-defined]
+        for attribute, names in (("physics_gives", gives), ("physics_takes", takes)):
+            if names is not None:
+                setattr(f, attribute, tuple(names.split() if isinstance(names, str) else names))
         return f
 
     return mark if function is None else mark(function)
@@ -245,6 +250,11 @@ def _arguments_of(function: Callable[..., Any], code: Any) -> tuple[str, ...]:
 def numbered(form: str, count: int) -> list[str]:
     """Names with the numbers from 1 on: ``numbered("phi{}", 2)`` is phi1, phi2."""
     return [form.format(k + 1) for k in range(count)]
+
+
+def entries(letter: str, rows: int, columns: int) -> list[str]:
+    """Names of the entries of a matrix, row by row: ``entries("J", 2, 2)`` is J11, J12, J21, J22."""
+    return [f"{letter}{i + 1}{j + 1}" for i in range(rows) for j in range(columns)]
 
 
 def name_of(function: Any) -> str:

@@ -1,4 +1,4 @@
-"""Folders for results: refused before anything long begins, and before anything large is imported."""
+"""Checks of folders for results and reports, before anything long begins and anything large is imported."""
 
 from __future__ import annotations
 
@@ -6,12 +6,18 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
+from redundant_envs.envs.clips import check_clip
+from redundant_envs.extras import needs
+
 from . import command
+from .run_folder import is_exported
 
 CHECKPOINT, OLD_CHECKPOINT = "checkpoint", "checkpoint.old"
 """Checkpoint folders inside that of a run; after a kill between two renamings only the old name exists."""
 STATE = "state.pt"
 """File that exists only in a complete checkpoint."""
+EVALUATED = ("evaluation.json", "episodes.csv")
+REPORTED = ("report.md", "plots", "clip.gif", "clip.mp4")
 
 
 def check_out(folder: Path) -> None:
@@ -45,3 +51,20 @@ def check_unwritten(folder: Path, files: Sequence[str], overwrite: bool) -> None
         raise ValueError(
             f"out is {folder}, which has {', '.join(there)}; choose another --out, or add --overwrite"
         )
+
+
+def check_drawing() -> None:
+    """Raise an error if the packages that draw a report are missing."""
+    with needs("plot"):
+        import matplotlib  # noqa: F401
+        import PIL  # noqa: F401
+    check_clip(Path("clip.gif"))
+
+
+def check_target(folder: Path, out: Path | None, overwrite: bool) -> None:
+    """Refuse to replace files by a report, or to write into an exported policy, without ``overwrite``."""
+    if out is not None:
+        check_unwritten(out, (*REPORTED, *EVALUATED), overwrite)
+    elif not overwrite and (is_exported(folder) or (folder / "report.md").exists()):
+        reason = "is an exported policy" if is_exported(folder) else "has a report"
+        raise ValueError(f"{folder} {reason}; give --out FOLDER, or --overwrite to write into it")

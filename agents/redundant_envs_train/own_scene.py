@@ -13,7 +13,7 @@ from redundant_envs.files import exists
 from redundant_envs.scene import Scene, load_scene, scene_at, scene_path
 from redundant_envs.values import shown
 
-from . import command
+from . import train_again
 from .config import Config
 from .run_folder import flat, read_config
 
@@ -34,7 +34,7 @@ def read_scene(folder: Path) -> Scene:
     if not path.is_file():
         raise ValueError(
             f"{folder} has no {SCENE}, which says what its policy was trained in; put it back, or make a new "
-            f"run: {command('train', folder / 'config.yaml', '--out', 'NEW_FOLDER')}"
+            f"run: {train_again(folder)}"
         )
     return load_scene(path)
 

@@ -21,7 +21,7 @@ from typing import Any
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
 
-from . import command
+from . import command, train_again
 from .config import Config
 from .learners.build import ALGORITHM_CLASSES, policy_kwargs, policy_name
 from .learners.networks import ACTIVATIONS
@@ -72,28 +72,17 @@ def save_policy(model: Any, path: Path) -> None:
 
 
 def load_policy(folder: Path, config: Config, trust: bool = False) -> Any:
-    """The policy of a run folder; its ``predict`` is that of stable-baselines3.
+    """The policy of a run folder with this configuration; its ``predict`` is that of stable-baselines3.
 
-    Parameters
-    ----------
-    folder : Path
-    config : Config
-        The configuration of the run.
-    trust : bool
-        Load the whole learner by stable-baselines3, which runs any code that the file contains.
-
-    Raises
-    ------
-    ValueError
-        The file is missing or damaged, is larger than ``MOST_BYTES``, holds anything but finite float32
-        tensors, or does not fit the configuration.
+    With ``trust`` stable-baselines3 loads the whole learner, and runs any code that the file contains.
+    ValueError if the file is missing or damaged, is larger than ``MOST_BYTES``, holds anything but finite
+    float32 tensors, or does not fit the configuration.
     """
     path = folder / "policy.zip"
     if not path.is_file():
-        unfinished = (folder / "checkpoint").is_dir()
-        fix = f"go on with its training: {command('resume', folder)}"
-        if not unfinished:
-            fix = f"make a new run: {command('train', folder / 'config.yaml', '--out', 'NEW_FOLDER')}"
+        fix = f"make a new run: {train_again(folder)}"
+        if (folder / "checkpoint").is_dir():
+            fix = f"go on with its training: {command('resume', folder)}"
         raise ValueError(f"run folder {folder} has no policy.zip; {fix}")
     if trust:
         try:
@@ -117,7 +106,7 @@ def load_policy(folder: Path, config: Config, trust: bool = False) -> Any:
 
 def read_weights(path: Path, activation: str) -> tuple[dict[str, torch.Tensor], int]:
     """The tensors of a policy.zip by name, and the bytes they were read from."""
-    data = _member(path, "policy.pth", MOST_BYTES)
+    data = _member(path, "policy.pth")
     _check_activation(path, activation)
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
@@ -168,7 +157,7 @@ def check_weights(path: Path, found: Mapping[str, torch.Tensor], needed: Mapping
 def read_about(path: Path) -> dict[str, Any]:
     """The plain data of stable-baselines3 about the learner of a policy.zip; nothing is unpickled."""
     try:
-        about = json.loads(_member(path, "data", MOST_BYTES))
+        about = json.loads(_member(path, "data"))
         if not isinstance(about, dict):
             raise ValueError(f"it holds a {type(about).__name__}")
     except (ValueError, RecursionError) as error:
@@ -178,8 +167,7 @@ def read_about(path: Path) -> dict[str, Any]:
 
 def _check_activation(path: Path, activation: str) -> None:
     """Refuse a policy with other activations than the configuration's; its tensors do not show them."""
-    wanted = ACTIVATIONS[activation].module.__name__
-    about = read_about(path)
+    wanted, about = ACTIVATIONS[activation].module.__name__, read_about(path)
     try:
         said = about["policy_kwargs"].get("activation_fn", "")
     except (TypeError, KeyError, AttributeError) as error:
@@ -190,15 +178,16 @@ def _check_activation(path: Path, activation: str) -> None:
         )
 
 
-def _member(path: Path, name: str, most: int) -> bytes:
-    """One member of a zip file, if it has at most ``most`` bytes."""
+def _member(path: Path, name: str) -> bytes:
+    """One member of a zip file, if it has at most ``MOST_BYTES``."""
     try:
         with zipfile.ZipFile(path) as archive, archive.open(name) as member:
-            data = member.read(most + 1)
+            data = member.read(MOST_BYTES + 1)
     except KeyError:
         raise ValueError(f"{path} has no {name!r}; it is not a policy saved by stable-baselines3") from None
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, OSError) as error:
         raise ValueError(f"{path} is damaged ({error}); it is not a complete zip file") from error
-    if len(data) > most:
-        raise ValueError(f"{path} has a {name!r} of more than {most} bytes; a policy of an arm is smaller")
+    if len(data) > MOST_BYTES:
+        most = f"more than {MOST_BYTES} bytes"
+        raise ValueError(f"{path} has a {name!r} of {most}; a policy of an arm is smaller")
     return data

@@ -15,27 +15,27 @@ from numpy.typing import NDArray
 from redundant_envs.envs.registration import ids
 from redundant_envs.values import shown
 
-from . import COMMAND, command
+from . import COMMAND, command, train_again
 from .config import ALGORITHMS, MOST_EPISODES, MOST_SEEDS, Config, load
 
 SELECTION = ("env_steps", "seconds", "hold_success", "touch_success", "return")
 """Columns of selection.csv."""
 EPISODES = ("seed", "hold", "touch", "distance", "return", "expert_hold", "expert_distance")
 """Columns of episodes.csv."""
-RATES = ("hold_success", "touch_success", "expert_hold_success")
-UNSURE_RATES = ("expert_touch_success",)
-"""Rates that folders of older versions lack."""
-DISTANCES = ("median_distance", "expert_median_distance")
-MEASURES = tuple(
-    f"{who}{name}" for who in ("", "expert_") for name in ("time_to_hold", "effort", "smoothness")
-)
-"""Beside success; folders of older versions lack them."""
-RESTLESS = "restless"
-"""Episodes that were not held though the tip ended at the goal; folders of older versions lack it."""
-RETURNS = ("mean_return", "expert_mean_return")
 FACTS = ("env_steps", "train_seconds")
 MOST = 1e15
 """Largest number of a run: of its steps, seconds and metres."""
+NUMBERS = {
+    "median_distance": MOST, "expert_median_distance": MOST, "mean_return": MOST, "expert_mean_return": MOST,
+    "hold_success": 1, "touch_success": 1, "expert_hold_success": 1,
+}  # fmt: skip
+"""Largest values of the numbers of an evaluation."""
+UNSURE = {
+    "env_steps": MOST, "train_seconds": MOST, "time_to_hold": MOST, "effort": MOST, "smoothness": MOST,
+    "expert_time_to_hold": MOST, "expert_effort": MOST, "expert_smoothness": MOST, "restless": MOST,
+    "expert_touch_success": 1,
+}  # fmt: skip
+"""The same of numbers that may be unknown, as in folders of older versions."""
 MOST_CHARACTERS = 200
 """Most characters of the name of a machine."""
 
@@ -76,20 +76,14 @@ def read_evaluation(folder: Path) -> dict[str, Any]:
 
 def checked_evaluation(data: dict[str, Any], folder: Path) -> dict[str, Any]:
     """The evaluation of a run with this folder; ValueError if an entry is missing or impossible."""
-    low_high = data.get("interval")
-    checks = {name: _is_number(data.get(name)) for name in (*DISTANCES, *RETURNS)}
-    checks |= {name: _is_number(data.get(name), 1) for name in RATES}
-    checks |= {name: data.get(name) is None or _is_number(data[name]) for name in FACTS}
-    checks |= {name: data.get(name) is None or _is_number(data[name]) for name in (*MEASURES, RESTLESS)}
-    checks |= {name: data.get(name) is None or _is_number(data[name], 1) for name in UNSURE_RATES}
+    checks = {name: _is_number(data.get(name), most) for name, most in NUMBERS.items()}
+    checks |= {n: data.get(n) is None or _is_number(data[n], most) for n, most in UNSURE.items()}
     for name, low, high in (("seed", 0, MOST_SEEDS), ("episodes", 1, MOST_EPISODES)):
         checks[name] = isinstance(data.get(name), int) and _is_number(data[name], high) and data[name] >= low
     checks["env"], checks["algo"] = data.get("env") in ids(), data.get("algo") in ALGORITHMS
-    checks["interval"] = (
-        isinstance(low_high, list)
-        and [_is_number(rate, 1) for rate in low_high] == [True, True]
-        and low_high[0] <= low_high[1]
-    )
+    ends: Any = data.get("interval")
+    pair = isinstance(ends, list) and [_is_number(rate, 1) for rate in ends] == [True, True]
+    checks["interval"] = pair and ends[0] <= ends[1]
     versions = data.get("versions")
     checks["versions"] = isinstance(versions, dict) and all(map(_is_line, (*versions, *versions.values())))
     checks |= {name: _is_line(data.get(name)) for name in ("machine", "date")}
@@ -107,7 +101,7 @@ def read_facts(folder: Path) -> dict[str, Any]:
     path = folder / "training.json"
     if not path.is_file():
         return {**dict.fromkeys((*FACTS, "simulator")), "stopped": False}
-    data = _read_json(path, f"{command('train', folder / 'config.yaml', '--out', 'NEW_FOLDER')}")
+    data = _read_json(path, train_again(folder))
     for name in FACTS:
         if not _is_number(data.get(name)):
             raise ValueError(f"{path} has {shown(data.get(name))} as {name!r}; delete it to go on without")
@@ -121,9 +115,7 @@ def read_facts(folder: Path) -> dict[str, Any]:
 def read_table(folder: Path, name: str, columns: tuple[str, ...]) -> NDArray[np.float64]:
     """selection.csv or episodes.csv, (rows, columns); there may be no rows yet."""
     path = folder / name
-    remedy = evaluate_anew(folder)
-    if columns is SELECTION:
-        remedy = f"{command('train', folder / 'config.yaml', '--out', 'NEW_FOLDER')}"
+    remedy = train_again(folder) if columns is SELECTION else evaluate_anew(folder)
     if not path.is_file():
         raise ValueError(f"run folder {folder} has no {name}; make it: {remedy}")
     try:

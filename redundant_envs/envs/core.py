@@ -233,9 +233,9 @@ class Core(Copied):
 
     # ---- goals and snapshots ---------------------------------------------------------------------
 
-    def observation(self, obs: NDArray[np.float32], out: Outputs, goal: bool) -> Any:
+    def observation(self, obs: NDArray[np.float32], out: Outputs) -> Any:
         """Observations in the form of their space, from the tables of a step."""
-        if not goal:
+        if not self.task.goal_conditioned:
             return obs
         tips, goals = (self.columns.points(out, names) for names in (TIP, self.columns.goal))
         return {"observation": obs, "achieved_goal": tips, "desired_goal": goals}

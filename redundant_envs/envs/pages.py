@@ -9,8 +9,9 @@ import re
 from typing import Any
 
 from redundant_envs.algebra import gives_of
+from redundant_envs.envs.outputs import Columns
 from redundant_envs.envs.registration import MAX_EPISODE_STEPS, NAMESPACE
-from redundant_envs.envs.vector_env import info_names
+from redundant_envs.model.programs import environment_simulator
 from redundant_envs.scene import Scene, load_scene
 from redundant_envs.tables import markdown
 from redundant_envs.tasks import REGISTRY as TASKS
@@ -82,9 +83,16 @@ INFO_WHERE = {
 """Scenes and kinds of environments that have keys of ``info`` which others lack."""
 
 
+def _info_names(scene: Scene, task: Task) -> list[str]:
+    """Keys of ``info`` in an environment of a scene, in order."""
+    episode = environment_simulator(scene, task).episode
+    assert episode is not None
+    return Columns(episode).names
+
+
 def info_table(scene: Scene, task: Task) -> str:
     """Keys of info: those of the environment's columns, then those of some scenes or environments only."""
-    given = [name if not name.startswith("return_") else "return_*" for name in info_names(scene, task)]
+    given = [name if not name.startswith("return_") else "return_*" for name in _info_names(scene, task)]
     names = [*dict.fromkeys(given), *(name for name in INFO_WHERE if name not in given)]
     rows = [
         (f"`{name}`", INFO.get(name, "A metric of the task."), INFO_WHERE.get(name, "")) for name in names

@@ -56,7 +56,7 @@ def mobility_bounds(arm: Any) -> Function | None:
     if not all(choices):
         return None
 
-    @physics(gives=" ".join(numbered("W{}", points.joints)), takes=" ".join(points.numbers))
+    @physics(gives=numbered("W{}", points.joints), takes=points.numbers)
     def mobility_bounds(*values):
         known = dict(zip(points.numbers, values, strict=True))
         m, distances = [known[name] for name in points.masses], _distances(points, known, lines)
@@ -84,12 +84,10 @@ def _in_poses(points: Points) -> tuple[Array, Array]:
 
 def _joint_rates(arm: Any) -> Array:
     """Rates of the joints as sums of those of the coordinates, (joints, coordinates)."""
-    names, n = numbered("phid{}", len(arm.rates)), len(arm.rates)
-    columns = [
-        Quantities(dict(zip(arm.rates, row, strict=True)), tuple(arm.functions), {}).each(names)
-        for row in np.eye(n).tolist()
-    ]
-    return np.array(columns, dtype=np.float64).T
+    n = len(arm.rates)
+    rates = dict(zip(arm.rates, np.eye(n), strict=True))
+    found = Quantities(rates, tuple(arm.functions), {}).each(numbered("phid{}", n))
+    return np.stack(np.broadcast_arrays(*found))
 
 
 def _lines(where: Array, slopes: Array) -> Iterator[Line]:

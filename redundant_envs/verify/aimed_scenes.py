@@ -124,8 +124,7 @@ AIMED: dict[str, Aimed] = {
         fixed(RPRP, GRAVITY, stops(RPRP), LAG, control_dt=0.05), kinds=NEAR[:3]
     ),
     "events: rk4, 4 sliders, nearly together": Aimed(
-        fixed(FOUR, GRAVITY, stops(FOUR), integrator="rk4"),
-        **WEIGHTLESS,
+        fixed(FOUR, GRAVITY, stops(FOUR), integrator="rk4"), **WEIGHTLESS
     ),
     "events: rk8, 1 slider, late turns": Aimed(
         fixed(ONE, GRAVITY, e.PrismaticStop((0.0,), (None,), 0.5), control_dt=0.1), kinds=("spun",)
@@ -179,9 +178,7 @@ AIMED: dict[str, Aimed] = {
         doubling(RPRP, GRAVITY, e.PrismaticStop((0.0, None), (None, 0.0), 0.5))
     ),
     "events: 1e-6, 2 sliders, nearly together, log": Aimed(
-        doubling(RPRP, GRAVITY, stops(RPRP)),
-        work=True,
-        **WEIGHTLESS,
+        doubling(RPRP, GRAVITY, stops(RPRP)), work=True, **WEIGHTLESS
     ),
     "events: 1e-6, 2 sliders, narrow stops, log": Aimed(doubling(RPRP, GRAVITY, NARROW), work=True),
     "events: 1e-6, 2 sliders, thrown": Aimed(doubling(TWO, *FALLING), **THROWN),

@@ -27,15 +27,7 @@ from redundant_envs.verify import (
     rest,
     symmetries,
 )
-from redundant_envs.verify.checks import (
-    STATES,
-    Check,
-    Mode,
-    Outcome,
-    Trial,
-    Verdict,
-    checks_of,
-)
+from redundant_envs.verify.checks import STATES, Check, Mode, Outcome, Trial, Verdict, checks_of
 from redundant_envs.verify.subjects import Subject, subject_from
 
 CHECKS: tuple[Check, ...] = checks_of(

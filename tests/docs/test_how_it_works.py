@@ -44,7 +44,6 @@ EXCUSED = {
     "robots/arm.py": "the arm, which knows no effect",
     "robots/checks.py": "the arm, which knows no effect",
     "robots/four_r.py": "the arm, which knows no effect",
-    "robots/four_r_elimination.py": "the arm, which knows no effect",
     "tracing/program.py": "decides on times and errors alone",
     "tracing/ways.py": "decides on times and errors alone",
     "values.py": "checks of other numbers",

@@ -3,7 +3,7 @@
 import gymnasium as gym
 import numpy as np
 import places  # noqa: F401
-from catalogue import Figure, hard_case
+from hard_case import Figure, hard_case
 from measured import GRAVITY, LAB, energy_error, exact_accelerations
 from naive import CubicGuess, ExplicitEuler, ImpulseAtStepEnd, PrintedReport, SinglePrecision, WrappedAngles
 from payload import Payload

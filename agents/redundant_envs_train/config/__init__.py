@@ -1,16 +1,8 @@
 """Training configurations: pydantic models with ranges, units and help; unknown keys are errors."""
 
 from .fields import Model, Real, Text, Whole, checked, number, value
-from .files import config_of, load, read
-from .learners import (
-    HERSettings,
-    OffPolicySettings,
-    PlainPPOSettings,
-    PPOSettings,
-    SACSettings,
-    TD3Settings,
-    TQCSettings,
-)
+from .files import complete, config_of, help_of_keys, load, read
+from .learners import HERSettings, OffPolicySettings, PlainPPOSettings, TD3Settings, TQCSettings
 from .run import (
     ALGORITHMS,
     MOST_EPISODES,
@@ -20,11 +12,11 @@ from .run import (
     Config,
     first_environment_seed,
     label,
-)
+)  # fmt: skip
 
 __all__ = [
     "ALGORITHMS", "MOST_EPISODES", "MOST_SEEDS", "SEEDS_PER_RUN", "WITHOUT_EFFECT", "Config", "HERSettings",
-    "Model", "OffPolicySettings", "PPOSettings", "PlainPPOSettings", "Real", "SACSettings", "TD3Settings",
-    "TQCSettings", "Text", "Whole", "checked", "config_of", "first_environment_seed", "label", "load",
-    "number", "read", "value",
+    "Model", "OffPolicySettings", "PlainPPOSettings", "Real", "TD3Settings", "TQCSettings", "Text", "Whole", "checked",
+    "complete", "config_of", "first_environment_seed", "help_of_keys", "label", "load", "number",
+    "read", "value",
 ]  # fmt: skip

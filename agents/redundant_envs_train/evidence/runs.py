@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from redundant_envs.envs.registration import SCENES
 from redundant_envs.values import shown
 
-from .. import command
+from .. import command, train_again
 from ..config import WITHOUT_EFFECT, Config
 from ..own_scene import read_scene
 from ..run_folder import SELECTION, evaluate_anew, flat, read_config, read_evaluation, read_facts, read_table
@@ -134,7 +134,7 @@ def run_of(
     if not np.isfinite(curve).all() or (np.diff(progress, axis=0) < 0).any():
         raise ValueError(
             f"{folder}/selection.csv is damaged (a number is not finite, or steps or seconds go back); make "
-            f"it again: {command('train', folder / 'config.yaml', '--out', 'NEW_FOLDER')}"
+            f"it again: {train_again(folder)}"
         )
     return Run(
         folder, config.env, config.algo, config.label, seed, settings, scene, evaluation, curve, simulator

@@ -9,7 +9,7 @@ import numpy as np
 
 from redundant_envs.tables import markdown
 
-from .aggregate import LEAST_RUNS, bootstrap_interval, interquartile_mean
+from ..statistics import LEAST_RUNS, interquartile_mean, run_interval
 from .run_table import read_groups
 from .runs import Group
 
@@ -67,7 +67,7 @@ def brief_table(places: Iterable[str | Path]) -> str:
 def _results(same: Group) -> list[str]:
     """A row of the first table, in the order of RESULTS."""
     hold, steps = same.numbers("hold_success"), same.numbers("env_steps")
-    low, high = map(float, bootstrap_interval(hold))
+    low, high = map(float, run_interval(hold))
     interval = "unknown" if np.isnan(low) else f"{_percent(same, [low], '')} to {_percent(same, [high], '')}"
     taken = _number(steps, 1e-6)
     if steps and max(steps) > 1.01 * min(steps):

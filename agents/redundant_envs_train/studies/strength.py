@@ -27,7 +27,7 @@ from redundant_envs.scene import Scene, load_scene, scene_at, scene_data
 from redundant_envs.tasks.reach import ReachTask
 from redundant_envs.values import shown
 
-from ..evidence.figure import LEARNER_COLORS
+from ..evidence.curves import LEARNER_COLORS
 from ..evidence.run_table import read_runs, value_of
 from ..evidence.runs import Run
 from ..rollout import EVALUATION_SEED, expert_act, run_episodes

@@ -14,8 +14,8 @@ from redundant_envs.tables import markdown, write_rows
 from ..config import Config, load
 from ..config.fields import checked
 from ..new_folder import check_out
-from ..training.amount import count_of
 from ..training.many import train_many
+from ..training.pool import count_of
 from .strength import ARMS, COLUMNS, HOLDABLE, POSES, Row, expert_rows, learner_rows, read_rows, weakened
 from .strength_figure import figure
 

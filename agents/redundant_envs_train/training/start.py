@@ -29,19 +29,8 @@ ASPECTS = ("_shape", "dtype", "low", "high", "spaces")
 def start_from(model: Any, config: Config, env: Any) -> None:
     """Give a learner, its averages and its targets the weights of the policy of ``config.start_from``.
 
-    Optimisers, replay buffer and a learned weight of the entropy are initialised.
-
-    Parameters
-    ----------
-    model : an algorithm with an average
-    config : Config
-    env : VecEnv
-        Of the training.
-
-    Raises
-    ------
-    ValueError
-        Algorithm, spaces, meaning of the observations, or networks are others; or the file is damaged.
+    Optimisers, replay buffer and a learned weight of the entropy are initialised. ValueError if algorithm,
+    spaces, meaning of the observations of ``env``, or networks are others, or the file is damaged.
     """
     assert config.start_from is not None
     file = policy_file(config.start_from)

@@ -15,9 +15,8 @@ from redundant_envs.progress import progress_bars
 
 from .. import command
 from ..config import WITHOUT_EFFECT, Config, PlainPPOSettings, first_environment_seed
-from ..drawing import EVALUATED
 from ..learners.build import make_model
-from ..new_folder import check_new, find_checkpoint
+from ..new_folder import EVALUATED, check_new, find_checkpoint
 from ..own_scene import SCENE, own_config, with_scene
 from ..policies import save_policy
 from ..run_folder import read_config, write_json
@@ -44,24 +43,11 @@ KEYWORDS = ("is_success",)
 def train(
     config: Config, folder: Path, progress: Progress | None = None, on_point: OnPoint | None = None
 ) -> dict[str, Any]:
-    """Train, and keep the averaged policy in ``folder``; returns steps and seconds.
+    """Train, and keep the averaged policy in ``folder``, new or empty; returns steps and seconds.
 
-    Parameters
-    ----------
-    config : Config
-    folder : Path
-        It is made, or is empty.
-    progress : Progress, optional
-        Bars of a caller, which get a line while the training runs.
-    on_point : callable, optional
-        Called with the environment steps, the hold success, 0 to 1, and the mean return of every point of
-        the learning curve. What it raises ends the training and is raised here; the folder has the policy
-        of that point.
-
-    Raises
-    ------
-    Stopped
-        The user asked to stop; the folder has the policy so far, and a checkpoint.
+    The bars of a caller, ``progress``, get a line while the training runs. What ``on_point`` raises ends the
+    training and is raised here; the folder has the policy of that point. Stopped if the user asked for it:
+    the folder has the policy so far, and a checkpoint.
     """
     check_new(folder)
     config = with_start(config)
@@ -103,11 +89,8 @@ def _run(
         model.set_logger(logger(folder, config))
         with progress_bars() if progress is None else nullcontext(progress) as bars:
             watch = Watch(simulated, folder, monitor, bars, stop, begun, run, on_point)
-            every = (
-                LOG_ROLLOUTS
-                if isinstance(config.settings, PlainPPOSettings)
-                else LOG_EPISODES * config.num_envs
-            )
+            on_policy = isinstance(config.settings, PlainPPOSettings)
+            every = LOG_ROLLOUTS if on_policy else LOG_EPISODES * config.num_envs
             try:
                 left = config.total_steps - model.num_timesteps
                 model.learn(left, callback=watch, log_interval=every, reset_num_timesteps=not resumed)
@@ -121,14 +104,12 @@ def _run(
                 model.logger.close()
                 if progress is not None:
                     bars.remove_task(watch.task)
-        seconds = watch.seconds()
+        facts = {
+            "env_steps": int(model.num_timesteps), "train_seconds": round(watch.seconds(), 2),
+            "simulator": simulator_hash(base.core),
+        }  # fmt: skip
         if stopped:
             save_policy(model, folder / "policy.zip")
-        facts = {
-            "env_steps": int(model.num_timesteps),
-            "train_seconds": round(seconds, 2),
-            "simulator": simulator_hash(base.core),
-        }
         write_json(folder / "training.json", {**facts, "stopped": stopped})
     if stopped:
         go_on = f"Go on with: {command('resume', folder)}, or look" if find_checkpoint(folder) else "Look"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..config import Config
-from ..training.amount import count_of
+from ..training.pool import count_of
 
 MOST_TRIALS = 10_000
 MOST_SEED = 2**32 - 1

@@ -13,7 +13,7 @@ import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from redundant_envs.tracing.graph import Graph, Operation, Value, bits_of, reached
+from redundant_envs.tracing.graph import CONDITIONS, Graph, Operation, Value, bits_of, reached
 from redundant_envs.tracing.number import Number, value_of
 from redundant_envs.tracing.passes.join import join_products
 from redundant_envs.tracing.passes.specialise import specialise
@@ -204,7 +204,7 @@ def _is_load(node: Operation, spaces: Sequence[str]) -> bool:
 
 def _kept_in_memory(node: Operation) -> bool:
     """Whether an operation is worth storing in memory."""
-    return not node.is_condition and node.name not in ("load", "neg")
+    return node.name not in (*CONDITIONS, "load", "neg")
 
 
 def _replaced(nodes: Sequence[Value], replacement: Callable[[Operation], Operation | None]) -> list[Value]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...statistics import wilson
-from .pairs import FEW
+from .episodes import FEW
 from .settings import Study
 
 NONE, SMALL, OPEN, LARGE = "none", "small", "open", "large"
