@@ -18,16 +18,16 @@ RUNS = [
 ]
 
 
-def scene_of(kind, run, **kwargs):
+def scene_of(kind, run, control_dt=0.1):
     arm = ARMS[kind](run["m"], run["l"])
-    return rde.Scene(arm, (e.Gravity(run["g"]),), integrator="dop853", actuation="generalized", **kwargs)
+    return rde.Scene(arm, (e.Gravity(run["g"]),), "dop853", control_dt, actuation="generalized")
 
 
 @pytest.mark.parametrize(("kind", "run"), RUNS, ids=[f"{k}-{r['id']}" for k, r in RUNS])
 def test_oracle_trajectories(kind, run):
     """Within 100 units of the last given digit, at all five times."""
     times = [s["t"] for s in run["states"]]
-    got = rde.simulate(scene_of(kind, run, control_dt=0.1), run["q0"], run["qd0"], times, run["Q"])
+    got = rde.simulate(scene_of(kind, run), run["q0"], run["qd0"], times, run["Q"])
     assert got.t.tolist() == times
     for k, state in enumerate(run["states"]):
         unit = 10.0 ** -state["decimals"]
@@ -46,9 +46,9 @@ def test_scipy_agrees(kind, run):
     peer = integrate.solve_ivp(
         slope, (0, 1), [*run["q0"], *run["qd0"]], "DOP853", rtol=1e-13, atol=1e-14, t_eval=[0.3, 1.0]
     )
-    got = rde.simulate(scene_of(kind, run, control_dt=1.0), run["q0"], run["qd0"], [0.3, 1.0], run["Q"])
+    got = rde.simulate(scene_of(kind, run, 1.0), run["q0"], run["qd0"], [0.3, 1.0], run["Q"])
     np.testing.assert_allclose(np.c_[got.q, got.qd], peer.y.T, rtol=0, atol=1e-10)
-    batch = rde.BatchSimulator(scene_of(kind, run, control_dt=1.0), 1)
+    batch = rde.BatchSimulator(scene_of(kind, run, 1.0), 1)
     batch.set_state(run["q0"], run["qd0"])
     status = batch.advance([run["Q"]])
     assert status.evaluations[0] <= 1.2 * peer.nfev
@@ -56,7 +56,7 @@ def test_scipy_agrees(kind, run):
 
 def test_more_times_do_not_change_the_motion():
     kind, run = RUNS[0]
-    made = scene_of(kind, run, control_dt=0.1)
+    made = scene_of(kind, run)
     few = rde.simulate(made, run["q0"], run["qd0"], [1.0])
     many = rde.simulate(made, run["q0"], run["qd0"], np.linspace(0.037, 1.0, 28))
     np.testing.assert_array_equal(few.q[-1], many.q[-1])
