@@ -133,15 +133,11 @@ def reference(robot, q, qd, Q, g):
         q, qd, Q = ([mpmath.mpf(float(x)) for x in v] for v in (q, qd, Q))
         l = [mpmath.mpf(x) for x in robot.lengths]
         # For each mass the links up to it: index of the angle, length, whether a slider ends it.
-        links = [[(i, l[i], False) for i in range(k + 1)] for k in range(4)]
         if robot.kind == "RPRP":
-            a, b = l[0] + q[1], l[1] + q[3]
-            links = [
-                [(0, l[0], False)],
-                [(0, a, True)],
-                [(0, a, True), (2, l[1], False)],
-                [(0, a, True), (2, b, True)],
-            ]
+            first, second = (0, l[0] + q[1], True), (2, l[1] + q[3], True)
+            links = [[(0, l[0], False)], [first], [first, (2, l[1], False)], [first, second]]
+        else:
+            links = [[(i, l[i], False) for i in range(k + 1)] for k in range(4)]
         M, right = mpmath.zeros(4), mpmath.matrix(Q)
         for mass, chain in zip(robot.masses, links, strict=True):
             J, bias = mpmath.zeros(2, 4), mpmath.matrix([0, float(g)])
