@@ -44,6 +44,12 @@ class Boundary:
     bounces: bool = True
 
     @property
+    def number(self) -> int:
+        """Number of its joint, from 1 on, as quantities have it."""
+        assert self.joint is not None
+        return self.joint + 1
+
+    @property
     def side(self) -> str:
         """The field with the law of a force that holds: 1 above the upper limit, -1 below the lower one."""
         return f"side_{self.name}"
@@ -135,8 +141,8 @@ def law_behind(side: Any, crossed: Any) -> Any:
 
 
 @branches
-def side_touched(position: Any, active_stop: Any, lower: Any, upper: Any) -> Any:
-    """Side of the stop that a coordinate touches."""
+def side_touched(position: Any, velocity: Any, active_stop: Any, lower: Any, upper: Any) -> Any:
+    """Side of the stop that a coordinate touches, whatever its velocity."""
     if active_stop != 0.0:
         return active_stop
     return 1.0 if position >= upper else -1.0 if position <= lower else 0.0

@@ -72,7 +72,7 @@ class Contact(NamedTuple):
     @property
     def side(self) -> Any:
         """Side of the stop that it touches."""
-        return side_touched(self.position, self.active_stop, self.lower, self.upper)
+        return side_touched(self.position, self.velocity, self.active_stop, self.lower, self.upper)
 
     @property
     def speed(self) -> Any:

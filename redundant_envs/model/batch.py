@@ -127,9 +127,9 @@ class BatchSimulator(Copied):
         interval = simulator.interval
         # Outputs that are the same in every interval are one read-only array for all calls.
         self._unchanging = (
-            None if interval.features.estimates else _constant(np.full(count, np.nan)),
-            None if interval.features.local else _constant(np.full(count, stages)),
-            None if interval.features.stops else _constant(np.zeros(count, dtype=np.int64)),
+            None if interval.dynamics.estimates else _constant(np.full(count, np.nan)),
+            None if interval.dynamics.local else _constant(np.full(count, stages)),
+            None if interval.dynamics.stops else _constant(np.zeros(count, dtype=np.int64)),
         )
 
     @staticmethod
@@ -168,9 +168,9 @@ class BatchSimulator(Copied):
         A ValueError if a lane had more events, rests and releases included, than are kept.
         """
         interval, memory = self.simulator.interval, self._memory
-        if not interval.features.stops:
+        if not interval.dynamics.stops:
             return []
-        if not interval.features.logs:
+        if not interval.dynamics.logs:
             raise ValueError("events are not kept; build BatchSimulator with track_work=True")
         counts = memory.read(("logged",))[:, 0]
         log = memory.arrays[str(LOG)]
@@ -184,7 +184,7 @@ class BatchSimulator(Copied):
             row = log[lane // LANES, : 3 * int(counts[lane]), lane % LANES]
             for time, code, speed in row.reshape(-1, 3).tolist():
                 slider, kind = divmod(int(code), 10)
-                joint = interval.features.stops[slider].name
+                joint = interval.dynamics.stops[slider].name
                 happened.append(Event(start + time, EVENT_KINDS[kind], joint, speed, lane))
         return happened
 

@@ -111,7 +111,7 @@ def test_comparisons_and_choices_agree_with_plain_ones():
 def test_philox_known_answers(key, counter, words):
     p = Kernel("draw", {"given": "u32", "words": "u32", "numbers": "f64"})
     given = [p.load(p["given"], k) for k in range(6)]
-    for k, word in enumerate(philox(p, given[:2], given[2:])):
+    for k, word in enumerate(philox(given[:2], given[2:])):
         p.store(p["words"], k, word)
         p.store(p["numbers"], k, uniform(p, word))
     got, numbers = np.zeros(4, np.uint32), np.zeros(4)
@@ -246,7 +246,7 @@ def test_the_step_of_free_sliders_is_the_step_of_all_to_the_last_bit(integrator)
     form."""
     simulator = batch_simulator(dataclasses.replace(STEPPED["RPRP held"], integrator=integrator), False)
     blocks, layout = simulator.blocks, simulator.blocks.layout
-    interval, features = simulator.interval, simulator.interval.features
+    interval, features = simulator.interval, simulator.interval.dynamics
     known, arm = dict.fromkeys(features.active, 0.0), simulator.dynamics.arm
     p = Kernel("both", {f"{life}_{name}": "f64" for name in ("free", "every") for life in Lifetime})
     for name, numbers in (("free", known), ("every", {})):

@@ -11,7 +11,7 @@ import redundant_envs as rde
 from redundant_envs.algebra import maximum, physics
 from redundant_envs.effects.hooks import Effect, Force
 from redundant_envs.lane.features import Fault
-from redundant_envs.lane.memory import Layout, RunningLane
+from redundant_envs.lane.memory import Lane, Layout
 from redundant_envs.lane.step_control import End, EqualSteps
 from redundant_envs.model.programs import batch_simulator
 from redundant_envs.numerics.error_control import Crossed
@@ -310,7 +310,7 @@ class KnownInterval(EqualSteps):
 
 def ended(error, change=0.0, steps=64.0, impacts=0.0, **doubts):
     """What follows an interval that has just been crossed, for a tolerance of 1; and the fault."""
-    lane = RunningLane(Layout([]), lambda name: None)
+    lane = Lane(Layout([]), lambda name: None, declares=True)
     known = {"left": 0.0, "steps_left": 1.0, "min_steps": 0.0, "divisions": steps, "error": error,
              "tip_tolerance": 1.0, "impacts": impacts, "fault": 0.0, "interval": 1.0}  # fmt: skip
     for name, value in known.items():

@@ -71,12 +71,12 @@ def test_evaluators_agree_after_an_interval(name, steps):
     for convert in (np.ascontiguousarray, lambda x: torch.tensor(np.ascontiguousarray(x))):
         columns = map(convert, table.T)
         fields = {**fields_of(dynamics), **dict(zip((*names, *dynamics.commands), columns, strict=True))}
-        fields |= {n: convert(np.zeros(12)) for n in Interval(dynamics).features.active}
+        fields |= {n: convert(np.zeros(12)) for n in dynamics.active}
         with np.errstate(all="ignore"):
             lane = cross_interval(Interval(dynamics), fields)
         found = np.stack([np.asarray(lane[n]) for n in names], axis=1)
         resting = (
-            batch._memory.read(Interval(dynamics).features.active).any(axis=1)
+            batch._memory.read(dynamics.active).any(axis=1)
             if stops
             else np.zeros(12, bool)
         )

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from refusals import ANYTHING
 
 from redundant_envs.backends.interpreter import evaluate
-from redundant_envs.lane.memory import SCRATCH, STATE, Field, Layout, ProgramLane, RunningLane
+from redundant_envs.lane.memory import SCRATCH, STATE, Field, Lane, Layout, ProgramLane
 from redundant_envs.tracing.flow import Kernel, LaneFunction, Program
 from redundant_envs.tracing.listing import fingerprints
 from redundant_envs.tracing.number import value_of
@@ -75,7 +75,7 @@ class Traced:
 def on_floats(program, **numbers):
     """Fields at the end of a program of one lane, and what it has asked for."""
     known = {n: np.float64(x) for n, x in numbers.items()}
-    lane, asked = RunningLane(layout(), lambda n: known.get(n, np.float64(0.0))), []
+    lane, asked = Lane(layout(), lambda n: known.get(n, np.float64(0.0)), declares=True), []
     for ask in program(lane):
         name, action = ACTIONS[ask]
         lane[name] = action(lane[name], lane["d"])

@@ -20,8 +20,7 @@ from ...statistics import bootstrap, middle_95, permutation_test, sign_test, wil
 Array = NDArray[np.float64]
 TIMING_REPEATS = 5
 BOOTSTRAP_SEED = 0
-FEW = 10
-"""With fewer seeds, or this few episodes, a bootstrap interval alone is not reliable."""
+FEW = 10  # with fewer seeds, or this few episodes, a bootstrap interval alone is not reliable
 NO_AUTORESET = 0
 
 
