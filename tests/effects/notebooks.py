@@ -59,13 +59,8 @@ def cell(number, kind, joint, factor, apart=""):
 
 def notebook():
     """Cells of a notebook, which share a namespace; returns it and a function that runs a cell."""
-    names = {
-        "__name__": "__main__",
-        "physics": physics,
-        "Effect": Effect,
-        "Force": Force,
-        "dataclass": dataclass,
-    }
+    names = {"__name__": "__main__", "physics": physics, "Effect": Effect, "Force": Force}
+    names["dataclass"] = dataclass
     return names, lambda number, text: run_cell(f"<redefined {number}>", text, names)
 
 
