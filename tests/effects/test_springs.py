@@ -93,7 +93,8 @@ HARD = {
     "a damper lets go": (
         lambda kind: rde.Scene(
             QUICK,
-            (kind("joint1", -0.2341, 0.6795, 1730.7, 34.615), kind("joint4", -1.1935, 0.6622, 44.757, 0.9)),
+            (kind("joint1", -0.2341, 0.6795, 1730.7, 34.615),
+             kind("joint4", -1.1935, 0.6622, 44.757, 0.89514)),
             actuation="generalized",
         ),
         (e.LimitSpring, Silent),

@@ -1,4 +1,4 @@
-"""Hard stops: impacts where and when they happen, sliders that come to rest and leave, and endless searches."""
+"""Hard stops: impacts where and when they happen, sliders that rest and leave, and endless searches."""
 
 import itertools
 import json
@@ -262,6 +262,7 @@ def test_sliders_that_meet_their_stops_together_and_turn_back_are_found():
 def test_slow_sliders_at_both_stops_come_to_rest(speed):
     rng, n = np.random.default_rng(0), 5000
     q, qd = with_sliders(rng, rng.choice([0, 0.25], (n, 2)), speed * rng.normal(size=(n, 2)))
+    q[:, 2] = q[:, 0]  # in line
     _, status = advanced(REACH, q, qd, rng.uniform(-1, 1, (n, 4)) * (20, 32, 8, 16))
     assert not status.numerics.any()
     assert status.evaluations.max() < 2000
@@ -344,16 +345,14 @@ def test_simulate_refuses_a_motion_with_too_many_impacts():
         rde.simulate(scene(gravity=0.0, tolerance=1e-6), *FAST, [0.02, 0.04])
 
 
-@pytest.mark.parametrize(
-    "kwargs", [{"integrator": "rk8"}, {"integrator": "rk4"}, {"tolerance": 1e-6}], ids=str
-)
+@pytest.mark.parametrize("kwargs", [{"integrator": "rk4"}, {}, {"tolerance": 1e-6}], ids=str)
 @pytest.mark.parametrize("speed", [50.0, 1e3, 1e8])
 def test_steps_far_too_long_end_lanes_but_never_hang(kwargs, speed):
     """Radians per step, impacts that no search finds: flagged, between the stops, and over."""
     rng, n = np.random.default_rng(0), 512
     q = np.column_stack([rng.uniform(-3, 3, n), rng.uniform(0, 0.3, n)] * 2)
-    made, efforts = scene(restitution=0.5, **kwargs), rng.normal(0, 20, (n, 4))
-    batch, status = advanced(made, q, rng.normal(0, speed, (n, 4)), efforts)
+    qd, efforts = rng.normal(0, speed, (n, 4)), rng.normal(0, 20, (n, 4))
+    batch, status = advanced(scene(restitution=0.5, **kwargs), q, qd, efforts)
     finite = np.isfinite(np.column_stack([batch.q, batch.qd])).all(axis=1)
     np.testing.assert_array_equal(finite, status.numerics & rde.Numerics.NON_FINITE == 0)
     np.testing.assert_array_equal(finite, status.finite)
@@ -417,7 +416,7 @@ def test_a_budget_of_trial_steps_grows_with_the_substeps(substeps, q, qd, effort
     _, status = advanced(made, q, qd, efforts)
     assert status.numerics.tolist() == [0]
     assert status.events[0] >= impacts
-    assert status.evaluations[0] > 4 * substeps
+    assert status.evaluations[0] >= 4 * substeps
 
 
 def test_a_log_of_events_that_is_full_says_so():
