@@ -211,7 +211,6 @@ def probe():
 
 def test_llvm_has_its_own_order_again_afterwards():
     """The switch is global to LLVM: code that others compile must be the same as without us."""
-    llvm.initialise()
     text = str(llvm_kernels.module_of(probe(), False, llvm.host().triple))
 
     def by_others():
