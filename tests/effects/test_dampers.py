@@ -4,12 +4,15 @@ import dataclasses
 
 import numpy as np
 import pytest
+from lanes_of_numbers import constants
 
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.algebra import physics
 from redundant_envs.effects.hooks import Force, Point
 from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.lane.interval import Interval
+from redundant_envs.lane.memory import Lane
 
 ARM = rde.RPRP((0.2, 0.2, 0.2, 0.1), (0.3, 0.3))
 DEEP = [-0.37828245, 0.15684442, 0.323228, 0.02206704], [-0.60305308, 0.12256787, -0.0091403, 0.18936389]
@@ -44,6 +47,18 @@ def errors(kind, tolerance):
 def test_the_tolerance_is_kept_deep_in_a_strong_damper(tolerance):
     off = errors(e.LimitSpring, tolerance)
     assert off.max() <= 1.0
+
+
+def test_a_damper_asks_for_steps_where_its_joint_is_deep_in_it():
+    dynamics = Dynamics(rde.Scene(ARM, (e.LimitSpring("r2", -100.0, 0.0, 20.8, 375.0),), tolerance=1e-6))
+    known = constants(dynamics, float) | {"interval": 0.05} | dict.fromkeys(dynamics.states, 0.0)
+
+    def steps(depth):
+        lane = Lane(Interval(dynamics).layout(), {**known, "r2": depth}.__getitem__)
+        return Interval(dynamics).step.least_steps(lane)
+
+    assert steps(-0.1) < 1.0
+    assert steps(0.1) > 0.05 * 0.5 * 375.0 * 0.1 * known["most_mobility4"] > 5.0
 
 
 def test_a_spring_without_damping_costs_what_it_did():
