@@ -187,6 +187,13 @@ def test_the_reach_of_a_slider_arm_counts_no_angles():
         env.reset(options={"goal": (1.2, 0.0)})
 
 
+def test_goals_have_no_bounds_where_sliders_have_springs_alone():
+    springs = limited(RPRP, ("r1", 0.0, 0.25), ("r2", 0.0, 0.25), stop=False)
+    for scene, bounded in (("rprp_reach", True), (springs, False)):
+        space = gym.make("redundant_envs/RPRPGoalReach-v0", scene=scene).observation_space
+        assert (np.isfinite(space["desired_goal"].high) == bounded).all()
+
+
 def test_a_simulator_refuses_stops_that_leave_a_slider_behind_and_takes_springs_that_do():
     scene = rde.Scene.from_dict(limited(RPRP, ("joint1", -1.0, 1.0)))
     batch = rde.BatchSimulator(scene, num_envs=4)
