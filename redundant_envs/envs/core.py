@@ -312,9 +312,8 @@ class Core(Copied):
     @cached_property
     def _facts(self) -> str:
         """The settings that must be equal in all states of these environments."""
-        more = {
-            "task": dataclasses.asdict(self.task),
-            "max_episode_steps": float(self.memory.column("limit")[0, 0]),
-            "goal_conditioned": self.task.goal_conditioned,
-        }
-        return simulator_facts(self.simulator, self.num_envs, more)
+        return simulator_facts(
+            self.simulator, self.num_envs, task=dataclasses.asdict(self.task),
+            max_episode_steps=float(self.memory.column("limit")[0, 0]),
+            goal_conditioned=self.task.goal_conditioned,
+        )  # fmt: skip

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.effects.attached import identifier
-from redundant_envs.effects.hook_numbers import check_numbers
+from redundant_envs.effects.attaching import check_numbers
 from redundant_envs.loaded_arm import carried_masses, check_inertias
 from redundant_envs.model.memory import Memory
 from redundant_envs.robots.parameters import LARGEST, LARGEST_RATIO, SMALLEST
@@ -104,9 +104,8 @@ def lane_values(
     nominal = {**scene.parameters(), **of_task}
     if not isinstance(given, Mapping):
         raise ValueError(f"parameters is {shown(given)}; give a mapping of names to numbers")
-    if fresh:
-        values = {p: np.full(len(lanes), v) for p, v in nominal.items()}
-    else:
+    values = {p: np.full(len(lanes), v) for p, v in nominal.items()}
+    if not fresh:
         values = _present(memory, lanes, nominal)
     changed: list[str] = []
     for name, value in given.items():

@@ -235,7 +235,7 @@ class Arm:
 
     def _matrix(self, letter: str, rows: int, **vectors: ArrayLike) -> Array:
         n = len(self.coordinates)
-        flat = self._vector(entries(letter, rows, n), **vectors)
+        flat = self._vector(entries(letter, rows, n), 0.0, **vectors)
         return flat.reshape(*flat.shape[:-1], rows, n)
 
     def mass_matrix(self, q: ArrayLike) -> Array:

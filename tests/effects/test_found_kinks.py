@@ -175,18 +175,18 @@ def test_nothing_is_watched_in_the_scenes_of_the_environments(name):
 )
 def test_a_kink_is_met_where_its_value_passes_0_or_may_do_so_between_stages(stages, met, levels):
     made = Interval(Dynamics(scene(QuadraticDrag(0.1))))
-    seen, hidden = crossings.meets_kink(Watched(*stages), levels, made.features.overshoot)
+    seen, hidden = crossings.meets_kink(Watched(*stages), levels, made.dynamics.overshoot)
     assert (bool(seen), bool(hidden)) == (met == "seen", met == "hidden")
 
 
 def test_a_kink_at_each_whole_number_is_met_at_others_than_0():
-    overshoot = Interval(Dynamics(scene(QuadraticDrag(0.1)))).features.overshoot
+    overshoot = Dynamics(scene(QuadraticDrag(0.1))).overshoot
     for least, most, met in ((2.5, 3.5, True), (2.2, 2.8, False), (-1.5, -0.5, True)):
         assert bool(crossings.meets_kink(Watched(least, most, least, most), True, overshoot)[0]) is met
 
 
 def test_a_motion_that_starts_at_a_kink_leaves_it():
-    overshoot = Interval(Dynamics(scene(QuadraticDrag(0.1)))).features.overshoot
+    overshoot = Dynamics(scene(QuadraticDrag(0.1))).overshoot
     assert not any(crossings.meets_kink(Watched(0.0, 0.9, 0.0, 0.9), False, overshoot))
 
 
