@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from catalogue import GRAVITY
-from faces import FOUR_R, ID, actions, begin, every_face, made, running
+from faces import FOUR_R, ID, actions, begin, made, running
 
 import redundant_envs as rde
 from redundant_envs.algebra import physics
@@ -36,13 +36,12 @@ UNITS = {
 }
 
 
-@every_face
 @pytest.mark.parametrize("env_id", [ID, "redundant_envs/RPRPGoalReach-v0"])
-def test_every_number_is_there_with_its_unit_as_a_copy(kind, env_id):
-    env = running(kind, env_id)
+def test_every_number_is_there_with_its_unit_as_a_copy(face, env_id):
+    env = running(face, env_id)
     assert env.scene == SCENE
     assert {name: parameter.unit for name, parameter in env.parameters.items()} == UNITS
-    lanes = () if kind == "single" else (3,)
+    lanes = () if face == "single" else (3,)
     assert env.parameters["masses"].value.shape == (*lanes, 4)
     np.testing.assert_array_equal(env.parameters["gravity.g"].value, np.full(lanes, 9.81))
     assert (env.parameters["goal_tolerance"].value == 0.02).all()
@@ -52,9 +51,8 @@ def test_every_number_is_there_with_its_unit_as_a_copy(kind, env_id):
         env.parameters["mass"]
 
 
-@every_face
-def test_they_follow_the_options_of_a_reset_and_are_options_of_the_next(kind):
-    env = running(kind)
+def test_they_follow_the_options_of_a_reset_and_are_options_of_the_next(face):
+    env = running(face)
     given = {"masses": (1, 2, 3, 4), "viscous_friction.coefficients": 0.3, "hold_steps": 4, "gravity.g": 1.6}
     begin(env, {"parameters": given})
     for name, value in given.items():

@@ -14,7 +14,7 @@ import imageio_ffmpeg
 import numpy as np
 import pytest
 from catalogue import EQUAL
-from faces import FOUR_R, ID, STEPS, actions, begin, every_id, made
+from faces import FOUR_R, ID, STEPS, actions, begin, made
 from gymnasium.error import DependencyNotInstalled
 
 import redundant_envs as rde
@@ -48,7 +48,6 @@ def is_picture(picture, colours=10):
 # ---- the window ----------------------------------------------------------------------------------------
 
 
-@every_id
 def test_a_window_opens_without_a_warning_and_shows_every_step(env_id, monkeypatch):
     pygame = pytest.importorskip("pygame", reason="a window needs the extra 'human'")
     shown, show = [], Window.show
@@ -82,7 +81,6 @@ def test_a_missing_pygame_is_told_with_the_extra_to_install(monkeypatch):
 # ---- trails --------------------------------------------------------------------------------------------
 
 
-@every_id
 @pytest.mark.parametrize("every", [1, 2, 30])
 def test_the_trail_has_the_tip_of_every_step_however_seldom_it_is_rendered(env_id, every):
     env = drawn(env_id)
@@ -105,7 +103,6 @@ def test_the_trail_has_the_tip_of_every_step_however_seldom_it_is_rendered(env_i
     np.testing.assert_array_equal(other.render(), env.render())
 
 
-@every_id
 @pytest.mark.parametrize("kind", ["next_step", "same_step", "sb3"])
 def test_trails_of_a_vector_begin_anew_with_an_episode(env_id, kind):
     env = drawn(env_id, kind, max_episode_steps=4)

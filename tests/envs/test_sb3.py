@@ -4,14 +4,13 @@ import time
 
 import numpy as np
 import pytest
-from faces import FOUR_R, ID, STEPS, actions, begin, every_id, made, plain_ids, running
+from faces import FOUR_R, ID, STEPS, actions, begin, made, running
 from stable_baselines3 import PPO, SAC, HerReplayBuffer
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecMonitor
 
 
-@every_id
 def test_attributes_are_given_per_environment(env_id):
     env = running("sb3", env_id, 4)
     begin(env, {"parameters": {"gravity.g": [1.0, 2.0, 3.0, 4.0]}})
@@ -101,9 +100,8 @@ def test_monitoring_can_be_left_out():
     assert env.env_is_wrapped(Monitor) == [False] * 3
 
 
-@plain_ids
-def test_ppo_and_evaluate_policy_run_without_a_warning(env_id):
-    env = made("sb3", env_id, 64)
+def test_ppo_and_evaluate_policy_run_without_a_warning(plain_id):
+    env = made("sb3", plain_id, 64)
     assert env.env_is_wrapped(Monitor) == [True] * 64
     model = PPO("MlpPolicy", env, n_steps=16, batch_size=256, n_epochs=1, device="cpu", seed=0)
     model.learn(64 * 112)

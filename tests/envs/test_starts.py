@@ -3,7 +3,7 @@
 import gymnasium as gym
 import numpy as np
 import pytest
-from faces import FACES, FOUR_R, ID, actions, begin, every_face, made, motion, running
+from faces import FACES, FOUR_R, ID, actions, begin, made, motion, running
 
 import redundant_envs as rde
 
@@ -192,9 +192,8 @@ def test_a_lane_that_breaks_in_an_early_substep_shows_its_last_finite_state(inte
     assert infos["numerics"][4] == 1
 
 
-@every_face
-def test_a_start_at_a_stop_is_allowed_and_a_lane_may_move_its_stops(kind):
-    env = made(kind)
+def test_a_start_at_a_stop_is_allowed_and_a_lane_may_move_its_stops(face):
+    env = made(face)
     begin(env, {"q": (-1.5, 0.25, -1.5, 0.0)}, seed=0)
     for _ in range(5):
         env.step(np.zeros_like(actions(env, 1)[0]))
