@@ -35,7 +35,7 @@ def test_keys_are_the_words_of_each_generator_in_order():
 
 
 @pytest.mark.parametrize("taken", [0, 1, AHEAD - 1, AHEAD, AHEAD + 2])
-def test_generators_are_where_the_taken_keys_have_left_them(taken):
+def test_generators_stand_where_the_taken_keys_have_left_them(taken):
     keys = seeded()
     for _ in range(taken):
         keys.take(LANES[1:])

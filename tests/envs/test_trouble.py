@@ -230,7 +230,7 @@ def of_goals(what, name):
 
 
 @pytest.mark.parametrize(("what", "name"), CASES, ids=[f"{name}, {what}" for what, name in CASES])
-def test_a_kind_does_what_its_row_says(what, name):
+def test_a_face_does_what_its_row_says(what, name):
     for given in TROUBLES[what]:
         for arm in given.arms:
             found = outcome(KINDS[name], f"redundant_envs/{arm}{COLUMNS[name]}-v0", given)
