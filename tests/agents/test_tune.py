@@ -83,7 +83,7 @@ def test_what_is_no_search_is_refused(text, word):
     assert len(str(error.value)) < 1000
 
 
-def test_a_setting_is_searched_once_and_not_where_it_has_a_value_and_at_equal_steps():
+def test_a_setting_is_searched_once_and_not_where_it_has_a_value():
     assert "ppo.gamma" in space_of(CONFIG)
     assert "ppo.gamma" not in space_of(CONFIG, [], ["ppo.gamma=0.9"])
     with pytest.raises(ValueError, match="has a value and is searched"):
@@ -97,6 +97,11 @@ def test_a_setting_is_searched_once_and_not_where_it_has_a_value_and_at_equal_st
     tqc = load("baselines/rprp_reach_tqc", ["tqc.top_quantiles_to_drop_per_net=2"])
     with pytest.raises(ValueError, match=r"no value of tqc.n_quantiles .* give at most"):
         space_of(tqc, ["tqc.n_quantiles=1..2"])
+
+
+def test_trials_are_not_compared_at_equal_seconds():
+    with pytest.raises(ValueError, match=r"max_seconds is 90; .* give max_seconds=null and total_steps"):
+        check_arguments(load("baselines/rprp_reach_td3"), 2, 0, 1)
 
 
 @pytest.mark.parametrize("name", presets())
