@@ -113,15 +113,6 @@ def test_divergence_is_in_the_state_and_nowhere_else(tmp_path, monkeypatch, capf
     assert capfd.readouterr().err == ""
 
 
-def test_costs():
-    scene = scene_of("FourR")
-    start = states(scene.robot, 2)
-    costs = [peers.mujoco_cost(scene, i, 1e-3, start, 0.02) for i in peers.MUJOCO_INTEGRATORS]
-    costs.append(peers.scipy_cost(scene, "RK45", 1e-3, 1e-3, start, 0.02, repeats=1))
-    assert np.isfinite(costs).all()
-    assert min(costs) > 0.0
-
-
 @pytest.mark.parametrize(
     ("change", "said"),
     [({"effects": (e.LimitSpring("joint2", -2.0, 2.0),)}, "LimitSpring"),
