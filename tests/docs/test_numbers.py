@@ -11,7 +11,7 @@ import pytest
 from catalogue import IDS
 from markdown import MANUAL, PAGES, README, RESULTS, ROOT, blocks, prose, rows, text
 
-from redundant_envs.events import resolution
+from redundant_envs.events import contacts
 from redundant_envs.lane import step_control
 from redundant_envs.numerics import error_control
 from redundant_envs.scene import ACCURACIES
@@ -95,7 +95,7 @@ def test_the_default_accuracy_is_what_every_id_has():
     ("pattern", "number"),
     [
         (r"(\d+) impacts or more has to give the same result", error_control.CHECKED_IMPACTS),
-        (r"more than (\d+) impacts", resolution.MOST_IMPACTS),
+        (r"more than (\d+) impacts", contacts.MOST_IMPACTS),
         (r"(\d\d [\d]{3}) pieces of motion", step_control.MOST_TRIALS),
     ],
 )
