@@ -6,13 +6,11 @@ acceleration there. Accelerations come from the dynamics that are compiled, run 
 
 import functools
 
+import exact_numbers  # noqa: F401
 import mpmath
-from exact_numbers import exactly
 from lanes_of_numbers import constants
 
-from redundant_envs.effects import Gravity, ViscousFriction
 from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.quantities import Quantities
 
 STAGES = 8
 GUARD = 6  # decimal digits carried beyond those asked for

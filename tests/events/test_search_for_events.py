@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from contact_problems import contact, mobility, resolved
+from contact_problems import contact, resolved
 
 import redundant_envs as rde
 from redundant_envs.events import contacts
