@@ -6,13 +6,10 @@ import textwrap
 
 import numpy as np
 import pytest
-from notebooks import with_force
 from refusals import refusal, short
 
-import redundant_envs as rde
 from redundant_envs import algebra, dialect
 from redundant_envs.algebra import PRIMITIVES, physics
-from redundant_envs.envs.core import Core
 
 ARGUMENTS = {
     "clip": "x, -1.0, 1.0", "clamp": "x, -1.0, 1.0", "select": "[x > 0.0], [x], y",
@@ -107,9 +104,6 @@ def test_what_is_written_of_two_numbers_is_the_same_function(name, function):
     np.testing.assert_allclose(replaced(a, b), function(a, b), rtol=1e-14)
 
 
-TANH = "it calls tanh; write 1.0 - 2.0 / (exp(2.0 * x) + 1.0)"
-
-
 def test_a_function_of_ones_own_with_such_a_name_is_not_blamed():
     """What stopped it is inside."""
     text = """
@@ -123,30 +117,3 @@ def test_a_function_of_ones_own_with_such_a_name_is_not_blamed():
         dialect.check(physics(made(text)))
     with pytest.raises(ValueError, match="compare it first"):
         dialect.check(physics(made("def f(x, y):\n    return where(x, 1.0, y)")))
-
-
-def test_an_effect_an_arm_and_a_task_are_told():
-    @physics
-    def force(x):
-        return np.tanh(x)
-
-    with pytest.raises(ValueError, match=rf"effects\[0\].*{re.escape(TANH)}"):
-        with_force(force)
-
-    @physics(gives="x1 y1")
-    def points(l1, theta1):
-        return l1 * math.cos(theta1), l1 * math.sin(theta1)
-
-    with pytest.raises(ValueError, match=r"Swing.functions.*points.*it calls cos; take the sine and cosine"):
-        type("Swing", (rde.Arm,), {"joint_types": "R", "functions": (points,)})
-
-    @physics(gives="near_term")
-    def near_term(distance):
-        return max(0.0, 1.0 - distance)
-
-    class Task(rde.ReachTask):
-        def reward_functions(self, scene):
-            return (near_term,)
-
-    with pytest.raises(ValueError, match=r"near_term .*it calls max; write maximum\(a, b\)"):
-        Core("four_r_reach", 1, Task())

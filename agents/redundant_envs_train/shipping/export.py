@@ -179,10 +179,7 @@ def card(
 
 
 def write_onnx(policy: Any, inputs: dict[str, int], path: Path, about: dict[str, str]) -> None:
-    """Write a checked ONNX model with one input for each part of an observation, and ``actions``.
-
-    ``about``: metadata of the model.
-    """
+    """Write a checked ONNX model with an input for each part of an observation, ``actions`` and metadata."""
     with warnings.catch_warnings():
         # torch prefers its other exporter, which needs onnxscript and writes newer files
         warnings.simplefilter("ignore", DeprecationWarning)
