@@ -99,7 +99,7 @@ def test_a_slider_that_comes_to_rest_beside_others_that_rest(count):
     released."""
     rng = np.random.default_rng(8)
     seen = set()
-    for _ in range(1500):
+    for _ in range(700):
         w, sides = mobility(rng, count), rng.choice([-1.0, 1.0], count)
         force, slow = rng.normal(size=count), -1e-7 * rng.random() * sides[0]
         pairs = zip(*as_lists(sides[1:], force[1:]), strict=True)
