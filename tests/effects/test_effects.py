@@ -174,26 +174,10 @@ def test_limit_spring_is_one_sided_and_continuous():
 # ---- what counts as potential energy, and what as work --------------------------------------------------
 
 
-@physics
-def spring(x, k):
-    return -k * x
-
-
-@physics
-def energy(x, k):
-    return 0.5 * k * x**2
-
-
-@physics
-def damped(x, rate, k):
-    return -k * (x + rate)
-
-
-@physics
-def spring_elsewhere(position, k):
-    return -k * position
-
-
+spring = physics(lambda x, k: -k * x)
+energy = physics(lambda x, k: 0.5 * k * x**2)
+damped = physics(lambda x, rate, k: -k * (x + rate))
+spring_elsewhere = physics(lambda position, k: -k * position)
 X = {"x": "phi2", "k": ".k"}
 RATE = {**X, "rate": "phid2"}
 

@@ -118,24 +118,10 @@ def second(x):
 # ---- hooks --------------------------------------------------------------------------------------------
 
 
-@physics
-def spring(x, k):
-    return -k * x
-
-
-@physics
-def energy(x, k):
-    return 0.5 * k * x**2
-
-
-@physics
-def damped(x, rate, k):
-    return -k * (x + rate)
-
-
-@physics
-def slope(rate, k):
-    return 2.0 * k * abs(rate)
+spring = physics(lambda x, k: -k * x)
+energy = physics(lambda x, k: 0.5 * k * x**2)
+damped = physics(lambda x, rate, k: -k * (x + rate))
+slope = physics(lambda rate, k: 2.0 * k * abs(rate))
 
 
 @physics
