@@ -1,4 +1,4 @@
-"""Scenes of the catalogue keep every promise of ``verify`` (equations, energy, bits, ...), and copies go on."""
+"""Scenes of the catalogue keep every promise of ``verify`` (equations, energy, bits, ...), also as copies."""
 
 from functools import cache
 

@@ -12,19 +12,14 @@ from redundant_envs.extras import needs
 from redundant_envs.files import config_folder
 from redundant_envs.values import shown
 
-from . import COMMAND, command
+from . import COMMAND, command, run_folder
 from .config import Config, complete, help_of_keys, load
 from .evidence import curves as curve_pictures
 from .evidence import table as tables
-from .evidence.run_table import read_groups, write_runs
-from .evidence.runs import read_run
-from .new_folder import EVALUATED, check_drawing, check_new, check_out, check_target, check_unwritten
-from .own_scene import own_config, tell_differences
+from .evidence.runs import read_groups, read_run, write_runs
 from .presets import presets
 from .start import with_start
-from .studies.factors import factors_of
-from .training.interrupt import Stopped
-from .training.pool import count_of, seeds_of
+from .training.pool import Stopped, count_of, seeds_of
 
 with needs("train"):
     import pydantic  # noqa: F401 - typer imports it while it reads the words
@@ -56,13 +51,6 @@ class Interrupted(Exception):
     """Ctrl-C inside a command, which typer would otherwise handle itself."""
 
 
-class _Train(typer.core.TyperCommand):
-    def format_epilog(self, ctx: Any, formatter: Any) -> None:
-        """All keys of a configuration."""
-        self.epilog = help_of_keys()
-        super().format_epilog(ctx, formatter)
-
-
 class _Commands(typer.core.TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         """Run a command; interrupts are passed on to the caller."""
@@ -80,8 +68,8 @@ app = typer.Typer(
 study = typer.Typer(help="Measure effects on policies.", no_args_is_help=True, rich_markup_mode=None)
 app.add_typer(study, name="study")
 
-PLACES = ("processes", "ray")
-"""Where several runs are executed."""
+MOST_FACTORS, MOST_FACTOR = 100, 10.0
+PLACES = ("processes", "ray")  # where several runs are executed
 
 
 def run(arguments: list[str]) -> int:
@@ -110,7 +98,7 @@ def _usage(error: Any) -> int:
     raise ValueError(f"{message.rstrip('.')}; {more}see {context.command_path} --help")
 
 
-@app.command(cls=_Train)
+@app.command(epilog=help_of_keys())
 def train(
     config: Training,
     overrides: Annotated[
@@ -131,7 +119,12 @@ def train(
     ] = None,
 ) -> None:
     """Train, evaluate and report."""
-    check_place(on, address, seeds)
+    if on not in PLACES:
+        raise ValueError(f"on is {shown(on)}; choose {' or '.join(PLACES)}")
+    if on != "processes" and seeds is None:
+        raise ValueError(f"on {on} is for several seeds; give --seeds, such as --seeds 0..9")
+    if address is not None and on != "ray":
+        raise ValueError(f"address is {shown(address)}, which is for Ray; add --on ray")
     name = Path(config).stem
     stamp = time.strftime("%Y%m%d-%H%M%S")
     if seeds is not None:
@@ -141,7 +134,7 @@ def train(
         each = [(k, [*(overrides or ()), f"seed={k}"]) for k in seeds_of(seeds)]
         chosen = {f"seed{k}": with_start(load(config, words)) for k, words in each}
         count_of(processes)
-        check_drawing()
+        run_folder.check_drawing()
         if on == "ray":
             from .training.on_ray import train_on_ray
 
@@ -156,8 +149,8 @@ def train(
         raise ValueError("processes is for several seeds; give --seeds, such as --seeds 0..9")
     one = with_start(load(config, overrides or ()))
     folder = out or Path("runs") / f"{name}_seed{one.seed}_{stamp}"
-    check_new(folder)
-    check_drawing()
+    run_folder.check_new(folder)
+    run_folder.check_drawing()
     from .training.train import train
 
     facts = train(one, folder)
@@ -169,24 +162,13 @@ def train(
 
 def _finish(folder: Path, facts: dict[str, Any]) -> None:
     """Evaluate and report a run that was trained to its end."""
-    from .evaluate import evaluate, summary, write_evaluation
-    from .report import report
+    from .report import evaluate, report, summary, write_evaluation
 
     found = evaluate(folder)
     write_evaluation(found, folder)
     print(summary(found.result))
     print(f"{facts['env_steps']} environment steps in {facts['train_seconds']:.0f} s")
     print(f"report: {report(folder, overwrite=True)}")
-
-
-def check_place(on: str, address: str | None, seeds: str | None) -> None:
-    """Refuse an unknown ``--on``, and options of several runs or of Ray that have no effect."""
-    if on not in PLACES:
-        raise ValueError(f"on is {shown(on)}; choose {' or '.join(PLACES)}")
-    if on != "processes" and seeds is None:
-        raise ValueError(f"on {on} is for several seeds; give --seeds, such as --seeds 0..9")
-    if address is not None and on != "ray":
-        raise ValueError(f"address is {shown(address)}, which is for Ray; add --on ray")
 
 
 @app.command()
@@ -211,8 +193,7 @@ def tune(
     ] = 1,
 ) -> None:
     """Search the learner's settings that hold most goals, with Optuna."""
-    from .tuning.arguments import check_arguments
-    from .tuning.search import space_of
+    from .tuning.search import check_arguments, space_of
 
     base = with_start(load(config, overrides or ()))
     check_arguments(base, trials, seed, processes)
@@ -228,9 +209,9 @@ def tune(
 @app.command()
 def resume(folder: Folder) -> None:
     """Go on with a training that was stopped or killed, from its last checkpoint, to the same bits."""
-    own_config(folder)
-    check_drawing()
-    tell_differences([folder])
+    run_folder.own_config(folder)
+    run_folder.check_drawing()
+    run_folder.tell_differences([folder])
     from .training.train import resume
 
     _finish(folder, resume(folder))
@@ -245,17 +226,17 @@ def evaluate(
     Prints the results, and writes nothing. With --out FOLDER evaluation.json and episodes.csv are written
     there; with --overwrite they replace those of the run folder.
     """
-    own_config(folder)
+    run_folder.own_config(folder)
     if out is not None:
-        check_unwritten(out, EVALUATED, overwrite)
-    tell_differences([folder])
-    from .evaluate import evaluate, summary, write_evaluation
+        run_folder.check_unwritten(out, run_folder.EVALUATED, overwrite)
+    run_folder.tell_differences([folder])
+    from .report import evaluate, summary, write_evaluation
 
     found = evaluate(folder, trust)
     print(summary(found.result))
     if out is not None or overwrite:
         write_evaluation(found, out or folder)
-        print(f"written: {(out or folder) / EVALUATED[0]}")
+        print(f"written: {(out or folder) / run_folder.EVALUATED[0]}")
 
 
 @app.command()
@@ -265,10 +246,10 @@ def report(folder: PolicyFolder, out: Out = None, overwrite: Overwrite = False, 
     A run without a report, such as one that was stopped, gets it in its folder. If files would be
     replaced, and for an exported policy, --out FOLDER or --overwrite is needed.
     """
-    own_config(folder)
-    check_target(folder, out, overwrite)
-    check_drawing()
-    tell_differences([folder])
+    run_folder.own_config(folder)
+    run_folder.check_target(folder, out, overwrite)
+    run_folder.check_drawing()
+    run_folder.tell_differences([folder])
     from .report import report
 
     print(f"report: {report(folder, out, overwrite, trust)}")
@@ -289,9 +270,9 @@ def table(
     if out is not None:
         if out.suffix.lower() != ".csv":
             raise ValueError(f"out is {out}; end its name in .csv")
-        check_out(out.parent)
+        run_folder.check_out(out.parent)
     text = tables.table(runs)
-    tell_differences(runs)
+    run_folder.tell_differences(runs)
     print(text)
     if out is not None:
         write_runs([run for same in read_groups(runs) for run in same.runs], out)
@@ -305,9 +286,9 @@ def curves(
     ),
 ) -> None:
     """Draw learning curves of runs: all seeds, their interquartile mean and its interval."""
-    check_out(out.parent)
+    run_folder.check_out(out.parent)
     curve_pictures.curves(runs, out)
-    tell_differences(runs)
+    run_folder.tell_differences(runs)
     print(out)
 
 
@@ -338,7 +319,7 @@ def export(
     """Write policies for others: stable-baselines3, ONNX, NumPy arrays, and a card."""
     for folder in folders:
         read_run(folder)
-    tell_differences(folders)
+    run_folder.tell_differences(folders)
     from .shipping.export import export_all
 
     for folder in export_all(folders, out):
@@ -365,12 +346,12 @@ def study_stops(
         raise ValueError("study stops is in the source tree, not in the wheel; run it there") from None
     from redundant_envs.tables import table, write_rows
 
-    config = own_config(folder)
+    config = run_folder.own_config(folder)
     if lanes < 8:
         raise ValueError(f"lanes is {lanes}; give at least 8")
     if config.env != stops.ENVIRONMENT:
         raise ValueError(f"folder is a run of {config.env}; the study is of {stops.ENVIRONMENT}")
-    tell_differences([folder])
+    run_folder.tell_differences([folder])
     from .policies import load_policy
 
     model = load_policy(folder, config, trust)
@@ -398,7 +379,7 @@ def study_policy(
     from .studies.policy.settings import load_study
 
     what = load_study(config or config_folder("studies") / "policy.yaml", overrides or ())
-    check_drawing()
+    run_folder.check_drawing()
     from .studies.policy.report import write_report
     from .studies.policy.run import run_study
 
@@ -409,6 +390,21 @@ def study_policy(
     path = write_report(what, results, out)
     print(path.read_text(encoding="utf-8"))
     print(f"report: {path}")
+
+
+def factors_of(text: str) -> tuple[float, ...]:
+    """Factors of the effort limits as a user writes them, ``0.6,0.5``."""
+    try:
+        factors = tuple(round(float(part), 6) for part in text.split(","))
+    except ValueError:
+        factors = ()
+    valid = 1 <= len(set(factors)) == len(factors) <= MOST_FACTORS
+    if not valid or not all(0.0 < factor <= MOST_FACTOR for factor in factors):
+        raise ValueError(
+            f"factors is {shown(text)}; give different numbers above 0 and up to {MOST_FACTOR:g}, such "
+            "as 0.6,0.5"
+        )
+    return factors
 
 
 @study.command("strength")
@@ -426,8 +422,8 @@ def study_strength(
 ) -> None:
     """Where learning pays: hold success over the strength of the motors."""
     chosen = [] if seeds == "none" else seeds_of(seeds)
-    times = factors_of(factors)
-    check_drawing()
-    from .studies.strength_run import run_study
+    times = factors_of(factors) if factors else ()
+    run_folder.check_drawing()
+    from .studies.strength import run_study
 
     print(run_study(times, chosen, episodes, runs or (), processes, out))

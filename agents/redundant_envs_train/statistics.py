@@ -15,17 +15,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
-Statistic = Callable[..., Any]
-"""(samples, axis) -> the statistic over this axis."""
+Statistic = Callable[..., Any]  # (samples, axis) -> the statistic over this axis
 NORMAL_95 = 1.959963984540054
-TAILS = (0.025, 0.975)
-"""Quantiles at both ends of a 95 % interval."""
+TAILS = (0.025, 0.975)  # quantiles at both ends of a 95 % interval
 LEAST_RUNS = 5
 """Least number of runs for an interval: with two or three it would reach from the lowest to the highest, and
 miss the true value in every second or fourth case."""
 RESAMPLES, SEED = 2000, 0
-MOST_NUMBERS = 4_000_000
-"""Count of numbers that are resampled at a time: 32 MB."""
+MOST_NUMBERS = 4_000_000  # count of numbers that are resampled at a time: 32 MB
 
 
 def wilson(successes: int, trials: int, z: float = NORMAL_95) -> tuple[float, float]:

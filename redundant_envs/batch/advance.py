@@ -21,10 +21,11 @@ COLUMNS = {"error": "f64", "finite": "i8", "evaluations": "i64", "events": "i64"
 def advance_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:
     """A kernel that takes ``efforts`` (lanes, joints) and fills :data:`COLUMNS`."""
     interval = Interval(dynamics)
-    features = interval.features
     p = Kernel("advance", {**MEMORY, "efforts": "f64", **COLUMNS})
     blocks = Blocks(p, interval, interval.layout())
-    gives_up = features.local and (bool(features.boundaries) or features.control is Control.ADAPTIVE)
+    gives_up = dynamics.local and (bool(dynamics.boundaries) or dynamics.control is Control.ADAPTIVE)
+    has = {"evaluations": dynamics.local, "error": dynamics.estimates, "events": bool(dynamics.stops)}
+    columns = [name for name in COLUMNS if has.get(name, True)]
 
     def end(lane: Lane) -> dict[Any, Any]:
         interval.update_effect_states(lane)
@@ -32,31 +33,25 @@ def advance_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:
         defect = reduce(lambda total, x: total + 0.0 * x, motion[1:], 0.0 * motion[0])
         told: dict[str, Any] = {}
         fault: Any = 0.0
-        if features.local:
+        if dynamics.local:
             fault, given_up = lane.fault, lane.fault >= GIVEN_UP
             defect = where(given_up, 0.0, defect)
             told["evaluations"] = lane.evaluations
-        if features.stops:
+        if dynamics.stops:
             told["events"] = where(given_up, 0.0, lane.impacts)
         if gives_up:
             interval.undo(lane, given_up)
-        if features.logs:
+        if dynamics.logs:
             lane.logged = where(given_up, 0.0, lane.logged)
-        if features.estimates:
+        if dynamics.estimates:
             told["error"] = lane.error
         told["finite"] = defect == 0.0
-        told["numerics"] = (
-            where(defect == 0.0, 0.0, float(Fault.NON_FINITE)) + fault + features.angle_fault(lane)
-        )
+        non_finite = where(defect == 0.0, 0.0, float(Fault.NON_FINITE))
+        told["numerics"] = non_finite + fault + dynamics.angle_fault(lane)
         return {(name, COLUMNS[name], 0, 0): value for name, value in told.items()}
 
-    told = ["finite", "numerics"]
-    told += ["evaluations"] if features.local else []
-    told += ["error"] if features.estimates else []
-    told += ["events"] if features.stops else []
-
     def outputs(block: Block) -> dict[str, Any]:
-        return {name: p[name] + block.first for name in told}
+        return {name: p[name] + block.first for name in columns}
 
     advance(blocks, Ends(lambda lane: None, {"efforts": ("f64", dynamics.commands)}, end, outputs))
     blocks.prune()

@@ -7,16 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from redundant_envs.lane.interval import Interval
-from redundant_envs.lane.memory import (
-    LOG,
-    PARAMETER,
-    SCRATCH,
-    STATE,
-    Lane,
-    Layout,
-    Lifetime,
-    traced,
-)  # fmt: skip
+from redundant_envs.lane.memory import LOG, PARAMETER, SCRATCH, STATE, Lane, Layout, Lifetime, traced
 from redundant_envs.tracing.flow import Array, Kernel, LaneFunction, Scalar
 from redundant_envs.tracing.graph import reached
 
@@ -35,55 +26,33 @@ Procedure = Callable[[Lane], Any]
 
 @dataclass
 class Block:
-    """A block of lanes: its number, its first lane, the number of lanes, and the addresses of its
-    memories."""
+    """A block of lanes."""
 
     number: Scalar
-    first: Scalar
-    lanes: Scalar
-    pointers: dict[str, Array]
+    first: Scalar  # its first lane
+    lanes: Scalar  # the number of its lanes
+    pointers: dict[str, Array]  # the addresses of its memories
 
 
 @dataclass
 class Ends:
-    """Work on the lanes at both ends of an interval.
+    """Work on the lanes at both ends of an interval."""
 
-    Attributes
-    ----------
-    begin : procedure of a lane, before anything else
-    inputs : tables that it reads
-    end : procedure of a lane that has crossed the interval; it may return values for arrays
-    outputs : addresses of these arrays for a block
-    finish : records further work on a block
-    """
-
-    begin: Procedure
-    inputs: Mapping[str, Any]
-    end: Procedure
-    outputs: Callable[[Block], dict[str, Any]]
-    finish: Callable[[Block], None] = lambda block: None
+    begin: Procedure  # before anything else
+    inputs: Mapping[str, Any]  # tables that it reads
+    end: Procedure  # of a lane that has crossed the interval; it may return values for arrays
+    outputs: Callable[[Block], dict[str, Any]]  # addresses of these arrays for a block
+    finish: Callable[[Block], None] = lambda block: None  # records further work on a block
 
 
 class Blocks:
-    """Lanes of an interval in a kernel.
-
-    Parameters
-    ----------
-    p : Kernel
-        Has the arguments of :data:`MEMORY`.
-    interval : Interval
-    layout : Layout
-    """
+    """Lanes of an interval in a kernel, which has the arguments of :data:`MEMORY`."""
 
     def __init__(self, p: Kernel, interval: Interval, layout: Layout) -> None:
-        self.p = p
-        self.interval = interval
-        self.layout = layout
+        self.p, self.interval, self.layout = p, interval, layout
         self.functions: dict[str, LaneFunction] = {}
-        self.reads: dict[str, set[tuple[str, int]]] = {}
-        """Memory rows that each function loads."""
-        self.count = (p["count"] + (LANES - 1)) >> 3
-        """Number of blocks."""
+        self.reads: dict[str, set[tuple[str, int]]] = {}  # memory rows that each function loads
+        self.count = (p["count"] + (LANES - 1)) >> 3  # number of blocks
 
     def width(self, lifetime: Lifetime) -> int:
         """Count of numbers of a block in a memory."""
@@ -93,14 +62,14 @@ class Blocks:
     def scratch_size(self) -> int:
         """Count of numbers of the scratch memory: two groups of blocks, and slots with states and
         parameters."""
-        group = 2 * GROUP if self.interval.features.local else 1
-        slots = self.width(STATE) + self.width(SCRATCH) + self.width(PARAMETER)
-        return group * self.width(SCRATCH) + (slots if self.interval.features.local else 0)
+        if not self.interval.dynamics.local:
+            return self.width(SCRATCH)
+        return (2 * GROUP + 1) * self.width(SCRATCH) + self.width(STATE) + self.width(PARAMETER)
 
     @property
     def queue_size(self) -> int:
         """Length of the queue, in whole numbers: the waiting lanes, and the homes of the slots."""
-        return GROUP * LANES + LANES if self.interval.features.local else 1
+        return GROUP * LANES + LANES if self.interval.dynamics.local else 1
 
     def block(self, number: Any, in_group: Any) -> Block:
         """The block with a number; ``in_group`` is its index in the scratch memory."""
@@ -126,7 +95,7 @@ class Blocks:
 
     def _keep(self, made: LaneFunction) -> LaneFunction:
         self.functions[made.name] = made
-        self.reads[made.name] = reads_of(made)
+        self.reads[made.name] = {n.extra for n in reached(made.results) if n.name == "load"}
         return made
 
     def program(self) -> dict[Any, LaneFunction]:
@@ -134,43 +103,54 @@ class Blocks:
         made = self.interval.traced_program(self.layout)
         return {request: self._keep(function) for request, function in made.items()}
 
-    def mask(self, block: Mapping[str, Array], name: str) -> Scalar:
+    def mask(self, pointers: Mapping[str, Array], name: str) -> Scalar:
         """Lanes of a block whose field is not 0."""
         space, row = self.layout.row_of(name)
         self.p.masked.add((space, row))
-        return self.p.mask(block[space], row)
+        return self.p.mask(pointers[space], row)
+
+    def load(self, pointers: Mapping[str, Array], lane: Any, name: str) -> Scalar:
+        """A field of a lane of a block."""
+        space, row = self.layout.row_of(name)
+        self.p.masked.add((space, row))
+        return self.p.load(pointers[space], lane + row * LANES)
+
+    def store(self, pointers: Mapping[str, Array], lane: Any, name: str, value: Any) -> None:
+        """Set a field of a lane of a block."""
+        space, row = self.layout.row_of(name)
+        self.p.store(pointers[space], lane + row * LANES, value)
+
+    def valid(self, block: Block) -> Scalar:
+        """The lanes of a block, as the bits of a whole number."""
+        return self.p.record("<<", 1, block.lanes) - 1
 
     def whole_lines(self, block: Block, table: str, columns: int) -> Array:
         """The rows of a table for a block; for a block that is not full, a copy padded with 0."""
         p, array = self.p, self.p[table]
         there = array + block.first * columns
         tile = p.space(LANES * columns, array.element)
-        full = block.lanes == LANES
         with p.when(block.lanes < LANES):
             with p.each(LANES * columns) as i:
                 p.store(tile, i, p.number(i) * 0.0 if array.element in ("f32", "f64") else 0)
             with p.each(block.lanes * columns) as i:
                 p.store(tile, i, p.load(there, i))
-        return p.choose(full, there, tile)
+        return p.choose(block.lanes == LANES, there, tile)
 
     # ---- all lanes -----------------------------------------------------------------------------------
 
     def advance(self, ends: Ends) -> None:
         """Advance all lanes by a control interval."""
         p, interval = self.p, self.interval
-        before: list[Procedure] = [ends.begin, interval.step.clear]
-        if not interval.features.repeated:
-            whole = self.function(
-                "interval", *before, interval.step.common_step, ends.end, inputs=ends.inputs
-            )
+        parts = ends.begin, interval.step.clear, interval.step.common_step, ends.end
+        if not interval.dynamics.repeated:
+            whole = self.function("interval", *parts, inputs=ends.inputs)
             with p.each(self.count) as number:
                 block = self.block(number, 0)
                 self.call_with_tables(whole, block, ends.inputs, ends.outputs(block))
                 ends.finish(block)
             return
-        first = self.function("begin", *before, inputs=ends.inputs)
-        step = self.function("step", interval.step.common_step)
-        last = self.function("end", ends.end)
+        first = self.function("begin", *parts[:2], inputs=ends.inputs)
+        step, last = self.function("step", parts[2]), self.function("end", parts[3])
         with p.each(self.count) as number:
             block = self.block(number, 0)
             self.call_with_tables(first, block, ends.inputs)
@@ -191,13 +171,3 @@ class Blocks:
         read = self.p.masked.union(*self.reads.values())
         for f in self.functions.values():
             f.stores[:] = [s for s in f.stores if s[0] != SCRATCH or (s[0], s[1]) in read]
-
-
-def written_by(function: LaneFunction) -> list[tuple[str, int]]:
-    """Memory rows that a function stores to."""
-    return [(space, row) for space, row, _ in function.stores]
-
-
-def reads_of(function: LaneFunction) -> set[tuple[str, int]]:
-    """Memory rows that a function loads."""
-    return {n.extra for n in reached(function.results) if n.name == "load"}

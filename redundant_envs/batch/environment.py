@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import enum
+import math
 from typing import Any
 
 from redundant_envs.batch.blocks import LANES, MEMORY, Block, Blocks, Ends
 from redundant_envs.batch.slots import advance
 from redundant_envs.lane.episode import ENDS, TABLES, Episode
-from redundant_envs.lane.memory import PARAMETER, SCRATCH, STATE, Field, Lane, Layout, traced
+from redundant_envs.lane.memory import PARAMETER, SCRATCH, STATE, Field, Lane, Layout, Lifetime, traced
 from redundant_envs.quantities import Quantities
 from redundant_envs.tasks.base import Task
 from redundant_envs.tracing.flow import Kernel, Scalar
@@ -20,8 +21,7 @@ class Operation(enum.IntEnum):
     STEP = 0
     RESET = 1
     OBSERVE = 2
-    CHECKED_STEP = 3
-    """Like STEP, but if an action is not finite it changes nothing and returns NaN as the first reward."""
+    CHECKED_STEP = 3  # if an action is not finite it changes nothing and returns NaN as the first reward
 
 
 class Autoreset(enum.IntEnum):
@@ -51,8 +51,6 @@ ARGUMENTS = {
     "any_due": "int",
 }
 """Arguments of the kernel beside memories. The stride is that of the rows of tables."""
-NOT_A_NUMBER = float("nan")
-INFINITY = float("inf")
 
 
 class EnvironmentKernel:
@@ -65,7 +63,6 @@ class EnvironmentKernel:
         self.episode = episode
         self.p = p = Kernel("environment", {**MEMORY, **ARGUMENTS})
         self.blocks = Blocks(p, episode.interval, episode.layout())
-        self.inputs = {"actions": ("f32", episode.actions)}
         self.observed = self.blocks.function("observe", episode.observe)
         self.reset = self.blocks.function("reset", episode.reset)
         self._record()
@@ -77,14 +74,15 @@ class EnvironmentKernel:
         checked, count = operation == Operation.CHECKED_STEP, p["count"] * len(self.episode.actions)
         with p.when(checked), p.each(count) as k:
             action = p.load(p["actions"], k)
-            bad = (action != action) | (action == INFINITY) | (action == -INFINITY)
+            bad = (action != action) | (action == math.inf) | (action == -math.inf)
             with p.when(bad):
-                p.store(p["values"], 0, NOT_A_NUMBER)
+                p.store(p["values"], 0, math.nan)
                 p.leave()
-        steps = (operation == Operation.STEP) | (operation == Operation.CHECKED_STEP)
+        steps = (operation == Operation.STEP) | checked
         with p.when(steps):
-            ends = Ends(self.episode.command, self.inputs, self.end, self.outputs, self.autoreset)
-            advance(self.blocks, ends)
+            inputs = {"actions": ("f32", self.episode.actions)}
+            begin = self.episode.command
+            advance(self.blocks, Ends(begin, inputs, self.end, self.outputs, self.autoreset))
         with p.when(~steps), p.each(self.blocks.count) as number:
             block = self.blocks.block(number, 0)
             with p.when(operation == Operation.RESET):
@@ -107,6 +105,9 @@ class EnvironmentKernel:
     def _flag(self, lane: Scalar) -> Scalar:
         return lane * EPISODE_KEY + KEY_WORDS
 
+    def _is_due(self, lane: Scalar) -> Scalar:
+        return self.p.load(self.p["episode_keys"], self._flag(lane)) == DUE
+
     def begin_due(self, block: Block, then: int = DUE) -> Scalar:
         """Start new episodes in the lanes of a block whose keys request one; returns whether any did."""
         p = self.p
@@ -123,12 +124,8 @@ class EnvironmentKernel:
         return some.value
 
     def _clear(self, block: Block) -> None:
-        space, row = self._row_of("resetting")
         with self.p.each(LANES) as k:
-            self.p.store(block.pointers[space], k + row * LANES, 0.0)
-
-    def _row_of(self, name: str) -> tuple[str, int]:
-        return self.blocks.layout.row_of(name)
+            self.blocks.store(block.pointers, k, "resetting", 0.0)
 
     def draw(self, block: Block, k: Scalar) -> None:
         """The draws of a lane's next episode, from its key and nothing else."""
@@ -136,23 +133,20 @@ class EnvironmentKernel:
         key = [p.load(p["episode_keys"], (block.first + k) * EPISODE_KEY + w) for w in range(KEY_WORDS)]
         draws = self.episode.draws
         for group in range(0, len(draws), 4):
-            words = philox(p, key[:2], [group // 4, 0, key[2], key[3]])
+            words = philox(key[:2], [group // 4, 0, key[2], key[3]])
             for name, word in zip(draws[group : group + 4], words, strict=False):
-                space, row = self._row_of(name)
-                p.store(block.pointers[space], k + row * LANES, uniform(p, word))
-        space, row = self._row_of("resetting")
-        p.store(block.pointers[space], k + row * LANES, 1.0)
+                self.blocks.store(block.pointers, k, name, uniform(p, word))
+        self.blocks.store(block.pointers, k, "resetting", 1.0)
 
     def autoreset(self, block: Block) -> None:
         """Autoreset of a block after its step."""
-        p, blocks = self.p, self.blocks
-        valid = p.record("<<", 1, block.lanes) - 1
-        pointers = block.pointers
-        done = (blocks.mask(pointers, "terminated") | blocks.mask(pointers, "truncated")) & valid
+        p, blocks, pointers = self.p, self.blocks, block.pointers
+        done = blocks.mask(pointers, "terminated") | blocks.mask(pointers, "truncated")
+        done = done & blocks.valid(block)
         with p.when(p["autoreset"] == Autoreset.NEXT_STEP):
             begun = p.variable(0)
             with p.when(p["any_due"] != 0):
-                with p.each(block.lanes) as k, p.when(self._due(block.first + k)):
+                with p.each(block.lanes) as k, p.when(self._is_due(block.first + k)):
                     begun.value = begun.value | p.record("<<", 1, k)
                 with p.when(begun.value != 0):
                     self.begin_due(block, BEGUN)
@@ -170,10 +164,7 @@ class EnvironmentKernel:
             with p.each_set(done) as k:
                 for table, names in self.episode.tables.items():
                     rows = [row for row, name in enumerate(names) if name in ENDS]
-                    self._copy(table, f"last_{table}", table, block.first + k, rows)
-
-    def _due(self, lane: Scalar) -> Scalar:
-        return self.p.load(self.p["episode_keys"], self._flag(lane)) == DUE
+                    self._copy(table, f"last_{table}", block.first + k, rows)
 
     def _keep_last(self, lane: Scalar) -> None:
         """Outputs of a lane before it starts a new episode."""
@@ -181,9 +172,9 @@ class EnvironmentKernel:
         with p.each(width) as column:
             p.store(p["last_obs"], lane * width + column, p.load(p["obs"], lane * width + column))
         for table, names in self.episode.tables.items():
-            self._copy(f"last_{table}", table, table, lane, range(len(names)))
+            self._copy(f"last_{table}", table, lane, range(len(names)))
 
-    def _copy(self, goal: str, source: str, table: str, lane: Scalar, rows: Any) -> None:
+    def _copy(self, goal: str, source: str, lane: Scalar, rows: Any) -> None:
         """Rows of a lane from one table to another."""
         p = self.p
         for row in rows:
@@ -191,11 +182,9 @@ class EnvironmentKernel:
             p.store(p[goal], at, p.load(p[source], at))
 
 
-def philox(p: Kernel, key: list[Any], counter: list[Any]) -> list[Any]:
+def philox(key: list[Any], counter: list[Any]) -> list[Any]:
     """Philox4x32-10 (Salmon et al., SC11): four 32-bit words from a key and a counter."""
-    low = 0xFFFFFFFF
-    k0, k1 = key
-    c0, c1, c2, c3 = counter
+    low, (k0, k1), (c0, c1, c2, c3) = 0xFFFFFFFF, key, counter
     zero = k0 & 0
     c0, c1 = zero + c0, zero + c1
     for _ in range(ROUNDS):
@@ -215,38 +204,25 @@ GOAL_FIELDS = {name: f"{name} of a pair" for name in ("tip_x", "tip_y", "goal_x"
 """Quantities of a pair of goals, and their fields: no number of a task can have such a name."""
 
 
-def goal_layout(task: Task) -> Layout:
-    """Fields for the reward of goals: pairs, and the numbers on which it may depend."""
-    return Layout(
-        [
-            *(Field(name, "m", "of a pair of goals", SCRATCH) for name in GOAL_FIELDS.values()),
-            Field("reach", "m", "of the arm", PARAMETER),
-            *(Field(name, "", "number of the task", PARAMETER) for name in task.parameters()),
-            Field("no state", "", "a state that lanes must have", STATE),
-        ]
-    )
-
-
 def goal_reward_kernel(task: Task) -> Kernel:
     """A kernel for the reward of goal environments, from both goals alone, in whole blocks."""
-    p = Kernel(
-        "goal_reward",
-        {"pairs": "f64", "numbers": "f64", "reward": "f64", "blocks": "int"},
-    )  # fmt: skip
-    layout = goal_layout(task)
+    p = Kernel("goal_reward", {"pairs": "f64", "numbers": "f64", "reward": "f64", "blocks": "int"})
+    numbers = ("reach", *task.parameters())
+    layout = Layout(Field(name, "m", "of a pair of goals", SCRATCH) for name in GOAL_FIELDS.values())
+    for name in numbers:
+        layout.add(Field(name, "", "number of the arm or the task", PARAMETER))
+    layout.add(Field("no state", "", "a state that lanes must have", STATE))
 
     def reward(lane: Lane) -> dict[Any, Any]:
         known = {name: lane[field] for name, field in GOAL_FIELDS.items()}
-        known |= {name: lane[name] for name in ("reach", *task.parameters())}
+        known |= {name: lane[name] for name in numbers}
         x = Quantities(known, task.goal_functions, {})
         return {("reward", "f64", 0, 0): x["goal_reward"]}
 
     function = traced("goal_reward", layout, reward, inputs={"pairs": ("f64", tuple(GOAL_FIELDS.values()))})
     function.stores.clear()  # these lanes have no memory
+    memory = {str(lifetime): p["numbers"] for lifetime in Lifetime}
     with p.each(p["blocks"]) as block:
         pairs = p["pairs"] + block * (LANES * len(GOAL_FIELDS))
-        p.call(
-            function, pairs=pairs, reward=p["reward"] + block * LANES, parameter=p["numbers"],
-            state=p["numbers"], scratch=p["numbers"], log=p["numbers"],
-        )  # fmt: skip
+        p.call(function, pairs=pairs, reward=p["reward"] + block * LANES, **memory)
     return p

@@ -42,7 +42,7 @@ class ArmEnv(Face, gym.Env[Any, Any]):
     ) -> None:
         self._check_choices(on_bad_action, render_mode)
         if render_mode == "human":
-            from redundant_envs.envs.window import load_pygame
+            from redundant_envs.envs.rendering import load_pygame
 
             load_pygame()  # a missing package is reported at once, not at the first step
         task_made = make_task(task, self.task_name)

@@ -123,8 +123,7 @@ class SB3VecEnv(VectorFace, VecEnv):
         for n in np.flatnonzero(faults).tolist():
             infos[n]["numerics"] = int(faults[n])
         if dones.any():
-            assert core.simulator.episode is not None
-            returns = sum(columns.of(last_out, name) for name in core.simulator.episode.returns)
+            returns = sum(columns.of(last_out, name) for name in core.episode.returns)
             cut = columns.of(last_out, "truncated") & ~columns.of(last_out, "terminated")
             for n in np.flatnonzero(dones).tolist():
                 infos[n] = columns.info(last_out, n)

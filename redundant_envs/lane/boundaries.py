@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from redundant_envs.algebra import any_of, maximum, minimum, where
-from redundant_envs.events import contacts, crossings, resolution
+from redundant_envs.events import contacts, crossings
 from redundant_envs.events.boundary import (
     Boundary,
     BoundedCoordinate,
@@ -15,9 +15,10 @@ from redundant_envs.events.boundary import (
     side_touched,
     starts_at_stop,
 )
-from redundant_envs.events.resolution import Resolved
+from redundant_envs.events.contacts import Resolved
 from redundant_envs.lane import coordinates
-from redundant_envs.lane.features import WATCHED, Reason, SceneFeatures
+from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.lane.features import WATCHED, Reason
 from redundant_envs.lane.memory import Lane
 from redundant_envs.lane.step import contact_quantities, held_of, known_numbers, pull
 from redundant_envs.numerics.methods import Watched
@@ -28,8 +29,8 @@ from redundant_envs.tracing.ways import branches
 class Boundaries:
     """Procedures of lanes at the boundaries of a scene."""
 
-    def __init__(self, features: SceneFeatures) -> None:
-        self.features, self.dynamics = features, features.dynamics
+    def __init__(self, dynamics: Dynamics) -> None:
+        self.dynamics = dynamics
 
     def limits(self, lane: Lane, b: Boundary) -> tuple[Any, Any]:
         """Lower and upper limit of a coordinate."""
@@ -41,7 +42,7 @@ class Boundaries:
 
     def active(self, lane: Lane, b: Boundary, form: str = "{}") -> Any:
         """Side of the stop at which a coordinate rests."""
-        return lane[form.format(b.active)] if b in self.features.holding else 0.0
+        return lane[form.format(b.active)] if b in self.dynamics.holding else 0.0
 
     def in_step(self, lane: Lane, origin: str) -> list[BoundedCoordinate]:
         """The coordinates in a step, whose initial values are in fields of this form."""
@@ -52,7 +53,7 @@ class Boundaries:
                 Watched(*lane.get(WATCHED, of=f"{{}}_{b.name}")), self.active(lane, b),
                 *self.limits(lane, b), b.bounces, self._scale(lane, b),
             )
-            for b in self.features.boundaries
+            for b in self.dynamics.boundaries
         ]  # fmt: skip
 
     def _scale(self, lane: Lane, b: Boundary) -> Any:
@@ -60,58 +61,49 @@ class Boundaries:
         if b.joint is not None:
             return 0.0
         arm = self.dynamics.arm
-        sizes = [lane[f"l{k + 1}"] for k in range(arm.num_lengths)] + [
-            abs(lane[arm.coordinates[k]]) for k in arm.sliders()
-        ]
+        sizes = [lane[f"l{k + 1}"] for k in range(arm.num_lengths)]
+        sizes += [abs(lane[arm.coordinates[k]]) for k in arm.sliders()]
         return sum(sizes[1:], sizes[0])
 
     def record_crossings(self, lane: Lane, origin: str, h: Any) -> None:
         """How a step of length ``h`` meets the boundaries."""
-        for b, s in zip(self.features.boundaries, self.in_step(lane, origin), strict=True):
-            lane[f"crossing_{b.name}"] = crossings.crossing_of(s, h, self.features.overshoot)
+        for b, s in zip(self.dynamics.boundaries, self.in_step(lane, origin), strict=True):
+            lane[f"crossing_{b.name}"] = crossings.crossing_of(s, h, self.dynamics.overshoot)
             lane[f"turning_{b.name}"] = crossings.turning_time(s, h)
 
     def at_start(self, lane: Lane, rule: Any) -> list[Any]:
         """Apply a rule of :mod:`boundary` to every stop in the state before the common step."""
-        return [
-            rule(
-                *coordinates.motion(self.dynamics, b, lane, "{}_start"), self.active(lane, b, "{}_start"),
-                *self.limits(lane, b),
-            )
-            for b in self.features.stops
-        ]  # fmt: skip
+        return [self.at_stop(lane, b, rule, "{}_start") for b in self.dynamics.stops]
+
+    def at_stop(self, lane: Lane, b: Boundary, rule: Any, form: str = "{}") -> Any:
+        """Apply such a rule to one stop, in the state in the fields of a form."""
+        motion = coordinates.motion(self.dynamics, b, lane, form)
+        return rule(*motion, self.active(lane, b, form), *self.limits(lane, b))
 
     def touched_before(self, lane: Lane) -> Any:
         """Whether a coordinate was at a stop, or rested there, before the common step."""
-
-        def touches(position: Any, _: Any, active: Any, lower: Any, upper: Any) -> Any:
-            return side_touched(position, active, lower, upper) != 0.0
-
-        return any_of(self.at_start(lane, touches))
+        return any_of(side != 0.0 for side in self.at_start(lane, side_touched))
 
     def touches(self, lane: Lane) -> Any:
         """Whether a coordinate that rests at no stop is at one now."""
-        found = []
-        for b in self.features.stops:
-            active, position = self.active(lane, b), coordinates.motion(self.dynamics, b, lane)[0]
-            found.append((active == 0.0) & (side_touched(position, active, *self.limits(lane, b)) != 0.0))
-        return any_of(found)
+        stops = ((self.active(lane, b), self.at_stop(lane, b, side_touched)) for b in self.dynamics.stops)
+        return any_of((active == 0.0) & (side != 0.0) for active, side in stops)
 
     def confirm_crossings(self, lane: Lane) -> None:
         """After a common step that ends near a boundary: whether the lane meets it."""
         self.record_crossings(lane, "{}_start", lane.h)
         # A coordinate that was released before the step starts at its stop and may leave it.
-        starts = dict(zip(self.features.stops, self.at_start(lane, starts_at_stop), strict=True))
+        starts = dict(zip(self.dynamics.stops, self.at_start(lane, starts_at_stop), strict=True))
         meets = any_of(
             s.free & ((lane[f"crossing_{b.name}"] != 0.0) | starts.get(b, False))
-            for b, s in zip(self.features.boundaries, self.in_step(lane, "{}_start"), strict=True)
+            for b, s in zip(self.dynamics.boundaries, self.in_step(lane, "{}_start"), strict=True)
         )
         met = where(meets, Reason.EVENT, Reason.NONE)
         lane.reason = where(lane.reason == Reason.NEAR_BOUNDARY, met, lane.reason)
 
     def is_cut(self, lane: Lane) -> Any:
         """Whether an instant that is known beforehand lies within the common step."""
-        times = [time - lane.span_start for time in lane.get(self.features.instants)]
+        times = [time - lane.span_start for time in lane.get(self.dynamics.instants)]
         return any_of((time > 0.0) & (time < lane.h) for time in times)
 
     # ---- stops that hold sliders -------------------------------------------------------------------------
@@ -126,20 +118,17 @@ class Boundaries:
     def update_constraint_forces(self, lane: Lane) -> None:
         """After a step with sliders at rest: also the force with which a stop would have to pull one now."""
         x = self.quantities(lane)
-        for b in self.features.holding:
+        for b in self.dynamics.holding:
             held, now = x[held_of(b)] > 0.0, pull(x, b, lane[b.active])
-            for name, value in (
-                ("least", minimum(lane[f"least_{b.name}"], now)),
-                ("most", maximum(lane[f"most_{b.name}"], now)),
-                ("last", now),
-            ):
-                lane[f"{name}_{b.name}"] = where(held, value, lane[f"{name}_{b.name}"])
+            for name, of in (("least", minimum), ("most", maximum), ("last", lambda _, now: now)):
+                before = lane[f"{name}_{b.name}"]
+                lane[f"{name}_{b.name}"] = where(held, of(before, now), before)
 
     def release(self, lane: Lane) -> None:
         """Before a common step: release sliders whose stops would have to pull them."""
-        x, holding = self.quantities(lane), self.features.holding
-        resting = [self._contact(lane, lane, b, x[f"hold{b.joint + 1}"]) for b in holding]  # type: ignore[operator]
-        w = symmetric(len(holding), lambda i, j: x[f"W{holding[i].joint + 1}{holding[j].joint + 1}"])  # type: ignore[operator]
+        x, holding = self.quantities(lane), self.dynamics.holding
+        resting = [self._contact(lane, lane, b, x[f"hold{b.number}"]) for b in holding]
+        w = symmetric(len(holding), lambda i, j: x[f"W{holding[i].number}{holding[j].number}"])
         for b, leaves in zip(holding, contacts.leaving(resting, w), strict=True):
             lane[b.active] = where(leaves, 0.0, lane[b.active])
 
@@ -152,7 +141,7 @@ class Boundaries:
             position = where(lane[f"arrived_{b.name}"], 0.0, position)
         return contacts.Contact(
             position, velocity, self.active(lane, b), *self.limits(lane, b),
-            acceleration, force, released, lane[b.restitution], b in self.features.holding, b.owner,
+            acceleration, force, released, lane[b.restitution], b in self.dynamics.holding, b.owner,
         )  # fmt: skip
 
     # ---- contacts ----------------------------------------------------------------------------------------
@@ -161,10 +150,10 @@ class Boundaries:
         """Accelerations, holding forces and mobilities, of the present state."""
         x, dynamics = self.quantities(lane), self.dynamics
         lane.set(dynamics.states[dynamics.count :], x["derivatives"], of="{}_slope")
-        for b in self.features.stops:
+        for b in self.dynamics.stops:
             if b.joint is not None:
-                lane[f"force_{b.name}"] = x[f"hold{b.joint + 1}"]
-                pushed = x.each(f"W{k + 1}{b.joint + 1}" for k in range(dynamics.count))
+                lane[f"force_{b.name}"] = x[f"hold{b.number}"]
+                pushed = x.each(f"W{k + 1}{b.number}" for k in range(dynamics.count))
             else:
                 lane[f"acceleration_{b.name}"] = coordinates.acceleration(dynamics, b, x)
                 direction = coordinates.normal(dynamics, b, x)
@@ -182,30 +171,30 @@ class Boundaries:
 
     def resolve(self, lane: Lane) -> Any:
         """Resolve the contacts of a lane once, by impulses, rest and release; whether the motion goes on."""
-        dynamics, stops = self.dynamics, self.features.stops
+        dynamics, stops = self.dynamics, self.dynamics.stops
         moving = dynamics.states[dynamics.count :]
         # The velocities of a Taylor step to the stop, now that the accelerations are known.
         values = {s: velocity_after(lane.slide, lane[s], lane[f"{s}_slope"]) for s in moving}
         now = Lane(lane.layout, lambda name: values[name] if name in values else lane[name])
         touching = [
             self._contact(
-                lane, now, b, lane[f"force_{b.name}"] if b in self.features.holding else 0.0,
+                lane, now, b, lane[f"force_{b.name}"] if b in self.dynamics.holding else 0.0,
                 lane[f"acceleration_{b.name}" if b.joint is None else f"{dynamics.arm.rates[b.joint]}_slope"],
                 lane[f"released_{b.name}"],
             )
             for b in stops
         ]  # fmt: skip
         w = symmetric(len(stops), lambda i, j: self.mobility(lane, stops[i], stops[j]))
-        r = resolution.resolve_contacts(lane.impacts, touching, w)
+        r = contacts.resolve_contacts(lane.impacts, touching, w)
         for s, value in {**values, **self._struck(lane, values, touching, r)}.items():
             lane[s] = where(r.strikes, value, values[s])
         for b, stop, force, released, happened, speed in zip(
             stops, r.active_stops, r.forces, r.released, r.happened, r.speeds, strict=True
         ):
-            if b in self.features.holding:
+            if b in self.dynamics.holding:
                 lane[b.active], lane[f"force_{b.name}"] = stop, force
             lane[f"released_{b.name}"] = released
-            if self.features.logs:
+            if self.dynamics.logs:
                 lane[f"happened_{b.name}"], lane[f"speed_{b.name}"] = happened, speed
         lane.impacts, lane.changes, lane.slide = r.impacts, lane.changes + 1.0, 0.0
         return r.going_on
@@ -214,7 +203,7 @@ class Boundaries:
         self, lane: Lane, now: dict[str, Any], touching: Sequence[contacts.Contact], r: Resolved
     ) -> dict[str, Any]:
         """Velocities of the arm, and the work, after impulses."""
-        rates, stops = self.dynamics.arm.rates, self.features.stops
+        rates, stops = self.dynamics.arm.rates, self.dynamics.stops
         exact = {rates[b.joint]: v for b, v in zip(stops, r.velocities, strict=True) if b.joint is not None}
         struck = {}
         for v in rates:

@@ -10,18 +10,11 @@ from redundant_envs.events import crossings
 from redundant_envs.events.boundary import side_beyond
 from redundant_envs.lane import coordinates, required_steps
 from redundant_envs.lane.boundaries import Boundaries
-from redundant_envs.lane.features import WATCHED, Control, Reason, SceneFeatures
+from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.lane.features import WATCHED, Control, Reason
 from redundant_envs.lane.kinks import levels_of
 from redundant_envs.lane.memory import Lane
-from redundant_envs.lane.step import (
-    joint_quantities,
-    lane_step,
-    others_error,
-    pose_tells_distances,
-    step_error,
-    tip_norms,
-    watched_sliders,
-)
+from redundant_envs.lane.step import lane_step, others_error, step_error, tip_norms
 from redundant_envs.numerics import error_control, estimates
 from redundant_envs.numerics.methods import Step
 
@@ -29,41 +22,41 @@ from redundant_envs.numerics.methods import Step
 class CommonStep:
     """Procedures of a step, and of the one that all lanes take together."""
 
-    def __init__(self, features: SceneFeatures, boundaries: Boundaries) -> None:
-        self.features, self.boundaries, self.dynamics = features, boundaries, features.dynamics
+    def __init__(self, dynamics: Dynamics, boundaries: Boundaries) -> None:
+        self.dynamics, self.boundaries = dynamics, boundaries
 
     def clear(self, lane: Lane) -> None:
         """Before an interval."""
         lane.error = 0.0
-        if not self.features.local:
+        if not self.dynamics.local:
             return
         lane.evaluations = lane.fault = 0.0
-        for name in self.features.doubts:
+        for name in self.dynamics.doubts:
             lane[name] = False
-        if self.features.stops:
+        if self.dynamics.stops:
             lane.impacts = 0.0
-        if self.features.logs:
+        if self.dynamics.logs:
             lane.logged = 0.0
-        if self.features.spans:
-            lane.span_start = -lane.h if self.features.control is Control.FIXED else 0.0
-        if self.features.origin != "{}_start":
-            lane.set(self.features.kept, lane.get(self.features.kept), of=self.features.origin)
+        if self.dynamics.spans:
+            lane.span_start = 0.0 if self.dynamics.controlled else -lane.h
+        if self.dynamics.origin != "{}_start":
+            lane.copy(self.dynamics.kept, to=self.dynamics.origin)
 
     def start(self, lane: Lane) -> None:
         """Before a common step: keep the state, and determine which lanes the step may serve."""
-        lane.set(self.features.kept, lane.get(self.features.kept), of="{}_start")
+        lane.copy(self.dynamics.kept, to="{}_start")
         lane.error_start = lane.error
-        if self.features.stops:
+        if self.dynamics.stops:
             lane.impacts_start = lane.impacts
-        for b in self.features.laws:
+        for b in self.dynamics.laws:
             position, _ = coordinates.motion(self.dynamics, b, lane)
             lane[b.side] = lane[f"{b.side}_start"] = side_beyond(position, lane[b.lower], lane[b.upper])
-        if self.features.control is not Control.FIXED:
+        if self.dynamics.logs:
+            lane.logged_start = lane.logged
+        if self.dynamics.controlled:
             steps = self.least_steps(lane)
             lane.min_steps = where(steps <= 1.0, 0.0, steps)
-        if self.features.logs:
-            lane.logged_start = lane.logged
-        if self.features.spans and self.features.control is Control.FIXED:
+        elif self.dynamics.spans:
             lane.span_start = lane.span_start + lane.h
 
     def least_steps(self, lane: Lane) -> Any:
@@ -71,11 +64,10 @@ class CommonStep:
         arm = self.dynamics.arm
         turning = [abs(lane[v]) for v, slides in zip(arm.rates, arm.prismatic, strict=True) if not slides]
         rates = [lane.least_step_rate] if "least_step_rate" in self.dynamics.prepared else []
-        here = joint_quantities(self.dynamics, lane, "{}")
+        here = coordinates.quantities_of_arm(self.dynamics, lane)
         rates += required_steps.rates_of_motion(self.dynamics.scene, lane, here)
-        least_step_rate = reduce(maximum, rates) if rates else 0.0
-        fastest = reduce(maximum, turning) if turning else 0.0
-        return estimates.least_steps(fastest, least_step_rate, lane.interval)
+        fastest, most = (reduce(maximum, found or [0.0]) for found in (turning, rates))
+        return estimates.least_steps(fastest, most, lane.interval)
 
     def common_step(self, lane: Lane) -> None:
         """The step of all lanes."""
@@ -87,10 +79,10 @@ class CommonStep:
 
     def record_step(self, lane: Lane) -> None:
         """After a trial step: count it, and determine how it meets the boundaries."""
-        if self.features.boundaries:
+        if self.dynamics.boundaries:
             self.boundaries.record_crossings(lane, "{}_trial", lane.step)
-        if self.features.holding:
-            lane.held = any_of(a != 0.0 for a in lane.get(self.features.active))
+        if self.dynamics.holding:
+            lane.held = any_of(a != 0.0 for a in lane.get(self.dynamics.active))
         lane.due = lane.moving
         stages = float(self.dynamics.method.stages)
         lane.evaluations = lane.evaluations + where(lane.moving, stages, 0.0)
@@ -99,39 +91,36 @@ class CommonStep:
         """The fields of a step; the state of lanes that are not ``moving`` stays."""
         dynamics = self.dynamics
         step = lane_step(dynamics, lane, h)
-        if self.features.estimates:
+        if self.dynamics.estimates:
             error = step_error(dynamics, lane, step)
             # The error of an adaptive step decides on that step, all others are summed up.
-            lane.error = error if self.features.control is Control.ADAPTIVE else lane.error + error
-        if self.features.doubts:
+            lane.error = error if self.dynamics.control is Control.ADAPTIVE else lane.error + error
+        if self.dynamics.doubts:
             self._doubt(lane, step, h, moving)
         new = [*step.positions, *step.velocities, *step.others]
         if moving is not None:
             new = [where(moving, x, lane[s]) for s, x in zip(dynamics.states, new, strict=True)]
         lane.set(dynamics.states, new)
-        for b, watched in zip(self.features.boundaries, step.watched, strict=False):
+        for b, watched in zip(self.dynamics.boundaries, step.watched, strict=False):
             lane.set(WATCHED, watched, of=f"{{}}_{b.name}")
 
     def _doubt(self, lane: Lane, step: Step, h: Any, moving: Any) -> None:
         """Record whether the error of a step may exceed its estimate."""
-        dynamics, sliders = self.dynamics, watched_sliders(self.dynamics)
-        levels = levels_of(dynamics.kinks)
-        watched = step.watched[len(self.features.boundaries) :]
-        kinks = [
-            crossings.meets_kink(*kink, self.features.overshoot)
-            for kink in zip(watched, levels, strict=False)
-        ]
-        hidden = [unseen for _, unseen in kinks]
-        crossed = [seen for seen, _ in kinks] + hidden
+        dynamics, levels = self.dynamics, levels_of(self.dynamics.kinks)
+        watched = step.watched[len(dynamics.boundaries) :]
+        kinks = zip(watched, levels, strict=False)
+        met = [crossings.meets_kink(*kink, dynamics.overshoot) for kink in kinks]
+        hidden = [unseen for _, unseen in met]
+        crossed = [seen for seen, _ in met] + hidden
         doubts = []
         if dynamics.effect_states.integrated:
             limit = error_control.DOUBTFUL * lane.tip_tolerance
             doubts.append(others_error(dynamics, lane, step, h) > limit)
-        if sliders:
+        if dynamics.watched_sliders:
             ways = [h * maximum(w.most, -w.least) for w in watched[len(levels) :]]
             far = sum(ways[1:], ways[0])
             doubts += [far > error_control.FAR * distance for distance in self._distances(lane, "{}")]
-        if moving is not None and pose_tells_distances(dynamics):
+        if moving is not None and dynamics.pose_tells_distances:
             doubts += self._farther(lane, "{}", "{}_start")
         for name, found in (("kinked", crossed), ("hidden_kink", hidden), ("doubtful", doubts)):
             if found:
@@ -154,59 +143,53 @@ class CommonStep:
         For a lane that the step could not serve, its result is never used.
         """
         reason: Any = Reason.NONE
-        if self.features.boundaries:
-            moved, overshoot = self.boundaries.in_step(lane, "{}_start"), self.features.overshoot
+        if self.dynamics.boundaries:
+            moved, overshoot = self.boundaries.in_step(lane, "{}_start"), self.dynamics.overshoot
             pulled = any_of(crossings.most_pull(s, overshoot) > 0.0 for s in moved)
             near = any_of(crossings.may_meet(s, lane.h, overshoot) for s in moved)
             reason = cases((pulled, Reason.EVENT), (near, Reason.NEAR_BOUNDARY), default=Reason.NONE)
-        if self.features.instants:
+        if self.dynamics.instants:
             reason = where(self.boundaries.is_cut(lane), Reason.EVENT, reason)
         stages = float(self.dynamics.method.stages)
-        if self.features.control is Control.FIXED:
+        if not self.dynamics.controlled:
             lane.evaluations = lane.evaluations + stages
-        elif self.features.control is Control.EQUAL:
+        elif self.dynamics.control is Control.EQUAL:
             # A link that has become fast during the step may have been too fast for it.
             slow = self.least_steps(lane) <= error_control.TOO_FAST
             single = lane.min_steps == 0.0
             served = single & slow & (lane.error <= lane.tip_tolerance)
-            for name in self.features.doubts:
+            for name in self.dynamics.doubts:
                 lane[name] = lane[name] & single
-            served = served & logical_not(self.kinked(lane) | self.doubtful(lane))
+            doubtful, kinked, _ = self.doubts(lane)
+            served = served & logical_not(kinked | doubtful)
             reason = where(served, reason, Reason.ACCURACY)
             lane.evaluations = where(single, lane.evaluations + stages, lane.evaluations)
             lane.error = where(single, lane.error, 0.0)
         self._leave(lane, reason)
 
-    def kinked(self, lane: Lane) -> Any:
-        """Whether a step of an interval may have met a kink, which error estimates do not capture well."""
-        return lane.kinked if "kinked" in self.features.doubts else False
+    def doubts(self, lane: Lane) -> tuple[Any, Any, Any]:
+        """Whether the error of an interval may exceed its estimate: near a kink, which estimates do not
+        capture well, or though the motion is smooth.
 
-    def hidden_kink(self, lane: Lane) -> Any:
-        """Whether it may have met a kink between its stages."""
-        return lane.hidden_kink if "hidden_kink" in self.features.doubts else False
-
-    def doubtful(self, lane: Lane) -> Any:
-        """Whether the error of an interval may exceed its estimate, though the motion is smooth.
-
-        Either a step has found so, or the tip is now so far from a joint that an error of its angle, made
-        when the tip was near, weighs more.
+        For the latter either a step has found so, or the tip is now so far from a joint that an error of its
+        angle, made when the tip was near, weighs more.
         """
-        if "doubtful" not in self.features.doubts:
-            return False
-        if not pose_tells_distances(self.dynamics):
-            return lane.doubtful
-        return lane.doubtful | any_of(self._farther(lane, "{}_start", "{}"))
+        names = ("doubtful", "kinked", "hidden_kink")
+        doubtful, *kinks = (lane[name] if name in self.dynamics.doubts else False for name in names)
+        if self.dynamics.pose_tells_distances:
+            doubtful = doubtful | any_of(self._farther(lane, "{}_start", "{}"))
+        return doubtful, *kinks
 
     def skip_common_step(self, lane: Lane) -> None:
         """Skip the common step: no lane is served by it."""
-        if self.features.control is Control.EQUAL:
+        if self.dynamics.control is Control.EQUAL:
             lane.error = 0.0
         self._leave(lane, Reason.ACCURACY)
 
     def _leave(self, lane: Lane, reason: Any) -> None:
         # Local steps do not help lanes whose state or effort is not finite.
-        names = [f"{s}_start" for s in self.dynamics.states[: 2 * self.dynamics.count]]
-        defect = self.defect(lane.get((*names, *self.dynamics.commands)))
+        motion = lane.get(self.dynamics.states[: 2 * self.dynamics.count], of="{}_start")
+        defect = self.defect([*motion, *lane.get(self.dynamics.commands)])
         lane.reason = where(defect == 0.0, reason, Reason.NONE)
         # Poison every state: some were never advanced, and others hold results that depend on neighbours.
         for s in self.dynamics.states:

@@ -19,32 +19,37 @@ if TYPE_CHECKING:
     from redundant_envs.lane.memory import Lane
 
 
+def quantities_of_arm(dynamics: Dynamics, lane: Lane, form: str = "{}", *more: Any) -> Quantities:
+    """Quantities of the arm from the fields of a form, by its functions and ``more``."""
+    arm, states = dynamics.arm, lane.get(dynamics.states, of=form)
+    known = dict(zip(dynamics.states, states, strict=True))
+    return Quantities(known, (*arm.functions, *more), arm.sincos, lane)
+
+
 def motion(dynamics: Dynamics, b: Boundary, lane: Lane, form: str = "{}") -> tuple[Any, Any]:
     """Value and rate of a coordinate, from the fields of a form."""
     arm = dynamics.arm
     if b.joint is None:
-        states = lane.get((*arm.coordinates, *arm.rates), of=form)
-        q, v = states[: dynamics.count], states[dynamics.count :]
+        q, v = (lane.get(names, of=form) for names in (arm.coordinates, arm.rates))
         gap = _gap(dynamics, b, [Dual(x, y) for x, y in zip(q, v, strict=True)], lane)
         return gap.value, gap.slope
     if b.bounces:
         return lane[form.format(arm.coordinates[b.joint])], lane[form.format(arm.rates[b.joint])]
-    known = dict(zip(dynamics.states, lane.get(dynamics.states, of=form), strict=True))
-    x = Quantities(known, tuple(arm.functions), arm.sincos, lane)
-    return x[f"phi{b.joint + 1}"], x[f"phid{b.joint + 1}"]
+    x = quantities_of_arm(dynamics, lane, form)
+    return x[f"phi{b.number}"], x[f"phid{b.number}"]
 
 
 def acceleration(dynamics: Dynamics, b: Boundary, x: Quantities) -> Any:
     """Acceleration of a gap, from quantities with the accelerations of the coordinates."""
-    q, v, a = _motion_of_arm(dynamics, x)
+    q, v = x.each(dynamics.arm.coordinates), x.each(dynamics.arm.rates)
+    a = [x.get(f"qdd{k + 1}", 0.0) for k in range(dynamics.count)]
     moving = [Dual(Dual(x0, x1), Dual(x1, x2)) for x0, x1, x2 in zip(q, v, a, strict=True)]
     return dual(_gap(dynamics, b, moving, _numbers(dynamics, x)).slope).slope
 
 
 def normal(dynamics: Dynamics, b: Boundary, x: Quantities) -> list[Any]:
     """Derivatives of a coordinate with respect to the coordinates of the arm."""
-    q, _, _ = _motion_of_arm(dynamics, x)
-    n = range(dynamics.count)
+    q, n = x.each(dynamics.arm.coordinates), range(dynamics.count)
     if b.joint is not None:
         return [1.0 if k == b.joint else 0.0 for k in n]
     numbers = _numbers(dynamics, x)
@@ -63,12 +68,6 @@ def response(dynamics: Dynamics, impulse: Sequence[Any], x: Quantities) -> list[
 
 def _numbers(dynamics: Dynamics, x: Quantities) -> dict[str, Any]:
     return {name: x[name] for name in dynamics.numbers}
-
-
-def _motion_of_arm(dynamics: Dynamics, x: Quantities) -> tuple[list[Any], list[Any], list[Any]]:
-    arm = dynamics.arm
-    accelerations = [x.get(f"qdd{k + 1}", 0.0) for k in range(dynamics.count)]
-    return x.each(arm.coordinates), x.each(arm.rates), accelerations
 
 
 def _gap(dynamics: Dynamics, b: Boundary, coordinates: Sequence[Dual], numbers: Any) -> Dual:

@@ -16,9 +16,11 @@ from redundant_envs.backends.interpreter import evaluate
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import Control, Reason
 from redundant_envs.lane.interval import Interval
-from redundant_envs.lane.memory import Lane, RunningLane, traced
+from redundant_envs.lane.memory import Lane, traced
 from redundant_envs.lane.program import Request
 from redundant_envs.tracing.flow import LaneFunction
+
+Procedure = Callable[[Lane], Any]
 
 
 def fields_of(dynamics: Dynamics, parameters: Mapping[str, Any] | None = None) -> dict[str, Any]:
@@ -31,61 +33,27 @@ def fields_of(dynamics: Dynamics, parameters: Mapping[str, Any] | None = None) -
 
 
 def cross_interval(interval: Interval, fields: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Lanes after a control interval.
+    """Lanes after a control interval: the new states by their names, and "fault", "error", "evaluations"
+    where the scene has them.
 
-    Parameters
-    ----------
-    interval : Interval
-    fields : mapping
-        States, parameters (:func:`fields_of`) and commands by the names of their fields, as floats, or arrays
-        or tensors with one number for each lane; others are 0.
-
-    Returns
-    -------
-    mapping
-        The new states by their names, and "fault", "error", "evaluations" where the scene has them.
+    ``fields`` are states, parameters (:func:`fields_of`) and commands by the names of their fields: floats,
+    or arrays or tensors with one number for each lane; others are 0.
     """
     several = any(getattr(x, "shape", ()) for x in fields.values())
     with np.errstate(all="ignore"):  # infinite limits meet zeros, as in compiled code
-        lane: Any = Arrays(interval, fields) if several else Floats(interval, fields)
-        for _ in range(interval.dynamics.scene.substeps):
-            lane.common_step()
-        lane.end()
-    return lane.fields  # type: ignore[no-any-return]
+        return Lanes(interval, fields).cross() if several else crossed(interval, fields)
 
 
-class Floats:
-    """One lane: its program runs as it is written."""
-
-    def __init__(self, interval: Interval, fields: Mapping[str, Any]) -> None:
-        self.interval = interval
-        numbers = {n: np.float64(x) for n, x in fields.items()}  # whose division by 0 is no error
-        self.fields = RunningLane(interval.layout(), lambda name: numbers.get(name, np.float64(0.0)))
-        interval.step.clear(self.fields)
-
-    def common_step(self) -> None:
-        """Take a common step, and let the program of the lane cross the interval if that does not serve."""
-        interval, lane = self.interval, self.fields
-        if not interval.features.local:
-            interval.step.common_step(lane)
-        elif self._leaves(lane):
-            self._run(lane)
-
-    def end(self) -> None:
-        """End the interval."""
-        interval, lane = self.interval, self.fields
-        interval.update_effect_states(lane)
-        if interval.features.local:
-            interval.undo_given_up(lane)
-
-    def _leaves(self, lane: Lane) -> bool:
-        """Take a common step; whether it does not serve the lane."""
-        for procedure in common_procedures(self.interval):
+def crossed(interval: Interval, fields: Mapping[str, Any]) -> Any:
+    """One lane after a control interval: its program runs as it is written."""
+    numbers = {n: np.float64(x) for n, x in fields.items()}  # whose division by 0 is no error
+    lane = Lane(interval.layout(), lambda name: numbers.get(name, np.float64(0.0)), declares=True)
+    interval.step.clear(lane)
+    for _ in range(interval.dynamics.scene.substeps):
+        for procedure in common_procedures(interval):
             procedure(lane)
-        return bool(lane.reason != Reason.NONE)
-
-    def _run(self, lane: Lane) -> None:
-        interval = self.interval
+        if not interval.dynamics.local or lane.reason == Reason.NONE:
+            continue
         for request in interval.program.cross(lane):
             if request is Request.FORCES:
                 interval.boundaries.find_contact_forces(lane)
@@ -94,22 +62,26 @@ class Floats:
                 for procedure in trial_procedures(interval):
                     procedure(lane)
             lane.due = False
+    interval.end(lane)
+    return lane
 
 
-def common_procedures(interval: Interval) -> list[Callable[[Lane], None]]:
-    """What a lane does with all others in a common step, if it may take local steps."""
-    features, step, boundaries = interval.features, interval.step, interval.boundaries
-    if features.control is Control.ADAPTIVE:
+def common_procedures(interval: Interval) -> list[Procedure]:
+    """What a lane does with all others in a common step."""
+    dynamics, step, boundaries = interval.dynamics, interval.step, interval.boundaries
+    if not dynamics.local:
+        return [step.common_step]
+    if dynamics.control is Control.ADAPTIVE:
         return [step.start, step.skip_common_step]
-    held = [boundaries.release] if features.holding else []
-    forces = [boundaries.update_constraint_forces] if features.holding else []
-    confirm = [boundaries.confirm_crossings] if features.boundaries else []
+    held = [boundaries.release] if dynamics.holding else []
+    forces = [boundaries.update_constraint_forces] if dynamics.holding else []
+    confirm = [boundaries.confirm_crossings] if dynamics.boundaries else []
     return [step.start, *held, step.common_step, *forces, step.judge, *confirm]
 
 
-def trial_procedures(interval: Interval) -> list[Callable[[Lane], None]]:
+def trial_procedures(interval: Interval) -> list[Procedure]:
     """What all slots do together in a trial step."""
-    forces = [interval.boundaries.find_contact_forces] if interval.features.holding else []
+    forces = [interval.boundaries.find_contact_forces] if interval.dynamics.holding else []
     return [interval.step.trial_step, interval.step.record_step, *forces]
 
 
@@ -118,11 +90,11 @@ class Traced:
 
     def __init__(self, interval: Interval) -> None:
         self.layout = interval.layout()
-        self.program = interval.traced_program(self.layout, whole=True) if interval.features.local else {}
+        self.program = interval.traced_program(self.layout, whole=True) if interval.dynamics.local else {}
         self.names = {self.layout.row_of(name): name for name in self.layout.fields}
         self._known: dict[Any, LaneFunction] = {}
 
-    def procedure(self, procedure: Callable[[Lane], Any]) -> LaneFunction:
+    def procedure(self, procedure: Procedure) -> LaneFunction:
         """A procedure of a lane as a function."""
         if procedure not in self._known:
             self._known[procedure] = traced("procedure", self.layout, procedure, whole=True)
@@ -132,57 +104,54 @@ class Traced:
 _traced = functools.lru_cache(maxsize=16)(Traced)
 
 
-class Arrays:
+class Lanes:
     """Many lanes: traced procedures and the traced program, by an interpreter."""
 
     def __init__(self, interval: Interval, fields: Mapping[str, Any]) -> None:
-        self.interval, self.traced = interval, _traced(interval)
-        self.fields: dict[str, Any] = dict(fields)
-        self._call(interval.step.clear)
+        self.interval, self.traced, self.fields = interval, _traced(interval), dict(fields)
 
-    def _call(self, *procedures: Callable[[Lane], Any]) -> None:
+    def cross(self) -> dict[str, Any]:
+        """The lanes after a control interval."""
+        interval = self.interval
+        self._call(interval.step.clear)
+        for _ in range(interval.dynamics.scene.substeps):
+            self._call(*common_procedures(interval))
+            if interval.dynamics.local:
+                self._cross_alone()
+        self._call(interval.end)
+        return self.fields
+
+    def _call(self, *procedures: Procedure) -> None:
         """Apply procedures to all lanes, one after the other."""
         for procedure in procedures:
             self._apply(self.traced.procedure(procedure))
 
     def _apply(self, function: LaneFunction) -> None:
-        found = evaluate((v for _, _, v in function.stores), self._load)
+        names = self.traced.names
+        found = evaluate((v for _, _, v in function.stores), lambda place: self.fields.get(names[place], 0.0))
         for (space, row, _), value in zip(function.stores, found, strict=True):
-            self.fields[self.traced.names[space, row]] = value
-
-    def _load(self, location: tuple[str, int]) -> Any:
-        return self.fields.get(self.traced.names[location], 0.0)
+            self.fields[names[space, row]] = value
 
     def _some(self, name: str) -> bool:
         value = self.fields[name] > 0.0
         return bool(value.any() if hasattr(value, "any") else value)
 
-    def common_step(self) -> None:
-        """Take a common step, and let programs cross the interval where that does not serve."""
-        interval = self.interval
-        if not interval.features.local:
-            self._call(interval.step.common_step)
-            return
-        self._call(*common_procedures(interval))
+    def _cross_alone(self) -> None:
+        """Let programs cross the interval where the common step does not serve."""
+        interval, program = self.interval, self.traced.program
         served = dict(self.fields)
         leaves = self.fields["reason"] != float(Reason.NONE)
         self.fields |= {"entered": where(leaves, 1.0, 0.0), "state": -2.0, "complete": 0.0}
         self.fields |= {"moving": 0.0, "touching": 0.0}
-        self._apply(self.traced.program[None])
-        if interval.features.boundaries:
-            self._apply(self.traced.program[Request.STEP])
+        self._apply(program[None])
+        if interval.dynamics.boundaries:
+            self._apply(program[Request.STEP])
         while self._some("moving") or self._some("touching"):
             while self._some("touching"):
                 self._call(interval.boundaries.find_contact_forces)
-                self._apply(self.traced.program[Request.FORCES])
+                self._apply(program[Request.FORCES])
             self._call(*trial_procedures(interval))
-            self._apply(self.traced.program[Request.STEP])
+            self._apply(program[Request.STEP])
         for name, before in served.items():
             if self.fields[name] is not before:
                 self.fields[name] = where(leaves, self.fields[name], before)
-
-    def end(self) -> None:
-        """End the interval."""
-        self._call(self.interval.update_effect_states)
-        if self.interval.features.local:
-            self._call(self.interval.undo_given_up)

@@ -8,11 +8,13 @@ from dataclasses import dataclass
 from functools import cached_property, reduce
 from typing import Any
 
-from redundant_envs.algebra import ABSENT, gives_of, maximum
+from redundant_envs.algebra import ABSENT, arguments_of, gives_of, maximum, where
 from redundant_envs.effects.attached import Attached, EffectStates, identifier
 from redundant_envs.effects.hooks import Field, Force, Gap, Impact, Point
-from redundant_envs.events.boundary import Boundary, Law, side_beyond
+from redundant_envs.events.boundary import Boundary, side_beyond
+from redundant_envs.events.crossings import Overshoot
 from redundant_envs.lane import kinks, required_steps
+from redundant_envs.lane.features import LARGEST_ANGLE, Control, Fault
 from redundant_envs.loaded_arm import added_inertias, carried_masses
 from redundant_envs.numerics.tableaus import METHODS, Tableau
 from redundant_envs.quantities import Quantities
@@ -23,21 +25,13 @@ from redundant_envs.tracing.graph import owned
 
 @dataclass(frozen=True)
 class Dynamics:
-    """The equations of motion of a scene.
-
-    Parameters
-    ----------
-    scene : Scene
-    track_work : bool
-        Whether the work of motors and of forces without a potential is a state, too.
-    located : bool
-        Whether changes of a force's law are located in time under error control; otherwise the law follows
-        from the position at each evaluation.
-    """
+    """The equations of motion of a scene, and what is decided about its lanes before anything runs."""
 
     scene: Scene
-    track_work: bool = False
+    track_work: bool = False  # the work of motors and of forces without a potential is a state, too
     located: bool = True
+    """Whether changes of a force's law are located in time under error control; otherwise the law follows
+    from the position at each evaluation."""
 
     @property
     def arm(self) -> Any:
@@ -54,7 +48,6 @@ class Dynamics:
 
     @property
     def effect_states(self) -> EffectStates:
-        """States of effects, by the names of their fields."""
         return self.scene.attached.states
 
     @cached_property
@@ -68,35 +61,35 @@ class Dynamics:
         """Fields of the commanded efforts."""
         return self.scene.attached.commands
 
-    @cached_property
-    def boundaries(self) -> tuple[Boundary, ...]:
-        """Boundaries at which the motion has events."""
-        return (
-            *self._stops,
-            *self._walls,
-            *(self.law_of.values() if self.controlled and self.located else ()),
-        )
+    # ---- boundaries --------------------------------------------------------------------------------
 
     @cached_property
-    def _stops(self) -> tuple[Boundary, ...]:
-        """Stops of the sliders."""
+    def boundaries(self) -> tuple[Boundary, ...]:
+        """Boundaries at which the motion has events: stops, walls, and changes of forces' laws."""
+        return (*self.stops, *self.laws)
+
+    @cached_property
+    def stops(self) -> tuple[Boundary, ...]:
+        """Boundaries that bounce: stops of sliders, and walls, whose coordinates are any functions."""
         found = []
         for a in self.scene.attached.of(Impact):
             lower, upper, bounce = map(a.field, (a.hook.lower, a.hook.upper, a.hook.restitution))
             name = self.arm.joints[a.hook.joint]
-            found.append(Boundary(name, Law.BOUNCES, lower, upper, a.key, a.hook.joint, restitution=bounce))
+            found.append(Boundary(name, lower, upper, a.key, a.hook.joint, restitution=bounce))
+        for k, w in enumerate(self.scene.attached.of(Gap)):
+            gap, bounce = w.functions["function"], w.field(w.hook.restitution)
+            found.append(Boundary(f"gap{k + 1}", "", "", w.key, gap=gap, restitution=bounce))
         return tuple(found)
 
     @cached_property
-    def _walls(self) -> tuple[Boundary, ...]:
-        """Boundaries whose coordinates are functions of the motion."""
-        return tuple(
-            Boundary(
-                f"gap{k + 1}", Law.BOUNCES, "", "", a.key, gap=a.functions["function"],
-                restitution=a.field(a.hook.restitution),
-            )
-            for k, a in enumerate(self.scene.attached.of(Gap))
-        )  # fmt: skip
+    def holding(self) -> tuple[Boundary, ...]:
+        """Stops that can hold their sliders."""
+        return tuple(b for b in self.stops if b.joint is not None)
+
+    @cached_property
+    def active(self) -> tuple[str, ...]:
+        """Fields of the stops at which sliders rest."""
+        return tuple(b.active for b in self.holding)
 
     @cached_property
     def law_of(self) -> dict[Attached[Force], Boundary]:
@@ -105,23 +98,13 @@ class Dynamics:
         for a in self.scene.attached.of(Force):
             if a.hook.switch is not None and isinstance(a.hook.joint, int):
                 lower, upper = map(a.field, a.hook.switch)
-                found[a] = Boundary(a.law, Law.CHANGES, lower, upper, a.key, a.hook.joint)
+                found[a] = Boundary(a.law, lower, upper, a.key, a.hook.joint, bounces=False)
         return found
 
     @cached_property
     def laws(self) -> tuple[Boundary, ...]:
-        """Boundaries at which a force changes its law."""
-        return tuple(b for b in self.boundaries if b.law is Law.CHANGES)
-
-    @cached_property
-    def stops(self) -> tuple[Boundary, ...]:
-        """Boundaries that bounce."""
-        return tuple(b for b in self.boundaries if b.bounces)
-
-    @cached_property
-    def holding(self) -> tuple[Boundary, ...]:
-        """Stops that can hold their sliders."""
-        return tuple(b for b in self.stops if b.joint is not None)
+        """Those of these that are located."""
+        return tuple(self.law_of.values()) if self.controlled and self.located else ()
 
     @cached_property
     def kinks(self) -> kinks.Watches:
@@ -130,6 +113,97 @@ class Dynamics:
             return {}
         constant = (*self.numbers, *self.effect_states.updated, *(b.side for b in self.laws))
         return kinks.kinks_of(self.scene.attached, kinks.Moves(self.arm, constant, self.states))
+
+    # ---- steps ---------------------------------------------------------------------------------------
+
+    @cached_property
+    def control(self) -> Control:
+        if self.scene.integrator == "dop853":
+            return Control.ADAPTIVE
+        return Control.FIXED if self.scene.tolerance is None else Control.EQUAL
+
+    @property
+    def controlled(self) -> bool:
+        """Whether error control chooses the steps."""
+        return self.control is not Control.FIXED
+
+    @property
+    def local(self) -> bool:
+        """Whether lanes may take local steps."""
+        return bool(self.stops or self.instants) or self.controlled
+
+    @property
+    def repeated(self) -> bool:
+        """Whether an interval consists of several common steps."""
+        return self.scene.substeps > 1
+
+    @property
+    def estimates(self) -> bool:
+        """Whether the method has an error estimate."""
+        return bool(self.method.error5)
+
+    @property
+    def logs(self) -> bool:
+        """Whether events are kept."""
+        return bool(self.stops) and self.track_work
+
+    @property
+    def spans(self) -> bool:
+        """Whether lanes know when in the interval the common step begins."""
+        return self.logs or bool(self.instants)
+
+    @property
+    def instants(self) -> tuple[str, ...]:
+        """Fields with instants at which a planned step ends, s from the start of the interval; none yet."""
+        return ()
+
+    @property
+    def origin(self) -> str:
+        """Form of the fields that hold a lane's values at the start of the interval."""
+        return "{}_interval" if self.local and not self.controlled and self.repeated else "{}_start"
+
+    @property
+    def kept(self) -> tuple[str, ...]:
+        """Fields that are kept at the start of an interval, and restored when it is given up."""
+        return (*self.states, *self.effect_states.updated, *self.active)
+
+    @cached_property
+    def overshoot(self) -> Overshoot:
+        """How far accelerations may leave the range of their values at the stages."""
+        return Overshoot(*(self.method.overshoot_between_nodes(at_ends=ends) for ends in (False, True)))
+
+    @property
+    def pose_tells_distances(self) -> bool:
+        """Whether the distances of the tip from the joints follow from the pose."""
+        return not set(arguments_of(self.arm.column_norms)) <= {*self.arm.parameter_values()}
+
+    @cached_property
+    def watched_sliders(self) -> tuple[int, ...]:
+        """Sliders that may carry the tip past a joint and back in a step, if estimates decide on steps."""
+        watched = self.scene.tolerance is not None and self.located and self.pose_tells_distances
+        return tuple(self.arm.sliders()) if watched else ()
+
+    @cached_property
+    def doubts(self) -> dict[str, str]:
+        """Fields with reasons why the error of an interval may exceed its estimate, and their docs."""
+        if self.control is not Control.EQUAL:
+            return {}
+        found = {}
+        if self.kinks:
+            found["kinked"] = "a step of the interval may have met a kink"
+            found["hidden_kink"] = "it may have met one that no stage has seen"
+        if self.effect_states.integrated or self.pose_tells_distances:
+            found["doubtful"] = "a step of the interval makes its estimate doubtful"
+        return found
+
+    def largest_angle(self, lane: Any) -> Any:
+        """The largest of the coordinates that are angles, rad."""
+        joints = zip(self.arm.coordinates, self.arm.prismatic, strict=True)
+        return reduce(maximum, [abs(lane[q]) for q, slides in joints if not slides] or [0.0])
+
+    def angle_fault(self, lane: Any) -> Any:
+        """A fault if an angle is so large that its last digits are lost."""
+        return where(self.largest_angle(lane) > LARGEST_ANGLE, float(Fault.LARGE_ANGLE), 0.0)
 
     # ---- parameters, and fields that follow from them alone ---------------------------------------
 
@@ -179,11 +253,6 @@ class Dynamics:
     def prepared(self) -> tuple[str, ...]:
         """Names of :meth:`prepare`."""
         return tuple(self.prepare(self.parameters))
-
-    @property
-    def controlled(self) -> bool:
-        """Whether error control chooses the steps."""
-        return self.scene.tolerance is not None or self.scene.integrator == "dop853"
 
     @cached_property
     def numbers(self) -> tuple[str, ...]:

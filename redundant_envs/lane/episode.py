@@ -113,10 +113,10 @@ class Episode:
     def spent(self) -> tuple[str, ...]:
         """Totals of an episode so far: evaluations, located events, and the largest error of an interval."""
         interval = self.interval
-        if not interval.features.local:
+        if not self.dynamics.local:
             return ()
         found = {
-            "events_sum": bool(interval.features.stops),
+            "events_sum": bool(self.dynamics.stops),
             "error_most": self.dynamics.scene.tolerance is not None,
         }
         return tuple(name for name in SPENT if found.get(name, True))
@@ -153,8 +153,8 @@ class Episode:
         """Fields of the lanes, those of the interval included."""
         interval = self.interval
         yield from interval.fields()
-        if not interval.features.local:
-            kept = [Field(name, "", name, STATE) for name in interval.features.kept]
+        if not self.dynamics.local:
+            kept = [Field(name, "", name, STATE) for name in self.dynamics.kept]
             yield from copies(kept, "{}_start", "when the interval began")
         for name in self.task.parameters():
             yield Field(name, "", "number", PARAMETER, owner=self._owner)
@@ -216,8 +216,8 @@ class Episode:
     def command(self, lane: Lane) -> None:
         """Efforts from actions: saturated and counted; a non-finite action is recorded and commands no
         effort."""
-        if not self.interval.features.local:
-            lane.set(self.interval.features.kept, lane.get(self.interval.features.kept), of="{}_start")
+        if not self.dynamics.local:
+            lane.copy(self.dynamics.kept, to="{}_start")
         count: Any = 0.0
         defect: Any = 0.0
         for k, name in enumerate(self.actions):
@@ -244,9 +244,9 @@ class Episode:
             defect = defect + where(reads_nonsense(self.dynamics, x), math.nan, 0.0)
             lane.next_part()
         fastest = reduce(maximum, (abs(lane[v]) for v in self.arm.rates))
-        observable = (interval.features.largest_angle(lane) <= OBSERVED_ANGLE) & (fastest <= OBSERVED_RATE)
+        observable = (self.dynamics.largest_angle(lane) <= OBSERVED_ANGLE) & (fastest <= OBSERVED_RATE)
         code = lane.numerics + where((defect == 0.0) & observable, 0.0, float(Fault.NON_FINITE))
-        if interval.features.local:
+        if self.dynamics.local:
             code = code + where(lane.fault >= GIVEN_UP, lane.fault, 0.0)
         too_fast = logical_not(code > 0.0) & (fastest > lane.speed_bound)
         fast = where(too_fast, float(Fault.SPEED_BOUND), 0.0)
@@ -272,9 +272,9 @@ class Episode:
         for name, value in new.items():
             lane[name] = value
         told = code if task.speed_bound_ends else code + fast
-        if interval.features.local:
+        if self.dynamics.local:
             told = told + where(lane.fault < GIVEN_UP, lane.fault, 0.0)
-        lane.numerics = told + interval.features.angle_fault(lane)
+        lane.numerics = told + self.dynamics.angle_fault(lane)
         lane.steps = lane.steps + 1.0
         lane.terminated = where(faulty, 1.0, 0.0)
         lane.truncated = where(lane.steps >= lane.limit, 1.0, 0.0)
@@ -330,7 +330,7 @@ class Episode:
         x = self.quantities(lane, {**draws, **self.start(lane)}, functions)
         values = {name: x[name] for name in (*arm.coordinates, *drawn)}
         remembered = [m for m in (*task.memory, *self.counts) if m not in drawn]
-        zero = [*arm.rates, *remembered, *interval.features.active, *self.held_outputs]
+        zero = [*arm.rates, *remembered, *self.dynamics.active, *self.held_outputs]
         zero += ["next_step"] if "next_step" in lane else []
         values |= self.dynamics.effect_states.initial
         for name, value in {**values, **dict.fromkeys(zero, 0.0)}.items():

@@ -13,135 +13,97 @@ from redundant_envs.algebra import where
 from redundant_envs.lane.boundaries import Boundaries
 from redundant_envs.lane.common_step import CommonStep
 from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.features import GIVEN_UP, MOST_LOGGED, WATCHED, Control, SceneFeatures
+from redundant_envs.lane.features import GIVEN_UP, MOST_LOGGED, WATCHED, Control
 from redundant_envs.lane.fields import copies, motion_fields
-from redundant_envs.lane.memory import (
-    LOG,
-    PARAMETER,
-    SCRATCH,
-    STATE,
-    Field,
-    Lane,
-    Layout,
-    ProgramLane,
-    lane_function,
-)  # fmt: skip
+from redundant_envs.lane.memory import LOG, PARAMETER, SCRATCH, STATE, Field, Lane, Layout, ProgramLane
 from redundant_envs.lane.names import OF_THE_FIELD, names_of_arm, owners
 from redundant_envs.lane.program import LaneProgram, Request
 from redundant_envs.lane.step import known_numbers
 from redundant_envs.lane.step_control import CLASSES
 from redundant_envs.quantities import check_names
 from redundant_envs.tracing.flow import LaneFunction
-from redundant_envs.tracing.number import value_of
 from redundant_envs.tracing.program import Machine
 
 ANSWERED = {None: "entered", Request.STEP: "due", Request.FORCES: "touching"}
 """The field that is true when the program of a lane may go on after a request."""
+CONDITIONS = {
+    "entered": "has just left the common step",
+    "due": "has made the trial step that it asked for",
+    "moving": "asks for a trial step",
+    "touching": "asks for the forces at its stops",
+    "complete": "has crossed its interval, or given it up",
+}
+"""Fields about the program of a lane."""
 
 
 class Interval:
-    """The lanes of a scene in a control interval: their features, procedures and fields.
-
-    Attributes
-    ----------
-    features : SceneFeatures
-    boundaries : Boundaries
-    step : CommonStep
-    program : LaneProgram
-        Of lanes that the common step does not serve.
-    """
+    """The lanes of a scene in a control interval: their procedures and fields."""
 
     def __init__(self, dynamics: Dynamics) -> None:
         self.dynamics = dynamics
-        self.features = SceneFeatures(dynamics)
-        self.boundaries = Boundaries(self.features)
-        self.step = CommonStep(self.features, self.boundaries)
-        control = CLASSES[self.features.control](self.features, self.step)
-        self.program = LaneProgram(self.features, self.boundaries, control)
+        self.boundaries = Boundaries(dynamics)
+        self.step = CommonStep(dynamics, self.boundaries)
+        self.program = LaneProgram(self.boundaries, CLASSES[dynamics.control](self.step))
 
     def fields(self) -> Iterator[Field]:
         """Fields of the lanes, without those that only the program of a lane sets."""
-        yield from motion_fields(self.dynamics)
-        features = self.features
-        if not features.local:
+        dynamics = self.dynamics
+        yield from motion_fields(dynamics)
+        if not dynamics.local:
             return
-        for name in features.active:
+        for name in dynamics.active:
             yield Field(name, "", "side of the stop a slider rests at: 1 upper, -1 lower, 0 none", STATE)
-        if features.control is Control.ADAPTIVE:
+        if dynamics.control is Control.ADAPTIVE:
             yield Field("next_step", "s", "length of the next step", STATE)
-        kept = [Field(name, "", name, STATE, book=name == "work") for name in features.kept]
+        kept = [Field(name, "", name, STATE, book=name == "work") for name in dynamics.kept]
         yield from copies(kept, "{}_start", "before the common step")
-        if features.origin != "{}_start":
-            yield from copies(kept, features.origin, "when the interval began")
-        yield from copies(kept[: len(self.dynamics.states)], "{}_trial", "at the start of the trial step")
-        for name, unit, doc in (
-            ("evaluations", "", "evaluations of the right-hand side"),
-            ("reason", "", "why the lane leaves the common step (Reason)"),
-            ("error_start", "m", "error before the common step"),
-            ("min_steps", "", "least number of steps allowed; 0 where one may serve"),
-            ("state", "", "where the program of the lane waits"),
-        ):
-            yield Field(name, unit, doc, SCRATCH)
-        for name, doc in (
-            ("entered", "has just left the common step"),
-            ("due", "has made the trial step that it asked for"),
-            ("moving", "asks for a trial step"),
-            ("touching", "asks for the forces at its stops"),
-            ("complete", "has crossed its interval, or given it up"),
-            *features.doubts.items(),
-        ):
+        if dynamics.origin != "{}_start":
+            yield from copies(kept, dynamics.origin, "when the interval began")
+        yield from copies(kept[: len(dynamics.states)], "{}_trial", "at the start of the trial step")
+        yield Field("evaluations", "", "evaluations of the right-hand side", SCRATCH)
+        yield Field("reason", "", "why the lane leaves the common step (Reason)", SCRATCH)
+        yield Field("error_start", "m", "error before the common step", SCRATCH)
+        yield Field("min_steps", "", "least number of steps allowed; 0 where one may serve", SCRATCH)
+        yield Field("state", "", "where the program of the lane waits", SCRATCH)
+        for name, doc in (CONDITIONS | dynamics.doubts).items():
             yield Field(name, "", doc, SCRATCH, truth=True)
-        if features.spans:
-            book = not features.instants
-            yield Field("span_start", "s", "when the common step began", SCRATCH, book=book)
-        for name in features.instants:
+        if dynamics.spans:
+            yield Field("span_start", "s", "when the common step began", SCRATCH, book=not dynamics.instants)
+        for name in dynamics.instants:
             yield Field(name, "s", "instant of the interval at which a planned step ends", PARAMETER)
-        yield from self._fields_of_boundaries()
-        if features.stops:
-            yield from self._fields_of_stops()
-
-    def _fields_of_boundaries(self) -> Iterator[Field]:
-        for b in self.features.boundaries:
+        for b in dynamics.boundaries:
             for name in WATCHED:
-                doc = "acceleration at the stages, or pull of the stop"
-                yield Field(f"{name}_{b.name}", "m/s^2 or N", f"{name} {doc}", SCRATCH)
-            for name, unit, doc in (
-                ("crossing", "", "how the trial step meets a limit (Crossing)"),
-                ("turning", "s", "when the coordinate turns in the trial step"),
-            ):
-                yield Field(f"{name}_{b.name}", unit, doc, SCRATCH)
-        for b in self.features.laws:
+                doc = f"{name} acceleration at the stages, or pull of the stop"
+                yield Field(f"{name}_{b.name}", "m/s^2 or N", doc, SCRATCH)
+            yield Field(f"crossing_{b.name}", "", "how the trial step meets a limit (Crossing)", SCRATCH)
+            yield Field(f"turning_{b.name}", "s", "when the coordinate turns in the trial step", SCRATCH)
+        for b in dynamics.laws:
             yield Field(b.side, "", "which law of a force holds: 1 above, -1 below, 0 between", SCRATCH)
             yield Field(f"{b.side}_start", "", f"{b.side} before the common step", SCRATCH)
+        if dynamics.stops:
+            yield from self._fields_of_stops()
 
     def _fields_of_stops(self) -> Iterator[Field]:
-        dynamics = self.dynamics
-        for name, doc in (
-            ("impacts", "impacts of the interval"),
-            ("impacts_start", "before the common step"),
-        ):
-            yield Field(name, "", doc, SCRATCH)
+        dynamics, rates = self.dynamics, self.dynamics.arm.rates
+        yield Field("impacts", "", "impacts of the interval", SCRATCH)
+        yield Field("impacts_start", "", "before the common step", SCRATCH)
         yield Field("held", "", "a slider rests at its stop", SCRATCH, truth=True)
         for v in dynamics.states[dynamics.count :]:
             yield Field(f"{v}_slope", "", f"time derivative of {v}", SCRATCH, book=v == "work")
-        for b in self.features.stops:
-            if b in self.features.holding:
+        for b in dynamics.stops:
+            if b in dynamics.holding:
                 yield Field(f"force_{b.name}", "N", "that holds the slider", SCRATCH)
-                doc = f"force_{b.name} at the start of the trial step"
-                yield Field(f"force_trial_{b.name}", "N", doc, SCRATCH)
+                yield Field(f"force_trial_{b.name}", "N", "at the start of the trial step", SCRATCH)
             else:
                 yield Field(f"acceleration_{b.name}", "m/s^2", "of the gap", SCRATCH)
                 yield Field(f"arrived_{b.name}", "", "is at its stop, but for rounding", SCRATCH, truth=True)
-                for v in dynamics.arm.rates:
+                for v in rates:
                     yield Field(f"normal_{v}_{b.name}", "", f"rate of the gap per {v}", SCRATCH)
-            for v in dynamics.arm.rates:
+            for v in rates:
                 yield Field(f"mobility_{v}_{b.name}", "", f"{v} per impulse along {b.name}", SCRATCH)
-            for name, unit, doc in (
-                ("happened", "", "what the contact was resolved to (Happening)"),
-                ("speed", "m/s", "into the stop, before an impact"),
-            ):
-                yield Field(f"{name}_{b.name}", unit, doc, SCRATCH, book=True)
-        if self.features.logs:
+            yield Field(f"happened_{b.name}", "", "resolution of the contact (Happening)", SCRATCH, book=True)
+            yield Field(f"speed_{b.name}", "m/s", "into the stop, before an impact", SCRATCH, book=True)
+        if dynamics.logs:
             yield Field("logged_start", "", "events kept before the common step", SCRATCH, book=True)
             yield Field("logged", "", "events kept", STATE, book=True)
             for n in range(MOST_LOGGED):
@@ -159,34 +121,29 @@ class Interval:
 
     def undo(self, lane: Lane, failed: Any) -> None:
         """Return lanes that failed to their states at the start of the interval."""
-        for name in self.features.kept:
-            lane[name] = where(failed, lane[self.features.origin.format(name)], lane[name])
+        for name in self.dynamics.kept:
+            lane[name] = where(failed, lane[self.dynamics.origin.format(name)], lane[name])
 
-    def undo_given_up(self, lane: Lane) -> None:
-        """Return a lane to its state at the start of the interval if that was given up."""
-        self.undo(lane, lane.fault >= GIVEN_UP)
+    def end(self, lane: Lane) -> None:
+        """End an interval; a lane that has given it up returns to its state at the start."""
+        self.update_effect_states(lane)
+        if self.dynamics.local:
+            self.undo(lane, lane.fault >= GIVEN_UP)
 
     def traced_program(self, layout: Layout, whole: bool = False) -> dict[Request | None, LaneFunction]:
         """The program of a lane as functions: at its beginning (None), and after each request.
 
-        Parameters
-        ----------
-        layout : Layout
-            Gets the fields that only the program sets.
-        whole : bool
-            Whether graphs have whole functions (:class:`Graph`).
+        The layout gets the fields that only the program sets; ``whole`` is for :class:`Graph`.
         """
         machine, made = Machine(self.program.cross, ProgramLane(layout), Request, whole), {}
-        for request in (None, *Request):
+        for request, answered in ANSWERED.items():
             if request not in machine.graphs:
                 continue
-            answered = ANSWERED[request]
             written = machine.after(request, answered)
             if request is not Request.FORCES:  # which the program itself asks for again
                 written[answered] = 0.0
-            stores = [(*layout.row_of(n), value_of(v)) for n, v in written.items()]
             name = "begin_program" if request is None else f"after_{request.name.lower()}"
-            made[request] = lane_function(name, layout, stores)
+            made[request] = layout.function(name, written)
         return made
 
     def layout(self) -> Layout:

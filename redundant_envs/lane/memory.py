@@ -18,14 +18,10 @@ from redundant_envs.tracing.number import Condition, Number, value_of
 class Lifetime(enum.StrEnum):
     """How long a field is kept; also the name of the memory that holds it."""
 
-    STATE = "state"
-    """From interval to interval: saved, restored and reset."""
-    PARAMETER = "parameter"
-    """Set by a user, or following from such numbers alone; one for all lanes until they differ."""
-    SCRATCH = "scratch"
-    """Within an interval."""
-    LOG = "log"
-    """Results of an interval, to be read after it."""
+    STATE = "state"  # from interval to interval: saved, restored and reset
+    PARAMETER = "parameter"  # set by a user, or following from such numbers; shared until lanes differ
+    SCRATCH = "scratch"  # within an interval
+    LOG = "log"  # results of an interval, to be read after it
 
 
 STATE, PARAMETER, SCRATCH, LOG = Lifetime
@@ -35,27 +31,15 @@ ENGINE = "the engine"
 
 @dataclass(frozen=True)
 class Field:
-    """A number that every lane has.
-
-    Attributes
-    ----------
-    name, unit, doc : str
-    lifetime : Lifetime
-    truth : bool
-        Whether it holds a condition, as 1 or 0.
-    book : bool
-        Whether it is a record of the motion, which does not depend on it.
-    owner : str
-        Who has given it its name.
-    """
+    """A number that every lane has."""
 
     name: str
     unit: str
     doc: str
     lifetime: Lifetime
-    truth: bool = False
-    book: bool = False
-    owner: str = ENGINE
+    truth: bool = False  # whether it holds a condition, as 1 or 0
+    book: bool = False  # whether it is a record of the motion, which does not depend on it
+    owner: str = ENGINE  # who has given it its name
 
     @property
     def whose(self) -> str:
@@ -99,6 +83,12 @@ class Layout:
         """Number of rows of a memory."""
         return len(self.rows[lifetime])
 
+    def function(self, name: str, written: Mapping[str, Any]) -> LaneFunction:
+        """A function of lanes that stores values of a graph in fields."""
+        stores = [(*self.row_of(n), value_of(v)) for n, v in written.items()]
+        asides = frozenset(self.row_of(n) for n, f in self.fields.items() if f.book)
+        return LaneFunction(name, tuple(str(lifetime) for lifetime in Lifetime), stores, asides=asides)
+
 
 class Lane:
     """One lane, or many alike: fields are read and set as attributes, or by ``lane[name]``.
@@ -106,15 +96,13 @@ class Lane:
     Reading a field that was set returns the new value. ``load`` returns its value before, by its name.
     """
 
-    __slots__ = ("_layout", "_load", "_now", "_written")
-    declares = False
-    """Whether a field that is set and not declared becomes a scratch field."""
+    __slots__ = ("_declares", "_layout", "_load", "_now", "_written")
 
-    def __init__(self, layout: Layout, load: Callable[[str], Any]) -> None:
-        object.__setattr__(self, "_layout", layout)
-        object.__setattr__(self, "_load", load)
-        object.__setattr__(self, "_now", {})
-        object.__setattr__(self, "_written", {})
+    def __init__(self, layout: Layout, load: Callable[[str], Any], declares: bool = False) -> None:
+        """With ``declares`` a field that is set and not declared becomes a scratch field."""
+        own = {"_layout": layout, "_load": load, "_declares": declares, "_now": {}, "_written": {}}
+        for name, value in own.items():
+            object.__setattr__(self, name, value)
 
     def __getitem__(self, name: str) -> Any:
         if name not in self._now:
@@ -124,7 +112,7 @@ class Lane:
         return self._now[name]
 
     def __setitem__(self, name: str, value: Any) -> None:
-        if self.declares and name not in self._layout:
+        if self._declares and name not in self._layout:
             truth = isinstance(value, Condition | bool | np.bool_)
             self._layout.add(Field(name, "", "of the program of a lane", SCRATCH, truth))
         self._layout.row_of(name)
@@ -154,6 +142,11 @@ class Lane:
         for name, value in zip(names, values, strict=True):
             self[of.format(name)] = value
 
+    def copy(self, names: Iterable[str], of: str = "{}", to: str = "{}") -> None:
+        """Set fields of one form to those of another."""
+        names = tuple(names)
+        self.set(names, self.get(names, of), to)
+
     def __contains__(self, name: str) -> bool:
         return name in self._layout
 
@@ -165,46 +158,39 @@ class Lane:
         }
 
 
-class RunningLane(Lane):
-    """A lane on floats that runs a program."""
-
-    __slots__ = ()
-    declares = True
-
-
 class TracedLane(Lane):
     """A lane whose numbers are recorded in a graph."""
 
-    __slots__ = ("_graph",)
+    __slots__ = ("_columns", "_graph")
 
-    def __init__(self, layout: Layout, graph: Graph, columns: Mapping[str, tuple[str, int]]) -> None:
-        super().__init__(
-            layout, lambda n: Number(self._graph, self._graph.load(*columns.get(n) or layout.row_of(n)))
-        )
+    def __init__(
+        self, layout: Layout, graph: Graph, columns: Mapping[str, tuple[str, int]], declares: bool = False
+    ) -> None:
+        super().__init__(layout, self.loaded, declares)
         object.__setattr__(self, "_graph", graph)
+        object.__setattr__(self, "_columns", columns)
 
     def next_part(self) -> None:
         self._graph.part += 1
+
+    def loaded(self, name: str) -> Number:
+        """A field as it is in memory."""
+        return Number(self._graph, self._graph.load(*self._columns.get(name) or self._layout.row_of(name)))
 
 
 class ProgramLane(TracedLane):
     """A lane of a program that is traced, stretch by stretch."""
 
     __slots__ = ()
-    declares = True
 
     def __init__(self, layout: Layout) -> None:
-        super().__init__(layout, Graph(), {})
+        super().__init__(layout, Graph(), {}, declares=True)
 
     def begin(self, graph: Graph) -> None:
         """Read all fields anew, as numbers of a graph."""
         object.__setattr__(self, "_graph", graph)
         self._now.clear()
         self._written.clear()
-
-    def loaded(self, name: str) -> Number:
-        """A field as it is in memory."""
-        return Number(self._graph, self._graph.load(*self._layout.row_of(name)))
 
 
 def traced(
@@ -215,20 +201,11 @@ def traced(
     known: Mapping[str, float] | None = None,
     whole: bool = False,
 ) -> LaneFunction:
-    """Record the effect of a function on a lane.
+    """Record the effect of a function on a lane, which may return values for arrays, by (array, type of its
+    elements, column, columns).
 
-    Parameters
-    ----------
-    name : str
-    layout : Layout
-    function : callable
-        Takes a lane; may return values for arrays, by (array, type of its elements, column, columns).
-    inputs : mapping
-        Array -> type of its elements, and the fields that its columns hold.
-    known : mapping
-        Fields that are known to hold certain numbers.
-    whole : bool
-        Whether the graph has whole functions (:class:`Graph`).
+    ``inputs`` are arrays with the type of their elements and the fields that their columns hold, ``known``
+    fields that hold certain numbers; ``whole`` is for :class:`Graph`.
     """
     graph = Graph(whole)
     columns = {f: (array, k) for array, (_, fields) in (inputs or {}).items() for k, f in enumerate(fields)}
@@ -236,19 +213,10 @@ def traced(
     for field in columns:
         lane[field] = lane[field]
     outputs = function(lane) or {}
-    stores = [(*layout.row_of(n), value_of(v)) for n, v in lane.written().items()]
-    made = lane_function(name, layout, stores)
+    made = layout.function(name, lane.written())
     made.outputs += [
         Output(*place, v.value if isinstance(v, Condition) else value_of(v)) for place, v in outputs.items()
     ]
     made.inputs |= {array: (element, len(fields)) for array, (element, fields) in (inputs or {}).items()}
     made.known = {layout.row_of(n): x for n, x in (known or {}).items()}
     return made
-
-
-def lane_function(name: str, layout: Layout, stores: list[tuple[str, int, Any]]) -> LaneFunction:
-    """A function of lanes that stores values of a graph."""
-    return LaneFunction(
-        name, tuple(str(lifetime) for lifetime in Lifetime), stores,
-        asides=frozenset(layout.row_of(n) for n, f in layout.fields.items() if f.book),
-    )  # fmt: skip

@@ -12,7 +12,7 @@ from collections.abc import Generator
 from typing import Any
 
 from redundant_envs.algebra import any_of, logical_not, where
-from redundant_envs.events import brackets, locate, resolution
+from redundant_envs.events import contacts, search
 from redundant_envs.events.boundary import (
     ROUNDING,
     Boundary,
@@ -21,12 +21,10 @@ from redundant_envs.events.boundary import (
     leaves_stop,
     starts_at_stop,
 )
-from redundant_envs.events.brackets import Search, Sought, TaylorStep, Trial
 from redundant_envs.events.first_event import Encounter, first_event
-from redundant_envs.events.locate import Aim
-from redundant_envs.lane import coordinates
+from redundant_envs.events.search import Aim, Search, Sought, TaylorStep, Trial
 from redundant_envs.lane.boundaries import Boundaries
-from redundant_envs.lane.features import Fault, SceneFeatures
+from redundant_envs.lane.features import Fault
 from redundant_envs.lane.memory import Lane
 from redundant_envs.lane.step_control import End, StepControl
 
@@ -38,34 +36,25 @@ SEARCH = Search._fields
 class Request(enum.Enum):
     """What a lane waits for."""
 
-    STEP = "moving"
-    """A trial step."""
-    FORCES = "touching"
-    """The accelerations and forces at its stops."""
+    STEP = "moving"  # a trial step
+    FORCES = "touching"  # the accelerations and forces at its stops
 
 
 class Found(enum.Enum):
     """How trial steps towards the end of a planned step, or towards an event, end."""
 
-    NOTHING = "nothing"
-    """The trial step has no event."""
-    EVENT = "event"
-    """It ends at an event."""
-    INACCURATE = "inaccurate"
-    """Its error is too large."""
-    LOST = "lost"
-    """There were too many trial steps."""
-    OTHER = "other"
-    """There is another event before, or a turn: this is sought now."""
+    NOTHING = "nothing"  # the trial step has no event
+    EVENT = "event"  # it ends at an event
+    INACCURATE = "inaccurate"  # its error is too large
+    LOST = "lost"  # there were too many trial steps
+    OTHER = "other"  # there is another event before, or a turn: this is sought now
 
 
 class LaneProgram:
     """The program of a lane."""
 
-    def __init__(self, features: SceneFeatures, boundaries: Boundaries, control: StepControl) -> None:
-        self.features, self.boundaries, self.control = features, boundaries, control
-        self.dynamics = features.dynamics
-        self.smooth = self.dynamics.method.stages > 1
+    def __init__(self, boundaries: Boundaries, control: StepControl) -> None:
+        self.dynamics, self.boundaries, self.control = boundaries.dynamics, boundaries, control
 
     def cross(self, lane: Lane) -> Generator[Request, None, None]:
         """Cross the interval."""
@@ -96,7 +85,7 @@ class LaneProgram:
 
     def step_or_event(self, lane: Lane) -> Generator[Request, None, Found]:
         """Take trial steps to the end of the planned one, or to the first event before it."""
-        for b in self.features.boundaries:
+        for b in self.dynamics.boundaries:
             lane[f"cleared_{b.name}"] = False
         lane.searched = 0.0
         while True:
@@ -105,28 +94,22 @@ class LaneProgram:
                 return Found.LOST
             if not self.control.accurate(lane):
                 return Found.INACCURATE
-            if not self.features.boundaries:
+            if not self.dynamics.boundaries:
                 return self.moved(lane)
             trial = self.trial(lane)
-            if any_of(locate.may_hide_event(trial.h, e, self.features.overshoot) for e in trial.encounters):
+            if any_of(search.may_hide_event(trial.h, e, self.dynamics.overshoot) for e in trial.encounters):
                 self.retry(lane, 0.5 * trial.h)
                 continue
-            aim = locate.earliest_event(trial)
+            aim = search.earliest_event(trial)
             if not aim.exists:
                 return self.moved(lane)
             self.seek(lane, trial, aim)
             while True:
-                match (yield from self.search(lane)):
+                match (yield from self.turn(lane) if lane.for_turn else self.event(lane)):
                     case Found.NOTHING:
                         break  # it turns before its limit: to the end of the planned step once more
                     case Found.LOST | Found.EVENT as found:
                         return found
-
-    def search(self, lane: Lane) -> Generator[Request, None, Found]:
-        """Take trial steps towards a turn, or an event."""
-        if lane.for_turn:
-            return (yield from self.turn(lane))
-        return (yield from self.event(lane))
 
     def turn(self, lane: Lane) -> Generator[Request, None, Found]:
         """Take trial steps to where a coordinate turns near its limit, until it is known whether it turns
@@ -136,19 +119,18 @@ class LaneProgram:
             if self.is_lost(lane):
                 return Found.LOST
             trial = self.trial(lane)
-            search = Search(*lane.get(SEARCH))
-            sought = brackets.sought_boundary(search, trial)
+            before = Search(*lane.get(SEARCH))
+            sought = search.sought_boundary(before, trial)
             if sought.gap > sought.closeness:
-                self.seek(
-                    lane, trial, Aim(True, sought.chosen, search.target, search.side, False, sought.time)
-                )
+                aim = Aim(True, sought.chosen, before.target, before.side, False, sought.time)
+                self.seek(lane, trial, aim)
                 return Found.OTHER
-            after = brackets.towards_turn(search, trial.h, sought)
-            h = brackets.next_towards_turn(after)
+            after = search.towards_turn(before, trial.h, sought)
+            h = search.next_towards_turn(after)
             at_turn = abs(sought.speed * (h - trial.h)) <= sought.closeness
-            lane.set(SEARCH, after._replace(tries=search.tries + 1.0))
-            if at_turn | (search.tries >= brackets.MOST_TURN_GUESSES):
-                for b, is_sought in zip(self.features.boundaries, sought.chosen, strict=True):
+            lane.set(SEARCH, after)
+            if at_turn | (before.tries >= search.MOST_TURN_GUESSES):
+                for b, is_sought in zip(self.dynamics.boundaries, sought.chosen, strict=True):
                     lane[f"cleared_{b.name}"] = lane[f"cleared_{b.name}"] | is_sought
                 self.retry(lane, trial.left)
                 return Found.NOTHING
@@ -161,27 +143,25 @@ class LaneProgram:
             if self.is_lost(lane):
                 return Found.LOST
             trial = self.trial(lane)
-            search = Search(*lane.get(SEARCH))
-            sought = brackets.sought_boundary(search, trial)
-            other = locate.other_event(trial, search, sought)
+            before = Search(*lane.get(SEARCH))
+            sought = search.sought_boundary(before, trial)
+            other = search.other_event(trial, before, sought)
             if other.exists:
                 self.seek(lane, trial, other)
                 return Found.OTHER
-            after = brackets.towards_event(search, trial.h, sought)
-            rest_of_way = brackets.taylor_step(trial, sought)
-            if brackets.ends_at_event(trial, search, after, sought, rest_of_way):
+            after = search.towards_event(before, trial.h, sought)
+            rest_of_way = search.taylor_step(trial, sought)
+            if search.ends_at_event(trial, before, after, sought, rest_of_way.possible):
                 self.arrive(lane, trial, sought, rest_of_way)
                 return Found.EVENT
-            h = brackets.next_towards_event(trial, after, sought, brackets.correction(sought, after))
-            side = brackets.side_of_search(search, sought)
-            lane.set(SEARCH, after._replace(side=side, tries=search.tries + 1.0))
-            self.retry(lane, h)
+            lane.set(SEARCH, after)
+            self.retry(lane, search.next_towards_event(trial, after, sought))
 
     def resolve(self, lane: Lane) -> Generator[Request, None, bool]:
         """Resolve contacts until the motion goes on; false if they do not end."""
         while True:
             yield Request.FORCES
-            if lane.changes >= resolution.MOST_CHANGES or lane.impacts > resolution.MOST_IMPACTS:
+            if lane.changes >= contacts.MOST_CHANGES or lane.impacts > contacts.MOST_IMPACTS:
                 return False
             if self.boundaries.resolve(lane):
                 self.start_here(lane)
@@ -195,23 +175,23 @@ class LaneProgram:
         moved = self.boundaries.in_step(lane, "{}_trial")
         encounters = [
             self._encounter(lane, float(k), b, s)
-            for k, (b, s) in enumerate(zip(self.features.boundaries, moved, strict=True))
+            for k, (b, s) in enumerate(zip(self.dynamics.boundaries, moved, strict=True))
         ]
-        events = [first_event(e, h, 1.0 / h, self.smooth) for e in encounters]
+        events = [first_event(e, h, 1.0 / h, self.dynamics.method.stages > 1) for e in encounters]
         return Trial(h, lane.left, lane.interval, encounters, events)
 
     def _encounter(self, lane: Lane, number: float, b: Boundary, motion: BoundedCoordinate) -> Encounter:
         names = (f"crossing_{b.name}", f"turning_{b.name}", f"cleared_{b.name}")
         crossing, turning_time, cleared = lane.get(names)
         forces, mobility = [0.0, 0.0], 0.0
-        if b in self.features.holding:
+        if b in self.dynamics.holding:
             forces = lane.get((f"force_{b.name}", f"force_trial_{b.name}"))
             mobility = self.boundaries.mobility(lane, b, b)
         return Encounter(number, motion, *forces, crossing, turning_time, cleared, mobility)  # type: ignore[call-arg]
 
     def seek(self, lane: Lane, trial: Trial, aim: Aim) -> None:
         """Begin a search for an event."""
-        lane.set(SEARCH, brackets.begun(trial, aim.target, aim.side, aim.chosen, aim.turns))
+        lane.set(SEARCH, search.begun(trial, aim))
         lane.for_turn = aim.turns
         self.retry(lane, aim.h)
 
@@ -222,10 +202,9 @@ class LaneProgram:
 
     def start_here(self, lane: Lane) -> None:
         """Start the next trial step here; it ends with the planned step."""
-        states = self.dynamics.states
-        lane.set(states, lane.get(states), of="{}_trial")
+        lane.copy(self.dynamics.states, to="{}_trial")
         lane.error_trial, lane.step = lane.error, lane.left
-        for b in self.features.holding:
+        for b in self.dynamics.holding:
             lane[f"force_trial_{b.name}"] = lane[f"force_{b.name}"]
 
     def spend(self, lane: Lane, h: Any) -> None:
@@ -241,7 +220,7 @@ class LaneProgram:
 
     def end_of_trial(self, lane: Lane) -> End:
         """After a trial step without an event: what comes next."""
-        if self.features.instants and lane.left <= 0.0 and lane.after_instant > 0.0:
+        if self.dynamics.instants and lane.left <= 0.0 and lane.after_instant > 0.0:
             lane.left = lane.after_instant
             self.cut(lane)
             return End.GOES_ON
@@ -252,9 +231,9 @@ class LaneProgram:
 
     def cut(self, lane: Lane) -> None:
         """End the planned step at the first instant before its end; the rest of it comes then."""
-        if not self.features.instants:
+        if not self.dynamics.instants:
             return
-        ahead = [time - lane.span_start - lane.elapsed for time in lane.get(self.features.instants)]
+        ahead = [time - lane.span_start - lane.elapsed for time in lane.get(self.dynamics.instants)]
         left = lane.left
         for time in ahead:
             left = where((time > ROUNDING * lane.interval) & (time < left), time, left)
@@ -263,7 +242,7 @@ class LaneProgram:
     def is_lost(self, lane: Lane) -> Any:
         """Whether a search has no end, or waits for a time that is no number."""
         within = self.control.within_budget(lane)
-        if not self.features.boundaries:
+        if not self.dynamics.boundaries:
             return False
         rest = lane.left - lane.step
         return logical_not((lane.searched < MOST_SEARCHED) & (rest == rest) & within)
@@ -272,16 +251,16 @@ class LaneProgram:
 
     def arrive(self, lane: Lane, trial: Trial, sought: Sought, rest_of_way: TaylorStep) -> None:
         """End a trial step at its event: sliders that are at their stops are there exactly."""
-        arm, slide = self.dynamics.arm, brackets.slide_to_event(sought, rest_of_way)
+        arm, slide = self.dynamics.arm, where(sought.free & rest_of_way.possible, rest_of_way.time, 0.0)
         crossed = [
             where(sought_here, lane.side, e.motion.side_beyond)
             for e, sought_here in zip(trial.encounters, sought.chosen, strict=True)
         ]
-        positions = locate.positions_after(trial, sought, rest_of_way, slide)
+        positions = search.positions_after(trial, sought, rest_of_way.arrives, slide)
         exact = {
             arm.coordinates[b.joint]: position
-            for b, position in zip(self.features.boundaries, positions, strict=True)
-            if b in self.features.holding and b.joint is not None
+            for b, position in zip(self.dynamics.boundaries, positions, strict=True)
+            if b in self.dynamics.holding and b.joint is not None
         }
         for q, v in zip(arm.coordinates, arm.rates, strict=True):
             lane[q] = exact[q] if q in exact else lane[q] + slide * lane[v]
@@ -289,25 +268,21 @@ class LaneProgram:
         lane.slide = slide
         lane.at_stop = sought.bounces
         for b, side, is_sought, position in zip(
-            self.features.boundaries, crossed, sought.chosen, positions, strict=True
+            self.dynamics.boundaries, crossed, sought.chosen, positions, strict=True
         ):
             if b.bounces:
                 if b.joint is None:
                     lane[f"arrived_{b.name}"] = position <= 0.0
                 # It comes to its stop, even if by rounding it seems to move away.
-                lane[f"released_{b.name}"] = self._leaves(lane, b) & logical_not(is_sought)
+                leaves = self.boundaries.at_stop(lane, b, leaves_stop)
+                lane[f"released_{b.name}"] = leaves & logical_not(is_sought)
             else:
                 lane[b.side] = where(side != 0.0, law_behind(lane[b.side], side), lane[b.side])
 
-    def _leaves(self, lane: Lane, b: Boundary) -> Any:
-        """Whether a free coordinate is at its stop and moves away from it."""
-        motion = coordinates.motion(self.dynamics, b, lane)
-        return leaves_stop(*motion, self.boundaries.active(lane, b), *self.boundaries.limits(lane, b))
-
-    def note_released(self, lane: Lane) -> None:
-        """Record which coordinates leave their stops."""
-        for b in self.features.stops:
-            lane[f"released_{b.name}"] = self._leaves(lane, b)
+    def note_released(self, lane: Lane, form: str = "{}") -> None:
+        """Record which coordinates leave their stops, in the state in the fields of a form."""
+        for b in self.dynamics.stops:
+            lane[f"released_{b.name}"] = self.boundaries.at_stop(lane, b, leaves_stop, form)
             if b.joint is None:
                 lane[f"arrived_{b.name}"] = False
 
@@ -320,11 +295,11 @@ class LaneProgram:
         self.at_start(lane)
         self.cut(lane)
         lane.due, lane.at_stop = False, False
-        for b in self.features.holding:
+        for b in self.dynamics.holding:
             lane[f"force_trial_{b.name}"] = 0.0
-        if self.features.boundaries:
+        if self.dynamics.boundaries:
             begun = any_of(self.boundaries.at_start(lane, starts_at_stop))
-            rested = any_of(a != 0.0 for a in lane.get(self.features.active, of="{}_start"))
+            rested = any_of(a != 0.0 for a in lane.get(self.dynamics.active, of="{}_start"))
             lane.due = logical_not(first.retried | begun | rested | self.boundaries.is_cut(lane))
         if lane.due:
             lane.step = lane.h
@@ -335,25 +310,20 @@ class LaneProgram:
 
     def at_start(self, lane: Lane) -> None:
         """The trial start, and what is counted, at the start of the interval."""
-        states = self.dynamics.states
-        lane.set(states, lane.get(states, of="{}_start"), of="{}_trial")
+        lane.copy(self.dynamics.states, of="{}_start", to="{}_trial")
         lane.error_trial, lane.elapsed, lane.slide = lane.error_start, 0.0, 0.0
-        for b in self.features.laws:
+        for b in self.dynamics.laws:
             lane[b.side] = lane[f"{b.side}_start"]
-        if self.features.stops:
+        if self.dynamics.stops:
             lane.changes, lane.impacts = 0.0, lane.impacts_start
-            lane.set(self.features.active, lane.get(self.features.active, of="{}_start"))
-        for b, leaves in zip(self.features.stops, self.boundaries.at_start(lane, leaves_stop), strict=True):
-            lane[f"released_{b.name}"] = leaves
-            if b.joint is None:
-                lane[f"arrived_{b.name}"] = False
-        if self.features.logs:
+            lane.copy(self.dynamics.active, of="{}_start")
+        self.note_released(lane, "{}_start")
+        if self.dynamics.logs:
             lane.logged = lane.logged_start
 
     def back_to(self, lane: Lane, form: str) -> None:
         """Return to the state in the fields of a form."""
-        states = self.dynamics.states
-        lane.set(states, lane.get(states, of=form))
+        lane.copy(self.dynamics.states, of=form)
         lane.error = lane[form.format("error")]
 
     def shorten(self, lane: Lane) -> None:
@@ -370,10 +340,9 @@ class LaneProgram:
 
     def give_up(self, lane: Lane) -> None:
         """Leave the lane as it was at the start of the interval, but for its estimate."""
-        kept = (*self.dynamics.states, *self.features.active)
-        lane.set(kept, lane.get(kept, of="{}_start"))
-        if self.features.stops:
+        lane.copy((*self.dynamics.states, *self.dynamics.active), of="{}_start")
+        if self.dynamics.stops:
             lane.impacts = lane.impacts_start
-        if self.features.logs:
+        if self.dynamics.logs:
             lane.logged = lane.logged_start
         lane.fault = float(Fault.EVENT_BUDGET)

@@ -6,7 +6,6 @@ from typing import Any
 
 from redundant_envs.effects.attached import Attached
 from redundant_envs.effects.hooks import Force, Point
-from redundant_envs.lane.memory import Lane
 from redundant_envs.numerics import estimates
 from redundant_envs.quantities import Quantities
 from redundant_envs.scene import Scene
@@ -21,8 +20,7 @@ def rates_of_parameters(scene: Scene, x: Quantities) -> list[Any]:
             continue
         for field, rule in (("stiffness", estimates.steps_of_spring), ("damping", estimates.steps_of_damper)):
             if field in a.functions and not (field == "damping" and depends_on_motion(a)):
-                mobility = most_mobility(scene, a, x)
-                rates.append(rule(a.functions[field](x), mobility))
+                rates.append(rule(a.functions[field](x), most_mobility(scene, a, x)))
     return rates
 
 
@@ -41,27 +39,24 @@ def dampers(scene: Scene) -> list[Attached[Force]]:
 
 def mobilities(scene: Scene, x: Quantities) -> dict[str, Any]:
     """Largest mobilities of the joints of :func:`dampers`, by their fields."""
-    return {field_of(a.hook): most_mobility(scene, a, x) for a in dampers(scene)}
+    return {field_of(a): most_mobility(scene, a, x) for a in dampers(scene)}
 
 
-def field_of(hook: Force) -> str:
-    """The field of the largest mobility of a joint."""
-    assert isinstance(hook.joint, int)
-    return f"most_mobility{hook.joint + 1}"
+def field_of(a: Attached[Force]) -> str:
+    """The field of the largest mobility of a force's joint."""
+    assert isinstance(a.hook.joint, int)
+    return f"most_mobility{a.hook.joint + 1}"
 
 
-def rates_of_motion(scene: Scene, lane: Lane, x: Quantities) -> list[Any]:
+def rates_of_motion(scene: Scene, lane: Any, x: Quantities) -> list[Any]:
     """Steps per second that dampers require now, if their damping depends on positions and rates ``x``."""
     rates = []
     for a in dampers(scene):
         position, rate = a.hook.motion
-        ahead = Quantities(
-            {position: x[position] + lane.interval * x[rate], rate: x[rate]},
-            tuple(scene.robot.functions), scene.robot.sincos, lane,
-        )  # fmt: skip
-        here, there = (a.functions["damping"](known) for known in (x, ahead))
-        mobility = lane[field_of(a.hook)]
-        rates.append(estimates.steps_towards_damper(here, there, mobility, lane.interval))
+        known = {position: x[position] + lane.interval * x[rate], rate: x[rate]}
+        ahead = Quantities(known, tuple(scene.robot.functions), scene.robot.sincos, lane)
+        dampings = (a.functions["damping"](quantities) for quantities in (x, ahead))
+        rates.append(estimates.steps_towards_damper(*dampings, lane[field_of(a)], lane.interval))
     return rates
 
 

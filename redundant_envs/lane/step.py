@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from redundant_envs.algebra import arguments_of, maximum, sqrt, where
+from redundant_envs.algebra import maximum, sqrt, where
 from redundant_envs.events.boundary import Boundary
 from redundant_envs.lane import coordinates
 from redundant_envs.lane.dynamics import Dynamics
@@ -22,9 +22,8 @@ MOST_INLINED = 4
 
 def known_numbers(dynamics: Dynamics, lane: Lane, held: bool) -> dict[str, Any]:
     """Inputs of the equations beside the state: efforts, parameters, and the stops at which sliders rest."""
-    stops = [b.active for b in dynamics.holding] if held else []
-    sides = [b.side for b in dynamics.laws]
-    names = [*dynamics.commands, *dynamics.numbers, *dynamics.effect_states.updated, *stops, *sides]
+    stops, sides = dynamics.active if held else (), (b.side for b in dynamics.laws)
+    names = (*dynamics.commands, *dynamics.numbers, *dynamics.effect_states.updated, *stops, *sides)
     return dict(zip(names, lane.get(names), strict=True))
 
 
@@ -32,49 +31,29 @@ def contact_quantities(dynamics: Dynamics, states: Sequence[Any], numbers: dict[
     """Quantities while sliders rest at their stops, accelerations among them."""
     x = dynamics.quantities(states, numbers, held=bool(dynamics.holding))
     x.update({f"held{k + 1}": 0.0 for k in dynamics.arm.sliders()})
-    for b in dynamics.holding:
-        x[held_of(b)] = abs(numbers[b.active])
+    x.update({held_of(b): abs(numbers[b.active]) for b in dynamics.holding})
     return x
 
 
 def held_of(b: Boundary) -> str:
     """The quantity that is 1 while a slider rests at its stop."""
-    assert b.joint is not None
-    return f"held{b.joint + 1}"
+    return f"held{b.number}"
 
 
 def pull(x: Quantities, b: Boundary, side: Any) -> Any:
     """Force with which its stop has to pull a resting slider; 0 for a free one."""
-    assert b.joint is not None
-    return where(x[held_of(b)] > 0.0, side * x[f"hold{b.joint + 1}"], 0.0)
+    return where(x[held_of(b)] > 0.0, side * x[f"hold{b.number}"], 0.0)
 
 
 def watched_acceleration(dynamics: Dynamics, b: Boundary, x: Quantities) -> Any:
     """Acceleration of the coordinate of a boundary; for a slider that rests, the pull of its stop."""
     if b.joint is None:
         return coordinates.acceleration(dynamics, b, x)
-    joint = b.joint
     if b.bounces:
-        return where(x[held_of(b)] > 0.0, pull(x, b, x[b.active]), x[f"qdd{joint + 1}"])
-    parts = [
-        x[f"qdd{k + 1}"] if share == 1.0 else share * x[f"qdd{k + 1}"]
-        for k, share in enumerate(dynamics.arm.motor_map[:, joint].tolist())
-        if share != 0.0
-    ]
+        return where(x[held_of(b)] > 0.0, pull(x, b, x[b.active]), x[f"qdd{b.number}"])
+    shares = enumerate(dynamics.arm.motor_map[:, b.joint].tolist(), start=1)
+    parts = [x[f"qdd{k}"] if share == 1.0 else share * x[f"qdd{k}"] for k, share in shares if share != 0.0]
     return sum(parts[1:], parts[0])
-
-
-def pose_tells_distances(dynamics: Dynamics) -> bool:
-    """Whether the distances of the tip from the joints follow from the pose."""
-    arm = dynamics.arm
-    return not set(arguments_of(arm.column_norms)) <= {*arm.parameter_values()}
-
-
-def watched_sliders(dynamics: Dynamics) -> tuple[int, ...]:
-    """Sliders that may carry the tip past a joint and back within a step, if estimates decide on steps."""
-    if dynamics.scene.tolerance is None or not dynamics.located or not pose_tells_distances(dynamics):
-        return ()
-    return tuple(dynamics.arm.sliders())
 
 
 SMALLEST_STATE = 1e-300
@@ -85,24 +64,21 @@ def lane_step(dynamics: Dynamics, lane: Lane, h: Any) -> Step:
     """A step of length ``h``.
 
     It watches, in this order: the coordinates of boundaries, values that change their signs at kinks, and
-    speeds of :func:`watched_sliders`.
+    speeds of :attr:`Dynamics.watched_sliders`.
     """
     held = bool(dynamics.holding)
     numbers = known_numbers(dynamics, lane, held)
     count, width = dynamics.count, len(dynamics.states)
 
     def derivatives(*values: Any) -> list[Any]:
-        given = dict(zip(numbers, values[width:], strict=True))
-        if held:
-            x = contact_quantities(dynamics, values[:width], given)
-        else:
-            x = dynamics.quantities(values[:width], given)
+        quantities = contact_quantities if held else Dynamics.quantities
+        x = quantities(dynamics, values[:width], dict(zip(numbers, values[width:], strict=True)))
         results = dynamics.accelerations(x)
         results += [watched_acceleration(dynamics, b, x) for b in dynamics.boundaries]
         results += kink_values(dynamics.scene.attached, dynamics.kinks, x)
         return [*results, *(values[count + k] for k in sliders)]
 
-    kinks, sliders = levels_of(dynamics.kinks), watched_sliders(dynamics)
+    kinks, sliders = levels_of(dynamics.kinks), dynamics.watched_sliders
     more = len(dynamics.boundaries) + len(kinks) + len(sliders)
     right_hand_side: Any = derivatives
     if dynamics.method.stages > MOST_INLINED:
@@ -121,8 +97,8 @@ def lane_step(dynamics: Dynamics, lane: Lane, h: Any) -> Step:
 
 def step_error(dynamics: Dynamics, lane: Lane, step: Step) -> Any:
     """The error of a step: in metres at the tip, or for dop853 in units of its tolerance."""
-    names = tuple(name for name in dynamics.states if name != "work")
     if dynamics.scene.integrator == "dop853":
+        names = tuple(name for name in dynamics.states if name != "work")
         after = [*step.positions, *step.velocities, *step.others]
         strikes = bool(dynamics.stops)
         states = zip(lane.get(names), after, strict=False)
@@ -152,38 +128,22 @@ def others_error(dynamics: Dynamics, lane: Lane, step: Step, h: Any) -> Any:
     """Estimated tip error from errors of effects' states, m. No other estimate contains an error that does
     not act yet. Each error is related to the size of its state, now or at the end of the interval at the pace
     of the step; the same share of the tip's motion by the step's change of velocity is the estimate."""
-    n = dynamics.count
-    gained = [
-        norm * abs(after - before)
-        for norm, after, before in zip(
-            tip_norms(dynamics, lane), step.velocities, lane.get(dynamics.arm.rates), strict=True
-        )
-    ]
+    rates = zip(tip_norms(dynamics, lane), step.velocities, lane.get(dynamics.arm.rates), strict=True)
+    gained = [norm * abs(after - before) for norm, after, before in rates]
     shares = []
     for k, name in enumerate(dynamics.effect_states.integrated):
         before, after = lane[name], step.others[k]
         errors = (step.error6, step.h6), (step.error5, step.h5), (step.error3, step.h3)
-        sizes = [abs(error[2 * n + k]) * factor for error, factor in errors]
+        sizes = [abs(error[2 * dynamics.count + k]) * factor for error, factor in errors]
         pace = abs(after - before) * (lane.interval / h)
         size = maximum(maximum(abs(before), pace), SMALLEST_STATE)
         shares.append(estimates.tip_error(*sizes) / size)
     return lane.interval * sum(gained[1:], gained[0]) * sum(shares[1:], shares[0])
 
 
-def joint_quantities(dynamics: Dynamics, lane: Lane, form: str) -> Quantities:
-    """Positions and rates of joints from the fields of a form."""
-    states = lane.get(dynamics.states, of=form)
-    known = dict(zip(dynamics.states, states, strict=True))
-    return Quantities(known, tuple(dynamics.arm.functions), dynamics.arm.sincos, lane)
-
-
 def tip_norms(dynamics: Dynamics, lane: Lane, form: str = "{}") -> list[Any]:
     """Metres at the tip per unit of each coordinate, from the fields of a form."""
-    arm = dynamics.arm
-    x = Quantities(
-        dict(zip(dynamics.states, lane.get(dynamics.states, of=form), strict=True)),
-        (*arm.functions, arm.column_norms), arm.sincos, lane,
-    )  # fmt: skip
+    x = coordinates.quantities_of_arm(dynamics, lane, form, dynamics.arm.column_norms)
     return x.each(f"n{k + 1}" for k in range(dynamics.count))
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from redundant_envs.algebra import logical_not, maximum
 from redundant_envs.lane.common_step import CommonStep
-from redundant_envs.lane.features import Control, Fault, Reason, SceneFeatures
+from redundant_envs.lane.features import Control, Fault, Reason
 from redundant_envs.lane.memory import Lane
 from redundant_envs.lane.step import tip_norms
 from redundant_envs.numerics import error_control
@@ -23,25 +23,20 @@ TRIALS_OF_SUBSTEP = 16
 class End(enum.Enum):
     """What comes after a trial step without an event."""
 
-    GOES_ON = "goes on"
-    """The planned step has not ended: an event had cut it short."""
-    NEXT = "next"
-    """The next planned step begins."""
-    REPEATED = "repeated"
-    """The interval is crossed again with more steps."""
-    CROSSED = "crossed"
-    """The interval is crossed."""
+    GOES_ON = "goes on"  # the planned step has not ended: an event had cut it short
+    NEXT = "next"  # the next planned step begins
+    REPEATED = "repeated"  # the interval is crossed again with more steps
+    CROSSED = "crossed"  # the interval is crossed
 
 
 class StepControl(ABC):
     """How the steps of a lane are chosen."""
 
-    repeats = False
-    """Whether an inaccurate step begins the interval anew; otherwise the step is repeated."""
+    repeats = False  # whether an inaccurate step begins the interval anew; otherwise the step is repeated
 
-    def __init__(self, features: SceneFeatures, step: CommonStep) -> None:
-        self.features, self.step, self.dynamics = features, step, features.dynamics
-        self.stages = float(features.dynamics.method.stages)
+    def __init__(self, step: CommonStep) -> None:
+        self.step, self.dynamics = step, step.dynamics
+        self.stages = float(step.dynamics.method.stages)
 
     @abstractmethod
     def begin(self, lane: Lane) -> FirstStep:
@@ -116,8 +111,7 @@ class EqualSteps(StepControl):
         most = error_control.most_steps(self._impacts(lane))
         if (lane.divisions < most) & (too_fast | (ended & last & logical_not(agrees))):
             if last:
-                coordinates = self.dynamics.arm.coordinates
-                lane.set(coordinates, lane.get(coordinates), of="{}_seen")
+                lane.copy(self.dynamics.arm.coordinates, to="{}_seen")
             return End.REPEATED
         if not ended:
             return End.GOES_ON
@@ -130,16 +124,14 @@ class EqualSteps(StepControl):
         return End.CROSSED
 
     def _impacts(self, lane: Lane) -> Any:
-        return lane.impacts if self.features.stops else 0.0
+        return lane.impacts if self.dynamics.stops else 0.0
 
     def _crossed(self, lane: Lane) -> error_control.Crossed:
-        terms = [
-            n * abs(lane[q] - lane[f"{q}_seen"])
-            for n, q in zip(tip_norms(self.dynamics, lane), self.dynamics.arm.coordinates, strict=True)
-        ]
+        norms = zip(tip_norms(self.dynamics, lane), self.dynamics.arm.coordinates, strict=True)
+        terms = [n * abs(lane[q] - lane[f"{q}_seen"]) for n, q in norms]
         return error_control.Crossed(
             lane.divisions, lane.error, lane.tip_tolerance, sum(terms[1:], terms[0]), self._impacts(lane),
-            self.step.doubtful(lane), self.step.kinked(lane), self.step.hidden_kink(lane),
+            *self.step.doubts(lane),
         )  # fmt: skip
 
     def within_budget(self, lane: Lane) -> Any:

@@ -104,9 +104,8 @@ def lane_values(
     nominal = {**scene.parameters(), **of_task}
     if not isinstance(given, Mapping):
         raise ValueError(f"parameters is {shown(given)}; give a mapping of names to numbers")
-    if fresh:
-        values = {p: np.full(len(lanes), v) for p, v in nominal.items()}
-    else:
+    values = {p: np.full(len(lanes), v) for p, v in nominal.items()}
+    if not fresh:
         values = _present(memory, lanes, nominal)
     changed: list[str] = []
     for name, value in given.items():
@@ -153,11 +152,12 @@ def _check_fitting(scene: Scene, values: Table, changed: Iterable[str]) -> None:
 
 
 def check_stops(
-    scene: Scene, memory: Memory, lanes: NDArray[np.intp], q: NDArray[np.float64], values: Table | None
-) -> None:
+    scene: Scene, memory: Memory, lanes: NDArray[np.intp], q: NDArray[np.float64], values: Table | None,
+    where: str = "",
+) -> None:  # fmt: skip
     """ValueError if a slider is beyond a hard end of its travel, which no motion can reach.
 
-    ``values`` are all parameters of the lanes, or None for the present ones.
+    ``values`` are all parameters of the lanes, or None for the present ones; ``where`` begins a message.
     """
     for joint, *names in hard_stops(scene):
         ends = memory.read(tuple(identifier(n) for n in names), lanes).T
@@ -168,7 +168,7 @@ def check_stops(
         if outside.any():
             lane = int(np.flatnonzero(outside)[0])
             raise ValueError(
-                f"{scene.robot.joints[joint]} is {x[lane]:.6g} m; its stops are at "
+                f"{where}{scene.robot.joints[joint]} is {x[lane]:.6g} m; its stops are at "
                 f"{ends[0][lane]:.6g} and {ends[1][lane]:.6g} m: put it between them"
             )
 

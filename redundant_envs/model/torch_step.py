@@ -48,12 +48,12 @@ def torch_step(scene: Scene) -> Step:
     check_scene(scene)
     dynamics = Dynamics(scene, located=False)  # equal steps have gradients, and a step may have two laws
     interval = Interval(dynamics)
-    if interval.features.stops:
+    if interval.dynamics.stops:
         raise ValueError(
             "scene has a PrismaticStop, whose impacts have no meaningful derivative; use a "
             "LimitSpring for its joints"
         )
-    if interval.features.control is Control.ADAPTIVE:
+    if interval.dynamics.control is Control.ADAPTIVE:
         raise ValueError(
             "scene.integrator is 'dop853', which chooses each step while it runs; use 'rk8', with a "
             "tolerance if errors are to be controlled"

@@ -106,13 +106,9 @@ class Operation:
 
 bits_of = struct.Struct("<d").pack
 """The bit pattern of a float: 0.0 and -0.0 are two constants."""
-NEUTRAL = {"+": (-0.0, -0.0), "-": (None, 0.0), "*": (1.0, 1.0), "/": (None, 1.0)}
-"""Constants on the left and on the right of an operation that leave the other operand as it is, bit for bit."""
-
-
-def is_constant(value: Value, constant: float | None) -> bool:
-    """Whether a value is this constant, bit for bit."""
-    return type(value) is float and constant is not None and bits_of(value) == bits_of(constant)
+LEFT = {("+", bits_of(-0.0)), ("*", bits_of(1.0))}
+RIGHT = {*LEFT, ("-", bits_of(0.0)), ("/", bits_of(1.0))}
+"""Constants on one side of an operation that leave the value on the other side as it is, bit for bit."""
 
 
 class Graph:
@@ -129,8 +125,8 @@ class Graph:
         self.results: dict[Any, Any] = {}
         """Results of functions with branches (:mod:`ways`), so that equal calls are traced once."""
         self.part = 0
-        """Start a new part of the program. Equal products of different parts are recorded separately, so that
-        joining in one part does not depend on the other parts."""
+        """Part of the program. Equal products of different parts are recorded separately, so that joining in
+        one part does not depend on the other parts."""
 
     def record(self, name: str, *arguments: Value, extra: Any = None) -> Operation:
         operands = [a if type(a) is Operation else bits_of(a) for a in arguments]
@@ -147,21 +143,24 @@ class Graph:
 
     def combine(self, name: str, a: Value, b: Value) -> Value:
         """Record an operation on two values, unless one of them leaves the other as it is."""
-        left, right = NEUTRAL.get(name, (None, None))
-        if is_constant(a, left):
+        if type(a) is float and (name, bits_of(a)) in LEFT:
             return b
-        return a if is_constant(b, right) else self.record(name, a, b)
+        return a if type(b) is float and (name, bits_of(b)) in RIGHT else self.record(name, a, b)
 
 
 def reached(results: Iterable[Value]) -> list[Operation]:
     """All operations that some results need, each after its operands."""
-    order: dict[Operation, None] = {}
-    stack = [r for r in results if type(r) is Operation][::-1]
+    order: list[Any] = []
+    seen: set[Operation] = set()
+    stack: list[tuple[Operation | None, Iterator[Value]]] = [(None, iter(results))]
     while stack:
-        node = stack[-1]
-        missing = [a for a in node.arguments if type(a) is Operation and a not in order]
-        if missing:
-            stack += reversed(missing)
+        node, rest = stack[-1]
+        for a in rest:
+            if type(a) is Operation and a not in seen:
+                seen.add(a)
+                stack.append((a, iter(a.arguments)))
+                break
         else:
-            order[stack.pop()] = None
-    return list(order)
+            order.append(node)
+            stack.pop()
+    return order[:-1]

@@ -110,7 +110,8 @@ class Number(Traced):
 
     __bool__ = _refused("instead of a branch write where(condition, a, b) or cases(...)")
     __float__ = __int__ = __index__ = _refused(
-        "use sqrt, exp, floor, minimum, maximum and where of redundant_envs.algebra, not those of math and NumPy"
+        "use sqrt, exp, floor, minimum, maximum and where of redundant_envs.algebra, not those of math "
+        "and NumPy"
     )
     __floordiv__ = __rfloordiv__ = _refused("write floor(a / b) instead of a // b")
     __mod__ = __rmod__ = _refused("write a - b * floor(a / b) instead of a % b")

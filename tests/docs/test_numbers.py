@@ -11,7 +11,7 @@ import pytest
 from markdown import MANUAL, PAGES, ROOT, blocks, prose, text
 
 from redundant_envs.envs.registration import id_of
-from redundant_envs.events import resolution
+from redundant_envs.events import contacts
 from redundant_envs.lane import step_control
 from redundant_envs.numerics import error_control
 from redundant_envs.scene import ACCURACIES
@@ -102,7 +102,7 @@ def test_the_default_accuracy_is_what_every_id_has():
 def test_budgets_are_those_of_the_code():
     budgets = {
         r"(\d+) impacts or more has to give the same result": error_control.CHECKED_IMPACTS,
-        r"more than (\d+) impacts": resolution.MOST_IMPACTS,
+        r"more than (\d+) impacts": contacts.MOST_IMPACTS,
         r"(\d\d [\d]{3}) pieces of motion": step_control.MOST_TRIALS,
     }
     for pattern, number in budgets.items():

@@ -10,7 +10,6 @@ from redundant_envs import effects as e
 from redundant_envs.algebra import floor, maximum, minimum, physics, where
 from redundant_envs.events import crossings
 from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.interval import Interval
 from redundant_envs.lane.kinks import levels_of
 from redundant_envs.numerics.methods import Watched
 from redundant_envs.studies.kinked_effects import QuadraticDrag, VelocityController
@@ -136,7 +135,7 @@ MET = [
 
 @pytest.mark.parametrize(("stages", "levels", "met"), MET)
 def test_a_kink_is_met_where_its_value_passes_0_or_may_do_so_between_stages(stages, levels, met):
-    overshoot = Interval(Dynamics(scene(QuadraticDrag(0.1)))).features.overshoot
+    overshoot = Dynamics(scene(QuadraticDrag(0.1))).overshoot
     seen, hidden = crossings.meets_kink(Watched(*stages), levels, overshoot)
     assert bool(seen) == (met == "seen")
     assert bool(hidden) == (met == "hidden") or met in ("seen", "not seen")

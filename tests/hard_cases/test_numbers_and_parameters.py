@@ -228,7 +228,7 @@ def test_46_starts_at_and_beyond_limits(subject):
             try:
                 make().reset(options={"q": q})
             except ValueError as error:
-                refused += "its travel is [0, 0.25]" in str(error)
+                refused += "its stops are at 0 and 0.25 m" in str(error)
     yield Figure("the number of starts 1e-9 m beyond a stop that are refused", refused, at_least=4)
 
     data = rde.load_scene("four_r_reach").to_dict()

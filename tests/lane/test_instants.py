@@ -7,7 +7,6 @@ import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.lane.direct import cross_interval, fields_of
 from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.features import SceneFeatures
 from redundant_envs.lane.interval import Interval
 
 FOUR_R = rde.FourR(masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3, 0.5, 0.4, 0.6))
@@ -39,7 +38,7 @@ def crossed(made, state, cuts=()):
 
 @pytest.fixture
 def two_cuts(monkeypatch):
-    monkeypatch.setattr(SceneFeatures, "instants", ("cut0", "cut1"))
+    monkeypatch.setattr(Dynamics, "instants", ("cut0", "cut1"))
 
 
 @pytest.mark.parametrize("arm", [FOUR_R, RPRP])

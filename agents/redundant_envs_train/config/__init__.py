@@ -3,20 +3,10 @@
 from .fields import Model, Real, Text, Whole, checked, number, value
 from .files import complete, config_of, help_of_keys, load, read
 from .learners import HERSettings, OffPolicySettings, PlainPPOSettings, TD3Settings, TQCSettings
-from .run import (
-    ALGORITHMS,
-    MOST_EPISODES,
-    MOST_SEEDS,
-    SEEDS_PER_RUN,
-    WITHOUT_EFFECT,
-    Config,
-    first_environment_seed,
-    label,
-)  # fmt: skip
+from .run import ALGORITHMS, MOST_EPISODES, MOST_SEEDS, WITHOUT_EFFECT, Config
 
 __all__ = [
-    "ALGORITHMS", "MOST_EPISODES", "MOST_SEEDS", "SEEDS_PER_RUN", "WITHOUT_EFFECT", "Config", "HERSettings",
-    "Model", "OffPolicySettings", "PlainPPOSettings", "Real", "TD3Settings", "TQCSettings", "Text", "Whole", "checked",
-    "complete", "config_of", "first_environment_seed", "help_of_keys", "label", "load", "number",
-    "read", "value",
+    "ALGORITHMS", "MOST_EPISODES", "MOST_SEEDS", "WITHOUT_EFFECT", "Config", "HERSettings", "Model",
+    "OffPolicySettings", "PlainPPOSettings", "Real", "TD3Settings", "TQCSettings", "Text", "Whole", "checked",
+    "complete", "config_of", "help_of_keys", "load", "number", "read", "value",
 ]  # fmt: skip

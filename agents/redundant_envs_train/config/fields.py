@@ -14,8 +14,7 @@ with needs("train"):
     from pydantic.fields import FieldInfo
     from pydantic_core import PydanticCustomError
 
-LARGEST_WHOLE = 2**53
-"""Largest whole number in a configuration: every float up to it is exact."""
+LARGEST_WHOLE = 2**53  # largest whole number in a configuration: every float up to it is exact
 
 
 def _whole(value: Any) -> int:

@@ -23,18 +23,12 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Config:
 
 
 def config_of(data: dict[str, Any]) -> Config:
-    """A configuration from plain data of this version."""
-    check_version(data)
-    config: Config = checked(Config, data)
-    return config
-
-
-def check_version(data: dict[str, Any]) -> None:
-    """Refuse a configuration of another version, and name the changes since."""
+    """A configuration from plain data of this version; for another one the error names the changes since."""
     found = data.get("config_version", 1)
     whole = isinstance(found, int) and not isinstance(found, bool)
     if whole and found == VERSION:
-        return
+        config: Config = checked(Config, data)
+        return config
     if not (whole and 1 <= found < VERSION):
         raise ValueError(f"config_version is {shown(found)}; this program reads {VERSION}")
     changed = " ".join(f"Version {v}: {CHANGES[v]}." for v in range(found + 1, VERSION + 1))

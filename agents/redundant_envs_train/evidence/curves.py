@@ -15,11 +15,9 @@ from redundant_envs.tables import write_rows
 
 from ..run_folder import SELECTION
 from ..statistics import LEAST_RUNS, interquartile_mean, run_interval
-from .run_table import read_groups
-from .runs import Group, Run
+from .runs import Group, Run, read_groups
 
-AXES = {"steps": "env_steps", "seconds": "seconds"}
-"""Name of an x axis -> its column of selection.csv."""
+AXES = {"steps": "env_steps", "seconds": "seconds"}  # name of an x axis -> its column of selection.csv
 MEASURES = {"hold_success": "expert_hold_success", "touch_success": "", "return": "expert_mean_return"}
 """Column of selection.csv -> computed torque's entry in evaluation.json, if it has one."""
 LABELS = {"steps": (1e-6, "environment steps, millions"), "seconds": (1.0, "training time, s")}
@@ -32,16 +30,12 @@ LEARNER_COLORS = {"PPO": "#0072B2", "SAC": "#D55E00", "HER": "#009E73"}
 """Learners of the same colour in all figures."""
 COLORS = ("#CC79A7", "#E69F00", "#56B4E9", "#999999", "#8C564B", *LEARNER_COLORS.values())
 """Colours of the others. Most are Okabe and Ito's, for colour-blind readers; black is computed torque's."""
-STYLES = ("-", "-.", ":")
-"""Styles of the lines, if there are more learners than colours."""
+STYLES = ("-", "-.", ":")  # styles of the lines, if there are more learners than colours
 TICKS = (1.0, 0.0, 0.9, 0.99, 0.5, 0.999, 0.98, 0.95, 0.8, 0.998)
 """Rates that are labelled, the most important first."""
-CLOSEST = 0.075
-"""Least distance of two labels, as a fraction of the axis."""
-SPREAD = 3.0
-"""A panel's x axis is logarithmic if its longest curve is more than this many times its shortest."""
-LONG = 30
-"""Number of characters from which on an entry of the legend needs more than a sixth of the width."""
+CLOSEST = 0.075  # least distance of two labels, as a fraction of the axis
+SPREAD = 3.0  # a panel's x axis is logarithmic if its longest curve is more than this many times its shortest
+LONG = 30  # number of characters from which on an entry of the legend needs more than a sixth of the width
 ENDINGS = (".png", ".svg")
 TABLE = (
     "environment", "scene", "learner", "seeds", "axis", "x",

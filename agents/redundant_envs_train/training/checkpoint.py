@@ -21,7 +21,7 @@ from redundant_envs.extras import needs
 from redundant_envs.values import shown
 
 from .. import command, train_again
-from ..new_folder import CHECKPOINT, OLD_CHECKPOINT, STATE, find_checkpoint
+from ..run_folder import CHECKPOINT, OLD_CHECKPOINT, STATE, find_checkpoint
 
 with needs("train"):
     import torch
@@ -32,8 +32,7 @@ TABLES = ("selection.csv", "monitor.csv")
 """Files of a run that grow, and are cut back to their earlier length."""
 PLAIN = ("num_timesteps", "_n_updates", "_episode_num", "_current_progress_remaining")
 """Counters of stable-baselines3's algorithms."""
-MOST = 1e18
-"""Largest number of a run."""
+MOST = 1e18  # largest number of a run
 LAST = ("_last_obs", "_last_original_obs", "_last_episode_starts")
 EPISODES = ("ep_info_buffer", "ep_success_buffer")
 MONITOR = ("episode_returns", "episode_lengths", "episode_count")

@@ -7,16 +7,14 @@ import queue
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 from redundant_envs.extras import needs
 
 from ..config import Config, checked
-from ..new_folder import check_out, find_checkpoint
-from ..own_scene import difference
-from ..run_folder import read_config, read_evaluation, read_facts
+from ..run_folder import check_out, difference, find_checkpoint, read_config, read_evaluation, read_facts
 from ..start import with_start
-from .interrupt import Request
 from .pool import POLL, News, count_of, follow, places, settle, start
 
 with needs("train"):
@@ -62,11 +60,11 @@ def check_same(config: Config, folder: Path) -> None:
         )
 
 
-def _reports(names: Sequence[str], workers: Sequence[Any], news: Any, stop: Request) -> Iterator[News]:
+def _reports(names: Sequence[str], workers: Sequence[Any], news: Any, stop: Event) -> Iterator[News]:
     """Reports of the processes; runs whose processes ended without one have failed."""
     left, told = list(names), False
     while left:
-        if stop.made and not told:
+        if stop.is_set() and not told:
             told = True
             for worker in workers:
                 worker.terminate()
@@ -128,8 +126,7 @@ def is_finished(folder: Path) -> bool:
 
 def finish(config: Config, folder: Path, progress: Progress) -> None:
     """Train, evaluate and report a configuration, as far as this is not done yet."""
-    from ..evaluate import evaluate, write_evaluation
-    from ..report import report
+    from ..report import evaluate, report, write_evaluation
     from .train import resume, train
 
     if is_finished(folder):

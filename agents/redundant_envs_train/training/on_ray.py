@@ -16,6 +16,7 @@ import tarfile
 import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from threading import Event
 from typing import Any, NamedTuple
 
 from redundant_envs import __version__
@@ -24,8 +25,7 @@ from redundant_envs.modules import IMPORTED, OPTION
 from redundant_envs.values import shown
 
 from ..config import Config, checked
-from ..new_folder import check_new, check_out
-from .interrupt import Request
+from ..run_folder import check_new, check_out
 from .many import Teller, check_same, finish, is_finished, result_of
 from .pool import POLL, News, count_of, follow
 
@@ -35,16 +35,11 @@ with needs("ray"):
     import ray
     from ray.util.queue import Queue
 
-LOCAL = "local"
-"""Ray's name of a cluster of this machine alone."""
-RETRIES = 2
-"""Number of machines of a cluster that a run may lose before it counts as failed."""
-CONNECTING = 10.0
-"""s; time limit for reaching the address of a cluster."""
-INCOMING = ".incoming"
-"""Folder beside the runs, in which a run is written before it gets its final name."""
-MOST_CHARACTERS = 300
-"""Most characters of a failure in a message."""
+LOCAL = "local"  # Ray's name of a cluster of this machine alone
+RETRIES = 2  # number of machines of a cluster that a run may lose before it counts as failed
+CONNECTING = 10.0  # s; time limit for reaching the address of a cluster
+INCOMING = ".incoming"  # folder beside the runs, in which a run is written before it gets its final name
+MOST_CHARACTERS = 300  # most characters of a failure in a message
 
 
 def train_on_ray(
@@ -115,7 +110,7 @@ def _cluster(place: str, count: int) -> Iterator[None]:
         ray.shutdown()
 
 
-def _reports(configs: Mapping[str, Config], folder: Path, stop: Request) -> Iterator[News]:
+def _reports(configs: Mapping[str, Config], folder: Path, stop: Event) -> Iterator[News]:
     """Submit unfinished runs as tasks, report on them, and write the returned folders."""
     board = Queue(actor_options={"num_cpus": 0, "max_restarts": -1})
     running: dict[Any, str] = {}
@@ -134,7 +129,7 @@ def _reports(configs: Mapping[str, Config], folder: Path, stop: Request) -> Iter
             yield name, 1.0, _short(error), True
     told = False
     while running:
-        if stop.made and not told:  # each saves a checkpoint, ends, and returns its files
+        if stop.is_set() and not told:  # each saves a checkpoint, ends, and returns its files
             told = True
             for task in running:
                 ray.cancel(task)

@@ -1,10 +1,12 @@
-"""Several runs at a time: their seeds, the protocol of a place where they go on, and following them."""
+"""Requests to end a training in order, and several runs at a time: their seeds, places and progress."""
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import signal
+import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
@@ -12,14 +14,43 @@ from redundant_envs.modules import IMPORTED, import_named
 from redundant_envs.progress import progress_bars
 
 from ..config import MOST_SEEDS
-from .interrupt import Request, Stopped, stop_request
 
-POLL = 0.2
-"""s; longest time without a look whether the user asked to stop."""
+POLL = 0.2  # s; longest time without a look whether the user asked to stop
 MOST_PROCESSES = 1024
-News = tuple[str, float, str, bool]
-"""Name of a run, share done (1.0: it ended), note, whether it failed."""
-Pool = Callable[[Request], Iterator[News]]
+News = tuple[str, float, str, bool]  # name of a run, share done (1.0: it ended), note, whether it failed
+
+
+class Stopped(KeyboardInterrupt):
+    """A run was stopped by its user; the message says what was kept and how to continue."""
+
+
+@contextlib.contextmanager
+def stop_request() -> Iterator[threading.Event]:
+    """Within this context the first SIGINT or SIGTERM is kept as a request; a second one interrupts at once.
+
+    In a thread other than the main one, which receives no signals, the request is never made.
+    """
+    request = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield request
+        return
+
+    def note(number: int, frame: object) -> None:
+        if request.is_set():
+            raise KeyboardInterrupt
+        request.set()
+
+    # a signal that is ignored, as by nohup or in a worker, stays ignored
+    heard = [n for n in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(n) is not signal.SIG_IGN]
+    before = {number: signal.signal(number, note) for number in heard}
+    try:
+        yield request
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler or signal.SIG_DFL)
+
+
+Pool = Callable[[threading.Event], Iterator[News]]
 """A place where runs go on: its reports until all have ended. On request each saves a checkpoint and ends."""
 
 
@@ -33,7 +64,7 @@ def follow(names: Sequence[str], pool: Pool) -> None:
                 failures.append(f"{name}: {note}")
             bars.start_task(lines[name])
             bars.update(lines[name], completed=share, note=f"failed: {note}" if failed else note)
-    if stop.made:
+    if stop.is_set():
         raise Stopped("stopped; the same command with the same --out goes on")
     if failures:
         raise ValueError(

@@ -18,8 +18,7 @@ from ..training.pool import POLL, places, settle, start
 with needs("train"):
     from rich.progress import Progress
 
-PATIENCE = 20.0
-"""s; grace period before a process is killed."""
+PATIENCE = 20.0  # s; grace period before a process is killed
 
 
 class Pruned(Exception):

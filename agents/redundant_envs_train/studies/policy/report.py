@@ -10,26 +10,15 @@ from typing import Any
 import numpy as np
 
 from redundant_envs.figures import bare, new_figure, save_figure
-from redundant_envs.tables import markdown, write_rows
+from redundant_envs.tables import write_rows
 
 from ... import COMMAND
 from ...pages import page
+from . import words
 from .episodes import TIMING_REPEATS
 from .run import ArmResult, Row, save_scenes, stamp
 from .settings import Study, slug
-from .words import (
-    LOOKS,
-    Difference,
-    conclusion,
-    hold_difference,
-    percent,
-    physics_sentence,
-    plain,
-    return_difference,
-    signed,
-    training_sentence,
-    trouble,
-)  # fmt: skip
+from .words import LOOKS, Difference, hold_difference, percent, plain, reference_of, return_difference, signed
 
 PHYSICS_COLUMNS = (
     "arm", "env", "policy", "physics", "stepping", "reference", "episodes", "seed", "resamples",
@@ -47,51 +36,6 @@ DIFFERENCE_COLUMNS = (
     "arm", "env", "measure", "cheap", "policies_each", "mean_cheap", "mean_preset", "difference", "low",
     "high", "permutation_p", "reference", "resamples",
 )  # fmt: skip
-
-
-def physics_table(rows: Sequence[Mapping[str, Any]], study: Study) -> str:
-    """Markdown table, a row per physics."""
-    reference = next(row for row in rows if row["physics"] == study.reference)
-    minus, lines = f"minus {study.reference}", []
-    for row in rows:
-        if row.get("refused"):
-            lines.append((row["physics"], "cannot", *[""] * 9))
-            continue
-        hold, gain = "reference", "reference"
-        if row is not reference:
-            h, g = hold_difference(row, study), return_difference(row, study, reference)
-            hold, gain = (f"{signed(d.value)} ({signed(d.low)} to {signed(d.high)})" for d in (h, g))
-        lines.append(
-            (
-                row["physics"], row["stepping"], percent(row["hold_success"]), hold,
-                f"{row['lost']}, {row['won']}", f"{row['mean_return']:.2f}", gain,
-                plain(row["median_abs_return_difference"]), row["ended"], plain(row["evaluations_per_step"]),
-                f"{row['ns_per_step']:.0f}",
-            )
-        )  # fmt: skip
-    head = (
-        "physics", "stepped by", "hold success", f"{minus}, points", "held only there, here", "mean return",
-        minus, "median of abs. differences", "ended early", "evaluations per control step",
-        "ns per control step",
-    )  # fmt: skip
-    return markdown(head, lines)
-
-
-def training_table(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Markdown table, a row per trained policy."""
-    reference = rows[0]["reference"]
-    head = (
-        "trained under", "stepped by", "seed", f"hold success under {reference}",
-        f"mean return under {reference}", "hold success under its own", "mean return under its own",
-        "ended early under its own", "train seconds",
-    )  # fmt: skip
-    lines = (
-        (r["trained_under"], r["stepping"], r["train_seed"], percent(r["hold_success"]),
-         f"{r['mean_return']:.2f}", percent(r["own_hold_success"]), f"{r['own_mean_return']:.2f}",
-         r["own_ended"], f"{r['train_seconds']:.0f}")
-        for r in sorted(rows, key=lambda r: r["trained_under"] == "preset")
-    )  # fmt: skip
-    return markdown(head, lines)
 
 
 def write_report(study: Study, results: Sequence[ArmResult], folder: Path) -> Path:
@@ -116,28 +60,17 @@ def write_report(study: Study, results: Sequence[ArmResult], folder: Path) -> Pa
 
 def report_text(study: Study, results: Sequence[ArmResult], about: Mapping[str, str]) -> str:
     """report.md."""
-    parts = []
-    for result in results:
-        reference = next(row for row in result.rows if row["physics"] == study.reference)
-        parts.append((result, reference, [row for row in result.rows if row is not reference]))
     return page(
-        "policy_study", study=study, results=parts,
+        "policy_study", study=study, results=[(arm, reference_of(arm.rows, study)) for arm in results],
         about=", ".join(f"{k} {v}" for k, v in about.items() if v), repeats=TIMING_REPEATS, command=COMMAND,
-        all_given=all(arm.run for arm in study.arms.values()),
-        **{f.__name__: f for f in (
-            conclusion, percent, physics_sentence, physics_table, slug, training_sentence, training_table,
-            trouble,
-        )},
+        all_given=all(arm.run for arm in study.arms.values()), slug=slug, words=words,
     )  # fmt: skip
 
 
 def _write(path: Path, rows: Sequence[Row], columns: Sequence[str], about: Mapping[str, str]) -> None:
-    write_rows([{**about, **_short(row)} for row in rows], (*about, *columns), path)
-
-
-def _short(row: Row) -> Row:
-    """Floats with 8 digits."""
-    return {k: float(f"{v:.8g}") if isinstance(v, float) else v for k, v in row.items()}
+    """Write rows as CSV, floats with 8 digits."""
+    short = [{k: float(f"{v:.8g}") if isinstance(v, float) else v for k, v in row.items()} for row in rows]
+    write_rows([{**about, **row} for row in short], (*about, *columns), path)
 
 
 def _write_episodes(path: Path, result: ArmResult, study: Study, about: Mapping[str, str]) -> None:
@@ -163,7 +96,7 @@ def _number(x: Any) -> float:
 
 def figure(result: ArmResult, study: Study, about: Mapping[str, str]) -> Any:
     """Differences of hold success and return from the reference, with intervals, per physics."""
-    reference = next(row for row in result.rows if row["physics"] == study.reference)
+    reference = reference_of(result.rows, study)
     rows = [row for row in result.rows if row is not reference and not row.get("refused")]
     drawn = new_figure(7.0, 2.4 + 0.45 * len(rows))
     panels = drawn.subplots(1, 2, sharey=True)

@@ -18,11 +18,10 @@ from redundant_envs.machine import versions
 from redundant_envs.progress import progress_bars
 
 from ...config import Config, load
-from ...own_scene import difference as other_scene
-from ...own_scene import own_config
 from ...policies import load_policy
 from ...rollout import policy_act, run_episodes
-from ...run_folder import SELECTION, read_config, read_facts, read_table
+from ...run_folder import SELECTION, own_config, read_config, read_facts, read_table
+from ...run_folder import difference as other_scene
 from ...training.train import simulator_hash, train
 from .episodes import Evaluation, compare, compare_groups, evaluate_under, figures, held, stepping
 from .settings import Study, slug
@@ -106,16 +105,18 @@ def plan(study: Study, name: str, folder: Path) -> Plan:
         for label, config in ((arm.cheap, cheap), ("preset", own)):
             trainings.append((label, config, runs / f"{slug(name)}_{slug(label)}_seed{seed}"))
     for config, kept in [(preset, run)] * (not arm.run) + [(c, f) for _, c, f in trainings]:
-        if kept.exists():
-            check_kept(config, kept)
+        core = make_sb3(config.env, 1, **config.env_kwargs).core
+        if kept.exists() and (
+            read_config(kept).to_dict() != config.to_dict() or is_of_other_simulator(kept, core)
+        ):
+            raise ValueError(
+                f"{kept} holds a run of another configuration or simulator; choose another --out or delete it"
+            )
     return Plan(name, preset, run, bool(arm.run), kwargs, refused, trainings)
 
 
 def run_study(study: Study, folder: Path, trust: bool = False) -> list[ArmResult]:
-    """Run the whole study; training runs are kept in ``folder``/runs and continued.
-
-    ``trust`` is as in :func:`load_policy`.
-    """
+    """Run the whole study; training runs are kept in ``folder``/runs. ``trust``: see load_policy."""
     plans = [plan(study, name, folder) for name in study.arms]
     results = []
     with progress_bars() as bars:
@@ -200,15 +201,6 @@ def difference(study: Study, p: Plan, trained: list[Row], measure: str) -> Row:
         **compare_groups(a, b, study.resamples), "reference": study.reference,
         "resamples": study.resamples,
     }  # fmt: skip
-
-
-def check_kept(config: Config, folder: Path) -> None:
-    """Refuse a run that an earlier study left in a folder, unless this study would train the same."""
-    core = make_sb3(config.env, 1, **config.env_kwargs).core
-    if read_config(folder).to_dict() != config.to_dict() or is_of_other_simulator(folder, core):
-        raise ValueError(
-            f"{folder} holds a run of another configuration or simulator; choose another --out or delete it"
-        )
 
 
 def is_of_other_simulator(folder: Path, core: Core) -> bool:

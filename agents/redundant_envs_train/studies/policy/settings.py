@@ -21,8 +21,7 @@ from ...rollout import STUDY_SEED
 with needs("train"):
     from pydantic import PlainValidator, model_validator
 
-STEPPING = ("integrator", "substeps", "tolerance")
-"""Keys of a scene about the stepping of its physics."""
+STEPPING = ("integrator", "substeps", "tolerance")  # keys of a scene about the stepping of its physics
 
 
 def _accuracy(value: Any) -> str | float | None:
