@@ -272,15 +272,3 @@ def test_what_cannot_act_is_refused(what):
     for word in words:
         assert word in str(error.value)
     assert short(str(error.value))
-
-
-def test_a_slider_beyond_its_stop_is_refused():
-    batch = rde.BatchSimulator(rde.Scene(RPRP, (e.PrismaticStop((0.0, 0.0), (0.3, 0.3)),)), 3)
-    q = np.tile([0.0, 0.1, 0.0, 0.1], (3, 1))
-    batch.set_state(q, np.zeros(4))
-    q[1, 3] = 0.31
-    with pytest.raises(ValueError, match=r"r2 is 0.31 m; its stops are at 0 and 0.3 m"):
-        batch.set_state(q, np.zeros(4))
-    with pytest.raises(ValueError, match=r"r1 is 0.1 m; its stops are at 0 and 0.05"):
-        batch.set_parameters({"prismatic_stop.upper": [0.05, 0.3]}, index=[2])
-    np.testing.assert_array_equal(batch.q[:, [1, 3]], 0.1)
