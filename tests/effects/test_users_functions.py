@@ -1,4 +1,4 @@
-"""Functions of users that are allowed act as their code says; ``test_refused.py`` has those that are not."""
+"""Functions of users that are allowed act as their code says; ``test_refused_effects.py`` has those that are not."""
 
 import functools
 

@@ -73,10 +73,10 @@ def a_condition(x):
     return x > 0.0
 
 
-LINE = f"test_refused.py:{with_branch.__code__.co_firstlineno + 2}"
+LINE = f"test_refused_effects.py:{with_branch.__code__.co_firstlineno + 2}"
 TANH = "it calls tanh; write 1.0 - 2.0 / (exp(2.0 * x) + 1.0)"
 FUNCTIONS = {
-    tanh_of_math: ("tanh_of_math (", "test_refused.py:", "sqrt, exp", "of redundant_envs.algebra", TANH),
+    tanh_of_math: ("tanh_of_math (", "test_refused_effects.py:", "sqrt, exp", "of redundant_envs.algebra", TANH),
     bare_tanh: ("bare_tanh (", TANH),
     tanh_of_numpy: ("tanh_of_numpy (", TANH, "of redundant_envs.algebra"),
     with_default: ("'k'", "bind a number of the effect"),
