@@ -76,7 +76,7 @@ def a_condition(x):
 LINE = f"test_refused_effects.py:{with_branch.__code__.co_firstlineno + 2}"
 TANH = "it calls tanh; write 1.0 - 2.0 / (exp(2.0 * x) + 1.0)"
 FUNCTIONS = {
-    tanh_of_math: ("tanh_of_math (", "test_refused_effects.py:", "sqrt, exp", "of redundant_envs.algebra", TANH),
+    tanh_of_math: ("tanh_of_math (", "effects.py:", "sqrt, exp", "of redundant_envs.algebra", TANH),
     bare_tanh: ("bare_tanh (", TANH),
     tanh_of_numpy: ("tanh_of_numpy (", TANH, "of redundant_envs.algebra"),
     with_default: ("'k'", "bind a number of the effect"),

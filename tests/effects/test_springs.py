@@ -234,8 +234,8 @@ def test_lanes_with_limits_of_their_own_have_them():
     batch.set_parameters({"limit_spring.r1.upper": uppers})
     batch.set_state(q, qd)
     batch.advance(efforts)
-    for k, upper in enumerate(uppers):
-        own = scene(RPRP, dataclasses.replace(near, upper=upper), far, tolerance=1e-9)
+    for k in (0, 6, 11, 15):
+        own = scene(RPRP, dataclasses.replace(near, upper=uppers[k]), far, tolerance=1e-9)
         alone, _, _ = advance(own, q[k], qd[k], efforts[k : k + 1])
         assert (alone[0] == batch.q[k]).all()
 

@@ -1,14 +1,13 @@
-"""Functions of users that are allowed act as their code says; ``test_refused_effects.py`` has those that are not."""
+"""Functions of users that are allowed act as their code says; ``test_refused_effects.py`` has the others."""
 
 import functools
 
 import numpy as np
 import pytest
-from notebooks import ARM, HELPER, Q0, QD0, SPRING, acts_as, cell, end_of, notebook, user_module
+from notebooks import ARM, HELPER, Q0, QD0, SPRING, acts_as, notebook, user_module
 
 import redundant_envs as rde
 from redundant_envs.algebra import exp, physics, sincos, where
-from redundant_envs.effects.hooks import Effect, Force
 from redundant_envs.model.energy import kinetic_energy, potential_energy
 
 PHI2 = Q0[1] - Q0[0]
@@ -173,13 +172,3 @@ def test_a_function_whose_code_is_replaced_is_the_new_one():
         shape.__code__ = names["shape"].__code__
         bind = {"x": "phi2"} if number == 10 else {"x": "phi2", "rate": "phid2"}
         assert acts_as(shape, force, **bind)
-
-
-def test_an_effect_may_be_all_of_a_users_own():
-    """Its force is that of another one of the same numbers, written in another way."""
-
-    class Inner(Effect):
-        def hooks(self, arm):
-            return (Force(1, physics(lambda position: -2.0 * position), {"position": "phi2"}),)
-
-    np.testing.assert_array_equal(end_of(Inner()), end_of(cell(50, "Spring", 2, 2.0 / 1.5)))
