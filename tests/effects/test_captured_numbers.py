@@ -219,18 +219,6 @@ def test_what_only_binds_is_allowed(hooks):
     assert scene_with(hooks).parameters()["own.k"] == 1.5
 
 
-def test_bound_numbers_are_what_set_parameters_changes():
-    """The fix that the message names, to the bit."""
-    batch = rde.BatchSimulator(scene_of(lambda s: (bound(),)), 2)
-    batch.set_parameters({"own.k": [[1.5], [4.0]]})
-    other = rde.BatchSimulator(scene_of(lambda s: (bound(),), value=4.0), 1)
-    for b in (batch, other):
-        b.set_state(np.tile((0.3, 0.1, 0.2, 0.1), (b.num_envs, 1)), np.ones((b.num_envs, 4)))
-        b.advance()
-    np.testing.assert_array_equal(batch.q[1], other.q[0])
-    assert not (batch.q[0] == batch.q[1]).all()
-
-
 @pytest.mark.parametrize("numbers", [(-np.inf, 0.5, 0.5), (0.0, 0.5, 1.0)])
 def test_an_effect_of_two_stops_may_leave_an_end_out(numbers):
     """Whether an end is infinite says only from where starts are drawn."""
