@@ -6,7 +6,7 @@ acceleration there. Accelerations come from the dynamics that are compiled, run 
 
 import functools
 
-import exact_numbers  # noqa: F401
+import exact_numbers  # noqa: F401 - lets mpmath's numbers be numbers
 import mpmath
 from lanes_of_numbers import constants
 

@@ -218,7 +218,8 @@ def test_a_damping_that_depends_on_a_rate_needs_steps_from_the_first_interval_on
     _, _, status = advance(made, np.zeros((2, 4)), [[0.01, 0.0, 0.0, 0.0], [4.0, 0.0, 0.0, 0.0]])
     calm, fast = status.evaluations / 12
     assert calm == 1
-    assert fast >= 2.0 * 5.0 * 4.0 * mobility * 0.02 > 2
+    least = 2.0 * 5.0 * 4.0 * mobility * 0.02
+    assert fast == 2.0 ** math.ceil(math.log2(least)) > 2  # none was tried in vain
 
 
 # ---- beside others --------------------------------------------------------------------------------------
@@ -249,8 +250,8 @@ def test_lanes_with_limits_of_their_own_have_them():
     batch.set_parameters({"limit_spring.r1.upper": uppers})
     batch.set_state(q, qd)
     batch.advance(efforts)
-    for k, upper in enumerate(uppers):
-        own = scene(RPRP, dataclasses.replace(near, upper=upper), far, tolerance=1e-9)
+    for k in (0, 6, 11, 15):
+        own = scene(RPRP, dataclasses.replace(near, upper=uppers[k]), far, tolerance=1e-9)
         alone, _, _ = advance(own, q[k], qd[k], efforts[k : k + 1])
         assert (alone[0] == batch.q[k]).all()
 
