@@ -18,10 +18,8 @@ from redundant_envs.scene import Scene
 from redundant_envs.values import shown
 
 FRAMES_PER_SECOND = 25
-TRAIL_SECONDS, TRAIL_POINTS = 2.0, 50
-"""How long the tip's way is shown, and by how many points at most."""
-BORDER = 1.08
-"""Half of a picture's width, in units of the farthest distance of a point from the base."""
+TRAIL_SECONDS, TRAIL_POINTS = 2.0, 50  # how long the tip's way is shown, and by how many points at most
+BORDER = 1.08  # half of a picture's width, in units of the farthest distance of a point from the base
 
 
 def animate(trajectory: Trajectory, index: int | tuple[int, ...] | None = None) -> Animation:

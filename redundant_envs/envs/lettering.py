@@ -9,12 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-CAPITAL = 6.0
-"""Height of a digit on the grid; the base line is at y = 6, and y points down."""
-GAP = 1.5
-"""Between two letters, in units of the grid."""
-STROKE = 0.85
-"""Width of a stroke, in units of the grid."""
+CAPITAL = 6.0  # height of a digit on the grid; the base line is at y = 6, and y points down
+GAP = 1.5  # between two letters, in units of the grid
+STROKE = 0.85  # width of a stroke, in units of the grid
 GLYPHS = {
     " ": (1.4, ""),
     ".": (0.2, "0,5.8 0,6"),

@@ -34,8 +34,7 @@ class Made(NamedTuple):
 SCENES: dict[str, Any] = {"RPRP": "rprp_reach", "FourR": "four_r_reach"}
 """Scene of each arm in its environments."""
 TASKS = ["Reach", "GoalReach"]
-IDS: dict[str, Made] = {}
-"""All ids."""
+IDS: dict[str, Made] = {}  # all ids
 HOMES: dict[tuple[str, str], str] = {}
 """("arm" or "task", its name) -> the module of its class, for those registered from outside."""
 

@@ -17,11 +17,9 @@ Point = NDArray[np.float64]
 Color = tuple[float, float, float]
 
 INK, SOFT = "#1c2434", "#8a93a3"
-SLIDER_POSE = np.array([0.82, 0.36, -0.6, 0.32])
-"""theta1, r1, theta2, r2 of the drawn RPRP arm; rad, m."""
+SLIDER_POSE = np.array([0.82, 0.36, -0.6, 0.32])  # theta1, r1, theta2, r2 of the drawn RPRP arm; rad, m
 SLIDER_TRAVEL = 0.7
-FOUR_POSE = np.array([1.2, 0.62, -0.62, 0.72])
-"""theta1 to theta4 of the drawn 4R arm, rad."""
+FOUR_POSE = np.array([1.2, 0.62, -0.62, 0.72])  # theta1 to theta4 of the drawn 4R arm, rad
 LENGTH = 0.68
 LEGEND = ("Angles are absolute, from the direction of +x.", "A motor acts at every joint.")
 OF_SLIDERS = "Grey rails are the travel of the sliders between their stops."
