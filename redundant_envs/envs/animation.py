@@ -83,10 +83,8 @@ class Animation:
         self._limits = np.array([values[name] for name in scene.action_units()])
 
     def __repr__(self) -> str:
-        return (
-            f"<Animation of {self._scene.robot.kind}, {self._t[-1] - self._t[0]:g} s; save('file.gif') or "
-            "save('file.mp4') writes it>"
-        )
+        what = f"{self._scene.robot.kind}, {self._t[-1] - self._t[0]:g} s"
+        return f"<Animation of {what}; save('file.gif') or save('file.mp4') writes it>"
 
     def _repr_html_(self) -> str:
         """A video that a notebook shows."""
@@ -97,12 +95,7 @@ class Animation:
     def save(self, path: str | Path) -> Path:
         """Write it as a GIF or an MP4, by the ending of the file's name; gives the path.
 
-        Raises
-        ------
-        ValueError
-            If the name ends in neither.
-        MissingPackage
-            If the extra ``plot`` is not installed.
+        A ValueError if the name ends in neither; a MissingPackage if the extra ``plot`` is not installed.
         """
         path = Path(path)
         check_clip(path)

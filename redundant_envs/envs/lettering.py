@@ -54,19 +54,9 @@ def from_segment(x: Any, y: Any, dx: Any, dy: Any) -> Any:
 
 @lru_cache(maxsize=512)
 def cover(text: str, height: float) -> NDArray[np.float32]:
-    """How much of each pixel a line of text covers, (rows, columns), 0 to 1.
+    """How much of each pixel a line of text covers, (rows, columns), 0 to 1; two are free around the text.
 
-    Parameters
-    ----------
-    text : str
-        Of the characters in ``GLYPHS``.
-    height : float
-        Of a digit, in pixels. Two pixels are free around the text.
-
-    Raises
-    ------
-    ValueError
-        A character has no glyph.
+    ``height`` is that of a digit, px. ValueError if a character has no glyph.
     """
     lacking = sorted(set(text) - GLYPHS.keys())
     if lacking:
