@@ -138,6 +138,13 @@ def test_a_slider_with_one_stop_needs_a_spring_at_its_other_end_and_reach_counts
         begin(env, {"goal": (1.2, 0.0)})
 
 
+def test_goals_have_no_bounds_where_sliders_have_springs_alone():
+    springs = limited(ID, ("r1", 0.0, 0.25), ("r2", 0.0, 0.25), stop=False)
+    for scene, bounded in (("rprp_reach", True), (springs, False)):
+        space = gym.make("redundant_envs/RPRPGoalReach-v0", scene=scene).observation_space
+        assert (np.isfinite(space["desired_goal"].high) == bounded).all()
+
+
 # ---- motions at stops ----------------------------------------------------------------------------------
 
 
