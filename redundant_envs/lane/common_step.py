@@ -65,7 +65,8 @@ class CommonStep:
         turning = [abs(lane[v]) for v, slides in zip(arm.rates, arm.prismatic, strict=True) if not slides]
         rates = [lane.least_step_rate] if "least_step_rate" in self.dynamics.prepared else []
         here = coordinates.quantities_of_arm(self.dynamics, lane)
-        rates += required_steps.rates_of_motion(self.dynamics.scene, lane, here)
+        numbers = coordinates.numbers_of(self.dynamics, lane)
+        rates += required_steps.rates_of_motion(self.dynamics.scene, lane, here, numbers)
         fastest, most = (reduce(maximum, found or [0.0]) for found in (turning, rates))
         return estimates.least_steps(fastest, most, lane.interval)
 

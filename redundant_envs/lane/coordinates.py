@@ -23,7 +23,12 @@ def quantities_of_arm(dynamics: Dynamics, lane: Lane, form: str = "{}", *more: A
     """Quantities of the arm from the fields of a form, by its functions and ``more``."""
     arm, states = dynamics.arm, lane.get(dynamics.states, of=form)
     known = dict(zip(dynamics.states, states, strict=True))
-    return Quantities(known, (*arm.functions, *more), arm.sincos, lane)
+    return Quantities(known, (*arm.functions, *more), arm.sincos, numbers_of(dynamics, lane))
+
+
+def numbers_of(dynamics: Dynamics, x: Any) -> dict[str, Any]:
+    """The numbers that are constant in a step, from quantities or a lane."""
+    return {name: x[name] for name in dynamics.numbers}
 
 
 def motion(dynamics: Dynamics, b: Boundary, lane: Lane, form: str = "{}") -> tuple[Any, Any]:
@@ -31,7 +36,7 @@ def motion(dynamics: Dynamics, b: Boundary, lane: Lane, form: str = "{}") -> tup
     arm = dynamics.arm
     if b.joint is None:
         q, v = (lane.get(names, of=form) for names in (arm.coordinates, arm.rates))
-        gap = _gap(dynamics, b, [Dual(x, y) for x, y in zip(q, v, strict=True)], lane)
+        gap = _gap(dynamics, b, [Dual(x, y) for x, y in zip(q, v, strict=True)], numbers_of(dynamics, lane))
         return gap.value, gap.slope
     if b.bounces:
         return lane[form.format(arm.coordinates[b.joint])], lane[form.format(arm.rates[b.joint])]
@@ -44,7 +49,7 @@ def acceleration(dynamics: Dynamics, b: Boundary, x: Quantities) -> Any:
     q, v = x.each(dynamics.arm.coordinates), x.each(dynamics.arm.rates)
     a = [x.get(f"qdd{k + 1}", 0.0) for k in range(dynamics.count)]
     moving = [Dual(Dual(x0, x1), Dual(x1, x2)) for x0, x1, x2 in zip(q, v, a, strict=True)]
-    return dual(_gap(dynamics, b, moving, _numbers(dynamics, x)).slope).slope
+    return dual(_gap(dynamics, b, moving, numbers_of(dynamics, x)).slope).slope
 
 
 def normal(dynamics: Dynamics, b: Boundary, x: Quantities) -> list[Any]:
@@ -52,7 +57,7 @@ def normal(dynamics: Dynamics, b: Boundary, x: Quantities) -> list[Any]:
     q, n = x.each(dynamics.arm.coordinates), range(dynamics.count)
     if b.joint is not None:
         return [1.0 if k == b.joint else 0.0 for k in n]
-    numbers = _numbers(dynamics, x)
+    numbers = numbers_of(dynamics, x)
     return [_gap(dynamics, b, [Dual(q[j], float(j == k)) for j in n], numbers).slope for k in n]
 
 
@@ -62,12 +67,8 @@ def response(dynamics: Dynamics, impulse: Sequence[Any], x: Quantities) -> list[
     arm = dynamics.arm
     still = {q: x[q] for q in arm.coordinates} | dict.fromkeys(arm.rates, 0.0) | {"ax": ABSENT, "ay": ABSENT}
     still |= {f"Q{k + 1}": push for k, push in enumerate(impulse)}
-    made = Quantities({**_numbers(dynamics, x), **still}, dynamics.functions, arm.sincos)
+    made = Quantities({**numbers_of(dynamics, x), **still}, dynamics.functions, arm.sincos)
     return made.each(f"qdd{k + 1}" for k in range(dynamics.count))
-
-
-def _numbers(dynamics: Dynamics, x: Quantities) -> dict[str, Any]:
-    return {name: x[name] for name in dynamics.numbers}
 
 
 def _gap(dynamics: Dynamics, b: Boundary, coordinates: Sequence[Dual], numbers: Any) -> Dual:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import operator
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
 from typing import Any
 
 from redundant_envs.algebra import ABSENT, arguments_of, gives_of, maximum, where
-from redundant_envs.effects.attached import Attached, EffectStates, identifier
+from redundant_envs.effects.attached import Attached, EffectStates
 from redundant_envs.effects.hooks import Field, Force, Gap, Impact, Point
 from redundant_envs.events.boundary import Boundary, Law, side_beyond
 from redundant_envs.events.crossings import Overshoot
@@ -21,6 +22,8 @@ from redundant_envs.quantities import Quantities
 from redundant_envs.robots.added_inertia import Added, functions_with, held_functions
 from redundant_envs.scene import Scene
 from redundant_envs.tracing.graph import owned
+
+OF_ERROR_CONTROL = re.compile("tip_tolerance|least_step_rate|most_mobility")
 
 
 @dataclass(frozen=True)
@@ -73,11 +76,11 @@ class Dynamics:
         """Boundaries that bounce: stops of sliders, and walls, whose coordinates are any functions."""
         found = []
         for a in self.scene.attached.of(Impact):
-            lower, upper, bounce = map(a.field, (a.hook.lower, a.hook.upper, a.hook.restitution))
+            lower, upper, bounce = map(a.parameter, (a.hook.lower, a.hook.upper, a.hook.restitution))
             name = self.arm.joints[a.hook.joint]
             found.append(Boundary(name, Law.BOUNCES, lower, upper, a.key, a.hook.joint, restitution=bounce))
         for k, w in enumerate(self.scene.attached.of(Gap)):
-            gap, bounce = w.functions["function"], w.field(w.hook.restitution)
+            gap, bounce = w.functions["function"], w.parameter(w.hook.restitution)
             found.append(Boundary(f"gap{k + 1}", Law.BOUNCES, "", "", w.key, gap=gap, restitution=bounce))
         return tuple(found)
 
@@ -97,7 +100,7 @@ class Dynamics:
         found = {}
         for a in self.scene.attached.of(Force):
             if a.hook.switch is not None and isinstance(a.hook.joint, int):
-                lower, upper = map(a.field, a.hook.switch)
+                lower, upper = map(a.parameter, a.hook.switch)
                 found[a] = Boundary(a.law, Law.CHANGES, lower, upper, a.key, a.hook.joint)
         return found
 
@@ -210,8 +213,7 @@ class Dynamics:
     @cached_property
     def carried(self) -> dict[str, list[str]]:
         """Masses of the arm that carry others -> the fields of these."""
-        carried = carried_masses(self.scene.attached)
-        return {m: [identifier(name) for name in loads] for m, loads in carried.items()}
+        return carried_masses(self.scene.attached)
 
     @cached_property
     def inertias(self) -> Added:
@@ -220,7 +222,7 @@ class Dynamics:
 
     def field_of(self, parameter: str) -> str:
         """The field of a parameter of the scene; "m4" is the total moving mass, with all that it carries."""
-        return f"own_{parameter}" if parameter in self.carried else identifier(parameter)
+        return f"own_{parameter}" if parameter in self.carried else parameter
 
     @cached_property
     def parameters(self) -> dict[str, float]:
@@ -256,8 +258,9 @@ class Dynamics:
 
     @cached_property
     def numbers(self) -> tuple[str, ...]:
-        """Everything that is constant in a step: parameters and quantities prepared from them."""
-        return (*self.parameters, *self.prepared)
+        """Quantities that are constant in a step: parameters, and what is prepared from them; without the
+        numbers of error control, which no function takes."""
+        return tuple(n for n in (*self.parameters, *self.prepared) if not OF_ERROR_CONTROL.match(n))
 
     # ---- effects -----------------------------------------------------------------------------------
 

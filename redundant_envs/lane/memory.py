@@ -53,15 +53,11 @@ class Layout:
     def __init__(self, fields: Iterable[Field]) -> None:
         self.fields: dict[str, Field] = {}
         self.rows: dict[Lifetime, dict[str, int]] = {lifetime: {} for lifetime in Lifetime}
-        self.taken: dict[str, str] = {}
-        """Names that no further field may have, and where they are given."""
         for f in fields:
             self.add(f)
 
     def add(self, f: Field) -> None:
         """Declare one more field."""
-        if f.name in self.taken:
-            raise ValueError(f"{self.taken[f.name]} has {f.name!r}, a name {f.whose}; rename it")
         if f.name in self.fields:
             raise ValueError(
                 f"{f.name!r} is a name {self.fields[f.name].whose}, and {f.whose}; rename one of them"
@@ -122,6 +118,8 @@ class Lane:
         return self[name]
 
     def __setattr__(self, name: str, value: Any) -> None:
+        if name in self._layout and self._layout.fields[name].owner != ENGINE:
+            raise ValueError(f"{name!r} is a name {self._layout.fields[name].whose}, and {ENGINE}; rename it")
         self[name] = value
 
     @property

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from redundant_envs.effects.attached import identifier
 from redundant_envs.effects.hook_numbers import check_numbers
 from redundant_envs.loaded_arm import carried_masses, check_inertias
 from redundant_envs.model.memory import Memory
@@ -160,7 +159,7 @@ def check_stops(
     ``values`` are all parameters of the lanes, or None for the present ones.
     """
     for joint, *names in hard_stops(scene):
-        ends = memory.read(tuple(identifier(n) for n in names), lanes).T
+        ends = memory.read(names, lanes).T
         if values is not None:
             ends = np.array([values[n] for n in names])
         x = q[:, joint]

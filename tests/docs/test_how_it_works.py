@@ -29,7 +29,6 @@ EXCUSED = {
     "lane/features.py": "what the scene has",
     "lane/interval.py": "puts the parts of an interval together",
     "lane/kinks.py": "asks which quantities move; the damping does not",
-    "lane/names.py": "names alone",
     "lane/program.py": "decides on times and errors alone",
     "lane/step_control.py": "decides on times and errors alone",
     "loaded_arm.py": "masses of effects",

@@ -215,7 +215,7 @@ def test_options_set_everything_exactly(env_id):
     np.testing.assert_array_equal(core.memory.read(core.scene.robot.rates)[0], qd)
     np.testing.assert_array_equal(core.memory.read(("goal_x", "goal_y"))[0], (0.2, -0.4))
     np.testing.assert_array_equal(
-        core.memory.read(("m1", "m2", "m3", "m4", "gravity_g"))[0], (1, 2, 3, 4, 1.6)
+        core.memory.read(("m1", "m2", "m3", "m4", "gravity.g"))[0], (1, 2, 3, 4, 1.6)
     )
     np.testing.assert_array_equal(core.memory.read(("inverse_m4",))[0], (0.25,))
 

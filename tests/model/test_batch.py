@@ -137,7 +137,7 @@ def test_shapes_of_parameters(value, expected):
     np.testing.assert_array_equal(batch._memory.read(names), expected)
     np.testing.assert_array_equal(batch._memory.read(("m1", "m2", "m3", "m4")), expected)
     batch.set_parameters({"gravity.g": (1.0, 2.0, 3.0)})
-    np.testing.assert_array_equal(batch._memory.read(("gravity_g",))[:, 0], (1, 2, 3))
+    np.testing.assert_array_equal(batch._memory.read(("gravity.g",))[:, 0], (1, 2, 3))
 
 
 @algebra.physics(gives="ax ay")

@@ -12,7 +12,6 @@ import pytest
 import redundant_envs as rde
 from redundant_envs.algebra import physics, sqrt
 from redundant_envs.effects.hooks import Effect, Force
-from redundant_envs.scene import identifier
 
 e = rde.effects
 ROOT = Path(rde.__file__).parents[1]
@@ -74,7 +73,7 @@ def words_of(effect):
     """Names in the listing of a scene if an effect acts there: its functions, file and numbers."""
     if isinstance(effect, e.Gravity):
         return (r"\bax\b", r"\bay\b")  # its field follows from its numbers alone, and is found with them
-    own = [identifier(f"{effect.key}.{name}") for name in effect.parameters()]
+    own = [f"{effect.key}.{name}" for name in effect.parameters()]
     return (rf" for {re.escape(effect.key)},", *(rf"\b{name}\b" for name in own))
 
 

@@ -50,16 +50,16 @@ def test_parameters_are_shared_until_they_differ(count):
         assert memory.parameter_stride == memory.layout.size(PARAMETER) * LANES
         assert len(memory.arrays[str(PARAMETER)]) == memory.blocks
     assert memory.read(MASSES).tolist() == own.tolist()
-    assert memory.read(("gravity_g",)).tolist() == [[9.81]] * count
+    assert memory.read(("gravity.g",)).tolist() == [[9.81]] * count
 
 
 @every_count
 def test_parameters_set_alike_for_all_stay_shared(count):
     memory = memory_of(count)
     memory.write(MASSES, (4.0, 3.0, 2.0, 1.0))
-    memory.write(("gravity_g",), np.full((count, 1), 1.6), np.arange(count)[::-1])
+    memory.write(("gravity.g",), np.full((count, 1), 1.6), np.arange(count)[::-1])
     assert memory.shared
-    assert memory.read((*MASSES, "gravity_g")).tolist() == [[4.0, 3.0, 2.0, 1.0, 1.6]] * count
+    assert memory.read((*MASSES, "gravity.g")).tolist() == [[4.0, 3.0, 2.0, 1.0, 1.6]] * count
 
 
 @every_count
@@ -71,10 +71,10 @@ def test_lanes_given_what_they_have_stay_shared(count):
 
 def test_zeros_of_different_signs_are_not_alike():
     memory = memory_of(9)
-    memory.write(("prismatic_stop_lower_0",), -0.0, np.array([4]))
+    memory.write(("prismatic_stop.lower[0]",), -0.0, np.array([4]))
     assert not memory.shared
     np.testing.assert_array_equal(
-        np.signbit(memory.read(("prismatic_stop_lower_0",))[:, 0]), np.arange(9) == 4
+        np.signbit(memory.read(("prismatic_stop.lower[0]",))[:, 0]), np.arange(9) == 4
     )
 
 
