@@ -29,33 +29,22 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-_HOMES = {
-    "Arm": "robots",
-    "RPRP": "robots",
-    "FourR": "robots",
-    "Chain": "robots",
-    "Scene": "scene",
-    "load_scene": "scene",
-    "BatchSimulator": "model.batch",
-    "Event": "model.batch",
-    "Numerics": "model.batch",
-    "simulate": "model.trajectory",
-    "animate": "envs.animation",
-    "make_sb3": "envs.sb3",
-    "check_vec_env": "envs.check",
-    "listing": "model.listing",
-    "bill": "model.listing",
-    "torch_step": "model.torch_step",
-    "Task": "tasks",
-    "ReachTask": "tasks",
-    "GoalReachTask": "tasks",
-    "Tableau": "numerics.tableaus",
-    "register_arm": "envs.registration",
-    "register_effect": "envs.registration",
-    "register_integrator": "envs.registration",
-    "register_task": "envs.registration",
-    "effects": "",
+_NAMES = {
+    "robots": ("Arm", "RPRP", "FourR", "Chain"),
+    "scene": ("Scene", "load_scene"),
+    "model.batch": ("BatchSimulator", "Event", "Numerics"),
+    "model.trajectory": ("simulate",),
+    "model.listing": ("bill", "listing"),
+    "model.torch_step": ("torch_step",),
+    "envs.animation": ("animate",),
+    "envs.sb3": ("make_sb3",),
+    "envs.check": ("check_vec_env",),
+    "envs.registration": ("register_arm", "register_effect", "register_integrator", "register_task"),
+    "tasks": ("Task", "ReachTask", "GoalReachTask"),
+    "numerics.tableaus": ("Tableau",),
+    "": ("effects",),
 }
+_HOMES = {name: home for home, names in _NAMES.items() for name in names}
 __all__ = [
     "RPRP", "Arm", "BatchSimulator", "Chain", "Event", "FourR", "GoalReachTask", "Numerics", "ReachTask",
     "Scene", "Tableau", "Task", "animate", "bill", "check_vec_env", "effects", "listing", "load_scene",

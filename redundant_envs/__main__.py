@@ -71,16 +71,12 @@ def parser() -> argparse.ArgumentParser:
     commands = top.add_subparsers(dest="command", required=True)
 
     p = commands.add_parser("simulate", help="simulate arms without motors; record and plot their energies")
-    p.add_argument(
-        "--scene", nargs="+", default=None, metavar="NAME_OR_PATH", help="default: the report's runs"
-    )
+    p.add_argument("--scene", nargs="+", metavar="NAME_OR_PATH", help="default: the report's runs")
     p.add_argument("--seconds", type=float, default=5.0)
     p.add_argument("--q", nargs="+", type=float, metavar="Q", help="coordinates at the start, rad and m")
     p.add_argument("--qd", nargs="+", type=float, metavar="QD", help="velocities, 1/s, m/s; none is rest")
     p.add_argument("--out", type=Path, default=Path("runs/simulate"), metavar="FOLDER")
-    p.add_argument(
-        "--clip", type=Path, metavar="FILE", help="also draw the motion: .gif or .mp4; one --scene"
-    )
+    p.add_argument("--clip", type=Path, metavar="FILE", help="draw one --scene, too: .gif or .mp4")
     p.set_defaults(handler=simulate)
 
     p = commands.add_parser("verify", help="check correctness: values found beside those promised")
@@ -129,20 +125,19 @@ def simulate(options: argparse.Namespace) -> None:
     from redundant_envs.model import energy_run as energy
 
     asked: list[str] = options.scene or list(energy.STARTS)
-    if options.clip is not None and len(asked) != 1:
-        raise ValueError(f"--clip draws one scene, but {len(asked)} are given; give exactly one --scene")
     if options.clip is not None:
+        if len(asked) != 1:
+            raise ValueError(f"--clip draws one scene, but {len(asked)} are given; give exactly one --scene")
         check_clip(options.clip)
     scenes = [(Path(name).stem, load_scene(name)) for name in asked]
     names = [name for name, _ in scenes]
     if len(set(names)) < len(names):
         raise ValueError(f"--scene gives the same name twice: {', '.join(names)}; their files would collide")
-    for name, scene in scenes:
-        start = energy.default_start(name, scene) if options.q is None else options.q
-        energy.check_start(scene, options.seconds, start, options.qd)
-    for i, (name, scene) in enumerate(scenes):
+    starts = [energy.default_start(*named) if options.q is None else options.q for named in scenes]
+    for (_, scene), q in zip(scenes, starts, strict=True):
+        energy.check_start(scene, options.seconds, q, options.qd)
+    for i, ((name, scene), q) in enumerate(zip(scenes, starts, strict=True)):
         print(f"simulate {i + 1}/{len(scenes)}: {name}, {options.seconds:g} s ...", file=sys.stderr)
-        q = options.q if options.q is not None else energy.default_start(name, scene)
         run = energy.energy_run(name, scene, options.seconds, q, options.qd)
         path = options.out / f"{name}.csv"
         energy.write_csv(run, path)
@@ -153,11 +148,12 @@ def simulate(options: argparse.Namespace) -> None:
         )
         # After the numbers, so that these are written even if matplotlib is missing.
         from redundant_envs.envs import energy_plots as plots
+        from redundant_envs.envs.animation import animate
 
         try:
             pictures = plots.save_figures(run, options.out)
             if options.clip is not None:
-                plots.save_clip(run, options.clip)
+                animate(run.trajectory).save(options.clip)
                 pictures.append(options.clip)
         except MissingPackage as error:
             raise MissingPackage(f"{error} ({path} is written)") from error
@@ -213,23 +209,21 @@ def show_scene(options: argparse.Namespace) -> None:
         from redundant_envs.model.listing import listing
 
         print(listing(scene), end="")
-        return
-    if options.bill:
+    elif options.bill:
         from redundant_envs.model.listing import bill
         from redundant_envs.tables import table
 
         found = bill(scene)
         head = ("of", *next(iter(found.values()))._fields)
         print(table(head, ((owner, *counts) for owner, counts in found.items())))
-        return
-    if options.drawing is not None:
+    elif options.drawing is not None:
         from redundant_envs.envs.schematic import save_schematic
 
         print(save_schematic(options.drawing, [scene.robot.kind]))
-        return
-    import yaml
+    else:
+        import yaml
 
-    print(yaml.safe_dump(scene.to_dict(), sort_keys=False, default_flow_style=None), end="")
+        print(yaml.safe_dump(scene.to_dict(), sort_keys=False, default_flow_style=None), end="")
 
 
 if __name__ == "__main__":

@@ -17,14 +17,15 @@ import inspect
 import math
 import operator
 from collections.abc import Callable, Iterable
-from typing import Any, NamedTuple, overload
+from typing import Any, NamedTuple
 
 PRIMITIVES = ("sqrt", "exp", "minimum", "maximum", "where", "floor")
 """Names that functions of the dialect may call beside each other."""
 
 
 class Primitives(NamedTuple):
-    """Operations of a kind of numbers, beside arithmetic and comparisons."""
+    """Operations of a kind of numbers, beside arithmetic and comparisons; where kinds meet, the highest rank
+    takes over."""
 
     sqrt: Callable[[Any], Any]
     exp: Callable[[Any], Any]
@@ -32,6 +33,7 @@ class Primitives(NamedTuple):
     sincos: Callable[[Any], Any]
     where: Callable[[Any, Any, Any], Any]
     logical_not: Callable[[Any], Any]
+    rank: int = 0
 
 
 FLOATS = Primitives(
@@ -45,8 +47,6 @@ FLOATS = Primitives(
 _registered: dict[type, Primitives] = {float: FLOATS, int: FLOATS, bool: FLOATS}
 _found: dict[type, Primitives] = {}
 """Operations of every class met so far, found by searching its bases."""
-_wrapping: set[type] = set()
-"""Classes of numbers that hold numbers of another kind; where both kinds meet, these classes take over."""
 
 
 class Absent:
@@ -105,22 +105,18 @@ def register_numbers(primitives: Primitives, *kinds: type, wrap: bool = False) -
 
     With ``wrap`` they hold numbers of any other kind, and conditions on those may choose between them.
     """
-    _registered.update(dict.fromkeys(kinds, primitives))
-    if wrap:
-        _wrapping.update(kinds)
+    _registered.update(dict.fromkeys(kinds, primitives._replace(rank=2 if wrap else 1)))
     _found.clear()
 
 
-def _primitives_of(*numbers: Any) -> Primitives:
-    """Operations of the first of some numbers that is not a plain one."""
-    for x in numbers:
-        kind = type(x)
-        if kind not in _found:
-            known = (_registered[base] for base in kind.__mro__ if base in _registered)
-            _found[kind] = next(known, FLOATS)
-        if _found[kind] is not FLOATS:
-            return _found[kind]
-    return FLOATS
+def _primitives_of(x: Any) -> Primitives:
+    kind = type(x)
+    if kind not in _found:
+        _found[kind] = next((_registered[base] for base in kind.__mro__ if base in _registered), FLOATS)
+    return _found[kind]
+
+
+_rank = operator.attrgetter("rank")
 
 
 def sqrt(x: Any) -> Any:
@@ -144,9 +140,8 @@ def where(condition: Any, a: Any, b: Any) -> Any:
         return a
     if condition is False:
         return b
-    a, b = (0.0 if isinstance(x, Absent) else x for x in (a, b))
-    first = next((x for x in (condition, a, b) if type(x) in _wrapping), condition)
-    return _primitives_of(first, condition, a, b).where(condition, a, b)
+    a, b = [0.0 if isinstance(x, Absent) else x for x in (a, b)]
+    return max(map(_primitives_of, (condition, a, b)), key=_rank).where(condition, a, b)
 
 
 def minimum(a: Any, b: Any) -> Any:
@@ -192,28 +187,27 @@ def all_of(conditions: Iterable[Any]) -> Any:
     return functools.reduce(operator.and_, conditions, True)
 
 
-@overload
-def physics(function: Callable[..., Any]) -> Callable[..., Any]: ...
-@overload
 def physics(
-    *, gives: str, takes: str | None = None
-) -> Callable[[Callable[..., Any]], Callable[..., Any]]: ...
-def physics(function: Callable[..., Any] | None = None, *, gives: str = "", takes: str | None = None) -> Any:
+    function: Callable[..., Any] | None = None,
+    *,
+    gives: str | Iterable[str] = "",
+    takes: str | Iterable[str] | None = None,
+) -> Any:
     """Mark a function as text of the physics dialect.
 
     Parameters
     ----------
-    gives : str
-        Names of the quantities that the function returns, separated by blanks. A function
+    gives : str or iterable of str
+        Names of the quantities that the function returns, separated by blanks if in one text. A function
         without it is a helper, called by other marked functions only.
-    takes : str, optional
+    takes : str or iterable of str, optional
         Names of its arguments, if it takes any number of them (``*values``).
     """
 
     def mark(f: Callable[..., Any]) -> Callable[..., Any]:
-        f.physics_gives = tuple(gives.split())  # type: ignore[attr-defined]
-        if takes is not None:
-            f.physics_takes = tuple(takes.split())  # type: ignore[attr-defined]
+        for attribute, names in (("physics_gives", gives), ("physics_takes", takes)):
+            if names is not None:
+                setattr(f, attribute, tuple(names.split() if isinstance(names, str) else names))
         return f
 
     return mark if function is None else mark(function)
@@ -245,6 +239,11 @@ def _arguments_of(function: Callable[..., Any], code: Any) -> tuple[str, ...]:
 def numbered(form: str, count: int) -> list[str]:
     """Names with the numbers from 1 on: ``numbered("phi{}", 2)`` is phi1, phi2."""
     return [form.format(k + 1) for k in range(count)]
+
+
+def entries(letter: str, rows: int, columns: int) -> list[str]:
+    """Names of the entries of a matrix, row by row: ``entries("J", 2, 2)`` is J11, J12, J21, J22."""
+    return [f"{letter}{i + 1}{j + 1}" for i in range(rows) for j in range(columns)]
 
 
 def name_of(function: Any) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable
 from typing import Any
 
@@ -23,13 +24,12 @@ def times(a: Any, b: Any) -> Any:
     return 0.0 if is_zero(a) or is_zero(b) else a * b
 
 
-class Dual:
-    """A number and its derivative: 0.0 if it has none, so that nothing is computed for it.
+def _comparison(of: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    return lambda self, other: Decision(of(self.value, dual(other).value))
 
-    Parameters
-    ----------
-    value, slope : numbers of any kind
-    """
+
+class Dual:
+    """A number and its derivative: 0.0 if it has none, so that nothing is computed for it."""
 
     __slots__ = ("slope", "value")
     __array_ufunc__ = None  # NumPy defers operations with these numbers to their class
@@ -78,23 +78,9 @@ class Dual:
     def __abs__(self) -> Dual:
         return where(self < 0.0, -self, self)
 
-    def __lt__(self, other: Any) -> Decision:
-        return Decision(self.value < dual(other).value)
-
-    def __le__(self, other: Any) -> Decision:
-        return Decision(self.value <= dual(other).value)
-
-    def __gt__(self, other: Any) -> Decision:
-        return Decision(self.value > dual(other).value)
-
-    def __ge__(self, other: Any) -> Decision:
-        return Decision(self.value >= dual(other).value)
-
-    def __eq__(self, other: Any) -> Any:
-        return Decision(self.value == dual(other).value)
-
-    def __ne__(self, other: Any) -> Any:
-        return Decision(self.value != dual(other).value)
+    __lt__, __le__ = _comparison(operator.lt), _comparison(operator.le)
+    __gt__, __ge__ = _comparison(operator.gt), _comparison(operator.ge)
+    __eq__, __ne__ = _comparison(operator.eq), _comparison(operator.ne)
 
 
 class Decision:

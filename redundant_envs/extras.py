@@ -12,17 +12,8 @@ class MissingPackage(ImportError):
 
 @contextlib.contextmanager
 def needs(extra: str) -> Iterator[None]:
-    """Context for imports; if a package is missing, the error says what to install.
-
-    Parameters
-    ----------
-    extra : str
-        Extra of this package with all packages that the block imports, such as "plot".
-
-    Raises
-    ------
-    MissingPackage
-    """
+    """Context for imports of packages that an extra of this one has, such as "plot"; if one is missing, a
+    :class:`MissingPackage` says what to install."""
     try:
         yield
     except ImportError as error:

@@ -24,21 +24,8 @@ def bare(panel: Any) -> None:
 
 
 def save_figure(figure: Any, path: Path, **options: Any) -> Path:
-    """Write a figure as PNG or SVG, by the ending of its name; the same figure gives the same bytes.
-
-    Parameters
-    ----------
-    figure : matplotlib Figure
-    path : Path
-        Its folder is made.
-    **options
-        Of ``Figure.savefig``.
-
-    Raises
-    ------
-    ValueError
-        If the name ends in neither .png nor .svg.
-    """
+    """Write a figure as PNG or SVG, by the ending of its name, with options of ``Figure.savefig``; the same
+    figure gives the same bytes."""
     if path.suffix not in (".svg", ".png"):
         raise ValueError(f"path is {path}; give a file that ends in .svg or .png")
     with needs("plot"):

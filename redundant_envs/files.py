@@ -19,20 +19,8 @@ MOST_DIGITS = 100
 """Characters of the longest number: more digits do not change a float."""
 
 
-class Table(dict[Any, Any]):
-    """A mapping of a file, with the line of each of its keys."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.lines: dict[Any, int] = {}
-
-
 class _Mistake(Exception):
-    """Something that a file must not have, and its line."""
-
-    def __init__(self, line: int, problem: str) -> None:
-        super().__init__(problem)
-        self.line, self.problem = line, problem
+    """Something that a file must not have: its line, and the problem in words."""
 
 
 class _Reader(yaml.SafeLoader):
@@ -43,7 +31,7 @@ class _Reader(yaml.SafeLoader):
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         event = self.peek_event()  # type: ignore[no-untyped-call]
-        line = event.start_mark.line + 1
+        line = _line(event)
         if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None) is not None:
             raise _Mistake(line, "it has an anchor (&) or an alias (*); write the value out each time")
         if getattr(event, "tag", None) is not None:
@@ -58,11 +46,11 @@ class _Reader(yaml.SafeLoader):
         self.depth -= 1
         return node
 
-    def table(self, node: yaml.MappingNode) -> Table:
+    def table(self, node: yaml.MappingNode) -> dict[Any, Any]:
         """A mapping whose keys are plain and different."""
-        table = Table()
+        table: dict[Any, Any] = {}
         for key_node, value_node in node.value:
-            line = key_node.start_mark.line + 1
+            line = _line(key_node)
             if not isinstance(key_node, yaml.ScalarNode):
                 raise _Mistake(line, "a key is a list or a mapping; write a plain name")
             key = self.construct_object(key_node)  # type: ignore[no-untyped-call]
@@ -70,7 +58,6 @@ class _Reader(yaml.SafeLoader):
                 raise _Mistake(line, "it has a merge key (<<); write the values out")
             if key in table:
                 raise _Mistake(line, f"the key {shown(key)} is there twice; keep one of them")
-            table.lines[key] = line
             table[key] = self.construct_object(value_node, deep=True)  # type: ignore[no-untyped-call]
         return table
 
@@ -85,8 +72,13 @@ class _Reader(yaml.SafeLoader):
     def _digits(node: yaml.ScalarNode) -> str:
         text = str(node.value).replace("_", "")
         if len(text) > MOST_DIGITS:
-            raise _Mistake(node.start_mark.line + 1, f"a number has {len(text)} digits; write a shorter one")
+            raise _Mistake(_line(node), f"a number has {len(text)} digits; write a shorter one")
         return text
+
+
+def _line(part: Any) -> int:
+    """The line of a node or an event."""
+    return int(part.start_mark.line) + 1
 
 
 _Reader.add_constructor("tag:yaml.org,2002:map", _Reader.table)
@@ -103,18 +95,9 @@ for _kind, _pattern, _first in (
 
 
 def read_yaml(path: Path, what: str) -> Any:
-    """The content of a YAML file, as plain data.
+    """The content of a YAML file, as plain data; messages call it the "scene", or ``what`` else it is.
 
-    Parameters
-    ----------
-    path : Path
-    what : str
-        Name of the file's role in messages, such as "scene".
-
-    Raises
-    ------
-    ValueError
-        If the file is unreadable, longer than 32 KiB, not UTF-8 or not plain data; with file and line.
+    A ValueError with file and line if it is unreadable, longer than 32 KiB, not UTF-8 or not plain data.
     """
     return parse_yaml(read_text(path, what), str(path))
 
@@ -143,26 +126,18 @@ def read_text(path: Path, what: str) -> str:
 
 def parse_yaml(text: str, where: str) -> Any:
     """The content of YAML text, as plain data; ``where`` names it in messages."""
-
-    def plain(value: Any) -> Any:
-        if isinstance(value, Table):
-            return {k: plain(v) for k, v in value.items()}
-        return [plain(v) for v in value] if isinstance(value, list) else value
-
-    return plain(_with_lines(text, where))
+    return _parsed(text, where)[0]
 
 
-def _with_lines(text: str, where: str) -> Any:
-    """The same, with the line of every key."""
+def _parsed(text: str, where: str) -> tuple[Any, yaml.Node | None]:
+    """The same, and the node of it, which knows the lines."""
     loader = None
     try:
         loader = _Reader(text)
-        try:
-            return loader.get_single_data()  # type: ignore[no-untyped-call]
-        finally:
-            loader.dispose()  # type: ignore[no-untyped-call]
+        node = loader.get_single_node()
+        return (None if node is None else loader.construct_document(node)), node  # type: ignore[no-untyped-call]
     except _Mistake as mistake:
-        line, problem = mistake.line, mistake.problem
+        line, problem = mistake.args
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         problem = f"it has the character {shown(chr(error.character))}, which YAML does not allow; remove it"  # type: ignore[arg-type]
@@ -212,52 +187,46 @@ def explained(path: str | Path, as_it_stands: bool = True) -> Iterator[None]:
     except ValueError as error:
         line = None
         if as_it_stands:
-            line = line_of(str(error), _with_lines(read_text(Path(path), "file"), str(path)))
+            line = _line_of(str(error), _parsed(read_text(Path(path), "file"), str(path))[1])
         raise ValueError(f"{path}{f', line {line}' if line else ''}: {error}") from None
 
 
-def line_of(message: str, data: Any) -> int | None:
+def _line_of(message: str, root: Any) -> int | None:
     """The line of the value that a message names first, as in "effects[1].g is ..."; None if unknown."""
-    unknown = re.match(r"\S+ (?:\(\w+\) )?has the unknown key (.*); valid", message)
+    key = re.match(r"\S+ (?:\(\w+\) )?has the unknown key (.*); valid", message)
     head = re.match(r"\w[\w\[\].]*", message)
     path = re.findall(r"\w+", head.group()) if head else [""]
-    for table in tables(data):
-        if str(table.get("type")) == path[0]:
-            found = _walk(table, path[1:], unknown)
-        elif path[0] in table:
-            found = _walk(table, path, unknown)
+    waiting = [root]
+    while waiting:  # outer mappings first
+        node = waiting.pop(0)
+        entries = _entries(node)
+        waiting += [value for _, value in entries.values()]
+        if "type" in entries and entries["type"][1].value == path[0]:
+            line = _walk(node, path[1:], key)
         else:
-            found = _key_line(table, unknown)
-        if found:
-            return found
+            line = _walk(node, path, key) if path[0] in entries else _unknown(node, key)
+        if line:
+            return line
     return None
 
 
-def _key_line(table: Table, unknown: re.Match[str] | None) -> int | None:
-    """The line of the key that a message calls unknown."""
-    return next((n for key, n in table.lines.items() if unknown and shown(key) == unknown[1]), None)
+def _entries(node: Any) -> dict[str, tuple[int, Any]]:
+    """The values of a mapping or a list by key or index, each with its line."""
+    if isinstance(node, yaml.MappingNode):
+        return {str(key.value): (_line(key), value) for key, value in node.value}
+    if isinstance(node, yaml.SequenceNode):
+        return {str(k): (_line(value), value) for k, value in enumerate(node.value)}
+    return {}
 
 
-def _walk(value: Any, path: list[str], unknown: re.Match[str] | None) -> int | None:
+def _unknown(node: Any, key: re.Match[str] | None) -> int | None:
+    """The line of the key of a mapping that a message calls unknown."""
+    return next((line for k, (line, _) in _entries(node).items() if key and key[1] in (k, shown(k))), None)
+
+
+def _walk(node: Any, path: list[str], key: re.Match[str] | None) -> int | None:
     """The line of the last part of a path that a value has, or of an unknown key there."""
-    line = min(value.lines.values(), default=None) if isinstance(value, Table) else None
+    line = _line(node)
     for part in path:
-        if isinstance(value, Table) and part in value:
-            line, value = value.lines.get(part), value[part]
-        elif isinstance(value, list) and part.isdigit() and int(part) < len(value):
-            value = value[int(part)]
-            if isinstance(value, Table):
-                line = min(value.lines.values(), default=line)
-    return (_key_line(value, unknown) if isinstance(value, Table) else None) or line
-
-
-def tables(data: Any) -> Iterator[Table]:
-    """All mappings in the data of a file, outer ones first."""
-    waiting = [data]
-    while waiting:
-        value = waiting.pop(0)
-        if isinstance(value, Table):
-            yield value
-            waiting += value.values()
-        elif isinstance(value, list):
-            waiting += value
+        line, node = _entries(node).get(part, (line, node))
+    return _unknown(node, key) or line

@@ -52,10 +52,7 @@ def added_inertias(attached: Attachments) -> Added:
 def loaded_arm(arm: Arm, attached: Attachments, values: Mapping[str, float]) -> Arm:
     """The arm with the masses and inertias that effects add to its own, from the values of all parameters.
 
-    Raises
-    ------
-    ValueError
-        If a mass is not positive then, or an inertia negative.
+    ValueError if a mass is not positive then, or an inertia negative.
     """
     loads = carried_masses(attached)
     if loads:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 import sys
+from typing import Any
 
 from redundant_envs.values import shown
 
@@ -13,18 +14,17 @@ IMPORTED: list[str] = []
 """Modules that the command named: its other processes import them, too."""
 
 
-def import_named(module: str) -> None:
-    """Import a module that is in the current folder or installed.
-
-    Raises
-    ------
-    ValueError
-        If there is no module of that name, or it imports a module that does not exist.
-    """
+def module_named(name: str) -> Any:
+    """A module that is in the current folder or installed."""
     if os.getcwd() not in sys.path:
         sys.path.insert(0, os.getcwd())
+    return importlib.import_module(name)
+
+
+def import_named(module: str) -> None:
+    """Import a module for what it registers, here and in other processes of the command."""
     try:
-        importlib.import_module(module)
+        module_named(module)
     except ModuleNotFoundError as error:
         raise ValueError(
             f"{OPTION} is {shown(module)}: {error}; give the name of a module, without .py, that lies in "

@@ -7,6 +7,7 @@ sign there: the difference of two numbers that are compared, the argument of ``a
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -15,13 +16,8 @@ from redundant_envs.algebra import Absent, Primitives, register_numbers
 
 
 class Kink:
-    """Where a result has a kink.
-
-    Attributes
-    ----------
-    value : changes its sign there
-    levels : whether there is a kink wherever ``value`` passes a whole number, too
-    """
+    """Where a result has a kink: ``value`` changes its sign there; with ``levels`` also wherever it passes a
+    whole number."""
 
     __slots__ = ("levels", "value")
 
@@ -36,21 +32,45 @@ class Kink:
 
 
 Kinks = tuple[Kink, ...]
+Operator = Callable[[Any, Any], Any]
 
 
 def _union(*kinks: Kinks) -> Kinks:
     return tuple({id(k): k for some in kinks for k in some}.values())
 
 
-class Moving:
-    """A number of any kind.
+def _arithmetic(of: Callable[[Any, Any], Any]) -> tuple[Operator, Operator]:
+    """An operation on numbers, and the same with exchanged sides."""
 
-    Parameters
-    ----------
-    value : the number
-    moves : whether it changes with the motion
-    kinks : of how it changes
-    """
+    def made(number: Moving, other: Any, value: Any) -> Moving:
+        o = moving(other)
+        return Moving(value, number.moves or o.moves, _union(number.kinks, o.kinks))
+
+    return (
+        lambda self, other: made(self, other, of(self.value, _value(other))),
+        lambda self, other: made(self, other, of(_value(other), self.value)),
+    )
+
+
+def _comparison(of: Callable[[Any, Any], Any]) -> Operator:
+    def compare(self: Moving, other: Any) -> Choice:
+        moves = self.moves or moving(other).moves
+        kinks = (Kink(self.value - _value(other)),) if moves else ()
+        return Choice(of(self.value, _value(other)), kinks)
+
+    return compare
+
+
+def _connection(of: Callable[[Any, Any], Any]) -> Operator:
+    def connect(self: Choice, other: Any) -> Choice:
+        o = _choice(other)
+        return Choice(of(self.condition, o.condition), _union(self.kinks, o.kinks))
+
+    return connect
+
+
+class Moving:
+    """A number of any kind: whether it ``moves``, that is changes with the motion, and the kinks of it."""
 
     __slots__ = ("kinks", "moves", "value")
     __array_ufunc__ = None  # NumPy defers operations with these numbers to their class
@@ -59,33 +79,13 @@ class Moving:
     def __init__(self, value: Any, moves: bool = False, kinks: Kinks = ()) -> None:
         self.value, self.moves, self.kinks = value, moves, kinks
 
-    def _with(self, other: Any, value: Any) -> Moving:
-        o = moving(other)
-        return Moving(value, self.moves or o.moves, _union(self.kinks, o.kinks))
-
-    def __add__(self, other: Any) -> Moving:
-        return self._with(other, self.value + _value(other))
-
-    def __radd__(self, other: Any) -> Moving:
-        return self._with(other, _value(other) + self.value)
-
-    def __sub__(self, other: Any) -> Moving:
-        return self._with(other, self.value - _value(other))
-
-    def __rsub__(self, other: Any) -> Moving:
-        return self._with(other, _value(other) - self.value)
-
-    def __mul__(self, other: Any) -> Moving:
-        return self._with(other, self.value * _value(other))
-
-    def __rmul__(self, other: Any) -> Moving:
-        return self._with(other, _value(other) * self.value)
-
-    def __truediv__(self, other: Any) -> Moving:
-        return self._with(other, self.value / _value(other))
-
-    def __rtruediv__(self, other: Any) -> Moving:
-        return self._with(other, _value(other) / self.value)
+    __add__, __radd__ = _arithmetic(operator.add)
+    __sub__, __rsub__ = _arithmetic(operator.sub)
+    __mul__, __rmul__ = _arithmetic(operator.mul)
+    __truediv__, __rtruediv__ = _arithmetic(operator.truediv)
+    __lt__, __le__ = _comparison(operator.lt), _comparison(operator.le)
+    __gt__, __ge__ = _comparison(operator.gt), _comparison(operator.ge)
+    __eq__, __ne__ = _comparison(operator.eq), _comparison(operator.ne)
 
     def __pow__(self, exponent: int) -> Moving:
         return Moving(self.value**exponent, self.moves, self.kinks)
@@ -97,51 +97,19 @@ class Moving:
         own = (Kink(self.value),) if self.moves else ()
         return Moving(abs(self.value), self.moves, _union(self.kinks, own))
 
-    def _compared(self, other: Any, condition: Any) -> Choice:
-        moves = self.moves or moving(other).moves
-        return Choice(condition, (Kink(self.value - _value(other)),) if moves else ())
-
-    def __lt__(self, other: Any) -> Choice:
-        return self._compared(other, self.value < _value(other))
-
-    def __le__(self, other: Any) -> Choice:
-        return self._compared(other, self.value <= _value(other))
-
-    def __gt__(self, other: Any) -> Choice:
-        return self._compared(other, self.value > _value(other))
-
-    def __ge__(self, other: Any) -> Choice:
-        return self._compared(other, self.value >= _value(other))
-
-    def __eq__(self, other: Any) -> Any:
-        return self._compared(other, self.value == _value(other))
-
-    def __ne__(self, other: Any) -> Any:
-        return self._compared(other, self.value != _value(other))
-
 
 class Choice:
     """A condition, and where it changes; kinks of the numbers compared do not matter elsewhere."""
 
     __slots__ = ("condition", "kinks")
+    __array_ufunc__ = None
 
     def __init__(self, condition: Any, kinks: Kinks) -> None:
         self.condition, self.kinks = condition, kinks
 
-    def __and__(self, other: Any) -> Choice:
-        o = _choice(other)
-        return Choice(self.condition & o.condition, _union(self.kinks, o.kinks))
-
-    def __or__(self, other: Any) -> Choice:
-        o = _choice(other)
-        return Choice(self.condition | o.condition, _union(self.kinks, o.kinks))
-
-    def __xor__(self, other: Any) -> Choice:
-        o = _choice(other)
-        return Choice(self.condition ^ o.condition, _union(self.kinks, o.kinks))
-
-    __rand__, __ror__, __rxor__ = __and__, __or__, __xor__
-    __array_ufunc__ = None
+    __and__ = __rand__ = _connection(operator.and_)
+    __or__ = __ror__ = _connection(operator.or_)
+    __xor__ = __rxor__ = _connection(operator.xor)
 
 
 def moving(x: Any) -> Moving:

@@ -49,10 +49,14 @@ def typed(where: str, data: Any, registry: Mapping[str, type[Any]]) -> Any:
         )
     target = registry[kind]
     arguments = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items() if k != "type"}
-    fields = dataclasses.fields(target)
-    check_keys(where, arguments, [f.name for f in fields])
-    for f in fields:
-        required = f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
-        if required and f.name not in arguments:
-            raise ValueError(f"{where} ({kind}) lacks {f.name!r}")
+    check_keys(where, arguments, [f.name for f in dataclasses.fields(target)])
+    for name in required(target):
+        if name not in arguments:
+            raise ValueError(f"{where} ({kind}) lacks {name!r}")
     return target(**arguments)
+
+
+def required(kind: type[Any]) -> list[str]:
+    """The fields of a dataclass without a default."""
+    missing = dataclasses.MISSING
+    return [f.name for f in dataclasses.fields(kind) if f.default is f.default_factory is missing and f.init]

@@ -31,17 +31,9 @@ def progress_bars() -> Progress:
 
 @contextlib.contextmanager
 def counted(name: str, total: int, each: int = 1) -> Iterator[Callable[[str], None]]:
-    """A function that counts one more finished part and takes its description.
+    """A function that counts one more finished part of ``total`` and takes its description.
 
-    On a terminal it moves a bar if rich is installed; elsewhere it writes a line.
-
-    Parameters
-    ----------
-    name : str
-    total : int
-        Counts until the end.
-    each : int
-        Counts from one line to the next.
+    On a terminal it moves a bar if rich is installed; elsewhere every ``each`` counts it writes a line.
     """
     if sys.stderr.isatty() and importlib.util.find_spec("rich"):
         with progress_bars() as bars:

@@ -67,16 +67,8 @@ def whole_number(name: str, value: Any) -> int:
 
 
 def check_declared(where: str, thing: Any, base: type) -> None:
-    """ValueError if numbers in the body of a class derived from ``base`` are no fields, or no defaults.
-
-    Parameters
-    ----------
-    where : str
-        Name of the thing in messages.
-    thing : instance of a dataclass
-    base : type
-        What its annotations call a ClassVar is none.
-    """
+    """ValueError if numbers in the body of a class derived from ``base``, whose annotations say what is a
+    ClassVar, are no fields, or no defaults."""
     free = {name for name, kind in inspect.get_annotations(base).items() if "ClassVar" in str(kind)}
     fields = {f.name for f in dataclasses.fields(thing)}
     for cls in type(thing).__mro__:

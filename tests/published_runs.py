@@ -14,7 +14,7 @@ RESULTS = ROOT / "docs" / "results"
 
 def published_run(name: str, folder: Path) -> Path:
     """Make the folder of a run of docs/results/runs.csv whose policy is in policies/."""
-    from redundant_envs_train.evidence.run_table import read_runs
+    from redundant_envs_train.evidence.runs import read_runs
     from redundant_envs_train.run_folder import SELECTION
 
     (run,) = read_runs([RESULTS / "runs.csv" / name])

@@ -58,7 +58,7 @@ def test_the_arms_and_the_tasks_are_made_of_marked_functions():
     scanned = set(FUNCTIONS.values())
     for arm in (RPRP, FourR):
         assert {f for f in arm.functions if not derived.follows(f)} <= scanned
-        assert {arm.column_norms, arm.coordinates_of_joints, arm.held_dynamics} <= scanned | {None}
+        assert {arm.column_norms, arm.mobility_bounds, arm.held_dynamics} <= scanned | {None}
         robot = arm((1, 1, 1, 1), (1,) * arm.num_lengths)
         for effect in effects_of(robot):
             for hook in effect.hooks(robot):

@@ -59,10 +59,7 @@ def test_nothing_is_computed_for_what_has_no_derivative():
     assert isinstance(made.slope, float)
 
 
-CONDITIONS = {
-    "array": np.array([True, False]),
-    "tensor": torch.tensor([True, False]),
-}
+CONDITIONS = {"array": np.array([True, False]), "tensor": torch.tensor([True, False])}
 
 
 @pytest.mark.parametrize("condition", CONDITIONS.values(), ids=CONDITIONS)

@@ -4,6 +4,20 @@ A wheel has this module beside ``redundant_envs``, under the same name. ``python
 checkout, ``redundant-envs-train`` where the package is installed.
 """
 
-from .naming import COMMAND, command
+from __future__ import annotations
 
-__all__ = ["COMMAND", "command"]
+import shlex
+from pathlib import Path
+
+COMMAND = "python -m agents" if Path.cwd() == Path(__file__).parents[2] else "redundant-envs-train"
+"""The command with which users run it, the same in all messages: in a checkout nothing need be installed."""
+
+
+def command(*words: object) -> str:
+    """A command of this application to paste into a shell: paths are quoted if necessary."""
+    return f"{COMMAND} {shlex.join(map(str, words))}"
+
+
+def train_again(folder: Path) -> str:
+    """The command that trains the configuration of a run folder into a new one."""
+    return command("train", folder / "config.yaml", "--out", "NEW_FOLDER")

@@ -8,22 +8,19 @@ from redundant_envs import __version__
 from redundant_envs.extras import MissingPackage
 from redundant_envs.modules import take_imports
 
+from .presets import preset_path
+
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run one command.
-
-    Returns
-    -------
-    int
-        0; after a message 2 for a mistake in the input or a missing package, and 130 for Ctrl-C.
-    """
+    """Run one command: 0; after a message 2 for a mistake or a missing package, and 130 for Ctrl-C."""
     words = sys.argv[1:] if arguments is None else arguments
     if words == ["--version"]:  # the packages that the commands need are missing
         print(f"redundant-envs {__version__}")
         return 0
     try:
         words = take_imports(words)
-        check_config_name(words)
+        if words[:1] in (["train"], ["tune"]) and len(words) > 1 and not words[1].startswith("-"):
+            preset_path(words[1])  # a wrong name is refused before even the large parser is imported
         from .commands import run
 
         return run(words)
@@ -36,14 +33,6 @@ def main(arguments: list[str] | None = None) -> int:
     except KeyboardInterrupt as stop:
         print(str(stop) or "stopped", file=sys.stderr)
         return 130
-
-
-def check_config_name(words: list[str]) -> None:
-    """Refuse a wrong name of a configuration at once, before even the large parser of the command line."""
-    if words[:1] in (["train"], ["tune"]) and len(words) > 1 and not words[1].startswith("-"):
-        from .presets import preset_path
-
-        preset_path(words[1])
 
 
 if __name__ == "__main__":

@@ -2,39 +2,53 @@
 
 from __future__ import annotations
 
+import json
 import sys
 import time
 from pathlib import Path
 from typing import Annotated, Any
 
 from redundant_envs.extras import needs
+from redundant_envs.files import config_folder
 from redundant_envs.values import shown
 
-from . import COMMAND, command
-from .options import Folder, Folders, Out, Overwrite, PolicyFolder, Runs, Trust, complete, presets
-from .study_commands import study
-from .training.interrupt import Stopped
+from . import COMMAND, command, run_folder
+from .config import Config, complete, help_of_keys, load
+from .evidence import curves as curve_pictures
+from .evidence import table as tables
+from .evidence.runs import read_groups, read_run, write_runs
+from .presets import presets
+from .start import with_start
+from .training.pool import Stopped, count_of, seeds_of
 
 with needs("train"):
     import pydantic  # noqa: F401 - typer imports it while it reads the words
     import typer
     import typer.core
+    from typer import Argument, Option
 
 # This module imports nothing large: a command checks its arguments before it imports torch, so that a wrong
 # name is refused at once.
 
 
+Training = Annotated[str, Argument(help="YAML file, or a preset's name", autocompletion=presets)]
+Folder = Annotated[Path, Argument(help="run folder")]
+PolicyFolder = Annotated[Path, Argument(help="run folder, or folder of an exported policy")]
+Runs = Annotated[
+    list[Path], Argument(help="run folders; tables of runs, or runs of a table, such as runs.csv/*_sac/*")
+]
+Out = Annotated[Path | None, Option(help="folder to write to")]
+Overwrite = Annotated[
+    bool, Option("--overwrite", help="write into the run folder, or replace files in --out")
+]
+Trust = Annotated[
+    bool,
+    Option("--trust", help="unpickle policy.zip, as stable-baselines3 does: runs any code its author put in"),
+]
+
+
 class Interrupted(Exception):
     """Ctrl-C inside a command, which typer would otherwise handle itself."""
-
-
-class _Train(typer.core.TyperCommand):
-    def format_epilog(self, ctx: Any, formatter: Any) -> None:
-        """All keys of a configuration."""
-        from .config.keys import help_of_keys
-
-        self.epilog = help_of_keys()
-        super().format_epilog(ctx, formatter)
 
 
 class _Commands(typer.core.TyperGroup):
@@ -51,10 +65,11 @@ app = typer.Typer(
     "yours first, whose arms, effects and tasks are then known.", no_args_is_help=True, rich_markup_mode=None,
     pretty_exceptions_enable=False, cls=_Commands,
 )  # fmt: skip
+study = typer.Typer(help="Measure effects on policies.", no_args_is_help=True, rich_markup_mode=None)
 app.add_typer(study, name="study")
 
-PLACES = ("processes", "ray")
-"""Where several runs are executed."""
+MOST_FACTORS, MOST_FACTOR = 100, 10.0
+PLACES = ("processes", "ray")  # where several runs are executed
 
 
 def run(arguments: list[str]) -> int:
@@ -83,37 +98,33 @@ def _usage(error: Any) -> int:
     raise ValueError(f"{message.rstrip('.')}; {more}see {context.command_path} --help")
 
 
-@app.command(cls=_Train)
+@app.command(epilog=help_of_keys())
 def train(
-    config: Annotated[str, typer.Argument(help="YAML file, or a preset's name", autocompletion=presets)],
+    config: Training,
     overrides: Annotated[
-        list[str] | None,
-        typer.Argument(help="key=value, such as seed=3 ppo.gamma=0.98", autocompletion=complete),
+        list[str] | None, Argument(help="key=value, such as seed=3 ppo.gamma=0.98", autocompletion=complete)
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="run folder (default runs/<config>_seed<seed>_<time>)")
-    ] = None,
+    out: Annotated[Path | None, Option(help="run folder (default runs/<config>_seed<seed>_<time>)")] = None,
     seeds: Annotated[
-        str | None, typer.Option(help="several runs, such as 0..9 or 1,4,7; --out is the folder of theirs")
+        str | None, Option(help="several runs, such as 0..9 or 1,4,7; --out is the folder of theirs")
     ] = None,
     processes: Annotated[
-        int | None, typer.Option(help="runs at a time, each on its own core (default: all cores)")
+        int | None, Option(help="runs at a time, each on its own core (default: all cores)")
     ] = None,
     on: Annotated[
-        str, typer.Option(help="where several runs go: processes of this machine, or a ray cluster")
+        str, Option(help="where several runs go: processes of this machine, or a ray cluster")
     ] = "processes",
     address: Annotated[
-        str | None, typer.Option(help="of the Ray cluster, such as 10.0.0.1:6379 (default: this machine)")
+        str | None, Option(help="of the Ray cluster, such as 10.0.0.1:6379 (default: this machine)")
     ] = None,
 ) -> None:
     """Train, evaluate and report."""
-    check_place(on, address, seeds)
-    from .config import load
-    from .drawing import check_drawing
-    from .new_folder import check_new
-    from .start import with_start
-    from .training.amount import count_of, seeds_of
-
+    if on not in PLACES:
+        raise ValueError(f"on is {shown(on)}; choose {' or '.join(PLACES)}")
+    if on != "processes" and seeds is None:
+        raise ValueError(f"on {on} is for several seeds; give --seeds, such as --seeds 0..9")
+    if address is not None and on != "ray":
+        raise ValueError(f"address is {shown(address)}, which is for Ray; add --on ray")
     name = Path(config).stem
     stamp = time.strftime("%Y%m%d-%H%M%S")
     if seeds is not None:
@@ -123,7 +134,7 @@ def train(
         each = [(k, [*(overrides or ()), f"seed={k}"]) for k in seeds_of(seeds)]
         chosen = {f"seed{k}": with_start(load(config, words)) for k, words in each}
         count_of(processes)
-        check_drawing()
+        run_folder.check_drawing()
         if on == "ray":
             from .training.on_ray import train_on_ray
 
@@ -132,16 +143,14 @@ def train(
             from .training.many import train_many
 
             train_many(chosen, folder, processes)
-        from .evidence.table import table
-
-        print(table(sorted(p.parent for p in folder.glob("*/evaluation.json"))))
+        print(tables.table(sorted(p.parent for p in folder.glob("*/evaluation.json"))))
         return
     if processes is not None:
         raise ValueError("processes is for several seeds; give --seeds, such as --seeds 0..9")
     one = with_start(load(config, overrides or ()))
     folder = out or Path("runs") / f"{name}_seed{one.seed}_{stamp}"
-    check_new(folder)
-    check_drawing()
+    run_folder.check_new(folder)
+    run_folder.check_drawing()
     from .training.train import train
 
     facts = train(one, folder)
@@ -153,8 +162,7 @@ def train(
 
 def _finish(folder: Path, facts: dict[str, Any]) -> None:
     """Evaluate and report a run that was trained to its end."""
-    from .evaluate import evaluate, summary, write_evaluation
-    from .report import report
+    from .report import evaluate, report, summary, write_evaluation
 
     found = evaluate(folder)
     write_evaluation(found, folder)
@@ -163,46 +171,29 @@ def _finish(folder: Path, facts: dict[str, Any]) -> None:
     print(f"report: {report(folder, overwrite=True)}")
 
 
-def check_place(on: str, address: str | None, seeds: str | None) -> None:
-    """Refuse an unknown ``--on``, and options of several runs or of Ray that have no effect."""
-    if on not in PLACES:
-        raise ValueError(f"on is {shown(on)}; choose {' or '.join(PLACES)}")
-    if on != "processes" and seeds is None:
-        raise ValueError(f"on {on} is for several seeds; give --seeds, such as --seeds 0..9")
-    if address is not None and on != "ray":
-        raise ValueError(f"address is {shown(address)}, which is for Ray; add --on ray")
-
-
 @app.command()
 def tune(
-    config: Annotated[str, typer.Argument(help="YAML file, or a preset's name", autocompletion=presets)],
+    config: Training,
     overrides: Annotated[
         list[str] | None,
-        typer.Argument(
-            help="key=value, such as total_steps=1000000; it is not searched", autocompletion=complete
-        ),
+        Argument(help="key=value, such as total_steps=1000000; it is not searched", autocompletion=complete),
     ] = None,
-    trials: Annotated[int, typer.Option(help="trainings in all")] = 30,
+    trials: Annotated[int, Option(help="trainings in all")] = 30,
     out: Annotated[
         Path | None,
-        typer.Option(help="folder; a stopped study in it is continued (default runs/tune/CONFIG)"),
+        Option(help="folder; a stopped study in it is continued (default runs/tune/CONFIG)"),
     ] = None,
     search: Annotated[
         list[str] | None,
-        typer.Option(
-            help="key=low..high or key=a|b|c, instead of the learner's default search; may be repeated"
-        ),
+        Option(help="key=low..high or key=a|b|c, instead of the learner's default search; may be repeated"),
     ] = None,
-    seed: Annotated[int, typer.Option(help="of the sampler")] = 0,
+    seed: Annotated[int, Option(help="of the sampler")] = 0,
     processes: Annotated[
-        int, typer.Option(help="trials at a time, each on its own core; 1 to 4 give the same results")
+        int, Option(help="trials at a time, each on its own core; 1 to 4 give the same results")
     ] = 1,
 ) -> None:
     """Search the learner's settings that hold most goals, with Optuna."""
-    from .config import load
-    from .start import with_start
-    from .tuning.arguments import check_arguments
-    from .tuning.search import space_of
+    from .tuning.search import check_arguments, space_of
 
     base = with_start(load(config, overrides or ()))
     check_arguments(base, trials, seed, processes)
@@ -218,12 +209,9 @@ def tune(
 @app.command()
 def resume(folder: Folder) -> None:
     """Go on with a training that was stopped or killed, from its last checkpoint, to the same bits."""
-    from .drawing import check_drawing
-    from .own_scene import own_config, tell_differences
-
-    own_config(folder)
-    check_drawing()
-    tell_differences([folder])
+    run_folder.own_config(folder)
+    run_folder.check_drawing()
+    run_folder.tell_differences([folder])
     from .training.train import resume
 
     _finish(folder, resume(folder))
@@ -238,21 +226,17 @@ def evaluate(
     Prints the results, and writes nothing. With --out FOLDER evaluation.json and episodes.csv are written
     there; with --overwrite they replace those of the run folder.
     """
-    from .drawing import EVALUATED
-    from .new_folder import check_unwritten
-    from .own_scene import own_config, tell_differences
-
-    own_config(folder)
+    run_folder.own_config(folder)
     if out is not None:
-        check_unwritten(out, EVALUATED, overwrite)
-    tell_differences([folder])
-    from .evaluate import evaluate, summary, write_evaluation
+        run_folder.check_unwritten(out, run_folder.EVALUATED, overwrite)
+    run_folder.tell_differences([folder])
+    from .report import evaluate, summary, write_evaluation
 
     found = evaluate(folder, trust)
     print(summary(found.result))
     if out is not None or overwrite:
         write_evaluation(found, out or folder)
-        print(f"written: {(out or folder) / EVALUATED[0]}")
+        print(f"written: {(out or folder) / run_folder.EVALUATED[0]}")
 
 
 @app.command()
@@ -262,13 +246,10 @@ def report(folder: PolicyFolder, out: Out = None, overwrite: Overwrite = False, 
     A run without a report, such as one that was stopped, gets it in its folder. If files would be
     replaced, and for an exported policy, --out FOLDER or --overwrite is needed.
     """
-    from .drawing import check_drawing, check_target
-    from .own_scene import own_config, tell_differences
-
-    own_config(folder)
-    check_target(folder, out, overwrite)
-    check_drawing()
-    tell_differences([folder])
+    run_folder.own_config(folder)
+    run_folder.check_target(folder, out, overwrite)
+    run_folder.check_drawing()
+    run_folder.tell_differences([folder])
     from .report import report
 
     print(f"report: {report(folder, out, overwrite, trust)}")
@@ -278,7 +259,7 @@ def report(folder: PolicyFolder, out: Out = None, overwrite: Overwrite = False, 
 def table(
     runs: Runs,
     out: Annotated[
-        Path | None, typer.Option(help="write a table of runs, .csv: all numbers and settings of each run")
+        Path | None, Option(help="write a table of runs, .csv: all numbers and settings of each run")
     ] = None,
 ) -> None:
     """Print evaluated runs as a Markdown table, seeds of equal settings in one row.
@@ -286,17 +267,12 @@ def table(
     With --out all runs are collected in one file, which `table`, `curves` and `study strength` read as they
     read the run folders.
     """
-    from .evidence.run_table import read_groups, write_runs
-    from .evidence.table import table
-    from .new_folder import check_out
-    from .own_scene import tell_differences
-
     if out is not None:
         if out.suffix.lower() != ".csv":
             raise ValueError(f"out is {out}; end its name in .csv")
-        check_out(out.parent)
-    text = table(runs)
-    tell_differences(runs)
+        run_folder.check_out(out.parent)
+    text = tables.table(runs)
+    run_folder.tell_differences(runs)
     print(text)
     if out is not None:
         write_runs([run for same in read_groups(runs) for run in same.runs], out)
@@ -305,32 +281,26 @@ def table(
 @app.command()
 def curves(
     runs: Runs,
-    out: Annotated[Path, typer.Option(help="picture, .png or .svg; its numbers are saved beside it")] = Path(
+    out: Annotated[Path, Option(help="picture, .png or .svg; its numbers are saved beside it")] = Path(
         "runs/curves.png"
     ),
 ) -> None:
     """Draw learning curves of runs: all seeds, their interquartile mean and its interval."""
-    from .evidence.curves import curves
-    from .new_folder import check_out
-    from .own_scene import tell_differences
-
-    check_out(out.parent)
-    curves(runs, out)
-    tell_differences(runs)
+    run_folder.check_out(out.parent)
+    curve_pictures.curves(runs, out)
+    run_folder.tell_differences(runs)
     print(out)
 
 
 @app.command()
 def play(
     target: Annotated[
-        str, typer.Argument(help="run folder, folder of an exported policy, or id such as RPRPReach-v0")
+        str, Argument(help="run folder, folder of an exported policy, or id such as RPRPReach-v0")
     ],
     actions: Annotated[
-        str | None, typer.Option(help="actions for an id: zero, random or expert (default expert)")
+        str | None, Option(help="actions for an id: zero, random or expert (default expert)")
     ] = None,
-    clip: Annotated[
-        Path | None, typer.Option(help="write a .gif or .mp4 instead of opening a window")
-    ] = None,
+    clip: Annotated[Path | None, Option(help="write a .gif or .mp4 instead of opening a window")] = None,
     episodes: int = 3,
     seed: int = 0,
     trust: Trust = False,
@@ -343,16 +313,13 @@ def play(
 
 @app.command()
 def export(
-    folders: Folders,
-    out: Annotated[Path, typer.Option(help="folder of the policies' folders")] = Path("runs/policies"),
+    folders: Annotated[list[Path], Argument(help="run folders")],
+    out: Annotated[Path, Option(help="folder of the policies' folders")] = Path("runs/policies"),
 ) -> None:
     """Write policies for others: stable-baselines3, ONNX, NumPy arrays, and a card."""
-    from .evidence.runs import read_run
-    from .own_scene import tell_differences
-
     for folder in folders:
         read_run(folder)
-    tell_differences(folders)
+    run_folder.tell_differences(folders)
     from .shipping.export import export_all
 
     for folder in export_all(folders, out):
@@ -362,8 +329,101 @@ def export(
 @app.command()
 def schema() -> None:
     """Print the JSON schema of a training configuration, for editors."""
-    import json
-
-    from .config import Config
-
     print(json.dumps(Config.model_json_schema(), indent=2))
+
+
+@study.command("stops")
+def study_stops(
+    folder: Folder,
+    lanes: int = 4096,
+    out: Annotated[Path, Option(help="CSV file")] = Path("runs/studies/stops.csv"),
+    trust: Trust = False,
+) -> None:
+    """Cost of hard stops on the states of an RPRP policy."""
+    try:
+        from redundant_envs.studies import stops
+    except ModuleNotFoundError:
+        raise ValueError("study stops is in the source tree, not in the wheel; run it there") from None
+    from redundant_envs.tables import table, write_rows
+
+    config = run_folder.own_config(folder)
+    if lanes < 8:
+        raise ValueError(f"lanes is {lanes}; give at least 8")
+    if config.env != stops.ENVIRONMENT:
+        raise ValueError(f"folder is a run of {config.env}; the study is of {stops.ENVIRONMENT}")
+    run_folder.tell_differences([folder])
+    from .policies import load_policy
+
+    model = load_policy(folder, config, trust)
+    policies: dict[str, Any] = {
+        "policy": lambda obs: model.predict(obs, deterministic=True)[0],
+        "random actions": stops.random_policy(0),
+    }
+    rows = stops.run(policies, lanes)
+    write_rows(rows, stops.COLUMNS, out)
+    shown = stops.COLUMNS[stops.COLUMNS.index("states") :]
+    print(table(shown, ([row[c] for c in shown] for row in rows)))
+    print(out)
+
+
+@study.command("policy")
+def study_policy(
+    overrides: Annotated[list[str] | None, Argument(help="key=value, such as train_seeds=0")] = None,
+    config: Annotated[Path | None, Option(help="YAML file (default configs/studies/policy.yaml)")] = None,
+    out: Annotated[Path, Option(help="folder; a stopped study in it is continued")] = Path(
+        "runs/studies/policy"
+    ),
+    trust: Trust = False,
+) -> None:
+    """Effect of the physics on a policy, and training under the cheapest."""
+    from .studies.policy.settings import load_study
+
+    what = load_study(config or config_folder("studies") / "policy.yaml", overrides or ())
+    run_folder.check_drawing()
+    from .studies.policy.report import write_report
+    from .studies.policy.run import run_study
+
+    try:
+        results = run_study(what, out, trust)
+    except KeyboardInterrupt:
+        raise Stopped("stopped; the same command goes on after the last finished training") from None
+    path = write_report(what, results, out)
+    print(path.read_text(encoding="utf-8"))
+    print(f"report: {path}")
+
+
+def factors_of(text: str) -> tuple[float, ...]:
+    """Factors of the effort limits as a user writes them, ``0.6,0.5``."""
+    try:
+        factors = tuple(round(float(part), 6) for part in text.split(","))
+    except ValueError:
+        factors = ()
+    valid = 1 <= len(set(factors)) == len(factors) <= MOST_FACTORS
+    if not valid or not all(0.0 < factor <= MOST_FACTOR for factor in factors):
+        raise ValueError(
+            f"factors is {shown(text)}; give different numbers above 0 and up to {MOST_FACTOR:g}, such "
+            "as 0.6,0.5"
+        )
+    return factors
+
+
+@study.command("strength")
+def study_strength(
+    seeds: Annotated[str, Option(help="of the learners, such as 0..2; none: no training")] = "0..2",
+    factors: Annotated[str, Option(help="effort limits, times those of the reach scenes")] = "",
+    episodes: Annotated[int, Option(help="goals")] = 1000,
+    runs: Annotated[
+        list[Path] | None, Option(help="run folder or table of runs, taken beside those trained")
+    ] = None,
+    processes: Annotated[int | None, Option(help="trainings at a time (default: all cores)")] = None,
+    out: Annotated[Path, Option(help="folder; a stopped study in it is continued")] = Path(
+        "runs/studies/strength"
+    ),
+) -> None:
+    """Where learning pays: hold success over the strength of the motors."""
+    chosen = [] if seeds == "none" else seeds_of(seeds)
+    times = factors_of(factors) if factors else ()
+    run_folder.check_drawing()
+    from .studies.strength import run_study
+
+    print(run_study(times, chosen, episodes, runs or (), processes, out))

@@ -7,16 +7,17 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
 
-from redundant_envs.envs.clips import check_clip
+from redundant_envs.envs.clips import check_clip, write_clip
 from redundant_envs.envs.registration import NAMESPACE, ids
 from redundant_envs.extras import needs
 from redundant_envs.files import exists
 from redundant_envs.values import shown
 
-from .clips import batched, clip
-from .own_scene import own_config, tell_differences
 from .rollout import Act, expert_act, policy_act, random_act, zero_act
+from .run_folder import own_config, tell_differences
 
 ACTIONS: dict[str, Callable[[int], Act]] = {
     "zero": lambda seed: zero_act(), "random": random_act, "expert": lambda seed: expert_act(),
@@ -24,6 +25,7 @@ ACTIONS: dict[str, Callable[[int], Act]] = {
 """Sources of actions without a policy, from a seed."""
 MOST_EPISODES = 1_000_000
 MOST_SEED = 2**63
+CLIP_EVERY = 2  # control steps from frame to frame
 
 
 def play(
@@ -31,24 +33,14 @@ def play(
 ) -> None:
     """Show episodes in a window and print how each one ended, or write them to a clip.
 
-    Parameters
-    ----------
-    target : str
-        Folder of a run or an exported policy, or id of an environment.
-    actions : {"zero", "random", "expert"}, optional
-        For an id.
-    path : Path, optional
-        GIF or MP4 by its ending; without it a window opens.
-    episodes, seed : int
-        Number of episodes, at least 1; episode i has the seed ``seed + i``.
-    trust : bool
-        As in :func:`load_policy`.
+    ``target`` is the folder of a run or an exported policy, or the id of an environment, which needs
+    ``actions``. With a ``path`` no window opens: GIF or MP4 by its ending. Episode i has the seed
+    ``seed + i``; ``trust`` is as in :func:`load_policy`.
     """
     for name, number, least, most in (("episodes", episodes, 1, MOST_EPISODES), ("seed", seed, 0, MOST_SEED)):
-        if number < least:
-            raise ValueError(f"{name} is {number}; give at least {least}")
-        if number > most:
-            raise ValueError(f"{name} is {number}; give at most {most}")
+        if not least <= number <= most:
+            limit = f"least {least}" if number < least else f"most {most}"
+            raise ValueError(f"{name} is {number}; give at {limit}")
     if path is not None:
         check_clip(path)
     env_id, act, kwargs = _policy(Path(target), actions, trust) if exists(Path(target)) else (
@@ -63,7 +55,7 @@ def play(
     env = gym.make(env_id, render_mode="human", **kwargs)
     core = env.unwrapped.core  # type: ignore[attr-defined]
     for episode in range(episodes):
-        print(f"seed {seed + episode}: {_episode(env, core, act, seed + episode)}")
+        print(f"seed {seed + episode}: {_episode(env, core, act, seed + episode, lambda step: None)}")
     env.close()
 
 
@@ -88,12 +80,40 @@ def _without_policy(target: str, actions: str | None, seed: int) -> tuple[str, A
     return env_id, ACTIONS[who](seed)
 
 
-def _episode(env: Any, core: Any, act: Act, seed: int) -> str:
+def _episode(env: Any, core: Any, act: Act, seed: int, after_step: Callable[[int], Any]) -> str:
+    """Run an episode, and say how it ended; ``after_step`` is called with the number of its steps so far."""
     obs, info = env.reset(seed=seed)
     done, step = False, 0
     while not done:
         obs, _, terminated, truncated, info = env.step(act(batched(obs), core, step)[0])
         done = terminated or truncated
         step += 1
+        after_step(step)
     end = "held" if info["is_success"] else "touched" if info["touch_success"] else "missed"
     return f"{end}, {1000 * info['distance']:.1f} mm from the goal after {step} steps"
+
+
+def clip(paths: list[Path], env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any) -> None:
+    """Whole episodes as clips, one for each path: GIF or MP4 by its ending."""
+    for path in paths:
+        check_clip(path)
+    env = gym.make(env_id, render_mode="rgb_array", **kwargs)
+    core = env.unwrapped.core  # type: ignore[attr-defined]
+    frames: list[NDArray[np.uint8]] = []
+
+    def keep(step: int) -> None:
+        if step % CLIP_EVERY == 0:
+            frames.append(np.asarray(env.render()))
+
+    for episode in range(episodes):
+        _episode(env, core, act, seed + episode, keep)
+    env.close()
+    for path in paths:
+        write_clip(path, frames, round(1.0 / (CLIP_EVERY * core.scene.control_dt)))
+
+
+def batched(obs: Any) -> Any:
+    """One observation as a batch of one."""
+    if isinstance(obs, dict):
+        return {k: v[None] for k, v in obs.items()}
+    return obs[None]

@@ -20,23 +20,28 @@ from typing import Any
 
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
+from redundant_envs.values import shown
 
-from . import command
+from . import command, train_again
 from .config import Config
 from .learners.build import ALGORITHM_CLASSES, policy_kwargs, policy_name
 from .learners.networks import ACTIVATIONS
+from .run_folder import SCENE, own_config
+from .start import policy_file
 
 with needs("train"):
     import torch
+    from stable_baselines3.common.save_util import data_to_json
 
-MOST_BYTES = 64 * 2**20
-"""Largest weights that are read: 16 million numbers, far more than an arm needs."""
+SPACES = ("observation_space", "action_space")
+ASPECTS = ("_shape", "dtype", "low", "high", "spaces")
+"""Texts of a space that are compared; stable-baselines3 keeps them beside its pickled data."""
+MOST_BYTES = 64 * 2**20  # largest weights that are read: 16 million numbers, far more than an arm needs
 TENSOR_NAMES = {
     "collections OrderedDict", "torch._utils _rebuild_tensor_v2", "torch FloatStorage", "torch LongStorage",
 }  # fmt: skip
 """Objects to which a table of tensors may refer; anything else in a file is refused."""
-TENSOR_TYPES = (torch.float32, torch.int64)
-"""Weights, and the counters of CrossQ's normalisation."""
+TENSOR_TYPES = (torch.float32, torch.int64)  # weights, and the counters of CrossQ's normalisation
 HARMLESS = (
     "policy.zip is read without its pickled objects, which could run any code; add --trust to load it as "
     "stable-baselines3 does, if you know who made it"
@@ -72,28 +77,17 @@ def save_policy(model: Any, path: Path) -> None:
 
 
 def load_policy(folder: Path, config: Config, trust: bool = False) -> Any:
-    """The policy of a run folder; its ``predict`` is that of stable-baselines3.
+    """The policy of a run folder with this configuration; its ``predict`` is that of stable-baselines3.
 
-    Parameters
-    ----------
-    folder : Path
-    config : Config
-        The configuration of the run.
-    trust : bool
-        Load the whole learner by stable-baselines3, which runs any code that the file contains.
-
-    Raises
-    ------
-    ValueError
-        The file is missing or damaged, is larger than ``MOST_BYTES``, holds anything but finite float32
-        tensors, or does not fit the configuration.
+    With ``trust`` stable-baselines3 loads the whole learner, and runs any code that the file contains.
+    ValueError if the file is missing or damaged, is larger than ``MOST_BYTES``, holds anything but finite
+    float32 tensors, or does not fit the configuration.
     """
     path = folder / "policy.zip"
     if not path.is_file():
-        unfinished = (folder / "checkpoint").is_dir()
-        fix = f"go on with its training: {command('resume', folder)}"
-        if not unfinished:
-            fix = f"make a new run: {command('train', folder / 'config.yaml', '--out', 'NEW_FOLDER')}"
+        fix = f"make a new run: {train_again(folder)}"
+        if (folder / "checkpoint").is_dir():
+            fix = f"go on with its training: {command('resume', folder)}"
         raise ValueError(f"run folder {folder} has no policy.zip; {fix}")
     if trust:
         try:
@@ -117,7 +111,7 @@ def load_policy(folder: Path, config: Config, trust: bool = False) -> Any:
 
 def read_weights(path: Path, activation: str) -> tuple[dict[str, torch.Tensor], int]:
     """The tensors of a policy.zip by name, and the bytes they were read from."""
-    data = _member(path, "policy.pth", MOST_BYTES)
+    data = _member(path, "policy.pth")
     _check_activation(path, activation)
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
@@ -168,7 +162,7 @@ def check_weights(path: Path, found: Mapping[str, torch.Tensor], needed: Mapping
 def read_about(path: Path) -> dict[str, Any]:
     """The plain data of stable-baselines3 about the learner of a policy.zip; nothing is unpickled."""
     try:
-        about = json.loads(_member(path, "data", MOST_BYTES))
+        about = json.loads(_member(path, "data"))
         if not isinstance(about, dict):
             raise ValueError(f"it holds a {type(about).__name__}")
     except (ValueError, RecursionError) as error:
@@ -178,8 +172,7 @@ def read_about(path: Path) -> dict[str, Any]:
 
 def _check_activation(path: Path, activation: str) -> None:
     """Refuse a policy with other activations than the configuration's; its tensors do not show them."""
-    wanted = ACTIVATIONS[activation].module.__name__
-    about = read_about(path)
+    wanted, about = ACTIVATIONS[activation].module.__name__, read_about(path)
     try:
         said = about["policy_kwargs"].get("activation_fn", "")
     except (TypeError, KeyError, AttributeError) as error:
@@ -190,15 +183,71 @@ def _check_activation(path: Path, activation: str) -> None:
         )
 
 
-def _member(path: Path, name: str, most: int) -> bytes:
-    """One member of a zip file, if it has at most ``most`` bytes."""
+def _member(path: Path, name: str) -> bytes:
+    """One member of a zip file, if it has at most ``MOST_BYTES``."""
     try:
         with zipfile.ZipFile(path) as archive, archive.open(name) as member:
-            data = member.read(most + 1)
+            data = member.read(MOST_BYTES + 1)
     except KeyError:
         raise ValueError(f"{path} has no {name!r}; it is not a policy saved by stable-baselines3") from None
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, OSError) as error:
         raise ValueError(f"{path} is damaged ({error}); it is not a complete zip file") from error
-    if len(data) > most:
-        raise ValueError(f"{path} has a {name!r} of more than {most} bytes; a policy of an arm is smaller")
+    if len(data) > MOST_BYTES:
+        most = f"more than {MOST_BYTES} bytes"
+        raise ValueError(f"{path} has a {name!r} of {most}; a policy of an arm is smaller")
     return data
+
+
+# ---- a training that begins with the weights of a policy
+
+
+def start_from(model: Any, config: Config, env: Any) -> None:
+    """Give a learner, its averages and its targets the weights of the policy of ``config.start_from``.
+
+    Optimisers, replay buffer and a learned weight of the entropy are initialised. ValueError if algorithm,
+    spaces, meaning of the observations of ``env``, or networks are others, or the file is damaged.
+    """
+    assert config.start_from is not None
+    file = policy_file(config.start_from)
+    about = read_about(file)
+    homes = {
+        kind.policy_aliases["MlpPolicy"].__module__: kind.__name__ for kind in ALGORITHM_CLASSES.values()
+    }
+    found = _entry(about, "policy_class", "__module__")
+    wanted = ALGORITHM_CLASSES[config.algo].__name__
+    _check("a policy of", homes.get(found, found) if isinstance(found, str) else found, wanted, file)
+    own = json.loads(data_to_json({name: getattr(env, name) for name in SPACES}))
+    for name in SPACES:
+        for aspect in ASPECTS:
+            what = f"another {name.replace('_', ' ')}:"
+            _check(what, _entry(about, name, aspect), _entry(own, name, aspect), file)
+    _check_meaning(file, env)
+    networks = str(policy_kwargs(config)["net_arch"])
+    _check("the network widths", str(_entry(about, "policy_kwargs", "net_arch")), networks, file)
+    weights, _ = read_weights(file, config.settings.activation)
+    check_weights(file, weights, model.policy.state_dict())
+    model.policy.load_state_dict(weights)
+    model.read_networks()
+
+
+def _entry(about: Mapping[str, Any], name: str, aspect: str) -> Any:
+    part = about.get(name)
+    return part.get(aspect) if isinstance(part, dict) else None
+
+
+def _check(what: str, found: Any, wanted: Any, file: Path) -> None:
+    if found != wanted:
+        raise ValueError(
+            f"start_from does not fit: {file} has {what} {shown(found)}, and this training {shown(wanted)}; "
+            "give a policy of the same algorithm, spaces and networks"
+        )
+
+
+def _check_meaning(file: Path, env: Any) -> None:
+    """Refuse observations of the same shape with another meaning, if a folder records the meaning."""
+    if not all((file.parent / name).is_file() for name in ("config.yaml", SCENE)):
+        return
+    other = own_config(file.parent)
+    there: Any = make_sb3(other.env, 1, **other.env_kwargs)
+    theirs, own = (", ".join(e.core.simulator.episode.observed) for e in (there, env))
+    _check("the observations", theirs, own, file)

@@ -1,50 +1,163 @@
-"""Pictures, clip and report.md of a run folder."""
+"""Evaluation of a policy on the frozen goals beside the expert, and the report of a run folder."""
 
 from __future__ import annotations
 
+import platform
 import sys
+import time
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from redundant_envs.envs.clips import check_clip
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import MissingPackage
 from redundant_envs.figures import bare, new_figure, save_figure
+from redundant_envs.machine import machine_name
 
-from . import command
-from .clips import clip
+from . import command, run_folder
 from .config import Config
-from .drawing import EVALUATED, check_drawing, check_target
-from .evaluate import evaluate, summary, write_evaluation
+from .config.run import label
 from .evidence.curves import draw_curves
 from .evidence.runs import group, read_run
-from .own_scene import difference, own_config
-from .pages import measures, page
+from .pages import page, results_table
+from .play import clip
 from .policies import load_policy
-from .rollout import EVALUATION_SEED, policy_act
-from .run_folder import EPISODES, is_exported, read_evaluation, read_table
+from .rollout import EVALUATION_SEED, Outcome, expert_act, policy_act, run_episodes
+from .statistics import wilson
 
+PACKAGES = ("redundant-envs", "gymnasium", "stable-baselines3", "torch", "numpy", "llvmlite")
 CLIP_EPISODES = 4
+
+
+def versions() -> dict[str, str]:
+    """Versions of the packages on which the figures depend."""
+    found = {"python": platform.python_version()}
+    for name in PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+class Evaluation(NamedTuple):
+    """The content of evaluation.json, and the rows of episodes.csv."""
+
+    result: dict[str, Any]
+    episodes: NDArray[np.float64]
+
+
+def evaluate(folder: Path, trust: bool = False) -> Evaluation:
+    """Evaluate the policy of a folder in the scene that it was trained in; nothing is written.
+
+    ``trust`` is as in :func:`load_policy`.
+    """
+    config = run_folder.own_config(folder)
+    facts = run_folder.read_facts(folder)
+    model = load_policy(folder, config, trust)
+    n = config.evaluation_episodes
+    policy = run_episodes(config.env, policy_act(model), n, EVALUATION_SEED, **config.env_kwargs)
+    expert = run_episodes(config.env, expert_act(), n, EVALUATION_SEED, **config.env_kwargs)
+    low, high = wilson(int(policy.hold.sum()), n)
+    core = make_sb3(config.env, 1, **config.env_kwargs).core
+    at_goal = policy.distance <= core.task.goal_tolerance * core.reach
+    result = {
+        **{name: getattr(config, name) for name in ("env", "algo", "seed")},
+        "episodes": n,
+        "hold_success": float(policy.hold.mean()),
+        "interval": [low, high],
+        "touch_success": float(policy.touch.mean()),
+        "restless": int((at_goal & ~policy.hold).sum()),
+        "expert_hold_success": float(expert.hold.mean()),
+        "expert_touch_success": float(expert.touch.mean()),
+        **{name: facts[name] for name in run_folder.FACTS},
+        "mean_return": float(policy.returns.mean()),
+        "expert_mean_return": float(expert.returns.mean()),
+        "median_distance": float(np.median(policy.distance)),
+        "expert_median_distance": float(np.median(expert.distance)),
+        **measures("", policy),
+        **measures("expert_", expert),
+        "date": time.strftime("%Y-%m-%d"),
+        "machine": machine_name(),
+        "versions": versions(),
+    }
+    seeds = EVALUATION_SEED + np.arange(n)
+    columns = (
+        seeds,
+        policy.hold,
+        policy.touch,
+        policy.distance,
+        policy.returns,
+        expert.hold,
+        expert.distance,
+    )
+    return Evaluation(result, np.column_stack(columns))
+
+
+def write_evaluation(found: Evaluation, folder: Path) -> None:
+    """Write evaluation.json and episodes.csv into a folder, which is made."""
+    folder.mkdir(parents=True, exist_ok=True)
+    np.savetxt(
+        folder / "episodes.csv", found.episodes, delimiter=",", comments="",
+        header=",".join(run_folder.EPISODES), fmt=["%d", "%d", "%d", "%.9f", "%.4f", "%d", "%.9f"],
+    )  # fmt: skip
+    run_folder.write_json(folder / "evaluation.json", found.result)
+
+
+def measures(who: str, outcome: Outcome) -> dict[str, float | None]:
+    """Measures of holding: time (s, median of the held goals), effort and smoothness (means)."""
+    times = outcome.time_to_hold[outcome.hold]
+    return {
+        f"{who}time_to_hold": float(np.median(times)) if len(times) else None,
+        f"{who}effort": float(outcome.effort.mean()),
+        f"{who}smoothness": float(outcome.smoothness.mean()),
+    }
+
+
+def summary(result: dict[str, Any]) -> str:
+    """The evaluation in a few sentences."""
+    low, high = result["interval"]
+    lines = [
+        f"{label(result['algo'])} on {result['env']}, seed {result['seed']}: hold success "
+        f"{100 * result['hold_success']:.1f} % of {result['episodes']} episodes (95 % interval "
+        f"{100 * low:.1f} to {100 * high:.1f} %), touch {100 * result['touch_success']:.1f} %, median final "
+        f"distance {1000 * result['median_distance']:.1f} mm.",
+        f"Computed torque on the same goals: {100 * result['expert_hold_success']:.1f} %, "
+        f"{1000 * result['expert_median_distance']:.1f} mm.",
+    ]
+    failed = round((1.0 - result["hold_success"]) * result["episodes"])
+    if failed and result.get("restless") is not None:
+        lines.append(
+            f"Goals it did not hold: {failed}; at {result['restless']} of them the tip was there at the end, "
+            "but had not been still for long enough."
+        )
+    difference = result["hold_success"] - result["expert_hold_success"]
+    if difference:
+        verb = "loses to" if difference < 0 else "holds more goals than"
+        lines.append(f"The learner {verb} computed torque.")
+    return "\n".join(lines)
 
 
 def plots(folder: Path, config: Config, result: dict[str, Any], evaluated: Path, out: Path) -> list[Path]:
     """Learning curves and final distances as pictures in ``out``; ``evaluated`` has episodes.csv."""
-    episodes = read_table(evaluated, "episodes.csv", EPISODES)
+    episodes = run_folder.read_table(evaluated, "episodes.csv", run_folder.EPISODES)
     target = out / "plots"
     target.mkdir(parents=True, exist_ok=True)
     pictures = [target / "final_distance.png"]
     # an exported policy has no learning curve, and a run that was stopped may have none yet
-    run = None if is_exported(folder) else read_run(folder, stopped=True, evaluation=result)
+    run = None if run_folder.is_exported(folder) else read_run(folder, stopped=True, evaluation=result)
     if run is not None and len(run.curve):
         pictures.insert(0, target / "learning_curve.png")
         draw_curves(group([run]), pictures[0])
     figure = new_figure(6.4, 3.8)
     axes = figure.subplots()
-    for column, label in ((3, config.label), (6, "computed-torque expert")):
+    for column, who in ((3, config.label), (6, "computed-torque expert")):
         distance = np.sort(1000 * episodes[:, column])
-        axes.plot(distance, 100 * np.arange(1, len(distance) + 1) / len(distance), label=label)
+        axes.plot(distance, 100 * np.arange(1, len(distance) + 1) / len(distance), label=who)
     axes.set(
         xscale="log", xlabel="final distance of the tip from the goal, mm", ylabel="share of episodes, %"
     )
@@ -59,27 +172,14 @@ def plots(folder: Path, config: Config, result: dict[str, Any], evaluated: Path,
 
 
 def report(folder: Path, out: Path | None = None, overwrite: bool = False, trust: bool = False) -> Path:
-    """Write plots, clips and report.md of a run, and its evaluation if it has none yet.
+    """Write plots, clips and report.md of a run or an exported policy, and its evaluation if it has none yet.
 
-    Parameters
-    ----------
-    folder : Path
-        Of a run, or of an exported policy.
-    out : Path, optional
-        Folder for all files; without it the folder itself.
-    overwrite : bool
-        Whether existing files are replaced.
-    trust : bool
-        As in :func:`load_policy`.
-
-    Raises
-    ------
-    ValueError
-        Files would be replaced, or the folder of a policy written to, without ``overwrite``.
+    All files go to ``out``, without it to the folder itself; ValueError if some would be replaced, or the
+    folder of a policy written to, without ``overwrite``. ``trust`` is as in :func:`load_policy`.
     """
-    check_target(folder, out, overwrite)
-    config = own_config(folder)
-    check_drawing()
+    run_folder.check_target(folder, out, overwrite)
+    config = run_folder.own_config(folder)
+    run_folder.check_drawing()
     out = folder if out is None else out
     clips = [out / "clip.gif", out / "clip.mp4"]
     try:
@@ -88,17 +188,18 @@ def report(folder: Path, out: Path | None = None, overwrite: bool = False, trust
         print(f"{clips.pop()} is left out: {error}", file=sys.stderr)
     policy = load_policy(folder, config, trust)
     evaluated = folder
-    if not all((folder / name).is_file() for name in EVALUATED):
+    if not all((folder / name).is_file() for name in run_folder.EVALUATED):
         evaluated = out
         write_evaluation(evaluate(folder, trust), out)
-    result = read_evaluation(evaluated)
+    result = run_folder.read_evaluation(evaluated)
     pictures = plots(folder, config, result, evaluated, out)
     clip(clips, config.env, policy_act(policy), CLIP_EPISODES, EVALUATION_SEED, **config.env_kwargs)
     target = out / "report.md"
     text = page(
         "report", folder=folder, config=config, result=result, clips=clips, pictures=pictures,
-        summary=summary(result), scene=difference(folder), again=command("train", folder / "config.yaml"),
-        measures=measures(result, f"{result['episodes']} frozen goals", config.label),
+        summary=summary(result), scene=run_folder.difference(folder),
+        again=command("train", folder / "config.yaml"),
+        measures=results_table(result, f"{result['episodes']} frozen goals", config.label),
     )  # fmt: skip
     target.write_text(text, encoding="utf-8")
     return target

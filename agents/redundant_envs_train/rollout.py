@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,38 +12,26 @@ from redundant_envs.control.computed_torque import ComputedTorque, pose_at
 from redundant_envs.envs.core import Core
 from redundant_envs.numerics.tableaus import METHODS
 
-EVALUATION_SEED = 1_000_000
-"""First seed of the goals of the evaluation; seeds of the training are smaller."""
-SELECTION_SEED = 2_000_000
-"""First seed of the goals of the learning curve."""
-STUDY_SEED = 3_000_000
-"""First seed of the goals of the policy study."""
+EVALUATION_SEED = 1_000_000  # first seed of the goals of the evaluation; seeds of the training are smaller
+SELECTION_SEED = 2_000_000  # first seed of the goals of the learning curve
+STUDY_SEED = 3_000_000  # first seed of the goals of the policy study
 
-Act = Callable[[Any, Core, int], NDArray[np.float32]]
-"""(observations, core, step) -> actions (n, joints)."""
+Act = Callable[[Any, Core, int], NDArray[np.float32]]  # (observations, core, step) -> actions (n, joints)
 
 
-@dataclass(frozen=True)
-class Outcome:
+class Outcome(NamedTuple):
     """Ends of episodes, one entry each."""
 
     hold: NDArray[np.bool_]
     touch: NDArray[np.bool_]
-    distance: NDArray[np.float64]
+    distance: NDArray[np.float64]  # m
     returns: NDArray[np.float64]
-    numerics: NDArray[np.int64]
-    ended: NDArray[np.bool_]
-    """Whether numerics ended the episode before its time."""
-    steps: NDArray[np.int64]
-    """Control steps."""
-    evaluations: NDArray[np.int64]
-    """Evaluations of the equations of motion."""
-    time_to_hold: NDArray[np.float64]
-    """Time from which on the tip stayed at the goal and slow to the end, s; NaN if it did not."""
-    effort: NDArray[np.float64]
-    """Mean square of the normalized efforts, 0 to 1."""
-    smoothness: NDArray[np.float64]
-    """Mean change of a normalized effort from one control step to the next, 0 to 2: less is smoother."""
+    ended: NDArray[np.bool_]  # whether numerics ended the episode before its time
+    steps: NDArray[np.int64]  # control steps
+    evaluations: NDArray[np.int64]  # of the equations of motion
+    time_to_hold: NDArray[np.float64]  # s, from which on the tip stayed at the goal and slow; else NaN
+    effort: NDArray[np.float64]  # mean square of the normalized efforts, 0 to 1
+    smoothness: NDArray[np.float64]  # mean change of an effort from step to step, 0 to 2: less is smoother
 
 
 def run_episodes(env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any) -> Outcome:
@@ -76,24 +63,18 @@ def run_episodes(env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any)
         step += 1
     scene = env.core.scene
     per_step = scene.substeps * METHODS[scene.integrator].stages  # reported only if it varies
-    steps = np.array([e["episode_steps"] for e in ends])
-    hold = np.array([e["is_success"] for e in ends])
+    steps, hold, touch, distance, whole = (
+        np.array([end[name] for end in ends])
+        for name in ("episode_steps", "is_success", "touch_success", "distance", "TimeLimit.truncated")
+    )
+    evaluations = [e.get("evaluations", n * per_step) for e, n in zip(ends, steps.tolist(), strict=True)]
     return Outcome(
-        hold=hold,
-        touch=np.array([e["touch_success"] for e in ends]),
-        distance=np.array([e["distance"] for e in ends]),
-        returns=returns,
-        numerics=np.array([e["numerics"] for e in ends]),
-        ended=np.array([not e["TimeLimit.truncated"] for e in ends]),
-        steps=steps,
-        evaluations=np.array(
-            [e.get("evaluations", n * per_step) for e, n in zip(ends, steps.tolist(), strict=True)]
-        ),
+        hold, touch, distance, returns,
+        ended=~whole, steps=steps, evaluations=np.array(evaluations),
         # ``held`` counts the steps before the last one
         time_to_hold=np.where(hold, (steps - held - 1.0) * scene.control_dt, np.nan),
-        effort=effort / steps,
-        smoothness=change / np.maximum(steps - 1, 1),
-    )
+        effort=effort / steps, smoothness=change / np.maximum(steps - 1, 1),
+    )  # fmt: skip
 
 
 def policy_act(model: Any) -> Act:
@@ -107,8 +88,7 @@ def policy_act(model: Any) -> Act:
 
 
 def expert_act(pose: Callable[..., Any] = pose_at) -> Act:
-    """The computed-torque expert, planned from the start of each episode; ``pose`` is the argument of
-    ComputedTorque."""
+    """The computed-torque expert with this ``pose``, planned from the start of each episode."""
     controller: ComputedTorque | None = None
 
     def act(obs: Any, core: Core, step: int) -> NDArray[np.float32]:

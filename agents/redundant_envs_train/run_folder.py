@@ -1,43 +1,56 @@
-"""The files of a run folder: for a missing or damaged one the error names the command that writes it."""
+"""Run folders: their files, the scene that a run was trained in, and checks before one is written.
+
+For a missing or damaged file the error names the command that writes it. Nothing large is imported.
+"""
 
 from __future__ import annotations
 
 import json
 import os
+import sys
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from redundant_envs.envs.clips import check_clip
 from redundant_envs.envs.registration import ids
+from redundant_envs.extras import needs
+from redundant_envs.files import exists
+from redundant_envs.scene import Scene, load_scene, scene_at, scene_path
 from redundant_envs.values import shown
 
-from . import COMMAND, command
+from . import COMMAND, command, train_again
 from .config import ALGORITHMS, MOST_EPISODES, MOST_SEEDS, Config, load
 
-SELECTION = ("env_steps", "seconds", "hold_success", "touch_success", "return")
-"""Columns of selection.csv."""
+SELECTION = ("env_steps", "seconds", "hold_success", "touch_success", "return")  # columns of selection.csv
 EPISODES = ("seed", "hold", "touch", "distance", "return", "expert_hold", "expert_distance")
 """Columns of episodes.csv."""
-RATES = ("hold_success", "touch_success", "expert_hold_success")
-UNSURE_RATES = ("expert_touch_success",)
-"""Rates that folders of older versions lack."""
-DISTANCES = ("median_distance", "expert_median_distance")
-MEASURES = tuple(
-    f"{who}{name}" for who in ("", "expert_") for name in ("time_to_hold", "effort", "smoothness")
-)
-"""Beside success; folders of older versions lack them."""
-RESTLESS = "restless"
-"""Episodes that were not held though the tip ended at the goal; folders of older versions lack it."""
-RETURNS = ("mean_return", "expert_mean_return")
 FACTS = ("env_steps", "train_seconds")
-MOST = 1e15
-"""Largest number of a run: of its steps, seconds and metres."""
-MOST_CHARACTERS = 200
-"""Most characters of the name of a machine."""
+MOST = 1e15  # largest number of a run: of its steps, seconds and metres
+NUMBERS = {
+    "median_distance": MOST, "expert_median_distance": MOST, "mean_return": MOST, "expert_mean_return": MOST,
+    "hold_success": 1, "touch_success": 1, "expert_hold_success": 1,
+}  # fmt: skip
+"""Largest values of the numbers of an evaluation."""
+UNSURE = {
+    "env_steps": MOST, "train_seconds": MOST, "time_to_hold": MOST, "effort": MOST, "smoothness": MOST,
+    "expert_time_to_hold": MOST, "expert_effort": MOST, "expert_smoothness": MOST, "restless": MOST,
+    "expert_touch_success": 1,
+}  # fmt: skip
+"""The same of numbers that may be unknown, as in folders of older versions."""
+MOST_CHARACTERS = 200  # most characters of the name of a machine
+CHECKPOINT, OLD_CHECKPOINT = "checkpoint", "checkpoint.old"
+"""Checkpoint folders inside that of a run; after a kill between two renamings only the old name exists."""
+STATE = "state.pt"  # file that exists only in a complete checkpoint
+EVALUATED = ("evaluation.json", "episodes.csv")
+REPORTED = ("report.md", "plots", "clip.gif", "clip.mp4")
+SCENE = "scene.yaml"
+MOST_SHOWN = 3  # most differences in a message
 
 
 def read_config(folder: Path) -> Config:
@@ -76,20 +89,14 @@ def read_evaluation(folder: Path) -> dict[str, Any]:
 
 def checked_evaluation(data: dict[str, Any], folder: Path) -> dict[str, Any]:
     """The evaluation of a run with this folder; ValueError if an entry is missing or impossible."""
-    low_high = data.get("interval")
-    checks = {name: _is_number(data.get(name)) for name in (*DISTANCES, *RETURNS)}
-    checks |= {name: _is_number(data.get(name), 1) for name in RATES}
-    checks |= {name: data.get(name) is None or _is_number(data[name]) for name in FACTS}
-    checks |= {name: data.get(name) is None or _is_number(data[name]) for name in (*MEASURES, RESTLESS)}
-    checks |= {name: data.get(name) is None or _is_number(data[name], 1) for name in UNSURE_RATES}
+    checks = {name: _is_number(data.get(name), most) for name, most in NUMBERS.items()}
+    checks |= {n: data.get(n) is None or _is_number(data[n], most) for n, most in UNSURE.items()}
     for name, low, high in (("seed", 0, MOST_SEEDS), ("episodes", 1, MOST_EPISODES)):
         checks[name] = isinstance(data.get(name), int) and _is_number(data[name], high) and data[name] >= low
     checks["env"], checks["algo"] = data.get("env") in ids(), data.get("algo") in ALGORITHMS
-    checks["interval"] = (
-        isinstance(low_high, list)
-        and [_is_number(rate, 1) for rate in low_high] == [True, True]
-        and low_high[0] <= low_high[1]
-    )
+    ends: Any = data.get("interval")
+    pair = isinstance(ends, list) and [_is_number(rate, 1) for rate in ends] == [True, True]
+    checks["interval"] = pair and ends[0] <= ends[1]
     versions = data.get("versions")
     checks["versions"] = isinstance(versions, dict) and all(map(_is_line, (*versions, *versions.values())))
     checks |= {name: _is_line(data.get(name)) for name in ("machine", "date")}
@@ -107,23 +114,19 @@ def read_facts(folder: Path) -> dict[str, Any]:
     path = folder / "training.json"
     if not path.is_file():
         return {**dict.fromkeys((*FACTS, "simulator")), "stopped": False}
-    data = _read_json(path, f"{command('train', folder / 'config.yaml', '--out', 'NEW_FOLDER')}")
-    for name in FACTS:
-        if not _is_number(data.get(name)):
-            raise ValueError(f"{path} has {shown(data.get(name))} as {name!r}; delete it to go on without")
-    simulator = data.get("simulator")
-    if simulator is not None and not _is_line(simulator):
-        raise ValueError(f"{path} has {shown(simulator)} as 'simulator'; delete it to go on without")
-    facts = {name: data[name] for name in FACTS}
-    return {**facts, "simulator": simulator, "stopped": data.get("stopped") is True}
+    data = _read_json(path, train_again(folder))
+    facts = {name: data.get(name) for name in (*FACTS, "simulator")}
+    for name, value in facts.items():
+        fits = _is_number(value) if name in FACTS else value is None or _is_line(value)
+        if not fits:
+            raise ValueError(f"{path} has {shown(value)} as {name!r}; delete it to go on without")
+    return {**facts, "stopped": data.get("stopped") is True}
 
 
 def read_table(folder: Path, name: str, columns: tuple[str, ...]) -> NDArray[np.float64]:
     """selection.csv or episodes.csv, (rows, columns); there may be no rows yet."""
     path = folder / name
-    remedy = evaluate_anew(folder)
-    if columns is SELECTION:
-        remedy = f"{command('train', folder / 'config.yaml', '--out', 'NEW_FOLDER')}"
+    remedy = train_again(folder) if columns is SELECTION else evaluate_anew(folder)
     if not path.is_file():
         raise ValueError(f"run folder {folder} has no {name}; make it: {remedy}")
     try:
@@ -180,3 +183,127 @@ def _is_number(value: Any, most: float = MOST) -> bool:
 def _is_line(value: Any) -> bool:
     """Whether a value is a text that fits into a line of a table."""
     return isinstance(value, str) and value.isprintable() and len(value) <= MOST_CHARACTERS
+
+
+# ---- the scene of a run: its own scene.yaml, even if the file that its configuration names has changed
+
+
+def read_scene(folder: Path) -> Scene:
+    """The scene that a run was trained in."""
+    path = folder / SCENE
+    if not path.is_file():
+        raise ValueError(
+            f"{folder} has no {SCENE}, which says what its policy was trained in; put it back, or make a new "
+            f"run: {train_again(folder)}"
+        )
+    return load_scene(path)
+
+
+def with_scene(config: Config, scene: Scene) -> Config:
+    """A configuration in this scene, with the stepping of the scene."""
+    rest = {name: value for name, value in config.env_kwargs.items() if name != "accuracy"}
+    return config.model_copy(update={"env_kwargs": {**rest, "scene": scene.to_dict()}})
+
+
+def own_config(folder: Path) -> Config:
+    """The configuration of a run folder, in the scene that it was trained in."""
+    config = read_config(folder)
+    return with_scene(config, read_scene(folder))
+
+
+def named_scene(config: Config) -> Any:
+    """The scene that a configuration names or holds: that of its environment, if it has none."""
+    return config.env_kwargs.get("scene", gym.spec(config.env).kwargs["scene"])
+
+
+def difference(folder: Path) -> str:
+    """How a run's scene differs from the one that its configuration names, in a sentence; else nothing.
+
+    A file that no longer exists, or cannot be found from the current folder, counts as equal.
+    """
+    config = read_config(folder)
+    named = named_scene(config)
+    if isinstance(named, str | Path) and not exists(scene_path(named)):
+        return ""
+    what = f"the scene {shown(named)} that config.yaml names" if isinstance(named, str) else "config.yaml"
+    try:
+        today = scene_at(named, config.env_kwargs.get("accuracy"))
+    except ValueError as error:
+        return f"{what} cannot be read any more: {error}"
+    own, other = _flat_scene(read_scene(folder).to_dict()), _flat_scene(today.to_dict())
+    names = [name for name in {**own, **other} if own.get(name) != other.get(name)]
+    if not names:
+        return ""
+    words = []
+    for name in names[:MOST_SHOWN]:
+        mine, theirs = ("absent" if (v := d.get(name)) is None else shown(v) for d in (own, other))
+        words.append(f"{name} {mine}, not {theirs}")
+    more = f" and {len(names) - MOST_SHOWN} more" if len(names) > MOST_SHOWN else ""
+    return f"{folder / SCENE} differs from {what} ({'; '.join(words)}{more})"
+
+
+def tell_differences(folders: Sequence[Path]) -> None:
+    """One line on stderr if run folders are of other scenes than their configurations name today."""
+    found = [text for folder in folders if folder.is_dir() and (text := difference(folder))]
+    more = f" (and so for {len(found) - 1} more of {len(folders)} runs)" if len(found) > 1 else ""
+    if found:
+        print(f"note: {found[0]}; the run's own is used{more}", file=sys.stderr)
+
+
+def _flat_scene(data: Mapping[str, Any]) -> dict[str, Any]:
+    """A scene's data by dotted names; an effect's numbers by its type."""
+    effects = {effect["type"]: effect for effect in data["effects"]}
+    return flat({name: value for name, value in data.items() if name != "effects"} | effects)
+
+
+# ---- checks of folders for results, before anything long begins
+
+
+def check_out(folder: Path) -> None:
+    """Refuse an impossible folder for results: a file, a path below a file, or one that is not writable."""
+    there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+    if not there.is_dir():
+        what = "is a file" if there == folder else f"is below the file {there}"
+        raise ValueError(f"out is {folder}, which {what}; choose another --out")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise ValueError(f"out is {folder}, and {there} is not writable; choose another --out")
+
+
+def check_new(folder: Path) -> None:
+    """Refuse a file, or a folder that is not empty, as the folder of a new run."""
+    check_out(folder)
+    if folder.exists() and any(folder.iterdir()):
+        hint = f"go on with '{command('resume', folder)}', " if find_checkpoint(folder) else ""
+        raise ValueError(f"run folder {folder} is not empty; {hint}choose another --out or delete it")
+
+
+def find_checkpoint(folder: Path) -> Path | None:
+    """The newest complete checkpoint of a run folder, if it has one."""
+    return next((p for n in (CHECKPOINT, OLD_CHECKPOINT) if ((p := folder / n) / STATE).is_file()), None)
+
+
+def check_unwritten(folder: Path, files: Sequence[str], overwrite: bool) -> None:
+    """Refuse a folder for results that holds files of their names, unless they may be overwritten."""
+    check_out(folder)
+    there = [name for name in files if (folder / name).exists()]
+    if there and not overwrite:
+        raise ValueError(
+            f"out is {folder}, which has {', '.join(there)}; choose another --out, or add --overwrite"
+        )
+
+
+def check_drawing() -> None:
+    """Raise an error if the packages that draw a report are missing."""
+    with needs("plot"):
+        import matplotlib  # noqa: F401
+        import PIL  # noqa: F401
+    check_clip(Path("clip.gif"))
+
+
+def check_target(folder: Path, out: Path | None, overwrite: bool) -> None:
+    """Refuse to replace files by a report, or to write into an exported policy, without ``overwrite``."""
+    if out is not None:
+        check_unwritten(out, (*REPORTED, *EVALUATED), overwrite)
+    elif not overwrite and (is_exported(folder) or (folder / "report.md").exists()):
+        reason = "is an exported policy" if is_exported(folder) else "has a report"
+        raise ValueError(f"{folder} {reason}; give --out FOLDER, or --overwrite to write into it")

@@ -29,11 +29,8 @@ def policy_file(start: str) -> Path:
 def with_start(config: Config) -> Config:
     """A configuration with the hash of the policy that it starts from.
 
-    Raises
-    ------
-    ValueError
-        There is no such file, it is another one than the configuration says, or the configuration beside it
-        is of another algorithm or of other networks.
+    ValueError if there is no such file, it is another one than the configuration says, or the configuration
+    beside it is of another algorithm or of other networks.
     """
     if config.start_from is None:
         return config

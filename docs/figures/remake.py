@@ -14,15 +14,14 @@ from PIL import Image
 from redundant_envs.__main__ import main
 from redundant_envs.envs.schematic import save_schematic
 from redundant_envs.figures import save_figure
-from redundant_envs_train.clips import batched
 from redundant_envs_train.evidence.curves import curves
 from redundant_envs_train.evidence.table import brief_table
-from redundant_envs_train.own_scene import own_config
-from redundant_envs_train.play import play
+from redundant_envs_train.play import batched, play
 from redundant_envs_train.policies import load_policy
 from redundant_envs_train.rollout import policy_act
+from redundant_envs_train.run_folder import own_config
 from redundant_envs_train.studies.strength import read_rows
-from redundant_envs_train.studies.strength_figure import figure
+from redundant_envs_train.studies.strength import figure
 
 ROOT = Path(__file__).resolve().parents[2]
 FIGURES, RESULTS, POLICIES = ROOT / "docs" / "figures", ROOT / "docs" / "results", ROOT / "policies"

@@ -35,16 +35,9 @@ _warned: set[str] = set()
 
 
 def kernels(key: str, program: Program, what: str) -> dict[str, llvm.Entry]:
-    """The kernels of a program in machine code, by name.
+    """The kernels of a program in machine code, by name; ``what`` is compiled, says a message.
 
-    Parameters
-    ----------
-    key : str
-        The :func:`program_key` of its :func:`identity`, computed before compilation, which changes its
-        graphs.
-    program : Program
-    what : str
-        Name of the program in the message that it is compiled.
+    Its key is computed before compilation, which changes its graphs.
     """
     with _lock:
         if key not in _kept:
@@ -74,13 +67,11 @@ def _sources() -> list[str]:
 
 def _code(key: str, program: Program, what: str) -> bytes:
     folder = cache_folder()
-    made: list[bytes] = []  # the compiled code, if it cannot be kept on disk
 
+    @functools.cache  # called again if the code cannot be kept on disk
     def compiled() -> bytes:
-        if not made:
-            with _announced(what):
-                made.append(llvm.object_code(program))
-        return made[0]
+        with _announced(what):
+            return llvm.object_code(program)
 
     if folder is not None:
         try:
@@ -93,12 +84,10 @@ def _code(key: str, program: Program, what: str) -> bytes:
 def _code_in(folder: Path, key: str, compiled: Callable[[], bytes]) -> bytes:
     """The machine code in a folder; compiled if it is missing or incomplete."""
     path = folder / f"{key}{SUFFIX}"
-    code = _used(path)
-    if code is not None:  # files appear whole: no need to wait for a process that compiles the same again
+    if code := _used(path):  # files appear whole: no need to wait for a process that compiles the same again
         return code
     with _file_lock(path.with_suffix(".lock")):
-        code = _used(path)
-        if code is not None:
+        if code := _used(path):
             return code
         damaged, code = os.path.lexists(path), compiled()
         if path.is_dir() and not path.is_symlink():
@@ -112,33 +101,25 @@ def _code_in(folder: Path, key: str, compiled: Callable[[], bytes]) -> bytes:
     return code
 
 
-def _used(path: Path) -> bytes | None:
-    """The content of a file; this counts as a use of the file."""
-    code = _whole(path)
-    if code is not None:
-        with contextlib.suppress(OSError):  # another process may have deleted it, or it is not ours
-            os.utime(path)
-    return code
+def _used(path: Path) -> bytes:
+    """The code in a file, and nothing if its checksum is wrong; this counts as a use of the file.
+
+    This detects accidents. It cannot protect against anyone who may write to the folder.
+    """
+    data = b""
+    if path.is_file():  # reading a pipe would never end
+        with contextlib.suppress(OSError):
+            data = path.read_bytes()
+    if _checksum(path, data[DIGEST:]) != data[:DIGEST]:
+        return b""
+    with contextlib.suppress(OSError):  # another process may have deleted it, or it is not ours
+        os.utime(path)
+    return data[DIGEST:]
 
 
 def _checksum(path: Path, code: bytes) -> bytes:
     """Checksum of the code and its file name: the code of another program is as wrong as a damaged one."""
     return hashlib.sha256(path.stem.encode() + code).digest()
-
-
-def _whole(path: Path) -> bytes | None:
-    """The content of a file, if its checksum is right.
-
-    This detects accidents. It cannot protect against anyone who may write to the folder.
-    """
-    if not path.is_file():  # reading a pipe would never end
-        return None
-    try:
-        data = path.read_bytes()
-    except OSError:
-        return None
-    code = data[DIGEST:]
-    return code if _checksum(path, code) == data[:DIGEST] and code else None
 
 
 def _write_whole(path: Path, data: bytes) -> None:
@@ -156,28 +137,20 @@ def _write_whole(path: Path, data: bytes) -> None:
 def _prune(folder: Path) -> None:
     """Delete the least recently used programs beyond the number kept."""
     own = [p for p in folder.iterdir() if p.suffix == SUFFIX and OWN_FILE.fullmatch(p.name) and p.is_file()]
-    if len(own) <= KEPT_PROGRAMS:
-        return
     used = []
     for path in own:
         with contextlib.suppress(OSError):  # another process may have deleted it
             used.append((path.stat().st_mtime, path))
     for _, path in sorted(used)[:-KEPT_PROGRAMS]:
-        for old in (path, path.with_suffix(".lock")):
-            old.unlink(missing_ok=True)
+        path.unlink(missing_ok=True)
+        path.with_suffix(".lock").unlink(missing_ok=True)
 
 
 def cache_folder() -> Path | None:
     """The folder for machine code, or None if nothing may be written."""
-    chosen = os.environ.get(CACHE_VARIABLE)
-    if chosen:
-        base = Path(chosen)
-    elif sys.platform == "win32":
-        base = Path(os.environ.get("LOCALAPPDATA") or "~") / "redundant-envs"
-    elif sys.platform == "darwin":
-        base = Path("~/Library/Caches/redundant-envs")
-    else:
-        base = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache") / "redundant-envs"
+    usual = {"win32": os.environ.get("LOCALAPPDATA") or "~", "darwin": "~/Library/Caches"}
+    home = usual.get(sys.platform, os.environ.get("XDG_CACHE_HOME") or "~/.cache")
+    base = Path(os.environ.get(CACHE_VARIABLE) or f"{home}/redundant-envs")
     try:
         base = base.expanduser().absolute()
         base.mkdir(mode=0o700, parents=True, exist_ok=True)

@@ -21,14 +21,7 @@ OPERATIONS: dict[str, Callable[..., Any]] = {
 
 
 def evaluate(results: Iterable[Value], load: Callable[[tuple[str, int]], Any]) -> list[Any]:
-    """Values of a graph.
-
-    Parameters
-    ----------
-    results : values of the graph
-    load : callable
-        Takes a memory location, and returns the number there.
-    """
+    """Values of a graph; ``load`` returns the number at a memory location."""
     results = list(results)
     known: dict[Operation, Any] = {}
     for node in reached(results):

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import contextlib
 import ctypes
 import functools
 import threading
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from contextvars import ContextVar
 from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm
 
 from redundant_envs.tracing.flow import Program
-from redundant_envs.tracing.graph import uncollected
+from redundant_envs.tracing.graph import setting, uncollected
 
 Entry = Callable[[int], None]
 """A kernel in machine code: it takes the address of a frame, its arguments as 8 bytes each."""
@@ -58,15 +58,10 @@ AVX2 = Processor("haswell", "+fma,+avx2")
 _target: ContextVar[Processor | None] = ContextVar("target", default=None)
 
 
-@contextlib.contextmanager
-def target(chosen: Processor) -> Iterator[None]:
+def target(chosen: Processor) -> AbstractContextManager[None]:
     """Within this context programs are made for another processor, whose code this one must be able to
     run."""
-    token = _target.set(chosen)
-    try:
-        yield
-    finally:
-        _target.reset(token)
+    return setting(_target, chosen)
 
 
 @functools.cache

@@ -2,49 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from llvmlite import ir
 
-from redundant_envs.backends.llvm_lanes import (
-    BLOCK,
-    DOUBLE,
-    ELEMENT,
-    INT8,
-    INT32,
-    INT64,
-    LANES,
-    address,
-    emit_lane_function,
-    integer,
-    signature,
-    widened,
-)  # fmt: skip
-from redundant_envs.tracing.flow import Instruction, Kernel, Program
+from redundant_envs.backends import llvm_lanes as lanes
+from redundant_envs.backends.llvm_lanes import ARITHMETIC, DOUBLE, ELEMENT, INT32, INT64, address, integer
+from redundant_envs.tracing.flow import ELEMENTS, Instruction, Kernel, Program
 
-INTEGERS = {
-    "+": "add",
-    "-": "sub",
-    "*": "mul",
-    "and": "and_",
-    "or": "or_",
-    "xor": "xor",
-    "<<": "shl",
-    ">>": "lshr",
-}
-FLOATS = {"+": "fadd", "-": "fsub", "*": "fmul"}
+Method = Callable[[Any], Any]
+INTEGERS = {**ARITHMETIC, "+": "add", "-": "sub", "*": "mul", "<<": "shl", ">>": "lshr"}
 
 
 class KernelEmitter:
-    """Emits the tree of a kernel."""
+    """Emits the tree of a kernel: each instruction by the method of its name, or as arithmetic."""
 
     def __init__(
         self, module: ir.Module, kernel: Kernel, functions: dict[str, tuple[ir.Function, Any]]
     ) -> None:
         self.functions = functions
         made = ir.Function(module, ir.FunctionType(ir.VoidType(), [INT64.as_pointer()]), kernel.name)
-        self.function = widened(made)
+        self.function = lanes.widened(made)
         self.entry = ir.IRBuilder(made.append_basic_block("entry"))
         body = made.append_basic_block("body")
         self.builder = ir.IRBuilder(body)
@@ -56,56 +35,44 @@ class KernelEmitter:
     def value(self, x: Any, kind: str = "int") -> Any:
         if hasattr(x, "index"):
             return self.values[x.index]
-        if kind == "float":
-            return ir.Constant(DOUBLE, float(x))
-        return integer(int(x))
+        return ir.Constant(DOUBLE, float(x)) if kind == "float" else integer(int(x))
+
+    def operands(self, i: Instruction, kind: str = "int") -> list[Any]:
+        return [self.value(x, kind) for x in i.arguments]
 
     def run(self, body: Sequence[Instruction]) -> None:
-        for instruction in body:
-            self.values[instruction.result] = getattr(self, f"_{NAMES.get(instruction.name, 'arithmetic')}")(
-                instruction
-            )
+        for i in body:
+            self.values[i.result] = getattr(self, f"_{i.name}", self._arithmetic)(i)
 
     def _arithmetic(self, i: Instruction) -> Any:
         b = self.builder
-        kinds = [x.kind for x in i.arguments if hasattr(x, "kind")]
-        floats = "float" in kinds
-        arguments = [self.value(x, "float" if floats else "int") for x in i.arguments]
-        if i.kind == "truth" and i.name in ("<", "<=", ">", ">=", "==", "!="):
-            if floats:
-                return (
-                    b.fcmp_unordered("!=", *arguments)
-                    if i.name == "!="
-                    else b.fcmp_ordered(i.name, *arguments)
-                )
-            return b.icmp_signed(i.name, *arguments)
-        return getattr(b, (FLOATS if floats else INTEGERS)[i.name])(*arguments)
+        floats = any(getattr(x, "kind", None) == "float" for x in i.arguments)
+        operands = self.operands(i, "float" if floats else "int")
+        if i.name in ("<", "<=", ">", ">=", "==", "!="):
+            return lanes.compared(b, i.name, *operands) if floats else b.icmp_signed(i.name, *operands)
+        return getattr(b, (ARITHMETIC if floats else INTEGERS)[i.name])(*operands)
 
     def _argument(self, i: Instruction) -> Any:
-        b = self.builder
         type_ = ELEMENT[i.kind].as_pointer() if i.kind in ELEMENT else INT64
-        return b.load(address(b, self.function.args[0], i.extra, type_))
+        return self.builder.load(address(self.builder, self.function.args[0], i.extra, type_))
 
     def _offset(self, i: Instruction) -> Any:
-        return self.builder.gep(self.value(i.arguments[0]), [self.value(i.arguments[1])])
+        base, offset = self.operands(i)
+        return self.builder.gep(base, [offset])
 
     def _not(self, i: Instruction) -> Any:
-        return self.builder.not_(self.value(i.arguments[0]))
+        return self.builder.not_(*self.operands(i))
 
     def _select(self, i: Instruction) -> Any:
-        condition, *two = i.arguments
-        return self.builder.select(self.value(condition), *(self.value(x, i.kind) for x in two))
+        return self.builder.select(*self.operands(i, i.kind))
 
     def _float(self, i: Instruction) -> Any:
         truth = i.arguments[0].kind == "truth"
-        convert = self.builder.uitofp if truth else self.builder.sitofp
-        return convert(self.value(i.arguments[0]), DOUBLE)
+        return (self.builder.uitofp if truth else self.builder.sitofp)(*self.operands(i), DOUBLE)
 
     def _int(self, i: Instruction) -> Any:
-        value = self.value(i.arguments[0])
-        if value.type == DOUBLE:
-            return self.builder.fptosi(value, INT64)
-        return self.builder.zext(value, INT64)
+        (value,) = self.operands(i)
+        return (self.builder.fptosi if value.type == DOUBLE else self.builder.zext)(value, INT64)
 
     def _space(self, i: Instruction) -> Any:
         memory = self.entry.alloca(ELEMENT[i.kind], ir.Constant(INT32, i.extra))
@@ -116,15 +83,15 @@ class KernelEmitter:
         return self.entry.alloca(DOUBLE if i.kind == "float" else INT64)
 
     def _get(self, i: Instruction) -> Any:
-        return self.builder.load(self.value(i.arguments[0]))
+        return self.builder.load(*self.operands(i))
 
     def _set(self, i: Instruction) -> None:
-        place, value = i.arguments
-        self.builder.store(self.value(value, i.kind), self.value(place))
+        place, value = self.operands(i, i.kind)
+        self.builder.store(value, place)
 
     def _load(self, i: Instruction) -> Any:
-        b = self.builder
-        value = b.load(b.gep(self.value(i.arguments[0]), [self.value(i.arguments[1])]))
+        b, (base, index) = self.builder, self.operands(i)
+        value = b.load(b.gep(base, [index]))
         if i.extra == "f32":
             return b.fpext(value, DOUBLE)
         return value if i.extra in ("f64", "i64") else b.zext(value, INT64)
@@ -132,7 +99,7 @@ class KernelEmitter:
     def _store(self, i: Instruction) -> None:
         b, type_ = self.builder, ELEMENT[i.extra]
         array, index, x = i.arguments
-        value = self.value(x, "float" if i.extra in ("f64", "f32") else "int")
+        value = self.value(x, ELEMENTS[i.extra])
         if i.extra == "f32":
             value = b.fptrunc(value, type_)
         elif isinstance(type_, ir.IntType) and type_ != INT64:
@@ -141,62 +108,61 @@ class KernelEmitter:
 
     def _mask(self, i: Instruction) -> Any:
         b = self.builder
-        values = b.load(address(b, self.value(i.arguments[0]), i.extra * LANES, BLOCK), align=8)
-        bits = b.fcmp_unordered("!=", values, ir.Constant(BLOCK, [0.0] * LANES))
-        return b.zext(b.bitcast(bits, INT8), INT64)
+        values = lanes.load_block(b, self.value(i.arguments[0]), i.extra)
+        bits = lanes.compared(b, "!=", values, ir.Constant(lanes.BLOCK, [0.0] * lanes.LANES))
+        return b.zext(b.bitcast(bits, lanes.INT8), INT64)
 
     def _counter(self, i: Instruction) -> Any:
         return self.values[i.result]  # set by the loop
 
+    def _blocks(self, *names: str) -> list[ir.Block]:
+        return [self.function.append_basic_block(name) for name in names]
+
     def _each(self, i: Instruction) -> None:
-        start, stop = (self.value(x) for x in i.arguments)
-        b, f = self.builder, self.function
-        head, inside, after = (f.append_basic_block(n) for n in ("head", "each", "after"))
-        before = b.block
+        b, (start, stop) = self.builder, self.operands(i)
+        below, following = lambda k: b.icmp_signed("<", k, stop), lambda k: b.add(k, integer(1))
+        self._loop(i, start, below, lambda k: k, following)
+
+    def _each_set(self, i: Instruction) -> None:
+        b, (mask,) = self.builder, self.operands(i)
+        self._loop(
+            i, mask, lambda rest: b.icmp_signed("!=", rest, integer(0)),
+            lambda rest: b.cttz(rest, ir.Constant(lanes.BIT, 1)),
+            lambda rest: b.and_(rest, b.sub(rest, integer(1))),
+        )  # fmt: skip
+
+    def _loop(self, i: Instruction, start: Any, test: Method, counter: Method, following: Method) -> None:
+        """A loop over the values of a number, which ends when a test fails."""
+        b, before = self.builder, self.builder.block
+        head, inside, after = self._blocks("head", i.name, "after")
         b.branch(head)
         b.position_at_end(head)
         k = b.phi(INT64)
         k.add_incoming(start, before)
-        b.cbranch(b.icmp_signed("<", k, stop), inside, after)
+        b.cbranch(test(k), inside, after)
         b.position_at_end(inside)
-        self.values[i.extra] = k
+        self.values[i.extra] = counter(k)
         self.run(i.bodies[0])
-        k.add_incoming(b.add(k, integer(1)), b.block)
-        b.branch(head)
-        b.position_at_end(after)
-
-    def _each_set(self, i: Instruction) -> None:
-        b, f = self.builder, self.function
-        head, inside, after = (f.append_basic_block(n) for n in ("head", "each_set", "after"))
-        before, mask = b.block, self.value(i.arguments[0])
-        b.branch(head)
-        b.position_at_end(head)
-        rest = b.phi(INT64)
-        rest.add_incoming(mask, before)
-        b.cbranch(b.icmp_signed("!=", rest, integer(0)), inside, after)
-        b.position_at_end(inside)
-        self.values[i.extra] = b.cttz(rest, ir.Constant(ir.IntType(1), 1))
-        self.run(i.bodies[0])
-        rest.add_incoming(b.and_(rest, b.sub(rest, integer(1))), b.block)
+        k.add_incoming(following(k), b.block)
         b.branch(head)
         b.position_at_end(after)
 
     def _while(self, i: Instruction) -> None:
-        b, f = self.builder, self.function
-        head, inside, after = (f.append_basic_block(n) for n in ("head", "while", "after"))
+        b = self.builder
+        head, inside, after = self._blocks("head", "while", "after")
         b.branch(head)
         b.position_at_end(head)
         self.run(i.bodies[0])
-        b.cbranch(self.value(i.arguments[0]), inside, after)
+        b.cbranch(*self.operands(i), inside, after)
         b.position_at_end(inside)
         self.run(i.bodies[1])
         b.branch(head)
         b.position_at_end(after)
 
     def _when(self, i: Instruction) -> None:
-        b, f = self.builder, self.function
-        inside, after = (f.append_basic_block(n) for n in ("when", "after"))
-        b.cbranch(self.value(i.arguments[0]), inside, after)
+        b = self.builder
+        inside, after = self._blocks("when", "after")
+        b.cbranch(*self.operands(i), inside, after)
         b.position_at_end(inside)
         self.run(i.bodies[0])
         if not b.block.is_terminated:
@@ -209,17 +175,8 @@ class KernelEmitter:
     def _call(self, i: Instruction) -> None:
         name, places = i.extra
         function, arguments = self.functions[name]
-        given = dict(zip(places, i.arguments, strict=True))
-        self.builder.call(function, [self.value(given[a]) for a in arguments])
-
-
-NAMES = {
-    n: n
-    for n in (
-        "argument", "offset", "not", "select", "float", "int", "space", "variable", "get", "set", "load",
-        "store", "mask", "counter", "each", "each_set", "while", "when", "leave", "call",
-    )
-}  # fmt: skip
+        given = dict(zip(places, self.operands(i), strict=True))
+        self.builder.call(function, [given[a] for a in arguments])
 
 
 def module_of(program: Program, ordered: bool, triple: str) -> ir.Module:
@@ -227,7 +184,8 @@ def module_of(program: Program, ordered: bool, triple: str) -> ir.Module:
     module = ir.Module("program")
     module.triple = triple
     functions = {
-        name: (emit_lane_function(module, f, ordered), signature(f)) for name, f in program.functions.items()
+        name: (lanes.emit_lane_function(module, f, ordered), lanes.signature(f))
+        for name, f in program.functions.items()
     }
     for kernel in program.kernels:
         KernelEmitter(module, kernel, functions)

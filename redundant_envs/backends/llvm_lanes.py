@@ -18,16 +18,11 @@ LANES = 8
 DOUBLE, FLOAT = ir.DoubleType(), ir.FloatType()
 INT64, INT32, INT8, BIT = ir.IntType(64), ir.IntType(32), ir.IntType(8), ir.IntType(1)
 BLOCK = ir.VectorType(DOUBLE, LANES)
-TRUTHS = ir.VectorType(BIT, LANES)
+TRUTHS, WHOLE = ir.VectorType(BIT, LANES), ir.VectorType(INT64, LANES)
 EXPONENT_BIAS, MANTISSA_BITS = 1023, 52
 ELEMENT = {"f64": DOUBLE, "f32": FLOAT, "i64": INT64, "u32": INT32, "i8": INT8}
 ARITHMETIC = {"+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv", "and": "and_", "or": "or_", "xor": "xor"}
-INTRINSICS = {
-    "sqrt": "llvm.sqrt",
-    "floor": "llvm.floor",
-    "abs": "llvm.fabs",
-    "fma": "llvm.fma",
-}
+INTRINSICS = {"sqrt": "llvm.sqrt", "floor": "llvm.floor", "abs": "llvm.fabs", "fma": "llvm.fma"}
 
 
 def integer(k: int) -> ir.Constant:
@@ -40,6 +35,20 @@ def address(builder: ir.IRBuilder, base: Any, offset: Any, type_: ir.Type) -> An
     return builder.bitcast(at, type_.as_pointer())
 
 
+def load_block(builder: ir.IRBuilder, base: Any, k: int) -> Any:
+    """Number k of all lanes of a block."""
+    return builder.load(address(builder, base, k * LANES, BLOCK), align=8)
+
+
+def store_block(builder: ir.IRBuilder, value: Any, base: Any, k: int) -> None:
+    builder.store(value, address(builder, base, k * LANES, BLOCK), align=8)
+
+
+def compared(builder: ir.IRBuilder, name: str, a: Any, b: Any) -> Any:
+    """A comparison of floats: with NaN only != holds."""
+    return (builder.fcmp_unordered if name == "!=" else builder.fcmp_ordered)(name, a, b)
+
+
 def widened(function: ir.Function) -> ir.Function:
     """Ask LLVM for full-width vectors, and for an aligned stack to spill them to."""
     for attribute in ('"prefer-vector-width"="512"', '"stackrealign"'):
@@ -47,13 +56,17 @@ def widened(function: ir.Function) -> ir.Function:
     return function
 
 
+def internal(module: ir.Module, result: ir.Type, arguments: list[ir.Type], name: str) -> ir.Function:
+    """A function that only this module calls."""
+    function = widened(ir.Function(module, ir.FunctionType(result, arguments), name))
+    function.linkage = "internal"
+    return function
+
+
 def signature(function: LaneFunction) -> dict[str, ir.Type]:
     """Arguments of the LLVM function: spaces, tables, columns and their strides."""
-    arguments: dict[str, ir.Type] = {}
-    for name, (element, _) in function.inputs.items():
-        arguments[name] = ELEMENT[element].as_pointer()
-    for space in function.spaces:
-        arguments[space] = DOUBLE.as_pointer()
+    arguments = {name: ELEMENT[element].as_pointer() for name, (element, _) in function.inputs.items()}
+    arguments |= dict.fromkeys(function.spaces, DOUBLE.as_pointer())
     for output in function.outputs:
         arguments[output.array] = ELEMENT[output.element].as_pointer()
         if not output.columns and output.column:
@@ -68,9 +81,7 @@ class Emitter:
         self, builder: ir.IRBuilder, load: Callable[[str, int], Any], stages: EmittedStages | None = None
     ) -> None:
         """``load`` emits the load of number k of a space."""
-        self.builder = builder
-        self.load = load
-        self.stages = stages
+        self.builder, self.load, self.stages = builder, load, stages
         self.values: dict[Operation, Any] = {}
 
     def value(self, node: Value) -> Any:
@@ -85,9 +96,8 @@ class Emitter:
     def _emit(self, node: Operation) -> Any:
         if node.name == "load":
             return self.load(*node.extra)
-        if node.name in ("stage", "result"):
-            assert self.stages is not None
-            return self.stages.emit(self, node) if node.name == "stage" else self.stages.result(self, node)
+        if self.stages and node.name in ("stage", "result"):
+            return (self.stages.emit if node.name == "stage" else self.stages.result)(self, node)
         b = self.builder
         arguments = [self.value(a) for a in node.arguments]
         if node.name in INTRINSICS:
@@ -101,16 +111,12 @@ class Emitter:
         if node.name == "select":
             return b.select(*arguments)
         if node.name == "bit":
-            whole = ir.VectorType(INT64, LANES)
-            masked = b.and_(b.bitcast(arguments[0], whole), ir.Constant(whole, [node.extra] * LANES))
-            return b.icmp_signed("!=", masked, ir.Constant(whole, [0] * LANES))
+            masked = b.and_(b.bitcast(arguments[0], WHOLE), ir.Constant(WHOLE, [node.extra] * LANES))
+            return b.icmp_signed("!=", masked, ir.Constant(WHOLE, [0] * LANES))
         if node.name == "power":  # power of two, from a whole number to which 1.5 * 2^52 was added
-            whole = ir.VectorType(INT64, LANES)
-            biased = b.add(b.bitcast(arguments[0], whole), ir.Constant(whole, [EXPONENT_BIAS] * LANES))
-            return b.bitcast(b.shl(biased, ir.Constant(whole, [MANTISSA_BITS] * LANES)), BLOCK)
-        if node.name == "!=":
-            return b.fcmp_unordered("!=", *arguments)
-        return b.fcmp_ordered(node.name, *arguments)
+            biased = b.add(b.bitcast(arguments[0], WHOLE), ir.Constant(WHOLE, [EXPONENT_BIAS] * LANES))
+            return b.bitcast(b.shl(biased, ir.Constant(WHOLE, [MANTISSA_BITS] * LANES)), BLOCK)
+        return compared(b, node.name, *arguments)
 
 
 def _intrinsic(module: ir.Module, name: str, count: int) -> ir.Function:
@@ -128,21 +134,15 @@ class EmittedStages:
         read = {n.extra[0] for n in reached(values) if n.name == "load"}
         self.spaces = {name: base for name, base in spaces.items() if name in read}
         self.returned = ir.LiteralStructType([BLOCK] * len(stages.returned))
-        self.functions = {
-            name: self._function(caller, name, part, ordered) for name, part in stages.parts.items()
-        }
+        self.functions = {n: self._function(caller, n, part, ordered) for n, part in stages.parts.items()}
         self.memory: dict[str, Any] = {}
 
     def _function(self, caller: ir.Function, name: str, part: Part, ordered: bool) -> ir.Function:
         """An LLVM function: spaces of the lanes, memories of the calls, arguments."""
         result = self.returned if part.returned else ir.VoidType()
-        memories = ["shared", "kept", "before", "after", "told"]
-        pointers = [*self.spaces, *memories]
+        pointers = [*self.spaces, "shared", "kept", "before", "after", "told"]
         types = [DOUBLE.as_pointer()] * len(pointers) + [BLOCK] * len(self.stages.given)
-        function = widened(
-            ir.Function(caller.module, ir.FunctionType(result, types), f"{caller.name}_{name}_stage")
-        )
-        function.linkage = "internal"
+        function = internal(caller.module, result, types, f"{caller.name}_{name}_stage")
         set.add(function.attributes, "noinline")
         bases = dict(zip(pointers, function.args, strict=False))
         for base in bases.values():
@@ -151,9 +151,7 @@ class EmittedStages:
         builder = ir.IRBuilder(function.append_basic_block())
 
         def load(space: str, k: int) -> Any:
-            if space == "given":
-                return given[k]
-            return builder.load(address(builder, bases[space], k * LANES, BLOCK), align=8)
+            return given[k] if space == "given" else load_block(builder, bases[space], k)
 
         emitter = Emitter(builder, load)
         places: dict[Any, list[tuple[str, int]]] = {}
@@ -163,7 +161,7 @@ class EmittedStages:
         for node in [*(in_order(values) if ordered else reached(values)), *places]:
             emitted = emitter.value(node)
             for space, k in places.pop(node, ()):  # at once, so that it needs no register
-                builder.store(emitted, address(builder, bases[space], k * LANES, BLOCK), align=8)
+                store_block(builder, emitted, bases[space], k)
         if not part.returned:
             builder.ret_void()
             return function
@@ -178,15 +176,12 @@ class EmittedStages:
         stages, b = self.stages, emitter.builder
         i = stages.calls.index(node)
         if not self.memory:
-            sizes = {
-                "shared": len(stages.shared), "kept": max(stages.kept, default=0) + 1,
-                "even": len(stages.carried),
-                "odd": len(stages.carried), "told": len(stages.told) * len(stages.calls),
-            }  # fmt: skip
-            self.memory = {name: self._memory(b, n) for name, n in sizes.items()}
+            carried, told = len(stages.carried), len(stages.told) * len(stages.calls)
+            sizes = [len(stages.shared), max(stages.kept, default=0) + 1, carried, carried, told]
+            names = ("shared", "kept", "even", "odd", "told")
+            self.memory = {name: self._memory(b, n) for name, n in zip(names, sizes, strict=True)}
             for j, k in stages.kept.items():
-                value = emitter.value(node.arguments[k])
-                b.store(value, address(b, self.memory["kept"], j * LANES, BLOCK), align=8)
+                store_block(b, emitter.value(node.arguments[k]), self.memory["kept"], j)
             self._call(emitter, "first", 1, node, None)
         if i + 1 == len(stages.calls):
             return self._call(emitter, "last", i, None, node)
@@ -223,8 +218,7 @@ class EmittedStages:
             return emitter.builder.extract_value(value, stages.returned.index(k))
         if k in stages.told:
             place = self._told(emitter.builder, stages.calls.index(stage))
-            at = address(emitter.builder, place, LANES * stages.told.index(k), BLOCK)
-            return emitter.builder.load(at, align=8)
+            return load_block(emitter.builder, place, stages.told.index(k))
         return emitter.value(stages.results[k])
 
 
@@ -236,12 +230,7 @@ def emit_lane_function(module: ir.Module, function: LaneFunction, ordered: bool)
     stages = Stages(calls, function.spaces, function.known) if calls else None
     results = specialise(results, function.known)
     arguments = signature(function)
-    made = widened(
-        ir.Function(
-            module, ir.FunctionType(ir.VoidType(), list(arguments.values())), f"lanes_{function.name}"
-        )
-    )
-    made.linkage = "internal"
+    made = internal(module, ir.VoidType(), list(arguments.values()), f"lanes_{function.name}")
     bases = dict(zip(arguments, made.args, strict=True))
     for name, base in bases.items():
         if not name.endswith("_stride"):
@@ -250,9 +239,7 @@ def emit_lane_function(module: ir.Module, function: LaneFunction, ordered: bool)
     tables = {name: _columns(builder, bases[name], *shape) for name, shape in function.inputs.items()}
 
     def load(space: str, k: int) -> Any:
-        if space in tables:
-            return tables[space](k)
-        return builder.load(address(builder, bases[space], k * LANES, BLOCK), align=8)
+        return tables[space](k) if space in tables else load_block(builder, bases[space], k)
 
     spaces = {n: b for n, b in bases.items() if n in function.spaces}
     emitted = EmittedStages(stages, made, spaces, ordered) if stages else None
@@ -262,7 +249,7 @@ def emit_lane_function(module: ir.Module, function: LaneFunction, ordered: bool)
         emitter.value(node)
     values = [emitter.value(r) for r in results]
     for (space, k, _), value in zip(function.stores, values, strict=False):
-        builder.store(value, address(builder, bases[space], k * LANES, BLOCK), align=8)
+        store_block(builder, value, bases[space], k)
     _emit_outputs(builder, function.outputs, values[len(function.stores) :], bases)
     builder.ret_void()
     return made

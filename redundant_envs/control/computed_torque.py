@@ -21,19 +21,14 @@ Array = NDArray[np.float64]
 
 MARGIN = 0.02
 """Share of the travel kept free at its ends by the plan."""
+ITERATIONS, DAMPING = 60, 1e-4
+"""Of the search for a pose."""
 
 
-def pose_at(scene: Scene, start: Array, goal: Array, iterations: int = 60) -> Array:
-    """A pose with the tip at the goal, near the start: damped Gauss-Newton in joint coordinates.
+def pose_at(scene: Scene, start: Array, goal: Array) -> Array:
+    """A pose (n, joints) with the tip at the goal (n, 2) m, near the start (n, joints).
 
-    Parameters
-    ----------
-    start : (n, joints) generalized coordinates
-    goal : (n, 2) m
-
-    Returns
-    -------
-    (n, joints) generalized coordinates; if the iteration does not converge, the nearest pose it found.
+    Damped Gauss-Newton in joint coordinates; if it does not converge, the nearest pose that it found.
     """
     robot: Any = scene.robot
     b = robot.motor_map
@@ -41,7 +36,7 @@ def pose_at(scene: Scene, start: Array, goal: Array, iterations: int = 60) -> Ar
     phi = start @ b
     best, best_error = phi.copy(), np.full(len(phi), np.inf)
     travel = _travel(scene)
-    for _ in range(iterations):
+    for _ in range(ITERATIONS):
         q = phi @ inverse
         error = goal - robot.forward_kinematics(q)
         size = np.linalg.norm(error, axis=-1)
@@ -79,10 +74,10 @@ def lightest_pose(scene: Scene, start: Array, goal: Array) -> Array:
     return pose
 
 
-def _damped(jacobian: Array, error: Array, damping: float = 1e-4) -> Array:
+def _damped(jacobian: Array, error: Array) -> Array:
     """Damped least-squares step, (n, joints)."""
     transposed = jacobian.transpose(0, 2, 1)
-    gram = jacobian @ transposed + damping * np.eye(2)
+    gram = jacobian @ transposed + DAMPING * np.eye(2)
     return (transposed @ np.linalg.solve(gram, error[..., None]))[..., 0]  # type: ignore[no-any-return]
 
 

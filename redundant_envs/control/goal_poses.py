@@ -45,25 +45,18 @@ def goal_poses(
     psi: Array,
     sheet: NDArray[np.int64],
 ) -> Array:
-    """Poses with the tip at goals; the shapes broadcast.
+    """Poses (..., joints) with the tip at goals, NaN where these are out of reach; the shapes broadcast.
 
     Parameters
     ----------
-    arm : Arm
-        Of revolute joints, or of two links that both extend.
-    travel : dict
-        Joint -> lower and upper end of sliders [m].
+    arm, travel
+        An arm of revolute joints, or of two links that both extend; the ends of its sliders [m].
     goals : (..., 2) m
     psi : (..., joints - 2)
         Parameters from 0 to pi. At 0 a slider is at the lower end of the range that the goal allows, at pi
         at the upper end; if that is an end of its travel, exactly. For fixed links they choose distances.
     sheet : (...)
         0 to :func:`num_sheets` - 1: to which side each turn goes, one bit each.
-
-    Returns
-    -------
-    (..., joints)
-        Generalized coordinates; NaN where the goal is out of reach.
     """
     shape = np.broadcast_shapes(goals.shape[:-1], psi.shape[:-1], sheet.shape)
     sides = [1.0 - 2.0 * ((sheet >> k) & 1) for k in range(_links(arm) - 1)]

@@ -44,35 +44,11 @@ CHUNK = 100_000
 """Number of poses of a batch: its arrays stay below 100 MB."""
 
 
-def can_hold(scene: Scene, goals: ArrayLike, tolerance: float = 0.0) -> NDArray[np.bool_]:
-    """Whether the arm can rest with its tip at a goal, the motors within their limits.
-
-    Parameters
-    ----------
-    scene, goals, tolerance
-        As in :func:`holding_poses`.
-
-    Returns
-    -------
-    (n,) bool
-    """
-    return holding_load(scene, goals, tolerance) <= 1.0
-
-
 def holding_load(scene: Scene, goals: ArrayLike, tolerance: float = 0.0) -> Array:
-    """Least load at which the arm can rest with its tip at a goal: largest effort / limit of a joint.
+    """Least load, (n,), at which the arm can rest with its tip at a goal; inf where it is out of reach.
 
-    With limits times f, the arm can hold the goals whose load is at most f.
-
-    Parameters
-    ----------
-    scene, goals, tolerance
-        As in :func:`holding_poses`.
-
-    Returns
-    -------
-    (n,)
-        inf where the goal is out of reach.
+    It is the second result of :func:`holding_poses`: with limits times f, the arm can hold the goals whose
+    load is at most f.
     """
     return holding_poses(scene, goals, tolerance)[1]
 

@@ -18,24 +18,15 @@ Travel = dict[int, tuple[float, float]]
 
 
 def static_efforts(scene: Scene, q: ArrayLike) -> Array:
-    """Joint efforts that balance gravity and springs at rest, without the help of stops.
+    """Joint efforts that balance gravity and springs at rest, without the help of stops; N m and N.
 
     Parameters
     ----------
     scene : Scene
-        Efforts act at its joints: Q = B t.
+        Efforts act at its joints: Q = B t; ValueError with ``actuation="generalized"``.
     q : (..., joints)
-        Generalized coordinates.
-
-    Returns
-    -------
-    (..., joints) N m and N
-        t with B (t + f) = G(q), where f are the forces of the other effects on the joints at rest.
-
-    Raises
-    ------
-    ValueError
-        If q is of another shape, or the scene has ``actuation="generalized"``.
+        Generalized coordinates; the result t has the same shape: B (t + f) = G(q), where f are the forces of
+        the other effects on the joints at rest.
     """
     arm = scene.robot
     place = np.asarray(q, dtype=np.float64)
@@ -53,18 +44,10 @@ def static_efforts(scene: Scene, q: ArrayLike) -> Array:
 
 
 def motor_efforts(scene: Scene, q: ArrayLike) -> Array:
-    """The smallest motor efforts at rest: a slider at a stop leans on it where that helps.
+    """The smallest motor efforts at rest, (..., joints): a slider at a stop leans on it where that helps.
 
-    A lower stop pushes its slider outwards, an upper one inwards; neither pulls.
-
-    Parameters
-    ----------
-    scene, q
-        As in :func:`static_efforts`. A slider is at a stop if its position is equal to it, or beyond it.
-
-    Returns
-    -------
-    (..., joints) N m and N
+    A lower stop pushes its slider outwards, an upper one inwards; neither pulls. A slider is at a stop if its
+    position in ``q`` is equal to it, or beyond it.
     """
     efforts = static_efforts(scene, q)
     joints = np.asarray(q, dtype=np.float64) @ scene.robot.motor_map
@@ -99,11 +82,8 @@ def slider_travel(scene: Scene) -> Travel:
 def effort_limits(scene: Scene) -> Array:
     """Effort limits of the joints, (joints,), N m and N.
 
-    Raises
-    ------
-    ValueError
-        If the scene has none, or an effect whose part at rest is not known: another actuation, or a spring
-        on a revolute joint, whose force depends on how often the joint has turned.
+    ValueError if the scene has none, or an effect whose part at rest is not known: another actuation, or a
+    spring on a revolute joint, whose force depends on how often the joint has turned.
     """
     for a in scene.attached:
         if isinstance(a.hook, Force):

@@ -60,22 +60,13 @@ Functions = Mapping[str, Bound]
 
 @dataclass(frozen=True, eq=False)
 class Attached(Generic[Kind]):
-    """A hook of an effect.
-
-    Attributes
-    ----------
-    effect : Effect
-    hook : of one of the kinds of :data:`Hook`
-    functions : Functions
-    states : field of each of its states -> functions of the state
-    law : name of the boundary at which a force changes its law; "" without one
-    """
+    """A hook of an effect."""
 
     effect: Effect
     hook: Kind
     functions: Functions
-    states: Mapping[str, Functions]
-    law: str
+    states: Mapping[str, Functions]  # field of each of its states -> functions of the state
+    law: str  # name of the boundary at which a force changes its law; "" without one
 
     @property
     def key(self) -> str:
@@ -128,14 +119,10 @@ class Attachments(tuple[Attached[Hook], ...]):
     @classmethod
     def to(cls, arm: Arm, effects: Sequence[Effect]) -> Attachments:
         """The hooks of effects on an arm."""
-        found: list[Attached[Hook]] = []
-        laws = 0
-        for effect in effects:
-            for hook in effect.hooks(arm):
-                changes = getattr(hook, "switch", None) is not None
-                laws += changes
-                found.append(_attached(effect, hook, f"switch{laws}" if changes else ""))
-        made = cls(found)
+        found = [(effect, hook) for effect in effects for hook in effect.hooks(arm)]
+        laws = (f"switch{n}" for n in itertools.count(1))
+        changes = [getattr(hook, "switch", None) is not None for _, hook in found]
+        made = cls(_attached(*both, next(laws) if c else "") for both, c in zip(found, changes, strict=True))
         made.commands = tuple(numbered("command{}", len(arm.joints)))
         return made
 

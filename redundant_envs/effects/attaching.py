@@ -9,13 +9,12 @@ import dataclasses
 import enum
 import functools
 import re
-from collections.abc import Callable, Iterable, Mapping, Set
+from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from typing import Any, NamedTuple, get_args
 
 from redundant_envs import dialect
 from redundant_envs.algebra import arguments_of, name_of, numbered
 from redundant_envs.effects.captured import check_effect
-from redundant_envs.effects.hook_numbers import check_numbers
 from redundant_envs.effects.hooks import (
     SIDE,
     Actuation,
@@ -52,10 +51,9 @@ class May(enum.Enum):
 
 
 class Rule(NamedTuple):
-    """How many values a function returns, what it may depend on, and what is said of one that depends on
-    more."""
+    """The rule of a function of a hook or a state."""
 
-    values: int = 1
+    values: int = 1  # that it returns
     may: May = May.ANYTHING
     refused: str = "{field} {name} depends on {more}; it may depend on {may} alone"
 
@@ -114,75 +112,107 @@ def check_attached(where: str, effect: Effect, arm: Arm) -> None:
         raise ValueError(f"{where} has the key {effect.key!r}; give letters, digits, '_' and '.'")
     if not isinstance(hooks, tuple | list) or not all(isinstance(h, Hook) for h in hooks):
         raise ValueError(f"{kind}.hooks gives {hooks!r:.80}; give a tuple of {HOOKS}")
-    for f in dataclasses.fields(effect):
-        if not f.init and f.name not in effect.static:
-            raise ValueError(
-                f"{where} ({kind}).{f.name} is not an argument of its class, so it would not change with the "
-                "others; compute it in the effect's functions, or name it in 'static'"
-            )
-    own: Own = dict.fromkeys(effect.parameters(), False)
-    for field, value in effect.parameters().items():
-        if isinstance(value, bool) or not isinstance(value, int | float) or value != value:
-            raise ValueError(f"{where} ({kind}).{field} is {value!r:.80}; give a number or a tuple of them")
-    for n, hook in enumerate(hooks):
-        states: Any = states_of(hook)
-        if not isinstance(states, tuple | list):
-            raise ValueError(
-                f"{where} ({kind}), hook {n}: states is {states!r:.60}; give a tuple, such as (State(...),)"
-            )
-        for state in states:
-            name = getattr(state, "name", None)
-            if not isinstance(name, str) or not STATE_NAME.fullmatch(name) or name in own:
-                raise ValueError(
-                    f"{where} ({kind}) has the state {name!r}; give a State with a name of its own, 'name' "
-                    "or 'name[k]', that no other number of the effect has"
-                )
-            own[name] = True
+    called = f"{where} ({kind})"
+    own = _own_numbers(called, effect, hooks)
     for n, hook in enumerate(hooks):
         try:
             _check_hook(hook, own, arm)
         except ValueError as error:
-            raise ValueError(f"{where} ({kind}), hook {n} ({type(hook).__name__}): {error}") from None
-    check_numbers(f"{where} ({kind})", effect, arm, hooks)
-    _check_entries(f"{where} ({kind})", effect, arm, hooks)
-    _check_units(f"{where} ({kind})", effect, arm)
+            raise ValueError(f"{called}, hook {n} ({type(hook).__name__}): {error}") from None
+    check_numbers(called, effect, arm, hooks)
+    _check_uses(called, effect, arm, hooks)
     forces = [h for h in hooks if isinstance(h, Force)]
-    booked = [h for h in forces if h.conservative is not None]
-    if booked and all(h.potential is None for h in forces):
+    if any(h.conservative is not None for h in forces) and all(h.potential is None for h in forces):
         raise ValueError(
-            f"{where} ({kind}) has a conservative force and no potential; give the potential, or leave "
+            f"{called} has a conservative force and no potential; give the potential, or leave "
             "'conservative' out: the power of a force without a potential counts as work"
         )
     if not dialect.is_own(type(effect)):  # tests of the package hold this of its own effects
         check_effect(where, effect, arm)
 
 
-def _check_entries(where: str, effect: Effect, arm: Arm, hooks: Iterable[Hook]) -> None:
-    """Refuse a field with several numbers of which some are used and some are not."""
+def _own_numbers(called: str, effect: Effect, hooks: Iterable[Hook]) -> Own:
+    """An effect's numbers and the states of its hooks; refuses what is no number, and names given twice."""
+    for f in dataclasses.fields(effect):
+        if not f.init and f.name not in effect.static:
+            raise ValueError(
+                f"{called}.{f.name} is not an argument of its class, so it would not change with the "
+                "others; compute it in the effect's functions, or name it in 'static'"
+            )
+    own: Own = dict.fromkeys(effect.parameters(), False)
+    for field, value in effect.parameters().items():
+        if isinstance(value, bool) or not isinstance(value, int | float) or value != value:
+            raise ValueError(f"{called}.{field} is {value!r:.80}; give a number or a tuple of them")
+    for n, hook in enumerate(hooks):
+        states: Any = states_of(hook)
+        if not isinstance(states, tuple | list):
+            raise ValueError(
+                f"{called}, hook {n}: states is {states!r:.60}; give a tuple, such as (State(...),)"
+            )
+        for state in states:
+            name = getattr(state, "name", None)
+            if not isinstance(name, str) or not STATE_NAME.fullmatch(name) or name in own:
+                raise ValueError(
+                    f"{called} has the state {name!r}; give a State with a name of its own, 'name' "
+                    "or 'name[k]', that no other number of the effect has"
+                )
+            own[name] = True
+    return own
+
+
+def check_numbers(where: str, effect: Effect, arm: Arm, hooks: Iterable[Hook]) -> None:
+    """ValueError if ends of a travel, or positions at which a force changes its law, are in the wrong order,
+    or if an impact would create energy; in a scene, and in each lane."""
+    numbers = effect.parameters()
+
+    def check_order(what: str, lower: str, upper: str) -> None:
+        low, high = numbers[lower[1:]], numbers[upper[1:]]
+        if not low < high:
+            raise ValueError(
+                f"{where}: {what} is {lower} to {upper}, which are {low} and {high}; the first must be below "
+                "the second"
+            )
+
+    for hook in hooks:
+        if isinstance(hook, Force) and hook.switch is not None:
+            check_order("switch", *hook.switch)
+        elif isinstance(hook, Impact):
+            check_order("an impact's travel", hook.lower, hook.upper)
+            restitution = numbers[hook.restitution[1:]]
+            if not 0.0 <= restitution <= 1.0:
+                raise ValueError(f"{where}{hook.restitution} is {restitution}; it must lie in 0 to 1")
+    for joint, ends in effect.travel(arm).items():
+        for end in ends:
+            if end not in numbers:
+                raise ValueError(
+                    f"{where}.travel gives {end!r}, which is not a number of this effect; it has "
+                    f"{', '.join(numbers) or 'none'}"
+                )
+        check_order(f"the travel of {arm.joints[int(joint)]!r}", *(f".{end}" for end in ends))
+
+
+def _check_uses(called: str, effect: Effect, arm: Arm, hooks: Iterable[Hook]) -> None:
+    """Refuse a field with several numbers of which some are used and some are not, and the unit of a number
+    that the effect does not have."""
+    numbers = effect.parameters()
     used = {name for low_high in effect.travel(arm).values() for name in low_high}
     used |= {*effect.action_units(arm)}
-    for hook in hooks:
-        for part in (hook, *states_of(hook)):
-            used |= {source[1:] for source in getattr(part, "bind", {}).values()}
-            named = (getattr(part, field.name) for field in dataclasses.fields(part))
-            used |= {name[1:] for name in named if isinstance(name, str) and name[:1] == "."}
+    for part in (part for hook in hooks for part in (hook, *states_of(hook))):
+        used |= {source[1:] for source in getattr(part, "bind", {}).values()}
+        named = (getattr(part, field.name) for field in dataclasses.fields(part))
+        used |= {name[1:] for name in named if isinstance(name, str) and name[:1] == "."}
     for field in dataclasses.fields(effect):
-        entries = [name for name in effect.parameters() if name.startswith(f"{field.name}[")]
+        entries = [name for name in numbers if name.startswith(f"{field.name}[")]
         unused = [name for name in entries if name not in used]
         if unused and len(unused) < len(entries):
             raise ValueError(
-                f"{where}.{field.name} has {len(entries)} entries, of which no hook uses "
+                f"{called}.{field.name} has {len(entries)} entries, of which no hook uses "
                 f"{', '.join(unused)}; give {len(entries) - len(unused)}"
             )
-
-
-def _check_units(where: str, effect: Effect, arm: Arm) -> None:
-    """Refuse the unit of a number that an effect does not have."""
-    numbers = effect.parameters()
     for name in effect.units(arm):
         if name not in {*numbers, *(n.split("[")[0] for n in numbers)}:
             raise ValueError(
-                f"{where}.units has {name!r}, which is none of its numbers: "
+                f"{called}.units has {name!r}, which is none of its numbers: "
                 f"{', '.join(numbers) or 'it has none'}"
             )
 
@@ -192,7 +222,7 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
     named = [(field, getattr(hook, field)) for field in OWN_NUMBERS if hasattr(hook, field)]
     named += [("switch", name) for name in getattr(hook, "switch", None) or ()]
     for field, name in named:
-        _own(field, name, {n: False for n, is_state in own.items() if not is_state})
+        _check_own(field, name, [n for n, is_state in own.items() if not is_state])
     if isinstance(hook, Impact) and not arm.prismatic[hook.joint]:
         raise ValueError(
             f"{arm.joints[hook.joint]!r} is not a slider; hard ends of travel are those of sliders"
@@ -203,76 +233,57 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
             raise ValueError(f"{field} is {getattr(hook, field)!r}; choose {names}")
     for part in (hook, *states_of(hook)):
         if isinstance(part, State):
-            _check_state(part)
+            if (part.derivative is None) == (part.update is None):
+                raise ValueError(f"the state {part.name!r} needs either a derivative or an update")
+            number(f"initial of the state {part.name!r}", part.initial)
         for field, rule in RULES.get(type(part), {}).items():
             if getattr(part, field) is not None:
                 _check_function(field, rule, part, own, arm)
 
 
 def _check_place(hook: Hook, arm: Arm) -> None:
-    """Refuse a joint or a point that the arm does not have, or where no such hook can be."""
-    place = getattr(hook, "joint", getattr(hook, "point", None))
+    """Refuse joints and points that the arm does not have, or where no such hook can be."""
+    place: Any = getattr(hook, "joint", getattr(hook, "point", None))
+    at_point = isinstance(hook, PointMass) or (isinstance(hook, Force) and isinstance(place, Point))
+    joints: Any = (place,) if hasattr(hook, "joint") and not at_point else ()
+    if at_point:
+        k = getattr(place, "number", place)
+        if not isinstance(place, Point) or not _is_one_of(arm.num_masses, k):
+            last = arm.num_masses - 1
+            raise ValueError(f"the number of the Point is {k!r}; give Point(0) to Point({last}), the tip")
     if isinstance(hook, Inertia):
-        _check_inertia(hook, arm)
-    elif isinstance(hook, PointMass) or (isinstance(place, Point) and isinstance(hook, Force)):
-        _check_point(place, arm)
-    elif hasattr(hook, "joint"):
-        _check_joint(place, arm)
-    if isinstance(hook, Force):
-        _check_switch(hook)
-
-
-def _check_joint(joint: Any, arm: Arm) -> None:
-    count = len(arm.coordinates)
-    if isinstance(joint, bool) or not isinstance(joint, int) or not 0 <= joint < count:
-        raise ValueError(f"joint is {joint!r}; give 0 to {count - 1} ({', '.join(arm.joints)})")
-
-
-def _check_inertia(hook: Inertia, arm: Arm) -> None:
-    """Refuse joints whose rates cannot be added."""
-    if not isinstance(hook.joints, tuple) or not hook.joints or len({*hook.joints}) < len(hook.joints):
-        raise ValueError(f"joints is {hook.joints!r}; give a tuple of joints, each once, such as (0,)")
-    for joint in hook.joints:
-        _check_joint(joint, arm)
-    if len({arm.prismatic[k] for k in hook.joints}) > 1:
+        joints = hook.joints
+        if not isinstance(joints, tuple) or not joints or len({*joints}) < len(joints):
+            raise ValueError(f"joints is {joints!r}; give a tuple of joints, each once, such as (0,)")
+    for joint in joints:
+        if not _is_one_of(len(arm.joints), joint):
+            last = len(arm.joints) - 1
+            raise ValueError(f"joint is {joint!r}; give 0 to {last} ({', '.join(arm.joints)})")
+    if len({arm.prismatic[k] for k in joints}) > 1:
         raise ValueError(
-            f"joints is {hook.joints!r}, which turn and slide: rad/s and m/s cannot be added; give one kind"
+            f"joints is {joints!r}, which turn and slide: rad/s and m/s cannot be added; give one kind"
         )
+    if isinstance(hook, Force) and hook.switch is not None:
+        if not isinstance(hook.switch, tuple) or len(hook.switch) != 2:
+            raise ValueError(
+                f"switch is {hook.switch!r}; give the names of two numbers, ('.lower', '.upper')"
+            )
+        if at_point:
+            raise ValueError(
+                "switch is given, and the force acts at a Point; a change of law is located along a joint "
+                "only"
+            )
 
 
-def _check_switch(hook: Force) -> None:
-    """Refuse positions at which a force changes its law that are no two names, or those of a point."""
-    if hook.switch is None:
-        return
-    if not isinstance(hook.switch, tuple) or len(hook.switch) != 2:
-        raise ValueError(f"switch is {hook.switch!r}; give the names of two numbers, ('.lower', '.upper')")
-    if isinstance(hook.joint, Point):
-        raise ValueError(
-            "switch is given, and the force acts at a Point; a change of law is located along a joint only"
-        )
-
-
-def _check_point(point: Any, arm: Arm) -> None:
-    place, count = getattr(point, "number", point), arm.num_masses
-    whole = isinstance(point, Point) and isinstance(place, int) and not isinstance(place, bool)
-    if not whole or not 0 <= place < count:
-        raise ValueError(
-            f"the number of the Point is {place!r}; give Point(0) to Point({count - 1}), the tip"
-        )
-
-
-def _check_state(state: State) -> None:
-    """Refuse a state with neither a derivative nor an update, or with both."""
-    if (state.derivative is None) == (state.update is None):
-        raise ValueError(f"the state {state.name!r} needs either a derivative or an update")
-    number(f"initial of the state {state.name!r}", state.initial)
+def _is_one_of(count: int, index: Any) -> bool:
+    return isinstance(index, int) and not isinstance(index, bool) and 0 <= index < count
 
 
 def _check_function(field: str, rule: Rule, part: Any, own: Own, arm: Arm) -> None:
     """Check a function of a hook or a state: its text, the names that it takes, and its rule."""
     function = getattr(part, field)
     values, name = dialect.check(function), name_of(function)
-    roots = _roots(field, function, part, own, arm)
+    roots = dict(_roots(field, function, part, own, arm))
     at_point = isinstance(part, Force) and isinstance(part.joint, Point)
     wanted = 2 if at_point and field in AXES else rule.values
     if values != wanted and field == "function":
@@ -294,12 +305,14 @@ def _check_function(field: str, rule: Rule, part: Any, own: Own, arm: Arm) -> No
         raise ValueError(f"{name} depends on no coordinate of the arm; a gap must move")
 
 
-def _roots(field: str, function: Callable[..., Any], part: Any, own: Own, arm: Arm) -> dict[str, Set[str]]:
+def _roots(
+    field: str, function: Callable[..., Any], part: Any, own: Own, arm: Arm
+) -> Iterator[tuple[str, Set[str]]]:
     """What each quantity that a function takes depends on; refuses names that nothing has."""
     if not isinstance(part.bind, Mapping):
         raise ValueError(f"bind is {part.bind!r:.80}; give a mapping of arguments to names")
-    found: dict[str, Set[str]] = {}
-    takes = hook_arguments(part)
+    values = [getattr(x, field.name) for x in (part, *states_of(part)) for field in dataclasses.fields(x)]
+    takes = list(dict.fromkeys(a for f in values if callable(f) for a in arguments_of(f)))
     for name in part.bind:
         if name not in takes:
             raise ValueError(
@@ -312,32 +325,27 @@ def _roots(field: str, function: Callable[..., Any], part: Any, own: Own, arm: A
         if not isinstance(source, str):
             raise ValueError(f"{where}: bind gives {source!r:.80}; give a name in quotation marks")
         if source.startswith("."):
-            _own(where, source, own)
-            found |= {source: {source}} if own[source[1:]] else {}
-        else:
-            chosen = source == SIDE and getattr(part, "switch", None) is not None
-            try:
-                found[source] = roots_of(part.motion[0] if chosen else source, arm)
-            except ValueError:
-                raise ValueError(
-                    f"{where}: no quantity of {arm.kind} is called {source!r}, or it follows from the "
-                    "forces; give one such as phi1 (position of joint 1), phid1 (its rate), tip_x, tip_vx, "
-                    "s1, c1, m1, l1, or bind a number of the effect by '.name'"
-                ) from None
-    return found
+            _check_own(where, source, own)
+            yield source, {source} if own[source[1:]] else set()
+            continue
+        chosen = source == SIDE and getattr(part, "switch", None) is not None
+        try:
+            yield source, roots_of(part.motion[0] if chosen else source, arm)
+        except ValueError:
+            raise ValueError(
+                f"{where}: no quantity of {arm.kind} is called {source!r}, or it follows from the "
+                "forces; give one such as phi1 (position of joint 1), phid1 (its rate), tip_x, tip_vx, "
+                "s1, c1, m1, l1, or bind a number of the effect by '.name'"
+            ) from None
 
 
-def hook_arguments(hook: Any) -> list[str]:
-    """Arguments of all functions of a hook or a state, those of a hook's states included."""
-    values = [getattr(x, field.name) for x in (hook, *states_of(hook)) for field in dataclasses.fields(x)]
-    return list(dict.fromkeys(a for f in values if callable(f) for a in arguments_of(f)))
-
-
-def _own(where: str, source: str, own: Own) -> None:
+def _check_own(where: str, source: Any, own: Iterable[str]) -> None:
     """Refuse the name of a number that the effect does not have."""
-    if not isinstance(source, str) or source[:1] != "." or source[1:] not in own:
-        valid = ", ".join(f".{name}" for name in own) or "none"
-        raise ValueError(f"{where}: {source!r} is not a number of this effect; it has {valid}")
+    valid = [f".{name}" for name in own]
+    if not isinstance(source, str) or source not in valid:
+        raise ValueError(
+            f"{where}: {source!r} is not a number of this effect; it has {', '.join(valid) or 'none'}"
+        )
 
 
 @functools.lru_cache(maxsize=256)

@@ -11,6 +11,7 @@ import copy
 import dataclasses
 import itertools
 import math
+import operator
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -31,11 +32,11 @@ THRESHOLDS = 8
 
 
 class Place(NamedTuple):
-    """A number: which owner has it, its field, and its place in a tuple of numbers."""
+    """A number."""
 
-    owner: int
+    owner: int  # which one has it
     field: str
-    entry: int | None
+    entry: int | None  # in a tuple of numbers
 
     @property
     def name(self) -> str:
@@ -43,18 +44,142 @@ class Place(NamedTuple):
 
 
 class Owner(NamedTuple):
-    """Something with numbers.
+    """Something with numbers."""
 
-    Attributes
-    ----------
-    name : of it in messages
-    thing : a frozen dataclass
-    fix : what to write instead of using one of its numbers
-    """
+    name: str  # in messages
+    thing: Any  # a frozen dataclass
+    fix: Callable[[Place], str]  # what to write instead of using one of its numbers
 
-    name: str
-    thing: Any
-    fix: Callable[[Place], str]
+
+def check_captured(owners: Sequence[Owner], described: Callable[..., Described]) -> None:
+    """ValueError if what the first owner makes depends on a number of one of the owners, or is not the same
+    again; ``described`` says what is made, from the things of the owners."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of its class, about numbers that nobody gave
+        _Maker(owners, described).check()
+
+
+class _Maker:
+    """Makes the same again with other numbers, and compares."""
+
+    def __init__(self, owners: Sequence[Owner], described: Callable[..., Described]) -> None:
+        self.owners, self.described, self.name = owners, described, owners[0].name
+        self.things = [owner.thing for owner in owners]
+        self.values = dict(_numbers(self.things))
+        before = dialect.random_states()
+        self.nominal = described(*self.things)
+        self.check_steady(2)
+        if dialect.random_states() != before:
+            raise ValueError(f"{self.name} {dialect.CHANGES}")
+
+    def check(self) -> None:
+        """Try other values of all numbers at once, then of those alone that were hardly ever accepted."""
+        accepted = dict.fromkeys(self.values, 0)
+        trials = [
+            {place: _other(k, n, value) for n, (place, value) in enumerate(self.values.items())}
+            for k in range(KINDS)
+        ]
+        for values in (*trials, *_far_apart(self.values)):
+            for place in self.tried(values):
+                accepted[place] += 1
+        for n, (place, seen) in enumerate(self.compared().items()):
+            near = _across(seen, self.values[place])
+            for value in (*near, *(_other(k, n, self.values[place]) for k in range(KINDS))):
+                if accepted[place] >= FEW and value not in near:
+                    break
+                accepted[place] += len(self.tried({place: value}))
+            if accepted[place] == 0:
+                # no other value is allowed, or none was guessed: the checks of its class are left out
+                self.refuse({place: 1.25 * self.values[place] + 0.1})
+
+    def tried(self, values: Mapping[Place, Any]) -> list[Place]:
+        """The numbers whose owners accept other values; ValueError if these make a difference."""
+        changed = self.changed(values)
+        found = self.made([c or t for c, t in zip(changed, self.things, strict=True)])
+        if found is None:
+            return []
+        if found != self.nominal:
+            self.check_steady(STEADY)
+            self.refuse(values)
+        return [place for place in values if changed[place.owner] is not None]
+
+    def changed(self, values: Mapping[Place, Any], checked: bool = True) -> list[Any]:
+        """All things, with other numbers; None for one that does not allow them, if its class checks them."""
+        made = []
+        for o, thing in enumerate(self.things):
+            fields: dict[str, Any] = {}
+            for _, field, entry in (place for place in values if place.owner == o):
+                value = values[Place(o, field, entry)]
+                if entry is not None:
+                    others = fields.get(field, getattr(thing, field))
+                    value = (*others[:entry], value, *others[entry + 1 :])
+                fields[field] = value
+            made.append(_replaced(thing, fields) if checked else _set(thing, fields))
+        return made
+
+    def made(self, things: Sequence[Any]) -> Described | None:
+        """What is made of things; None if they refuse it, as one may whose numbers do not fit each other."""
+        try:
+            return self.described(*things)
+        except Exception:  # of a user's own text, with numbers that it did not expect
+            return None
+
+    def check_steady(self, times: int) -> None:
+        """ValueError if what is made of the same numbers is not the same."""
+        for _ in range(times):
+            found = self.described(*self.things)
+            if found != self.nominal:
+                raise ValueError(f"{self.name}: {self.difference(found)} {dialect.CHANGES}")
+
+    def difference(self, found: Described) -> str:
+        return next(name for name in (*self.nominal, *found) if self.nominal.get(name) != found.get(name))
+
+    def refuse(self, values: Mapping[Place, Any]) -> None:
+        """ValueError about the number on which something depends, one of those with other values; none if the
+        values are not accepted and make no difference."""
+        for place, value in values.items():
+            things = self.changed({place: value})
+            if things[place.owner] is None:
+                things = self.changed({place: value}, checked=False)
+            found = self.made(things)
+            if found is None or found == self.nominal:
+                continue
+            what = self.difference(found)
+            (was, _), (shown, _) = (d.get(what, ("nothing", "")) for d in (self.nominal, found))
+            how = f"is {was} at {self.values[place]:.6g} and {shown} at {value:.6g}"
+            if was == shown:
+                how = f"{shown} computes with the number itself"
+            owner = self.owners[place.owner]
+            of = "" if place.owner == 0 else f" of {owner.name}"
+            raise ValueError(
+                f"{self.name} does not follow its number {place.name}{of} when it is set: {what} {how}; "
+                f"{owner.fix(place)}"
+            )
+        if len(values) > 1:
+            names = ", ".join(place.name for place in values)
+            raise ValueError(
+                f"{self.name} does not follow its numbers when several of {names} are set; "
+                f"{self.owners[0].fix(next(iter(values)))}"
+            )
+
+    def compared(self) -> dict[Place, list[float]]:
+        """For each number, the first of those that it is compared with."""
+        watched = {place: _Watched(value) for place, value in self.values.items()}
+        for number in watched.values():
+            number.seen = []
+        self.made(self.changed(watched, checked=False))
+        return {place: list(dict.fromkeys(w.seen))[:THRESHOLDS] for place, w in watched.items()}
+
+
+def _noting(compare: Callable[[Any, Any], Any]) -> Any:
+    """A comparison of a watched number that notes what it is compared with."""
+
+    def noted(self: _Watched, other: Any) -> Any:
+        if isinstance(other, int | float):
+            self.seen.append(float(other))
+        return compare(float(self), other)
+
+    return noted
 
 
 class _Watched(float):
@@ -62,152 +187,15 @@ class _Watched(float):
 
     __slots__ = ("seen",)
     seen: list[float]
-
-    def _noted(self, other: Any) -> float:
-        if isinstance(other, int | float):
-            self.seen.append(float(other))
-        return float(self)
-
-    def __lt__(self, other: Any) -> Any:
-        return self._noted(other) < other
-
-    def __le__(self, other: Any) -> Any:
-        return self._noted(other) <= other
-
-    def __gt__(self, other: Any) -> Any:
-        return self._noted(other) > other
-
-    def __ge__(self, other: Any) -> Any:
-        return self._noted(other) >= other
-
-    def __eq__(self, other: Any) -> Any:
-        return self._noted(other) == other
-
-    def __ne__(self, other: Any) -> Any:
-        return self._noted(other) != other
-
+    __lt__, __le__, __gt__ = _noting(operator.lt), _noting(operator.le), _noting(operator.gt)
+    __ge__, __eq__, __ne__ = _noting(operator.ge), _noting(operator.eq), _noting(operator.ne)
     __hash__ = float.__hash__
 
     def __bool__(self) -> bool:
-        return self._noted(0.0) != 0.0
+        return bool(self != 0.0)
 
 
-def check_captured(owners: Sequence[Owner], described: Callable[..., Described]) -> None:
-    """ValueError if what is made from things depends on one of their numbers, or is not the same again.
-
-    Parameters
-    ----------
-    owners : sequence of Owner
-        The first one makes it.
-    described : function
-        What is made, from the things of the owners.
-    """
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of its class, about numbers that nobody gave
-        _check_captured(owners, described)
-
-
-def _check_captured(owners: Sequence[Owner], described: Callable[..., Described]) -> None:
-    things = [owner.thing for owner in owners]
-    before = dialect.random_states()
-    nominal = described(*things)
-    _check_steady(owners[0].name, nominal, described, things, 2)
-    if dialect.random_states() != before:
-        raise ValueError(f"{owners[0].name} {dialect.CHANGES}")
-    places = list(_places(things))
-    accepted = dict.fromkeys(places, 0)
-    trials = [
-        {place: _other(k, n, _value(things, place)) for n, place in enumerate(places)} for k in range(KINDS)
-    ]
-    for values in (*trials, *_far_apart(things, places)):
-        changed = [_with(thing, o, values) for o, thing in enumerate(things)]
-        found = _made(described, [c or t for c, t in zip(changed, things, strict=True)])
-        if found is None:
-            continue
-        if found != nominal:
-            _check_steady(owners[0].name, nominal, described, things, STEADY)
-            _refuse(owners, described, nominal, values)
-        accepted = {place: n + (changed[place.owner] is not None) for place, n in accepted.items()}
-    for n, (place, seen) in enumerate(_compared(described, things, places).items()):
-        alone = [_other(k, n, _value(things, place)) for k in range(KINDS)]
-        near = _across(seen, _value(things, place))
-        for value in (*near, *alone):
-            if accepted[place] >= FEW and value not in near:
-                break
-            changed = _with(things[place.owner], place.owner, {place: value})
-            found = _made(described, _replaced(things, place, changed))
-            if found is None:
-                continue
-            accepted[place] += 1
-            if found != nominal:
-                _check_steady(owners[0].name, nominal, described, things, STEADY)
-                _refuse(owners, described, nominal, {place: value})
-        if accepted[place] == 0:
-            # no other value is allowed, or none was guessed: the checks of its class are left out
-            _refuse(owners, described, nominal, {place: 1.25 * _value(things, place) + 0.1})
-
-
-def _check_steady(
-    name: str, nominal: Described, described: Callable[..., Described], things: Sequence[Any], times: int
-) -> None:
-    """ValueError if what is made of the same numbers is not the same."""
-    for _ in range(times):
-        found = described(*things)
-        if found != nominal:
-            raise ValueError(f"{name}: {_difference(nominal, found)} {dialect.CHANGES}")
-
-
-def _refuse(
-    owners: Sequence[Owner],
-    described: Callable[..., Described],
-    nominal: Described,
-    values: Mapping[Place, Any],
-) -> None:
-    """ValueError about the number on which something depends, one of those with other values; none if the
-    values are not accepted and make no difference."""
-    things = [owner.thing for owner in owners]
-    for place, value in values.items():
-        changed = _with(things[place.owner], place.owner, {place: value})
-        forced = changed is None
-        if forced:
-            changed = _set(things[place.owner], place.owner, {place: value})
-        found = _made(described, _replaced(things, place, changed))
-        if found is None or found == nominal:
-            continue
-        owner, what = owners[place.owner], _difference(nominal, found)
-        was, (shown, _) = nominal.get(what, ("nothing", "")), found.get(what, ("nothing", ""))
-        present = _value(things, place)
-        how = f"is {was[0]} at {present:.6g} and {shown} at {value:.6g}"
-        if was[0] == shown:
-            how = f"{shown} computes with the number itself"
-        of = "" if place.owner == 0 else f" of {owner.name}"
-        raise ValueError(
-            f"{owners[0].name} does not follow its number {place.name}{of} when it is set: {what} {how}; "
-            f"{owner.fix(place)}"
-        )
-    if len(values) > 1:
-        names = ", ".join(place.name for place in values)
-        raise ValueError(
-            f"{owners[0].name} does not follow its numbers when several of {names} are set; "
-            f"{owners[0].fix(next(iter(values)))}"
-        )
-
-
-def _difference(one: Described, other: Described) -> str:
-    return next(name for name in (*one, *other) if one.get(name) != other.get(name))
-
-
-def _made(described: Callable[..., Described], things: Sequence[Any]) -> Described | None:
-    """What is made of things; None if they refuse it, as one may whose numbers do not fit each other."""
-    if any(thing is None for thing in things):
-        return None
-    try:
-        return described(*things)
-    except Exception:  # of a user's own text, with numbers that it did not expect
-        return None
-
-
-def _places(things: Sequence[Any]) -> Iterator[Place]:
+def _numbers(things: Sequence[Any]) -> Iterator[tuple[Place, Any]]:
     for o, thing in enumerate(things):
         for f in dataclasses.fields(thing):
             if f.name in getattr(thing, "static", ()) or not f.init:
@@ -216,12 +204,23 @@ def _places(things: Sequence[Any]) -> Iterator[Place]:
             entries: Any = enumerate(value) if isinstance(value, tuple) else ((None, value),)
             for entry, number in entries:
                 if isinstance(number, int | float) and not isinstance(number, bool):
-                    yield Place(o, f.name, entry)
+                    yield Place(o, f.name, entry), number
 
 
-def _value(things: Sequence[Any], place: Place) -> Any:
-    value = getattr(things[place.owner], place.field)
-    return value if place.entry is None else value[place.entry]
+def _replaced(thing: Any, fields: dict[str, Any]) -> Any:
+    """A thing with other fields; None if it does not allow them."""
+    try:
+        return dataclasses.replace(thing, **fields) if fields else thing
+    except Exception:  # as in :meth:`_Maker.made`
+        return None
+
+
+def _set(thing: Any, fields: dict[str, Any]) -> Any:
+    """The same without the checks of its class."""
+    made = copy.copy(thing)
+    for name, value in fields.items():
+        object.__setattr__(made, name, value)
+    return made
 
 
 KINDS = 12
@@ -231,12 +230,11 @@ KINDS = 12
 def _other(kind: int, n: int, value: Any) -> Any:
     """Another number instead of the n-th one: nearby and far, of either sign, whole for a whole one."""
     own = 1.0 + 0.017 * (n % 11) + 0.001 * (n % 7)  # of each number: what depends on a ratio differs, too
+    whole = float(value).is_integer()
     if kind < 2:
-        return (
-            value + (1 + n % 5) * (1, -1)[kind] if value == _whole(value) else (1.1, 0.9)[kind] * own * value
-        )
+        return value + (1 + n % 5) * (1, -1)[kind] if whole else (1.1, 0.9)[kind] * own * value
     if kind == 2:
-        return 2 * value + (n % 5 if value == _whole(value) else 0)
+        return 2 * value + (n % 5 if whole else 0)
     if not math.isfinite(value):
         return math.copysign(own * 10.0 ** (kind - 6), value)
     factor, instead = (
@@ -246,74 +244,21 @@ def _other(kind: int, n: int, value: Any) -> Any:
     return factor * value if value else instead * own
 
 
-def _far_apart(things: Sequence[Any], places: Sequence[Place]) -> Iterator[dict[Place, Any]]:
+def _far_apart(numbers: Mapping[Place, Any]) -> Iterator[dict[Place, Any]]:
     """Other numbers of the first owner, any two of which are once much further apart than they were, in
     either order: what compares a ratio or a difference differs."""
-    own = [place for place in places if place.owner == 0]
-    for bit in range((len(own) - 1).bit_length()):
-        for up in (0, 1):
-            factors = (1e3 if (n >> bit) & 1 == up else 1e-3 for n in range(len(own)))
-            yield {p: f * (_value(things, p) or 1.0) for p, f in zip(own, factors, strict=True)}
+    own = [place for place in numbers if place.owner == 0]
+    for bit, up in itertools.product(range((len(own) - 1).bit_length()), (0, 1)):
+        factors = (1e3 if (n >> bit) & 1 == up else 1e-3 for n in range(len(own)))
+        yield {p: f * (numbers[p] or 1.0) for p, f in zip(own, factors, strict=True)}
 
 
 def _across(seen: Sequence[float], value: float) -> list[float]:
     """Numbers at those with which a number is compared, on either side of each, and between them."""
     found = [math.nextafter(c, to) for c in seen for to in (-math.inf, c, math.inf)]
     found += [2.0 * c - value for c in seen]
-    ordered = sorted(seen)
-    found += [0.5 * (a + b) for a, b in itertools.pairwise(ordered)]
+    found += [0.5 * (a + b) for a, b in itertools.pairwise(sorted(seen))]
     return [x for x in found if math.isfinite(x)]
-
-
-def _whole(value: Any) -> int | None:
-    """The whole number that a value is; None if it is none."""
-    return int(value) if math.isfinite(value) and value == int(value) else None
-
-
-def _fields(thing: Any, owner: int, values: Mapping[Place, Any]) -> dict[str, Any]:
-    """Fields of a thing with other numbers in them."""
-    fields: dict[str, Any] = {}
-    for place, value in values.items():
-        if place.owner != owner:
-            continue
-        if place.entry is None:
-            fields[place.field] = value
-        else:
-            entries = fields.setdefault(place.field, list(getattr(thing, place.field)))
-            entries[place.entry] = value
-    return {name: tuple(v) if isinstance(v, list) else v for name, v in fields.items()}
-
-
-def _with(thing: Any, owner: int, values: Mapping[Place, Any]) -> Any:
-    """A thing with other numbers; None if it does not allow them."""
-    try:
-        return dataclasses.replace(thing, **_fields(thing, owner, values))
-    except Exception:  # as above
-        return None
-
-
-def _set(thing: Any, owner: int, values: Mapping[Place, Any]) -> Any:
-    """The same without the checks of its class."""
-    made = copy.copy(thing)
-    for name, value in _fields(thing, owner, values).items():
-        object.__setattr__(made, name, value)
-    return made
-
-
-def _replaced(things: Sequence[Any], place: Place, changed: Any) -> list[Any]:
-    return [changed if o == place.owner else thing for o, thing in enumerate(things)]
-
-
-def _compared(
-    described: Callable[..., Described], things: Sequence[Any], places: Sequence[Place]
-) -> dict[Place, list[float]]:
-    """For each number, the first of those that it is compared with."""
-    watched: dict[Place, _Watched] = {}
-    for place in places:
-        watched[place] = _Watched(_value(things, place))
-        watched[place].seen = []
-    _made(described, [_set(thing, o, watched) for o, thing in enumerate(things)])
-    return {place: list(dict.fromkeys(w.seen))[:THRESHOLDS] for place, w in watched.items()}
 
 
 # ---- what effects make ----------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from redundant_envs.algebra import physics
 from redundant_envs.effects.hooks import Effect, Force, Hook
 from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import for_sliders, numbers, strength, travel
+from redundant_envs.robots.parameters import for_sliders, not_negative, numbers, travel
 
 
 @physics
@@ -47,37 +47,22 @@ class CentringSpring(Effect):
     upper: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "stiffness", numbers("CentringSpring.stiffness", self.stiffness))
-        count = len(self.stiffness)
-        for name in ("lower", "upper"):
+        count = None
+        for name in ("stiffness", "lower", "upper"):
             object.__setattr__(self, name, numbers(f"CentringSpring.{name}", getattr(self, name), count))
-        for i in range(count):
-            if self.stiffness[i] < 0.0:
-                raise ValueError(
-                    f"CentringSpring.stiffness[{i}] is {self.stiffness[i]}; it must not be negative"
-                )
-            strength(f"CentringSpring.stiffness[{i}]", self.stiffness[i])
-            names = (f"CentringSpring.{name}[{i}]" for name in ("lower", "upper"))
-            travel(next(names), self.lower[i], next(names), self.upper[i])
+            count = len(self.stiffness)
+        not_negative("CentringSpring.stiffness", self.stiffness)
+        for i, (lower, upper) in enumerate(zip(self.lower, self.upper, strict=True)):
+            travel(f"CentringSpring.{{}}[{i}]", lower, upper)
 
     def units(self, arm: Arm) -> dict[str, str]:
         return {"stiffness": "N/m", "lower": "m", "upper": "m"}
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         joints = for_sliders("CentringSpring", arm.kind, arm.sliders(), len(self.stiffness))
-        return tuple(
-            Force(
-                k,
-                force,
-                {
-                    "position": f"phi{k + 1}",
-                    "lower": f".lower[{i}]",
-                    "upper": f".upper[{i}]",
-                    "stiffness": f".stiffness[{i}]",
-                },
-                potential=energy,
-                conservative=force,
-                stiffness=steepness,
-            )
-            for i, k in enumerate(joints)
-        )
+        made = []
+        for i, k in enumerate(joints):
+            own = {name: f".{name}[{i}]" for name in ("lower", "upper", "stiffness")}
+            bind = {"position": f"phi{k + 1}", **own}
+            made.append(Force(k, force, bind, potential=energy, stiffness=steepness))
+        return tuple(made)

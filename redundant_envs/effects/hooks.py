@@ -21,23 +21,12 @@ from redundant_envs.robots.arm import Arm
 class State:
     """A number of an effect that changes with the motion; it is saved, restored and reset like coordinates.
 
-    Parameters
-    ----------
-    name : str
-        "name" or "name[k]"; the effect's functions bind it as ".name".
-    unit : str
-    derivative : function, optional
-        Its rate of change: it is integrated beside the arm's states.
-    update : function, optional
-        Its value after a control interval, from the quantities at the interval's end; within the interval
-        it is constant. Give this or ``derivative``.
-    bind : mapping
-        As of every hook, see :class:`Effect`.
-    initial : float
-        At the start of an episode or a motion.
-    rate : function, optional
-        Largest change of the derivative per change of the state [1/s], from the parameters alone: error
-        control takes steps that are short enough for it.
+    Its ``name`` is "name" or "name[k]", which the effect's functions bind as ".name"; it has a ``unit``, and
+    the value ``initial`` at the start of an episode or a motion. Either ``derivative`` is its rate of change,
+    and it is integrated beside the arm's states, or ``update`` is its value after a control interval, from
+    the quantities at the interval's end, and it is constant within the interval. ``rate`` is the largest
+    change of the derivative per change of the state [1/s], from the parameters alone: error control takes
+    steps that are short enough for it. ``bind`` says what arguments stand for, see :class:`Effect`.
     """
 
     name: str
@@ -309,9 +298,8 @@ class Effect:
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         """Where the effect attaches to an arm; ValueError if it does not fit."""
-        raise NotImplementedError(
-            f"{type(self).__name__} does not say where it attaches; write a method hooks(self, arm)"
-        )
+        kind = type(self).__name__
+        raise NotImplementedError(f"{kind} does not say where it attaches; write a method hooks(self, arm)")
 
     def fitted(self, arm: Arm) -> Effect:
         """The effect as a scene with this arm has it: plain numbers, and one for each joint."""
@@ -370,10 +358,8 @@ class Effect:
             if f.name in self.static:
                 continue
             value = getattr(self, f.name)
-            if isinstance(value, tuple):
-                values.update({f"{f.name}[{k}]": v for k, v in enumerate(value)})
-            else:
-                values[f.name] = value
+            row = {f"{f.name}[{k}]": v for k, v in enumerate(value)} if isinstance(value, tuple) else None
+            values |= {f.name: value} if row is None else row
         return values
 
 

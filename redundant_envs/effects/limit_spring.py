@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from redundant_envs.algebra import clamp, maximum, physics, where
 from redundant_envs.effects.hooks import Effect, Force, Hook
 from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import strength, travel
+from redundant_envs.robots.parameters import not_negative, number, strength, travel
 
 
 @physics
@@ -80,15 +80,14 @@ class LimitSpring(Effect):
     static = ("coordinate",)
 
     def __post_init__(self) -> None:
-        ends = travel("LimitSpring.lower", self.lower, "LimitSpring.upper", self.upper)
-        for name, end in zip(("lower", "upper"), ends, strict=True):
-            object.__setattr__(self, name, end)
-        for name in ("stiffness", "damping"):
-            object.__setattr__(self, name, strength(f"LimitSpring.{name}", getattr(self, name)))
-        if self.stiffness <= 0.0:
-            raise ValueError(f"LimitSpring.stiffness is {self.stiffness}; it must be positive")
-        if self.damping < 0.0:
-            raise ValueError(f"LimitSpring.damping is {self.damping}; it must not be negative")
+        lower, upper = travel("LimitSpring.{}", self.lower, self.upper)
+        stiffness = strength("LimitSpring.stiffness", self.stiffness)
+        if stiffness <= 0.0:
+            raise ValueError(f"LimitSpring.stiffness is {stiffness}; it must be positive")
+        damping = not_negative("LimitSpring.damping", number("LimitSpring.damping", self.damping))
+        checked = {"lower": lower, "upper": upper, "stiffness": stiffness, "damping": damping}
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
 
     @property
     def key(self) -> str:
@@ -106,14 +105,8 @@ class LimitSpring(Effect):
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         k = arm.joint_index(self.coordinate)
-        bind = {
-            "position": f"phi{k + 1}",
-            "rate": f"phid{k + 1}",
-            "lower": ".lower",
-            "upper": ".upper",
-            "stiffness": ".stiffness",
-            "damping": ".damping",
-        }
+        own = {name: f".{name}" for name in ("lower", "upper", "stiffness", "damping")}
+        bind = {"position": f"phi{k + 1}", "rate": f"phid{k + 1}", **own}
         return (
             Force(
                 k, force, bind, potential=spring_energy, conservative=spring, stiffness=steepness,

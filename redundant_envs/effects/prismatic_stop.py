@@ -40,12 +40,9 @@ class PrismaticStop(Effect):
                 raise ValueError(
                     f"PrismaticStop.{name} is {shown(ends)}; give an end for each slider, in their order"
                 )
-            checked = tuple(
-                None
-                if end is None or (isinstance(end, float) and end == none)
-                else number(f"PrismaticStop.{name}[{i}]", end)
-                for i, end in enumerate(given)
-            )
+            kept = [None if isinstance(end, float) and end == none else end for end in given]
+            named = {f"PrismaticStop.{name}[{i}]": end for i, end in enumerate(kept)}
+            checked = tuple(None if end is None else number(field, end) for field, end in named.items())
             object.__setattr__(self, name, checked)
         if len(self.lower) != len(self.upper):
             raise ValueError(
@@ -54,7 +51,7 @@ class PrismaticStop(Effect):
             )
         for i, (low, high) in enumerate(zip(self.lower, self.upper, strict=True)):
             if low is not None and high is not None:
-                travel(f"PrismaticStop.lower[{i}]", low, f"PrismaticStop.upper[{i}]", high)
+                travel(f"PrismaticStop.{{}}[{i}]", low, high)
         e = number("PrismaticStop.restitution", self.restitution)
         if not 0.0 <= e <= 1.0:
             raise ValueError(f"PrismaticStop.restitution is {e}; it must lie in 0 to 1")
@@ -62,17 +59,12 @@ class PrismaticStop(Effect):
 
     def parameters(self) -> dict[str, float]:
         values = {"restitution": self.restitution}
-        for i in range(len(self.lower)):
-            low, high = self.lower[i], self.upper[i]
+        for i, (low, high) in enumerate(zip(self.lower, self.upper, strict=True)):
             values[f"lower[{i}]"] = -math.inf if low is None else low
             values[f"upper[{i}]"] = math.inf if high is None else high
         return values
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return tuple(
-            Impact(k, f".lower[{i}]", f".upper[{i}]", ".restitution")
-            for i, k in enumerate(self._sliders(arm))
-        )
-
-    def _sliders(self, arm: Arm) -> list[int]:
-        return for_sliders("PrismaticStop", arm.kind, arm.sliders(), len(self.lower))
+        sliders = for_sliders("PrismaticStop", arm.kind, arm.sliders(), len(self.lower))
+        ends = ((k, f".lower[{i}]", f".upper[{i}]") for i, k in enumerate(sliders))
+        return tuple(Impact(k, lower, upper, ".restitution") for k, lower, upper in ends)

@@ -40,87 +40,67 @@ def numbers_of_reward(task: Task) -> list[str]:
     return [name for name in task.parameters() if name in taken]
 
 
-def _entries(scene: Scene, name: str) -> list[str]:
-    """Parameters that a name refers to; none if it is unknown, which another check reports."""
-    return [p for p in scene.parameters() if p == name or p.startswith(f"{name}[")]
+def checked_reset(
+    episode: Episode, memory: Memory, options: Mapping[str, Any], lanes: NDArray[np.intp]
+) -> Checked:
+    """Validated parameters and rows that the options of a reset of some lanes set."""
+    if not options:
+        return None, []
+    scene, task = episode.dynamics.scene, episode.task
+    for key in options:
+        if key not in OPTION_KEYS:
+            raise ValueError(f"options has the unknown key {shown(key)}; valid: {', '.join(OPTION_KEYS)}")
+    given, goal = options.get("parameters"), options.get("goal")
+    if task.goal_conditioned and isinstance(given, Mapping):
+        _check_of_reward(scene, task, given)
+    values = None
+    if given is not None:
+        values = parameters.lane_values(scene, memory, lanes, given, True, task)
+    present = values or parameters.lane_values(scene, memory, lanes, {}, fresh=False)
+    if goal is not None and not episode.goal:
+        raise ValueError(f"options['goal'] is given, and the task {task.name} has no goal; leave it out")
+    writes: list[tuple[tuple[str, ...], NDArray[np.float64]]] = []
+    joints = len(episode.actions)
+    for key, rows, width in (
+        ("q", scene.robot.coordinates, joints),
+        ("qd", scene.robot.rates, joints),
+        ("goal", episode.goal, 2),
+    ):
+        if options.get(key) is not None:
+            numbers = parameters.table(f"options[{key!r}]", options[key], len(lanes), width)
+            parameters.check_start(key, numbers)
+            writes.append((rows, numbers))
+            if key == "q":  # beyond a spring it is allowed, beyond a stop it is not
+                parameters.check_stops(scene, memory, lanes, numbers, present, "options['q']: ")
+            elif key == "goal":
+                _check_goal(numbers, reach_of(scene, present))
+    return values, writes
 
 
-class ResetOptions:
-    """Options of resets of the lanes of a memory."""
-
-    def __init__(self, episode: Episode, memory: Memory) -> None:
-        self.episode, self.memory = episode, memory
-        self.scene = episode.dynamics.scene
-
-    def checked(self, options: Mapping[str, Any], lanes: NDArray[np.intp]) -> Checked:
-        """Validated parameters and rows that the options of some lanes set."""
-        if not options:
-            return None, []
-        for key in options:
-            if key not in OPTION_KEYS:
-                raise ValueError(f"options has the unknown key {shown(key)}; valid: {', '.join(OPTION_KEYS)}")
-        given = options.get("parameters")
-        if self.episode.task.goal_conditioned and isinstance(given, Mapping):
-            fixed = {n for ends in self.scene.travel().values() for n in ends}
-            fixed |= {n for _, *ends in hard_stops(self.scene) for n in ends}
-            names = [n for n in given if isinstance(n, str)]
-            of_reward = numbers_of_reward(self.episode.task)
-            moved = [n for n in names if n in ("lengths", *of_reward) or fixed & set(_entries(self.scene, n))]
-            if moved:
-                what = moved[0] if moved[0] in of_reward else "lengths and travel"
-                raise ValueError(
-                    f"parameter is {moved[0]!r}; goal environments keep {what}, because compute_reward is a "
-                    "function of the two goals alone"
-                    + (f": make one with task={{{what!r}: ...}}" if moved[0] in of_reward else "")
-                )
-        values = None
-        if given is not None:
-            values = parameters.lane_values(self.scene, self.memory, lanes, given, True, self.episode.task)
-        present = values or parameters.lane_values(self.scene, self.memory, lanes, {}, fresh=False)
-        arm, joints = self.scene.robot, len(self.episode.actions)
-        if options.get("goal") is not None and not self.episode.goal:
+def _check_of_reward(scene: Scene, task: Task, given: Mapping[str, Any]) -> None:
+    """Refuse parameters of a goal environment on which its reward depends."""
+    fixed = {n for ends in scene.travel().values() for n in ends}
+    fixed |= {n for _, *ends in hard_stops(scene) for n in ends}
+    of_reward = numbers_of_reward(task)
+    for name in (n for n in given if isinstance(n, str)):
+        entries = {p for p in scene.parameters() if p == name or p.startswith(f"{name}[")}
+        if name in ("lengths", *of_reward) or fixed & entries:
+            what = name if name in of_reward else "lengths and travel"
             raise ValueError(
-                f"options['goal'] is given, and the task {self.episode.task.name} has no goal; leave it out"
-            )
-        writes: list[tuple[tuple[str, ...], NDArray[np.float64]]] = []
-        for key, rows, width in (
-            ("q", arm.coordinates, joints),
-            ("qd", arm.rates, joints),
-            ("goal", self.episode.goal, 2),
-        ):
-            if options.get(key) is not None:
-                numbers = parameters.table(f"options[{key!r}]", options[key], len(lanes), width)
-                parameters.check_start(key, numbers)
-                writes.append((rows, numbers))
-                if key == "q":
-                    self._check_stops(numbers, present)
-                elif key == "goal":
-                    self._check_goal(numbers, present)
-        return values, writes
-
-    def _check_goal(self, goal: NDArray[np.float64], values: parameters.Table) -> None:
-        reach = reach_of(self.scene, values)
-        radius = np.linalg.norm(goal, axis=1)
-        if (radius > reach).any():
-            lane = int(np.argmax(radius - reach))
-            raise ValueError(
-                f"options['goal'] is {radius[lane]:.6g} m from the base; the arm reaches "
-                f"{reach[lane]:.6g} m: choose a goal within it"
+                f"parameter is {name!r}; goal environments keep {what}, because compute_reward is a "
+                "function of the two goals alone"
+                + (f": make one with task={{{what!r}: ...}}" if name in of_reward else "")
             )
 
-    def _check_stops(self, q: NDArray[np.float64], values: parameters.Table) -> None:
-        """Refuse starts beyond a hard stop, which no motion can reach; beyond a spring they are allowed."""
-        arm = self.scene.robot
-        positions = q @ arm.motor_map
-        for joint, low, high in hard_stops(self.scene):
-            x = positions[:, joint]
-            outside = (x < values[low]) | (x > values[high])
-            if outside.any():
-                lane = int(np.flatnonzero(outside)[0])
-                raise ValueError(
-                    f"options['q'] puts {arm.joints[joint]} at {x[lane]:.6g}; its travel is "
-                    f"[{values[low][lane]:.6g}, {values[high][lane]:.6g}]: start inside it"
-                )
+
+def _check_goal(goal: NDArray[np.float64], reach: NDArray[np.float64]) -> None:
+    radius = np.linalg.norm(goal, axis=1)
+    if (radius > reach).any():
+        lane = int(np.argmax(radius - reach))
+        raise ValueError(
+            f"options['goal'] is {radius[lane]:.6g} m from the base; the arm reaches {reach[lane]:.6g} m: "
+            "choose a goal within it"
+        )
 
 
 def checked_options(options: Any) -> dict[str, Any]:
@@ -143,22 +123,17 @@ def checked_seed(name: str, seed: Any) -> int | None:
 
 def check_action(actions: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
     """Actions as float32, or a ValueError about their shape or dtype."""
-    if not (
-        type(actions) is np.ndarray
-        and actions.dtype is FLOAT32
-        and actions.shape == shape
-        and actions.flags.carray
-    ):
-        array = np.asarray(actions)
-        if array.dtype.kind == "f" and array.dtype.itemsize > 4:  # finite actions must stay finite as float32
-            array = np.where(np.isfinite(array), np.clip(array, -1e30, 1e30), array)
-        if array.dtype.kind not in "fiu":
-            raise ValueError(f"action has dtype {array.dtype}; give numbers")
-        if array.shape != shape:
-            raise ValueError(f"action has shape {array.shape}; give {shape}")
-        actions = np.ascontiguousarray(array, dtype=np.float32)
-        return actions if actions.flags.carray else actions.copy()
-    return actions
+    of_floats = type(actions) is np.ndarray and actions.dtype is FLOAT32
+    if of_floats and actions.shape == shape and actions.flags.carray:
+        return actions  # type: ignore[no-any-return]
+    array = np.asarray(actions)
+    if array.dtype.kind == "f" and array.dtype.itemsize > 4:  # finite actions must stay finite as float32
+        array = np.where(np.isfinite(array), np.clip(array, -1e30, 1e30), array)
+    if array.dtype.kind not in "fiu":
+        raise ValueError(f"action has dtype {array.dtype}; give numbers")
+    if array.shape != shape:
+        raise ValueError(f"action has shape {array.shape}; give {shape}")
+    return np.require(array, np.float32, ["C", "A", "W"])
 
 
 def refuse_bad_action(actions: NDArray[np.float32]) -> None:
@@ -172,21 +147,15 @@ def refuse_bad_action(actions: NDArray[np.float32]) -> None:
 
 def episode_limit(max_episode_steps: Any) -> float:
     """Control steps until truncation; None and -1 mean never."""
-    whole = isinstance(max_episode_steps, int | np.integer)
-    if max_episode_steps is None or (whole and max_episode_steps == -1):
+    given = max_episode_steps
+    if given is None or (isinstance(given, int | np.integer) and given == -1):
         return float("inf")
-    number = isinstance(max_episode_steps, int | float | np.integer | np.floating)
-    if (
-        not number
-        or isinstance(max_episode_steps, bool)
-        or not 1 <= max_episode_steps <= LARGEST_WHOLE
-        or max_episode_steps != int(max_episode_steps)
-    ):
+    number = isinstance(given, int | float | np.integer | np.floating) and not isinstance(given, bool)
+    if not number or not 1 <= given <= LARGEST_WHOLE or given != int(given):
         raise ValueError(
-            f"max_episode_steps is {shown(max_episode_steps)}; give a whole number of at least 1, or -1 "
-            "for no limit"
+            f"max_episode_steps is {shown(given)}; give a whole number of at least 1, or -1 for no limit"
         )
-    return float(max_episode_steps)
+    return float(given)
 
 
 def plain_scene(scene: Any) -> Any:

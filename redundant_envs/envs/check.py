@@ -6,13 +6,14 @@ Each rule has a name and one sentence; a violation raises :class:`BrokenRule` wi
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
+
+from redundant_envs.envs.face import observation_of
 
 VECTOR_RULES = {
     "spaces": "observation_space and action_space are batch_space(single space, num_envs)",
@@ -69,18 +70,13 @@ def check_vec_env(env: Any, seed: int = 123) -> None:
         Naming the first rule that does not hold.
     """
     if isinstance(env, VectorEnv):
-        _check_vector_env(env, seed)
+        _VectorCheck(env, VECTOR_RULES, seed).run()
     elif hasattr(env, "step_async") and hasattr(env, "env_method"):
-        _check_sb3(env, seed)
+        _SB3Check(env, SB3_RULES, seed).run()
     else:
         raise ValueError(
             f"env is {type(env).__name__}; give a gymnasium.vector.VectorEnv or a stable_baselines3 VecEnv"
         )
-
-
-def _need(rules: dict[str, str], rule: str, holds: Any, found: Callable[[], str]) -> None:
-    if not holds:
-        raise BrokenRule(rule, rules[rule], found())
 
 
 def same(a: Any, b: Any) -> bool:
@@ -90,172 +86,158 @@ def same(a: Any, b: Any) -> bool:
     return bool(np.array_equal(a, b))
 
 
-def _check_vector_env(env: Any, seed: int) -> None:
-    def need(rule: str, holds: Any, found: Callable[[], str]) -> None:
-        _need(VECTOR_RULES, rule, holds, found)
+class _Check:
+    """One environment, its rules, and observations that it returned."""
 
-    n = env.num_envs
-    need(
-        "spaces",
-        env.observation_space == batch_space(env.single_observation_space, n)
-        and env.action_space == batch_space(env.single_action_space, n),
-        lambda: f"{env.observation_space}, {env.action_space}",
-    )
-    mode = env.metadata.get("autoreset_mode")
-    need("autoreset_mode", isinstance(mode, AutoresetMode), lambda: repr(mode))
+    def __init__(self, env: Any, rules: dict[str, str], seed: int) -> None:
+        self.env, self.rules, self.seed, self.n = env, rules, seed, env.num_envs
+        self.returned: list[tuple[Any, Any]] = []  # with copies
 
-    result = env.reset(seed=seed)
-    pair = isinstance(result, tuple) and len(result) == 2 and isinstance(result[1], dict)
-    need("reset", pair, lambda: type(result).__name__)
-    first, infos = result
-    need("reset", env.observation_space.contains(first), lambda: _describe(first))
-    _check_infos(need, infos, n)
-    first = copy.deepcopy(first)
-    again, _ = env.reset(seed=seed)
-    need("seed", same(first, again), lambda: "different observations")
-    listed, _ = env.reset(seed=[seed + i for i in range(n)])
-    need("seed_list", same(first, listed), lambda: "different observations")
+    def need(self, rule: str, holds: Any, found: Any) -> None:
+        if not holds:
+            raise BrokenRule(rule, self.rules[rule], _described(found))
 
-    env.action_space.seed(seed)
-    actions = [env.action_space.sample() for _ in range(5)]
-    one = _rollout(env, seed, actions, need)
-    two = _rollout(env, seed, actions, need)
-    equal = all(same(a[0], b[0]) and np.array_equal(a[1], b[1]) for a, b in zip(one, two, strict=True))
-    need("determinism", equal, lambda: "different observations or rewards")
-    _check_ends(env, mode, seed, need)
+    def array(self, rule: str, value: Any, kinds: str) -> None:
+        """Need a finite array (num_envs,) of a kind of dtype."""
+        good = isinstance(value, np.ndarray) and value.shape == (self.n,) and value.dtype.char in kinds
+        self.need(rule, good and np.isfinite(value).all(), value)
+
+    def keep(self, obs: Any) -> None:
+        self.need("fresh", all(obs is not k for k, _ in self.returned), "the same object again")
+        self.returned.append((obs, copy.deepcopy(obs)))
+
+    def check_kept(self) -> None:
+        self.need("fresh", all(same(a, b) for a, b in self.returned), "an array that changed later")
 
 
-def _rollout(env: Any, seed: int, actions: list[Any], need: Callable[..., None]) -> list[Any]:
-    obs, _ = env.reset(seed=seed)
-    kept, copies, steps = [obs], [copy.deepcopy(obs)], []
-    for action in actions:
-        result = env.step(action)
-        need("step", isinstance(result, tuple) and len(result) == 5, lambda: "another shape")
+class _VectorCheck(_Check):
+    def run(self) -> None:
+        env, n, seed = self.env, self.n, self.seed
+        given = env.observation_space, env.action_space
+        expected = [batch_space(one, n) for one in (env.single_observation_space, env.single_action_space)]
+        self.need("spaces", [*given] == expected, f"{given[0]}, {given[1]}")
+        mode = env.metadata.get("autoreset_mode")
+        self.need("autoreset_mode", isinstance(mode, AutoresetMode), repr(mode))
+        result = env.reset(seed=seed)
+        pair = isinstance(result, tuple) and len(result) == 2 and isinstance(result[1], dict)
+        self.need("reset", pair, type(result).__name__)
+        self.need("reset", env.observation_space.contains(result[0]), result[0])
+        self.check_infos(result[1])
+        first = copy.deepcopy(result[0])
+        for rule, seeds in (("seed", seed), ("seed_list", [seed + i for i in range(n)])):
+            self.need(rule, same(first, env.reset(seed=seeds)[0]), "different observations")
+        env.action_space.seed(seed)
+        actions = [env.action_space.sample() for _ in range(5)]
+        one, two = self.rollout(actions), self.rollout(actions)
+        equal = all(same(a[0], b[0]) and np.array_equal(a[1], b[1]) for a, b in zip(one, two, strict=True))
+        self.need("determinism", equal, "different observations or rewards")
+        self.check_ends(mode)
+
+    def rollout(self, actions: list[Any]) -> list[Any]:
+        """Observations and rewards of some steps."""
+        self.returned = []
+        self.keep(self.env.reset(seed=self.seed)[0])
+        steps = []
+        for action in actions:
+            obs, reward, *_ = self.step(action)
+            self.keep(obs)
+            steps.append((self.returned[-1][1], np.array(reward)))
+        self.check_kept()
+        return steps
+
+    def step(self, action: Any) -> tuple[Any, ...]:
+        """A step whose results were checked."""
+        result = self.env.step(action)
+        self.need("step", isinstance(result, tuple) and len(result) == 5, "another shape")
         obs, reward, terminated, truncated, infos = result
-        _check_step(env, obs, reward, terminated, truncated, infos, need)
-        need("fresh", all(obs is not k for k in kept), lambda: "the same object again")
-        kept.append(obs)
-        copies.append(copy.deepcopy(obs))
-        steps.append((copies[-1], np.array(reward)))
-    unchanged = all(same(a, b) for a, b in zip(kept, copies, strict=True))
-    need("fresh", unchanged, lambda: "an array that changed later")
-    return steps
+        self.need("step", self.env.observation_space.contains(obs), obs)
+        self.array("reward", reward, "efd")
+        self.array("flags", terminated, "?")
+        self.array("flags", truncated, "?")
+        self.check_infos(infos)
+        return result
+
+    def check_infos(self, infos: Any) -> None:
+        self.need("infos", isinstance(infos, dict), type(infos).__name__)
+        for key in infos:
+            if not key.startswith("_"):
+                mask = infos.get(f"_{key}")
+                good = isinstance(mask, np.ndarray) and mask.shape == (self.n,) and mask.dtype == np.bool_
+                self.need("infos", good, f"no mask for {key!r}")
+
+    def check_ends(self, mode: AutoresetMode) -> None:
+        env = self.env
+        env.reset(seed=self.seed)
+        for _ in range(MOST_STEPS):
+            obs, _, terminated, truncated, infos = self.step(env.action_space.sample())
+            ended = terminated | truncated
+            if ended.any():
+                break
+        else:
+            return
+        lane = int(np.flatnonzero(ended)[0])
+        if mode is AutoresetMode.NEXT_STEP:
+            _, reward, terminated, truncated, _ = env.step(env.action_space.sample())
+            quiet = reward[lane] == 0.0 and not terminated[lane] and not truncated[lane]
+            self.need("next_step", quiet, f"reward {reward[lane]} in environment {lane}")
+        elif mode is AutoresetMode.SAME_STEP:
+            final = infos.get("final_obs")
+            good = final is not None and "final_info" in infos and "_final_obs" in infos
+            self.need("same_step", good, f"infos with {sorted(infos)}")
+            self.need("same_step", env.single_observation_space.contains(final[lane]), final[lane])
+        else:
+            mask = np.arange(self.n) == lane
+            before = copy.deepcopy(obs)
+            after, _ = env.reset(seed=self.seed + 1, options={"reset_mask": mask})
+            kept = [same(observation_of(before, i), observation_of(after, i)) for i in range(self.n)]
+            self.need("reset_mask", kept == (~mask).tolist(), f"unchanged: {kept}, mask: {mask.tolist()}")
 
 
-def _check_step(
-    env: Any, obs: Any, reward: Any, terminated: Any, truncated: Any, infos: Any,
-    need: Callable[..., None],
-) -> None:  # fmt: skip
-    n = env.num_envs
-    need("step", env.observation_space.contains(obs), lambda: _describe(obs))
-    shaped = isinstance(reward, np.ndarray) and reward.shape == (n,) and reward.dtype.kind == "f"
-    need("reward", shaped and np.isfinite(reward).all(), lambda: _describe(reward))
-    for flags in (terminated, truncated):
-        good = isinstance(flags, np.ndarray) and flags.shape == (n,) and flags.dtype == np.bool_
-        need("flags", good, lambda: _describe(flags))  # noqa: B023
-    _check_infos(need, infos, n)
+class _SB3Check(_Check):
+    def run(self) -> None:
+        env, n = self.env, self.n
+        counts = len(env.get_attr("render_mode")), len(env.env_is_wrapped(object))
+        self.need("attributes", counts == (n, n), f"{counts} entries")
+        space: spaces.Space[Any] = batch_space(env.observation_space, n)
+        first = self.begin(space)
+        self.keep(first)
+        self.need("seed", same(self.returned[0][1], self.begin(space)), "different observations")
+        env.action_space.seed(self.seed)
+        for step in range(MOST_STEPS):
+            result = env.step(np.stack([env.action_space.sample() for _ in range(n)]))
+            self.need("step", isinstance(result, tuple) and len(result) == 4, type(result).__name__)
+            obs, rewards, dones, infos = result
+            self.need("step", space.contains(obs), obs)
+            self.array("reward", rewards, "f")
+            self.array("dones", dones, "?")
+            self.check_list("infos", infos)
+            if step < 5:
+                self.keep(obs)
+            for lane in np.flatnonzero(dones):
+                last, flag = (infos[lane].get(k) for k in ("terminal_observation", "TimeLimit.truncated"))
+                self.need("terminal", last is not None and env.observation_space.contains(last), last)
+                self.need("truncated", isinstance(flag, bool), repr(flag))
+            if dones.any():
+                break
+        self.check_kept()
+
+    def begin(self, space: spaces.Space[Any]) -> Any:
+        """Observations of a reset with the seed."""
+        self.env.seed(self.seed)
+        obs = self.env.reset()
+        self.need("reset", isinstance(obs, np.ndarray | dict) and space.contains(obs), obs)
+        self.check_list("reset_infos", self.env.reset_infos)
+        return obs
+
+    def check_list(self, rule: str, infos: Any) -> None:
+        good = isinstance(infos, list) and len(infos) == self.n and all(isinstance(i, dict) for i in infos)
+        self.need(rule, good, type(infos).__name__)
 
 
-def _check_infos(need: Callable[..., None], infos: Any, n: int) -> None:
-    need("infos", isinstance(infos, dict), lambda: type(infos).__name__)
-    for key in infos:
-        if not key.startswith("_"):
-            mask = infos.get(f"_{key}")
-            good = isinstance(mask, np.ndarray) and mask.shape == (n,) and mask.dtype == np.bool_
-            need("infos", good, lambda: f"no mask for {key!r}")  # noqa: B023
-
-
-def _check_ends(env: Any, mode: Any, seed: int, need: Callable[..., None]) -> None:
-    env.reset(seed=seed)
-    for _ in range(MOST_STEPS):
-        obs, reward, terminated, truncated, infos = env.step(env.action_space.sample())
-        _check_step(env, obs, reward, terminated, truncated, infos, need)
-        ended = terminated | truncated
-        if ended.any():
-            break
-    else:
-        return
-    lane = int(np.flatnonzero(ended)[0])
-    if mode is AutoresetMode.NEXT_STEP:
-        _, reward, terminated, truncated, _ = env.step(env.action_space.sample())
-        quiet = reward[lane] == 0.0 and not terminated[lane] and not truncated[lane]
-        need("next_step", quiet, lambda: f"reward {reward[lane]} in environment {lane}")
-    elif mode is AutoresetMode.SAME_STEP:
-        final = infos.get("final_obs")
-        good = final is not None and "final_info" in infos and "_final_obs" in infos
-        need("same_step", good, lambda: f"infos with {sorted(infos)}")
-        inside = env.single_observation_space.contains(final[lane])
-        need("same_step", inside, lambda: _describe(final[lane]))
-    else:
-        mask = np.arange(env.num_envs) == lane
-        before = copy.deepcopy(obs)
-        after, _ = env.reset(seed=seed + 1, options={"reset_mask": mask})
-        kept = [same(_lane(before, i), _lane(after, i)) for i in range(env.num_envs)]
-        held = all(k for k, m in zip(kept, mask, strict=True) if not m)
-        renewed = not any(k for k, m in zip(kept, mask, strict=True) if m)
-        need("reset_mask", held and renewed, lambda: f"unchanged: {kept}, mask: {mask.tolist()}")
-
-
-def _lane(obs: Any, lane: int) -> Any:
-    return {k: v[lane] for k, v in obs.items()} if isinstance(obs, dict) else obs[lane]
-
-
-def _describe(value: Any) -> str:
+def _described(value: Any) -> str:
     if isinstance(value, dict):
-        return str({k: _describe(v) for k, v in value.items()})
+        return str({k: _described(v) for k, v in value.items()})
     if isinstance(value, np.ndarray):
         extent = f" in [{value.min()}, {value.max()}]" if value.size and value.dtype.kind in "fiu" else ""
         return f"array of shape {value.shape}, dtype {value.dtype}{extent}"
-    return f"{type(value).__name__} {value!r}"
-
-
-def _check_sb3(env: Any, seed: int) -> None:
-    def need(rule: str, holds: Any, found: Callable[[], str]) -> None:
-        _need(SB3_RULES, rule, holds, found)
-
-    n = env.num_envs
-    batched: spaces.Space[Any] = batch_space(env.observation_space, n)
-    counts = len(env.get_attr("render_mode")), len(env.env_is_wrapped(object))
-    need("attributes", counts == (n, n), lambda: f"{counts} entries")
-
-    def begin() -> Any:
-        env.seed(seed)
-        obs = env.reset()
-        alone = isinstance(obs, np.ndarray | dict)
-        need("reset", alone and batched.contains(obs), lambda: _describe(obs))
-        infos = env.reset_infos
-        good = isinstance(infos, list) and len(infos) == n and all(isinstance(i, dict) for i in infos)
-        need("reset_infos", good, lambda: type(infos).__name__)
-        return obs
-
-    first = begin()
-    kept, copies = [first], [copy.deepcopy(first)]
-    need("seed", same(copies[0], begin()), lambda: "different observations")
-    env.action_space.seed(seed)
-    for step in range(MOST_STEPS):
-        actions = np.stack([env.action_space.sample() for _ in range(n)])
-        result = env.step(actions)
-        need("step", isinstance(result, tuple) and len(result) == 4, lambda: type(result).__name__)  # noqa: B023
-        obs, rewards, dones, infos = result
-        need("step", batched.contains(obs), lambda: _describe(obs))  # noqa: B023
-        shaped = isinstance(rewards, np.ndarray) and rewards.shape == (n,)
-        good = shaped and rewards.dtype == np.float32 and np.isfinite(rewards).all()
-        need("reward", good, lambda: _describe(rewards))  # noqa: B023
-        good = isinstance(dones, np.ndarray) and dones.shape == (n,) and dones.dtype == np.bool_
-        need("dones", good, lambda: _describe(dones))  # noqa: B023
-        good = isinstance(infos, list) and len(infos) == n and all(isinstance(i, dict) for i in infos)
-        need("infos", good, lambda: type(infos).__name__)  # noqa: B023
-        if step < 5:
-            need("fresh", all(obs is not k for k in kept), lambda: "the same object again")
-            kept.append(obs)
-            copies.append(copy.deepcopy(obs))
-        if dones.any():
-            for lane in np.flatnonzero(dones):
-                last = infos[lane].get("terminal_observation")
-                inside = last is not None and env.observation_space.contains(last)
-                need("terminal", inside, lambda: _describe(last))  # noqa: B023
-                flag = infos[lane].get("TimeLimit.truncated")
-                need("truncated", isinstance(flag, bool), lambda: repr(flag))  # noqa: B023
-            break
-    unchanged = all(same(a, b) for a, b in zip(kept, copies, strict=True))
-    need("fresh", unchanged, lambda: "an array that changed later")
+    return value if isinstance(value, str) else f"{type(value).__name__} {value!r}"

@@ -15,16 +15,16 @@ from redundant_envs.batch.blocks import LANES
 from redundant_envs.batch.environment import BEGUN, DUE, EPISODE_KEY, GOAL_FIELDS, Autoreset, Operation
 from redundant_envs.envs.arguments import (
     Checked,
-    ResetOptions,
+    checked_reset,
     episode_limit,
     numbers_of_reward,
     reach_of,
 )
 from redundant_envs.envs.episode_keys import EpisodeKeys
 from redundant_envs.envs.outputs import Columns, Outputs
-from redundant_envs.envs.registration import check_arm
+from redundant_envs.envs.registration import check_arm, check_motors
 from redundant_envs.envs.single_lane import SingleLane
-from redundant_envs.lane.episode import TABLES, TIP
+from redundant_envs.lane.episode import TABLES, TIP, Episode
 from redundant_envs.model import parameters
 from redundant_envs.model.copies import Copied
 from redundant_envs.model.memory import Memory, aligned
@@ -63,11 +63,7 @@ class Core(Copied):
     ) -> None:
         self.scene = scene_at(scene, accuracy)
         self.task: Any = task  # its numbers are its own
-        if not self.scene.action_units() or self.scene.actuation != "joint":
-            raise ValueError(
-                "scene cannot be an environment: actions are fractions of the motors' limits, so "
-                "its effects need EffortLimits and its actuation must be 'joint'"
-            )
+        check_motors(self.scene)
         check_arm(env_id, self.scene.robot.kind)
         check_task(task, self.scene)
         self.num_envs = num_envs
@@ -83,8 +79,7 @@ class Core(Copied):
             self.memory.column(name)[:] = at_rest[name]
         self.begun: NDArray[np.bool_] | None = None
         """Lanes that began a new episode in the last step, if any did."""
-        episode = self.simulator.episode
-        assert episode is not None
+        episode = self.episode
         self.actions = episode.actions
         self.columns = Columns(episode)
         self.goal_fields = episode.goal
@@ -107,6 +102,11 @@ class Core(Copied):
         """The only lane of a core with one lane, to be stepped without the loop over blocks."""
         part = Part(self.simulator, "environment", self.memory, 0, 1)
         return SingleLane(part, self.columns, self.obs_size, len(self.actions), self._key_table)
+
+    @property
+    def episode(self) -> Episode:
+        assert self.simulator.episode is not None
+        return self.simulator.episode
 
     @staticmethod
     def _found_simulator(state: Mapping[str, Any]) -> Simulator:
@@ -227,15 +227,13 @@ class Core(Copied):
 
     def checked(self, options: Mapping[str, Any], lanes: NDArray[np.intp]) -> Checked:
         """Validated parameters and rows that options of a reset set."""
-        episode = self.simulator.episode
-        assert episode is not None
-        return ResetOptions(episode, self.memory).checked(options, lanes)
+        return checked_reset(self.episode, self.memory, options, lanes)
 
     # ---- goals and snapshots ---------------------------------------------------------------------
 
-    def observation(self, obs: NDArray[np.float32], out: Outputs, goal: bool) -> Any:
+    def observation(self, obs: NDArray[np.float32], out: Outputs) -> Any:
         """Observations in the form of their space, from the tables of a step."""
-        if not goal:
+        if not self.task.goal_conditioned:
             return obs
         tips, goals = (self.columns.points(out, names) for names in (TIP, self.columns.goal))
         return {"observation": obs, "achieved_goal": tips, "desired_goal": goals}
@@ -243,13 +241,7 @@ class Core(Copied):
     def goal_reward(self, achieved: ArrayLike, desired: ArrayLike) -> NDArray[np.float64]:
         """The compiled reward of goal pairs, (n, 2) each."""
         a, d = np.atleast_2d(np.asarray(achieved, float)), np.atleast_2d(np.asarray(desired, float))
-        if (
-            a.ndim != 2
-            or d.ndim != 2
-            or a.shape[1] != 2
-            or d.shape[1] != 2
-            or (a.shape != d.shape and 1 not in (len(a), len(d)))
-        ):
+        if {a.shape[1:], d.shape[1:]} != {(2,)} or len({len(a), len(d)} - {1}) > 1:
             raise ValueError(
                 f"goals have shapes {np.shape(achieved)} and {np.shape(desired)}; give (2,) or (n, 2)"
             )
@@ -320,9 +312,8 @@ class Core(Copied):
     @cached_property
     def _facts(self) -> str:
         """The settings that must be equal in all states of these environments."""
-        more = {
-            "task": dataclasses.asdict(self.task),
-            "max_episode_steps": float(self.memory.column("limit")[0, 0]),
-            "goal_conditioned": self.task.goal_conditioned,
-        }
-        return simulator_facts(self.simulator, self.num_envs, more)
+        return simulator_facts(
+            self.simulator, self.num_envs, task=dataclasses.asdict(self.task),
+            max_episode_steps=float(self.memory.column("limit")[0, 0]),
+            goal_conditioned=self.task.goal_conditioned,
+        )  # fmt: skip

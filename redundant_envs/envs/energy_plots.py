@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.envs.animation import animate, stated_limits
+from redundant_envs.envs.animation import stated_limits
 from redundant_envs.figures import bare, new_figure, save_figure
 from redundant_envs.model.energy_run import EnergyRun
 
@@ -22,9 +22,8 @@ def energies_figure(run: EnergyRun) -> Any:
     motion = run.trajectory
     sliders = run.scene.robot.sliders()
     figure = new_figure(7.0, 5.4 if sliders else 3.6)
-    panels = figure.subplots(
-        2 if sliders else 1, sharex=True, squeeze=False, height_ratios=[3, 2][: 1 + bool(sliders)]
-    )[:, 0]
+    ratios = [3, 2] if sliders else [1]
+    panels = figure.subplots(len(ratios), sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
     energy = panels[0]
     energy.plot(motion.t, motion.kinetic_energy, color=KINETIC, lw=1.4, label="kinetic")
     energy.plot(motion.t, motion.potential_energy, color=POTENTIAL, lw=1.4, label="potential")
@@ -83,8 +82,3 @@ def save_figures(run: EnergyRun, folder: Path) -> list[Path]:
     """Write both figures of a run as PNG; returns their paths."""
     figures = {"energies": energies_figure(run), "total": total_figure(run)}
     return [save_figure(figure, folder / f"{run.name}_{kind}.png") for kind, figure in figures.items()]
-
-
-def save_clip(run: EnergyRun, path: Path) -> None:
-    """Write the motion as a GIF or MP4 in real time."""
-    animate(run.trajectory).save(path)

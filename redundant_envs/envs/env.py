@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import gymnasium as gym
 import numpy as np
-from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
@@ -21,21 +19,15 @@ from redundant_envs.envs.arguments import (
     refuse_bad_action,
 )
 from redundant_envs.envs.core import Core
-from redundant_envs.envs.lane_values import LaneValue
-from redundant_envs.envs.vector_env import (
-    ON_BAD_ACTION,
-    make_task,
-    observation_space,
-)
-from redundant_envs.lane.episode import TIP
-
-RENDER_MODES = (None, "rgb_array", "human")
+from redundant_envs.envs.face import Face
+from redundant_envs.tasks import make_task
 
 
-class ArmEnv(LaneValue, gym.Env[Any, Any]):
+class ArmEnv(Face, gym.Env[Any, Any]):
     """A torque-controlled arm with a task; made by ``gymnasium.make``."""
 
     metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 50}
+    _lanes = 0
     task_name: ClassVar[str] = "Reach"
     env_id: ClassVar[str | None] = None
     """The id that belongs to the class; its scenes have the arm of that id."""
@@ -48,43 +40,26 @@ class ArmEnv(LaneValue, gym.Env[Any, Any]):
         on_bad_action: str = "raise",
         task: Mapping[str, Any] | None = None,
     ) -> None:
-        if render_mode not in RENDER_MODES:
-            raise ValueError(f"render_mode is {render_mode!r}; choose None, 'rgb_array' or 'human'")
+        self._check_choices(on_bad_action, render_mode)
         if render_mode == "human":
-            from redundant_envs.envs.window import load_pygame
+            from redundant_envs.envs.rendering import load_pygame
 
             load_pygame()  # a missing package is reported at once, not at the first step
-        if on_bad_action not in ON_BAD_ACTION:
-            raise ValueError(f"on_bad_action is {on_bad_action!r}; choose {', '.join(ON_BAD_ACTION)}")
-        self.core = Core(
-            plain_scene(scene),
-            1,
-            make_task(task, self.task_name),
-            accuracy=accuracy,
-            env_id=self.env_id,
-        )
-        self.on_bad_action = on_bad_action
-        self.render_mode = render_mode
-        self.metadata = {**self.metadata, "render_fps": round(1.0 / self.core.scene.control_dt)}
-        self.goal_conditioned = self.core.task.goal_conditioned
-        self.observation_space = observation_space(self.core)
-        self._shape = (len(self.core.actions),)
-        self.action_space = spaces.Box(-1.0, 1.0, self._shape, np.float32)
+        task_made = make_task(task, self.task_name)
+        core = Core(plain_scene(scene), 1, task_made, accuracy=accuracy, env_id=self.env_id)
+        self.observation_space, self.action_space = self._take(core)
+        self._shape = (len(core.actions),)
         self._names = self.core.columns.names
         self._lane = self.core.single_lane()
-        self._renderer: Any = None
         self._begun = False
         self._operation: Operation | None = None  # kind of step; None if the next call has to be a reset
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_lane": None, "_renderer": None}
+        return {**super().__getstate__(), "_lane": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self._lane = self.core.single_lane()
-
-    def __copy__(self) -> ArmEnv:
-        return copy.deepcopy(self)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -114,7 +89,7 @@ class ArmEnv(LaneValue, gym.Env[Any, Any]):
         if self._renderer is not None:
             self._renderer.clear()
         if self.render_mode is not None:
-            self._see()
+            self._show()
         return self._observation(obs), dict(zip(self._names, self._lane.shown(), strict=True))
 
     def _begin(self) -> None:
@@ -135,7 +110,7 @@ class ArmEnv(LaneValue, gym.Env[Any, Any]):
         if terminated:
             self._operation = None
         if self.render_mode is not None:
-            self._see()
+            self._show()
         observation = self._observation(obs) if self.goal_conditioned else obs
         info = dict(zip(self._names, lane.shown()))  # noqa: B905 - strict takes time, and they are as many
         return observation, reward, terminated, False, info
@@ -158,20 +133,11 @@ class ArmEnv(LaneValue, gym.Env[Any, Any]):
         if generator is not None:
             self._np_random = generator
 
-    def _see(self) -> None:
+    def _show(self) -> None:
         """Record the position of the tip for its trail; in the mode "human", show the picture."""
-        renderer, columns = self._made_renderer(), self.core.columns
-        out = self._lane.outputs.lanes(slice(1))
-        renderer.record(columns.of(out, "steps"), columns.points(out, TIP))
+        self._see(self._lane.outputs.lanes(slice(1)))
         if self.render_mode == "human":
-            renderer.show(0)
-
-    def _made_renderer(self) -> Any:
-        if self._renderer is None:
-            from redundant_envs.envs.rendering import Renderer
-
-            self._renderer = Renderer(self.core)
-        return self._renderer
+            self._pictures().show(0)
 
     def render(self) -> NDArray[np.uint8] | None:
         """A picture, (height, width, 3) uint8; None without a render mode and in the mode "human".
@@ -184,9 +150,9 @@ class ArmEnv(LaneValue, gym.Env[Any, Any]):
         if not self._begun:
             raise ResetNeeded("render was called before reset; call reset() first")
         if self.render_mode == "human":
-            self._made_renderer().show(0)
+            self._pictures().show(0)
             return None
-        return self._made_renderer().draw(0)  # type: ignore[no-any-return]
+        return self._pictures().draw(0)  # type: ignore[no-any-return]
 
     def close(self) -> None:
         """Close the window if there is one."""

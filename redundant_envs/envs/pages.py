@@ -9,24 +9,21 @@ import re
 from typing import Any
 
 from redundant_envs.algebra import gives_of
+from redundant_envs.envs.outputs import Columns
 from redundant_envs.envs.registration import MAX_EPISODE_STEPS, NAMESPACE
-from redundant_envs.envs.vector_env import info_names
+from redundant_envs.model.programs import environment_simulator
 from redundant_envs.scene import Scene, load_scene
 from redundant_envs.tables import markdown
 from redundant_envs.tasks import REGISTRY as TASKS
 from redundant_envs.tasks import Task
 
-UNITS = {False: "N m", True: "N"}
-
 
 def action_table(scene: Scene) -> str:
     """Actions with their limits."""
-    values = scene.parameters()
-    limits = [values[name] for name in scene.action_units()]
-    rows = [
-        (k, f"effort at {joint} / {limits[k]:g} {UNITS[prismatic]}", -1, 1, joint, UNITS[prismatic])
-        for k, (joint, prismatic) in enumerate(zip(scene.robot.joints, scene.robot.prismatic, strict=True))
-    ]
+    values, arm, rows = scene.parameters(), scene.robot, []
+    for k, (joint, limit) in enumerate(zip(arm.joints, scene.action_units(), strict=True)):
+        unit = "N" if arm.prismatic[k] else "N m"
+        rows.append((k, f"effort at {joint} / {values[limit]:g} {unit}", -1, 1, joint, unit))
     return markdown(("Num", "Action", "Control Min", "Control Max", "Joint", "Unit of the effort"), rows)
 
 
@@ -41,54 +38,54 @@ def reward_table(scene: Scene, task: Task) -> str:
     rows = []
     for function in task.reward_functions(scene):
         formula = (function.__doc__ or "").partition("\n")[0]
-        for term in gives_of(function):
-            name = term.removesuffix("_term")
-            rows.append((name, f"`{formula}`", f"`return_{name}`"))
+        names = [term.removesuffix("_term") for term in gives_of(function)]
+        rows += [(name, f"`{formula}`", f"`return_{name}`") for name in names]
     return markdown(("Term", "Value per step", "Sum over the episode in info"), rows)
 
 
 INFO = {
-    "is_success": "Hold success: the tip is at the goal and slow, for the last `hold_steps` steps.",
-    "touch_success": "Whether the goal was touched in this episode.",
-    "distance": "Distance of the tip from the goal, m.",
-    "manipulability": "sqrt(det(J J^T)) of the tip's Jacobian.",
-    "beyond_limit": "How far the farthest joint is beyond the limit of a spring, rad or m.",
-    "numerics": "Faults of this step, the sum of the bits named under Episode End; 0 is none.",
-    "saturated_actions": "Entries of actions outside [-1, 1] in this episode.",
-    "episode_steps": "Control steps of this episode.",
-    "evaluations": "Evaluations of the equations of motion in this episode.",
-    "events": "Impacts, rests and releases of sliders at their stops in this episode.",
-    "error_estimate": "Largest estimated tip error of a control step in this episode, m.",
-    "return_*": "Sum of a reward term over this episode; the names are listed under Rewards.",
-    "final_obs": "Last observation of an environment that ended in this step.",
-    "final_info": "Its last `info`.",
-    "terminal_observation": "Last observation of an environment that ended in this step.",
-    "TimeLimit.truncated": "Whether an end was a truncation.",
-    "episode": "Of an episode that ended: return `r`, control steps `l`, and `t`, s since the making.",
-}
-"""Every key of ``info`` and its meaning."""
-
-INFO_WHERE = {
-    "beyond_limit": "scenes with limit springs",
-    "events": "scenes with stops",
-    "error_estimate": "scenes with a tolerance",
-    "evaluations": "scenes with a tolerance, stops or dop853",
-    "final_obs": "vector environments, `same_step`",
-    "final_info": "vector environments, `same_step`",
-    "terminal_observation": "stable-baselines3",
-    "TimeLimit.truncated": "stable-baselines3",
-    "episode": "stable-baselines3",
-}
-"""Scenes and kinds of environments that have keys of ``info`` which others lack."""
+    "is_success": ("Hold success: the tip is at the goal and slow, for the last `hold_steps` steps.", ""),
+    "touch_success": ("Whether the goal was touched in this episode.", ""),
+    "distance": ("Distance of the tip from the goal, m.", ""),
+    "manipulability": ("sqrt(det(J J^T)) of the tip's Jacobian.", ""),
+    "beyond_limit": (
+        "How far the farthest joint is beyond the limit of a spring, rad or m.", "scenes with limit springs",
+    ),
+    "numerics": ("Faults of this step, the sum of the bits named under Episode End; 0 is none.", ""),
+    "saturated_actions": ("Entries of actions outside [-1, 1] in this episode.", ""),
+    "episode_steps": ("Control steps of this episode.", ""),
+    "evaluations": (
+        "Evaluations of the equations of motion in this episode.",
+        "scenes with a tolerance, stops or dop853",
+    ),
+    "events": ("Impacts, rests and releases of sliders at their stops in this episode.", "scenes with stops"),
+    "error_estimate": (
+        "Largest estimated tip error of a control step in this episode, m.", "scenes with a tolerance",
+    ),
+    "return_*": ("Sum of a reward term over this episode; the names are listed under Rewards.", ""),
+    "final_obs": (
+        "Last observation of an environment that ended in this step.", "vector environments, `same_step`",
+    ),
+    "final_info": ("Its last `info`.", "vector environments, `same_step`"),
+    "terminal_observation": (
+        "Last observation of an environment that ended in this step.", "stable-baselines3",
+    ),
+    "TimeLimit.truncated": ("Whether an end was a truncation.", "stable-baselines3"),
+    "episode": (
+        "Of an episode that ended: return `r`, control steps `l`, and `t`, s since the making.",
+        "stable-baselines3",
+    ),
+}  # fmt: skip
+"""Every key of ``info``: its meaning, and the scenes or kinds of environments that alone have it."""
 
 
 def info_table(scene: Scene, task: Task) -> str:
     """Keys of info: those of the environment's columns, then those of some scenes or environments only."""
-    given = [name if not name.startswith("return_") else "return_*" for name in info_names(scene, task)]
-    names = [*dict.fromkeys(given), *(name for name in INFO_WHERE if name not in given)]
-    rows = [
-        (f"`{name}`", INFO.get(name, "A metric of the task."), INFO_WHERE.get(name, "")) for name in names
-    ]
+    episode = environment_simulator(scene, task).episode
+    assert episode is not None
+    given = ["return_*" if name.startswith("return_") else name for name in Columns(episode).names]
+    names = dict.fromkeys((*given, *(name for name, (_, where) in INFO.items() if where)))
+    rows = [(f"`{name}`", *INFO.get(name, ("A metric of the task.", ""))) for name in names]
     return markdown(("Key", "Meaning", "Only in"), rows)
 
 

@@ -17,14 +17,10 @@ OF_ARM = {"m": "masses", "l": "lengths"}
 
 @dataclass(frozen=True, eq=False)
 class Parameter:
-    """A number of an environment, or several with one name.
+    """A number of an environment, or several with one name: ``value`` and ``unit``.
 
-    Attributes
-    ----------
-    value : array of float
-        Of a vector (num_envs,), or (num_envs, entries) of several; of one environment without the first axis.
-    unit : str, or tuple of str
-        One for all entries, or one for each where they differ; "" of a pure number, or if none is declared.
+    In a vector the value is (num_envs,), or (num_envs, entries) of several; a single environment's has no
+    first axis. There is one unit, or one for each entry where they differ; "" if none is declared.
     """
 
     value: Any

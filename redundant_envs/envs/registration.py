@@ -60,6 +60,15 @@ def check_arm(env_id: str | None, kind: str) -> None:
     raise ValueError(f"scene has the arm {kind}; {env_id} is an environment of {arm}: {fix}")
 
 
+def check_motors(scene: Scene) -> None:
+    """Refuse a scene without the limits in whose units actions are."""
+    if not scene.action_units() or scene.actuation != "joint":
+        raise ValueError(
+            "scene has no EffortLimits at joints, in whose units actions are; add them to its effects, with "
+            "actuation 'joint'"
+        )
+
+
 def _check_ids(arms: Iterable[str], tasks: Iterable[str]) -> None:
     """ValueError if an arm with a task would have the id of another arm with another task."""
     there = dict(IDS)
@@ -183,10 +192,7 @@ def _check_scene(scene: Scene, kind: str) -> None:
 
     if scene.robot.kind != kind:
         raise ValueError(f"scene has the arm {scene.robot.kind}; give one with a robot of type {kind}")
-    if not scene.action_units() or scene.actuation != "joint":
-        raise ValueError(
-            "scene has no EffortLimits at joints, in whose units actions are; add them to its effects"
-        )
+    check_motors(scene)
     loose = [scene.robot.joints[k] for k in scene.robot.sliders() if k not in scene.travel()]
     if loose:
         raise ValueError(

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
 from redundant_envs.envs.core import Core
@@ -45,10 +47,8 @@ class Canvas:
 
     def __init__(self, half_width: float, background: NDArray[np.uint8] | None = None) -> None:
         if background is None:
-            self.pixels = np.empty((SIZE, SIZE, 3), dtype=np.uint8)
-            self.pixels[:] = BACKGROUND
-        else:
-            self.pixels = background.copy()
+            background = np.full((SIZE, SIZE, 3), BACKGROUND, dtype=np.uint8)
+        self.pixels = background.copy()
         self.scale = SIZE / (2.0 * half_width)
 
     def _pixel(self, point: NDArray[np.float64]) -> tuple[float, float]:
@@ -75,12 +75,8 @@ class Canvas:
         """A thick line with round ends; width in pixels."""
         (ax, ay), (bx, by) = self._pixel(a), self._pixel(b)
         r = width / 2
-
-        def distance(x: NDArray[np.float32], y: NDArray[np.float32]) -> Any:
-            return from_segment(x - ax, y - ay, bx - ax, by - ay) - r
-
-        low = (min(ax, bx) - r, min(ay, by) - r)
-        self._blend(low, (max(ax, bx) + r, max(ay, by) + r), color, distance, alpha)
+        low, high = (min(ax, bx) - r, min(ay, by) - r), (max(ax, bx) + r, max(ay, by) + r)
+        self._blend(low, high, color, lambda x, y: from_segment(x - ax, y - ay, bx - ax, by - ay) - r, alpha)
 
     def disc(
         self, center: NDArray[np.float64], radius: float, color: tuple[int, int, int],
@@ -199,10 +195,8 @@ def draw_links(
                 _rail(canvas, ends[1] - q[0] * along[0], along[0], travel[0])
             across = 7.0 / canvas.scale * along[k]
             canvas.capsule(ends[k], ends[k + 1], max(8.0 - 2.0 * link, 4.0), color)
-            carriage = max(13.0 - 2.0 * link, 7.0)
-            canvas.capsule(
-                ends[k + 1] - across, ends[k + 1] + across, carriage, LINKS[max(k - 1, 0) % len(LINKS)]
-            )
+            sides, carriage = (ends[k + 1] - across, ends[k + 1] + across), max(13.0 - 2.0 * link, 7.0)
+            canvas.capsule(*sides, carriage, LINKS[max(k - 1, 0) % len(LINKS)])
         else:
             width = 17.0 - 5.0 * link if any(arm.prismatic) else 17.0 - 3.0 * k + (k > 2)
             canvas.capsule(ends[k], ends[k + 1], max(width, 7.0), color)
@@ -217,6 +211,40 @@ def _rail(canvas: Canvas, start: Any, along: Any, travel: tuple[float, float]) -
     across = 9.0 / canvas.scale * np.array([-along[1], along[0]])
     for stop in stops:
         canvas.capsule(stop - across, stop + across, 3.0, RAIL)
+
+
+def load_pygame() -> Any:
+    """The package pygame, or an error that names the extra to install."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # pygame imports modules that Python has deprecated
+            import pygame
+    except ImportError as error:
+        raise DependencyNotInstalled(
+            "render_mode='human' needs pygame, which is not installed: pip install redundant-envs[human]"
+        ) from error
+    return pygame
+
+
+class Window:
+    """A square window for pictures (size, size, 3), at most ``fps`` a second: ``show`` waits for the next."""
+
+    def __init__(self, size: int, fps: int) -> None:
+        self._pygame = load_pygame()
+        self._pygame.display.init()
+        self._pygame.display.set_caption("redundant-envs")
+        self._screen = self._pygame.display.set_mode((size, size))
+        self._clock = self._pygame.time.Clock()
+        self._fps = fps
+
+    def show(self, picture: NDArray[np.uint8]) -> None:
+        self._pygame.surfarray.blit_array(self._screen, picture.swapaxes(0, 1))
+        self._pygame.event.pump()
+        self._clock.tick(self._fps)
+        self._pygame.display.flip()
+
+    def close(self) -> None:
+        self._pygame.display.quit()
 
 
 class Renderer:
@@ -310,8 +338,6 @@ class Renderer:
     def show(self, lane: int) -> None:
         """Show a lane in a window, in real time: one picture per control step."""
         if self._window is None:
-            from redundant_envs.envs.window import Window
-
             self._window = Window(SIZE, round(1.0 / self.core.scene.control_dt))
         self._window.show(self.draw(lane))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import importlib
 import time
@@ -18,16 +17,10 @@ from numpy.typing import NDArray
 from redundant_envs.batch.environment import Autoreset
 from redundant_envs.envs.arguments import check_action, checked_options, checked_seed, refuse_bad_action
 from redundant_envs.envs.core import Core
-from redundant_envs.envs.lane_values import LANE_VALUES, LaneValues
-from redundant_envs.envs.outputs import Outputs
+from redundant_envs.envs.face import LANE_VALUES, VectorFace, observation_of
 from redundant_envs.envs.registration import ARGUMENTS, IDS, ids
-from redundant_envs.envs.vector_env import (
-    ON_BAD_ACTION,
-    make_task,
-    observation_space,
-)
 from redundant_envs.extras import needs
-from redundant_envs.lane.episode import TIP
+from redundant_envs.tasks import make_task
 from redundant_envs.values import shown, whole_number
 
 with needs("train"):
@@ -36,7 +29,7 @@ with needs("train"):
     from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
 
-class SB3VecEnv(LaneValues, VecEnv):
+class SB3VecEnv(VectorFace, VecEnv):
     """Lanes of a core as a VecEnv; use :func:`make_sb3`.
 
     A done environment begins its next episode in the same step; the last observation is in
@@ -48,37 +41,15 @@ class SB3VecEnv(LaneValues, VecEnv):
         self, core: Core, on_bad_action: str = "terminate", render_mode: str | None = None,
         monitor: bool = True,
     ) -> None:  # fmt: skip
-        if on_bad_action not in ON_BAD_ACTION:
-            raise ValueError(f"on_bad_action is {on_bad_action!r}; choose {', '.join(ON_BAD_ACTION)}")
-        if render_mode not in (None, "rgb_array"):
-            raise ValueError(f"render_mode is {render_mode!r}; choose None or 'rgb_array'")
+        self._check_choices(on_bad_action, render_mode)
         if not isinstance(monitor, bool):
             raise ValueError(f"monitor is {shown(monitor)}; give True or False")
-        self.core = core
-        self.goal_conditioned = self.core.task.goal_conditioned
-        self.on_bad_action = on_bad_action
-        self.render_mode = render_mode
         self.monitor = monitor
         self._made = time.time()
-        self.metadata: dict[str, Any] = {
-            "render_modes": ["rgb_array"],
-            "render_fps": round(1.0 / self.core.scene.control_dt),
-        }
-        self._renderer: Any = None
         self._ready = False
         self.spec: EnvSpec | None = None
         self._options_of_all: dict[str, Any] = {}
-        super().__init__(
-            core.num_envs,
-            observation_space(self.core),
-            gym.spaces.Box(-1.0, 1.0, (len(self.core.actions),), np.float32),
-        )
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_renderer": None}
-
-    def __copy__(self) -> SB3VecEnv:
-        return copy.deepcopy(self)
+        super().__init__(core.num_envs, *self._take(core))
 
     def reset(self) -> Any:
         """Begin new episodes everywhere; seeds and options set before are used up.
@@ -104,7 +75,7 @@ class SB3VecEnv(LaneValues, VecEnv):
             self._see(out)
         self._ready = True
         self.reset_infos = [self.core.columns.info(out, lane) for lane in range(self.num_envs)]
-        return self.core.observation(obs, out, self.goal_conditioned)
+        return self.core.observation(obs, out)
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """Seeds of the next reset: ``seed + i`` for environment i, or random ones with None."""
@@ -141,11 +112,9 @@ class SB3VecEnv(LaneValues, VecEnv):
     ) -> tuple[Any, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """One control step of all environments."""
         core = self.core
-        obs, out, last_obs, last_out = core.step(self._actions, Autoreset.SAME_STEP)
-        if self.render_mode is not None:
-            self._see(out)
-        columns = core.columns
-        dones = columns.of(out, "terminated") | columns.of(out, "truncated")
+        step = self._stepped(self._actions, Autoreset.SAME_STEP)
+        out, last_out, columns = step.out, step.last_out, core.columns
+        dones = step.terminated | step.truncated
         infos: list[dict[str, Any]] = [{"TimeLimit.truncated": False} for _ in range(self.num_envs)]
         if "is_success" in core.task.metrics:
             for info, success in zip(infos, columns.of(out, "is_success").tolist(), strict=True):
@@ -153,18 +122,10 @@ class SB3VecEnv(LaneValues, VecEnv):
         faults = columns.of(out, "numerics")
         for n in np.flatnonzero(faults).tolist():
             infos[n]["numerics"] = int(faults[n])
-        observation = core.observation(obs, out, self.goal_conditioned)
-        reward = columns.of(out, "reward")
-        if self.goal_conditioned:
-            reward = core.goal_reward(observation["achieved_goal"], observation["desired_goal"])
         if dones.any():
-            lanes = np.flatnonzero(dones)
-            last = core.observation(last_obs, last_out, self.goal_conditioned)
-            if self.goal_conditioned:
-                reward[lanes] = core.goal_reward(last["achieved_goal"][lanes], last["desired_goal"][lanes])
-            assert core.simulator.episode is not None
-            returns = sum(columns.of(last_out, name) for name in core.simulator.episode.returns)
-            for n in lanes.tolist():
+            returns = sum(columns.of(last_out, name) for name in core.episode.returns)
+            cut = columns.of(last_out, "truncated") & ~columns.of(last_out, "terminated")
+            for n in np.flatnonzero(dones).tolist():
                 infos[n] = columns.info(last_out, n)
                 if self.monitor:
                     infos[n]["episode"] = {
@@ -172,22 +133,13 @@ class SB3VecEnv(LaneValues, VecEnv):
                         "l": infos[n]["episode_steps"],
                         "t": round(time.time() - self._made, 6),
                     }
-                infos[n]["terminal_observation"] = (
-                    {k: v[n] for k, v in last.items()} if self.goal_conditioned else last[n]
-                )
-                ends = (bool(columns.of(last_out, end)[n]) for end in ("truncated", "terminated"))
-                infos[n]["TimeLimit.truncated"] = next(ends) and not next(ends)
+                infos[n]["terminal_observation"] = observation_of(step.last, n)
+                infos[n]["TimeLimit.truncated"] = bool(cut[n])
                 self.reset_infos[n] = columns.info(out, n)
-        return observation, reward.astype(np.float32), dones, infos
+        return step.observation, step.reward.astype(np.float32), dones, infos
 
     def close(self) -> None:
         """Nothing to release."""
-
-    def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> NDArray[np.float64]:
-        """The compiled reward of (n, 2) pairs of goals (goal environments)."""
-        if not self.goal_conditioned:
-            raise ValueError("compute_reward belongs to the goal environments (…GoalReach-v0)")
-        return self.core.goal_reward(achieved_goal, desired_goal)
 
     def get_state(self) -> dict[str, Any]:
         """Snapshot of all environments, generators included."""
@@ -210,19 +162,7 @@ class SB3VecEnv(LaneValues, VecEnv):
         """One picture per environment."""
         if self.render_mode is None:
             return [None] * self.num_envs
-        return [self._made_renderer().draw(lane) for lane in range(self.num_envs)]
-
-    def _made_renderer(self) -> Any:
-        if self._renderer is None:
-            from redundant_envs.envs.rendering import Renderer
-
-            self._renderer = Renderer(self.core)
-        return self._renderer
-
-    def _see(self, out: Outputs) -> None:
-        """Record the positions of the tips for their trails."""
-        columns = self.core.columns
-        self._made_renderer().record(columns.of(out, "steps"), columns.points(out, TIP))
+        return [self._pictures().draw(lane) for lane in range(self.num_envs)]
 
     # ---- attributes and methods that SB3 uses ----------------------------------------------------
 

@@ -19,16 +19,9 @@ FORMATS = {"flags": "?", "counts": "q", "values": "d"}
 
 
 class SingleLane:
-    """Calls of an environment's kernel for one lane.
+    """Calls of an environment's kernel for one lane, whose memory is that of ``part``.
 
-    Parameters
-    ----------
-    part : Part
-        The kernel and the memory of the lane.
-    columns : Columns
-    observed, actions : int
-        Numbers of an observation and of an action.
-    episode_keys : (1, EPISODE_KEY) array
+    ``observed`` and ``actions`` are numbers of an observation and of an action.
     """
 
     def __init__(

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import copy
-import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
-from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
@@ -23,40 +20,16 @@ from redundant_envs.envs.arguments import (
     refuse_bad_action,
 )
 from redundant_envs.envs.core import STATE_KEYS, Core
-from redundant_envs.envs.lane_values import LaneValues
-from redundant_envs.envs.outputs import Columns, Outputs
-from redundant_envs.lane.episode import TIP
+from redundant_envs.envs.face import VectorFace, observation_of
+from redundant_envs.envs.outputs import Outputs
 from redundant_envs.model import snapshot
-from redundant_envs.model.programs import environment_simulator
-from redundant_envs.plain_data import check_keys
-from redundant_envs.scene import Scene
-from redundant_envs.tasks import REGISTRY as TASKS
-from redundant_envs.tasks import Task
-from redundant_envs.tasks.limits import is_confined
-from redundant_envs.values import shown, whole_number
+from redundant_envs.tasks import make_task
+from redundant_envs.values import whole_number
 
 KERNEL_MODE = {mode: Autoreset[mode.name] for mode in AutoresetMode}
-ON_BAD_ACTION = ("raise", "terminate")
 
 
-def info_names(scene: Scene, task: Task) -> list[str]:
-    """Keys of ``info`` in an environment of a scene, in order."""
-    episode = environment_simulator(scene, task).episode
-    assert episode is not None
-    return Columns(episode).names
-
-
-def observation_space(core: Core) -> spaces.Space[Any]:
-    """Space of one environment's observation."""
-    box = spaces.Box(-1.0, 1.0, (core.obs_size,), np.float32)
-    if not core.task.goal_conditioned:
-        return box
-    far = 2.0 * core.reach if is_confined(core.scene) else np.inf
-    place = spaces.Box(-far, far, (2,), np.float64)
-    return spaces.Dict({"observation": box, "achieved_goal": place, "desired_goal": place})
-
-
-class ArmVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
+class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
     """Native vector environment of an arm with a task; made by ``gymnasium.make_vec``.
 
     Parameters
@@ -98,42 +71,18 @@ class ArmVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
     ) -> None:
         num_envs = whole_number("num_envs", num_envs)
         self.autoreset_mode = autoreset(autoreset_mode)
-        if on_bad_action not in ON_BAD_ACTION:
-            raise ValueError(f"on_bad_action is {on_bad_action!r}; choose {', '.join(ON_BAD_ACTION)}")
-        if render_mode not in (None, "rgb_array"):
-            raise ValueError(f"render_mode is {render_mode!r}; a vector has None or 'rgb_array'")
-        self.core = Core(
-            plain_scene(scene),
-            num_envs,
-            make_task(task, self.task_name),
-            max_episode_steps,
-            accuracy,
-            self.env_id,
-            threads,
+        self._check_choices(on_bad_action, render_mode)
+        task_made = make_task(task, self.task_name)
+        core = Core(
+            plain_scene(scene), num_envs, task_made, max_episode_steps, accuracy, self.env_id, threads
         )
         self.num_envs = num_envs
-        self.on_bad_action = on_bad_action
-        self.render_mode = render_mode
-        self.metadata = {
-            "render_modes": ["rgb_array"],
-            "render_fps": round(1.0 / self.core.scene.control_dt),
-            "autoreset_mode": self.autoreset_mode,
-        }
-        self.goal_conditioned = self.core.task.goal_conditioned
-        """Whether observations are goal dictionaries and the reward is that of the goals."""
-        self.single_observation_space = observation_space(self.core)
-        self.single_action_space = spaces.Box(-1.0, 1.0, (len(self.core.actions),), np.float32)
+        self.single_observation_space, self.single_action_space = self._take(core)
+        self.metadata["autoreset_mode"] = self.autoreset_mode
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._ended = np.zeros(num_envs, dtype=np.bool_)
         self._ready = False
-        self._renderer: Any = None
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_renderer": None}
-
-    def __copy__(self) -> ArmVectorEnv:
-        return copy.deepcopy(self)
 
     def reset(
         self,
@@ -179,7 +128,7 @@ class ArmVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
         if self.render_mode is not None:
             self._see(out)
         infos = self._infos(out, mask)
-        return self.core.observation(obs, out, self.goal_conditioned), infos
+        return self.core.observation(obs, out), infos
 
     def step(
         self, actions: Any
@@ -196,39 +145,20 @@ class ArmVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
                 f"environments {np.flatnonzero(self._ended).tolist()[:8]} have ended; call "
                 "reset(options={'reset_mask': mask}) for them first (autoreset_mode is disabled)"
             )
-        obs, out, last_obs, last_out = core.step(actions, KERNEL_MODE[mode])
-        columns = core.columns
-        terminated, truncated = columns.of(out, "terminated"), columns.of(out, "truncated")
-        ended = terminated | truncated
-        observation = core.observation(obs, out, self.goal_conditioned)
-        reward = columns.of(out, "reward")
-        if self.goal_conditioned:
-            reward = core.goal_reward(observation["achieved_goal"], observation["desired_goal"])
-        if self.render_mode is not None:
-            self._see(out)
-        infos = self._infos(out, None)
+        step = self._stepped(actions, KERNEL_MODE[mode])
+        ended = step.terminated | step.truncated
+        infos = self._infos(step.out, None)
         if mode is AutoresetMode.NEXT_STEP and core.begun is not None:
-            reward[core.begun] = 0.0
+            step.reward[core.begun] = 0.0
         elif mode is AutoresetMode.SAME_STEP and ended.any():
-            lanes = np.flatnonzero(ended)
-            last = core.observation(last_obs, last_out, self.goal_conditioned)
             final = np.full(self.num_envs, None, dtype=object)
-            for n in lanes.tolist():
-                final[n] = {k: v[n] for k, v in last.items()} if self.goal_conditioned else last[n]
-            if self.goal_conditioned:
-                reward[lanes] = core.goal_reward(last["achieved_goal"][lanes], last["desired_goal"][lanes])
+            for n in np.flatnonzero(ended).tolist():
+                final[n] = observation_of(step.last, n)
             infos["final_obs"], infos["_final_obs"] = final, ended.copy()
-            infos["final_info"] = self._infos(last_out, ended)
-            infos["_final_info"] = ended.copy()
+            infos["final_info"], infos["_final_info"] = self._infos(step.last_out, ended), ended.copy()
         elif mode is AutoresetMode.DISABLED:
             self._ended = ended.copy()
-        return observation, reward, terminated, truncated, infos
-
-    def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:
-        """Goal environments only: the compiled reward of (n, 2) pairs of goals."""
-        if not self.goal_conditioned:
-            raise ValueError("compute_reward belongs to the goal environments (…GoalReach-v0)")
-        return self.core.goal_reward(achieved_goal, desired_goal)
+        return step.observation, step.reward, step.terminated, step.truncated, infos
 
     def get_state(self) -> dict[str, Any]:
         """Snapshot of all environments, generators included."""
@@ -256,51 +186,17 @@ class ArmVectorEnv(LaneValues, VectorEnv[Any, Any, Any]):
         """One picture per environment, (height, width, 3) uint8."""
         if self.render_mode is None:
             raise ValueError("render needs render_mode='rgb_array' at make")
-        return tuple(self._made_renderer().draw(lane) for lane in range(self.num_envs))
-
-    def _made_renderer(self) -> Any:
-        if self._renderer is None:
-            from redundant_envs.envs.rendering import Renderer
-
-            self._renderer = Renderer(self.core)
-        return self._renderer
-
-    def _see(self, out: Outputs) -> None:
-        """Record the positions of the tips for their trails."""
-        columns = self.core.columns
-        self._made_renderer().record(columns.of(out, "steps"), columns.points(out, TIP))
-
-    # ---- shapes of returned values ---------------------------------------------------------------
+        return tuple(self._pictures().draw(lane) for lane in range(self.num_envs))
 
     def _infos(self, out: Outputs, mask: NDArray[np.bool_] | None) -> dict[str, Any]:
         infos: dict[str, Any] = {}
         columns = self.core.columns
-        present = np.ones(
-            (len(columns.names), self.num_envs), np.bool_
-        )  # a line for each: one call, not many
+        present = np.ones((len(columns.names), self.num_envs), np.bool_)  # one call, not many
         if mask is not None:
             present &= mask
         for name, (_, table, row), valid in zip(columns.names, columns.places_shown, present, strict=True):
-            infos[name] = out[table][row]
-            infos[f"_{name}"] = valid
+            infos[name], infos[f"_{name}"] = out[table][row], valid
         return infos
-
-
-def make_task(given: Mapping[str, Any] | None, name: str) -> Task:
-    """The task of a name, with the numbers of the keyword argument; a "type" in it must be the same name."""
-    kind = TASKS[name]
-    if given is None:
-        return kind()
-    valid = [field.name for field in dataclasses.fields(kind)]
-    if not isinstance(given, Mapping):
-        raise ValueError(f"task is {shown(given)}; give a mapping of {', '.join(valid)}")
-    check_keys("task", given, ["type", *valid])
-    if given.get("type", name) != name:
-        raise ValueError(
-            f"task.type is {shown(given['type'])} and the environment's task is {name}; make the id of that "
-            f"task (registered: {', '.join(TASKS)})"
-        )
-    return kind(**{key: value for key, value in given.items() if key != "type"})
 
 
 def autoreset(mode: AutoresetMode | str) -> AutoresetMode:

@@ -17,7 +17,7 @@ from redundant_envs.effects.hooks import Actuation
 from redundant_envs.moving import Moving, kinks_in, moving
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots.arm import Arm
-from redundant_envs.tracing.graph import Operation, Value, is_zero
+from redundant_envs.tracing.graph import Operation, Value, bits_of
 from redundant_envs.tracing.number import Loads, value_of
 
 
@@ -158,8 +158,9 @@ def _key(value: Value, levels: bool = False) -> Key:
     if value.name == "neg":
         return _key(value.arguments[0])
     if value.name == "-":
-        if is_zero(value.arguments[0], 1.0):
-            return _key(value.arguments[1])
+        first, second = value.arguments
+        if isinstance(first, float) and bits_of(first) == bits_of(0.0):
+            return _key(second)
         return frozenset(value.arguments)
     return value
 

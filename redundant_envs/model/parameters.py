@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from redundant_envs.effects.hook_numbers import check_numbers
+from redundant_envs.effects.attaching import check_numbers
 from redundant_envs.loaded_arm import carried_masses, check_inertias
 from redundant_envs.model.memory import Memory
 from redundant_envs.robots.parameters import LARGEST, LARGEST_RATIO, SMALLEST
@@ -152,11 +152,12 @@ def _check_fitting(scene: Scene, values: Table, changed: Iterable[str]) -> None:
 
 
 def check_stops(
-    scene: Scene, memory: Memory, lanes: NDArray[np.intp], q: NDArray[np.float64], values: Table | None
-) -> None:
+    scene: Scene, memory: Memory, lanes: NDArray[np.intp], q: NDArray[np.float64], values: Table | None,
+    where: str = "",
+) -> None:  # fmt: skip
     """ValueError if a slider is beyond a hard end of its travel, which no motion can reach.
 
-    ``values`` are all parameters of the lanes, or None for the present ones.
+    ``values`` are all parameters of the lanes, or None for the present ones; ``where`` begins a message.
     """
     for joint, *names in hard_stops(scene):
         ends = memory.read(names, lanes).T
@@ -167,7 +168,7 @@ def check_stops(
         if outside.any():
             lane = int(np.flatnonzero(outside)[0])
             raise ValueError(
-                f"{scene.robot.joints[joint]} is {x[lane]:.6g} m; its stops are at "
+                f"{where}{scene.robot.joints[joint]} is {x[lane]:.6g} m; its stops are at "
                 f"{ends[0][lane]:.6g} and {ends[1][lane]:.6g} m: put it between them"
             )
 

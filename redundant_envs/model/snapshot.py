@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
-import types
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
@@ -24,66 +22,18 @@ OF_THE_FIRST_CORE = "numbers"
 """Keys of snapshots, instead of states and parameters, before the core was traced."""
 
 
-def simulator_facts(simulator: Simulator, num_envs: int, more: Mapping[str, Any] | None = None) -> str:
+def simulator_facts(simulator: Simulator, num_envs: int, **more: Any) -> str:
     """Data that must be equal for a state and the simulator that takes it, as JSON text."""
     dynamics = simulator.dynamics
-    facts: dict[str, Any] = {"num_envs": num_envs, **dynamics.scene.facts(), **(more or {})}
-    facts["track_work"] = dynamics.track_work
-    facts["program"] = simulator.identity[:16]
-    return json.dumps(plain(facts))
+    facts = {"num_envs": num_envs, **dynamics.scene.facts(), **more, "track_work": dynamics.track_work}
+    return json.dumps({**facts, "program": simulator.identity[:16]}, default=_in_json, skipkeys=True)
 
 
-def plain(value: Any) -> Any:
-    """JSON data that is the same for equal values in every process.
-
-    An object is described by its class and contents, never by its address; a set is put in a fixed order.
-
-    Raises
-    ------
-    ValueError
-        If an object neither shows its contents nor defines a ``repr``.
-    """
-    if value is None or type(value) in (bool, int, float, str):
-        return value
-    if isinstance(value, type | types.FunctionType | types.BuiltinFunctionType):
-        return f"{value.__module__}.{value.__qualname__}"
-    kind = type(value)
-    name = f"{kind.__module__}.{kind.__qualname__}"
-    if kind in (complex, bytes, bytearray, range, type(...)):
-        return f"{name} {value!r}"
-    if kind in (list, tuple):
-        return [plain(v) for v in value]
-    if kind in (dict, types.MappingProxyType):
-        if all(type(k) is str for k in value):
-            return {k: plain(v) for k, v in value.items()}
-        return {"items": _sorted([k, v] for k, v in value.items())}
-    if isinstance(value, set | frozenset):
-        return {"class": name, "entries": _sorted(value)}
-    if isinstance(value, np.ndarray):
-        return {"dtype": str(value.dtype), "values": plain(value.tolist())}
-    if isinstance(value, np.generic):
-        return plain(value.item())
-    if dataclasses.is_dataclass(value):
-        return {"class": name, **{f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}}
-    # A repr may contain the addresses of members: the object is decomposed as pickle does it.
-    try:
-        parts = value.__reduce_ex__(2)
-    except (TypeError, ValueError):  # it is not to be pickled
-        parts = None
-    if isinstance(parts, tuple):
-        made = [list(p) if isinstance(p, Iterator) else p for p in parts]
-        return {"class": name, "parts": plain(made)}
-    if " at 0x" not in repr(value):
-        return f"{name} {value!r}"
-    raise ValueError(
-        f"the scene holds a {name} that cannot be distinguished from others in a snapshot; give the class a "
-        "__repr__ or __reduce__ that shows its contents"
-    )
-
-
-def _sorted(values: Iterable[Any]) -> list[Any]:
-    """Values as plain data, sorted by their texts."""
-    return sorted((plain(v) for v in values), key=json.dumps)
+def _in_json(value: Any) -> Any:
+    """An array as a list, and the class of any other object: the program says what it does."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    return f"{type(value).__module__}.{type(value).__qualname__}"
 
 
 def check_keys(name: str, state: Any, keys: Iterable[str], source: str) -> None:
@@ -170,34 +120,19 @@ def check_numbers(
     name: str, state: Mapping[str, Any], memory: Memory, kept: Iterable[str] = (),
     finite: Iterable[str] = (), task: Task | None = None,
 ) -> None:  # fmt: skip
-    """ValueError unless the numbers of a state may replace those of a memory.
+    """ValueError unless the "states" and "parameters" of a state may replace those of a memory.
 
-    Parameters
-    ----------
-    name : str
-        Name of the state in messages.
-    state : mapping
-        With "states" and "parameters", as :meth:`Memory.save` gives them.
-    memory : Memory
-    kept : names of fields
-        Parameters that are equal in all states, beside :data:`KEPT_FIELDS`.
-    finite : names of fields
-        States that are never without a number.
-    task : Task, optional
-        Whose numbers are parameters, too.
+    The parameters ``kept`` are equal in all states, as are :data:`KEPT_FIELDS`; the states ``finite`` are
+    never without a number; the numbers of a task are parameters, too.
     """
     own, layout = memory.save(), memory.layout
     check_array(name, "states", state["states"], own["states"])
     given, width = state["parameters"], layout.size(PARAMETER) * LANES
-    sizes = (width, memory.blocks * width)
-    if (
-        not isinstance(given, np.ndarray)
-        or given.dtype != np.float64
-        or given.shape not in [(n,) for n in sizes]
-    ):
-        shape = f"an array of shape {given.shape}" if isinstance(given, np.ndarray) else _short(given)
+    shape, sizes = getattr(given, "shape", None), (width, memory.blocks * width)
+    if type(given) is not np.ndarray or given.dtype != np.float64 or shape not in [(n,) for n in sizes]:
+        found = _short(given) if shape is None else f"an array of shape {shape}"
         raise ValueError(
-            f"{name}['parameters'] is {shape}; give an array of {sizes[0]} or {sizes[1]} float64"
+            f"{name}['parameters'] is {found}; give an array of {sizes[0]} or {sizes[1]} float64"
         )
     blocks = given.reshape(-1, layout.size(PARAMETER), LANES)
     states = state["states"][: memory.arrays[str(STATE)].size].reshape(memory.arrays[str(STATE)].shape)
@@ -208,14 +143,13 @@ def check_numbers(
     for row in finite:
         if not np.isfinite(states[:, layout.row_of(row)[1]]).all():
             raise ValueError(f"{name}['states'] has a {row} that is not finite; give finite numbers")
-    for row in (*KEPT_FIELDS, *kept):
-        if row in layout:
-            there, here = blocks[:, layout.row_of(row)[1]], memory.column(row)
-            if not (there == here[0, 0]).all():
-                raise ValueError(
-                    f"{name}['parameters'] has the {row} {there.flat[0]:.6g}, this one {here.flat[0]:.6g}: "
-                    "it belongs to the scene and not to a state"
-                )
+    for row in (n for n in (*KEPT_FIELDS, *kept) if n in layout):
+        there, here = blocks[:, layout.row_of(row)[1]], memory.column(row)
+        if not (there == here[0, 0]).all():
+            raise ValueError(
+                f"{name}['parameters'] has the {row} {there.flat[0]:.6g}, this one {here.flat[0]:.6g}: "
+                "it belongs to the scene and not to a state"
+            )
     taken, scene = memory.holding(state["states"], given), memory.dynamics.scene
     try:
         if not np.array_equal(given, own["parameters"]):

@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 from collections import OrderedDict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
-from redundant_envs.algebra import arguments_of, gives_of, physics
+from redundant_envs.algebra import arguments_of, entries, gives_of, physics
 from redundant_envs.robots import derived
 from redundant_envs.robots.arm import Arm
 
@@ -32,16 +33,17 @@ KEPT_CLASSES = 64
 def functions_with(arm: Arm, added: Added) -> tuple[Function, ...]:
     """The functions of an arm with inertias: those of the mass matrix and its consequences are replaced."""
     n = len(arm.coordinates)
-    entries = [f"M{i + 1}{j + 1}" for i in range(n) for j in range(n)]
     kept = [f for f in arm.functions if "qdd1" not in gives_of(f)]
     own = {name for f in kept if not derived.is_derived(f) for name in gives_of(f)}
-    bare = {*entries, *({"T", "Lz"} & own)}
+    bare = {*entries("M", n, n), *({"T", "Lz"} & own)}
     functions = [f if derived.is_derived(f) else _of_point_masses(f, bare) for f in kept]
-    functions += [_mass_matrix(arm, added, entries), derived.forward_dynamics(n)]
+    functions += [_mass_matrix(arm, added), derived.forward_dynamics(n)]
     if "T" in bare:
-        functions.append(_kinetic_energy(added))
-    if "Lz" in bare:
-        functions.append(_angular_momentum(arm, added))
+        functions.append(_sum_over(added, "T", lambda inertia, rate: 0.5 * inertia * rate * rate))
+    if "Lz" in bare:  # of what turns with the first revolute joint: motors of the others are part of the arm
+        first = arm.prismatic.index(False) if False in arm.prismatic else None
+        turning = tuple((group, name) for group, name in added if first in group)
+        functions.append(_sum_over(turning, "Lz", lambda inertia, rate: inertia * rate))
     return tuple(functions)
 
 
@@ -92,15 +94,12 @@ def _loaded_class(arm: Arm, added: Added, values: dict[str, float]) -> type[Arm]
 
 def _of_point_masses(function: Function, bare: set[str]) -> Function:
     """The same function with the quantities of the point masses alone, under names that say so."""
-
-    def named(names: Sequence[str]) -> str:
-        return " ".join(BARE.format(name) if name in bare else name for name in names)
-
-    gives, takes = gives_of(function), arguments_of(function)
-    if not bare & {*gives, *takes}:
+    names = gives_of(function), arguments_of(function)
+    if bare.isdisjoint(itertools.chain(*names)):
         return function
+    gives, takes = ([BARE.format(name) if name in bare else name for name in some] for some in names)
 
-    @physics(gives=named(gives), takes=named(takes))
+    @physics(gives=gives, takes=takes)
     @functools.wraps(function)
     def renamed(*values: Any) -> Any:
         return function(*values)
@@ -109,20 +108,18 @@ def _of_point_masses(function: Function, bare: set[str]) -> Function:
     return renamed
 
 
-def _mass_matrix(arm: Arm, added: Added, entries: Sequence[str]) -> Function:
+def _mass_matrix(arm: Arm, added: Added) -> Function:
     n, rates = len(arm.coordinates), arm.motor_map.T  # joint rates are B^T qd
     shares = [[sum(rates[k, j] for k in joints) for j in range(n)] for joints, _ in added]
+    names, inertias = entries("M", n, n), [name for _, name in added]
 
-    @physics(
-        gives=" ".join(entries), takes=" ".join((*map(BARE.format, entries), *(name for _, name in added)))
-    )
+    @physics(gives=names, takes=(*map(BARE.format, names), *inertias))
     def mass_matrix(*values: Any) -> tuple[Any, ...]:
-        matrix, inertias = list(values[: n * n]), values[n * n :]
-        for b, inertia in zip(shares, inertias, strict=True):
-            for i in range(n):
-                for j in range(n):
-                    if b[i] * b[j] != 0.0:
-                        matrix[i * n + j] = matrix[i * n + j] + float(b[i] * b[j]) * inertia
+        matrix = list(values[: n * n])
+        for b, inertia in zip(shares, values[n * n :], strict=True):
+            for k, (b_i, b_j) in enumerate(itertools.product(b, b)):
+                if b_i * b_j != 0.0:
+                    matrix[k] = matrix[k] + float(b_i * b_j) * inertia
         return tuple(matrix)
 
     return mass_matrix
@@ -133,7 +130,7 @@ def _sum_over(added: Added, quantity: str, term: Callable[[Any, Any], Any]) -> F
     joints = sorted({k for group, _ in added for k in group})
     rates, names = [f"phid{k + 1}" for k in joints], [name for _, name in added]
 
-    @physics(gives=quantity, takes=" ".join((BARE.format(quantity), *rates, *names)))
+    @physics(gives=quantity, takes=(BARE.format(quantity), *rates, *names))
     def total(of_point_masses: Any, *values: Any) -> Any:
         rate, result = dict(zip(joints, values, strict=False)), of_point_masses
         for (group, _), inertia in zip(added, values[len(joints) :], strict=True):
@@ -141,14 +138,3 @@ def _sum_over(added: Added, quantity: str, term: Callable[[Any, Any], Any]) -> F
         return result
 
     return total
-
-
-def _kinetic_energy(added: Added) -> Function:
-    return _sum_over(added, "T", lambda inertia, rate: 0.5 * inertia * rate * rate)
-
-
-def _angular_momentum(arm: Arm, added: Added) -> Function:
-    """Inertias that turn with the first revolute joint: the motors of the others are part of the arm."""
-    first = arm.prismatic.index(False) if False in arm.prismatic else None
-    turning = tuple((group, name) for group, name in added if first in group)
-    return _sum_over(turning, "Lz", lambda inertia, rate: inertia * rate)

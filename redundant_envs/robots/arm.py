@@ -13,22 +13,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from redundant_envs.algebra import gives_of, numbered
+from redundant_envs.algebra import entries, gives_of, numbered
 from redundant_envs.quantities import Quantities
-from redundant_envs.robots import derived, from_points
-from redundant_envs.robots.checks import (
-    FUNCTIONS,
-    check_functions,
-    check_joints,
-    check_of_classes,
-    check_quantities,
-)
-from redundant_envs.robots.joint_types import (
-    check_joint_types,
-    coordinates_of_joints,
-    facts_of,
-    functions_of,
-)
+from redundant_envs.robots import checks, derived, from_points, joint_types
 from redundant_envs.robots.mobility import mobility_bounds
 from redundant_envs.robots.parameters import positive_numbers
 from redundant_envs.robots.symbols import symbols_of
@@ -153,30 +140,31 @@ class Arm:
     def __init_subclass__(cls) -> None:
         """Add everything that follows from the definitions of the class, and refuse an incomplete class."""
         super().__init_subclass__()
-        check_of_classes(cls)
+        checks.check_of_classes(cls)
         if not {"functions", "joint_types"} & cls.__dict__.keys():
             return
         cls._derived = cls._derived - cls.__dict__.keys()
         cls.functions = tuple(f for f in getattr(cls, "functions", ()) if not derived.follows(f))
-        check_functions(cls)
+        checks.check_functions(cls)
         types = getattr(cls, "joint_types", None)
         if types is not None:
-            check_joint_types(f"{cls.__name__}.joint_types", types)
-            cls._say(facts_of(types, cls.functions))
-        check_joints(cls)
-        for name in FUNCTIONS:
+            joint_types.check_joint_types(f"{cls.__name__}.joint_types", types)
+            cls._say(joint_types.facts_of(types, cls.functions))
+        checks.check_joints(cls)
+        for name in checks.FUNCTIONS:
             if callable(cls.__dict__.get(name)) and not isinstance(cls.__dict__[name], staticmethod):
                 setattr(cls, name, staticmethod(cls.__dict__[name]))
         cls._say(_defaults(cls))
         if types is not None:
-            cls._follow(functions_of(types, cls._given()))
-            cls._say({"coordinates_of_joints": staticmethod(coordinates_of_joints(types))})
+            cls._follow(joint_types.functions_of(types, cls.sincos, cls._given()))
+            cls._say({"coordinates_of_joints": staticmethod(joint_types.coordinates_of_joints(types))})
         elif "phi1" not in cls._given():
             cls._follow(derived.joint_coordinates(cls.coordinates, cls.rates))
-            cls._say({"coordinates_of_joints": staticmethod(derived.coordinates_of_joints(cls.coordinates))})
+            same = derived.identity(cls.coordinates, numbered("phi{}", len(cls.coordinates)))
+            cls._say({"coordinates_of_joints": staticmethod(same)})
         cls._follow(from_points.functions_of(cls, cls._given()))
         cls._follow(derived.functions_of(cls, cls._given()))
-        check_quantities(cls)
+        checks.check_quantities(cls)
         if not cls._has_said("mobility_bounds"):
             bounds = mobility_bounds(cls)
             cls._say({"mobility_bounds": None if bounds is None else staticmethod(bounds)})
@@ -213,15 +201,15 @@ class Arm:
             raise ValueError(f"coordinate is {shown(name)}; {self.kind} has {', '.join(self.joints)}")
         return self.joints.index(name)
 
-    def sliders(self) -> list[int]:
+    @classmethod
+    def sliders(cls) -> list[int]:
         """Joints that are prismatic."""
-        return [k for k, slides in enumerate(self.prismatic) if slides]
+        return [k for k, slides in enumerate(cls.prismatic) if slides]
 
     def parameter_values(self) -> dict[str, float]:
         """Values of the parameters m1, m2, ... and l1, ... that the equations name."""
-        values = {f"m{i + 1}": m for i, m in enumerate(self.masses)}
-        values.update({f"l{i + 1}": length for i, length in enumerate(self.lengths)})
-        return values
+        masses = {f"m{i + 1}": m for i, m in enumerate(self.masses)}
+        return masses | {f"l{i + 1}": length for i, length in enumerate(self.lengths)}
 
     # ---- evaluation of the equations; ``...`` is any batch shape, arguments broadcast ----------------------
 
@@ -247,9 +235,7 @@ class Arm:
 
     def _matrix(self, letter: str, rows: int, **vectors: ArrayLike) -> Array:
         n = len(self.coordinates)
-        flat = self._vector(
-            [f"{letter}{i + 1}{j + 1}" for i in range(rows) for j in range(n)], 0.0, **vectors
-        )
+        flat = self._vector(entries(letter, rows, n), 0.0, **vectors)
         return flat.reshape(*flat.shape[:-1], rows, n)
 
     def mass_matrix(self, q: ArrayLike) -> Array:
@@ -317,28 +303,20 @@ class Arm:
     def motor_map(self) -> Array:
         """B, (n, n): generalized forces Q = B t of joint efforts t."""
         n = len(self.coordinates)
-        efforts, forces = numbered("t{}", n), numbered("Q{}", n)
-        unit = np.eye(n).tolist()
-        columns = [self.evaluate(forces, dict(zip(efforts, row, strict=True))) for row in unit]
-        return np.array(columns, dtype=np.float64).T
+        efforts = dict(zip(numbered("t{}", n), np.eye(n), strict=True))
+        return np.stack(np.broadcast_arrays(*self.evaluate(numbered("Q{}", n), efforts)))
 
     def symbols(self) -> dict[str, Any]:
-        """sympy expressions of the same text.
-
-        Returns
-        -------
-        dict
-            "q", "qd", "Q", "parameters" (symbols); "M", "C", "J" (Matrix); "h", "G", "qdd",
-            "tip", "Jdot_qd" (column Matrix); "T", "U", "Lz", "manipulability" (expressions); only those
-            that the arm has.
-        """
+        """sympy expressions of the same text: "q", "qd", "Q", "parameters" (symbols); "M", "C", "J" (Matrix);
+        "h", "G", "qdd", "tip", "Jdot_qd" (column Matrix); "T", "U", "Lz", "manipulability" (expressions);
+        only those that the arm has."""
         return symbols_of(self)
 
 
 def _defaults(arm: type[Arm]) -> dict[str, Any]:
     """Optional attributes of an arm that are not functions of the model."""
     n = len(arm.coordinates)
-    sliders = [k for k, slides in enumerate(arm.prismatic) if slides]
+    sliders = arm.sliders()
     made: dict[str, Any] = {
         "kind": arm.__name__,
         "num_masses": n,

@@ -7,7 +7,7 @@ import re
 from typing import Any
 
 from redundant_envs import dialect
-from redundant_envs.algebra import gives_of, numbered
+from redundant_envs.algebra import entries, gives_of, numbered
 from redundant_envs.quantities import Quantities, givers_of
 from redundant_envs.robots.joint_types import MOST_JOINTS
 
@@ -45,11 +45,8 @@ def check_functions(arm: Any) -> None:
     inherited = {id(f) for base in arm.__mro__[1:] for f in vars(base).get("functions", ())}
     given = [("functions", f) for f in arm.functions if id(f) not in inherited]
     given += [("prepared", f) for f in vars(arm).get("prepared", ())]
-    given += [
-        (name, getattr(arm, name))
-        for name in FUNCTIONS
-        if callable(getattr(vars(arm).get(name), "__func__", vars(arm).get(name)))
-    ]
+    own = [(name, getattr(arm, name)) for name in FUNCTIONS if name in vars(arm)]
+    given += [(name, function) for name, function in own if callable(function)]
     for name, function in given:
         try:
             dialect.check(function)
@@ -103,23 +100,21 @@ def check_quantities(arm: Any) -> None:
     names = givers_of(tuple(arm.functions))
     required = [
         *(f"{axis}{k + 1}" for k in range(arm.num_masses) for axis in "xy"), "tip_x", "tip_y",
-        *(f"J{i}{j + 1}" for i in (1, 2) for j in range(n)), "Jdqd1", "Jdqd2",
-        *(f"M{i + 1}{j + 1}" for i in range(n) for j in range(n)),
+        *entries("J", 2, n), "Jdqd1", "Jdqd2", *entries("M", n, n),
         *(form.format(k + 1) for form in ("h{}", "G{}", "phi{}", "phid{}", "Q{}", "qdd{}") for k in range(n)),
     ]  # fmt: skip
     missing = [name for name in required if name not in names]
     if missing:
         raise ValueError(f"{arm.kind} gives no {', '.join(missing[:8])}; add functions that do")
-    known = {f"high{k + 1}" for k, slides in enumerate(arm.prismatic) if slides}
-    known |= set(numbered("l{}", arm.num_lengths))
+    known = {*numbered("l{}", arm.num_lengths), *(f"high{k + 1}" for k in arm.sliders())}
     for name in arm.extent:
         if name not in known:
             raise ValueError(f"{arm.kind}.extent has {name!r}; choose {', '.join(sorted(known))}")
     places = {name: 0.3 + 0.17 * k for k, name in enumerate(arm.coordinates)}
-    lengths = {f"l{k + 1}": 0.7 + 0.1 * k for k in range(arm.num_lengths)}
+    lengths = {name: 0.7 + 0.1 * k for k, name in enumerate(numbered("l{}", arm.num_lengths))}
     x = Quantities({**places, **lengths}, tuple(arm.functions), arm.sincos)
-    for k, slides in enumerate(arm.prismatic):
-        if slides and x[f"phi{k + 1}"] != places[arm.coordinates[k]]:
+    for k in arm.sliders():
+        if x[f"phi{k + 1}"] != places[arm.coordinates[k]]:
             raise ValueError(
                 f"the slider {arm.joints[k]!r} of {arm.kind} is not at coordinate {k + 1}, "
                 f"{arm.coordinates[k]!r}; use the position of a slider on its link as its coordinate: there "

@@ -9,71 +9,36 @@ import itertools
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from redundant_envs.algebra import numbered, physics, sqrt, where
+from redundant_envs.algebra import entries, numbered, physics, sqrt, where
 
 Function = Callable[..., Any]
 
 
-def joint_coordinates(coordinates: Sequence[str], rates: Sequence[str]) -> list[Function]:
-    """For an arm whose coordinates are those of its joints: positions, rates, motor map are the identity."""
-    n = len(coordinates)
-    pairs = (("phi{}", coordinates), ("phid{}", rates), ("Q{}", numbered("t{}", n)))
-    return [_identity(numbered(form, n), taken) for form, taken in pairs]
+def identity(gives: Sequence[str], takes: Sequence[str]) -> Function:
+    """The same values under other names."""
 
-
-def _identity(given: Sequence[str], taken: Sequence[str]) -> Function:
-    @physics(gives=" ".join(given), takes=" ".join(taken))
+    @physics(gives=gives, takes=takes)
     def identity(*values):
         return values
 
     return identity
 
 
-def coordinates_of_joints(coordinates: Sequence[str]) -> Function:
-    """For such an arm: coordinates from joint positions."""
-    return _identity(coordinates, numbered("phi{}", len(coordinates)))
-
-
-def tip_velocity(rates: Sequence[str]) -> Function:
-    n = len(rates)
-
-    @physics(gives="tip_vx tip_vy", takes=" ".join((*_jacobian(n), *rates)))
-    def tip_velocity(*values):
-        qd = values[2 * n :]
-        return _dot(values[:n], qd), _dot(values[n : 2 * n], qd)
-
-    return tip_velocity
-
-
-def tip(masses: int) -> Function:
-    @physics(gives="tip_x tip_y", takes=f"x{masses} y{masses}")
-    def tip(x, y):
-        """The last point mass."""
-        return x, y
-
-    return tip
-
-
-def potential_energy(masses: int) -> Function:
-    names = [f"{letter}{k + 1}" for letter in "mxy" for k in range(masses)]
-
-    @physics(gives="U", takes=" ".join((*names, "ax", "ay")))
-    def potential_energy(*values):
-        *masses_and_points, ax, ay = values
-        n = len(masses_and_points) // 3
-        m, x, y = (masses_and_points[i * n : (i + 1) * n] for i in range(3))
-        return _dot(m, [ax * p + ay * q for p, q in zip(x, y, strict=True)])
-
-    return potential_energy
+def joint_coordinates(coordinates: Sequence[str], rates: Sequence[str]) -> list[Function]:
+    """For an arm whose coordinates are those of its joints: positions, rates, motor map are the identity."""
+    n = len(coordinates)
+    pairs = (("phi{}", coordinates), ("phid{}", rates), ("Q{}", numbered("t{}", n)))
+    return [identity(numbered(form, n), taken) for form, taken in pairs]
 
 
 def functions_of(arm: Any, given: set[str]) -> list[Function]:
     """Functions that follow from the mass points, the Jacobian, the mass matrix and the forces of an arm's
     class, and are not yet ``given``."""
-    n = len(arm.coordinates)
+    n, last = len(arm.coordinates), arm.num_masses
     made = {
-        "tip_x": tip(arm.num_masses), "tip_vx": tip_velocity(arm.rates), "manipulability": manipulability(n),
-        "U": potential_energy(arm.num_masses), "T": kinetic_energy(arm.rates), "qdd1": forward_dynamics(n),
+        "tip_x": identity(("tip_x", "tip_y"), (f"x{last}", f"y{last}")),  # report 1.2.1 and 2.2.1
+        "tip_vx": tip_velocity(arm.rates), "manipulability": manipulability(n),
+        "U": potential_energy(last), "T": kinetic_energy(arm.rates), "qdd1": forward_dynamics(n),
     }  # fmt: skip
     return [function for name, function in made.items() if name not in given]
 
@@ -94,8 +59,32 @@ def is_derived(function: Function) -> bool:
     return getattr(function, "__module__", None) == __name__
 
 
+def tip_velocity(rates: Sequence[str]) -> Function:
+    n = len(rates)
+
+    @physics(gives="tip_vx tip_vy", takes=(*entries("J", 2, n), *rates))
+    def tip_velocity(*values):
+        """J qd: report eq. (2) and (5)."""
+        return _dot(values[:n], values[2 * n :]), _dot(values[n : 2 * n], values[2 * n :])
+
+    return tip_velocity
+
+
+def potential_energy(masses: int) -> Function:
+    names = [f"{letter}{k + 1}" for letter in "mxy" for k in range(masses)]
+
+    @physics(gives="U", takes=(*names, "ax", "ay"))
+    def potential_energy(*values):
+        """Report 1.1 and 2.1, PE, in any uniform field."""
+        *masses_and_points, ax, ay = values
+        m, x, y = rows(masses_and_points, masses)
+        return _dot(m, [ax * p + ay * q for p, q in zip(x, y, strict=True)])
+
+    return potential_energy
+
+
 def manipulability(n: int) -> Function:
-    @physics(gives="manipulability", takes=" ".join(_jacobian(n)))
+    @physics(gives="manipulability", takes=entries("J", 2, n))
     def manipulability(*jacobian):
         """sqrt(det J J^T), a sum of squares by the theorem of Binet and Cauchy."""
         x, y = jacobian[:n], jacobian[n:]
@@ -108,7 +97,7 @@ def manipulability(n: int) -> Function:
 
 
 def column_norms(n: int) -> Function:
-    @physics(gives=" ".join(numbered("n{}", n)), takes=" ".join(_jacobian(n)))
+    @physics(gives=numbered("n{}", n), takes=entries("J", 2, n))
     def column_norms(*jacobian):
         """Metres at the tip per unit of each coordinate."""
         return tuple(sqrt(x * x + y * y) for x, y in zip(jacobian[:n], jacobian[n:], strict=True))
@@ -119,20 +108,19 @@ def column_norms(n: int) -> Function:
 def kinetic_energy(rates: Sequence[str]) -> Function:
     n = len(rates)
 
-    @physics(gives="T", takes=" ".join((*_matrix(n), *rates)))
+    @physics(gives="T", takes=(*entries("M", n, n), *rates))
     def kinetic_energy(*values):
-        M, qd = _rows(values[: n * n]), values[n * n :]
+        M, qd = rows(values[: n * n], n), values[n * n :]
         return 0.5 * _dot(qd, [_dot(row, qd) for row in M])
 
     return kinetic_energy
 
 
 def forward_dynamics(n: int) -> Function:
-    @physics(gives=" ".join(numbered("qdd{}", n)), takes=" ".join(_of_motion(n)))
+    @physics(gives=numbered("qdd{}", n), takes=_of_motion(n))
     def forward_dynamics(*values):
         """M qdd = Q - h - G, by L D L^T."""
-        M, forces = _equations(values, n)
-        return tuple(solved(M, forces))
+        return tuple(solved(*_equations(values, n)))
 
     return forward_dynamics
 
@@ -141,17 +129,13 @@ def held_dynamics(n: int, sliders: Sequence[int]) -> Function:
     """Accelerations while sliders with held > 0 rest on their links, and the forces that hold them [N]."""
     held, hold = ([f"{name}{k + 1}" for k in sliders] for name in ("held", "hold"))
 
-    @physics(gives=" ".join((*numbered("qdd{}", n), *hold)), takes=" ".join((*_of_motion(n), *held)))
+    @physics(gives=(*numbered("qdd{}", n), *hold), takes=(*_of_motion(n), *held))
     def held_dynamics(*values):
         M, forces = _equations(values, n)
         rests = dict(zip(sliders, (h > 0.0 for h in values[-len(sliders) :]), strict=True))
-        rows = [
-            [
-                _unless(rests.get(i), _unless(rests.get(j), M[i][j], float(i == j)), float(i == j))
-                for j in range(n)
-            ]
-            for i in range(n)
-        ]
+        rows = [[*row] for row in M]
+        for i, j in itertools.product(range(n), range(n)):
+            rows[i][j] = _unless(rests.get(i), _unless(rests.get(j), M[i][j], float(i == j)), float(i == j))
         qdd = solved(rows, [_unless(rests.get(i), f, 0.0) for i, f in enumerate(forces)])
         return (*qdd, *(_dot(M[k], qdd) - forces[k] for k in sliders))
 
@@ -160,11 +144,10 @@ def held_dynamics(n: int, sliders: Sequence[int]) -> Function:
 
 def slider_mobility(n: int, sliders: Sequence[int]) -> Function:
     """Columns of M^-1: the change of the velocities by a unit impulse along each slider."""
-    names = [f"W{i + 1}{k + 1}" for k in sliders for i in range(n)]
 
-    @physics(gives=" ".join(names), takes=" ".join(_matrix(n)))
+    @physics(gives=[f"W{i + 1}{k + 1}" for k in sliders for i in range(n)], takes=entries("M", n, n))
     def slider_mobility(*matrix):
-        columns = (solved(_rows(matrix), [float(i == k) for i in range(n)]) for k in sliders)
+        columns = (solved(rows(matrix, n), [float(i == k) for i in range(n)]) for k in sliders)
         return tuple(itertools.chain.from_iterable(columns))
 
     return slider_mobility
@@ -195,14 +178,14 @@ def _unless(condition: Any, value: Any, otherwise: float) -> Any:
 
 
 def _equations(values: Sequence[Any], n: int) -> tuple[list[Sequence[Any]], list[Any]]:
-    M, rest = _rows(values[: n * n], n), values[n * n :]
-    h, G, Q = rest[:n], rest[n : 2 * n], rest[2 * n : 3 * n]
-    return M, [q - a - b for q, a, b in zip(Q, h, G, strict=True)]
+    """M, and Q - h - G, from the values of :func:`_of_motion`."""
+    h, G, Q = (values[n * n + k * n : n * n + (k + 1) * n] for k in range(3))
+    return rows(values[: n * n], n), [q - a - b for q, a, b in zip(Q, h, G, strict=True)]
 
 
-def _rows(values: Sequence[Any], n: int = 0) -> list[Sequence[Any]]:
-    n = n or round(len(values) ** 0.5)
-    return [values[i * n : (i + 1) * n] for i in range(n)]
+def rows(values: Sequence[Any], length: int) -> list[Sequence[Any]]:
+    """Values in rows of a length."""
+    return [values[i : i + length] for i in range(0, len(values), length)]
 
 
 def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
@@ -210,13 +193,5 @@ def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
     return sum(products[1:], products[0])
 
 
-def _jacobian(n: int) -> list[str]:
-    return [f"J{i}{j + 1}" for i in (1, 2) for j in range(n)]
-
-
-def _matrix(n: int) -> list[str]:
-    return [f"M{i + 1}{j + 1}" for i in range(n) for j in range(n)]
-
-
 def _of_motion(n: int) -> list[str]:
-    return [*_matrix(n), *numbered("h{}", n), *numbered("G{}", n), *numbered("Q{}", n)]
+    return [*entries("M", n, n), *numbered("h{}", n), *numbered("G{}", n), *numbered("Q{}", n)]

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 from redundant_envs.algebra import physics, sqrt
 from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.four_r_elimination import forward_dynamics, products_of_masses
 
 
 @physics(gives="theta21 theta32 theta43")
@@ -42,29 +41,6 @@ def wider_differences(s21, c21, s32, c32, s43, c43):
     return s31, c31, s42, c42, s41, c41
 
 
-@physics(gives="phi1 phi2 phi3 phi4")
-def joint_positions(theta1, theta2, theta3, theta4):
-    """B^T q: the readings of the joint encoders."""
-    return theta1, theta2 - theta1, theta3 - theta2, theta4 - theta3
-
-
-@physics(gives="phid1 phid2 phid3 phid4")
-def joint_rates(w1, w2, w3, w4):
-    """B^T qd."""
-    return w1, w2 - w1, w3 - w2, w4 - w3
-
-
-@physics(gives="theta1 theta2 theta3 theta4")
-def coordinates_of_joints(phi1, phi2, phi3, phi4):
-    return phi1, phi1 + phi2, phi1 + phi2 + phi3, phi1 + phi2 + phi3 + phi4
-
-
-@physics(gives="Q1 Q2 Q3 Q4")
-def motor_map(t1, t2, t3, t4):
-    """Q = B t: motor i acts between link i-1 and link i."""
-    return t1 - t2, t2 - t3, t3 - t4, t4
-
-
 @physics(gives="x1 y1 x2 y2 x3 y3 x4 y4")
 def points(l1, l2, l3, l4, s1, c1, s2, c2, s3, c3, s4, c4):
     x1 = l1 * c1  # report 2.1, x1
@@ -76,28 +52,12 @@ def points(l1, l2, l3, l4, s1, c1, s2, c2, s3, c3, s4, c4):
     return x1, y1, x2, y2, x3, y3, x3 + l4 * c4, y3 + l4 * s4  # report 2.1, x4, y4
 
 
-@physics(gives="tip_x tip_y")
-def forward_kinematics(l1, l2, l3, l4, s1, c1, s2, c2, s3, c3, s4, c4):
-    return (  # report 2.2.1
-        l1 * c1 + l2 * c2 + l3 * c3 + l4 * c4,
-        l1 * s1 + l2 * s2 + l3 * s3 + l4 * s4,
-    )
-
-
 @physics(gives="J11 J12 J13 J14 J21 J22 J23 J24")
 def jacobian(l1, l2, l3, l4, s1, c1, s2, c2, s3, c3, s4, c4):
     return (  # report eq. (4)
         -l1 * s1, -l2 * s2, -l3 * s3, -l4 * s4,
         l1 * c1, l2 * c2, l3 * c3, l4 * c4,
     )  # fmt: skip
-
-
-@physics(gives="tip_vx tip_vy")
-def tip_velocity(J11, J12, J13, J14, J21, J22, J23, J24, w1, w2, w3, w4):
-    return (  # report eq. (5)
-        J11 * w1 + J12 * w2 + J13 * w3 + J14 * w4,
-        J21 * w1 + J22 * w2 + J23 * w3 + J24 * w4,
-    )
 
 
 @physics(gives="Jdqd1 Jdqd2")
@@ -185,16 +145,6 @@ def gravity_forces(
     )
 
 
-@physics(gives="U")
-def potential_energy(m1, m2, m3, m4, x1, y1, x2, y2, x3, y3, x4, y4, ax, ay):
-    return (  # report 2.1, PE
-        m1 * (ax * x1 + ay * y1)
-        + m2 * (ax * x2 + ay * y2)
-        + m3 * (ax * x3 + ay * y3)
-        + m4 * (ax * x4 + ay * y4)
-    )
-
-
 @physics(gives="T")
 def kinetic_energy(m1, m2, m3, m4, l1, l2, l3, l4, s21, c21, s32, c32, s43, c43, w1, w2, w3, w4):
     """Half of sum m |velocity|^2 (report 2.1, KE); e, n: velocity along and across each link."""
@@ -253,6 +203,77 @@ def mobility_bounds(m1, m2, m3, m4, l1, l2, l3, l4):
     )
 
 
+@physics(gives="inverse_l1 inverse_l2 inverse_l3 inverse_l4 inverse_m4 N3")
+def products_of_masses(m3, m4, l1, l2, l3, l4):
+    """The part of the elimination that depends on masses and lengths alone."""
+    return 1.0 / l1, 1.0 / l2, 1.0 / l3, 1.0 / l4, 1.0 / m4, m3 * (m3 + m4)
+
+
+@physics(gives="qdd1 qdd2 qdd3 qdd4")
+def forward_dynamics(
+    m1, m2, m3, m4, l1, l2, l3, l4, inverse_l1, inverse_l2, inverse_l3, inverse_l4, inverse_m4,
+    N3, s1, c1, s21, c21, s32, c32, s43, c43, w1, w2, w3, w4, Q1, Q2, Q3, Q4, ax, ay,
+):  # fmt: skip
+    """O(n) elimination, tip to base and back, in the frame of each link: no mass matrix is formed.
+
+    d is the effective inertia along a link, of the link and all beyond it, m + d' s^2 the pivot across
+    it, with d' that of the next link: sums of positive numbers. Numerators N and denominators D of
+    d = N/D and of the pivots D/D' are formed first, so that no division waits for another.
+    """
+    f1 = Q1 * inverse_l1
+    f2 = Q2 * inverse_l2
+    f3 = Q3 * inverse_l3
+    f4 = Q4 * inverse_l4
+    b1 = -l1 * w1 * w1
+    b2 = -l2 * w2 * w2
+    b3 = -l3 * w3 * w3
+    b4 = -l4 * w4 * w4
+    D3 = m3 + m4 * (s43 * s43)
+    m34 = m3 + m4
+    N2 = m2 * (m2 * D3 + N3)
+    D2 = m2 * D3 + N3 * (s32 * s32)
+    D1 = m1 * D2 + N2 * (s21 * s21)
+    i3 = 1.0 / D3
+    inverse_D2 = 1.0 / D2
+    i2 = D3 * inverse_D2
+    i1 = D2 / D1
+    d3 = N3 * i3
+    d2 = N2 * inverse_D2
+    k3 = m4 * c43
+    k2 = d3 * c32
+    a2 = f1 - c21 * f2
+    a3 = f2 - c32 * f3
+    # Tip to base: p is the bias force of all beyond a link along it, f the one across it.
+    p4 = m4 * b4
+    p3 = d3 * b3 + i3 * (m4 * s43 * (c43 * f3 - f4) + m3 * (c43 * p4 - s43 * f4))
+    p2 = d2 * b2 + i2 * (d3 * s32 * (c32 * f2 - f3) + m2 * (c32 * p3 - s32 * f3))
+    # Base to tip: (e, n) is the acceleration of a link's near end, y across the link at its far end, P
+    # the force along the next link if y were 0: p + k e. With a heavy tip p and k e cancel to as many
+    # digits as it is heavier, so P is formed of what they leave; and so are p3 and p2 above.
+    n1 = ay * c1 - ax * s1
+    e1 = ax * c1 + ay * s1 + b1
+    y1 = i1 * (a2 - s21 * (p2 + d2 * (c21 * e1)))
+    n2 = c21 * y1 - s21 * e1
+    o2 = c21 * e1 + b2
+    e2 = o2 + s21 * y1
+    r2 = m2 * p3 + i2 * (k2 * s32 * ((m2 + d3) * f3 - k2 * f2))
+    P2 = i1 * (m1 * (p3 + k2 * o2) + s21 * (k2 * a2 + s21 * r2))
+    y2 = i2 * (a3 - s32 * P2)
+    n3 = c32 * y2 - s32 * e2
+    o3 = c32 * e2 + b3
+    e3 = o3 + s32 * y2
+    r3 = m3 * p4 + i3 * (k3 * s43 * (m34 * f4 - k3 * f3))
+    P3 = i2 * (m2 * (p4 + k3 * o3) + s32 * (k3 * a3 + s32 * r3))
+    y3 = i3 * (f3 - c43 * f4 - s43 * P3)
+    n4 = c43 * y3 - s43 * e3
+    return (
+        (y1 - n1) * inverse_l1,
+        (y2 - n2) * inverse_l2,
+        (y3 - n3) * inverse_l3,
+        (f4 * inverse_m4 - n4) * inverse_l4,
+    )
+
+
 @dataclass(frozen=True)
 class FourR(Arm):
     """Arm of four revolute joints, q = (theta1, ..., theta4), absolute angles.
@@ -265,33 +286,19 @@ class FourR(Arm):
         m.
     """
 
-    num_lengths = 4
-    coordinates = ("theta1", "theta2", "theta3", "theta4")
-    rates = ("w1", "w2", "w3", "w4")
-    joints = ("joint1", "joint2", "joint3", "joint4")
-    prismatic = (False, False, False, False)
+    joint_types = "RRRR"
     sincos = {
-        "theta1": ("s1", "c1"),
-        "theta21": ("s21", "c21"),
-        "theta32": ("s32", "c32"),
-        "theta43": ("s43", "c43"),
-    }
+        "theta1": ("s1", "c1"), "theta21": ("s21", "c21"),
+        "theta32": ("s32", "c32"), "theta43": ("s43", "c43"),
+    }  # fmt: skip
     functions = (
-        angle_differences, directions, wider_differences, joint_positions, joint_rates, motor_map,
-        points, forward_kinematics, jacobian, tip_velocity, jacobian_dot_qd, inertia_products,
-        mass_matrix, products_of_masses, bias_forces, coriolis_matrix, gravity_forces, potential_energy,
+        angle_differences, directions, wider_differences, points, jacobian, jacobian_dot_qd,
+        inertia_products, mass_matrix, products_of_masses, bias_forces, coriolis_matrix, gravity_forces,
         kinetic_energy, angular_momentum, manipulability, forward_dynamics,
     )  # fmt: skip
     prepared = (products_of_masses,)
     column_norms = staticmethod(column_norms)
     mobility_bounds = staticmethod(mobility_bounds)
-    coordinates_of_joints = staticmethod(coordinates_of_joints)
-    posture = {
-        "s1": "sine of joint angle 1", "c1": "cosine of joint angle 1",
-        "s21": "sine of joint angle 2", "c21": "cosine of joint angle 2",
-        "s32": "sine of joint angle 3", "c32": "cosine of joint angle 3",
-        "s43": "sine of joint angle 4", "c43": "cosine of joint angle 4",
-    }  # fmt: skip
     description = "A planar arm of four revolute joints in a vertical plane"
     schematic = """\
     base          m1            m2            m3            m4

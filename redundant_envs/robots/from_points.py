@@ -8,29 +8,27 @@ Sums over the mass points of these are the mass matrix, the bias forces and the 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import functools
+import itertools
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any
 
-from redundant_envs.algebra import gives_of, numbered, physics
+from redundant_envs.algebra import entries, gives_of, numbered, physics
 from redundant_envs.dual import Dual, dual, is_zero, times
 from redundant_envs.quantities import Quantities
+from redundant_envs.robots.derived import identity, rows
 
 Function = Callable[..., Any]
 
 
 class Points:
-    """The mass points of an arm's class as functions of its coordinates.
-
-    Parameters
-    ----------
-    arm : subclass of Arm
-        Its present functions; those that are added later are not used.
-    """
+    """The mass points of an arm's class as functions of its coordinates, by the functions it has so far."""
 
     def __init__(self, arm: Any) -> None:
         self.functions, self.sincos = tuple(arm.functions), arm.sincos
         self.coordinates, self.rates = arm.coordinates, arm.rates
         self.count, self.joints = arm.num_masses, len(arm.coordinates)
+        self.positions = [f"{axis}{k + 1}" for k in range(self.count) for axis in "xy"]
         self.masses = numbered("m{}", arm.num_masses)
         self.numbers = [*self.masses, *numbered("l{}", arm.num_lengths)]
         self.turning = {angle: pair for angle, pair in arm.sincos.items() if angle in arm.coordinates}
@@ -46,18 +44,25 @@ class Points:
             made[c] = Dual(known[c], times(-known[s], moving[angle]))
         return made
 
+    def moving(self, known: Mapping[str, Any]) -> dict[str, Any]:
+        """Known values, those of the pose with derivatives by time."""
+        return self.along(known, [known[rate] for rate in self.rates])
+
     def slopes(self, known: Mapping[str, Any]) -> list[Any]:
         """Derivatives of all positions, x1 y1 x2 ..., of values that :meth:`along` gave."""
         x = Quantities(known, self.functions, self.sincos)
         return [dual(x[name]).slope for name in self.positions]
 
-    @property
-    def positions(self) -> list[str]:
-        return [f"{axis}{k + 1}" for k in range(self.count) for axis in "xy"]
-
     def column(self, known: Mapping[str, Any], j: int) -> list[Any]:
         """Derivatives of all positions by coordinate j, counted from 0."""
         return self.slopes(self.along(known, [float(i == j) for i in range(self.joints)]))
+
+    def velocities(self, known: Mapping[str, Any]) -> list[Any]:
+        return self.slopes(self.moving(known))
+
+    def accelerations(self, known: Mapping[str, Any]) -> list[Any]:
+        """Those at constant rates."""
+        return [dual(velocity).slope for velocity in self.velocities(self.moving(known))]
 
 
 def functions_of(arm: Any, given: set[str]) -> list[Function]:
@@ -67,52 +72,39 @@ def functions_of(arm: Any, given: set[str]) -> list[Function]:
     if not given.issuperset(points.positions):
         return []
     masses, n = points.count, points.joints
+    tip, turning = ([f"{form}{masses}" for form in forms] for forms in (("X", "Y"), ("Xdqd", "Ydqd")))
     made = {
-        "J11": jacobian(masses, n), "Jdqd1": jacobian_dot_qd(masses), "M11": mass_matrix(masses, n),
+        "J11": identity(entries("J", 2, n), [f"{name}{j + 1}" for name in tip for j in range(n)]),
+        "Jdqd1": identity(("Jdqd1", "Jdqd2"), turning), "M11": mass_matrix(masses, n),
         "h1": bias_forces(masses, n), "G1": gravity_forces(masses, n), "Lz": angular_momentum(masses),
         "C11": coriolis_matrix(points),
     }  # fmt: skip
     return [*point_motion(points, given), *(f for name, f in made.items() if name not in given)]
 
 
-def point_motion(points: Points, given: Iterable[str]) -> list[Function]:
+def point_motion(points: Points, given: Collection[str]) -> list[Function]:
     """For every mass point k, counted from 1, its velocity ``vx<k> vy<k>``, the derivatives of its position
     by the coordinates, ``X<k>1 .. Y<k>1 ..``, and its acceleration at constant rates, ``Xdqd<k> Ydqd<k>``;
     except those that the arm has ``given``."""
-    known, given = [*points.pose, *points.numbers], set(given)
-
-    def velocities(values: Mapping[str, Any]) -> list[Any]:
-        return points.slopes(points.along(values, [values[rate] for rate in points.rates]))
-
-    def accelerations(values: Mapping[str, Any]) -> list[Any]:
-        rates = [values[rate] for rate in points.rates]
-        twice = points.slopes(points.along(points.along(values, rates), rates))
-        return [dual(velocity).slope for velocity in twice]
-
-    def column(j: int) -> Function:
-        def point_jacobian(values: Mapping[str, Any]) -> list[Any]:
-            return points.column(values, j)
-
-        return _named([f"{p.upper()}{j + 1}" for p in points.positions], known, point_jacobian, given)
-
-    moving = [*known, *points.rates]
-    made = [
-        _named([f"v{p}" for p in points.positions], moving, velocities, given),
-        *(column(j) for j in range(points.joints)),
-        _named([f"{p[0].upper()}dqd{p[1:]}" for p in points.positions], moving, accelerations, given),
-    ]
+    pose = [*points.pose, *points.numbers]
+    moving = [*pose, *points.rates]
+    made = [_named([f"v{p}" for p in points.positions], moving, points.velocities, given)]
+    for j in range(points.joints):
+        names = [f"{p.upper()}{j + 1}" for p in points.positions]
+        made.append(_named(names, pose, functools.partial(points.column, j=j), given))
+    names = [f"{p[0].upper()}dqd{p[1:]}" for p in points.positions]
+    made.append(_named(names, moving, points.accelerations, given))
     return [f for f in made if gives_of(f)]
 
 
 def _named(
     gives: Sequence[str], takes: Sequence[str], function: Callable[[Mapping[str, Any]], list[Any]],
-    given: Iterable[str],
+    given: Collection[str],
 ) -> Function:  # fmt: skip
-    """A dialect function from one that takes its arguments by name; results already ``given`` are left
-    out."""
+    """A dialect function from one that takes its arguments by name, without results already ``given``."""
     wanted = [i for i, name in enumerate(gives) if name not in given]
 
-    @physics(gives=" ".join(gives[i] for i in wanted), takes=" ".join(takes))
+    @physics(gives=[gives[i] for i in wanted], takes=takes)
     def motion_of_points(*values):
         results = function(dict(zip(takes, values, strict=True)))
         return tuple(results[i] for i in wanted)
@@ -121,127 +113,87 @@ def _named(
 
 
 def mass_matrix(masses: int, n: int) -> Function:
-    names = [f"M{i + 1}{j + 1}" for i in range(n) for j in range(n)]
-
-    @physics(gives=" ".join(names), takes=" ".join((*numbered("m{}", masses), *_slopes(masses, n))))
+    @physics(gives=entries("M", n, n), takes=_masses_and_slopes(masses, n))
     def mass_matrix(*values):
         """The sum of m_k J_k^T J_k."""
         m, X, Y = _by_point(values, masses, n)
         M = [[0.0] * n for _ in range(n)]
-        for i in range(n):
-            for j in range(i, n):
-                M[i][j] = M[j][i] = _sum(
-                    times(m[k], _sum((times(X[k][i], X[k][j]), times(Y[k][i], Y[k][j]))))
-                    for k in range(masses)
-                )
-        return tuple(entry for row in M for entry in row)
+        for i, j in itertools.combinations_with_replacement(range(n), 2):
+            squares = [_sum((times(x[i], x[j]), times(y[i], y[j]))) for x, y in zip(X, Y, strict=True)]
+            M[i][j] = M[j][i] = _sum(_scaled(m, squares))
+        return tuple(itertools.chain(*M))
 
     return mass_matrix
 
 
 def bias_forces(masses: int, n: int) -> Function:
-    accelerations = [f"{axis}dqd{k + 1}" for axis in "XY" for k in range(masses)]
-    takes = (*numbered("m{}", masses), *_slopes(masses, n), *accelerations)
+    accelerations = [*numbered("Xdqd{}", masses), *numbered("Ydqd{}", masses)]
 
-    @physics(gives=" ".join(numbered("h{}", n)), takes=" ".join(takes))
+    @physics(gives=numbered("h{}", n), takes=(*_masses_and_slopes(masses, n), *accelerations))
     def bias_forces(*values):
         """The sum of J_k^T m_k (J_k' qd)."""
-        bare, moved = values[: -2 * masses], values[-2 * masses :]
-        m, X, Y = _by_point(bare, masses, n)
-        fx, fy = (_scaled(m, moved[i * masses : (i + 1) * masses]) for i in range(2))
-        return _at_coordinates(X, Y, fx, fy, n)
+        m, X, Y = _by_point(values[: -2 * masses], masses, n)
+        return _at_coordinates(X, Y, *(_scaled(m, a) for a in rows(values[-2 * masses :], masses)))
 
     return bias_forces
 
 
 def coriolis_matrix(points: Points) -> Function:
-    masses, n = points.count, points.joints
+    n, size = points.joints, 2 * points.count
     columns = [f"{p.upper()}{j + 1}" for j in range(n) for p in points.positions]
     takes = [*points.pose, *points.numbers, *points.rates, *columns]
 
-    @physics(gives=" ".join(f"C{i + 1}{j + 1}" for i in range(n) for j in range(n)), takes=" ".join(takes))
+    @physics(gives=entries("C", n, n), takes=takes)
     def coriolis_matrix(*values):
         """The sum of J_k^T m_k J_k', which is the Christoffel form."""
-        known, size = dict(zip(takes, values, strict=True)), 2 * masses
-        moving = points.along(known, [known[rate] for rate in points.rates])
-        slopes = values[len(values) - n * size :]
-        columns = [slopes[j * size : (j + 1) * size] for j in range(n)]
-        m = [known[points.masses[k // 2]] for k in range(size)]
+        known = dict(zip(takes, values, strict=True))
+        moving, m = points.moving(known), [known[points.masses[k // 2]] for k in range(size)]
         forces = [_scaled(m, [dual(x).slope for x in points.column(moving, j)]) for j in range(n)]
-        return tuple(
-            _sum(times(x, f) for x, f in zip(columns[i], forces[j], strict=True))
-            for i in range(n)
-            for j in range(n)
-        )
+        slopes = rows(values[len(values) - n * size :], size)
+        return tuple(_sum(_scaled(column, f)) for column in slopes for f in forces)
 
     return coriolis_matrix
 
 
 def gravity_forces(masses: int, n: int) -> Function:
-    takes = (*numbered("m{}", masses), *_slopes(masses, n), "ax", "ay")
-
-    @physics(gives=" ".join(numbered("G{}", n)), takes=" ".join(takes))
+    @physics(gives=numbered("G{}", n), takes=(*_masses_and_slopes(masses, n), "ax", "ay"))
     def gravity_forces(*values):
         """The sum of J_k^T m_k (ax, ay)."""
         *bare, ax, ay = values
         m, X, Y = _by_point(bare, masses, n)
-        return _at_coordinates(X, Y, _scaled(m, [ax] * masses), _scaled(m, [ay] * masses), n)
+        return _at_coordinates(X, Y, _scaled(m, [ax] * masses), _scaled(m, [ay] * masses))
 
     return gravity_forces
-
-
-def jacobian(masses: int, n: int) -> Function:
-    columns = [f"{axis}{masses}{j + 1}" for axis in "XY" for j in range(n)]
-
-    @physics(gives=" ".join(f"J{i}{j + 1}" for i in (1, 2) for j in range(n)), takes=" ".join(columns))
-    def jacobian(*columns):
-        """For the last mass point, the tip."""
-        return columns
-
-    return jacobian
-
-
-def jacobian_dot_qd(masses: int) -> Function:
-    @physics(gives="Jdqd1 Jdqd2", takes=f"Xdqd{masses} Ydqd{masses}")
-    def jacobian_dot_qd(x, y):
-        return x, y
-
-    return jacobian_dot_qd
 
 
 def angular_momentum(masses: int) -> Function:
     names = [f"{form}{k + 1}" for form in ("m", "x", "y", "vx", "vy") for k in range(masses)]
 
-    @physics(gives="Lz", takes=" ".join(names))
+    @physics(gives="Lz", takes=names)
     def angular_momentum(*values):
         """The sum of m_k (x_k vy_k - y_k vx_k), about the base."""
-        m, x, y, vx, vy = (values[i * masses : (i + 1) * masses] for i in range(5))
-        moments = [_sum((times(x[k], vy[k]), -times(y[k], vx[k]))) for k in range(masses)]
-        return _sum(_scaled(m, moments))
+        m, x, y, vx, vy = rows(values, masses)
+        return _sum(_scaled(m, [_sum((times(x[k], vy[k]), -times(y[k], vx[k]))) for k in range(masses)]))
 
     return angular_momentum
 
 
-def _slopes(masses: int, n: int) -> list[str]:
-    return [f"{axis}{k + 1}{j + 1}" for axis in "XY" for k in range(masses) for j in range(n)]
+def _masses_and_slopes(masses: int, n: int) -> list[str]:
+    return [*numbered("m{}", masses), *entries("X", masses, n), *entries("Y", masses, n)]
 
 
 def _by_point(values: Sequence[Any], masses: int, n: int) -> tuple[Sequence[Any], list[Any], list[Any]]:
-    m, rows = values[:masses], [values[masses + i * n : masses + (i + 1) * n] for i in range(2 * masses)]
-    return m, rows[:masses], rows[masses:]
+    slopes = rows(values[masses:], n)
+    return values[:masses], slopes[:masses], slopes[masses:]
 
 
 def _scaled(m: Sequence[Any], values: Sequence[Any]) -> list[Any]:
     return [times(mass, value) for mass, value in zip(m, values, strict=True)]
 
 
-def _at_coordinates(X: Sequence[Any], Y: Sequence[Any], fx: Sequence[Any], fy: Sequence[Any], n: int) -> Any:
+def _at_coordinates(X: Sequence[Any], Y: Sequence[Any], fx: Sequence[Any], fy: Sequence[Any]) -> Any:
     """J^T f, summed over the points."""
-    points = range(len(X))
-    return tuple(
-        _sum((*(times(X[k][j], fx[k]) for k in points), *(times(Y[k][j], fy[k]) for k in points)))
-        for j in range(n)
-    )
+    return tuple(_sum(_scaled(column, (*fx, *fy))) for column in zip(*X, *Y, strict=True))
 
 
 def _sum(terms: Iterable[Any]) -> Any:

@@ -8,7 +8,7 @@ and has a mass at its end. Revolute joints and sliders are counted each on their
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 from redundant_envs.algebra import arguments_of, gives_of, numbered, physics
@@ -30,14 +30,8 @@ def check_joint_types(where: str, types: Any) -> str:
 
 
 def facts_of(types: str, functions: Sequence[Function]) -> dict[str, Any]:
-    """Attributes of an arm of such joints, by their names in :class:`~redundant_envs.Arm`.
-
-    Parameters
-    ----------
-    types : str
-    functions : sequence of functions
-        The arm's own functions; without point masses among them, these are at the ends of its links.
-    """
+    """Attributes of an arm of such joints and functions, by their names in :class:`~redundant_envs.Arm`.
+    Without point masses among the functions, these are at the ends of its links."""
     names = _counted(types, "theta{}", "r{}")
     angles = [name for name, kind in zip(names, types, strict=True) if kind == "R"]
     given = {name for f in functions for name in gives_of(f)}
@@ -60,18 +54,18 @@ def facts_of(types: str, functions: Sequence[Function]) -> dict[str, Any]:
     return {**made, "posture": posture}
 
 
-def functions_of(types: str, given: set[str]) -> list[Function]:
-    """Functions of an arm of such joints that are not yet ``given``, by the names of their results."""
-    angles = types.count("R")
-    made = [*_joint_maps(types), _points(types)]
-    made += [_angle_between(k) for k in range(2, angles + 1)]
+def functions_of(types: str, angles: Collection[str], given: set[str]) -> list[Function]:
+    """Functions of an arm of such joints that are not yet ``given``, by the names of their results. Sines and
+    cosines of its ``angles`` are known."""
+    bent = [k for k in range(2, types.count("R") + 1) if {f"theta{k - 1}", f"theta{k}"} <= {*angles}]
+    made = [*_joint_maps(types), _points(types), *map(_angle_between, bent)]
     return [f for f in made if given.isdisjoint(gives_of(f))]
 
 
 def coordinates_of_joints(types: str) -> Function:
     """Coordinates from joint positions: an angle is the sum of the joint angles up to its link."""
 
-    @physics(gives=" ".join(_counted(types, "theta{}", "r{}")), takes=_numbered("phi{}", types))
+    @physics(gives=_counted(types, "theta{}", "r{}"), takes=numbered("phi{}", len(types)))
     def coordinates_of_joints(*phi):
         turned, made = None, []
         for kind, position in zip(types, phi, strict=True):
@@ -90,41 +84,32 @@ def _counted(types: str, revolute: str, prismatic: str) -> list[str]:
     ]
 
 
-def _numbered(form: str, types: str) -> str:
-    return " ".join(numbered(form, len(types)))
-
-
 def _joint_maps(types: str) -> list[Function]:
     """Positions and rates of the joints, B^T q and B^T qd, and the motor map B t: a motor acts between the
     link of its joint and the part before it."""
-    revolute = [k for k, kind in enumerate(types) if kind == "R"]
+    n, revolute = len(types), [k for k, kind in enumerate(types) if kind == "R"]
     before = dict(zip(revolute[1:], revolute, strict=False))
-    behind = {k: j for j, k in before.items()}
-
-    def of_joints(*values):
-        return tuple(x - values[before[k]] if k in before else x for k, x in enumerate(values))
-
-    def at_coordinates(*t):
-        return tuple(x - t[behind[k]] if k in behind else x for k, x in enumerate(t))
-
     return [
-        physics(gives=_numbered("phi{}", types), takes=" ".join(_counted(types, "theta{}", "r{}")))(
-            lambda *q: of_joints(*q)
-        ),
-        physics(gives=_numbered("phid{}", types), takes=" ".join(_counted(types, "w{}", "v{}")))(
-            lambda *qd: of_joints(*qd)
-        ),
-        physics(gives=_numbered("Q{}", types), takes=_numbered("t{}", types))(at_coordinates),
+        _differences(numbered("phi{}", n), _counted(types, "theta{}", "r{}"), before),
+        _differences(numbered("phid{}", n), _counted(types, "w{}", "v{}"), before),
+        _differences(numbered("Q{}", n), numbered("t{}", n), {k: j for j, k in before.items()}),
     ]
+
+
+def _differences(gives: Sequence[str], takes: Sequence[str], minus: Mapping[int, int]) -> Function:
+    @physics(gives=gives, takes=takes)
+    def differences(*values):
+        return tuple(x - values[minus[k]] if k in minus else x for k, x in enumerate(values))
+
+    return differences
 
 
 def _points(types: str) -> Function:
     """The ends of all links and sliders, where the masses are."""
     revolute = types.count("R")
     takes = [*numbered("l{}", revolute), *_counted(types, "s{}", "r{}"), *numbered("c{}", revolute)]
-    gives = [f"{axis}{k + 1}" for k in range(len(types)) for axis in "xy"]
 
-    @physics(gives=" ".join(gives), takes=" ".join(takes))
+    @physics(gives=[f"{axis}{k + 1}" for k in range(len(types)) for axis in "xy"], takes=takes)
     def points(*values):
         lengths, moved, cosines = values[:revolute], values[revolute : -revolute or None], values[-revolute:]
         links, made = iter(range(revolute)), []

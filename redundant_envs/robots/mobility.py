@@ -30,12 +30,11 @@ EQUAL = 1e-9
 
 
 class Line(NamedTuple):
-    """Two mass points at a constant distance, counted from 1 (0 is the base), and the rate of its angle: a
-    sum of rates of the coordinates."""
+    """Two mass points at a constant distance, counted from 1; 0 is the base."""
 
     near: int
     far: int
-    rate: Array
+    rate: Array  # of its angle: a sum of rates of the coordinates
 
 
 def mobility_bounds(arm: Any) -> Function | None:
@@ -44,10 +43,10 @@ def mobility_bounds(arm: Any) -> Function | None:
     with np.errstate(all="ignore"):
         try:
             where, slopes = _in_poses(points)
-        except (ArithmeticError, ValueError):  # not defined in these poses
+        except (ArithmeticError, ValueError):
             return None
         if not (np.isfinite(where).all() and np.isfinite(slopes).all()):
-            return None
+            return None  # not defined in these poses
         lines = [*_lines(where, slopes)]
     choices = [
         [*(_along(slopes, j, row) if arm.prismatic[j] else _between(lines, row))]
@@ -56,7 +55,7 @@ def mobility_bounds(arm: Any) -> Function | None:
     if not all(choices):
         return None
 
-    @physics(gives=" ".join(numbered("W{}", points.joints)), takes=" ".join(points.numbers))
+    @physics(gives=numbered("W{}", points.joints), takes=points.numbers)
     def mobility_bounds(*values):
         known = dict(zip(points.numbers, values, strict=True))
         m, distances = [known[name] for name in points.masses], _distances(points, known, lines)
@@ -84,12 +83,10 @@ def _in_poses(points: Points) -> tuple[Array, Array]:
 
 def _joint_rates(arm: Any) -> Array:
     """Rates of the joints as sums of those of the coordinates, (joints, coordinates)."""
-    names, n = numbered("phid{}", len(arm.rates)), len(arm.rates)
-    columns = [
-        Quantities(dict(zip(arm.rates, row, strict=True)), tuple(arm.functions), {}).each(names)
-        for row in np.eye(n).tolist()
-    ]
-    return np.array(columns, dtype=np.float64).T
+    n = len(arm.rates)
+    rates = dict(zip(arm.rates, np.eye(n), strict=True))
+    found = Quantities(rates, tuple(arm.functions), {}).each(numbered("phid{}", n))
+    return np.stack(np.broadcast_arrays(*found))
 
 
 def _lines(where: Array, slopes: Array) -> Iterator[Line]:
@@ -120,11 +117,10 @@ def _between(lines: Sequence[Line], row: Array) -> Iterator[Bound]:
         ends = [(k, point) for k in chosen for point in (lines[k].near, lines[k].far) if point]
 
         def bound(m: Sequence[Any], distances: Sequence[Any], ends: Any = ends) -> Any:
-            total: dict[int, Any] = {}
+            total: dict[int, list[Any]] = {}
             for k, point in ends:
-                share = 1.0 / distances[k]
-                total[point] = total[point] + share if point in total else share
-            return _sum([share * share / m[point - 1] for point, share in total.items()])
+                total.setdefault(point, []).append(1.0 / distances[k])
+            return _sum([_sum(shares) * _sum(shares) / m[point - 1] for point, shares in total.items()])
 
         yield bound
 
@@ -140,12 +136,11 @@ def _along(slopes: Array, j: int, row: Array) -> Iterator[Bound]:
         return
     speeds = np.einsum("ap,kapj->kpj", direction, slopes)
     groups: list[list[int]] = []
-    for k in range(len(speeds)):
-        group = next((g for g in groups if _is_zero(speeds[g[0]] - speeds[k])), None)
-        if group is None:
-            groups.append([k])
-        else:
-            group.append(k)
+    for k, speed in enumerate(speeds):
+        group = next((g for g in groups if _is_zero(speeds[g[0]] - speed)), [])
+        if not group:
+            groups.append(group)
+        group.append(k)
     for near, far in itertools.permutations(groups, 2):
         if not _is_zero(speeds[far[0]] - speeds[near[0]] - row):
             continue
@@ -161,15 +156,14 @@ def _distances(points: Points, known: dict[str, Any], lines: Sequence[Line]) -> 
     pose = dict.fromkeys(points.pose, 0.0) | {c: 1.0 for _, c in points.turning.values()}
     columns = [points.column({**known, **pose}, j) for j in range(points.joints)]
     made = []
-    for line in lines:
-        j = int(np.flatnonzero(line.rate)[-1]) if line.rate.any() else None
-        if j is None:  # it never turns, and no joint's rate follows from it
+    for near, far, rate in lines:
+        if not rate.any():  # it never turns, and no joint's rate follows from it
             made.append(0.0)
             continue
-        far = columns[j][2 * line.far - 2 : 2 * line.far]
-        near = columns[j][2 * line.near - 2 : 2 * line.near] if line.near else (0.0, 0.0)
-        x, y = (b - a for b, a in zip(far, near, strict=True))
-        made.append(sqrt(x * x + y * y) / abs(float(line.rate[j])))
+        j = int(np.flatnonzero(rate)[-1])
+        moved = [0.0, 0.0, *columns[j]]  # the base, and all points
+        x, y = (moved[2 * far + axis] - moved[2 * near + axis] for axis in range(2))
+        made.append(sqrt(x * x + y * y) / abs(float(rate[j])))
     return made
 
 

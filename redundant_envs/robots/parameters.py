@@ -42,21 +42,18 @@ def strength(field: str, value: Any) -> float:
     return x
 
 
-def travel(lower_field: str, lower: Any, upper_field: str, upper: Any) -> tuple[float, float]:
-    """Two ends of a travel: finite, in order, and at least as far apart as the smallest allowed length."""
-    low, high = number(lower_field, lower), number(upper_field, upper)
-    for field, x in ((lower_field, low), (upper_field, high)):
+def travel(form: str, lower: Any, upper: Any) -> tuple[float, float]:
+    """Two ends of a travel, the fields ``form.format("lower")`` and ``("upper")``: finite, in order, and at
+    least as far apart as the smallest allowed length."""
+    ends = {form.format("lower"): lower, form.format("upper"): upper}
+    low, high = (number(field, end) for field, end in ends.items())
+    for field, x in zip(ends, (low, high), strict=True):
         if abs(x) > LARGEST:
             raise ValueError(f"{field} is {x}; it must lie in {-LARGEST:g} to {LARGEST:g}")
-    if low >= high:
-        raise ValueError(
-            f"{lower_field} is {low}, {upper_field.rsplit('.', 1)[-1]} is {high}; lower must be below"
-        )
     if high - low < SMALLEST:
-        raise ValueError(
-            f"{lower_field} is {low}, {upper_field.rsplit('.', 1)[-1]} is {high}; they must be at least "
-            f"{SMALLEST:g} apart"
-        )
+        least = "lower must be below" if low >= high else f"they must be at least {SMALLEST:g} apart"
+        first, second = form.format("lower"), form.partition(".")[2].format("upper")
+        raise ValueError(f"{first} is {low}, {second} is {high}; {least}")
     return low, high
 
 
@@ -84,17 +81,13 @@ def for_sliders(effect: str, arm: str, sliders: list[int], count: int) -> list[i
 
 def not_negative(field: str, values: Any) -> float | tuple[float, ...]:
     """A strength, or a sequence of one for each joint, none negative."""
-    if not hasattr(values, "__len__") or getattr(values, "ndim", 1) == 0:
-        x = strength(field, values)
+    one = not hasattr(values, "__len__") or getattr(values, "ndim", 1) == 0
+    named = {field: values} if one else {f"{field}[{i}]": x for i, x in enumerate(numbers(field, values))}
+    xs = tuple(strength(name, value) for name, value in named.items())
+    for name, x in zip(named, xs, strict=True):
         if x < 0.0:
-            raise ValueError(f"{field} is {x}; it must not be negative")
-        return x
-    xs = numbers(field, values)
-    for i, x in enumerate(xs):
-        strength(f"{field}[{i}]", x)
-        if x < 0.0:
-            raise ValueError(f"{field}[{i}] is {x}; it must not be negative")
-    return xs
+            raise ValueError(f"{name} is {x}; it must not be negative")
+    return xs[0] if one else xs
 
 
 def positive_numbers(field: str, values: Any, count: int, unit: str) -> tuple[float, ...]:

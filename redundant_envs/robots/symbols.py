@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from redundant_envs.algebra import gives_of, numbered
+from redundant_envs.algebra import entries, gives_of, numbered
 from redundant_envs.extras import needs
 
 
@@ -27,7 +27,7 @@ def symbols_of(arm: Any) -> dict[str, Any]:
     given = {name for f in arm.functions for name in gives_of(f)}
 
     def matrix(letter: str, rows: int) -> Any:
-        names = [f"{letter}{i + 1}{j + 1}" for i in range(rows) for j in range(n)]
+        names = entries(letter, rows, n)
         return sp.Matrix(rows, n, arm.evaluate(names, state)) if names[0] in given else None
 
     def column(letter: str, extra: Mapping[str, Any] | None = None) -> Any:

@@ -1,9 +1,32 @@
 """Tasks of the arms. A new task is one file here and one line below."""
 
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+from redundant_envs.plain_data import check_keys
 from redundant_envs.tasks.base import Task
 from redundant_envs.tasks.reach import GoalReachTask, ReachTask
+from redundant_envs.values import shown
 
 __all__ = ["GoalReachTask", "ReachTask", "Task"]
 
 REGISTRY: dict[str, type[Task]] = {task.name: task for task in (ReachTask, GoalReachTask)}
 """Tasks by their name in ids."""
+
+
+def make_task(given: Mapping[str, Any] | None, name: str) -> Task:
+    """The task of a name, with the numbers of the keyword argument; a "type" in it must be the same name."""
+    kind = REGISTRY[name]
+    if given is None:
+        return kind()
+    valid = [field.name for field in dataclasses.fields(kind)]
+    if not isinstance(given, Mapping):
+        raise ValueError(f"task is {shown(given)}; give a mapping of {', '.join(valid)}")
+    check_keys("task", given, ["type", *valid])
+    if given.get("type", name) != name:
+        raise ValueError(
+            f"task.type is {shown(given['type'])} and the environment's task is {name}; make the id of that "
+            f"task (registered: {', '.join(REGISTRY)})"
+        )
+    return kind(**{key: value for key, value in given.items() if key != "type"})

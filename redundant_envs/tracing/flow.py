@@ -8,23 +8,22 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 INT, FLOAT, TRUTH = "int", "float", "truth"
-ELEMENTS = {
-    "f64": FLOAT, "f32": FLOAT, "i64": INT, "u32": INT, "i8": INT,
-}  # fmt: skip
+ELEMENTS = {"f64": FLOAT, "f32": FLOAT, "i64": INT, "u32": INT, "i8": INT}
 """Types of the elements of arrays, and the types as which they are loaded."""
 
 
 class Output(NamedTuple):
-    """A result that goes to an array: ``element`` is its type, ``stride`` 1 if lanes are contiguous."""
+    """A result that goes to an array."""
 
     array: str
-    element: str
+    element: str  # its type
     column: int
-    columns: int
+    columns: int  # of a table with a row for each lane; 0 if lanes are contiguous
     value: Any
 
 
@@ -32,27 +31,18 @@ class Output(NamedTuple):
 class LaneFunction:
     """Straight-line code for a block of lanes, from values of a graph.
 
-    Attributes
-    ----------
-    name : str
-    spaces : names of the memories of the lanes
-    stores : list of (space, number, value)
-        Values stored in these memories.
-    outputs : list of Output
-        Values stored in arrays; a table has a row for each lane if it has columns.
-    inputs : array -> (element type, number of columns)
-        Tables with a row for each lane, which loads from a space of the same name read.
-    known : memory locations and the numbers that they are known to hold
-    asides : memory locations whose values change no bit of other results
+    A memory location is a space and a number in it.
     """
 
     name: str
-    spaces: tuple[str, ...]
-    stores: list[tuple[str, int, Any]]
-    outputs: list[Output] = field(default_factory=list)
+    spaces: tuple[str, ...]  # names of the memories of the lanes
+    stores: list[tuple[str, int, Any]]  # values stored in them: space, number, value
+    outputs: list[Output] = field(default_factory=list)  # values stored in arrays
     inputs: dict[str, tuple[str, int]] = field(default_factory=dict)
-    known: Mapping[tuple[str, int], float] = field(default_factory=dict)
-    asides: frozenset[tuple[str, int]] = frozenset()
+    """Element type and columns of tables with a row for each lane: loads from a space of that name read
+    them."""
+    known: Mapping[tuple[str, int], float] = field(default_factory=dict)  # numbers that locations hold
+    asides: frozenset[tuple[str, int]] = frozenset()  # locations whose values change no bit of other results
 
     @property
     def results(self) -> list[Any]:
@@ -65,6 +55,16 @@ class LaneFunction:
         return [k for k, (*place, _) in enumerate(self.stores) if tuple(place) in self.asides]
 
 
+def _operator(name: str, kind: str | None = None, swapped: bool = False) -> Callable[[Scalar, Any], Scalar]:
+    """The operator of scalars that records an instruction."""
+
+    def method(self: Scalar, other: Any) -> Scalar:
+        a, b = (other, self) if swapped else (self, other)
+        return self.kernel.record(name, a, b, kind=kind or self.kind)
+
+    return method
+
+
 class Scalar:
     """A value of a kernel: the result of one of its instructions."""
 
@@ -74,59 +74,13 @@ class Scalar:
     def __init__(self, kernel: Kernel, index: int, kind: str) -> None:
         self.kernel, self.index, self.kind = kernel, index, kind
 
-    def _with(self, name: str, other: Any, kind: str | None = None, swapped: bool = False) -> Scalar:
-        a, b = (other, self) if swapped else (self, other)
-        return self.kernel.record(name, a, b, kind=kind or self.kind)
-
-    def __add__(self, other: Any) -> Scalar:
-        return self._with("+", other)
-
-    def __radd__(self, other: Any) -> Scalar:
-        return self._with("+", other, swapped=True)
-
-    def __sub__(self, other: Any) -> Scalar:
-        return self._with("-", other)
-
-    def __rsub__(self, other: Any) -> Scalar:
-        return self._with("-", other, swapped=True)
-
-    def __mul__(self, other: Any) -> Scalar:
-        return self._with("*", other)
-
-    __rmul__ = __mul__
-
-    def __and__(self, other: Any) -> Scalar:
-        return self._with("and", other)
-
-    def __or__(self, other: Any) -> Scalar:
-        return self._with("or", other)
-
-    def __xor__(self, other: Any) -> Scalar:
-        return self._with("xor", other)
-
-    def __rshift__(self, other: int) -> Scalar:
-        return self._with(">>", other)
-
-    def __lshift__(self, other: Any) -> Scalar:
-        return self._with("<<", other)
-
-    def __lt__(self, other: Any) -> Scalar:
-        return self._with("<", other, TRUTH)
-
-    def __le__(self, other: Any) -> Scalar:
-        return self._with("<=", other, TRUTH)
-
-    def __gt__(self, other: Any) -> Scalar:
-        return self._with(">", other, TRUTH)
-
-    def __ge__(self, other: Any) -> Scalar:
-        return self._with(">=", other, TRUTH)
-
-    def __eq__(self, other: Any) -> Scalar:  # type: ignore[override]
-        return self._with("==", other, TRUTH)
-
-    def __ne__(self, other: Any) -> Scalar:  # type: ignore[override]
-        return self._with("!=", other, TRUTH)
+    __add__, __radd__ = _operator("+"), _operator("+", swapped=True)
+    __sub__, __rsub__ = _operator("-"), _operator("-", swapped=True)
+    __mul__, __rmul__ = _operator("*"), _operator("*")
+    __and__, __or__, __xor__ = _operator("and"), _operator("or"), _operator("xor")
+    __rshift__, __lshift__ = _operator(">>"), _operator("<<")
+    __lt__, __le__, __gt__ = _operator("<", TRUTH), _operator("<=", TRUTH), _operator(">", TRUTH)
+    __ge__, __eq__, __ne__ = _operator(">=", TRUTH), _operator("==", TRUTH), _operator("!=", TRUTH)  # type: ignore[assignment]
 
     def __invert__(self) -> Scalar:
         return self.kernel.record("not", self, kind=self.kind)
@@ -166,14 +120,14 @@ class Variable:
 
 
 class Instruction(NamedTuple):
-    """``result`` is the number of its result; bodies are those of a loop or a branch."""
+    """A step of a kernel."""
 
-    result: int
+    result: int  # the number of its result
     name: str
     arguments: tuple[Any, ...]
-    kind: str
+    kind: str  # of its result
     extra: Any
-    bodies: tuple[list[Any], ...]
+    bodies: tuple[list[Any], ...]  # of a loop or a branch
 
 
 class Kernel:
@@ -253,20 +207,19 @@ class Kernel:
             self._open.pop()
 
     @contextlib.contextmanager
-    def each(self, count: Any, start: Any = 0) -> Iterator[Scalar]:
-        """for i in range(start, count)"""
+    def _loop(self, name: str, *arguments: Any) -> Iterator[Scalar]:
         with self._inside() as body:
             i = self.record("counter")
             yield i
-        self.record("each", start, count, extra=i.index, bodies=(body,))
+        self.record(name, *arguments, extra=i.index, bodies=(body,))
 
-    @contextlib.contextmanager
-    def each_set(self, mask: Scalar) -> Iterator[Scalar]:
+    def each(self, count: Any, start: Any = 0) -> AbstractContextManager[Scalar]:
+        """for i in range(start, count)"""
+        return self._loop("each", start, count)
+
+    def each_set(self, mask: Scalar) -> AbstractContextManager[Scalar]:
         """for i in the indices of the bits that are set in a mask"""
-        with self._inside() as body:
-            i = self.record("counter")
-            yield i
-        self.record("each_set", mask, extra=i.index, bodies=(body,))
+        return self._loop("each_set", mask)
 
     @contextlib.contextmanager
     def loop_while(self, condition: Callable[[], Scalar]) -> Iterator[None]:

@@ -7,10 +7,12 @@ import gc
 import struct
 import sys
 from collections.abc import Iterable, Iterator
+from contextlib import AbstractContextManager
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
+T = TypeVar("T")
 Value = Any
 """An :class:`Operation`, or a float that all lanes share."""
 
@@ -24,15 +26,9 @@ ADDITION = 4
 
 
 class Origin(NamedTuple):
-    """Origin of an operation.
+    """Origin of an operation."""
 
-    Attributes
-    ----------
-    owner : the part for which it is computed, such as the key of an effect; "" if unknown
-    function, file, line : its position in the source
-    """
-
-    owner: str
+    owner: str  # the part for which it is computed, such as the key of an effect; "" if unknown
     function: str
     file: str
     line: int
@@ -45,23 +41,23 @@ _TRANSPARENT = {str(Path(__file__).parents[1] / name) for name in ("algebra.py",
 
 
 @contextlib.contextmanager
-def located() -> Iterator[None]:
+def setting(variable: ContextVar[T], value: T) -> Iterator[None]:
+    """Within this context a variable has a value."""
+    token = variable.set(value)
+    try:
+        yield
+    finally:
+        variable.reset(token)
+
+
+def located() -> AbstractContextManager[None]:
     """Within this context graphs keep the origins of their operations."""
-    token = _located.set(True)
-    try:
-        yield
-    finally:
-        _located.reset(token)
+    return setting(_located, True)
 
 
-@contextlib.contextmanager
-def owned(owner: str) -> Iterator[None]:
+def owned(owner: str) -> AbstractContextManager[None]:
     """Operations recorded within this context are attributed to an owner."""
-    token = _owner.set(owner)
-    try:
-        yield
-    finally:
-        _owner.reset(token)
+    return setting(_owner, owner)
 
 
 @contextlib.contextmanager
@@ -93,12 +89,10 @@ class Operation:
 
     __slots__ = ("arguments", "extra", "name", "origin")
 
-    def __init__(self, name: str, arguments: list[Value], extra: Any = None, origin: Any = None) -> None:
-        self.name = name
-        self.arguments = arguments
-        self.extra = extra
-        self.origin = origin
-        """Its origin, a :class:`Origin`, if the graph keeps origins."""
+    def __init__(
+        self, name: str, arguments: list[Value], extra: Any = None, origin: Origin | None = None
+    ) -> None:
+        self.name, self.arguments, self.extra, self.origin = name, arguments, extra, origin
 
     @property
     def operands(self) -> list[Operation]:
@@ -109,29 +103,19 @@ class Operation:
     def latency(self) -> int:
         return 0 if self.name in FREE else LATENCY.get(self.name, ADDITION)
 
-    @property
-    def is_condition(self) -> bool:
-        return self.name in CONDITIONS
 
-
-def bits_of(x: float) -> bytes:
-    """The bit pattern of a float: 0.0 and -0.0 are two constants."""
-    return struct.pack("<d", x)
-
-
-def is_zero(value: Value, sign: float) -> bool:
-    """Whether a value is the constant 0.0 or -0.0, of the same sign as ``sign``."""
-    return isinstance(value, float) and bits_of(value) == bits_of(sign * 0.0)
+bits_of = struct.Struct("<d").pack
+"""The bit pattern of a float: 0.0 and -0.0 are two constants."""
+LEFT = {("+", bits_of(-0.0)), ("*", bits_of(1.0))}
+RIGHT = {*LEFT, ("-", bits_of(0.0)), ("/", bits_of(1.0))}
+"""Constants on one side of an operation that leave the value on the other side as it is, bit for bit."""
 
 
 class Graph:
     """Records operations; equal operations are recorded once.
 
-    Parameters
-    ----------
-    whole : bool
-        Whether sines and exponentials are operations, for an interpreter; otherwise they are recorded as the
-        operations that compute them, so that every machine has the same bits.
+    If it is ``whole``, sines and exponentials are operations, for an interpreter; otherwise they are recorded
+    as the operations that compute them, so that every machine has the same bits.
     """
 
     def __init__(self, whole: bool = False) -> None:
@@ -141,16 +125,12 @@ class Graph:
         self.results: dict[Any, Any] = {}
         """Results of functions with branches (:mod:`ways`), so that equal calls are traced once."""
         self.part = 0
-        """Start a new part of the program. Equal products of different parts are recorded separately, so that
-        joining in one part does not depend on the other parts."""
+        """Part of the program. Equal products of different parts are recorded separately, so that joining in
+        one part does not depend on the other parts."""
 
     def record(self, name: str, *arguments: Value, extra: Any = None) -> Operation:
-        key = (
-            name,
-            extra,
-            self.part if name == "*" else 0,
-            *[a if type(a) is Operation else bits_of(a) for a in arguments],
-        )
+        operands = [a if type(a) is Operation else bits_of(a) for a in arguments]
+        key = (name, extra, self.part if name == "*" else 0, *operands)
         found = self._known.get(key)
         if found is None:
             origin = _origin() if self._located else None
@@ -161,42 +141,26 @@ class Graph:
         """Number ``k`` of a space of memory."""
         return self.record("load", extra=(space, k))
 
-    # x + (-0), x - 0, x * 1 and x / 1 are x, bit for bit.
-
-    def add(self, a: Value, b: Value) -> Value:
-        if is_zero(a, -1.0):
+    def combine(self, name: str, a: Value, b: Value) -> Value:
+        """Record an operation on two values, unless one of them leaves the other as it is."""
+        if type(a) is float and (name, bits_of(a)) in LEFT:
             return b
-        return a if is_zero(b, -1.0) else self.record("+", a, b)
-
-    def subtract(self, a: Value, b: Value) -> Value:
-        return a if is_zero(b, 1.0) else self.record("-", a, b)
-
-    def multiply(self, a: Value, b: Value) -> Value:
-        if isinstance(a, float) and a == 1.0:
-            return b
-        return a if isinstance(b, float) and b == 1.0 else self.record("*", a, b)
-
-    def divide(self, a: Value, b: Value) -> Value:
-        return a if isinstance(b, float) and b == 1.0 else self.record("/", a, b)
+        return a if type(b) is float and (name, bits_of(b)) in RIGHT else self.record(name, a, b)
 
 
 def reached(results: Iterable[Value]) -> list[Operation]:
     """All operations that some results need, each after its operands."""
-    order: list[Operation] = []
+    order: list[Any] = []
     seen: set[Operation] = set()
-    for result in results:
-        if type(result) is not Operation or result in seen:
-            continue
-        seen.add(result)
-        stack = [(result, iter(result.arguments))]
-        while stack:
-            node, rest = stack[-1]
-            for a in rest:
-                if type(a) is Operation and a not in seen:
-                    seen.add(a)
-                    stack.append((a, iter(a.arguments)))
-                    break
-            else:
-                order.append(node)
-                stack.pop()
-    return order
+    stack: list[tuple[Operation | None, Iterator[Value]]] = [(None, iter(results))]
+    while stack:
+        node, rest = stack[-1]
+        for a in rest:
+            if type(a) is Operation and a not in seen:
+                seen.add(a)
+                stack.append((a, iter(a.arguments)))
+                break
+        else:
+            order.append(node)
+            stack.pop()
+    return order[:-1]

@@ -18,17 +18,16 @@ def plain_name(space: str, k: int) -> str:
 
 def function_lines(f: LaneFunction, name_of: Namer = plain_name) -> Iterator[str]:
     """Instructions of a function, its stores and outputs; those of its subroutine come first."""
-    calls = {n.extra for n in reached(f.results) if n.name == "stage"}
-    for subroutine in calls:
-        results, nodes = subroutine.traced()
-        yield f"subroutine of {f.name}:"
-        numbers = {n: k for k, n in enumerate(nodes)}
-        names = subroutine.names
+    nodes = reached(f.results)
+    for subroutine in {n.extra for n in nodes if n.name == "stage"}:
 
-        def given(space: str, k: int, names: Sequence[str] = names) -> str:
+        def given(space: str, k: int, names: Sequence[str] = subroutine.names) -> str:
             shown = space == "given" and names and name_of is not plain_name
             return names[k] if shown else name_of(space, k)
 
+        results, inner = subroutine.traced()
+        numbers = {n: k for k, n in enumerate(inner)}
+        yield f"subroutine of {f.name}:"
         yield from _numbered(numbers, given)
         yield f"  gives {_arguments(results, numbers)}"
     yield f"function {f.name}:"
@@ -36,13 +35,12 @@ def function_lines(f: LaneFunction, name_of: Namer = plain_name) -> Iterator[str
         yield f"  reads tables {sorted(f.inputs.items())}"
     if f.known:
         yield f"  known {sorted(f.known.items())}"
-    numbers = {n: k for k, n in enumerate(reached(f.results))}
+    numbers = {n: k for k, n in enumerate(nodes)}
     yield from _numbered(numbers, name_of)
     for space, row, value in f.stores:
-        yield f"  {name_of(space, row)} <- {_argument(value, numbers)}"
+        yield f"  {name_of(space, row)} <- {_arguments([value], numbers)}"
     for o in f.outputs:
-        at = f"{o.array}[{o.column}/{o.columns}] ({o.element})"
-        yield f"  {at} <- {_argument(o.value, numbers)}"
+        yield f"  {o.array}[{o.column}/{o.columns}] ({o.element}) <- {_arguments([o.value], numbers)}"
 
 
 def _numbered(numbers: dict[Operation, int], name_of: Namer) -> Iterator[str]:
@@ -53,22 +51,15 @@ def _numbered(numbers: dict[Operation, int], name_of: Namer) -> Iterator[str]:
             present = n.origin[:3]
             owner = f" for {n.origin.owner}" if n.origin.owner else ""
             yield f"  # {n.origin.function}{owner}, {n.origin.file}:{n.origin.line}"
-        yield f"  %{k} = {_operation(n, numbers, name_of)}"
-
-
-def _argument(x: Value, numbers: dict[Operation, int]) -> str:
-    return repr(x) if isinstance(x, float | bool) else f"%{numbers[x]}"
+        extra = f" {n.extra}" if isinstance(n.extra, int) else ""
+        shown = (
+            name_of(*n.extra) if n.name == "load" else f"{n.name}{extra} {_arguments(n.arguments, numbers)}"
+        )
+        yield f"  %{k} = {shown}"
 
 
 def _arguments(xs: Iterable[Value], numbers: dict[Operation, int]) -> str:
-    return ", ".join(_argument(x, numbers) for x in xs)
-
-
-def _operation(n: Operation, numbers: dict[Operation, int], name_of: Namer) -> str:
-    if n.name == "load":
-        return name_of(*n.extra)
-    extra = f" {n.extra}" if isinstance(n.extra, int) else ""
-    return f"{n.name}{extra} {_arguments(n.arguments, numbers)}"
+    return ", ".join(f"%{numbers[x]}" if isinstance(x, Operation) else repr(x) for x in xs)
 
 
 def kernel_lines(kernel: Kernel) -> Iterator[str]:
@@ -101,20 +92,10 @@ def fingerprints(program: Program) -> Iterator[str]:
         nodes = reached(f.results)
         for subroutine in dict.fromkeys(n.extra for n in nodes if n.name == "stage"):
             results, inner = subroutine.traced()
-            yield repr((f.name, subroutine.asides, outline(inner, results)))
-        values = [*(value for _, _, value in f.stores), *(o.value for o in f.outputs)]
+            yield repr((f.name, tuple(subroutine.asides), outline(inner, results)))
         places = [(space, row) for space, row, _ in f.stores], [o[:4] for o in f.outputs]
-        yield repr(
-            (
-                f.name,
-                f.spaces,
-                sorted(f.inputs.items()),
-                sorted(f.known.items()),
-                f.aside_results,
-                places,
-                outline(nodes, values),
-            )
-        )
+        told = f.aside_results, places, outline(nodes, f.results)
+        yield repr((f.name, f.spaces, sorted(f.inputs.items()), sorted(f.known.items()), *told))
     for kernel in program.kernels:
         yield from kernel_lines(kernel)
 
@@ -129,5 +110,4 @@ def outline(nodes: Sequence[Operation], results: Sequence[Value]) -> list[Any]:
     for n in nodes:
         extra = None if n.name == "stage" else n.extra
         told.append((n.name, extra, [numbers[a] if type(a) is Operation else a for a in n.arguments]))
-    told.append([numbers[r] if type(r) is Operation else r for r in results])
-    return told
+    return [*told, [numbers[r] if type(r) is Operation else r for r in results]]

@@ -9,33 +9,50 @@ from contextvars import ContextVar
 from typing import Any, NoReturn
 
 from redundant_envs import algebra
-from redundant_envs.tracing.graph import Graph, Value
+from redundant_envs.tracing.graph import CONDITIONS, Graph, Value
 
 EXPONENTS = (2, 3, 4)
 deciding: ContextVar[Callable[[Any], bool] | None] = ContextVar("deciding", default=None)
 """Answers conditions while a stretch is run for one of its ways; without it a condition is no bool."""
 OPERATORS = ("add", "sub", "mul", "truediv")
+PLAIN = (float, int)
+Method = Callable[..., Any]
 
 
-def _arithmetic(name: str, swapped: bool = False) -> Callable[[Number, Any], Any]:
+def _binary(name: str, swapped: bool = False) -> Method:
+    """The operator of numbers that records an operation."""
+    compares = name in CONDITIONS
+
     def method(self: Number, other: Any) -> Any:
-        if not isinstance(other, Number | float | int):
+        if isinstance(other, Number):
+            if other.graph is not self.graph:
+                outlives()
+            b = other.value
+        elif isinstance(other, PLAIN):
+            b = float(other)
+        else:
             return NotImplemented
-        if isinstance(other, Number) and other.graph is not self.graph:
-            outlives()
-        a, b = self.value, value_of(other)
-        return Number(self.graph, getattr(self.graph, name)(*((b, a) if swapped else (a, b))))
+        a, b = (b, self.value) if swapped else (self.value, b)
+        made = self.graph.combine(name, a, b)
+        return Condition(self.graph, made) if compares else Number(self.graph, made)
 
     return method
 
 
-def _comparison(name: str) -> Callable[[Number, Any], Any]:
-    def method(self: Number, other: Any) -> Any:
-        if not isinstance(other, Number | float | int):
+def _unary(name: str) -> Method:
+    """The function of a number that records an operation."""
+    return lambda x: Number(x.graph, x.graph.record(name, x.value))
+
+
+def _joining(name: str, decisive: bool) -> Method:
+    """The operator of conditions that is known if one of them has the decisive value."""
+
+    def method(self: Condition, other: Any) -> Any:
+        if isinstance(other, bool):
+            return other if other is decisive else self
+        if not isinstance(other, Condition):
             return NotImplemented
-        if isinstance(other, Number) and other.graph is not self.graph:
-            outlives()
-        return Condition(self.graph, self.graph.record(name, self.value, value_of(other)))
+        return Condition(self.graph, self.graph.record(name, self.value, other.value))
 
     return method
 
@@ -56,28 +73,31 @@ def _refuse(what: str, name: str | None = None) -> NoReturn:
 
 
 def _refused(what: str) -> Callable[..., NoReturn]:
-    def method(self: Number, *_: Any) -> NoReturn:
-        _refuse(what)
-
-    return method
+    return lambda *_: _refuse(what)
 
 
-class Number:
-    """A float64 per lane."""
+class Traced:
+    """A value of a graph."""
 
     __slots__ = ("graph", "value")
+    __hash__ = None  # type: ignore[assignment]
 
     def __init__(self, graph: Graph, value: Value) -> None:
-        self.graph = graph
-        self.value = value
+        self.graph, self.value = graph, value
 
-    __add__, __radd__ = _arithmetic("add"), _arithmetic("add", True)
-    __sub__, __rsub__ = _arithmetic("subtract"), _arithmetic("subtract", True)
-    __mul__, __rmul__ = _arithmetic("multiply"), _arithmetic("multiply", True)
-    __truediv__, __rtruediv__ = _arithmetic("divide"), _arithmetic("divide", True)
-    __lt__, __le__, __gt__ = _comparison("<"), _comparison("<="), _comparison(">")
-    __ge__, __eq__, __ne__ = _comparison(">="), _comparison("=="), _comparison("!=")  # type: ignore[assignment]
+
+class Number(Traced):
+    """A float64 per lane."""
+
+    __slots__ = ()
     __hash__ = None  # type: ignore[assignment]
+    __add__, __radd__ = _binary("+"), _binary("+", swapped=True)
+    __sub__, __rsub__ = _binary("-"), _binary("-", swapped=True)
+    __mul__, __rmul__ = _binary("*"), _binary("*", swapped=True)
+    __truediv__, __rtruediv__ = _binary("/"), _binary("/", swapped=True)
+    __lt__, __le__, __gt__, __ge__ = _binary("<"), _binary("<="), _binary(">"), _binary(">=")
+    __eq__, __ne__ = _binary("=="), _binary("!=")
+    __neg__, __abs__ = _unary("neg"), _unary("abs")
 
     def __pow__(self, exponent: int) -> Number:
         if not isinstance(exponent, int | float) or exponent not in EXPONENTS:
@@ -88,22 +108,11 @@ class Number:
         square = self * self
         return {2: square, 3: square * self, 4: square * square}[exponent]  # type: ignore[no-any-return]
 
-    def __neg__(self) -> Number:
-        return Number(self.graph, self.graph.record("neg", self.value))
-
-    def __abs__(self) -> Number:
-        return Number(self.graph, self.graph.record("abs", self.value))
-
-    def __bool__(self) -> bool:
-        _refuse("instead of a branch write where(condition, a, b) or cases(...)")
-
-    def __float__(self) -> float:
-        _refuse(
-            "use sqrt, exp, floor, minimum, maximum and where of redundant_envs.algebra, not those of math "
-            "and NumPy"
-        )
-
-    __int__ = __index__ = __float__  # type: ignore[assignment]
+    __bool__ = _refused("instead of a branch write where(condition, a, b) or cases(...)")
+    __float__ = __int__ = __index__ = _refused(
+        "use sqrt, exp, floor, minimum, maximum and where of redundant_envs.algebra, not those of math "
+        "and NumPy"
+    )
     __floordiv__ = __rfloordiv__ = _refused("write floor(a / b) instead of a // b")
     __mod__ = __rmod__ = _refused("write a - b * floor(a / b) instead of a % b")
     __divmod__ = __rdivmod__ = _refused("write floor(a / b) and a - b * floor(a / b) instead of divmod")
@@ -125,42 +134,21 @@ class Number:
         )
 
 
-class Condition:
+class Condition(Traced):
     """A truth value per lane."""
 
-    __slots__ = ("graph", "value")
-
-    def __init__(self, graph: Graph, value: Value) -> None:
-        self.graph = graph
-        self.value = value
-
-    def __and__(self, other: Any) -> Any:
-        if isinstance(other, bool):
-            return self if other else False
-        if not isinstance(other, Condition):
-            return NotImplemented
-        return Condition(self.graph, self.graph.record("and", self.value, other.value))
-
-    def __or__(self, other: Any) -> Any:
-        if isinstance(other, bool):
-            return True if other else self
-        if not isinstance(other, Condition):
-            return NotImplemented
-        return Condition(self.graph, self.graph.record("or", self.value, other.value))
-
-    __rand__, __ror__ = __and__, __or__
+    __slots__ = ()
+    __hash__ = None  # type: ignore[assignment]
+    __and__ = __rand__ = _joining("and", decisive=False)
+    __or__ = __ror__ = _joining("or", decisive=True)
 
     def __xor__(self, other: Condition) -> Condition:
         return Condition(self.graph, self.graph.record("xor", self.value, other.value))
 
-    def __invert__(self) -> NoReturn:
-        _refuse("write logical_not(condition) instead of ~, which turns a Python bool into a number")
-
-    def __eq__(self, other: object) -> Any:
-        _refuse("conditions are compared by ^ (exclusive or), & and |")
-
-    __ne__ = __eq__
-    __hash__ = None  # type: ignore[assignment]
+    __invert__ = _refused(
+        "write logical_not(condition) instead of ~, which turns a Python bool into a number"
+    )
+    __eq__ = __ne__ = _refused("conditions are compared by ^ (exclusive or), & and |")
 
     def __bool__(self) -> bool:
         answer = deciding.get()
@@ -174,10 +162,6 @@ class Condition:
 def value_of(x: Any) -> Value:
     """The graph's value of a traced or plain number."""
     return x.value if isinstance(x, Number) else float(x)
-
-
-def _unary(name: str) -> Callable[[Number], Number]:
-    return lambda x: Number(x.graph, x.graph.record(name, x.value))
 
 
 def fma(a: Any, b: Any, c: Any) -> Number:
@@ -231,8 +215,8 @@ ROUND = 6755399441055744.0
 def exp(x: Number) -> Any:
     """Exponential function to one unit in the last place, without a branch.
 
-    Cody and Waite's reduction by multiples of ln 2 held in two parts (fdlibm, e_exp.c), the Taylor polynomial
-    of degree 13 on [-ln 2 / 2, ln 2 / 2], and two powers of two, neither of which overflows.
+    Cody and Waite's reduction by multiples of ln 2 held in two parts (fdlibm, e_exp.c), a polynomial, and two
+    powers of two, from -1022 to 1023, neither of which overflows.
     """
     if x.graph.whole:
         return _unary("exp")(x)
@@ -240,24 +224,21 @@ def exp(x: Number) -> Any:
     k = fma(x, 1.4426950408889634, ROUND) - ROUND
     r = fma(-k, 6.93147180369123816490e-01, x)
     r = fma(-k, 1.90821492927058770002e-10, r)
+    half, power_of_two = algebra.floor(0.5 * k), _unary("power")
+    return exp_of_rest(r) * power_of_two(half + ROUND) * power_of_two(k - half + ROUND)
+
+
+def exp_of_rest(r: Any) -> Any:
+    """The Taylor polynomial of degree 13 of the exponential function, for |r| <= ln 2 / 2."""
     p: Any = 1.0 / math.factorial(13)
     for n in range(12, 1, -1):
         p = 1.0 / math.factorial(n) + r * p
-    half = algebra.floor(0.5 * k)
-    return (1.0 + (r + r * r * p)) * _power_of_two(half) * _power_of_two(k - half)
-
-
-def _power_of_two(k: Number) -> Number:
-    """2^k for a whole number from -1022 to 1023."""
-    return Number(k.graph, k.graph.record("power", (k + ROUND).value))
+    return 1.0 + (r + r * r * p)
 
 
 algebra.register_numbers(
-    algebra.Primitives(
-        _unary("sqrt"), exp, _unary("floor"), sincos, where, negation
-    ),
-    Number, Condition,
-)  # fmt: skip
+    algebra.Primitives(_unary("sqrt"), exp, _unary("floor"), sincos, where, negation), Number, Condition
+)
 
 
 class Loads(dict[str, Number]):

@@ -11,11 +11,11 @@ import enum
 import functools
 import itertools
 from collections.abc import Callable, Generator, Iterator, Mapping
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from redundant_envs.algebra import any_of, logical_not, where
-from redundant_envs.tracing.graph import Graph, Operation
-from redundant_envs.tracing.number import Condition, Number, outlives
+from redundant_envs.tracing.graph import Graph, Operation, setting
+from redundant_envs.tracing.number import Condition, Traced, deciding, outlives
 from redundant_envs.tracing.ways import Exclusive, Fork, Tree, Way, Ways, every_way, merged_fields, same
 
 ENDED = -1.0
@@ -25,57 +25,24 @@ Program = Callable[[Any], Generator[enum.Enum, None, None]]
 Writes = dict[str, Any]
 
 
-class ProgramLane(Protocol):
-    """What the machine needs of a lane."""
-
-    def begin(self, graph: Graph) -> None:
-        """Read all fields anew, as numbers of a graph."""
-
-    def written(self) -> Writes:
-        """Fields that were set, and their last values as numbers."""
-
-    def loaded(self, name: str) -> Any:
-        """A field as it is in memory, as a number."""
-
-    def __getitem__(self, name: str) -> Any:
-        """A field."""
-
-
 class State(NamedTuple):
-    """Where a program may wait.
-
-    Attributes
-    ----------
-    number : of the state
-    request : what it has asked for; None before it begins
-    answers : for each stretch that leads there, the answers to its conditions
-    """
+    """Where a program may wait."""
 
     number: int
-    request: enum.Enum | None
-    answers: tuple[tuple[bool, ...], ...]
+    request: enum.Enum | None  # what it has asked for; None before it begins
+    answers: tuple[tuple[bool, ...], ...]  # to the conditions of each stretch that leads there
 
 
 class Machine:
     """The states of a program, and what it writes between them.
 
     Every stretch also writes the field "state"; for each request whether the program asks for it, in the
-    field that is the value of the request; and "complete", whether the program has ended.
-
-    Parameters
-    ----------
-    program : callable
-        Takes a lane and returns the generator.
-    lane : ProgramLane
-    requests : type of enum
-        What the program may ask for.
-    whole : bool
-        Whether graphs have whole functions (:class:`Graph`).
+    field that is the value of the request; and "complete", whether the program has ended. The lane is read
+    anew with ``lane.begin(graph)`` before each stretch, which sets ``lane.written()``;
+    ``lane.loaded(name)`` is a field as it is in memory.
     """
 
-    def __init__(
-        self, program: Program, lane: ProgramLane, requests: type[enum.Enum], whole: bool = False
-    ) -> None:
+    def __init__(self, program: Program, lane: Any, requests: type[enum.Enum], whole: bool = False) -> None:
         self.program, self.lane, self.requests = program, lane, requests
         self.states: list[State] = [State(0, None, ())]
         self.ways: dict[int, Tree] = {}
@@ -85,7 +52,8 @@ class Machine:
         for state in self.states:  # grows while it is explored
             graph = self.graphs.setdefault(state.request, Graph(whole))
             run = functools.partial(self._run, state)
-            self.ways[state.number] = every_way(graph, run, _name(state))
+            name = "the beginning" if state.request is None else f"the stretch after {state.request.name}"
+            self.ways[state.number] = every_way(graph, run, name)
 
     def _run(self, state: State, ways: Ways) -> Writes:
         """One way of the stretch after a state."""
@@ -93,12 +61,16 @@ class Machine:
         running = self.program(self.lane)
         for answers in state.answers:
             self.lane.begin(rehearsal)
-            with Ways(rehearsal, answers).taken_here():
+            with setting(deciding, Ways(rehearsal, answers).answer):
                 next(running)
         self.lane.begin(ways.graph)
         request = next(running, None)
         number = ENDED if request is None else self._reached(state, request, running, ways)
-        return {**{n: _of(ways.graph, v) for n, v in self.lane.written().items()}, "state": number}
+        written = self.lane.written()
+        for x in written.values():
+            if isinstance(x, Traced) and x.graph is not ways.graph and isinstance(x.value, Operation):
+                outlives()
+        return {**written, "state": number}
 
     def _reached(self, before: State, request: enum.Enum, running: Any, ways: Ways) -> float:
         """Number of the state in which the program waits now."""
@@ -156,11 +128,9 @@ def _common_end(trees: list[Tree]) -> tuple[Condition, Way, list[Tree]] | None:
     """If all stretches of several states begin with one fork, and on one side of it do the same at once: the
     condition of that side, its way, and the other side of each."""
     forks = [tree for tree in trees if isinstance(tree, Fork)]
-    if len(forks) != len(trees) or len(trees) < 2:
+    if len(forks) != len(trees) or len(trees) < 2 or len({tree.condition.value for tree in forks}) > 1:
         return None
     condition = forks[0].condition
-    if any(tree.condition.value is not condition.value for tree in forks):
-        return None
     sides = [tree.yes for tree in forks], [tree.no for tree in forks]
     for (ends, rest), end in ((sides, condition), (sides[::-1], logical_not(condition))):
         if all(isinstance(way, Way) and _alike(way.result, ends[0].result) for way in ends):  # type: ignore[union-attr]
@@ -170,17 +140,6 @@ def _common_end(trees: list[Tree]) -> tuple[Condition, Way, list[Tree]] | None:
 
 def _alike(a: Writes, b: Writes) -> bool:
     return a.keys() == b.keys() and all(same(a[n], b[n]) for n in a)
-
-
-def _name(state: State) -> str:
-    return "the beginning" if state.request is None else f"the stretch after {state.request.name}"
-
-
-def _of(graph: Graph, x: Any) -> Any:
-    """A number or condition, unless it is of another stretch."""
-    if isinstance(x, Number | Condition) and x.graph is not graph and isinstance(x.value, Operation):
-        outlives()
-    return x
 
 
 def _place(frame: Any) -> tuple[Any, ...]:

@@ -6,37 +6,32 @@ a vector of lanes. On floats the same function simply runs.
 
 from __future__ import annotations
 
-import contextlib
 import functools
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from redundant_envs.algebra import any_of, logical_not, where
-from redundant_envs.tracing.graph import Graph, Operation, bits_of
-from redundant_envs.tracing.number import Condition, Number, deciding, outlives
+from redundant_envs.tracing.graph import Graph, Operation, bits_of, setting
+from redundant_envs.tracing.number import Condition, Number, Traced, deciding, outlives
 
 MOST_WAYS = 256
 """With more ways a stretch takes too long to trace, and its code is too long."""
 
 MERGING = ("select", "and", "or", "not")
 """Operations that merge ways."""
+CONDITIONS, NUMBERS = (Condition, bool), (Number, float, int)
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 
 class Ways:
-    """The answers to the conditions of one run: the given ones first, then true.
-
-    Attributes
-    ----------
-    graph : of the conditions
-    taken : conditions in the order in which they were met, and their answers
-    """
+    """The answers to the conditions of one run: the given ones first, then true."""
 
     def __init__(self, graph: Graph, ahead: Sequence[bool]) -> None:
         self.graph, self.ahead = graph, ahead
         self.taken: list[tuple[Condition, bool]] = []
+        """Conditions in the order in which they were met, and their answers."""
         self._known: dict[Operation, bool] = {}
 
     def answer(self, condition: Condition) -> bool:
@@ -52,15 +47,6 @@ class Ways:
             self.taken.append((Condition(condition.graph, node), self._known[node]))
         return self._known[node] == direct
 
-    @contextlib.contextmanager
-    def taken_here(self) -> Iterator[None]:
-        """Within this context conditions are answered."""
-        token = deciding.set(self.answer)
-        try:
-            yield
-        finally:
-            deciding.reset(token)
-
 
 @dataclass(eq=False)
 class Way:
@@ -71,6 +57,9 @@ class Way:
     @property
     def leaves(self) -> list[Way]:
         return [self]
+
+    def within(self, some: frozenset[Way]) -> bool:
+        return self in some
 
 
 class Fork:
@@ -83,10 +72,15 @@ class Fork:
 
     def within(self, some: frozenset[Way]) -> Any:
         """The condition under which one of some ways is taken."""
+        some = some.intersection(self.leaves)
+        if len(some) in (0, len(self.leaves)):
+            return bool(some)
         if some not in self.known:
-            yes, no = (_within(part, some) for part in (self.yes, self.no))
-            self.known[some] = either(self.condition, yes, no)
+            self.known[some] = self._within(some)
         return self.known[some]
+
+    def _within(self, some: frozenset[Way]) -> Any:
+        return either(self.condition, self.yes.within(some), self.no.within(some))
 
 
 class Exclusive(Fork):
@@ -103,39 +97,19 @@ class Exclusive(Fork):
         super().__init__(tree.condition, tree.yes, tree.no)
         self.parts, self.none = parts, none
 
-    def within(self, some: frozenset[Way]) -> Any:
-        """The condition under which one of some ways is taken."""
+    def _within(self, some: frozenset[Way]) -> Any:
         if self.none in some:
             return logical_not(self.within(frozenset(self.leaves) - some))
-        if some not in self.known:
-            inside = [(c, _within(part, some.intersection(part.leaves))) for c, part in self.parts]
-            self.known[some] = any_of(c & taken for c, taken in inside)
-        return self.known[some]
+        return any_of(c & part.within(some) for c, part in self.parts)
 
 
 Tree = Way | Fork
 
 
-def _within(tree: Tree, some: frozenset[Way]) -> Any:
-    if some.isdisjoint(tree.leaves):
-        return False
-    if some.issuperset(tree.leaves):
-        return True
-    assert isinstance(tree, Fork)
-    return tree.within(some.intersection(tree.leaves))
-
-
 def every_way(graph: Graph, run: Callable[[Ways], Any], what: str) -> Tree:
-    """Run a stretch once for each way.
+    """Run a stretch once for each way, recorded in a graph; ``what`` names it in messages.
 
-    Parameters
-    ----------
-    graph : Graph
-        Records what the stretch does.
-    run : callable
-        The stretch; it must do the same as long as its conditions have the same answers.
-    what : str
-        Names the stretch in messages.
+    It must do the same as long as its conditions have the same answers.
     """
     count = 0
 
@@ -148,7 +122,7 @@ def every_way(graph: Graph, run: Callable[[Ways], Any], what: str) -> Tree:
                 "of it, whose ways are merged where it returns"
             )
         ways = Ways(graph, ahead)
-        with ways.taken_here():
+        with setting(deciding, ways.answer):
             tree: Tree = Way(run(ways))
         for k in reversed(range(len(ahead), len(ways.taken))):
             other = way([*(answer for _, answer in ways.taken[:k]), False])
@@ -167,10 +141,10 @@ def branches(function: F) -> F:
 
     @functools.wraps(function)
     def call(*arguments: Any) -> Any:
-        graph, key = _key(arguments)
+        graph = _graph_of(arguments)
         if graph is None:
             return function(*arguments)
-        known = (function, key)
+        known = (function, _key(arguments))
         if known not in graph.results:
             tree = every_way(graph, lambda _: function(*arguments), function.__qualname__)
             # Arguments are kept, too: keys hold identities.
@@ -180,34 +154,32 @@ def branches(function: F) -> F:
     return call  # type: ignore[return-value]
 
 
-def _key(x: Any) -> tuple[Graph | None, Any]:
-    """The graph of the numbers in an argument, and a key that is equal for equal arguments."""
-    if isinstance(x, Number | Condition):
-        return x.graph, x.value if isinstance(x.value, Operation) else bits_of(x.value)
-    if isinstance(x, tuple | list):
-        parts = [_key(part) for part in x]
-        graph = next((g for g, _ in parts if g is not None), None)
-        return graph, (type(x), *(key for _, key in parts))
+def _graph_of(x: Any) -> Graph | None:
+    """The graph of the numbers in an argument."""
+    if isinstance(x, Traced):
+        return x.graph
+    return next(filter(None, map(_graph_of, x)), None) if isinstance(x, tuple | list) else None
+
+
+def _key(x: Any) -> Any:
+    """A key that is equal for equal arguments."""
+    if isinstance(x, Traced):
+        return x.value if type(x.value) is Operation else bits_of(x.value)
     if isinstance(x, float):
-        return None, bits_of(x)
-    if x is None or isinstance(x, str | int):
-        return None, x
-    return None, (type(x), id(x))
+        return bits_of(x)
+    if isinstance(x, tuple | list):
+        return type(x), *map(_key, x)
+    return x if x is None or isinstance(x, str | int) else (type(x), id(x))
 
 
 def merged(tree: Tree, values: Sequence[Any]) -> Any:
-    """The value of the way that is taken: numbers, conditions, or tuples and lists of them.
-
-    Parameters
-    ----------
-    tree : the ways
-    values : one for each of its leaves, in order
-    """
+    """The value, of one for each leaf of a tree, of the way that is taken: numbers, conditions, or tuples and
+    lists of them."""
     first = values[0]
-    if all(isinstance(x, Condition | bool) for x in values):
-        return _merged_conditions(tree, iter(values))
-    if all(isinstance(x, Number | float | int) for x in values):
-        return _merged_numbers(tree, values)
+    if all(isinstance(x, CONDITIONS) for x in values):
+        return _folded(tree, iter(values), either)
+    if all(isinstance(x, NUMBERS) for x in values):
+        return _folded(tree, iter(values), _selection)
     alike = all(type(x) is type(first) for x in values)
     if alike and isinstance(first, tuple | list) and len({len(x) for x in values}) == 1:
         parts = [merged(tree, part) for part in zip(*values, strict=True)]
@@ -221,11 +193,12 @@ def merged(tree: Tree, values: Sequence[Any]) -> Any:
     )
 
 
-def _merged_conditions(tree: Tree, values: Iterator[Any]) -> Any:
+def _folded(tree: Tree, values: Iterator[Any], choice: Callable[[Any, Any, Any], Any]) -> Any:
+    """One value from those of all leaves, by a choice at each fork."""
     if isinstance(tree, Way):
         return next(values)
-    yes = _merged_conditions(tree.yes, values)
-    return either(tree.condition, yes, _merged_conditions(tree.no, values))
+    yes = _folded(tree.yes, values, choice)
+    return choice(tree.condition, yes, _folded(tree.no, values, choice))
 
 
 def either(condition: Any, a: Any, b: Any) -> Any:
@@ -239,52 +212,39 @@ def either(condition: Any, a: Any, b: Any) -> Any:
     return a if a.value is b.value else where(condition, a, b)
 
 
-def _merged_numbers(tree: Tree, values: Sequence[Any]) -> Any:
-    """A selection at each fork whose sides differ."""
-    numbers = iter(values)
-
-    def at(part: Tree) -> Any:
-        if isinstance(part, Way):
-            return next(numbers)
-        yes, no = at(part.yes), at(part.no)
-        return yes if same(yes, no) else where(part.condition, yes, no)
-
-    return at(tree)
+def _selection(condition: Any, a: Any, b: Any) -> Any:
+    return a if same(a, b) else where(condition, a, b)
 
 
 def same(a: Any, b: Any) -> bool:
     """Whether two numbers are one value of a graph, or one constant."""
-    return _key(a)[1] == _key(b)[1]
+    return bool(_key(a) == _key(b))
 
 
 def merged_fields(tree: Tree, fields: dict[str, list[Any]]) -> dict[str, Any]:
-    """Numbers of several fields, of the way that is taken.
+    """Of the numbers of several fields in all leaves of a tree, those of the way that is taken.
 
     Fields that are equal in the same ways are merged alike, in the form that needs fewer operations: a
     selection at each fork, or one for each different number but one, by the condition that its ways are
     taken, which all these fields share.
-
-    Parameters
-    ----------
-    tree : the ways
-    fields : for each field, its numbers in the leaves of the tree
     """
     alike: dict[Any, list[str]] = {}
     for name, values in fields.items():
-        keys = [_key(float(x) if isinstance(x, int) else x)[1] for x in values]
-        first = {key: k for k, key in reversed(list(enumerate(keys)))}
-        alike.setdefault(tuple(first[key] for key in keys), []).append(name)
+        first: dict[Any, int] = {}
+        keys = (_key(float(x) if isinstance(x, int) else x) for x in values)
+        alike.setdefault(tuple(first.setdefault(key, k) for k, key in enumerate(keys)), []).append(name)
     total: dict[str, Any] = {}
     used: set[Operation] = set()
     for partition, names in sorted(alike.items(), key=lambda item: -len(item[1])):
-        forms = [
-            {name: form(fields[name]) for name in names}
-            for form in (lambda v: _merged_numbers(tree, v), lambda v, p=partition: _by_number(tree, p, v))
-        ]
-        needed = [_operations(form.values(), used) for form in forms]
-        best = min((0, 1), key=lambda k: len(needed[k]))
-        used |= needed[best]
-        total |= forms[best]
+        forms = (
+            {name: _folded(tree, iter(fields[name]), _selection) for name in names},
+            {name: _by_number(tree, partition, fields[name]) for name in names},
+        )
+        needed, form = min(
+            ((_operations(form.values(), used), form) for form in forms), key=lambda n: len(n[0])
+        )
+        used |= needed
+        total |= form
     return total
 
 
@@ -296,7 +256,7 @@ def _by_number(tree: Tree, partition: Sequence[int], values: Sequence[Any]) -> A
     *others, last = sorted(groups, key=lambda k: len(groups[k]))
     result = values[last]
     for k in reversed(others):
-        result = where(_within(tree, frozenset(groups[k])), values[k], result)
+        result = where(tree.within(frozenset(groups[k])), values[k], result)
     return result
 
 

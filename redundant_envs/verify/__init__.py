@@ -6,9 +6,7 @@ in float64 for any reasonable arm, not the value that the arms of this package h
 """
 
 from redundant_envs.verify.checks import Mode, Verdict
-from redundant_envs.verify.report import Report, verify, verify_machine
+from redundant_envs.verify.report import Report, verify
 from redundant_envs.verify.subjects import Subject, subject_from, subjects_of
 
-__all__ = [
-    "Mode", "Report", "Subject", "Verdict", "subject_from", "subjects_of", "verify", "verify_machine",
-]  # fmt: skip
+__all__ = ["Mode", "Report", "Subject", "Verdict", "subject_from", "subjects_of", "verify"]

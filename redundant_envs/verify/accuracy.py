@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,7 +22,7 @@ from redundant_envs.verify.checks import (
     check,
     nothing,
 )
-from redundant_envs.verify.conservation import energy_changes, exact_in_parts, exact_whole
+from redundant_envs.verify.conservation import energy_changes, exact_in_parts, exact_whole, own_interval
 from redundant_envs.verify.judging import judge
 
 ENOUGH = 1e-3
@@ -35,30 +33,6 @@ MISSED = 1e-3
 Scenes of the package miss none of a million (``study intervals``). An estimate of high order does not see a
 strong damper that is not declared: then some intervals of a hundred, or even some of ten, are missed.
 """
-
-
-class Interval(NamedTuple):
-    """A control interval at the scene's own step.
-
-    Attributes
-    ----------
-    q, qd : (n, joints), at its end
-    work : (n,) J
-    numerics : (n,)
-    """
-
-    q: Array
-    qd: Array
-    work: Array
-    numerics: NDArray[np.int8]
-
-
-def own_interval(trial: Trial) -> Interval:
-    q, qd, efforts = trial.states
-    batch = BatchSimulator(trial.scene, len(q), track_work=True)
-    batch.set_state(q, qd)
-    status = batch.advance(efforts)
-    return Interval(batch.q, batch.qd, batch.work, status.numerics)
 
 
 def tips(trial: Trial) -> tuple[Array, list[Array], NDArray[np.bool_]]:
@@ -80,10 +54,8 @@ def own_step(trial: Trial) -> Finding:
     off = np.where(np.isnan(off), np.inf, off)[sure]
     median, high, most = np.median(off), np.quantile(off, 0.99), off.max()
     where = f"median {median:.1e}, max {most:.1e}; references agree to {apart[sure].max():.0e}"
-    words = ""
-    if not high < ENOUGH:
-        words = "the tip is off by more than 1 mm at the 99th percentile: take more substeps, or a tolerance"
-    return Finding(float(high), where, words)
+    words = "the tip is off by more than 1 mm at the 99th percentile: take more substeps, or a tolerance"
+    return Finding(float(high), where, "" if high < ENOUGH else words)
 
 
 @check("energy of the own step", nothing("J, 99 % of the states"), Mode.QUICK)
@@ -91,7 +63,7 @@ def own_energy(trial: Trial) -> Finding:
     """Change of kinetic + potential - work over a control interval at the scene's own step."""
     q, qd, _ = trial.states
     own = trial.shared(own_interval)
-    gap = np.abs(energy_changes(trial.scene, q, qd, own.q, own.qd, own.work)[0])
+    gap = np.abs(energy_changes(trial.scene, q, qd, *own[:3])[0])
     gap = np.where(np.isnan(gap), np.inf, gap)
     return Finding(float(np.quantile(gap, 0.99)), f"median {np.median(gap):.1e}, max {gap.max():.1e}")
 

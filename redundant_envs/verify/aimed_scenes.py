@@ -50,31 +50,20 @@ not finite, or too large."""
 
 @dataclass(frozen=True)
 class Aimed:
-    """A motion of a scene.
-
-    Attributes
-    ----------
-    scene : rde.Scene
-    work : whether the work is tracked and events are logged
-    varied : whether each lane has masses and a restitution of its own
-    speeds : greatest speed of links and sliders at the start is 10 to this power, rad/s and m/s
-    fastest : speed of the first joint in one lane, rad/s or m/s
-    lanes, intervals : their numbers
-    kinds : of starts, one after the other
-    efforts : greatest effort is 10 to this power, N m or N
-    numbers : parameters that differ from those of the scene, so that scenes share machine code
-    """
+    """A motion of a scene."""
 
     scene: rde.Scene
-    work: bool = False
-    varied: bool = True
-    speeds: float = 1.0
-    fastest: float = 1e5
+    work: bool = False  # whether it is tracked and events are logged
+    varied: bool = True  # whether each lane has masses and a restitution of its own
+    speeds: float = 1.0  # the greatest of links and sliders at the start is 10 to this power, rad/s and m/s
+    fastest: float = 1e5  # speed of the first joint in one lane, rad/s or m/s
     lanes: int = LANES
     intervals: int = INTERVALS
-    kinds: tuple[str, ...] = KINDS
-    efforts: float = 1.5
-    numbers: Mapping[str, float] = field(default_factory=dict)
+    kinds: tuple[str, ...] = KINDS  # of starts, one after the other
+    efforts: float = 1.5  # the greatest is 10 to this power, N m or N
+    numbers: Mapping[str, float] = field(
+        default_factory=dict
+    )  # others than the scene's: it shares machine code
 
 
 def fixed(arm: Any, *effects: e.Effect, integrator: str = "rk8", **more: Any) -> rde.Scene:
@@ -124,8 +113,7 @@ AIMED: dict[str, Aimed] = {
         fixed(RPRP, GRAVITY, stops(RPRP), LAG, control_dt=0.05), kinds=NEAR[:3]
     ),
     "events: rk4, 4 sliders, nearly together": Aimed(
-        fixed(FOUR, GRAVITY, stops(FOUR), integrator="rk4"),
-        **WEIGHTLESS,
+        fixed(FOUR, GRAVITY, stops(FOUR), integrator="rk4"), **WEIGHTLESS
     ),
     "events: rk8, 1 slider, late turns": Aimed(
         fixed(ONE, GRAVITY, e.PrismaticStop((0.0,), (None,), 0.5), control_dt=0.1), kinds=("spun",)
@@ -179,9 +167,7 @@ AIMED: dict[str, Aimed] = {
         doubling(RPRP, GRAVITY, e.PrismaticStop((0.0, None), (None, 0.0), 0.5))
     ),
     "events: 1e-6, 2 sliders, nearly together, log": Aimed(
-        doubling(RPRP, GRAVITY, stops(RPRP)),
-        work=True,
-        **WEIGHTLESS,
+        doubling(RPRP, GRAVITY, stops(RPRP)), work=True, **WEIGHTLESS
     ),
     "events: 1e-6, 2 sliders, narrow stops, log": Aimed(doubling(RPRP, GRAVITY, NARROW), work=True),
     "events: 1e-6, 2 sliders, thrown": Aimed(doubling(TWO, *FALLING), **THROWN),

@@ -43,11 +43,16 @@ def numbers(batch: Any) -> Array:
     return np.ascontiguousarray(table).view(np.int64)
 
 
-def run(trial: Trial, batch: Any, lanes: Array, first: int = 0, last: int = INTERVALS) -> Array:
-    """Every number of some intervals, each lane under the efforts of its state, (lanes, ...)."""
-    efforts, tables = trial.states[2], []
+def run(
+    trial: Trial, batch: Any, lanes: Array, first: int = 0, last: int = INTERVALS, without: Any = ()
+) -> Array:
+    """Every number of some intervals, each lane under the efforts of its state, (lanes, ...); those
+    ``without`` have efforts that are no numbers."""
+    tables = []
     for step in range(first, last):
-        batch.advance(np.roll(efforts, step, axis=0)[lanes % len(efforts)])
+        efforts = np.roll(trial.states[2], step, axis=0)[lanes % trial.count]
+        efforts[np.asarray(without, int)] = np.nan
+        batch.advance(efforts)
         tables.append(numbers(batch))
     return np.concatenate(tables, axis=1)
 
@@ -84,14 +89,8 @@ def neighbours(trial: Trial) -> Finding:
     batch, own = batch_of(trial, lanes), lanes % 2 == 0
     others = np.flatnonzero(~own)
     batch.set_state(batch.q[others[::-1]], 1e200 * batch.qd[others], others)
-    efforts = trial.states[2]
-    tables = []
-    for step in range(INTERVALS):
-        now = np.roll(efforts, step, axis=0)[lanes % len(efforts)].copy()
-        now[others] = np.nan
-        batch.advance(now)
-        tables.append(numbers(batch))
-    return differing(trial, np.concatenate(tables, axis=1)[own], lanes[own], "beside other neighbours")
+    found = run(trial, batch, lanes, without=others)
+    return differing(trial, found[own], lanes[own], "beside other neighbours")
 
 
 @check("bits: threads", EQUAL_BITS, Mode.QUICK)

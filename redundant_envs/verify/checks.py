@@ -57,21 +57,11 @@ class NotRun(Exception):
 
 @dataclass(frozen=True)
 class Promise:
-    """Condition on a number.
+    """Condition on a number."""
 
-    Parameters
-    ----------
-    bound : float
-        NaN if nothing is promised.
-    unit : str
-        "" for a ratio.
-    relation : {"at most", "at least", "equal bits", ""}
-        "equal bits" counts the lanes that differ, and promises none.
-    """
-
-    bound: float
-    unit: str
-    relation: str
+    bound: float  # NaN if nothing is promised
+    unit: str  # "" for a ratio
+    relation: str  # "at most", "at least", "" or "equal bits": of the lanes that differ it promises none
 
     def holds(self, found: float) -> bool:
         """Whether a number is as promised; NaN never is."""
@@ -101,39 +91,26 @@ def nothing(unit: str) -> Promise:
 
 @dataclass(frozen=True)
 class Finding:
-    """A number, and the state in which it was found.
-
-    Attributes
-    ----------
-    found : float
-    where : str
-        State and joint of the worst case.
-    words : str
-        The fault, if the promise is missed, or advice for a reader of a measured number.
-    """
+    """A number, and the state in which it was found."""
 
     found: float
-    where: str = ""
-    words: str = ""
+    where: str = ""  # state and joint of the worst case
+    words: str = ""  # the fault, if the promise is missed, or advice for a reader of a measured number
+
+
+Promised = Promise | Callable[["Trial"], Promise]
+Measure = Callable[["Trial"], Finding]
 
 
 @dataclass(frozen=True)
 class Check:
-    """A function that measures a subject, and the promise about its result.
-
-    Attributes
-    ----------
-    name, family : str
-    promise : Promise, or a function of the trial that returns one
-    mode : the smallest mode in which it runs
-    measure : function of a :class:`Trial`; it raises :class:`NotApplicable` or :class:`NotRun` with a reason
-    """
+    """A function that measures a subject, and the promise about its result."""
 
     name: str
     family: str
-    promise: Promise | Callable[[Trial], Promise]
-    mode: Mode
-    measure: Callable[[Trial], Finding]
+    promise: Promised
+    mode: Mode  # the smallest one in which it runs
+    measure: Measure  # raises NotApplicable or NotRun with a reason
 
     def run(self, trial: Trial) -> Outcome:
         """The outcome for a subject; an error of the subject's own code is a miss whose text reports it."""
@@ -143,31 +120,23 @@ class Check:
             with np.errstate(all="ignore"):
                 finding = self.measure(trial)
         except NotApplicable as reason:
-            return self._outcome(trial, promise, Verdict.NOT_APPLICABLE, Finding(math.nan, "", str(reason)))
+            verdict, finding = Verdict.NOT_APPLICABLE, Finding(math.nan, "", str(reason))
         except (NotRun, MissingPackage) as reason:
-            return self._outcome(trial, promise, Verdict.NOT_RUN, Finding(math.nan, "", str(reason)))
+            verdict, finding = Verdict.NOT_RUN, Finding(math.nan, "", str(reason))
         except Exception as error:  # code of users may raise any error, and the other checks continue
             kind = "" if isinstance(error, ValueError) else f"{type(error).__name__}: "
             words = f"it could not be measured: {kind}{error}"
-            return self._outcome(trial, promise, Verdict.MISSED, Finding(math.nan, "", words))
-        if not promise.relation:
-            return self._outcome(trial, promise, Verdict.MEASURED, finding)
-        verdict = Verdict.KEPT if promise.holds(finding.found) else Verdict.MISSED
-        return self._outcome(trial, promise, verdict, finding)
-
-    def _outcome(self, trial: Trial, promise: Promise, verdict: Verdict, finding: Finding) -> Outcome:
+            verdict, finding = Verdict.MISSED, Finding(math.nan, "", words)
+        else:
+            verdict = Verdict.KEPT if promise.holds(finding.found) else Verdict.MISSED
+            verdict = verdict if promise.relation else Verdict.MEASURED
         return Outcome(trial.subject.name, self.family, self.name, promise, verdict, finding)
 
 
-def check(
-    name: str, promise: Promise | Callable[[Trial], Promise], mode: Mode = Mode.STANDARD
-) -> Callable[[Callable[[Trial], Finding]], Check]:
+def check(name: str, promise: Promised, mode: Mode = Mode.STANDARD) -> Callable[[Measure], Check]:
     """Turn a function into a check; :func:`checks_of` finds it in its module."""
 
-    def made(measure: Callable[[Trial], Finding]) -> Check:
-        return Check(name, measure.__module__.rpartition(".")[2], promise, mode, measure)
-
-    return made
+    return lambda measure: Check(name, measure.__module__.rpartition(".")[2], promise, mode, measure)
 
 
 def checks_of(*modules: Any) -> tuple[Check, ...]:
@@ -189,22 +158,12 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Trial:
-    """A subject and its random states; checks share intermediate results.
-
-    Parameters
-    ----------
-    subject : Subject
-    count : int
-        Random states.
-    mode : Mode
-    seed : int
-        Of the states.
-    """
+    """A subject and its random states; checks share intermediate results."""
 
     subject: Subject
-    count: int = STATES[Mode.STANDARD]
+    count: int = STATES[Mode.STANDARD]  # of random states
     mode: Mode = Mode.STANDARD
-    seed: int = 0
+    seed: int = 0  # of the states
     _kept: dict[Any, Any] = dataclasses.field(default_factory=dict, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -223,12 +182,11 @@ class Trial:
     @cached_property
     def states(self) -> tuple[Array, Array, Array]:
         """Coordinates, velocities and joint efforts, (count, joints) each."""
-        q, qd, efforts = random_states(self.scene, self.count, self.seed)
-        return q, qd, efforts
+        return random_states(self.scene, self.count, self.seed)
 
     @cached_property
     def poses(self) -> tuple[Array, Array]:
-        """Coordinates and velocities in all regions that the arm can reach, (up to count, joints) each."""
+        """Coordinates and velocities in all regions that the arm reaches, (up to count, joints) each."""
         return random_poses(self.scene, self.count, self.seed)
 
     @cached_property
@@ -277,6 +235,11 @@ class Trial:
         if len(place) > 1:
             where += f", {(tuple(names) or self.arm.joints)[place[1]]}"
         return float(gaps[place]), where
+
+    def finding(self, gaps: Array, words: str, names: Iterable[str] = ()) -> Finding:
+        """The largest of some numbers; ``{:.1e}`` in the words is replaced by it."""
+        most, where = self.worst(gaps, names)
+        return Finding(most, where, words.format(most))
 
 
 def ratio(difference: Any, scale: Any) -> Array:

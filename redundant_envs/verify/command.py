@@ -7,27 +7,18 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from redundant_envs.progress import counted
+from redundant_envs.scene import load_scene, scene_names
 from redundant_envs.verify import recorded_bits, report
 from redundant_envs.verify.checks import Mode, Verdict
 from redundant_envs.verify.report import MACHINE, OF_THE_MACHINE, Report, checks_in
-from redundant_envs.verify.subjects import subjects_of
+from redundant_envs.verify.subjects import Subject, subjects_of
 
 
 def run(
     words: Sequence[str], states: int | None, mode: str, json_file: Path | None, markdown_file: Path | None
 ) -> int:
-    """Verify the subjects of some words; returns 1 if a promise is broken.
-
-    Parameters
-    ----------
-    words : sequence of str
-        Without any, all named scenes.
-    states : int, optional
-        Number of random states; by default that of the mode.
-    mode : {"quick", "standard", "full"}
-    json_file, markdown_file : Path, optional
-        Files to be written, too.
-    """
+    """Verify the subjects of some words and write tables, on standard output and in files; returns 1 if a
+    promise is broken."""
     chosen, subjects = Mode[mode.upper()], subjects_of(words)
     if states is not None and states < 1:
         raise ValueError(f"states is {states}; give at least 1")
@@ -36,13 +27,12 @@ def run(
             raise ValueError(f"{file} is a folder; give a file to be written")
     reports: list[tuple[str, Report]] = []
     each = len(checks_in(chosen))
+    machine = Subject(MACHINE, load_scene(scene_names()[0]))  # its checks do not look at the scene
     with counted("verify", len(subjects) * each + len(OF_THE_MACHINE), each) as done:
-        for subject in subjects:
-            found = report.verify(subject, states, chosen, done)
-            reports.append((report.about(subject), found))
+        for subject in (*subjects, machine):
+            checks, title = (OF_THE_MACHINE, MACHINE) if subject is machine else (None, report.about(subject))
+            reports.append((title, report.verify(subject, states, chosen, done, checks)))
             _show(*reports[-1])
-        reports.append((MACHINE, report.verify_machine(chosen, done)))
-        _show(*reports[-1])
     if json_file is not None:
         report.write(json_file, report.as_json(reports))
     if markdown_file is not None:

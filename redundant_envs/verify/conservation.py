@@ -40,36 +40,37 @@ PARTS, EQUAL_STEPS = 3, 32
 
 
 class Crossing(NamedTuple):
-    """The end of a control interval.
-
-    Attributes
-    ----------
-    q, qd : (n, joints)
-    work : (n,) J
-    good : (n,) whether there was no fault
-    """
+    """The ends of control intervals."""
 
     q: Array
     qd: Array
-    work: Array
-    good: NDArray[np.bool_]
+    work: Array  # J
+    numerics: NDArray[np.int8]  # flags
+
+    @property
+    def good(self) -> NDArray[np.bool_]:
+        return self.numerics == 0
 
 
 def crossed(scene: Scene, q: Array, qd: Array, efforts: Array, parts: int = 1) -> Crossing:
     """A control interval by dop853, whole or in parts."""
-    return moved(
-        dataclasses.replace(scene, integrator="dop853", substeps=1, tolerance=None), q, qd, efforts, parts
-    )
+    exact = dataclasses.replace(scene, integrator="dop853", substeps=1, tolerance=None)
+    return moved(exact, q, qd, efforts, parts)
 
 
 def moved(scene: Scene, q: Array, qd: Array, efforts: Array, parts: int = 1) -> Crossing:
     """A control interval under constant efforts, in equal parts."""
     batch = BatchSimulator(scene, len(q), track_work=True)
     batch.set_state(q, qd)
-    good = np.ones(len(q), np.bool_)
+    numerics = np.zeros(len(q), np.int8)
     for _ in range(parts):
-        good &= batch.advance_partly(efforts, scene.control_dt / parts).numerics == 0
-    return Crossing(batch.q, batch.qd, batch.work, good)
+        numerics |= batch.advance_partly(efforts, scene.control_dt / parts).numerics
+    return Crossing(batch.q, batch.qd, batch.work, numerics)
+
+
+def own_interval(trial: Trial) -> Crossing:
+    """The interval by the scene's own steps."""
+    return moved(trial.scene, *trial.states)
 
 
 def exact_whole(trial: Trial) -> Crossing:
@@ -182,12 +183,8 @@ def momentum(trial: Trial) -> Finding:
         raise NotApplicable("too few motions without a field could be simulated to rounding")
     size = np.maximum(before[:, 1], then[:, 1])
     gaps = np.where(good, ratio(np.where(good, then[:, 0] - before[:, 0], 0.0), size), 0.0)
-    most, where = trial.worst(gaps)
-    words = (
-        f"{trial.arm.kind}: the momentum about the base changes by {most:.1e} of its parts without a moment "
-        "there: M, h or Q is wrong"
-    )
-    return Finding(most, where, words)
+    words = "the momentum about the base changes by {:.1e} of its parts without a moment there"
+    return trial.finding(gaps, f"{trial.arm.kind}: {words}: M, h or Q is wrong")
 
 
 def _momentum(M: Array, qd: Array, base: Array) -> Array:

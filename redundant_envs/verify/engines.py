@@ -11,16 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from redundant_envs.extras import needs
-from redundant_envs.verify.checks import (
-    Array,
-    Finding,
-    NotApplicable,
-    Trial,
-    at_most,
-    check,
-    ratio,
-)
-from redundant_envs.verify.equations import added_inertia, from_points
+from redundant_envs.verify.checks import Array, Finding, NotApplicable, Trial, at_most, check, ratio
+from redundant_envs.verify.equations import added_inertia, from_points, residual
 
 AGREE = at_most(1e-9)
 """Residual of MuJoCo's equations of motion, in units of its terms, and the difference of mass matrices in
@@ -127,8 +119,8 @@ def mass_matrix(trial: Trial) -> Finding:
     reach = np.linalg.norm(e.points, axis=2).max()
     tips = ratio(theirs.tip - arm.forward_kinematics(q), reach)
     names = (*arm.joints, "tip x", "tip y")
-    most, where = trial.worst(np.concatenate([gaps, tips], axis=1), names)
-    return Finding(most, where, f"{arm.kind}: MuJoCo has another M or tip: a joint is not where it should be")
+    words = f"{arm.kind}: MuJoCo has another M or tip: a joint is not where it should be"
+    return trial.finding(np.concatenate([gaps, tips], axis=1), words, names)
 
 
 @check("MuJoCo: accelerations", AGREE)
@@ -143,8 +135,5 @@ def accelerations(trial: Trial) -> Finding:
     scale = np.sqrt(np.einsum("nii->ni", theirs.M))
     efforts = np.random.default_rng(trial.seed + 4).normal(0.0, 5.0, q.shape) * e.scale[:count]
     qdd = arm.forward_dynamics(q, qd, efforts @ B.T) @ B
-    terms = np.einsum("nij,nj->ni", np.abs(theirs.M), np.abs(qdd)) + np.abs(theirs.forces) + np.abs(efforts)
-    left = np.einsum("nij,nj->ni", theirs.M, qdd) + theirs.forces - efforts
-    gaps = ratio(left / scale, (terms / scale).max(axis=1, keepdims=True))
-    most, where = trial.worst(gaps)
-    return Finding(most, where, f"{arm.kind}: MuJoCo's equations give other accelerations")
+    gaps, _ = residual(theirs.M, qdd, (theirs.forces, -efforts), scale)
+    return trial.finding(gaps, f"{arm.kind}: MuJoCo's equations give other accelerations")

@@ -4,21 +4,14 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterable, Iterator
+from itertools import chain
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 
 from redundant_envs.envs.check import BrokenRule, check_vec_env
-from redundant_envs.verify.checks import (
-    EQUAL_BITS,
-    Finding,
-    Mode,
-    NotApplicable,
-    Promise,
-    Trial,
-    check,
-)
+from redundant_envs.verify.checks import EQUAL_BITS, Finding, Mode, NotApplicable, Promise, Trial, check
 
 LANES, STEPS, SHORT_EPISODE = 9, 12, 5
 MANY, WHOLE = 64, 200
@@ -60,15 +53,12 @@ def _differing(one: list[list[bytes]], other: list[list[bytes]], what: str) -> F
 @check("environment: rules of vectors", RULES, Mode.QUICK)
 def rules(trial: Trial) -> Finding:
     """``rde.check_vec_env`` finds no broken rule, in each autoreset mode."""
-    _arguments(trial)
     broken = []
     for mode in ("next_step", "same_step", "disabled"):
-        env = _vector(trial, 3, autoreset_mode=mode)
         try:
-            check_vec_env(env)
+            check_vec_env(_vector(trial, 3, autoreset_mode=mode))
         except BrokenRule as error:
             broken.append(f"{mode}: {error}")
-        env.close()
     return Finding(len(broken), "", "; ".join(broken))
 
 
@@ -84,15 +74,12 @@ def ranges(trial: Trial) -> Finding:
         shape = (MANY, *env.single_action_space.shape)
         actions = np.random.default_rng(trial.seed).choice([-largest, largest], shape).astype(np.float32)
         observation, infos = env.reset(seed=trial.seed)
-        reward: Any = np.zeros(MANY)
-        for step in range(WHOLE + 1):
-            if step:
-                observation, reward, _, _, infos = env.step(actions)
+        results = [(observation, np.zeros(MANY), None, None, infos)]
+        for observation, reward, _, _, infos in chain(results, (env.step(actions) for _ in range(WHOLE))):
             unknown = [*_without_number(infos)]
             named.update(unknown)
             outside += not env.observation_space.contains(observation)
             without += bool(unknown) or not np.isfinite(reward).all()
-        env.close()
     what = ", ".join(sorted(named)) or "rewards"
     words = (
         f"of {2 * (WHOLE + 1)} resets and steps of {MANY} lanes {outside} have observations outside their "
@@ -131,8 +118,6 @@ def single(trial: Trial) -> Finding:
             alone[step + 1][i] = _bits(*_wide(result[:4]))[0]
             if result[2] or result[3]:
                 break
-        env.close()
-    many.close()
     return _differing(together, alone, "from single environments with their seeds")
 
 
@@ -148,30 +133,28 @@ def _wide(values: Iterable[Any]) -> list[Any]:
 @check("environment: states", EQUAL_BITS, Mode.QUICK)
 def states(trial: Trial) -> Finding:
     """``get_state`` and ``set_state`` continue to the same bits, across the ends of episodes."""
-    env = _vector(trial, autoreset_mode="same_step")
-    env.reset(seed=3)
-    actions = _actions(trial, env)
-    _steps(env, actions[:4])
+    env, actions = _begun(trial, autoreset_mode="same_step")
     state = env.get_state()
-    first = _steps(env, actions[4:])
+    first = _steps(env, actions)
     env.set_state(state)
-    again = _steps(env, actions[4:])
-    env.close()
-    return _differing(first, again, "after set_state")
+    return _differing(first, _steps(env, actions), "after set_state")
 
 
 @check("environment: copies", EQUAL_BITS)
 def copies(trial: Trial) -> Finding:
     """A copy continues to the same bits, whatever happens to the original."""
-    env = _vector(trial)
-    env.reset(seed=4)
+    env, actions = _begun(trial)
+    other = copy.deepcopy(env)
+    return _differing(_steps(env, actions), _steps(other, actions), "in a copy")
+
+
+def _begun(trial: Trial, **arguments: Any) -> tuple[Any, Any]:
+    """A vector environment after some steps, and the actions of the next ones."""
+    env = _vector(trial, **arguments)
+    env.reset(seed=3)
     actions = _actions(trial, env)
     _steps(env, actions[:4])
-    other = copy.deepcopy(env)
-    first = _steps(env, actions[4:])
-    again = _steps(other, actions[4:])
-    env.close()
-    return _differing(first, again, "in a copy")
+    return env, actions[4:]
 
 
 @check("environment: seeds, threads and neighbours", EQUAL_BITS)
@@ -186,6 +169,5 @@ def seeds(trial: Trial) -> Finding:
         actions[:, :LANES] = rng.uniform(-1.0, 1.0, actions[:, :LANES].shape)
         steps = [first, *_steps(env, actions)]
         tables.append([step[:LANES] for step in steps])
-        env.close()
     found = [_differing(tables[0], other, "with threads or more neighbours") for other in tables[1:]]
     return max(found, key=lambda finding: finding.found)

@@ -43,26 +43,13 @@ TILTED = {"ax": 5.0, "ay": 9.81}
 
 
 class Equations(NamedTuple):
-    """Quantities that follow from the point masses alone, at the states of a trial.
+    """Quantities that follow from the point masses alone, at the states of a trial."""
 
-    Attributes
-    ----------
-    points : (n, masses, 2)
-    slopes : (n, masses, 2, joints)
-        Derivatives of the points by the coordinates.
-    M : (n, joints, joints)
-        Mass matrix, inertias that effects add included.
-    scale : (n, joints)
-        Roots of its diagonal.
-    change : (n, joints, joints, joints)
-        Derivatives of the arm's own mass matrix by the coordinates, the last axis.
-    """
-
-    points: Array
-    slopes: Array
-    M: Array
-    scale: Array
-    change: Array
+    points: Array  # (n, masses, 2)
+    slopes: Array  # (n, masses, 2, joints): derivatives of the points by the coordinates
+    M: Array  # (n, joints, joints): mass matrix, inertias that effects add included
+    scale: Array  # (n, joints): roots of its diagonal
+    change: Array  # (n, joints, joints, joints): derivatives of the arm's own M by the coordinates, last axis
 
 
 def values_of(arm: Arm, q: Array, qd: Array | None = None, along: Array | None = None) -> dict[str, Any]:
@@ -77,19 +64,19 @@ def values_of(arm: Arm, q: Array, qd: Array | None = None, along: Array | None =
 
 def table(arm: Arm, names: Iterable[str], values: dict[str, Any], count: int, slope: bool = False) -> Array:
     """Quantities, or their derivatives, (count, names)."""
-    found = arm.evaluate(names, values)
-    parts = [dual(x).slope if slope else x for x in found]
-    return np.stack([np.broadcast_to(np.asarray(x, float), count) for x in parts], axis=-1)
+    return columns((dual(x).slope if slope else x for x in arm.evaluate(names, values)), count)
+
+
+def columns(values: Iterable[Any], count: int) -> Array:
+    """Numbers, or arrays of (count,), side by side: (count, values)."""
+    return np.stack([np.broadcast_to(np.asarray(x, float), count) for x in values], axis=-1)
 
 
 def slopes(arm: Arm, names: Iterable[str], q: Array) -> Array:
     """Derivatives of quantities of the position by each coordinate, (n, names, joints)."""
-    wanted, columns = list(names), []
-    for k in range(q.shape[1]):
-        along = np.zeros_like(q)
-        along[:, k] = 1.0
-        columns.append(table(arm, wanted, values_of(arm, q, along=along), len(q), slope=True))
-    return np.stack(columns, axis=-1)
+    wanted, units = list(names), np.eye(q.shape[1])
+    along = (np.broadcast_to(unit, q.shape) for unit in units)
+    return np.stack([table(arm, wanted, values_of(arm, q, None, a), len(q), True) for a in along], axis=-1)
 
 
 def entries(letter: str, rows: int, columns: int) -> list[str]:
@@ -125,8 +112,7 @@ def equations_at(arm: Arm, added: Array, q: Array) -> Equations:
 
 
 def found(trial: Trial, gaps: Array, what: str, names: Iterable[str] = ()) -> Finding:
-    gap, where = trial.worst(gaps, names)
-    return Finding(gap, where, f"{trial.arm.kind}: {what} by {gap:.1e} of its size")
+    return trial.finding(gaps, f"{trial.arm.kind}: {what} by {{:.1e}} of its size", names)
 
 
 @check("mass matrix", AGREE, Mode.QUICK)
@@ -157,14 +143,14 @@ def positive(trial: Trial) -> Finding:
 def bias_forces(trial: Trial) -> Finding:
     """h is the bias force of Lagrange's equations with the arm's own M."""
     (q, qd), e = trial.poses, trial.shared(at_poses)
-    expected = np.einsum("nijk,nj,nk->ni", e.change, qd, qd)
-    expected -= 0.5 * np.einsum("njki,nj,nk->ni", e.change, qd, qd)
-    terms = np.einsum("nijk,nj,nk->ni", np.abs(e.change), np.abs(qd), np.abs(qd))
-    terms += 0.5 * np.einsum("njki,nj,nk->ni", np.abs(e.change), np.abs(qd), np.abs(qd))
-    size = (terms / e.scale).max(axis=1, keepdims=True)
-    size = np.maximum(
-        size, LEAST * np.square(e.scale * qd).sum(axis=1, keepdims=True) / e.scale.max(axis=1)[:, None]
-    )
+
+    def terms(change: Array, rates: Array, sign: float) -> Array:
+        moved = np.einsum("nijk,nj,nk->ni", change, rates, rates)
+        return moved + sign * 0.5 * np.einsum("njki,nj,nk->ni", change, rates, rates)  # type: ignore[no-any-return]
+
+    expected, sizes = terms(e.change, qd, -1.0), terms(np.abs(e.change), np.abs(qd), 1.0)
+    least = LEAST * np.square(e.scale * qd).sum(axis=1) / e.scale.max(axis=1)
+    size = np.maximum((sizes / e.scale).max(axis=1), least)[:, None]
     gaps = ratio((trial.arm.bias_forces(q, qd) - expected) / e.scale, size)
     return found(trial, gaps, "h contradicts the derivatives of M")
 
@@ -174,9 +160,7 @@ def passivity(trial: Trial) -> Finding:
     """qd^T (M' qd - 2 h) = 0: bias forces do no work beyond the change of M."""
     (q, qd), e = trial.poses, trial.shared(at_poses)
     rate = np.einsum("nijk,nk->nij", e.change, qd)
-    power = np.einsum("ni,nij,nj->n", qd, rate, qd) - 2.0 * np.einsum(
-        "ni,ni->n", qd, trial.arm.bias_forces(q, qd)
-    )
+    power = np.einsum("ni,nij,nj->n", qd, rate, qd) - 2.0 * (qd * trial.arm.bias_forces(q, qd)).sum(axis=1)
     size = np.einsum("ni,nijk,nj,nk->n", np.abs(qd), np.abs(e.change), np.abs(qd), np.abs(qd))
     size = np.maximum(size, LEAST * np.square(e.scale * qd).sum(axis=1) * np.abs(qd).max(axis=1))
     return found(trial, ratio(power, size), "h does work: qd^T (M' - 2 C) qd is not 0 but off")
@@ -209,13 +193,12 @@ def gravity_forces(trial: Trial) -> Finding:
     masses, joints = np.array(arm.masses), len(arm.joints)
     gaps = []
     for axis, field in enumerate(({"ax": 1.0, "ay": 0.0}, {"ax": 0.0, "ay": 1.0})):
-        expected = np.einsum("p,npj->nj", masses, e.slopes[:, :, axis])
-        own = table(arm, numbered("G{}", joints), values_of(arm, q) | field, len(q))
-        gaps.append(ratio(own - expected, e.scale * np.sqrt(masses.sum())))
-        energy = table(arm, ["U"], values_of(arm, q) | field, len(q))
-        height = np.einsum("p,np->n", masses, e.points[:, :, axis])[:, None]
-        gaps.append(ratio(energy - height, np.abs(masses * e.points[:, :, axis]).sum(1)[:, None]))
-    return found(trial, np.concatenate(gaps, axis=1), "G or U contradicts the point masses", arm.joints * 4)
+        own = table(arm, [*numbered("G{}", joints), "U"], values_of(arm, q) | field, len(q))
+        weights, heights = masses @ e.slopes[:, :, axis], masses * e.points[:, :, axis]
+        gaps.append(ratio(own[:, :-1] - weights, e.scale * np.sqrt(masses.sum())))
+        gaps.append(ratio(own[:, -1] - heights.sum(axis=1), np.abs(heights).sum(axis=1))[:, None])
+    names = (*arm.joints, "energy") * 2
+    return found(trial, np.concatenate(gaps, axis=1), "G or U contradicts the point masses", names)
 
 
 @check("kinetic energy", AGREE, Mode.QUICK)
@@ -238,12 +221,15 @@ def forward_dynamics(trial: Trial) -> Finding:
     n = len(arm.joints)
     values = values_of(arm, q, qd) | TILTED | {f"Q{k + 1}": Q[:, k] for k in range(n)}
     qdd, G = (table(arm, numbered(form, n), values, len(q)) for form in ("qdd{}", "G{}"))
-    h = arm.bias_forces(q, qd)
-    own = arm.mass_matrix(q)
-    terms = np.einsum("nij,nj->ni", np.abs(own), np.abs(qdd)) + np.abs(h) + np.abs(G) + np.abs(Q)
-    left = (np.einsum("nij,nj->ni", own, qdd) + h + G - Q) / e.scale
-    gaps = ratio(left, (terms / e.scale).max(axis=1, keepdims=True))
+    gaps, _ = residual(arm.mass_matrix(q), qdd, (arm.bias_forces(q, qd), G, -Q), e.scale)
     return found(trial, gaps, "the accelerations contradict M qdd + h + G = Q")
+
+
+def residual(M: Array, qdd: Array, forces: tuple[Array, ...], scale: Array) -> tuple[Array, Array]:
+    """What is left of M qdd and other forces, in units of the sizes of the terms, (n, joints), (n, 1)."""
+    terms = np.einsum("nij,nj->ni", np.abs(M), np.abs(qdd)) + sum(map(np.abs, forces))
+    size = (terms / scale).max(axis=1, keepdims=True)
+    return ratio((np.einsum("nij,nj->ni", M, qdd) + sum(forces)) / scale, size), size
 
 
 @check("mobility bounds", at_most(1.0 + 1e-9), Mode.QUICK)
@@ -259,10 +245,7 @@ def mobility_bounds(trial: Trial) -> Finding:
     bounds = np.array(Quantities(arm.parameter_values(), (arm.mobility_bounds,), {}).each(names), float)
     q = np.concatenate([q, trial.square])
     own = np.einsum("ji,njk,ki->ni", B, np.linalg.inv(arm.mass_matrix(q)), B) / bounds
-    most, where = trial.worst(own)
-    return Finding(
-        most, where, f"{arm.kind}: the mobility is {most:.3g} of its bound: error control trusts it"
-    )
+    return trial.finding(own, f"{arm.kind}: the mobility is {{:.3g}} of its bound: error control trusts it")
 
 
 @check("sliders held and struck", AGREE, Mode.QUICK)
@@ -283,21 +266,15 @@ def sliders(trial: Trial) -> Finding:
         values |= {f"Q{k + 1}": Q[:, k] for k in range(n)}
         values |= {f"held{k + 1}": np.full(len(q), float(k in held)) for k in slides}
         x = Quantities(values, dynamics.functions_held, arm.sincos)
-        qdd, hold = _columns(x, numbered("qdd{}", n), len(q)), np.zeros_like(q)
-        hold[:, held] = _columns(x, [f"hold{k + 1}" for k in held], len(q))
+        qdd, hold = columns(x.each(numbered("qdd{}", n)), len(q)), np.zeros_like(q)
+        hold[:, held] = columns(x.each(f"hold{k + 1}" for k in held), len(q))
         h, G = arm.bias_forces(q, rates), table(arm, numbered("G{}", n), values_of(arm, q) | TILTED, len(q))
-        terms = np.einsum("nij,nj->ni", np.abs(own), np.abs(qdd)) + np.abs(h) + np.abs(G) + np.abs(Q)
-        size = (terms / e.scale).max(axis=1, keepdims=True)
-        left = (np.einsum("nij,nj->ni", own, qdd) + h + G - Q - hold) / e.scale
-        gaps += [ratio(left, size), ratio(np.where(np.isin(range(n), held), qdd, 0.0) * e.scale, size)]
+        left, size = residual(own, qdd, (h, G, -Q, -hold), e.scale)
+        gaps += [left, ratio(np.where(np.isin(range(n), held), qdd, 0.0) * e.scale, size)]
     for k in slides:
-        W = _columns(x, [f"W{i + 1}{k + 1}" for i in range(n)], len(q))
+        W = columns(x.each(f"W{i + 1}{k + 1}" for i in range(n)), len(q))
         product = np.einsum("nij,nj->ni", own, W) - np.eye(n)[k]
         most = (np.einsum("nij,nj->ni", np.abs(own), np.abs(W)) / e.scale).max(axis=1, keepdims=True)
         gaps.append(ratio(product / e.scale, most))
     words = "held_dynamics or slider_mobility contradicts M"
     return found(trial, np.concatenate(gaps, axis=1), words, arm.joints * len(gaps))
-
-
-def _columns(x: Quantities, names: Iterable[str], count: int) -> Array:
-    return np.stack([np.broadcast_to(a, count) for a in x.each(names)], axis=1)

@@ -13,16 +13,7 @@ from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.interval import Interval
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.scene import SHORTEST_INTERVAL, Scene
-from redundant_envs.verify.checks import (
-    Array,
-    Finding,
-    Mode,
-    NotApplicable,
-    Trial,
-    at_most,
-    check,
-    ratio,
-)
+from redundant_envs.verify.checks import Array, Finding, Mode, NotApplicable, Trial, at_most, check, ratio
 
 AGREE = at_most(1e-10)
 """Largest difference, relative to the largest number of a kind. Evaluators differ by the rounding of joined
@@ -35,19 +26,11 @@ MOST_EVALUATIONS = 24 * 12
 
 
 class Ended(NamedTuple):
-    """Ends of intervals by compiled code.
+    """Ends of intervals by compiled code."""
 
-    Attributes
-    ----------
-    scene : Scene
-        The trial's, with a calm interval of few equal steps.
-    lanes : (lanes,) the states of the trial that are compared
-    states : (lanes, 2 joints)
-    """
-
-    scene: Scene
-    lanes: Array
-    states: Array
+    scene: Scene  # the trial's, with a calm interval of few equal steps
+    lanes: Array  # the states of the trial that are compared
+    states: Array  # (lanes, 2 joints)
 
 
 def compiled(trial: Trial) -> Ended:
@@ -85,8 +68,8 @@ def agreement(trial: Trial, found: Array, other: str) -> Finding:
     joints = len(trial.arm.joints)
     size = np.abs(expected).reshape(len(expected), 2, joints).max(axis=(0, 2))
     gaps = ratio(found - expected, np.repeat(size, joints))
-    most, where = trial.worst(gaps, (*trial.arm.coordinates, *trial.arm.rates))
-    return Finding(most, where, f"compiled code and {other} are {most:.1e} apart after an interval")
+    words = f"compiled code and {other} are {{:.1e}} apart after an interval"
+    return trial.finding(gaps, words, (*trial.arm.coordinates, *trial.arm.rates))
 
 
 @check("evaluators: NumPy", AGREE)

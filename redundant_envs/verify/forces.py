@@ -23,6 +23,7 @@ from redundant_envs.verify.checks import (
     check,
     ratio,
 )
+from redundant_envs.verify.equations import columns
 from redundant_envs.verify.hints import worst_of
 from redundant_envs.verify.states import BEYOND
 
@@ -56,30 +57,24 @@ def _potential(trial: Trial, effect: Effect, q: Array) -> Finding:
     arm: Any = trial.scene.robot
     alone = Scene(arm, (effect,))
     inverse = np.linalg.inv(arm.motor_map)  # from joint positions to coordinates
-    here = np.abs(potential_energy(alone, q))
-    slope, rough = np.empty_like(q), np.empty_like(q)
     step = np.full(len(arm.joints), STEP)
     for k, (lower, upper) in alone.travel().items():
         step[k] = min(STEP, SHARE_OF_TRAVEL * (alone.parameters()[upper] - alone.parameters()[lower]))
-    for k in range(len(arm.joints)):
 
-        def difference(steps: int, joint: int = k) -> Array:
-            move = steps * step[joint] * inverse[joint]
-            above, below = q + move, q - move
-            moved = ((above - below) @ arm.motor_map)[:, joint]  # for a large angle not exactly the step
-            return (potential_energy(alone, above) - potential_energy(alone, below)) / moved
+    def difference(joint: int, steps: int) -> Array:
+        move = steps * step[joint] * inverse[joint]
+        above, below = q + move, q - move
+        moved = ((above - below) @ arm.motor_map)[:, joint]  # for a large angle not exactly the step
+        return (potential_energy(alone, above) - potential_energy(alone, below)) / moved
 
-        near, far = difference(1), difference(2)
-        slope[:, k] = -(4.0 * near - far) / 3.0
-        rough[:, k] = np.abs(near - far)
-    force = conservative_force(alone, q)
+    near, far = (np.stack([difference(k, n) for k in range(len(step))], axis=1) for n in (1, 2))
+    slope, force = -(4.0 * near - far) / 3.0, conservative_force(alone, q)
     largest = np.maximum(np.abs(force), np.abs(slope)).max(axis=1)
     scale = np.maximum(largest, SMALL_FORCE * largest.max())[:, None]
-    noise = ROUNDING * here[:, None] / step
-    smooth = np.all(rough <= SMOOTH * scale + noise, axis=1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        gap = np.where(smooth[:, None], np.maximum(np.abs(force - slope) - noise, 0.0) / scale, 0.0)
-    gap = np.where(scale > 0.0, gap, 0.0)
+    noise = ROUNDING * np.abs(potential_energy(alone, q))[:, None] / step
+    smooth = np.all(np.abs(near - far) <= SMOOTH * scale + noise, axis=1)
+    gap = np.maximum(np.abs(force - slope) - noise, 0.0) / scale
+    gap = np.where(smooth[:, None] & (scale > 0.0), gap, 0.0)
     most, where = trial.worst(gap)
     share = float(np.mean(smooth))
     if share < ENOUGH_SMOOTH:
@@ -104,9 +99,8 @@ def conservative_force(scene: Scene, q: Array) -> Array:
         if "conservative" in a.functions:
             force += at_joints(scene, a, "conservative", x)
     if scene.attached.of(Field):
-        weight = x.each(numbered("G{}", q.shape[1]))
-        columns = np.stack([np.broadcast_to(g, len(q)) for g in weight], axis=1)
-        force -= columns @ np.linalg.inv(scene.robot.motor_map).T
+        weight = columns(x.each(numbered("G{}", q.shape[1])), len(q))
+        force -= weight @ np.linalg.inv(scene.robot.motor_map).T
     return force
 
 

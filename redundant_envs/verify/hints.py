@@ -7,13 +7,12 @@ estimate exists; here they are compared with derivatives of forces and of states
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from redundant_envs.dual import Dual, dual
-from redundant_envs.effects.attached import Attached, Bound
+from redundant_envs.effects.attached import Attached
 from redundant_envs.effects.hooks import Force, Point
 from redundant_envs.events.boundary import side_beyond
 from redundant_envs.lane.direct import fields_of
@@ -30,7 +29,7 @@ from redundant_envs.verify.checks import (
     check,
     ratio,
 )
-from redundant_envs.verify.equations import TILTED
+from redundant_envs.verify.equations import TILTED, columns
 
 SHORT = at_most(1.5)
 """A step covers two radians of an oscillation, or two time constants of a decay. With half as much again it
@@ -50,10 +49,7 @@ class Motion:
         self.efforts = np.broadcast_to(efforts, joints.shape)
 
     def values(
-        self,
-        more: Mapping[str, Any] = MappingProxyType({}),
-        moved: int | None = None,
-        faster: int | None = None,
+        self, more: Mapping[str, Any] | None = None, moved: int | None = None, faster: int | None = None
     ) -> Quantities:
         """All quantities, some of them given in ``more``, with derivatives by the position of the joint
         ``moved``, or by the rate of the joint ``faster``."""
@@ -69,28 +65,24 @@ class Motion:
         for switch in d.law_of.values():
             position = self.joints[:, switch.joint]
             known[switch.side] = side_beyond(position, known[switch.lower], known[switch.upper])
-        return Quantities({**TILTED, **known, **more}, d.functions, arm.sincos)
+        return Quantities({**TILTED, **known, **(more or {})}, d.functions, arm.sincos)
 
     def slopes(self, a: Attached[Force], of_rate: bool) -> Array:
         """Derivatives of a force by its own position or rate: their largest sum of squares, a root of it."""
-        function, count = a.functions["function"], len(self.joints)
+        function, count, plain = a.functions["function"], len(self.joints), self.values()
         if not isinstance(a.hook.joint, Point):
             x = self.values(faster=a.hook.joint) if of_rate else self.values(moved=a.hook.joint)
-            (force,) = components(function, x)
-            return np.abs(np.broadcast_to(dual(force).slope, count))
-        columns = []
+            return np.abs(np.broadcast_to(dual(function(x)).slope, count))
+        forces: list[Any] = []
         for name in point_names(self.dynamics, a.hook.joint, of_rate):
-            plain = self.values()
-            moving = self.values({alias: Dual(plain[alias], 1.0) for alias in name})
-            columns += [np.broadcast_to(dual(f).slope, count) for f in components(function, moving)]
-        table = np.stack(columns, axis=-1).reshape(count, 2, 2)
+            forces += function(self.values({alias: Dual(plain[alias], 1.0) for alias in name}))
+        table = columns((dual(f).slope for f in forces), count).reshape(count, 2, 2)
         return np.asarray(np.linalg.norm(table, ord=2, axis=(1, 2)))
 
 
-def components(function: Bound, x: Quantities) -> list[Any]:
-    """The result of a function of a force, one or two components."""
-    found = function(x)
-    return [*found] if isinstance(found, tuple) else [found]
+def components(force: Any, count: int) -> Array:
+    """A force along a joint, (count, 1), or at a point, (count, 2)."""
+    return columns(force if isinstance(force, tuple) else (force,), count)
 
 
 def point_names(dynamics: Dynamics, point: Point, of_rate: bool) -> list[list[str]]:
@@ -127,8 +119,8 @@ def worst_of(findings: list[Finding], reason: str) -> Finding:
     return max(findings, key=lambda f: f.found if f.found == f.found else np.inf)
 
 
-def hinted(trial: Trial, which: str) -> list[Finding]:
-    """Ratios of the actual to the declared stiffness or damping of forces."""
+def hinted(trial: Trial, which: str) -> Finding:
+    """The largest ratio of the actual to the declared stiffness or damping of forces."""
     found = []
     for a, motion in cases(trial):
         if which not in a.functions:
@@ -144,19 +136,19 @@ def hinted(trial: Trial, which: str) -> list[Finding]:
             f"{declared[state]:.6g}: error control takes steps that are too long; give the largest"
         )
         found.append(Finding(gap, f"{where}, {a.key}", words))
-    return found
+    return worst_of(found, f"no force declares a {which}")
 
 
 @check("declared stiffness", SHORT, Mode.QUICK)
 def stiffness(trial: Trial) -> Finding:
     """The derivative of a force by its position, at rest, in units of the stiffness that it declares."""
-    return worst_of(hinted(trial, "stiffness"), "no force declares a stiffness")
+    return hinted(trial, "stiffness")
 
 
 @check("declared damping", SHORT, Mode.QUICK)
 def damping(trial: Trial) -> Finding:
     """The derivative of a force by its rate, in units of the damping that it declares."""
-    return worst_of(hinted(trial, "damping"), "no force declares a damping")
+    return hinted(trial, "damping")
 
 
 @check("dampers brake", DRIVES, Mode.QUICK)
@@ -171,23 +163,21 @@ def dampers(trial: Trial) -> Finding:
     for a, motion in cases(trial):
         if "damping" not in a.functions:
             continue
+        count = len(motion.joints)
         if isinstance(a.hook.joint, Point):
             names = point_names(motion.dynamics, a.hook.joint, of_rate=True)
             x = motion.values()
-            rates = [np.broadcast_to(x[name[0]], len(motion.joints)) for name in names]
+            rates = columns((x[name[0]] for name in names), count)
             still = motion.values({alias: 0.0 * x[name[0]] for name in names for alias in name})
         else:
             slow = np.where(np.arange(motion.rates.shape[1]) == a.hook.joint, 0.0, motion.rates)
             x, still = motion.values(), Motion(motion.dynamics, motion.joints, slow).values()
-            rates = [motion.rates[:, a.hook.joint]]
-        moving, resting = (
-            np.stack([np.broadcast_to(f, len(rates[0])) for f in components(a.functions["function"], at)])
-            for at in (x, still)
-        )
-        speed = np.linalg.norm(rates, axis=0)
-        power = np.sum((moving - resting) * rates, axis=0)
-        noise = ROUNDING * np.abs(moving).max(axis=0) * speed
-        largest = np.linalg.norm(moving - resting, axis=0).max() * speed
+            rates = motion.rates[:, [a.hook.joint]]
+        moving, resting = (components(a.functions["function"](at), count) for at in (x, still))
+        speed = np.linalg.norm(rates, axis=1)
+        power = ((moving - resting) * rates).sum(axis=1)
+        noise = ROUNDING * np.abs(moving).max(axis=1) * speed
+        largest = np.linalg.norm(moving - resting, axis=1).max() * speed
         gap, where = trial.worst(ratio(np.maximum(power - noise, 0.0), largest))
         state = int(where.removeprefix("state "))
         words = (

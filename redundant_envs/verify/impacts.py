@@ -34,24 +34,16 @@ is below 1e-10."""
 
 
 class Struck(NamedTuple):
-    """States in which one slider strikes a stop, and the velocities afterwards.
+    """States in which one slider strikes a stop, and the velocities afterwards."""
 
-    Attributes
-    ----------
-    joint : (n,) index of the slider
-    qd, after, expected : (n, joints)
-    M : (n, joints, joints)
-    restitution : (n,)
-    good : (n,) bool
-    """
-
-    joint: Array
+    rows: Array  # of the states
+    joint: Array  # index of the slider
     qd: Array
     after: Array
-    expected: Array
+    expected: Array  # velocities, (n, joints)
     M: Array
     restitution: Array
-    good: Array
+    good: Array  # whether the impact took place without a fault
 
 
 def stops(trial: Trial) -> list[tuple[int, float, float, float]]:
@@ -98,7 +90,9 @@ def struck(trial: Trial) -> Struck:
     back = np.abs(after[rows, struck_joint]) <= 0.5 * e * np.abs(qd[rows, struck_joint])
     own = np.where(back & (e < SMALL), 0.0, e)
     impulse = -(1.0 + own) * qd[rows, struck_joint] / push[rows, struck_joint]
-    return Struck(struck_joint, qd, after, qd + push * impulse[:, None], M, own, good)
+    if np.mean(good) < ENOUGH_SMOOTH:
+        raise ValueError(f"a slider that strikes its stop has an event in {np.mean(good):.0%} of the states")
+    return Struck(rows, struck_joint, qd, after, qd + push * impulse[:, None], M, own, good)
 
 
 def _finite(low: float, high: float) -> tuple[float, float]:
@@ -106,54 +100,35 @@ def _finite(low: float, high: float) -> tuple[float, float]:
     return (low, low + 0.5) if np.isfinite(low) else (high - 0.5, high) if np.isfinite(high) else (0.0, 0.5)
 
 
-def _judged(trial: Trial, s: Struck) -> Array:
-    if np.mean(s.good) < ENOUGH_SMOOTH:
-        raise ValueError(
-            f"a slider that strikes its stop has an event in {np.mean(s.good):.0%} of the states"
-        )
-    return s.good
-
-
 @check("impacts: velocities", AGREE, Mode.QUICK)
 def velocities(trial: Trial) -> Finding:
     """The slider returns with ``restitution`` times its speed, and the arm moves as the impulse requires."""
-    stops(trial)
     s, e = trial.shared(struck), trial.shared(from_points)
-    good = _judged(trial, s)
     size = (e.scale * np.abs(s.qd)).max(axis=1, keepdims=True)
-    gaps = np.where(good[:, None], ratio((s.after - s.expected) * e.scale, size), 0.0)
-    most, where = trial.worst(gaps)
-    return Finding(most, where, f"velocities after an impact are off by {most:.1e}: impulse or restitution")
+    gaps = np.where(s.good[:, None], ratio((s.after - s.expected) * e.scale, size), 0.0)
+    return trial.finding(gaps, "velocities after an impact are off by {:.1e}: impulse or restitution")
 
 
 @check("impacts: momentum", AGREE, Mode.QUICK)
 def momentum(trial: Trial) -> Finding:
     """M dqd has an entry only at the slider: the impulse acts along it."""
-    stops(trial)
     s, e = trial.shared(struck), trial.shared(from_points)
-    good = _judged(trial, s)
     change = np.einsum("nij,nj->ni", s.M, s.after - s.qd)
-    rows = np.arange(len(change))
     size = (e.scale * np.abs(s.qd)).max(axis=1)
-    change[rows, s.joint] = 0.0
-    gaps = np.where(good[:, None], ratio(change / e.scale, size[:, None]), 0.0)
-    most, where = trial.worst(gaps)
-    return Finding(most, where, "an impact changes momenta of joints that it does not act on")
+    change[s.rows, s.joint] = 0.0
+    gaps = np.where(s.good[:, None], ratio(change / e.scale, size[:, None]), 0.0)
+    return trial.finding(gaps, "an impact changes momenta of joints that it does not act on")
 
 
 @check("impacts: energy", AGREE, Mode.QUICK)
 def energy(trial: Trial) -> Finding:
     """An impact takes (1 - restitution^2) v^2 / (2 W_jj), with W the inverse of M."""
-    stops(trial)
     s = trial.shared(struck)
-    good = _judged(trial, s)
     before, after = (0.5 * np.einsum("ni,nij,nj->n", v, s.M, v) for v in (s.qd, s.after))
-    rows = np.arange(len(before))
-    own = np.linalg.inv(s.M)[rows, s.joint, s.joint]
-    lost = (1.0 - s.restitution**2) * s.qd[rows, s.joint] ** 2 / (2.0 * own)
-    gaps = np.where(good, ratio(after - before + lost, before), 0.0)
-    most, where = trial.worst(gaps)
-    return Finding(most, where, f"the energy of an impact is off by {most:.1e} of the kinetic energy")
+    own = np.linalg.inv(s.M)[s.rows, s.joint, s.joint]
+    lost = (1.0 - s.restitution**2) * s.qd[s.rows, s.joint] ** 2 / (2.0 * own)
+    gaps = np.where(s.good, ratio(after - before + lost, before), 0.0)
+    return trial.finding(gaps, "the energy of an impact is off by {:.1e} of the kinetic energy")
 
 
 INTERVALS = 20

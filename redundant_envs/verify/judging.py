@@ -17,18 +17,11 @@ LIMIT = 2.0
 
 
 class Judgement(NamedTuple):
-    """Of the lanes of an interval.
+    """Of the lanes of an interval."""
 
-    Attributes
-    ----------
-    judged : (n,) lanes whose references agree
-    missed : (n,) of these, the lanes whose tips are off
-    error : (n,) distance from the first reference, in units of the tolerance
-    """
-
-    judged: NDArray[np.bool_]
-    missed: NDArray[np.bool_]
-    error: Array
+    judged: NDArray[np.bool_]  # lanes whose references agree
+    missed: NDArray[np.bool_]  # of these, the lanes whose tips are off
+    error: Array  # distance from the first reference, in units of the tolerance
 
 
 def agree(references: Sequence[Array], tolerance: float) -> NDArray[np.bool_]:
@@ -40,16 +33,9 @@ def agree(references: Sequence[Array], tolerance: float) -> NDArray[np.bool_]:
 
 
 def judge(tips: Array, references: Sequence[Array], tolerance: float, known: Any = True) -> Judgement:
-    """Compare the tips of an interval, (n, 2), with those of references.
+    """Compare the tips of an interval, (n, 2), m, with those of references, the most accurate one first.
 
-    Parameters
-    ----------
-    tips, references : (n, 2) arrays, m
-        The first reference is the most accurate one.
-    tolerance : float
-        Of the scene, m.
-    known : (n,) array of bool, optional
-        Lanes of which neither the interval nor a reference has a flag; by default all.
+    The tolerance is the scene's, m; in lanes that are ``known``, nothing has a flag.
     """
     with np.errstate(all="ignore"):
         error = np.linalg.norm(tips - references[0], axis=1) / tolerance

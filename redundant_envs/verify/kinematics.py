@@ -11,17 +11,8 @@ from redundant_envs.dual import Dual, dual
 from redundant_envs.effects.hooks import Inertia
 from redundant_envs.quantities import Quantities
 from redundant_envs.tasks.base import full_reach
-from redundant_envs.verify.checks import (
-    Array,
-    Finding,
-    Mode,
-    Trial,
-    at_least,
-    at_most,
-    check,
-    ratio,
-)
-from redundant_envs.verify.equations import AGREE, at_poses, entries, found, slopes, table, values_of
+from redundant_envs.verify.checks import Array, Finding, Mode, Trial, at_least, at_most, check, ratio
+from redundant_envs.verify.equations import AGREE, at_poses, columns, entries, found, slopes, table, values_of
 
 
 @check("Jacobian", AGREE, Mode.QUICK)
@@ -77,30 +68,20 @@ def motions(trial: Trial) -> Finding:
     positions."""
     arm, (q, qd), e = trial.arm, trial.poses, trial.shared(at_poses)
     count, points, joints = len(q), arm.num_masses, len(arm.joints)
-    own = table(arm, [f"{axis}{k + 1}{j + 1}" for k in range(points) for axis in "XY" for j in range(joints)],
-                values_of(arm, q), count).reshape(count, points, 2, joints)  # fmt: skip
-    v, a = (
-        table(
-            arm,
-            [form.format(axis, k + 1) for k in range(points) for axis in axes],
-            values_of(arm, q, qd),
-            count,
-        )
-        for form, axes in (("v{}{}", "xy"), ("{}dqd{}", "XY"))
-    )
-    slope = e.slopes
-    speed = np.einsum("npaj,nj->npa", slope, qd)
+
+    def quantities(form: str, axes: str) -> Array:
+        names = [form.format(axis, k + 1) for k in range(points) for axis in axes]
+        return table(arm, names, values_of(arm, q, qd), count)
+
+    own = np.stack([quantities(f"{{}}{{}}{j + 1}", "XY") for j in range(joints)], axis=-1)
+    slope = e.slopes.reshape(own.shape)
     change = _second(arm, q, qd)
-    most = np.einsum("npaj,nj->npa", np.abs(slope), np.abs(qd)).max(axis=(1, 2))[:, None]
-    faster = np.maximum(
-        np.abs(change).max(axis=1, keepdims=True), most * np.abs(qd).max(axis=1, keepdims=True)
-    )
+    most = np.einsum("naj,nj->na", np.abs(slope), np.abs(qd)).max(axis=1)
+    faster = np.maximum(np.abs(change).max(axis=1), most * np.abs(qd).max(axis=1))
     gaps = [
-        np.abs(ratio(own - slope, np.linalg.norm(slope, axis=2).max(axis=(0, 1))))
-        .max(axis=3)
-        .reshape(count, -1),
-        ratio(v - speed.reshape(count, -1), most),
-        ratio(a - change, faster),
+        ratio(own - slope, np.linalg.norm(e.slopes, axis=2).max(axis=(0, 1))).max(axis=2),
+        ratio(quantities("v{}{}", "xy") - np.einsum("naj,nj->na", slope, qd), most[:, None]),
+        ratio(quantities("{}dqd{}", "XY") - change, faster[:, None]),
     ]
     names = [f"point {k + 1} {axis}" for k in range(points) for axis in "xy"]
     words = "X, Y, vx, vy, Xdqd or Ydqd of a point mass contradicts its position"
@@ -113,8 +94,7 @@ def _second(arm: Any, q: Array, qd: Array) -> Array:
     for k, name in enumerate(arm.coordinates):
         values[name] = Dual(Dual(q[:, k], qd[:, k]), Dual(qd[:, k]))
     positions = arm.evaluate([f"{axis}{k + 1}" for k in range(arm.num_masses) for axis in "xy"], values)
-    parts = [dual(dual(x).slope).slope for x in positions]
-    return np.stack([np.broadcast_to(np.asarray(x, float), len(q)) for x in parts], axis=1)
+    return columns((dual(dual(x).slope).slope for x in positions), len(q))
 
 
 @check("angular momentum", AGREE, Mode.QUICK)
@@ -123,8 +103,7 @@ def angular_momentum(trial: Trial) -> Finding:
     with the first revolute joint."""
     arm, (q, qd), e = trial.arm, trial.poses, trial.shared(at_poses)
     velocity = np.einsum("npaj,nj->npa", e.slopes, qd)
-    parts = np.stack([e.points[..., 0] * velocity[..., 1], -e.points[..., 1] * velocity[..., 0]])
-    parts = np.array(arm.masses)[:, None] * np.moveaxis(parts, 0, -1)
+    parts = np.array(arm.masses)[:, None] * e.points * velocity[..., ::-1] * (1.0, -1.0)
     expected, size = parts.sum(axis=(1, 2)), np.abs(parts).sum(axis=(1, 2))
     rates, first = qd @ arm.motor_map, next((k for k, s in enumerate(arm.prismatic) if not s), None)
     for a in trial.scene.attached.of(Inertia):
@@ -154,7 +133,7 @@ def column_norms(trial: Trial) -> Finding:
     arm, (q, _), e = trial.arm, trial.poses, trial.shared(at_poses)
     x = Quantities(values_of(arm, q), (*arm.functions, arm.column_norms), arm.sincos)
     expected = np.linalg.norm(e.slopes[:, -1], axis=1)
-    own = np.stack([np.broadcast_to(n, len(q)) for n in x.each(numbered("n{}", len(arm.joints)))], axis=1)
+    own = columns(x.each(numbered("n{}", len(arm.joints))), len(q))
     return found(trial, ratio(own - expected, expected.max(axis=0)), "column_norms contradicts the tip")
 
 
@@ -217,12 +196,10 @@ def kinds(trial: Trial) -> Finding:
         if slides:
             gap = np.abs(arm.points(q + 2.0 * np.pi * back[k]) - e.points).max(axis=(1, 2)) / size
         else:
-            there = slopes(arm, of_points, q + back[k]) @ back[k]
-            here = slopes(arm, of_points, q) @ back[k]
+            there, here = (slopes(arm, of_points, at) @ back[k] for at in (q + back[k], q))
             gap = ratio(np.abs(there - here).max(axis=1), np.abs(here).max())
         moved.append(np.where(np.isfinite(gap), gap, np.inf).max())
     k = int(np.argmin(moved))
-    words = (
-        "slides, and moves as if it turned" if arm.prismatic[k] else "turns, and moves along straight lines"
-    )
-    return Finding(float(moved[k]), arm.joints[k], f"{arm.kind}.prismatic says that {arm.joints[k]} {words}")
+    motions = "turns, and moves along straight lines", "slides, and moves as if it turned"
+    words = f"{arm.kind}.prismatic says that {arm.joints[k]} {motions[arm.prismatic[k]]}"
+    return Finding(float(moved[k]), arm.joints[k], words)

@@ -6,6 +6,7 @@ changes the record says why.
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json
 from collections.abc import Callable, Iterable, Iterator
@@ -19,15 +20,12 @@ from numpy.typing import NDArray
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.verify.aimed_motions import aimed_motion
-from redundant_envs.verify.aimed_scenes import AIMED
+from redundant_envs.verify.aimed_scenes import AIMED, FOUR_R, GRAVITY, RPRP
 
 RECORD = Path(__file__).with_name("recorded_bits.json")
 LANES, INTERVALS = 256, 50
-FOUR_R = rde.FourR(masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3, 0.5, 0.4, 0.6))
-RPRP = rde.RPRP(masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3, 0.5))
 LIMITS = e.EffortLimits((5.0, 4.0, 3.0, 2.0))
 FRICTION = e.ViscousFriction((0.1, 0.2, 0.3, 0.05))
-GRAVITY = e.Gravity(9.81, (0.6, -0.7))
 CENTRING = e.CentringSpring((80.0, 40.0), (-0.2, -0.1), (0.2, 0.3))
 
 
@@ -124,13 +122,15 @@ def motion(scene: rde.Scene, work: bool = False, varied: bool = False) -> Iterat
 
 def episodes(name: str) -> Iterator[NDArray[Any]]:
     """Tables of numbers, step by step, of 256 environments."""
-    arguments = dict(ENVIRONMENTS[name])
+    arguments = ENVIRONMENTS[name]
     if "integrator" in arguments:
-        scene = rde.load_scene(arguments["scene"]).to_dict()
-        effects = [x for x in scene["effects"] if x["type"] != "EffortLimits"]
-        limits = {"type": "EffortLimits", "limits": [20.0, 16.0, 8.0, 4.0]}
-        scene |= {"integrator": arguments["integrator"], "tolerance": None, "effects": [*effects, limits]}
-        arguments = {"scene": scene}
+        scene = rde.load_scene(arguments["scene"])
+        kept = tuple(x for x in scene.effects if not isinstance(x, e.EffortLimits))
+        effects = (*kept, e.EffortLimits((20.0, 16.0, 8.0, 4.0)))
+        scene = dataclasses.replace(
+            scene, integrator=arguments["integrator"], tolerance=None, effects=effects
+        )
+        arguments = {"scene": scene.to_dict()}
     for mode in ("same_step", "next_step"):
         env = gym.make_vec(
             f"redundant_envs/{name.split()[0]}", num_envs=LANES, max_episode_steps=20,
@@ -145,11 +145,8 @@ def episodes(name: str) -> Iterator[NDArray[Any]]:
             yield from tables(observations)
             yield from (reward, terminated, truncated)
             yield from (infos[k] for k in sorted(infos) if "final" not in k and not k.startswith("_"))
-            if "final_obs" in infos:
-                for final in infos["final_obs"]:
-                    if final is not None:
-                        yield from tables(final)
-        env.close()
+            for final in infos.get("final_obs", ()):
+                yield from () if final is None else tables(final)
 
 
 def tables(observations: Any) -> list[NDArray[Any]]:

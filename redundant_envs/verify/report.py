@@ -27,15 +27,7 @@ from redundant_envs.verify import (
     rest,
     symmetries,
 )
-from redundant_envs.verify.checks import (
-    STATES,
-    Check,
-    Mode,
-    Outcome,
-    Trial,
-    Verdict,
-    checks_of,
-)
+from redundant_envs.verify.checks import STATES, Check, Mode, Outcome, Trial, Verdict, checks_of
 from redundant_envs.verify.subjects import Subject, subject_from
 
 CHECKS: tuple[Check, ...] = checks_of(
@@ -47,14 +39,6 @@ OF_THE_MACHINE = (bits.record,)
 """Checks that do not depend on a subject: they are run once."""
 MACHINE = "this machine"
 COLUMNS = ("check", "found", "promised", "", "where")
-
-
-Done = Callable[[str], None]
-"""Callback that receives finished checks."""
-
-
-def _untold(name: str) -> None:
-    """Callback that does nothing."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +71,7 @@ def verify(
     thing: Any,
     states: int | None = None,
     mode: Mode = Mode.STANDARD,
-    done: Done = _untold,
+    done: Callable[[str], None] = lambda name: None,
     checks: Iterable[Check] | None = None,
 ) -> Report:
     """Check an arm, a scene, an effect, a task, or a :class:`Subject`.
@@ -104,24 +88,12 @@ def verify(
         By default those of the mode.
     """
     kind = thing if isinstance(thing, type) else type(thing)
-    subject = thing if isinstance(thing, Subject) else subject_from(kind.__name__, thing)
+    subject = subject_from(kind.__name__, thing)
     trial = Trial(subject, STATES[mode] if states is None else states, mode)
     outcomes = []
     for one in checks_in(mode) if checks is None else checks:
         outcomes.append(one.run(trial))
         done(f"{subject.name}: {one.name}")
-    return Report(tuple(outcomes))
-
-
-def verify_machine(mode: Mode, done: Done = _untold) -> Report:
-    """Run the checks that belong to no subject."""
-    from redundant_envs.scene import load_scene, scene_names
-
-    trial = Trial(Subject(MACHINE, load_scene(scene_names()[0])), STATES[mode], mode)
-    outcomes = []
-    for one in OF_THE_MACHINE:
-        outcomes.append(one.run(trial))
-        done(f"{MACHINE}: {one.name}")
     return Report(tuple(outcomes))
 
 
@@ -132,10 +104,9 @@ def about(subject: Subject) -> str:
     """Description of a subject, in one line."""
     scene = subject.scene
     step = f"{scene.integrator} {1000.0 * scene.control_dt / scene.substeps:.3g} ms"
-    if scene.tolerance is not None:
-        step = f"{scene.integrator} to {scene.tolerance:g} m in {1000.0 * scene.control_dt:.3g} ms"
-    elif scene.integrator == "dop853":
-        step = f"dop853 in {1000.0 * scene.control_dt:.3g} ms"
+    if scene.tolerance is not None or scene.integrator == "dop853":
+        to = "" if scene.tolerance is None else f" to {scene.tolerance:g} m"
+        step = f"{scene.integrator}{to} in {1000.0 * scene.control_dt:.3g} ms"
     effects = ", ".join(type(x).__name__ for x in scene.effects) or "no effects"
     return f"{subject.name}: {scene.robot.kind}, {effects}; {step}"
 
@@ -160,30 +131,23 @@ def text_table(outcomes: Iterable[Outcome]) -> str:
 
 def notes(outcomes: Iterable[Outcome]) -> list[str]:
     """Faults, and advice for the reader, in words."""
-    told = []
-    for o in outcomes:
-        if o.verdict is Verdict.MISSED:
-            told.append(f"MISSED: {o.check}: {o.finding.words}")
-        elif o.verdict is Verdict.MEASURED and o.finding.words:
-            told.append(o.finding.words)
-    return told
+    before = {Verdict.MISSED: "MISSED: {}: ", Verdict.MEASURED: ""}
+    told = [o for o in outcomes if o.verdict in before and (o.finding.words or before[o.verdict])]
+    return [before[o.verdict].format(o.check) + o.finding.words for o in told]
 
 
 def _split(outcomes: Iterable[Outcome]) -> tuple[list[Outcome], list[tuple[str, str]]]:
+    """Lines of the table, and reasons for which checks are not applicable, with their names; of those of
+    one kind, "kind: name", with their number."""
     shown: list[Outcome] = []
-    left: dict[str, list[str]] = {}
+    left: dict[str, Counter[str]] = {}
     for o in outcomes:
         if o.verdict is Verdict.NOT_APPLICABLE:
-            left.setdefault(o.finding.words, []).append(o.check)
+            left.setdefault(o.finding.words, Counter())[o.check.partition(": ")[0]] += 1
         else:
             shown.append(o)
-    return shown, [(reason, _folded(names)) for reason, names in left.items()]
-
-
-def _folded(names: Iterable[str]) -> str:
-    """Names of checks; for those of one kind, "kind: name", their number."""
-    kinds = Counter(name.partition(": ")[0] for name in names)
-    return ", ".join(kind if n == 1 else f"{kind} ({n} checks)" for kind, n in kinds.items())
+    names = (", ".join(k if n == 1 else f"{k} ({n} checks)" for k, n in c.items()) for c in left.values())
+    return shown, list(zip(left, names, strict=True))
 
 
 def markdown(reports: Iterable[tuple[str, Report]]) -> str:

@@ -26,17 +26,16 @@ def numbers_at_rest(trial: Trial) -> Finding:
     q = np.concatenate([trial.states[0], trial.poses[0], trial.square])
     q = q[np.isfinite(dynamics.arm.points(q)).all(axis=(1, 2))]
     motion = Motion(dynamics, q @ dynamics.arm.motor_map, np.zeros_like(q))
-    wrong = []
+    wrong, where = [], ""
     for what, value in _values(dynamics, motion):
         good = np.isfinite(np.broadcast_to(np.asarray(value, float), len(q)))
         if not good.all():
-            state = int(np.argmin(good))
-            wrong.append((what, dict(zip(dynamics.arm.joints, motion.joints[state].round(4), strict=True))))
-    where = f"{wrong[0][0]} at {', '.join(f'{k} {v:g}' for k, v in wrong[0][1].items())}" if wrong else ""
-    verb = "is" if len(wrong) == 1 else "are"
+            pose = zip(dynamics.arm.joints, motion.joints[np.argmin(good)].round(4), strict=True)
+            where = where or f"{what} at {', '.join(f'{k} {v:g}' for k, v in pose)}"
+            wrong.append(what)
     words = (
-        f"at rest, without efforts, {', '.join(what for what, _ in wrong[:5])} "
-        f"{verb} not finite; do not divide by a rate or an effort, which may be 0"
+        f"at rest, without efforts, {', '.join(wrong[:5])} {'is' if len(wrong) == 1 else 'are'} not finite; "
+        "do not divide by a rate or an effort, which may be 0"
     )
     return Finding(len(wrong), where, words)
 

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib
-import os
 import re
-import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import cycle, islice
@@ -15,9 +12,11 @@ from typing import Any
 from redundant_envs.effects import REGISTRY as EFFECTS
 from redundant_envs.effects import Effect, Field, Gravity
 from redundant_envs.envs import registration
+from redundant_envs.modules import module_named
+from redundant_envs.plain_data import required
 from redundant_envs.robots import REGISTRY as ARMS
 from redundant_envs.robots.arm import Arm
-from redundant_envs.scene import Scene, load_scene, scene_names
+from redundant_envs.scene import Scene, load_scene, scene_at, scene_names
 from redundant_envs.tasks import REGISTRY as TASKS
 from redundant_envs.tasks import Task
 from redundant_envs.values import shown
@@ -32,46 +31,22 @@ NAME = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*(\.[^\W\d]\w*)*")
 
 @dataclass(frozen=True)
 class Subject:
-    """A verified object.
+    """A verified object."""
 
-    Attributes
-    ----------
-    name : str
-        The word that names it.
-    scene : Scene
-        With the arm or effect in question, or the scene of the environment.
-    env_id : str, optional
-        Of an environment, or of the environment of a task.
-    task : mapping, optional
-        Numbers of the task other than its defaults.
-    """
-
-    name: str
-    scene: Scene
-    env_id: str | None = None
-    task: Mapping[str, Any] | None = None
+    name: str  # the word that names it
+    scene: Scene  # with the arm or effect in question, or that of the environment
+    env_id: str | None = None  # of an environment, or of the environment of a task
+    task: Mapping[str, Any] | None = None  # numbers of the task other than its defaults
 
 
 def subjects_of(words: Iterable[str]) -> list[Subject]:
-    """The subjects that some words name; all named scenes if there is no word.
-
-    Raises
-    ------
-    ValueError
-        The message names the word, and what is allowed.
-    """
+    """The subjects that some words name; all named scenes if there is no word."""
     return [subject_of(word) for word in [*words] or scene_names()]
 
 
 def subject_of(word: str) -> Subject:
-    """The subject that a word names.
-
-    Parameters
-    ----------
-    word : str
-        A scene by name or file, an id with or without its namespace, a registered arm, effect or task, or
-        ``module:object`` that is one of these.
-    """
+    """The subject of a word: a scene by name or file, an id with or without its namespace, a registered arm,
+    effect or task, or ``module:object`` that is one of these."""
     if NAME.fullmatch(word) and not word.endswith((".yaml", ".yml")):
         return subject_from(word, _imported(word))
     if word.endswith((".yaml", ".yml")) or word in scene_names():
@@ -97,7 +72,8 @@ def subject_from(name: str, thing: Any) -> Subject:
     if isinstance(thing, Scene):
         return Subject(name, thing)
     if issubclass(kind, Arm) and kind is not Arm:
-        return Subject(name, bare_scene(_arm(name, kind) if thing is kind else thing))
+        arm = _arm(name, kind) if thing is kind else thing
+        return Subject(name, Scene(arm, (Gravity(),), tolerance=TOLERANCE))
     if issubclass(kind, Effect) and kind is not Effect:
         return Subject(name, effect_scene(name, _made(name, kind) if thing is kind else thing))
     if issubclass(kind, Task) and kind is not Task:
@@ -105,11 +81,6 @@ def subject_from(name: str, thing: Any) -> Subject:
     raise ValueError(
         f"{name} is {shown(thing)}; verify takes an arm, a scene, an effect or a task, or a class of these"
     )
-
-
-def bare_scene(arm: Arm) -> Scene:
-    """A scene with an arm in a vertical plane, and nothing else."""
-    return Scene(arm, (Gravity(),), tolerance=TOLERANCE)
 
 
 def effect_scene(name: str, effect: Effect) -> Scene:
@@ -129,25 +100,20 @@ def effect_scene(name: str, effect: Effect) -> Scene:
 
 def _imported(word: str) -> Any:
     module, _, path = word.partition(":")
-    if os.getcwd() not in sys.path:
-        sys.path.insert(0, os.getcwd())
     try:
-        thing: Any = importlib.import_module(module)
+        thing: Any = module_named(module)
     except ModuleNotFoundError as error:
+        fix = "give the name of a module that lies in this folder or is installed"
         if error.name is not None and not f"{module}.".startswith(f"{error.name}."):
             raise ValueError(
                 f"{word}: {module} imports {error.name}, which is not there; install it"
             ) from None
-        raise ValueError(
-            f"{word}: {error}; give the name of a module that lies in this folder or is installed"
-        ) from None
+        raise ValueError(f"{word}: {error}; {fix}") from None
     for part in path.split("."):
         if not hasattr(thing, part):
             names = [n for n, v in vars(thing).items() if not n.startswith("_") and _is_subject(v)]
-            raise ValueError(
-                f"{word}: {module} has no {part!r}; of what verify takes it has "
-                f"{', '.join(names) or 'nothing'}"
-            )
+            known = ", ".join(names) or "nothing"
+            raise ValueError(f"{word}: {module} has no {part!r}; of what verify takes it has {known}")
         thing = getattr(thing, part)
     return thing
 
@@ -175,20 +141,13 @@ def _made(name: str, kind: type[Any]) -> Any:
     try:
         return kind()
     except TypeError:
-        needed = [
-            f.name
-            for f in dataclasses.fields(kind)
-            if f.init and f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
-        ]
         raise ValueError(
-            f"{name}: {kind.__name__} has no default of {', '.join(needed)}; name one that has its numbers, "
-            "module:object, or a scene with it"
+            f"{name}: {kind.__name__} has no default of {', '.join(required(kind))}; name one that has its "
+            "numbers, module:object, or a scene with it"
         ) from None
 
 
 def _environment(name: str, env_id: str, task: Mapping[str, Any] | None = None) -> Subject:
-    from redundant_envs.scene import scene_at
-
     scene = scene_at(registration.SCENES[registration.IDS[env_id].arm], None)
     return Subject(name, scene, env_id, task)
 

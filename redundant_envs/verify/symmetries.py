@@ -54,12 +54,11 @@ def time_reversal(trial: Trial) -> Finding:
     reach = np.linalg.norm(trial.arm.points(q), axis=2).max()
     unit = np.where(trial.arm.prismatic, reach, 1.0)
     gaps = np.where(good[:, None], np.abs((batch.q - q) @ trial.arm.motor_map) / unit, 0.0)
-    most, where = trial.worst(gaps)
     words = (
-        f"a motion there and back ends {most:.1e} from where it began: a force of the motion itself changes "
+        "a motion there and back ends {:.1e} from where it began: a force of the motion itself changes "
         "its sign with the velocities, or a force that is said to follow from the position does not"
     )
-    return Finding(most, where, words)
+    return trial.finding(gaps, words)
 
 
 INTERVALS = 2

@@ -11,9 +11,8 @@ import yaml
 
 from redundant_envs.scene import scene_at
 from redundant_envs_train.config import Config
-from redundant_envs_train.own_scene import named_scene
 from redundant_envs_train.policies import read_weights
-from redundant_envs_train.run_folder import SELECTION, read_config
+from redundant_envs_train.run_folder import SELECTION, named_scene, read_config
 
 RPRP, FOUR_R = "redundant_envs/RPRPReach-v0", "redundant_envs/FourRReach-v0"
 CURVE = [(1000, 1.0, 0.2, 0.4, 10.0), (2000, 2.0, 0.9, 0.95, 60.0), (3000, 3.5, 0.98, 1.0, 70.0)]

@@ -19,10 +19,10 @@ from redundant_envs_train.config import (
     load,
 )
 from redundant_envs_train.config.fields import limits
-from redundant_envs_train.config.keys import complete, help_of_keys, keys
+from redundant_envs_train.config.files import complete, help_of_keys, keys
 from redundant_envs_train.config.run import KEPT_FOR_GOALS
-from redundant_envs_train.evaluate import evaluate, summary
 from redundant_envs_train.presets import presets
+from redundant_envs_train.report import evaluate, summary
 from redundant_envs_train.rollout import EVALUATION_SEED, SELECTION_SEED, STUDY_SEED
 from redundant_envs_train.statistics import wilson
 

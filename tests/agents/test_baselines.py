@@ -13,8 +13,7 @@ from stable_baselines3 import PPO, SAC, TD3
 
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs_train.config import Config, checked, load
-from redundant_envs_train.learners.build import make_model
-from redundant_envs_train.learners.plain import NormalNoise
+from redundant_envs_train.learners.build import NormalNoise, make_model
 from redundant_envs_train.policies import load_policy
 from redundant_envs_train.presets import presets
 from redundant_envs_train.run_folder import read_config
@@ -151,7 +150,7 @@ def test_quantiles_that_are_all_dropped_are_refused():
 
 
 def test_noise_of_td3_is_drawn_for_all_environments_at_once():
-    noise = NormalNoise(500, 4, 0.2)
+    noise = NormalNoise((500, 4), 0.2)
     np.random.seed(0)
     drawn = noise()
     assert drawn.shape == (500, 4)
@@ -180,7 +179,7 @@ def test_the_learning_rate_follows_its_schedule(algo, more, schedule, half):
 
 def test_noise_of_actions_is_normal_about_zero():
     np.random.seed(0)
-    noise = NormalNoise(20_000, 4, 0.3)()
+    noise = NormalNoise((20_000, 4), 0.3)()
     assert noise.shape == (20_000, 4)
     np.testing.assert_allclose(noise.mean(axis=0), 0.0, atol=0.01)
     np.testing.assert_allclose(noise.std(axis=0), 0.3, rtol=0.02)

@@ -17,8 +17,8 @@ from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs_train.__main__ import main
 from redundant_envs_train.config import Config, checked
 from redundant_envs_train.learners.networks import Adam
-from redundant_envs_train.new_folder import find_checkpoint
 from redundant_envs_train.policies import read_weights
+from redundant_envs_train.run_folder import find_checkpoint
 from redundant_envs_train.training import checkpoint
 from redundant_envs_train.training.train import resume, train
 from redundant_envs_train.training.watch import Watch

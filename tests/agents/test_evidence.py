@@ -5,10 +5,9 @@ import pytest
 from run_folders import CURVE, FOUR_R, RPRP, config_text, write_run
 
 from redundant_envs.scene import load_scene
-from redundant_envs_train.evidence.aggregate import bootstrap_interval, interquartile_mean
-from redundant_envs_train.evidence.run_table import read_groups, read_runs, write_runs
-from redundant_envs_train.evidence.runs import group, read_run
+from redundant_envs_train.evidence.runs import group, read_groups, read_run, read_runs, write_runs
 from redundant_envs_train.evidence.table import table
+from redundant_envs_train.statistics import interquartile_mean, run_interval
 
 # ---- aggregates ----------------------------------------------------------------------------------
 
@@ -33,30 +32,30 @@ def test_interquartile_mean_is_the_trimmed_mean_of_rliable():
     np.testing.assert_allclose(interquartile_mean(values, 1), stats.trim_mean(values, 0.25, axis=1))
 
 
-def test_bootstrap_interval_covers_the_truth_at_about_its_rate():
+def test_run_interval_covers_the_truth_at_about_its_rate():
     samples = np.random.default_rng(1).normal(3.0, 1.0, (20, 400))  # 400 experiments of 20 runs
-    low, high = bootstrap_interval(samples)
+    low, high = run_interval(samples)
     covered = np.mean((low <= 3.0) & (high >= 3.0))
     assert 0.87 <= covered <= 0.98  # percentile intervals of 20 runs are a little too narrow
 
 
 def test_bootstrap_keeps_the_points_of_a_curve_together():
     curves_ = np.array([0.0, 5.0, 9.0, 4.0, 7.0])[:, None] + np.arange(4.0)  # (runs, points)
-    for end in bootstrap_interval(curves_):
+    for end in run_interval(curves_):
         np.testing.assert_allclose(np.diff(end), 1.0)
 
 
 def test_bootstrap_does_not_depend_on_how_many_points_are_drawn_at_once(monkeypatch):
     samples = np.random.default_rng(3).normal(size=(6, 5))
-    whole = bootstrap_interval(samples)
-    monkeypatch.setattr("redundant_envs_train.evidence.aggregate.MOST_NUMBERS", 100)
-    np.testing.assert_array_equal(bootstrap_interval(samples), whole)
+    whole = run_interval(samples)
+    monkeypatch.setattr("redundant_envs_train.statistics.MOST_NUMBERS", 100)
+    np.testing.assert_array_equal(run_interval(samples), whole)
 
 
 def test_the_interval_of_fewer_than_five_runs_is_unknown():
-    assert np.isnan(bootstrap_interval([[1.0, 2.0]])).all()
-    assert np.isnan(bootstrap_interval([1.0, 2.0, 3.0, 4.0])).all()
-    assert np.isfinite(bootstrap_interval([1.0, 2.0, 3.0, 4.0, 5.0])).all()
+    assert np.isnan(run_interval([[1.0, 2.0]])).all()
+    assert np.isnan(run_interval([1.0, 2.0, 3.0, 4.0])).all()
+    assert np.isfinite(run_interval([1.0, 2.0, 3.0, 4.0, 5.0])).all()
 
 
 # ---- runs ----------------------------------------------------------------------------------------

@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 from run_folders import CURVE, FOUR_R, RPRP, write_run
 
-from redundant_envs_train.evidence.aggregate import bootstrap_interval
-from redundant_envs_train.evidence.curves import curves
-from redundant_envs_train.evidence.figure import draw
-from redundant_envs_train.evidence.learning import MEASURES, summarize
-from redundant_envs_train.evidence.run_table import read_groups
+from redundant_envs_train.evidence.curves import MEASURES, curves, draw, summarize
+from redundant_envs_train.evidence.runs import read_groups
+from redundant_envs_train.statistics import run_interval
 
 
 def make_runs(base: Path, seeds: int = 3) -> list[Path]:
@@ -91,7 +89,7 @@ def test_the_csv_holds_what_a_direct_computation_gives(tmp_path):
         for column, name in enumerate(MEASURES, start=2):
             values = [table_[k, column] for table_ in tables]
             assert float(row[name]) == pytest.approx(np.mean(sorted(values)[1:-1]))
-            low, high = bootstrap_interval(values)
+            low, high = run_interval(values)
             assert float(row[f"{name}_low"]) == pytest.approx(low)
             assert float(row[f"{name}_high"]) == pytest.approx(high)
         assert (float(row["expert_hold_success"]), float(row["expert_mean_return"])) == (1.0, 63.0)

@@ -3,8 +3,8 @@
 import pytest
 from run_folders import write_run
 
-from redundant_envs_train.evidence.aggregate import bootstrap_interval
 from redundant_envs_train.evidence.table import table
+from redundant_envs_train.statistics import run_interval
 
 
 def cells(text: str, number: int) -> list[dict[str, str]]:
@@ -19,7 +19,7 @@ def test_a_row_has_median_worst_and_interquartile_mean_of_its_seeds(tmp_path):
     holds = [0.9, 0.97, 0.98, 0.99, 1.0]
     for seed, hold in enumerate(holds):
         write_run(tmp_path / str(seed), seed, hold_success=hold, train_seconds=100.0 + seed)
-    low, high = bootstrap_interval(holds)
+    low, high = run_interval(holds)
     (shown,) = cells(table(sorted(tmp_path.iterdir())), 0)
     assert shown["hold, median"] == "98.0 %"
     assert shown["hold, worst seed"] == "90.0 %"

@@ -11,8 +11,8 @@ from run_folders import assert_same_policy
 
 from redundant_envs.scene import load_scene
 from redundant_envs_train.__main__ import main
-from redundant_envs_train.evidence.run_table import read_groups
-from redundant_envs_train.own_scene import difference, own_config
+from redundant_envs_train.evidence.runs import read_groups
+from redundant_envs_train.run_folder import difference, own_config
 from redundant_envs_train.training import checkpoint
 from redundant_envs_train.training.watch import Watch
 
@@ -151,7 +151,7 @@ def test_a_training_goes_on_in_its_own_scene(trained, tmp_path, monkeypatch, cap
         assert not (tmp_path / "run" / "evaluation.json").exists()  # an old one is of another policy
         write_scene_file(tmp_path, 8.0)  # while it runs
         if len(points) == 1:
-            self.stop.made = True
+            self.stop.set()
         return point(self)
 
     point = Watch.point

@@ -12,8 +12,8 @@ from torch.nn import functional
 
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs_train.config import Config, checked
+from redundant_envs_train.learners.averaging import goal_mixing
 from redundant_envs_train.learners.build import make_model
-from redundant_envs_train.learners.goals import goal_mixing
 from redundant_envs_train.learners.networks import ACTIVATIONS, Adam, Networks, linear_layers
 from redundant_envs_train.learners.ppo import neighbouring_actions
 

@@ -12,11 +12,10 @@ from run_folders import assert_same_policy
 
 from redundant_envs_train.__main__ import main
 from redundant_envs_train.config import load
-from redundant_envs_train.new_folder import CHECKPOINT
+from redundant_envs_train.run_folder import CHECKPOINT
 from redundant_envs_train.training import many
-from redundant_envs_train.training.amount import seeds_of
 from redundant_envs_train.training.many import FILES, finish, is_finished
-from redundant_envs_train.training.pool import follow
+from redundant_envs_train.training.pool import follow, seeds_of
 from redundant_envs_train.training.train import train
 
 SMALL = [

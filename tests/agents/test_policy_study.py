@@ -23,16 +23,24 @@ from redundant_envs_train.rollout import (
     expert_act,
     random_act,
 )
-from redundant_envs_train.statistics import bootstrap_means, middle_95, permutation_test, sign_test
-from redundant_envs_train.studies.policy.episodes import evaluate_under, held
-from redundant_envs_train.studies.policy.pairs import compare, compare_groups, half_from
+from redundant_envs_train.statistics import bootstrap, middle_95, permutation_test, sign_test
+from redundant_envs_train.studies.policy.episodes import (
+    compare,
+    compare_groups,
+    evaluate_under,
+    half_from,
+    held,
+)
 from redundant_envs_train.studies.policy.run import describe
 from redundant_envs_train.studies.policy.settings import Physics, Study, load_study
 
 PRESET = "configs/training/rprp_reach_ppo.yaml"
 SHIPPED = "configs/studies/policy.yaml"
-STUDY = Study({"exact": Physics(accuracy="exact"), "rk4": Physics("rk4", 1)}, {"A": {"preset": PRESET}},
-              train_seeds=0)  # fmt: skip
+STUDY = Study(
+    physics={"exact": Physics(accuracy="exact"), "rk4": Physics(integrator="rk4")},
+    arms={"A": {"preset": PRESET}},
+    train_seeds=0,
+)
 
 # ---- configuration -------------------------------------------------------------------------------
 
@@ -89,7 +97,9 @@ def test_selection_goals_stay_below_those_of_the_study():
         load(PRESET, ["curve_episodes=1000001"])
 
 
-@pytest.mark.parametrize("physics", [Physics("euler", 4), Physics(accuracy="exact"), Physics(accuracy=1e-5)])
+@pytest.mark.parametrize(
+    "physics", [Physics(integrator="euler", substeps=4), Physics(accuracy="exact"), Physics(accuracy=1e-5)]
+)
 def test_only_the_stepping_of_a_scene_changes(physics):
     config = load(PRESET, ["env_kwargs.accuracy=1e-4", "env_kwargs.max_episode_steps=7"])
     env = make_sb3(config.env, 1, **physics.env_kwargs(config))
@@ -114,7 +124,7 @@ def evaluations():
     return {
         name: evaluate_under(config.env, expert_act(), 9, STUDY_SEED, repeats=1, **physics.env_kwargs(config))
         for name, physics in {
-            "euler": Physics("euler", 1), "exact": Physics(accuracy="exact"),
+            "euler": Physics(integrator="euler", substeps=1), "exact": Physics(accuracy="exact"),
         }.items()
     }  # fmt: skip
 
@@ -157,7 +167,7 @@ def test_flips_are_counted_each_way(evaluations):
 
 def test_episodes_that_numerics_end_are_told_and_not_held():
     config = load("configs/training/four_r_reach_ppo.yaml", ["env_kwargs.task.speed_bound=20"])
-    kwargs = Physics("euler", 1).env_kwargs(config)
+    kwargs = Physics(integrator="euler", substeps=1).env_kwargs(config)
     result = evaluate_under(config.env, random_act(0), 20, STUDY_SEED, repeats=1, **kwargs)
     assert len(set(result.steps.tolist())) > 3
     assert result.ended.sum() > 5
@@ -194,7 +204,7 @@ def test_a_tolerance_that_is_not_reached_is_counted():
 
 def test_bootstrap_agrees_with_the_normal_interval():
     sample = np.random.default_rng(1).normal(3.0, 2.0, 1000)
-    low, high = middle_95(bootstrap_means(sample, 10_000, 0))
+    low, high = middle_95(bootstrap(sample, 10_000, 0))
     half = 1.96 * sample.std() / np.sqrt(1000)
     assert low == pytest.approx(sample.mean() - half, abs=0.01)
     assert high == pytest.approx(sample.mean() + half, abs=0.01)
@@ -203,13 +213,13 @@ def test_bootstrap_agrees_with_the_normal_interval():
 def test_bootstrap_is_seeded_and_keeps_columns_together():
     sample = np.random.default_rng(2).normal(size=50)
     pairs = np.column_stack([sample, -2 * sample])
-    means = bootstrap_means(pairs, 300, 7)
+    means = bootstrap(pairs, 300, 7)
     assert means.shape == (300, 2)
     np.testing.assert_allclose(means[:, 1], -2 * means[:, 0], atol=1e-12)
-    np.testing.assert_array_equal(means, bootstrap_means(pairs, 300, 7))
-    assert (means != bootstrap_means(pairs, 300, 8)).all()
+    np.testing.assert_array_equal(means, bootstrap(pairs, 300, 7))
+    assert (means != bootstrap(pairs, 300, 8)).all()
     with pytest.raises(ValueError, match="1 samples"):
-        bootstrap_means([1.0], 10, 0)
+        bootstrap([1.0], 10, 0)
 
 
 @pytest.mark.parametrize(
@@ -228,7 +238,7 @@ def test_sign_test(a, b, p):
 
 def test_two_values_give_the_binomial():
     """Means of two draws from {0, 1}: 0, 1/2, 1 with 1/4, 1/2, 1/4."""
-    means = bootstrap_means([0.0, 1.0], 40_000, 0)
+    means = bootstrap([0.0, 1.0], 40_000, 0)
     shares = [np.mean(means == m) for m in (0.0, 0.5, 1.0)]
     assert shares == pytest.approx([0.25, 0.5, 0.25], abs=0.01)
 

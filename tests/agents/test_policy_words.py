@@ -14,8 +14,11 @@ from redundant_envs_train.studies.policy.words import (
     training_sentence,
 )  # fmt: skip
 
-STUDY = Study({"exact": Physics(accuracy="exact"), "rk4": Physics("rk4", 1)},
-              {"A": {"preset": "rprp_reach_ppo"}}, train_seeds=0)  # fmt: skip
+STUDY = Study(
+    physics={"exact": Physics(accuracy="exact"), "rk4": Physics(integrator="rk4")},
+    arms={"A": {"preset": "rprp_reach_ppo"}},
+    train_seeds=0,
+)
 
 
 @pytest.mark.parametrize(

@@ -21,12 +21,12 @@ from published_runs import RESULTS, ROOT, published_run
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs_train.__main__ import main
 from redundant_envs_train.config import Config, checked, config_of
-from redundant_envs_train.evidence.run_table import read_groups
+from redundant_envs_train.evidence.runs import read_groups
 from redundant_envs_train.learners.build import make_model
 from redundant_envs_train.policies import load_policy, read_weights
 from redundant_envs_train.rollout import EVALUATION_SEED, policy_act, run_episodes
 from redundant_envs_train.run_folder import read_config
-from redundant_envs_train.shipping import onnx_file
+from redundant_envs_train.shipping import export as shipping
 from redundant_envs_train.shipping.export import export, name_of
 from redundant_envs_train.shipping.layers import Layers, activated, exact_actions, layers_of, modules_of
 
@@ -64,7 +64,7 @@ def test_files_of_a_shipped_policy_agree_to_1e_6(folder):
     layers = layers_of(policy, env.observation_space)
     exact = exact_actions(policy, layers.inputs, seen)
     assert np.ptp(exact, axis=0).min() > 0.5
-    by_onnx = onnx_file.actions_of(folder / "policy.onnx", layers.inputs)(seen)
+    by_onnx = shipping.onnx_actions(folder / "policy.onnx", layers.inputs)(seen)
     np.testing.assert_allclose(by_onnx, exact, rtol=0, atol=1e-6)
     np.testing.assert_allclose(Layers.load(folder / "policy.npz")(seen), exact, rtol=0, atol=1e-6)
     # single precision of stable-baselines3: it differs from itself by some 1e-6 between batches
@@ -115,8 +115,8 @@ def test_layers_are_those_of_the_policy(algo, activation, tmp_path):
     np.testing.assert_allclose(layers(seen), exact, rtol=0, atol=1e-12)
     layers.save(tmp_path / "policy.npz")
     np.testing.assert_array_equal(Layers.load(tmp_path / "policy.npz")(seen), layers(seen))
-    onnx_file.write(model.policy, layers.inputs, tmp_path / "policy.onnx", {"env": config.env})
-    by_onnx = onnx_file.actions_of(tmp_path / "policy.onnx", layers.inputs)(seen)
+    shipping.write_onnx(model.policy, layers.inputs, tmp_path / "policy.onnx", {"env": config.env})
+    by_onnx = shipping.onnx_actions(tmp_path / "policy.onnx", layers.inputs)(seen)
     np.testing.assert_allclose(by_onnx, exact, rtol=0, atol=1e-7)
     assert next(model.policy.parameters()).dtype == torch.float32
 
@@ -159,8 +159,8 @@ def test_a_file_that_acts_otherwise_is_refused_and_leaves_nothing(run, file, val
         return policy
 
     if file == "policy.onnx":
-        write = onnx_file.write
-        monkeypatch.setattr(onnx_file, "write", lambda policy, *more: write(wrong_policy(policy), *more))
+        write = shipping.write_onnx
+        monkeypatch.setattr(shipping, "write_onnx", lambda policy, *more: write(wrong_policy(policy), *more))
     else:
         save = Layers.save
         monkeypatch.setattr(Layers, "save", lambda self, path: save(wrong(self), path))
@@ -281,8 +281,8 @@ def test_a_goal_policy_has_an_input_for_each_part(tmp_path):
     assert list(layers.inputs) == ["achieved_goal", "desired_goal", "observation"]
     seen = observations(env)
     exact = exact_actions(model.policy, layers.inputs, seen)
-    onnx_file.write(model.policy, layers.inputs, tmp_path / "policy.onnx", {})
-    by_onnx = onnx_file.actions_of(tmp_path / "policy.onnx", layers.inputs)(seen)
+    shipping.write_onnx(model.policy, layers.inputs, tmp_path / "policy.onnx", {})
+    by_onnx = shipping.onnx_actions(tmp_path / "policy.onnx", layers.inputs)(seen)
     np.testing.assert_allclose(by_onnx, exact, rtol=0, atol=1e-6)
 
 

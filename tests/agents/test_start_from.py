@@ -15,9 +15,8 @@ from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs_train.__main__ import main
 from redundant_envs_train.config import load
 from redundant_envs_train.learners.build import make_model
-from redundant_envs_train.policies import load_policy, save_policy
+from redundant_envs_train.policies import load_policy, save_policy, start_from
 from redundant_envs_train.run_folder import read_config
-from redundant_envs_train.training.start import start_from
 from redundant_envs_train.training.watch import Watch
 
 POLICIES = Path(__file__).resolve().parents[2] / "policies"
@@ -77,7 +76,7 @@ def test_a_training_records_what_it_started_from_and_goes_on(tmp_path, monkeypat
     point = Watch.point
 
     def stop(self):
-        self.stop.made = True
+        self.stop.set()
         return point(self)
 
     with monkeypatch.context() as patch:

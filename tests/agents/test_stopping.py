@@ -95,13 +95,13 @@ def test_a_stopped_training_leaves_a_run(number, every, tmp_path, capsys):
 
 
 def test_a_second_request_interrupts_at_once():
-    from redundant_envs_train.training.interrupt import stop_request
+    from redundant_envs_train.training.pool import stop_request
 
     outside = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
     try:
         with stop_request() as stop:
             os.kill(os.getpid(), signal.SIGINT)
-            assert stop.made
+            assert stop.is_set()
             with pytest.raises(KeyboardInterrupt):
                 os.kill(os.getpid(), signal.SIGINT)
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

@@ -10,17 +10,18 @@ import pytest
 import yaml
 from run_folders import write_run
 
-from redundant_envs.control.holding import can_hold, holding_load
+from redundant_envs.control.holding import holding_load
 from redundant_envs.control.statics import effort_limits
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.scene import load_scene, scene_data
 from redundant_envs.tables import write_rows
 from redundant_envs_train.__main__ import main
+from redundant_envs_train.commands import factors_of
 from redundant_envs_train.config import load
 from redundant_envs_train.rollout import EVALUATION_SEED
-from redundant_envs_train.studies import strength, strength_run
-from redundant_envs_train.studies.factors import factors_of
+from redundant_envs_train.studies import strength
 from redundant_envs_train.studies.strength import (
+    AREA,
     ARMS,
     COLORS,
     COLUMNS,
@@ -30,14 +31,15 @@ from redundant_envs_train.studies.strength import (
     LIGHTEST,
     Row,
     expert_rows,
+    figure,
     frozen_goals,
     goal_loads,
     learner_rows,
     read_rows,
+    run_study,
+    trainings,
     weakened,
 )
-from redundant_envs_train.studies.strength_figure import AREA, figure
-from redundant_envs_train.studies.strength_run import run_study, trainings
 
 ROOT = Path(__file__).resolve().parents[2]
 PRESETS = {"4R": "configs/training/four_r_reach_ppo.yaml", "RPRP": "configs/training/rprp_reach_sac.yaml"}
@@ -95,8 +97,9 @@ def test_one_account_of_loads_serves_all_factors(arm):
     np.testing.assert_array_equal(loads, holding_load(scene, goals, 0.02))
     middle = 0.5 * (np.sort(loads)[5] + np.sort(loads)[6])
     weak = load_scene(weakened(ARMS[arm][1], float(middle)))
-    np.testing.assert_array_equal(can_hold(weak, goals, 0.02), loads <= middle)
-    assert can_hold(weak, goals, 0.02).sum() == 6
+    held = holding_load(weak, goals, 0.02) <= 1.0
+    np.testing.assert_array_equal(held, loads <= middle)
+    assert held.sum() == 6
 
 
 @pytest.mark.parametrize("arm", [pytest.param("4R", marks=pytest.mark.long), "RPRP"])
@@ -307,7 +310,6 @@ def test_factors_that_are_none_are_refused(text):
 
 def test_learners_are_trained_with_scaled_limits_and_nothing_else_changed():
     assert factors_of("0.6,0.5") == (0.6, 0.5)
-    assert factors_of("") == FACTORS
     chosen = trainings((1.0, 0.5), [3])
     assert len(chosen) == 2 * 2 * 2
     key, config = chosen["4r_sac_0.5_seed3"]
@@ -331,7 +333,7 @@ def test_the_study_without_training_writes_rows_figure_and_table(tmp_path, capsy
     rows = read_rows(tmp_path / "strength.csv")
     assert {(row.arm, row.factor) for row in rows} == {(a, f) for a in ("4R", "RPRP") for f in (1.0, 0.4)}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(strength_run, "expert_rows", None)
+        patch.setattr(strength, "expert_rows", None)
         assert main([*command, "--out", str(tmp_path)]) == 0  # what is finished stays
     assert main([*command[:-1], "11", "--out", str(tmp_path)]) == 0  # of other goals it does not
     assert {row.episodes for row in read_rows(tmp_path / "strength.csv")} == {11}
@@ -346,9 +348,9 @@ def test_learners_that_are_given_are_not_trained_again(tmp_path, monkeypatch):
             arm = "4R" if "FourR" in config.env else "RPRP"
             run_folder(folder / name, arm, config.seed, 0.25, scene=config.env_kwargs["scene"])
 
-    monkeypatch.setattr(strength_run, "train_many", train_many)
-    monkeypatch.setattr(strength_run, "LEARNERS", ("ppo",))
-    monkeypatch.setattr(strength_run, "ARMS", {"4R": ARMS["4R"]})
+    monkeypatch.setattr(strength, "train_many", train_many)
+    monkeypatch.setattr(strength, "TRAINED", ("ppo",))
+    monkeypatch.setattr(strength, "ARMS", {"4R": ARMS["4R"]})
     given = [
         run_folder(tmp_path / "strong", "4R", 7, 0.9),
         run_folder(tmp_path / "other", "4R", 7, 0.8, scene=weakened("four_r_reach", 0.7)),
@@ -366,7 +368,7 @@ def test_learners_that_are_given_are_not_trained_again(tmp_path, monkeypatch):
     [(["--processes", "0"], "processes is 0"), (["--runs", "nothing"], "nothing/config.yaml")],
 )
 def test_arguments_of_the_study_are_checked_before_anything_long(more, word, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(strength_run, "expert_rows", lambda *args: pytest.fail("it begins to compute"))
+    monkeypatch.setattr(strength, "expert_rows", lambda *args: pytest.fail("it begins to compute"))
     assert main(["study", "strength", "--seeds", "none", *more, "--out", str(tmp_path / "out")]) == 2
     assert word in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from redundant_envs.tasks import ReachTask
-from redundant_envs_train.own_scene import own_config
 from redundant_envs_train.policies import load_policy
 from redundant_envs_train.rollout import expert_act, policy_act, run_episodes
+from redundant_envs_train.run_folder import own_config
 
 POLICIES = Path(__file__).parents[2] / "policies"
 EPISODES, SEED = 200, 5_000_000

@@ -8,11 +8,11 @@ import yaml
 
 from redundant_envs_train.__main__ import main
 from redundant_envs_train.config import load
-from redundant_envs_train.new_folder import CHECKPOINT
 from redundant_envs_train.presets import presets
 from redundant_envs_train.rollout import SELECTION_SEED
+from redundant_envs_train.run_folder import CHECKPOINT
 from redundant_envs_train.training import watch
-from redundant_envs_train.training.interrupt import Stopped
+from redundant_envs_train.training.pool import Stopped
 
 pytest.importorskip("optuna", reason="optuna is not installed; pip install 'redundant-envs[tune]'")
 

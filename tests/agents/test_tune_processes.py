@@ -6,12 +6,11 @@ import pytest
 from test_tune import CONFIG, GAMMA, by_gamma, curve, fake_train, rows  # noqa: F401 - by_gamma is a fixture
 
 from redundant_envs_train.config import Config, checked, load
-from redundant_envs_train.training.interrupt import Stopped
+from redundant_envs_train.training.pool import Stopped
 from redundant_envs_train.tuning import study as studies
-from redundant_envs_train.tuning.results import score
 from redundant_envs_train.tuning.search import space_of
 from redundant_envs_train.tuning.study import tune
-from redundant_envs_train.tuning.trials import Judge
+from redundant_envs_train.tuning.trials import Judge, score
 from redundant_envs_train.tuning.workers import Worker
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.control.holding import can_hold, holding_load, holding_poses
+from redundant_envs.control.holding import holding_load, holding_poses
 from redundant_envs.control.statics import effort_limits, motor_efforts, static_efforts
 
 e = rde.effects
@@ -36,7 +36,7 @@ def test_goals_out_of_reach_have_no_pose_and_no_load():
         assert np.isnan(q[0]).all()
         assert load[0] == np.inf
         assert np.isfinite(q[1:]).all()
-        assert not can_hold(rde.load_scene(name), goals)[0]
+        assert holding_load(rde.load_scene(name), goals)[0] > 1.0
         assert holding_load(rde.load_scene(name), goals[:1], tolerance=0.001)[0] < 1.0
     inner = dataclasses.replace(
         rde.load_scene("four_r_reach"), robot=rde.FourR((0.5,) * 4, (0.8, 0.1, 0.1, 0.1))
@@ -92,7 +92,7 @@ def test_weaker_motors_hold_fewer_goals(name):
     for factor in (1.0, 0.25, 0.125):
         weak = changed(name, e.EffortLimits(factor * effort_limits(rde.load_scene(name))))
         np.testing.assert_array_equal(holding_load(weak, goals), load / factor)
-        held.append(can_hold(weak, goals))
+        held.append(holding_load(weak, goals) <= 1.0)
         np.testing.assert_array_equal(held[-1], load <= factor)
     for strong, weak in itertools.pairwise(held):
         assert (strong | ~weak).all()

@@ -7,11 +7,10 @@ import pytest
 from published_runs import RESULTS, ROOT
 
 from redundant_envs_train.config import WITHOUT_EFFECT
-from redundant_envs_train.evidence.run_table import read_groups, read_runs
+from redundant_envs_train.evidence.runs import read_groups, read_runs
 from redundant_envs_train.evidence.table import brief_table, table
-from redundant_envs_train.own_scene import read_scene
-from redundant_envs_train.run_folder import read_config
-from redundant_envs_train.studies import strength_run
+from redundant_envs_train.run_folder import read_config, read_scene
+from redundant_envs_train.studies import strength as strength_run
 from redundant_envs_train.studies.strength import ARMS, FACTORS, learner_rows, read_rows
 
 

@@ -24,7 +24,7 @@ def actions(steps, n):
 @every_id
 def test_a_window_opens_without_a_warning_and_shows_every_step(env_id, monkeypatch):
     pytest.importorskip("pygame", reason="a window needs the extra 'human'")
-    from redundant_envs.envs.window import Window
+    from redundant_envs.envs.rendering import Window
 
     shown = []
     monkeypatch.setattr(Window, "show", lambda self, picture: shown.append(picture))

@@ -156,7 +156,7 @@ def test_scenes_without_limit_springs_have_no_depth_to_show():
 def test_options_beyond_a_hard_stop_are_refused(make, options):
     env = make(scene=limited(RPRP, ("r1", -1.0, 1.0)))
     env.reset(seed=0)
-    with pytest.raises(ValueError, match=r"options\['q'\] puts r[12] at .*; its travel is \[0, "):
+    with pytest.raises(ValueError, match=r"options\['q'\]: r[12] is .* m; its stops are at 0 and "):
         env.reset(options=options)
 
 
@@ -171,7 +171,7 @@ def test_a_slider_with_one_stop_needs_a_spring_at_its_other_end():
     env = gym.make_vec(RPRP, num_envs=LANES, scene=data)
     env.reset(seed=0)
     assert_inside(joints(env)[:, 1], 0.0, 0.2)
-    with pytest.raises(ValueError, match=r"puts r1 at -0.05; its travel is \[0, inf\]"):
+    with pytest.raises(ValueError, match=r"r1 is -0.05 m; its stops are at 0 and inf m"):
         env.reset(options={"q": (0.0, -0.05, 0.0, 0.0)})
     _, infos = env.reset(options={"q": (0.0, 0.25, 0.0, 0.0)})
     assert infos["beyond_limit"] == pytest.approx(0.05)

@@ -15,7 +15,7 @@ sys.path.insert(0, str(HERE))
 os.environ.setdefault("REDUNDANT_ENVS_CACHE", str(HERE.parents[1] / ".pytest_cache" / "kernels"))
 
 import page  # noqa: E402
-from catalogue import all_cases  # noqa: E402
+from hard_case import all_cases  # noqa: E402
 
 from redundant_envs.machine import machine_name  # noqa: E402
 

@@ -8,8 +8,8 @@ import time
 from collections.abc import Sequence
 
 import numpy as np
-from catalogue import THEMES, Case, Figure, shown
 from engine import MuJoCo
+from hard_case import THEMES, Case, Figure, shown
 from subject import Subject
 
 import redundant_envs as rde

@@ -5,7 +5,7 @@ import dataclasses
 import gymnasium as gym
 import numpy as np
 import places  # noqa: F401
-from catalogue import Figure, hard_case
+from hard_case import Figure, hard_case
 from held_command import HeldCommand
 from measured import GRAVITY, LAB, orders, tip_error
 from naive import EstimateWithoutFloor, ExplicitEuler, ImpulseAtStepEnd, SavedPositions, WrappedAngles

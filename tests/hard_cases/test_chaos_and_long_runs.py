@@ -5,7 +5,7 @@ Their longer forms are in tests/long_runs.
 
 import gymnasium as gym
 import numpy as np
-from catalogue import Figure, hard_case
+from hard_case import Figure, hard_case
 from measured import GRAVITY, LAB, STATE_B, energy, energy_error, tip_error
 from naive import EstimateWithoutFloor, ExplicitEuler, FixedSteps, SinglePrecision, SummedClock
 

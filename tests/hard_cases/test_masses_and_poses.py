@@ -3,7 +3,7 @@
 import dataclasses
 
 import numpy as np
-from catalogue import Figure, hard_case
+from hard_case import Figure, hard_case
 from measured import GRAVITY, LAB, STATE_A, acceleration_error, energy_error, tip_error
 from naive import DenseSolve, ExplicitEuler, FixedSteps, InvertedJacobian, RegularisedMass
 

@@ -5,7 +5,7 @@ import math
 import naive
 import numpy as np
 import pytest
-from catalogue import Case, Figure, all_cases, check
+from hard_case import Case, Figure, all_cases, check
 from subject import Subject
 
 CASES = all_cases()

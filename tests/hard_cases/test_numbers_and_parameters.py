@@ -3,7 +3,7 @@
 import gymnasium as gym
 import numpy as np
 import places  # noqa: F401
-from catalogue import Figure, hard_case
+from hard_case import Figure, hard_case
 from measured import GRAVITY, LAB, energy_error, exact_accelerations
 from naive import CubicGuess, ExplicitEuler, ImpulseAtStepEnd, PrintedReport, SinglePrecision, WrappedAngles
 from payload import Payload
@@ -228,7 +228,7 @@ def test_46_starts_at_and_beyond_limits(subject):
             try:
                 make().reset(options={"q": q})
             except ValueError as error:
-                refused += "its travel is [0, 0.25]" in str(error)
+                refused += "its stops are at 0 and 0.25 m" in str(error)
     yield Figure("the number of starts 1e-9 m beyond a stop that are refused", refused, at_least=4)
 
     data = rde.load_scene("four_r_reach").to_dict()

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import naive
 import page
-from catalogue import THEMES, all_cases
+from hard_case import THEMES, all_cases
 
 DOCS = Path(__file__).parents[2] / "docs"
 TEXT = (DOCS / "hard_cases.md").read_text(encoding="utf-8")

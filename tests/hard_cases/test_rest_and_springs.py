@@ -5,7 +5,7 @@ import math
 import numpy as np
 import places  # noqa: F401
 from actuator_lag import ActuatorLag
-from catalogue import Figure, hard_case
+from hard_case import Figure, hard_case
 from measured import GRAVITY, energy_error, tip_error
 from naive import ExplicitEuler, FixedSteps, FlippedVelocity, ImpulseAtStepEnd
 from sliders import ARM, HEAVY

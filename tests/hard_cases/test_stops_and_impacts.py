@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from catalogue import Figure, hard_case
+from hard_case import Figure, hard_case
 from measured import GRAVITY, energy, energy_error, orders, tip_error
 from naive import CubicGuess, FlippedVelocity, ImpulseAtStepEnd
 from sliders import ARM, HEAVY, UNEQUAL, penetration, stopped

@@ -10,8 +10,8 @@ import pytest
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.algebra import physics
-from redundant_envs.envs.vector_env import make_task
 from redundant_envs.model.parameters import numbers
+from redundant_envs.tasks import make_task
 
 SCENE = "rprp_reach"
 ENV = "redundant_envs/RPRPReach-v0"

@@ -27,8 +27,7 @@ from redundant_envs.progress import counted
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = "redundant_envs"
-EQUATIONS = ("robots/rprp", "robots/rprp_elimination", "robots/four_r", "robots/four_r_elimination",
-             "robots/derived", "robots/added_inertia")  # fmt: skip
+EQUATIONS = ("robots/rprp", "robots/four_r", "robots/derived", "robots/added_inertia")
 NUMERICS = ("methods", "tableaus", "error_control", "estimates")
 EVENTS = ("boundary", "crossings", "first_event", "brackets", "locate", "contacts", "resolution",
           "complementarity")  # fmt: skip

@@ -1,11 +1,20 @@
-"""The arms of these tests: two of the package, and two from outside; and their states."""
+"""The arms of these tests: two of the package, and two from outside; their states, and scenes on them."""
 
+import actuator_lag
+import held_command
 import numpy as np
+import pytest
 import rrp
 import three_r
+from armature import Armature, LinkInertia
+from payload import Payload
+from sensors import SensorBias
+from tether import Tether
+from two_stage_spring import TwoStageSpring
 
 import redundant_envs as rde
 
+e = rde.effects
 ARMS = {
     "4R": rde.FourR(masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3, 0.5, 0.4, 0.6)),
     "RPRP": rde.RPRP(masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3, 0.5)),
@@ -13,10 +22,85 @@ ARMS = {
     "RRP": rrp.RRP(masses=(2.0, 1.5, 1.0), lengths=(0.3, 0.5)),
 }
 ADDED = ("3R", "RRP")
+ROTORS, LINKS = (0.12, 0.3, 0.05, 0.02), (0.07, 0.02, 0.11, 0.004)
 
 
-def states(arm, count, spread=1.0):
-    rng = np.random.default_rng(3)
+def on_arms(*short):
+    """Run a test on all arms; on others than the named ones in long runs only."""
+    marks = {name: [] if name in short or not short else [pytest.mark.long] for name in ARMS}
+    return pytest.mark.parametrize("name", [pytest.param(name, marks=m) for name, m in marks.items()])
+
+
+def states(arm, count, spread=1.0, seed=3):
+    """q, qd and efforts (count, joints); sliders are within a tenth of a metre."""
+    rng = np.random.default_rng(seed)
     q = rng.uniform(-spread, spread, (count, len(arm.joints)))
-    q[:, arm.sliders()] *= 0.1
+    q[:, arm.sliders()] *= 0.1 / spread
     return q, 2.0 * rng.normal(size=q.shape), 4.0 * rng.normal(size=q.shape)
+
+
+def stops(arm, restitution=0.5):
+    """Stops of the sliders of an arm; none of an arm that only turns."""
+    count = len(arm.sliders())
+    return (e.PrismaticStop((-0.1,) * count, (0.15,) * count, restitution),) if count else ()
+
+
+def inertias(arm):
+    """Rotors at all joints, and links that are no points."""
+    turning = arm.prismatic.count(False)
+    return Armature(ROTORS[: len(arm.joints)]), LinkInertia(LINKS[:turning])
+
+
+def effects_from_outside(arm):
+    """Effects from outside, by what they add."""
+    return {
+        "states and links": (actuator_lag.ActuatorLag(0.04), held_command.HeldCommand(), e.EffortLimits(3.0)),
+        "inertias": inertias(arm),
+        "a load": (Payload(0.7),),
+        "a force at a point": (Tether(2, 0.3, -0.2, 50.0, 2.0),),
+        "a law that changes": (TwoStageSpring(len(arm.joints) - 1, -0.1, 0.05, 20.0, 4e3),),
+        "sensors": (SensorBias(0.01, 0.02),),
+    }
+
+
+STEPS = {
+    "heun": {"integrator": "heun", "substeps": 3},
+    "rk4": {"integrator": "rk4"},
+    "rk8": {},
+    "1e-6": {"tolerance": 1e-6},
+    "dop853": {"integrator": "dop853"},
+}
+
+
+def advanced(scene, q, qd, efforts, change=None, intervals=1, **kwargs):
+    """A simulator after some intervals, and the status of the last; ``change`` sets parameters before."""
+    batch = rde.BatchSimulator(scene, len(q), **kwargs)
+    if change is not None:
+        batch.set_parameters(change)
+    batch.set_state(q, qd)
+    for _ in range(intervals):
+        status = batch.advance(efforts)
+    return batch, status
+
+
+def mujoco_model(mujoco, arm, links=(), rotors=()):
+    """A chain of bodies with a mass point each and a motor on every joint; inertias of links, armatures."""
+    text, before, lengths = "", 0.0, iter(arm.lengths)
+    links, rotors = iter(links), iter(rotors)
+    for k, slides in enumerate(arm.prismatic):
+        kind = 'type="slide" axis="1 0 0"' if slides else 'type="hinge" axis="0 0 1"'
+        where = 0.0 if slides else next(lengths)
+        turning = 2e-14 if slides else next(links, 2e-14)
+        inertia = f"{0.5 * turning!r} {0.5 * turning!r} {turning!r}"
+        text += (
+            f'<body pos="{before!r} 0 0"><joint name="j{k}" {kind} armature="{next(rotors, 0.0)!r}"/>'
+            f'<inertial pos="{where!r} 0 0" mass="{arm.masses[k]!r}" diaginertia="{inertia}"/>'
+        )
+        before = where
+    text += f'<site name="tip" pos="{before!r} 0 0"/>' + "</body>" * len(arm.joints)
+    motors = "".join(f'<motor joint="j{k}"/>' for k in range(len(arm.joints)))
+    return mujoco.MjModel.from_xml_string(
+        '<mujoco><compiler angle="radian" inertiafromgeom="false" boundinertia="0"/>'
+        '<option gravity="0 -9.81 0"><flag contact="disable"/></option>'
+        f"<worldbody>{text}</worldbody><actuator>{motors}</actuator></mujoco>"
+    )

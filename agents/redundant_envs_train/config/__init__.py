@@ -1,30 +1,12 @@
 """Training configurations: pydantic models with ranges, units and help; unknown keys are errors."""
 
 from .fields import Model, Real, Text, Whole, checked, number, value
-from .files import config_of, load, read
-from .learners import (
-    HERSettings,
-    OffPolicySettings,
-    PlainPPOSettings,
-    PPOSettings,
-    SACSettings,
-    TD3Settings,
-    TQCSettings,
-)
-from .run import (
-    ALGORITHMS,
-    MOST_EPISODES,
-    MOST_SEEDS,
-    SEEDS_PER_RUN,
-    WITHOUT_EFFECT,
-    Config,
-    first_environment_seed,
-    label,
-)
+from .files import complete, config_of, help_of_keys, load, read
+from .learners import HERSettings, OffPolicySettings, PlainPPOSettings, TD3Settings, TQCSettings
+from .run import ALGORITHMS, MOST_EPISODES, MOST_SEEDS, WITHOUT_EFFECT, Config
 
 __all__ = [
-    "ALGORITHMS", "MOST_EPISODES", "MOST_SEEDS", "SEEDS_PER_RUN", "WITHOUT_EFFECT", "Config", "HERSettings",
-    "Model", "OffPolicySettings", "PPOSettings", "PlainPPOSettings", "Real", "SACSettings", "TD3Settings",
-    "TQCSettings", "Text", "Whole", "checked", "config_of", "first_environment_seed", "label", "load",
-    "number", "read", "value",
+    "ALGORITHMS", "MOST_EPISODES", "MOST_SEEDS", "WITHOUT_EFFECT", "Config", "HERSettings", "Model",
+    "OffPolicySettings", "PlainPPOSettings", "Real", "TD3Settings", "TQCSettings", "Text", "Whole", "checked",
+    "complete", "config_of", "help_of_keys", "load", "number", "read", "value",
 ]  # fmt: skip

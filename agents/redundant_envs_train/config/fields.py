@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Annotated, Any, get_args
 
 from redundant_envs.extras import needs
@@ -14,14 +14,12 @@ with needs("train"):
     from pydantic.fields import FieldInfo
     from pydantic_core import PydanticCustomError
 
-LARGEST_WHOLE = 2**53
-"""Largest whole number in a configuration: every float up to it is exact."""
+LARGEST_WHOLE = 2**53  # largest whole number in a configuration: every float up to it is exact
 
 
 def _whole(value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise PydanticCustomError("kind", "give a whole number")
-    if not abs(value) <= LARGEST_WHOLE or value != int(value):
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not number or not abs(value) <= LARGEST_WHOLE or value != int(value):
         raise PydanticCustomError("kind", "give a whole number")
     return int(value)
 
@@ -56,10 +54,6 @@ def value(default: Any, help: str) -> Any:
     return Field(default, description=help)
 
 
-UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
-"""pydantic's names for the mistake that a model does not have a key."""
-
-
 class Model(BaseModel):
     """Base of models: frozen, and refusing unknown keys."""
 
@@ -67,13 +61,7 @@ class Model(BaseModel):
 
 
 def checked(kind: type[Any], data: Any, where: str = "") -> Any:
-    """A model from plain data.
-
-    Raises
-    ------
-    ValueError
-        Names the first field that is wrong, its value and what is allowed.
-    """
+    """A model from plain data; the ValueError names the first wrong field, its value and what is allowed."""
     if not isinstance(data, Mapping):
         raise ValueError(f"{where.rstrip('.') or 'the configuration'} is {shown(data)}; give a mapping")
     try:
@@ -85,16 +73,15 @@ def checked(kind: type[Any], data: Any, where: str = "") -> Any:
 def explain(kind: type[Any], error: ValidationError, where: str = "") -> str:
     """The first mistake of a validation as one sentence."""
     # A key that is unknown is often the reason why another one is missing.
-    mistakes = sorted(error.errors(), key=lambda e: e["type"] not in UNKNOWN)
-    mistake = mistakes[0]
+    mistake = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
     place = tuple(mistake["loc"])
     name = where + dotted(place)
     got = shown(mistake["input"])
     match mistake["type"]:
-        case kind_of if kind_of in UNKNOWN:
+        case "extra_forbidden":
             owner = model_at(kind, place[:-1])
             prefix = where + dotted(place[:-1]) + ("." if place[:-1] else "")
-            return f"{name[:80]} is unknown; valid: {', '.join(prefix + f for f in fields_of(owner))}"
+            return f"{name[:80]} is unknown; valid: {', '.join(prefix + f for f in owner.model_fields)}"
         case "missing":
             return f"{name} is missing"
         case "value_error":  # a message written by the model itself, which names its fields
@@ -102,23 +89,19 @@ def explain(kind: type[Any], error: ValidationError, where: str = "") -> str:
             return message if not name or message.startswith(name) else f"{name}: {message}"
         case "literal_error":
             return f"{name} is {got}; choose {mistake['ctx']['expected']}"
-        case "model_type" | "model_attributes_type" | "mapping_type" | "dict_type" | "dataclass_type":
+        case "model_type" | "model_attributes_type" | "mapping_type" | "dict_type":
             return f"{name} is {got}; give a mapping"
         case "tuple_type" | "list_type":
             return f"{name} is {got}; give a list{example(kind, place)}"
-        case "too_long" | "too_short":
-            limits = {"too_long": f"at most {mistake['ctx'].get('max_length')}",
-                      "too_short": f"at least {mistake['ctx'].get('min_length')}"}  # fmt: skip
-            return f"{name} has {mistake['ctx']['actual_length']} entries; give {limits[mistake['type']]}"
+        case "too_long":
+            has, most = mistake["ctx"]["actual_length"], mistake["ctx"]["max_length"]
+            return f"{name} has {has} entries; give at most {most}"
+        case "too_short":
+            has, least = mistake["ctx"]["actual_length"], mistake["ctx"]["min_length"]
+            return f"{name} has {has} entries; give at least {least}"
         case "greater_than_equal" | "less_than_equal" | "kind":
             return f"{name} is {got}; {allowed(kind, place, mistake['msg'])}"
     return f"{name} is {got}; {mistake['msg']}"
-
-
-def fields_of(kind: type[Any]) -> dict[str, FieldInfo]:
-    """Fields of a model or of a checked dataclass, by name."""
-    fields: dict[str, FieldInfo] = kind.__pydantic_fields__
-    return fields
 
 
 def dotted(place: tuple[int | str, ...]) -> str:
@@ -132,9 +115,9 @@ def dotted(place: tuple[int | str, ...]) -> str:
 def model_at(kind: type[Any], place: tuple[int | str, ...]) -> type[Any]:
     """The model that contains an entry of another model."""
     for part in place:
-        field = fields_of(kind).get(str(part))
+        field = kind.model_fields.get(str(part))
         inner = (field.annotation, *get_args(field.annotation)) if field else ()
-        kind = next((c for c in inner if hasattr(c, "__pydantic_fields__")), kind)
+        kind = next((c for c in inner if hasattr(c, "model_fields")), kind)
     return kind
 
 
@@ -142,19 +125,17 @@ def allowed(kind: type[Any], place: tuple[int | str, ...], message: str) -> str:
     """Numbers that are allowed for an entry."""
     names = [str(part) for part in place if not isinstance(part, int)]
     owner = model_at(kind, tuple(names[:-1]))
-    field = fields_of(owner).get(names[-1])
-    if field is None:
+    field = owner.model_fields.get(names[-1])
+    low, high = limits(field) if field else (None, None)
+    if field is None or low is None or high is None:
         return message
-    low, high = limits(field)
     whole = "whole " if "int" in str(field.annotation) else ""
-    if low is None or high is None:
-        return message
     return f"give a {whole}number from {short(low)} to {short(high)}"
 
 
 def example(kind: type[Any], place: tuple[int | str, ...]) -> str:
     """The default of a list, as an example of one."""
-    field = fields_of(model_at(kind, place[:-1])).get(str(place[-1])) if place else None
+    field = model_at(kind, place[:-1]).model_fields.get(str(place[-1])) if place else None
     default = field.default if field is not None else None
     return f", such as [{', '.join(map(str, default))}]" if isinstance(default, tuple) and default else ""
 
@@ -166,14 +147,9 @@ def short(bound: float) -> str:
 
 def limits(field: FieldInfo) -> tuple[float | None, float | None]:
     """Least and largest value of a number, or of the numbers in a list."""
+    inside = [bound for inner in get_args(field.annotation) for bound in getattr(inner, "__metadata__", ())]
     low = high = None
-    for bound in _bounds(field):
-        low, high = getattr(bound, "ge", low), getattr(bound, "le", high)
+    for part in (*field.metadata, *inside):
+        for bound in getattr(part, "metadata", (part,)):
+            low, high = getattr(bound, "ge", low), getattr(bound, "le", high)
     return low, high
-
-
-def _bounds(field: FieldInfo) -> Iterator[Any]:
-    yield from field.metadata
-    for inner in get_args(field.annotation):
-        for bound in getattr(inner, "__metadata__", ()):
-            yield from getattr(bound, "metadata", (bound,))

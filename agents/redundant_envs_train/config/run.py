@@ -9,18 +9,8 @@ from redundant_envs.envs.registration import ARGUMENTS, MAX_EPISODE_STEPS, ids
 from redundant_envs.extras import needs
 from redundant_envs.values import shown
 
+from . import learners
 from .fields import Model, Real, Text, Whole, number, value
-from .learners import (
-    CrossQSettings,
-    HERSettings,
-    OffPolicySettings,
-    PlainPPOSettings,
-    PlainSACSettings,
-    PPOSettings,
-    SACSettings,
-    TD3Settings,
-    TQCSettings,
-)
 
 with needs("train"):
     from pydantic import model_validator
@@ -29,20 +19,14 @@ Algorithm = Literal["ppo", "sac", "her", "plain_ppo", "plain_sac", "td3", "tqc",
 ALGORITHMS: tuple[str, ...] = get_args(Algorithm)
 SEEDS_PER_RUN = 10_000
 """Environment seeds of a run, one per environment, from :func:`first_environment_seed` on."""
-MOST_SEEDS = 9999
-"""Largest seed of a run."""
+MOST_SEEDS = 9999  # largest seed of a run
 KEPT_FOR_GOALS = (1_000_000, 10_000_000)
 """Environment seeds, from one to below the other, that serve evaluation only, never training."""
-MOST_EPISODES = 1_000_000
-"""With more, seeds would overlap with those of the evaluation or of the curve."""
-WITHOUT_EFFECT = ("checkpoint_seconds", "telemetry")
-"""Settings that change no result."""
-MOST_SAMPLES = 10**8
-"""Most samples between two updates of PPO, which a rollout holds in memory."""
-MOST_DRAWN = 10**7
-"""Most samples that are drawn at once."""
-MOST_DIVISOR = 10**6
-"""Largest batch that a message proposes."""
+MOST_EPISODES = 1_000_000  # with more, seeds would overlap with those of the evaluation or of the curve
+WITHOUT_EFFECT = ("checkpoint_seconds", "telemetry")  # settings that change no result
+MOST_SAMPLES = 10**8  # most samples between two updates of PPO, which a rollout holds in memory
+MOST_DRAWN = 10**7  # most samples that are drawn at once
+MOST_DIVISOR = 10**6  # largest batch that a message proposes
 VERSION = 2
 CHANGES = {
     2: "the saved policy is the average of the last weights, not the best on the selection goals; the "
@@ -89,14 +73,14 @@ class Config(Model):
         ("tensorboard",), "where figures of the training are logged"
     )
     env_kwargs: dict[Any, Any] = value({}, f"arguments of the environment: {', '.join(ARGUMENTS)}")
-    ppo: PPOSettings | None = value(None, "settings of ppo")
-    sac: SACSettings | None = value(None, "settings of sac")
-    her: HERSettings | None = value(None, "settings of her")
-    plain_ppo: PlainPPOSettings | None = value(None, "settings of plain_ppo")
-    plain_sac: PlainSACSettings | None = value(None, "settings of plain_sac")
-    td3: TD3Settings | None = value(None, "settings of td3")
-    tqc: TQCSettings | None = value(None, "settings of tqc")
-    crossq: CrossQSettings | None = value(None, "settings of crossq")
+    ppo: learners.PPOSettings | None = value(None, "settings of ppo")
+    sac: learners.SACSettings | None = value(None, "settings of sac")
+    her: learners.HERSettings | None = value(None, "settings of her")
+    plain_ppo: learners.PlainPPOSettings | None = value(None, "settings of plain_ppo")
+    plain_sac: learners.PlainSACSettings | None = value(None, "settings of plain_sac")
+    td3: learners.TD3Settings | None = value(None, "settings of td3")
+    tqc: learners.TQCSettings | None = value(None, "settings of tqc")
+    crossq: learners.CrossQSettings | None = value(None, "settings of crossq")
 
     @model_validator(mode="before")
     @classmethod
@@ -123,7 +107,8 @@ class Config(Model):
                     f"with a preset of {name} or of {self.algo}"
                 )
         if self.algo == "her" and "Goal" not in self.env:
-            raise ValueError(f"env is {self.env}; her needs a goal environment: {', '.join(_goal_ids())}")
+            goal_ids = ", ".join(name for name in ids() if "Goal" in name)
+            raise ValueError(f"env is {self.env}; her needs a goal environment: {goal_ids}")
         if self.algo == "crossq" and "Goal" in self.env:
             raise ValueError(
                 f"env is {self.env}; crossq of sb3-contrib has no networks for goal environments: choose "
@@ -140,7 +125,7 @@ class Config(Model):
             raise ValueError(f"telemetry is {shown(list(self.telemetry))}; name each one once")
         check_env_kwargs(self.env_kwargs)
         settings = self.settings
-        if isinstance(settings, PlainPPOSettings):
+        if isinstance(settings, learners.PlainPPOSettings):
             _check_rollout(self.algo, self.num_envs, settings)
         else:
             _check_sample(self.algo, settings)
@@ -149,16 +134,22 @@ class Config(Model):
                     f"total_steps is {self.total_steps}; {self.algo} begins to learn after "
                     f"{settings.learning_starts}: give more, or a lower {self.algo}.learning_starts"
                 )
-        if isinstance(settings, TQCSettings):
-            _check_quantiles(settings)
-        if isinstance(settings, HERSettings):
+        if (
+            isinstance(settings, learners.TQCSettings)
+            and settings.top_quantiles_to_drop_per_net >= settings.n_quantiles
+        ):
+            raise ValueError(
+                f"tqc.top_quantiles_to_drop_per_net is {settings.top_quantiles_to_drop_per_net}; with "
+                f"{settings.n_quantiles} quantiles give at most {settings.n_quantiles - 1}"
+            )
+        if isinstance(settings, learners.HERSettings):
             _check_first_episodes(self.num_envs, self.env_kwargs, settings)
         return self
 
     @property
-    def settings(self) -> PlainPPOSettings | OffPolicySettings:
+    def settings(self) -> learners.PlainPPOSettings | learners.OffPolicySettings:
         """Those of the chosen learner."""
-        chosen: PlainPPOSettings | OffPolicySettings = getattr(self, self.algo)
+        chosen: learners.PlainPPOSettings | learners.OffPolicySettings = getattr(self, self.algo)
         return chosen
 
     @property
@@ -169,10 +160,6 @@ class Config(Model):
     def to_dict(self) -> dict[str, Any]:
         """Plain data, with the settings of the chosen algorithm only."""
         return self.model_dump(mode="json", exclude=set(ALGORITHMS) - {self.algo})
-
-
-def _goal_ids() -> list[str]:
-    return [name for name in ids() if "Goal" in name]
 
 
 def check_env_kwargs(env_kwargs: Mapping[str, Any]) -> None:
@@ -188,7 +175,7 @@ def check_env_kwargs(env_kwargs: Mapping[str, Any]) -> None:
         )
 
 
-def _check_first_episodes(num_envs: int, env_kwargs: Mapping[str, Any], her: HERSettings) -> None:
+def _check_first_episodes(num_envs: int, env_kwargs: Mapping[str, Any], her: learners.HERSettings) -> None:
     """Hindsight needs whole episodes: the first ones are over before the first gradient step."""
     least = num_envs * env_kwargs.get("max_episode_steps", MAX_EPISODE_STEPS)
     needed = {"learning_starts": least, "buffer_size": 2 * least}
@@ -200,15 +187,7 @@ def _check_first_episodes(num_envs: int, env_kwargs: Mapping[str, Any], her: HER
             )
 
 
-def _check_quantiles(tqc: TQCSettings) -> None:
-    if tqc.top_quantiles_to_drop_per_net >= tqc.n_quantiles:
-        raise ValueError(
-            f"tqc.top_quantiles_to_drop_per_net is {tqc.top_quantiles_to_drop_per_net}; with "
-            f"{tqc.n_quantiles} quantiles give at most {tqc.n_quantiles - 1}"
-        )
-
-
-def _check_sample(algo: str, settings: OffPolicySettings) -> None:
+def _check_sample(algo: str, settings: learners.OffPolicySettings) -> None:
     if settings.batch_size * settings.gradient_steps > MOST_DRAWN:
         raise ValueError(
             f"{algo}.batch_size is {settings.batch_size}; with {settings.gradient_steps} gradient steps, "
@@ -216,7 +195,7 @@ def _check_sample(algo: str, settings: OffPolicySettings) -> None:
         )
 
 
-def _check_rollout(algo: str, num_envs: int, ppo: PlainPPOSettings) -> None:
+def _check_rollout(algo: str, num_envs: int, ppo: learners.PlainPPOSettings) -> None:
     samples = num_envs * ppo.n_steps
     if samples > MOST_SAMPLES:
         raise ValueError(
@@ -225,11 +204,8 @@ def _check_rollout(algo: str, num_envs: int, ppo: PlainPPOSettings) -> None:
         )
     if samples % ppo.batch_size:
         divisors = [d for d in range(2, min(samples, MOST_DIVISOR) + 1) if samples % d == 0]
-        fix = (
-            f"such as {min(divisors, key=lambda d: abs(d - ppo.batch_size))}"
-            if divisors
-            else "and be 2 or more"
-        )
+        near = min(divisors, key=lambda d: abs(d - ppo.batch_size), default=None)
+        fix = "and be 2 or more" if near is None else f"such as {near}"
         raise ValueError(
             f"{algo}.batch_size is {ppo.batch_size}; it must divide num_envs * {algo}.n_steps = {samples}, "
             f"{fix}"

@@ -1,21 +1,41 @@
-"""Learning curves of many runs as one figure, with the numbers behind it."""
+"""Learning curves of many runs: their interquartile means over seeds, as one figure and as numbers."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from redundant_envs.figures import save_figure
+from redundant_envs.extras import needs
+from redundant_envs.figures import bare, new_figure, save_figure
 from redundant_envs.tables import write_rows
 
-from .figure import draw
-from .learning import AXES, MEASURES, expert, summarize
-from .run_table import read_groups
-from .runs import Group
+from ..run_folder import SELECTION
+from ..statistics import LEAST_RUNS, interquartile_mean, run_interval
+from .runs import Group, Run, read_groups
 
+AXES = {"steps": "env_steps", "seconds": "seconds"}  # name of an x axis -> its column of selection.csv
+MEASURES = {"hold_success": "expert_hold_success", "touch_success": "", "return": "expert_mean_return"}
+"""Column of selection.csv -> computed torque's entry in evaluation.json, if it has one."""
+LABELS = {"steps": (1e-6, "environment steps, millions"), "seconds": (1.0, "training time, s")}
+"""Name of an x axis -> the factor with which it is drawn, and its label."""
+TITLES = {"hold_success": "hold success, %", "touch_success": "touch success, %", "return": "mean return"}
+"""Titles of the panels, by column of selection.csv."""
+MISSES = "(misses: logarithmic)"
+"""Text beside the titles of panels whose y axis has the scale of :func:`_rate_scale`."""
+LEARNER_COLORS = {"PPO": "#0072B2", "SAC": "#D55E00", "HER": "#009E73"}
+"""Learners of the same colour in all figures."""
+COLORS = ("#CC79A7", "#E69F00", "#56B4E9", "#999999", "#8C564B", *LEARNER_COLORS.values())
+"""Colours of the others. Most are Okabe and Ito's, for colour-blind readers; black is computed torque's."""
+STYLES = ("-", "-.", ":")  # styles of the lines, if there are more learners than colours
+TICKS = (1.0, 0.0, 0.9, 0.99, 0.5, 0.999, 0.98, 0.95, 0.8, 0.998)
+"""Rates that are labelled, the most important first."""
+CLOSEST = 0.075  # least distance of two labels, as a fraction of the axis
+SPREAD = 3.0  # a panel's x axis is logarithmic if its longest curve is more than this many times its shortest
+LONG = 30  # number of characters from which on an entry of the legend needs more than a sixth of the width
 ENDINGS = (".png", ".svg")
 TABLE = (
     "environment", "scene", "learner", "seeds", "axis", "x",
@@ -25,31 +45,23 @@ TABLE = (
 """Columns of the CSV file: x in steps or seconds, rates from 0 to 1."""
 
 
+class Curve(NamedTuple):
+    """Learning of a group."""
+
+    x: NDArray[np.float64]  # (points,), environment steps, or training time in seconds
+    middle: NDArray[np.float64]  # interquartile means over seeds, (points, len(MEASURES))
+    low: NDArray[np.float64]  # ends of their 95 % intervals, NaN for few seeds
+    high: NDArray[np.float64]
+
+
 def curves(places: Iterable[str | Path], path: str | Path) -> Path:
     """Draw learning curves of runs and write their numbers beside them, as CSV.
 
     For each environment and scene there are panels of hold success, touch success and mean return on the
     selection goals, over steps and over seconds. Pale lines are seeds, a thick line is their interquartile
     mean, and a band its 95 % interval by bootstrap. Dashed is computed torque on the evaluation goals.
-
-    Parameters
-    ----------
-    places : iterable
-        Run folders and tables of runs, as in :func:`read_runs`.
-    path : str or Path
-        Figure to write, .png or .svg; its folder is made.
-
-    Returns
-    -------
-    Path
-        The CSV file.
-
-    Raises
-    ------
-    ValueError
-        ``path`` has another ending, a run has no curve yet, or as in :func:`read_groups`.
-    MissingPackage
-        matplotlib is not installed.
+    ``places`` and errors are those of :func:`read_groups`; ``path`` ends in .png or .svg, and the CSV file
+    beside it is returned.
     """
     path = Path(path)
     if path.suffix.lower() not in ENDINGS:
@@ -74,3 +86,152 @@ def _rows(same: Group, axis: str) -> Iterable[dict[str, Any]]:
         values = np.stack(numbers, axis=1).ravel()
         known = ("" if np.isnan(v) else float(v) for v in values)
         yield dict(zip(TABLE, (*head, float(x), *known, *experts), strict=True))
+
+
+def summarize(same: Group, axis: str) -> Curve:
+    """The curve of a group over an axis of AXES; ValueError if the runs have no stretch of it in common.
+
+    Runs whose points differ are interpolated linearly to a common grid, from the latest first point to
+    the earliest last one, with as many points as the longest run has.
+    """
+    lines = [points(run, axis) for run in same.runs]
+    grid = lines[0][0]
+    if any(not np.array_equal(x, grid) for x, _ in lines):
+        starts, ends = [x[0] for x, _ in lines], [x[-1] for x, _ in lines]
+        first, last = int(np.argmax(starts)), int(np.argmin(ends))
+        start, end = starts[first], ends[last]
+        if start > end:
+            raise ValueError(
+                f"{same.runs[last].folder} ends at {end:g} and {same.runs[first].folder} starts at {start:g} "
+                f"({AXES[axis]}); leave one of them out"
+            )
+        grid = np.linspace(start, end, max(len(x) for x, _ in lines))
+    runs = np.stack(
+        [np.stack([np.interp(grid, x, column) for column in values.T], axis=1) for x, values in lines]
+    )  # (runs, points, measures)
+    return Curve(grid, interquartile_mean(runs), *run_interval(runs))
+
+
+def points(run: Run, axis: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """x (points,) and measures (points, len(MEASURES)) of a run; of rows with equal x the last counts."""
+    if not len(run.curve):
+        raise ValueError(f"{run.folder} has no row in selection.csv; train longer, or leave it out")
+    x = run.curve[:, SELECTION.index(AXES[axis])]
+    last = np.append(np.diff(x) > 0, True)
+    return x[last], run.curve[last][:, [SELECTION.index(name) for name in MEASURES]]
+
+
+def expert(same: Group, measure: str) -> float | None:
+    """Computed torque's number for a group, None if no run has it."""
+    known = same.numbers(MEASURES[measure])
+    return float(np.median(known)) if known else None
+
+
+def draw(groups: Sequence[Group], axes: Sequence[str]) -> Any:
+    """The figure of the groups: a subfigure per environment and scene, a row per axis, three panels each."""
+    with needs("plot"):
+        from matplotlib.lines import Line2D
+        from matplotlib.patches import Patch
+    explained: list[Any] = [
+        Line2D([], [], color="0.4", linewidth=2.2, label="interquartile mean"),
+        Line2D([], [], color="0.4", alpha=0.5, linewidth=0.6, label="one seed"),
+    ]
+    if any(len(same.runs) >= LEAST_RUNS for same in groups):
+        explained.append(Patch(color="0.4", alpha=0.25, linewidth=0, label="95 % interval of the mean"))
+    titles = list(dict.fromkeys(same.title for same in groups))
+    looks = _looks(groups)
+    height = len(titles) * (2.5 * len(axes) + 0.75)
+    figure = new_figure(11.0, height, 120)
+    parts = figure.subfigures(len(titles), 1, squeeze=False)[:, 0]
+    for part, title in zip(parts, titles, strict=True):
+        shown = [same for same in groups if same.title == title]
+        panels = part.subplots(len(axes), len(MEASURES), squeeze=False)
+        for row, axis in zip(panels, axes, strict=True):
+            for same in shown:
+                _draw_group(row, same, axis, *looks[same.learner])
+            for panel, name in zip(row, MEASURES, strict=True):
+                _finish(panel, name, axis, shown)
+        part.suptitle(title, fontweight="bold")
+        handles, labels = panels[0, 0].get_legend_handles_labels()
+        named = [*dict(zip(labels, handles, strict=True)).values(), *explained]
+        columns = 6 if max(map(len, labels)) < LONG else 2
+        part.legend(handles=named, loc="outside lower center", ncols=columns, frameon=False)
+    return figure
+
+
+def _draw_group(row: Sequence[Any], same: Group, axis: str, color: str, style: str) -> None:
+    """A group's seeds, interquartile mean and interval in the panels of a row."""
+    scale, curve = LABELS[axis][0], summarize(same, axis)
+    seeds = "1 seed" if len(same.runs) == 1 else f"{len(same.runs)} seeds"
+    for k, panel in enumerate(row):
+        for run in same.runs:
+            x, values = points(run, axis)
+            panel.plot(scale * x, values[:, k], color=color, alpha=0.3, linewidth=0.6)
+        panel.fill_between(
+            scale * curve.x, curve.low[:, k], curve.high[:, k], color=color, alpha=0.25, linewidth=0
+        )
+        panel.plot(
+            scale * curve.x, curve.middle[:, k], style, color=color, linewidth=2.2,
+            label=f"{same.learner} ({seeds})",
+        )  # fmt: skip
+
+
+def _finish(panel: Any, name: str, axis: str, shown: Sequence[Group]) -> None:
+    """Computed torque, scales and labels of a panel."""
+    for level in sorted({level for same in shown if (level := expert(same, name)) is not None}):
+        panel.axhline(level, color="black", linestyle=(0, (5, 3)), linewidth=1.1, label="computed torque")
+    panel.set_title(TITLES[name], loc="left", fontsize="medium")
+    _x_scale(panel, axis, [points(run, axis)[0][-1] for same in shown for run in same.runs])
+    bare(panel)
+    if name.endswith("success"):
+        panel.set_title(f"{TITLES[name]} {MISSES}", loc="left", fontsize="medium")
+        _rate_scale(panel, 1.0 / max(same.runs[0].settings["curve_episodes"] for same in shown))
+    panel.minorticks_off()
+
+
+def _x_scale(panel: Any, axis: str, ends: Sequence[float]) -> None:
+    """The x axis of a panel, whose curves end at ``ends``."""
+    label = LABELS[axis][1]
+    if 0.0 < SPREAD * min(ends) < max(ends):
+        from matplotlib.ticker import FuncFormatter, LogLocator
+
+        panel.set_xscale("log")
+        panel.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        panel.xaxis.set_major_formatter(FuncFormatter(lambda at, _: f"{at:g}"))
+        label += " (logarithmic)"
+    else:
+        panel.set_xlim(left=0)
+    panel.set_xlabel(label)
+
+
+def _rate_scale(panel: Any, goal: float) -> None:
+    """A scale of rates that is logarithmic in the misses: 90, 99 and 99.9 % are equally far apart.
+
+    One goal is added to the misses, so that 100 % lies on the axis.
+    """
+
+    def height(rate: Any) -> Any:
+        return -np.log10(np.maximum(1.0 + goal - np.asarray(rate, dtype=np.float64), 1e-12))
+
+    def rate(at: Any) -> Any:
+        return 1.0 + goal - 10.0 ** -np.asarray(at, dtype=np.float64)
+
+    low, high = height(0.0), height(1.0)
+    chosen: list[float] = []
+    for tick in TICKS:
+        if all(abs(height(tick) - height(other)) >= CLOSEST * (high - low) for other in chosen):
+            chosen.append(tick)
+    panel.set_yscale("function", functions=(height, rate))
+    panel.set_ylim(rate(low - 0.02 * (high - low)), rate(high + 0.03 * (high - low)))
+    panel.set_yticks(sorted(chosen), [f"{100 * tick:g}" for tick in sorted(chosen)], minor=False)
+
+
+def _looks(groups: Sequence[Group]) -> dict[str, tuple[str, str]]:
+    """Colour and line style of each learner, the same in all panels."""
+    learners = {same.learner for same in groups}
+    others = sorted(learners - LEARNER_COLORS.keys())
+    looks = {
+        learner: (COLORS[i % len(COLORS)], STYLES[i // len(COLORS) % len(STYLES)])
+        for i, learner in enumerate(others)
+    }
+    return looks | {who: (color, STYLES[0]) for who, color in LEARNER_COLORS.items() if who in learners}

@@ -1,10 +1,18 @@
-"""Runs read from their folders, and groups of runs that differ only in their seed."""
+"""Runs read from their folders and from tables, and groups of runs that differ only in their seed.
+
+A table of runs has a row for each, with its settings, scene, evaluation and learning curve. A column has a
+dotted name, such as ``config.sac.gamma``. A cell is JSON, or a plain text where that is no JSON; it is empty
+if the run has no such entry.
+"""
 
 from __future__ import annotations
 
+import csv
+import fnmatch
 import json
+import os
 import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,71 +21,42 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.envs.registration import SCENES
+from redundant_envs.scene import Scene
+from redundant_envs.tables import write_rows
 from redundant_envs.values import shown
 
-from .. import command
-from ..config import WITHOUT_EFFECT, Config
-from ..own_scene import read_scene
-from ..run_folder import SELECTION, evaluate_anew, flat, read_config, read_evaluation, read_facts, read_table
+from .. import command, run_folder, train_again
+from ..config import WITHOUT_EFFECT, Config, config_of
 
+SECTIONS = ("run", "simulator", "config", "evaluation", "scene", "curve")
+"""First parts of the names of columns."""
 CIRCUMSTANCES = ("train_seconds", "versions", "machine", "date")
 """Entries in which two trainings of one seed may differ although their results are the same."""
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """One evaluated run.
+    """One evaluated run."""
 
-    Attributes
-    ----------
-    folder : Path
-        For a row of a table, that of the table and the name of the run.
-    env, algo : str
-    learner : str
-        Name of the algorithm in tables and figures.
-    seed : int
-    settings : mapping
-        The configuration without its seed.
-    scene : mapping
-        Plain data of the scene that it was trained in.
-    evaluation : mapping
-        Content of evaluation.json.
-    curve : ndarray (points, len(SELECTION))
-        The rows of selection.csv.
-    simulator : str or None
-        Checksum of the simulator that it was trained with.
-    """
-
-    folder: Path
+    folder: Path  # for a row of a table, that of the table and the name of the run
     env: str
     algo: str
-    learner: str
+    learner: str  # name of the algorithm in tables and figures
     seed: int
-    settings: Mapping[str, Any]
-    scene: Mapping[str, Any]
-    evaluation: Mapping[str, Any]
-    curve: NDArray[np.float64]
-    simulator: str | None
+    settings: Mapping[str, Any]  # the configuration without its seed
+    scene: Mapping[str, Any]  # plain data of the scene that it was trained in
+    evaluation: Mapping[str, Any]  # content of evaluation.json
+    curve: NDArray[np.float64]  # rows of selection.csv, (points, len(run_folder.SELECTION))
+    simulator: str | None  # checksum of the simulator that it was trained with
 
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Runs of one environment, learner and all settings, in the order of their seeds.
+    """Runs of one environment, learner and all settings, in the order of their seeds."""
 
-    Attributes
-    ----------
-    environment : str
-        Id without its namespace.
-    scene : str
-        Name of the scene, or "" for the environment's own.
-    learner : str
-        "PPO", and the settings that differ where several groups share environment, scene and learner.
-    runs : tuple of Run
-    """
-
-    environment: str
-    scene: str
-    learner: str
+    environment: str  # id without its namespace
+    scene: str  # its name, or "" for the environment's own
+    learner: str  # "PPO", and the settings that differ between groups of one environment, scene and learner
     runs: tuple[Run, ...]
 
     @property
@@ -94,24 +73,19 @@ class Group:
 def read_run(folder: str | Path, stopped: bool = False, evaluation: Mapping[str, Any] | None = None) -> Run:
     """Read a run folder; that of a training that was stopped only if ``stopped``.
 
-    ``evaluation`` replaces that of the folder.
-
-    Raises
-    ------
-    ValueError
-        The folder is not that of an evaluated run (the message says what is missing), or a file in it is
-        damaged or belongs to another run.
+    ``evaluation`` replaces that of the folder. ValueError if the folder is not that of an evaluated run, or a
+    file in it is damaged or belongs to another run.
     """
     folder = Path(folder)
-    config, scene = read_config(folder), read_scene(folder).to_dict()
-    evaluation = read_evaluation(folder) if evaluation is None else evaluation
-    facts = read_facts(folder)
+    config, scene = run_folder.read_config(folder), run_folder.read_scene(folder).to_dict()
+    evaluation = run_folder.read_evaluation(folder) if evaluation is None else evaluation
+    facts = run_folder.read_facts(folder)
     if facts["stopped"] and not stopped:
         raise ValueError(
             f"{folder} is a training that was stopped; leave it out, or go on with it: "
             f"{command('resume', folder)}"
         )
-    curve = read_table(folder, "selection.csv", SELECTION)
+    curve = run_folder.read_table(folder, "selection.csv", run_folder.SELECTION)
     return run_of(folder, config, scene, evaluation, curve, facts["simulator"])
 
 
@@ -128,13 +102,13 @@ def run_of(
         if evaluation[name] != (value := getattr(config, name)):
             raise ValueError(
                 f"{folder}/evaluation.json has {shown(evaluation[name])} as {name!r}, and config.yaml has "
-                f"{shown(value)}; make it again: {evaluate_anew(folder)}"
+                f"{shown(value)}; make it again: {run_folder.evaluate_anew(folder)}"
             )
-    progress = curve[:, [SELECTION.index("env_steps"), SELECTION.index("seconds")]]
+    progress = curve[:, [run_folder.SELECTION.index("env_steps"), run_folder.SELECTION.index("seconds")]]
     if not np.isfinite(curve).all() or (np.diff(progress, axis=0) < 0).any():
         raise ValueError(
             f"{folder}/selection.csv is damaged (a number is not finite, or steps or seconds go back); make "
-            f"it again: {command('train', folder / 'config.yaml', '--out', 'NEW_FOLDER')}"
+            f"it again: {train_again(folder)}"
         )
     return Run(
         folder, config.env, config.algo, config.label, seed, settings, scene, evaluation, curve, simulator
@@ -144,12 +118,7 @@ def run_of(
 def group(runs: Iterable[Run]) -> list[Group]:
     """Join runs of the same environment, learner, settings and number of evaluation episodes.
 
-    A seed counts once: the first of several folders of one seed is taken if their results are the same.
-
-    Raises
-    ------
-    ValueError
-        Two folders of one group have the same seed and different results.
+    A seed counts once: the first of several folders of one seed is taken, if their results are the same.
     """
     found: dict[str, dict[int, Run]] = {}
     for run in runs:
@@ -174,7 +143,7 @@ def group(runs: Iterable[Run]) -> list[Group]:
 def _same_results(a: Run, b: Run) -> bool:
     told = a.evaluation.keys() & b.evaluation.keys() - CIRCUMSTANCES  # folders of older versions have less
     facts = [{name: run.evaluation[name] for name in told} for run in (a, b)]
-    kept = [i for i, name in enumerate(SELECTION) if name != "seconds"]
+    kept = [i for i, name in enumerate(run_folder.SELECTION) if name != "seconds"]
     return facts[0] == facts[1] and np.array_equal(a.curve[:, kept], b.curve[:, kept])
 
 
@@ -198,9 +167,94 @@ def _checksum(scene: Mapping[str, Any]) -> str:
 def _differences(runs: list[Run]) -> list[list[str]]:
     """For each run, the settings in which the runs differ, as "name=value"."""
     settings = [
-        flat(run.settings) | {"goals": run.evaluation["episodes"], "scene": _checksum(run.scene)}
-        for run in runs
+        run_folder.flat(r.settings) | {"goals": r.evaluation["episodes"], "scene": _checksum(r.scene)}
+        for r in runs
     ]
     names = sorted({name for own in settings for name, value in own.items() if value != {}})
     differing = [n for n in names if any(own.get(n) != settings[0].get(n) for own in settings)]
     return [[f"{n}={shown(own[n]) if n in own else 'unset'}" for n in differing] for own in settings]
+
+
+def write_runs(runs: Sequence[Run], path: Path) -> None:
+    """Write runs as a CSV file that :func:`read_runs` reads; their names are the ends of their folders."""
+    folders = [run.folder.absolute() for run in runs]
+    above = os.path.commonpath([folder.parent for folder in folders])
+    rows = []
+    for run, folder in zip(runs, folders, strict=True):
+        parts = (
+            folder.relative_to(above).as_posix(), run.simulator, {**run.settings, "seed": run.seed},
+            run.evaluation, run.scene, dict(zip(run_folder.SELECTION, run.curve.T.tolist(), strict=True)),
+        )  # fmt: skip
+        cells = run_folder.flat(dict(zip(SECTIONS, parts, strict=True)))
+        # JSON, but a text as it is if that cannot be mistaken
+        plain = {n for n, v in cells.items() if isinstance(v, str) and v and value_of(v) is v}
+        rows.append({name: v if name in plain else json.dumps(v) for name, v in cells.items()})
+    columns = dict.fromkeys(name for row in rows for name in row)
+    write_rows(rows, sorted(columns, key=lambda name: SECTIONS.index(name.partition(".")[0])), path)
+
+
+def read_runs(places: Iterable[str | Path]) -> list[Run]:
+    """Runs from run folders, tables of :func:`write_runs`, and runs of a table.
+
+    These are written ``TABLE.csv/NAME``, where the name may be a pattern such as ``*_sac/*``. ValueError if a
+    folder is not an evaluated run, a table is damaged or has no such run, or there are no places.
+    """
+    runs: list[Run] = []
+    for place in map(Path, places):
+        table = next((p for p in (place, *place.parents) if p.suffix == ".csv" and p.is_file()), None)
+        if table is None:
+            runs.append(read_run(place))
+        else:
+            runs += _read_table(table, place.relative_to(table).as_posix())
+    if not runs:
+        raise ValueError("folders is empty; give at least one run folder")
+    return runs
+
+
+def read_groups(places: Iterable[str | Path]) -> list[Group]:
+    """The groups of runs; ValueError as in :func:`read_runs` and :func:`group`."""
+    return group(read_runs(places))
+
+
+def _read_table(path: Path, pattern: str) -> list[Run]:
+    """The runs of a table whose names have a pattern; "." are all."""
+    name, names, runs = "", [], []
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            for row in csv.DictReader(file):
+                names.append(name := str(value_of(row["run"])))
+                if pattern == "." or fnmatch.fnmatchcase(name, pattern):
+                    runs.append(_run(path / name, row))
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError, csv.Error) as error:
+        reason = str(error).partition(";")[0]
+        raise ValueError(
+            f"{path} is no table of runs, or its run {name!r} is damaged ({reason}); write it again: "
+            f"{command('table', 'RUNS', '--out', path)}"
+        ) from error
+    if not runs:
+        raise ValueError(f"{path} has no run {pattern}; it has {', '.join(names[:3]) or 'none'} ...")
+    return runs
+
+
+def _run(folder: Path, row: dict[str, str]) -> Run:
+    """The run of a row."""
+    data: dict[str, Any] = {"simulator": None}
+    for name, cell in row.items():
+        *parents, last = name.split(".")
+        place = data
+        for parent in parents if cell else ():
+            place = place.setdefault(parent, {})
+        if cell:
+            place[last] = value_of(cell)
+    curve = np.array([data["curve"][name] for name in run_folder.SELECTION], dtype=np.float64).T
+    evaluation = run_folder.checked_evaluation(data["evaluation"], folder)
+    scene = Scene.from_dict(data["scene"]).to_dict()
+    return run_of(folder, config_of(data["config"]), scene, evaluation, curve, data["simulator"])
+
+
+def value_of(cell: str) -> Any:
+    """What a cell that is not empty holds."""
+    try:
+        return json.loads(cell)
+    except ValueError:
+        return cell

@@ -9,9 +9,8 @@ import numpy as np
 
 from redundant_envs.tables import markdown
 
-from .aggregate import LEAST_RUNS, bootstrap_interval, interquartile_mean
-from .run_table import read_groups
-from .runs import Group
+from ..statistics import LEAST_RUNS, interquartile_mean, run_interval
+from .runs import Group, read_groups
 
 MEASURES = ("time_to_hold", "effort", "smoothness")
 """Compared with computed torque, whose entries have the prefix "expert_"."""
@@ -46,17 +45,9 @@ def table(places: Iterable[str | Path]) -> str:
     :func:`read_groups`.
     """
     groups = read_groups(places)
-    return "\n".join(
-        [
-            markdown(RESULTS, map(_results, groups)),
-            "",
-            markdown(COMPARISON, map(_comparison, groups)),
-            "",
-            EXPLANATION,
-            "",
-            _origin(groups),
-        ]
-    )
+    results, comparison = map(_results, groups), map(_comparison, groups)
+    tables = (markdown(RESULTS, results), markdown(COMPARISON, comparison))
+    return "\n\n".join([*tables, EXPLANATION, _origin(groups)])
 
 
 def brief_table(places: Iterable[str | Path]) -> str:
@@ -67,16 +58,13 @@ def brief_table(places: Iterable[str | Path]) -> str:
 def _results(same: Group) -> list[str]:
     """A row of the first table, in the order of RESULTS."""
     hold, steps = same.numbers("hold_success"), same.numbers("env_steps")
-    low, high = map(float, bootstrap_interval(hold))
+    low, high = map(float, run_interval(hold))
     interval = "unknown" if np.isnan(low) else f"{_percent(same, [low], '')} to {_percent(same, [high], '')}"
     taken = _number(steps, 1e-6)
     if steps and max(steps) > 1.01 * min(steps):
         taken = f"{_number([min(steps)], 1e-6)} to {_number([max(steps)], 1e-6)}"
-    speeds = [
-        run.evaluation["env_steps"] / run.evaluation["train_seconds"]
-        for run in same.runs
-        if run.evaluation.get("env_steps") is not None and run.evaluation.get("train_seconds")
-    ]
+    told = ([run.evaluation.get(name) for name in ("env_steps", "train_seconds")] for run in same.runs)
+    speeds = [steps / seconds for steps, seconds in told if steps is not None and seconds]
     return [
         same.title, same.learner, str(len(same.runs)), _percent(same, hold), _percent(same, [min(hold)]),
         f"{_percent(same, [float(interquartile_mean(hold))])} [{interval}]",

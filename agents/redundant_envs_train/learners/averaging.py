@@ -1,4 +1,4 @@
-"""Common parts of the learners: networks as vectors, their averages, and their state in a checkpoint."""
+"""Common parts of the learners: inputs of the networks, averages, and their state in a checkpoint."""
 
 from __future__ import annotations
 
@@ -14,7 +14,29 @@ from .networks import Adam, Networks
 
 with needs("train"):
     import torch
+    from gymnasium import spaces
     from torch import Tensor
+
+ERROR_SCALE = 0.05  # distance from the goal that is the input 1 of the networks, in reaches
+
+
+def goal_mixing(space: spaces.Space[Any], error_scale: float = ERROR_SCALE) -> Tensor | None:
+    """The matrix that maps observations to inputs of the first layers of a goal environment's networks.
+
+    The achieved goal becomes the error, desired minus achieved, in units of ``error_scale`` reaches; the
+    desired goal is given in reaches. Without the matrix a network first has to learn the small difference of
+    two large numbers. The matrix is multiplied into the first layers, so the saved policy has none.
+    """
+    if not isinstance(space, spaces.Dict):
+        return None
+    goal: Any = space["desired_goal"]
+    width, reach = goal.shape[0], float(goal.high.max()) / 2.0
+    # in the order of the space: achieved_goal, desired_goal, observation
+    rest = spaces.flatdim(space) - 2 * width
+    scaled = torch.eye(width) / (error_scale * reach)
+    mixing = torch.block_diag(-scaled, torch.eye(width) / reach, torch.eye(rest))
+    mixing[:width, width : 2 * width] = scaled
+    return mixing
 
 
 class Averaging:
@@ -24,11 +46,9 @@ class Averaging:
     to date, and those with averages hold them.
     """
 
-    networks: dict[str, Networks]
-    """All trained vectors, and targets."""
+    networks: dict[str, Networks]  # all trained vectors, and targets
     adams: dict[str, Adam]
-    means: dict[str, Tensor]
-    """Averages of the vectors of some networks."""
+    means: dict[str, Tensor]  # averages of the vectors of some networks
 
     def inputs(self, observations: Any) -> Tensor:
         """Inputs of the networks from observations, (rows, inputs)."""

@@ -2,33 +2,78 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterable, Iterator
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from redundant_envs.extras import needs
 
 from ..config import Config, HERSettings, PlainPPOSettings, TD3Settings, TQCSettings
 from .averaging import Averaging
 from .networks import ACTIVATIONS
-from .plain import NormalNoise, PlainCrossQ, PlainPPO, PlainSAC, PlainTD3, PlainTQC
 from .ppo import AveragedPPO
 from .sac import AveragedSAC
 
 with needs("train"):
     from sb3_contrib import TQC, CrossQ
     from stable_baselines3 import PPO, SAC, TD3, HerReplayBuffer
+    from stable_baselines3.common.noise import VectorizedActionNoise
+
+
+class Plain:
+    """Mixin for an algorithm whose modules and optimisers hold everything that it learns.
+
+    Only the methods that a training run needs of every learner are added; loops and losses are unchanged.
+    """
+
+    @contextlib.contextmanager
+    def averaged(self) -> Iterator[None]:
+        """Leave the modules unchanged: these algorithms keep no average."""
+        yield
+
+    def read_networks(self) -> None:
+        """Do nothing: only the modules learn."""
+
+    def learner_state(self) -> dict[str, Any]:
+        """Nothing beside the modules and optimisers."""
+        return {}
+
+    def set_learner_state(self, state: dict[str, Any]) -> None:
+        """Do nothing: there is no further state."""
+
+
+class NormalNoise(VectorizedActionNoise):
+    """Independent normal noise on the actions of all environments, drawn at once.
+
+    stable-baselines3 draws it environment by environment, which takes longer than stepping them.
+    """
+
+    def __init__(self, shape: tuple[int, int], deviation: float) -> None:
+        self.shape, self.deviation = shape, deviation
+
+    def reset(self, indices: Iterable[int] | None = None) -> None:
+        """Do nothing: no draw depends on another."""
+
+    def __call__(self) -> NDArray[np.float64]:
+        """Noise, (num_envs, num_actions), from NumPy's global generator as in stable-baselines3."""
+        return np.random.normal(0.0, self.deviation, self.shape)
+
 
 ALGORITHM_CLASSES: dict[str, Any] = {
     "ppo": PPO, "sac": SAC, "her": SAC, "plain_ppo": PPO, "plain_sac": SAC, "td3": TD3, "tqc": TQC,
     "crossq": CrossQ,
 }  # fmt: skip
 """Class of stable-baselines3 or sb3-contrib by algorithm: it loads policy.zip."""
-LEARNERS: dict[str, Any] = {
-    "ppo": AveragedPPO, "sac": AveragedSAC, "her": AveragedSAC, "plain_ppo": PlainPPO, "plain_sac": PlainSAC,
-    "td3": PlainTD3, "tqc": PlainTQC, "crossq": PlainCrossQ,
-}  # fmt: skip
+OWN = {"ppo": AveragedPPO, "sac": AveragedSAC, "her": AveragedSAC}
+LEARNERS: dict[str, Any] = OWN | {
+    algo: type(f"Plain{kind.__name__}", (Plain, kind), {})
+    for algo, kind in ALGORITHM_CLASSES.items()
+    if algo not in OWN
+}
 """Class that trains, by algorithm."""
-
-
 OF_POLICY = {"net_arch", "schedule", "learning_rate", "log_std_init", "n_quantiles"}
 """Settings that are not passed to the classes under their own names."""
 
@@ -44,11 +89,8 @@ def policy_kwargs(config: Config) -> dict[str, Any]:
     layers = list(settings.net_arch)
     kwargs: dict[str, Any] = {"activation_fn": ACTIVATIONS[settings.activation].module}
     if isinstance(settings, PlainPPOSettings):
-        return {
-            **kwargs,
-            "net_arch": {"pi": layers, "vf": list(layers)},
-            "log_std_init": settings.log_std_init,
-        }
+        arch = {"pi": layers, "vf": list(layers)}
+        return {**kwargs, "net_arch": arch, "log_std_init": settings.log_std_init}
     if isinstance(settings, TQCSettings):
         kwargs["n_quantiles"] = settings.n_quantiles
     return {**kwargs, "net_arch": layers}
@@ -64,20 +106,12 @@ def make_model(config: Config, env: Any) -> Any:
         goals = {name: given.pop(name) for name in ("n_sampled_goal", "goal_selection_strategy")}
         given |= {"replay_buffer_class": HerReplayBuffer, "replay_buffer_kwargs": goals}
     if isinstance(settings, TD3Settings):
-        noise = NormalNoise(config.num_envs, env.action_space.shape[0], settings.action_noise)
-        given["action_noise"] = noise
+        shape = (config.num_envs, env.action_space.shape[0])
+        given["action_noise"] = NormalNoise(shape, settings.action_noise)
+    rate: Any = settings.learning_rate
+    if settings.schedule == "linear":  # the last rollout ends after the last step
+        rate = lambda remaining: settings.learning_rate * max(0.0, remaining)  # noqa: E731
     return learner(
-        policy=policy_name(config),
-        env=env,
-        seed=config.seed,
-        device="cpu",
-        policy_kwargs=policy_kwargs(config),
-        learning_rate=_rate(settings.learning_rate, settings.schedule),
-        **given,
-    )
-
-
-def _rate(rate: float, schedule: str) -> Any:
-    if schedule == "constant":
-        return rate
-    return lambda remaining: rate * max(0.0, remaining)  # the last rollout ends after the last step
+        policy=policy_name(config), env=env, seed=config.seed, device="cpu",
+        policy_kwargs=policy_kwargs(config), learning_rate=rate, **given,
+    )  # fmt: skip

@@ -18,8 +18,7 @@ with needs("train"):
     import torch
     from torch import Tensor, nn
 
-Backward = Callable[[Tensor, Tensor], Tensor]
-"""(derivatives of outputs, inputs) -> derivatives of inputs."""
+Backward = Callable[[Tensor, Tensor], Tensor]  # (derivatives of outputs, inputs) -> derivatives of inputs
 
 
 class Activation(NamedTuple):
@@ -43,19 +42,11 @@ Tape = list[tuple[Tensor, Tensor]]
 
 
 class Networks:
-    """K networks of one shape; all layers except the last end in the activation.
+    """K networks of one shape; all layers except the last end in the activation, one of ``ACTIVATIONS``.
 
-    Parameters
-    ----------
-    networks : sequence of K networks
-        Modules whose numbers are copied; the modules change only in :meth:`write`.
-    activation : str
-        One of ``ACTIVATIONS``.
-    extra : Parameter, optional
-        Numbers beside the networks, last in the vector.
-    mixing : Tensor (inputs, inputs), optional
-        The input of the first layer is ``mixing @ inputs of the modules``; ``write`` multiplies it into
-        the modules' first layers.
+    The numbers of modules are copied; the modules change only in :meth:`write`. ``extra`` are numbers beside
+    the networks, last in the vector. With ``mixing``, (inputs, inputs), the input of the first layer is
+    ``mixing @ inputs of the modules``; ``write`` multiplies it into the modules' first layers.
     """
 
     def __init__(

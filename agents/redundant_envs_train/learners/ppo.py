@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from redundant_envs.extras import needs
 
-from .averaging import Averaging
-from .goals import goal_mixing
+from .averaging import Averaging, goal_mixing
 from .networks import Adam, Networks, linear_layers
 
 with needs("train"):
@@ -31,31 +30,23 @@ with needs("train"):
     from torch import Tensor
 
 
-EPSILON = 1e-5
-"""Adam's, as in stable-baselines3's PPO."""
+EPSILON = 1e-5  # Adam's, as in stable-baselines3's PPO
 
 
 class AveragedPPO(Averaging, PPO):
     """PPO with averaged weights.
 
-    Parameters
-    ----------
-    activation : {"silu", "tanh", "relu"}
-        As in ``policy_kwargs["activation_fn"]``.
-    average : float
-        Share of the average that an epoch keeps.
-    smoothness : float
-        Weight of ``|a(s) - a(s')|^2`` in the actor's loss: mean actions at a state, and at the states before
-        and after it in its episode, the latter from the policy of the rollout.
+    ``activation`` is that of ``policy_kwargs["activation_fn"]``: silu, tanh or relu. ``average`` is the share
+    of the average that an epoch keeps. ``smoothness`` is the weight of ``|a(s) - a(s')|^2`` in the actor's
+    loss: mean actions at a state, and at the states before and after it in its episode, the latter from the
+    policy of the rollout.
     """
 
     def __init__(
         self, *args: Any, activation: str = "silu", average: float = 0.9, smoothness: float = 0.0,
         **kwargs: Any,
     ) -> None:  # fmt: skip
-        self.activation = activation
-        self.average = average
-        self.smoothness = smoothness
+        self.activation, self.average, self.smoothness = activation, average, smoothness
         super().__init__(*args, **kwargs)
 
     def _setup_model(self) -> None:
@@ -116,10 +107,9 @@ class AveragedPPO(Averaging, PPO):
         buffer.values[:] = self._values(flat).view(buffer.values.shape).numpy()
         if ends:
             steps, lanes, last = zip(*ends, strict=True)
-            after = (
-                {k: np.stack([o[k] for o in last]) for k in last[0]} if isinstance(last[0], dict) else None
-            )
-            values = self._values(np.stack(last) if after is None else after)
+            goals = isinstance(last[0], dict)
+            after = {k: np.stack([o[k] for o in last]) for k in last[0]} if goals else np.stack(last)
+            values = self._values(after)
             buffer.rewards[list(steps), list(lanes)] += self.gamma * values.numpy()
         buffer.pos, buffer.full = len(buffer.values), True
         buffer.compute_returns_and_advantage(
@@ -204,16 +194,8 @@ def neighbouring_actions(
 ) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """Mean actions at the steps before and after each step of a rollout, if they belong to its episode.
 
-    Parameters
-    ----------
-    mean_actions : (steps, environments, A)
-    episode_starts : (steps, environments)
-        Whether a step is the first one of an episode.
-
-    Returns
-    -------
-    (steps, environments, A), (steps, environments)
-        Their sums, and their number: 0, 1 or 2.
+    From mean actions, (steps, environments, A), and whether steps are the first ones of episodes, (steps,
+    environments): their sums, of the former shape, and their number, 0 to 2, of the latter.
     """
     joined = 1.0 - episode_starts[1:]  # a step and the next one
     sums, numbers = np.zeros_like(mean_actions), np.zeros_like(episode_starts)

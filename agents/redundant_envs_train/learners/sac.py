@@ -13,16 +13,14 @@ Differences from it:
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.extras import needs
 
-from .averaging import Averaging
-from .goals import ERROR_SCALE, goal_mixing
+from .averaging import ERROR_SCALE, Averaging, goal_mixing
 from .networks import Adam, Layers, Networks, Tape, linear_layers
 
 with needs("train"):
@@ -32,45 +30,29 @@ with needs("train"):
     from torch import Tensor
     from torch.nn.functional import softplus
 
-LOG_STD = (-20.0, 2.0)
-"""Bounds of the logarithm of the standard deviation, as in stable-baselines3."""
+LOG_STD = (-20.0, 2.0)  # bounds of the logarithm of the standard deviation, as in stable-baselines3
 FIRST_UPDATES = 10
 """An average is at first the mean of about the last nine tenths of all weights: the first ones are poor."""
 
 
-@dataclass
-class Draw:
+class Draw(NamedTuple):
     """Actions drawn at states, row by row, and the data that their derivatives need."""
 
-    outputs: Tensor
-    """Outputs of the actor: means and logarithms of standard deviations, (rows, 2 A)."""
+    outputs: Tensor  # of the actor: means and logarithms of standard deviations, (rows, 2 A)
     tape: Tape
-    actions: Tensor
-    """(rows, A), in -1 to 1."""
-    log_prob: Tensor
-    """(rows,)"""
-    noise: Tensor
-    """Noise added before the tanh, (rows, A)."""
+    actions: Tensor  # (rows, A), in -1 to 1
+    log_prob: Tensor  # (rows,)
+    noise: Tensor  # added before the tanh, (rows, A)
 
 
 class AveragedSAC(Averaging, SAC):
     """SAC with an averaged, smoothed, delayed actor.
 
-    Parameters
-    ----------
-    activation : {"silu", "tanh", "relu"}
-        As in ``policy_kwargs["activation_fn"]``.
-    policy_delay : int
-        Critic steps from one actor step to the next.
-    smoothness : float
-        Weight of ``|a(s) - a(s')|^2`` in the actor's loss: mean actions at a state and at the next.
-    smoothness_at_goal : float, optional
-        The same for steps whose reward is above the mean of the sample: those that reach their goal, if
-        rewards have two values.
-    average : float
-        Share of the average that an actor step keeps.
-    error_scale : float
-        As in :func:`.goals.goal_mixing`.
+    ``activation`` is that of ``policy_kwargs["activation_fn"]``: silu, tanh or relu. ``policy_delay`` are the
+    critic steps from one actor step to the next, and ``average`` is the share of the average that an actor
+    step keeps. ``smoothness`` is the weight of ``|a(s) - a(s')|^2`` in the actor's loss: mean actions at a
+    state and at the next; ``smoothness_at_goal`` the same for steps whose reward is above the mean of the
+    sample: those that reach their goal, if rewards have two values.
     """
 
     def __init__(
@@ -78,12 +60,9 @@ class AveragedSAC(Averaging, SAC):
         smoothness_at_goal: float | None = None, average: float = 0.9995, error_scale: float = ERROR_SCALE,
         **kwargs: Any,
     ) -> None:  # fmt: skip
-        self.activation = activation
-        self.policy_delay = policy_delay
-        self.smoothness = smoothness
-        self.smoothness_at_goal = smoothness_at_goal
-        self.average = average
-        self.error_scale = error_scale
+        self.activation, self.error_scale = activation, error_scale
+        self.policy_delay, self.average = policy_delay, average
+        self.smoothness, self.smoothness_at_goal = smoothness, smoothness_at_goal
         super().__init__(*args, **kwargs)
 
     def _setup_model(self) -> None:

@@ -27,7 +27,7 @@ def plain(text: str) -> str:
     return re.sub(r"[^\w .,;:()@+/-]", "?", text)[:200]
 
 
-def measures(evaluation: Mapping[str, Any], goals: str, policy: str, count: int = len(MEASURES)) -> str:
+def results_table(evaluation: Mapping[str, Any], goals: str, policy: str, count: int = len(MEASURES)) -> str:
     """The first ``count`` results of a policy beside those of computed torque, as a Markdown table."""
     rows = []
     for label, key, scale, digits, unit in MEASURES[:count]:

@@ -3,44 +3,57 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Sequence
+import warnings
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
+from numpy.typing import NDArray
 
+from redundant_envs.envs.core import Core
+from redundant_envs.envs.registration import MAX_EPISODE_STEPS
 from redundant_envs.envs.sb3 import make_sb3
+from redundant_envs.extras import needs
 from redundant_envs.scene import scene_names
 from redundant_envs.values import shown
 
-from ..config import Config, PlainPPOSettings
+from ..config import Config, OffPolicySettings, PlainPPOSettings
 from ..evidence.runs import read_run
 from ..learners.build import ALGORITHM_CLASSES, policy_kwargs, policy_name
-from ..new_folder import check_out
-from ..own_scene import SCENE, difference, own_config
+from ..pages import page, plain, results_table
 from ..policies import load_policy
-from ..run_folder import FACTS, read_config
-from . import onnx_file
-from .card import card
-from .layers import Layers, exact_actions, layers_of, sampled
+from ..report import PACKAGES
+from ..run_folder import FACTS, SCENE, check_out, difference, own_config, read_config
+from .layers import Exact, Layers, exact_actions, layers_of, sampled
 
+with needs("onnx"):
+    import onnx
+    import onnxruntime
+    import torch
+
+AVERAGED_SAC = "SAC of stable-baselines3 with an averaged, smoothed, delayed actor (`agents/learners/sac.py`)"
+ORIGIN = {
+    "ppo": "PPO of stable-baselines3 with averaged weights (`agents/learners/ppo.py`)",
+    "sac": AVERAGED_SAC, "her": f"{AVERAGED_SAC} and hindsight goals (`HerReplayBuffer`)",
+    "plain_ppo": "PPO of stable-baselines3", "plain_sac": "SAC of stable-baselines3",
+    "td3": "TD3 of stable-baselines3", "tqc": "TQC of sb3-contrib", "crossq": "CrossQ of sb3-contrib",
+}  # fmt: skip
+MODULES = {"TQC": "sb3_contrib", "CrossQ": "sb3_contrib"}
+"""Packages of classes that are not stable-baselines3's."""
+OPSET = 17  # old enough for every runtime since 2022
 TOLERANCE = 1e-6
 """Largest difference of an action from that of the policy's own weights, computed in double precision."""
-SINGLE = 1e-4
-"""The same for policy.zip: some ten times the error of single precision."""
+SINGLE = 1e-4  # the same for policy.zip: some ten times the error of single precision
 LANES, STEPS = 64, 100
-SEED = 4_000_000
-"""Episodes of the check; no other part uses these."""
+SEED = 4_000_000  # episodes of the check; no other part uses these
 
 
 def name_of(config: Config) -> str:
     """Folder of a policy: the id without its namespace, the scene if it is another one, the algorithm.
 
-    Raises
-    ------
-    ValueError
-        The environment has arguments that would have to be published with the policy.
+    ValueError if the environment has arguments that would have to be published with the policy.
     """
     for key, value in config.env_kwargs.items():
         if key != "scene" or value not in scene_names():
@@ -52,22 +65,12 @@ def name_of(config: Config) -> str:
 
 
 def export(run: Path, out: Path) -> Path:
-    """Write the policy of an evaluated run folder to its own folder inside ``out``.
+    """Write the policy of an evaluated run folder to its own folder inside ``out``, which is returned.
 
-    No pickled objects of a stranger are copied: policy.zip is written again from checked weights.
-
-    Returns
-    -------
-    Path
-        The folder: ``policy.zip`` for stable-baselines3, ``policy.onnx``, ``policy.npz`` for NumPy,
-        ``config.yaml``, ``scene.yaml`` and the card, ``README.md``.
-
-    Raises
-    ------
-    ValueError
-        The run is not finished or not evaluated; its environment has arguments other than a scene of the
-        package; the folder exists; or a file acts otherwise than the policy, by more than ``TOLERANCE``
-        (policy.zip: ``SINGLE``).
+    It has ``policy.zip`` for stable-baselines3, ``policy.onnx``, ``policy.npz`` for NumPy, ``config.yaml``,
+    ``scene.yaml`` and the card, ``README.md``. No pickled objects of a stranger are copied: policy.zip is
+    written again from checked weights. ValueError if a file acts otherwise than the policy, by more than
+    ``TOLERANCE`` (policy.zip: ``SINGLE``).
     """
     config, evaluation = read_config(run), read_run(run).evaluation
     for name in FACTS:
@@ -89,8 +92,8 @@ def export(run: Path, out: Path) -> Path:
         layers = layers_of(policy, env.observation_space)
         worst = _write(config, evaluation, policy, layers, env, part)
         scene = SCENE if difference(run) else config.env_kwargs.get("scene", "")
-        page = card(config, evaluation, layers, worst, LANES * STEPS, env.core, scene)
-        (part / "README.md").write_text(page, encoding="utf-8")
+        text = card(config, evaluation, layers, worst, LANES * STEPS, env.core, scene)
+        (part / "README.md").write_text(text, encoding="utf-8")
         part.rename(folder)
     finally:
         shutil.rmtree(part, ignore_errors=True)
@@ -113,10 +116,10 @@ def _write(
         (folder / name).write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
     layers.save(folder / "policy.npz")
     about = {name: str(evaluation[name]) for name in ("env", "algo", "seed", "hold_success", "date")}
-    onnx_file.write(policy, layers.inputs, folder / "policy.onnx", about)
+    write_onnx(policy, layers.inputs, folder / "policy.onnx", about)
     saved = learner.load(folder / "policy.zip", device="cpu")
     acting = {
-        "policy.onnx": onnx_file.actions_of(folder / "policy.onnx", layers.inputs),
+        "policy.onnx": onnx_actions(folder / "policy.onnx", layers.inputs),
         "policy.npz": Layers.load(folder / "policy.npz"),
         "policy.zip": lambda observations: saved.predict(observations, deterministic=True)[0],
     }
@@ -146,3 +149,64 @@ def export_all(runs: Sequence[Path], out: Path) -> list[Path]:
         if other != run:
             raise ValueError(f"{other} and {run} are policies of one id and algorithm; give one of them")
     return [export(run, out) for run in runs]
+
+
+def card(
+    config: Config, evaluation: Mapping[str, Any], layers: Layers, worst: Mapping[str, float], checked: int,
+    core: Core, scene: str = "",
+) -> str:  # fmt: skip
+    """The card of a policy, Markdown: its task, training, results and limits, and how to load it.
+
+    ``worst`` is the largest difference of each file's actions from those of the weights in double precision,
+    over ``checked`` observations. ``scene`` is the name of the scene, or its file in the folder of the
+    policy; empty for that of the environment.
+    """
+    learner, settings, updates = ALGORITHM_CLASSES[config.algo].__name__, config.settings, None
+    if isinstance(settings, OffPolicySettings):
+        learned = max(evaluation["env_steps"] - settings.learning_starts, 0) / config.num_envs
+        updates = learned * settings.gradient_steps / settings.train_freq
+    # An old run may name a package that the present code does not use.
+    found = evaluation["versions"].items()
+    return page(
+        "card", config=config, evaluation=evaluation, layers=layers, worst=worst, checked=checked, core=core,
+        scene=scene, learner=learner, module=MODULES.get(learner, "stable_baselines3"), updates=updates,
+        origin=ORIGIN[config.algo], most_steps=MAX_EPISODE_STEPS,
+        parts=[f"`{name}` ({width} numbers)" for name, width in layers.inputs.items()],
+        count=sum(w.size + b.size for w, b in zip(layers.weights, layers.biases, strict=True)),
+        versions=[f"{name} {plain(version)}" for name, version in found if name in ("python", *PACKAGES)],
+        results=results_table(evaluation, "", "this policy", 4),
+    )  # fmt: skip
+
+
+def write_onnx(policy: Any, inputs: dict[str, int], path: Path, about: dict[str, str]) -> None:
+    """Write a checked ONNX model with one input for each part of an observation, and ``actions``.
+
+    ``about``: metadata of the model.
+    """
+    with warnings.catch_warnings():
+        # torch prefers its other exporter, which needs onnxscript and writes newer files
+        warnings.simplefilter("ignore", DeprecationWarning)
+        torch.onnx.export(
+            Exact(policy, torch.float32), tuple(torch.zeros(1, width) for width in inputs.values()),
+            str(path), input_names=list(inputs), output_names=["actions"], opset_version=OPSET,
+            dynamic_axes={name: {0: "batch"} for name in (*inputs, "actions")}, dynamo=False,
+        )  # fmt: skip
+    model = onnx.load(path)
+    onnx.helper.set_model_props(model, about)
+    onnx.checker.check_model(model, full_check=True)
+    onnx.save(model, path)
+
+
+def onnx_actions(path: Path, inputs: dict[str, int]) -> Any:
+    """A function from observations (n, ...) to the actions (n, actions) that ONNX Runtime computes."""
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = 1
+    session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+
+    def act(observations: Any) -> NDArray[np.float32]:
+        parts = observations if isinstance(observations, dict) else {next(iter(inputs)): observations}
+        given = {name: np.asarray(parts[name], dtype=np.float32) for name in inputs}
+        actions: NDArray[np.float32] = session.run(["actions"], given)[0]
+        return actions
+
+    return act

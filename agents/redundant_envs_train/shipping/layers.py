@@ -34,24 +34,15 @@ HIDDEN = {activation.module: name for name, activation in ACTIVATIONS.items()}
 class Layers:
     """A deterministic policy: hidden layers, and a last one that is squashed into [-1, 1].
 
-    Attributes
-    ----------
-    inputs : dict of str to int
-        Width of each part of an observation, in the order in which they are joined; one part without a name
-        ("observation") if observations are arrays.
-    weights : tuple of ndarray (outputs, inputs), double
-    biases : tuple of ndarray (outputs,)
-    activation : {"silu", "tanh", "relu"}
-        After all layers but the last.
-    output : {"tanh", "clip"}
-        After the last layer.
+    ``inputs`` has the width of each part of an observation, in the order in which they are joined; one part
+    without a name ("observation") if observations are arrays.
     """
 
     inputs: dict[str, int]
-    weights: tuple[NDArray[np.float64], ...]
-    biases: tuple[NDArray[np.float64], ...]
-    activation: str
-    output: str
+    weights: tuple[NDArray[np.float64], ...]  # (outputs, inputs)
+    biases: tuple[NDArray[np.float64], ...]  # (outputs,)
+    activation: str  # after all layers but the last: silu, tanh or relu
+    output: str  # after the last layer: tanh or clip
 
     def __call__(self, observations: Any) -> NDArray[np.float64]:
         """Actions (n, actions) of observations (n, ...)."""
@@ -80,9 +71,7 @@ class Layers:
         arrays: dict[str, Any] = {}
         for k, (weights, biases) in enumerate(zip(self.weights, self.biases, strict=True)):
             arrays |= {f"weights_{k}": weights, f"biases_{k}": biases}
-        np.savez(
-            path, activation=self.activation, output=self.output, inputs=list(self.inputs), **arrays
-        )  # fmt: skip
+        np.savez(path, activation=self.activation, output=self.output, inputs=list(self.inputs), **arrays)
 
 
 def joined(inputs: Mapping[str, int], observations: Any) -> NDArray[np.float64]:
@@ -109,13 +98,7 @@ def modules_of(policy: Any) -> nn.Sequential:
 
 
 def layers_of(policy: Any, space: spaces.Space[Any]) -> Layers:
-    """The layers of a policy; normalisations are multiplied into the layers after them.
-
-    Raises
-    ------
-    ValueError
-        The policy has another kind of layer.
-    """
+    """The layers of a policy; normalisations are multiplied into the layers after them."""
     weights, biases, activations = [], [], []
     scale: Any = 1.0
     shift: Any = 0.0
@@ -135,24 +118,14 @@ def layers_of(policy: Any, space: spaces.Space[Any]) -> Layers:
     output = activations.pop() if len(activations) == len(weights) else "clip"
     if output not in ("tanh", "clip") or len(set(activations)) > 1:
         raise ValueError(f"the policy has the activations {', '.join(activations)}, {output}")
-    return Layers(
-        inputs=_inputs(space),
-        weights=tuple(weights),
-        biases=tuple(biases),
-        activation=activations[0] if activations else "relu",
-        output=output,
-    )
+    parts = space.spaces if isinstance(space, spaces.Dict) else {"observation": space}
+    inputs = {name: spaces.flatdim(part) for name, part in parts.items()}
+    return Layers(inputs, tuple(weights), tuple(biases), activations[0] if activations else "relu", output)
 
 
 def _double(tensor: Any) -> NDArray[np.float64]:
     array: NDArray[np.float64] = tensor.detach().numpy().astype(np.float64)
     return array
-
-
-def _inputs(space: spaces.Space[Any]) -> dict[str, int]:
-    if isinstance(space, spaces.Dict):
-        return {name: spaces.flatdim(part) for name, part in space.spaces.items()}
-    return {"observation": spaces.flatdim(space)}
 
 
 class Exact(nn.Module):

@@ -22,65 +22,57 @@ from redundant_envs.control.holding import holding_load
 from redundant_envs.control.statics import effort_limits, slider_travel
 from redundant_envs.effects import EffortLimits
 from redundant_envs.envs.sb3 import make_sb3
+from redundant_envs.figures import bare, new_figure, save_figure
+from redundant_envs.progress import counted
 from redundant_envs.robots.parameters import number
 from redundant_envs.scene import Scene, load_scene, scene_at, scene_data
+from redundant_envs.tables import markdown, write_rows
 from redundant_envs.tasks.reach import ReachTask
 from redundant_envs.values import shown
 
-from ..evidence.figure import LEARNER_COLORS
-from ..evidence.run_table import read_runs, value_of
-from ..evidence.runs import Run
+from ..config import Config, checked, load
+from ..evidence.curves import LEARNER_COLORS
+from ..evidence.runs import Run, read_runs, value_of
 from ..rollout import EVALUATION_SEED, expert_act, run_episodes
-from ..run_folder import evaluate_anew
+from ..run_folder import check_out, evaluate_anew
 from ..statistics import wilson
-from .factors import FACTORS
+from ..training.many import train_many
+from ..training.pool import count_of
 
 ARMS = {"4R": ("redundant_envs/FourRReach-v0", "four_r_reach"),
         "RPRP": ("redundant_envs/RPRPReach-v0", "rprp_reach")}  # fmt: skip
 """For each arm the environment and the scene whose limits have the factor 1."""
 HOLDABLE, EXPERT = "can be held at all", "computed torque"
 LIGHTEST = "computed torque to the lightest pose"
-POSES = {EXPERT: pose_at, LIGHTEST: lightest_pose}
-"""Poses in which the plans of computed torque end."""
+POSES = {EXPERT: pose_at, LIGHTEST: lightest_pose}  # poses in which the plans of computed torque end
+FACTORS = (1.0, 0.8, 0.6, 0.5, 0.4, 0.3)  # effort limits, in units of those of the reach scenes
 LEARNERS = ("PPO", "SAC")
 COLORS = {EXPERT: "#000000", LIGHTEST: "#7F7F7F"} | {who: LEARNER_COLORS[who] for who in LEARNERS}
 """Colours of all controllers and learners; the share that can be held is a grey area."""
 ROUNDING = 1e-9
 SAME_GOALS = {"scene", "accuracy", "on_bad_action"}
 """Arguments of an environment that do not change its goals and its hold success."""
+TRAINED = ("ppo", "sac")
+MARKERS = dict(zip(COLORS, ("o", "v", "s", "^"), strict=True))
+"""A marker for each, so that they can be distinguished without colours."""
+AREA = "#D9D9D9"
+
+Key = tuple[str, float, str]  # arm, factor and learner of a row
 
 
 @dataclass(frozen=True)
 class Row:
-    """One point of the figure.
+    """One point of the figure; with several seeds their mean, and the union of their intervals."""
 
-    Attributes
-    ----------
-    arm : {"4R", "RPRP"}
-    factor : float
-        Effort limits / those of the reach scene.
-    who : str
-        HOLDABLE, or a name of COLORS.
-    hold_success, low, high : float
-        Share of the goals and its 95 % interval (Wilson), 0 to 1. With several seeds it is their mean, and
-        low and high are the ends of the union of their intervals.
-    touch_success : float or None
-        Share of the goals that were touched; None for :data:`HOLDABLE`.
-    seeds : int
-        Of trained policies; 0 without training.
-    episodes : int
-        Goals, of each seed; the fewest if seeds differ.
-    """
-
-    arm: str
-    factor: float
-    who: str
-    hold_success: float
-    low: float
+    arm: str  # of ARMS
+    factor: float  # effort limits / those of the reach scene
+    who: str  # HOLDABLE, or a name of COLORS
+    hold_success: float  # share of the goals, 0 to 1
+    low: float  # ends of its 95 % interval (Wilson)
     high: float
-    touch_success: float | None
-    seeds: int
-    episodes: int
+    touch_success: float | None  # share of the goals; None for HOLDABLE
+    seeds: int  # of trained policies; 0 without training
+    episodes: int  # goals, of each seed; the fewest if seeds differ
 
     def __post_init__(self) -> None:
         for name, valid in (("arm", ARMS), ("who", (HOLDABLE, *COLORS))):
@@ -95,25 +87,11 @@ class Row:
             )
 
 
-COLUMNS = tuple(field.name for field in dataclasses.fields(Row))
-"""Of the CSV file."""
+COLUMNS = tuple(field.name for field in dataclasses.fields(Row))  # of the CSV file
 
 
 def weakened(scene_name: str, factor: float) -> dict[str, Any]:
-    """Plain data of a scene whose effort limits are multiplied by a factor.
-
-    Parameters
-    ----------
-    scene_name : str
-        A name or the path of a YAML file.
-    factor : float
-        Positive.
-
-    Raises
-    ------
-    ValueError
-        If the factor is not positive, or the scene has no EffortLimits.
-    """
+    """Plain data of a scene, by name or file, whose effort limits are multiplied by a positive factor."""
     if not number("factor", factor) > 0.0:
         raise ValueError(f"factor is {factor}; it must be positive")
     limits = effort_limits(load_scene(scene_name))
@@ -149,13 +127,7 @@ def expert_rows(
 ) -> list[Row]:
     """Shares that can be held at all, and that computed torque holds with either plan, on the same goals.
 
-    Parameters
-    ----------
-    arm : {"4R", "RPRP"}
-    factors : sequence of float
-    episodes : int
-    seed : int
-        Of the first environment; episode i has the goal of seed + i.
+    Episode i has the goal of ``seed + i``.
     """
     if arm not in ARMS:
         raise ValueError(f"arm is {shown(arm)}; choose {', '.join(ARMS)}")
@@ -179,15 +151,9 @@ def _share(held: NDArray[np.bool_]) -> tuple[float, float, float]:
 
 
 def learner_rows(places: Sequence[Path]) -> list[Row]:
-    """Rows of evaluated runs: those of one arm, factor and learner are seeds of one row.
+    """Rows of the evaluated runs of :func:`read_runs`: one for the seeds of an arm, factor and learner.
 
-    ``places`` are run folders and tables of runs, as in :func:`read_runs`.
-
-    Raises
-    ------
-    ValueError
-        If a run has another task, or another scene than a reach scene with all limits times one factor; or
-        a place is not an evaluated run.
+    ValueError if a run has another task, or a scene that is no reach scene with all limits times one factor.
     """
     found: dict[tuple[str, float, str], list[Run]] = {}
     for run in read_runs(places) if places else ():
@@ -207,18 +173,15 @@ def learner_rows(places: Sequence[Path]) -> list[Row]:
             raise ValueError(
                 f"{run.folder} has other settings than {same[0].folder}; give runs of one setting"
             )
-    return [
-        Row(
-            *key,
-            hold_success=float(np.mean([run.evaluation["hold_success"] for run in runs])),
-            low=min(_ends(run)[0] for run in runs),
-            high=max(_ends(run)[1] for run in runs),
-            touch_success=float(np.mean([run.evaluation["touch_success"] for run in runs])),
-            seeds=len(runs),
-            episodes=min(run.evaluation["episodes"] for run in runs),
+    rows = []
+    for key, runs in sorted(found.items()):
+        held, touched, goals = (
+            [run.evaluation[name] for run in runs] for name in ("hold_success", "touch_success", "episodes")
         )
-        for key, runs in sorted(found.items())
-    ]
+        low, high = zip(*map(_ends, runs), strict=True)
+        mean = float(np.mean(held))
+        rows.append(Row(*key, mean, min(low), max(high), float(np.mean(touched)), len(runs), min(goals)))
+    return rows
 
 
 def _ends(run: Run) -> tuple[float, float]:
@@ -274,3 +237,118 @@ def read_rows(path: Path) -> list[Row]:
             except (ValueError, TypeError) as error:
                 raise ValueError(f"{path}, line {reader.line_num}: {error}; write the file again") from error
     return rows
+
+
+def trainings(factors: Sequence[float], seeds: Sequence[int]) -> dict[str, tuple[Key, Config]]:
+    """Row and configuration of each learner by the name of its folder: presets with scaled effort limits."""
+    chosen = {}
+    for arm, (_, scene) in ARMS.items():
+        for learner in TRAINED:
+            preset = load(f"{scene}_{learner}").to_dict()
+            for factor in factors:
+                data = scene_data(scene) if factor == 1.0 else weakened(scene, factor)
+                for seed in seeds:
+                    config = {**preset, "seed": seed, "env_kwargs": {"scene": data}}
+                    run = checked(Config, config)
+                    key = (arm, factor, run.label)
+                    chosen[f"{arm.lower()}_{learner}_{factor!r}_seed{seed}"] = key, run
+    return chosen
+
+
+def run_study(
+    factors: Sequence[float], seeds: Sequence[int], episodes: int, runs: Sequence[Path],
+    processes: int | None, out: Path,
+) -> str:  # fmt: skip
+    """Train what is missing, and write strength.csv and strength.png into ``out``; returns a Markdown table.
+
+    ``seeds`` are of the learners trained here; without any nothing is trained. ``episodes`` are the goals of
+    computed torque and of the share that can be held. A learner for which ``runs``, evaluated run folders,
+    have an arm and factor is not trained again, and finished runs in ``out`` are kept.
+    """
+    if not 2 <= episodes <= 1_000_000:
+        raise ValueError(f"episodes is {episodes}; give a whole number from 2 to 1000000")
+    if processes is not None:
+        count_of(processes)
+    factors = factors or FACTORS
+    given = learner_rows(runs)
+    check_out(out)
+    path = out / "strength.csv"
+    rows = [row for row in read_rows(path) if not row.seeds] if path.is_file() else []
+    if {(row.arm, row.factor, row.who, row.episodes) for row in rows} != {
+        (arm, factor, who, episodes) for arm in ARMS for factor in factors for who in (HOLDABLE, *POSES)
+    }:
+        rows = []
+        with counted("computed torque, and what can be held", len(ARMS)) as done:
+            for arm in ARMS:
+                rows += expert_rows(arm, factors, episodes)
+                done(arm)
+        write_rows(map(dataclasses.asdict, rows), COLUMNS, path)
+    known = {(row.arm, row.factor, row.who) for row in given}
+    chosen = {name: config for name, (key, config) in trainings(factors, seeds).items() if key not in known}
+    if chosen:
+        train_many(chosen, out / "runs", processes)
+    trained = learner_rows([out / "runs" / name for name in chosen])
+    rows = [*rows, *(row for row in (*given, *trained) if row.factor in factors)]
+    write_rows(map(dataclasses.asdict, rows), COLUMNS, path)
+    save_figure(figure(rows), out / "strength.png")
+    return table(rows)
+
+
+def table(rows: Sequence[Row]) -> str:
+    """Hold success in percent, a line for each arm and factor."""
+    who = list(dict.fromkeys(row.who for row in rows))
+    found = {(row.arm, row.factor, row.who): row for row in rows}
+    lines = []
+    for arm, factor in dict.fromkeys((row.arm, row.factor) for row in rows):
+        cells = []
+        for name in who:
+            row = found.get((arm, factor, name))
+            more = f" ({row.seeds} seed{'s' * (row.seeds > 1)})" if row and row.seeds else ""
+            cells.append(f"{100 * row.hold_success:.1f} %{more}" if row else "-")
+        lines.append((arm, f"{factor:g}", *cells))
+    return markdown(("arm", "limits times", *who), lines)
+
+
+def figure(rows: Sequence[Row]) -> Any:
+    """A panel for each arm with rows: hold success [%] over the factor of the effort limits.
+
+    The share that can be held at all is a grey area. Intervals are bands. The legend is below the panels.
+    """
+    arms = [arm for arm in ARMS if any(row.arm == arm for row in rows)]
+    if not arms:
+        raise ValueError("rows is empty; give those of expert_rows and learner_rows")
+    result = new_figure(4.0 * len(arms) + 0.6, 3.9, 120)
+    panels = result.subplots(1, len(arms), sharey=True, squeeze=False)[0]
+    handles: dict[str, Any] = {}
+    for panel, arm in zip(panels, arms, strict=True):
+        handles |= _draw(panel, [row for row in rows if row.arm == arm])
+        panel.set_title(arm, loc="left", fontweight="bold")
+        panel.set_xlabel("motor strength (effort limits times ...)")
+        bare(panel)
+    panels[0].set_ylabel("hold success, %")
+    panels[0].set_ylim(0.0, 103.0)
+    shown = [who for who in (HOLDABLE, *COLORS) if who in handles]
+    result.legend([handles[who] for who in shown], shown, loc="outside lower center", ncols=3, frameon=False)
+    return result
+
+
+def _draw(panel: Any, rows: Sequence[Row]) -> dict[str, Any]:
+    """Area, bands and curves of an arm; returns their handles for the legend."""
+    handles: dict[str, Any] = {}
+    for who in (HOLDABLE, *COLORS):
+        own = sorted((row for row in rows if row.who == who), key=lambda row: row.factor)
+        if not own:
+            continue
+        x = [row.factor for row in own]
+        y = [100.0 * row.hold_success for row in own]
+        if who == HOLDABLE:
+            handles[who] = panel.fill_between(x, 0.0, y, color=AREA, linewidth=0.0)
+            continue
+        low, high = ([100.0 * getattr(row, end) for row in own] for end in ("low", "high"))
+        panel.fill_between(x, low, high, color=COLORS[who], alpha=0.2, linewidth=0.0)
+        (handles[who],) = panel.plot(
+            x, y, color=COLORS[who], marker=MARKERS[who], markersize=4.5, linewidth=1.8
+        )
+    factors = sorted({row.factor for row in rows})
+    panel.set_xticks(factors, [f"{factor:g}" for factor in factors])
+    return handles

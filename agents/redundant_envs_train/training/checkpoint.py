@@ -20,8 +20,8 @@ import numpy as np
 from redundant_envs.extras import needs
 from redundant_envs.values import shown
 
-from .. import command
-from ..new_folder import CHECKPOINT, OLD_CHECKPOINT, STATE, find_checkpoint
+from .. import command, train_again
+from ..run_folder import CHECKPOINT, OLD_CHECKPOINT, STATE, find_checkpoint
 
 with needs("train"):
     import torch
@@ -32,8 +32,7 @@ TABLES = ("selection.csv", "monitor.csv")
 """Files of a run that grow, and are cut back to their earlier length."""
 PLAIN = ("num_timesteps", "_n_updates", "_episode_num", "_current_progress_remaining")
 """Counters of stable-baselines3's algorithms."""
-MOST = 1e18
-"""Largest number of a run."""
+MOST = 1e18  # largest number of a run
 LAST = ("_last_obs", "_last_original_obs", "_last_episode_starts")
 EPISODES = ("ep_info_buffer", "ep_success_buffer")
 MONITOR = ("episode_returns", "episode_lengths", "episode_count")
@@ -53,19 +52,10 @@ def remove(folder: Path) -> None:
 
 
 def save(folder: Path, model: Any, monitor: Any, progress: dict[str, float], run: dict[str, Any]) -> None:
-    """Write a checkpoint; the folder always holds a complete one, this or the previous one.
+    """Write a checkpoint; the run's folder always holds a complete one, this or the previous one.
 
-    Parameters
-    ----------
-    folder : Path
-        The run's.
-    model : BaseAlgorithm
-    monitor : VecMonitor
-        Around the environments.
-    progress : dict
-        The numbers of ``PROGRESS``.
-    run : dict
-        Identity of the run; :func:`restore` requires the same.
+    ``monitor`` is around the environments, ``progress`` has the numbers of ``PROGRESS``, and ``run`` is the
+    identity of the run; :func:`restore` requires the same.
     """
     part = folder / PART
     shutil.rmtree(part, ignore_errors=True)
@@ -105,18 +95,15 @@ def save(folder: Path, model: Any, monitor: Any, progress: dict[str, float], run
 def restore(folder: Path, model: Any, monitor: Any, run: dict[str, Any]) -> dict[str, float]:
     """Return to the checkpoint of a run folder; returns its ``progress``.
 
-    Raises
-    ------
-    ValueError
-        There is none, it is damaged, or it belongs to another configuration or simulator.
+    ValueError if there is none, it is damaged, or it belongs to another configuration or simulator.
     """
     place = find_checkpoint(folder)
     if place is None:
-        finished = (folder / "training.json").is_file()
-        fix = f"look at it with: {command('report', folder)}"
-        if not finished:
-            fix = f"make a new run: {command('train', folder / 'config.yaml', '--out', 'NEW_FOLDER')}"
-        reason = "is finished and" if finished else "was killed before its first one, or made without:"
+        if (folder / "training.json").is_file():
+            reason, fix = "is finished and", f"look at it with: {command('report', folder)}"
+        else:
+            reason = "was killed before its first one, or made without:"
+            fix = f"make a new run: {train_again(folder)}"
         raise ValueError(f"run folder {folder} {reason} has no checkpoint; {fix}")
     try:
         state = _load(place / STATE)
@@ -131,7 +118,7 @@ def restore(folder: Path, model: Any, monitor: Any, run: dict[str, Any]) -> dict
     except Exception as error:  # a damaged file may raise any error
         raise ValueError(
             f"{place} is damaged or of another run ({' '.join(str(error).split())[:300]}); make a new run: "
-            f"{command('train', folder / 'config.yaml', '--out', 'NEW_FOLDER')}"
+            f"{train_again(folder)}"
         ) from error
     for name, size in sizes.items():
         os.truncate(folder / name, size)
@@ -198,9 +185,8 @@ def _like(name: str, found: Any, own: Any) -> Any:
             raise ValueError(f"{name} has other entries")
         return {key: _like(f"{name}.{key}", found[key], own[key]) for key in own}
     if isinstance(own, int | float):
-        if isinstance(found, bool) or not isinstance(found, int | float) or not abs(found) <= MOST:
-            raise ValueError(f"{name} is {shown(found)}")
-        if isinstance(own, int) and not (isinstance(found, int) and found >= 0):
+        number = isinstance(found, int | float) and not isinstance(found, bool) and abs(found) <= MOST
+        if not number or (isinstance(own, int) and not (isinstance(found, int) and found >= 0)):
             raise ValueError(f"{name} is {shown(found)}")
         return found
     if type(found) is not type(own) or found.shape != own.shape or found.dtype != own.dtype:
@@ -225,10 +211,9 @@ def buffer_state(buffer: Any) -> dict[str, Any]:
 
 def set_buffer_state(buffer: Any, state: dict[str, Any]) -> None:
     """Return to a state of :func:`buffer_state`."""
-    for name in BUFFER_ARRAYS:
-        if not hasattr(buffer, name):
-            continue
-        for target, source in _pairs(getattr(buffer, name), state["arrays"][name]):
+    for name in filter(lambda name: hasattr(buffer, name), BUFFER_ARRAYS):
+        own, found = getattr(buffer, name), state["arrays"][name]
+        for target, source in [(own[k], found[k]) for k in own] if isinstance(own, dict) else [(own, found)]:
             target[: state["rows"]] = source
     if not (isinstance(state["pos"], int) and 0 <= state["pos"] < buffer.buffer_size):
         raise ValueError(f"the buffer's position is {shown(state['pos'])}")
@@ -239,10 +224,6 @@ def set_buffer_state(buffer: Any, state: dict[str, Any]) -> None:
 
 def _rows(array: Any, rows: int) -> Any:
     return {k: v[:rows] for k, v in array.items()} if isinstance(array, dict) else array[:rows]
-
-
-def _pairs(array: Any, values: Any) -> list[tuple[Any, Any]]:
-    return [(array[k], values[k]) for k in array] if isinstance(array, dict) else [(array, values)]
 
 
 # ---- plain data, which torch reads without unpickling objects ------------------------------------

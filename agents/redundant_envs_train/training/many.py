@@ -7,19 +7,15 @@ import queue
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 from redundant_envs.extras import needs
-from redundant_envs.modules import IMPORTED
 
-from ..config import Config
-from ..new_folder import check_out, find_checkpoint
-from ..own_scene import difference
-from ..run_folder import read_config, read_evaluation, read_facts
+from ..config import Config, checked
+from ..run_folder import check_out, difference, find_checkpoint, read_config, read_evaluation, read_facts
 from ..start import with_start
-from .amount import count_of
-from .interrupt import Request
-from .pool import POLL, News, follow, places, settle
+from .pool import POLL, News, count_of, follow, places, settle, start
 
 with needs("train"):
     from rich.progress import Progress
@@ -31,21 +27,9 @@ FILES = ("evaluation.json", "episodes.csv", "report.md")
 def train_many(configs: Mapping[str, Config], folder: Path, processes: int | None = None) -> None:
     """Train, evaluate and report configurations in folders by their names; finished ones are left alone.
 
-    Parameters
-    ----------
-    configs : mapping
-        Folder inside ``folder`` -> configuration.
-    folder : Path
-    processes : int, optional
-        Runs at a time; without it one for each core. Each has its own core while there are enough.
-
-    Raises
-    ------
-    Stopped
-        The user asked to stop; the same command continues the runs.
-    ValueError
-        ``processes`` is not allowed, a folder holds another run, or a run failed (reported after the others
-        were finished).
+    ``processes`` run at a time, by default one for each core; each has its own core while there are enough.
+    Stopped if the user asked for it: the same command continues. ValueError if a folder holds another run, or
+    a run failed, after the others were finished.
     """
     check_out(folder)
     count = min(count_of(processes), len(configs))
@@ -56,11 +40,9 @@ def train_many(configs: Mapping[str, Config], folder: Path, processes: int | Non
     jobs, news = context.Queue(), context.Queue()
     for name, config in configs.items():
         jobs.put((name, config.to_dict(), str(folder / name)))
-    workers = []
-    for core in places(count, all(config.torch_threads == 1 for config in configs.values())):
-        worker = context.Process(target=_work, args=(jobs, news, core, tuple(IMPORTED)), daemon=True)
-        worker.start()
-        workers.append(worker)
+    alone = all(config.torch_threads == 1 for config in configs.values())
+    workers = [start(context, _work, jobs, news, core) for core in places(count, alone)]
+    for _ in workers:
         jobs.put(None)
     names = list(configs)
     follow(names, lambda stop: _reports(names, workers, news, stop))
@@ -78,11 +60,11 @@ def check_same(config: Config, folder: Path) -> None:
         )
 
 
-def _reports(names: Sequence[str], workers: Sequence[Any], news: Any, stop: Request) -> Iterator[News]:
+def _reports(names: Sequence[str], workers: Sequence[Any], news: Any, stop: Event) -> Iterator[News]:
     """Reports of the processes; runs whose processes ended without one have failed."""
     left, told = list(names), False
     while left:
-        if stop.made and not told:
+        if stop.is_set() and not told:
             told = True
             for worker in workers:
                 worker.terminate()
@@ -101,10 +83,7 @@ def _reports(names: Sequence[str], workers: Sequence[Any], news: Any, stop: Requ
 
 
 class Teller(Progress):
-    """Progress that is sent to another process instead of being shown.
-
-    ``tell`` takes the reports.
-    """
+    """Progress that is sent to another process instead of being shown; ``tell`` takes the reports."""
 
     def __init__(self, tell: Callable[[News], Any], name: str) -> None:
         super().__init__(disable=True)
@@ -120,11 +99,9 @@ class Teller(Progress):
             self.tell((self.name, 0.99 * changes["completed"] / total, changes.get("note", ""), False))
 
 
-def _work(jobs: Any, news: Any, core: int | None, modules: tuple[str, ...] = ()) -> None:
+def _work(jobs: Any, news: Any, core: int | None, modules: Sequence[str] = ()) -> None:
     """Finish jobs until none is left."""
     settle(core, modules)
-    from ..config import checked
-
     while (job := jobs.get()) is not None:
         name, data, place = job
         try:
@@ -149,8 +126,7 @@ def is_finished(folder: Path) -> bool:
 
 def finish(config: Config, folder: Path, progress: Progress) -> None:
     """Train, evaluate and report a configuration, as far as this is not done yet."""
-    from ..evaluate import evaluate, write_evaluation
-    from ..report import report
+    from ..report import evaluate, report, write_evaluation
     from .train import resume, train
 
     if is_finished(folder):

@@ -7,15 +7,17 @@ written here.
 from __future__ import annotations
 
 import contextlib
+import io
 import logging
 import os
 import shutil
 import socket
+import tarfile
 import tempfile
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
-from typing import Any
+from pathlib import Path
+from threading import Event
+from typing import Any, NamedTuple
 
 from redundant_envs import __version__
 from redundant_envs.extras import needs
@@ -23,60 +25,31 @@ from redundant_envs.modules import IMPORTED, OPTION
 from redundant_envs.values import shown
 
 from ..config import Config, checked
-from ..new_folder import check_new, check_out
-from .amount import count_of
-from .interrupt import Request
+from ..run_folder import check_new, check_out
 from .many import Teller, check_same, finish, is_finished, result_of
-from .pool import POLL, News, follow
+from .pool import POLL, News, count_of, follow
 
 # Ray reads it when it starts: nothing about this machine or its user is sent to anyone.
 os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
 with needs("ray"):
     import ray
+    from ray.util.queue import Queue
 
-LOCAL = "local"
-"""Ray's name of a cluster of this machine alone."""
-RETRIES = 2
-"""Number of machines of a cluster that a run may lose before it counts as failed."""
-CONNECTING = 10.0
-"""s; time limit for reaching the address of a cluster."""
-INCOMING = ".incoming"
-"""Folder beside the runs, in which a run is written before it gets its final name."""
-MOST_CHARACTERS = 300
-"""Most characters of a failure in a message."""
-
-Files = dict[str, bytes]
-"""Contents of the files of a folder by their paths inside it, with slashes."""
+LOCAL = "local"  # Ray's name of a cluster of this machine alone
+RETRIES = 2  # number of machines of a cluster that a run may lose before it counts as failed
+CONNECTING = 10.0  # s; time limit for reaching the address of a cluster
+INCOMING = ".incoming"  # folder beside the runs, in which a run is written before it gets its final name
+MOST_CHARACTERS = 300  # most characters of a failure in a message
 
 
 def train_on_ray(
     configs: Mapping[str, Config], folder: Path, address: str | None = None, processes: int | None = None
 ) -> None:
-    """Train, evaluate and report configurations on a Ray cluster; finished runs are left alone.
+    """Do as :func:`~.many.train_many` on a Ray cluster, to the same bits on machines of the same kind.
 
-    The results are those of :func:`~.many.train_many` to the bit, on machines of the same kind.
-
-    Parameters
-    ----------
-    configs : mapping
-        Folder inside ``folder`` -> configuration.
-    folder : Path
-        On this machine.
-    address : str, optional
-        Of the cluster, such as ``10.0.0.1:6379``, ``ray://10.0.0.1:10001`` or ``auto``. By default that of
-        the environment variable RAY_ADDRESS, otherwise a cluster of this machine alone, which ends with the
-        call.
-    processes : int, optional
-        Number of runs at a time on the cluster of this machine; by default one for each core.
-
-    Raises
-    ------
-    Stopped
-        The user asked to stop; the folders of runs that had begun are returned with their last checkpoint,
-        and the same command continues them.
-    ValueError
-        There is no cluster at ``address``, a folder holds another run, or a run failed (reported after the
-        others were finished).
+    ``address`` is such as ``10.0.0.1:6379``, ``ray://10.0.0.1:10001`` or ``auto``; by default that of the
+    environment variable RAY_ADDRESS, otherwise a cluster of this machine alone, which ends with the call and
+    has ``processes`` cores. ValueError if there is no cluster, or it may lack a module or file of a run.
     """
     if IMPORTED:
         raise ValueError(
@@ -122,7 +95,10 @@ def _cluster(place: str, count: int) -> Iterator[None]:
         options |= {"num_cpus": count, "include_dashboard": False}
     try:
         try:
-            _check_listening(place)
+            host, colon, port = place.rpartition(":")
+            if colon and "/" not in host and port.isdecimal() and 0 < int(port) < 2**16:
+                # if nothing listens there, Ray would try to connect for ever
+                socket.create_connection((host.strip("[]"), int(port)), timeout=CONNECTING).close()
             ray.init(place, **options)
         except Exception as error:  # Ray reports an address without a cluster in many ways
             raise ValueError(
@@ -134,16 +110,9 @@ def _cluster(place: str, count: int) -> Iterator[None]:
         ray.shutdown()
 
 
-def _check_listening(place: str) -> None:
-    """OSError if nothing listens at host:port, since Ray would try to connect for ever."""
-    host, colon, port = place.rpartition(":")
-    if colon and "/" not in host and port.isdecimal() and 0 < int(port) < 2**16:
-        socket.create_connection((host.strip("[]"), int(port)), timeout=CONNECTING).close()
-
-
-def _reports(configs: Mapping[str, Config], folder: Path, stop: Request) -> Iterator[News]:
+def _reports(configs: Mapping[str, Config], folder: Path, stop: Event) -> Iterator[News]:
     """Submit unfinished runs as tasks, report on them, and write the returned folders."""
-    board: Any = ray.remote(num_cpus=0, max_restarts=-1)(Board).remote()
+    board = Queue(actor_options={"num_cpus": 0, "max_restarts": -1})
     running: dict[Any, str] = {}
     for name, config in configs.items():
         place = folder / name
@@ -155,13 +124,12 @@ def _reports(configs: Mapping[str, Config], folder: Path, stop: Request) -> Iter
             if not (place / "config.yaml").is_file():
                 check_new(place)
             submit = train_one.options(num_cpus=config.torch_threads).remote
-            own = pack(place) if place.is_dir() else {}
-            running[submit(name, config.to_dict(), own, str(place), __version__, board)] = name
+            running[submit(name, config.to_dict(), pack(place), str(place), __version__, board)] = name
         except (ValueError, OSError) as error:
             yield name, 1.0, _short(error), True
     told = False
     while running:
-        if stop.made and not told:  # each saves a checkpoint, ends, and returns its files
+        if stop.is_set() and not told:  # each saves a checkpoint, ends, and returns its files
             told = True
             for task in running:
                 ray.cancel(task)
@@ -175,7 +143,7 @@ def _reports(configs: Mapping[str, Config], folder: Path, stop: Request) -> Iter
             except Exception as error:  # an error of the machine, the cluster or this disk
                 yield name, 1.0, _short(error), True
         with contextlib.suppress(ray.exceptions.RayError):  # bars are lost with a machine, not results
-            yield from (item for item in ray.get(board.read.remote()) if item[0] in running.values())
+            yield from (item for item in board.get_nowait_batch(board.qsize()) if item[0] in running.values())
 
 
 def _short(error: BaseException) -> str:
@@ -185,63 +153,34 @@ def _short(error: BaseException) -> str:
     return (lines[-1] if lines else type(error).__name__)[:MOST_CHARACTERS]
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """The result of a task: the files of its run, and its result or failure in words."""
+class Outcome(NamedTuple):
+    """The result of a task: the files of its run, packed, and its result or failure in words."""
 
-    files: Files
+    files: bytes
     note: str
     failed: bool
 
 
-class Board:
-    """Queue of progress reports from the tasks to the process that shows them."""
-
-    def __init__(self) -> None:
-        self.news: list[Any] = []
-
-    def put(self, item: Any) -> None:
-        """Keep one report."""
-        self.news.append(item)
-
-    def read(self) -> list[Any]:
-        """All reports since the last call."""
-        news, self.news = self.news, []
-        return news
-
-
 @ray.remote(max_retries=RETRIES, scheduling_strategy="SPREAD")
-def train_one(name: str, data: dict[str, Any], files: Files, where: str, version: str, board: Any) -> Outcome:
-    """Finish one run on the machine of this task.
+def train_one(name: str, data: dict[str, Any], files: bytes, where: str, version: str, board: Any) -> Outcome:
+    """Finish the run of a configuration's plain data, from its existing files, on the machine of this task.
 
-    Parameters
-    ----------
-    name : str
-        Of the run.
-    data : dict
-        Its configuration.
-    files : dict
-        Its existing files.
-    where : str
-        Its folder on the machine of the user, which reports and messages name.
-    version : str
-        Of redundant-envs on the machine of the user.
-    board : actor handle
-        Receives the reports.
+    ``where`` is its folder on the machine of the user, which reports and messages name, and ``version`` that
+    of redundant-envs there; ``board`` receives the reports.
     """
     if version != __version__:
         note = (
             f"{socket.gethostname()} has redundant-envs {__version__}, and the command runs {version}; "
             "install the same on all machines"
         )
-        return Outcome({}, note, failed=True)
+        return Outcome(b"", note, failed=True)
     with tempfile.TemporaryDirectory(prefix="redundant-envs-", ignore_cleanup_errors=True) as root:
         place = Path(root) / Path(name).name
         failed = True
         try:
             if files:
                 unpack(files, place)
-            finish(checked(Config, data), place, Teller(board.put.remote, name))
+            finish(checked(Config, data), place, Teller(board.actor.put_nowait.remote, name))
             page = place / "report.md"
             text = page.read_text(encoding="utf-8").replace(str(place), where)
             page.write_text(text, encoding="utf-8")
@@ -250,35 +189,23 @@ def train_one(name: str, data: dict[str, Any], files: Files, where: str, version
             note = "its task was cancelled"
         except Exception as error:
             note = str(error).replace(str(place), where)
-        return Outcome(pack(place) if place.is_dir() else {}, note, failed)
+        return Outcome(pack(place), note, failed)
 
 
-def pack(folder: Path) -> Files:
-    """The files of a folder; links are left out."""
-    return {
-        path.relative_to(folder).as_posix(): path.read_bytes()
-        for path in sorted(folder.rglob("*"))
-        if path.is_file() and not path.is_symlink()
-    }
+def pack(folder: Path) -> bytes:
+    """The files of a folder as a tar archive, without links; nothing if there is no folder."""
+    data = io.BytesIO()
+    if folder.is_dir():
+        with tarfile.open(fileobj=data, mode="w") as archive:
+            archive.add(folder, ".", filter=lambda entry: None if entry.issym() else entry)
+    return data.getvalue()
 
 
-def unpack(files: Files, folder: Path) -> None:
-    """Write files into a folder that does not exist yet.
-
-    Raises
-    ------
-    ValueError
-        A path leads out of the folder; nothing is written.
-    """
-    for name in files:
-        path = PurePosixPath(name)
-        if path.is_absolute() or not path.parts or ".." in path.parts or "\\" in name or ":" in name:
-            raise ValueError(f"a file of the run is named {shown(name)}, which leads out of {folder}")
+def unpack(files: bytes, folder: Path) -> None:
+    """Write packed files into a folder that does not exist yet; tarfile refuses those that lead out of it."""
     folder.mkdir(parents=True)
-    for name, content in files.items():
-        target = folder / name
-        target.parent.mkdir(parents=True, exist_ok=True)
-        target.write_bytes(content)
+    with tarfile.open(fileobj=io.BytesIO(files)) as archive:
+        archive.extractall(folder, filter="data")
 
 
 def restore(folder: Path) -> None:
@@ -288,8 +215,8 @@ def restore(folder: Path) -> None:
         os.replace(old, folder)
 
 
-def receive(files: Files, folder: Path) -> None:
-    """Make a folder of files that replaces an older one; it is complete or unchanged."""
+def receive(files: bytes, folder: Path) -> None:
+    """Make a folder of packed files that replaces an older one; it is complete or unchanged."""
     incoming = folder.parent / INCOMING
     part, old = incoming / folder.name, incoming / f"{folder.name}.old"
     restore(folder)

@@ -1,24 +1,56 @@
-"""Several runs at a time: the protocol of a place where they go on, how they are followed, and processes."""
+"""Requests to end a training in order, and several runs at a time: their seeds, places and progress."""
 
 from __future__ import annotations
 
+import contextlib
 import os
+import re
 import signal
+import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any
 
-from redundant_envs.modules import import_named
+from redundant_envs.modules import IMPORTED, import_named
 from redundant_envs.progress import progress_bars
 
-from .amount import cores
-from .interrupt import Request, Stopped, stop_request
+from ..config import MOST_SEEDS
 
-POLL = 0.2
-"""s; longest time without a look whether the user asked to stop."""
-News = tuple[str, float, str, bool]
-"""Name of a run, share done (1.0: it ended), note, whether it failed."""
+POLL = 0.2  # s; longest time without a look whether the user asked to stop
+MOST_PROCESSES = 1024
+News = tuple[str, float, str, bool]  # name of a run, share done (1.0: it ended), note, whether it failed
 
 
-Pool = Callable[[Request], Iterator[News]]
+class Stopped(KeyboardInterrupt):
+    """A run was stopped by its user; the message says what was kept and how to continue."""
+
+
+@contextlib.contextmanager
+def stop_request() -> Iterator[threading.Event]:
+    """Within this context the first SIGINT or SIGTERM is kept as a request; a second one interrupts at once.
+
+    In a thread other than the main one, which receives no signals, the request is never made.
+    """
+    request = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield request
+        return
+
+    def note(number: int, frame: object) -> None:
+        if request.is_set():
+            raise KeyboardInterrupt
+        request.set()
+
+    # a signal that is ignored, as by nohup or in a worker, stays ignored
+    heard = [n for n in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(n) is not signal.SIG_IGN]
+    before = {number: signal.signal(number, note) for number in heard}
+    try:
+        yield request
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler or signal.SIG_DFL)
+
+
+Pool = Callable[[threading.Event], Iterator[News]]
 """A place where runs go on: its reports until all have ended. On request each saves a checkpoint and ends."""
 
 
@@ -32,7 +64,7 @@ def follow(names: Sequence[str], pool: Pool) -> None:
                 failures.append(f"{name}: {note}")
             bars.start_task(lines[name])
             bars.update(lines[name], completed=share, note=f"failed: {note}" if failed else note)
-    if stop.made:
+    if stop.is_set():
         raise Stopped("stopped; the same command with the same --out goes on")
     if failures:
         raise ValueError(
@@ -46,6 +78,13 @@ def places(count: int, alone: bool) -> Sequence[int | None]:
     return own[:count] if alone and count <= len(own) else [None] * count
 
 
+def start(context: Any, work: Callable[..., None], *more: Any) -> Any:
+    """A process of this machine that does ``work(*more, modules of the user)``, and ends with this one."""
+    process = context.Process(target=work, args=(*more, tuple(IMPORTED)), daemon=True)
+    process.start()
+    return process
+
+
 def settle(core: int | None, modules: Iterable[str]) -> None:
     """Prepare a process for trainings: on a core of its own, with the modules of the user."""
     # Ctrl-C of a terminal reaches all processes: only the first one reacts, and sends SIGTERM to the others.
@@ -54,3 +93,34 @@ def settle(core: int | None, modules: Iterable[str]) -> None:
         import_named(module)
     if core is not None:
         os.sched_setaffinity(0, {core})
+
+
+def seeds_of(text: str) -> list[int]:
+    """Seeds as a user writes them: ``0..9``, or ``1,4,7``, or both."""
+    seeds: list[int] = []
+    for part in text.split(","):
+        match = re.fullmatch(r"\s*(\d{1,4})(?:\.\.(\d{1,4}))?\s*", part)
+        if not match:
+            raise ValueError(
+                f"seeds is {text[:80]!r}; write such as 0..9 or 1,4,7, with seeds from 0 to {MOST_SEEDS}"
+            )
+        first, last = int(match[1]), int(match[2] or match[1])
+        if last < first:
+            raise ValueError(f"seeds is {text[:80]!r}; write the lower one first, {last}..{first}")
+        seeds += range(first, last + 1)
+    if not seeds or len(set(seeds)) < len(seeds):
+        raise ValueError(f"seeds is {text[:80]!r}; give different seeds from 0 to {MOST_SEEDS}")
+    return seeds
+
+
+def cores() -> list[int]:
+    """Cores that this process may use; empty if the system does not report them."""
+    return sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
+
+
+def count_of(processes: int | None) -> int:
+    """Runs at a time on this machine: ``processes``, or one for each core."""
+    count = (len(cores()) or os.cpu_count() or 1) if processes is None else processes
+    if not 1 <= count <= MOST_PROCESSES:
+        raise ValueError(f"processes is {count}; give a whole number from 1 to {MOST_PROCESSES}")
+    return count

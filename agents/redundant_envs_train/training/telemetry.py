@@ -1,4 +1,4 @@
-"""Logs of a training's figures: one function for each kind of log."""
+"""Logs of a training's figures, in the run folder or at a client that has a package of its own."""
 
 from __future__ import annotations
 
@@ -15,69 +15,50 @@ from ..config import Config
 with needs("train"):
     from stable_baselines3.common.logger import CSVOutputFormat, KVWriter, Logger, TensorBoardOutputFormat
 
-
-def tensorboard(folder: Path, config: Config) -> KVWriter:
-    """Files for TensorBoard in the run folder."""
-    return TensorBoardOutputFormat(str(folder / "tensorboard"))
-
-
-def csv(folder: Path, config: Config) -> KVWriter:
-    """The table progress.csv in the run folder; a resumed training begins another one."""
-    parts = (f"progress{f'_{n}' if n > 1 else ''}.csv" for n in itertools.count(1))
-    return CSVOutputFormat(str(next(folder / name for name in parts if not (folder / name).exists())))
+CLIENTS = ("wandb", "mlflow")
+"""Kinds of logs whose packages the extra "train" does not include; the extra of their name does."""
 
 
 class _Client(KVWriter):
-    """Passes figures on to a client's function of (figures, step); ``end`` ends its run."""
+    """Passes figures on to a client's function ``log``; ``end`` ends its run."""
 
-    def __init__(self, log: Callable[[dict[str, float], int], Any], end: Callable[[], Any]) -> None:
+    def __init__(self, log: Callable[..., Any], end: Callable[[], Any]) -> None:
         self.log, self.end = log, end
 
     def write(self, key_values: dict[str, Any], key_excluded: Any, step: int = 0) -> None:
-        self.log({k: float(v) for k, v in key_values.items() if isinstance(v, int | float)}, step)
+        self.log({k: float(v) for k, v in key_values.items() if isinstance(v, int | float)}, step=step)
 
     def close(self) -> None:
         """End the client's run, so that the next training of this process has its own."""
         self.end()
 
 
-def wandb(folder: Path, config: Config) -> KVWriter:
-    """Weights & Biases; its own environment variables set the destination."""
-    client = _client("wandb")
-    run = client.init(project="redundant-envs", name=folder.name, dir=str(folder), config=config.to_dict())
-    return _Client(lambda figures, step: run.log(figures, step=step), run.finish)
-
-
-def mlflow(folder: Path, config: Config) -> KVWriter:
-    """MLflow; its own environment variables set the destination."""
-    client = _client("mlflow")
-    client.start_run(run_name=folder.name)
-    client.log_dict(config.to_dict(), "config.yaml")
-    return _Client(lambda figures, step: client.log_metrics(figures, step=step), client.end_run)
-
-
-def _client(name: str) -> Any:
-    """A client's package, which the extra of its name installs."""
-    with needs(name):
-        return importlib.import_module(name)
-
-
-PLACES: dict[str, Callable[[Path, Config], KVWriter]] = {
-    "tensorboard": tensorboard, "csv": csv, "wandb": wandb, "mlflow": mlflow,
-}  # fmt: skip
-
-
-CLIENTS = ("wandb", "mlflow")
-"""Kinds of logs whose packages the extra "train" does not include."""
-
-
-def check(config: Config) -> None:
-    """Refuse, before a training begins, a kind of log whose package is missing."""
-    for name in config.telemetry:
-        if name in CLIENTS:
-            _client(name)
+def check(config: Config) -> dict[str, Any]:
+    """The packages of the clients by name; a missing one is refused before a training begins."""
+    found: dict[str, Any] = {}
+    for name in CLIENTS:
+        if name in config.telemetry:
+            with needs(name):
+                found[name] = importlib.import_module(name)
+    return found
 
 
 def logger(folder: Path, config: Config) -> Logger:
-    """The logger for stable-baselines3."""
-    return Logger(str(folder), [PLACES[name](folder, config) for name in config.telemetry])
+    """The logger for stable-baselines3; a client's own environment variables set its destination."""
+    clients, writers = check(config), list[KVWriter]()
+    for name in config.telemetry:
+        if name == "tensorboard":
+            writers.append(TensorBoardOutputFormat(str(folder / "tensorboard")))
+        elif name == "csv":  # a resumed training begins another table
+            parts = (folder / f"progress{f'_{n}' if n > 1 else ''}.csv" for n in itertools.count(1))
+            writers.append(CSVOutputFormat(str(next(part for part in parts if not part.exists()))))
+        elif name == "wandb":
+            run = clients[name].init(
+                project="redundant-envs", name=folder.name, dir=str(folder), config=config.to_dict()
+            )
+            writers.append(_Client(run.log, run.finish))
+        else:
+            clients[name].start_run(run_name=folder.name)
+            clients[name].log_dict(config.to_dict(), "config.yaml")
+            writers.append(_Client(clients[name].log_metrics, clients[name].end_run))
+    return Logger(str(folder), writers)

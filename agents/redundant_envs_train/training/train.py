@@ -13,18 +13,14 @@ from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
 from redundant_envs.progress import progress_bars
 
-from .. import command
-from ..config import WITHOUT_EFFECT, Config, PlainPPOSettings, first_environment_seed
-from ..drawing import EVALUATED
+from .. import command, run_folder
+from ..config import WITHOUT_EFFECT, Config, PlainPPOSettings
+from ..config.run import first_environment_seed
 from ..learners.build import make_model
-from ..new_folder import check_new, find_checkpoint
-from ..own_scene import SCENE, own_config, with_scene
-from ..policies import save_policy
-from ..run_folder import read_config, write_json
+from ..policies import save_policy, start_from
 from ..start import with_start
 from . import checkpoint
-from .interrupt import Stopped, stop_request
-from .start import start_from
+from .pool import Stopped, stop_request
 from .telemetry import check, logger
 from .watch import OnPoint, Watch
 
@@ -34,43 +30,28 @@ with needs("train"):
     from stable_baselines3.common.monitor import ResultsWriter
     from stable_baselines3.common.vec_env import VecMonitor
 
-LOG_EPISODES = 4
-"""Episodes of every environment between two lines of SAC's log."""
-LOG_ROLLOUTS = 10
-"""Rollouts between two lines of PPO's log."""
+LOG_EPISODES = 4  # episodes of every environment between two lines of SAC's log
+LOG_ROLLOUTS = 10  # rollouts between two lines of PPO's log
 KEYWORDS = ("is_success",)
 
 
 def train(
     config: Config, folder: Path, progress: Progress | None = None, on_point: OnPoint | None = None
 ) -> dict[str, Any]:
-    """Train, and keep the averaged policy in ``folder``; returns steps and seconds.
+    """Train, and keep the averaged policy in ``folder``, new or empty; returns steps and seconds.
 
-    Parameters
-    ----------
-    config : Config
-    folder : Path
-        It is made, or is empty.
-    progress : Progress, optional
-        Bars of a caller, which get a line while the training runs.
-    on_point : callable, optional
-        Called with the environment steps, the hold success, 0 to 1, and the mean return of every point of
-        the learning curve. What it raises ends the training and is raised here; the folder has the policy
-        of that point.
-
-    Raises
-    ------
-    Stopped
-        The user asked to stop; the folder has the policy so far, and a checkpoint.
+    The bars of a caller, ``progress``, get a line while the training runs. What ``on_point`` raises ends the
+    training and is raised here; the folder has the policy of that point. Stopped if the user asked for it:
+    the folder has the policy so far, and a checkpoint.
     """
-    check_new(folder)
+    run_folder.check_new(folder)
     config = with_start(config)
     return _run(config, folder, progress, resumed=False, on_point=on_point)
 
 
 def resume(folder: Path, progress: Progress | None = None) -> dict[str, Any]:
     """Continue from the last checkpoint of a run folder, to the same bits as without a break."""
-    return _run(read_config(folder), folder, progress, resumed=True)
+    return _run(run_folder.read_config(folder), folder, progress, resumed=True)
 
 
 def _run(
@@ -78,9 +59,9 @@ def _run(
 ) -> dict[str, Any]:
     check(config)
     torch.set_num_threads(config.torch_threads)
-    given = own_config(folder) if resumed else config
+    given = run_folder.own_config(folder) if resumed else config
     base = make_sb3(config.env, config.num_envs, monitor=False, **given.env_kwargs)
-    simulated = with_scene(config, base.core.scene)  # from now on, whatever happens to its file
+    simulated = run_folder.with_scene(config, base.core.scene)  # from now on, whatever happens to its file
     monitor = VecMonitor(base, info_keywords=KEYWORDS)
     model = make_model(config, monitor)
     if config.start_from is not None and not resumed:
@@ -90,10 +71,10 @@ def _run(
     base.seed(first_environment_seed(config.seed))
     run = identity(config, base.core)
     begun = checkpoint.restore(folder, model, monitor, run) if resumed else {}
-    for name in (*EVALUATED, "report.md"):  # evaluation of the policy at the stop
+    for name in (*run_folder.EVALUATED, "report.md"):  # evaluation of the policy at the stop
         (folder / name).unlink(missing_ok=True)
     if not resumed:
-        (folder / SCENE).write_text(yaml.safe_dump(base.core.scene.to_dict(), sort_keys=False))
+        (folder / run_folder.SCENE).write_text(yaml.safe_dump(base.core.scene.to_dict(), sort_keys=False))
         (folder / "config.yaml").write_text(yaml.safe_dump(config.to_dict(), sort_keys=False))
     header: dict[str, Any] = {"t_start": monitor.t_start, "env_id": config.env}
     monitor.results_writer = ResultsWriter(
@@ -103,16 +84,13 @@ def _run(
         model.set_logger(logger(folder, config))
         with progress_bars() if progress is None else nullcontext(progress) as bars:
             watch = Watch(simulated, folder, monitor, bars, stop, begun, run, on_point)
-            every = (
-                LOG_ROLLOUTS
-                if isinstance(config.settings, PlainPPOSettings)
-                else LOG_EPISODES * config.num_envs
-            )
+            on_policy = isinstance(config.settings, PlainPPOSettings)
+            every = LOG_ROLLOUTS if on_policy else LOG_EPISODES * config.num_envs
             try:
                 left = config.total_steps - model.num_timesteps
                 model.learn(left, callback=watch, log_interval=every, reset_num_timesteps=not resumed)
                 # a request during the last rollout comes too late
-                stopped = stop.made and model.num_timesteps < config.total_steps
+                stopped = stop.is_set() and model.num_timesteps < config.total_steps
                 if not stopped:
                     watch.point()
             except KeyboardInterrupt:
@@ -121,17 +99,19 @@ def _run(
                 model.logger.close()
                 if progress is not None:
                     bars.remove_task(watch.task)
-        seconds = watch.seconds()
+        facts = {
+            "env_steps": int(model.num_timesteps), "train_seconds": round(watch.seconds(), 2),
+            "simulator": simulator_hash(base.core),
+        }  # fmt: skip
         if stopped:
             save_policy(model, folder / "policy.zip")
-        facts = {
-            "env_steps": int(model.num_timesteps),
-            "train_seconds": round(seconds, 2),
-            "simulator": simulator_hash(base.core),
-        }
-        write_json(folder / "training.json", {**facts, "stopped": stopped})
+        run_folder.write_json(folder / "training.json", {**facts, "stopped": stopped})
     if stopped:
-        go_on = f"Go on with: {command('resume', folder)}, or look" if find_checkpoint(folder) else "Look"
+        go_on = (
+            f"Go on with: {command('resume', folder)}, or look"
+            if run_folder.find_checkpoint(folder)
+            else "Look"
+        )
         raise Stopped(
             f"stopped after {facts['env_steps']} of {config.total_steps} steps; the policy so far is kept. "
             f"{go_on} at it with: {command('report', folder)}"

@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -17,16 +18,13 @@ from ..policies import save_policy
 from ..rollout import SELECTION_SEED, policy_act, run_episodes
 from ..run_folder import SELECTION
 from . import checkpoint
-from .interrupt import Request
 
 with needs("train"):
     from rich.progress import Progress
     from stable_baselines3.common.callbacks import BaseCallback
 
-BAR_STEPS = 400
-"""Steps of the progress bar."""
-RETURN = "return_"
-"""Prefix of the terms of an episode's return in ``info``."""
+BAR_STEPS = 400  # steps of the progress bar
+RETURN = "return_"  # prefix of the terms of an episode's return in ``info``
 OnPoint = Callable[[int, float, float], None]
 """Receives a point of the learning curve: environment steps, hold success (0 to 1), mean return."""
 
@@ -35,7 +33,7 @@ class Watch(BaseCallback):
     """Progress, learning curve and checkpoints of a training, and its end if the user asks for it."""
 
     def __init__(
-        self, config: Config, folder: Path, monitor: Any, progress: Progress, stop: Request,
+        self, config: Config, folder: Path, monitor: Any, progress: Progress, stop: Event,
         begun: dict[str, float], run: dict[str, Any], on_point: OnPoint | None = None,
     ) -> None:  # fmt: skip
         super().__init__()
@@ -75,11 +73,11 @@ class Watch(BaseCallback):
                 self.logger.record("time/update_ms", 1000.0 * each)
         every = self.config.checkpoint_seconds
         due = every > 0.0 and time.perf_counter() - self._kept >= every
-        if due or (self.stop.made and not self._ending):
+        if due or (self.stop.is_set() and not self._ending):
             facts = {"next": self._next, "seconds": self.seconds(), "hold": self.hold}
             checkpoint.save(self.folder, self.model, self.monitor, facts, self.run)
             self._kept = time.perf_counter()
-        self._ending = self.stop.made
+        self._ending = self.stop.is_set()
 
     def _on_rollout_end(self) -> None:
         self._collected = (time.perf_counter(), self.model._n_updates)

@@ -1,4 +1,4 @@
-"""Search spaces: ranges and choices for settings of a learner."""
+"""Arguments of a study, and search spaces: ranges and choices for settings of a learner."""
 
 from __future__ import annotations
 
@@ -11,14 +11,10 @@ from redundant_envs.files import text_value
 from redundant_envs.values import shown
 
 from ..config import Config, checked
+from ..training.pool import count_of
 
 with needs("tune"):
-    from optuna.distributions import (
-        BaseDistribution,
-        CategoricalDistribution,
-        FloatDistribution,
-        IntDistribution,
-    )
+    from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
 
 PPO = {
     "learning_rate": "5e-4..2e-2", "gamma": "0.9..0.99", "gae_lambda": "0.8..0.98", "n_epochs": "1..4",
@@ -48,10 +44,24 @@ LOGARITHMIC = 10.0
 """A range of positive numbers whose ends have at least this ratio is searched on a logarithmic scale."""
 NUMBER = r"[-+]?(?:\d+(?:\.\d+)?|\.\d+)(?:[eE][-+]?\d+)?"
 MOST_CHOICES = 100
-
-
+MOST_TRIALS = 10_000
+MOST_SEED = 2**32 - 1
 Space = dict[str, Any]
 """By dotted key, such as ``sac.gamma``, Optuna's distribution: a range, or a choice of texts of values."""
+
+
+def check_arguments(config: Config, trials: int, seed: int, processes: int) -> None:
+    """ValueError for impossible arguments of a study."""
+    if not 1 <= trials <= MOST_TRIALS:
+        raise ValueError(f"trials is {trials}; give a whole number from 1 to {MOST_TRIALS}")
+    if not 0 <= seed <= MOST_SEED:
+        raise ValueError(f"seed is {seed}; give a whole number from 0 to {MOST_SEED}")
+    count_of(processes)
+    if config.max_seconds is not None:
+        raise ValueError(
+            f"max_seconds is {config.max_seconds:g}; trials are compared at equal steps: give "
+            "max_seconds=null and total_steps"
+        )
 
 
 def words(searched: Any) -> str:
@@ -62,29 +72,15 @@ def words(searched: Any) -> str:
 
 
 def space_of(config: Config, searches: Sequence[str] = (), overrides: Sequence[str] = ()) -> Space:
-    """The search space of a study.
+    """The search space of a study over the settings of a configuration's learner.
 
-    Parameters
-    ----------
-    config : Config
-        Its learner's settings are searched.
-    searches : sequence of str
-        ``key=low..high`` or ``key=a|b|c``. Without any the learner's default space is used.
-    overrides : sequence of str
-        ``key=value`` of the user. These settings keep their value.
-
-    Raises
-    ------
-    ValueError
-        A text is no range or choice, its key is no setting of the learner or has a value already, or the
-        learner does not allow a value.
+    ``searches`` are ``key=low..high`` or ``key=a|b|c``; without any the learner's default space is used.
+    Settings that the user's ``overrides``, ``key=value``, name keep their value.
     """
     fixed = {override.partition("=")[0].strip() for override in overrides}
     if not searches:
-        defaults = DEFAULTS[config.algo]
-        searches = [
-            f"{config.algo}.{k}={v}" for k, v in defaults.items() if f"{config.algo}.{k}" not in fixed
-        ]
+        defaults = {f"{config.algo}.{name}": what for name, what in DEFAULTS[config.algo].items()}
+        searches = [f"{key}={what}" for key, what in defaults.items() if key not in fixed]
         if not searches:
             raise ValueError("every setting of the default search has a value; give --search key=low..high")
     space: Space = {}
@@ -105,8 +101,8 @@ def space_of(config: Config, searches: Sequence[str] = (), overrides: Sequence[s
 def _check_some_value(config: Config, key: str, searched: Any) -> None:
     """ValueError if no choice, or no end of a range, is compatible with the configuration."""
     refused = ""
-    choice = isinstance(searched, CategoricalDistribution)
-    for parameter in searched.choices if choice else (searched.low, searched.high):
+    choices = getattr(searched, "choices", None)
+    for parameter in choices or (searched.low, searched.high):
         try:
             with_parameters(config, {key: searched}, {key: parameter})
         except ValueError as error:
@@ -124,7 +120,7 @@ def _allowed(config: Config, key: str, value: Any) -> Any:
     return getattr(checked(type(config.settings), {name: value}, f"{config.algo}."), name)
 
 
-def _one(config: Config, key: str, text: str) -> BaseDistribution:
+def _one(config: Config, key: str, text: str) -> Any:
     """The range or choice that a text describes."""
     fields = {f"{config.algo}.{name}": field for name, field in type(config.settings).model_fields.items()}
     if key not in fields:
@@ -149,18 +145,11 @@ def _one(config: Config, key: str, text: str) -> BaseDistribution:
 
 
 def with_parameters(config: Config, space: Space, parameters: Mapping[str, Any]) -> Config:
-    """A configuration with the settings for the parameters of a trial.
-
-    Raises
-    ------
-    ValueError
-        The settings do not go together.
-    """
+    """A configuration with the settings for the parameters of a trial; ValueError if they do not fit."""
     data = config.to_dict()
     for key, parameter in parameters.items():
         choice = isinstance(space[key], CategoricalDistribution)
-        name = key.partition(".")[2]
-        data[config.algo][name] = _allowed(config, key, parameter) if choice else parameter
+        data[config.algo][key.partition(".")[2]] = _allowed(config, key, parameter) if choice else parameter
     chosen: Config = checked(Config, data)
     return chosen
 

@@ -6,7 +6,7 @@ import contextlib
 import json
 import os
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,15 +16,13 @@ from redundant_envs.progress import progress_bars
 from redundant_envs.values import shown
 
 from ..config import WITHOUT_EFFECT, Config
-from ..new_folder import check_out
+from ..run_folder import check_out
 from ..start import with_start
 from ..training import checkpoint, telemetry
-from ..training.interrupt import Stopped, stop_request
+from ..training.pool import Stopped, stop_request
 from ..training.train import simulator_hash, train
-from .arguments import check_arguments
-from .results import MESSAGE, complete, ended, order_of, write
-from .search import Space, space_of, with_parameters, words
-from .trials import Judge
+from .search import Space, check_arguments, space_of, with_parameters, words
+from .trials import MESSAGE, Judge, complete, ended, order_of, write
 from .workers import Pruned, news, outcome, workers
 
 with needs("tune"):
@@ -35,14 +33,11 @@ with needs("tune"):
     from rich.progress import Progress
 
 JOURNAL, LOCK = "study.journal", "study.lock"
-STUDY = "tune"
-"""Name of the study in its file."""
-SETTINGS = "settings"
-"""Attribute of a study: the settings that identify it."""
+STUDY = "tune"  # name of the study in its file
+SETTINGS = "settings"  # attribute of a study: the settings that identify it
 AHEAD = "ahead"
 """Attribute of a study: number of trials just before another one that it ignores, as they may still run."""
-LEAST_AHEAD = 3
-"""So four trials at a time give the results of one at a time."""
+LEAST_AHEAD = 3  # so four trials at a time give the results of one at a time
 
 
 def tune(
@@ -54,36 +49,13 @@ def tune(
     A trial is a training in ``folder``/trial<k>. It is ranked by the hold success at the last point of its
     learning curve, on the selection goals, and among equal ones by the mean return; goals of the
     evaluation are never used. A trial below the median of the others at the same point of the curve is
-    pruned.
+    pruned. The first trial has the settings of ``config``, as far as the search space of ``searches`` and
+    ``overrides`` contains them; ``seed`` is the sampler's.
 
-    Parameters
-    ----------
-    config : Config
-        Everything except the searched settings. The first trial has its own values, as far as the search
-        space contains them.
-    folder : Path
-        New or empty, or of the same study, which continues until it has ``trials``.
-    trials : int
-        Total number; those that were stopped or killed are not counted.
-    searches, overrides : sequence of str
-        As in :func:`~.search.space_of`.
-    seed : int
-        Of the sampler.
-    processes : int
-        Trials at a time. The results are the same for 1 to 4; a study with more has other results.
-
-    Returns
-    -------
-    Path
-        The page tune.md; beside it are best.yaml and trials.csv.
-
-    Raises
-    ------
-    Stopped
-        The user asked to stop; the same call continues.
-    ValueError
-        An argument is not allowed, ``folder`` belongs to another study, no trial was completed, or a
-        process ended before its trial.
+    ``folder`` is new or empty, or of the same study, which continues until it has ``trials``, without those
+    that were stopped or killed. ``processes`` are trials at a time; the results are the same for 1 to 4. The
+    page tune.md is returned; beside it are best.yaml and trials.csv. Stopped if the user asked for it: the
+    same call continues.
     """
     check_arguments(config, trials, seed, processes)
     telemetry.check(config)
@@ -169,8 +141,7 @@ def _open(folder: Path, config: Config, space: Space, seed: int, processes: int)
 
 
 def _cut_half_line(path: Path) -> None:
-    """Cut off an incomplete last line, left by a kill or a power cut: Optuna would append the next one to
-    it."""
+    """Cut off an incomplete last line, left by a kill: Optuna would append the next one to it."""
     if path.is_file():
         whole = path.read_bytes().rfind(b"\n") + 1
         if whole < path.stat().st_size:
@@ -212,7 +183,7 @@ class _Trying:
 
     def one_by_one(self, bars: Progress) -> None:
         """Train in this process."""
-        line = self._line(bars)
+        line = bars.add_task("tune", total=self.trials, note="")
         for order in self._left():
             self._show(bars, line)
             if (job := self._begin(order)) is None:
@@ -228,15 +199,20 @@ class _Trying:
 
     def several(self, bars: Progress, processes: int) -> None:
         """Train in processes; a trial begins when all trials on which it depends are over."""
-        line = self._line(bars)
+        line = bars.add_task("tune", total=self.trials, note="")
         left, running = deque(self._left()), dict[int, tuple[Judge, Any]]()
         count = min(processes, len(left))
         with stop_request() as stop, workers(count, self.config) as team:
             while left or running:
-                if stop.made:
+                if stop.is_set():
                     raise KeyboardInterrupt
                 for worker in team:
-                    while worker.order is None and left and self._may_begin(left[0], running):
+                    # all trials on which a trial depends are over
+                    while (
+                        worker.order is None
+                        and left
+                        and min(running, default=left[0]) >= left[0] - self.ahead
+                    ):
                         order = left.popleft()
                         if (job := self._begin(order)) is None:
                             continue
@@ -265,10 +241,6 @@ class _Trying:
                     worker.order = None
         self._show(bars, line)
 
-    def _may_begin(self, order: int, running: Iterable[int]) -> bool:
-        """Whether all trials on which a trial depends are over."""
-        return min(running, default=order) >= order - self.ahead
-
     def _left(self) -> list[int]:
         """Positions of the trials that have not ended yet."""
         over = {order_of(trial) for trial in ended(self.study)}
@@ -286,15 +258,12 @@ class _Trying:
 
     def _end(self, judge: Judge, how: str | None) -> None:
         """Report the end of a trial, as returned by :func:`~.workers.outcome`, to the study."""
+        if how:
+            judge.trial.set_user_attr(MESSAGE, how)
         if how == "":
             self.study.tell(judge.trial, judge.hold)
-            return
-        if how is not None:
-            judge.trial.set_user_attr(MESSAGE, how)
-        self.study.tell(judge.trial, state=TrialState.PRUNED)
-
-    def _line(self, bars: Progress) -> Any:
-        return bars.add_task("tune", total=self.trials, note="")
+        else:
+            self.study.tell(judge.trial, state=TrialState.PRUNED)
 
     def _show(self, bars: Progress, line: Any) -> None:
         best = complete(self.study)

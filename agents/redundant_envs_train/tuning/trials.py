@@ -1,4 +1,4 @@
-"""Trials of a study: the results on which their settings depend, and when they are pruned.
+"""Trials of a study: how they are judged, and best.yaml, trials.csv and tune.md of all.
 
 A trial has a position in the order of the study. Its settings, and whether it is pruned, follow from the
 trials before it except the last few, ``ahead`` of them. So those few may still run, and the study is the
@@ -8,41 +8,151 @@ same however many run at a time and whichever ends first.
 from __future__ import annotations
 
 import math
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
 from redundant_envs.extras import needs
+from redundant_envs.tables import markdown, write_rows
 
+from .. import command, pages
 from ..config import Config
-from .results import ORDER, POINTS, STEPS, ended, order_of, score
-from .search import Space, own_parameters
+from ..run_folder import write_text
+from .search import Space, own_parameters, with_parameters, words
 
 with needs("tune"):
     import optuna
     from optuna.trial import FrozenTrial, Trial, TrialState, create_trial
 
-STARTUP_TRIALS = 5
-"""Least number of complete trials before a trial is pruned: a median of fewer means little."""
-WARMUP = 0.2
-"""Least share of a training before it may be pruned: at first no policy holds any goal."""
+MESSAGE, STEPS, POINTS, ORDER = "message", "env_steps", "points", "order"
+"""Attributes of a trial: why it failed, the environment steps of its last point, all points of its curve
+(steps, hold success, mean return), and its position in the study."""
+STATES = ("complete", "pruned", "refused", "stopped")
+COLUMNS = ("trial", "state", "hold_success", "return", "env_steps", "seconds")
+"""Columns of trials.csv, before a column for each key of the search space and the message."""
+SHOWN = 10  # number of trials in the table of the page
+LEAST_TRIALS = 10  # number of complete trials from which on importance is estimated
+LARGEST = math.log1p(sys.float_info.max)  # of the logarithm of a return
+STARTUP_TRIALS = 5  # least number of complete trials before a trial is pruned: a median of fewer means little
+WARMUP = 0.2  # least share of a training before it may be pruned: at first no policy holds any goal
+
+
+def state_of(trial: FrozenTrial) -> str:
+    """How a trial ended, one of ``STATES``; one that runs counts as stopped."""
+    if trial.state is TrialState.COMPLETE:
+        return "complete"
+    if trial.state is TrialState.PRUNED:
+        return "refused" if MESSAGE in trial.user_attrs else "pruned"
+    return "stopped"
+
+
+def ended(study: optuna.Study) -> list[FrozenTrial]:
+    """Trials that were not stopped or killed."""
+    return study.get_trials(deepcopy=False, states=(TrialState.COMPLETE, TrialState.PRUNED))
+
+
+def order_of(trial: FrozenTrial) -> int:
+    """Position of a trial in the study; one that is repeated after a break has that of the first."""
+    return int(trial.user_attrs[ORDER])
+
+
+def score(hold: float, returned: float | None, episodes: int) -> float:
+    """Score by which trials are compared: hold success, and between equal ones the return.
+
+    The return adds less than half of one goal of ``episodes``, so one more goal is always better.
+    """
+    if returned is None or math.isnan(returned):
+        return hold - 0.5 / episodes
+    share = math.copysign(min(math.log1p(abs(returned)) / LARGEST, 1.0), returned)
+    return hold + 0.5 * share / episodes
+
+
+def return_of(trial: FrozenTrial) -> float:
+    """Mean return of the last point of a trial; the lowest possible number if it has none."""
+    points = trial.user_attrs.get(POINTS) or [(0, 0.0, None)]
+    last = points[-1][2]
+    return -math.inf if last is None else float(last)
+
+
+def complete(study: optuna.Study) -> list[FrozenTrial]:
+    """Complete trials, the best first: by hold success, then by return, of equal ones the earlier."""
+    trials = study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
+    return sorted(trials, key=lambda trial: (-(trial.value or 0.0), -return_of(trial), order_of(trial)))
+
+
+def write(study: optuna.Study, config: Config, space: Space, folder: Path) -> Path:
+    """Write best.yaml, trials.csv and tune.md; returns the last.
+
+    Raises
+    ------
+    ValueError
+        No trial was completed; trials.csv is written nevertheless.
+    """
+    rows = [
+        _row(trial) for trial in study.get_trials(deepcopy=False) if trial.state is not TrialState.WAITING
+    ]
+    write_rows(rows, (*COLUMNS, *space, MESSAGE), folder / "trials.csv")
+    best = complete(study)
+    if not best:
+        messages = [row[MESSAGE] for row in rows if row[MESSAGE]]
+        why = f": {messages[0]}" if messages else ""
+        raise ValueError(f"no trial of {folder} was completed{why}")
+    chosen = with_parameters(config, space, best[0].params)
+    write_text(folder / "best.yaml", yaml.safe_dump(chosen.to_dict(), sort_keys=False))
+    target = folder / "tune.md"
+    write_text(target, page(study, config, space, folder))
+    return target
+
+
+def _row(trial: FrozenTrial) -> dict[str, Any]:
+    state = state_of(trial)
+    seconds = f"{trial.duration.total_seconds():.1f}" if trial.duration else ""
+    hold = trial.value if state in ("complete", "pruned") and trial.value is not None else ""
+    returned = return_of(trial) if trial.user_attrs.get(POINTS) else ""
+    return {
+        "trial": trial.number, "state": state, "hold_success": hold, "return": returned,
+        "env_steps": trial.user_attrs.get(STEPS, 0), "seconds": seconds, **trial.params,
+        MESSAGE: trial.user_attrs.get(MESSAGE, ""),
+    }  # fmt: skip
+
+
+def page(study: optuna.Study, config: Config, space: Space, folder: Path) -> str:
+    """The text of tune.md."""
+    best = complete(study)
+    states = [state_of(trial) for trial in study.get_trials(deepcopy=False)]
+    counts = ", ".join(f"{states.count(state)} {state}" for state in STATES if state in states)
+    rows = []
+    for trial in best[:SHOWN]:
+        numbers = (trial.params[key] for key in space)
+        cells = (f"{number:.4g}" if isinstance(number, float) else number for number in numbers)
+        rows.append((trial.number, f"{100 * (trial.value or 0.0):.1f} %", f"{return_of(trial):.1f}", *cells))
+    shares = [(key, f"{100 * share:.0f} %") for key, share in importance(study).items()]
+    return pages.page(
+        "tune", config=config, counts=counts, complete=len(best),
+        judge=command("train", folder / "best.yaml", "--seeds", "1..5"),
+        best=markdown(("trial", "hold success", "mean return", *space), rows),
+        searched=", ".join(f"{key} {words(searched)}" for key, searched in space.items()),
+        shares=shares and markdown(("setting", "share"), shares),
+    )  # fmt: skip
+
+
+def importance(study: optuna.Study) -> dict[str, float]:
+    """Share of each setting in the differences of hold success; empty where there are too few trials."""
+    values = [trial.value for trial in complete(study)]
+    if len(values) < LEAST_TRIALS or len(set(values)) == 1:
+        return {}
+    evaluator = optuna.importance.PedAnovaImportanceEvaluator()
+    return dict(optuna.importance.get_param_importances(study, evaluator=evaluator))
 
 
 class Judge:
     """One trial: its settings, the points of its learning curve, and whether the others were better.
 
-    Parameters
-    ----------
-    study : optuna.Study
-        The study of the trial.
-    config, space
-        Of the study.
-    order : int
-        Position of the trial in the study, from 0.
-    ahead : int
-        Number of trials just before it that it ignores.
-    seed : int
-        Of the study's sampler.
+    ``order`` is its position in the study, from 0; it ignores the ``ahead`` trials just before it. ``seed``
+    is that of the study's sampler.
     """
 
     def __init__(
@@ -50,8 +160,9 @@ class Judge:
     ) -> None:
         self.order, self.config = order, config
         before = sorted((t for t in ended(study) if order_of(t) < order - ahead), key=order_of)
+        own_seed = int(np.random.SeedSequence((seed, order)).generate_state(1)[0])  # by position alone
         self.history = optuna.create_study(
-            direction="maximize", sampler=optuna.samplers.TPESampler(seed=_sampler_seed(seed, order)),
+            direction="maximize", sampler=optuna.samplers.TPESampler(seed=own_seed),
             pruner=optuna.pruners.MedianPruner(STARTUP_TRIALS, int(WARMUP * config.total_steps)),
         )  # fmt: skip
         self.history.add_trials([self._scored(trial) for trial in before])
@@ -67,7 +178,8 @@ class Judge:
         if not again:
             self.points.append((steps, hold, returned))
         self.trial.set_user_attr(STEPS, steps)
-        self.trial.set_user_attr(POINTS, [list(map(_plain, point)) for point in self.points])
+        plain = [[number if math.isfinite(number) else None for number in point] for point in self.points]
+        self.trial.set_user_attr(POINTS, plain)  # JSON, in the journal
         if again or steps >= self.config.total_steps:
             return False
         self.trial.report(hold, steps)
@@ -84,8 +196,7 @@ class Judge:
 
     def _scored(self, trial: FrozenTrial) -> FrozenTrial:
         """A trial judged by its score instead of hold success alone."""
-        points = trial.user_attrs.get(POINTS, [])
-        scores = self._scores(points)
+        scores = self._scores(trial.user_attrs.get(POINTS, []))
         complete = trial.state is TrialState.COMPLETE
         return create_trial(
             state=trial.state, params=trial.params, distributions=trial.distributions,
@@ -95,13 +206,3 @@ class Judge:
     def _scores(self, points: Any) -> dict[int, float]:
         episodes = self.config.curve_episodes
         return {int(steps): score(hold, returned, episodes) for steps, hold, returned in points}
-
-
-def _plain(number: float) -> float | None:
-    """A number in the precision of the journal."""
-    return number if math.isfinite(number) else None
-
-
-def _sampler_seed(seed: int, order: int) -> int:
-    """The sampler's seed for a trial: it follows from its position, not from breaks between trials."""
-    return int(np.random.SeedSequence((seed, order)).generate_state(1)[0])

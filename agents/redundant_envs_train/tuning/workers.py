@@ -11,16 +11,14 @@ from pathlib import Path
 from typing import Any
 
 from redundant_envs.extras import needs
-from redundant_envs.modules import IMPORTED
 
 from ..config import Config, checked
-from ..training.pool import POLL, places, settle
+from ..training.pool import POLL, places, settle, start
 
 with needs("train"):
     from rich.progress import Progress
 
-PATIENCE = 20.0
-"""s; grace period before a process is killed."""
+PATIENCE = 20.0  # s; grace period before a process is killed
 
 
 class Pruned(Exception):
@@ -44,8 +42,7 @@ def workers(count: int, config: Config) -> Iterator[list[Worker]]:
     try:
         for core in places(count, config.torch_threads == 1):
             ours, theirs = context.Pipe()
-            process = context.Process(target=_work, args=(theirs, core, tuple(IMPORTED)), daemon=True)
-            process.start()
+            process = start(context, _work, theirs, core)
             theirs.close()
             made.append(Worker(process, ours))
         yield made

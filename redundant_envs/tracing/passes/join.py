@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+from collections import Counter
 from collections.abc import Container
 from typing import Any
 
@@ -21,9 +23,7 @@ def join_products(results: list[Value], asides: Container[int] = ()) -> None:
 
 def _join(results: list[Value]) -> None:
     nodes = reached(results)
-    uses = dict.fromkeys(nodes, 0)
-    for value in [a for n in nodes for a in n.operands] + [r for r in results if isinstance(r, Operation)]:
-        uses[value] += 1
+    uses = Counter(itertools.chain(results, *(n.arguments for n in nodes)))
     known: dict[Any, int] = {}  # cycles after which a value is available
 
     def negative(value: Value) -> Value:
@@ -34,12 +34,9 @@ def _join(results: list[Value]) -> None:
         return result
 
     for node in nodes:
-        products = [
-            k
-            for k, a in enumerate(node.arguments)
-            if isinstance(a, Operation) and a.name == "*" and uses[a] == 1
-        ]
-        if products and node.name in ("+", "-"):
+        pair = node.operands if node.name in ("+", "-") else []
+        products = [node.arguments.index(a) for a in pair if a.name == "*" and uses[a] == 1]
+        if products:
             k = max(products, key=lambda k: known[node.arguments[k]])
             a, b = node.arguments[k].arguments
             c = node.arguments[1 - k]

@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from redundant_envs.tracing.graph import Graph, Operation, Value, bits_of, reached
+from redundant_envs.tracing.graph import CONDITIONS, Graph, Operation, Value, bits_of, reached
 from redundant_envs.tracing.number import Number, value_of
 from redundant_envs.tracing.passes.join import join_products
 from redundant_envs.tracing.passes.specialise import specialise
@@ -22,24 +23,16 @@ RETURNED = 4
 """Results of a call that processors return in registers."""
 
 
+@dataclass(eq=False)
 class Subroutine:
-    """A function of numbers that each stage calls.
+    """A function of numbers that each stage calls."""
 
-    Its first ``positions`` arguments do not depend on the results of the stage before.
-    """
-
-    def __init__(
-        self, function: Callable[..., Sequence[Any]], positions: int, results: int, names: Sequence[str] = (),
-        asides: Sequence[int] = (),
-    ) -> None:  # fmt: skip
-        """``names`` are those of the arguments, for listings; ``asides`` are the indices of results that
-        change no bit of the others."""
-        self.function = function
-        self.positions = positions
-        self.results = results
-        self.names = names
-        self.asides = tuple(asides)
-        self.arguments = 0
+    function: Callable[..., Sequence[Any]]
+    positions: int  # number of first arguments that do not depend on the results of the stage before
+    results: int
+    names: Sequence[str] = ()  # of the arguments, for listings
+    asides: Sequence[int] = ()  # indices of results that change no bit of the others
+    arguments: int = 0
 
     def __call__(self, *numbers: Any) -> Sequence[Any]:
         traced = next((n for n in numbers if isinstance(n, Number)), None)
@@ -59,17 +52,10 @@ class Subroutine:
 
 
 class Part(NamedTuple):
-    """Results of one of the functions that stages call.
+    """Results of one of the functions that stages call."""
 
-    Attributes
-    ----------
-    returned : values that are returned in registers
-    stores : (space, number, value) of results in memory: "shared" for all calls, "after" for the
-        next one, "told" for the caller
-    """
-
-    returned: list[Value]
-    stores: list[tuple[str, int, Value]]
+    returned: list[Value]  # in registers
+    stores: list[tuple[str, int, Value]]  # in memory: "shared" for all calls, "after" for the next, "told"
 
 
 class Stages:
@@ -92,15 +78,12 @@ class Stages:
         for before, after in itertools.pairwise(calls):
             if before in reached(after.arguments[: self.subroutine.positions]):
                 raise ValueError("positions given to a stage follow from its results in the stage before")
-        columns = list(zip(*(c.arguments for c in calls), strict=True))
+        columns = zip(*(c.arguments for c in calls), strict=True)
         same = [all(a is column[0] for a in column) for column in columns]
-        self.given = [k for k, alike in enumerate(same) if not alike]
+        self.given = [k for k, constant in enumerate(same) if not constant]
         """Numbers of the arguments that a call passes."""
-        kept = [
-            k
-            for k, alike in enumerate(same)
-            if alike and isinstance(columns[k][0], Operation) and not _is_load(columns[k][0], spaces)
-        ]
+        alike = {k: x for k, x in enumerate(calls[0].arguments) if same[k] and isinstance(x, Operation)}
+        kept = [k for k, x in alike.items() if x.name != "load" or x.extra[0] not in spaces]
         graph = Graph()
         sources = list(calls[0].arguments)
         for k in self.given:
@@ -116,20 +99,15 @@ class Stages:
         """Positions in the caller's memory -> numbers of the arguments that it keeps there."""
         self.results, self.carried, self.shared = self._split(results)
         # Equal results are passed once.
-        alike = [bits_of(r) if isinstance(r, float) else r for r in self.results]  # 0.0 is not -0.0
-        self.first = [alike.index(r) for r in alike]
+        keys = [bits_of(r) if isinstance(r, float) else r for r in self.results]  # 0.0 is not -0.0
+        self.first = [keys.index(r) for r in keys]
         computed = [k for k, r in enumerate(self.results) if isinstance(r, Operation) and self.first[k] == k]
         self.returned, self.told = computed[:RETURNED], computed[RETURNED:]
         later = [self.results[k] for k in self.returned]
-        told = [("told", j, self.results[k]) for j, k in enumerate(self.told)]
-
-        def carrying(values: Iterable[Value]) -> list[tuple[str, int, Value]]:
-            return [("after", j, n) for j, n in enumerate(values)]
-
-        shared = [("shared", j, n) for j, n in enumerate(self.shared)]
+        told = _stores("told", [self.results[k] for k in self.told])
         self.parts = {
-            "first": Part([], [*carrying(self.carried), *shared]),
-            "middle": Part(later, [*carrying(self._with_shared(self.carried)), *told]),
+            "first": Part([], _stores("after", self.carried) + _stores("shared", self.shared)),
+            "middle": Part(later, _stores("after", self._with_shared(self.carried)) + told),
             "last": Part(later, told),
         }
 
@@ -138,19 +116,16 @@ class Stages:
         early: dict[Operation, bool] = {}
         given: dict[Operation, bool] = {}
         for n in reached(results):
-            is_given = n.name == "load" and n.extra[0] == "given"
-            given[n] = is_given or any(given[a] for a in n.operands)
-            early[n] = (
-                n.extra[1] < self.subroutine.positions if is_given else all(early[a] for a in n.operands)
-            )
+            given[n] = _is_given(n) or any(given[a] for a in n.operands)
+            position = _is_given(n) and n.extra[1] < self.subroutine.positions
+            early[n] = position if _is_given(n) else all(early[a] for a in n.operands)
         graph = Graph()
         carried: list[Operation] = []
-        shared = {n for n in reached(results) if not given[n] and _kept_in_memory(n)}
+        shared = {n for n in given if not given[n] and _kept_in_memory(n)}
         used: list[Operation] = []
 
         def loaded(n: Operation) -> Operation | None:
-            position = n.name == "load" and n.extra[0] == "given" and early[n]
-            if not position and not _kept_in_memory(n):
+            if not (_is_given(n) and early[n]) and not _kept_in_memory(n):
                 return None
             if n in shared:
                 if n not in used:
@@ -198,13 +173,18 @@ class Stages:
         return sorted(nodes, key=place)
 
 
-def _is_load(node: Operation, spaces: Sequence[str]) -> bool:
-    return node.name == "load" and node.extra[0] in spaces
+def _stores(space: str, values: Iterable[Value]) -> list[tuple[str, int, Value]]:
+    return [(space, k, value) for k, value in enumerate(values)]
+
+
+def _is_given(node: Operation) -> bool:
+    """Whether an operation loads an argument of a call."""
+    return bool(node.name == "load" and node.extra[0] == "given")
 
 
 def _kept_in_memory(node: Operation) -> bool:
     """Whether an operation is worth storing in memory."""
-    return not node.is_condition and node.name not in ("load", "neg")
+    return node.name not in (*CONDITIONS, "load", "neg")
 
 
 def _replaced(nodes: Sequence[Value], replacement: Callable[[Operation], Operation | None]) -> list[Value]:
@@ -214,18 +194,16 @@ def _replaced(nodes: Sequence[Value], replacement: Callable[[Operation], Operati
     def anew(n: Value) -> Value:
         return made[n] if isinstance(n, Operation) else n
 
-    roots = [n for n in nodes if isinstance(n, Operation)]
-    for root in roots:
-        stack = [(root, False)]
-        while stack:
-            n, complete = stack.pop()
-            if complete:
-                made[n] = Operation(n.name, [anew(a) for a in n.arguments], n.extra, n.origin)
-            elif n not in made:
-                other = replacement(n) or (n if n.name == "load" else None)
-                if other is not None:
-                    made[n] = other
-                else:
-                    stack.append((n, True))
-                    stack.extend((a, False) for a in reversed(n.operands))
+    stack = [(n, False) for n in reversed(nodes) if isinstance(n, Operation)]
+    while stack:
+        n, complete = stack.pop()
+        if complete:
+            made[n] = Operation(n.name, [anew(a) for a in n.arguments], n.extra, n.origin)
+        elif n not in made:
+            other = replacement(n) or (n if n.name == "load" else None)
+            if other is not None:
+                made[n] = other
+            else:
+                stack.append((n, True))
+                stack.extend((a, False) for a in reversed(n.operands))
     return [anew(n) for n in nodes]

@@ -1,11 +1,10 @@
-"""Episodes of a policy under one physics: outcomes, numerics flags, evaluations and time."""
+"""Episodes of a policy under one physics: outcomes, numerics flags, evaluations, time; and comparisons."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,38 +15,28 @@ from redundant_envs.model.batch import Numerics
 from redundant_envs.scene import Scene
 
 from ...rollout import Act, Outcome, run_episodes
-from ...statistics import wilson
+from ...statistics import bootstrap, middle_95, permutation_test, sign_test, wilson
 
 Array = NDArray[np.float64]
 TIMING_REPEATS = 5
+BOOTSTRAP_SEED = 0
+FEW = 10  # with fewer seeds, or this few episodes, a bootstrap interval alone is not reliable
 NO_AUTORESET = 0
 
 
-@dataclass(frozen=True)
-class Evaluation:
-    """Episodes of a policy under one physics; arrays have one entry per episode.
+class Evaluation(NamedTuple):
+    """Episodes of a policy under one physics; arrays have one entry per episode, as in Outcome."""
 
-    Attributes
-    ----------
-    scene : what was simulated
-    start, goal : coordinates and goal at the start, (n, 4) and (n, 2)
-    hold : held at the end of a whole episode
-    returns, steps, evaluations : as in Outcome
-    ended : whether numerics ended the episode early
-    flags : numerics flag -> control steps that carry it
-    ns_per_step : of the compiled environment step of one lane, best of some
-    """
-
-    scene: Scene
-    start: Array
-    goal: Array
-    hold: NDArray[np.bool_]
+    scene: Scene  # what was simulated
+    start: Array  # coordinates, (n, 4)
+    goal: Array  # (n, 2)
+    hold: NDArray[np.bool_]  # at the end of a whole episode
     returns: Array
     steps: NDArray[np.int64]
     evaluations: NDArray[np.int64]
-    ended: NDArray[np.bool_]
-    flags: dict[str, int]
-    ns_per_step: float
+    ended: NDArray[np.bool_]  # whether numerics ended the episode early
+    flags: dict[str, int]  # numerics flag -> control steps that carry it
+    ns_per_step: float  # of the compiled environment step of one lane, best of some
 
 
 def evaluate_under(
@@ -67,8 +56,7 @@ def evaluate_under(
     core, flags, seconds = _replay(env_id, actions, outcome, seed, repeats, kwargs)
     return Evaluation(
         scene=core.scene, start=begun[0][0], goal=begun[0][1], hold=held(outcome),
-        returns=outcome.returns, steps=outcome.steps, evaluations=outcome.evaluations,
-        ended=outcome.ended,
+        returns=outcome.returns, steps=outcome.steps, evaluations=outcome.evaluations, ended=outcome.ended,
         flags=flags, ns_per_step=1e9 * seconds / (len(actions) * episodes),
     )  # fmt: skip
 
@@ -116,15 +104,46 @@ def figures(evaluation: Evaluation) -> dict[str, Any]:
     scene, n, held = evaluation.scene, len(evaluation.hold), int(evaluation.hold.sum())
     low, high = wilson(held, n)
     return {
-        "stepping": stepping(scene),
-        "episodes": n,
-        "hold_success": held / n,
-        "hold_low": low,
-        "hold_high": high,
-        "mean_return": float(evaluation.returns.mean()),
-        "ended": int(evaluation.ended.sum()),
-        "control_steps": int(evaluation.steps.sum()),
+        "stepping": stepping(scene), "episodes": n, "hold_success": held / n, "hold_low": low,
+        "hold_high": high, "mean_return": float(evaluation.returns.mean()),
+        "ended": int(evaluation.ended.sum()), "control_steps": int(evaluation.steps.sum()),
         "numerics": ", ".join(f"{name} {n}" for name, n in evaluation.flags.items()),
         "evaluations_per_step": float(evaluation.evaluations.sum() / evaluation.steps.sum()),
         "ns_per_step": evaluation.ns_per_step,
-    }
+    }  # fmt: skip
+
+
+def compare(
+    here: Evaluation, reference: Evaluation, resamples: int, seed: int = BOOTSTRAP_SEED
+) -> dict[str, Any]:
+    """Differences from the reference, episode by episode, with 95 % intervals of their means."""
+    if not (np.array_equal(here.start, reference.start) and np.array_equal(here.goal, reference.goal)):
+        raise ValueError("episodes have other starts or goals than under the reference; they are no pairs")
+    pairs = np.column_stack([here.hold.astype(float) - reference.hold, here.returns - reference.returns])
+    low, high = middle_95(bootstrap(pairs, resamples, seed))
+    hold, gain = pairs.mean(axis=0).tolist()
+    lost, won = (int(np.count_nonzero(pairs[:, 0] == flip)) for flip in (-1.0, 1.0))
+    return {
+        "hold_difference": hold, "hold_difference_low": low[0], "hold_difference_high": high[0],
+        "lost": lost, "won": won, "sign_test_p": sign_test(lost, won),
+        "return_difference": gain, "return_difference_low": low[1], "return_difference_high": high[1],
+        "median_abs_return_difference": float(np.median(np.abs(pairs[:, 1]))),
+        "half_from": half_from(pairs[:, 1]),
+    }  # fmt: skip
+
+
+def half_from(differences: Array) -> int:
+    """Smallest number of differences that make up half of the sum of their sizes; 0 if all are 0."""
+    sizes = np.sort(np.abs(differences))[::-1]
+    return int(np.searchsorted(np.cumsum(sizes), 0.5 * sizes.sum()) + 1) if sizes[0] else 0
+
+
+def compare_groups(a: Array, b: Array, resamples: int) -> dict[str, Any]:
+    """Difference of the means of two groups, a minus b, with a 95 % bootstrap interval.
+
+    Below ``FEW`` samples in each also the p of an exact permutation test.
+    """
+    means = bootstrap(a, resamples, BOOTSTRAP_SEED) - bootstrap(b, resamples, BOOTSTRAP_SEED + 1)
+    low, high = middle_95(means)
+    p = permutation_test(a, b) if max(len(a), len(b)) < FEW else ""
+    return {"difference": float(np.mean(a) - np.mean(b)), "low": low, "high": high, "permutation_p": p}

@@ -2,32 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from redundant_envs.figures import save_figure
-from redundant_envs.tables import markdown, write_rows
+from redundant_envs.figures import bare, new_figure, save_figure
+from redundant_envs.tables import write_rows
 
 from ... import COMMAND
 from ...pages import page
+from . import words
 from .episodes import TIMING_REPEATS
-from .figure import figure
 from .run import ArmResult, Row, save_scenes, stamp
 from .settings import Study, slug
-from .words import (
-    conclusion,
-    hold_difference,
-    percent,
-    physics_sentence,
-    plain,
-    return_difference,
-    signed,
-    training_sentence,
-    trouble,
-)  # fmt: skip
+from .words import LOOKS, Difference, hold_difference, percent, plain, reference_of, return_difference, signed
 
 PHYSICS_COLUMNS = (
     "arm", "env", "policy", "physics", "stepping", "reference", "episodes", "seed", "resamples",
@@ -45,51 +36,6 @@ DIFFERENCE_COLUMNS = (
     "arm", "env", "measure", "cheap", "policies_each", "mean_cheap", "mean_preset", "difference", "low",
     "high", "permutation_p", "reference", "resamples",
 )  # fmt: skip
-
-
-def physics_table(rows: Sequence[Mapping[str, Any]], study: Study) -> str:
-    """Markdown table, a row per physics."""
-    reference = next(row for row in rows if row["physics"] == study.reference)
-    minus, lines = f"minus {study.reference}", []
-    for row in rows:
-        if row.get("refused"):
-            lines.append((row["physics"], "cannot", *[""] * 9))
-            continue
-        hold, gain = "reference", "reference"
-        if row is not reference:
-            h, g = hold_difference(row, study), return_difference(row, study, reference)
-            hold, gain = (f"{signed(d.value)} ({signed(d.low)} to {signed(d.high)})" for d in (h, g))
-        lines.append(
-            (
-                row["physics"], row["stepping"], percent(row["hold_success"]), hold,
-                f"{row['lost']}, {row['won']}", f"{row['mean_return']:.2f}", gain,
-                plain(row["median_abs_return_difference"]), row["ended"], plain(row["evaluations_per_step"]),
-                f"{row['ns_per_step']:.0f}",
-            )
-        )  # fmt: skip
-    head = (
-        "physics", "stepped by", "hold success", f"{minus}, points", "held only there, here", "mean return",
-        minus, "median of abs. differences", "ended early", "evaluations per control step",
-        "ns per control step",
-    )  # fmt: skip
-    return markdown(head, lines)
-
-
-def training_table(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Markdown table, a row per trained policy."""
-    reference = rows[0]["reference"]
-    head = (
-        "trained under", "stepped by", "seed", f"hold success under {reference}",
-        f"mean return under {reference}", "hold success under its own", "mean return under its own",
-        "ended early under its own", "train seconds",
-    )  # fmt: skip
-    lines = (
-        (r["trained_under"], r["stepping"], r["train_seed"], percent(r["hold_success"]),
-         f"{r['mean_return']:.2f}", percent(r["own_hold_success"]), f"{r['own_mean_return']:.2f}",
-         r["own_ended"], f"{r['train_seconds']:.0f}")
-        for r in sorted(rows, key=lambda r: r["trained_under"] == "preset")
-    )  # fmt: skip
-    return markdown(head, lines)
 
 
 def write_report(study: Study, results: Sequence[ArmResult], folder: Path) -> Path:
@@ -114,28 +60,17 @@ def write_report(study: Study, results: Sequence[ArmResult], folder: Path) -> Pa
 
 def report_text(study: Study, results: Sequence[ArmResult], about: Mapping[str, str]) -> str:
     """report.md."""
-    parts = []
-    for result in results:
-        reference = next(row for row in result.rows if row["physics"] == study.reference)
-        parts.append((result, reference, [row for row in result.rows if row is not reference]))
     return page(
-        "policy_study", study=study, results=parts,
+        "policy_study", study=study, results=[(arm, reference_of(arm.rows, study)) for arm in results],
         about=", ".join(f"{k} {v}" for k, v in about.items() if v), repeats=TIMING_REPEATS, command=COMMAND,
-        all_given=all(arm.run for arm in study.arms.values()),
-        **{f.__name__: f for f in (
-            conclusion, percent, physics_sentence, physics_table, slug, training_sentence, training_table,
-            trouble,
-        )},
+        all_given=all(arm.run for arm in study.arms.values()), slug=slug, words=words,
     )  # fmt: skip
 
 
 def _write(path: Path, rows: Sequence[Row], columns: Sequence[str], about: Mapping[str, str]) -> None:
-    write_rows([{**about, **_short(row)} for row in rows], (*about, *columns), path)
-
-
-def _short(row: Row) -> Row:
-    """Floats with 8 digits."""
-    return {k: float(f"{v:.8g}") if isinstance(v, float) else v for k, v in row.items()}
+    """Write rows as CSV, floats with 8 digits."""
+    short = [{k: float(f"{v:.8g}") if isinstance(v, float) else v for k, v in row.items()} for row in rows]
+    write_rows([{**about, **row} for row in short], (*about, *columns), path)
 
 
 def _write_episodes(path: Path, result: ArmResult, study: Study, about: Mapping[str, str]) -> None:
@@ -157,3 +92,67 @@ def _write_episodes(path: Path, result: ArmResult, study: Study, about: Mapping[
 def _number(x: Any) -> float:
     """Whole numbers and flags without a point."""
     return int(x) if float(x).is_integer() else round(float(x), 9)
+
+
+def figure(result: ArmResult, study: Study, about: Mapping[str, str]) -> Any:
+    """Differences of hold success and return from the reference, with intervals, per physics."""
+    reference = reference_of(result.rows, study)
+    rows = [row for row in result.rows if row is not reference and not row.get("refused")]
+    drawn = new_figure(7.0, 2.4 + 0.45 * len(rows))
+    panels = drawn.subplots(1, 2, sharey=True)
+    holds = [hold_difference(row, study) for row in rows]
+    returns = [return_difference(row, study, reference) for row in rows]
+    _draw(panels[0], f"hold success minus {study.reference}, points", holds)
+    _draw(panels[1], f"mean return minus {study.reference}", returns)
+    names = [f"{row['physics']}\n{percent(row['hold_success'])} held" for row in rows]
+    panels[0].set_yticks(range(len(rows)), names)
+    panels[0].set_ylim(len(rows) - 0.5, -0.7)
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    seen = {d.verdict for d in (*holds, *returns)}
+    handles: list[Any] = [
+        Line2D([], [], color=color, marker=marker, lw=2.0, label=text)
+        for key, (color, marker, text) in LOOKS.items()
+        if key in seen
+    ]
+    handles.append(Patch(color="0.92", label="margin"))
+    drawn.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=8, frameon=False)
+    drawn.suptitle(
+        f"{result.name}: one policy, {reference['episodes']} paired episodes, 95 % bootstrap intervals\n"
+        f"{study.reference}: {percent(reference['hold_success'])} held, mean return "
+        f"{reference['mean_return']:.2f}\n"
+        f"{about['machine']}, {about['date']}, commit {about['commit'] or 'unknown'}",
+        fontsize=9, x=0.01, ha="left",
+    )  # fmt: skip
+    return drawn
+
+
+def _draw(panel: Any, label: str, differences: Sequence[Difference]) -> None:
+    """Intervals below each other; beyond the margin the axis is logarithmic if it must be."""
+    margin = max((d.margin for d in differences), default=1.0)
+    widest = max((abs(end) for d in differences for end in (d.low, d.high)), default=0.0)
+    panel.axvspan(-margin, margin, color="0.92", lw=0)
+    panel.axvline(0.0, color="0.4", lw=0.8)
+    for y, d in enumerate(differences):
+        color, marker, _ = LOOKS[d.verdict]
+        panel.plot([d.low, d.high], [y, y], color=color, lw=2.0, solid_capstyle="butt")
+        panel.plot(d.value, y, marker, color=color, ms=6)
+        panel.annotate(
+            signed(d.value), (d.value, y), (0, 7), textcoords="offset points", ha="center", fontsize=8,
+            bbox={"facecolor": "white", "alpha": 0.7, "lw": 0, "pad": 0.6},
+        )  # fmt: skip
+    edge = max(1.15 * widest, 1.4 * margin)
+    if widest > 10.0 * margin:
+        edge = 4.0 * widest
+        panel.set_xscale("symlog", linthresh=margin, linscale=1.0)
+        first = math.ceil(math.log10(margin) - 1e-9)
+        ticks = [10.0**k for k in range(first, math.floor(math.log10(edge)) + 1)]
+        ticks = [*(-t for t in reversed(ticks)), 0.0, *ticks]
+        panel.set_xticks(ticks, [f"{t:g}" for t in ticks])
+        panel.set_xticks([], minor=True)
+        label += f"\n(logarithmic beyond ±{plain(margin)})"
+    panel.set_xlim(-edge, edge)
+    panel.set_xlabel(label, fontsize=8.5)
+    panel.tick_params(labelsize=8)
+    bare(panel)

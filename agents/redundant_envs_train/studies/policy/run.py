@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
@@ -19,14 +18,12 @@ from redundant_envs.machine import versions
 from redundant_envs.progress import progress_bars
 
 from ...config import Config, load
-from ...own_scene import difference as other_scene
-from ...own_scene import own_config
 from ...policies import load_policy
 from ...rollout import policy_act, run_episodes
-from ...run_folder import SELECTION, read_config, read_facts, read_table
+from ...run_folder import SELECTION, own_config, read_config, read_facts, read_table
+from ...run_folder import difference as other_scene
 from ...training.train import simulator_hash, train
-from .episodes import Evaluation, evaluate_under, figures, held, stepping
-from .pairs import compare, compare_groups
+from .episodes import Evaluation, compare, compare_groups, evaluate_under, figures, held, stepping
 from .settings import Study, slug
 
 with needs("train"):
@@ -37,49 +34,28 @@ EVALUATION_STEPS = 200_000
 """Training steps that take about as long as an evaluation; used for the progress bar only."""
 
 
-@dataclass(frozen=True)
-class ArmResult:
-    """All results about one arm.
-
-    Attributes
-    ----------
-    policy : description of the policy of the first part
-    rows : one per physics, with "refused" if the scene cannot be stepped so
-    episodes : physics -> its evaluation
-    trained : one row per policy of the second part
-    training : measure -> difference of cheap and own training
-    """
+class ArmResult(NamedTuple):
+    """All results about one arm."""
 
     name: str
     env: str
-    policy: str
-    rows: list[Row]
-    episodes: dict[str, Evaluation]
-    trained: list[Row]
-    training: dict[str, Row]
+    policy: str  # that of the first part, described
+    rows: list[Row]  # one per physics, with "refused" if the scene cannot be stepped so
+    episodes: dict[str, Evaluation]  # by physics
+    trained: list[Row]  # one per policy of the second part
+    training: dict[str, Row]  # measure -> difference of cheap and own training
 
 
-@dataclass(frozen=True)
-class Plan:
-    """The checked plan for one arm.
-
-    Attributes
-    ----------
-    preset : training configuration
-    run : folder of the policy of the first part
-    given : whether that folder exists already, and is not made by the study
-    kwargs : physics -> arguments of the environment
-    refused : physics -> why this arm cannot be stepped so
-    trainings : of the second part: name of the physics, configuration, run folder
-    """
+class Plan(NamedTuple):
+    """The checked plan for one arm."""
 
     name: str
     preset: Config
-    run: Path
-    given: bool
-    kwargs: dict[str, dict[str, Any]]
-    refused: dict[str, str]
-    trainings: list[tuple[str, Config, Path]]
+    run: Path  # folder of the policy of the first part
+    given: bool  # whether that folder exists already, and is not made by the study
+    kwargs: dict[str, dict[str, Any]]  # physics -> arguments of the environment
+    refused: dict[str, str]  # physics -> why this arm cannot be stepped so
+    trainings: list[tuple[str, Config, Path]]  # of the second part: physics, configuration, run folder
 
     def steps(self) -> int:
         """Environment steps of its parts, for the progress bar."""
@@ -129,8 +105,13 @@ def plan(study: Study, name: str, folder: Path) -> Plan:
         for label, config in ((arm.cheap, cheap), ("preset", own)):
             trainings.append((label, config, runs / f"{slug(name)}_{slug(label)}_seed{seed}"))
     for config, kept in [(preset, run)] * (not arm.run) + [(c, f) for _, c, f in trainings]:
-        if kept.exists():
-            check_kept(config, kept)
+        core = make_sb3(config.env, 1, **config.env_kwargs).core
+        if kept.exists() and (
+            read_config(kept).to_dict() != config.to_dict() or is_of_other_simulator(kept, core)
+        ):
+            raise ValueError(
+                f"{kept} holds a run of another configuration or simulator; choose another --out or delete it"
+            )
     return Plan(name, preset, run, bool(arm.run), kwargs, refused, trainings)
 
 
@@ -155,14 +136,10 @@ def run_study(study: Study, folder: Path, trust: bool = False) -> list[ArmResult
                 done(p.preset.total_steps, "")
             rows, episodes = first_part(study, p, done, trust)
             trained = second_part(study, p, done, bars)
-            training = {
-                measure: difference(study, p, trained, measure)
-                for measure in ("hold_success", "mean_return")
-                if trained
-            }
-            results.append(
-                ArmResult(p.name, p.preset.env, describe(p.run), rows, episodes, trained, training)
-            )
+            measures = ("hold_success", "mean_return") if trained else ()
+            training = {measure: difference(study, p, trained, measure) for measure in measures}
+            policy = describe(p.run)
+            results.append(ArmResult(p.name, p.preset.env, policy, rows, episodes, trained, training))
     return results
 
 
@@ -229,15 +206,6 @@ def difference(study: Study, p: Plan, trained: list[Row], measure: str) -> Row:
     }  # fmt: skip
 
 
-def check_kept(config: Config, folder: Path) -> None:
-    """Refuse a run that an earlier study left in a folder, unless this study would train the same."""
-    core = make_sb3(config.env, 1, **config.env_kwargs).core
-    if read_config(folder).to_dict() != config.to_dict() or is_of_other_simulator(folder, core):
-        raise ValueError(
-            f"{folder} holds a run of another configuration or simulator; choose another --out or delete it"
-        )
-
-
 def is_of_other_simulator(folder: Path, core: Core) -> bool:
     """Whether a run folder records another simulator than today's."""
     said = read_facts(folder)["simulator"]
@@ -282,12 +250,10 @@ def stamp() -> dict[str, str]:
 def save_scenes(study: Study, results: Sequence[ArmResult], folder: Path) -> None:
     """The configuration and every scene that was simulated, as YAML."""
     folder.mkdir(parents=True, exist_ok=True)
-    text = yaml.safe_dump(study.to_dict(), sort_keys=False, default_flow_style=None, width=1000)
-    (folder / "study.yaml").write_text(text)
+    style: dict[str, Any] = {"sort_keys": False, "default_flow_style": None, "width": 1000}
+    (folder / "study.yaml").write_text(yaml.safe_dump(study.to_dict(), **style))
     (folder / "scenes").mkdir(exist_ok=True)
     for result in results:
         for label, evaluation in result.episodes.items():
-            data = yaml.safe_dump(
-                evaluation.scene.to_dict(), sort_keys=False, default_flow_style=None, width=1000
-            )
-            (folder / "scenes" / f"{slug(result.name)}_{slug(label)}.yaml").write_text(data)
+            path = folder / "scenes" / f"{slug(result.name)}_{slug(label)}.yaml"
+            path.write_text(yaml.safe_dump(evaluation.scene.to_dict(), **style))

@@ -15,16 +15,13 @@ from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.scene import ACCURACIES, scene_data
 from redundant_envs.values import shown
 
-from ...config import MOST_EPISODES, Config, Real, Text, Whole, checked, number, read, value
-from ...config.fields import fields_of
+from ...config import MOST_EPISODES, Config, Model, Real, Text, Whole, checked, number, read, value
 from ...rollout import STUDY_SEED
 
 with needs("train"):
-    from pydantic import ConfigDict, PlainValidator
-    from pydantic.dataclasses import dataclass as checked_dataclass
+    from pydantic import PlainValidator, model_validator
 
-STEPPING = ("integrator", "substeps", "tolerance")
-"""Keys of a scene about the stepping of its physics."""
+STEPPING = ("integrator", "substeps", "tolerance")  # keys of a scene about the stepping of its physics
 
 
 def _accuracy(value: Any) -> str | float | None:
@@ -36,18 +33,17 @@ def _accuracy(value: Any) -> str | float | None:
 
 
 Accuracy = Annotated[str | float | None, PlainValidator(_accuracy)]
-model = checked_dataclass(frozen=True, config=ConfigDict(extra="forbid"))
 
 
-@model
-class Physics:
+class Physics(Model):
     """How a scene is stepped: an integrator with equal substeps, or an accuracy."""
 
     integrator: Text = ""
     substeps: Whole = number(1, 1, 1e6, "of an integrator, in each control interval")
     accuracy: Accuracy = None
 
-    def __post_init__(self) -> None:
+    @model_validator(mode="after")
+    def _consistent(self) -> Physics:
         if bool(self.integrator) == (self.accuracy is not None):
             raise ValueError(
                 f"integrator is {self.integrator!r} and accuracy is {self.accuracy!r}; give exactly one: "
@@ -63,12 +59,11 @@ class Physics:
             raise ValueError(
                 f"accuracy is {self.accuracy!r}; choose {', '.join(ACCURACIES)} or a tip error in metres"
             )
+        return self
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data that makes an equal one."""
-        if self.accuracy is not None:
-            return {"accuracy": self.accuracy}
-        return {"integrator": self.integrator, "substeps": self.substeps}
+        return self.model_dump(include={"integrator", "substeps"} if self.integrator else {"accuracy"})
 
     def env_kwargs(self, config: Config) -> dict[str, Any]:
         """A configuration's arguments of the environment, with this physics and all else equal."""
@@ -81,24 +76,15 @@ class Physics:
         return {**kwargs, "scene": {**data, **self.to_dict()}}
 
 
-@model
-class StudyArm:
-    """An arm of the study.
+class StudyArm(Model):
+    """An arm of the study."""
 
-    Attributes
-    ----------
-    preset : training configuration: a file, or a preset's name
-    run : finished run folder whose policy is taken; without one the preset is trained first
-    cheap : name of the physics that the second part trains under
-    """
-
-    preset: Text
-    run: Text = ""
-    cheap: Text = ""
+    preset: Text  # training configuration: a file, or a preset's name
+    run: Text = ""  # finished run folder whose policy is taken; without one the preset is trained first
+    cheap: Text = ""  # name of the physics that the second part trains under
 
 
-@model
-class Study:
+class Study(Model):
     """The comparison: ``physics`` and ``arms`` by name."""
 
     physics: Mapping[str, Physics]
@@ -112,7 +98,8 @@ class Study:
     narrow_hold: Real = number(0.01, 1e-9, 0.999, "margin, a share of the episodes")
     narrow_return: Real = number(0.01, 1e-9, 0.999, "margin, a share of the reference's mean return")
 
-    def __post_init__(self) -> None:
+    @model_validator(mode="after")
+    def _consistent(self) -> Study:
         for name in ("physics", "arms"):
             parts = getattr(self, name)
             if not parts or len({slug(part) for part in parts}) < len(parts):
@@ -132,16 +119,13 @@ class Study:
                     f"arms.{name}.cheap is {arm.cheap!r}; choose {', '.join(self.physics)}, or set "
                     "train_seeds to 0"
                 )
+        return self
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data that makes an equal study."""
-        data = {name: getattr(self, name) for name in fields_of(Study)}
-        data["physics"] = {k: p.to_dict() for k, p in self.physics.items()}
-        data["arms"] = {
-            k: {n: getattr(a, n) for n in fields_of(StudyArm) if getattr(a, n)} for k, a in self.arms.items()
-        }
-        data["train_overrides"] = list(self.train_overrides)
-        return data
+        physics = {name: p.to_dict() for name, p in self.physics.items()}
+        arms = {name: arm.model_dump(exclude_defaults=True) for name, arm in self.arms.items()}
+        return {**self.model_dump(mode="json"), "physics": physics, "arms": arms}
 
 
 def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:

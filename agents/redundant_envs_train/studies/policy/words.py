@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...statistics import wilson
-from .pairs import FEW
+from .episodes import FEW
 from .settings import Study
 
 NONE, SMALL, OPEN, LARGE = "none", "small", "open", "large"
@@ -41,6 +41,11 @@ class Difference:
         if max(abs(self.low), abs(self.high)) <= self.margin:
             return NONE if zero else SMALL
         return OPEN if zero else LARGE
+
+    @property
+    def text(self) -> str:
+        """The difference and its interval."""
+        return f"{signed(self.value)} ({signed(self.low)} to {signed(self.high)})"
 
     def sentence(self, what: str, unit: str = "") -> str:
         """The sentence about a difference; the wording follows the verdict."""
@@ -83,6 +88,11 @@ def difference_in(
     """A difference from the names of its value and of both ends of its interval."""
     value, low, high = (scale * float(row[name]) for name in names)
     return Difference(value, low, high, margin, doubt)
+
+
+def reference_of(rows: Sequence[Mapping[str, Any]], study: Study) -> Mapping[str, Any]:
+    """The row of the physics that the others are compared with."""
+    return next(row for row in rows if row["physics"] == study.reference)
 
 
 def hold_difference(row: Mapping[str, Any], study: Study) -> Difference:
@@ -148,31 +158,28 @@ def trouble(row: Mapping[str, Any]) -> list[str]:
 
 def conclusion(rows: Sequence[Mapping[str, Any]], study: Study) -> str:
     """Which physics make a difference to this policy, and which do not."""
-    reference = next(row for row in rows if row["physics"] == study.reference)
+    reference = reference_of(rows, study)
     others = [row for row in rows if row is not reference and not row.get("refused")]
     if not others:
         return "There is nothing to compare the reference with."
     lines, same = [], {row["physics"] for row in others}
-    for what, verdicts in (
-        ("Hold success", [hold_difference(row, study).verdict for row in others]),
-        ("Return", [return_difference(row, study, reference).verdict for row in others]),
+    for what, of in (
+        ("Hold success", lambda row: hold_difference(row, study)),
+        ("Return", lambda row: return_difference(row, study, reference)),
     ):
         groups: dict[str, list[str]] = {}
-        for row, verdict in zip(others, verdicts, strict=True):
-            groups.setdefault(verdict, []).append(row["physics"])
+        for row in others:
+            groups.setdefault(of(row).verdict, []).append(row["physics"])
         same &= set(groups.get(NONE, ()))
-        words = "; ".join(
-            f"{text}: {', '.join(groups[v])}" for v, (_, _, text) in LOOKS.items() if v in groups
-        )
+        found = (f"{text}: {', '.join(groups[v])}" for v, (_, _, text) in LOOKS.items() if v in groups)
+        words = "; ".join(found)
         lines.append(f"{what} against {study.reference}: {words}.")
     if reference["hold_success"] == 0.0:
         lines.append("This policy holds nothing: judge by one that does.")
     elif same:
         names = ", ".join(row["physics"] for row in others if row["physics"] in same)
-        lines.append(
-            "So accuracy makes no measurable difference to this policy between "
-            f"{study.reference} and {names}."
-        )
+        which = f"{study.reference} and {names}"
+        lines.append(f"So accuracy makes no measurable difference to this policy between {which}.")
     return "\n\n".join(lines)
 
 

@@ -1,0 +1,149 @@
+"""What all kinds of environments share: some arguments, values of lanes that users may read, pictures."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any, ClassVar, NamedTuple, Self
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from redundant_envs.batch.environment import Autoreset
+from redundant_envs.envs.core import Core
+from redundant_envs.envs.outputs import Outputs
+from redundant_envs.envs.parameters import Parameters, parameters_of
+from redundant_envs.lane.episode import TIP
+from redundant_envs.scene import Scene
+from redundant_envs.tasks.limits import is_confined
+
+LANE_VALUES = ("q", "qd", "tip", "goal", "parameters")
+"""Properties of :class:`Face` that lanes have each for itself."""
+ON_BAD_ACTION = ("raise", "terminate")
+
+
+class Face:
+    """A core as users see it: its scene, and coordinates, velocities, tips, goals and numbers of its lanes.
+
+    The values are copies. To set them, give ``q``, ``qd``, ``goal`` and ``parameters`` to the options of a
+    reset.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}
+    _lanes: ClassVar[Any] = slice(None)  # of a single environment 0: its values have no first axis
+    core: Core
+
+    def _check_choices(self, on_bad_action: str, render_mode: str | None) -> None:
+        """Take two arguments, or refuse them before a core is made."""
+        if on_bad_action not in ON_BAD_ACTION:
+            raise ValueError(f"on_bad_action is {on_bad_action!r}; choose {', '.join(ON_BAD_ACTION)}")
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            modes = " or ".join(map(repr, self.metadata["render_modes"]))
+            raise ValueError(f"render_mode is {render_mode!r}; choose None or {modes}")
+        self.on_bad_action, self.render_mode = on_bad_action, render_mode
+
+    def _take(self, core: Core) -> tuple[spaces.Space[Any], spaces.Box]:
+        """Take the core; gives the spaces of one environment's observation and action."""
+        self.core = core
+        self.goal_conditioned = core.task.goal_conditioned  # observations are goal dictionaries
+        self.metadata = {**self.metadata, "render_fps": round(1.0 / core.scene.control_dt)}
+        self._renderer: Any = None
+        seen: spaces.Space[Any] = spaces.Box(-1.0, 1.0, (core.obs_size,), np.float32)
+        if self.goal_conditioned:
+            far = 2.0 * core.reach if is_confined(core.scene) else np.inf
+            place = spaces.Box(-far, far, (2,), np.float64)
+            seen = spaces.Dict({"observation": seen, "achieved_goal": place, "desired_goal": place})
+        return seen, spaces.Box(-1.0, 1.0, (len(core.actions),), np.float32)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_renderer": None}
+
+    def __copy__(self) -> Self:
+        return copy.deepcopy(self)
+
+    @property
+    def scene(self) -> Scene:
+        """The scene: arm, effects, and how it is simulated."""
+        return self.core.scene
+
+    @property
+    def parameters(self) -> Parameters:
+        """Names, values and units of all numbers, of arm, effects and task."""
+        return parameters_of(self.core).of_lane(self._lanes)
+
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """Generalized coordinates, (num_envs, joints), or (joints,) of a single environment; rad and m."""
+        return self.core.memory.read(self.core.scene.robot.coordinates)[self._lanes]
+
+    @property
+    def qd(self) -> NDArray[np.float64]:
+        """Generalized velocities, (num_envs, joints), or (joints,) of a single environment; rad/s and m/s."""
+        return self.core.memory.read(self.core.scene.robot.rates)[self._lanes]
+
+    @property
+    def tip(self) -> NDArray[np.float64]:
+        """Position of the tip, (num_envs, 2), or (2,) of a single environment; m."""
+        return self.core.tips()[self._lanes]  # type: ignore[no-any-return]
+
+    @property
+    def goal(self) -> NDArray[np.float64]:
+        """Position of the goal, (num_envs, 2), or (2,) of a single environment; m."""
+        return self.core.goals()[self._lanes]  # type: ignore[no-any-return]
+
+    def _pictures(self) -> Any:
+        """The renderer, made when it is first used."""
+        if self._renderer is None:
+            from redundant_envs.envs.rendering import Renderer
+
+            self._renderer = Renderer(self.core)
+        return self._renderer
+
+    def _see(self, out: Outputs) -> None:
+        """Record the positions of the tips for their trails."""
+        columns = self.core.columns
+        self._pictures().record(columns.of(out, "steps"), columns.points(out, TIP))
+
+
+class Stepped(NamedTuple):
+    """A control step of all lanes; ``last`` observations and outputs are those before an autoreset."""
+
+    observation: Any
+    reward: NDArray[np.float64]
+    terminated: NDArray[np.bool_]
+    truncated: NDArray[np.bool_]
+    out: Outputs
+    last: Any
+    last_out: Outputs
+
+
+class VectorFace(Face):
+    """The same for many lanes."""
+
+    def _stepped(self, actions: NDArray[np.float32], autoreset: Autoreset) -> Stepped:
+        """A control step; where it ended an episode, the reward belongs to the last observation."""
+        core, columns = self.core, self.core.columns
+        obs, out, last_obs, last_out = core.step(actions, autoreset)
+        terminated, truncated = columns.of(out, "terminated"), columns.of(out, "truncated")
+        observation, reward = core.observation(obs, out), columns.of(out, "reward")
+        last = observation
+        if autoreset == Autoreset.SAME_STEP and (terminated | truncated).any():
+            last = core.observation(last_obs, last_out)
+        if self.goal_conditioned:
+            ended = (terminated | truncated)[:, None]
+            pair = ("achieved_goal", "desired_goal")
+            reward = core.goal_reward(*(np.where(ended, last[name], observation[name]) for name in pair))
+        if self.render_mode is not None:
+            self._see(out)
+        return Stepped(observation, reward, terminated, truncated, out, last, last_out)
+
+    def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:
+        """Goal environments only: the compiled reward of (n, 2) pairs of goals."""
+        if not self.goal_conditioned:
+            raise ValueError("compute_reward belongs to the goal environments (…GoalReach-v0)")
+        return self.core.goal_reward(achieved_goal, desired_goal)
+
+
+def observation_of(batch: Any, lane: int) -> Any:
+    """One environment's part of a batch of observations, which are an array or a dictionary of arrays."""
+    return {k: v[lane] for k, v in batch.items()} if isinstance(batch, dict) else batch[lane]

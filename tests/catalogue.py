@@ -1,0 +1,229 @@
+"""Scenes by name, for all tests: each arm, method and effect, alone and together, and hard numbers.
+
+``@on("stops *")`` runs a test on the scenes whose names match; ``SCENES`` has all of them. Properties that
+every scene keeps are in ``test_properties.py``, so that a test elsewhere says what is special about its own.
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import pickle
+from fnmatch import fnmatchcase
+
+import cloudpickle
+import numpy as np
+import pytest
+
+import redundant_envs as rde
+from redundant_envs.algebra import physics
+from redundant_envs.effects.hooks import Effect, Force
+from redundant_envs.verify import aimed_scenes, recorded_bits
+from redundant_envs.verify.aimed_effects import Lag, Play
+from redundant_envs.verify.states import random_states
+
+e = rde.effects
+FOUR_R, RPRP = recorded_bits.FOUR_R, recorded_bits.RPRP
+"""Arms with unequal masses, kg, and lengths, m: an equation that confuses two of them is seen."""
+EQUAL = {"4R": rde.FourR((1.0,) * 4, (0.5,) * 4), "RPRP": rde.RPRP((1.0,) * 4, (0.5,) * 2)}
+ARMS = {
+    "4R": FOUR_R,
+    "RPRP": RPRP,
+    "RRR": rde.Chain("RRR", (2.0, 1.5, 1.0), (0.3, 0.5, 0.4)),
+    "RP": aimed_scenes.ONE,
+    "PPR": aimed_scenes.TWO,
+    "RPPP": aimed_scenes.THREE,
+    "PRPRP": aimed_scenes.BENT,
+}
+GRAVITY, FRICTION, LIMITS = recorded_bits.GRAVITY, recorded_bits.FRICTION, recorded_bits.LIMITS
+METHODS = ("euler", "rk4", "rk8", "dop853")
+IDS = [f"redundant_envs/{arm}{task}-v0" for arm in ("RPRP", "FourR") for task in ("Reach", "GoalReach")]
+"""Ids of this package: tests may have registered more."""
+COPIES = {
+    "copy": copy.copy,
+    "deepcopy": copy.deepcopy,
+    "pickle": lambda x: pickle.loads(pickle.dumps(x)),
+    "oldest pickle": lambda x: pickle.loads(pickle.dumps(x, protocol=2)),
+    "cloudpickle": lambda x: cloudpickle.loads(cloudpickle.dumps(x)),
+    "copy of a copy": lambda x: copy.deepcopy(pickle.loads(pickle.dumps(x))),
+}
+"""Every way to copy."""
+
+
+def stops(arm, restitution=0.5, lower=0.0, upper=0.3):
+    """Hard stops of all sliders of an arm, by default 0.3 m of travel."""
+    count = len(arm.sliders())
+    return e.PrismaticStop((lower,) * count, (upper,) * count, restitution)
+
+
+def springs(arm):
+    """Springs and dampers at the limits of the first and the last joint."""
+    return tuple(e.LimitSpring(joint, -0.4, 0.4, 800.0, 10.0) for joint in (arm.joints[0], arm.joints[-1]))
+
+
+@physics
+def stiffening(position, k):
+    return -k * position**3
+
+
+@physics
+def stiffening_energy(position, k):
+    return 0.25 * k * position**4
+
+
+@dataclasses.dataclass(frozen=True)
+class StiffeningSpring(Effect):
+    """A user's spring of the third power on the last joint, k in N m / rad^3 or N / m^3."""
+
+    k: float = 3.0
+
+    def hooks(self, arm):
+        bind = {"position": f"phi{len(arm.joints)}", "k": ".k"}
+        return (
+            Force(
+                len(arm.joints) - 1, stiffening, bind, potential=stiffening_energy, conservative=stiffening
+            ),
+        )
+
+
+@physics
+def drag(tip_x, tip_vx, rate, k):
+    return -k * rate * (1.0 + tip_x**2 + tip_vx**2)
+
+
+@dataclasses.dataclass(frozen=True)
+class TipDrag(Effect):
+    """A user's dissipative force on the first joint that needs quantities of the tip."""
+
+    k: float = 0.2
+
+    def hooks(self, arm):
+        return (Force(0, drag, {"rate": "phid1", "k": ".k"}),)
+
+
+@physics
+def soft(position, rate, k, c):
+    return -k * position - c * rate
+
+
+@physics
+def soft_spring(position, k):
+    return -k * position
+
+
+@physics
+def soft_energy(position, k):
+    return 0.5 * k * position**2
+
+
+@dataclasses.dataclass(frozen=True)
+class SoftJoint(Effect):
+    """A user's spring and damper in one force on the first joint: only the spring is booked as potential."""
+
+    k: float = 3.0
+    c: float = 0.4
+
+    def hooks(self, arm):
+        bind = {"position": "phi1", "rate": "phid1", "k": ".k", "c": ".c"}
+        return (Force(0, soft, bind, potential=soft_energy, conservative=soft_spring),)
+
+
+USERS = {
+    "stiffening": (StiffeningSpring(),),
+    "drag": (TipDrag(),),
+    "soft": (SoftJoint(),),
+    "lag": (Lag(0.01),),
+    "play": (Play(0.02, 3.0),),
+    "all": (StiffeningSpring(), TipDrag(), SoftJoint(), Lag(0.01), Play(0.02, 3.0)),
+}
+"""Effects as users write them, by what they add: a potential, a dissipation, a state, a kink."""
+
+
+def every_effect(arm):
+    """Every effect of the package that fits an arm."""
+    joints, sliders = len(arm.joints), len(arm.sliders())
+    centring = e.CentringSpring((80.0,) * sliders, (-0.1,) * sliders, (0.2,) * sliders)
+    own = (centring, stops(arm, 0.5, -0.2, 0.2)) if sliders else ()
+    return (
+        e.Gravity.on_plane(9.81, 0.4, 0.7), e.ViscousFriction((0.1,) * joints), *springs(arm), *own,
+        e.EffortLimits((4.0,) * joints),
+    )  # fmt: skip
+
+
+def _scenes():
+    yield from recorded_bits.SCENES.items()
+    for kind, arm in ARMS.items():
+        yield f"{kind} every effect rk8", rde.Scene(arm, every_effect(arm), "rk8", 0.01)
+        yield f"{kind} every effect 1e-6", rde.Scene(arm, every_effect(arm), tolerance=1e-6)
+    for kind in ("4R", "RPRP"):
+        for name, effects in USERS.items():
+            yield f"{kind} users' {name} 1e-6", rde.Scene(ARMS[kind], (GRAVITY, *effects), tolerance=1e-6)
+        yield f"{kind} users' all rk4", rde.Scene(ARMS[kind], (GRAVITY, *USERS["all"]), "rk4", 0.005)
+    one_sided = e.PrismaticStop((0.5, None), (None, -0.5), 0.8)
+    yield "RPRP stops on one side, far away, 1e-6", rde.Scene(RPRP, (GRAVITY, one_sided), tolerance=1e-6)
+    for kind in ("RP", "RPPP", "PRPRP"):
+        arm = ARMS[kind]
+        yield f"{kind} stops rk4", rde.Scene(arm, (GRAVITY, stops(arm, 0.0)), "rk4", 0.01)
+        yield f"{kind} stops 1e-9", rde.Scene(arm, (GRAVITY, stops(arm, 0.8)), tolerance=1e-9)
+    for kind in ("4R", "RPRP"):
+        arm = ARMS[kind]
+        light, heavy, short, long = (
+            dataclasses.replace(arm, **{what: tuple(k * x for x in getattr(arm, what))})
+            for what, k in (("masses", 1e-4), ("masses", 1e4), ("lengths", 1e-2), ("lengths", 1e2))
+        )
+        uneven = dataclasses.replace(arm, masses=(1e3, 1e-3, 10.0, 1.0))
+        for name, one in {
+            "light": light, "heavy": heavy, "short": short, "long": long, "uneven": uneven
+        }.items():  # fmt: skip
+            yield f"hard: {kind} {name}", rde.Scene(one, (GRAVITY,), tolerance=1e-6)
+        yield f"hard: {kind} short intervals", rde.Scene(arm, (GRAVITY,), control_dt=1e-5, tolerance=1e-9)
+        yield f"hard: {kind} long intervals", rde.Scene(arm, (GRAVITY,), control_dt=0.2, tolerance=1e-9)
+
+
+SCENES = dict(_scenes())
+"""All scenes by name."""
+
+
+def names(*patterns):
+    """The names that match one of some patterns, as of files; a pattern that matches none is an error."""
+    found = {p: [n for n in SCENES if fnmatchcase(n, p)] for p in patterns}
+    missing = [p for p, some in found.items() if not some]
+    assert not missing, f"no scene is called {', '.join(missing)}"
+    return list(dict.fromkeys(n for some in found.values() for n in some))
+
+
+def on(*patterns):
+    """Run a test on the scenes that match; it takes ``scene``."""
+    chosen = names(*patterns)
+    return pytest.mark.parametrize("scene", [SCENES[n] for n in chosen], ids=chosen)
+
+
+def started(scene, count=21, seed=0, varied=False, **kwargs):
+    """A simulator of a scene in the middle of a motion; ``varied``: lanes have masses of their own.
+
+    ``kwargs`` are those of ``BatchSimulator``.
+    """
+    q, qd, efforts = random_states(scene, count, seed)
+    batch = rde.BatchSimulator(scene, count, **kwargs)
+    batch.set_state(q, qd)
+    if varied:
+        masses = np.random.default_rng(seed).uniform(0.5, 2.0, (count, scene.robot.num_masses))
+        batch.set_parameters({"masses": masses * scene.robot.masses})
+    batch.advance(efforts)
+    return batch
+
+
+def motion(batch, intervals=5, seed=1):
+    """What a simulator tells of some intervals with random efforts: states and status, rows of arrays."""
+    _, _, efforts = random_states(batch.scene, batch.num_envs, seed)
+    rows = []
+    for _ in range(intervals):
+        status = batch.advance(efforts)
+        rows += [batch.q, batch.qd, *(np.asarray(x, float) for x in status)]
+    return rows
+
+
+def assert_same_bits(some, others):
+    """Arrays that are equal to the last bit; NaN equals NaN."""
+    for one, other in zip(some, others, strict=True):
+        np.testing.assert_array_equal(one, other)

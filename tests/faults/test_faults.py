@@ -1,0 +1,27 @@
+"""The list of mended faults fits the code: each can be brought back, and its test is there."""
+
+import ast
+import re
+
+import pytest
+
+from .__main__ import ROOT, faults
+
+FAULTS = faults()
+
+
+def test_there_are_many_of_different_names():
+    assert len({fault.name for fault in FAULTS}) == len(FAULTS) >= 15
+    assert len({(fault.file, fault.old, fault.new) for fault in FAULTS}) == len(FAULTS)
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=[fault.name for fault in FAULTS])
+def test_a_fault_can_be_brought_back_and_has_a_test(fault):
+    assert fault.file.startswith(("redundant_envs/", "agents/"))
+    text = (ROOT / fault.file).read_text(encoding="utf-8")
+    assert len(fault.places(text)) == 1, "the snippet must occur once: renew it"
+    with_fault = fault.brought_back(text)
+    assert ast.dump(ast.parse(with_fault)) != ast.dump(ast.parse(text))
+    path, function = re.match(r"(tests/.*\.py)::(\w+)(\[.*\])?$", fault.test).group(1, 2)
+    tests = ast.parse((ROOT / path).read_text(encoding="utf-8")).body
+    assert function in {test.name for test in tests if isinstance(test, ast.FunctionDef)}

@@ -1,0 +1,351 @@
+"""Loads, rotors and links with inertia: a loaded arm is, to the bit, a heavier one; MuJoCo knows the rest."""
+
+import copy
+import dataclasses
+import pickle
+from collections import Counter
+
+import numpy as np
+import pytest
+from armature import Armature, LinkInertia
+from arms import ARMS, LINKS, ROTORS, advanced, e, inertias, mujoco_model, on_arms, states, stops
+from payload import Payload
+from tether import Tether
+
+import redundant_envs as rde
+from redundant_envs.algebra import physics
+from redundant_envs.control.computed_torque import ComputedTorque
+from redundant_envs.control.statics import static_efforts
+from redundant_envs.effects import Effect, Inertia, Point, PointMass
+from redundant_envs.model.energy import kinetic_energy, potential_energy
+from redundant_envs.model.listing import _counts
+from redundant_envs.verify import Mode, verify
+
+LOAD = 0.7
+
+
+def heavier(arm, load=LOAD):
+    return dataclasses.replace(arm, masses=(*arm.masses[:-1], arm.masses[-1] + load))
+
+
+def scenes(name, load=LOAD, **more):
+    """The arm with the load, and the arm that is heavier by it."""
+    arm, effects = ARMS[name], [e.Gravity(), Tether(2, 0.3, 0.1, 200.0, 2.0), *stops(ARMS[name])]
+    if arm.sliders():
+        effects.append(e.LimitSpring(arm.joints[arm.sliders()[0]], -0.05, 0.05, 500.0, 5.0))
+    loaded = rde.Scene(arm, (*effects, Payload(load)), **more)
+    return loaded, rde.Scene(heavier(arm, load), tuple(effects), **more)
+
+
+def with_inertias(name, restitution=None, **more):
+    arm = ARMS[name]
+    stop = () if restitution is None else stops(arm, restitution)
+    return rde.Scene(arm, (e.Gravity(), *inertias(arm), *stop), **more)
+
+
+def motion(scene, change=None):
+    batch, _ = advanced(scene, *states(scene.robot, 16, seed=2), change, intervals=5, track_work=True)
+    return np.concatenate([batch.q, batch.qd, batch.work[:, None]], axis=1)
+
+
+# ---- loads ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("steps", [{"integrator": "rk4"}, {"tolerance": 1e-6}], ids=str)
+@on_arms("4R", "3R", "RRP")
+def test_a_load_moves_as_a_heavier_arm(name, steps):
+    loaded, heavy = scenes(name, **steps)
+    np.testing.assert_array_equal(motion(loaded), motion(heavy))
+
+
+@on_arms("4R")
+def test_lanes_have_loads_of_their_own(name):
+    loaded, _ = scenes(name, load=0.0, integrator="rk4")
+    loads = np.linspace(0.0, 2.0, 16)
+    found = motion(loaded, {"payload.mass": loads})
+    for lane in (0, 3, 15):
+        heavy = scenes(name, load=loads[lane], integrator="rk4")[1]
+        np.testing.assert_array_equal(found[lane], motion(heavy)[lane])
+    masses = (*ARMS[name].masses[:-1], 0.2)
+    light = dataclasses.replace(ARMS[name], masses=masses)
+    found = motion(scenes(name, load=0.3)[0], {"masses": masses})
+    again = dataclasses.replace(scenes(name, load=0.3)[1], robot=heavier(light, 0.3))
+    np.testing.assert_array_equal(found, motion(again))
+
+
+@on_arms("RRP")
+def test_energies_and_statics_know_the_load(name):
+    loaded, heavy = scenes(name)
+    q, qd, _ = states(loaded.robot, 20)
+    np.testing.assert_array_equal(kinetic_energy(loaded, q, qd), kinetic_energy(heavy, q, qd))
+    np.testing.assert_array_equal(potential_energy(loaded, q), potential_energy(heavy, q))
+    np.testing.assert_array_equal(static_efforts(loaded, q), static_efforts(heavy, q))
+    assert verify(loaded, 64, Mode.QUICK).misses == ()
+
+
+def test_computed_torque_carries_a_load_and_turns_rotors():
+    scene = rde.load_scene("four_r_reach")
+    others = {
+        "loaded": dataclasses.replace(scene, effects=(*scene.effects, Payload(0.1))),
+        "heavy": dataclasses.replace(scene, robot=heavier(scene.robot, 0.1)),
+        "rotors": dataclasses.replace(scene, effects=(*scene.effects, Armature((0.05, 0.03, 0.01, 0.01)))),
+        "bare": scene,
+    }
+    q, actions = np.array([[0.1, 0.4, 0.9, 1.2]]), {}
+    for name, one in others.items():
+        expert = ComputedTorque(one)
+        expert.begin(q, np.array([[0.8, 0.6]]))
+        actions[name] = expert.action(0.3, q, 0.0 * q) * expert.limits
+    np.testing.assert_array_equal(actions["loaded"], actions["heavy"])
+    assert np.abs(actions["rotors"] - actions["bare"]).max() > 0.01
+
+
+@pytest.mark.parametrize(
+    ("env_id", "scene", "effect", "field"),
+    [
+        ("RPRPReach-v0", "rprp_reach", Payload(0.0), "payload.mass"),
+        ("FourRReach-v0", "four_r_reach", Armature(0.0), "armature.inertias"),
+    ],
+)
+def test_what_is_added_is_a_parameter_of_an_episode_and_zero_is_nothing(env_id, scene, effect, field):
+    bare = rde.load_scene(scene)
+    loaded = dataclasses.replace(bare, effects=(*bare.effects, effect))
+    envs, seen = [rde.make_sb3(env_id, num_envs=2, scene=s.to_dict()) for s in (bare, loaded)], []
+    for env in envs:
+        env.seed(3)
+        seen += [env.reset(), env.step(np.full((2, 4), 0.4, np.float32))[0]]
+    for plain, zero in zip(seen[:2], seen[2:], strict=True):
+        np.testing.assert_allclose(zero, plain, rtol=0.0, atol=0.0 if "payload" in field else 1e-6)
+    envs[1].set_options({"parameters": {field: 1.0}})
+    envs[1].seed(3)
+    np.testing.assert_array_equal(envs[1].reset(), seen[2])
+    assert np.abs(envs[1].step(np.full((2, 4), 0.4, np.float32))[0] - seen[3]).max() > 1e-3
+    with pytest.raises(ValueError, match="another scene"):
+        envs[0].set_state(envs[1].get_state())
+
+
+# ---- inertias ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_accelerations_of_rotors_and_links_agree_with_mujoco(name):
+    mujoco = pytest.importorskip("mujoco", reason="MuJoCo is in the extra 'verify'")
+    arm = with_inertias(name).loaded_robot
+    model = mujoco_model(mujoco, arm, LINKS, ROTORS)
+    data, B = mujoco.MjData(model), arm.motor_map
+    q, qd, efforts = states(arm, 100, spread=6.0)
+    qdd = arm.forward_dynamics(q, qd, efforts @ B.T)
+    for k in range(len(q)):
+        data.qpos[:], data.qvel[:], data.ctrl[:] = q[k] @ B, qd[k] @ B, efforts[k]
+        mujoco.mj_forward(model, data)
+        assert np.abs(data.qacc - qdd[k] @ B).max() <= 1e-10 * (1.0 + np.abs(data.qacc).max())
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_energies_and_inverse_dynamics_know_inertias(name):
+    scene = with_inertias(name)
+    arm, B = scene.loaded_robot, scene.robot.motor_map
+    q, qd, Q = states(arm, 40)
+    M = arm.mass_matrix(q)
+    turning = [k for k, slides in enumerate(arm.prismatic) if not slides]
+    links = [B[:, turning[: n + 1]].sum(axis=1) for n in range(len(turning))]
+    expected = ARMS[name].mass_matrix(q) + B @ np.diag(ROTORS[: len(arm.joints)]) @ B.T
+    expected = expected + sum(inertia * np.outer(b, b) for inertia, b in zip(LINKS, links, strict=False))
+    np.testing.assert_allclose(M, expected, rtol=1e-14, atol=1e-15)
+    energy = 0.5 * np.einsum("ni,nij,nj->n", qd, M, qd)
+    np.testing.assert_allclose(kinetic_energy(scene, q, qd), energy, rtol=1e-13)
+    back = arm.inverse_dynamics(q, qd, arm.forward_dynamics(q, qd, Q))
+    assert np.abs(back - Q).max() < 1e-11
+
+
+@on_arms("4R", "RRP")
+def test_a_scene_with_inertias_is_verified(name):
+    assert verify(with_inertias(name, 0.5, integrator="rk8"), 128, Mode.QUICK).misses == ()
+
+
+@pytest.mark.parametrize("types", ["PR", "PPR"])
+def test_the_angular_momentum_of_a_cart_counts_what_turns_and_not_what_slides(types):
+    arm = rde.Chain(types, masses=(1.0, 0.7, 0.5)[: len(types)], lengths=(0.3,))
+    rotors, link = Armature((9.0,) * (len(types) - 1) + (0.2,)), LinkInertia((0.1,))
+    q, qd = np.full((1, len(types)), 0.3), np.zeros((1, len(types)))
+    qd[0, -1] = 2.0
+    bare, loaded = (rde.Scene(arm, own).loaded_robot.angular_momentum(q, qd) for own in ((), (rotors, link)))
+    assert abs(loaded - bare - 2.0 * (0.2 + 0.1)) < 1e-14
+    assert verify(rde.Scene(arm, (e.Gravity(), rotors, link)), 32, Mode.QUICK).misses == ()
+
+
+def test_momentum_is_kept_without_torques_at_the_base():
+    scene = rde.Scene(ARMS["4R"], inertias(ARMS["4R"]), "dop853")
+    found = rde.simulate(scene, [0.1, 0.8, 1.5, 2.0], [1.0, -1.0, 2.0, -2.0], np.linspace(0.0, 1.0, 11))
+    arm = scene.loaded_robot
+    momentum = np.einsum("nij,nj->n", arm.mass_matrix(found.q), found.qd)
+    assert np.ptp(momentum) < 1e-9
+    np.testing.assert_allclose(arm.angular_momentum(found.q, found.qd), momentum, rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["RPRP", pytest.param("RRP", marks=pytest.mark.long)])
+def test_elastic_stops_keep_the_energy_of_rotors(name):
+    scene = with_inertias(name, 1.0, tolerance=1e-9)
+    n = len(scene.robot.joints)
+    found = rde.simulate(scene, [0.1] * n, [1.0, 1.5, -1.0, 0.5][:n], np.linspace(0.0, 2.0, 101))
+    assert len(found.events) > 5
+    total = found.kinetic_energy + found.potential_energy
+    assert np.abs(total - total[0]).max() < 1e-8 * np.abs(total).max()
+
+
+@pytest.mark.parametrize("name", ["4R", "RPRP"])
+def test_lanes_have_inertias_of_their_own_and_zero_is_none(name):
+    arm, rotors = ARMS[name], np.linspace(0.0, 1.0, 16)
+
+    def moved(*effects, change=None):
+        return advanced(rde.Scene(arm, (e.Gravity(), *effects), "rk4"), *states(arm, 16), change)[0].q
+
+    found = moved(Armature(0.3), change={"armature.inertias": np.repeat(rotors[:, None], 4, axis=1)})
+    for lane in (3, 15):
+        np.testing.assert_array_equal(found[lane], moved(Armature(float(rotors[lane])))[lane])
+    assert np.abs(found[0] - moved()[0]).max() < 1e-13
+    assert np.abs(found[15] - moved()[15]).max() > 1e-4
+
+
+def test_the_bill_counts_the_mass_matrix_for_the_effect_that_needs_it():
+    scene = rde.Scene(ARMS["4R"], (e.Gravity(), Armature(0.1)), "rk4")
+    with_rotors, without = rde.bill(scene), rde.bill(rde.Scene(ARMS["4R"], (e.Gravity(),), "rk4"))
+    assert with_rotors["armature"].divisions > 0
+    assert with_rotors["arm"].additions == without["arm"].additions
+    counted = sum((c for c in _counts(scene, False)[0].values()), Counter())
+    for kind in ("additions", "products", "divisions", "sine_pairs"):
+        assert sum(getattr(o, kind) for o in with_rotors.values()) == counted[kind]
+    assert "armature" not in without
+    assert "armature" in rde.listing(rde.Scene(ARMS["4R"], (Armature(0.1),), "rk4"))
+
+
+# ---- arms with inertias are arms -----------------------------------------------------------------------
+
+
+@physics(gives="x1 y1")
+def bob(l1, s1, c1):
+    return l1 * c1, l1 * s1
+
+
+@physics(gives="J11 J21 M11")
+def of_bob(m1, l1, s1, c1):
+    return -l1 * s1, l1 * c1, m1 * l1 * l1
+
+
+@physics(gives="Jdqd1 Jdqd2 h1")
+def turned(J11, J21, w):
+    return -J21 * w * w, J11 * w * w, 0.0
+
+
+@physics(gives="G1")
+def weight(M11, l1, s1, c1, ax, ay, more):
+    return M11 / l1 * (ay * c1 - ax * s1) + more
+
+
+@physics(gives="T")
+def energy(M11, w):
+    return 0.5 * M11 * w * w
+
+
+@dataclasses.dataclass(frozen=True)
+class Pendulum(rde.Arm):
+    """Its weight and energy are written with its mass matrix; it has a parameter of its own."""
+
+    more: float
+
+    num_masses = num_lengths = 1
+    coordinates, rates, joints, prismatic = ("theta",), ("w",), ("hinge",), (False,)
+    sincos = {"theta": ("s1", "c1")}
+    functions = (bob, of_bob, turned, weight, energy)
+
+    def parameter_values(self):
+        return {**super().parameter_values(), "more": self.more}
+
+
+def test_what_an_arm_writes_with_its_mass_matrix_is_of_its_point_masses():
+    scene = rde.Scene(Pendulum((1.0,), (1.0,), 2.0), (e.Gravity(), Armature(0.5)), "rk8")
+    arm = scene.loaded_robot
+    assert arm.mass_matrix([0.0])[0, 0] == 1.5
+    assert arm.gravity_forces([0.0])[0] == pytest.approx(11.81)
+    assert arm.kinetic_energy([0.0], [1.0]) == 0.75
+    assert arm.forward_dynamics([0.0], [0.0], [0.0])[0] == pytest.approx(-11.81 / 1.5)
+    batch, _ = advanced(scene, *np.zeros((3, 1, 1)))
+    assert batch.qd[0, 0] == pytest.approx(-11.81 / 1.5 * scene.control_dt, rel=1e-3)
+
+
+def test_a_scene_with_inertias_is_data_copied_and_pickled():
+    scene = with_inertias("RPRP", 0.5)
+    q, qd, _ = states(scene.robot, 3)
+    ways = (pickle.loads(pickle.dumps(scene)), copy.deepcopy(scene), rde.Scene.from_dict(scene.to_dict()))
+    for other in ways:
+        assert other == scene
+        for values in (lambda s: s.loaded_robot.mass_matrix(q), lambda s: kinetic_energy(s, q, qd)):
+            np.testing.assert_array_equal(values(other), values(scene))
+
+
+def test_a_loaded_arm_is_copied_as_it_is_and_is_no_robot_of_a_scene():
+    arm = with_inertias("4R").loaded_robot
+    assert arm == with_inertias("4R").loaded_robot
+    for one in (arm, dataclasses.replace(arm, masses=(3.0,) * 4)):
+        for other in (copy.copy(one), copy.deepcopy(one), pickle.loads(pickle.dumps(one))):
+            assert other == one
+            np.testing.assert_array_equal(other.mass_matrix([0.3] * 4), one.mass_matrix([0.3] * 4))
+    with pytest.raises(ValueError, match="robot is a FourR with the inertias of another scene's effects"):
+        rde.Scene(arm, (e.Gravity(),))
+
+
+# ---- what is refused -----------------------------------------------------------------------------------
+
+
+@dataclasses.dataclass(frozen=True)
+class Added(Effect):
+    """A hook that a test gives, and a number of kg or kg m^2."""
+
+    number: float = 0.1
+    hook: object = None
+
+    static = ("hook",)
+
+    def hooks(self, arm):
+        return (self.hook,)
+
+
+TURNED, LIGHTER = Inertia((0,), ".number"), PointMass(Point(1), ".number")
+TIP = r"Point is 4; give Point\(0\) to Point\(3\), the tip"
+
+
+@pytest.mark.parametrize(
+    ("hook", "number", "said"),
+    [
+        (Inertia(1, ".number"), 0.1, r"joints is 1; give a tuple"),
+        (Inertia((), ".number"), 0.1, r"joints is \(\); give a tuple"),
+        (Inertia((1, 1), ".number"), 0.1, r"each once"),
+        (Inertia((7,), ".number"), 0.1, r"joint is 7; give 0 to 3"),
+        (Inertia((0, 1), ".number"), 0.1, r"which turn and slide"),
+        (Inertia((0,), "number"), 0.1, r"'number' is not a number of this effect; it has .number"),
+        (TURNED, -0.5, r"added.number is -0.5; give 0 to 45000 kg m\^2, a million times"),
+        (PointMass(Point(4), ".number"), 0.1, TIP),
+        (PointMass(3, ".number"), 0.1, "Point is 3"),
+        (PointMass(Point(0), ".weight"), 0.1, "'.weight' is not a number of this effect; it has .number"),
+        (LIGHTER, -2.0, r"masses with what effects add.*-0.5"),
+    ],
+)
+def test_what_does_not_fit_is_refused_of_a_scene(hook, number, said):
+    with pytest.raises(ValueError, match=said):
+        rde.Scene(ARMS["RPRP"], (Added(number, hook),))
+
+
+@pytest.mark.parametrize(
+    ("hook", "number", "change", "said"),
+    [
+        (TURNED, 0.1, {"added.number": [0.1, -0.1]}, r"added.number is -0.1; give 0 to 45000 kg m\^2"),
+        (TURNED, 0.1, {"added.number": 1e6}, r"is 1e\+06; give 0 to 45000 kg m\^2.* hide the arm"),
+        (TURNED, 0.1, {"masses": [2.0, 1.5, 1.0, 5e-7]}, r"added.number is 0.1; give 0 to 0.045 kg m\^2"),
+        (LIGHTER, -1.0, {"added.number": [-1.0, -2.0]}, r"m2 with added.number has the entry -0.5"),
+        (LIGHTER, -1.0, {"masses": (2.0, 0.1, 1.0, 0.5)}, r"m2 with added.number has the entry -0.9"),
+    ],
+)
+def test_what_does_not_fit_is_refused_of_a_lane(hook, number, change, said):
+    batch = rde.BatchSimulator(rde.Scene(ARMS["RPRP"], (Added(number, hook),)), 2)
+    with pytest.raises(ValueError, match=said):
+        batch.set_parameters(change)

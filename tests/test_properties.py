@@ -1,0 +1,60 @@
+"""Scenes of the catalogue keep every promise of ``verify`` (equations, energy, bits, ...), also as copies."""
+
+from functools import cache
+
+import pytest
+from catalogue import COPIES, IDS, SCENES, assert_same_bits, motion, names, on, started
+
+from redundant_envs.verify import Mode, Subject, Verdict
+from redundant_envs.verify.checks import Trial
+from redundant_envs.verify.report import checks_in
+from redundant_envs.verify.subjects import subject_of
+
+STATES, SEED = 64, 11
+CHECKS = [c for c in checks_in(Mode.STANDARD) if c.family != "environments"]
+OF_ENVIRONMENTS = [c for c in checks_in(Mode.STANDARD) if c.family == "environments"]
+FAMILIES = list(dict.fromkeys(c.family for c in CHECKS))
+LONG = {
+    *names("PPR every *", "RPPP every *", "PRPRP every * 1e-6", "RRR every * rk8", "RP every * rk8"),
+    *names("PRPRP stops *", "RPPP stops rk4", "RP stops 1e-9"),
+}
+"""Scenes that take long to compile or to judge; a shorter one holds most of what they do."""
+
+
+@cache
+def trial(name):
+    return Trial(Subject(name, SCENES[name]), STATES, Mode.STANDARD, SEED)
+
+
+def missed(trial, checks):
+    outcomes = [c.run(trial) for c in checks]
+    return [(o.check, o.finding) for o in outcomes if o.verdict is Verdict.MISSED]
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.long] if n in LONG else []) for n in SCENES]
+)
+def test_a_scene_keeps_the_promises_of(name, family):
+    assert missed(trial(name), [c for c in CHECKS if c.family == family]) == []
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_an_environment_keeps_the_promises_of_environments(env_id):
+    assert missed(Trial(subject_of(env_id), STATES, Mode.STANDARD, SEED), OF_ENVIRONMENTS) == []
+
+
+@on("4R all rk8", "4R free 1e-12", "RPRP every effect 1e-6", "* users' all 1e-6", "stops dop853")
+@pytest.mark.parametrize("kwargs", [{}, {"threads": 2}, {"track_work": True}], ids=str)
+@pytest.mark.parametrize("copied", COPIES.values(), ids=COPIES)
+def test_a_copy_in_the_middle_of_a_motion_continues_to_the_same_bits(scene, copied, kwargs):
+    batch = started(scene, varied=True, **kwargs)
+    here, twin = batch.q, copied(batch)
+    assert (twin.threads, twin.num_envs, twin.scene) == (batch.threads, batch.num_envs, scene)
+    expected = motion(batch)
+    assert_same_bits([twin.q], [here])  # the motion of the original has not moved it
+    assert_same_bits(motion(twin), expected)
+    assert (batch.q != here).any()
+    if batch.track_work:
+        assert_same_bits([twin.work], [batch.work])
+        assert twin.events() == batch.events()
