@@ -168,7 +168,7 @@ class CommonStep:
             lane.error = where(single, lane.error, 0.0)
         self._leave(lane, reason)
 
-    def doubts(self, lane: Lane) -> tuple[Any, Any, Any]:
+    def doubts(self, lane: Lane) -> tuple[Any, ...]:
         """Whether the error of an interval may exceed its estimate: near a kink, which estimates do not
         capture well, or though the motion is smooth.
 

@@ -183,12 +183,9 @@ def motion_fields(dynamics: Dynamics) -> Iterator[Field]:
         yield Field("work", "J", "work of motors and of forces without a potential", STATE, book=True)
     yield Field("h", "s", "length of the common step", PARAMETER)
     yield Field("interval", "s", "control interval", PARAMETER)
-    for names, doc in (
-        (dynamics.parameters, "parameter of the scene"),
-        (dynamics.prepared, "what follows from the parameters alone"),
-    ):
-        for name in names:
-            yield Field(name, "SI", doc, PARAMETER, owner=owners.get(name, ENGINE))
+    for name in (*dynamics.parameters, *dynamics.prepared):
+        doc = "parameter of the scene" if name in dynamics.parameters else "follows from parameters alone"
+        yield Field(name, "SI", doc, PARAMETER, owner=owners.get(name, ENGINE))
     for k, name in enumerate(dynamics.commands):
         yield Field(name, "N" if arm.prismatic[k] else "N m", "commanded effort of a motor", SCRATCH)
     yield Field("error", "m", "estimated tip error of the interval so far", SCRATCH)

@@ -56,8 +56,8 @@ def rates_of_motion(scene: Scene, lane: Any, x: Quantities, numbers: Mapping[str
         position, rate = a.hook.motion
         known = {position: x[position] + lane.interval * x[rate], rate: x[rate]}
         ahead = Quantities(known, tuple(scene.robot.functions), scene.robot.sincos, numbers)
-        dampings = (a.functions["damping"](quantities) for quantities in (x, ahead))
-        rates.append(estimates.steps_towards_damper(*dampings, lane[field_of(a)], lane.interval))
+        here, there = (a.functions["damping"](quantities) for quantities in (x, ahead))
+        rates.append(estimates.steps_towards_damper(here, there, lane[field_of(a)], lane.interval))
     return rates
 
 

@@ -341,8 +341,8 @@ class KnownInterval(EqualSteps):
     """The control of a lane that has just made the last of its steps, from data of the interval."""
 
     def __init__(self, crossed):
-        self.crossed, self.features = crossed, SimpleNamespace(stops=True)
-        self.dynamics = SimpleNamespace(arm=SimpleNamespace(coordinates=()))
+        self.crossed = crossed
+        self.dynamics = SimpleNamespace(stops=True, arm=SimpleNamespace(coordinates=()))
         self.step = SimpleNamespace(least_steps=lambda lane: 0.0)
 
     def _crossed(self, lane):
