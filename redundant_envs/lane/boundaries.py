@@ -17,10 +17,10 @@ from redundant_envs.events.boundary import (
 )
 from redundant_envs.events.resolution import Resolved
 from redundant_envs.lane import coordinates
+from redundant_envs.lane.coordinates import contact_quantities, held_of, known_numbers, pull
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import WATCHED, Reason
 from redundant_envs.lane.memory import Lane
-from redundant_envs.lane.step import contact_quantities, held_of, known_numbers, pull
 from redundant_envs.numerics.methods import Watched
 from redundant_envs.quantities import Quantities
 from redundant_envs.tracing.ways import branches

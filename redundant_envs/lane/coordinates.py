@@ -7,16 +7,14 @@ without a joint has a gap, any function of the motion; dual numbers give its der
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from redundant_envs.algebra import ABSENT
+from redundant_envs.algebra import ABSENT, where
 from redundant_envs.dual import Dual, dual
 from redundant_envs.events.boundary import Boundary
+from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.lane.memory import Lane
 from redundant_envs.quantities import Quantities
-
-if TYPE_CHECKING:
-    from redundant_envs.lane.dynamics import Dynamics
-    from redundant_envs.lane.memory import Lane
 
 
 def quantities_of_arm(dynamics: Dynamics, lane: Lane, form: str = "{}", *more: Any) -> Quantities:
@@ -77,3 +75,42 @@ def _gap(dynamics: Dynamics, b: Boundary, coordinates: Sequence[Dual], numbers: 
     assert b.gap is not None
     known = dict(zip(arm.coordinates, coordinates, strict=True))
     return dual(b.gap(Quantities(known, tuple(arm.functions), arm.sincos, numbers)))
+
+
+# ---- quantities of the motion at stops ------------------------------------------------------------
+
+
+def known_numbers(dynamics: Dynamics, lane: Lane, held: bool) -> dict[str, Any]:
+    """Inputs of the equations beside the state: efforts, parameters, and the stops at which sliders rest."""
+    stops, sides = dynamics.active if held else (), (b.side for b in dynamics.laws)
+    names = (*dynamics.commands, *dynamics.numbers, *dynamics.effect_states.updated, *stops, *sides)
+    return dict(zip(names, lane.get(names), strict=True))
+
+
+def contact_quantities(dynamics: Dynamics, states: Sequence[Any], numbers: dict[str, Any]) -> Quantities:
+    """Quantities while sliders rest at their stops, accelerations among them."""
+    x = dynamics.quantities(states, numbers, held=bool(dynamics.holding))
+    x.update({f"held{k + 1}": 0.0 for k in dynamics.arm.sliders()})
+    x.update({held_of(b): abs(numbers[b.active]) for b in dynamics.holding})
+    return x
+
+
+def held_of(b: Boundary) -> str:
+    """The quantity that is 1 while a slider rests at its stop."""
+    return f"held{b.number}"
+
+
+def pull(x: Quantities, b: Boundary, side: Any) -> Any:
+    """Force with which its stop has to pull a resting slider; 0 for a free one."""
+    return where(x[held_of(b)] > 0.0, side * x[f"hold{b.number}"], 0.0)
+
+
+def watched_acceleration(dynamics: Dynamics, b: Boundary, x: Quantities) -> Any:
+    """Acceleration of the coordinate of a boundary; for a slider that rests, the pull of its stop."""
+    if b.joint is None:
+        return acceleration(dynamics, b, x)
+    if b.bounces:
+        return where(x[held_of(b)] > 0.0, pull(x, b, x[b.active]), x[f"qdd{b.number}"])
+    shares = enumerate(dynamics.arm.motor_map[:, b.joint].tolist(), start=1)
+    parts = [x[f"qdd{k}"] if share == 1.0 else share * x[f"qdd{k}"] for k, share in shares if share != 0.0]
+    return sum(parts[1:], parts[0])

@@ -12,6 +12,7 @@ from typing import Any
 from redundant_envs.algebra import gives_of, where
 from redundant_envs.lane.boundaries import Boundaries
 from redundant_envs.lane.common_step import CommonStep
+from redundant_envs.lane.coordinates import known_numbers
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import GIVEN_UP, MOST_LOGGED, WATCHED, Control
 from redundant_envs.lane.memory import (
@@ -26,7 +27,6 @@ from redundant_envs.lane.memory import (
     ProgramLane,
 )
 from redundant_envs.lane.program import LaneProgram, Request
-from redundant_envs.lane.step import known_numbers
 from redundant_envs.lane.step_control import CLASSES
 from redundant_envs.quantities import check_names
 from redundant_envs.tracing.flow import LaneFunction

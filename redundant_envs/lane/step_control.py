@@ -7,10 +7,9 @@ from abc import ABC, abstractmethod
 from typing import Any
 
 from redundant_envs.algebra import logical_not, maximum
-from redundant_envs.lane.common_step import CommonStep
+from redundant_envs.lane.common_step import CommonStep, tip_norms
 from redundant_envs.lane.features import Control, Fault, Reason
 from redundant_envs.lane.memory import Lane
-from redundant_envs.lane.step import tip_norms
 from redundant_envs.numerics import error_control
 from redundant_envs.numerics.error_control import FirstStep, Verdict
 

@@ -12,7 +12,7 @@ from compiled import compiled, on_columns
 from small_scenes import FOUR_R, RPRP, e
 
 import redundant_envs as rde
-import redundant_envs.lane.step as steps
+import redundant_envs.lane.common_step as steps
 from redundant_envs import algebra
 from redundant_envs.algebra import physics
 from redundant_envs.backends import llvm, llvm_kernels

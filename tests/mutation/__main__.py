@@ -31,7 +31,7 @@ EQUATIONS = ("robots/rprp", "robots/four_r", "robots/derived", "robots/added_ine
 NUMERICS = ("methods", "tableaus", "error_control", "estimates")
 EVENTS = ("boundary", "crossings", "first_event", "brackets", "locate", "contacts", "resolution",
           "complementarity")  # fmt: skip
-LANE = ("dynamics", "kinks", "required_steps", "step", "common_step", "step_control", "coordinates",
+LANE = ("dynamics", "kinks", "required_steps", "common_step", "step_control", "coordinates",
         "boundaries", "features", "program", "interval")  # fmt: skip
 MODULES = (
     *EQUATIONS,

@@ -9,8 +9,8 @@ from lanes_of_numbers import lane_of
 
 import redundant_envs as rde
 from redundant_envs.effects import Gravity, LimitSpring, ViscousFriction
+from redundant_envs.lane.common_step import lane_step, step_error
 from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.step import lane_step, step_error
 from redundant_envs.numerics.methods import explicit_step
 from redundant_envs.numerics.tableaus import METHODS
 
