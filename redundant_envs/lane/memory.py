@@ -119,7 +119,7 @@ class Lane:
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name in self._layout and self._layout.fields[name].owner != ENGINE:
-            raise ValueError(f"{name!r} is a name {self._layout.fields[name].whose}, and {ENGINE}; rename it")
+            raise ValueError(f"{name!r} is a name {self._layout.fields[name].whose}, and of {ENGINE}; rename it")
         self[name] = value
 
     @property

@@ -273,32 +273,35 @@ def test_an_index_may_be_one_number_unsigned_empty_or_a_mask():
     assert unchanged(batch, before)
 
 
-@pytest.mark.parametrize(
-    "call",
-    [
-        lambda b: b.set_state(np.zeros(4), np.zeros(3)),
-        lambda b: b.set_state(np.zeros(4), np.zeros((5, 4))),
-        lambda b: b.set_state((0.0, 0.1, 0.0, 9.0), np.zeros(4)),
-        lambda b: b.set_state((0.0, 0.1, 0.0, 9.0), np.zeros(4), [2]),
-        lambda b: b.set_state("zero", np.zeros(4)),
-        lambda b: b.set_parameters({"masses": 2.0, "payload.mass": 1.0}),
-        lambda b: b.set_parameters({"masses": 2.0, "gravity.g": np.nan}),
-        lambda b: b.set_parameters({"masses": 2.0, "prismatic_stop.upper": (0.0, 0.0)}),
-        lambda b: b.set_parameters({"masses": 2.0, "prismatic_stop.upper": (-1.0, 0.2)}, [1]),
-        lambda b: b.set_parameters(3),
-        lambda b: b.advance(np.zeros((COUNT, 3))),
-        lambda b: b.advance(np.zeros((COUNT + 1, 4))),
-        lambda b: b.advance([["x"] * 4] * COUNT),
-        lambda b: b.advance_partly(None, np.nan),
-        lambda b: b.advance_partly(None, -0.01),
-        lambda b: b.advance_partly(None, np.inf),
-        lambda b: b.advance_partly(None, 0.0),
-        lambda b: b.advance_partly(np.zeros((COUNT, 3)), 0.01),
-    ],
-)
-def test_a_refused_call_changes_nothing(call):
+Z, STOPS_AT = np.zeros, "prismatic_stop.upper"
+REFUSED = [
+    (lambda b: b.set_state(Z(3), Z(4)), r"q has shape \(3,\)"),
+    (lambda b: b.set_state(Z(4), Z(3)), r"qd has shape \(3,\)"),
+    (lambda b: b.set_state(Z(4), Z((5, 4))), r"qd has shape \(5, 4\)"),
+    (lambda b: b.set_state((0.0, 0.1, 0.0, 9.0), Z(4)), "r2 is 9 m; its stops"),
+    (lambda b: b.set_state((0.0, 0.1, 0.0, 9.0), Z(4), [2]), "r2 is 9 m; its stops"),
+    (lambda b: b.set_state("zero", Z(4)), "q is 'zero'; give"),
+    (lambda b: b.set_parameters({"masses": 2.0, "payload.mass": 1.0}), "'payload.mass'.*masses.*gravity.g"),
+    (lambda b: b.set_parameters({"masses": (1, 2, -1, 1)}), "masses .*-1"),
+    (lambda b: b.set_parameters({"masses": 2.0, "gravity.g": np.nan}), "gravity.g .*finite"),
+    (lambda b: b.set_parameters({"masses": 2.0, STOPS_AT: (0.0, 0.0)}), "PrismaticStop|prismatic_stop"),
+    (lambda b: b.set_parameters({"masses": 2.0, STOPS_AT: (-1.0, 0.2)}, [1]), "PrismaticStop|prismatic_stop"),
+    (lambda b: b.set_parameters(3), "parameters is 3; give a mapping"),
+    (lambda b: b.advance(Z((COUNT, 3))), rf"efforts has shape \({COUNT}, 3\)"),
+    (lambda b: b.advance(Z((COUNT + 1, 4))), rf"efforts has shape \({COUNT + 1}, 4\)"),
+    (lambda b: b.advance([["x"] * 4] * COUNT), "efforts is .*give real numbers"),
+    (lambda b: b.advance_partly(Z((COUNT, 3)), 0.01), rf"efforts has shape \({COUNT}, 3\)"),
+    *((lambda b, t=t: b.advance_partly(None, t), "duration") for t in (np.nan, -0.01, np.inf, 0.0)),
+    (lambda b: b.restore(Z(5)), r"snapshot .*\(5,\)"),
+    (lambda b: b.restore(started(count=5).save()), "snapshot .*num_envs 11"),
+    (lambda b: b.work, "track_work"),
+]
+
+
+@pytest.mark.parametrize(("call", "said"), REFUSED)
+def test_a_refused_call_names_the_field_and_changes_nothing(call, said):
     batch = started()
     before = batch.save()
-    with pytest.raises(ValueError):
+    with pytest.raises(ValueError, match=said):
         call(batch)
     assert unchanged(batch, before)
