@@ -110,13 +110,11 @@ def test_grid_is_the_batch_simulator():
     """On the grid of control intervals the states are those of BatchSimulator, bitwise."""
     batch = rde.BatchSimulator(SCENE, 1, track_work=True)
     batch.set_state(Q0, QD0)
-    times = np.arange(1, 31) * 0.02
-    trajectory = rde.simulate(SCENE, Q0, QD0, times, (1.0, -0.5, 0.2, 0.1))
+    trajectory = rde.simulate(SCENE, Q0, QD0, np.arange(1, 31) * 0.02, (1.0, -0.5, 0.2, 0.1))
     for k in range(30):
         batch.advance((1.0, -0.5, 0.2, 0.1))
-        assert (batch.q[0] == trajectory.q[k]).all()
-        assert (batch.qd[0] == trajectory.qd[k]).all()
-        assert batch.work[0] == trajectory.work[k]
+        for name in ("q", "qd", "work"):
+            assert (getattr(batch, name)[0] == getattr(trajectory, name)[k]).all()
 
 
 def test_efforts_are_asked_once_per_control_instant():
@@ -147,9 +145,8 @@ def test_batch_shapes(shape):
         assert getattr(trajectory, name).shape == (2, *shape)
     for i in list(np.ndindex(*shape))[:6]:
         one = rde.simulate(SCENE, q[i], QD0, [0.05, 0.1], efforts[i])
-        assert (one.q == trajectory.q[(slice(None), *i)]).all()
-        assert (one.qd == trajectory.qd[(slice(None), *i)]).all()
-        assert (one.work == trajectory.work[(slice(None), *i)]).all()
+        for name in ("q", "qd", "work"):
+            assert (getattr(one, name) == getattr(trajectory, name)[(slice(None), *i)]).all()
 
 
 def test_joint_and_generalized_actuation():
