@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from functools import reduce
 from typing import Any
 
-from redundant_envs.algebra import any_of, cases, logical_not, maximum, sqrt, where
+from redundant_envs.algebra import any_of, cases, logical_not, maximum, sqrt, total, where
 from redundant_envs.events import crossings
 from redundant_envs.events.boundary import side_beyond
 from redundant_envs.lane import coordinates, required_steps
@@ -70,23 +70,23 @@ def step_error(dynamics: Dynamics, lane: Lane, step: Step) -> Any:
         scales = [estimates.rounding_scale(a, b, strikes) for a, b in states]
 
         def size(errors: Sequence[Any], h: Any) -> Any:
-            squares = [(e * s) ** 2 for e, s in zip(errors, scales, strict=False)]
-            return h * sqrt(sum(squares[1:], squares[0]) * (1.0 / len(names)))
+            squares = ((e * s) ** 2 for e, s in zip(errors, scales, strict=False))
+            return h * sqrt(total(squares) * (1.0 / len(names)))
 
         return estimates.blended_error(size(step.error5, step.h5), size(step.error3, step.h3))
     weights = tip_weights(dynamics, lane)
 
     def tip_size(errors: Sequence[Any], h: Any) -> Any:
         n = dynamics.count
-        terms = [
-            w * (abs(q) + lane.interval * abs(v))
-            for w, q, v in zip(weights, errors[:n], errors[n : 2 * n], strict=True)
-        ]
-        return h * sum(terms[1:], terms[0])
+        parts = zip(weights, errors[:n], errors[n : 2 * n], strict=True)
+        return h * total(w * (abs(q) + lane.interval * abs(v)) for w, q, v in parts)
 
-    return estimates.tip_error(
-        tip_size(step.error6, step.h6), tip_size(step.error5, step.h5), tip_size(step.error3, step.h3)
-    )
+    return estimates.tip_error(*(tip_size(*error) for error in errors_of(step)))
+
+
+def errors_of(step: Step) -> tuple[tuple[list[Any], Any], ...]:
+    """The estimates of three orders, and their factors."""
+    return (step.error6, step.h6), (step.error5, step.h5), (step.error3, step.h3)
 
 
 def others_error(dynamics: Dynamics, lane: Lane, step: Step, h: Any) -> Any:
@@ -94,16 +94,15 @@ def others_error(dynamics: Dynamics, lane: Lane, step: Step, h: Any) -> Any:
     not act yet. Each error is related to the size of its state, now or at the end of the interval at the pace
     of the step; the same share of the tip's motion by the step's change of velocity is the estimate."""
     rates = zip(tip_norms(dynamics, lane), step.velocities, lane.get(dynamics.arm.rates), strict=True)
-    gained = [norm * abs(after - before) for norm, after, before in rates]
+    gained = total(norm * abs(after - before) for norm, after, before in rates)
     shares = []
     for k, name in enumerate(dynamics.effect_states.integrated):
         before, after = lane[name], step.others[k]
-        errors = (step.error6, step.h6), (step.error5, step.h5), (step.error3, step.h3)
-        sizes = [abs(error[2 * dynamics.count + k]) * factor for error, factor in errors]
+        sizes = [abs(error[2 * dynamics.count + k]) * factor for error, factor in errors_of(step)]
         pace = abs(after - before) * (lane.interval / h)
         size = maximum(maximum(abs(before), pace), SMALLEST_STATE)
         shares.append(estimates.tip_error(*sizes) / size)
-    return lane.interval * sum(gained[1:], gained[0]) * sum(shares[1:], shares[0])
+    return lane.interval * gained * total(shares)
 
 
 def tip_norms(dynamics: Dynamics, lane: Lane, form: str = "{}") -> list[Any]:
@@ -118,7 +117,7 @@ def tip_weights(dynamics: Dynamics, lane: Lane) -> list[Any]:
     if dynamics.scene.tolerance is None:
         return norms
     lengths = lane.get(f"l{k + 1}" for k in range(arm.num_lengths))
-    reach = sum(lengths[1:], lengths[0]) if lengths else 0.0  # an arm of sliders alone has none
+    reach = total(lengths or [0.0])  # an arm of sliders alone has none
     return [
         n if slides else estimates.tip_weight(n, reach, lane.tip_tolerance)
         for n, slides in zip(norms, arm.prismatic, strict=True)
@@ -224,8 +223,7 @@ class CommonStep:
             limit = error_control.DOUBTFUL * lane.tip_tolerance
             doubts.append(others_error(dynamics, lane, step, h) > limit)
         if dynamics.watched_sliders:
-            ways = [h * maximum(w.most, -w.least) for w in watched[len(levels) :]]
-            far = sum(ways[1:], ways[0])
+            far = total(h * maximum(w.most, -w.least) for w in watched[len(levels) :])
             doubts += [far > error_control.FAR * distance for distance in self._distances(lane, "{}")]
         if moving is not None and dynamics.pose_tells_distances:
             doubts += self._farther(lane, "{}", "{}_start")

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import operator
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
 from typing import Any
 
-from redundant_envs.algebra import ABSENT, arguments_of, gives_of, maximum, where
+from redundant_envs.algebra import ABSENT, arguments_of, gives_of, maximum, total, where
 from redundant_envs.effects.attached import Attached, EffectStates
 from redundant_envs.effects.hooks import Field, Force, Gap, Impact, Point
 from redundant_envs.events.boundary import Boundary, Law, side_beyond
@@ -237,7 +236,7 @@ class Dynamics:
         bounds = self.arm.mobility_bounds
         functions = self.arm.prepared if bounds is None else (*self.arm.prepared, bounds)
         made: dict[str, Any] = {
-            mass: reduce(operator.add, (parameters[name] for name in loads), parameters[self.field_of(mass)])
+            mass: total(parameters[name] for name in (self.field_of(mass), *loads))
             for mass, loads in self.carried.items()
         }
         x = Quantities({**parameters, **made}, functions, {})
@@ -315,8 +314,8 @@ class Dynamics:
                 x["ax"], x["ay"] = field.functions["function"](x)
         effort, changes = self.efforts(x, "derivative")
         at_joints = self.scene.actuation == "joint"
-        total: dict[str, Any] = {f"phid{k + 1}": effort[k] if at_joints else None for k in joints}
-        working, at_points = dict(total), dict[str, Any]()
+        acting: dict[str, Any] = {f"phid{k + 1}": effort[k] if at_joints else None for k in joints}
+        working, at_points = dict(acting), dict[str, Any]()
         for a in self.scene.attached.of(Force):
             if a.law and not self.laws:
                 law = self.law_of[a]
@@ -324,7 +323,7 @@ class Dynamics:
             force = _components(a, "function", x)
             changes |= a.changes("derivative", x)
             for rate, component in force.items():
-                total[rate] = _plus(total.get(rate), component)
+                acting[rate] = _plus(acting.get(rate), component)
             if isinstance(a.hook.joint, Point):
                 self._add_at_coordinates(a, a.hook.joint, force, x, at_points)
             if a.hook.conservative is a.hook.function:
@@ -334,8 +333,8 @@ class Dynamics:
             if a.hook.conservative is not None and self.track_work:
                 for rate, component in _components(a, "conservative", x).items():
                     working[rate] = working[rate] + (-component)
-        if any(total[f"phid{k + 1}"] is not None for k in joints):
-            torques = (total[f"phid{k + 1}"] for k in joints)
+        torques = [acting[f"phid{k + 1}"] for k in joints]
+        if any(t is not None for t in torques):
             x.update({f"t{k + 1}": 0.0 if t is None else t for k, t in enumerate(torques)})
             forces = x.each(f"Q{k + 1}" for k in joints)
             if not at_joints:
@@ -349,11 +348,11 @@ class Dynamics:
             power = [force * x[rate] for rate, force in working.items() if force is not None]
             if not at_joints:
                 power += [e * x[v] for e, v in zip(effort, self.arm.rates, strict=True)]
-            results.append(sum(power[1:], power[0]) if power else 0.0)
+            results.append(total(power or [0.0]))
         return results
 
     def _add_at_coordinates(
-        self, a: Attached[Force], at: Point, force: Mapping[str, Any], x: Quantities, total: dict[str, Any]
+        self, a: Attached[Force], at: Point, force: Mapping[str, Any], x: Quantities, forces: dict[str, Any]
     ) -> None:
         """Add the generalized force of a force at a point, J^T f of that point."""
         with owned(a.key):
@@ -361,8 +360,7 @@ class Dynamics:
                 for axis, component in zip("XY", force.values(), strict=True):
                     slope = x[f"{axis}{at.number + 1}{j + 1}"]
                     if not (isinstance(slope, float) and slope == 0.0):  # links beyond the point
-                        name = f"Q{j + 1}"
-                        total[name] = _plus(total.get(name), slope * component)
+                        forces[f"Q{j + 1}"] = _plus(forces.get(f"Q{j + 1}"), slope * component)
 
 
 def _components(a: Attached[Force], field: str, x: Quantities) -> dict[str, Any]:

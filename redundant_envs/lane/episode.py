@@ -8,7 +8,16 @@ from dataclasses import dataclass
 from functools import cached_property, reduce
 from typing import Any
 
-from redundant_envs.algebra import arguments_of, gives_of, logical_not, maximum, minimum, numbered, where
+from redundant_envs.algebra import (
+    arguments_of,
+    gives_of,
+    logical_not,
+    maximum,
+    minimum,
+    numbered,
+    total,
+    where,
+)
 from redundant_envs.effects.hooks import Sensing
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import GIVEN_UP, OBSERVED_ANGLE, OBSERVED_RATE, Fault
@@ -227,8 +236,8 @@ class Episode:
         earned = [t for t in terms if not any(t in gives_of(f) for f in taking)]
         if taking:
             x["ended"] = code
-            x["paid"] = _sum([lane[f"{t}_sum"] + x[t] for t in earned])
-        lane.reward = _sum(x.each(terms))
+            x["paid"] = total(lane[f"{t}_sum"] + x[t] for t in earned)
+        lane.reward = total(x.each(terms))
         new = {name: x[source] for name, source in task.updates.items()}
         for t in terms:
             lane[f"{t}_sum"] = lane[f"{t}_sum"] + x[t]
@@ -304,7 +313,3 @@ class Episode:
             low, high = range_of_starts(self.task, self.dynamics.scene, joint, lane.__getitem__)
             positions[f"phi{joint + 1}"] = start_position(lane[f"u{joint + 1}"], low, high)
         return positions
-
-
-def _sum(terms: list[Any]) -> Any:
-    return sum(terms[1:], terms[0])

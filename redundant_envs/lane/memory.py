@@ -118,8 +118,9 @@ class Lane:
         return self[name]
 
     def __setattr__(self, name: str, value: Any) -> None:
-        if name in self._layout and self._layout.fields[name].owner != ENGINE:
-            raise ValueError(f"{name!r} is a name {self._layout.fields[name].whose}, and of {ENGINE}; rename it")
+        known = self._layout.fields.get(name)
+        if known and known.owner != ENGINE:
+            raise ValueError(f"{name!r} is a name {known.whose}, and of {ENGINE}; rename it")
         self[name] = value
 
     @property
