@@ -15,21 +15,12 @@ from redundant_envs.lane.common_step import CommonStep
 from redundant_envs.lane.coordinates import known_numbers
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import GIVEN_UP, MOST_LOGGED, WATCHED, Control
-from redundant_envs.lane.memory import (
-    ENGINE,
-    LOG,
-    PARAMETER,
-    SCRATCH,
-    STATE,
-    Field,
-    Lane,
-    Layout,
-    ProgramLane,
-)
+from redundant_envs.lane.memory import ENGINE, LOG, PARAMETER, SCRATCH, STATE, Field, Lane, Layout, TracedLane
 from redundant_envs.lane.program import LaneProgram, Request
 from redundant_envs.lane.step_control import CLASSES
 from redundant_envs.quantities import check_names
 from redundant_envs.tracing.flow import LaneFunction
+from redundant_envs.tracing.graph import Graph
 from redundant_envs.tracing.program import Machine
 
 ANSWERED = {None: "entered", Request.STEP: "due", Request.FORCES: "touching"}
@@ -145,7 +136,8 @@ class Interval:
 
         The layout gets the fields that only the program sets; ``whole`` is for :class:`Graph`.
         """
-        machine, made = Machine(self.program.cross, ProgramLane(layout), Request, whole), {}
+        lane, made = TracedLane(layout, Graph(), {}, declares=True), {}
+        machine = Machine(self.program.cross, lane, Request, whole)
         for request, answered in ANSWERED.items():
             if request not in machine.graphs:
                 continue

@@ -75,11 +75,7 @@ def test_evaluators_agree_after_an_interval(name, steps):
         with np.errstate(all="ignore"):
             lane = cross_interval(Interval(dynamics), fields)
         found = np.stack([np.asarray(lane[n]) for n in names], axis=1)
-        resting = (
-            batch._memory.read(dynamics.active).any(axis=1)
-            if stops
-            else np.zeros(12, bool)
-        )
+        resting = batch._memory.read(dynamics.active).any(axis=1) if stops else np.zeros(12, bool)
         assert np.abs(found - compiled)[~resting].max() <= 1e-12 * np.abs(compiled).max()
     row = {
         **fields_of(dynamics),
