@@ -74,32 +74,7 @@ class Scene:
         if not isinstance(self.robot, Arm):
             raise ValueError(f"robot is {shown(self.robot)}; give an arm: {', '.join(sorted(ARMS))}")
         check_own(self.robot)
-        if isinstance(self.effects, Effect):
-            one = shown(self.effects)
-            raise ValueError(f"effects is the effect {one}; give a sequence, effects=({one},)")
-        if isinstance(self.effects, str | bytes | Mapping) or not isinstance(self.effects, Iterable):
-            raise ValueError(
-                f"effects is {shown(self.effects)}; give a sequence of effects, such as effects=(Gravity(),)"
-            )
-        object.__setattr__(self, "effects", tuple(self.effects))
-        fitted: list[Effect] = []
-        seen: dict[str, Effect] = {}
-        for i, effect in enumerate(self.effects):
-            if not isinstance(effect, Effect):
-                raise ValueError(
-                    f"effects[{i}] is {shown(effect)}; give an effect, such as Gravity(): "
-                    f"{', '.join(sorted(EFFECTS))}"
-                )
-            effect = effect.fitted(self.robot)
-            fitted.append(effect)
-            check_attached(f"effects[{i}]", effect, self.robot)
-            if effect.key in seen:
-                fix = "combine the two into one"
-                if type(effect) is not type(seen[effect.key]):
-                    fix = "two classes share this name of their parameters: give one a 'key' of its own"
-                raise ValueError(f"effects[{i}] is a second {effect.key!r}; {fix}")
-            seen[effect.key] = effect
-        object.__setattr__(self, "effects", tuple(fitted))
+        object.__setattr__(self, "effects", self._fitted_effects())
         impacts = self.attached.of(Impact)
         if len({a.parameter(a.hook.restitution) for a in impacts}) > 1:
             raise ValueError(
@@ -119,12 +94,9 @@ class Scene:
         if not isinstance(self.integrator, str) or self.integrator not in METHODS:
             raise ValueError(f"integrator is {shown(self.integrator)}; choose {', '.join(METHODS)}")
         dt = number("control_dt", self.control_dt)
-        if dt <= 0.0:
-            raise ValueError(f"control_dt is {dt} s; it must be positive")
         if not SHORTEST_INTERVAL <= dt <= LONGEST_INTERVAL:
-            raise ValueError(
-                f"control_dt is {dt} s; it must lie in {SHORTEST_INTERVAL:g} to {LONGEST_INTERVAL:g} s"
-            )
+            allowed = f"lie in {SHORTEST_INTERVAL:g} to {LONGEST_INTERVAL:g} s" if dt > 0.0 else "be positive"
+            raise ValueError(f"control_dt is {dt} s; it must {allowed}")
         object.__setattr__(self, "control_dt", dt)
         if isinstance(self.substeps, bool) or not isinstance(self.substeps, Integral):
             raise ValueError(f"substeps is {shown(self.substeps)}; give a whole number")
@@ -140,6 +112,32 @@ class Scene:
         self._check_tolerance()
         if not isinstance(self.actuation, str) or self.actuation not in ACTUATIONS:
             raise ValueError(f"actuation is {shown(self.actuation)}; choose {', '.join(ACTUATIONS)}")
+
+    def _fitted_effects(self) -> tuple[Effect, ...]:
+        """The effects with a number for each joint of this arm; ValueError if they cannot act on it."""
+        if isinstance(self.effects, Effect):
+            one = shown(self.effects)
+            raise ValueError(f"effects is the effect {one}; give a sequence, effects=({one},)")
+        if isinstance(self.effects, str | bytes | Mapping) or not isinstance(self.effects, Iterable):
+            raise ValueError(
+                f"effects is {shown(self.effects)}; give a sequence of effects, such as effects=(Gravity(),)"
+            )
+        fitted: dict[str, Effect] = {}
+        for i, given in enumerate(self.effects):
+            if not isinstance(given, Effect):
+                raise ValueError(
+                    f"effects[{i}] is {shown(given)}; give an effect, such as Gravity(): "
+                    f"{', '.join(sorted(EFFECTS))}"
+                )
+            effect = given.fitted(self.robot)
+            check_attached(f"effects[{i}]", effect, self.robot)
+            other = fitted.setdefault(effect.key, effect)
+            if other is not effect:
+                fix = "combine the two into one"
+                if type(effect) is not type(other):
+                    fix = "two classes share this name of their parameters: give one a 'key' of its own"
+                raise ValueError(f"effects[{i}] is a second {effect.key!r}; {fix}")
+        return tuple(fitted.values())
 
     def _check_identifiers(self) -> None:
         """Every parameter is a row of its own in the compiled core."""
@@ -224,15 +222,9 @@ class Scene:
 
     def facts(self) -> dict[str, Any]:
         """The same for any scene; for comparisons, not for :meth:`from_dict`."""
-        return {
-            "robot": plain(self.robot.kind, self.robot),
-            "effects": [plain(type(e).__name__, e) for e in self.effects],
-            "integrator": self.integrator,
-            "control_dt": self.control_dt,
-            "substeps": self.substeps,
-            "tolerance": self.tolerance,
-            "actuation": self.actuation,
-        }
+        effects = [plain(type(e).__name__, e) for e in self.effects]
+        numbers = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
+        return {**numbers, "robot": plain(self.robot.kind, self.robot), "effects": effects}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Scene:
@@ -269,10 +261,7 @@ def scene_names() -> list[str]:
 def load_scene(scene: str | Path | Mapping[str, Any] | Scene) -> Scene:
     """A scene by its name, the path of a YAML file, or as plain data.
 
-    Raises
-    ------
-    ValueError
-        With the file and, where it is known, the line of the mistake.
+    A ValueError has the file and, where it is known, the line of the mistake.
     """
     if isinstance(scene, Scene):
         return scene
@@ -312,14 +301,12 @@ def scene_at(scene: str | Path | Mapping[str, Any] | Scene, accuracy: str | floa
     applies.
     """
     built = load_scene(scene)
-    named = isinstance(scene, str) and not scene.endswith((".yaml", ".yml"))
-    if named or isinstance(scene, Scene):
-        own: tuple[str, ...] = ()
-    else:
+    own: list[str] | None = None  # of what accuracy sets, that which the data of a scene gives
+    if not (isinstance(scene, Scene) or (isinstance(scene, str) and not scene.endswith((".yaml", ".yml")))):
         data = scene if isinstance(scene, Mapping) else scene_data(scene)
-        own = tuple(k for k in ("integrator", "substeps", "tolerance") if k in data)
+        own = [k for k in ("integrator", "substeps", "tolerance") if k in data]
     if accuracy is None:
-        if own or named or isinstance(scene, Scene):
+        if own or own is None:
             return built
         accuracy = "standard"
     if own:

@@ -52,10 +52,7 @@ class Evaluation(NamedTuple):
 
 
 def evaluate(folder: Path, trust: bool = False) -> Evaluation:
-    """Evaluate the policy of a folder in the scene that it was trained in; nothing is written.
-
-    ``trust`` is as in :func:`load_policy`.
-    """
+    """Evaluate the policy of a folder in its own scene; nothing is written. ``trust``: see load_policy."""
     config = run_folder.own_config(folder)
     facts = run_folder.read_facts(folder)
     model = load_policy(folder, config, trust)
@@ -66,36 +63,19 @@ def evaluate(folder: Path, trust: bool = False) -> Evaluation:
     core = make_sb3(config.env, 1, **config.env_kwargs).core
     at_goal = policy.distance <= core.task.goal_tolerance * core.reach
     result = {
-        **{name: getattr(config, name) for name in ("env", "algo", "seed")},
-        "episodes": n,
-        "hold_success": float(policy.hold.mean()),
-        "interval": [low, high],
-        "touch_success": float(policy.touch.mean()),
-        "restless": int((at_goal & ~policy.hold).sum()),
-        "expert_hold_success": float(expert.hold.mean()),
-        "expert_touch_success": float(expert.touch.mean()),
+        **{name: getattr(config, name) for name in ("env", "algo", "seed")}, "episodes": n,
+        "hold_success": float(policy.hold.mean()), "interval": [low, high],
+        "touch_success": float(policy.touch.mean()), "restless": int((at_goal & ~policy.hold).sum()),
+        "expert_hold_success": float(expert.hold.mean()), "expert_touch_success": float(expert.touch.mean()),
         **{name: facts[name] for name in run_folder.FACTS},
-        "mean_return": float(policy.returns.mean()),
-        "expert_mean_return": float(expert.returns.mean()),
+        "mean_return": float(policy.returns.mean()), "expert_mean_return": float(expert.returns.mean()),
         "median_distance": float(np.median(policy.distance)),
         "expert_median_distance": float(np.median(expert.distance)),
-        **measures("", policy),
-        **measures("expert_", expert),
-        "date": time.strftime("%Y-%m-%d"),
-        "machine": machine_name(),
-        "versions": versions(),
-    }
-    seeds = EVALUATION_SEED + np.arange(n)
-    columns = (
-        seeds,
-        policy.hold,
-        policy.touch,
-        policy.distance,
-        policy.returns,
-        expert.hold,
-        expert.distance,
-    )
-    return Evaluation(result, np.column_stack(columns))
+        **measures("", policy), **measures("expert_", expert),
+        "date": time.strftime("%Y-%m-%d"), "machine": machine_name(), "versions": versions(),
+    }  # fmt: skip
+    own = (EVALUATION_SEED + np.arange(n), policy.hold, policy.touch, policy.distance, policy.returns)
+    return Evaluation(result, np.column_stack([*own, expert.hold, expert.distance]))
 
 
 def write_evaluation(found: Evaluation, folder: Path) -> None:

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any
 
 from redundant_envs.batch.blocks import GROUP, LANES, Block, Blocks, Ends, Procedure
-from redundant_envs.events.resolution import Happening
+from redundant_envs.events.contacts import Happening
 from redundant_envs.lane.features import MOST_LOGGED, Control
 from redundant_envs.lane.memory import LOG, PARAMETER, SCRATCH, STATE
 from redundant_envs.lane.program import Request

@@ -156,6 +156,7 @@ class SB3VecEnv(VectorFace, VecEnv):
                 "anew at once: take a state of episodes that go on"
             )
         self.core.set_state(state)
+        self._begin_trails()
         self._ready = self.core.begun_all
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:

@@ -179,6 +179,7 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
                 "that waits for its reset in one does not in the other: make the environment with the same"
             )
         self.core.set_state(of_core)
+        self._begin_trails()
         self._ended = state["ended"].copy()
         self._ready = self.core.begun_all
 

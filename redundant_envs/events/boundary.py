@@ -6,13 +6,12 @@ The coordinate is the travel of a joint, or any other function of the motion. Si
 
 from __future__ import annotations
 
-import enum
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from redundant_envs.algebra import maximum, where
+from redundant_envs.algebra import cases, maximum, where
 from redundant_envs.numerics.methods import Watched
 from redundant_envs.tracing.ways import branches
 
@@ -28,49 +27,21 @@ SMALLEST_SCALE = 1e-280
 """Smallest scale of rounding, for positions and limits that are all 0."""
 
 
-class Law(enum.Enum):
-    """What happens where a coordinate reaches its limit."""
-
-    BOUNCES = "bounces"
-    """The limit is a stop: it strikes the coordinate, and may hold it."""
-    CHANGES = "changes"
-    """A force changes its law; the coordinate goes on."""
-
-
 @dataclass(frozen=True)
 class Boundary:
     """The limits of a coordinate, and what happens there.
 
-    Attributes
-    ----------
-    name : str
-        Ends the names of its fields.
-    law : Law
-    lower, upper : str
-        Fields with the limits.
-    owner : str
-        Key of the effect that has added it.
-    joint : int, optional
-        The joint whose travel is the coordinate.
-    gap : callable, optional
-        For any other coordinate: takes quantities by name, and gives its value, m.
-    restitution : str
-        Field with the restitution of a stop.
+    At a limit that bounces a stop strikes it, and may hold it; at another one a force changes its law.
     """
 
-    name: str
-    law: Law
-    lower: str
+    name: str  # ends the names of its fields
+    lower: str  # fields with the limits
     upper: str
-    owner: str
-    joint: int | None = None
-    gap: Callable[..., Any] | None = None
-    restitution: str = ""
-
-    @property
-    def bounces(self) -> bool:
-        """Whether its limits are stops."""
-        return self.law is Law.BOUNCES
+    owner: str  # key of the effect that has added it
+    joint: int | None = None  # whose travel is the coordinate
+    gap: Callable[..., Any] | None = None  # any other one: takes quantities by name, gives its value, m
+    restitution: str = ""  # field with that of a stop
+    bounces: bool = True
 
     @property
     def number(self) -> int:
@@ -90,29 +61,18 @@ class Boundary:
 
 
 class BoundedCoordinate(NamedTuple):
-    """A coordinate with a boundary in a step.
+    """A coordinate with a boundary in a step; m and m/s, or rad and rad/s."""
 
-    Attributes
-    ----------
-    position, velocity : at the end of the step, m and m/s, or rad and rad/s
-    start_position, start_velocity : at its start
-    watched : accelerations at the stages; while it rests, pulling forces of its stop, N
-    active_stop : side of the stop it rests at
-    lower, upper : its limits
-    bounces : whether its limits are stops; otherwise it passes them
-    scale : size of the numbers from which it is computed, if these are larger than its own
-    """
-
-    position: Any
+    position: Any  # at the end of the step
     velocity: Any
     start_position: Any
     start_velocity: Any
-    watched: Watched
-    active_stop: Any
+    watched: Watched  # accelerations at the stages; while it rests, pulling forces of its stop, N
+    active_stop: Any  # side of the stop it rests at
     lower: Any
     upper: Any
-    bounces: bool = True
-    scale: Any = 0.0
+    bounces: bool = True  # whether its limits are stops; otherwise it passes them
+    scale: Any = 0.0  # size of the numbers from which it is computed, if these are larger than its own
 
     @property
     def free(self) -> Any:
@@ -143,21 +103,28 @@ def size_of(limit: Any) -> Any:
     return abs(limit) if abs(limit) < NO_LIMIT else 0.0
 
 
+@branches
+def direction(x: Any) -> Any:
+    """The side towards which a velocity points, or the sign of a number; -1 for 0."""
+    return 1.0 if x > 0.0 else -1.0
+
+
+@branches
+def inside(guess: Any, low: Any, high: Any, otherwise: Any) -> Any:
+    """A guess if it is between the ends of a bracket and at none of them."""
+    return guess if guess > low and guess < high else otherwise
+
+
 def side_beyond(position: Any, lower: Any, upper: Any) -> Any:
     """Side of the limit that a position is beyond; also for arrays."""
-    return where(position > upper, 1.0, where(position < lower, -1.0, 0.0))
+    return cases((position > upper, 1.0), (position < lower, -1.0), default=0.0)
 
 
 @branches
 def limits_of_law(side: Any, lower: Any, upper: Any) -> tuple[Any, Any]:
-    """Positions between which a joint keeps the law of a side.
+    """Positions between which a joint keeps the law of a side: 1 above ``upper``, -1 below ``lower``.
 
     Ranges overlap by twice a margin, so that rounding does not switch the law back and forth.
-
-    Parameters
-    ----------
-    side : 1 above the upper position, -1 below the lower, 0 between
-    lower, upper : positions at which the law changes, m or rad
     """
     low, high = MARGIN * maximum(abs(lower), 1.0), MARGIN * maximum(abs(upper), 1.0)
     if side > 0.0:
@@ -182,14 +149,7 @@ def side_touched(position: Any, velocity: Any, active_stop: Any, lower: Any, upp
 
 
 def starts_at_stop(position: Any, velocity: Any, active_stop: Any, lower: Any, upper: Any) -> Any:
-    """Whether a free coordinate starts at a stop and does not move away from it.
-
-    Parameters
-    ----------
-    position, velocity : of the coordinate, m and m/s
-    active_stop : side of the stop it rests at
-    lower, upper : its stops, m
-    """
+    """Whether a free coordinate starts at a stop and does not move away from it."""
     up, down = (position >= upper) & (velocity >= 0.0), (position <= lower) & (velocity <= 0.0)
     return (active_stop == 0.0) & (up | down)
 
@@ -198,21 +158,7 @@ def leaves_stop(position: Any, velocity: Any, active_stop: Any, lower: Any, uppe
     """Whether a free coordinate starts at a stop and moves away from it.
 
     It does not come to rest there, however slow it is, unless its speed is rounding.
-
-    Parameters
-    ----------
-    position, velocity : of the coordinate, m and m/s
-    active_stop : side of the stop it rests at
-    lower, upper : its stops, m
     """
     up = (position >= upper) & (velocity < -NEGLIGIBLE_SPEED)
     down = (position <= lower) & (velocity > NEGLIGIBLE_SPEED)
     return (active_stop == 0.0) & (up | down)
-
-
-def pick(chosen: Sequence[Any], values: Sequence[Any]) -> Any:
-    """The value of the chosen coordinate; that of the first one if none of the others is chosen."""
-    value = values[0]
-    for is_chosen, other in zip(chosen[1:], values[1:], strict=True):
-        value = where(is_chosen, other, value)
-    return value

@@ -9,7 +9,7 @@ formulas; for more, the set of stops that act is searched. Sides are 1 at the up
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from redundant_envs.algebra import all_of, cases, logical_not, maximum, where
@@ -41,10 +41,16 @@ def dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
     return sum(terms[1:], terms[0])
 
 
-def proper_subsets(count: int) -> Iterator[tuple[int, ...]]:
-    """Proper subsets of the coordinates, the smaller ones first."""
-    for size in range(1, count):
-        yield from itertools.combinations(range(count), size)
+def less_products(start: Any, a: Sequence[Any], b: Sequence[Any]) -> Any:
+    """A number less some products, one after the other."""
+    for x, y in zip(a, b, strict=True):
+        start = start - x * y
+    return start
+
+
+def subsets(count: int) -> list[tuple[int, ...]]:
+    """Sets of coordinates but the empty one, the smaller ones first."""
+    return [s for size in range(1, count + 1) for s in itertools.combinations(range(count), size)]
 
 
 def submatrix(w: Matrix, chosen: Sequence[int]) -> list[list[Any]]:
@@ -64,26 +70,21 @@ def impulses(speeds: Sequence[Any], sides: Sequence[Any], w: Matrix, restitution
     ``speeds`` are outward, ``sides`` those of the stops that the coordinates touch. Exactly one set of struck
     stops satisfies these conditions.
     """
-    count = len(speeds)
+    n = range(len(speeds))
     outward = outward_mobilities(w, sides)
     at = [s != 0.0 for s in sides]
     d = [u + e * maximum(u, 0.0) for u, e in zip(speeds, restitution, strict=True)]
-    result = solution(outward, d, w)
     choices = []
-    for chosen in proper_subsets(count):
-        p = solution(submatrix(outward, chosen), [d[i] for i in chosen])
-        good = [at[i] & (p[k] >= 0.0) for k, i in enumerate(chosen)]
-        for j in range(count):
-            if j not in chosen:
-                left = d[j]
-                for k, i in enumerate(chosen):
-                    left = left - outward[j][i] * p[k]
+    for chosen in subsets(len(speeds))[:-1]:
+        p = dict(zip(chosen, solution(submatrix(outward, chosen), [d[i] for i in chosen]), strict=True))
+        good = [at[i] & (p[i] >= 0.0) for i in chosen]
+        for j in n:
+            if j not in p:
+                left = less_products(d[j], [outward[j][i] for i in p], list(p.values()))
                 good.append(logical_not(at[j]) | (left <= 0.0))
-        full = [0.0] * count
-        for k, i in enumerate(chosen):
-            full[i] = p[k]
-        choices.append((all_of(good), full))
-    return [cases(*((good, full[i]) for good, full in choices), default=result[i]) for i in range(count)]
+        choices.append((all_of(good), p))
+    result = solution(outward, d, w)
+    return [cases(*((good, p.get(i, 0.0)) for good, p in choices), default=result[i]) for i in n]
 
 
 def halting(velocities: Sequence[Any], still: Sequence[Any], w: Matrix) -> list[Any]:
@@ -92,16 +93,13 @@ def halting(velocities: Sequence[Any], still: Sequence[Any], w: Matrix) -> list[
     negative = [-v for v in velocities]
     if count == 2:
         (va, vb), per_det = velocities, 1.0 / (w[0][0] * w[1][1] - w[0][1] * w[0][1])
-        both = still[0] & still[1]
-        alone = [
-            where(s, n * (1.0 / w[k][k]), 0.0) for k, (s, n) in enumerate(zip(still, negative, strict=True))
-        ]
+        pair = (w[0][1] * vb - w[1][1] * va) * per_det, (w[0][1] * va - w[0][0] * vb) * per_det
         return [
-            where(both, (w[0][1] * vb - w[1][1] * va) * per_det, alone[0]),
-            where(both, (w[0][1] * va - w[0][0] * vb) * per_det, alone[1]),
+            cases((still[0] & still[1], pair[k]), (still[k], negative[k] * (1.0 / w[k][k])), default=0.0)
+            for k in (0, 1)
         ]
     result: list[Any] = [0.0] * count
-    for chosen in (*proper_subsets(count), tuple(range(count))):
+    for chosen in subsets(count):
         p = solution(submatrix(w, chosen), [negative[i] for i in chosen])
         these = all_of(still[i] if i in chosen else logical_not(still[i]) for i in range(count))
         for k, i in enumerate(chosen):
@@ -129,14 +127,11 @@ def pressed(accelerations: Sequence[Any], w: Matrix) -> list[Any]:
         return [some & (both | one_a), some & (both | (logical_not(one_a) & one_b))]
     settled: Any = all_of(f <= 0.0 for f in accelerations)
     result: list[Any] = [False] * count
-    for chosen in (*proper_subsets(count), tuple(range(count))):
+    for chosen in subsets(count):
         p = solution(submatrix(w, chosen), [accelerations[i] for i in chosen])
-        good = [p_k >= 0.0 for p_k in p]
-        good += [
-            accelerations[j] - dot([w[j][i] for i in chosen], p) <= 0.0
-            for j in range(count)
-            if j not in chosen
-        ]
+        idle = [j for j in range(count) if j not in chosen]
+        good = [x >= 0.0 for x in p]
+        good += [accelerations[j] - dot([w[j][i] for i in chosen], p) <= 0.0 for j in idle]
         these = logical_not(settled) & all_of(good)
         result = [r | these if i in chosen else r for i, r in enumerate(result)]
         settled = settled | these

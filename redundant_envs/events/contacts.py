@@ -6,48 +6,58 @@ Accelerations, forces of stops and mobilities are given; time does not advance. 
 
 from __future__ import annotations
 
+import enum
 import itertools
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from redundant_envs.algebra import all_of, any_of, logical_not, maximum, minimum, sqrt, where
+from redundant_envs.algebra import all_of, any_of, cases, logical_not, maximum, minimum, sqrt, where
 from redundant_envs.events.boundary import NEGLIGIBLE_SPEED, ROUNDING, side_touched
-from redundant_envs.events.complementarity import Matrix, impulses, outward_mobilities, pressed
+from redundant_envs.events.complementarity import (
+    Matrix,
+    dot,
+    halting,
+    impulses,
+    less_products,
+    outward_mobilities,
+    pressed,
+)
 from redundant_envs.tracing.ways import branches
 
+MOST_IMPACTS = 256
+"""Most impacts of an interval; with more it is given up."""
+MOST_CHANGES = 512
+"""Most contact resolutions of an interval; with more it is given up."""
 LOWEST_BOUNCE = 1e-9
 """m; a coordinate that would bounce less high comes to rest."""
 AWAY = -1e300
 """m/s^2; the outward acceleration of a coordinate that is pressed onto no stop."""
 
 
+class Happening(enum.IntEnum):
+    """What happens to a coordinate where contacts are resolved."""
+
+    NONE = 0
+    UPPER_IMPACT = 1  # it strikes its upper stop
+    LOWER_IMPACT = 2
+    REST = 3  # it comes to rest at its stop
+    RELEASE = 4  # it leaves the stop at which it rested
+
+
 class Contact(NamedTuple):
-    """A coordinate with a stop, near it or not.
+    """A coordinate with a stop, near it or not."""
 
-    Attributes
-    ----------
-    position, velocity : m, m/s
-    active_stop : side of the stop it rests at
-    lower, upper : its stops, m
-    acceleration : m/s^2
-    force : exerted by its stop along it, N
-    released : whether it leaves its stop and must not come to rest there before it is struck
-    restitution : of its impacts
-    holds : whether its stop can hold it
-    owner : of the boundary
-    """
-
-    position: Any
-    velocity: Any
-    active_stop: Any
-    lower: Any
+    position: Any  # m
+    velocity: Any  # m/s
+    active_stop: Any  # side of the stop it rests at
+    lower: Any  # its stops, m
     upper: Any
-    acceleration: Any
-    force: Any
-    released: Any
+    acceleration: Any  # m/s^2
+    force: Any  # exerted by its stop along it, N
+    released: Any  # whether it leaves its stop and must not come to rest there before it is struck
     restitution: Any = 0.0
-    holds: bool = True
-    owner: str = ""
+    holds: bool = True  # whether its stop can hold it
+    owner: str = ""  # of the boundary
 
     @property
     def free(self) -> Any:
@@ -65,9 +75,19 @@ class Contact(NamedTuple):
         return side_touched(self.position, self.velocity, self.active_stop, self.lower, self.upper)
 
     @property
+    def speed(self) -> Any:
+        """Its speed into this stop, m/s."""
+        return self.side * self.velocity
+
+    @property
     def limit(self) -> Any:
-        """The stop that it touches; without one, the lower."""
+        """This stop; without one, the lower."""
         return where(self.side > 0.0, self.upper, self.lower)
+
+    @property
+    def pulled(self) -> Any:
+        """Whether the stop at which it rests would have to pull it."""
+        return self.active_stop * self.force > 0.0
 
     @property
     def holding_force(self) -> Any:
@@ -75,55 +95,11 @@ class Contact(NamedTuple):
         return where(self.free, 0.0, self.force) if self.holds else 0.0
 
 
-class Approach(NamedTuple):
-    """Motion of coordinates at the stops that they touch.
-
-    Attributes
-    ----------
-    sides : of these stops
-    negligible : whether a coordinate moves into its stop by no more than rounding
-    velocities : with negligible ones set to 0, m/s
-    speeds : the same, outward
-    strikes : whether a coordinate moves into its stop
-    """
-
-    sides: list[Any]
-    negligible: list[Any]
-    velocities: list[Any]
-    speeds: list[Any]
-    strikes: Any
-
-
-class Impact(NamedTuple):
-    """Impacts of coordinates that move into their stops.
-
-    Attributes
-    ----------
-    strikes : whether a coordinate strikes, and no support changes before
-    impulses : of the stops, inward, N s
-    pushed : whether a coordinate is pushed by its stop
-    hits : whether a coordinate is pushed and has moved into its stop
-    stops_all : whether coordinates would strike in turn for ever, and therefore stop
-    """
-
-    strikes: Any
-    impulses: list[Any]
-    pushed: list[Any]
-    hits: list[Any]
-    stops_all: Any
-
-
 class Support(NamedTuple):
-    """Which coordinates their stops begin or cease to support.
+    """Which coordinates their stops begin or cease to support."""
 
-    Attributes
-    ----------
-    rests : whether a coordinate comes to rest
-    released : whether a coordinate is released, since its stop would have to pull it
-    """
-
-    rests: list[Any]
-    released: list[Any]
+    rests: list[Any]  # whether a coordinate comes to rest
+    released: list[Any]  # whether it is released, since its stop would have to pull it
 
     @property
     def changes(self) -> Any:
@@ -131,41 +107,40 @@ class Support(NamedTuple):
         return any_of(self.released) | any_of(self.rests)
 
 
-def approach_of(contacts: Sequence[Contact]) -> Approach:
-    """Motion of coordinates at the stops that they touch; speeds that are only rounding are set to 0."""
-    sides = [c.side for c in contacts]
-    negligible = []
-    for side, c in zip(sides, contacts, strict=True):
-        out = side * c.velocity
-        negligible.append((out > 0.0) & (out <= NEGLIGIBLE_SPEED))
-    velocities = [where(n, 0.0, c.velocity) for n, c in zip(negligible, contacts, strict=True)]
-    speeds = [side * v for side, v in zip(sides, velocities, strict=True)]
-    return Approach(sides, negligible, velocities, speeds, any_of(u > 0.0 for u in speeds))
+class Resolved(NamedTuple):
+    """The contacts of a lane, resolved once; lists have an entry for each coordinate."""
+
+    strikes: Any  # whether impulses act
+    going_on: Any  # whether the motion continues; otherwise contacts are resolved again
+    impulses: list[Any]  # along the coordinates, N s
+    velocities: list[Any]  # after it, m/s, as all that follows
+    active_stops: list[Any]
+    forces: list[Any]  # of the stops, N
+    released: list[Any]
+    happened: list[Any]  # the :class:`Happening`
+    speeds: list[Any]  # into the stop, m/s
+    impacts: Any  # their number
 
 
-def impact_of(contacts: Sequence[Contact], approach: Approach, support: Support, w: Matrix) -> Impact:
-    """Impacts of coordinates that move into their stops, once it is known which others their stops support.
+def impulses_of_impacts(contacts: Sequence[Contact], w: Matrix) -> tuple[list[Any], Any]:
+    """Inward impulses of the stops, N s, once it is known which other coordinates they support; and whether
+    coordinates would strike in turn for ever, and therefore stop.
 
     A coordinate that moves away from its stop is no longer supported by it, however near it is: if an
     impact of another sends it back, it is struck next. A coordinate that stays there without a force is
     supported.
     """
-    sides, speeds = approach.sides, approach.speeds
-    strikes = approach.strikes & logical_not(support.changes)
+    sides, speeds = [c.side for c in contacts], [c.speed for c in contacts]
     supported = [
-        c.resting | (u > 0.0) | ((u == 0.0) & (side * c.acceleration >= 0.0))
-        for c, side, u in zip(contacts, sides, speeds, strict=True)
+        c.resting | (c.speed > 0.0) | ((c.speed == 0.0) & (c.side * c.acceleration >= 0.0)) for c in contacts
     ]
     supporting = [where(s, side, 0.0) for s, side in zip(supported, sides, strict=True)]
     p = impulses(speeds, supporting, w, [c.restitution for c in contacts])
-    pushed = [strikes & (x > 0.0) for x in p]
-    hits = [x & (u > 0.0) for x, u in zip(pushed, speeds, strict=True)]
-    stops_all: Any = False
-    if len(contacts) == 2 and contacts[0].owner == contacts[1].owner:
-        touching = [(side != 0.0) & c.free for side, c in zip(sides, contacts, strict=True)]
-        by_turns = touching[0] & touching[1] & logical_not(supported[0] & supported[1])
-        stops_all = strikes & by_turns & collapses(speeds, sides, w, contacts[0].restitution)
-    return Impact(strikes, p, pushed, hits, stops_all)
+    if len(contacts) != 2 or contacts[0].owner != contacts[1].owner:
+        return p, False  # with more coordinates the limit of impacts applies
+    touching = all_of((c.side != 0.0) & c.free for c in contacts)
+    by_turns = touching & logical_not(supported[0] & supported[1])
+    return p, by_turns & collapses(speeds, sides, w, contacts[0].restitution)
 
 
 def collapses(speeds: Sequence[Any], sides: Sequence[Any], w: Matrix, restitution: Any) -> Any:
@@ -177,7 +152,7 @@ def collapses(speeds: Sequence[Any], sides: Sequence[Any], w: Matrix, restitutio
     is 1 + e times the push of one by the other. The impacts end by themselves if that map has no real
     eigenvalues, or if y is below the eigenvector of the greater one.
     """
-    (ua, ub), (sa, sb) = speeds, sides  # for two coordinates; with more, the limit of impacts applies
+    (ua, ub), (sa, sb) = speeds, sides
     p = -(1.0 + restitution) * sa * sb * w[0][1]
     square = p * p - 4.0 * restitution * w[0][0] * w[1][1]
     slope = p + sqrt(maximum(square, 0.0))
@@ -187,111 +162,159 @@ def collapses(speeds: Sequence[Any], sides: Sequence[Any], w: Matrix, restitutio
 
 def leaving(contacts: Sequence[Contact], w: Matrix) -> list[Any]:
     """Coordinates at rest whose stops would have to pull, if every other one rests, too, or is at no stop."""
-    modes = [c.active_stop for c in contacts]
-    pulled = [c.active_stop * c.force > 0.0 for c in contacts]
-    free = []
-    for i in range(len(contacts)):
-        total = w[i][0] * contacts[0].force
-        for j in range(1, len(contacts)):
-            total = total + w[i][j] * contacts[j].force
-        free.append(-modes[i] * total)
+    modes, forces = [c.active_stop for c in contacts], [c.force for c in contacts]
+    free = [-mode * dot(row, forces) for mode, row in zip(modes, w, strict=True)]
     stays = pressed(free, outward_mobilities(w, modes))
-    all_rest = all_of(c.resting for c in contacts) & any_of(pulled)
+    all_rest = all_of(c.resting for c in contacts) & any_of(c.pulled for c in contacts)
     result = []
-    for i in range(len(contacts)):
-        alone = pulled[i] & all_of(o.side == 0.0 for j, o in enumerate(contacts) if j != i)
-        result.append((all_rest & logical_not(stays[i])) | (logical_not(all_rest) & alone))
+    for c, stay in zip(contacts, stays, strict=True):
+        alone = c.pulled & all_of(other.side == 0.0 for other in contacts if other is not c)
+        result.append((all_rest & logical_not(stay)) | (logical_not(all_rest) & alone))
     return result
 
 
-def would_rest(c: Contact, speed: Any, press: Any) -> Any:
-    """Whether a coordinate at a stop, pressed onto it, bounces less than 1e-9 m.
+def would_rest(c: Contact, press: Any) -> Any:
+    """Whether a coordinate at a stop, pressed onto it with an acceleration, bounces less than 1e-9 m.
 
     With an elastic stop it rests only if its bounce is lost in rounding.
     """
     if not c.holds:
         return False
-    low = (speed * speed <= 2.0 * press * height_of_rest(c)) & (speed <= 0.0)
+    height = where(c.restitution < 1.0, LOWEST_BOUNCE, ROUNDING * maximum(abs(c.limit), 1.0))
+    low = (c.speed * c.speed <= 2.0 * press * height) & (c.speed <= 0.0)
     return (press > 0.0) & low & c.free & (c.side != 0.0) & logical_not(c.released)
 
 
-@branches
-def height_of_rest(c: Contact) -> Any:
-    """Height of the bounces, m, below which a coordinate comes to rest."""
-    return LOWEST_BOUNCE if c.restitution < 1.0 else ROUNDING * maximum(abs(c.limit), 1.0)
-
-
-def unheld_accelerations(contacts: Sequence[Contact], sides: Sequence[Any], w: Matrix) -> list[Any]:
-    """Outward accelerations that the coordinates would have if no stop held any of them, m/s^2."""
-    unheld = []
-    for side, row, c in zip(sides, w, contacts, strict=True):
-        acceleration = c.acceleration
-        for mobility, other in zip(row, contacts, strict=True):
-            acceleration = acceleration - mobility * other.holding_force
-        unheld.append(side * acceleration)
-    return unheld
-
-
-def support_of(contacts: Sequence[Contact], approach: Approach, unheld: Sequence[Any], w: Matrix) -> Support:
+def support_of(contacts: Sequence[Contact], unheld: Sequence[Any], w: Matrix) -> Support:
     """Which coordinates come to rest and which are released.
 
     If one strikes its stop, only those without velocity come to rest, and they do so before it strikes:
     whether a stop supports a coordinate follows from the motion alone, not from its earlier state. The
-    bounces of others, however low, are not over yet.
-
-    Parameters
-    ----------
-    contacts, approach : the coordinates, and their motion at their stops
-    unheld : outward accelerations without any stop, m/s^2
-    w : mobilities of the coordinates, 1/kg
+    bounces of others, however low, are not over yet. If several may rest, each decision changes the force on
+    the others, so all are decided together. ``unheld`` are outward accelerations without any stop.
     """
-    pressing = [side * c.acceleration for side, c in zip(approach.sides, contacts, strict=True)]
-    released = [c.active_stop * c.force > 0.0 for c in contacts]
+    pressing = [c.side * c.acceleration for c in contacts]
+    released = [c.pulled for c in contacts]
     calm = logical_not(any_of(released))
-    now = [logical_not(approach.strikes) | (u >= -NEGLIGIBLE_SPEED) for u in approach.speeds]
-    rests = [
-        calm & settled & would_rest(c, u, a)
-        for c, u, a, settled in zip(contacts, approach.speeds, pressing, now, strict=True)
-    ]
+    strikes = any_of(c.speed > 0.0 for c in contacts)
+    now = [logical_not(strikes) | (c.speed >= -NEGLIGIBLE_SPEED) for c in contacts]
+    rests = [calm & s & would_rest(c, a) for c, a, s in zip(contacts, pressing, now, strict=True)]
     support = Support(rests, released)
     if len(contacts) == 1:
         return support
     may_rest = [
-        c.resting | (settled & would_rest(c, u, maximum(free, a)))
-        for c, u, free, a, settled in zip(contacts, approach.speeds, unheld, pressing, now, strict=True)
+        c.resting | (settled & would_rest(c, maximum(free, a)))
+        for c, free, a, settled in zip(contacts, unheld, pressing, now, strict=True)
     ]
     if len(contacts) > 2:
         unheld = [where(may, a, AWAY) for may, a in zip(may_rest, unheld, strict=True)]
-    stay = pressed(unheld, outward_mobilities(w, approach.sides))
-    return support_together(contacts, support, may_rest, stay)
-
-
-def support_together(
-    contacts: Sequence[Contact], support: Support, may_rest: Sequence[Any], stay: Sequence[Any]
-) -> Support:
-    """Which coordinates come to rest and which are released, if several may rest.
-
-    Each decision changes the force on the others, so all are decided together: those that ``stay`` rest.
-    """
-    several = any_of(a & b for a, b in itertools.combinations(may_rest, 2))
-    decide = several & support.changes
+    stay = pressed(unheld, outward_mobilities(w, [c.side for c in contacts]))
+    several = any_of(a & b for a, b in itertools.combinations(may_rest, 2)) & support.changes
+    new_rests = [c.free & stays for c, stays in zip(contacts, stay, strict=True)]
+    new_released = [logical_not(c.free | stays) for c, stays in zip(contacts, stay, strict=True)]
     together = [
-        changed_together(decide & may, c.free, stays, rest, release)
-        for c, may, stays, rest, release in zip(contacts, may_rest, stay, *support, strict=True)
+        [where(several & may, a, b) for may, a, b in zip(may_rest, new, alone, strict=True)]
+        for new, alone in ((new_rests, rests), (new_released, released))
     ]
-    return Support([rest for rest, _ in together], [release for _, release in together])
+    return Support(*together)
+
+
+def velocities_after(
+    contacts: Sequence[Contact], pushes: Sequence[Any], still: Sequence[Any], pushed: Sequence[Any], w: Matrix
+) -> list[Any]:
+    """Velocities of the coordinates after impulses, m/s, of which some stand still or are pushed by stops.
+
+    The velocity of a coordinate that stops or bounces is exact, without the rounding of the impulses.
+    """
+    velocities = []
+    for c, row, stops, push in zip(contacts, w, still, pushed, strict=True):
+        velocity = c.velocity
+        for impulse, mobility in zip(pushes, row, strict=True):
+            velocity = velocity + impulse * mobility
+        bounced = -c.side * c.restitution * maximum(c.speed, 0.0)
+        velocities.append(cases((stops, 0.0), (push, bounced), default=velocity))
+    return velocities
 
 
 @branches
-def changed_together(decided: Any, free: Any, stays: Any, rest: Any, release: Any) -> tuple[Any, Any]:
-    """Whether a coordinate comes to rest, and whether it is released.
+def stop_after(c: Contact, strikes: Any, rests: Any, released: Any, velocity: Any) -> Any:
+    """Side of the stop at which a coordinate of a present velocity rests from now on.
 
-    Parameters
-    ----------
-    decided : whether all are decided together
-    free, stays : whether the coordinate rests at no stop, and whether it rests from now on
-    rest, release : the same if it is decided alone
+    A coordinate ``strikes`` its stop, or not; this one ``rests`` from now on, or is ``released``.
     """
-    if decided:
-        return free & stays, logical_not(free | stays)
-    return rest, release
+    if rests:
+        return c.side
+    if released or (strikes and -c.side * velocity > 0.0):
+        return 0.0
+    return c.active_stop
+
+
+def released_after(c: Contact, strikes: Any, hit: Any, released: Any, velocity: Any) -> Any:
+    """Whether a coordinate is leaving its stop, and must not come to rest there before it is struck.
+
+    One that stays at rest while another one strikes has not left: it may be pressed onto its stop now.
+    """
+    stands = strikes & (maximum(abs(c.velocity), abs(velocity)) <= NEGLIGIBLE_SPEED)
+    return (released | c.released) & logical_not(hit | stands)
+
+
+@branches
+def happened_to(c: Contact, strikes: Any, hit: Any, rests: Any, released: Any, active: Any) -> Any:
+    """The :class:`Happening` of a coordinate that rests at the ``active`` stop from now on."""
+    if hit:
+        return Happening.UPPER_IMPACT if c.side > 0.0 else Happening.LOWER_IMPACT
+    if rests:
+        return Happening.REST
+    thrown = strikes & c.resting & (active == 0.0)
+    return Happening.RELEASE if released or thrown else Happening.NONE
+
+
+def resolve_contacts(impacts: Any, contacts: Sequence[Contact], w: Matrix) -> Resolved:
+    """Strike, release, rest, or continue, after a number of impacts; ``w`` are mobilities, 1/kg."""
+    rounding = [(c.speed > 0.0) & (c.speed <= NEGLIGIBLE_SPEED) for c in contacts]
+    cleaned = [where(r, 0.0, c.velocity) for r, c in zip(rounding, contacts, strict=True)]
+    contacts = [c._replace(velocity=v) for c, v in zip(contacts, cleaned, strict=True)]
+    held = [c.holding_force for c in contacts]
+    unheld = [c.side * less_products(c.acceleration, row, held) for c, row in zip(contacts, w, strict=True)]
+    rests, released = support = support_of(contacts, unheld, w)
+    approach = any_of(c.speed > 0.0 for c in contacts)
+    strikes = approach & logical_not(support.changes)
+    struck, by_turns = impulses_of_impacts(contacts, w)
+    pushed = [strikes & (p > 0.0) for p in struck]
+    hits = [push & (c.speed > 0.0) for push, c in zip(pushed, contacts, strict=True)]
+    # One that comes to rest must not set off another that rests, too.
+    still = [
+        (strikes & by_turns) | rest | (any_of(rests) & c.resting & logical_not(off))
+        for c, rest, off in zip(contacts, rests, released, strict=True)
+    ]
+    halts = halting([c.velocity for c in contacts], still, w)
+    bounces = strikes & logical_not(by_turns)
+    pushes = [where(bounces, -c.side * p, j) for c, p, j in zip(contacts, struck, halts, strict=True)]
+    velocities = velocities_after(contacts, pushes, still, pushed, w)
+    changes = list(zip(contacts, hits, rests, released, velocities, strict=True))
+    active = [stop_after(c, strikes, rest, off, v) for c, _, rest, off, v in changes]
+    # Contacts are resolved once more if a coordinate at its stop strikes next, or has lost or gained the
+    # support of another, or if removing a bounce has changed the motion of the arm.
+    moved = any_of(abs(j) > 0.0 for j in halts)
+    waits = any_of(
+        (c.side != 0.0) & c.free & logical_not(rest) & logical_not(c.released)
+        for c, rest in zip(contacts, rests, strict=True)
+    )
+    return Resolved(
+        strikes=strikes | any_of(rests) | any_of(rounding),
+        going_on=logical_not(strikes) & logical_not(support.changes & (approach | moved | waits)),
+        impulses=pushes,
+        velocities=velocities,
+        active_stops=active,
+        # The solution for speeds also serves accelerations: the holding forces from now on.
+        forces=halting(
+            [c.side * a for c, a in zip(contacts, unheld, strict=True)], [a != 0.0 for a in active], w
+        ),
+        released=[released_after(c, strikes, hit, off, v) for c, hit, _, off, v in changes],
+        happened=[
+            happened_to(c, strikes, hit, rest, off, a)
+            for (c, hit, rest, off, _), a in zip(changes, active, strict=True)
+        ],
+        speeds=[where(hit, c.speed, 0.0) for hit, c in zip(hits, contacts, strict=True)],
+        impacts=sum((where(hit, 1.0, 0.0) for hit in hits), impacts),
+    )

@@ -9,7 +9,7 @@ import enum
 from typing import Any, NamedTuple
 
 from redundant_envs.algebra import floor, logical_not, maximum, minimum, sqrt
-from redundant_envs.events.boundary import BoundedCoordinate
+from redundant_envs.events.boundary import BoundedCoordinate, direction
 from redundant_envs.numerics.methods import Watched
 from redundant_envs.tracing.ways import branches
 
@@ -17,14 +17,10 @@ from redundant_envs.tracing.ways import branches
 class Crossing(enum.IntEnum):
     """How a trial step meets a boundary; negative at the lower limit."""
 
-    NONE = 0
-    """It stays between the limits."""
-    ENDS_BEYOND = 1
-    """The step ends beyond the limit, and passes it once."""
-    TURNS_NEAR = 2
-    """The coordinate turns once, and may be beyond the limit then."""
-    UNCLEAR = 4
-    """The coordinate may pass the limit more often than the ends of the step and the turning point show."""
+    NONE = 0  # it stays between the limits
+    ENDS_BEYOND = 1  # the step ends beyond the limit, and passes it once
+    TURNS_NEAR = 2  # the coordinate turns once, and may be beyond the limit then
+    UNCLEAR = 4  # it may pass the limit more often than the ends of the step and the turning point show
 
 
 class Overshoot(NamedTuple):
@@ -35,7 +31,6 @@ class Overshoot(NamedTuple):
     at_ends: float
 
 
-@branches
 def may_meet(s: BoundedCoordinate, h: Any, overshoot: Overshoot) -> Any:
     """Whether a free coordinate may meet a limit in a step.
 
@@ -74,19 +69,18 @@ def acceleration_bounds(s: BoundedCoordinate, overshoot: Overshoot) -> tuple[Any
 
 
 @branches
-def margins(w: Watched, overshoot: Overshoot) -> tuple[Any, Any]:
-    """Distances by which a parabola may leave the range of its values at the stages, down and up."""
-    down, up = overshoot_at_extremes(w, overshoot)
-    return down * (w.most - w.least), up * (w.most - w.least)
-
-
-@branches
 def overshoot_at_extremes(w: Watched, overshoot: Overshoot) -> tuple[Any, Any]:
     """The overshoot beyond the least value at the stages, and beyond the greatest: larger between stages."""
     return (
         overshoot.between if w.least < minimum(w.first, w.last) else overshoot.at_ends,
         overshoot.between if w.most > maximum(w.first, w.last) else overshoot.at_ends,
     )
+
+
+def margins(w: Watched, overshoot: Overshoot) -> tuple[Any, Any]:
+    """Distances by which a parabola may leave the range of its values at the stages, down and up."""
+    down, up = overshoot_at_extremes(w, overshoot)
+    return down * (w.most - w.least), up * (w.most - w.least)
 
 
 def meets_kink(w: Watched, levels: bool, overshoot: Overshoot) -> tuple[Any, Any]:
@@ -104,7 +98,6 @@ def meets_kink(w: Watched, levels: bool, overshoot: Overshoot) -> tuple[Any, Any
     return seen, hidden & logical_not(seen)
 
 
-@branches
 def excursions(s: BoundedCoordinate, h: Any, lo: Any, hi: Any) -> tuple[Any, Any]:
     """Whether a coordinate may turn beyond its upper and its lower limit between the ends of a step.
 
@@ -114,14 +107,10 @@ def excursions(s: BoundedCoordinate, h: Any, lo: Any, hi: Any) -> tuple[Any, Any
     most v^2 / (2 |B|) above each end.
     """
     q0, v0, q1, v1 = s.start_position, s.start_velocity, s.position, s.velocity
-    top = s.upper + s.closeness
-    bottom = s.lower - s.closeness
-    up0 = top - q0
-    up1 = top - q1
-    down0 = q0 - bottom
-    down1 = q1 - bottom
-    sinks = h * h * maximum(-lo, 0.0)
-    lifts = h * h * maximum(hi, 0.0)
+    top, bottom = s.upper + s.closeness, s.lower - s.closeness
+    up0, up1 = top - q0, top - q1
+    down0, down1 = q0 - bottom, q1 - bottom
+    sinks, lifts = h * h * maximum(-lo, 0.0), h * h * maximum(hi, 0.0)
     way = abs(q1 - q0)
     rest = maximum(0.5 * sinks - way, 0.0)
     above = rest * rest - 2.0 * sinks * minimum(up0, up1)
@@ -137,27 +126,17 @@ def excursions(s: BoundedCoordinate, h: Any, lo: Any, hi: Any) -> tuple[Any, Any
 @branches
 def turning_time(s: BoundedCoordinate, h: Any) -> Any:
     """Time at which the cubic through both ends of a step turns; the end of the step if it does not turn."""
-    return h * _turning_share(s, h)
-
-
-@branches
-def _turning_share(s: BoundedCoordinate, h: Any) -> Any:
     v0, v1 = s.start_velocity, s.velocity
+    if not v0 * v1 < 0.0:
+        return h
     s0 = h * v0
     d = s.position - s.start_position
     c2 = 3.0 * d - h * (2.0 * v0 + v1)
     c3 = h * (v0 + v1) - 2.0 * d
     root = sqrt(maximum(c2 * c2 - 3.0 * c3 * s0, 0.0))
-    return s0 / (with_sign(v0, root) - c2) if v0 * v1 < 0.0 else 1.0
+    return h * (s0 / (direction(v0) * root - c2))
 
 
-@branches
-def with_sign(x: Any, size: Any) -> Any:
-    """A size with the sign of a number; that of 0 is negative."""
-    return size if x > 0.0 else -size
-
-
-@branches
 def keeps_direction(s: BoundedCoordinate, h: Any, lo: Any, hi: Any) -> Any:
     """Indicator that a velocity keeps its sign in a step: it does if the result is 0 or more.
 
@@ -184,13 +163,12 @@ def crossing_of(s: BoundedCoordinate, h: Any, overshoot: Overshoot) -> Any:
     lo, hi = acceleration_bounds(s, overshoot)
     above, below = excursions(s, h, lo, hi)
     ends_above, ends_below = s.position > s.upper, s.position < s.lower
+    ends: Any = Crossing.ENDS_BEYOND if ends_above else -Crossing.ENDS_BEYOND if ends_below else Crossing.NONE
     if keeps_direction(s, h, lo, hi) >= 0.0:
-        return Crossing.ENDS_BEYOND if ends_above else -Crossing.ENDS_BEYOND if ends_below else Crossing.NONE
+        return ends
     if below > 0.0:
-        turns = -Crossing.ENDS_BEYOND if ends_below else -Crossing.TURNS_NEAR
-    elif above > 0.0:
-        turns = Crossing.ENDS_BEYOND if ends_above else Crossing.TURNS_NEAR
+        turns = ends if ends_below else -Crossing.TURNS_NEAR
     else:
-        turns = Crossing.ENDS_BEYOND if ends_above else -Crossing.ENDS_BEYOND if ends_below else Crossing.NONE
+        turns = Crossing.TURNS_NEAR if above > 0.0 and not ends_above else ends
     bends_once = maximum(lo, -hi) >= 0.0
     return Crossing.UNCLEAR if turns != Crossing.NONE and not bends_once else turns

@@ -6,10 +6,12 @@ limit. Sides are 1 at the upper limit, -1 at the lower one, 0 at none.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import reduce
 from typing import Any, NamedTuple
 
-from redundant_envs.algebra import logical_not, maximum, minimum, sqrt
-from redundant_envs.events.boundary import BoundedCoordinate
+from redundant_envs.algebra import logical_not, maximum, minimum, sqrt, where
+from redundant_envs.events.boundary import BoundedCoordinate, direction, inside
 from redundant_envs.events.crossings import Crossing
 from redundant_envs.tracing.ways import branches
 
@@ -19,27 +21,16 @@ positions and velocities, is rounding."""
 
 
 class Encounter(NamedTuple):
-    """A coordinate and its boundary in a trial step.
+    """A coordinate and its boundary in a trial step."""
 
-    Attributes
-    ----------
-    number : of the boundary
-    motion : of the coordinate
-    force, start_force : exerted by its stop along it at the end of the trial step and at its start, N
-    crossing : how the trial step meets the boundary
-    turning_time : time at which the coordinate turns in it, s
-    cleared : whether it is known to turn before its limit
-    mobility : of the coordinate, 1/kg
-    """
-
-    number: float
+    number: float  # of the boundary
     motion: BoundedCoordinate
-    force: Any
-    start_force: Any
-    crossing: Any
-    turning_time: Any
-    cleared: Any
-    mobility: Any
+    force: Any  # exerted by its stop along it at the end of the trial step, N
+    start_force: Any  # at its start
+    crossing: Any  # how the trial step meets the boundary
+    turning_time: Any  # at which the coordinate turns in it, s
+    cleared: Any  # whether it is known to turn before its limit
+    mobility: Any  # of the coordinate, 1/kg
 
     @property
     def pull(self) -> Any:
@@ -53,45 +44,16 @@ class Encounter(NamedTuple):
 
 
 class Event(NamedTuple):
-    """The first event of a coordinate in a trial step.
+    """The first event of a coordinate in a trial step."""
 
-    Attributes
-    ----------
-    time : from the start of the step, s; later than its end if there is no event
-    side : of the limit
-    turns : whether the coordinate only turns near the limit
-    """
-
-    time: Any
-    side: Any
-    turns: Any
+    time: Any  # from the start of the step, s; later than its end if there is no event
+    side: Any  # of the limit
+    turns: Any  # whether the coordinate only turns near the limit
 
 
-class Quintic(NamedTuple):
-    """side (gap + s0 s + c2 s^2 + ... + c5 s^5): distance of a coordinate beyond a limit, at a fraction s of
-    a step."""
-
-    side: Any
-    gap: Any
-    s0: Any
-    c2: Any
-    c3: Any
-    c4: Any
-    c5: Any
-
-    def value(self, s: Any) -> Any:
-        """Distance of the coordinate beyond the limit, m."""
-        inner = self.c2 + s * (self.c3 + s * (self.c4 + s * self.c5))
-        return self.side * (self.gap + s * (self.s0 + s * inner))
-
-    def slope(self, s: Any) -> Any:
-        """Its derivative with respect to s, m."""
-        inner = 3.0 * self.c3 + s * (4.0 * self.c4 + s * (5.0 * self.c5))
-        return self.side * (self.s0 + s * (2.0 * self.c2 + s * inner))
-
-
-def quintic_through(s: BoundedCoordinate, h: Any, side: Any, gap: Any) -> Quintic:
-    """The quintic with a coordinate's positions, velocities and accelerations at both ends of a step.
+def quintic_through(s: BoundedCoordinate, h: Any, gap: Any) -> list[Any]:
+    """Coefficients in s of the quintic with a coordinate's positions, velocities and accelerations at both
+    ends of a step, of which s is a fraction, m.
 
     The acceleration at the end is that of the last stage. The coordinate starts ``gap`` above its limit.
     """
@@ -103,64 +65,42 @@ def quintic_through(s: BoundedCoordinate, h: Any, side: Any, gap: Any) -> Quinti
     c3 = 10.0 * d - 6.0 * s0 - 4.0 * s1 - 3.0 * c2 + e2
     c4 = 8.0 * s0 + 7.0 * s1 + 3.0 * c2 - 2.0 * e2 - 15.0 * d
     c5 = 6.0 * d - 3.0 * (s0 + s1) - c2 + e2
-    return Quintic(side, gap, s0, c2, c3, c4, c5)
+    return [gap, s0, c2, c3, c4, c5]
+
+
+def polynomial(coefficients: Sequence[Any], s: Any) -> Any:
+    """Value of a polynomial."""
+    return reduce(lambda inner, c: c + s * inner, reversed(coefficients))
 
 
 @branches
-def halved_bracket(positive: Any, low: Any, high: Any, s: Any) -> tuple[Any, Any]:
-    """A bracket of which ``s`` becomes the upper end if the function is ``positive`` there."""
-    return (low, s) if positive else (s, high)
+def nearer_root(g: Any, slope: Any, low: Any, high: Any, s: Any, new: Any) -> tuple[Any, Any, Any]:
+    """A smaller bracket of a zero, and the next guess: a Newton step if it stays in it, else its middle.
 
-
-@branches
-def between(guess: Any, low: Any, high: Any, otherwise: Any) -> Any:
-    """A guess if it is within a bracket."""
-    return guess if guess >= low and guess <= high else otherwise
-
-
-def nearer_root(f: Quintic, low: Any, high: Any, s: Any, per_slope: Any) -> tuple[Any, Any, Any, Any]:
-    """A bracketed Newton step towards a zero.
-
-    The reciprocal of the slope is updated by a separate Newton step, without a division.
-
-    Parameters
-    ----------
-    f : the function whose zero is sought
-    low, high : ends of the bracket
-    s, per_slope : a guess of the zero, and the reciprocal of the slope at the previous guess
+    ``g`` and ``slope`` are of the function at ``s``, from where the Newton step leads to ``new``.
     """
-    g, slope = f.value(s), f.slope(s)
-    per_slope = per_slope * (2.0 - slope * per_slope)
-    low, high = halved_bracket(g > 0.0, low, high, s)
-    return low, high, newton_step(slope, low, high, s - g * per_slope), per_slope
-
-
-@branches
-def newton_step(slope: Any, low: Any, high: Any, new: Any) -> Any:
-    """A Newton step if it stays in the bracket, else the middle of the bracket."""
-    middle = 0.5 * (low + high)
-    return between(new, low, high, middle) if slope > 0.0 else middle
+    low, high = where(g > 0.0, low, s), where(g > 0.0, s, high)
+    return low, high, new if slope > 0.0 and new >= low and new <= high else 0.5 * (low + high)
 
 
 @branches
 def crossing_time(s: BoundedCoordinate, h: Any, side: Any, gap: Any, share: Any, turned: Any) -> Any:
-    """Time at which the quintic through both ends of a step passes a limit, s.
+    """Time at which the quintic through both ends of a step of length ``h`` passes the limit of a side, s.
 
-    Three iterations find the zero to the accuracy with which the quintic describes the event.
-
-    Parameters
-    ----------
-    s, h : the coordinate, and the length of the step
-    side, gap : side of the limit, and distance above it at which the coordinate starts, m
-    share : a guess, as a fraction of the step
-    turned : fraction of the step at which an inward motion has turned
+    Three iterations find the zero to the accuracy with which the quintic describes the event. The coordinate
+    starts ``gap`` above the limit; ``share`` is a guess, as a fraction of the step, and at the fraction
+    ``turned`` an inward motion has turned.
     """
-    f = quintic_through(s, h, side, gap)
+    c = quintic_through(s, h, gap)
+    slopes = [c[1], 2.0 * c[2], 3.0 * c[3], 4.0 * c[4], 5.0 * c[5]]
     low, high = turned_inward(s, side, turned), 1.0
     share = maximum(share, low)
-    per_slope = 1.0 / f.slope(share)
+    # The reciprocal of the slope is updated by a separate Newton step, without a division.
+    per_slope = 1.0 / (side * polynomial(slopes, share))
     for _ in range(3):
-        low, high, share, per_slope = nearer_root(f, low, high, share, per_slope)
+        g, slope = side * polynomial(c, share), side * polynomial(slopes, share)
+        per_slope = per_slope * (2.0 - slope * per_slope)
+        low, high, share = nearer_root(g, slope, low, high, share, share - g * per_slope)
     return h * share
 
 
@@ -172,24 +112,13 @@ def turned_inward(s: BoundedCoordinate, side: Any, turned: Any) -> Any:
 
 
 @branches
-def chord_share(e: Encounter, h: Any, side: Any, gap: Any) -> Any:
-    """Fraction of a step at which a coordinate has its event, from both ends.
-
-    For a free coordinate it is where the parabola of its positions and first velocity meets the limit, for a
-    resting one where the chord of the forces that hold it changes its sign.
-
-    Parameters
-    ----------
-    e, h : the coordinate at its boundary, and the length of the step
-    side, gap : side of the limit, and distance above it at which the coordinate starts, m
-    """
-    numerator, denominator = chord(e, h, side, gap)
-    return numerator / denominator  # one division for three formulas
-
-
-@branches
 def chord(e: Encounter, h: Any, side: Any, gap: Any) -> tuple[Any, Any]:
-    """Numerator and denominator of :func:`chord_share`, with the same arguments."""
+    """Fraction of a step at which a coordinate has its event, from both ends: numerator and denominator.
+
+    For a free coordinate, which starts ``gap`` above its limit, it is where the parabola of its positions and
+    first velocity meets the limit, for a resting one where the chord of the forces that hold it changes its
+    sign.
+    """
     s = e.motion
     if e.pull > 0.0:
         push = maximum(-s.active_stop * e.start_force, 0.0)
@@ -202,22 +131,19 @@ def chord(e: Encounter, h: Any, side: Any, gap: Any) -> tuple[Any, Any]:
 
 @branches
 def first_event(e: Encounter, h: Any, per_h: Any, smooth: bool) -> Event:
-    """The first event of a coordinate in a trial step.
+    """The first event of a coordinate in a trial step of length ``h``, with 1 / ``h``.
 
-    Parameters
-    ----------
-    e : the coordinate at its boundary
-    h, per_h : length of the step, s, and one over it
-    smooth : whether the method is not Euler's, with which the end of a step is quadratic in its length
+    ``smooth`` is false for Euler's method, with which the end of a step is quadratic in its length.
     """
     s = e.motion
     if s.bounces:
-        near = arrival_nearby(s, h)
-        if near.certain and not e.cleared:
-            return Event(near.time, near.side, False)
+        certain, arrival = arrival_nearby(s, h)
+        if certain and not e.cleared:
+            return arrival
     side = s.side_beyond
     gap = s.start_position - s.limit(side)
-    share = chord_share(e, h, side, gap)
+    numerator, denominator = chord(e, h, side, gap)
+    share = numerator / denominator  # one division for three formulas
     # A coordinate that ends beyond the other limit has turned before.
     turns = (abs(e.crossing) == Crossing.TURNS_NEAR) & logical_not(e.cleared) & s.free
     if e.pull > 0.0:
@@ -227,50 +153,18 @@ def first_event(e: Encounter, h: Any, per_h: Any, smooth: bool) -> Event:
     elif side == 0.0:
         time = h + 1.0
     else:
-        time = passing_time(e, h, per_h, smooth, side, gap, share)
+        # For a coordinate that begins at its limit and returns the formula fails: its event is near the end.
+        guess = inside(share, 0.0, 1.0, 1.0)
+        time = crossing_time(s, h, side, gap, guess, e.turning_time * per_h) if smooth else h * guess
     if turns or side == 0.0:
-        side = 1.0 if e.crossing > 0.0 else -1.0
+        side = direction(e.crossing)
     return Event(time, side, turns)
 
 
 @branches
-def passing_time(e: Encounter, h: Any, per_h: Any, smooth: bool, side: Any, gap: Any, share: Any) -> Any:
-    """Time at which a coordinate that ends beyond its limit passes it, s.
-
-    Parameters
-    ----------
-    e, h, per_h, smooth : as for :func:`first_event`
-    side, gap, share : side of the limit, distance above it at the start, and :func:`chord_share`
-    """
-    # For a coordinate that begins at its limit and returns the formula fails: its event is near the end.
-    guess = share_within(share)
-    return crossing_time(e.motion, h, side, gap, guess, e.turning_time * per_h) if smooth else h * guess
-
-
-@branches
-def share_within(share: Any) -> Any:
-    """A fraction of a step, or the whole step in place of one outside."""
-    return share if share > 0.0 and share < 1.0 else 1.0
-
-
-class Arrival(NamedTuple):
-    """Arrival of a coordinate at a stop that is very near at the start of a step.
-
-    Attributes
-    ----------
-    certain : whether it reaches the stop, and would pass it if nothing stopped it
-    time : of the arrival, s
-    side : of the stop
-    """
-
-    certain: Any
-    time: Any
-    side: Any
-
-
-@branches
-def arrival_nearby(s: BoundedCoordinate, h: Any) -> Arrival:
-    """Arrival of a coordinate at a stop near which it starts, independent of the end of the step of ``h``.
+def arrival_nearby(s: BoundedCoordinate, h: Any) -> tuple[Any, Event]:
+    """Whether a coordinate certainly reaches a stop near which it starts, and its impact there, independent
+    of the end of the step of ``h``.
 
     Which of two such coordinates arrives first follows from their start. One that its acceleration turns
     before it is beyond the stop by more than rounding does not arrive.
@@ -280,10 +174,5 @@ def arrival_nearby(s: BoundedCoordinate, h: Any) -> Arrival:
     time = 2.0 * way / (speed + sqrt(maximum(speed * speed + 2.0 * acceleration * way, 0.0)))
     before = (way > 0.0) & (way <= maximum(s.closeness, TAYLOR_SHARE * h * speed))
     goes_beyond = speed * speed + 2.0 * acceleration * (way + s.closeness) > 0.0
-    return Arrival(s.free & before & goes_beyond & (speed > 0.0) & (time <= 0.5 * h), time, side)
-
-
-@branches
-def direction(velocity: Any) -> Any:
-    """The side towards which a velocity points; -1 for 0."""
-    return 1.0 if velocity > 0.0 else -1.0
+    certain = s.free & before & goes_beyond & (speed > 0.0) & (time <= 0.5 * h)
+    return certain, Event(time, side, False)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from redundant_envs.algebra import any_of, maximum, minimum, total, where
-from redundant_envs.events import contacts, crossings, resolution
+from redundant_envs.events import contacts, crossings
 from redundant_envs.events.boundary import (
     Boundary,
     BoundedCoordinate,
@@ -15,7 +15,7 @@ from redundant_envs.events.boundary import (
     side_touched,
     starts_at_stop,
 )
-from redundant_envs.events.resolution import Resolved
+from redundant_envs.events.contacts import Resolved
 from redundant_envs.lane import coordinates
 from redundant_envs.lane.coordinates import contact_quantities, held_of, known_numbers, pull
 from redundant_envs.lane.dynamics import Dynamics
@@ -183,7 +183,7 @@ class Boundaries:
             for b in stops
         ]  # fmt: skip
         w = symmetric(len(stops), lambda i, j: self.mobility(lane, stops[i], stops[j]))
-        r = resolution.resolve_contacts(lane.impacts, touching, w)
+        r = contacts.resolve_contacts(lane.impacts, touching, w)
         for s, value in {**values, **self._struck(lane, values, touching, r)}.items():
             lane[s] = where(r.strikes, value, values[s])
         for b, stop, force, released, happened, speed in zip(

@@ -11,7 +11,7 @@ from typing import Any
 from redundant_envs.algebra import ABSENT, arguments_of, gives_of, maximum, total, where
 from redundant_envs.effects.attached import Attached, EffectStates
 from redundant_envs.effects.hooks import Field, Force, Gap, Impact, Point
-from redundant_envs.events.boundary import Boundary, Law, side_beyond
+from redundant_envs.events.boundary import Boundary, side_beyond
 from redundant_envs.events.crossings import Overshoot
 from redundant_envs.lane import kinks, required_steps
 from redundant_envs.lane.features import LARGEST_ANGLE, Control, Fault
@@ -77,10 +77,10 @@ class Dynamics:
         for a in self.scene.attached.of(Impact):
             lower, upper, bounce = map(a.parameter, (a.hook.lower, a.hook.upper, a.hook.restitution))
             name = self.arm.joints[a.hook.joint]
-            found.append(Boundary(name, Law.BOUNCES, lower, upper, a.key, a.hook.joint, restitution=bounce))
+            found.append(Boundary(name, lower, upper, a.key, a.hook.joint, restitution=bounce))
         for k, w in enumerate(self.scene.attached.of(Gap)):
             gap, bounce = w.functions["function"], w.parameter(w.hook.restitution)
-            found.append(Boundary(f"gap{k + 1}", Law.BOUNCES, "", "", w.key, gap=gap, restitution=bounce))
+            found.append(Boundary(f"gap{k + 1}", "", "", w.key, gap=gap, restitution=bounce))
         return tuple(found)
 
     @cached_property
@@ -100,7 +100,7 @@ class Dynamics:
         for a in self.scene.attached.of(Force):
             if a.hook.switch is not None and isinstance(a.hook.joint, int):
                 lower, upper = map(a.parameter, a.hook.switch)
-                found[a] = Boundary(a.law, Law.CHANGES, lower, upper, a.key, a.hook.joint)
+                found[a] = Boundary(a.law, lower, upper, a.key, a.hook.joint, bounces=False)
         return found
 
     @cached_property

@@ -12,7 +12,7 @@ from collections.abc import Generator
 from typing import Any
 
 from redundant_envs.algebra import any_of, logical_not, where
-from redundant_envs.events import brackets, locate, resolution
+from redundant_envs.events import contacts, search
 from redundant_envs.events.boundary import (
     ROUNDING,
     Boundary,
@@ -21,9 +21,8 @@ from redundant_envs.events.boundary import (
     leaves_stop,
     starts_at_stop,
 )
-from redundant_envs.events.brackets import Search, Sought, TaylorStep, Trial
 from redundant_envs.events.first_event import Encounter, first_event
-from redundant_envs.events.locate import Aim
+from redundant_envs.events.search import Aim, Search, Sought, TaylorStep, Trial
 from redundant_envs.lane.boundaries import Boundaries
 from redundant_envs.lane.features import Fault
 from redundant_envs.lane.memory import Lane
@@ -98,10 +97,10 @@ class LaneProgram:
             if not self.dynamics.boundaries:
                 return self.moved(lane)
             trial = self.trial(lane)
-            if any_of(locate.may_hide_event(trial.h, e, self.dynamics.overshoot) for e in trial.encounters):
+            if any_of(search.may_hide_event(trial.h, e, self.dynamics.overshoot) for e in trial.encounters):
                 self.retry(lane, 0.5 * trial.h)
                 continue
-            aim = locate.earliest_event(trial)
+            aim = search.earliest_event(trial)
             if not aim.exists:
                 return self.moved(lane)
             self.seek(lane, trial, aim)
@@ -120,17 +119,17 @@ class LaneProgram:
             if self.is_lost(lane):
                 return Found.LOST
             trial = self.trial(lane)
-            search = Search(*lane.get(SEARCH))
-            sought = brackets.sought_boundary(search, trial)
+            before = Search(*lane.get(SEARCH))
+            sought = search.sought_boundary(before, trial)
             if sought.gap > sought.closeness:
-                aim = Aim(True, sought.chosen, search.target, search.side, False, sought.time)
+                aim = Aim(True, sought.chosen, before.target, before.side, False, sought.time)
                 self.seek(lane, trial, aim)
                 return Found.OTHER
-            after = brackets.towards_turn(search, trial.h, sought)
-            h = brackets.next_towards_turn(after)
+            after = search.towards_turn(before, trial.h, sought)
+            h = search.next_towards_turn(after)
             at_turn = abs(sought.speed * (h - trial.h)) <= sought.closeness
-            lane.set(SEARCH, after._replace(tries=search.tries + 1.0))
-            if at_turn | (search.tries >= brackets.MOST_TURN_GUESSES):
+            lane.set(SEARCH, after)
+            if at_turn | (before.tries >= search.MOST_TURN_GUESSES):
                 for b, is_sought in zip(self.dynamics.boundaries, sought.chosen, strict=True):
                     lane[f"cleared_{b.name}"] = lane[f"cleared_{b.name}"] | is_sought
                 self.retry(lane, trial.left)
@@ -144,27 +143,25 @@ class LaneProgram:
             if self.is_lost(lane):
                 return Found.LOST
             trial = self.trial(lane)
-            search = Search(*lane.get(SEARCH))
-            sought = brackets.sought_boundary(search, trial)
-            other = locate.other_event(trial, search, sought)
+            before = Search(*lane.get(SEARCH))
+            sought = search.sought_boundary(before, trial)
+            other = search.other_event(trial, before, sought)
             if other.exists:
                 self.seek(lane, trial, other)
                 return Found.OTHER
-            after = brackets.towards_event(search, trial.h, sought)
-            rest_of_way = brackets.taylor_step(trial, sought)
-            if brackets.ends_at_event(trial, search, after, sought, rest_of_way):
+            after = search.towards_event(before, trial.h, sought)
+            rest_of_way = search.taylor_step(trial, sought)
+            if search.ends_at_event(trial, before, after, sought, rest_of_way.possible):
                 self.arrive(lane, trial, sought, rest_of_way)
                 return Found.EVENT
-            h = brackets.next_towards_event(trial, after, sought, brackets.correction(sought, after))
-            side = brackets.side_of_search(search, sought)
-            lane.set(SEARCH, after._replace(side=side, tries=search.tries + 1.0))
-            self.retry(lane, h)
+            lane.set(SEARCH, after)
+            self.retry(lane, search.next_towards_event(trial, after, sought))
 
     def resolve(self, lane: Lane) -> Generator[Request, None, bool]:
         """Resolve contacts until the motion goes on; false if they do not end."""
         while True:
             yield Request.FORCES
-            if lane.changes >= resolution.MOST_CHANGES or lane.impacts > resolution.MOST_IMPACTS:
+            if lane.changes >= contacts.MOST_CHANGES or lane.impacts > contacts.MOST_IMPACTS:
                 return False
             if self.boundaries.resolve(lane):
                 self.start_here(lane)
@@ -191,7 +188,7 @@ class LaneProgram:
 
     def seek(self, lane: Lane, trial: Trial, aim: Aim) -> None:
         """Begin a search for an event."""
-        lane.set(SEARCH, brackets.begun(trial, aim.target, aim.side, aim.chosen, aim.turns))
+        lane.set(SEARCH, search.begun(trial, aim))
         lane.for_turn = aim.turns
         self.retry(lane, aim.h)
 
@@ -251,10 +248,10 @@ class LaneProgram:
 
     def arrive(self, lane: Lane, trial: Trial, sought: Sought, rest_of_way: TaylorStep) -> None:
         """End a trial step at its event: sliders that are at their stops are there exactly."""
-        arm, slide = self.dynamics.arm, brackets.slide_to_event(sought, rest_of_way)
+        arm, slide = self.dynamics.arm, where(sought.free & rest_of_way.possible, rest_of_way.time, 0.0)
         met = zip(trial.encounters, sought.chosen, strict=True)
         crossed = [where(is_sought, lane.side, e.motion.side_beyond) for e, is_sought in met]
-        positions = locate.positions_after(trial, sought, rest_of_way, slide)
+        positions = search.positions_after(trial, sought, rest_of_way.arrives, slide)
         at_end = zip(self.dynamics.boundaries, positions, strict=True)
         exact = {arm.coordinates[b.number - 1]: p for b, p in at_end if b in self.dynamics.holding}
         for q, v in zip(arm.coordinates, arm.rates, strict=True):

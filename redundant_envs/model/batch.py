@@ -32,54 +32,28 @@ EVENT_KINDS = {1: "upper impact", 2: "lower impact", 3: "rest", 4: "release"}
 
 @dataclass(frozen=True)
 class Event:
-    """An event at a stop of a slider.
+    """An event at a stop of a slider."""
 
-    Attributes
-    ----------
-    time : float
-        s.
-    kind : str
-        "upper impact", "lower impact", "rest" or "release".
-    joint : str
-        Name of the slider, such as "r1".
-    speed : float
-        Before an impact, towards the stop, m/s; else 0.
-    lane : int
-        Index of the motion in a batch.
-    """
-
-    time: float
-    kind: str
-    joint: str
-    speed: float
-    lane: int = 0
+    time: float  # s
+    kind: str  # "upper impact", "lower impact", "rest" or "release"
+    joint: str  # name of the slider, such as "r1"
+    speed: float  # before an impact, towards the stop, m/s; else 0
+    lane: int = 0  # index of the motion in a batch
 
 
 class Status(NamedTuple):
-    """Results of one control interval, per lane.
+    """Results of one control interval, per lane: (num_envs,) each.
 
-    Arrays that are the same in every interval of a scene (evaluations of equal steps) are read-only.
-
-    Attributes
-    ----------
-    finite : (num_envs,) bool
-        Whether all states are finite.
-    evaluations : (num_envs,) int
-        Evaluations of the right-hand side.
-    error_estimate : (num_envs,) float
-        Estimated tip error of the interval [m]; of dop853 that of its last step in units of its
-        tolerance; NaN for methods without an estimate.
-    events : (num_envs,) int
-        Located events.
-    numerics : (num_envs,) int
-        :class:`Numerics` flags.
+    ``error_estimate`` is the tip error of the interval [m]; of dop853 that of its last step in units of its
+    tolerance; NaN for methods without an estimate. Arrays that are the same in every interval of a scene
+    (evaluations of equal steps) are read-only.
     """
 
-    finite: NDArray[np.bool_]
-    evaluations: NDArray[np.int64]
+    finite: NDArray[np.bool_]  # whether all states are finite
+    evaluations: NDArray[np.int64]  # of the right-hand side
     error_estimate: NDArray[np.float64]
-    events: NDArray[np.int64]
-    numerics: NDArray[np.int8]
+    events: NDArray[np.int64]  # located ones
+    numerics: NDArray[np.int8]  # flags of Numerics
 
 
 def _constant(array: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -152,10 +126,6 @@ class BatchSimulator(Copied):
         return self._memory.read(tuple(self.simulator.dynamics.effect_states))
 
     @property
-    def _joints(self) -> int:
-        return self.simulator.dynamics.count
-
-    @property
     def work(self) -> NDArray[np.float64]:
         """Work done since the state was set, (num_envs,), J; needs ``track_work``."""
         if "work" not in self._memory:
@@ -195,12 +165,10 @@ class BatchSimulator(Copied):
         """
         lanes = self._lanes(index)
         arm = self.scene.robot
-        tables = [
-            self._table(name, values, len(lanes), self._joints) for name, values in (("q", q), ("qd", qd))
-        ]
-        parameters.check_stops(self.scene, self._memory, lanes, tables[0], None)
-        for values, rows in zip(tables, (arm.coordinates, arm.rates), strict=True):
-            self._memory.write(rows, values, lanes)
+        positions, rates = (self._table(name, x, len(lanes)) for name, x in (("q", q), ("qd", qd)))
+        parameters.check_stops(self.scene, self._memory, lanes, positions, None)
+        self._memory.write(arm.coordinates, positions, lanes)
+        self._memory.write(arm.rates, rates, lanes)
         self._memory.begin(lanes)
 
     def set_parameters(self, values: Mapping[str, ArrayLike], index: ArrayLike | None = None) -> None:
@@ -252,15 +220,11 @@ class BatchSimulator(Copied):
         efforts : (num_envs, joints) array, optional
             N m and N at the joints (``Scene.actuation``); zero by default.
         """
-        n, joints = self.num_envs, self._joints
-        if efforts is None:
-            table = np.zeros((n, joints))
-        else:
-            table = parameters.numbers("efforts", efforts)
-            if table.shape != (n, joints):
-                table = self._table("efforts", efforts, n, joints)
-            if not table.flags.carray:
-                table = table.copy(order="C")
+        n = self.num_envs
+        none = np.zeros(self.simulator.dynamics.count)
+        table = self._table("efforts", none if efforts is None else efforts, n)
+        if not table.flags.carray:
+            table = table.copy(order="C")
         count = self._memory.blocks * LANES
         no_error, no_evaluations, no_events = self._unchanging
         error, shown_error = no_error or 2 * (np.empty(count),)
@@ -274,9 +238,7 @@ class BatchSimulator(Copied):
                 events=events[first:], finite=finite[first:], numerics=numerics[first:],
             )  # fmt: skip
         self._team()
-        if count == n:
-            return Status(finite, shown_evaluations, shown_error, shown_events, numerics)
-        # The last block is not full.
+        # The last block may not be full.
         return Status(finite[:n], shown_evaluations[:n], shown_error[:n], shown_events[:n], numerics[:n])
 
     def advance_partly(self, efforts: ArrayLike | None, duration: float) -> Status:
@@ -314,9 +276,11 @@ class BatchSimulator(Copied):
             raise ValueError(f"index is {lanes.tolist()}; name every lane once")
         return lanes.astype(np.int64)
 
-    @staticmethod
-    def _table(name: str, values: ArrayLike, lanes: int, width: int) -> NDArray[np.float64]:
-        table = parameters.numbers(name, values)
-        if table.shape not in ((width,), (lanes, width)):
+    def _table(self, name: str, values: ArrayLike, lanes: int) -> NDArray[np.float64]:
+        """Numbers of the joints of some lanes, (lanes, joints)."""
+        table, width = parameters.numbers(name, values), self.simulator.dynamics.count
+        if table.shape == (lanes, width):
+            return table
+        if table.shape != (width,):
             raise ValueError(f"{name} has shape {table.shape}; give ({width},) or ({lanes}, {width})")
         return np.broadcast_to(table, (lanes, width))

@@ -32,14 +32,7 @@ SAMPLE_INTERVAL = 0.005
 
 @dataclass(frozen=True)
 class EnergyRun:
-    """A motion and its energies.
-
-    Attributes
-    ----------
-    name : str
-    scene : Scene
-    trajectory : Trajectory
-    """
+    """A motion and its energies."""
 
     name: str
     scene: Scene
@@ -84,14 +77,10 @@ def default_start(name: str, scene: Scene) -> tuple[float, ...]:
     """Default start of a scene: the known one, else level with sliders in mid travel."""
     if name in STARTS:
         return STARTS[name]
-    values, travel = scene.parameters(), scene.travel()
-    q = []
-    for k in range(len(scene.robot.joints)):
-        middle = 0.0
-        if scene.robot.prismatic[k] and k in travel:
-            low, high = travel[k]
-            middle = 0.5 * (values[low] + values[high])
-        q.append(middle)
+    values, q = scene.parameters(), [0.0] * len(scene.robot.joints)
+    for k, (low, high) in scene.travel().items():
+        if scene.robot.prismatic[k]:
+            q[k] = 0.5 * (values[low] + values[high])
     return tuple(q)
 
 
@@ -108,27 +97,12 @@ def check_start(scene: Scene, seconds: float, q: ArrayLike, qd: ArrayLike | None
 def energy_run(
     name: str, scene: Scene, seconds: float, q: ArrayLike, qd: ArrayLike | None = None
 ) -> EnergyRun:
-    """Release the arm without motor efforts and record states and energies.
-
-    Parameters
-    ----------
-    seconds : float
-        Length of the motion, positive, s.
-    q, qd : (joints,) arrays
-        State at the start; by default the arm is at rest.
-    """
+    """Release the arm at q, with velocities qd or at rest, without motor efforts, and record its motion for
+    some seconds."""
     qd = (0.0,) * len(scene.robot.joints) if qd is None else qd
     check_start(scene, seconds, q, qd)
     rows = max(1, round(seconds / min(scene.control_dt, SAMPLE_INTERVAL)))
-    trajectory = simulate(scene, q, qd, np.linspace(0.0, seconds, rows + 1))
-    finite = np.isfinite(trajectory.q).all(axis=1) & np.isfinite(trajectory.qd).all(axis=1)
-    if not finite.all():
-        at = trajectory.t[np.argmin(finite)]
-        raise ValueError(
-            f"control_dt is {scene.control_dt} s with substeps {scene.substeps}; the state of {name} is "
-            f"not finite at t = {at:.4g} s: take more substeps"
-        )
-    return EnergyRun(name, scene, trajectory)
+    return EnergyRun(name, scene, simulate(scene, q, qd, np.linspace(0.0, seconds, rows + 1)))
 
 
 def write_csv(run: EnergyRun, path: Path) -> None:

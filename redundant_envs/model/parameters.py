@@ -103,9 +103,8 @@ def lane_values(
     nominal = {**scene.parameters(), **of_task}
     if not isinstance(given, Mapping):
         raise ValueError(f"parameters is {shown(given)}; give a mapping of names to numbers")
-    if fresh:
-        values = {p: np.full(len(lanes), v) for p, v in nominal.items()}
-    else:
+    values = {p: np.full(len(lanes), v) for p, v in nominal.items()}
+    if not fresh:
         values = _present(memory, lanes, nominal)
     changed: list[str] = []
     for name, value in given.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -22,34 +23,20 @@ Efforts = None | ArrayLike | Callable[[float, Array, Array], ArrayLike]
 
 @dataclass(frozen=True)
 class Trajectory:
-    """States and energies at the requested times.
+    """States and energies at the requested times; kinetic + potential - work stays constant."""
 
-    Attributes
-    ----------
-    t : (T,) s
-    q, qd : (T, ..., joints)
-    kinetic_energy, potential_energy : (T, ...) J
-    work : (T, ...) J
-        Work of the motors and of forces without a potential since the start:
-        kinetic + potential - work stays constant.
-    efforts : (T, ..., joints) N m or N
-        Efforts of the motors, applied from t on: behind limits and all else that effects put between
-        command and motor. Nothing is applied from the last time on: there a callable is not asked for a new
-        interval, and its last command counts.
-    scene : Scene
-    events : list of Event
-        Events at the stops of the sliders, in the order of time.
-    """
-
-    t: Array
-    q: Array
+    t: Array  # (T,) s
+    q: Array  # (T, ..., joints)
     qd: Array
-    kinetic_energy: Array
+    kinetic_energy: Array  # (T, ...) J
     potential_energy: Array
-    work: Array
+    work: Array  # (T, ...) J: of the motors and of forces without a potential since the start
     efforts: Array
+    """Efforts of the motors, (T, ..., joints), N m or N, applied from t on: behind limits and all else that
+    effects put between command and motor. Nothing is applied from the last time on: there a callable is not
+    asked for a new interval, and its last command counts."""
     scene: Scene = field(repr=False)
-    events: list[Event] = field(default_factory=list)
+    events: list[Event] = field(default_factory=list)  # at the stops of the sliders, in the order of time
 
     @property
     def tip(self) -> Array:
@@ -85,12 +72,12 @@ def simulate(
     if t.size and not t[-1] < 2.0**53 * scene.control_dt:
         raise ValueError(f"times must be shorter than 2^53 control intervals of {scene.control_dt} s")
     joints = len(scene.robot.joints)
-    starts = [numbers(name, given) for name, given in (("q", q), ("qd", qd))]
-    for name, start in zip(("q", "qd"), starts, strict=True):
+    starts = {name: numbers(name, given) for name, given in (("q", q), ("qd", qd))}
+    for name, start in starts.items():
         if start.shape[-1:] != (joints,):
             raise ValueError(f"{name} has shape {start.shape}; the last axis must have {joints} entries")
     try:
-        q0, qd0 = np.broadcast_arrays(*starts)
+        q0, qd0 = np.broadcast_arrays(*starts.values())
     except ValueError:
         raise ValueError(
             f"q and qd have shapes {np.shape(q)} and {np.shape(qd)}, which do not broadcast; give equal ones"
@@ -102,54 +89,40 @@ def simulate(
         raise ValueError(f"q and qd have the shape {q0.shape} together; give at least one motion")
     batch = BatchSimulator(scene, count, track_work=True)
     batch.set_state(q0.reshape(count, joints), qd0.reshape(count, joints))
-    dt = scene.control_dt
-    qs: list[Array] = []
-    qds: list[Array] = []
-    works: list[Array] = []
-    applied: list[Array] = []
-    events: list[Event] = []
-    step, command = 0, np.zeros((count, joints))
-    commanded = -1
-    for time in t:
-        target = _instant(float(time), dt)
-        while step < target:
-            command, commanded = _command(efforts, step, dt, batch, shape, command, commanded)
-            _check(batch.advance(command), step * dt)
+    dt, step, events = scene.control_dt, 0, list[Event]()
+
+    @functools.lru_cache(maxsize=1)
+    def command(step: int) -> Array:
+        return _command(efforts, step, dt, batch, shape)
+
+    q_all, qd_all, applied = np.empty((3, len(t), count, joints))
+    work = np.empty((len(t), count))
+    for k, time in enumerate(t.tolist()):
+        while step < _instant(time, dt):
+            _check(batch.advance(command(step)), step * dt)
             events += batch.events(step * dt)
             step += 1
-        rest = float(time) - step * dt
+        rest, here, now = time - step * dt, None, np.zeros((count, joints))
+        if rest > 0.0 or time < t[-1] or not callable(efforts):
+            now = command(step)
+        elif step:
+            now = command(step - 1)
         if rest > 0.0:
-            command, commanded = _command(efforts, step, dt, batch, shape, command, commanded)
             here = batch.save()
-            _check(batch.advance_partly(command, rest), step * dt)
-            state = batch.q, batch.qd, batch.work, motor_efforts(batch, command)
-            if time == t[-1]:
-                events += batch.events(step * dt)
+            _check(batch.advance_partly(now, rest), step * dt)
+            events += batch.events(step * dt) if time == t[-1] else []
+        q_all[k], qd_all[k], work[k], applied[k] = batch.q, batch.qd, batch.work, motor_efforts(batch, now)
+        if here:
             batch.restore(here)
-        else:
-            if time < t[-1] or not callable(efforts):
-                command, commanded = _command(efforts, step, dt, batch, shape, command, commanded)
-            state = batch.q, batch.qd, batch.work, motor_efforts(batch, command)
-        if not (np.isfinite(state[0]).all() and np.isfinite(state[1]).all()):
+        if not (np.isfinite(q_all[k]).all() and np.isfinite(qd_all[k]).all()):
             raise ValueError(
                 f"the motion is not finite at t = {time:.6g} s; take a shorter control_dt, more "
                 "substeps, or a softer scene"
             )
-        for store, value in zip((qs, qds, works, applied), state, strict=True):
-            store.append(value)
-    q_all = np.array(qs).reshape(len(t), *shape, joints)
-    qd_all = np.array(qds).reshape(len(t), *shape, joints)
-    return Trajectory(
-        t=t,
-        q=q_all,
-        qd=qd_all,
-        kinetic_energy=kinetic_energy(scene, q_all, qd_all),
-        potential_energy=potential_energy(scene, q_all),
-        work=np.array(works).reshape(len(t), *shape),
-        efforts=np.array(applied).reshape(len(t), *shape, joints),
-        scene=scene,
-        events=sorted(events, key=lambda e: e.time),
-    )
+    q_all, qd_all, applied = (x.reshape(len(t), *shape, joints) for x in (q_all, qd_all, applied))
+    energies = kinetic_energy(scene, q_all, qd_all), potential_energy(scene, q_all)
+    events.sort(key=lambda e: e.time)
+    return Trajectory(t, q_all, qd_all, *energies, work.reshape(len(t), *shape), applied, scene, events)
 
 
 def motor_efforts(batch: BatchSimulator, command: Array) -> Array:
@@ -191,22 +164,16 @@ def _check(status: Status, time: float) -> None:
         )
 
 
-def _command(
-    efforts: Efforts, step: int, dt: float, batch: BatchSimulator, shape: tuple[int, ...],
-    last: Array, commanded: int,
-) -> tuple[Array, int]:  # fmt: skip
-    """Efforts of the control interval ``step``; a callable is called once for each."""
-    if commanded == step:
-        return last, commanded
+def _command(efforts: Efforts, step: int, dt: float, batch: BatchSimulator, shape: tuple[int, ...]) -> Array:
+    """Efforts of the control interval ``step``, (num_envs, joints)."""
     joints = len(batch.scene.robot.joints)
-    if efforts is None:
-        return np.zeros((batch.num_envs, joints)), step
-    value = efforts
     if callable(efforts):
-        value = efforts(step * dt, batch.q.reshape(*shape, joints), batch.qd.reshape(*shape, joints))
-    table = numbers("efforts", value)
+        efforts = efforts(step * dt, batch.q.reshape(*shape, joints), batch.qd.reshape(*shape, joints))
+    elif efforts is None:
+        efforts = np.zeros(joints)
+    table = numbers("efforts", efforts)
     if table.shape != (joints,) and table.shape != (*shape, joints):
         raise ValueError(f"efforts has shape {table.shape}; give ({joints},) or {(*shape, joints)}")
     if not np.isfinite(table).all():
         raise ValueError(f"efforts has non-finite entries at t = {step * dt:.6g} s; give finite numbers")
-    return np.broadcast_to(table, (*shape, joints)).reshape(batch.num_envs, joints), step
+    return np.broadcast_to(table, (*shape, joints)).reshape(batch.num_envs, joints)

@@ -9,18 +9,11 @@ from redundant_envs.tracing.ways import branches
 
 
 class FirstStep(NamedTuple):
-    """The first step of a lane that the common step does not serve.
+    """The first step of a lane that the common step does not serve."""
 
-    Attributes
-    ----------
-    length : of the planned step, s
-    retried : whether the common step is useless for the lane
-    steps : number of steps into which the interval is divided
-    """
-
-    length: Any
-    retried: Any
-    steps: Any = None
+    length: Any  # of the planned step, s
+    retried: Any  # whether the common step is useless for the lane
+    steps: Any = None  # number of steps into which the interval is divided
 
 
 # ---- a tolerance: 1, 2, 4, ... 16384 equal steps, until the sum of their errors passes ----------------
@@ -92,26 +85,16 @@ def steps_allowed(min_steps: Any) -> Any:
 
 
 class Crossed(NamedTuple):
-    """Data of an interval that was crossed with equal steps.
+    """An interval that was crossed with equal steps."""
 
-    Attributes
-    ----------
-    steps : their number
-    error, tip_tolerance : the sum of the errors, and what is allowed, m
-    change : distance of the tip from the result of the previous time, m
-    impacts : so far
-    doubtful, kinked : whether the error may exceed its estimate; whether a force may have had a kink
-    hidden_kink : whether it may have had one between the stages
-    """
-
-    steps: Any
-    error: Any
-    tip_tolerance: Any
-    change: Any
-    impacts: Any
-    doubtful: Any = False
-    kinked: Any = False
-    hidden_kink: Any = False
+    steps: Any  # their number
+    error: Any  # the sum of the errors, m
+    tip_tolerance: Any  # what is allowed, m
+    change: Any  # distance of the tip from the result of the previous time, m
+    impacts: Any  # so far
+    doubtful: Any = False  # whether the error may exceed its estimate
+    kinked: Any = False  # whether a force may have had a kink
+    hidden_kink: Any = False  # whether it may have had one between the stages
 
 
 def agrees(c: Crossed) -> Any:
@@ -168,58 +151,31 @@ def first_adaptive(next_step: Any, min_steps: Any, interval: Any) -> Any:
 
 
 class Verdict(NamedTuple):
-    """What the error of an adaptive step says.
+    """What the error of an adaptive step says."""
 
-    Attributes
-    ----------
-    accepted : whether the step counts
-    shorter : length of the step if it is repeated, s
-    following : length of the next step; 0 if there is none, s
-    """
-
-    accepted: Any
-    shorter: Any
-    following: Any
+    accepted: Any  # whether the step counts
+    shorter: Any  # length of the step if it is repeated, s
+    following: Any  # length of the next step; 0 if there is none, s
 
 
+@branches
 def judge_adaptive(error: Any, h: Any, next_step: Any, min_steps: Any, interval: Any, taken: Any) -> Verdict:
     """Whether the error of a step, in units of the tolerance, is at most 1; the next step to try.
 
-    A lane that has made a million steps, or would need one of 1e-13 of the interval, has no next step.
-
-    Parameters
-    ----------
-    error, h : of the step
-    next_step : the step that was planned, which the end of the interval may have cut short, s
-    min_steps, interval : least number of steps of the interval, and its length, s
-    taken : steps so far
+    A lane that has ``taken`` a million steps, or would need one of 1e-13 of the interval, has no next step.
+    The end of the interval may have cut the planned ``next_step`` short, to ``h``.
     """
-    factor = factor_of_step(sqrt(sqrt(sqrt(maximum(error, 1e-12)))))
+    eighth = sqrt(sqrt(sqrt(maximum(error, 1e-12))))
+    factor = minimum(maximum(0.9 / eighth, 1.0 / 3.0), 6.0) if eighth > 0.0 else 1.0 / 3.0
     passed = error <= 1.0
-    grown = grown_step(h, next_step, minimum(h * factor, interval / maximum(min_steps, 1.0)))
+    grown = minimum(h * factor, interval / maximum(min_steps, 1.0))
+    if h < next_step:  # such a step lengthens none
+        grown = maximum(grown, next_step)
     shorter = h * minimum(factor, 0.9)
     hopeless = (taken > MOST_ADAPTIVE_STEPS) | ((shorter < SHORTEST_SHARE * interval) & logical_not(passed))
-    return Verdict(passed | hopeless, shorter, following_step(hopeless, passed, grown, shorter))
-
-
-@branches
-def factor_of_step(eighth: Any) -> Any:
-    """Factor of the step length for an eighth root of the error."""
-    return minimum(maximum(0.9 / eighth, 1.0 / 3.0), 6.0) if eighth > 0.0 else 1.0 / 3.0
-
-
-@branches
-def grown_step(h: Any, next_step: Any, grown: Any) -> Any:
-    """The step after one of length ``h`` that passed; a step that the end cut short lengthens none."""
-    return maximum(grown, next_step) if h < next_step else grown
-
-
-@branches
-def following_step(hopeless: Any, passed: Any, grown: Any, shorter: Any) -> Any:
-    """Length of the next step; 0 if there is none."""
     if hopeless:
-        return 0.0
-    return grown if passed else shorter
+        return Verdict(True, shorter, 0.0)
+    return Verdict(passed, shorter, grown if passed else shorter)
 
 
 @branches

@@ -27,21 +27,13 @@ class Watched(NamedTuple):
 
 
 class Step(NamedTuple):
-    """A step from a state.
+    """A step from a state."""
 
-    Attributes
-    ----------
-    positions, velocities, others : the new state
-    watched : further results of the derivative function, beside derivatives
-    error6, error5, error3 : estimates of each state, up to the factors ``h6``, ``h5`` and ``h3``; empty if
-        the method has none
-    """
-
-    positions: list[Any]
+    positions: list[Any]  # the new state
     velocities: list[Any]
     others: list[Any]
-    watched: list[Watched]
-    error6: list[Any]
+    watched: list[Watched]  # further results of the derivative function, beside derivatives
+    error6: list[Any]  # estimates of each state, up to the factors h6, h5 and h3, if the method has them
     error5: list[Any]
     error3: list[Any]
     h6: Any
@@ -97,12 +89,8 @@ def explicit_step(
     # The lower of the two embedded methods differs from the method itself in three weights only.
     first = method.b[0]
     lower = [(e - b) / first for e, b in zip(method.error3, method.b, strict=True)]
-    error6, error5, error3 = [], [], []
-    for slope, (_, whole) in zip(slopes, totals, strict=True):
-        factor6, total = weighted(method.error6, slope)
-        error6.append(total)
-        factor5, total = weighted(method.error5, slope)
-        error5.append(total)
-        factor3, total = weighted(lower, slope)
-        error3.append(whole + factor3 * total)
-    return Step(*parts, error6, error5, error3, h * abs(factor6), h * abs(factor5), h * first)
+    (factor6, *_), error6 = zip(*(weighted(method.error6, slope) for slope in slopes), strict=True)
+    (factor5, *_), error5 = zip(*(weighted(method.error5, slope) for slope in slopes), strict=True)
+    lows = [weighted(lower, slope) for slope in slopes]
+    error3 = [whole + f * total for (_, whole), (f, total) in zip(totals, lows, strict=True)]
+    return Step(*parts, list(error6), list(error5), error3, h * abs(factor6), h * abs(factor5), h * first)

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -57,11 +60,10 @@ class Tableau:
             )
 
     def overshoot_between_nodes(self, at_ends: bool) -> float:
-        """Distances by which a parabola may leave the range of its values at the nodes, in units of that
-        range.
+        """Distance by which a parabola may leave the range of its values at the nodes, in units of the range.
 
-        Each is the largest over all positions of its vertex, those nearest to the first or last node and all
-        others, found on a grid of positions. 0 for methods with fewer than three nodes, which give no bound.
+        It is the largest over a grid of positions of its vertex: those nearest to the first or last node, or
+        all others. 0 for methods with fewer than three nodes, which give no bound.
         """
         if len(set(self.c)) < 3:
             return 0.0
@@ -83,149 +85,24 @@ def difference(nodes: tuple[float, ...], stages: tuple[int, ...]) -> tuple[float
     return tuple(w / largest for w in slopes.values())
 
 
+def _tuples(x: Any) -> Any:
+    return tuple(map(_tuples, x)) if isinstance(x, list) else x
+
+
 EULER = Tableau(name="euler", order=1, a=((),), b=(1.0,), c=(0.0,))
 """Semi-implicit: velocities first, positions with the new velocities. Not symplectic here,
 because the mass matrix depends on the pose."""
 
-RK4 = Tableau(
-    name="rk4",
-    order=4,
-    a=((), (0.5,), (0.0, 0.5), (0.0, 0.0, 1.0)),
-    b=(1 / 6, 1 / 3, 1 / 3, 1 / 6),
-    c=(0.0, 0.5, 0.5, 1.0),
-)
+_ROWS = (), (0.5,), (0.0, 0.5), (0.0, 0.0, 1.0)
+RK4 = Tableau("rk4", 4, _ROWS, (1 / 6, 1 / 3, 1 / 3, 1 / 6), (0.0, 0.5, 0.5, 1.0))
 """The classical method of order 4."""
 
-# Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., DOP853: the twelve
-# stages of the method of order 8 with its estimates of order 5 and 3, in double precision. error6 is the
-# sixth difference of the slopes over the stages 1 and 6 to 11, up to a factor the only estimate of order 6
-# in these stages (decision record 0017).
-_NODES = (
-    0.0,
-    0.05260015195876773,
-    0.0789002279381516,
-    0.1183503419072274,
-    0.2816496580927726,
-    0.3333333333333333,
-    0.25,
-    0.3076923076923077,
-    0.6512820512820513,
-    0.6,
-    0.8571428571428571,
-    1.0,
-)
-RK8 = Tableau(
-    name="rk8",
-    order=8,
-    a=(
-        (),
-        (0.05260015195876773,),
-        (0.0197250569845379, 0.0591751709536137),
-        (0.02958758547680685, 0.0, 0.08876275643042054),
-        (0.2413651341592667, 0.0, -0.8845494793282861, 0.924834003261792),
-        (0.037037037037037035, 0.0, 0.0, 0.17082860872947386, 0.12546768756682242),
-        (0.037109375, 0.0, 0.0, 0.17025221101954405, 0.06021653898045596, -0.017578125),
-        (
-            0.03709200011850479,
-            0.0,
-            0.0,
-            0.17038392571223998,
-            0.10726203044637328,
-            -0.015319437748624402,
-            0.008273789163814023,
-        ),
-        (
-            0.6241109587160757,
-            0.0,
-            0.0,
-            -3.3608926294469414,
-            -0.868219346841726,
-            27.59209969944671,
-            20.154067550477894,
-            -43.48988418106996,
-        ),
-        (
-            0.47766253643826434,
-            0.0,
-            0.0,
-            -2.4881146199716677,
-            -0.590290826836843,
-            21.230051448181193,
-            15.279233632882423,
-            -33.28821096898486,
-            -0.020331201708508627,
-        ),
-        (
-            -0.9371424300859873,
-            0.0,
-            0.0,
-            5.186372428844064,
-            1.0914373489967295,
-            -8.149787010746927,
-            -18.52006565999696,
-            22.739487099350505,
-            2.4936055526796523,
-            -3.0467644718982196,
-        ),
-        (
-            2.273310147516538,
-            0.0,
-            0.0,
-            -10.53449546673725,
-            -2.0008720582248625,
-            -17.9589318631188,
-            27.94888452941996,
-            -2.8589982771350235,
-            -8.87285693353063,
-            12.360567175794303,
-            0.6433927460157636,
-        ),
-    ),
-    b=(
-        0.054293734116568765,
-        0.0,
-        0.0,
-        0.0,
-        0.0,
-        4.450312892752409,
-        1.8915178993145003,
-        -5.801203960010585,
-        0.3111643669578199,
-        -0.1521609496625161,
-        0.20136540080403034,
-        0.04471061572777259,
-    ),
-    c=_NODES,
-    error6=difference(_NODES, (0, 5, 6, 7, 8, 9, 10)),
-    error5=(
-        0.01312004499419488,
-        0.0,
-        0.0,
-        0.0,
-        0.0,
-        -1.2251564463762044,
-        -0.4957589496572502,
-        1.6643771824549864,
-        -0.35032884874997366,
-        0.3341791187130175,
-        0.08192320648511571,
-        -0.022355307863886294,
-    ),
-    error3=(
-        -0.18980075407240762,
-        0.0,
-        0.0,
-        0.0,
-        0.0,
-        4.450312892752409,
-        1.8915178993145003,
-        -5.801203960010585,
-        -0.4226823213237919,
-        -0.1521609496625161,
-        0.20136540080403034,
-        0.02265179219836082,
-    ),
-)
+_TABLE = {k: _tuples(x) for k, x in json.loads(Path(__file__).with_name("dop853.json").read_text()).items()}
+RK8 = Tableau("rk8", 8, error6=difference(_TABLE["c"], (0, 5, 6, 7, 8, 9, 10)), **_TABLE)
+"""The twelve stages of DOP853, the method of order 8, with its estimates of order 5 and 3 (Hairer, Norsett,
+Wanner, Solving Ordinary Differential Equations I, 2nd ed.). ``error6`` is the sixth difference of the slopes
+over the stages 1 and 6 to 11, up to a factor the only estimate of order 6 in these stages (decision record
+0017)."""
 
 DOP853 = dataclasses.replace(RK8, name="dop853")
 """The same stages; each lane chooses its steps so that their error stays near rounding."""

@@ -10,7 +10,6 @@ from redundant_envs.model.batch import BatchSimulator, Numerics
 from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.scene import Scene
 from redundant_envs.verify.checks import (
-    ENOUGH_SMOOTH,
     Array,
     Finding,
     Mode,
@@ -20,6 +19,7 @@ from redundant_envs.verify.checks import (
     at_least,
     at_most,
     check,
+    enough,
     nothing,
 )
 from redundant_envs.verify.conservation import energy_changes, exact_in_parts, exact_whole, own_interval
@@ -44,7 +44,7 @@ def tips(trial: Trial) -> tuple[Array, list[Array], NDArray[np.bool_]]:
     return own, [second, first], whole.good & parts.good & np.isfinite(first - second).all(axis=1)
 
 
-@check("tip error of the own step", nothing("m, 99 % of the states"), Mode.QUICK)
+@check("tip error of the own step", nothing("m, 99 % of the states"))
 def own_step(trial: Trial) -> Finding:
     """The tip error of a control interval at the scene's own step, against dop853 in parts."""
     own, (best, other), sure = tips(trial)
@@ -58,7 +58,7 @@ def own_step(trial: Trial) -> Finding:
     return Finding(float(high), where, "" if high < ENOUGH else words)
 
 
-@check("energy of the own step", nothing("J, 99 % of the states"), Mode.QUICK)
+@check("energy of the own step", nothing("J, 99 % of the states"))
 def own_energy(trial: Trial) -> Finding:
     """Change of kinetic + potential - work over a control interval at the scene's own step."""
     q, qd, _ = trial.states
@@ -72,7 +72,7 @@ FLAGGED = at_most(0.05, "of the states")
 """Largest share of intervals with a flag. Extreme states cause flags; scenes of the package have none."""
 
 
-@check("intervals without a flag", FLAGGED, Mode.QUICK)
+@check("intervals without a flag", FLAGGED)
 def flagged(trial: Trial) -> Finding:
     """The share of the states whose control interval ends with a flag, at the scene's own step."""
     numerics = trial.shared(own_interval).numerics
@@ -85,7 +85,7 @@ def flagged(trial: Trial) -> Finding:
     return Finding(share, names, words)
 
 
-@check("tolerance kept", at_most(MISSED, "of the states"), Mode.QUICK)
+@check("tolerance kept", at_most(MISSED, "of the states"))
 def tolerance_kept(trial: Trial) -> Finding:
     """The share of the states that are off by more than twice the scene's tolerance, and not flagged."""
     tolerance = trial.scene.tolerance
@@ -93,8 +93,7 @@ def tolerance_kept(trial: Trial) -> Finding:
         raise NotApplicable("the scene has no tolerance")
     own, references, sure = tips(trial)
     judged, missed, error = judge(own, references, tolerance, sure)
-    if np.mean(judged) < ENOUGH_SMOOTH:
-        raise NotApplicable(f"references agree to a tenth of it at {np.mean(judged):.0%} of the states only")
+    enough(judged, f"references agree to a tenth of it at {np.mean(judged):.0%} of the states only")
     missed &= trial.shared(own_interval).numerics == 0
     share = float(missed.sum() / judged.sum())
     most, where = trial.worst(np.where(missed, tolerance * error, 0.0))
@@ -130,7 +129,7 @@ def declared(trial: Trial) -> Promise:
     return at_least(METHODS[trial.scene.integrator].order - SHORT_OF)
 
 
-@check("order of convergence", declared)
+@check("order of convergence", declared, Mode.STANDARD)
 def order(trial: Trial) -> Finding:
     """Halving the step divides the error by 2^order, on the scene's arm in a vertical plane."""
     name = trial.scene.integrator
@@ -158,9 +157,8 @@ def order(trial: Trial) -> Finding:
         due = np.isnan(found) & ~(fine < FINE) & (seconds <= longest)
         found = np.where(due, np.log2(coarse / fine), found)
         seconds *= GROWTH
+    enough(np.isfinite(found), "the motions of this arm are too simple to show an order above rounding")
     found = found[np.isfinite(found)]
-    if len(found) < ENOUGH_SMOOTH * len(q):
-        raise NotApplicable("the motions of this arm are too simple to show an order above rounding")
     high = float(np.quantile(found, SHARE))
     words = (
         f"{name}: halving the step divides the error by 2^{high:.2f}, and its order is said to be "

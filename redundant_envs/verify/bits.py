@@ -71,7 +71,7 @@ def differing(trial: Trial, found: Array, lanes: Array, what: str) -> Finding:
     return Finding(count, where, f"{count} of {len(lanes)} lanes have other bits {what}")
 
 
-@check("bits: batch and place", EQUAL_BITS, Mode.QUICK)
+@check("bits: batch and place", EQUAL_BITS)
 def place(trial: Trial) -> Finding:
     """A lane has the same bits at another index, and in batches of 1, of 8 and of 9."""
     order = np.random.default_rng(trial.seed).permutation(LANES)
@@ -82,7 +82,7 @@ def place(trial: Trial) -> Finding:
     return differing(trial, np.concatenate(found), np.concatenate(lanes), "at another index or batch size")
 
 
-@check("bits: neighbours", EQUAL_BITS, Mode.QUICK)
+@check("bits: neighbours", EQUAL_BITS)
 def neighbours(trial: Trial) -> Finding:
     """A lane has the same bits beside others, some of which are not finite."""
     lanes = np.arange(LANES)
@@ -93,7 +93,7 @@ def neighbours(trial: Trial) -> Finding:
     return differing(trial, found[own], lanes[own], "beside other neighbours")
 
 
-@check("bits: threads", EQUAL_BITS, Mode.QUICK)
+@check("bits: threads", EQUAL_BITS)
 def threads(trial: Trial) -> Finding:
     """Two and three threads give the bits of one."""
     lanes = np.arange(LANES)
@@ -101,7 +101,7 @@ def threads(trial: Trial) -> Finding:
     return differing(trial, np.concatenate(found), np.tile(lanes, 2), "with more threads")
 
 
-@check("bits: parameters of lanes", EQUAL_BITS)
+@check("bits: parameters of lanes", EQUAL_BITS, Mode.STANDARD)
 def parameters(trial: Trial) -> Finding:
     """Lanes whose own numbers are equal to those of the scene have the same bits."""
     lanes = np.arange(LANES)
@@ -121,7 +121,7 @@ def _continued(trial: Trial, remade: Callable[[BatchSimulator], Any], what: str)
     return differing(trial, found, lanes, what)
 
 
-@check("bits: copies", EQUAL_BITS, Mode.QUICK)
+@check("bits: copies", EQUAL_BITS)
 def copies(trial: Trial) -> Finding:
     """A copy continues to the same bits, whatever happens to the original."""
 
@@ -133,7 +133,7 @@ def copies(trial: Trial) -> Finding:
     return _continued(trial, copied, "in a copy")
 
 
-@check("bits: pickles", EQUAL_BITS)
+@check("bits: pickles", EQUAL_BITS, Mode.STANDARD)
 def pickles(trial: Trial) -> Finding:
     """A pickle continues to the same bits."""
 
@@ -147,7 +147,7 @@ def pickles(trial: Trial) -> Finding:
     return _continued(trial, pickled, "in a pickle")
 
 
-@check("bits: snapshots", EQUAL_BITS, Mode.QUICK)
+@check("bits: snapshots", EQUAL_BITS)
 def snapshots(trial: Trial) -> Finding:
     """A snapshot is restored by a batch that has advanced, and by a new one with other numbers."""
 
@@ -175,7 +175,7 @@ RECORDED = {Mode.QUICK: ("4R all rk8",), Mode.STANDARD: recorded_bits.SHORT, Mod
 """Recorded motions that each mode checks; None means all."""
 
 
-@check("record of bits", Promise(0.0, "motions differ", "equal bits"), Mode.QUICK)
+@check("record of bits", Promise(0.0, "motions differ", "equal bits"))
 def record(trial: Trial) -> Finding:
     """Recorded motions have the same bits on this machine; no subject changes them."""
     names = RECORDED[trial.mode] or tuple(recorded_bits.RECORDED)

@@ -133,7 +133,7 @@ class Check:
         return Outcome(trial.subject.name, self.family, self.name, promise, verdict, finding)
 
 
-def check(name: str, promise: Promised, mode: Mode = Mode.STANDARD) -> Callable[[Measure], Check]:
+def check(name: str, promise: Promised, mode: Mode = Mode.QUICK) -> Callable[[Measure], Check]:
     """Turn a function into a check; :func:`checks_of` finds it in its module."""
 
     return lambda measure: Check(name, measure.__module__.rpartition(".")[2], promise, mode, measure)
@@ -240,6 +240,12 @@ class Trial:
         """The largest of some numbers; ``{:.1e}`` in the words is replaced by it."""
         most, where = self.worst(gaps, names)
         return Finding(most, where, words.format(most))
+
+
+def enough(good: Array, reason: str, share: float = ENOUGH_SMOOTH) -> None:
+    """NotApplicable with a reason, unless a share of the states is good."""
+    if np.mean(good) < share:
+        raise NotApplicable(reason)
 
 
 def ratio(difference: Any, scale: Any) -> Array:

@@ -18,11 +18,11 @@ from redundant_envs.verify.checks import (
     ROUNDING,
     Array,
     Finding,
-    Mode,
     NotApplicable,
     Trial,
     at_most,
     check,
+    enough,
     ratio,
 )
 from redundant_envs.verify.equations import added_inertia, equations_at, from_points, slopes
@@ -111,7 +111,7 @@ def energy_changes(
     return kinetic[1] - kinetic[0] + gained - work, scale, stored
 
 
-@check("energy book", at_most(OPEN), Mode.QUICK)
+@check("energy book", at_most(OPEN))
 def energy_book(trial: Trial) -> Finding:
     """Kinetic + potential - work is constant over a control interval, in units of the energies involved.
 
@@ -157,7 +157,7 @@ def at_base(trial: Trial) -> Array:
     return np.asarray(np.linalg.inv(turned)[:, 0])
 
 
-@check("momentum", at_most(ADRIFT), Mode.QUICK)
+@check("momentum", at_most(ADRIFT))
 def momentum(trial: Trial) -> Finding:
     """Without a field, and with motors at all joints but the first, the momentum along that is kept.
 
@@ -179,8 +179,7 @@ def momentum(trial: Trial) -> Finding:
     after = equations_at(trial.arm, added, end.q)
     before, then = (_momentum(at.M, rates, base) for at, rates in ((e, qd), (after, end.qd)))
     good = end.good & np.isfinite(then).all(axis=1)
-    if np.mean(good) < ENOUGH_SMOOTH:
-        raise NotApplicable("too few motions without a field could be simulated to rounding")
+    enough(good, "too few motions without a field could be simulated to rounding")
     size = np.maximum(before[:, 1], then[:, 1])
     gaps = np.where(good, ratio(np.where(good, then[:, 0] - before[:, 0], 0.0), size), 0.0)
     words = "the momentum about the base changes by {:.1e} of its parts without a moment there"

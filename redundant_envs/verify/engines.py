@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from redundant_envs.extras import needs
-from redundant_envs.verify.checks import Array, Finding, NotApplicable, Trial, at_most, check, ratio
+from redundant_envs.verify.checks import Array, Finding, Mode, NotApplicable, Trial, at_most, check, ratio
 from redundant_envs.verify.equations import added_inertia, from_points, residual
 
 AGREE = at_most(1e-9)
@@ -40,7 +40,7 @@ def model_of(arm: Any, unit: float, slopes: Array, points: Array) -> Any:
     with needs("verify"):
         import mujoco
     joints, inverse = len(arm.joints), np.linalg.inv(arm.motor_map)
-    moved = np.einsum("paj,kj->pka", slopes, inverse)  # displacement of each point by each joint
+    moved = np.einsum("paj, kj->pka", slopes, inverse)  # displacement of each point by each joint
     carried = np.linalg.norm(moved, axis=2) > MOVED * np.abs(moved).max()
     text, closing, small = "", "", " ".join([repr(SMALLEST)] * 3)
     for k in range(joints):
@@ -84,7 +84,7 @@ def compared(trial: Trial) -> Compared:
     arm, e = trial.arm, trial.shared(from_points)
     q, qd, _ = trial.states
     # The pose that determines the joints best: the one with carried masses farthest from their joints.
-    lever = np.linalg.norm(np.einsum("npaj,kj->npka", e.slopes, np.linalg.inv(arm.motor_map)), axis=3)
+    lever = np.linalg.norm(np.einsum("npaj, kj->npka", e.slopes, np.linalg.inv(arm.motor_map)), axis=3)
     pose = int(np.argmax(lever.max(axis=1).min(axis=1)))
     unit = float((e.scale**2).min()) / LARGEST
     model = model_of(arm, unit, e.slopes[pose], e.points[pose])
@@ -108,7 +108,7 @@ def compared(trial: Trial) -> Compared:
     return Compared(M, forces, tips)
 
 
-@check("MuJoCo: mass matrix and tip", AGREE)
+@check("MuJoCo: mass matrix and tip", AGREE, Mode.STANDARD)
 def mass_matrix(trial: Trial) -> Finding:
     """M and the tip in random poses, from a model made in one pose."""
     theirs, arm, e = trial.shared(compared), trial.arm, trial.shared(from_points)
@@ -123,7 +123,7 @@ def mass_matrix(trial: Trial) -> Finding:
     return trial.finding(np.concatenate([gaps, tips], axis=1), words, names)
 
 
-@check("MuJoCo: accelerations", AGREE)
+@check("MuJoCo: accelerations", AGREE, Mode.STANDARD)
 def accelerations(trial: Trial) -> Finding:
     """The accelerations under random efforts fulfil MuJoCo's equations of motion.
 

@@ -50,7 +50,7 @@ def _differing(one: list[list[bytes]], other: list[list[bytes]], what: str) -> F
     return Finding(len(lanes), f"lane {min(lanes)}" if lanes else "", f"{len(lanes)} lanes differ {what}")
 
 
-@check("environment: rules of vectors", RULES, Mode.QUICK)
+@check("environment: rules of vectors", RULES)
 def rules(trial: Trial) -> Finding:
     """``rde.check_vec_env`` finds no broken rule, in each autoreset mode."""
     broken = []
@@ -62,7 +62,7 @@ def rules(trial: Trial) -> Finding:
     return Finding(len(broken), "", "; ".join(broken))
 
 
-@check("environment: ranges", Promise(0.0, "steps", "at most"), Mode.QUICK)
+@check("environment: ranges", Promise(0.0, "steps", "at most"))
 def ranges(trial: Trial) -> Finding:
     """Under the largest actions and under none, observations stay in their space, and rewards and metrics are
     finite."""
@@ -100,7 +100,7 @@ def _without_number(infos: Any) -> Iterator[str]:
                 yield name
 
 
-@check("environment: single and vector", EQUAL_BITS, Mode.QUICK)
+@check("environment: single and vector", EQUAL_BITS)
 def single(trial: Trial) -> Finding:
     """Environment i of a vector has the bits of the single environment with seed s + i."""
     own, lanes = _arguments(trial), 3
@@ -130,7 +130,7 @@ def _wide(values: Iterable[Any]) -> list[Any]:
     ]
 
 
-@check("environment: states", EQUAL_BITS, Mode.QUICK)
+@check("environment: states", EQUAL_BITS)
 def states(trial: Trial) -> Finding:
     """``get_state`` and ``set_state`` continue to the same bits, across the ends of episodes."""
     env, actions = _begun(trial, autoreset_mode="same_step")
@@ -140,7 +140,7 @@ def states(trial: Trial) -> Finding:
     return _differing(first, _steps(env, actions), "after set_state")
 
 
-@check("environment: copies", EQUAL_BITS)
+@check("environment: copies", EQUAL_BITS, Mode.STANDARD)
 def copies(trial: Trial) -> Finding:
     """A copy continues to the same bits, whatever happens to the original."""
     env, actions = _begun(trial)
@@ -157,7 +157,7 @@ def _begun(trial: Trial, **arguments: Any) -> tuple[Any, Any]:
     return env, actions[4:]
 
 
-@check("environment: seeds, threads and neighbours", EQUAL_BITS)
+@check("environment: seeds, threads and neighbours", EQUAL_BITS, Mode.STANDARD)
 def seeds(trial: Trial) -> Finding:
     """Equal seeds and actions give equal bits, with two threads and in a larger vector, too."""
     tables = []

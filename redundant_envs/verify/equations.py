@@ -115,7 +115,7 @@ def found(trial: Trial, gaps: Array, what: str, names: Iterable[str] = ()) -> Fi
     return trial.finding(gaps, f"{trial.arm.kind}: {what} by {{:.1e}} of its size", names)
 
 
-@check("mass matrix", AGREE, Mode.QUICK)
+@check("mass matrix", AGREE)
 def mass_matrix(trial: Trial) -> Finding:
     """M is the sum of m_k J_k^T J_k over the point masses."""
     own, e = trial.arm.mass_matrix(trial.poses[0]), trial.shared(at_poses)
@@ -123,7 +123,7 @@ def mass_matrix(trial: Trial) -> Finding:
     return found(trial, gaps, "M contradicts the point masses")
 
 
-@check("mass matrix is positive", at_least(1e-14), Mode.QUICK)
+@check("mass matrix is positive", at_least(1e-14))
 def positive(trial: Trial) -> Finding:
     """The smallest eigenvalue of M, with its diagonal scaled to ones.
 
@@ -139,7 +139,7 @@ def positive(trial: Trial) -> Finding:
     return Finding(float(least[state]), f"state {state}", words)
 
 
-@check("bias forces", AGREE, Mode.QUICK)
+@check("bias forces", AGREE)
 def bias_forces(trial: Trial) -> Finding:
     """h is the bias force of Lagrange's equations with the arm's own M."""
     (q, qd), e = trial.poses, trial.shared(at_poses)
@@ -155,7 +155,7 @@ def bias_forces(trial: Trial) -> Finding:
     return found(trial, gaps, "h contradicts the derivatives of M")
 
 
-@check("passivity", AGREE, Mode.QUICK)
+@check("passivity", AGREE)
 def passivity(trial: Trial) -> Finding:
     """qd^T (M' qd - 2 h) = 0: bias forces do no work beyond the change of M."""
     (q, qd), e = trial.poses, trial.shared(at_poses)
@@ -166,7 +166,7 @@ def passivity(trial: Trial) -> Finding:
     return found(trial, ratio(power, size), "h does work: qd^T (M' - 2 C) qd is not 0 but off")
 
 
-@check("Coriolis matrix", AGREE)
+@check("Coriolis matrix", AGREE, Mode.STANDARD)
 def coriolis(trial: Trial) -> Finding:
     """C follows from Christoffel's symbols of M, so C + C^T = M', and C qd = h, if the arm has C."""
     arm, (q, qd), e = trial.arm, trial.poses, trial.shared(at_poses)
@@ -186,7 +186,7 @@ def coriolis(trial: Trial) -> Finding:
     return found(trial, gaps, "C contradicts M or h")
 
 
-@check("gravity forces", AGREE, Mode.QUICK)
+@check("gravity forces", AGREE)
 def gravity_forces(trial: Trial) -> Finding:
     """G is the moment of the weights, and the derivative of U, in a field of either direction."""
     arm, (q, _), e = trial.arm, trial.poses, trial.shared(at_poses)
@@ -201,7 +201,7 @@ def gravity_forces(trial: Trial) -> Finding:
     return found(trial, np.concatenate(gaps, axis=1), "G or U contradicts the point masses", names)
 
 
-@check("kinetic energy", AGREE, Mode.QUICK)
+@check("kinetic energy", AGREE)
 def kinetic_energy(trial: Trial) -> Finding:
     """T is qd^T M qd / 2 of the point masses."""
     (q, qd), e = trial.poses, trial.shared(at_poses)
@@ -210,7 +210,7 @@ def kinetic_energy(trial: Trial) -> Finding:
     return found(trial, ratio(trial.arm.kinetic_energy(q, qd) - expected, size), "T contradicts the masses")
 
 
-@check("forward dynamics", AGREE, Mode.QUICK)
+@check("forward dynamics", AGREE)
 def forward_dynamics(trial: Trial) -> Finding:
     """M qdd + h + G = Q holds for the accelerations under random forces, in a field that is not vertical.
 
@@ -232,7 +232,7 @@ def residual(M: Array, qdd: Array, forces: tuple[Array, ...], scale: Array) -> t
     return ratio((np.einsum("nij,nj->ni", M, qdd) + sum(forces)) / scale, size), size
 
 
-@check("mobility bounds", at_most(1.0 + 1e-9), Mode.QUICK)
+@check("mobility bounds", at_most(1.0 + 1e-9))
 def mobility_bounds(trial: Trial) -> Finding:
     """diag(B^T M^-1 B) is nowhere above the bounds from which error control computes how stiff a spring is.
 
@@ -248,7 +248,7 @@ def mobility_bounds(trial: Trial) -> Finding:
     return trial.finding(own, f"{arm.kind}: the mobility is {{:.3g}} of its bound: error control trusts it")
 
 
-@check("sliders held and struck", AGREE, Mode.QUICK)
+@check("sliders held and struck", AGREE)
 def sliders(trial: Trial) -> Finding:
     """Held dynamics are those of the constrained system, with each slider held alone and with all held, and
     slider mobilities are columns of M^-1."""

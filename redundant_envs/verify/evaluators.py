@@ -72,13 +72,13 @@ def agreement(trial: Trial, found: Array, other: str) -> Finding:
     return trial.finding(gaps, words, (*trial.arm.coordinates, *trial.arm.rates))
 
 
-@check("evaluators: NumPy", AGREE)
+@check("evaluators: NumPy", AGREE, Mode.STANDARD)
 def arrays(trial: Trial) -> Finding:
     """Compiled code and the same procedures on arrays end an interval in the same state."""
     return agreement(trial, direct(trial, trial.shared(compiled).lanes, np.ascontiguousarray), "NumPy")
 
 
-@check("evaluators: single numbers", AGREE)
+@check("evaluators: single numbers", AGREE, Mode.STANDARD)
 def singles(trial: Trial) -> Finding:
     """Compiled code and the same procedures on single numbers end an interval in the same state."""
     lanes = trial.shared(compiled).lanes[:SINGLES]

@@ -12,17 +12,7 @@ from redundant_envs.effects.attached import Attached
 from redundant_envs.effects.hooks import Effect, Field, Force
 from redundant_envs.model.energy import at_joints, potential_energy, scene_quantities
 from redundant_envs.scene import Scene
-from redundant_envs.verify.checks import (
-    ENOUGH_SMOOTH,
-    ROUNDING,
-    Array,
-    Finding,
-    Mode,
-    Trial,
-    at_most,
-    check,
-    ratio,
-)
+from redundant_envs.verify.checks import ENOUGH_SMOOTH, ROUNDING, Array, Finding, Trial, at_most, check, ratio
 from redundant_envs.verify.equations import columns
 from redundant_envs.verify.hints import worst_of
 from redundant_envs.verify.states import BEYOND
@@ -42,7 +32,7 @@ SMALL_FORCE = 1e-6
 """A force below this, in units of the largest of all states, is compared with that."""
 
 
-@check("potentials against forces", at_most(AGREEMENT), Mode.QUICK)
+@check("potentials against forces", at_most(AGREEMENT))
 def potentials(trial: Trial) -> Finding:
     """Every effect's conservative force is minus the slope of its potential, also beyond the travel, and over
     several turns."""
@@ -110,7 +100,7 @@ CONTINUOUS = 1e-9
 """Largest jump of a force where its law changes, in units of the largest force nearby."""
 
 
-@check("forces at their switches", at_most(CONTINUOUS), Mode.QUICK)
+@check("forces at their switches", at_most(CONTINUOUS))
 def forces_at_switches(trial: Trial) -> Finding:
     """Both laws of a force with a ``switch`` are equal where they meet, at random rates, with the initial
     values of its states."""

@@ -18,17 +18,7 @@ from redundant_envs.events.boundary import side_beyond
 from redundant_envs.lane.direct import fields_of
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.quantities import Quantities
-from redundant_envs.verify.checks import (
-    ROUNDING,
-    Array,
-    Finding,
-    Mode,
-    NotApplicable,
-    Trial,
-    at_most,
-    check,
-    ratio,
-)
+from redundant_envs.verify.checks import ROUNDING, Array, Finding, NotApplicable, Trial, at_most, check, ratio
 from redundant_envs.verify.equations import TILTED, columns
 
 SHORT = at_most(1.5)
@@ -139,19 +129,19 @@ def hinted(trial: Trial, which: str) -> Finding:
     return worst_of(found, f"no force declares a {which}")
 
 
-@check("declared stiffness", SHORT, Mode.QUICK)
+@check("declared stiffness", SHORT)
 def stiffness(trial: Trial) -> Finding:
     """The derivative of a force by its position, at rest, in units of the stiffness that it declares."""
     return hinted(trial, "stiffness")
 
 
-@check("declared damping", SHORT, Mode.QUICK)
+@check("declared damping", SHORT)
 def damping(trial: Trial) -> Finding:
     """The derivative of a force by its rate, in units of the damping that it declares."""
     return hinted(trial, "damping")
 
 
-@check("dampers brake", DRIVES, Mode.QUICK)
+@check("dampers brake", DRIVES)
 def dampers(trial: Trial) -> Finding:
     """A force that declares a damping dissipates energy: the part that its own rate causes has no positive
     power.
@@ -188,7 +178,7 @@ def dampers(trial: Trial) -> Finding:
     return worst_of(found, "no force declares a damping")
 
 
-@check("declared rates of states", SHORT, Mode.QUICK)
+@check("declared rates of states", SHORT)
 def rates_of_states(trial: Trial) -> Finding:
     """Derivatives of the rates of change of effects' states by these states, and the fastest motion of the
     states of a hook together, in units of the rates that they declare."""

@@ -13,7 +13,6 @@ from redundant_envs.verify.checks import (
     EQUAL_BITS,
     Array,
     Finding,
-    Mode,
     NotApplicable,
     Trial,
     at_most,
@@ -100,7 +99,7 @@ def _finite(low: float, high: float) -> tuple[float, float]:
     return (low, low + 0.5) if np.isfinite(low) else (high - 0.5, high) if np.isfinite(high) else (0.0, 0.5)
 
 
-@check("impacts: velocities", AGREE, Mode.QUICK)
+@check("impacts: velocities", AGREE)
 def velocities(trial: Trial) -> Finding:
     """The slider returns with ``restitution`` times its speed, and the arm moves as the impulse requires."""
     s, e = trial.shared(struck), trial.shared(from_points)
@@ -109,7 +108,7 @@ def velocities(trial: Trial) -> Finding:
     return trial.finding(gaps, "velocities after an impact are off by {:.1e}: impulse or restitution")
 
 
-@check("impacts: momentum", AGREE, Mode.QUICK)
+@check("impacts: momentum", AGREE)
 def momentum(trial: Trial) -> Finding:
     """M dqd has an entry only at the slider: the impulse acts along it."""
     s, e = trial.shared(struck), trial.shared(from_points)
@@ -120,7 +119,7 @@ def momentum(trial: Trial) -> Finding:
     return trial.finding(gaps, "an impact changes momenta of joints that it does not act on")
 
 
-@check("impacts: energy", AGREE, Mode.QUICK)
+@check("impacts: energy", AGREE)
 def energy(trial: Trial) -> Finding:
     """An impact takes (1 - restitution^2) v^2 / (2 W_jj), with W the inverse of M."""
     s = trial.shared(struck)
@@ -134,7 +133,7 @@ def energy(trial: Trial) -> Finding:
 INTERVALS = 20
 
 
-@check("impacts: no slider beyond its stop", EQUAL_BITS, Mode.QUICK)
+@check("impacts: no slider beyond its stop", EQUAL_BITS)
 def inside(trial: Trial) -> Finding:
     """After each of some control intervals every slider is within its stops, to the last bit."""
     ends = stops(trial)

@@ -11,11 +11,11 @@ from redundant_envs.dual import Dual, dual
 from redundant_envs.effects.hooks import Inertia
 from redundant_envs.quantities import Quantities
 from redundant_envs.tasks.base import full_reach
-from redundant_envs.verify.checks import Array, Finding, Mode, Trial, at_least, at_most, check, ratio
+from redundant_envs.verify.checks import Array, Finding, Trial, at_least, at_most, check, ratio
 from redundant_envs.verify.equations import AGREE, at_poses, columns, entries, found, slopes, table, values_of
 
 
-@check("Jacobian", AGREE, Mode.QUICK)
+@check("Jacobian", AGREE)
 def jacobian(trial: Trial) -> Finding:
     """J is the derivative of the tip, the tip is the last point mass, and its velocity is J qd."""
     arm, (q, qd), e = trial.arm, trial.poses, trial.shared(at_poses)
@@ -33,7 +33,7 @@ def jacobian(trial: Trial) -> Finding:
     return found(trial, np.concatenate(gaps, axis=1), "J, tip or its velocity contradicts the points", names)
 
 
-@check("rate of the Jacobian", AGREE, Mode.QUICK)
+@check("rate of the Jacobian", AGREE)
 def jacobian_rate(trial: Trial) -> Finding:
     """Jdqd is J' qd."""
     arm, (q, qd) = trial.arm, trial.poses
@@ -45,7 +45,7 @@ def jacobian_rate(trial: Trial) -> Finding:
     return found(trial, gaps, "Jdqd contradicts the derivatives of J", ("x", "y"))
 
 
-@check("joints", AGREE, Mode.QUICK)
+@check("joints", AGREE)
 def joints(trial: Trial) -> Finding:
     """Rates of the joints are those of their positions, motors act along them, and the inverse map is
     right."""
@@ -62,7 +62,7 @@ def joints(trial: Trial) -> Finding:
     return found(trial, np.concatenate(gaps, axis=1), words, arm.joints * 3)
 
 
-@check("motions of points", AGREE, Mode.QUICK)
+@check("motions of points", AGREE)
 def motions(trial: Trial) -> Finding:
     """Velocities, Jacobians and accelerations at constant rates of all point masses follow from their
     positions."""
@@ -97,7 +97,7 @@ def _second(arm: Any, q: Array, qd: Array) -> Array:
     return columns((dual(dual(x).slope).slope for x in positions), len(q))
 
 
-@check("angular momentum", AGREE, Mode.QUICK)
+@check("angular momentum", AGREE)
 def angular_momentum(trial: Trial) -> Finding:
     """Lz is the angular momentum of the point masses about the base, and of the inertias of effects that turn
     with the first revolute joint."""
@@ -114,7 +114,7 @@ def angular_momentum(trial: Trial) -> Finding:
     return found(trial, gaps, "Lz contradicts the point masses")
 
 
-@check("manipulability", AGREE, Mode.QUICK)
+@check("manipulability", AGREE)
 def manipulability(trial: Trial) -> Finding:
     """The square of manipulability is det J J^T, and it is not negative: near a singular pose a root has only
     half the digits."""
@@ -126,7 +126,7 @@ def manipulability(trial: Trial) -> Finding:
     return found(trial, gaps, "manipulability contradicts the derivatives of the tip")
 
 
-@check("column norms", AGREE, Mode.QUICK)
+@check("column norms", AGREE)
 def column_norms(trial: Trial) -> Finding:
     """Column norms are the metres at the tip per unit of each coordinate, with which error control weights
     errors."""
@@ -137,7 +137,7 @@ def column_norms(trial: Trial) -> Finding:
     return found(trial, ratio(own - expected, expected.max(axis=0)), "column_norms contradicts the tip")
 
 
-@check("reach", at_most(1.0 + 1e-9), Mode.QUICK)
+@check("reach", at_most(1.0 + 1e-9))
 def reach(trial: Trial) -> Finding:
     """The tip is never farther from the base than the full reach, by which tasks scale their distances:
     neither in random poses nor in stretched and folded ones, with sliders between 0 and an upper end."""
@@ -157,7 +157,7 @@ def reach(trial: Trial) -> Finding:
     return Finding(far, "", words)
 
 
-@check("posture", at_least(0.01), Mode.QUICK)
+@check("posture", at_least(0.01))
 def posture(trial: Trial) -> Finding:
     """The observed posture lies in -1 to 1 and changes with every revolute joint, also where a sine or a
     cosine alone does not.
@@ -181,7 +181,7 @@ def posture(trial: Trial) -> Finding:
     return Finding(float(least[state]), f"state {state}", words)
 
 
-@check("kinds of joints", at_least(1e-6), Mode.QUICK)
+@check("kinds of joints", at_least(1e-6))
 def kinds(trial: Trial) -> Finding:
     """A slider does not return the point masses to their positions after 2 pi of its coordinate, and a
     revolute joint does not move them along straight lines.

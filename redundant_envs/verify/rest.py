@@ -12,13 +12,13 @@ from redundant_envs.effects.attached import Functions
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots.checks import OF_LANES, OWN_NAMES
-from redundant_envs.verify.checks import Finding, Mode, Promise, Trial, check
+from redundant_envs.verify.checks import Finding, Promise, Trial, check
 from redundant_envs.verify.hints import Motion
 
 FINITE = Promise(0.0, "quantities", "at most")
 
 
-@check("numbers at rest", FINITE, Mode.QUICK)
+@check("numbers at rest", FINITE)
 def numbers_at_rest(trial: Trial) -> Finding:
     """Quantities of the arm, forces, links, changes of states, readings and accelerations are finite without
     velocities and efforts: in random poses, at ends of travel, straight, folded and square."""

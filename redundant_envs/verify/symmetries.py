@@ -12,14 +12,15 @@ from redundant_envs.effects.hooks import Field, Force, Hook, Inertia, PointMass
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.scene import LONGEST_INTERVAL, SHORTEST_INTERVAL, Scene
 from redundant_envs.verify.checks import (
-    ENOUGH_SMOOTH,
     EQUAL_BITS,
     Array,
     Finding,
+    Mode,
     NotApplicable,
     Trial,
     at_most,
     check,
+    enough,
 )
 
 BACK = at_most(1e-9, "rad or reaches")
@@ -33,7 +34,7 @@ def conserves(h: Hook) -> bool:
     return of_force or isinstance(h, Field | PointMass | Inertia)
 
 
-@check("time reversal", BACK)
+@check("time reversal", BACK, Mode.STANDARD)
 def time_reversal(trial: Trial) -> Finding:
     """With reversed velocities an arm returns to its start, under the same efforts.
 
@@ -49,8 +50,7 @@ def time_reversal(trial: Trial) -> Finding:
     good = batch.advance(efforts).numerics == 0
     batch.set_state(batch.q, -batch.qd)
     good = good & (batch.advance(efforts).numerics == 0) & (trial.calm >= seconds)
-    if np.mean(good) < 0.5 * ENOUGH_SMOOTH:
-        raise NotApplicable("too few motions could be simulated to rounding")
+    enough(good, "too few motions could be simulated to rounding", 0.25)
     reach = np.linalg.norm(trial.arm.points(q), axis=2).max()
     unit = np.where(trial.arm.prismatic, reach, 1.0)
     gaps = np.where(good[:, None], np.abs((batch.q - q) @ trial.arm.motor_map) / unit, 0.0)
@@ -76,8 +76,7 @@ def _moved(arm: Any, g: float, seconds: float, q: Array, qd: Array, efforts: Arr
 
 def _differ(trial: Trial, one: Array, other: Array, words: str) -> Finding:
     sound = np.isfinite(np.concatenate([one, other], axis=1)).all(axis=1)
-    if np.mean(sound) < ENOUGH_SMOOTH:
-        raise NotApplicable("too few motions stay finite at the scene's own step")
+    enough(sound, "too few motions stay finite at the scene's own step")
     differs = np.asarray((one != other) & sound[:, None]).reshape(len(one), 2, -1)
     by_joint = differs.any(axis=1).astype(float)
     lanes = int(by_joint.any(axis=1).sum())
@@ -92,7 +91,7 @@ def _step(trial: Trial) -> float:
     return float(2.0 ** np.floor(np.log2(np.clip(own, 2.0 * SHORTEST_INTERVAL, 0.5 * LONGEST_INTERVAL))))
 
 
-@check("scaling of masses", EQUAL_BITS)
+@check("scaling of masses", EQUAL_BITS, Mode.STANDARD)
 def scaling_of_masses(trial: Trial) -> Finding:
     """Four times the masses and forces give the same motion: a power of two changes no digit."""
     arm = trial.scene.robot
@@ -105,7 +104,7 @@ def scaling_of_masses(trial: Trial) -> Finding:
     return _differ(trial, one, other, words)
 
 
-@check("scaling of lengths and time", EQUAL_BITS)
+@check("scaling of lengths and time", EQUAL_BITS, Mode.STANDARD)
 def scaling_of_lengths(trial: Trial) -> Finding:
     """Four times the lengths in twice the time are the same motion, under the same gravity."""
     arm = trial.scene.robot

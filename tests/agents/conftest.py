@@ -1,6 +1,17 @@
-"""Fixtures shared by tests of the application."""
+"""Fixtures of the application: runs that all tests of one process share, and refused commands.
+
+A test that changes a run takes a copy.
+"""
+
+import os
+import shutil
+import signal
+from pathlib import Path
 
 import pytest
+from run_folders import SMALL, kill_at, small_config, write_scene_file
+
+from redundant_envs_train.__main__ import main
 
 
 @pytest.fixture(autouse=True)
@@ -9,3 +20,68 @@ def short_clips(monkeypatch):
     from redundant_envs_train import report
 
     monkeypatch.setattr(report, "CLIP_EPISODES", 1)
+
+
+@pytest.fixture
+def refused(capsys):
+    """Run a command that ends with status 2 and one line on stderr; all parts are in it."""
+
+    def check(words, *parts):
+        capsys.readouterr()
+        assert main([str(word) for word in words]) == 2
+        error = capsys.readouterr().err
+        assert error.count("\n") == 1, error
+        for part in parts:
+            assert part in error
+        return error
+
+    return check
+
+
+@pytest.fixture(scope="session")
+def home(tmp_path_factory):
+    """A folder with the scene mine.yaml, and a PPO run that was trained in it, evaluated and reported."""
+    from redundant_envs_train import report
+
+    folder = tmp_path_factory.mktemp("home")
+    write_scene_file(folder, 0.3)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        patch.setattr(report, "CLIP_EPISODES", 1)
+        assert main(["train", "rprp_reach_ppo", *SMALL, "env_kwargs.scene=mine.yaml", "--out", "run"]) == 0
+    return folder
+
+
+@pytest.fixture
+def run(home, tmp_path, monkeypatch):
+    """A copy of the run in another folder, from which commands are called; there is no mine.yaml."""
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    return Path(shutil.copytree(home / "run", "moved"))
+
+
+@pytest.fixture(scope="session")
+def begun(tmp_path_factory):
+    """A SAC training that was killed after its replay buffer was full."""
+    from redundant_envs_train.training.train import train
+
+    folder = tmp_path_factory.mktemp("begun") / "run"
+    with pytest.MonkeyPatch.context() as patch:
+        kill_at(1600, patch)
+        with pytest.raises(SystemExit):
+            train(small_config("sac", checkpoint_seconds=1e-9), folder)
+    return folder
+
+
+@pytest.fixture
+def killed(begun, tmp_path):
+    """A copy of it to damage or to continue."""
+    return Path(shutil.copytree(begun, tmp_path / "killed"))
+
+
+@pytest.fixture
+def interrupts():
+    """Ctrl-C raises KeyboardInterrupt here; a shell's background jobs ignore it."""
+    outside = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield lambda: os.kill(os.getpid(), signal.SIGINT)
+    signal.signal(signal.SIGINT, outside)

@@ -1,21 +1,103 @@
-"""Small made-up run folders for tests, and their comparison."""
+"""Small runs and made-up run folders for tests, and their comparison."""
 
 from __future__ import annotations
 
+import csv
 import json
+import zipfile
 from pathlib import Path
 from typing import Any
 
 import torch
 import yaml
 
-from redundant_envs.scene import scene_at
-from redundant_envs_train.config import Config
+from redundant_envs.scene import load_scene, scene_at
+from redundant_envs_train.config import Config, checked
 from redundant_envs_train.policies import read_weights
 from redundant_envs_train.run_folder import SELECTION, named_scene, read_config
+from redundant_envs_train.training.watch import Watch
 
+ROOT = Path(__file__).resolve().parents[2]
+POLICIES = ROOT / "policies"
+REFUSALS = yaml.safe_load((Path(__file__).parent / "refusals.yaml").read_text(encoding="utf-8"))
+"""What is refused, and the words of the message."""
 RPRP, FOUR_R = "redundant_envs/RPRPReach-v0", "redundant_envs/FourRReach-v0"
 CURVE = [(1000, 1.0, 0.2, 0.4, 10.0), (2000, 2.0, 0.9, 0.95, 60.0), (3000, 3.5, 0.98, 1.0, 70.0)]
+TINY = [
+    "num_envs=32", "ppo.n_steps=16", "ppo.batch_size=256", "total_steps=1024", "curve_every=512",
+    "curve_episodes=5", "evaluation_episodes=5", "telemetry=[]",
+]  # fmt: skip
+"""Settings of a training of PPO that takes less than a second."""
+SMALL = [*TINY, "env_kwargs.max_episode_steps=20"]
+REPLAY = {"learning_starts": 400, "buffer_size": 1200, "gradient_steps": 1, "batch_size": 32}
+"""A replay buffer that is smaller than a run, so that its oldest rows are overwritten."""
+CASES: dict[str, dict[str, Any]] = {
+    "ppo": {"num_envs": 32, "total_steps": 2048, "ppo": {"n_steps": 16, "batch_size": 256}},
+    "plain_ppo": {"plain_ppo": {"n_steps": 16, "batch_size": 64}},
+    "auto": {"algo": "sac", "sac": {**REPLAY, "ent_coef": "auto", "schedule": "linear"}},
+    "her": {
+        "env": "redundant_envs/RPRPGoalReach-v0", "total_steps": 4800,
+        "her": {**REPLAY, "learning_starts": 1600, "buffer_size": 3200},
+    },
+    **{algo: {algo: REPLAY} for algo in ("sac", "plain_sac", "td3", "tqc", "crossq")},
+}  # fmt: skip
+"""Settings of short trainings, by algorithm or by what is special."""
+
+
+def small_config(case: str, **more: Any) -> Config:
+    """The configuration of a short training."""
+    return checked(Config, {
+        "config_version": 2, "env": RPRP, "algo": case, "seed": 4, "num_envs": 16, "total_steps": 2400,
+        "curve_every": 1000, "curve_episodes": 5, "evaluation_episodes": 5, "telemetry": [],
+        "checkpoint_seconds": 0, **CASES[case], **more,
+    })  # fmt: skip
+
+
+def kill_at(steps: int, monkeypatch: Any) -> None:
+    """Let trainings end without a trace at so many steps: a kill."""
+    plain = Watch._on_step
+
+    def on_step(self: Any) -> bool:
+        if self.num_timesteps >= steps:
+            raise SystemExit
+        return plain(self)
+
+    monkeypatch.setattr(Watch, "_on_step", on_step)
+
+
+def write_scene_file(folder: Path, friction: float) -> None:
+    """mine.yaml: the reach scene with another viscous friction."""
+    data = load_scene("rprp_reach").to_dict()
+    (effect,) = (e for e in data["effects"] if e["type"] == "ViscousFriction")
+    effect["coefficients"] = [friction] * 4
+    (folder / "mine.yaml").write_text(yaml.safe_dump(data))
+
+
+def change(path: Path, **entries: Any) -> Path:
+    """Change entries of a JSON or YAML file; returns its folder."""
+    read, write = (json.loads, json.dumps) if path.suffix == ".json" else (yaml.safe_load, yaml.safe_dump)
+    path.write_text(write(read(path.read_text()) | entries))
+    return path.parent
+
+
+def members(path: Path) -> dict[str, bytes]:
+    """Contents of a zip file."""
+    with zipfile.ZipFile(path) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+def write_members(path: Any, contents: dict[str, bytes | None], kind: int = zipfile.ZIP_DEFLATED) -> None:
+    """Write a zip file; contents that are None are left out."""
+    with zipfile.ZipFile(path, "w", kind) as archive:
+        for name, data in contents.items():
+            if data is not None:
+                archive.writestr(name, data)
+
+
+def csv_rows(path: Path) -> list[dict[str, str]]:
+    """Rows of a CSV file, without its comments."""
+    with path.open(newline="") as file:
+        return list(csv.DictReader(line for line in file if not line.startswith("#")))
 
 
 def config_text(seed: int, env: str, algo: str, settings: dict[str, Any]) -> str:
@@ -30,8 +112,7 @@ def write_run(
 ) -> Path:  # fmt: skip
     """A run folder with entries of its evaluation changed by ``facts``, or left out."""
     folder.mkdir(parents=True)
-    config = config_text(seed, env, algo, settings or {})
-    (folder / "config.yaml").write_text(config)
+    (folder / "config.yaml").write_text(config_text(seed, env, algo, settings or {}))
     write_scene(folder)
     evaluation = {
         "env": env, "algo": algo, "seed": seed, "episodes": 1000, "hold_success": 0.99,

@@ -1,27 +1,84 @@
-"""Interquartile means, bootstrap intervals, and groups of runs."""
+"""Statistics of runs and episodes; runs and tables of them, their tables for readers, and learning curves."""
+
+import itertools
 
 import numpy as np
 import pytest
-from run_folders import CURVE, FOUR_R, RPRP, config_text, write_run
+from run_folders import CURVE, FOUR_R, RPRP, config_text, csv_rows, write_run
 
 from redundant_envs.scene import load_scene
+from redundant_envs_train.evidence.curves import MEASURES, curves, draw, summarize
 from redundant_envs_train.evidence.runs import group, read_groups, read_run, read_runs, write_runs
 from redundant_envs_train.evidence.table import table
-from redundant_envs_train.statistics import interquartile_mean, run_interval
+from redundant_envs_train.statistics import (
+    bootstrap,
+    interquartile_mean,
+    middle_95,
+    permutation_test,
+    run_interval,
+    sign_test,
+    wilson,
+)
 
-# ---- aggregates ----------------------------------------------------------------------------------
+# ---- statistics ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("successes", "trials", "low", "high"),
+    [  # Newcombe 1998, table I: Wilson's score method without continuity correction
+        (81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611), (1, 29, 0.0061, 0.1718),
+    ],
+)  # fmt: skip
+def test_wilson_interval(successes, trials, low, high):
+    assert wilson(successes, trials) == pytest.approx((low, high), abs=6e-5)
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "p"), [(0, 0, 1.0), (5, 0, 0.0625), (0, 6, 0.03125), (1, 5, 0.21875), (4, 4, 1.0)]
+)
+def test_sign_test(a, b, p):
+    assert sign_test(a, b) == p
+
+
+@pytest.mark.parametrize(
+    ("act", "word"),
+    [
+        (lambda: wilson(5, 3), "5 of 3"), (lambda: bootstrap([1.0], 10, 0), "1 samples"),
+        (lambda: permutation_test(np.zeros(30), np.ones(30)), "splits"),
+        (lambda: table([]), "folders is empty; give at least one run folder"),
+    ],
+)  # fmt: skip
+def test_samples_that_are_none_are_refused(act, word):
+    with pytest.raises(ValueError, match=word):
+        act()
+
+
+def test_bootstrap_agrees_with_the_normal_interval_and_the_binomial():
+    sample = np.random.default_rng(1).normal(3.0, 2.0, 1000)
+    half = 1.96 * sample.std() / np.sqrt(1000)
+    expected = sample.mean() - half, sample.mean() + half
+    assert middle_95(bootstrap(sample, 10_000, 0)) == pytest.approx(expected, abs=0.01)
+    means = bootstrap([0.0, 1.0], 40_000, 0)  # of two draws from {0, 1}
+    assert [np.mean(means == m) for m in (0.0, 0.5, 1.0)] == pytest.approx([0.25, 0.5, 0.25], abs=0.01)
+
+
+def test_bootstrap_is_seeded_and_keeps_columns_together():
+    sample = np.random.default_rng(2).normal(size=50)
+    pairs = np.column_stack([sample, -2 * sample])
+    means = bootstrap(pairs, 300, 7)
+    assert means.shape == (300, 2)
+    np.testing.assert_allclose(means[:, 1], -2 * means[:, 0], atol=1e-12)
+    np.testing.assert_array_equal(means, bootstrap(pairs, 300, 7))
+    assert (means != bootstrap(pairs, 300, 8)).all()
 
 
 @pytest.mark.parametrize(
     ("values", "mean"),
     [
-        ([7.0], 7.0),
-        ([1.0, 2.0, 9.0], 4.0),  # nothing is left out of up to three
-        ([100.0, 1.0, 2.0, -50.0], 1.5),
-        ([9.0, 1.0, 2.0, 3.0, 100.0], 14.0 / 3.0),  # 5 // 4: one on either side
-        ([0.0, 0.0, 1.0, 2.0, 3.0, 4.0, 90.0, 90.0], 2.5),
+        ([7.0], 7.0), ([1.0, 2.0, 9.0], 4.0), ([100.0, 1.0, 2.0, -50.0], 1.5),  # nothing is left out of three
+        ([9.0, 1.0, 2.0, 3.0, 100.0], 14.0 / 3.0), ([0.0, 0.0, 1.0, 2.0, 3.0, 4.0, 90.0, 90.0], 2.5),
     ],
-)
+)  # fmt: skip
 def test_interquartile_mean_leaves_out_a_whole_quarter_on_either_side(values, mean):
     assert interquartile_mean(values) == pytest.approx(mean, rel=1e-15)
 
@@ -37,12 +94,6 @@ def test_run_interval_covers_the_truth_at_about_its_rate():
     low, high = run_interval(samples)
     covered = np.mean((low <= 3.0) & (high >= 3.0))
     assert 0.87 <= covered <= 0.98  # percentile intervals of 20 runs are a little too narrow
-
-
-def test_bootstrap_keeps_the_points_of_a_curve_together():
-    curves_ = np.array([0.0, 5.0, 9.0, 4.0, 7.0])[:, None] + np.arange(4.0)  # (runs, points)
-    for end in run_interval(curves_):
-        np.testing.assert_allclose(np.diff(end), 1.0)
 
 
 def test_bootstrap_does_not_depend_on_how_many_points_are_drawn_at_once(monkeypatch):
@@ -86,23 +137,15 @@ def test_groups_are_of_one_environment_learner_settings_and_number_of_goals(tmp_
 
 
 def test_another_scene_is_named_and_the_own_one_is_not(tmp_path):
-    scenes = {
-        "own": "rprp_reach",
-        "springs": "rprp_limit_springs",
-        "data": load_scene("rprp_reach").to_dict(),
-    }
-    for name, scene in scenes.items():
-        write_run(tmp_path / name, settings={"env_kwargs": {"scene": scene}})
-    titles = {
-        same.runs[0].folder.name: same.title for same in read_groups(tmp_path / name for name in scenes)
-    }
-    assert titles["own"] == "RPRPReach-v0"
-    assert titles["springs"] == "RPRPReach-v0 (rprp_limit_springs)"
-    assert titles["data"].startswith("RPRPReach-v0 (scene ")
+    for k, scene in enumerate(("rprp_reach", "rprp_limit_springs", load_scene("rprp_reach").to_dict())):
+        write_run(tmp_path / str(k), settings={"env_kwargs": {"scene": scene}})
+    own, springs, data = (read_groups([tmp_path / str(k)])[0].title for k in range(3))
+    assert (own, springs) == ("RPRPReach-v0", "RPRPReach-v0 (rprp_limit_springs)")
+    assert data.startswith("RPRPReach-v0 (scene ")
 
 
 def test_a_seed_counts_once(tmp_path):
-    first = write_run(tmp_path / "a", 0)
+    first = write_run(tmp_path / "a", 0, restless=3)  # an older version tells less
     copy = write_run(tmp_path / "b", 0, machine="Other", date="2026-05-05", train_seconds=77.0)
     other = write_run(tmp_path / "c", 1)
     (same,) = read_groups([first, copy, other, first, f"{other}/"])
@@ -116,15 +159,6 @@ def test_two_results_of_one_seed_are_refused_by_both_names(tmp_path, change):
     write_run(tmp_path / "b", 3, **(other if change == "curve" else {"hold_success": 0.98}))
     with pytest.raises(ValueError, match=f"{first} and {tmp_path / 'b'} are runs of seed 3.*give one"):
         group([read_run(first), read_run(tmp_path / "b")])
-
-
-@pytest.mark.parametrize("name", ["config.yaml", "evaluation.json", "selection.csv"])
-def test_a_folder_that_is_no_run_is_named_with_what_is_missing(tmp_path, name):
-    (write_run(tmp_path / "run") / name).unlink()
-    with pytest.raises(ValueError) as error:
-        read_run(tmp_path / "run")
-    assert str(tmp_path / "run") in str(error.value)
-    assert name in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -143,18 +177,6 @@ def test_an_evaluation_of_another_run_is_refused(tmp_path):
     (folder / "config.yaml").write_text(config_text(2, RPRP, "ppo", {}))
     with pytest.raises(ValueError, match=r"evaluation\.json has 1 as 'seed', and config.yaml has 2"):
         read_run(folder)
-
-
-def test_no_folders_are_refused():
-    with pytest.raises(ValueError, match="folders is empty; give at least one run folder"):
-        table([])
-
-
-def test_a_run_that_was_evaluated_by_an_older_version_is_the_same_run(tmp_path):
-    old = write_run(tmp_path / "old")
-    new = write_run(tmp_path / "new", restless=3)
-    (only,) = read_groups([old, new])
-    assert len(only.runs) == 1
 
 
 # ---- tables of runs ------------------------------------------------------------------------------
@@ -209,3 +231,203 @@ def test_a_damaged_table_is_named_with_the_run(tmp_path, old, new, words):
     with pytest.raises(ValueError, match=r"runs.csv is no table of runs.*write it again") as error:
         read_runs([path])
     assert words in str(error.value)
+
+
+# ---- tables for readers ----------------------------------------------------------------------------
+
+
+def cells(text, number):
+    """The rows of a Markdown table by their columns; a repeated column gets the one before as prefix."""
+    lines = text.split("\n\n")[number].split("\n")
+    split = [[cell.strip() for cell in line.strip("|").split(" | ")] for line in lines]
+    head = [split[0][i - 1] + name if name.startswith("...") else name for i, name in enumerate(split[0])]
+    return [dict(zip(head, line, strict=True)) for line in split[2:]]
+
+
+def test_a_row_has_median_worst_and_interquartile_mean_of_its_seeds(tmp_path):
+    holds = [0.9, 0.97, 0.98, 0.99, 1.0]
+    for seed, hold in enumerate(holds):
+        write_run(tmp_path / str(seed), seed, hold_success=hold, train_seconds=100.0 + seed)
+    low, high = run_interval(holds)
+    (shown,) = cells(table(sorted(tmp_path.iterdir())), 0)
+    assert shown["hold, median"] == "98.0 %"
+    assert shown["hold, worst seed"] == "90.0 %"
+    assert shown["hold, IQM [95 % interval]"] == f"98.0 % [{100 * low:.1f} to {100 * high:.1f}]"
+    assert (shown["steps, millions"], shown["training, s"], shown["steps per s"]) == ("8", "102", "78431")
+
+
+@pytest.mark.parametrize(
+    ("holds", "verdict"),
+    [
+        ([0.98, 0.99, 0.995], "computed torque holds more"), ([0.995, 0.995, 0.995], "equal"),
+        ([0.99, 0.995, 1.0], "equal (computed torque holds more in 1 of 3 seeds)"),
+        ([1.0, 1.0, 0.996], "the learner holds more"),
+        ([1.0, 1.0, 0.99], "the learner holds more (computed torque holds more in 1 of 3 seeds)"),
+    ],
+)  # fmt: skip
+def test_a_loss_is_named(tmp_path, holds, verdict):
+    for seed, hold in enumerate(holds):
+        write_run(tmp_path / str(seed), seed, hold_success=hold, expert_hold_success=0.995)
+    (shown,) = cells(table(sorted(tmp_path.iterdir())), 0)
+    assert shown["hold compared"] == verdict
+
+
+def test_a_rate_below_one_is_never_shown_as_100_percent_and_early_ends_show_in_the_steps(tmp_path):
+    for seed, (hold, steps) in enumerate(((0.9996, 8_000_000), (1.0, 2_000_000))):
+        write_run(tmp_path / str(seed), seed, hold_success=hold, touch_success=1.0, env_steps=steps)
+    (shown,) = cells(table(sorted(tmp_path.iterdir())), 0)
+    assert (shown["hold, median"], shown["touch, median"]) == ("99.9 %", "100.0 %")
+    assert shown["steps, millions"] == "2 to 8"
+
+
+def test_the_second_table_compares_with_computed_torque(tmp_path):
+    folder = write_run(tmp_path / "a", time_to_hold=None)
+    (shown,) = cells(table([folder]), 1)
+    assert shown == {
+        "environment": "RPRPReach-v0", "learner": "PPO", "time to hold, s": "-",
+        "time to hold, s... of computed torque": "1.2", "effort": "0.2",
+        "effort... of computed torque": "0.4", "smoothness": "0.1",
+        "smoothness... of computed torque": "0.3", "machine": "Abacus",
+    }  # fmt: skip
+
+
+def test_the_table_tells_goals_machines_versions_and_dates(tmp_path):
+    write_run(tmp_path / "a", 0)
+    write_run(tmp_path / "b", 1, machine="Z|1", date="2026-03-09T10:00:00")
+    text = table(sorted(tmp_path.iterdir()))
+    end = "Goals of each seed: 1000. Machine: Abacus; Z|1. torch: 2.13.0. stable-baselines3: 2.9.2. "
+    assert text.endswith(end + "Evaluated from 2026-03-04 to 2026-03-09.")
+    assert "Abacus; Z/1 |" in text
+
+
+def test_what_an_old_folder_lacks_is_a_dash_and_one_seed_has_no_interval(tmp_path):
+    lacking = (
+        "env_steps", "train_seconds", "time_to_hold", "effort", "smoothness", "expert_time_to_hold",
+        "expert_effort", "expert_smoothness",
+    )  # fmt: skip
+    folder = write_run(tmp_path / "old", without=lacking)
+    (first,), (second,) = (cells(table([folder]), k) for k in (0, 1))
+    assert first["hold, IQM [95 % interval]"] == "99.0 % [unknown]"
+    assert (first["training, s"], first["steps per s"], first["steps, millions"]) == ("-",) * 3
+    assert (second["time to hold, s"], second["effort"], second["smoothness"]) == ("-",) * 3
+
+
+# ---- learning curves ---------------------------------------------------------------------------------
+
+
+def make_runs(base, seeds=3):
+    """Runs of two learners on two environments, each with different seconds."""
+    generator = np.random.default_rng(0)
+    folders = []
+    for env in (RPRP, FOUR_R):
+        for algo in ("ppo", "sac"):
+            for seed in range(seeds):
+                rates = np.sort(generator.integers(0, 501, (4, 2)), axis=None).reshape(4, 2) / 500
+                curve = [
+                    (1000 * (k + 1), 10.0 * (k + 1) * (1 + 0.1 * seed), *rates[k], 20.0 * k) for k in range(4)
+                ]
+                name = f"{env.rpartition('/')[2]}_{algo}_{seed}"
+                folders.append(write_run(base / name, seed, env, algo, curve))
+    return folders
+
+
+def test_the_ticks_of_success_tell_98_from_100_percent(tmp_path):
+    figure = draw(read_groups(make_runs(tmp_path)), ("steps", "seconds"))
+    figure.canvas.draw()
+    assert len(figure.subfigs) == 2
+    for part in figure.subfigs:
+        assert len(part.axes) == 6
+        for panel in (panel for panel in part.axes if "success" in panel.get_title(loc="left")):
+            assert "logarithmic" in panel.get_title(loc="left")
+            labels = [tick.get_text() for tick in panel.get_yticklabels()]
+            assert {"0", "50", "90", "99", "100"} <= set(labels)
+            boxes = [tick.get_window_extent() for tick in panel.get_yticklabels()]
+            assert all(a.y1 <= b.y0 for a, b in itertools.pairwise(boxes))  # none overlap
+            low, high = panel.transData.transform([(1.0, 0.98), (1.0, 1.0)])[:, 1]
+            assert high - low > 0.2 * panel.get_window_extent().height
+
+
+def test_the_legend_names_learners_seeds_and_computed_torque(tmp_path):
+    folders = [*make_runs(tmp_path), write_run(tmp_path / "goal", env="redundant_envs/RPRPGoalReach-v0")]
+    parts = draw(read_groups(folders), ("steps",)).subfigs
+    legends = [[text.get_text() for text in part.legends[0].get_texts()] for part in parts]
+    assert legends[0][:3] == ["PPO (3 seeds)", "SAC (3 seeds)", "computed torque"]
+    assert "PPO (1 seed)" in legends[1]
+    colors = {line.get_label(): line.get_color() for line in parts[2].axes[0].get_lines()}
+    assert colors["PPO (3 seeds)"] != colors["SAC (3 seeds)"]
+    assert colors["computed torque"] == "black"
+
+
+def test_computed_torque_is_drawn_at_its_success_and_return(tmp_path):
+    folder = write_run(tmp_path / "a", expert_hold_success=0.97)
+    hold, touch, returns = draw(read_groups([folder]), ("steps",)).subfigs[0].axes
+    levels = [
+        [line.get_ydata()[0] for line in panel.get_lines() if line.get_label() == "computed torque"]
+        for panel in (hold, touch, returns)
+    ]
+    assert levels == [[0.97], [], [63.0]]
+
+
+def test_learners_of_very_different_length_share_a_logarithmic_axis(tmp_path):
+    long = [(20 * steps, *rest) for steps, *rest in CURVE]
+    folders = [write_run(tmp_path / "ppo", curve=long), write_run(tmp_path / "sac", algo="sac")]
+    steps, seconds = draw(read_groups(folders), ("steps", "seconds")).subfigs[0].axes[::3]
+    assert (steps.get_xscale(), seconds.get_xscale()) == ("log", "linear")
+    assert steps.get_xlabel() == "environment steps, millions (logarithmic)"
+
+
+def test_the_csv_holds_what_a_direct_computation_gives(tmp_path):
+    folders = make_runs(tmp_path / "runs", 5)
+    path = curves(folders, tmp_path / "out" / "curves.png")
+    assert path == tmp_path / "out" / "curves.csv"
+    assert (tmp_path / "out" / "curves.png").read_bytes().startswith(b"\x89PNG")
+    found = csv_rows(path)
+    assert len(found) == 4 * 2 * 4  # groups, axes, points
+    tables = [np.loadtxt(f / "selection.csv", delimiter=",", skiprows=1) for f in folders[5:10]]
+    steps = [row for row in found if row["environment"] == "RPRPReach-v0" and row["learner"] == "SAC"]
+    for k, row in enumerate(row for row in steps if row["axis"] == "steps"):
+        assert float(row["x"]) == tables[0][k, 0]
+        for column, name in enumerate(MEASURES, start=2):
+            values = [table_[k, column] for table_ in tables]
+            assert float(row[name]) == pytest.approx(np.mean(sorted(values)[1:-1]))
+            low, high = run_interval(values)
+            assert float(row[f"{name}_low"]) == pytest.approx(low)
+            assert float(row[f"{name}_high"]) == pytest.approx(high)
+        assert (float(row["expert_hold_success"]), float(row["expert_mean_return"])) == (1.0, 63.0)
+    grid = np.linspace(14.0, 40.0, 4)  # the slowest run's first point, the fastest one's last
+    for x, row in zip(grid, (row for row in steps if row["axis"] == "seconds"), strict=True):
+        values = sorted(np.interp(x, table_[:, 1], table_[:, 2]) for table_ in tables)
+        assert float(row["x"]) == pytest.approx(x)
+        assert float(row["hold_success"]) == pytest.approx(np.mean(values[1:-1]))
+
+
+def test_of_two_points_at_one_step_the_last_counts(tmp_path):
+    curve = [*CURVE, (3000, 3.6, 0.5, 0.5, 50.0)]
+    (same,) = read_groups([write_run(tmp_path / "a", curve=curve)])
+    found = summarize(same, "steps")
+    np.testing.assert_array_equal(found.x, [1000, 2000, 3000])
+    np.testing.assert_array_equal(found.middle[-1], [0.5, 0.5, 50.0])
+    assert np.isnan(found.low).all()
+
+
+def test_a_figure_of_one_seed_is_written_as_svg(tmp_path):
+    path = curves([write_run(tmp_path / "a")], tmp_path / "one.svg")
+    assert "<svg" in (tmp_path / "one.svg").read_text()
+    assert {row["hold_success_low"] for row in csv_rows(path)} == {""}
+
+
+@pytest.mark.parametrize(
+    ("curve", "name", "word"),
+    [
+        (None, "a.gif", r"path is '.*a.gif'; end its name in .png or .svg"),
+        ([], "a.png", "/1 has no row in selection.csv"),
+        ([(n, s + 100.0, *more) for n, s, *more in CURVE], "a.png", r"/0 ends at 3.5 and .*/1 starts at 101"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_drawn_is_refused(curve, name, word, tmp_path):
+    if curve is None:  # before anything is read
+        folders = [tmp_path / "missing"]
+    else:
+        folders = [write_run(tmp_path / "0", 0), write_run(tmp_path / "1", 1, curve=curve)]
+    with pytest.raises(ValueError, match=word):
+        curves(folders, tmp_path / name)

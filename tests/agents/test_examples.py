@@ -1,6 +1,7 @@
-"""docs/examples/: the programs run, and their results agree with the project's evaluation."""
+"""docs/examples/ and docs/other_libraries.md: the programs run, and agree with the project's evaluation."""
 
 import importlib.util
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -15,6 +16,7 @@ from redundant_envs_train.rollout import EVALUATION_SEED, run_episodes
 ROOT = Path(__file__).parents[2]
 PPO = ROOT / "docs" / "examples" / "cleanrl_ppo.py"
 POLICY = ROOT / "policies" / "RPRPReach-v0-sac" / "policy.zip"
+PAGE = ROOT / "docs" / "other_libraries.md"
 RPRP = "redundant_envs/RPRPReach-v0"
 
 
@@ -74,3 +76,21 @@ def test_advantages_of_the_ppo_example_are_discounted_returns_without_values(ppo
     on, limit, end = 2.0 + 0.5 * last, 2.0 + 0.5 * 40.0, 2.0
     expected = [[1.0 + 0.5 * on, 1.0 + 0.5 * limit, 1.0 + 0.5 * end], [on, limit, end], [last] * 3]
     np.testing.assert_array_equal(returns.numpy(), np.array(expected, dtype=np.float32))
+
+
+@pytest.mark.skipif(importlib.util.find_spec("torchrl") is None, reason="torchrl is not installed")
+def test_the_program_for_torchrl_prints_what_its_comments_say():
+    programs = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.S)
+    (program,) = (program for program in programs if "torchrl" in program)
+    command = [sys.executable, "-W", "error", "-c", program]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+    shown = [line for line in done.stdout.splitlines() if line.startswith("torch.")]
+    assert shown == ["torch.Size([100])", "torch.Size([64, 250]) torch.Size([128])", "torch.float64"]
+
+
+def test_the_page_names_files_and_arguments_that_exist():
+    text = PAGE.read_text(encoding="utf-8")
+    for name in re.findall(r"(?:configs/zoo|docs/examples|agents/redundant_envs_train)/\w+\.\w+", text):
+        assert (ROOT / name).exists(), name
+    assert len(re.findall(r"configs/zoo/\w+\.yml", text)) >= 2

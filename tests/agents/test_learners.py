@@ -6,15 +6,15 @@ import itertools
 import numpy as np
 import pytest
 import torch
-from stable_baselines3 import SAC
-from stable_baselines3.common.callbacks import BaseCallback
+from sb3_contrib import TQC, CrossQ
+from stable_baselines3 import PPO, SAC, TD3
+from stable_baselines3.common.callbacks import ConvertCallback
 from torch.nn import functional
 
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs_train.config import Config, checked
-from redundant_envs_train.learners.averaging import goal_mixing
-from redundant_envs_train.learners.build import make_model
-from redundant_envs_train.learners.networks import ACTIVATIONS, Adam, Networks, linear_layers
+from redundant_envs_train.learners.build import NormalNoise, make_model
+from redundant_envs_train.learners.networks import ACTIVATIONS, Adam, Networks, goal_mixing, linear_layers
 from redundant_envs_train.learners.ppo import neighbouring_actions
 
 SMALL = {
@@ -24,16 +24,11 @@ SMALL = {
 }
 
 
-class Nothing(BaseCallback):
-    def _on_step(self):
-        return True
-
-
 def make(algo, env="RPRPReach-v0", **settings):
     config = checked(
         Config,
         {"config_version": 2, "env": f"redundant_envs/{env}", "algo": algo, "num_envs": 16, "seed": 3,
-         algo: {**SMALL[algo], **settings}},
+         algo: {**SMALL.get(algo, {}), **settings}},
     )  # fmt: skip
     env = make_sb3(config.env, config.num_envs)
     env.seed(0)
@@ -78,11 +73,8 @@ def test_adam_takes_the_steps_of_torch():
     torch.manual_seed(0)
     module = layers(3, 4, 2)
     networks = Networks([linear_layers(module)], "silu")
-    adam, theirs = (
-        Adam(networks, 1e-8),
-        torch.optim.Adam([torch.nn.Parameter(networks.vector.clone())], lr=0.01),
-    )
-    (parameter,) = theirs.param_groups[0]["params"]
+    parameter = torch.nn.Parameter(networks.vector.clone())
+    adam, theirs = Adam(networks, 1e-8), torch.optim.Adam([parameter], lr=0.01)
     for _ in range(50):
         networks.gradient.copy_(torch.randn_like(networks.vector))
         parameter.grad = networks.gradient.clone()
@@ -140,13 +132,10 @@ def test_the_actor_and_critic_steps_of_sac_follow_the_derivatives_of_their_losse
     torch.testing.assert_close(actor._dweights[1][0], second, rtol=1e-4, atol=1e-6)
     policy.critic.zero_grad()
     sum(0.5 * functional.mse_loss(q[:, 0], goals) for q in policy.critic(raw, sample.actions)).backward()
+    weights = critics._parts(found_critics)[0]
     for k, q in enumerate(policy.critic.q_networks):
-        torch.testing.assert_close(
-            critics._parts(found_critics)[0][1][k], q[2].weight.grad, rtol=1e-4, atol=1e-6
-        )
-        torch.testing.assert_close(
-            critics._parts(found_critics)[0][2][k], q[4].weight.grad, rtol=1e-4, atol=1e-6
-        )
+        torch.testing.assert_close(weights[1][k], q[2].weight.grad, rtol=1e-4, atol=1e-6)
+        torch.testing.assert_close(weights[2][k], q[4].weight.grad, rtol=1e-4, atol=1e-6)
     for name, vector in before.items():
         assert torch.equal(model.networks[name].vector, vector)
 
@@ -238,12 +227,10 @@ def test_the_policy_acts_as_the_networks_do(algo, env):
 
 def test_an_average_is_the_running_mean_of_weights_and_is_there_inside_alone():
     model = make("sac", average=0.9)
-    weights, mean = [], model.networks["actor"].vector.clone()
+    networks = model.networks["actor"]
+    weights, mean = [], networks.vector.clone()
     step = model.adams["actor"].step
-    model.adams["actor"].step = lambda rate: (
-        step(rate),
-        weights.append(model.networks["actor"].vector.clone()),
-    )
+    model.adams["actor"].step = lambda rate: (step(rate), weights.append(networks.vector.clone()))
     model.learn(2000)
     assert len(weights) > 50
     for k, vector in enumerate(weights):
@@ -255,9 +242,7 @@ def test_an_average_is_the_running_mean_of_weights_and_is_there_inside_alone():
         inside = model.policy.actor.mu.weight.clone()
     assert torch.equal(model.policy.actor.mu.weight, present)
     assert not torch.equal(inside, present)
-    torch.testing.assert_close(
-        inside, model.networks["actor"]._parts(mean)[0][2][0, :4], rtol=1e-6, atol=1e-7
-    )
+    torch.testing.assert_close(inside, networks._parts(mean)[0][2][0, :4], rtol=1e-6, atol=1e-7)
 
 
 def test_without_an_average_the_policy_is_the_last_actor():
@@ -315,17 +300,6 @@ def test_the_error_is_given_at_its_scale_and_the_goal_in_reaches():
     assert goal_mixing(space["observation"], 0.05) is None
 
 
-def test_copies_of_a_hindsight_learner_keep_their_networks():
-    model = make("her", "RPRPGoalReach-v0")
-    model.learn(1700)
-    assert isinstance(model, SAC)
-    state = model.learner_state()
-    model.learn(1000, reset_num_timesteps=False)
-    model.set_learner_state(state)
-    for name, vector in state["networks"].items():
-        assert torch.equal(model.networks[name].vector, vector)
-
-
 @pytest.mark.parametrize("env", ["RPRPReach-v0", "FourRGoalReach-v0"])
 def test_a_rollout_of_ppo_holds_what_stable_baselines3_would_compute(env):
     model = make("ppo", env, n_steps=30)
@@ -334,26 +308,23 @@ def test_a_rollout_of_ppo_holds_what_stable_baselines3_would_compute(env):
     starts, before = model._last_episode_starts.copy(), model.num_timesteps
     ends = []
 
-    class Ends(BaseCallback):
-        def _on_step(self):
-            ends.extend((self.num_timesteps, i) for i in np.flatnonzero(self.locals["dones"]))
-            return True
+    def note(local, _):
+        ends.extend((model.num_timesteps, i) for i in np.flatnonzero(local["dones"]))
+        return True
 
-    callback = Ends()
+    callback = ConvertCallback(note)
     callback.init_callback(model)
     buffer = model.rollout_buffer
     assert model.collect_rollouts(model.env, callback, buffer, 30)
     assert len(ends) == 16  # every episode ended by its time limit, and none before
     step = (ends[0][0] - before) // 16 - 1
     seen = buffer.observations
-    flat = (
-        {k: v.reshape(480, -1) for k, v in seen.items()} if isinstance(seen, dict) else seen.reshape(480, -1)
-    )
-    tensors = policy.obs_to_tensor(flat)[0]
+    parts = seen if isinstance(seen, dict) else {"all": seen}
+    flat = {k: v.reshape(480, -1) for k, v in parts.items()}
+    tensors = policy.obs_to_tensor(flat.get("all", flat))[0]
     with torch.no_grad():
-        values, log_prob, _ = policy.evaluate_actions(
-            tensors, torch.from_numpy(buffer.actions.reshape(480, 4))
-        )
+        actions = torch.from_numpy(buffer.actions.reshape(480, 4))
+        values, log_prob, _ = policy.evaluate_actions(tensors, actions)
         last = policy.predict_values(policy.obs_to_tensor(model._last_obs)[0])
     np.testing.assert_allclose(buffer.values.ravel(), values[:, 0], rtol=1e-5, atol=1e-5)
     np.testing.assert_allclose(buffer.log_probs.ravel(), log_prob, rtol=1e-5, atol=2e-5)
@@ -378,7 +349,7 @@ def test_the_value_after_a_time_limit_is_added_to_the_last_reward():
             model.networks["values"].weights[-1].zero_()
             model.networks["values"].biases[-1].fill_(5.0)
         model._setup_learn(1600)
-        callback = Nothing()
+        callback = ConvertCallback(lambda *_: True)
         callback.init_callback(model)
         model.collect_rollouts(model.env, callback, model.rollout_buffer, 100)
         rewards.append(model.rollout_buffer.rewards)
@@ -408,3 +379,59 @@ def test_every_gradient_step_has_its_share_of_asked_for_goals():
     assert np.mean(shares) == pytest.approx(asked[0])
     assert max(shares) < asked[0] + 0.2
     assert min(shares) > max(0.0, asked[0] - 0.2)
+
+
+# ---- algorithms of stable-baselines3 and sb3-contrib, for comparison -----------------------------
+
+PLAIN = {"plain_ppo": PPO, "plain_sac": SAC, "td3": TD3, "tqc": TQC, "crossq": CrossQ}
+
+
+@pytest.mark.parametrize("algo", PLAIN)
+def test_what_is_set_reaches_the_algorithm(algo):
+    settings = {
+        "gamma": 0.77, "learning_rate": 3e-4, "net_arch": [24, 8], "activation": "tanh", "batch_size": 64,
+    }  # fmt: skip
+    replay = {"buffer_size": 3200, "learning_starts": 77, "gradient_steps": 3}
+    more = {
+        "plain_ppo": {"n_steps": 16, "n_epochs": 7, "ent_coef": 0.02, "gae_lambda": 0.8},
+        "plain_sac": {**replay, "ent_coef": 0.3, "tau": 0.01},
+        "td3": {**replay, "tau": 0.01, "policy_delay": 5, "target_policy_noise": 0.3,
+                "target_noise_clip": 0.6},
+        "tqc": {**replay, "ent_coef": 0.3, "tau": 0.01, "top_quantiles_to_drop_per_net": 4},
+        "crossq": {**replay, "ent_coef": 0.3, "policy_delay": 5},
+    }[algo]  # fmt: skip
+    made = make(algo, **settings, **more)
+    assert type(made).train is PLAIN[algo].train
+    assert type(made).collect_rollouts is PLAIN[algo].collect_rollouts
+    for name, value in {**more, "batch_size": 64}.items():
+        assert getattr(made, name) == value, name
+    assert (made.gamma, made.lr_schedule(1.0), made.seed) == (0.77, 3e-4, 3)
+    weights = made.policy.state_dict()
+    inner = [name.partition(".")[0] for name, tensor in weights.items() if tensor.shape == (8, 24)]
+    assert len(inner) >= 2  # of the actor and of the critics
+    kinds = {type(module) for module in made.policy.modules()}
+    assert torch.nn.Tanh in kinds
+    assert torch.nn.SiLU not in kinds
+
+
+def test_noise_of_td3_is_normal_and_drawn_for_all_environments_at_once():
+    np.random.seed(0)
+    drawn = NormalNoise((20_000, 4), 0.3)()
+    assert drawn.shape == (20_000, 4)
+    np.testing.assert_allclose(drawn.mean(axis=0), 0.0, atol=0.01)
+    np.testing.assert_allclose(drawn.std(axis=0), 0.3, rtol=0.02)
+    assert np.abs(np.corrcoef(drawn.T) - np.eye(4)).max() < 0.05
+    noise = make("td3", action_noise=0.4).action_noise
+    assert (noise.shape, noise.deviation) == ((16, 4), 0.4)
+
+
+def test_half_of_the_quantiles_are_of_each_critic():
+    assert make("tqc", n_quantiles=5).critic.quantiles_total == 10
+
+
+@pytest.mark.parametrize(("schedule", "half"), [("constant", 2e-3), ("linear", 1e-3)])
+@pytest.mark.parametrize("algo", ["ppo", "sac", "td3"])
+def test_the_learning_rate_follows_its_schedule(algo, schedule, half):
+    model = make(algo, learning_rate=2e-3, schedule=schedule)
+    assert (model.lr_schedule(1.0), model.lr_schedule(0.5)) == (2e-3, half)
+    assert model.lr_schedule(-0.01) == (2e-3 if schedule == "constant" else 0.0)

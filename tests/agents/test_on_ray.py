@@ -1,18 +1,20 @@
 """Several seeds on a Ray cluster of two machines, which share no run folder."""
 
 import contextlib
+import io
 import json
 import os
 import shutil
 import signal
 import sys
+import tarfile
 import tempfile
 import threading
 import time
 from pathlib import Path
 
 import pytest
-from run_folders import assert_same_policy
+from run_folders import ROOT, TINY, assert_same_policy, write_run
 
 from redundant_envs_train.__main__ import main
 from redundant_envs_train.config import load
@@ -25,30 +27,21 @@ from ray.cluster_utils import Cluster
 
 from redundant_envs_train.training import on_ray
 
-ROOT = str(Path(__file__).parents[2])
-SMALL = [
-    "num_envs=32", "ppo.n_steps=16", "ppo.batch_size=256", "total_steps=1024", "curve_episodes=5",
-    "evaluation_episodes=10", "telemetry=[]",
-]  # fmt: skip
-COMMAND = ["train", "rprp_reach_ppo", *SMALL, "--on", "ray"]
+COMMAND = ["train", "rprp_reach_ppo", *TINY, "--on", "ray"]
 
 
 @pytest.mark.parametrize(
     ("more", "word"),
     [
-        (["--on", "dask", "--seeds", "1"], "on is 'dask'; choose processes or ray"),
-        (["--on", "ray"], "give --seeds"),
-        (["--address", "auto", "--seeds", "1"], "add --on ray"),
-        (["--on", "ray", "--seeds", "1", "--processes", "0"], "processes is 0"),
-        (["--on", "ray", "--seeds", "1", "--processes", "2", "--address", "h:1"], "leave one out"),
-        (["--on", "ray", "--seeds", "1", "--address", ""], "address is empty"),
-        (["--on", "ray", "--seeds", "1", "--address", "no address"], "address is 'no address'; Ray cannot"),
-        (["--on", "ray", "--seeds", "1", "--address", "127.0.0.1:1"], "there (Connection refused)"),
+        (["--processes", "0"], "processes is 0"),
+        (["--processes", "2", "--address", "h:1"], "leave one out"),
+        (["--address", ""], "address is empty"),
+        (["--address", "no address"], "address is 'no address'; Ray cannot"),
+        (["--address", "127.0.0.1:1"], "there (Connection refused)"),
     ],
 )
-def test_the_place_of_the_runs_is_checked_before_anything_begins(more, word, tmp_path, capsys):
-    assert main(["train", "rprp_reach_ppo", *more, "--out", str(tmp_path / "out")]) == 2
-    assert word in capsys.readouterr().err
+def test_the_place_of_the_runs_is_checked_before_anything_begins(more, word, tmp_path, refused):
+    refused([*COMMAND, "--seeds", "1", *more, "--out", tmp_path / "out"], word)
     assert not (tmp_path / "out").exists()
 
 
@@ -64,8 +57,10 @@ def disk():
 def cluster(disk):
     """A connection to a cluster of two machines with a core each, whose reports have no pictures."""
 
+    root = str(ROOT)
+
     def prepare():
-        sys.path.insert(0, ROOT)  # Ray would add it later
+        sys.path.insert(0, root)  # Ray would add it later
         from redundant_envs_train import report
 
         def short(folder):
@@ -78,12 +73,8 @@ def cluster(disk):
     two = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
     try:
         two.add_node(num_cpus=1)
-        ray.init(
-            two.address,
-            log_to_driver=False,
-            logging_level="ERROR",
-            runtime_env={"worker_process_setup_hook": prepare},
-        )
+        hook = {"worker_process_setup_hook": prepare}
+        ray.init(two.address, log_to_driver=False, logging_level="ERROR", runtime_env=hook)
         yield
     finally:
         ray.shutdown()
@@ -98,7 +89,7 @@ def test_seeds_on_a_cluster_are_the_runs_they_are_alone(cluster, disk, tmp_path,
     command = [*COMMAND, "--out", str(out)]
     assert main([*command, "--seeds", "3..5"]) == 2
     assert "1 of 3 runs failed; the same command goes on: seed5: run folder" in capsys.readouterr().err
-    train(load("rprp_reach_ppo", [*SMALL, "seed=4"]), tmp_path / "alone")
+    train(load("rprp_reach_ppo", [*TINY, "seed=4"]), tmp_path / "alone")
     assert_same_policy(tmp_path / "alone", out / "seed4")
     assert (out / "seed4" / "report.md").read_text() == f"again: train {out}/seed4/config.yaml"
     assert sorted(path.name for path in out.iterdir()) == ["seed3", "seed4", "seed5"]
@@ -142,23 +133,44 @@ def test_ctrl_c_brings_the_runs_home_with_a_checkpoint(cluster, disk, tmp_path, 
         assert (folder / "checkpoint" / "state.pt").is_file()
 
 
-@pytest.mark.parametrize("name", ["../a", "/a", "a/../../b", "..", "", "c:\\a", "a\\..\\b"])
+def contents(folder):
+    files = [path for path in folder.rglob("*") if path.is_file()]
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
+
+
+def packed(**files):
+    """Files in the form in which a task returns them."""
+    data = io.BytesIO()
+    with tarfile.open(fileobj=data, mode="w") as archive:
+        for name, content in files.items():
+            entry = tarfile.TarInfo(name)
+            entry.size = len(content)
+            archive.addfile(entry, io.BytesIO(content))
+    return data.getvalue()
+
+
+@pytest.mark.parametrize("name", ["../a", "a/../../b", ".."])
 def test_a_file_that_leads_out_of_its_folder_is_refused(name, tmp_path):
-    with pytest.raises(ValueError, match="leads out of"):
-        on_ray.unpack({"fine": b"", name: b"evil"}, tmp_path / "run")
-    assert not list(tmp_path.iterdir())
+    with pytest.raises(tarfile.FilterError, match="outside"):
+        on_ray.unpack(packed(**{name: b"evil"}), tmp_path / "place" / "run")
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
 
 
 def test_a_received_run_takes_the_place_of_an_older_one(tmp_path):
     (tmp_path / "seed1").mkdir()
     (tmp_path / "seed1" / "old").touch()
-    on_ray.receive({"new": b"1", "plots/b": b"2"}, tmp_path / "seed1")
-    assert on_ray.pack(tmp_path / "seed1") == {"new": b"1", "plots/b": b"2"}
-    assert os.listdir(tmp_path) == ["seed1"]
+    new = write_run(tmp_path / "new")
+    (new / "plots").mkdir()
+    (new / "plots" / "b").write_bytes(b"2")
+    (new / "link").symlink_to("/etc/passwd")
+    on_ray.receive(on_ray.pack(new), tmp_path / "seed1")
+    (new / "link").unlink()  # links are left out
+    assert contents(tmp_path / "seed1") == contents(new)
+    assert sorted(os.listdir(tmp_path)) == ["new", "seed1"]
 
 
 def test_another_version_on_a_worker_is_refused(tmp_path):
-    outcome = on_ray.train_one._function("seed1", {}, {}, "here", "0.0.0", None)
+    outcome = on_ray.train_one._function("seed1", {}, b"", "here", "0.0.0", None)
     assert outcome.failed
     assert f"has redundant-envs {on_ray.__version__}, and the command runs 0.0.0; install" in outcome.note
 
@@ -167,7 +179,7 @@ def test_threads_that_no_machine_of_the_cluster_has_are_refused(tmp_path, monkey
     monkeypatch.setattr(on_ray, "_cluster", lambda place, count: contextlib.nullcontext())
     nodes = [{"Alive": True, "Resources": {"CPU": 2.0}}, {"Alive": False, "Resources": {"CPU": 64.0}}]
     monkeypatch.setattr(ray, "nodes", lambda: nodes)
-    config = load("rprp_reach_ppo", [*SMALL, "torch_threads=3"])
+    config = load("rprp_reach_ppo", [*TINY, "torch_threads=3"])
     with pytest.raises(ValueError, match="torch_threads is 3; the largest machine of the cluster has 2 CPUs"):
         on_ray.train_on_ray({"seed1": config}, tmp_path)
 
@@ -183,17 +195,10 @@ def test_an_older_run_outlives_a_kill_while_a_newer_one_takes_its_place(tmp_path
             raise SystemExit
         replace(source, target)
 
-    monkeypatch.setattr(os, "replace", killed)
-    with pytest.raises(SystemExit):
-        on_ray.receive({"new": b"1"}, run)
-    monkeypatch.setattr(os, "replace", replace)
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", killed)
+        with pytest.raises(SystemExit):
+            on_ray.receive(packed(new=b"1"), run)
+    assert not run.exists()  # killed between two renamings
     on_ray.restore(run)
-    assert on_ray.pack(run) == {"kept": b""}
-
-
-def test_a_run_comes_back_after_a_kill_between_two_renamings(tmp_path):
-    old = tmp_path / on_ray.INCOMING / "seed1.old"
-    old.mkdir(parents=True)
-    (old / "kept").touch()
-    on_ray.restore(tmp_path / "seed1")
-    assert on_ray.pack(tmp_path / "seed1") == {"kept": b""}
+    assert contents(run) == {"kept": b""}

@@ -1,7 +1,7 @@
-"""policy.zip: stable-baselines3 alone loads it, and a stranger's file runs no code here."""
+"""policy.zip: stable-baselines3 alone loads it, a stranger's runs no code, and trainings start from it."""
 
-from __future__ import annotations
-
+import base64
+import hashlib
 import io
 import json
 import pickle
@@ -15,21 +15,32 @@ import numpy as np
 import pytest
 import torch
 import yaml
-from run_folders import write_scene
-from stable_baselines3 import PPO, SAC
+from run_folders import (
+    POLICIES,
+    TINY,
+    assert_same_policy,
+    members,
+    small_config,
+    write_members,
+    write_scene,
+)  # fmt: skip
 
 from redundant_envs.envs.sb3 import make_sb3
-from redundant_envs_train import policies
 from redundant_envs_train.__main__ import main
-from redundant_envs_train.config import Config, checked
-from redundant_envs_train.learners.build import make_model
-from redundant_envs_train.policies import load_policy, save_policy
+from redundant_envs_train.config import load
+from redundant_envs_train.learners.build import ALGORITHM_CLASSES, make_model
+from redundant_envs_train.policies import load_policy, read_weights, save_policy, start_from
+from redundant_envs_train.report import evaluate
+from redundant_envs_train.run_folder import read_config
+from redundant_envs_train.training.pool import Stopped
+from redundant_envs_train.training.train import resume, train
+from redundant_envs_train.training.watch import Watch
 
+SMALL = {"batch_size": 64, "n_steps": 4, "net_arch": [16, 8]}
 KINDS = {
-    "ppo": {"env": "redundant_envs/RPRPReach-v0", "ppo": {"batch_size": 64, "net_arch": [16, 8]}},
-    "sac": {"env": "redundant_envs/RPRPReach-v0", "algo": "sac", "sac": {"net_arch": [8, 8]}},
-    "goal": {"env": "redundant_envs/RPRPGoalReach-v0", "ppo": {"batch_size": 64}},
-}
+    "ppo": {"ppo": SMALL}, "goal": {"ppo": SMALL, "env": "redundant_envs/RPRPGoalReach-v0"}, "sac": {},
+    "her": {}, "plain_ppo": {}, "plain_sac": {}, "td3": {}, "tqc": {}, "crossq": {},
+}  # fmt: skip
 ALONE = """
 import sys, warnings
 
@@ -58,23 +69,26 @@ print(model.learning_rate, model.lr_schedule(0.5))
 def runs(tmp_path_factory):
     """Kind -> run folder of a hardly trained policy, its configuration, and the learner."""
     found = {}
-    for kind, data in KINDS.items():
-        config = checked(Config, {"config_version": 2, **data, "num_envs": 4, "evaluation_episodes": 4})
-        model = make_model(config, make_sb3(config.env, 4)).learn(128)
-        folder = tmp_path_factory.mktemp(kind)
-        (folder / "config.yaml").write_text(yaml.safe_dump(config.to_dict()))
-        write_scene(folder)
-        save_policy(model, folder / "policy.zip")
-        found[kind] = folder, config, model
-    return found
+
+    def run(kind):
+        if kind not in found:
+            config = small_config(kind.replace("goal", "ppo"), num_envs=16, **KINDS[kind])
+            model = make_model(config, make_sb3(config.env, 16)).learn(128)
+            folder = tmp_path_factory.mktemp(kind)
+            (folder / "config.yaml").write_text(yaml.safe_dump(config.to_dict()))
+            write_scene(folder)
+            save_policy(model, folder / "policy.zip")
+            found[kind] = folder, config, model
+        return found[kind]
+
+    return run
 
 
 @pytest.fixture
-def run(runs, tmp_path):
+def damaged(runs, tmp_path):
     """A copy of the PPO run to damage, and its configuration."""
-    folder, config, _ = runs["ppo"]
-    shutil.copytree(folder, tmp_path / "run")
-    return tmp_path / "run", config
+    folder, config, _ = runs("ppo")
+    return Path(shutil.copytree(folder, tmp_path / "run")), config
 
 
 def observations(config):
@@ -83,18 +97,16 @@ def observations(config):
     return env.reset()
 
 
-@pytest.mark.parametrize(
-    "kind", [pytest.param(k, marks=pytest.mark.long) if k != "ppo" else k for k in KINDS]
-)
+@pytest.mark.parametrize("kind", ["ppo", *(pytest.param(k, marks=pytest.mark.long) for k in ("sac", "goal"))])
 def test_a_policy_loads_without_this_package(kind, runs, tmp_path):
-    folder, config, model = runs[kind]
+    folder, config, _ = runs(kind)
     obs = observations(config)
     shutil.copy(folder / "policy.zip", tmp_path)
     (tmp_path / "observations.pkl").write_bytes(pickle.dumps(obs))
     command = [sys.executable, "-I", "-c", ALONE, config.algo.upper()]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    expected = model.predict(obs, deterministic=True)[0]
+    expected = load_policy(folder, config).predict(obs, deterministic=True)[0]
     np.testing.assert_array_equal(pickle.loads((tmp_path / "actions.pkl").read_bytes()), expected)
     rate = getattr(config, config.algo).learning_rate
     assert done.stdout.split() == [str(rate), str(rate)]
@@ -102,16 +114,22 @@ def test_a_policy_loads_without_this_package(kind, runs, tmp_path):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_policies_act_the_same_however_they_are_read(kind, runs):
-    folder, config, model = runs[kind]
+    folder, config, _ = runs(kind)
     obs = observations(config)
-    expected = model.predict(obs, deterministic=True)[0]
-    theirs = {"ppo": PPO, "sac": SAC}[config.algo].load(folder / "policy.zip", device="cpu")
-    for policy in (load_policy(folder, config), load_policy(folder, config, trust=True), theirs):
+    theirs = ALGORITHM_CLASSES[config.algo].load(folder / "policy.zip", device="cpu")
+    expected = theirs.predict(obs, deterministic=True)[0]
+    assert np.ptp(expected) > 1e-3
+    for policy in (load_policy(folder, config), load_policy(folder, config, trust=True)):
         np.testing.assert_array_equal(policy.predict(obs, deterministic=True)[0], expected)
+    data = members(folder / "policy.zip")["data"]  # nothing that only this package could load
+    about = json.loads(data).values()
+    pickled = [base64.b64decode(v[":serialized:"]) for v in about if ":serialized:" in str(v)]
+    assert len(pickled) > 2
+    assert not [part for part in (data, *pickled) if b"redundant_envs" in part]
 
 
 def test_saving_leaves_the_schedules_of_a_learner_alone(runs, tmp_path):
-    model = runs["ppo"][2]
+    model = runs("ppo")[2]
     before = model.learning_rate, model.clip_range
     save_policy(model, tmp_path / "policy.zip")
     assert (model.learning_rate, model.clip_range) == before
@@ -124,56 +142,42 @@ def test_saving_leaves_the_schedules_of_a_learner_alone(runs, tmp_path):
 class Evil:
     """Makes a file when it is unpickled."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path):
         self.path = str(path)
 
     def __reduce__(self):
         return Path.touch, (Path(self.path),)
 
 
-def replace(path: Path, **members: bytes | None) -> None:
+def replace(path, **changed):
     """Replace the bytes of members of a zip file; None removes a member."""
-    with zipfile.ZipFile(path) as archive:
-        kept = {name: archive.read(name) for name in archive.namelist()}
-    kept |= {name.replace("_pth", ".pth"): data for name, data in members.items()}
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, data in kept.items():
-            if data is not None:
-                archive.writestr(name, data)
+    write_members(path, members(path) | {k.replace("_pth", ".pth"): v for k, v in changed.items()})
 
 
-def saved(weights: object) -> bytes:
+def saved(weights):
     memory = io.BytesIO()
     torch.save(weights, memory)
     return memory.getvalue()
 
 
-def inner(data: bytes, change, compression=zipfile.ZIP_STORED) -> bytes:
+def inner(data, table, compression=zipfile.ZIP_STORED):
     """A file of torch with its table of tensors changed."""
     memory = io.BytesIO()
-    with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(memory, "w", compression) as new:
-        for name in old.namelist():
-            new.writestr(name, change(old.read(name)) if name.endswith("data.pkl") else old.read(name))
+    parts = members(io.BytesIO(data))
+    changed = {k: table(v) if k.endswith("data.pkl") else v for k, v in parts.items()}
+    write_members(memory, changed, compression)
     return memory.getvalue()
 
 
-def with_pickle_in_data(folder: Path, evil: Evil) -> None:
-    import base64
-
-    with zipfile.ZipFile(folder / "policy.zip") as archive:
-        data = json.loads(archive.read("data"))
-    data["policy_kwargs"][":serialized:"] = base64.b64encode(pickle.dumps(evil)).decode()
-    replace(folder / "policy.zip", data=json.dumps(data).encode())
-
-
-def test_objects_beside_the_weights_are_not_unpickled_without_trust(run, tmp_path, capsys):
-    folder, config = run
+def test_objects_beside_the_weights_are_not_unpickled_without_trust(damaged, tmp_path):
+    folder, config = damaged
     made = tmp_path / "made"
-    with_pickle_in_data(folder, Evil(made))
+    data = json.loads(members(folder / "policy.zip")["data"])
+    data["policy_kwargs"][":serialized:"] = base64.b64encode(pickle.dumps(Evil(made))).decode()
+    replace(folder / "policy.zip", data=json.dumps(data).encode())
     load_policy(folder, config)
-    for command in (["evaluate", str(folder)], ["play", str(folder), "--clip", str(tmp_path / "a.gif"),
-                                                "--episodes", "1"]):  # fmt: skip
-        assert main(command) == 0
+    for command in (["evaluate"], ["play", "--clip", str(tmp_path / "a.gif"), "--episodes", "1"]):
+        assert main([command[0], str(folder), *command[1:]]) == 0
     assert not made.exists()
     assert main(["evaluate", str(folder), "--trust"]) == 2  # it is no policy, but its code has run
     assert made.exists()
@@ -182,6 +186,8 @@ def test_objects_beside_the_weights_are_not_unpickled_without_trust(run, tmp_pat
 LAYER = "mlp_extractor.policy_net.0.weight"
 BYTEARRAY = b"\x80\x02}X\x01\x00\x00\x00ac__builtin__\nbytearray\nJ\xff\xff\xff\x7f\x85Rs."
 """A pickle that allocates 2 GiB."""
+LARGER = (b"M\x20\x01tq", b"J\x00\x00\x00\x40tq")
+"""The size of the first storage, 16 x 18 numbers, and 2**30."""
 DAMAGES = {
     "is not a plain table": lambda w: b"nothing",
     "is not a plain table of float32": lambda w: saved(w)[:-100],
@@ -197,72 +203,60 @@ DAMAGES = {
     "claims 1000000000000 numbers": lambda w: saved({**w, "x": torch.zeros(1).expand(10**6, 10**6)}),
     "__builtin__ bytearray": lambda w: inner(saved(w), lambda _: BYTEARRAY),
     "compressed": lambda w: inner(saved(w), lambda data: data, zipfile.ZIP_DEFLATED),
-    "record size": lambda w: inner(saved(w), larger_storage),
+    "record size": lambda w: inner(saved(w), lambda data: data.replace(*LARGER)),
 }  # fmt: skip
 
 
-def larger_storage(data: bytes) -> bytes:
-    """A table of tensors whose first storage claims 2**30 numbers."""
-    assert b"M\x20\x01tq" in data  # 16 x 18
-    return data.replace(b"M\x20\x01tq", b"J\x00\x00\x00\x40tq")
-
-
 @pytest.mark.parametrize("damage", DAMAGES)
-def test_other_bytes_than_fitting_weights_are_one_error(damage, run, capsys):
-    folder, _ = run
-    weights, _ = policies.read_weights(folder / "policy.zip", "silu")
+def test_other_bytes_than_fitting_weights_are_one_error(damage, damaged, refused):
+    folder, _ = damaged
+    weights, _ = read_weights(folder / "policy.zip", "silu")
     replace(folder / "policy.zip", policy_pth=DAMAGES[damage](weights))
-    assert main(["evaluate", str(folder)]) == 2
-    error = capsys.readouterr().err
-    assert str(folder / "policy.zip") in error
-    assert damage in error
-    assert error.count("\n") == 1
+    refused(["evaluate", folder], str(folder / "policy.zip"), damage)
 
 
-def test_weights_with_code_in_them_are_not_unpickled(run, tmp_path, capsys):
-    folder, _ = run
+def test_weights_with_code_in_them_are_not_unpickled(damaged, tmp_path, refused):
+    folder, _ = damaged
     made = tmp_path / "made"
     in_table = inner(saved({}), lambda _: pickle.dumps(Evil(made), 2))
-    for data in (pickle.dumps(Evil(made)), saved(Evil(made)), in_table):
+    for data in (pickle.dumps(Evil(made)), saved(Evil(made)), in_table, b"cos\nsystem\n(S'touch made'\ntR."):
         replace(folder / "policy.zip", policy_pth=data)
-        for command in (["evaluate"], ["report"], ["play"], ["study", "stops"]):
-            clip = ["--clip", str(tmp_path / "a.gif")] if command == ["play"] else []
-            assert main([*command, str(folder), *clip]) == 2
-            assert "add --trust" in capsys.readouterr().err
+        clip = ["--clip", tmp_path / "a.gif"]
+        for words in (["evaluate"], ["report"], ["play", *clip], ["study", "stops"]):
+            refused([*words, folder], "add --trust")
+        start = ["train", "rprp_reach_ppo", *TINY, f"start_from={folder}", "ppo.net_arch=[16, 8]"]
+        refused([*start, "--out", tmp_path / "new"], "add --trust")
         assert not made.exists()
 
 
 @pytest.mark.parametrize(
-    ("members", "word"),
+    ("changed", "word"),
     [
-        ({"policy_pth": None}, "has no 'policy.pth'"),
-        ({"data": None}, "has no 'data'"),
-        ({"data": b"{"}, "damaged member 'data'"),
-        ({"data": b"[" * 100_000}, "damaged member 'data'"),
+        ({"policy_pth": None}, "has no 'policy.pth'"), ({"data": None}, "has no 'data'"),
+        ({"data": b"{"}, "damaged member 'data'"), ({"data": b"[" * 100_000}, "damaged member 'data'"),
         ({"data": b"{}"}, "damaged member 'data'"),
         ({"policy_pth": bytes(70 * 2**20)}, "more than 67108864 bytes"),
         ({"data": bytes(70 * 2**20)}, "more than 67108864 bytes"),
     ],
-)
-def test_members_that_are_missing_or_too_large_are_named(members, word, run):
-    folder, config = run
-    replace(folder / "policy.zip", **members)
+)  # fmt: skip
+def test_members_that_are_missing_or_too_large_are_named(changed, word, damaged):
+    folder, config = damaged
+    replace(folder / "policy.zip", **changed)
     with pytest.raises(ValueError, match=word):
         load_policy(folder, config)
 
 
-def test_other_activations_are_refused(run):
-    folder, config = run
-    with zipfile.ZipFile(folder / "policy.zip") as archive:
-        data = archive.read("data")
+def test_other_activations_are_refused(damaged):
+    folder, config = damaged
+    data = members(folder / "policy.zip")["data"]
     replace(folder / "policy.zip", data=data.replace(b"activation.SiLU", b"activation.ReLU"))
     with pytest.raises(ValueError, match="ReLU"):
         load_policy(folder, config)
 
 
 @pytest.mark.parametrize("trust", [False, True])
-def test_a_file_cut_short_is_one_error(trust, run):
-    folder, config = run
+def test_a_file_cut_short_is_one_error(trust, damaged):
+    folder, config = damaged
     data = (folder / "policy.zip").read_bytes()
     for end in (0, 10, len(data) // 2, len(data) - 1):
         (folder / "policy.zip").write_bytes(data[:end])
@@ -270,16 +264,91 @@ def test_a_file_cut_short_is_one_error(trust, run):
             load_policy(folder, config, trust)
 
 
-def test_a_configuration_that_asks_for_all_memory_is_refused(run):
-    folder, _ = run
-    config = checked(
-        Config,
-        {
-            "config_version": 2,
-            **KINDS["ppo"],
-            "num_envs": 4,
-            "ppo": {"batch_size": 64, "net_arch": [2048] * 2},
-        },
-    )
+def test_a_configuration_that_asks_for_all_memory_is_refused(damaged):
+    folder, config = damaged
+    large = config.ppo.model_copy(update={"net_arch": (2048, 2048)})
     with pytest.raises(ValueError, match="net_arch"):
-        load_policy(folder, config)
+        load_policy(folder, config.model_copy(update={"ppo": large}))
+
+
+# ---- trainings that start from a policy ----------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("preset", "policy"),
+    [
+        ("rprp_reach_ppo", "RPRPReach-v0-ppo"), ("rprp_reach_sac", "RPRPReach-v0-plain_sac"),
+        ("four_r_goal_reach_her", "FourRGoalReach-v0-her"), ("baselines/rprp_reach_td3", "RPRPReach-v0-td3"),
+        pytest.param("baselines/rprp_reach_tqc", "RPRPReach-v0-tqc", marks=pytest.mark.long),
+        pytest.param("baselines/rprp_reach_crossq", "RPRPReach-v0-crossq", marks=pytest.mark.long),
+    ],
+)  # fmt: skip
+def test_a_learner_its_average_and_its_targets_begin_at_the_policy(preset, policy, tmp_path):
+    few = ["num_envs=32", *(["ppo.batch_size=512"] if preset.endswith("ppo") else [])]
+    config = load(preset, [*few, f"start_from={POLICIES / policy}"])
+    env = make_sb3(config.env, 32)
+    model = make_model(config, env)
+    first = {name: tensor.clone() for name, tensor in model.policy.state_dict().items()}
+    start_from(model, config, env)
+    there = load_policy(POLICIES / policy, read_config(POLICIES / policy))
+    for name, tensor in there.state_dict().items():
+        np.testing.assert_allclose(model.policy.state_dict()[name], tensor, rtol=1e-5, atol=1e-5)
+    assert any((first[name] != tensor).any() for name, tensor in there.state_dict().items())
+    save_policy(model, tmp_path / "policy.zip")  # its average
+    (tmp_path / "config.yaml").write_text(yaml.safe_dump(config.to_dict()))
+    env.seed(5)
+    seen = env.reset()
+    expected = there.predict(seen, deterministic=True)[0]
+    found = load_policy(tmp_path, config).predict(seen, deterministic=True)[0]
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-4)
+    if "networks" in vars(model):  # what trains: not the modules, but the vectors
+        given = model.inputs(model.policy.obs_to_tensor(seen)[0])
+        means = model.networks["actor"].forward(given)[0][0].detach().numpy()[:, :4]
+        squashed = np.tanh(means) if "ppo" not in preset else np.clip(means, -1, 1)
+        np.testing.assert_allclose(squashed, expected, rtol=0, atol=1e-4)
+
+
+def test_a_training_records_what_it_started_from_and_goes_on(tmp_path, monkeypatch, refused):
+    monkeypatch.chdir(tmp_path)
+    start = Path(shutil.copytree(POLICIES / "RPRPReach-v0-ppo", "start"))
+    config = load("rprp_reach_ppo", [*TINY, "ppo.learning_rate=1e-9", "start_from=start"])
+    train(config, Path("whole"))
+    recorded = yaml.safe_load(Path("whole/config.yaml").read_text())
+    digest = hashlib.sha256((start / "policy.zip").read_bytes()).hexdigest()
+    assert (recorded["start_from"], recorded["start_from_sha256"]) == ("start", digest)
+    assert evaluate(Path("whole")).result["hold_success"] == 1.0
+    point = Watch.point
+    with monkeypatch.context() as patch:
+        patch.setattr(Watch, "point", lambda self: (self.stop.set(), point(self))[1])
+        with pytest.raises(Stopped):
+            train(config, Path("stopped"))
+    shutil.rmtree(start)  # the checkpoint has all
+    resume(Path("stopped"))
+    assert_same_policy(Path("whole"), Path("stopped"))
+    shutil.copytree(POLICIES / "RPRPReach-v0-plain_ppo", "start")
+    words = ["train", "whole/config.yaml", "--out", "again"]
+    refused(words, f"start_from_sha256 is {digest}; give that file")
+
+
+@pytest.mark.parametrize("lonely", [False, True])
+@pytest.mark.parametrize(
+    ("policy", "settings", "words"),
+    [
+        ("FourRReach-v0-ppo", [], ["observation", "18", "20"]),
+        ("RPRPGoalReach-v0-her", ["algo=sac"], ["policy"]), ("RPRPReach-v0-sac", [], ["sac", "ppo"]),
+        ("RPRPReach-v0-ppo", ["algo=sac"], ["ppo", "sac"]),
+        ("RPRPReach-v0-ppo", ["ppo.net_arch=[32]"], ["32", "64"]),
+        ("RPRPReach-v0-ppo", ["ppo.activation=tanh"], ["tanh", "i"]),
+    ],
+)  # fmt: skip
+def test_a_policy_that_does_not_fit_is_one_line(lonely, policy, settings, words, tmp_path, refused):
+    start = POLICIES / policy
+    if lonely:  # a policy.zip without a folder that describes it
+        start = shutil.copy(start / "policy.zip", tmp_path)
+    small = [] if "algo=sac" in settings else TINY
+    command = ["train", "rprp_reach_ppo", *small, *settings, f"start_from={start}"]
+    error = refused([*command, "--out", tmp_path / "run"])
+    assert "start_from" in error or "was saved with the activation" in error
+    for word in words:
+        assert word in error.lower()
+    assert not (tmp_path / "run").exists()

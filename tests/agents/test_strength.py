@@ -1,14 +1,12 @@
-"""Hold success over the strength of the motors: rows, files and the figure, without any training."""
+"""Hold success over the strength of the motors: rows, files and the strength.figure, without any training."""
 
 import copy
 import dataclasses
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
-from run_folders import write_run
+from run_folders import ROOT, change, write_run
 
 from redundant_envs.control.holding import holding_load
 from redundant_envs.control.statics import effort_limits
@@ -21,32 +19,22 @@ from redundant_envs_train.config import load
 from redundant_envs_train.rollout import EVALUATION_SEED
 from redundant_envs_train.studies import strength
 from redundant_envs_train.studies.strength import (
-    AREA,
     ARMS,
     COLORS,
-    COLUMNS,
     EXPERT,
     FACTORS,
     HOLDABLE,
     LIGHTEST,
     Row,
-    expert_rows,
-    figure,
-    frozen_goals,
-    goal_loads,
-    learner_rows,
-    read_rows,
-    run_study,
-    trainings,
     weakened,
 )
 
-ROOT = Path(__file__).resolve().parents[2]
 PRESETS = {"4R": "configs/training/four_r_reach_ppo.yaml", "RPRP": "configs/training/rprp_reach_sac.yaml"}
 
 
-@pytest.mark.parametrize("scene", ["four_r_reach", "rprp_reach"])
-def test_only_effort_limits_are_weakened(scene):
+@pytest.mark.parametrize("arm", ARMS)
+def test_only_effort_limits_are_weakened(arm):
+    scene = ARMS[arm][1]
     data = weakened(scene, 0.3)
     np.testing.assert_allclose(effort_limits(load_scene(data)), 0.3 * effort_limits(load_scene(scene)))
     for weak, strong in zip(data["effects"], scene_data(scene)["effects"], strict=True):
@@ -55,12 +43,7 @@ def test_only_effort_limits_are_weakened(scene):
     own = {k: v for k, v in scene_data(scene).items() if k != "effects"}
     assert own == {k: v for k, v in data.items() if k != "effects"}
     json.dumps(data)
-
-
-@pytest.mark.parametrize("arm", ARMS)
-def test_the_weak_scenes_have_half_the_limits(arm):
-    name = ARMS[arm][1]
-    assert load_scene(name.replace("reach", "weak")) == load_scene(weakened(name, 0.5))
+    assert load_scene(scene.replace("reach", "weak")) == load_scene(weakened(scene, 0.5))
 
 
 @pytest.mark.parametrize(
@@ -80,9 +63,9 @@ def test_what_cannot_be_weakened_is_refused(scene, factor, words):
 
 @pytest.mark.parametrize("arm", ARMS)
 def test_goals_are_those_of_the_evaluation_whatever_the_limits(arm):
-    goals = frozen_goals(arm, 5)
+    goals = strength.frozen_goals(arm, 5)
     assert goals.shape == (5, 2)
-    np.testing.assert_array_equal(goals[3:], frozen_goals(arm, 2, EVALUATION_SEED + 3))
+    np.testing.assert_array_equal(goals[3:], strength.frozen_goals(arm, 2, EVALUATION_SEED + 3))
     weak = make_sb3(ARMS[arm][0], 5, scene=weakened(ARMS[arm][1], 0.3))
     weak.seed(EVALUATION_SEED)
     weak.reset()
@@ -92,8 +75,8 @@ def test_goals_are_those_of_the_evaluation_whatever_the_limits(arm):
 @pytest.mark.parametrize("arm", [pytest.param("4R", marks=pytest.mark.long), "RPRP"])
 def test_one_account_of_loads_serves_all_factors(arm):
     """And its tolerance is that of the task: 2 % of 1 m."""
-    goals = frozen_goals(arm, 12)
-    loads, scene = goal_loads(arm, goals), load_scene(ARMS[arm][1])
+    goals = strength.frozen_goals(arm, 12)
+    loads, scene = strength.goal_loads(arm, goals), load_scene(ARMS[arm][1])
     np.testing.assert_array_equal(loads, holding_load(scene, goals, 0.02))
     middle = 0.5 * (np.sort(loads)[5] + np.sort(loads)[6])
     weak = load_scene(weakened(ARMS[arm][1], float(middle)))
@@ -104,7 +87,7 @@ def test_one_account_of_loads_serves_all_factors(arm):
 
 @pytest.mark.parametrize("arm", [pytest.param("4R", marks=pytest.mark.long), "RPRP"])
 def test_computed_torque_needs_strong_motors(arm):
-    rows = expert_rows(arm, (1.0, 0.3), 41)  # of 41 out of 41 the interval ends below 1 by rounding
+    rows = strength.expert_rows(arm, (1.0, 0.3), 41)  # of 41 out of 41 the interval ends below 1 by rounding
     assert [(row.arm, row.factor, row.who) for row in rows] == [
         (arm, factor, who) for factor in (1.0, 0.3) for who in (HOLDABLE, EXPERT, LIGHTEST)
     ]
@@ -118,19 +101,19 @@ def test_computed_torque_needs_strong_motors(arm):
         assert row.touch_success is None or row.touch_success >= row.hold_success
         assert (row.seeds, row.episodes) == (0, 41)
     with pytest.raises(ValueError, match="arm is '5R'; choose 4R, RPRP"):
-        expert_rows("5R")
+        strength.expert_rows("5R")
 
 
 @pytest.mark.parametrize("arm", ARMS)
 def test_the_published_rows_of_computed_torque_are_those_of_this_code(arm, monkeypatch):
     published = {
         (row.arm, row.factor, row.who): row
-        for row in read_rows(ROOT / "docs" / "results" / "strength" / "strength.csv")
+        for row in strength.read_rows(ROOT / "docs" / "results" / "strength" / "strength.csv")
     }
     loads = np.linspace(0.0, 1.0, 1000)
     monkeypatch.setattr(strength, "goal_loads", lambda arm, goals: loads)  # the search takes too long here
     monkeypatch.delitem(strength.POSES, LIGHTEST)
-    could, row = expert_rows(arm, (0.4,))
+    could, row = strength.expert_rows(arm, (0.4,))
     assert (could.who, could.hold_success) == (HOLDABLE, (loads <= 0.4).mean())
     expected = published[arm, 0.4, EXPERT]
     assert row.hold_success == pytest.approx(expected.hold_success, abs=0.003)  # a goal at the margin
@@ -156,53 +139,44 @@ def test_runs_become_rows_by_arm_factor_and_learner(tmp_path):
         run_folder(tmp_path / "c", "4R", 0, 0.9),
         run_folder(tmp_path / "d", "RPRP", 0, 0.7, scene="rprp_weak"),
     ]
-    rows = {(row.arm, row.factor, row.who): row for row in learner_rows(folders)}
+    rows = {(row.arm, row.factor, row.who): row for row in strength.learner_rows(folders)}
     assert set(rows) == {("4R", 0.4, "PPO"), ("4R", 1.0, "PPO"), ("RPRP", 0.5, "SAC")}
     both = rows["4R", 0.4, "PPO"]
     assert (both.seeds, both.episodes) == (2, 100)
     assert (both.hold_success, both.low, both.high) == pytest.approx((0.7, 0.55, 0.85))
     assert both.touch_success == pytest.approx(0.8)
     assert rows["RPRP", 0.5, "SAC"].hold_success == 0.7
-    assert learner_rows([]) == []
+    assert strength.learner_rows([]) == []
 
 
-def lopsided(data):
-    data["effects"][2]["limits"][0] *= 2.0
-
-
-def heavier(data):
-    data["robot"]["masses"][0] = 0.6
-
-
-def smoother(data):
-    data["effects"][1]["coefficients"][0] = 0.1
-
-
-@pytest.mark.parametrize("change", [lopsided, heavier, smoother])
-def test_runs_of_other_scenes_are_refused(tmp_path, change):
-    data = copy.deepcopy(weakened("four_r_reach", 0.5))
-    change(data)
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [
+        (("effects", 2, "limits", 0), 40.0), (("robot", "masses", 0), 0.6),
+        (("effects", 1, "coefficients", 0), 0.1), (("control_dt",), 0.04),
+    ],
+)  # fmt: skip
+def test_runs_of_other_scenes_are_refused(tmp_path, place, value):
+    data = inner = copy.deepcopy(weakened("four_r_reach", 0.5))
+    for key in place[:-1]:
+        inner = inner[key]
+    assert inner.get(place[-1]) != value if isinstance(inner, dict) else inner[place[-1]] != value
+    inner[place[-1]] = value
     folder = run_folder(tmp_path / "run", "4R", 0, 0.5, scene=data)
-    with pytest.raises(ValueError, match=r"run: its scene has .* give four_r_reach"):
-        learner_rows([folder])
+    with pytest.raises(
+        ValueError, match=r"run: its scene has .*differs in something else; give four_r_reach"
+    ):
+        strength.learner_rows([folder])
 
 
 def test_runs_of_other_episodes_and_runs_given_twice_are_refused(tmp_path):
     for name, value in (("max_episode_steps", 50), ("task", {"goal_tolerance": 0.03})):
         other = run_folder(tmp_path / name, "4R", 0, 0.5, **{name: value})
         with pytest.raises(ValueError, match=rf"{name}: env_kwargs has '{name}'"):
-            learner_rows([other])
+            strength.learner_rows([other])
     folders = [run_folder(tmp_path / name, "4R", 3, 0.5) for name in "ab"]
     with pytest.raises(ValueError, match="b is a second run of seed 3"):
-        learner_rows(folders)
-
-
-def changed(folder, file, **entries):
-    """A run folder with entries of a file changed."""
-    path = folder / file
-    read, write = (json.loads, json.dumps) if file.endswith("json") else (yaml.safe_load, yaml.safe_dump)
-    path.write_text(write(read(path.read_text()) | entries))
-    return folder
+        strength.learner_rows(folders)
 
 
 def test_only_finished_runs_of_one_setting_and_of_the_reach_environments_are_joined(tmp_path):
@@ -210,23 +184,20 @@ def test_only_finished_runs_of_one_setting_and_of_the_reach_environments_are_joi
     stopped = run_folder(tmp_path / "b", "4R", 1, 0.5)
     (stopped / "training.json").write_text('{"stopped": true, "env_steps": 1, "train_seconds": 1.0}')
     with pytest.raises(ValueError, match=r"b is a training that was stopped"):
-        learner_rows([stopped])
-    other = changed(run_folder(tmp_path / "c", "4R", 1, 0.5), "config.yaml", total_steps=1000)
+        strength.learner_rows([stopped])
+    other = change(run_folder(tmp_path / "c", "4R", 1, 0.5) / "config.yaml", total_steps=1000)
     with pytest.raises(ValueError, match=r"c has other settings than .*a; give runs of one setting"):
-        learner_rows([first, other])
-    slower = {**weakened("four_r_reach", 0.5), "control_dt": 0.04}
-    with pytest.raises(ValueError, match="differs in something else"):
-        learner_rows([run_folder(tmp_path / "d", "4R", 0, 0.5, scene=slower)])
-    wrong = changed(run_folder(tmp_path / "e", "4R", 0, 0.5), "evaluation.json", interval=[0.6, 0.7])
+        strength.learner_rows([first, other])
+    wrong = change(run_folder(tmp_path / "e", "4R", 0, 0.5) / "evaluation.json", interval=[0.6, 0.7])
     with pytest.raises(ValueError, match=r"e/evaluation.json has the hold success 0.5 outside its interval"):
-        learner_rows([wrong])
+        strength.learner_rows([wrong])
     with pytest.raises(ValueError, match=r"her.seed110 is of redundant_envs/RPRPGoalReach-v0; give"):
-        learner_rows([ROOT / "docs" / "results" / "runs.csv" / "rprp_goal_reach_her" / "seed110"])
+        strength.learner_rows([ROOT / "docs" / "results" / "runs.csv" / "rprp_goal_reach_her" / "seed110"])
     with pytest.raises(ValueError, match=r"td3.seed0 is a run of TD3; give"):
-        learner_rows([ROOT / "docs" / "results" / "baselines.csv" / "rprp_reach_td3" / "seed0"])
+        strength.learner_rows([ROOT / "docs" / "results" / "baselines.csv" / "rprp_reach_td3" / "seed0"])
 
 
-# ---- file and figure -----------------------------------------------------------------------------
+# ---- file and strength.figure -----------------------------------------------------------------------------
 
 
 def made_up_rows():
@@ -237,12 +208,6 @@ def made_up_rows():
                 hold = 0.9 - 0.1 * i - (0.1 if who == EXPERT else 0.0)
                 rows.append(Row(arm, factor, who, hold, hold - 0.02, hold + 0.03, touch, seeds, 1000))
     return rows
-
-
-def test_rows_survive_their_file(tmp_path):
-    path = tmp_path / "new" / "strength.csv"
-    write_rows(map(dataclasses.asdict, made_up_rows()), COLUMNS, path)
-    assert read_rows(path) == made_up_rows()
 
 
 @pytest.mark.parametrize(
@@ -256,21 +221,22 @@ def test_rows_survive_their_file(tmp_path):
         ("4R,0.8,can", "4R,-0.8,can", ["line 5", "factor", "-0.8", "positive"]),
     ],
 )
-def test_damaged_files_are_refused(tmp_path, old, new, words):
-    path = tmp_path / "strength.csv"
-    write_rows(map(dataclasses.asdict, made_up_rows()), COLUMNS, path)
+def test_rows_survive_their_file_and_damaged_ones_are_refused(tmp_path, old, new, words):
+    path = tmp_path / "new" / "strength.csv"
+    write_rows(map(dataclasses.asdict, made_up_rows()), strength.COLUMNS, path)
+    assert strength.read_rows(path) == made_up_rows()
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new, 1))
     with pytest.raises(ValueError) as error:
-        read_rows(path)
+        strength.read_rows(path)
     for word in (str(path), *words):
         assert word in str(error.value)
 
 
 def test_the_figure_shows_every_row(tmp_path):
     rows = made_up_rows()
-    drawn = figure([rows[i] for i in np.random.default_rng(0).permutation(len(rows))])  # in any order
+    drawn = strength.figure([rows[i] for i in np.random.default_rng(0).permutation(len(rows))])
     assert [panel.get_title(loc="left") for panel in drawn.axes] == list(ARMS)
     for panel in drawn.axes:
         for line, who in zip(panel.lines, (EXPERT, "PPO"), strict=True):
@@ -279,7 +245,7 @@ def test_the_figure_shows_every_row(tmp_path):
             np.testing.assert_allclose(line.get_xydata(), points)
         area, *bands = panel.collections
         assert area.get_paths()[0].vertices[:, 1].max() == pytest.approx(90.0)
-        assert area.get_facecolor()[0, :3] == pytest.approx([int(AREA[1:3], 16) / 255] * 3)
+        assert area.get_facecolor()[0, :3] == pytest.approx([int(strength.AREA[1:3], 16) / 255] * 3)
         assert [band.get_paths()[0].vertices[:, 1].max() for band in bands] == pytest.approx([83.0, 93.0])
     (legend,) = drawn.legends
     assert [text.get_text() for text in legend.get_texts()] == [HOLDABLE, EXPERT, "PPO"]
@@ -289,14 +255,14 @@ def test_the_figure_shows_every_row(tmp_path):
     bottom = min(panel.get_tightbbox().y0 for panel in drawn.axes)
     assert legend.get_window_extent().y1 <= bottom + 1.0  # it covers no curve
     with pytest.raises(ValueError, match="rows is empty"):
-        figure([])
+        strength.figure([])
 
 
 def test_a_row_is_checked():
     row = made_up_rows()[0]
-    for change in ({"low": 0.95}, {"high": 1.1}, {"hold_success": float("nan")}):
+    for entries in ({"low": 0.95}, {"high": 1.1}, {"hold_success": float("nan")}):
         with pytest.raises(ValueError, match="hold_success"):
-            dataclasses.replace(row, **change)
+            dataclasses.replace(row, **entries)
 
 
 # ---- the command ---------------------------------------------------------------------------------
@@ -310,7 +276,7 @@ def test_factors_that_are_none_are_refused(text):
 
 def test_learners_are_trained_with_scaled_limits_and_nothing_else_changed():
     assert factors_of("0.6,0.5") == (0.6, 0.5)
-    chosen = trainings((1.0, 0.5), [3])
+    chosen = strength.trainings((1.0, 0.5), [3])
     assert len(chosen) == 2 * 2 * 2
     key, config = chosen["4r_sac_0.5_seed3"]
     assert key == ("4R", 0.5, "SAC")
@@ -324,19 +290,17 @@ def test_the_study_without_training_writes_rows_figure_and_table(tmp_path, capsy
     command = ["study", "strength", "--seeds", "none", "--factors", "1,0.4", "--episodes", "10"]
     assert main([*command, "--out", str(tmp_path)]) == 0
     table = capsys.readouterr().out
-    assert (
-        "| arm | limits times | can be held at all | computed torque | computed torque to the lightest pose |"
-        in table
-    )
+    head = "can be held at all | computed torque | computed torque to the lightest pose |"
+    assert f"| arm | limits times | {head}" in table
     assert "| 4R | 1 | 100.0 % | 100.0 % | 100.0 % |" in table
     assert (tmp_path / "strength.png").stat().st_size > 10_000
-    rows = read_rows(tmp_path / "strength.csv")
+    rows = strength.read_rows(tmp_path / "strength.csv")
     assert {(row.arm, row.factor) for row in rows} == {(a, f) for a in ("4R", "RPRP") for f in (1.0, 0.4)}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(strength, "expert_rows", None)
         assert main([*command, "--out", str(tmp_path)]) == 0  # what is finished stays
     assert main([*command[:-1], "11", "--out", str(tmp_path)]) == 0  # of other goals it does not
-    assert {row.episodes for row in read_rows(tmp_path / "strength.csv")} == {11}
+    assert {row.episodes for row in strength.read_rows(tmp_path / "strength.csv")} == {11}
 
 
 def test_learners_that_are_given_are_not_trained_again(tmp_path, monkeypatch):
@@ -355,9 +319,11 @@ def test_learners_that_are_given_are_not_trained_again(tmp_path, monkeypatch):
         run_folder(tmp_path / "strong", "4R", 7, 0.9),
         run_folder(tmp_path / "other", "4R", 7, 0.8, scene=weakened("four_r_reach", 0.7)),
     ]
-    run_study((1.0, 0.5), [0, 1], 5, given, None, tmp_path / "out")
+    strength.run_study((1.0, 0.5), [0, 1], 5, given, None, tmp_path / "out")
     assert trained == ["4r_ppo_0.5_seed0", "4r_ppo_0.5_seed1"]
-    rows = {(r.factor, r.who): r for r in read_rows(tmp_path / "out" / "strength.csv") if r.who == "PPO"}
+    rows = {
+        (r.factor, r.who): r for r in strength.read_rows(tmp_path / "out" / "strength.csv") if r.who == "PPO"
+    }
     assert set(rows) == {(1.0, "PPO"), (0.5, "PPO")}  # 0.7 is none of the factors
     assert (rows[1.0, "PPO"].hold_success, rows[0.5, "PPO"].hold_success) == (0.9, 0.25)
     assert (rows[1.0, "PPO"].seeds, rows[0.5, "PPO"].seeds) == (1, 2)
@@ -367,8 +333,7 @@ def test_learners_that_are_given_are_not_trained_again(tmp_path, monkeypatch):
     ("more", "word"),
     [(["--processes", "0"], "processes is 0"), (["--runs", "nothing"], "nothing/config.yaml")],
 )
-def test_arguments_of_the_study_are_checked_before_anything_long(more, word, tmp_path, monkeypatch, capsys):
+def test_arguments_of_the_study_are_checked_before_anything_long(more, word, tmp_path, monkeypatch, refused):
     monkeypatch.setattr(strength, "expert_rows", lambda *args: pytest.fail("it begins to compute"))
-    assert main(["study", "strength", "--seeds", "none", *more, "--out", str(tmp_path / "out")]) == 2
-    assert word in capsys.readouterr().err
+    refused(["study", "strength", "--seeds", "none", *more, "--out", tmp_path / "out"], word)
     assert not (tmp_path / "out").exists()

@@ -1,13 +1,14 @@
-"""Tuning: search spaces, and continued studies."""
+"""Tuning: search spaces, continued studies, and several trials at a time with the results of one."""
 
-import csv
+import contextlib
 import re
 
 import pytest
 import yaml
+from run_folders import REFUSALS, TINY, csv_rows
 
 from redundant_envs_train.__main__ import main
-from redundant_envs_train.config import load
+from redundant_envs_train.config import Config, checked, load
 from redundant_envs_train.presets import presets
 from redundant_envs_train.rollout import SELECTION_SEED
 from redundant_envs_train.run_folder import CHECKPOINT
@@ -16,25 +17,23 @@ from redundant_envs_train.training.pool import Stopped
 
 pytest.importorskip("optuna", reason="optuna is not installed; pip install 'redundant-envs[tune]'")
 
+import optuna
 from optuna.distributions import FloatDistribution, IntDistribution
 
 from redundant_envs_train.tuning import study as studies
-from redundant_envs_train.tuning.search import own_parameters, space_of, with_parameters
+from redundant_envs_train.tuning.search import check_arguments, own_parameters, space_of, with_parameters
 from redundant_envs_train.tuning.study import LEAST_AHEAD, tune
-from redundant_envs_train.tuning.trials import STARTUP_TRIALS
+from redundant_envs_train.tuning.trials import STARTUP_TRIALS, Judge, score
+from redundant_envs_train.tuning.workers import Worker
 
-SMALL = [
-    "num_envs=32", "ppo.n_steps=16", "ppo.batch_size=256", "total_steps=2048", "curve_every=1024",
-    "curve_episodes=5", "evaluation_episodes=10", "telemetry=[]",
-]  # fmt: skip
+SMALL = [*TINY, "total_steps=2048", "curve_every=1024"]
 CONFIG = load("rprp_reach_ppo", SMALL)
 GAMMA = ["ppo.gamma=0.5..0.9"]
 
 
 def rows(folder):
     """trials.csv without the seconds, which differ from run to run."""
-    with (folder / "trials.csv").open(newline="") as file:
-        return [{k: v for k, v in row.items() if k != "seconds"} for row in csv.DictReader(file)]
+    return [{k: v for k, v in row.items() if k != "seconds"} for row in csv_rows(folder / "trials.csv")]
 
 
 def curve(folder, trial):
@@ -62,44 +61,21 @@ def test_a_range_has_the_kind_of_its_setting(text, expected):
 
 def test_a_choice_has_values_of_its_setting():
     space = space_of(CONFIG, ["ppo.net_arch=[64, 64]|[32]", "ppo.activation=silu|tanh", "ppo.average=0|0.9"])
-    chosen = with_parameters(
-        CONFIG, space, {"ppo.net_arch": "[32]", "ppo.activation": "tanh", "ppo.average": "0"}
-    )
+    picked = {"ppo.net_arch": "[32]", "ppo.activation": "tanh", "ppo.average": "0"}
+    chosen = with_parameters(CONFIG, space, picked)
     assert (chosen.ppo.net_arch, chosen.ppo.activation, chosen.ppo.average) == ((32,), "tanh", 0.0)
     assert own_parameters(CONFIG, space) == {
         "ppo.net_arch": "[64, 64]", "ppo.activation": "silu", "ppo.average": "0.9"
     }  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("text", "word"),
-    [
-        ("", "write key=low..high"),
-        ("ppo.gamma", "write key=low..high"),
-        ("ppo.gamma=", "write low..high, or 2 to 100 values"),
-        ("ppo.gamma=0.9", "write low..high, or 2 to 100 values"),
-        ("ppo.gamma=0.9..0.5", "write the lower number first"),
-        ("ppo.gamma=0.9..0.9", "write the lower number first"),
-        ("ppo.gamma=0.9..1.5", "ppo.gamma is 1.5; give a number from 0 to 1"),
-        ("ppo.gamma=nan..1", "write low..high"),
-        ("ppo.gamma=1e999..1e9999", "ppo.gamma is inf; give a number from 0 to 1"),
-        ("ppo.gamma=0..1..2", "write low..high"),
-        ("ppo.gamma=0.9|0.9", "'0.9' twice"),
-        ("ppo.gamma=0.9|a", "ppo.gamma is 'a'; give a number"),
-        ("ppo.gamma=0.9|", "ppo.gamma is None; give a number"),
-        ("ppo.gamma=" + "|".join(str(k / 1000) for k in range(101)), "2 to 100 values"),
-        ("ppo.n_epochs=1.5..3", "ppo.n_epochs is 1.5; give a whole number"),
-        ("ppo.activation=silu|!!python/object:os.system", "the value"),
-        ("ppo.activation=1..2", "ppo.activation is 1.0; choose"),
-        ("ppo.net_arch=1..2", "ppo.net_arch"),
-        ("ppo.gama=0..1", "search key 'ppo.gama' is unknown; valid: ppo.n_steps"),
-        ("sac.gamma=0..1", "search key 'sac.gamma' is unknown; valid: ppo.n_steps"),
-        ("gamma=0..1", "unknown"),
-        ("seed=0..9", "unknown"),
-        ("ppo.__class__=0..1", "unknown"),
-        ("ppo.gamma=" + "9" * 100_000 + "..1", "ppo.gamma"),
-    ],
-)
+LONG = [
+    ("ppo.gamma=" + "|".join(str(k / 1000) for k in range(101)), "2 to 100 values"),
+    ("ppo.gamma=" + "9" * 100_000 + "..1", "ppo.gamma"),
+]
+
+
+@pytest.mark.parametrize(("text", "word"), [*REFUSALS["search"], *LONG])
 def test_what_is_no_search_is_refused(text, word):
     with pytest.raises(ValueError, match=r".") as error:
         space_of(CONFIG, [text])
@@ -114,9 +90,18 @@ def test_a_setting_is_searched_once_and_not_where_it_has_a_value():
         space_of(CONFIG, GAMMA, ["ppo.gamma=0.9"])
     with pytest.raises(ValueError, match="twice"):
         space_of(CONFIG, GAMMA * 2)
+    with pytest.raises(
+        ValueError, match=r"max_seconds is 90; trials are compared at equal steps: give max_s"
+    ):
+        check_arguments(load("baselines/rprp_reach_td3"), 2, 0, 1)
     tqc = load("baselines/rprp_reach_tqc", ["tqc.top_quantiles_to_drop_per_net=2"])
     with pytest.raises(ValueError, match=r"no value of tqc.n_quantiles .* give at most"):
         space_of(tqc, ["tqc.n_quantiles=1..2"])
+
+
+def test_trials_are_not_compared_at_equal_seconds():
+    with pytest.raises(ValueError, match=r"max_seconds is 90; .* give max_seconds=null and total_steps"):
+        check_arguments(load("baselines/rprp_reach_td3"), 2, 0, 1)
 
 
 @pytest.mark.parametrize("name", presets())
@@ -165,9 +150,8 @@ def test_a_study_is_reproducible_and_leaves_the_evaluation_goals_alone(tmp_path,
     for name in ("a", "b"):
         command = ["tune", "rprp_reach_ppo", *SMALL, "--trials", "3", *search, "--out", str(tmp_path / name)]
         assert main(command) == 0
-    assert (
-        "| trial | hold success | mean return | ppo.learning_rate | ppo.n_epochs |" in capsys.readouterr().out
-    )
+    head = "| trial | hold success | mean return | ppo.learning_rate | ppo.n_epochs |"
+    assert head in capsys.readouterr().out
     a, b = (rows(tmp_path / name) for name in ("a", "b"))
     assert a == b
     assert [row["state"] for row in a] == ["complete"] * 3
@@ -191,12 +175,6 @@ def test_the_best_of_a_study_is_a_configuration_of_its_own(by_gamma, tmp_path):
     assert "Importance" not in few  # with so few trials there is none to report
 
 
-def test_of_equal_trials_the_first_is_the_best(monkeypatch, tmp_path):
-    monkeypatch.setattr(studies, "train", fake_train(lambda ppo: (0.5, 7.0)))
-    tune(CONFIG, tmp_path, 3, GAMMA)
-    assert load(tmp_path / "best.yaml").ppo.gamma == float(rows(tmp_path)[0]["ppo.gamma"])
-
-
 def test_no_trial_is_pruned_while_policies_hold_nothing_yet(monkeypatch, tmp_path):
     monkeypatch.setattr(studies, "train", fake_train(lambda ppo: (ppo.gamma, 1.0)))
     tune(load("rprp_reach_ppo", [*SMALL, "total_steps=8192"]), tmp_path, 20, GAMMA)
@@ -204,17 +182,18 @@ def test_no_trial_is_pruned_while_policies_hold_nothing_yet(monkeypatch, tmp_pat
     assert {row["env_steps"] for row in pruned} == {"2048"}  # 1024 is less than a fifth
 
 
-@pytest.mark.parametrize("error", [FloatingPointError("no number"), RuntimeError("no number")])
-def test_a_training_without_end_is_named_and_the_study_goes_on(error, monkeypatch, tmp_path):
-    monkeypatch.setattr(studies, "train", fake_train(lambda ppo: (ppo.gamma, 1.0), {1: error}))
-    tune(CONFIG, tmp_path, 3, GAMMA)
-    assert [row["state"] for row in rows(tmp_path)] == ["complete", "refused", "complete"]
-    assert rows(tmp_path)[1]["message"] == "no number"
-
-
-def test_the_first_trial_has_the_values_of_the_configuration(by_gamma, tmp_path):
-    tune(CONFIG, tmp_path, 2, ["ppo.gamma=0.5..0.99"])
-    assert [float(row["ppo.gamma"]) == CONFIG.ppo.gamma for row in rows(tmp_path)] == [True, False]
+def test_a_training_without_end_is_named_and_the_study_goes_on(monkeypatch, tmp_path):
+    """The first trial has the values of the configuration; of equal ones the first is the best."""
+    breaks = {1: FloatingPointError("no number"), 2: RuntimeError("no end")}
+    monkeypatch.setattr(studies, "train", fake_train(lambda ppo: (0.5, 7.0), breaks))
+    tune(CONFIG, tmp_path, 4, ["ppo.gamma=0.5..0.99"])
+    found = rows(tmp_path)
+    assert [row["state"] for row in found] == ["complete", "refused", "refused", "complete"]
+    assert [row["message"] for row in found[1:3]] == ["no number", "no end"]
+    own = [float(row["ppo.gamma"]) == CONFIG.ppo.gamma for row in found]
+    assert own == [True, False, False, False]
+    assert load(tmp_path / "best.yaml").ppo.gamma == CONFIG.ppo.gamma
+    assert yaml.safe_load((tmp_path / "best.yaml").read_text())["algo"] == "ppo"
 
 
 def test_a_trial_below_the_median_is_pruned(monkeypatch, tmp_path):
@@ -252,22 +231,13 @@ def test_a_pruned_training_ends_at_its_point(tmp_path):
     assert (tmp_path / "run" / "policy.zip").is_file()
 
 
-def test_trials_are_not_compared_at_equal_seconds(tmp_path):
-    config = load("baselines/rprp_reach_td3")
-    with pytest.raises(ValueError, match=r"max_seconds is 90; .* give max_seconds=null and total_steps"):
-        tune(config, tmp_path / "out", 2)
-    assert not (tmp_path / "out").exists()
-
-
 def test_refused_settings_are_named_and_the_study_goes_on(by_gamma, tmp_path):
     tune(CONFIG, tmp_path, 6, ["ppo.batch_size=256|300"])
     found = {row["ppo.batch_size"]: row for row in rows(tmp_path)}
     assert found["256"]["state"] == "complete"
     assert found["300"]["state"] == "refused"
     assert found["300"]["message"].startswith("ppo.batch_size is 300; it must divide")
-    with pytest.raises(
-        ValueError, match=r"no value of ppo.batch_size 300\|301 .*: ppo.batch_size is 301; it"
-    ):
+    with pytest.raises(ValueError, match=r"no value of ppo.batch_size 300\|301 .*batch_size is 301; it"):
         tune(CONFIG, tmp_path / "none", 2, ["ppo.batch_size=300|301"])
 
 
@@ -307,16 +277,16 @@ def test_a_killed_study_goes_on_as_if_it_had_not_been(by_gamma, monkeypatch, tmp
         (load("rprp_reach_ppo", [*SMALL, "seed=1"]), GAMMA, 0, "with seed: 0, and this one has 1"),
     ],
 )
-def test_another_study_does_not_go_on_in_the_folder(by_gamma, config, searches, seed, word, tmp_path):
+def test_another_study_does_not_go_on_in_the_folder(
+    by_gamma, config, searches, seed, word, tmp_path, monkeypatch
+):
     tune(CONFIG, tmp_path, 1, GAMMA)
     with pytest.raises(ValueError, match="holds a study with") as error:
         tune(config, tmp_path, 2, searches, seed=seed)
     assert word in str(error.value)
     assert len(rows(tmp_path)) == 1
-
-
-def test_a_study_does_not_go_on_with_another_simulator(by_gamma, monkeypatch, tmp_path):
-    tune(CONFIG, tmp_path, 1, GAMMA)
+    with pytest.raises(ValueError, match=r"processes is 5, and the study .* begun for at most 4 at a time"):
+        tune(CONFIG, tmp_path, 2, GAMMA, processes=5)
     monkeypatch.setattr(studies, "simulator_hash", lambda core: "another")
     with pytest.raises(ValueError, match=r"holds a study with simulator: .* and this one has 'another'"):
         tune(CONFIG, tmp_path, 2, GAMMA)
@@ -331,29 +301,137 @@ def test_a_folder_that_is_no_study_is_refused(by_gamma, tmp_path):
     tune(CONFIG, tmp_path / "study", 1, GAMMA)
     with studies._alone(tmp_path / "study"), pytest.raises(ValueError, match="another process tunes"):
         tune(CONFIG, tmp_path / "study", 2, GAMMA)
-    (tmp_path / "study" / studies.JOURNAL).write_text('{"op_code": 0, "a"\n[]\n')
-    with pytest.raises(ValueError, match="is damaged"):
-        tune(CONFIG, tmp_path / "study", 2, GAMMA)
-
-
-@pytest.mark.parametrize(("trials", "seed", "word"), [(0, 0, "trials is 0"), (1, -1, "seed is -1")])
-def test_numbers_of_a_study_are_checked_before_anything_begins(trials, seed, word, tmp_path, capsys):
-    command = ["tune", "rprp_reach_ppo", "--trials", str(trials), "--seed", str(seed)]
-    assert main([*command, "--out", str(tmp_path / "out")]) == 2
-    assert word in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
-
-
-def test_best_yaml_is_plain(by_gamma, tmp_path):
-    tune(CONFIG, tmp_path, 1, GAMMA)
-    assert yaml.safe_load((tmp_path / "best.yaml").read_text())["algo"] == "ppo"
-
-
-def test_a_hold_success_that_is_none_is_damage(by_gamma, tmp_path):
-    tune(CONFIG, tmp_path, 1, GAMMA)
-    journal = tmp_path / studies.JOURNAL
+    journal = tmp_path / "study" / studies.JOURNAL
     text, count = re.subn(r'"values":\s*\[[\d.]+\]', '"values":[NaN]', journal.read_text())
     assert count == 1
-    journal.write_text(text)
-    with pytest.raises(ValueError, match="is damaged"):
-        tune(CONFIG, tmp_path, 2, GAMMA)
+    for damage in (text, '{"op_code": 0, "a"\n[]\n'):
+        journal.write_text(damage)
+        with pytest.raises(ValueError, match="is damaged"):
+            tune(CONFIG, tmp_path / "study", 2, GAMMA)
+
+
+# ---- several trials at a time ----------------------------------------------------------------------
+
+
+def test_a_point_that_is_met_twice_is_one_point():
+    study = optuna.create_study(direction="maximize")
+    one = Judge(study, CONFIG, space_of(CONFIG, GAMMA), 0, ahead=3, seed=0)
+    for steps in (512, 1024, 1024, 2048):
+        assert not one.add(steps, 0.5, 7.0)
+    assert [steps for steps, *_ in one.points] == [512, 1024, 2048]
+
+
+def test_the_return_breaks_ties_and_nothing_else():
+    returns = [-1e300, -80.0, -1e-9, 0.0, 1e-9, 78.5, 78.6, 1e6, 1e300, float("inf")]
+    for hold in (0.0, 0.98):
+        scores = [score(hold, returned, 500) for returned in returns]
+        assert scores == sorted(set(scores))
+        assert scores[-1] < score(hold + 1 / 500, -1e300, 500)
+        for unknown in (float("nan"), None):
+            assert score(hold, unknown, 500) < scores[0]
+
+
+def test_among_trials_that_hold_nothing_the_return_decides(monkeypatch, tmp_path):
+    monkeypatch.setattr(studies, "train", fake_train(lambda ppo: (0.0, -((ppo.gamma - 0.7) ** 2))))
+    page = tune(CONFIG, tmp_path, 24, GAMMA).read_text()
+    found = rows(tmp_path)
+    best = max(found, key=lambda row: float(row["return"]))
+    assert load(tmp_path / "best.yaml").ppo.gamma == float(best["ppo.gamma"])
+    assert abs(float(best["ppo.gamma"]) - 0.7) < 0.02  # the search follows it, too
+    assert {"complete", "pruned"} == {row["state"] for row in found}
+    assert f"| {best['trial']} | 0.0 % | " in page
+
+
+@pytest.mark.long  # processes of torch take seconds to begin; below they are replaced
+def test_two_processes_find_what_one_finds(tmp_path):
+    search = ["ppo.learning_rate=1e-4..1e-1"]
+    for processes in (1, 2):
+        tune(CONFIG, tmp_path / str(processes), 3, search, processes=processes)
+    one, two = tmp_path / "1", tmp_path / "2"
+    assert rows(one) == rows(two)
+    assert [curve(one, k) for k in range(3)] == [curve(two, k) for k in range(3)]
+    assert (one / "best.yaml").read_bytes() == (two / "best.yaml").read_bytes()
+
+
+class Pipe:
+    """Connection to a simulated process: it reports points until they end or it is pruned."""
+
+    def send(self, message):
+        if isinstance(message, bool):
+            self.pruned = message
+            self.points = [] if message else self.points
+        else:
+            self.settings, self.pruned = checked(Config, message[0]).ppo, False
+            self.points = [1024, 2048, 2048]
+
+
+class Team:
+    """Replaces processes; ``pick``, of orders, chooses which of the busy ones reports next."""
+
+    def __init__(self, pick, stop_after=10**9):
+        self.pick, self.left, self.most = pick, stop_after, 0
+
+    @contextlib.contextmanager
+    def workers(self, count, config):
+        yield [Worker(None, Pipe()) for _ in range(count)]
+
+    def news(self, team):
+        busy = [worker for worker in team if worker.order is not None]
+        self.most = max(self.most, len(busy))
+        if self.left == 0:
+            raise KeyboardInterrupt
+        self.left -= 1
+        worker = self.pick(busy, key=lambda worker: worker.order)
+        if not worker.pipe.points:
+            return [(worker, ("end", None if worker.pipe.pruned else ""))]
+        return [(worker, ("point", (worker.pipe.points.pop(0), worker.pipe.settings.gamma, 1.0)))]
+
+    def replace(self, monkeypatch):
+        monkeypatch.setattr(studies, "workers", self.workers)
+        monkeypatch.setattr(studies, "news", self.news)
+        return self
+
+
+@pytest.mark.usefixtures("by_gamma")
+@pytest.mark.parametrize("processes", [2, 4])
+@pytest.mark.parametrize("pick", [max, min])  # the youngest, the oldest
+def test_a_study_is_the_same_whichever_trial_ends_first(pick, processes, monkeypatch, tmp_path):
+    tune(CONFIG, tmp_path / "one", 24, GAMMA)
+    team = Team(pick).replace(monkeypatch)
+    tune(CONFIG, tmp_path / "several", 24, GAMMA, processes=processes)
+    assert team.most == processes
+    assert rows(tmp_path / "several") == rows(tmp_path / "one")
+    assert "pruned" in {row["state"] for row in rows(tmp_path / "one")}
+
+
+@pytest.mark.usefixtures("by_gamma")
+def test_a_study_of_several_goes_on_after_a_stop_as_if_there_had_been_none(monkeypatch, tmp_path):
+    tune(CONFIG, tmp_path / "whole", 20, GAMMA)
+    Team(max, stop_after=45).replace(monkeypatch)
+    with pytest.raises(Stopped, match="the same command goes on"):
+        tune(CONFIG, tmp_path / "stopped", 20, GAMMA, processes=4)
+    assert [row["state"] for row in rows(tmp_path / "stopped")].count("stopped") == 1  # and later ones ended
+    tune(CONFIG, tmp_path / "stopped", 20, GAMMA)  # one at a time, from here on
+    found, whole = (
+        sorted((row["ppo.gamma"], row["state"]) for row in rows(tmp_path / name) if row["state"] != "stopped")
+        for name in ("stopped", "whole")
+    )
+    assert found == whole
+    assert (tmp_path / "stopped/best.yaml").read_bytes() == (tmp_path / "whole/best.yaml").read_bytes()
+
+
+@pytest.mark.usefixtures("by_gamma")
+def test_a_process_that_ends_is_named_and_the_study_goes_on(monkeypatch, tmp_path):
+    class Dead:
+        exitcode = -9
+
+    def news(team):
+        team[0].process = Dead
+        return [(team[0], None)]
+
+    Team(min).replace(monkeypatch)
+    monkeypatch.setattr(studies, "news", news)
+    with pytest.raises(ValueError, match=r"the process of trial 0 ended \(-9\); the same command goes on"):
+        tune(CONFIG, tmp_path, 3, GAMMA, processes=2)
+    tune(CONFIG, tmp_path, 3, GAMMA)
+    assert [row["state"] for row in rows(tmp_path)] == ["stopped", "stopped", *["complete"] * 3]

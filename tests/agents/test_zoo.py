@@ -43,11 +43,9 @@ def of_preset(config):
     if settings["schedule"] == "linear":
         expected["learning_rate"] = f"lin_{settings['learning_rate']}"
     expected |= {
-        "policy": policy_name(config),
-        "n_envs": config.num_envs,
-        "n_timesteps": config.total_steps,
+        "policy": policy_name(config), "n_envs": config.num_envs, "n_timesteps": config.total_steps,
         "policy_kwargs": policy_kwargs(config),
-    }
+    }  # fmt: skip
     if config.algo == "her":
         expected["replay_buffer_class"] = "HerReplayBuffer"
         expected["replay_buffer_kwargs"] = {key: settings[key] for key in sorted(OF_GOALS)}
@@ -55,8 +53,7 @@ def of_preset(config):
 
 
 def as_read(given):
-    """Settings of a file in the form of rl_zoo3: a schedule has a number, arguments of a policy are
-    Python."""
+    """Settings of a file in the form of rl_zoo3: a schedule has a number, a policy's arguments are Python."""
     read = {**given, "policy_kwargs": eval(given["policy_kwargs"], {"nn": nn, "dict": dict})}
     if isinstance(given["learning_rate"], str):
         kind, number = given["learning_rate"].split("_")
@@ -66,10 +63,8 @@ def as_read(given):
 
 def known(name):
     """Names of the arguments of an algorithm, its base class's among them."""
-    found = set()
-    for kind in CLASSES[name].__mro__:
-        found |= set(inspect.signature(kind.__init__).parameters)
-    return found
+    kinds = CLASSES[name].__mro__
+    return {argument for kind in kinds for argument in inspect.signature(kind.__init__).parameters}
 
 
 @pytest.mark.parametrize("preset", PRESETS)
@@ -89,13 +84,9 @@ def test_hyperparameters_are_those_of_the_presets(preset, file):
 
 
 @pytest.mark.parametrize("name", CLASSES)
-def test_every_key_is_an_argument_of_the_algorithm(name):
+def test_every_key_is_an_argument_of_the_algorithm_and_every_environment_has_a_preset(name):
     for given in hyperparameters(name).values():
         assert given.keys() - OF_ZOO - known(name) == set()
-
-
-@pytest.mark.parametrize("name", CLASSES)
-def test_every_environment_has_a_preset(name):
     kinds = ("ppo",) if "ppo" in name else ("sac", "her")
     assert hyperparameters(name).keys() == {c.env for c in map(load, PRESETS) if c.algo in kinds}
 
@@ -109,16 +100,8 @@ SMALL = {
 def call(folder, name, env_id, *arguments):
     """redundant_envs_train.zoo on configs/zoo/, with its logs in a folder."""
     command = [sys.executable, "-m", "redundant_envs_train.zoo", "--algo", name, "--env", env_id]
-    command += [
-        "--num-threads",
-        "1",
-        "--conf-file",
-        f"configs/zoo/{name}.yml",
-        "--log-folder",
-        str(folder),
-        *arguments,
-    ]
-    return subprocess.run(command, check=False, capture_output=True, text=True, cwd=ROOT)
+    command += ["--num-threads", "1", "--conf-file", f"configs/zoo/{name}.yml", "--log-folder", str(folder)]
+    return subprocess.run([*command, *arguments], check=False, capture_output=True, text=True, cwd=ROOT)
 
 
 @needs_zoo
@@ -144,21 +127,18 @@ def test_rl_zoo3_learns_what_agents_train_learns_to_the_same_bits(algo, tmp_path
     assert (saved.parent / "best_model.zip").exists()
 
 
-REFUSED = {
-    "a seed that no run has": (
-        ["--seed", "10000"], "error: --seed is 10000; give one from 0 to 9999",
-    ),
-    "tuning": (
-        ["--seed", "0", "--optimize-hyperparameters"],
-        "error: --trained-agent and --optimize-hyperparameters are for the algorithms of stable-",
-    ),
-}  # fmt: skip
-
-
 @needs_zoo
-@pytest.mark.parametrize("what", REFUSED)
-def test_what_would_go_wrong_silently_is_refused(what, tmp_path):
-    arguments, message = REFUSED[what]
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--seed", "10000"], "error: --seed is 10000; give one from 0 to 9999"),
+        (
+            ["--seed", "0", "--optimize-hyperparameters"],
+            "error: --trained-agent and --optimize-hyperparameters",
+        ),
+    ],
+)
+def test_what_would_go_wrong_silently_is_refused(arguments, message, tmp_path):
     done = call(tmp_path, "averaged_sac", "redundant_envs/RPRPReach-v0", *arguments)
     assert done.returncode == 2
     assert "Traceback" not in done.stderr

@@ -4,9 +4,10 @@ import hashlib
 import os
 import shutil
 import sys
-import threading
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -23,7 +24,12 @@ def small_program():
 
 
 KEY = cache.program_key(cache.identity(small_program()))
-NAME = f"{KEY}{cache.SUFFIX}"
+NAME, LOCK = f"{KEY}{cache.SUFFIX}", f"{KEY}.lock"
+
+
+def double():
+    """The kernel, from the cache."""
+    return cache.kernels(KEY, small_program(), "a test")["double"]
 
 
 def load(folder, monkeypatch):
@@ -33,9 +39,9 @@ def load(folder, monkeypatch):
     monkeypatch.setattr(cache, "_warned", set())
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
-        kernels = cache.kernels(KEY, small_program(), "a test")
+        kernel = double()
     x = np.array([21.0])
-    kernels["double"](np.array([x.ctypes.data]).ctypes.data)
+    kernel(np.array([x.ctypes.data]).ctypes.data)
     assert x[0] == 42.0
     return [str(w.message) for w in told]
 
@@ -61,19 +67,14 @@ def compilations(capsys):
     return capsys.readouterr().err.count("compiling a test")
 
 
-def test_what_is_kept_is_the_code_and_its_checksum(folder, monkeypatch, capsys):
-    assert sorted(p.name for p in folder.iterdir()) == sorted([NAME, f"{KEY}.lock"])
+def test_what_is_kept_is_the_code_and_its_checksum_and_a_process_asks_once(folder, monkeypatch, capsys):
+    assert sorted(p.name for p in folder.iterdir()) == sorted([NAME, LOCK])
     data = (folder / NAME).read_bytes()
     assert data[:32] == hashlib.sha256(KEY.encode() + data[32:]).digest()
     assert load(folder, monkeypatch) == []
     assert compilations(capsys) == 0
-
-
-def test_a_process_asks_the_folder_once(folder, monkeypatch):
-    assert load(folder, monkeypatch) == []
     shutil.rmtree(folder)
-    kernels = cache.kernels(KEY, small_program(), "a test")
-    assert cache.kernels(KEY, small_program(), "a test") is kernels
+    assert double() is double()
     assert not folder.exists()
 
 
@@ -93,6 +94,9 @@ DAMAGES = {
     "a link to itself": lambda p: (p.unlink(), p.symlink_to(p)),
     "a broken link": lambda p: (p.unlink(), p.symlink_to(p.with_name("nowhere"))),
     "a link to a folder": lambda p: (p.unlink(), p.symlink_to(p.parent)),
+    "code of another program": lambda p: p.write_bytes(
+        hashlib.sha256(b"0" * 40 + p.read_bytes()[32:]).digest() + p.read_bytes()[32:]
+    ),
 }  # fmt: skip
 
 
@@ -110,59 +114,34 @@ def test_a_damaged_file_is_found_told_once_and_compiled_anew(folder, damage, mon
     assert not (folder / NAME).is_symlink()
 
 
-def test_a_file_that_cannot_be_read_is_damage(folder, monkeypatch, capsys):
-    def refused(path):
-        raise PermissionError(13, "not yours", str(path))
-
+def test_a_file_that_cannot_be_read_is_damage_and_one_that_is_gone_is_none(folder, monkeypatch, capsys):
     with monkeypatch.context() as context:
-        context.setattr(Path, "read_bytes", refused)
+        context.setattr(Path, "read_bytes", Mock(side_effect=PermissionError(13, "not yours")))
         (told,) = load(folder, context)
     assert "damaged or not ours" in told
-    assert compilations(capsys) == 1
-    assert load(folder, monkeypatch) == []
-
-
-def test_a_file_that_is_gone_is_no_damage(folder, monkeypatch, capsys):
     (folder / NAME).unlink()
     assert load(folder, monkeypatch) == []
-    assert compilations(capsys) == 1
+    assert compilations(capsys) == 2
 
 
-def test_a_folder_in_the_place_of_a_file_stays_and_memory_serves(folder, monkeypatch, capsys):
+@pytest.mark.parametrize("place", [NAME, LOCK], ids=["code", "lock"])
+def test_a_folder_in_the_place_of_a_file_stays_and_memory_serves(folder, place, monkeypatch, capsys):
     (folder / NAME).unlink()
-    (folder / NAME).mkdir()
-    (folder / NAME / "mine").write_text("?")
+    (folder / place).unlink(missing_ok=True)
+    (folder / place).mkdir()
+    (folder / place / "mine").write_text("?")
     (told,) = load(folder, monkeypatch)
     assert "kept in memory only" in told
-    assert "is a folder" in told
+    assert place == LOCK or "is a folder" in told
     assert compilations(capsys) == 1
-    assert (folder / NAME / "mine").read_text() == "?"
-
-
-def test_where_no_lock_can_be_had_memory_serves(folder, monkeypatch, capsys):
-    (folder / NAME).unlink()
-    (folder / f"{KEY}.lock").unlink()
-    (folder / f"{KEY}.lock").mkdir()
-    (told,) = load(folder, monkeypatch)
-    assert "kept in memory only" in told
-    assert compilations(capsys) == 1
-
-
-def test_code_of_another_program_under_this_ones_name_is_not_run(folder, monkeypatch, capsys):
-    data = (folder / NAME).read_bytes()
-    other = f"{'0' * 40}{cache.SUFFIX}"
-    (folder / other).write_bytes(hashlib.sha256(b"0" * 40 + data[32:]).digest() + data[32:])
-    shutil.copy(folder / other, folder / NAME)
-    (told,) = load(folder, monkeypatch)
-    assert "damaged or not ours" in told
-    assert compilations(capsys) == 1
+    assert (folder / place / "mine").read_text() == "?"
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="flock is that of Unix")
 def test_whole_code_is_read_though_another_process_holds_the_lock(folder, monkeypatch, capsys):
     import fcntl
 
-    with (folder / f"{KEY}.lock").open("w") as held:
+    with (folder / LOCK).open("w") as held:
         fcntl.flock(held, fcntl.LOCK_EX)
         assert load(folder, monkeypatch) == []
     assert compilations(capsys) == 0
@@ -170,46 +149,22 @@ def test_whole_code_is_read_though_another_process_holds_the_lock(folder, monkey
 
 @pytest.mark.parametrize("broken", ["replace", "fdopen"])
 def test_a_file_that_cannot_be_written_is_not_there_at_all(tmp_path, monkeypatch, capsys, broken):
-    def no_room(*_):
-        raise OSError("no room left")
-
     with monkeypatch.context() as context:
-        context.setattr(os, broken, no_room)
+        context.setattr(os, broken, Mock(side_effect=OSError("no room left")))
         (told,) = load(tmp_path, context)
     assert "no room left" in told
     assert f"set {cache.CACHE_VARIABLE}" in told
-    assert [p.name for p in tmp_path.iterdir()] == [f"{KEY}.lock"]
+    assert [p.name for p in tmp_path.iterdir()] == [LOCK]
     assert compilations(capsys) == 1
     assert load(tmp_path, monkeypatch) == []
-
-
-def test_one_process_at_a_time_compiles_a_program(folder, monkeypatch, capsys):
-    (folder / NAME).unlink()
-    thread = threading.Thread(target=load, args=(folder, monkeypatch))
-    with cache._file_lock(folder / f"{KEY}.lock"):
-        thread.start()
-        thread.join(0.3)
-        assert thread.is_alive()
-        assert not (folder / NAME).exists()
-    thread.join(60)
-    assert not thread.is_alive()
-    assert compilations(capsys) == 1
 
 
 def test_threads_that_want_the_same_program_compile_it_once(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv(cache.CACHE_VARIABLE, str(tmp_path))
     monkeypatch.setattr(cache, "_kept", {})
-    found = []
-    ask = [
-        threading.Thread(target=lambda: found.append(cache.kernels(KEY, small_program(), "a test")))
-        for _ in range(6)
-    ]
-    for thread in ask:
-        thread.start()
-    for thread in ask:
-        thread.join(60)
-    assert len(found) == 6
-    assert all(kernels is found[0] for kernels in found)
+    with ThreadPoolExecutor(6) as pool:
+        found = list(pool.map(lambda _: double(), range(6)))
+    assert all(kernel is found[0] for kernel in found)
     assert compilations(capsys) == 1
 
 
@@ -262,11 +217,8 @@ def homeless(monkeypatch):
     for name in ("HOME", "XDG_CACHE_HOME", cache.CACHE_VARIABLE):
         monkeypatch.delenv(name, raising=False)
 
-    def unknown(user):
-        raise KeyError(user)
-
-    monkeypatch.setattr(pwd, "getpwuid", unknown)
-    monkeypatch.setattr(pwd, "getpwnam", unknown)
+    monkeypatch.setattr(pwd, "getpwuid", Mock(side_effect=KeyError))
+    monkeypatch.setattr(pwd, "getpwnam", Mock(side_effect=KeyError))
     monkeypatch.setattr(cache, "_warned", set())
 
 
@@ -275,17 +227,17 @@ def test_where_the_folder_is(homeless, tmp_path, monkeypatch):
     with pytest.warns(UserWarning, match=f"kept in memory only: ~.*set {cache.CACHE_VARIABLE}"):
         assert cache.cache_folder() is None
     assert cache.cache_folder() is None  # told once
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg"))
-    assert cache.cache_folder() == tmp_path / "xdg" / "redundant-envs"
-    monkeypatch.setenv("XDG_CACHE_HOME", "")
-    monkeypatch.setenv("HOME", str(tmp_path))
-    assert cache.cache_folder() == tmp_path / ".cache" / "redundant-envs"
-    monkeypatch.setenv(cache.CACHE_VARIABLE, "~/own")
-    assert cache.cache_folder() == tmp_path / "own"
-    assert (tmp_path / "own").stat().st_mode & 0o77 == 0
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv(cache.CACHE_VARIABLE, "here")
-    assert cache.cache_folder() == tmp_path / "here"
+    for variable, value, expected in (
+        ("XDG_CACHE_HOME", str(tmp_path / "xdg"), "xdg/redundant-envs"),
+        ("XDG_CACHE_HOME", "", None),
+        ("HOME", str(tmp_path), ".cache/redundant-envs"),
+        (cache.CACHE_VARIABLE, "~/own", "own"),
+        (cache.CACHE_VARIABLE, "here", "here"),
+    ):
+        monkeypatch.setenv(variable, value)
+        assert cache.cache_folder() == (tmp_path / expected if expected else None)
+    assert (tmp_path / "own").stat().st_mode & 0o77 == 0
     monkeypatch.setenv(cache.CACHE_VARIABLE, "~nobody_of_this_name/cache")
     with pytest.warns(UserWarning, match="kept in memory only"):
         assert cache.cache_folder() is None

@@ -8,131 +8,111 @@ from redundant_envs.batch.blocks import LANES
 from redundant_envs.tracing.flow import Kernel, LaneFunction
 from redundant_envs.tracing.graph import Graph
 
-OUT = {"out": "i64"}
+ELEMENTS = {"float64": "f64", "float32": "f32", "int64": "i64", "uint32": "u32", "int8": "i8"}
 
 
 def numbers(record, out=8, kind=np.int64, **arguments):
-    """The array ``out`` after a call of a kernel with arrays and whole numbers."""
-    kinds = {"f": {4: "f32", 8: "f64"}, "i": {8: "i64", 1: "i8"}, "u": {4: "u32"}}
-    types = {
-        name: kinds[x.dtype.kind][x.dtype.itemsize] if isinstance(x, np.ndarray) else "int"
-        for name, x in arguments.items()
-    }
-    p = Kernel("probe", {**types, "out": kinds[np.dtype(kind).kind][np.dtype(kind).itemsize]})
-    record(p)
+    """The array ``out`` after a call of a kernel with arrays and whole numbers.
+
+    ``record`` may return values that are stored one after the other.
+    """
     result = np.zeros(out, kind)
+    types = {n: ELEMENTS[x.dtype.name] if isinstance(x, np.ndarray) else "int" for n, x in arguments.items()}
+    p = Kernel("probe", {**types, "out": ELEMENTS[result.dtype.name]})
+    for k, value in enumerate(record(p) or ()):
+        p.store(p["out"], k, value)
     compiled(p)(out=result, **arguments)
     return result.tolist()
 
 
-# ---- loops -----------------------------------------------------------------------------------------
+# ---- loops and branches ----------------------------------------------------------------------------
 
 
-def test_each_counts_from_its_start_to_its_end():
-    def record(p):
-        with p.each(p["n"]) as i:
-            p.store(p["out"], i, i * i)
-        with p.each(p["n"] + 3, start=p["n"] + 1) as i:
-            p.store(p["out"], i, -1 * i)
-
-    assert numbers(record, n=4) == [0, 1, 4, 9, 0, -5, -6, 0]
+def from_start_to_end(p):
+    with p.each(p["n"]) as i:
+        p.store(p["out"], i, i * i)
+    with p.each(p["n"] + 3, start=p["start"]) as i:
+        p.store(p["out"], i, -1 * i)
 
 
-@pytest.mark.parametrize("n", [0, -3])
-def test_each_of_nothing_does_nothing(n):
-    def record(p):
-        with p.each(p["n"]) as i:
-            p.store(p["out"], i, 1)
-
-    assert numbers(record, n=n) == [0] * 8
-
-
-def test_loops_in_loops_and_branches_in_them():
-    """Pairs (i, j) of j <= i < 4 whose sum is odd."""
-
-    def record(p):
-        count = p.variable(0)
-        with p.each(4) as i, p.each(i + 1) as j, p.when(((i + j) & 1) == 1):
-            p.store(p["out"], count.value, i * 10 + j)
-            count.value = count.value + 1
-
-    assert numbers(record) == [10, 21, 30, 32, 0, 0, 0, 0]
+def pairs_with_odd_sum(p):
+    """Pairs (i, j) of j <= i < 4."""
+    count = p.variable(0)
+    with p.each(4) as i, p.each(i + 1) as j, p.when(((i + j) & 1) == 1):
+        p.store(p["out"], count.value, i * 10 + j)
+        count.value = count.value + 1
 
 
-@pytest.mark.parametrize("mask", [0, 1, 0b1010_0110, 255, 1 << 40 | 8])
-def test_each_set_is_each_bit_of_a_mask_in_order(mask):
-    def record(p):
-        count = p.variable(0)
-        with p.each_set(p["mask"]) as bit:
-            p.store(p["out"], count.value, bit)
-            count.value = count.value + 1
-
-    bits = [k for k in range(64) if mask >> k & 1]
-    assert numbers(record, mask=mask) == bits + [0] * (8 - len(bits))
+def bits_in_order(p):
+    count = p.variable(0)
+    with p.each_set(p["mask"]) as bit:
+        p.store(p["out"], count.value, bit)
+        count.value = count.value + 1
 
 
-def test_a_mask_may_change_while_its_bits_are_gone_through():
-    def record(p):
-        mask, count = p.variable(0b1011), p.variable(0)
-        with p.each_set(mask.value):
-            mask.value = 0
-            count.value = count.value + 1
-        p.store(p["out"], 0, count.value)
-
-    assert numbers(record, out=1) == [3]
+def bits_of_a_mask_that_changes(p):
+    mask, count = p.variable(0b1011), p.variable(0)
+    with p.each_set(mask.value):
+        mask.value = 0
+        count.value = count.value + 1
+    return [count.value]
 
 
-@pytest.mark.parametrize("start", [1, 6, 27])
-def test_a_loop_goes_on_while_its_condition_holds_anew_each_time(start):
-    def record(p):
-        n, steps = p.variable(p["start"]), p.variable(0)
-        with p.loop_while(lambda: n.value != 1):
-            odd = (n.value & 1) == 1
-            n.value = p.select(odd, n.value * 3 + 1, n.value >> 1)
-            steps.value = steps.value + 1
-        p.store(p["out"], 0, steps.value)
-
-    assert numbers(record, out=1, start=start) == [{1: 0, 6: 8, 27: 111}[start]]
+def steps_to_one(p):
+    n, steps = p.variable(p["start"]), p.variable(0)
+    with p.loop_while(lambda: n.value != 1):
+        odd = (n.value & 1) == 1
+        n.value = p.select(odd, n.value * 3 + 1, n.value >> 1)
+        steps.value = steps.value + 1
+    return [steps.value]
 
 
-def test_what_is_made_in_a_loop_takes_no_more_of_the_stack_each_time():
-    def record(p):
-        total = p.variable(0)
-        with p.each(p["n"]) as i:
-            once, room = p.variable(i), p.space(64, "i64")
-            p.store(room, 3, once.value & 1)
-            total.value = total.value + p.load(room, 3)
-        p.store(p["out"], 0, total.value)
-
-    assert numbers(record, out=1, n=10_000_000) == [5_000_000]
+def stack_that_does_not_grow(p):
+    total = p.variable(0)
+    with p.each(p["n"]) as i:
+        once, room = p.variable(i), p.space(64, "i64")
+        p.store(room, 3, once.value & 1)
+        total.value = total.value + p.load(room, 3)
+    return [total.value]
 
 
-# ---- branches --------------------------------------------------------------------------------------
+def branches(p):
+    for k, other in enumerate((3, 4, 5)):
+        with p.when(p["n"] < other):
+            p.store(p["out"], k, 1)
+            with p.when(p["n"] == 4):
+                p.store(p["out"], k, 2)
 
 
-def test_a_branch_is_taken_where_its_condition_holds():
-    def record(p):
-        for k, other in enumerate((3, 4, 5)):
-            with p.when(p["n"] < other):
-                p.store(p["out"], k, 1)
-                with p.when(p["n"] == 4):
-                    p.store(p["out"], k, 2)
-
-    assert numbers(record, out=3, n=4) == [0, 0, 2]
-    assert numbers(record, out=3, n=2) == [1, 1, 1]
+def left_at_once(p):
+    with p.each(8) as i:
+        p.store(p["out"], i, 1)
+        with p.when(i == p["last"]):
+            p.leave()
+        p.store(p["out"], i, 2)
+    p.store(p["out"], 0, 3)
 
 
-def test_a_kernel_is_left_at_once():
-    def record(p):
-        with p.each(8) as i:
-            p.store(p["out"], i, 1)
-            with p.when(i == p["last"]):
-                p.leave()
-            p.store(p["out"], i, 2)
-        p.store(p["out"], 0, 3)
-
-    assert numbers(record, last=2) == [2, 2, 1, 0, 0, 0, 0, 0]
-    assert numbers(record, last=9) == [3, 2, 2, 2, 2, 2, 2, 2]
+@pytest.mark.parametrize(
+    ("record", "arguments", "expected"),
+    [
+        (from_start_to_end, {"n": 4, "start": 5}, [0, 1, 4, 9, 0, -5, -6]),
+        (from_start_to_end, {"n": 0, "start": 3}, []),
+        (from_start_to_end, {"n": -3, "start": 3}, []),
+        (pairs_with_odd_sum, {}, [10, 21, 30, 32]),
+        *((bits_in_order, {"mask": mask}, [k for k in range(64) if mask >> k & 1])
+          for mask in (0, 1, 0b1010_0110, 255, 1 << 40 | 8)),
+        (bits_of_a_mask_that_changes, {}, [3]),
+        *((steps_to_one, {"start": start}, [steps]) for start, steps in ((1, 0), (6, 8), (27, 111))),
+        (stack_that_does_not_grow, {"n": 10_000_000}, [5_000_000]),
+        (branches, {"n": 4}, [0, 0, 2]),
+        (branches, {"n": 2}, [1, 1, 1]),
+        (left_at_once, {"last": 2}, [2, 2, 1]),
+        (left_at_once, {"last": 9}, [3] + [2] * 7),
+    ],
+)  # fmt: skip
+def test_loops_and_branches(record, arguments, expected):
+    assert numbers(record, **arguments) == expected + [0] * (8 - len(expected))
 
 
 def test_a_branch_of_python_is_refused_with_what_to_write():
@@ -147,92 +127,77 @@ def test_a_branch_of_python_is_refused_with_what_to_write():
 def test_whole_numbers():
     def record(p):
         n, m = p["n"], p["m"]
-        results = [n + m, n - m, 5 - n, 5 + n, n * m, 3 * n, n & 6, n | 1, n ^ 3, n << 2, n >> 1, ~n]
-        for k, x in enumerate(results):
-            p.store(p["out"], k, x)
+        return [n + m, n - m, 5 - n, 5 + n, n * m, 3 * n, n & 6, n | 1, n ^ 3, n << 2, n >> 1, ~n]
 
-    expected = [10, 2, -1, 11, 24, 18, 6, 7, 5, 24, 3, -7]
-    assert numbers(record, out=12, n=6, m=4) == expected
+    assert numbers(record, 12, n=6, m=4) == [10, 2, -1, 11, 24, 18, 6, 7, 5, 24, 3, -7]
 
 
-def test_comparisons_of_whole_numbers_know_signs():
+def compared(x, y):
+    return [x < y, x <= y, x > y, x >= y, x == y, x != y]
+
+
+@pytest.mark.parametrize(("n", "m"), [(-5, 3), (3, -5), (2**40, 2**40)])
+def test_comparisons_of_whole_numbers_know_signs(n, m):
     def record(p):
-        n, m = p["n"], p["m"]
-        for k, c in enumerate((n < m, n <= m, n > m, n >= m, n == m, n != m, (n < m) & (m < 1), ~(n < m))):
-            p.store(p["out"], k, p.whole(c))
+        less = p["n"] < p["m"]
+        return map(p.whole, [*compared(p["n"], p["m"]), less & (p["m"] < 1), ~less])
 
-    assert numbers(record, n=-5, m=3) == [1, 1, 0, 0, 0, 1, 0, 0]
-    assert numbers(record, n=2**40, m=2**40) == [0, 1, 0, 1, 1, 0, 0, 1]
+    assert numbers(record, n=n, m=m) == [*compared(n, m), n < m < 1, n >= m]
 
 
 @pytest.mark.parametrize(("a", "b"), [(1.5, 2.5), (2.0, 2.0), (np.nan, 1.0), (-0.0, 0.0), (np.inf, 1e308)])
 def test_floats_are_compared_as_python_compares_them(a, b):
     def record(p):
         x, y = (p.load(p["x"], k) for k in range(2))
-        for k, c in enumerate((x < y, x <= y, x > y, x >= y, x == y, x != y, x == 2.0)):
-            p.store(p["out"], k, p.whole(c))
+        return map(p.whole, [*compared(x, y), x == 2.0])
 
-    expected = [a < b, a <= b, a > b, a >= b, a == b, a != b, a == 2.0]
-    assert numbers(record, out=7, x=np.array([a, b])) == expected
+    assert numbers(record, 7, x=np.array([a, b])) == [*compared(a, b), a == 2.0]
 
 
-def test_floats_and_whole_numbers_become_each_other():
+def test_floats_and_whole_numbers_become_each_other_and_a_truth_is_one_or_zero():
     def record(p):
-        x = p.load(p["x"], 0)
+        x, n = p.load(p["x"], 0), p["n"]
         half = p.variable(0.5, kind="float")
         half.value = half.value * 3.0
-        results = [
-            x + half.value, 1.0 - x, p.number(p["n"]) * 0.5, p.number(p.whole(x)),
-            p.select(x > 2.0, 7.0, 8.0, kind="float"), p.number(p["n"] - 9),
-        ]  # fmt: skip
-        for k, value in enumerate(results):
-            p.store(p["out"], k, value)
+        yield from (x + half.value, 1.0 - x, p.number(n) * 0.5, p.number(p.whole(x)), p.number(n - 9))
+        yield from (p.select(x > 2.0, 7.0, 8.0, kind="float"), p.number(n > 2), p.number(n > 3))
 
-    assert numbers(record, 6, np.float64, x=np.array([2.75]), n=3) == [4.25, -1.75, 1.5, 2.0, 7.0, -6.0]
-
-
-def test_a_truth_as_a_number_is_one_or_zero():
-    def record(p):
-        for k, truth in enumerate((p["n"] > 2, p["n"] > 3)):
-            p.store(p["out"], k, p.number(truth))
-
-    assert numbers(record, 2, np.float64, n=3) == [1.0, 0.0]
+    expected = [4.25, -1.75, 1.5, 2.0, -6.0, 7.0, 1.0, 0.0]
+    assert numbers(record, 8, np.float64, x=np.array([2.75]), n=3) == expected
 
 
 @pytest.mark.parametrize(
-    ("kind", "given", "taken"),
+    ("kind", "given"),
     [
-        (np.float64, [1e300, np.pi], [1e300, np.pi]),
-        (np.float32, [0.1, 1e30], [float(np.float32(0.1)), float(np.float32(1e30))]),
-        (np.int64, [-(2**62), 7], [-(2**62), 7]),
-        (np.uint32, [2**32 - 1, 7], [2**32 - 1, 7]),
-        (np.int8, [3, 127], [3, 127]),
+        (np.float64, [1e300, np.pi]),
+        (np.float32, [0.1, 1e30]),
+        (np.int64, [-(2**62), 7]),
+        (np.uint32, [2**32 - 1, 7]),
+        (np.int8, [3, 127]),
     ],
 )
-def test_elements_of_every_type_are_loaded_and_stored(kind, given, taken):
-    real = np.dtype(kind).kind == "f"
-    wide = np.float64 if real else np.int64
+def test_elements_of_every_type_are_loaded_and_stored(kind, given):
+    wide = np.float64 if np.dtype(kind).kind == "f" else np.int64
+    taken = np.array(given, kind).astype(wide).tolist()
 
     def record(p):
-        p.store(p["out"], 0, p.load(p["x"], 1))
-        p.store(p["out"], 1, p.load(p["x"] + 1, -1))
+        return [p.load(p["x"], 1), p.load(p["x"] + 1, -1)]
 
     assert numbers(record, 2, wide, x=np.array(given, kind)) == taken[::-1]
     assert numbers(record, 2, kind, x=np.array(given, wide)) == taken[::-1]
 
 
-def test_arrays_of_ones_own_begin_at_a_cache_line_and_one_of_two_is_chosen():
+@pytest.mark.parametrize(("n", "expected"), [(0, [1.0, 2.0]), (1, [10.0, 11.0])])
+def test_one_of_two_arrays_of_a_kernels_own_is_chosen(n, expected):
     def record(p):
-        first, second = p.space(3), p.space(5)
-        for k, space in enumerate((first, second)):
+        spaces = first, second = p.space(3), p.space(5)
+        for k, space in enumerate(spaces):
             with p.each(3) as i:
                 p.store(space, i, p.number(i) + 10.0 * k)
         chosen = p.choose(p["n"] == 0, first + 1, second)
-        with p.each(2) as i:
-            p.store(p["out"], i, p.load(chosen, i))
+        return [p.load(chosen, 0), p.load(chosen, 1)]
 
-    assert numbers(record, 2, np.float64, n=0) == [1.0, 2.0]
-    assert numbers(record, 2, np.float64, n=1) == [10.0, 11.0]
+    assert numbers(record, 2, np.float64, n=n) == expected
 
 
 # ---- blocks of lanes -------------------------------------------------------------------------------
@@ -242,24 +207,19 @@ def test_a_mask_has_the_lanes_whose_number_is_not_zero():
     rows = np.zeros((3, LANES))
     rows[0] = 1.0
     rows[1] = [0.0, -0.0, 1.0, -1.0, np.nan, 1e-320, np.inf, 0.0]
-
-    def record(p):
-        for row in range(3):
-            p.store(p["out"], row, p.mask(p["rows"], row))
-
-    assert numbers(record, 3, rows=rows.reshape(-1)) == [255, 0b0111_1100, 0]
+    masks = numbers(lambda p: [p.mask(p["rows"], row) for row in range(3)], 3, rows=rows.reshape(-1))
+    assert masks == [255, 0b0111_1100, 0]
 
 
 def test_a_function_is_called_on_the_places_it_is_told_whatever_their_order():
     graph = Graph()
     a, b = graph.load("left", 1), graph.load("right", 0)
-    function = LaneFunction("difference", ("left", "right"), [("left", 2, graph.subtract(a, b))])
+    function = LaneFunction("difference", ("left", "right"), [("left", 2, graph.combine("-", a, b))])
 
     def record(p):
         with p.each(2) as block:
             p.call(function, right=p["right"], left=p["left"] + block * (3 * LANES))
-        with p.each(2) as i:
-            p.store(p["out"], i, p.load(p["left"], i * (3 * LANES) + (2 * LANES + 5)))
+        return [p.load(p["left"], i * (3 * LANES) + (2 * LANES + 5)) for i in range(2)]
 
     left, right = np.arange(6.0 * LANES), np.full(LANES, 100.0)
     assert numbers(record, 2, np.float64, left=left, right=right) == [13.0 - 100.0, 37.0 - 100.0]

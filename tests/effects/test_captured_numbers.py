@@ -5,42 +5,21 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from catalogue import ARMS, RPRP, every_effect
 from refusals import refusal, short
-from sample_effects import EVERY, all_effects
 
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.algebra import physics
-from redundant_envs.effects import (
-    Actuation,
-    Effect,
-    Field,
-    Force,
-    Impact,
-    Inertia,
-    Link,
-    Point,
-    Sensing,
-    State,
-)
 from redundant_envs.effects.captured import check_effect
 from redundant_envs.tasks.checks import _check_captured
 
-ARM = rde.RPRP((2.3, 0.7, 1.9, 0.4), (1.1, 0.6))
-
-
-@physics
-def damping(rate, k):
-    return -k * rate
-
-
-@physics
-def no_force():
-    return 0.0
+damping = physics(lambda rate, k: -k * rate)
+no_force = physics(lambda: 0.0)
 
 
 def bound(k=".k", joint=0, **more):
-    return Force(joint, damping, {"rate": f"phid{joint + 1}", "k": k}, **more)
+    return e.Force(joint, damping, {"rate": f"phid{joint + 1}", "k": k}, **more)
 
 
 def made_of(k):
@@ -48,290 +27,203 @@ def made_of(k):
     return physics(lambda phid1: -k * phid1)
 
 
+def force_of(function):
+    """A force on joint 1 by a function of its rate that is not marked."""
+    return (e.Force(0, physics(lambda phid1: function(phid1))),)
+
+
 def scene_with(hooks, value=1.5, fields=None, **body):
     """A scene with an effect whose hooks a function gives, from the effect and the arm."""
     fields = fields or {"k": float}
-    body["__annotations__"] = fields
-    own = type("Own", (Effect,), {"hooks": hooks, **body})
+    own = type("Own", (e.Effect,), {"hooks": hooks, "__annotations__": fields, **body})
     values = value if isinstance(value, tuple) and len(fields) > 1 else (value,)
-    return rde.Scene(ARM, (dataclass(frozen=True)(own)(*values),))
+    return rde.Scene(RPRP, (dataclass(frozen=True)(own)(*values),))
 
 
-def nested(self, arm):
-    k = self.k
+def nested(s):
+    k = s.k
 
     def outer():
-        def inner(rate):
-            return -k * rate
+        return lambda rate: -k * rate
 
-        return inner
-
-    inner = outer()
-    return (Force(0, physics(lambda phid1: inner(phid1))),)
+    return force_of(outer())
 
 
-def by_default(self, arm):
-    def helper(rate, k=self.k):
+def by_default(s):
+    def helper(rate, k=s.k):
         return -k * rate
 
-    return (Force(0, physics(lambda phid1: helper(phid1))),)
+    return force_of(helper)
 
 
-def by_partial(self, arm):
-    helper = functools.partial(lambda k, rate: -k * rate, self.k)
-    return (Force(0, physics(lambda phid1: helper(phid1))),)
+NUMBERS = {}
 
 
-HELD = {}
+def by_global(s):
+    NUMBERS["k"] = s.k
+    return force_of(lambda rate: -NUMBERS["k"] * rate)
 
 
-def by_global(self, arm):
-    HELD["k"] = self.k
-    return (Force(0, physics(lambda phid1: -HELD["k"] * phid1)),)
+decay = physics(lambda z, k: -k * z)
+spring = physics(lambda phi, k: -k * phi)
+energy = physics(lambda phi, k: 0.5 * k * phi * phi)
+PHI = {"phi": "phi1", "k": ".k"}
 
 
-def by_method(self, arm):
-    return (Force(0, physics(lambda phid1: -self.k * phid1)),)
+def with_state(**given):
+    """A force with a state."""
+    state = e.State(**{"name": "z", "unit": "", "bind": {"k": ".k", "z": ".z"}, "derivative": decay, **given})
+    return (e.Force(0, physics(lambda z: -z), {"z": ".z"}, states=(state,)),)
 
 
-def by_branch_inside(self, arm):
-    return (Force(0, physics(lambda phid1: -phid1 if self.k > 1.0 else -2.0 * phid1)),)
+def _no(k):
+    raise ValueError(f"k is {k}; it is not allowed")
 
 
-def by_branch_on_more(self, arm):
-    return (Force(0, physics(lambda phid1: -phid1 if abs(self.k) * 2.0 + 1.0 > 7.0 else -2.0 * phid1)),)
+def only(allowed):
+    """A check of a class that allows some numbers alone."""
+    return {"__post_init__": lambda s: None if allowed(s.k) else _no(s.k)}
 
 
-def one_of_two_joints(self, arm):
-    return (bound(joint=0 if self.k > 0.9 else 2),)
-
-
-def present(self, arm):
-    return (bound(),) if self.k else ()
-
-
-def present_at_one_value(self, arm):
-    return (bound(), bound(joint=2)) if self.k == 77.25 else (bound(),)
-
-
-def ordered(self, arm):
-    hooks = bound(), bound(joint=2)
-    return hooks if self.k > -3.0 else hooks[::-1]
-
-
-def in_the_potential(self, arm):
-    k, bind = self.k, {"rate": "phi1", "k": ".k"}
-    return (Force(0, damping, bind, potential=physics(lambda phi1: 0.5 * k * phi1 * phi1)),)
-
-
-def in_the_damping(self, arm):
-    k = self.k
-    return (bound(damping=physics(lambda: k)),)
-
-
-def in_the_stiffness(self, arm):
-    k = self.k
-    return (Force(0, damping, {"rate": "phi1", "k": ".k"}, stiffness=physics(lambda: 2.0 * k)),)
-
-
-def in_the_kink(self, arm):
-    k = self.k
-    return (bound(kink=physics(lambda phid1: phid1 - k)),)
-
-
-def in_the_conservative_part(self, arm):
-    k, bind = self.k, {"phi": "phi1", "k": ".k"}
-    energy = physics(lambda phi, k: 0.5 * k * phi * phi)
-    part = physics(lambda phi: -k * phi)
-    return (Force(0, physics(lambda phi, k: -k * phi), bind, potential=energy, conservative=part),)
-
-
-def in_a_state(**more):
-    def hooks(self, arm):
-        k = self.k
-        own = {name: what(k) for name, what in more.items()}
-        given = {"unit": "", "derivative": physics(lambda z, k: -k * z), **own}
-        state = State("z", bind={"k": ".k", "z": ".z"}, **given)
-        return (Force(0, physics(lambda z: -z), {"z": ".z"}, states=(state,)),)
-
-    return hooks
-
-
-def in_an_update(self, arm):
-    k = self.k
-    state = State("z", "", update=physics(lambda phid1: k * phid1))
-    return (Force(0, physics(lambda z: -z), {"z": ".z"}, states=(state,)),)
-
-
-def two_states(self, arm):
-    states = tuple(State(f"z[{n}]", "", update=no_force) for n in range(1 + (self.k > 0.2)))
-    return (bound(states=states),)
-
-
-def in_a_motor(self, arm):
-    k = self.k
-    return (Actuation(0, physics(lambda command1: k * command1)),)
-
-
-def in_its_link(self, arm):
-    return (Actuation(0, physics(lambda command1, k: k * command1), {"k": ".k"}, Link(int(self.k))),)
-
-
-def in_a_field(self, arm):
-    k = self.k
-    return (Field(physics(lambda: (0.0, k))),)
-
-
-def in_a_sensor(self, arm):
-    k = self.k
-    return (Sensing(0, physics(lambda phi1: phi1 + k)),)
-
-
-def at_a_point(self, arm):
-    return (Force(Point(int(self.k)), physics(lambda k: (k, 0.0)), {"k": ".k"}),)
-
-
-def in_inertia(self, arm):
-    return (Inertia((0,) if self.k < 4.0 else (2,), ".k"),)
-
-
-CAPTURED = {
-    f.__name__: (f, {})
-    for f in (
-        nested, by_default, by_partial, by_global, by_method, by_branch_inside, by_branch_on_more,
-        one_of_two_joints, present, present_at_one_value, ordered, in_the_potential, in_the_damping,
-        in_the_stiffness, in_the_kink, in_the_conservative_part, in_an_update, two_states, in_a_motor,
-        in_its_link, in_a_field, in_a_sensor, at_a_point, in_inertia,
-    )
-} | {
-    "in a closure": (lambda self, arm: (Force(0, made_of(self.k)),), {}),
-    "in a derivative": (in_a_state(derivative=lambda held: physics(lambda z, k: -held * k * z)), {}),
-    "in an initial value": (in_a_state(initial=lambda k: k), {}),
-    "in the rate of a state": (in_a_state(rate=lambda k: physics(lambda: k)), {}),
-    "in the unit of a state": (in_a_state(unit=lambda k: f"{k} m"), {}),
-    "in the name of a state": (
-        lambda self, arm: (bound(states=(State(f"z[{int(self.k > 1.0)}]", "", update=no_force),)),), {},
+HELD = {
+    "in a closure": lambda s: (e.Force(0, made_of(s.k)),),
+    "in a nested closure": nested,
+    "in a default": by_default,
+    "in a partial": lambda s: force_of(functools.partial(lambda k, rate: -k * rate, s.k)),
+    "in a global": by_global,
+    "in a method": lambda s: force_of(lambda rate: -s.k * rate),
+    "in a branch inside": lambda s: force_of(lambda rate: -rate if s.k > 1.0 else -2.0 * rate),
+    "in a branch on more": lambda s: force_of(
+        lambda rate: -rate if abs(s.k) * 2.0 + 1.0 > 7.0 else -2.0 * rate
     ),
-    "in its key": (lambda self, arm: (bound(),), {"key": property(lambda self: f"own{self.k > 1.0}")}),
-    "in its travel": (
-        lambda self, arm: (bound(".k[0]"), bound(".k[1]")),
-        {"travel": lambda self, arm: {1: ("k[0]", "k[1]")} if self.k[1] < 0.5 else {}, "value": (0.0, 0.3)},
+    "in the joint": lambda s: (bound(joint=0 if s.k > 0.9 else 2),),
+    "in whether it is there": lambda s: (bound(),) if s.k else (),
+    "at one value": lambda s: (bound(), bound(joint=2)) if s.k == 77.25 else (bound(),),
+    "in the order": lambda s: (bound(), bound(joint=2))[:: 1 if s.k > -3.0 else -1],
+    "in the potential": lambda s: (e.Force(0, spring, PHI, potential=physics(lambda phi: s.k * phi)),),
+    "in the conservative part": lambda s: (
+        e.Force(0, spring, PHI, potential=energy, conservative=physics(lambda phi: -s.k * phi)),
     ),
-    "in its units": (
-        lambda self, arm: (bound(),),
-        {"action_units": lambda self, arm: ("k",) * 4 if self.k < 7.0 else ()},
+    "in the damping": lambda s: (bound(damping=physics(lambda: s.k)),),
+    "in the stiffness": lambda s: (e.Force(0, spring, PHI, stiffness=physics(lambda: 2.0 * s.k)),),
+    "in the kink": lambda s: (bound(kink=made_of(s.k)),),
+    "in a derivative": lambda s: with_state(derivative=physics(lambda z, k: -s.k * k * z)),
+    "in an initial value": lambda s: with_state(initial=s.k),
+    "in the rate of a state": lambda s: with_state(rate=physics(lambda: s.k)),
+    "in the unit of a state": lambda s: with_state(unit=f"{s.k} m"),
+    "in an update": lambda s: with_state(derivative=None, update=physics(lambda z, k: s.k * k * z)),
+    "in the name of a state": lambda s: (
+        bound(states=(e.State(f"z[{int(s.k > 1.0)}]", "", update=no_force),)),
     ),
-    "in an attribute": (
-        lambda self, arm: (Force(0, made_of(self.double)),),
-        {"__post_init__": lambda self: object.__setattr__(self, "double", 2.0 * self.k)},
+    "in the number of states": lambda s: (
+        bound(states=tuple(e.State(f"z[{n}]", "", update=no_force) for n in range(1 + (s.k > 0.2)))),
     ),
-    "in one of some": (
-        lambda self, arm: (bound(".k[0]"), bound(".k[1]"), Force(0, made_of(self.k[1]))),
-        {"value": (1.0, 2.0)},
+    "in a motor": lambda s: (e.Actuation(0, physics(lambda command1: s.k * command1)),),
+    "in its link": lambda s: (
+        e.Actuation(0, physics(lambda command1: 2.0 * command1), link=e.Link(int(s.k))),
+        bound(),
     ),
-    "where numbers are whole": (
-        lambda self, arm: (Force(0, made_of(self.k)),),
-        {"__post_init__": lambda self: None if self.k % 1.0 == 0.0 else _no(self), "value": 3},
-    ),
-    "where numbers are close to one": (
-        lambda self, arm: (Force(0, made_of(self.k)),),
-        {"__post_init__": lambda self: None if 0.999 < self.k < 1.001 else _no(self), "value": 1.0},
-    ),
-    "where numbers have a sum": (
-        lambda self, arm: (Force(0, made_of(self.k[0])), bound(".k[0]"), bound(".k[1]")),
-        {"__post_init__": lambda self: None if sum(self.k) == 1.0 else _no(self), "value": (0.25, 0.75)},
-    ),
-    "where no other number is allowed": (
-        lambda self, arm: (Force(0, made_of(self.k)),),
-        {"__post_init__": lambda self: None if self.k == 2.0 else _no(self), "value": 2.0},
-    ),
-    "of an endless number": (lambda self, arm: (Force(0, made_of(min(self.k, 1e9))),), {"value": np.inf}),
-    "in a bind": (
-        lambda self, arm: (bound(f".k[{int(self.k[0] > 2.0)}]"), bound(".k[1]"), bound(".k[0]")),
-        {"value": (1.0, 2.0)},
-    ),
+    "in a field": lambda s: (e.Field(physics(lambda: (0.0, s.k))),),
+    "in a sensor": lambda s: (e.Sensing(0, physics(lambda phi1: phi1 + s.k)),),
+    "at a point": lambda s: (e.Force(e.Point(int(s.k)), physics(lambda k: (k, 0.0)), {"k": ".k"}),),
+    "in inertia": lambda s: (e.Inertia((0,) if s.k < 4.0 else (2,), ".k"),),
+    "in its key": lambda s: (bound(),),
+    "in its travel": lambda s: (bound(".k[0]"), bound(".k[1]")),
+    "in its units": lambda s: (bound(),),
+    "in an attribute": lambda s: (e.Force(0, made_of(s.double)),),
+    "in one of some": lambda s: (bound(".k[0]"), bound(".k[1]"), e.Force(0, made_of(s.k[1]))),
+    "in a bind": lambda s: (bound(f".k[{int(s.k[0] > 2.0)}]"), bound(".k[1]"), bound(".k[0]")),
+    "where numbers have a sum": lambda s: (e.Force(0, made_of(s.k[0])), bound(".k[0]"), bound(".k[1]")),
+    "where numbers are whole": lambda s: (e.Force(0, made_of(s.k)),),
+    "where numbers are close to one": lambda s: (e.Force(0, made_of(s.k)),),
+    "where no other number is allowed": lambda s: (e.Force(0, made_of(s.k)),),
+    "of an endless number": lambda s: (e.Force(0, made_of(min(s.k, 1e9))),),
+}
+"""Hooks of an effect that computes with its number ``k``, by where the number goes."""
+MORE = {
+    "in its key": {"key": property(lambda s: f"own{s.k > 1.0}")},
+    "in its travel": {
+        "travel": lambda s, arm: {1: ("k[0]", "k[1]")} if s.k[1] < 0.5 else {}, "value": (0.0, 0.3),
+    },
+    "in its units": {"action_units": lambda s, arm: ("k",) * 4 if s.k < 7.0 else ()},
+    "in an attribute": {"__post_init__": lambda s: object.__setattr__(s, "double", 2.0 * s.k)},
+    "in one of some": {"value": (1.0, 2.0)},
+    "in a bind": {"value": (1.0, 2.0)},
+    "where numbers have a sum": {**only(lambda k: sum(k) == 1.0), "value": (0.25, 0.75)},
+    "where numbers are whole": {**only(lambda k: k % 1.0 == 0.0), "value": 3},
+    "where numbers are close to one": {**only(lambda k: 0.999 < k < 1.001), "value": 1.0},
+    "where no other number is allowed": {**only(lambda k: k == 2.0), "value": 2.0},
+    "of an endless number": {"value": np.inf},
 }  # fmt: skip
+"""What else their classes have, and their numbers, by default 1.5."""
 
 
-def _no(self):
-    raise ValueError(f"k is {self.k}; it is not allowed")
+def scene_of(hooks, **body):
+    return scene_with(lambda s, arm: hooks(s), **body)
 
 
-@pytest.mark.parametrize("what", CAPTURED)
+@pytest.mark.parametrize("what", HELD)
 def test_a_number_that_is_not_bound_is_refused(what):
-    hooks, body = CAPTURED[what]
-    value = body.get("value", 1.5)
-    rest = {name: v for name, v in body.items() if name != "value"}
-    with pytest.raises(
-        ValueError, match=r"effects\[0\] \(Own\) does not follow its numbers? .*k.*: .*'static'"
-    ):
-        scene_with(hooks, value, **rest)
+    told = r"effects\[0\] \(Own\) does not follow its numbers? .*k.*: .*'static'"
+    with pytest.raises(ValueError, match=told):
+        scene_of(HELD[what], **MORE.get(what, {}))
 
 
 @pytest.mark.parametrize(
-    "what", ["nested", "by_branch_inside", "in_a_motor", "in_a_field", "in_a_sensor", "in a closure"]
+    "what",
+    ["in a nested closure", "in a branch inside", "in a motor", "in a field", "in a sensor", "in a closure"],
 )
 def test_a_number_that_is_static_may_be_used_in_any_way(what):
-    hooks, _ = CAPTURED[what]
-    assert "own.k" not in scene_with(hooks, static=("k",)).parameters()
+    assert "own.k" not in scene_of(HELD[what], static=("k",)).parameters()
 
 
-def test_the_message_says_where_and_what_to_write():
-    with pytest.raises(ValueError) as error:
-        scene_with(lambda self, arm: (bound(), Force(0, made_of(self.k))))
-    assert "effects[0] (Own) does not follow its number k when it is set: hook 1 (Force), function" in str(
-        error.value
-    )
-    assert "bind={'k': '.k'}, or name 'k' in 'static'" in str(error.value)
-    with pytest.raises(ValueError, match=r"the number of hooks is 1 at 1\.5 and 0 at 0; "):
-        scene_with(present)
-
-
-def test_numbers_of_the_arm_are_followed_too():
-    for hooks, name, argument in (
-        (lambda self, arm: (Force(0, made_of(sum(arm.masses))),), r"masses\[0\]", "m1"),
-        (lambda self, arm: (Force(0, made_of(arm.lengths[1])),), r"lengths\[1\]", "l2"),
-        (lambda self, arm: (bound(),) if arm.masses[3] < 0.5 else (), r"masses\[3\]", "m4"),
-    ):
-        with pytest.raises(ValueError, match=rf"number {name} of the arm .* the argument {argument} of"):
-            scene_with(hooks)
+@pytest.mark.parametrize(
+    ("hooks", "words"),
+    [
+        (
+            lambda s, arm: (bound(), e.Force(0, made_of(s.k))),
+            r"effects\[0\] \(Own\) does not follow its number k when it is set: hook 1 \(Force\), function"
+            r".* bind=\{'k': '\.k'\}, or name 'k' in 'static'",
+        ),
+        (lambda s, arm: (bound(),) if s.k else (), r"the number of hooks is 1 at 1\.5 and 0 at 0; "),
+        (
+            lambda s, arm: (e.Force(0, made_of(sum(arm.masses))),),
+            r"number masses\[0\] of the arm .* the argument m1 of",
+        ),
+        (
+            lambda s, arm: (e.Force(0, made_of(arm.lengths[1])),),
+            r"number lengths\[1\] of the arm .* the argument l2 of",
+        ),
+        (
+            lambda s, arm: (bound(),) if arm.masses[3] < 0.6 else (),
+            r"number masses\[3\] of the arm .* the argument m4 of",
+        ),
+    ],
+)
+def test_the_message_says_where_and_what_to_write(hooks, words):
+    with pytest.raises(ValueError, match=words):
+        scene_with(hooks)
 
 
 @pytest.mark.parametrize(
     "hooks",
     [
-        lambda self, arm: (bound(),),
-        lambda self, arm: (bound(), bound())[: 1 + len(arm.joints) // 4],
-        lambda self, arm: (bound(),) if self.k > 0.0 else _no(self),  # a check that refuses is none of these
-        lambda self, arm: (bound(),) if self.k < arm.masses[0] else _no(self),
-        lambda self, arm: tuple(bound(joint=n) for n in arm.sliders()),
+        lambda s, arm: (bound(),),
+        lambda s, arm: (bound(), bound())[: 1 + len(arm.joints) // 4],
+        lambda s, arm: (bound(),) if s.k > 0.0 else _no(s.k),  # a check that refuses is none of these
+        lambda s, arm: (bound(),) if s.k < arm.masses[0] else _no(s.k),
+        lambda s, arm: tuple(bound(joint=n) for n in arm.sliders()),
     ],
-)  # fmt: skip
+)
 def test_what_only_binds_is_allowed(hooks):
-    scene = scene_with(hooks)
-    assert scene.parameters()["own.k"] == 1.5
+    assert scene_with(hooks).parameters()["own.k"] == 1.5
 
 
-def test_bound_numbers_are_what_set_parameters_changes():
-    """The fix that the message names, to the bit."""
-    batch = rde.BatchSimulator(scene_with(lambda self, arm: (bound(),)), 2)
-    batch.set_parameters({"own.k": [[1.5], [4.0]]})
-    other = rde.BatchSimulator(scene_with(lambda self, arm: (bound(),), 4.0), 1)
-    for b in (batch, other):
-        b.set_state(np.tile((0.3, 0.1, 0.2, 0.1), (b.num_envs, 1)), np.ones((b.num_envs, 4)))
-        b.advance()
-    np.testing.assert_array_equal(batch.q[1], other.q[0])
-    assert not (batch.q[0] == batch.q[1]).all()
-
-
-def test_an_effect_of_two_stops_may_leave_an_end_out():
+@pytest.mark.parametrize("numbers", [(-np.inf, 0.5, 0.5), (0.0, 0.5, 1.0)])
+def test_an_effect_of_two_stops_may_leave_an_end_out(numbers):
     """Whether an end is infinite says only from where starts are drawn."""
-
-    def hooks(self, arm):
-        return (Impact(1, ".low", ".high", ".e"),)
-
-    scene_with(hooks, (-np.inf, 0.5, 0.5), {"low": float, "high": float, "e": float})
-    scene_with(hooks, (0.0, 0.5, 1.0), {"low": float, "high": float, "e": float})
+    fields = {"low": float, "high": float, "e": float}
+    scene_with(lambda s, arm: (e.Impact(1, ".low", ".high", ".e"),), numbers, fields)
 
 
 # ---- a search ------------------------------------------------------------------------------------------
@@ -343,66 +235,46 @@ HOLDING = (
     lambda v: float(np.array([v]) @ np.array([2.0])), lambda v: float(bool(v)), lambda v: abs(v - 1.0),
 )  # fmt: skip
 """What may be done with a number before it is held: smooth, by steps, at one value only."""
-CHECKS = (None, lambda v: v > 0.0, lambda v: 0.0 <= v <= 10.0, lambda v: v != 3.0, lambda v: v % 0.25 == 0.0)
+CHECKS = (
+    lambda v: True, lambda v: v > 0.0, lambda v: 0.0 <= v <= 10.0, lambda v: v != 3.0,
+    lambda v: v % 0.25 == 0.0,
+)  # fmt: skip
+WHERE = (
+    lambda number: (e.Force(0, made_of(number)),),
+    lambda number: (bound(".k[0]", damping=physics(lambda: number)),),
+    lambda number: with_state(derivative=None, update=physics(lambda z: number * z), bind={"z": ".z"}),
+    lambda number: (e.Actuation(1, physics(lambda command2: command2 * number), link=e.Link.LAG),),
+    lambda number: (bound(".k[0]"),) * int(10.0 * abs(number)),
+)
+"""Where it is held: in a function, or in how many hooks there are."""
 
 
 def drawn_effect(draw):
-    """An effect of some numbers, of which one may be held in a hook or in whether there is one, and whether
-    that makes a difference at any value that is allowed."""
-    count, one = int(draw.integers(1, 4)), bool(draw.integers(2))
-    values = tuple(float(draw.integers(1, 20)) / 4.0 for _ in range(count))
-    check = CHECKS[draw.integers(len(CHECKS))]
-    if check is not None and not all(map(check, values)):
-        check = None
-    held = int(draw.integers(count)) if draw.integers(2) else None
-    how, where = HOLDING[draw.integers(len(HOLDING))], int(draw.integers(5))
+    """Numbers of an effect, its hooks, a check of its class, and whether a number that is held makes a
+    difference at any value that is allowed."""
+    values = tuple(float(draw.integers(1, 20)) / 4.0 for _ in range(draw.integers(1, 4)))
+    held = int(draw.integers(len(values))) if draw.integers(2) else None
+    check, how, place = (some[draw.integers(len(some))] for some in (CHECKS, HOLDING, WHERE))
+    check = check if all(map(check, values)) else CHECKS[0]
 
-    def own(self, n):
-        return getattr(self, f"k{n}") if one else self.k[n]
+    def hooks(s, arm):
+        own = [bound(f".k[{n}]", n) for n in range(len(values))]
+        return (*own, *(() if held is None else place(how(s.k[held]))))
 
-    def hooks(self, arm):
-        made = [bound(f".k{n}" if one else f".k[{n}]", n % 4) for n in range(count)]
-        if held is not None:
-            number = how(own(self, held))
-            state = State("z", "", update=physics(lambda phid1: number * phid1))
-            made += [
-                [Force(0, made_of(number))],
-                [bound(made[0].bind["k"], damping=physics(lambda: number))],
-                [bound(made[0].bind["k"], states=(state,))],
-                [Actuation(1, physics(lambda command2: command2 * number), link=Link.LAG)],
-                made[:1] * int(10.0 * abs(number)),
-            ][where]
-        return tuple(made)
-
-    body = {"hooks": hooks}
-    if check is not None:
-
-        def checked(self):
-            if not all(check(own(self, n)) for n in range(count)):
-                raise ValueError("a number is not allowed")
-
-        body["__post_init__"] = checked
-    names = {f"k{n}": float for n in range(count)} if one else {"k": tuple}
-    body["__annotations__"] = names
-    kind = dataclass(frozen=True)(type("Drawn", (Effect,), body))
-    matters = False
-    if held is not None:
-        used = (lambda v: int(10.0 * abs(how(v)))) if where == 4 else how
-        others = [v for v in np.arange(-20.0, 20.01, 0.25).tolist() if check is None or check(v)]
-        matters = any(used(v) != used(values[held]) for v in others)
-    return kind(*values) if one else kind(values), matters
+    used = (lambda v: int(10.0 * abs(how(v)))) if place is WHERE[-1] else how
+    others = [v for v in np.arange(-20.0, 20.01, 0.25).tolist() if check(v)]
+    matters = held is not None and any(used(v) != used(values[held]) for v in others)
+    return values, hooks, only(lambda k: all(map(check, k))), matters
 
 
 def test_a_seeded_search_refuses_all_numbers_that_are_held_and_no_others():
     draw = np.random.default_rng(3)
     refused = 0
     for case in range(150):
-        effect, matters = drawn_effect(draw)
-        message = refusal(lambda effect=effect: rde.Scene(ARM, (effect,)))
-        if not matters:
-            assert message is None, (case, message)
-        else:
-            assert message is not None, (case, effect)
+        values, hooks, checks, matters = drawn_effect(draw)
+        message = refusal(lambda: scene_with(hooks, values, **checks))  # noqa: B023 - called at once
+        assert (message is not None) == matters, (case, values, message)
+        if message is not None:
             assert "does not follow its number" in message, (case, message)
             assert short(message)
             refused += 1
@@ -412,11 +284,10 @@ def test_a_seeded_search_refuses_all_numbers_that_are_held_and_no_others():
 # ---- the package's own --------------------------------------------------------------------------------
 
 
-@EVERY
-def test_effects_of_the_package_follow_their_numbers(robot):
-    stops = [e.PrismaticStop((0.0, None), (0.3, 0.2), 0.5)] if robot.sliders() else []
-    for effect in (*all_effects(robot), *stops):
-        check_effect("here", effect.fitted(robot), robot)
+@pytest.mark.parametrize("arm", [ARMS["4R"], ARMS["RPRP"]], ids=["4R", "RPRP"])
+def test_effects_of_the_package_follow_their_numbers(arm):
+    for effect in every_effect(arm):
+        check_effect("here", effect.fitted(arm), arm)
 
 
 @pytest.mark.parametrize("name", ["rprp_reach", "four_r_reach"])

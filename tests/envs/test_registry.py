@@ -1,6 +1,7 @@
-"""Properties of every registered id."""
+"""Every registered id: checkers, spec, page, and the values that users may read in every kind."""
 
 import json
+import pydoc
 import subprocess
 import sys
 import warnings
@@ -8,125 +9,206 @@ import warnings
 import gymnasium as gym
 import numpy as np
 import pytest
+from catalogue import IDS
+from faces import FOUR_R, ID, KINDS, actions, begin, made, running
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
-from small_scenes import OWN_IDS
 from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
 import redundant_envs as rde
 
-MODES = ("next_step", "same_step", "disabled")
+VALUES = {"q": 4, "qd": 4, "tip": 2, "goal": 2}
 
 
-def scene_of(env_id, other=False):
-    """Name of the scene of an id's arm, or of the other arm."""
-    return "rprp_reach" if ("RPRP" in env_id) != other else "four_r_reach"
-
-
-every_id = pytest.mark.parametrize("env_id", OWN_IDS)
+def python(code):
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
 
 
 def test_the_ids_are_those_promised():
-    code = "import redundant_envs; from redundant_envs.envs.registration import ids; print(*ids())"
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    names = {"RPRPReach-v0", "FourRReach-v0", "RPRPGoalReach-v0", "FourRGoalReach-v0"}
-    assert set(told.split()) == {f"redundant_envs/{n}" for n in names}
+    told = python("import redundant_envs; from redundant_envs.envs.registration import ids; print(*ids())")
+    assert set(told.split()) == set(IDS)
 
 
-@every_id
-def test_gymnasium_checker_passes_without_a_warning(env_id):
+def test_checkers_pass_without_a_warning(env_id):
+    """Those of vectors are a promise of ``verify``, which test_properties.py holds every id to."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        env = gym.make(env_id, render_mode="rgb_array")
-        check_env(env.unwrapped)
-
-
-@every_id
-def test_sb3_checker_passes_without_a_warning(env_id):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+        check_env(gym.make(env_id, render_mode="rgb_array").unwrapped)
         sb3_check_env(gym.make(env_id).unwrapped)
-
-
-@every_id
-@pytest.mark.parametrize("mode", MODES)
-def test_own_checker_passes_on_the_vector_environment(env_id, mode):
-    rde.check_vec_env(gym.make_vec(env_id, num_envs=5, autoreset_mode=mode))
-
-
-@every_id
-def test_own_checker_passes_on_the_sb3_environment(env_id):
-    rde.check_vec_env(rde.make_sb3(env_id, 5))
-
-
-@every_id
-def test_make_vec_does_not_warn_and_declares_its_mode(env_id):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+        rde.check_vec_env(made("sb3", env_id, 5))
         env = gym.make_vec(env_id, num_envs=3)
     assert env.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
-    assert (
-        gym.make_vec(env_id, num_envs=3, autoreset_mode=AutoresetMode.SAME_STEP).metadata["autoreset_mode"]
-        is AutoresetMode.SAME_STEP
+    env = gym.make_vec(env_id, num_envs=3, autoreset_mode=AutoresetMode.SAME_STEP)
+    assert env.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+
+
+def test_specs_are_json_and_make_the_same_environment(env_id):
+    env = gym.make(
+        env_id, scene=rde.load_scene("rprp_reach" if "RPRP" in env_id else "four_r_reach").to_dict()
     )
-
-
-@every_id
-def test_spec_is_json(env_id):
-    env = gym.make(env_id, scene=rde.load_scene(scene_of(env_id)).to_dict())
-    spec = EnvSpec.from_json(env.spec.to_json())
     assert json.loads(env.spec.to_json())["id"] == env_id
-    assert spec.make().observation_space == env.observation_space
+    assert EnvSpec.from_json(env.spec.to_json()).make().observation_space == env.observation_space
+    env = rde.make_sb3(env_id.split("/")[1], 3, accuracy="exact", max_episode_steps=7)
+    specs = env.get_attr("spec")
+    assert len(specs) == 3
+    for spec in specs:
+        assert (spec.id, spec.max_episode_steps, spec.kwargs["accuracy"]) == (env_id, 7, "exact")
+    assert EnvSpec.from_json(specs[0].to_json()).make().unwrapped.core.scene.tolerance == 1e-12
+    assert gym.spec(env_id).max_episode_steps == 100  # the registered one is as it was
+    assert "accuracy" not in gym.spec(env_id).kwargs
 
 
-@every_id
-@pytest.mark.parametrize("as_data", [False, True])
-def test_an_id_refuses_a_scene_of_another_arm_on_every_face(env_id, as_data):
-    name = scene_of(env_id, other=True)
-    scene = rde.load_scene(name).to_dict() if as_data else name
-    arm, fitting = ("FourR", env_id.replace("RPRP", "FourR"))
-    if "FourR" in env_id:
-        arm, fitting = ("RPRP", env_id.replace("FourR", "RPRP"))
-    for make in (
-        lambda: gym.make(env_id, scene=scene),
-        lambda: gym.make_vec(env_id, num_envs=2, scene=scene),
-        lambda: gym.make_vec(env_id, num_envs=2, scene=scene, vectorization_mode="sync"),
-        lambda: rde.make_sb3(env_id, 2, scene=scene),
-        lambda: rde.make_sb3(env_id.split("/")[1], 2, scene=scene),
-    ):
-        with pytest.raises(ValueError, match=f"scene has the arm {arm}; {env_id} .* {fitting} ") as error:
-            make()
-        assert "\n" not in str(error.value)
+HEAVY = ("torch", "matplotlib", "pygame", "sympy", "scipy", "stable_baselines3")
+MADE = "e = gymnasium.make('redundant_envs/RPRPReach-v0', render_mode='rgb_array'); e.reset(); e.render()"
 
 
-@every_id
-def test_rgb_array_is_a_picture_that_moves(env_id):
-    env = gym.make(env_id, render_mode="rgb_array")
-    env.reset(seed=1)
-    first = env.render()
-    for _ in range(5):
-        env.step(np.full(4, 0.5, np.float32))
-    second = env.render()
-    assert first.dtype == np.uint8
-    assert first.shape == (480, 480, 3)
-    assert (first != second).any()
-    assert len(np.unique(first.reshape(-1, 3), axis=0)) > 20
+@pytest.mark.parametrize(("code", "heavy"), [("", (*HEAVY, "llvmlite")), (MADE, ("pygame", "matplotlib"))])
+def test_importing_the_package_and_drawing_import_nothing_heavy(code, heavy):
+    told = python(f"import sys, gymnasium, redundant_envs; {code}\nprint(*sys.modules)")
+    assert not {*heavy} & {*told.split()}
 
 
-def test_importing_the_package_imports_nothing_heavy():
-    code = (
-        "import sys, redundant_envs; heavy = ['torch', 'matplotlib', 'pygame', 'sympy', 'scipy', "
-        "'stable_baselines3', 'llvmlite']; found = [m for m in heavy if m in sys.modules]; "
-        "sys.exit(str(found) if found else 0)"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)
+# ---- values --------------------------------------------------------------------------------------------
 
 
-def test_making_an_rgb_environment_imports_no_window_library():
-    code = (
-        "import sys, gymnasium, redundant_envs; "
-        "e = gymnasium.make('redundant_envs/RPRPReach-v0', render_mode='rgb_array'); e.reset(); e.render(); "
-        "sys.exit('pygame' in sys.modules or 'matplotlib' in sys.modules)"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)
+def test_values_are_those_of_the_simulation_in_every_kind(env_id):
+    envs = {kind: made(kind, env_id) for kind in KINDS}
+    table = actions(envs["sb3"], 7)
+    for kind, env in envs.items():
+        begin(env, seed=6 if kind == "single" else 5)
+        for action in table:
+            env.step(action[1] if kind == "single" else action)
+    robot = envs["single"].scene.robot
+    for name, width in VALUES.items():
+        values = getattr(envs["disabled"], name)
+        assert (values.shape, values.dtype) == ((3, width), np.float64)
+        for kind, env in envs.items():
+            np.testing.assert_array_equal(getattr(env, name), values[1] if kind == "single" else values)
+    env = envs["disabled"]
+    np.testing.assert_allclose(env.tip, robot.forward_kinematics(env.q), atol=1e-15)
+    assert (env.qd != 0.0).any(axis=0).all()
+
+
+def test_values_are_copies(kind, env_id):
+    env = running(kind, env_id)
+    before = env.core.memory.save()
+    for name in VALUES:
+        kept = getattr(env, name)
+        kept[...] = 7.0
+        assert (getattr(env, name) != 7.0).all()
+    np.testing.assert_equal(env.core.memory.save(), before)
+
+
+def test_tip_and_goal_are_the_goals_of_a_goal_environment(goal_id):
+    env = made("single", goal_id)
+    obs = begin(env, seed=1)
+    for action in actions(env, 3):
+        np.testing.assert_array_equal(env.tip, obs["achieved_goal"])
+        np.testing.assert_array_equal(env.goal, obs["desired_goal"])
+        obs, *_ = env.step(action)
+
+
+def test_the_tip_follows_a_lanes_own_lengths():
+    env = made("next_step", FOUR_R, 2)
+    lengths = np.array([[0.25] * 4, [0.1] * 4])
+    begin(env, {"q": (0.0, 0.0, 0.0, 0.0), "parameters": {"lengths": lengths}}, seed=0)
+    np.testing.assert_allclose(env.tip, [[1.0, 0.0], [0.4, 0.0]], atol=1e-15)
+
+
+# ---- pages ---------------------------------------------------------------------------------------------
+
+
+def page(env_id):
+    return type(gym.make(env_id).unwrapped).__doc__
+
+
+def section(text, heading):
+    return text.split(f"## {heading}\n")[1].split("\n## ")[0]
+
+
+def rows(text):
+    lines = [line for line in text.splitlines() if line[:1] == "|"][2:]
+    return [[cell.strip(" `") for cell in line.split("|")[1:-1]] for line in lines]
+
+
+def test_pages_agree_with_the_code(env_id):
+    env, text = made("single", env_id), page(env_id)
+    task, scene = env.core.task, env.scene
+    observed = env.observation_space["observation"] if "Goal" in env_id else env.observation_space
+    assert len(rows(section(text, "Observation Space"))) == observed.shape[0]
+    limits = next(e for e in scene.effects if isinstance(e, rde.effects.EffortLimits)).limits
+    assert all(f"/ {limit:g} N" in section(text, "Action Space") for limit in limits)
+    for name in task.parameters():
+        assert f"| `{name}` | {getattr(task, name)} |" in text
+    assert [row[0] for row in rows(section(text, "Arguments"))] == [
+        "scene", "accuracy", "render_mode", "on_bad_action", "task",
+    ]  # fmt: skip
+    terms = [k.removeprefix("return_") for k in env.reset(seed=0)[1] if k.startswith("return_")]
+    assert [row[0] for row in rows(section(text, "Rewards"))] == terms
+    for heading in ("Starting State", "Episode End", "Version History"):
+        assert section(text, heading)
+    drawn = [line for line in section(text, "Description").splitlines() if line.startswith("    ")]
+    assert len(drawn) == 4
+    for name in (*scene.robot.coordinates, *scene.robot.parameter_values(), "tip"):
+        assert any(name in line for line in drawn), name
+
+
+def explained(env_id):
+    """Keys of info on the page, with the names of sums."""
+    found = rows(section(page(env_id), "Info"))
+    assert all(meaning for _, meaning, _ in found)
+    return {key for key, *_ in found} - {"return_*"}
+
+
+def test_the_page_explains_every_key_of_info_and_no_other(env_id):
+    sums = {f"return_{row[0]}" for row in rows(section(page(env_id), "Rewards"))}
+    found = set()
+    for kind in KINDS:
+        env = made(kind, env_id, max_episode_steps=4)
+        first = env.reset() if kind == "sb3" else env.reset(seed=0)[1]
+        infos = env.reset_infos if kind == "sb3" else [first]
+        for action in actions(env, 4):
+            told = env.step(action)[-1]
+            infos = [*infos, *(told if kind == "sb3" else [told])]
+        found |= {key.removeprefix("_") for info in infos for key in info}
+    known = explained(env_id)
+    assert found - sums <= known
+    assert sums <= found
+    elsewhere = {"beyond_limit"} | ({"events"} if "FourR" in env_id else set())
+    assert known - found <= elsewhere
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("integrator", ["rk4", "rk8", "dop853"])
+@pytest.mark.parametrize("limited", [False, True])
+def test_the_table_also_explains_the_keys_of_other_scenes(integrator, limited):
+    data = rde.load_scene("rprp_reach").to_dict()
+    data.update(integrator=integrator, tolerance=None)
+    if limited:
+        data["effects"].append({"type": "LimitSpring", "coordinate": "joint1", "lower": -3.0, "upper": 3.0})
+    info = gym.make(ID, scene=data).reset(seed=0)[1]
+    assert {key for key in info if not key.startswith("return_")} <= explained(ID)
+
+
+OF_GYMNASIUM = ("get_wrapper_attr", "with-statement", "np_random", "Method resolution order", "Env instance")
+METHODS = ("reset(*, seed=None, options=None)", "step(action", "render()", "set_state(state)")
+
+
+@pytest.mark.parametrize("kind", ["single", "next_step"])
+def test_help_shows_page_methods_and_values_and_nothing_of_the_classes_below(kind, env_id):
+    env = made(kind, env_id)
+    text = pydoc.render_doc(env, renderer=pydoc.plaintext)
+    words = [*METHODS, *(f"`{name}`" for name in (*VALUES, "scene", "parameters"))]
+    if kind == "single":
+        words += ["## Action Space", "## Rewards", "Begin a new episode.", "One control step", "close()"]
+        assert type(env).__doc__.startswith("A planar ")
+        assert "## Methods" not in type(env).__doc__
+        assert ("compute_reward(achieved_goal" in text) == env.goal_conditioned
+    else:
+        words += [f"help(redundant_envs.envs.named.{env_id.split('/')[1][:-3]}Env)", "reset_mask"]
+    assert not [w for w in words if w not in text]
+    assert not [w for w in OF_GYMNASIUM if w in text]
+    entries = [x for x in text.partition("## Methods")[2].splitlines() if x.strip().startswith("* ")]
+    assert len(entries) >= 12
+    assert not [line for line in entries if line.rstrip().endswith(":")]

@@ -5,8 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from redundant_envs.events.contacts import Contact
-from redundant_envs.events.resolution import resolve_contacts
+from redundant_envs.events.contacts import Contact, resolve_contacts
 
 SLIDERS = pytest.mark.parametrize("count", [1, 2, 3], ids=["one slider", "two", "three"])
 
@@ -36,14 +35,13 @@ def complementary(w, d):
     return fitting[0]
 
 
-def contact(
-    velocity=0.0, side=1.0, resting=False, acceleration=0.0, force=0.0, released=False, away=False
-):  # fmt: skip
+def as_lists(*arrays):
+    return [x.tolist() for x in arrays]
+
+
+def contact(velocity=0.0, side=1.0, resting=False, acceleration=0.0, force=0.0, released=False, away=False):
     """A slider at the stop of a side, at 0.3 m; or away from both."""
-    position = 0.15 if away else 0.3
-    lower, upper = (0.0, 0.3) if side > 0.0 else (0.3, 0.6)
-    if away:
-        lower, upper = 0.0, 0.3
+    position, lower, upper = (0.15, 0.0, 0.3) if away else (0.3, 0.0, 0.3) if side > 0.0 else (0.3, 0.3, 0.6)
     return Contact(position, velocity, side if resting else 0.0, lower, upper, acceleration, force, released)
 
 

@@ -2,11 +2,34 @@
 
 import numpy as np
 import pytest
-from contact_problems import SLIDERS, complementary, contact, mobility, resolved
+from contact_problems import SLIDERS, as_lists, complementary, contact, mobility, resolved
 
-from redundant_envs.events import contacts
+from redundant_envs.events import complementarity, contacts
 from redundant_envs.events.boundary import ROUNDING
-from redundant_envs.events.resolution import Happening
+from redundant_envs.events.contacts import Happening
+
+
+@SLIDERS
+def test_impulses_solve_the_complementarity_problem(count):
+    """No stop pulls, no slider moves into one, and only those that act matter; away from stops there is no
+    impulse."""
+    rng = np.random.default_rng(2)
+    struck = set()
+    for _ in range(2000):
+        w = mobility(rng, count)
+        sides = rng.choice([-1.0, 0.0, 1.0], count)
+        u, restitution = np.abs(sides) * rng.normal(size=count), rng.uniform(0, 1)
+        if not (u > 0).any():
+            continue  # nothing strikes: the result is not used
+        at = np.flatnonzero(sides)
+        outward = np.outer(sides, sides) * w
+        d = u + restitution * np.maximum(u, 0.0)
+        expected = np.zeros(count)
+        expected[at] = complementary(outward[np.ix_(at, at)], d[at])
+        p = complementarity.impulses(u.tolist(), sides.tolist(), w.tolist(), [restitution] * count)
+        np.testing.assert_allclose(p, expected, rtol=1e-9, atol=1e-12)
+        struck.add(tuple(expected > 0.0))
+    assert len(struck) == 2**count - 1
 
 
 @SLIDERS
@@ -22,9 +45,7 @@ def test_struck_sliders_have_the_speeds_of_the_impulses(count):
         u = sides * v
         if not (u > 0).any():
             continue
-        got = resolved(
-            [contact(*x) for x in zip(v.tolist(), sides.tolist(), resting.tolist(), strict=True)], w, e
-        )
+        got = resolved([contact(*x) for x in zip(*as_lists(v, sides, resting), strict=True)], w, e)
         by_turns = count == 2 and not resting.any() and (u < 0).any()
         if by_turns and contacts.collapses(u.tolist(), sides.tolist(), w, e):
             np.testing.assert_allclose(got.velocities, 0.0, atol=1e-12)
@@ -52,18 +73,14 @@ def test_struck_sliders_have_the_speeds_of_the_impulses(count):
 
 @SLIDERS
 def test_of_sliders_that_rest_those_leave_whose_stops_would_pull_in_the_end(count):
-    """Each decision changes the forces on the others, so all are decided together."""
+    """Each decision changes the forces on the others: all are decided together, as before a common step."""
     rng = np.random.default_rng(7)
     seen = set()
     for _ in range(1000):
         w, sides, force = mobility(rng, count), rng.choice([-1.0, 1.0], count), rng.normal(size=count)
-        at = [
-            contact(0.0, s, resting=True, force=f)
-            for s, f in zip(sides.tolist(), force.tolist(), strict=True)
-        ]
+        at = [contact(0.0, s, resting=True, force=f) for s, f in zip(*as_lists(sides, force), strict=True)]
         got = resolved(at, w)
-        free = -sides * (w @ force)  # accelerations without any stop
-        holds = complementary(np.outer(sides, sides) * w, free)
+        holds = complementary(np.outer(sides, sides) * w, -sides * (w @ force))  # accelerations without stops
         if not (sides * force > 0.0).any():
             holds = -sides * force  # all are pushed: nothing changes
         stays = holds > 0.0
@@ -71,8 +88,7 @@ def test_of_sliders_that_rest_those_leave_whose_stops_would_pull_in_the_end(coun
         assert got.happened == np.where(stays, Happening.NONE, Happening.RELEASE).tolist()
         assert got.going_on
         np.testing.assert_allclose(got.forces, -sides * holds, rtol=1e-8, atol=1e-10)
-        leaves = contacts.leaving(at, w)
-        assert leaves == (~stays).tolist()  # the same before a common step
+        assert contacts.leaving(at, w) == (~stays).tolist()
         seen.add(tuple(stays))
     assert len(seen) == 2**count
 
@@ -83,13 +99,11 @@ def test_a_slider_that_comes_to_rest_beside_others_that_rest(count):
     released."""
     rng = np.random.default_rng(8)
     seen = set()
-    for _ in range(1500):
+    for _ in range(700):
         w, sides = mobility(rng, count), rng.choice([-1.0, 1.0], count)
         force, slow = rng.normal(size=count), -1e-7 * rng.random() * sides[0]
-        others = [
-            contact(0.0, s, resting=True, force=f)
-            for s, f in zip(sides[1:].tolist(), force[1:].tolist(), strict=True)
-        ]
+        pairs = zip(*as_lists(sides[1:], force[1:]), strict=True)
+        others = [contact(0.0, s, resting=True, force=f) for s, f in pairs]
         press = rng.normal()
         free = sides * (np.array([sides[0] * press, *np.zeros(count - 1)]) - w[:, 1:] @ force[1:])
         got = resolved([contact(slow, sides[0], acceleration=sides[0] * press), *others], w)
@@ -155,16 +169,13 @@ def test_a_released_slider_may_rest_again_where_an_impact_of_another_leaves_it_s
     assert resolved([first._replace(velocity=-0.1), contact(1.0, 1.0)], w, 0.5).released == [True, False]
 
 
-def test_an_elastic_slider_rests_where_its_bounce_is_lost_in_rounding():
+@pytest.mark.parametrize(("height", "rests"), [(0.5, True), (2.0, False)])
+@pytest.mark.parametrize(("side", "stop", "unit"), [(1.0, 4096.0, 4096.0), (-1.0, 0.0, 1.0)])
+def test_an_elastic_slider_rests_where_its_bounce_is_lost_in_rounding(side, stop, unit, height, rests):
     """Less than four ulps of the position of its stop."""
-    for side, upper in ((1.0, 4096.0), (-1.0, 4096.0)):
-        for height, rests in ((0.5, True), (2.0, False)):
-            c = contact(0.0, side, acceleration=side)._replace(lower=0.0, upper=upper)
-            unit = ROUNDING * (upper if side > 0.0 else 1.0)
-            c = c._replace(
-                position=upper if side > 0.0 else 0.0, velocity=-side * (2.0 * height * unit) ** 0.5
-            )
-            assert (resolved([c], [[1.0]], 1.0).active_stops[0] != 0.0) is rests
+    speed = (2.0 * height * ROUNDING * unit) ** 0.5
+    c = contact(-side * speed, side, acceleration=side)._replace(position=stop, lower=0.0, upper=4096.0)
+    assert (resolved([c], [[1.0]], 1.0).active_stops[0] != 0.0) is rests
 
 
 def test_a_single_slider_bounces_rests_and_goes():

@@ -13,7 +13,7 @@ from redundant_envs.numerics.methods import Watched
 from redundant_envs.studies.intervals import judge_family
 from redundant_envs.studies.stop_families import NAMED, StopFamily, drawn_families
 
-REACH = rde.load_scene("rprp_reach").to_dict()
+REACH = rde.load_scene("rprp_reach")
 
 # Of random actions in the reach task: q, qd and efforts of intervals in which a slider meets its stop
 # and leaves it, or leaves it and is back, or the other slider's release decides, all within 20 ms.
@@ -43,9 +43,9 @@ CAUGHT = [
 ]  # fmt: skip
 
 
-def after(states, **kwargs):
-    """Coordinates 20 ms after some (q, qd, efforts), and the events."""
-    batch = rde.BatchSimulator(rde.load_scene({**REACH, **kwargs}), len(states))
+def after(scene, states, **kwargs):
+    """Coordinates after an interval from some (q, qd, efforts), and the events."""
+    batch = rde.BatchSimulator(dataclasses.replace(scene, **kwargs), len(states))
     q, qd, efforts = (np.array(part) for part in zip(*states, strict=True))
     batch.set_state(q, qd)
     status = batch.advance(efforts)
@@ -53,10 +53,10 @@ def after(states, **kwargs):
     return batch.q, status.events
 
 
-@pytest.mark.parametrize("kwargs", [{"tolerance": 1e-6}, {"tolerance": None}], ids=str)
-def test_events_undone_within_the_interval_are_found(kwargs):
-    fine, events = after(CAUGHT, tolerance=None, substeps=64)
-    coarse, found = after(CAUGHT, **kwargs)
+@pytest.mark.parametrize("tolerance", [1e-6, None])
+def test_events_undone_within_the_interval_are_found(tolerance):
+    fine, events = after(REACH, CAUGHT, tolerance=None, substeps=64)
+    coarse, found = after(REACH, CAUGHT, tolerance=tolerance)
     np.testing.assert_allclose(coarse, fine, rtol=0, atol=1e-6)
     np.testing.assert_array_equal(found, events)
 
@@ -76,25 +76,24 @@ def test_a_slider_that_leaves_its_stop_slowly_does_not_rest_there_at_the_start(k
     np.testing.assert_allclose(motion.q, fine.q, rtol=0, atol=1e-6)
 
 
+MANY_IMPACTS = StopFamily(control_dt=0.1, travel=0.02, restitution=0.99)
+
+
 @pytest.mark.parametrize(
-    "number",
-    [k if k < 3 else pytest.param(k, marks=pytest.mark.long) for k in range(len(NAMED))],
+    ("family", "count", "seed", "judged", "flagged"),
+    [
+        *((NAMED[k], 1024, k, 0.99, 1) for k in range(3)),
+        *(pytest.param(NAMED[k], 1024, k, 0.99, 1, marks=pytest.mark.long) for k in range(3, len(NAMED))),
+        (MANY_IMPACTS, 4096, 3, 0.98, 40),
+    ],
 )
-def test_no_interval_of_a_family_hides_an_impact(number):
-    """Of every thousand, up to 43 did. ``study impacts`` judges a million."""
-    tally = judge_family(NAMED[number], 1024, seed=number)
-    assert tally.judged >= 0.99 * tally.intervals
+def test_no_interval_of_a_family_hides_an_impact(family, count, seed, judged, flagged):
+    """Of every thousand, up to 43 did, and of 4096 with up to 256 impacts in 0.1 s two. Few are given up.
+    ``study impacts`` judges a million."""
+    tally = judge_family(family, count, seed=seed)
+    assert tally.judged >= judged * tally.intervals
     assert tally.missed == 0
-    assert tally.flagged <= 1
-
-
-def test_errors_that_grow_over_many_impacts_are_kept_or_flagged():
-    """Up to 256 impacts in 0.1 s: results on which two references agree are right, and few are given up."""
-    family = StopFamily(control_dt=0.1, travel=0.02, restitution=0.99)
-    tally = judge_family(family, 4096, seed=3)
-    assert tally.missed == 0  # two were
-    assert tally.judged >= 0.98 * tally.intervals
-    assert tally.flagged <= 0.01 * tally.intervals
+    assert tally.flagged <= flagged
 
 
 def test_errors_that_two_sliders_double_at_each_of_twenty_impacts_are_kept():
@@ -144,19 +143,13 @@ STRIKE_BY_TURNS = [  # of drawn families: both sliders at their stops within a n
 @pytest.mark.parametrize("case", STRIKE_BY_TURNS, ids=["elastic", "restitution 0.3", "restitution 0.3, too"])
 def test_sliders_that_strike_by_turns_do_not_know_the_length_of_a_step(case):
     """Their gaps fall below rounding within the chain of impacts, sooner or later in it."""
-    number, q, qd, efforts = case
+    number, *state = case
     family = [*NAMED, *drawn_families(12, 0)][number]
-    scene, ends = family.scene(), []
-    for kwargs in ({}, {"tolerance": None}, {"tolerance": None, "substeps": 96}):
-        batch = rde.BatchSimulator(dataclasses.replace(scene, **kwargs), 1)
-        batch.set_state(q, qd)
-        assert not batch.advance([efforts]).numerics.any()
-        ends.append(scene.robot.forward_kinematics(batch.q)[0])
-    np.testing.assert_allclose(ends[0], ends[2], rtol=0, atol=2.0 * family.tolerance)
-    np.testing.assert_allclose(ends[1], ends[2], rtol=0, atol=2.0 * family.tolerance)
+    scene, hows = family.scene(), ({}, {"tolerance": None}, {"tolerance": None, "substeps": 96})
+    *ends, fine = (scene.robot.forward_kinematics(after(scene, [state], **how)[0]) for how in hows)
+    np.testing.assert_allclose(ends, [fine, fine], rtol=0, atol=2.0 * family.tolerance)
 
 
-SLIDERS = rde.RPRP((0.5,) * 4, (0.25, 0.25))
 MANY = [  # near their stops, with many bounces in 20 ms, some of them between the ends of a piece
     (1.0, (-2.5513877720639933, 3.257921958059917e-09, 1.2072013578532532, 1.3889481752607886e-09),
      (7.357488522286948, -0.0001189036482796009, -5.222628405105604, -0.00019941486935001033),
@@ -169,18 +162,15 @@ MANY = [  # near their stops, with many bounces in 20 ms, some of them between t
 
 @pytest.mark.parametrize("case", MANY, ids=["restitution 1", "restitution 0.5"])
 def test_hidden_events_are_found_again_after_many_others(case):
-    restitution, q, qd, efforts, events = case
+    restitution, *state, events = case
     stop = rde.effects.PrismaticStop((0.0, 0.0), (0.25, 0.25), restitution)
     effects = (rde.effects.Gravity(), rde.effects.ViscousFriction((0.2,) * 4), stop)
-    ends = []
-    for kwargs in ({"tolerance": 1e-6}, {"substeps": 512}):
-        batch = rde.BatchSimulator(rde.Scene(SLIDERS, effects, control_dt=0.02, **kwargs), 1)
-        batch.set_state(q, qd)
-        status = batch.advance([efforts])
-        assert status.events.tolist() == [events]
-        assert not status.numerics.any()
-        ends.append(batch.q)
-    np.testing.assert_allclose(ends[0], ends[1], rtol=0, atol=1e-8)
+    scene = rde.Scene(rde.RPRP((0.5,) * 4, (0.25, 0.25)), effects, control_dt=0.02)
+    (coarse, found), (fine, counted) = (
+        after(scene, [state], **how) for how in ({"tolerance": 1e-6}, {"substeps": 512})
+    )
+    assert found.tolist() == counted.tolist() == [events]
+    np.testing.assert_allclose(coarse, fine, rtol=0, atol=1e-8)
 
 
 @pytest.mark.long
@@ -198,8 +188,8 @@ def test_nearly_no_interval_of_random_actions_hides_an_event():
         actions = rng.uniform(-1.0, 1.0, (count, 4)).astype(np.float32)
         env.step(actions)
         states = list(zip(q, qd, actions * limits, strict=True))
-        fine, _ = after(states, tolerance=None, substeps=64)
-        coarse, _ = after(states, tolerance=1e-6)
+        fine, _ = after(REACH, states, tolerance=None, substeps=64)
+        coarse, _ = after(REACH, states, tolerance=1e-6)
         off += np.count_nonzero(np.abs(coarse - fine).max(axis=1) > 1e-5)
     assert off == 0  # of 40960
 
@@ -207,10 +197,10 @@ def test_nearly_no_interval_of_random_actions_hides_an_event():
 def test_what_is_not_near_a_stop_does_not_meet_one():
     rng = np.random.default_rng(6)
     overshoot = crossings.Overshoot(between=0.1, at_ends=0.01)
-    q0, q1 = rng.uniform(-0.2, 0.2, (2, 20000))
-    v0, v1 = rng.normal(0.0, 3.0, (2, 20000))
-    least, most = np.sort(rng.normal(0.0, 2000.0, (2, 20000)), axis=0)
-    first, last = rng.uniform(least, most, (2, 20000))
+    q0, q1 = rng.uniform(-0.2, 0.2, (2, 8000))
+    v0, v1 = rng.normal(0.0, 3.0, (2, 8000))
+    least, most = np.sort(rng.normal(0.0, 2000.0, (2, 8000)), axis=0)
+    first, last = rng.uniform(least, most, (2, 8000))
     met, far = 0, 0
     for q, v, q_start, v_start, *seen in zip(q1, v1, q0, v0, first, last, least, most, strict=True):
         slider = BoundedCoordinate(q, v, q_start, v_start, Watched(*seen), 0.0, -0.2, 0.2)
@@ -218,7 +208,7 @@ def test_what_is_not_near_a_stop_does_not_meet_one():
         near = crossings.may_meet(slider, 0.02, overshoot)
         assert near or not meets
         met, far = met + meets, far + (not near)
-    assert min(met, far) > 500
+    assert min(met, far) > 200
 
 
 def test_a_release_near_the_end_of_an_euler_step_is_found_in_it():

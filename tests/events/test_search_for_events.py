@@ -2,16 +2,22 @@
 
 import numpy as np
 import pytest
-from contact_problems import contact, mobility, resolved
+from contact_problems import contact, resolved
 
 import redundant_envs as rde
 from redundant_envs.events import contacts
 from redundant_envs.events.boundary import BoundedCoordinate
-from redundant_envs.events.brackets import Search, Trial, sought_boundary
+from redundant_envs.events.contacts import Happening
 from redundant_envs.events.crossings import Crossing
 from redundant_envs.events.first_event import Encounter, first_event
-from redundant_envs.events.locate import earliest_event, other_event, position_at_event
-from redundant_envs.events.resolution import Happening
+from redundant_envs.events.search import (
+    Search,
+    Trial,
+    earliest_event,
+    other_event,
+    position_at_event,
+    sought_boundary,
+)
 from redundant_envs.numerics.methods import Watched
 
 ARM = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
@@ -125,24 +131,18 @@ PULLS = [(0.0, 60.0, 0.0, -30.0), (0.0, -60.0, 0.0, 40.0), (0.0, 60.0, 0.0, 40.0
 
 
 @pytest.mark.parametrize("pull", PULLS, ids=str)
-def test_sliders_that_an_effort_lets_go_take_the_common_step_alone(pull):
-    batch = resting(9)
+def test_sliders_that_an_effort_lets_go_take_the_common_step_alone_and_are_logged(pull):
+    batch, fine = resting(9), resting(9, substeps=32)
     status = batch.advance(np.tile(pull, (9, 1)))
     np.testing.assert_array_equal(status.evaluations, 12)
-    np.testing.assert_array_equal(batch.q[:, [1, 3]] > 0.0, np.tile(np.array(pull)[[1, 3]] > 0.0, (9, 1)))
-    fine = resting(9, substeps=32)
+    leave = [f > 0.0 for f in (pull[1], pull[3])]
+    assert ((batch.q[:, [1, 3]] > 0.0) == leave).all()
     fine.advance(np.tile(pull, (9, 1)))
     np.testing.assert_allclose(batch.q, fine.q, rtol=0, atol=1e-11)
-
-
-@pytest.mark.parametrize("pull", PULLS, ids=str)
-def test_letting_go_is_logged_where_events_are(pull):
     q, efforts = [0.3, 0.0, -0.4, 0.0], lambda t, q, qd: (0.0, -30.0, 0.0, -30.0) if t < 0.01 else pull
     trajectory = rde.simulate(scene(0.0), q, [0.0] * 4, [0.02, 0.04], efforts)
     released = {x.joint for x in trajectory.events if x.kind == "release" and x.time == 0.02}
-    assert released == {j for j, f in zip(("r1", "r2"), (pull[1], pull[3]), strict=True) if f > 0.0}
-    batch = resting(1)
-    batch.advance([pull])
+    assert released == {joint for joint, leaves in zip(("r1", "r2"), leave, strict=True) if leaves}
     np.testing.assert_allclose(trajectory.q[-1], batch.q[0], rtol=0, atol=1e-13)
 
 
@@ -184,21 +184,8 @@ def test_one_that_is_let_go_and_comes_back_in_the_same_step_is_not_beyond_its_st
         assert "release" in last.values()
 
 
-def test_sliders_that_leave_before_a_step_are_those_that_would_leave_at_a_contact():
-    rng = np.random.default_rng(3)
-    seen = set()
-    for _ in range(2000):
-        w = mobility(rng, 2)
-        sides, force = rng.choice([-1.0, 1.0], 2), rng.normal(size=2)
-        pair = [contact(0.0, s, resting=True, force=f) for s, f in zip(sides, force.tolist(), strict=True)]
-        got = contacts.leaving(pair, w.tolist())
-        resolution = resolved(pair, w)
-        assert got == [x == Happening.RELEASE for x in resolution.happened]
-        if (sides * force <= 0.0).all():  # both are pushed: nothing changes
-            assert got == [False, False]
-        seen.add(tuple(got))
-    assert seen == {(False, False), (False, True), (True, False), (True, True)}
-    # one alone: if the other is on its way, not if that touches a stop and is not at rest there
+def test_one_slider_alone_leaves_before_a_step_if_the_other_is_on_its_way():
+    """Not if that touches a stop and is not at rest there; both at rest are decided as at a contact."""
     w = [[1.0, 0.2], [0.2, 1.0]]
     for side in (-1.0, 1.0):
         held, other = contact(0.0, side, resting=True, force=side), contact(-1.0, 1.0, force=side)
@@ -221,17 +208,20 @@ def test_an_arm_that_a_bounce_taken_away_has_moved_is_looked_at_again():
     assert not got.going_on
 
 
-def test_a_slider_a_rounding_error_beyond_its_stop_is_put_on_it():
-    def placed(position, velocity, lower, upper):
-        s = BoundedCoordinate(position, velocity, 0.1, 0.0, None, 0.0, lower, upper)
-        return position_at_event(s, position, False, 5.0, 0.02)
-
-    for lower, upper, position, at in ((0.0, 9.0, -7.8e-32, 0.0), (-9.0, 0.25, 0.25 + 6e-17, 0.25)):
-        for velocity in (-1.0, 0.0, 1.0):
-            assert placed(position, velocity, lower, upper) == at
-    assert placed(0.1, 1.0, 0.0, 0.25) == 0.1  # on its way
-    assert placed(0.25 - 5e-16, 1.0, 0.0, 0.25) == 0.25  # there in no time
-    assert placed(0.25 - 5e-16, -1.0, 0.0, 0.25) == 0.25 - 5e-16  # but not backwards
+@pytest.mark.parametrize(
+    ("position", "velocities", "at"),
+    [
+        (-7.8e-32, (-1.0, 0.0, 1.0), 0.0),
+        (0.25 + 6e-17, (-1.0, 0.0, 1.0), 0.25),
+        (0.1, (1.0,), 0.1),  # on its way
+        (0.25 - 5e-16, (1.0,), 0.25),  # there in no time
+        (0.25 - 5e-16, (-1.0,), 0.25 - 5e-16),  # but not backwards
+    ],
+)
+def test_a_slider_a_rounding_error_beyond_its_stop_is_put_on_it(position, velocities, at):
+    for velocity in velocities:
+        s = BoundedCoordinate(position, velocity, 0.1, 0.0, None, 0.0, 0.0, 0.25)
+        assert position_at_event(s, position, False, 5.0, 0.02) == at
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1), (1, 2, 0)], ids=str)

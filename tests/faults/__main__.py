@@ -16,7 +16,7 @@ from redundant_envs.progress import counted
 
 ROOT = Path(__file__).parents[2]
 KERNELS = os.environ.get("REDUNDANT_ENVS_CACHE") or str(ROOT / ".pytest_cache" / "kernels")
-SECONDS, WORKERS = 300.0, 2  # for a test; at once
+SECONDS, WORKERS = 1800.0, 2  # for a run of tests; at once
 
 
 class Fault(NamedTuple):
@@ -42,23 +42,11 @@ def faults() -> list[Fault]:
 
 def tested(tests: list[str], copy: Path) -> str:
     """The outcome of tests in a copy of the tree: green, red, or what else happened."""
-    limit = SECONDS * len(tests)
     paths = {"PYTHONPATH": f"{copy}{os.pathsep}{copy / 'agents'}", "REDUNDANT_ENVS_CACHE": KERNELS}
-    command = [
-        sys.executable,
-        "-B",
-        "-m",
-        "pytest",
-        "-x",
-        "-q",
-        "-m",
-        "not long",
-        "-p",
-        "no:cacheprovider",
-        *tests,
-    ]
+    options = ["-B", "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider"]
+    command = [sys.executable, *options, "-m", "not long", *tests]
     try:
-        done = subprocess.run(command, cwd=copy, env=os.environ | paths, capture_output=True, timeout=limit)
+        done = subprocess.run(command, cwd=copy, env=os.environ | paths, capture_output=True, timeout=SECONDS)
     except subprocess.TimeoutExpired:
         return "hung"
     return {0: "green", 1: "red"}.get(done.returncode, "not run")

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from catalogue import COPIES, SCENES
+from catalogue import COPIES, RPRP, SCENES, e
 
 import redundant_envs as rde
 from redundant_envs.batch.blocks import LANES
@@ -128,6 +128,13 @@ def test_lanes_beyond_the_last_hold_the_scene_at_rest():
     memory.write(("theta1", "m1"), [[5.0, 6.0], [5.0, 7.0], [5.0, 8.0]])
     np.testing.assert_array_equal(memory.column("theta1")[0], [5.0] * 3 + [0.0] * 5)
     np.testing.assert_array_equal(memory.column("m1")[0], [6.0, 7.0, 8.0] + [OWN[0]] * 5)
+
+
+def test_sliders_begin_at_the_stop_that_is_nearest_where_0_is_outside():
+    stops = e.PrismaticStop((0.1, -0.3), (0.3, -0.2))
+    simulator = batch_simulator(rde.Scene(RPRP, (stops,)), False)
+    memory = Memory(simulator.dynamics, simulator.blocks.layout, 2, {})
+    np.testing.assert_array_equal(memory.read(("r1", "r2")), [[0.1, -0.2]] * 2)
 
 
 def test_lanes_are_read_and_written_in_any_order():

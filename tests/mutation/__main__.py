@@ -29,8 +29,7 @@ ROOT = Path(__file__).parents[2]
 PACKAGE = "redundant_envs"
 EQUATIONS = ("robots/rprp", "robots/four_r", "robots/derived", "robots/added_inertia")
 NUMERICS = ("methods", "tableaus", "error_control", "estimates")
-EVENTS = ("boundary", "crossings", "first_event", "brackets", "locate", "contacts", "resolution",
-          "complementarity")  # fmt: skip
+EVENTS = ("boundary", "crossings", "first_event", "search", "contacts", "complementarity")
 LANE = ("dynamics", "kinks", "required_steps", "common_step", "step_control", "coordinates",
         "boundaries", "features", "program", "interval")  # fmt: skip
 MODULES = (

@@ -16,7 +16,6 @@ from redundant_envs.lane.step_control import End, EqualSteps
 from redundant_envs.model.programs import batch_simulator
 from redundant_envs.numerics.error_control import Crossed
 from redundant_envs.numerics.estimates import blended_error, tip_error
-from redundant_envs.quantities import Quantities
 from redundant_envs.studies.interval_families import FAMILIES
 from redundant_envs.studies.intervals import tips_after
 from redundant_envs.studies.kinked_effects import TorqueSpeed, VelocityController
@@ -45,9 +44,8 @@ def advance(scene, q, qd, efforts=None, **kwargs):
 
 
 def tip_errors(arm, states, reference):
-    return np.linalg.norm(
-        arm.forward_kinematics(states[:, :4]) - arm.forward_kinematics(reference[:, :4]), axis=1
-    )
+    tip, other = (arm.forward_kinematics(x[:, :4]) for x in (states, reference))
+    return np.linalg.norm(tip - other, axis=1)
 
 
 @pytest.mark.parametrize(("tolerance", "most"), [(1e-6, 13), (1e-12, 50)])
@@ -63,13 +61,13 @@ def test_true_error_is_within_the_tolerance(tolerance, most):
 
 def test_a_motion_that_depends_on_the_last_digit_of_its_start_is_flagged():
     """Hundreds of rad/s for 0.2 s; a hostile review saw a last digit move unflagged tips by up to 1.4 m."""
-    arm, n, ends = rde.FourR((0.2,) * 4, (0.25,) * 4), 500, []
+    arm, n = rde.FourR((0.2,) * 4, (0.25,) * 4), 500
     rng = np.random.default_rng(0)
     q, efforts = rng.uniform(-3.0, 3.0, (n, 4)), rng.uniform(-60.0, 60.0, (n, 4))
     scene = rde.Scene(arm, (e.Gravity(),), control_dt=0.2, tolerance=1e-3)
-    for start in (q, np.nextafter(q, 9.0)):
-        ends.append(advance(scene, start, np.zeros((n, 4)), efforts))
-    (one, first), (other, second) = ends
+    (one, first), (other, second) = (
+        advance(scene, start, np.zeros((n, 4)), efforts) for start in (q, np.nextafter(q, 9.0))
+    )
     sure = (first.numerics | second.numerics) == 0
     assert 0.5 < sure.mean() < 1.0
     assert tip_errors(arm, one, other)[sure].max() < 2e-3
@@ -104,23 +102,6 @@ def test_a_lane_is_that_many_fixed_steps_bit_for_bit(arm):
     assert (status.evaluations >= 12 * used).all()
 
 
-def test_bits_depend_on_the_lane_alone():
-    q, qd, efforts = lab_states(333, 2)
-    qd[5], q[40, 2] = np.nan, np.inf
-    scene = rde.Scene(LAB, FREE, tolerance=1e-10)
-    whole, status = advance(scene, q, qd, efforts)
-    threaded, _ = advance(scene, q, qd, efforts, threads=3)
-    np.testing.assert_array_equal(whole, threaded)
-    order = np.random.default_rng(0).permutation(333)
-    shuffled, other = advance(scene, q[order], qd[order], efforts[order])
-    np.testing.assert_array_equal(shuffled, whole[order])
-    np.testing.assert_array_equal(other.evaluations, status.evaluations[order])
-    np.testing.assert_array_equal(other.error_estimate, status.error_estimate[order])
-    for lane in (0, 7, 8, 130, 332):
-        alone, _ = advance(scene, q[[lane]], qd[[lane]], efforts[[lane]])
-        np.testing.assert_array_equal(alone[0], whole[lane])
-
-
 def test_a_lane_that_is_not_finite_costs_one_step():
     q, qd, efforts = lab_states(24, 3)
     qd[3, 1] = np.nan
@@ -140,18 +121,21 @@ def test_fast_links_get_their_steps_before_any_estimate():
     np.testing.assert_array_equal(status.evaluations, 12 * np.array([1, 1, 2, 4, 8]))
 
 
-def test_stiff_springs_get_their_steps_before_they_are_touched():
-    q, qd = np.zeros((1, 4)), np.zeros((1, 4))
-    for stiffness, steps in ((1e2, 1), (1e3, 2), (1e5, 16), (1e6, 64)):
-        scene = rde.Scene(LAB, (e.LimitSpring("joint2", -2.0, 2.0, stiffness),), tolerance=1e-6)
-        _, status = advance(scene, q, qd)
-        mobility = (2.0 / 1.0 + 1.0) / 0.25 + 2.0 / 0.25
-        floor = 0.02 * np.sqrt(stiffness * mobility) / 2.0
-        assert floor <= steps < 2.0 * max(floor, 1.0) + 1e-9
-        assert status.evaluations[0] == 12 * steps
-    dampers = rde.Scene(LAB, (e.ViscousFriction((0.0, 60.0, 0.0, 0.0)),), tolerance=1e-6)
-    _, status = advance(dampers, q, qd)
-    assert status.evaluations[0] == 12 * 16  # 0.02 * 60 * 20 / 2 = 12
+@pytest.mark.parametrize(
+    ("effect", "least", "steps"),
+    [
+        (e.LimitSpring("joint2", -2.0, 2.0, 1e2), 0.45, 1),
+        (e.LimitSpring("joint2", -2.0, 2.0, 1e3), 1.41, 2),
+        (e.LimitSpring("joint2", -2.0, 2.0, 1e5), 14.1, 16),
+        (e.LimitSpring("joint2", -2.0, 2.0, 1e6), 44.7, 64),
+        (e.ViscousFriction((0.0, 60.0, 0.0, 0.0)), 12.0, 16),
+    ],
+)
+def test_stiff_springs_and_dampers_get_their_steps_before_they_act(effect, least, steps):
+    """The power of two from 0.02 s sqrt(k W) / 2 or 0.02 s d W / 2 on, with the mobility W = 20 1/kg m^2."""
+    assert least <= steps < 2.0 * max(least, 1.0)
+    _, status = advance(rde.Scene(LAB, (effect,), tolerance=1e-6), np.zeros((1, 4)), np.zeros((1, 4)))
+    assert status.evaluations[0] == 12 * steps
 
 
 @physics
@@ -178,19 +162,6 @@ def test_a_tolerance_out_of_reach_is_flagged_not_hidden():
     assert status.evaluations[0] > 12 * 16384
 
 
-@pytest.mark.parametrize("arm", [LAB, rde.FourR((2, 1.5, 1, 0.5), (0.3, 0.5, 0.4, 0.6)), RPRP])
-def test_mobility_bounds_hold_in_every_pose_and_are_near(arm):
-    rng = np.random.default_rng(4)
-    q = rng.uniform(-np.pi, np.pi, (20000, 4))
-    B = np.asarray(arm.motor_map)
-    inverse = np.linalg.inv(arm.mass_matrix(q))
-    mobility = np.einsum("ki,nkl,li->ni", B, inverse, B)
-    values = {k: float(v) for k, v in arm.parameter_values().items()}
-    bounds = np.array(Quantities(values, (arm.mobility_bounds,), {}).each(f"W{k}" for k in range(1, 5)))
-    assert (mobility <= bounds * (1.0 + 1e-12)).all()
-    assert (mobility.max(axis=0) >= 0.5 * bounds).all()
-
-
 def test_the_tolerance_is_a_number_of_the_lane_not_of_the_code():
     one, other, without = (
         batch_simulator(rde.Scene(LAB, FREE, tolerance=t), False) for t in (1e-6, 1e-12, None)
@@ -204,25 +175,19 @@ def test_the_tolerance_is_a_number_of_the_lane_not_of_the_code():
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("changes", "said"),
     [
-        ({"tolerance": 1e-15}, ("tolerance", "1e-15", "1e-13")),
-        ({"tolerance": 1.0}, ("tolerance", "1.0", "0.01")),
-        ({"tolerance": float("nan")}, ("tolerance", "nan")),
-        ({"tolerance": "exact"}, ("tolerance", "'exact'")),
-        ({"tolerance": 1e-6, "integrator": "rk4"}, ("tolerance", "rk4", "rk8")),
-        ({"tolerance": 1e-6, "substeps": 2}, ("tolerance", "2 substeps", "1")),
+        ({"tolerance": 1e-15}, "tolerance.*1e-15.*1e-13"),
+        ({"tolerance": 1.0}, r"tolerance.*1\.0.*0\.01"),
+        ({"tolerance": float("nan")}, "tolerance.*nan"),
+        ({"tolerance": "exact"}, "tolerance.*'exact'"),
+        ({"tolerance": 1e-6, "integrator": "rk4"}, "tolerance.*rk4.*rk8"),
+        ({"tolerance": 1e-6, "substeps": 2}, "tolerance.*2 substeps.*1"),
     ],
 )
-def test_a_tolerance_that_cannot_be_is_refused(changes, words):
-    with pytest.raises(ValueError, match="tolerance") as error:
+def test_a_tolerance_that_cannot_be_is_refused(changes, said):
+    with pytest.raises(ValueError, match=said):
         dataclasses.replace(rde.Scene(LAB, FREE), **changes)
-    assert all(w in str(error.value) for w in words)
-
-
-def test_a_scene_with_a_tolerance_survives_its_file():
-    scene = rde.Scene(LAB, FREE, tolerance=1e-9)
-    assert rde.Scene.from_dict(scene.to_dict()) == scene
 
 
 @pytest.mark.parametrize("tolerance", [1e-6, pytest.param(1e-9, marks=pytest.mark.long)])
@@ -236,18 +201,15 @@ def test_a_scene_with_a_tolerance_survives_its_file():
 def test_tolerance_is_kept_with_nearly_vanishing_links(arm, tolerance):
     """A link of a micrometre turns over within the interval, and the error of its angle grows with it."""
     scene = rde.Scene(arm, (e.Gravity(),), tolerance=tolerance)
-    q, qd, _ = random_states(scene, 2048, 0)
+    q, qd, _ = random_states(scene, 1024, 0)
     got, status = advance(scene, q, qd)
     # Which way such a link points may be chance, and two references agree by chance now and then.
-    tips = [
-        arm.forward_kinematics(advance(rde.Scene(arm, scene.effects, substeps=n), q, qd)[0][:, :4])
-        for n in (2048, 4096, 5801, 8192)
-    ]
-    finer = tips[-1]
-    judged = np.max([np.linalg.norm(tip - finer, axis=1) for tip in tips], axis=0) <= 0.1 * tolerance
-    error = np.linalg.norm(arm.forward_kinematics(got[:, :4]) - finer, axis=1)
-    flagged = status.numerics != 0
-    assert judged.sum() > 1200
+    *others, finer = (
+        advance(rde.Scene(arm, scene.effects, substeps=n), q, qd)[0] for n in (2048, 4096, 5801, 8192)
+    )
+    judged = np.max([tip_errors(arm, x, finer) for x in others], axis=0) <= 0.1 * tolerance
+    error, flagged = tip_errors(arm, got, finer), status.numerics != 0
+    assert judged.sum() > 600
     assert (error <= tolerance)[judged & ~flagged].all()
     assert np.mean(flagged[judged]) <= 1e-3
 
@@ -290,11 +252,10 @@ def test_random_steps_are_off_by_at_most_twice_their_estimate(name):
     assert (error <= 2.0 * step.error_estimate)[judged].all()
 
 
-ONE_STEP_OF_CHANCE = {
+ONE_STEP_OF_CHANCE = {  # effect, masses, lengths, angles, rates, efforts
     "torque-speed curve": (
-        TorqueSpeed(
-            (1.992286633769344, 1.2848436159029, 4.310494518061289, 1.2225414751633483), 2.787930234772016
-        ),
+        TorqueSpeed((1.992286633769344, 1.2848436159029, 4.310494518061289, 1.2225414751633483),
+                    2.787930234772016),
         (0.4036002456646146, 0.48906350123100406, 0.3184539539042901, 0.4885919334521271),
         (0.30115216734270706, 0.13170441734081834, 0.18195421605261322, 0.12573677344802067),
         (1.5046308486523685, -2.3302351985767, -1.2944904442308052, 3.0434766249592577),
@@ -302,17 +263,15 @@ ONE_STEP_OF_CHANCE = {
         (3.999094473104397, -3.997284700550585, 3.9947206524652854, 3.9997362676479398),
     ),
     "velocity controller": (
-        VelocityController(
-            (0.1703219907849756, 0.1631646107603007, 0.957740327517151, 0.07570121323944572),
-            (3.603775054127391, 0.9603380057759933, 1.3794805652588287, 0.8284895891399953),
-        ),
+        VelocityController((0.1703219907849756, 0.1631646107603007, 0.957740327517151, 0.07570121323944572),
+                           (3.603775054127391, 0.9603380057759933, 1.3794805652588287, 0.8284895891399953)),
         (0.4577949250245035, 0.24381728393314708, 0.33223131544340107, 0.2040673009165729),
         (0.46126037727071745, 0.33467648410511863, 0.10952759372869408, 0.3070368258363449),
         (2.651801879540085, -3.0411046645641724, 1.5878894862109538, -2.8016096546730513),
         (-0.017425815245332817, 0.022336763540526845, -0.015064781575855514, 0.013523785799472467),
         (3.536816067914814, 1.2894480463497349, 0.14561809718774743, 1.1946960792530614),
     ),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("case", ONE_STEP_OF_CHANCE)
@@ -342,7 +301,7 @@ class KnownInterval(EqualSteps):
 
     def __init__(self, crossed):
         self.crossed = crossed
-        self.dynamics = SimpleNamespace(stops=True, arm=SimpleNamespace(coordinates=()))
+        self.dynamics = SimpleNamespace(arm=SimpleNamespace(coordinates=()), stops=True)
         self.step = SimpleNamespace(least_steps=lambda lane: 0.0)
 
     def _crossed(self, lane):
@@ -352,12 +311,15 @@ class KnownInterval(EqualSteps):
 def ended(error, change=0.0, steps=64.0, impacts=0.0, **doubts):
     """What follows an interval that has just been crossed, for a tolerance of 1; and the fault."""
     lane = Lane(Layout([]), lambda name: None, declares=True)
-    for name, value in (
-        ("left", 0.0), ("steps_left", 1.0), ("min_steps", 0.0), ("divisions", steps), ("error", error),
-        ("tip_tolerance", 1.0), ("impacts", impacts), ("fault", 0.0), ("interval", 1.0),
-    ):  # fmt: skip
+    known = {"left": 0.0, "steps_left": 1.0, "min_steps": 0.0, "divisions": steps, "error": error,
+             "tip_tolerance": 1.0, "impacts": impacts, "fault": 0.0, "interval": 1.0}  # fmt: skip
+    for name, value in known.items():
         lane[name] = np.float64(value)
     return KnownInterval(Crossed(steps, error, 1.0, change, impacts, **doubts)).end(lane), lane.fault
+
+
+KINKED = {"change": 0.2, "kinked": True}
+MANY = {"error": 1e-6, **KINKED, "impacts": 9.0}
 
 
 @pytest.mark.parametrize(
@@ -367,15 +329,15 @@ def ended(error, change=0.0, steps=64.0, impacts=0.0, **doubts):
         ({"error": 0.9, "change": 9.0, "doubtful": True}, True),
         ({"error": 0.9, "change": 0.9, "doubtful": True}, False),
         ({"error": 0.05, "change": 0.9, "kinked": True}, True),
-        ({"error": 0.05, "change": 0.2, "kinked": True}, False),
-        ({"error": 0.07, "change": 0.2, "kinked": True}, True),
-        ({"error": 1e-4, "change": 0.2, "impacts": 8.0, "kinked": True}, True),
-        ({"error": 1e-6, "change": 0.2, "impacts": 8.0, "kinked": True}, False),
-        ({"error": 1e-6, "change": 0.2, "impacts": 9.0, "kinked": True}, True),
-        ({"error": 1e-6, "change": 0.2, "impacts": 9.0, "steps": 128.0, "kinked": True}, False),
-        ({"error": 1e-6, "change": 0.2, "steps": 8.0, "kinked": True}, False),
-        ({"error": 1e-6, "change": 0.2, "steps": 8.0, "kinked": True, "hidden_kink": True}, True),
-        ({"error": 1e-6, "change": 0.2, "steps": 16.0, "kinked": True, "hidden_kink": True}, False),
+        ({"error": 0.05, **KINKED}, False),
+        ({"error": 0.07, **KINKED}, True),
+        ({"error": 1e-4, **KINKED, "impacts": 8.0}, True),
+        ({"error": 1e-6, **KINKED, "impacts": 8.0}, False),
+        (MANY, True),
+        ({**MANY, "steps": 128.0}, False),
+        ({"error": 1e-6, **KINKED, "steps": 8.0}, False),
+        ({"error": 1e-6, **KINKED, "steps": 8.0, "hidden_kink": True}, True),
+        ({"error": 1e-6, **KINKED, "steps": 16.0, "hidden_kink": True}, False),
         ({"error": 1e-6, "change": 0.9, "impacts": 9.0}, False),
         ({"error": 1e-6, "change": 1.1, "impacts": 9.0}, True),
         ({"error": 0.02, "change": 1.1, "impacts": 4.0}, True),

@@ -63,14 +63,3 @@ def motion(scene, q, qd, seconds, efforts=None, parameters=None, duration=None):
 def largest(difference, scale=1.0):
     """Largest absolute entry, in units of the scale."""
     return float((np.abs(difference) / scale).max())
-
-
-def along(robot, wanted, q, qd, dq, dqd, Q=None, step=1e-30):
-    """Exact derivatives of named quantities when q changes by dq and qd by dqd: complex numbers."""
-    values = {**robot.parameter_values(), "ax": 0.0, "ay": G}
-    values |= {n: q[..., k] + 1j * step * dq[..., k] for k, n in enumerate(robot.coordinates)}
-    values |= {n: qd[..., k] + 1j * step * dqd[..., k] for k, n in enumerate(robot.rates)}
-    values |= {f"Q{k + 1}": 0.0 if Q is None else Q[..., k] for k in range(4)}
-    parts = robot.evaluate(wanted, values)
-    shape = np.broadcast_shapes(q.shape, dq.shape)[:-1]
-    return np.stack([np.broadcast_to(np.imag(p) / step, shape) for p in parts], axis=-1)

@@ -1,10 +1,10 @@
-"""Oracles O1 to O7: frequencies and motions that have closed forms."""
+"""Oracles O1, O2, O3, O5 and O7: frequencies and motions that have closed forms."""
 
 import math
 from dataclasses import replace
 
 import numpy as np
-from oracle_cases import EVERY, LAB, UNEQUAL, G, along, assert_within, exact, largest, motion, states
+from oracle_cases import EVERY, LAB, G, assert_within, exact, largest, motion
 
 import redundant_envs as rde
 from redundant_envs.effects import PrismaticStop
@@ -16,32 +16,25 @@ TINY = 1e-12
 def test_o01_hanging_arm_has_laguerre_frequencies():
     """4R, equal masses and lengths: omega_k^2 = (g/l) x_k with x_k the zeros of Laguerre's L_4.
 
-    From the elimination, differentiated exactly; and a second of compiled motion in each mode, in units of
-    its amplitude of 1e-6 rad. That of the printed zeros is their rounding; that of the motion is rounding of
-    pi/2, which is 2e-10 of the amplitude.
+    A second of compiled motion in each mode, in units of its amplitude of 1e-6 rad; rounding of pi/2 is 2e-10
+    of it. The printed zeros are rounded.
     """
     arm, l = LAB["FourR"], 0.5
-    zeros = np.sort(np.roots([1.0, -16.0, 72.0, -96.0, 24.0]).real)  # 24 L_4
-    zeros -= np.polyval([1.0, -16.0, 72.0, -96.0, 24.0], zeros) / np.polyval(
-        [4.0, -48.0, 144.0, -96.0], zeros
-    )
-    hanging, rest = np.full((4, 4), -0.5 * np.pi), np.zeros((4, 4))
-    stiffness = -along(arm, [f"qdd{k}" for k in range(1, 5)], hanging, rest, np.eye(4), rest).T
-    squares, modes = np.linalg.eig(stiffness)
-    order = np.argsort(squares)
-    squares, modes = squares[order].real, modes[:, order].real
-    amplitude, seconds = 1e-6, 1.0
-    modes /= np.abs(modes).max(axis=0)
-    q, qd = motion(exact(arm), hanging + amplitude * modes.T, rest, seconds)
-    omega = np.sqrt(zeros * G / l)
-    expected = modes.T * np.cos(omega * seconds)[:, None]
+    polynomial = np.polynomial.Polynomial([24.0, -96.0, 72.0, -16.0, 1.0])  # 24 L_4
+    zeros = np.sort(polynomial.roots().real)
+    zeros -= polynomial(zeros) / polynomial.deriv()(zeros)
+    hanging, amplitude = np.full((4, 4), -0.5 * np.pi), 1e-6
+    stiffness = G * l * np.diag([4.0, 3.0, 2.0, 1.0])  # masses beyond each joint
+    squares, modes = np.linalg.eig(np.linalg.solve(arm.mass_matrix(hanging[0]), stiffness))
+    modes = (modes / np.abs(modes).max(axis=0))[:, np.argsort(squares)].T
+    q, qd = motion(exact(arm), hanging + amplitude * modes, np.zeros((4, 4)), 1.0)
+    omega = np.sqrt(zeros * G / l)[:, None]
     assert_within(
-        {"squares": 2e-14, "printed": 1e-12, "motion": 5e-9, "velocity": 5e-8},
+        {"printed": 1e-12, "motion": 5e-9, "velocity": 5e-8},
         {
-            "squares": largest(squares * l / G - zeros),
             "printed": largest(zeros - [0.322547689619, 1.745761101158, 4.536620296921, 9.395070912301]),
-            "motion": largest((q - hanging) / amplitude - expected),
-            "velocity": largest(qd / amplitude + modes.T * (omega * np.sin(omega * seconds))[:, None]),
+            "motion": largest((q - hanging) / amplitude - modes * np.cos(omega)),
+            "velocity": largest(qd / amplitude + modes * omega * np.sin(omega)),
         },
     )
 
@@ -84,72 +77,33 @@ def test_o03_light_links_leave_a_pendulum():
     eighth = 2.0 * math.asin(k / math.sqrt(1.0 + complement))
     expected = np.array([eighth, 0.0, -eighth, -amplitude, -eighth, 0.0, eighth, amplitude])
     eps = np.array([1e-6, 1e-9, 1e-12])
-    caged = exact(LAB["RPRP"])
-    caged = replace(caged, effects=(*caged.effects, PrismaticStop((0.0, 0.0), (0.2, 0.2), 0.0)))
     masses = np.column_stack([np.ones(3), eps, eps, eps])
-    found = {}
-    for name, q0 in (
-        ("FourR", [amplitude - 0.5 * math.pi] * 4),
-        ("RPRP", [amplitude - 0.5 * math.pi, 0.1] * 2),
+    found = {"printed period": abs(period - 1.885055421)}
+    for name, start, kept in (
+        ("FourR", [amplitude - 0.5 * math.pi] * 4, ()),
+        ("RPRP", [amplitude - 0.5 * math.pi, 0.1] * 2, (PrismaticStop((0.0, 0.0), (0.2, 0.2), 0.0),)),
     ):
-        made = caged if name == "RPRP" else exact(LAB[name])
-        batch = rde.BatchSimulator(made, 3)
+        made = exact(LAB[name])
+        batch = rde.BatchSimulator(replace(made, effects=(*made.effects, *kept)), 3)
         batch.set_parameters({"masses": masses})
-        batch.set_state(q0, np.zeros(4))
+        batch.set_state(start, np.zeros(4))
         errors = []
         for step in range(80):
-            status = batch.advance_partly(None, period / 80.0)
-            assert not status.numerics.any()
+            assert not batch.advance_partly(None, period / 80.0).numerics.any()
             if step % 10 == 9:
                 errors.append(batch.q[:, 0] + 0.5 * math.pi - expected[step // 10])
         worst = np.abs(errors).max(axis=0)
-        found |= {f"{name} {x:g}": float(w) for x, w in zip(eps, worst, strict=True)}
-        found[f"{name} after T"] = abs(float(errors[-1][0]))
-        found[f"{name} power of eps"] = largest(np.log10(worst[:2] / worst[1:]) / 3.0 - 1.0)
-    found["printed period"] = abs(period - 1.885055421)
+        found[f"{name}, in eps"] = largest(worst, eps)
+        found[f"{name}, after T"] = abs(float(errors[-1][0]))
+        found[f"{name}, power of eps"] = largest(np.log10(worst[:2] / worst[1:]) / 3.0 - 1.0)
     assert_within(
         {
-            "FourR 1e-06": 3.3e-4, "FourR 1e-09": 3.3e-7, "FourR 1e-12": 3.3e-10,
-            "FourR after T": 1.4e-4, "FourR power of eps": 1e-4,
-            "RPRP 1e-06": 1e-4, "RPRP 1e-09": 1e-7, "RPRP 1e-12": 1e-10,
-            "RPRP after T": 1e-4, "RPRP power of eps": 1e-3,
+            "FourR, in eps": 330.0, "FourR, after T": 1.4e-4, "FourR, power of eps": 1e-4,
+            "RPRP, in eps": 100.0, "RPRP, after T": 1e-4, "RPRP, power of eps": 1e-3,
             "printed period": 1.5e-9,
         },
         found,
     )  # fmt: skip
-
-
-def test_o04_free_masses_of_rprp_fly_as_one():
-    """m_1 = 0, no efforts: the centre of m_2, m_3, m_4 is a projectile, and their spin about it stays.
-
-    What m_1 = 2e-12 kg takes is in the residuals; sliders leave the base, near which it would take more.
-    """
-    seconds, count = 0.3, 64
-    arm = rde.RPRP((2.0 * TINY, 0.7, 1.9, 0.4), (1.1, 0.6))
-    q0, qd0 = states(arm, count)
-    qd0[:, 1] = np.abs(qd0[:, 1])  # away from the base
-
-    def of_the_free(q, qd):
-        values = {**arm.parameter_values()}
-        values |= dict(zip((*arm.coordinates, *arm.rates), np.hstack([q, qd]).T, strict=True))
-        x, y, vx, vy = (
-            np.stack(np.broadcast_arrays(*arm.evaluate([f"{name}{k}" for k in (2, 3, 4)], values)))
-            for name in ("x", "y", "vx", "vy")
-        )
-        share = np.array(arm.masses[1:]) / sum(arm.masses[1:])
-        centre, velocity = (np.stack([share @ a, share @ b], axis=1) for a, b in ((x, y), (vx, vy)))
-        lever, rate = (x - centre[:, 0], y - centre[:, 1]), (vx - velocity[:, 0], vy - velocity[:, 1])
-        return centre, velocity, share @ (lever[0] * rate[1] - lever[1] * rate[0])
-
-    centre0, velocity0, spin0 = of_the_free(q0, qd0)
-    centre, velocity, spin = of_the_free(*motion(exact(arm), q0, qd0, seconds))
-    fall = np.array([0.0, -G])
-    found = {
-        "centre": largest(centre - (centre0 + velocity0 * seconds + 0.5 * fall * seconds**2)),
-        "velocity": largest(velocity - (velocity0 + fall * seconds)),
-        "spin": largest(spin - spin0),
-    }
-    assert_within({"centre": 4e-12, "velocity": 2e-11, "spin": 1e-11}, found)
 
 
 def test_o05_a_free_mass_passes_the_base_on_a_straight_line():
@@ -168,31 +122,6 @@ def test_o05_a_free_mass_passes_the_base_on_a_straight_line():
     error = np.hypot(*(place - [x + seconds, b]))
     found = {f"b = {n} m": float(e) for n, e in zip(b, error, strict=True)}
     assert_within(dict.fromkeys(found, 4e-12), found)
-
-
-def test_o06_upright_and_hanging_sliders_move_on_parabolas():
-    """RPRP, theta_1 = theta_2 = +-pi/2 at rest: constant forces give r_1, r_2 constant accelerations.
-
-    m_234 r_1'' + m_4 r_2'' = F_1 -+ m_234 g and m_4 (r_1'' + r_2'') = F_2 -+ m_4 g. Upright is unstable:
-    the rounding of pi/2 grows there.
-    """
-    arm, seconds = UNEQUAL["RPRP"], 0.4
-    m = arm.masses
-    m234, m4 = sum(m[1:]), m[3]
-    forces = np.array([5.0, -3.0])
-    q0 = np.array([[s * 0.5 * np.pi, 0.2, s * 0.5 * np.pi, 0.1] for s in (1.0, -1.0)])
-    weight = np.array([[-s * m234 * G, -s * m4 * G] for s in (1.0, -1.0)])
-    acceleration = np.linalg.solve(np.array([[m234, m4], [m4, m4]]), (forces + weight).T).T
-    q, qd = motion(exact(arm), q0, np.zeros(4), seconds, [0.0, forces[0], 0.0, forces[1]])
-    found = {}
-    for lane, pose in enumerate(("upright", "hanging")):
-        found[f"{pose} r"] = largest(
-            q[lane, [1, 3]] - q0[lane, [1, 3]] - 0.5 * acceleration[lane] * seconds**2
-        )
-        found[f"{pose} rate of r"] = largest(qd[lane, [1, 3]] - acceleration[lane] * seconds)
-        found[f"{pose} theta"] = largest(q[lane, [0, 2]] - q0[lane, [0, 2]])
-    bounds = {"r": 2e-15, "rate of r": 1e-14, "theta": 1e-15}
-    assert_within({f"{pose} {k}": b for pose in ("upright", "hanging") for k, b in bounds.items()}, found)
 
 
 def test_o07_a_mass_on_a_turning_rod_leaves_by_cosh():

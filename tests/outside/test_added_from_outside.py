@@ -3,112 +3,114 @@
 import dataclasses
 import json
 import pickle
+import re
 import subprocess
 import sys
 from pathlib import Path
 
-import actuator_lag
+import actuator_lag  # noqa: F401 - registers its effect
 import elbow
 import gymnasium as gym
-import held_command
 import heun
 import numpy as np
 import pytest
 import rrp
 import three_r
 import track
-from arms import ADDED, ARMS, states
+from arms import ADDED, ARMS, e, mujoco_model, states
 from gymnasium.utils.env_checker import check_env
+from three_r_by_hand import ThreeRByHand, mass_matrix
 
 import redundant_envs as rde
-import redundant_envs.backends.torch
-from redundant_envs.backends.torch import torch
-from redundant_envs.lane.direct import cross_interval, fields_of
-from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.interval import Interval
-from redundant_envs.verify import Mode, verify
+from redundant_envs.algebra import physics
+from redundant_envs.envs.pages import task_table
+from redundant_envs.verify import Mode, equations, kinematics, verify
+from redundant_envs.verify.checks import checks_of
 
-e = rde.effects
 FOLDER = Path(__file__).parent
+
+
+class Cart(rde.Arm):
+    """A pendulum of two links on a cart, from the types of its joints alone."""
+
+    joint_types = "PRR"
+
+
+CART = {
+    "robot": {"type": "Cart", "masses": [1.0, 0.5, 0.5], "lengths": [0.4, 0.3]},
+    "effects": [
+        {"type": "Gravity"},
+        {"type": "EffortLimits", "limits": [40.0, 10.0, 4.0]},
+        {"type": "PrismaticStop", "lower": [-0.3], "upper": [0.3], "restitution": 0.5},
+    ],
+    "tolerance": 1e-6,
+}
+rde.register_arm(Cart, CART)
 IDS = [
     f"redundant_envs/{name}-v0"
-    for name in ("ThreeRReach", "RRPReach", "RRPTrack", "FourRTrack", "ThreeRElbowReach")
+    for name in ("ThreeRReach", "RRPReach", "RRPTrack", "FourRTrack", "ThreeRElbowReach", "CartReach")
 ]
 
 
-# ---- compiled, on single numbers, on NumPy and on torch ------------------------------------------------
-
-WITH_STATES = (actuator_lag.ActuatorLag(0.04), held_command.HeldCommand(), e.EffortLimits(3.0))
-STEPS = {"heun": {"integrator": "heun", "substeps": 3}, "rk8": {}, "1e-6": {"tolerance": 1e-6}}
-
-
-@pytest.mark.parametrize(
-    ("name", "steps"),
-    [
-        (name, steps) if name in ADDED else pytest.param(name, steps, marks=pytest.mark.long)
-        for name in ARMS
-        for steps in STEPS
-    ],
-)
-def test_evaluators_agree_after_an_interval(name, steps):
-    arm = ARMS[name]
-    stops = (
-        (e.PrismaticStop([-0.1] * len(arm.sliders()), [0.1] * len(arm.sliders()), 0.0),)
-        if arm.sliders()
-        else ()
-    )
-    scene = rde.Scene(arm, (e.Gravity(), e.ViscousFriction(0.1), *stops, *WITH_STATES), **STEPS[steps])
-    q, qd, efforts = states(arm, 12)
-    batch = rde.BatchSimulator(scene, 12)
-    batch.set_state(q, qd)
-    batch.advance(efforts)
-    q, qd, z = batch.q, batch.qd, batch.z
-    batch.advance(efforts)
-    compiled = np.concatenate([batch.q, batch.qd, batch.z], axis=1)
-    dynamics = Dynamics(scene)
-    names = (*arm.coordinates, *arm.rates, *dynamics.effect_states)
-    table = np.concatenate([q, qd, z, efforts], axis=1)
-    for convert in (np.ascontiguousarray, lambda x: torch.tensor(np.ascontiguousarray(x))):
-        columns = map(convert, table.T)
-        fields = {**fields_of(dynamics), **dict(zip((*names, *dynamics.commands), columns, strict=True))}
-        fields |= {n: convert(np.zeros(12)) for n in dynamics.active}
-        with np.errstate(all="ignore"):
-            lane = cross_interval(Interval(dynamics), fields)
-        found = np.stack([np.asarray(lane[n]) for n in names], axis=1)
-        resting = batch._memory.read(dynamics.active).any(axis=1) if stops else np.zeros(12, bool)
-        assert np.abs(found - compiled)[~resting].max() <= 1e-12 * np.abs(compiled).max()
-    row = {
-        **fields_of(dynamics),
-        **dict(zip((*names, *dynamics.commands), map(np.float64, table[0]), strict=True)),
-    }
-    with np.errstate(all="ignore"):
-        lane = cross_interval(Interval(dynamics), row)
-    if not resting[0]:
-        assert np.abs([lane[n] for n in names] - compiled[0]).max() <= 1e-12 * np.abs(compiled).max()
+# ---- equations -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ADDED)
-def test_torch_steps_agree_with_compiled_ones_and_have_gradients(name):
+def test_dynamics_and_kinematics_agree_with_mujoco(name):
+    mujoco = pytest.importorskip("mujoco", reason="MuJoCo is in the extra 'verify'")
     arm = ARMS[name]
-    scene = rde.Scene(arm, (e.Gravity(), *WITH_STATES[:2]), tolerance=1e-7)
-    q, qd, efforts = (torch.tensor(x) for x in states(arm, 4))
-    z = torch.linspace(-1.0, 1.0, 4 * 6, dtype=torch.float64).reshape(4, 6)
-    step = rde.torch_step(scene)
-    moved = step(q, qd, efforts, z=z)
-    batch = rde.BatchSimulator(scene, 4)
-    batch.set_state(q.numpy(), qd.numpy())
-    batch._memory.write(tuple(Dynamics(scene).effect_states), z.numpy())
-    batch.advance(efforts.numpy())
-    for found, compiled in zip(moved, (batch.q, batch.qd, batch.z), strict=True):
-        assert np.abs(found.numpy() - compiled).max() < 1e-12 * max(1.0, np.abs(compiled).max())
-    z.requires_grad_(True)
-    step(q, qd, efforts, z=z)[1].sum().backward()
-    shift = 1e-5 * torch.eye(24, dtype=torch.float64)[0].reshape(4, 6)
-    with torch.no_grad():
-        up, down = (step(q, qd, efforts, z=z + s)[1].sum() for s in (shift, -shift))
-    assert abs(float(z.grad[0, 0]) - float((up - down) / 2e-5)) < 1e-6
-    with pytest.raises(ValueError, match="z is missing"):
-        step(q, qd, efforts)
+    model = mujoco_model(mujoco, arm)
+    data, B = mujoco.MjData(model), arm.motor_map
+    q, qd, efforts = states(arm, 100, spread=6.0)
+    qdd = arm.forward_dynamics(q, qd, efforts @ B.T)
+    tips, jacobians = arm.forward_kinematics(q), arm.jacobian(q)
+    for k in range(len(q)):
+        data.qpos[:], data.qvel[:], data.ctrl[:] = q[k] @ B, qd[k] @ B, efforts[k]
+        mujoco.mj_forward(model, data)
+        assert np.abs(data.qacc - qdd[k] @ B).max() <= 1e-10 * (1.0 + np.abs(data.qacc).max())
+        assert np.abs(data.site_xpos[0, :2] - tips[k]).max() <= 1e-13
+        found = np.zeros((3, len(arm.joints)))
+        mujoco.mj_jacSite(model, data, found, None, 0)
+        assert np.abs(found[:2] @ B.T - jacobians[k]).max() <= 1e-13
+
+
+def test_the_arm_from_points_is_the_one_by_hand():
+    arms = [kind((2.0, 1.5, 1.0), (0.3, 0.5, 0.4)) for kind in (three_r.ThreeR, ThreeRByHand)]
+    q, qd, Q = np.random.default_rng(0).uniform(-3.0, 3.0, (3, 100, 3))
+    known = {"mass_matrix": (q,), "bias_forces": (q, qd), "gravity_forces": (q,), "jacobian_dot_qd": (q, qd)}
+    for name, arguments in known.items():
+        found, expected = (getattr(arm, name)(*arguments) for arm in arms)
+        assert np.abs(found - expected).max() <= 2e-15 * np.abs(expected).max()
+    accelerations = [a.forward_dynamics(q, qd, Q) for a in arms]
+    assert np.abs(np.subtract(*accelerations)).max() <= 1e-13 * np.abs(accelerations[0]).max()
+    assert {*arms[0].symbols()} >= {"M", "h", "G", "J", "T", "U"}
+
+
+def with_mass_matrix(factor, base):
+    @physics(gives="M11 M12 M13 M21 M22 M23 M31 M32 M33")
+    def matrix(m1, m2, m3, l1, l2, l3, s1, c1, s2, c2, s3, c3):
+        m23 = m2 + m3
+        M12 = m23 * l1 * l2 * (c1 * c2 + s1 * s2)
+        M13 = factor * m3 * l1 * l3 * (c1 * c3 + s1 * s3)
+        M23 = m3 * l2 * l3 * (c2 * c3 + s2 * s3)
+        return (m1 + m23) * l1 * l1, M12, M13, M12, m23 * l2 * l2, M23, M13, M23, m3 * l3 * l3
+
+    body = {"functions": (*base, matrix)}
+    return type("Mixed", (three_r.ThreeR,), body)((2.0, 1.5, 1.0), (0.3, 0.5, 0.4))
+
+
+@pytest.mark.parametrize(
+    "base", [(three_r.points,), three_r.ThreeR.functions], ids=["points", "all of a base"]
+)
+def test_a_mass_matrix_by_hand_replaces_the_derived_one_and_is_compared_with_it(base):
+    right, wrong = (with_mass_matrix(factor, base) for factor in (1.0, 1.0 + 1e-6))
+    checks = checks_of(equations, kinematics)
+    assert verify(rde.Scene(right, (e.Gravity(),)), 24, checks=checks).misses == ()
+    misses = verify(rde.Scene(wrong, (e.Gravity(),)), 24, checks=checks).misses
+    assert any(miss.startswith("mass matrix: ") for miss in misses)
+    names = [f.__name__ for f in type(right).functions]
+    assert names.count("matrix") == 1
+    assert mass_matrix.__name__ not in names
 
 
 # ---- environments --------------------------------------------------------------------------------------
@@ -136,9 +138,7 @@ def test_single_vector_and_sb3_environments_are_sound_and_have_the_same_bits(env
         assert np.array_equal(obs[2], one)
         assert reward[2] == one_reward
         assert info["distance"][2] == one_info["distance"]
-    assert (
-        len(set(map(len, (single.unwrapped.core.task.observation(single.unwrapped.core.scene), obs[0])))) == 1
-    )
+    assert len(single.unwrapped.core.task.observation(single.unwrapped.core.scene)) == len(obs[0])
 
 
 @pytest.mark.parametrize("env_id", IDS[1:3])
@@ -151,8 +151,7 @@ def test_environments_copy_render_and_tell_of_themselves(env_id):
     assert picture.shape == (480, 480, 3)
     assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 50
     json.dumps(dataclasses.asdict(env.spec)["kwargs"])
-    page = type(env.unwrapped).__doc__
-    assert "effort at r / 16 N" in page
+    assert "effort at r / 16 N" in type(env.unwrapped).__doc__
     twin = pickle.loads(pickle.dumps(env.unwrapped))
     action = np.full(3, 0.3, np.float32)
     assert np.array_equal(env.unwrapped.step(action)[0], twin.step(action)[0])
@@ -182,31 +181,17 @@ def test_effects_with_states_begin_anew_with_each_episode():
     scene["effects"] = [*scene["effects"], {"type": "ActuatorLag", "time_constant": 0.1}]
     env = gym.make_vec("redundant_envs/ThreeRReach-v0", num_envs=9, scene=scene, max_episode_steps=5)
     env.reset(seed=0)
-    memory = env.unwrapped.core.memory
+    memory, action = env.unwrapped.core.memory, np.ones((9, 3), np.float32)
     names = tuple(env.unwrapped.core.simulator.dynamics.effect_states)
     for _ in range(5):
-        env.step(np.ones((9, 3), np.float32))
+        env.step(action)
         assert memory.read(names).min() > 0.1
-    env.step(np.ones((9, 3), np.float32))
+    env.step(action)
     assert not memory.read(names).any()
     restored = env.unwrapped.get_state()
-    first = env.step(np.ones((9, 3), np.float32))[0]
+    first = env.step(action)[0]
     env.unwrapped.set_state(restored)
-    assert np.array_equal(env.step(np.ones((9, 3), np.float32))[0], first)
-
-
-def test_a_method_added_from_outside_converges_with_its_order():
-    arm, errors = ARMS["4R"], []
-    q, qd, efforts = states(arm, 1)
-    exact = rde.BatchSimulator(rde.Scene(arm, (e.Gravity(),), tolerance=1e-12))
-    exact.set_state(q, qd)
-    exact.advance(efforts)
-    for steps in (8, 16, 32):
-        batch = rde.BatchSimulator(rde.Scene(arm, (e.Gravity(),), integrator="heun", substeps=steps))
-        batch.set_state(q, qd)
-        batch.advance(efforts)
-        errors.append(np.abs(batch.q - exact.q).max())
-    assert np.allclose(np.log2(np.divide(errors[:-1], errors[1:])), heun.HEUN.order, atol=0.15)
+    assert np.array_equal(env.step(action)[0], first)
 
 
 def test_one_more_observation_has_its_value():
@@ -218,32 +203,50 @@ def test_one_more_observation_has_its_value():
     assert elbow.ElbowReachTask.name == "ElbowReach"
 
 
-@pytest.mark.parametrize("data", [pytest.param(three_r.SCENE, marks=pytest.mark.long), rrp.SCENE], ids=ADDED)
-def test_verify_finds_scenes_of_added_arms_and_effects_right(data):
-    lag = {"type": "ActuatorLag", "time_constant": 0.05}
-    found = verify(rde.load_scene({**data, "effects": [*data["effects"], lag]}), 64, Mode.QUICK)
-    assert found.misses == ()
-    assert found.of("tolerance kept").finding.found == 0.0
+# ---- the table of a task's numbers on the page of an environment ---------------------------------------
+
+
+def rows_of(text):
+    cells = [[c.strip() for c in line[1:-1].split("|")] for line in text.splitlines()[2:]]
+    return {name.strip("`"): rest for name, *rest in cells}
+
+
+@pytest.mark.parametrize("kind", [rde.ReachTask, rde.tasks.GoalReachTask])
+def test_every_number_of_a_task_has_a_default_a_unit_a_range_and_a_sentence(kind):
+    rows = rows_of(task_table(kind()))
+    assert list(rows) == [f.name for f in dataclasses.fields(kind)]
+    assert set(kind.units) == set(rows)
+    for name, (default, unit, allowed, meaning) in rows.items():
+        assert float(default) == getattr(kind(), name)
+        assert unit == kind.units[name]
+        assert re.fullmatch(r"positive|\S+ to \S+|above \S+, at most \S+", allowed)
+        assert meaning.endswith(".")
+        assert len(meaning.split()) > 3
+    assert rows["hold_speed"][1:3] == ["reaches/s", "1e-09 to 1e+09"]
+    assert rows["start_angle"][1:3] == ["rad", "above 0, at most 1e+06"]
+
+
+def test_the_page_of_an_id_and_tasks_from_outside_have_such_a_table():
+    for env_id in ("redundant_envs/RPRPReach-v0", "redundant_envs/FourRGoalReach-v0"):
+        page = type(gym.make(env_id).unwrapped).__doc__
+        assert "| `goal_tolerance` | 0.02 | reaches | 1e-09 to 2 | Largest distance from the goal" in page
+    assert rows_of(task_table(track.TrackTask()))["period"] == ["8.0", "s", "positive", "Time of a turn."]
+    kind = dataclasses.make_dataclass("Odd", [("odd", float, 3.0)], bases=(rde.ReachTask,), frozen=True)
+    assert rows_of(task_table(kind()))["odd"] == ["3.0", "", "positive", ""]
 
 
 # ---- registration --------------------------------------------------------------------------------------
 
 
-def test_registering_again_does_nothing_and_other_things_of_the_name_are_refused():
+def test_registering_again_does_nothing_and_other_methods_of_the_name_are_refused():
     rde.register_arm(three_r.ThreeR, three_r.SCENE)
     rde.register_task(track.TrackTask)
     rde.register_integrator(heun.HEUN)
-    other = type("ThreeR", (rde.FourR,), {"kind": "ThreeR"})
-    with pytest.raises(ValueError, match="'ThreeR' is taken"):
-        rde.register_arm(other)
-    with pytest.raises(ValueError, match="'rk4' is taken"):
-        rde.register_integrator(dataclasses.replace(heun.HEUN, name="rk4"))
-    with pytest.raises(ValueError, match="weights of the tableau"):
-        rde.register_integrator(dataclasses.replace(heun.HEUN, name="wrong", b=(0.5, 0.6)))
-    with pytest.raises(ValueError, match=r"derived from redundant_envs\.Task"):
-        rde.register_task(three_r.ThreeR)
-    with pytest.raises(ValueError, match="one with a robot of type ThreeR"):
-        rde.register_arm(three_r.ThreeR, "rprp_reach")
+    for change, said in (
+        ({"name": "rk4"}, "'rk4' is taken"), ({"name": "wrong", "b": (0.5, 0.6)}, "weights of the tableau"),
+    ):  # fmt: skip
+        with pytest.raises(ValueError, match=said):
+            rde.register_integrator(dataclasses.replace(heun.HEUN, **change))
 
 
 def test_scenes_of_an_arm_from_outside_are_plain_data():
@@ -251,6 +254,14 @@ def test_scenes_of_an_arm_from_outside_are_plain_data():
     assert rde.Scene.from_dict(json.loads(json.dumps(scene.to_dict()))) == scene
     with pytest.raises(ValueError, match="RRP"):
         gym.make("redundant_envs/ThreeRReach-v0", scene=rrp.SCENE)
+
+
+@pytest.mark.parametrize("data", [pytest.param(three_r.SCENE, marks=pytest.mark.long), rrp.SCENE], ids=ADDED)
+def test_verify_finds_scenes_of_added_arms_and_effects_right(data):
+    lag = {"type": "ActuatorLag", "time_constant": 0.05}
+    found = verify(rde.load_scene({**data, "effects": [*data["effects"], lag]}), 64, Mode.QUICK)
+    assert found.misses == ()
+    assert found.of("tolerance kept").finding.found == 0.0
 
 
 def test_spawned_processes_import_the_module_of_an_environment():
@@ -278,7 +289,6 @@ def test_without_its_module_an_environment_from_outside_says_what_is_missing():
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert "robot.type is 'ThreeR'; valid: Chain, FourR, RPRP" in done.stdout
     make = "import gymnasium; gymnasium.make('three_r:redundant_envs/ThreeRReach-v0').reset()"
-    told = subprocess.run(
-        [sys.executable, "-c", make], capture_output=True, text=True, cwd=FOLDER, check=False
-    )
+    command = [sys.executable, "-c", make]
+    told = subprocess.run(command, capture_output=True, text=True, cwd=FOLDER, check=False)
     assert told.returncode == 0, told.stderr

@@ -86,23 +86,11 @@ def observed(scene, task):
     return {name: shown["values", "f64", k, 0] for k, name in enumerate(episode.tables["values"])}
 
 
-TAKEN = [
-    "steps",
-    "interval",
-    "ax",
-    "ay",
-    "effort_limits_limits_0",
-    "action1",
-    "ended",
-    "paid",
-    "low2",
-    "draw1",
-]
-
-
 @pytest.mark.parametrize(
-    "name", [*TAKEN, "gravity_g", "tip_x", "t1", "held2", "hold2", "Q1", "qdd1", "high4"]
-)
+    "name",
+    ["steps", "interval", "ax", "ay", "effort_limits_limits_0", "action1", "ended", "paid", "low2", "draw1",
+     "gravity_g", "tip_x", "t1", "held2", "hold2", "Q1", "qdd1", "high4"],
+)  # fmt: skip
 @pytest.mark.parametrize("role", ["function", "angle", "term", "number", "memory"])
 def test_a_name_that_functions_take_is_given_once_and_the_message_says_whose_it_is(role, name):
     whose = "engine: [a-z]|arm RPRP|effect EffortLimits|effect Gravity"

@@ -4,18 +4,11 @@ import os
 import re
 import subprocess
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-import redundant_envs as rde
-from redundant_envs.algebra import physics
-from redundant_envs.effects import Effect, Force, Inertia, State
-
 ROOT = Path(__file__).parents[2]
-ARM = rde.FourR((1.0,) * 4, (0.5,) * 4)
 PAGE = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
 MODULE = next(
     block for block in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL) if "QuadraticDrag" in block
@@ -80,73 +73,4 @@ def test_the_application_knows_it_as_well_also_where_it_is_installed_from_a_chec
     run = ("train", "four_r_reach_ppo", "env_kwargs.scene=no_limits.yaml", "--out", "run")
     done = called(folder, name, "--import", "my_effects", *run)
     assert done.returncode == 2
-    assert "its effects need EffortLimits" in done.stderr  # the effect is known, the next mistake reported
-
-
-@physics
-def nothing(phi1):
-    return 0.0 * phi1
-
-
-def scene_with(**members):
-    return rde.Scene(ARM, (dataclass(frozen=True)(type("Mine", (Effect,), members))(),))
-
-
-def test_a_number_with_the_name_of_what_every_effect_has_is_refused_where_it_is_written():
-    for name in ("static", "of_joints", "parameters", "travel", "key"):
-        with pytest.raises(ValueError, match=f"Mine has a number '{name}', as every effect has; rename it"):
-            type("Mine", (Effect,), {"__annotations__": {name: float}, name: 1.0})
-
-
-def test_entries_that_no_hook_uses_are_refused():
-    @dataclass(frozen=True)
-    class Rotor(Effect):
-        inertia: tuple[float, ...]
-
-        def hooks(self, arm):
-            return tuple(Inertia((k,), f".inertia[{k}]") for k in range(len(arm.joints)))
-
-    rde.Scene(ARM, (Rotor((0.1,) * 4),))
-    with pytest.raises(
-        ValueError, match=r"inertia has 5 entries, of which no hook uses inertia\[4\]; give 4"
-    ):
-        rde.Scene(ARM, (Rotor((0.1,) * 5),))
-    with pytest.raises(ValueError, match=r"inertia is \[0.1, 0.1\]; give a number or a tuple of them"):
-        rde.Scene(ARM, (Rotor([0.1, 0.1]),))
-
-
-def test_a_state_that_is_no_tuple_and_missing_hooks_are_named():
-    state = State("z", "", derivative=nothing)
-    with pytest.raises(ValueError, match=r"hook 0: states is State\(.*; give a tuple, such as \(State"):
-        scene_with(hooks=lambda self, arm: (Force(0, nothing, states=state),))
-    with pytest.raises(
-        NotImplementedError, match=r"does not say where it attaches; write a method hooks\(self, arm\)"
-    ):
-        scene_with(hook=lambda self, arm: ())
-
-
-@pytest.mark.parametrize(
-    "call",
-    [
-        lambda scene: rde.simulate(scene, np.zeros(4), np.zeros(4), [1.0]),
-        rde.BatchSimulator, rde.bill, rde.listing, rde.torch_step,
-    ],
-    ids=["simulate", "BatchSimulator", "bill", "listing", "torch_step"],
-)  # fmt: skip
-def test_the_name_of_a_scene_is_not_the_scene(call):
-    with pytest.raises(
-        ValueError, match=r"scene is 'four_r_free'; give a Scene, such as rde.load_scene makes"
-    ):
-        call("four_r_free")
-
-
-def test_shapes_and_times_of_a_simulation_are_named():
-    scene = rde.Scene(ARM, ())
-    with pytest.raises(ValueError, match=r"q has shape \(3,\); the last axis must have 4"):
-        rde.simulate(scene, (0, 0, 0), (0,) * 4, [1.0])
-    with pytest.raises(ValueError, match=r"qd has shape \(5,\); the last axis must have 4"):
-        rde.simulate(scene, (0,) * 4, (0,) * 5, [1.0])
-    with pytest.raises(ValueError, match=r"q and qd have shapes \(2, 4\) and \(3, 4\), .* equal ones"):
-        rde.simulate(scene, np.zeros((2, 4)), np.zeros((3, 4)), [1.0])
-    with pytest.raises(ValueError, match=r"times must be .* increasing; they are \[1.0, 0.5\]"):
-        rde.simulate(scene, (0,) * 4, (0,) * 4, [1.0, 0.5])
+    assert "has no EffortLimits" in done.stderr  # the effect is known, the next mistake reported

@@ -1,7 +1,6 @@
 """Passes over a graph: products joined with sums, known numbers, the order, the stages of a step."""
 
 import inspect
-import operator
 from fractions import Fraction
 
 import numpy as np
@@ -9,6 +8,7 @@ import pytest
 from compiled import on_columns, recorded
 
 from redundant_envs.algebra import logical_not, minimum, sqrt, where
+from redundant_envs.backends.interpreter import OPERATIONS
 from redundant_envs.tracing.graph import FREE, Graph, Operation, reached
 from redundant_envs.tracing.number import Number
 from redundant_envs.tracing.passes.join import join_products
@@ -16,66 +16,66 @@ from redundant_envs.tracing.passes.order import in_order
 from redundant_envs.tracing.passes.specialise import specialise
 from redundant_envs.tracing.passes.stages import Stages, Subroutine
 
-MEANINGS = {
-    "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv, "neg": operator.neg,
-    "abs": abs, "fma": lambda a, b, c: a * b + c, "<": operator.lt, ">": operator.gt, "==": operator.eq,
-    "!=": operator.ne, "and": operator.and_, "or": operator.or_, "not": operator.not_, "xor": operator.xor,
-    "select": lambda condition, a, b: a if condition else b,
-}  # fmt: skip
+MEANINGS = {**OPERATIONS, "fma": lambda a, b, c: a * b + c}
 
 
-def evaluated(results, rows, exactly=True):
+def evaluated(results, rows, kind=Fraction):
     """What results are if the rows hold some numbers; without rounding, or operation by operation."""
-    kind = Fraction if exactly else float
     values = {}
 
     def value(x):
         return values[x] if isinstance(x, Operation) else x if isinstance(x, bool) else kind(x)
 
     for n in reached(results):
-        known = kind(rows[n.extra[1]]) if n.name == "load" else None
-        values[n] = MEANINGS[n.name](*map(value, n.arguments)) if known is None else known
+        load = n.name == "load"
+        values[n] = kind(rows[n.extra[1]]) if load else MEANINGS[n.name](*map(value, n.arguments))
     return [value(r) for r in results]
 
 
-def joined(function):
+def joined(function, asides=()):
     results = recorded(function)
-    join_products(results)
+    join_products(results, asides)
     return results
 
 
 # ---- join ------------------------------------------------------------------------------------------
 
 
-def test_a_product_used_once_is_joined_with_its_sum():
-    (total,) = joined(lambda a, b, c: a * b + c)
-    assert (total.name, [n.extra[1] for n in total.arguments]) == ("fma", [0, 1, 2])
-    (total,) = joined(lambda a, b, c: c + a * b)
-    assert (total.name, [n.extra[1] for n in total.arguments]) == ("fma", [0, 1, 2])
-    (difference,) = joined(lambda a, b, c: c - a * b)
-    assert (difference.name, difference.arguments[0].name) == ("fma", "neg")
-    (difference,) = joined(lambda a, b, c: a * b - c)
-    assert (difference.name, difference.arguments[2].name) == ("fma", "neg")
-    (difference,) = joined(lambda a, b, c: c - a * 3.0)
-    assert difference.arguments[1] == -3.0
+def shown(value):
+    """A value as text: a, b and c are its rows."""
+    if not isinstance(value, Operation):
+        return repr(value)
+    if value.name == "load":
+        return "abc"[value.extra[1]]
+    return f"{value.name}({', '.join(map(shown, value.arguments))})"
 
 
-def test_a_product_used_twice_is_rounded_once_for_all():
-    def twice(a, b, c):
-        p = a * b
-        return p + c, p
-
-    total, product = joined(twice)
-    assert (total.name, product.name) == ("+", "*")
-    assert total.arguments[0] is product
-    (square,) = joined(lambda a, b: (a * b) + (a * b))
-    assert square.name == "+"
+def thrice(a, b, c):
+    p = a * b
+    return p + c, c - p, p
 
 
-def test_of_two_products_the_later_one_is_joined():
-    for function in (lambda a, b: (a / b) * b + a * b, lambda a, b: a * b + (a / b) * b):
-        (total,) = joined(function)
-        assert (total.arguments[0].name, total.arguments[2].name) == ("/", "*")
+@pytest.mark.parametrize(
+    ("function", "asides", "expected"),
+    [
+        (lambda a, b, c: a * b + c, (), ["fma(a, b, c)"]),
+        (lambda a, b, c: c + a * b, (), ["fma(a, b, c)"]),
+        (lambda a, b, c: c - a * b, (), ["fma(neg(a), b, c)"]),
+        (lambda a, b, c: a * b - c, (), ["fma(a, b, neg(c))"]),
+        (lambda a, b, c: c - a * 3.0, (), ["fma(a, -3.0, c)"]),
+        # Of two products the later one is joined.
+        (lambda a, b, c: (a / b) * b + a * c, (), ["fma(/(a, b), b, *(a, c))"]),
+        (lambda a, b, c: a * c + (a / b) * b, (), ["fma(/(a, b), b, *(a, c))"]),
+        # A product used twice is rounded once for all, unless the others are aside.
+        (lambda a, b: (a * b) + (a * b), (), ["+(*(a, b), *(a, b))"]),
+        (thrice, (), ["+(*(a, b), c)", "-(c, *(a, b))", "*(a, b)"]),
+        (thrice, (2,), ["+(*(a, b), c)", "-(c, *(a, b))", "*(a, b)"]),
+        (thrice, (1, 2), ["fma(a, b, c)", "-(c, *(a, b))", "*(a, b)"]),
+        (thrice, (0, 2), ["+(*(a, b), c)", "fma(neg(a), b, c)", "*(a, b)"]),
+    ],
+)
+def test_a_product_used_once_is_joined_with_its_sum(function, asides, expected):
+    assert [shown(r) for r in joined(function, asides)] == expected
 
 
 def test_what_is_joined_in_one_part_does_not_depend_on_another():
@@ -115,6 +115,26 @@ def test_joining_changes_the_rounding_alone_and_joining_again_nothing(seed):
     assert [(n, n.name, list(n.arguments)) for n in reached(results)] == nodes
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_results_are_joined_as_if_those_aside_were_not_there(seed):
+    numbers = {}  # equal expressions have the same
+
+    def told(results):
+        known = {}
+        for n in reached(results):
+            text = (n.name, n.extra, *(known[a] if isinstance(a, Operation) else a for a in n.arguments))
+            known[n] = f"%{numbers.setdefault(text, len(numbers))}"
+        return [known[r] for r in results]
+
+    beside, alone = (random_results(np.random.default_rng(seed), 60) for _ in range(2))
+    asides = (0, 3, 5)
+    alone = [r for k, r in enumerate(alone) if k not in asides]
+    join_products(alone)
+    join_products(beside, asides)
+    assert any(n.name == "fma" for n in reached(alone))
+    assert told([r for k, r in enumerate(beside) if k not in asides]) == told(alone)
+
+
 # ---- known numbers ---------------------------------------------------------------------------------
 
 
@@ -131,22 +151,22 @@ def test_a_known_row_drops_what_is_never_chosen_and_splits_nothing():
 
 
 @pytest.mark.parametrize(
-    ("choice", "chosen"),
+    ("condition", "chosen"),
     [
-        (lambda x, m: where(m != 0.0, -x, x), "load"),
-        (lambda x, m: where(m == 0.0, -x, x), "neg"),
-        (lambda x, m: where(m >= 1.0, -x, x), "load"),
-        (lambda x, m: where((x > 1.0) & (m > 0.0), -x, x), "load"),
-        (lambda x, m: where((m > 0.0) & (x > 1.0), -x, x), "load"),
-        (lambda x, m: where((x > 1.0) & (m <= 0.0), -x, x), "select"),
-        (lambda x, m: where((x > 1.0) | (m <= 0.0), -x, x), "neg"),
-        (lambda x, m: where((m < 0.0) | (x > 1.0), -x, x), "select"),
-        (lambda x, m: where(logical_not(m < 0.0), -x, x), "neg"),
-        (lambda x, m: where(where(m > 0.0, x > 1.0, x > 2.0), -x, x), "select"),
+        (lambda x, m: m != 0.0, "load"),
+        (lambda x, m: m == 0.0, "neg"),
+        (lambda x, m: m >= 1.0, "load"),
+        (lambda x, m: (x > 1.0) & (m > 0.0), "load"),
+        (lambda x, m: (m > 0.0) & (x > 1.0), "load"),
+        (lambda x, m: (x > 1.0) & (m <= 0.0), "select"),
+        (lambda x, m: (x > 1.0) | (m <= 0.0), "neg"),
+        (lambda x, m: (m < 0.0) | (x > 1.0), "select"),
+        (lambda x, m: logical_not(m < 0.0), "neg"),
+        (lambda x, m: where(m > 0.0, x > 1.0, x > 2.0), "select"),
     ],
 )
-def test_what_a_known_number_decides_is_decided(choice, chosen):
-    (result,) = specialise(recorded(choice), {("row", 1): 0.0})
+def test_what_a_known_number_decides_is_decided(condition, chosen):
+    (result,) = specialise(recorded(lambda x, m: where(condition(x, m), -x, x)), {("row", 1): 0.0})
     assert result.name == chosen
     assert all(n.extra != ("row", 1) for n in reached([result]) if n.name == "load")
     assert len({n.name for n in reached([result])} & {"and", "or", "not", "=="}) == 0
@@ -169,35 +189,23 @@ def test_the_bits_are_those_of_the_whole_with_these_numbers(seed):
     rows = [*rng.normal(0.0, 1.0, 2), 1.0, 0.0]
     special = specialise(results, {("row", 2): 1.0, ("row", 3): 0.0})
     assert len(reached(special)) < len(reached(results))
-    for whole, part in zip(evaluated(results, rows, False), evaluated(special, rows, False), strict=True):
-        np.testing.assert_array_equal(whole, part)
-
-
-def test_where_nothing_is_known_nothing_is_made():
-    results = joined(lambda a, b: (a * b + 1.0, where(a > b, a, b)))
-    assert specialise(results, {}) is results
-    assert all(x is y for x, y in zip(specialise(results, {("row", 7): 0.0}), results, strict=True))
+    np.testing.assert_array_equal(evaluated(results, rows, float), evaluated(special, rows, float))
 
 
 # ---- order -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_order_is_complete_and_each_operation_follows_its_operands(seed):
-    results = random_results(np.random.default_rng(seed))
+def test_order_is_complete_the_same_every_time_and_each_operation_follows_its_operands(seed):
+    results, again = (random_results(np.random.default_rng(seed)) for _ in range(2))
     join_products(results)
+    join_products(again)
     order = in_order(results)
+    assert [n.name for n in order] == [n.name for n in in_order(again)]
     assert set(order) == {n for n in reached(results) if n.name not in FREE}
-    assert len(order) == len(set(order))
     place = {n: k for k, n in enumerate(order)}
-    for n in order:
-        for a in reached(n.operands):
-            assert a.name in FREE or place[a] < place[n]
-
-
-def test_order_is_the_same_every_time():
-    orders = [[n.name for n in in_order(random_results(np.random.default_rng(3)))] for _ in range(2)]
-    assert orders[0] == orders[1]
+    assert len(order) == len(place)
+    assert all(a.name in FREE or place[a] < place[n] for n in order for a in reached(n.operands))
 
 
 def test_a_chain_does_not_keep_other_work_waiting():
@@ -242,38 +250,25 @@ def staged(rate, positions, results, steps=5):
     return step
 
 
-def test_positions_that_need_the_stage_before_are_refused():
+def test_what_no_calls_can_do_is_refused():
     double = Subroutine(lambda x, v: (x + v,), positions=1, results=1)
-
-    def step(x, v):
-        for _ in range(2):
-            (x,) = double(x, v)
-        return x
-
-    with pytest.raises(ValueError, match="follow from its results in the stage before"):
-        Stages(calls_of(recorded(step)), ("row",), {})
-
-
-def test_two_subroutines_in_one_function_are_refused():
     one, other = (Subroutine(lambda x: (x + 1.0,), 1, 1) for _ in range(2))
-    with pytest.raises(ValueError, match="calls two subroutines; give it one"):
-        Stages(calls_of(recorded(lambda x: (one(x)[0], other(x)[0]))), ("row",), {})
+    for step, words in (
+        (lambda x, v: double(*double(x, v), v)[0], "follow from its results in the stage before"),
+        (lambda x: (one(x)[0], other(x)[0]), "calls two subroutines; give it one"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            Stages(calls_of(recorded(step)), ("row",), {})
 
 
 RATES = {
     "one result": (lambda x, v, k: (-(k * x) - v * v,), 1, 1),
-    "more results than registers return": (
+    "more than registers return": (
         lambda x, v, k: tuple(v * float(n) - k * x * x + 1.0 / (v + 9.0) for n in range(7)), 1, 7,
     ),
-    "results that are the same, given, or known": (
-        lambda x, v, k: (-k * x, v, -k * x, 3.0, k, x), 1, 6,
-    ),
-    "roots and quotients of what all stages share": (
-        lambda x, v, k: (sqrt(k * k + 1.0) * x - v / sqrt(k + 2.0),), 1, 1,
-    ),
-    "an argument of each stage, and one that is a number": (
-        lambda x, v, k, n, two: (n * x - two * v, sqrt(two) + k), 1, 2,
-    ),
+    "the same, given, or known": (lambda x, v, k: (-k * x, v, -k * x, 3.0, k, x), 1, 6),
+    "of what all share": (lambda x, v, k: (sqrt(k * k + 1.0) * x - v / sqrt(k + 2.0),), 1, 1),
+    "an argument of each, and a number": (lambda x, v, k, n, two: (n * x - two * v, sqrt(two) + k), 1, 2),
     "choices": (lambda x, v, k: (where(x * x > k, -v * x, minimum(v, x) / (3.0 + x * x)),), 1, 1),
     "everything is a position": (lambda x, v, k: (-k * x * x,), 3, 1),
 }  # fmt: skip
@@ -314,35 +309,21 @@ def test_what_the_caller_finds_for_all_stages_is_kept_wherever_it_stands():
 
 
 def test_known_numbers_are_known_in_the_stages_too():
-    def rate(x, v, k):
-        return (where(k > 0.0, v / x, -v),)
+    def names(known):
+        (_, v, _) = recorded(staged(lambda x, v, k: (where(k > 0.0, v / x, -v),), 1, 1))
+        parts = Stages(calls_of([v]), ("row",), known).parts.values()
+        values = [value for p in parts for value in (*p.returned, *(value for _, _, value in p.stores))]
+        return {n.name for n in reached(values)}
 
-    (_, v, _) = recorded(staged(rate, 1, 1))
-    known = {("row", 2): 0.0}
-    names = {
-        known_or_not: {
-            n.name for part in Stages(calls_of([v]), ("row",), numbers).parts.values()
-            for n in reached([*part.returned, *(value for _, _, value in part.stores)])
-        }
-        for known_or_not, numbers in (("known", known), ("not", {}))
-    }  # fmt: skip
-    assert "/" in names["not"]
-    assert not names["known"] & {"/", "select", ">"}
+    assert "/" in names({})
+    assert not names({("row", 2): 0.0}) & {"/", "select", ">"}
 
 
 def test_a_right_hand_side_may_be_a_long_chain():
-    def rate(x, v):
+    def rate(x, v, k):
         for _ in range(3000):
             v = v / 1.5
         return (v - x,)
 
-    subroutine = Subroutine(rate, 1, 1)
-
-    def step(x, v):
-        for _ in range(2):
-            (a,) = subroutine(x, v)
-            x, v = x + v, v + a
-        return x, v
-
-    stages = Stages(calls_of(recorded(step)), ("row",), {})
+    stages = Stages(calls_of(recorded(staged(rate, 1, 1))), ("row",), {})
     assert len(reached(stages.results)) > 3000

@@ -1,6 +1,7 @@
 """Programs of lanes: traced as state machines they do what they do on floats."""
 
 import enum
+import textwrap
 
 import numpy as np
 import pytest
@@ -93,13 +94,6 @@ def no_request(lane):
     yield
 
 
-def one_after_the_other(lane):
-    yield Ask.ADD
-    lane.count = lane.x
-    yield Ask.HALVE
-    lane.count = lane.count + lane.y
-
-
 def halves(lane):
     """Asks until y is small; whether it was large before."""
     lane.large = lane.y > 4.0
@@ -137,7 +131,13 @@ def two_places(lane):
         yield Ask.HALVE
 
 
-PROGRAMS = (no_request, one_after_the_other, nested, two_places)
+def requests_of_one_line(lane):
+    """They are different states."""
+    _ = (yield Ask.ADD), (yield Ask.ADD), (yield Ask.HALVE)
+    lane.count = lane.x
+
+
+PROGRAMS = (no_request, nested, two_places, requests_of_one_line)
 TRACED = {program.__name__: Traced(program) for program in PROGRAMS}
 NUMBERS = st.lists(st.tuples(*[st.sampled_from([-4.0, -0.5, 0.0, 1.0, 3.0, 7.0, 20.0])] * 3), min_size=1,
                    max_size=9)  # fmt: skip
@@ -167,75 +167,12 @@ def test_lanes_ask_for_different_things_and_wait_at_different_places():
 # ---- what is refused -------------------------------------------------------------------------------------
 
 
-def kept_in_a_variable(lane):
-    x = lane.x + 1.0
-    yield Ask.ADD
-    lane.y = x
-
-
-def kept_and_added(lane):
-    x = lane.x
-    yield Ask.ADD
-    lane.y = lane.y + x
-
-
-def kept_and_compared(lane):
-    x = lane.x
-    yield Ask.ADD
-    if lane.x > x:
-        lane.y = 1.0
-
-
-def kept_condition(lane):
-    near = lane.x < 1.0
-    yield Ask.ADD
-    if near:
-        lane.y = 1.0
-
-
-def condition_of_both(lane):
-    near = lane.x < 1.0
-    yield Ask.ADD
-    lane.y = 1.0 if near & (lane.x < 2.0) else 0.0
-
-
-@pytest.mark.parametrize(
-    "program",
-    [kept_in_a_variable, kept_and_added, kept_and_compared, kept_condition, condition_of_both],
-    ids=lambda p: p.__name__,
-)
-def test_a_number_that_outlives_a_yield_is_refused(program):
-    said = (
-        r"outlives a yield .*; keep it in a field before \(lane.name = x\) and read that after \(lane.name\)"
-    )
-    with pytest.raises(TypeError, match=said):
-        Traced(program)
-
-
-def words(lane):
-    kind = "near" if lane.x < 1.0 else "far"
-    yield Ask.ADD
-    lane.y = 1.0 if kind == "near" else 2.0
-
-
-def counts(lane):
-    k = 0
-    while k < 3:
-        yield Ask.ADD
-        k += 1
-
-
-def set_in_one_way(lane):
-    if lane.x < 1.0:
-        kind = 1
-    yield Ask.ADD
-    lane.y = 1.0 if "kind" in locals() else 2.0
-
-
-def of_two_kinds(lane):
-    k = 1 if lane.x < 1.0 else 1.0
-    yield Ask.ADD
-    lane.y = 1.0 if isinstance(k, int) else 2.0
+def program_of(body, optimize=-1):
+    """A program from the text of its body."""
+    found = {"Ask": Ask, "inner": inner}
+    source = f"def program(lane):\n{textwrap.indent(body, '    ')}"
+    exec(compile(source, "program.py", "exec", optimize=optimize), found)
+    return found["program"]
 
 
 def inner(lane, kind):
@@ -243,19 +180,33 @@ def inner(lane, kind):
     lane.y = kind
 
 
-def in_a_part(lane):
-    yield from inner(lane, 1.0 if lane.x < 1.0 else 2.0)
+OUTLIVES = (
+    r"outlives a yield .*; keep it in a field before \(lane.name = x\) and read that after \(lane.name\)"
+)
+DIFFERENT = (
+    r"reaches one yield with different local variables: k\w* is .* in one way and .* in another; "
+    "keep it in a field of the lane, or ask at two places"
+)
+REFUSED = {
+    "a number in a variable": ("x = lane.x + 1.0\nyield Ask.ADD\nlane.y = x", OUTLIVES),
+    "a number that is added": ("x = lane.x\nyield Ask.ADD\nlane.y = lane.y + x", OUTLIVES),
+    "a number that is compared": ("x = lane.x\nyield Ask.ADD\nif lane.x > x:\n    lane.y = 1.0", OUTLIVES),
+    "a condition": ("near = lane.x < 1.0\nyield Ask.ADD\nif near:\n    lane.y = 1.0", OUTLIVES),
+    "conditions of both": (
+        "near = lane.x < 1.0\nyield Ask.ADD\nlane.y = 1.0 if near & (lane.x < 2.0) else 0.0", OUTLIVES
+    ),
+    "words": ("kind = 'near' if lane.x < 1.0 else 'far'\nyield Ask.ADD", DIFFERENT),
+    "counts": ("for k in range(3):\n    yield Ask.ADD", DIFFERENT),
+    "set in one way": ("if lane.x < 1.0:\n    kind = 1\nyield Ask.ADD", DIFFERENT),
+    "of two kinds": ("k = 1 if lane.x < 1.0 else 1.0\nyield Ask.ADD", DIFFERENT),
+    "in a part": ("yield from inner(lane, 1.0 if lane.x < 1.0 else 2.0)", DIFFERENT),
+}  # fmt: skip
 
 
-@pytest.mark.parametrize("program", [words, counts, set_in_one_way, of_two_kinds, in_a_part],
-                         ids=lambda p: p.__name__)  # fmt: skip
-def test_one_yield_that_is_reached_with_different_local_variables_is_refused(program):
-    with pytest.raises(
-        TypeError,
-        match=r"reaches one yield with different local variables: k\w* is .* in one way and .* in another; "
-        r"keep it in a field of the lane, or ask at two places",
-    ):
-        Traced(program)
+@pytest.mark.parametrize(("body", "words"), REFUSED.values(), ids=REFUSED)
+def test_what_goes_on_after_a_yield_beside_fields_is_refused(body, words):
+    with pytest.raises(TypeError, match=words):
+        Traced(program_of(body))
 
 
 def many_ways(lane):
@@ -273,37 +224,28 @@ def many_ways_later(lane):
 
 
 @pytest.mark.parametrize(
-    ("program", "said"),
-    [(many_ways, "the beginning"), (many_ways_later, "the stretch after ADD")],
+    ("program", "where"), [(many_ways, "the beginning"), (many_ways_later, "the stretch after ADD")]
 )
-def test_a_stretch_with_more_than_256_ways_is_refused(program, said):
-    with pytest.raises(
-        ValueError, match=f"{said} has more than 256 ways; let a function marked with @branches"
-    ):
+def test_a_stretch_with_more_than_256_ways_is_refused(program, where):
+    words = f"{where} has more than 256 ways; let a function marked with @branches"
+    with pytest.raises(ValueError, match=words):
         Traced(program)
 
 
 # ---- numbers of states -----------------------------------------------------------------------------------
 
-SOURCE = """
-def program(lane):
-    assert lane is not None
-    lane.count = 0.0
-    while lane.count < 3.0:
-        assert Ask is not None, "only more bytecode"
-        yield Ask.ADD
-        assert lane
-        if lane.x > 2.0:
-            yield Ask.HALVE
-            "a text"
-        lane.count = lane.count + 1.0
+BODY = """
+assert lane is not None
+lane.count = 0.0
+while lane.count < 3.0:
+    assert Ask is not None, "only more bytecode"
+    yield Ask.ADD
+    assert lane
+    if lane.x > 2.0:
+        yield Ask.HALVE
+        "a text"
+    lane.count = lane.count + 1.0
 """
-
-
-def program_of(source, optimize):
-    found = {"Ask": Ask}
-    exec(compile(source, "program.py", "exec", optimize=optimize), found)
-    return found["program"]
 
 
 def fingerprint(traced):
@@ -317,26 +259,12 @@ def fingerprint(traced):
 
 def test_states_and_the_fingerprint_of_a_program_do_not_depend_on_its_bytecode():
     """Other releases of Python compile the same text to other bytecode; kept machine code serves them all."""
-    variants = [program_of(SOURCE, 0), program_of(SOURCE, 1), program_of("\n\n# more lines\n" + SOURCE, 2)]
+    variants = [program_of(BODY, 0), program_of(BODY, 1), program_of("\n\n# more lines\n" + BODY, 2)]
     assert len({v.__code__.co_code for v in variants}) == 2
     traced = [Traced(v) for v in variants]
     states = [[(s.number, s.request, s.answers) for s in t.machine.states] for t in traced]
     assert states[0] == states[1] == states[2]
     assert [s.number for s in traced[0].machine.states] == [0, 1, 2]
     assert fingerprint(traced[0]) == fingerprint(traced[1]) == fingerprint(traced[2])
-    other = Traced(program_of(SOURCE.replace("2.0", "2.5"), 0))
+    other = Traced(program_of(BODY.replace("2.0", "2.5"), 0))
     assert fingerprint(other) != fingerprint(traced[0])
-
-
-def two_in_a_line(lane):
-    yield Ask.ADD
-    yield Ask.ADD
-    yield Ask.HALVE
-    lane.count = lane.x
-
-
-def test_requests_of_one_line_are_different_states():
-    found = Traced(two_in_a_line).run(x=[1.0], y=[3.0], d=[0.5])
-    lane, asked = on_floats(two_in_a_line, x=1.0, y=3.0, d=0.5)
-    assert asked == [Ask.ADD, Ask.ADD, Ask.HALVE]
-    assert (found["x"][0], found["y"][0], found["count"][0]) == (lane.x, lane.y, lane.count)

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+import re
 import sys
 
 import numpy as np
@@ -72,43 +73,37 @@ def mine(tmp_path, monkeypatch):
 # ---- subjects ------------------------------------------------------------------------------------------
 
 
-def test_without_a_word_all_named_scenes_are_meant():
+def effects_of(subject):
+    return [type(x).__name__ for x in subject.scene.effects]
+
+
+def test_words_name_scenes_arms_environments_tasks_and_effects():
     subjects = subjects_of([])
     assert [s.name for s in subjects] == rde.scene.scene_names()
     assert all(s.env_id is None for s in subjects)
-
-
-def test_an_arm_has_unequal_numbers_and_a_bare_scene():
-    subject = subject_of("FourR")
-    assert subject.scene.robot == rde.FourR(MASSES, LENGTHS)
-    assert [type(x) for x in subject.scene.effects] == [e.Gravity]
+    assert subject_of("FourR").scene.robot == rde.FourR(MASSES, LENGTHS)  # all numbers differ
     assert subject_of("RPRP").scene.robot == rde.RPRP(MASSES, LENGTHS[:2])
-
-
-def test_an_id_is_an_environment_with_or_without_its_namespace():
+    assert effects_of(subject_of("FourR")) == effects_of(subject_of("Gravity")) == ["Gravity"]
     for word in OWN_IDS:
         for name in (word, word.partition("/")[2]):
             subject = subject_of(name)
             assert subject.env_id == word
             assert subject.scene.action_units()
-
-
-def test_a_task_is_its_environment_and_an_effect_fits_an_arm():
     assert subject_of("GoalReach").env_id == "redundant_envs/RPRPGoalReach-v0"
-    (field,) = subject_of("Gravity").scene.effects
-    assert isinstance(field, e.Gravity)
+
+
+def test_objects_of_programs_and_modules_are_subjects(mine):
     effect = subject_from("mine", e.LimitSpring("joint3", -1.0, 1.0))
-    assert effect.name == "mine"
-    assert effect.scene.robot.kind == "FourR"
-
-
-def test_objects_of_modules_are_subjects(mine):
+    assert (effect.name, effect.scene.robot.kind) == ("mine", "FourR")
+    subject = Subject("mine", rde.load_scene("rprp_stops"))
+    assert subject_from("other", subject) is subject
+    assert subject_from("scene", subject.scene) == Subject("scene", subject.scene)
     arm, scene, friction, stop, task, inner = subjects_of(
         [f"verify_me:{n}" for n in ("arm", "scene", "friction", "stop", "task", "Home.arm")]
     )
     assert arm.scene.robot.masses == inner.scene.robot.masses == (1.0, 2.0, 3.0, 4.0)
     assert scene.scene.integrator == "rk4"
-    assert [type(x).__name__ for x in friction.scene.effects] == ["Gravity", "ViscousFriction"]
+    assert effects_of(friction) == ["Gravity", "ViscousFriction"]
     assert stop.scene.robot.kind == "RPRP"
     assert task.task["start_angle"] == 1.0
 
@@ -143,18 +138,18 @@ def test_an_effect_that_fits_no_arm_says_why():
 
 
 def test_what_is_no_number_keeps_no_promise():
-    assert at_most(1.0).holds(1.0)
-    assert not at_most(1.0).holds(math.nan)
-    assert at_least(1.0).holds(2.0)
-    assert not at_least(1.0).holds(math.nan)
+    for promise, kept in ((at_most(1.0), 1.0), (at_least(1.0), 2.0), (EQUAL_BITS, 0.0)):
+        assert promise.holds(kept)
+        assert not promise.holds(math.nan)
     assert not EQUAL_BITS.holds(1.0)
     assert str(at_most(1e-9, "m")) == "at most 1e-09 m"
 
 
-def outcomes(*measures, promise=None):
-    checks = [Check(f"check {k}", "tests", promise or at_most(1.0, "m"), Mode.QUICK, m)
-              for k, m in enumerate(measures)]  # fmt: skip
-    return verify(FOUR_R, 4, checks=checks)
+METRE = at_most(1.0, "m")
+
+
+def checks(*measures, promise=METRE):
+    return tuple(Check(f"check {k}", "tests", promise, Mode.QUICK, m) for k, m in enumerate(measures))
 
 
 def raising(error):
@@ -176,7 +171,7 @@ FOUND = {
 
 
 def test_reasons_and_errors_stand_in_the_table():
-    found = outcomes(*FOUND.values())
+    found = verify(FOUR_R, 4, checks=checks(*FOUND.values()))
     verdicts = [o.verdict.value for o in found.outcomes]
     assert verdicts == ["kept", "MISSED", "not applicable", "not run", "not run", "MISSED", "MISSED"]
     assert found.misses == (
@@ -199,7 +194,8 @@ def test_a_check_whose_package_is_missing_is_not_run_and_no_miss(monkeypatch):
 
 
 def test_a_measured_number_is_no_promise():
-    found = outcomes(lambda trial: Finding(9.0, "", "look"), promise=Promise(math.nan, "m, all", ""))
+    measured = checks(lambda trial: Finding(9.0, "", "look"), promise=Promise(math.nan, "m, all", ""))
+    found = verify(FOUR_R, 4, checks=measured)
     assert found.good
     assert found.outcomes[0].verdict is Verdict.MEASURED
     assert report.notes(found.outcomes) == ["look"]
@@ -229,21 +225,18 @@ def test_modes_run_what_those_before_them_run():
 @pytest.fixture
 def few(monkeypatch):
     """Two checks instead of all, one of which is missed."""
-    checks = tuple(
-        Check(name, "tests", at_most(1.0, "m"), Mode.QUICK, FOUND[name]) for name in ("kept", "missed")
-    )
-    monkeypatch.setattr(report, "CHECKS", checks)
-    monkeypatch.setattr(report, "OF_THE_MACHINE", ())
-    monkeypatch.setattr(command, "OF_THE_MACHINE", ())
+    monkeypatch.setattr(report, "CHECKS", checks(FOUND["kept"], FOUND["missed"]))
+    for module in (report, command):
+        monkeypatch.setattr(module, "OF_THE_MACHINE", ())
 
 
 def test_a_miss_exits_with_1_in_words_and_files(few, tmp_path, capsys):
     found, page = tmp_path / "runs" / "found.json", tmp_path / "found.md"
     assert main(["verify", "FourR", "four_r_free", "--json", str(found), "--markdown", str(page)]) == 1
     out, err = capsys.readouterr()
-    assert "FourR: MISSED: missed: too much" in out
+    assert "FourR: MISSED: check 1: too much" in out
     assert "2 promises kept, 2 missed" in out
-    assert "verify 1/2: FourR: missed" in err
+    assert "verify 1/2: FourR: check 1" in err
     assert "2 broken promises" in err
     data = json.loads(found.read_text(encoding="utf-8"))
     assert data["good"] is False
@@ -252,32 +245,33 @@ def test_a_miss_exits_with_1_in_words_and_files(few, tmp_path, capsys):
     assert {bool(o["words"]) for o in outcomes if o["verdict"] == "kept"} == {False}
     first = data["subjects"][0]["outcomes"][1]
     assert {k: first[k] for k in ("check", "verdict", "found", "bound", "relation", "unit", "where")} == {
-        "check": "missed", "verdict": "MISSED", "found": 2.0, "bound": 1.0, "relation": "at most",
+        "check": "check 1", "verdict": "MISSED", "found": 2.0, "bound": 1.0, "relation": "at most",
         "unit": "m", "where": "state 2",
     }  # fmt: skip
     text = page.read_text(encoding="utf-8")
-    assert "| missed | 2 | at most 1 m | MISSED | state 2 |" in text
-    assert "* MISSED: missed: too much" in text
+    assert "| check 1 | 2 | at most 1 m | MISSED | state 2 |" in text
+    assert "* MISSED: check 1: too much" in text
 
 
 @pytest.mark.parametrize(
-    "words",
+    ("words", "said"),
     [
-        ("four_r_free", "nowhere"),
-        ("four_r_free", "--states", "0"),
-        ("four_r_free", "--json", "/dev/null/found.json"),
-        ("four_r_free", "--bits"),
-        ("--bits", "all", "--quick"),
+        ("four_r_free nowhere", "'nowhere' is nothing that verify knows"),
+        ("four_r_free --json .", "is a folder"),
+        ("four_r_free --markdown .", "is a folder"),
+        ("four_r_free --states 0", "states is 0; give at least 1"),
+        ("four_r_free --json /dev/null/found.json", "cannot be written"),
+        ("four_r_free --bits", "leave out subject"),
+        ("--bits all --quick", "leave out mode"),
+        ("--quick --full", "not allowed with argument"),
     ],
 )
-def test_a_mistake_in_what_is_asked_for_exits_with_2(words, few, capsys):
-    assert main(["verify", *words]) == 2
-    assert "redundant_envs: " in capsys.readouterr().err
-
-
-def test_quick_and_full_exclude_each_other(capsys):
-    assert main(["verify", "--quick", "--full"]) == 2
-    assert "not allowed with argument" in capsys.readouterr().err
+def test_a_mistake_in_what_is_asked_for_exits_with_2(words, said, few, capsys):
+    """Before anything is measured, if it can be told then."""
+    assert main(["verify", *words.split()]) == 2
+    out, err = capsys.readouterr()
+    assert re.search(rf"redundant_envs: .*{said}", err)
+    assert out == "" or "written" in said
 
 
 def test_an_arm_an_environment_and_a_module_are_good(mine, capsys):
@@ -297,9 +291,3 @@ def test_an_arm_an_environment_and_a_module_are_good(mine, capsys):
 def test_all_checks_of_subjects_of_the_package_are_good(word):
     """Long for torch and 8192 states; tests of faults look at each check of right subjects, too."""
     assert verify(subject_of(word), mode=Mode.FULL).misses == ()
-
-
-def test_a_subject_may_be_made_in_a_program():
-    subject = Subject("mine", rde.load_scene("rprp_stops"))
-    assert subject_from("other", subject) is subject
-    assert subject_from("scene", subject.scene) == Subject("scene", subject.scene)

@@ -128,7 +128,12 @@ class Config(Model):
         if isinstance(settings, learners.PlainPPOSettings):
             _check_rollout(self.algo, self.num_envs, settings)
         else:
-            _check_sample(self.algo, settings)
+            if settings.batch_size * settings.gradient_steps > MOST_DRAWN:
+                steps = settings.gradient_steps
+                raise ValueError(
+                    f"{self.algo}.batch_size is {settings.batch_size}; with {steps} gradient steps, whose "
+                    f"samples are drawn together, give at most {MOST_DRAWN // steps}"
+                )
             if self.total_steps <= settings.learning_starts:
                 raise ValueError(
                     f"total_steps is {self.total_steps}; {self.algo} begins to learn after "
@@ -185,14 +190,6 @@ def _check_first_episodes(num_envs: int, env_kwargs: Mapping[str, Any], her: lea
                 f"her.{name} is {getattr(her, name)}; with {num_envs} environments give at least {smallest}, "
                 "so that there are whole episodes to learn from"
             )
-
-
-def _check_sample(algo: str, settings: learners.OffPolicySettings) -> None:
-    if settings.batch_size * settings.gradient_steps > MOST_DRAWN:
-        raise ValueError(
-            f"{algo}.batch_size is {settings.batch_size}; with {settings.gradient_steps} gradient steps, "
-            f"whose samples are drawn together, give at most {MOST_DRAWN // settings.gradient_steps}"
-        )
 
 
 def _check_rollout(algo: str, num_envs: int, ppo: learners.PlainPPOSettings) -> None:

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from redundant_envs.extras import needs
 
 from ..config import Config, HERSettings, PlainPPOSettings, TD3Settings, TQCSettings
-from .averaging import Averaging
-from .networks import ACTIVATIONS
+from .networks import ACTIVATIONS, Averaging
 from .ppo import AveragedPPO
 from .sac import AveragedSAC
 

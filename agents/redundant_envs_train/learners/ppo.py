@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from redundant_envs.extras import needs
 
-from .averaging import Averaging, goal_mixing
-from .networks import Adam, Networks, linear_layers
+from .networks import Adam, Averaging, Networks, goal_mixing, linear_layers
 
 with needs("train"):
     import torch

@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 
 from redundant_envs.extras import needs
 
-from .averaging import ERROR_SCALE, Averaging, goal_mixing
-from .networks import Adam, Layers, Networks, Tape, linear_layers
+from .networks import ERROR_SCALE, Adam, Averaging, Layers, Networks, Tape, goal_mixing, linear_layers
 
 with needs("train"):
     import torch

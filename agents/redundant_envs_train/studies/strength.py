@@ -125,10 +125,7 @@ def goal_loads(arm: str, goals: NDArray[np.float64]) -> NDArray[np.float64]:
 def expert_rows(
     arm: str, factors: Sequence[float] = FACTORS, episodes: int = 1000, seed: int = EVALUATION_SEED
 ) -> list[Row]:
-    """Shares that can be held at all, and that computed torque holds with either plan, on the same goals.
-
-    Episode i has the goal of ``seed + i``.
-    """
+    """Shares of the goals of seeds from ``seed`` that can be held, and that computed torque holds."""
     if arm not in ARMS:
         raise ValueError(f"arm is {shown(arm)}; choose {', '.join(ARMS)}")
     env_id, scene = ARMS[arm]

@@ -60,10 +60,7 @@ def order_of(trial: FrozenTrial) -> int:
 
 
 def score(hold: float, returned: float | None, episodes: int) -> float:
-    """Score by which trials are compared: hold success, and between equal ones the return.
-
-    The return adds less than half of one goal of ``episodes``, so one more goal is always better.
-    """
+    """Hold success, and a share of the return that is less than half of one goal of ``episodes``."""
     if returned is None or math.isnan(returned):
         return hold - 0.5 / episodes
     share = math.copysign(min(math.log1p(abs(returned)) / LARGEST, 1.0), returned)
@@ -84,16 +81,9 @@ def complete(study: optuna.Study) -> list[FrozenTrial]:
 
 
 def write(study: optuna.Study, config: Config, space: Space, folder: Path) -> Path:
-    """Write best.yaml, trials.csv and tune.md; returns the last.
-
-    Raises
-    ------
-    ValueError
-        No trial was completed; trials.csv is written nevertheless.
-    """
-    rows = [
-        _row(trial) for trial in study.get_trials(deepcopy=False) if trial.state is not TrialState.WAITING
-    ]
+    """Write best.yaml, trials.csv and tune.md, which is returned; without a complete one only trials.csv."""
+    trials = study.get_trials(deepcopy=False)
+    rows = [_row(trial) for trial in trials if trial.state is not TrialState.WAITING]
     write_rows(rows, (*COLUMNS, *space, MESSAGE), folder / "trials.csv")
     best = complete(study)
     if not best:

@@ -14,7 +14,7 @@ from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
 
 from ..config.run import MOST_SEEDS, SEEDS_PER_RUN, first_environment_seed
-from ..learners.averaging import Averaging
+from ..learners.networks import Averaging
 from ..learners.ppo import AveragedPPO
 from ..learners.sac import AveragedSAC
 from ..policies import save_policy

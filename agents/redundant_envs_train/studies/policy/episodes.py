@@ -65,10 +65,7 @@ def _replay(
     env_id: str, actions: list[NDArray[np.float32]], outcome: Outcome, seed: int, repeats: int,
     kwargs: Mapping[str, Any],
 ) -> tuple[Core, dict[str, int], float]:  # fmt: skip
-    """Run the same steps again without policy and autoreset: numerics flags, and seconds.
-
-    The seconds are the sum over the steps of the best of ``repeats`` of each.
-    """
+    """The same steps without policy and autoreset: numerics flags, seconds (best of ``repeats`` of each)."""
     env = make_sb3(env_id, len(outcome.hold), **kwargs)
     core, times = env.core, np.empty((repeats, len(actions)))
     codes = np.zeros((len(actions), len(outcome.hold)), dtype=np.int64)

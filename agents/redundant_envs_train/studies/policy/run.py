@@ -116,10 +116,7 @@ def plan(study: Study, name: str, folder: Path) -> Plan:
 
 
 def run_study(study: Study, folder: Path, trust: bool = False) -> list[ArmResult]:
-    """Run the whole study; training runs are kept in ``folder``/runs and continued.
-
-    ``trust`` is as in :func:`load_policy`.
-    """
+    """Run the whole study; training runs are kept in ``folder``/runs. ``trust``: see load_policy."""
     plans = [plan(study, name, folder) for name in study.arms]
     results = []
     with progress_bars() as bars:

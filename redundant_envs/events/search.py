@@ -1,0 +1,332 @@
+"""The search for an event in time: brackets of it, or of a turn, which trial steps make ever smaller.
+
+A trial step goes to the end of the planned step. If it has an event, trial steps from the same start end ever
+nearer to it: this keeps the method's own order, and nothing is interpolated. The last 2e-8 of the planned
+step to a stop are a Taylor step, exact to rounding: positions here, velocities when the accelerations there
+are known. Sides are 1 at the upper limit, -1 at the lower one, 0 at none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from redundant_envs.algebra import any_of, logical_not, maximum, minimum, where
+from redundant_envs.events.boundary import ROUNDING, BoundedCoordinate, direction, inside
+from redundant_envs.events.crossings import Crossing, Overshoot, most_pull
+from redundant_envs.events.first_event import TAYLOR_SHARE, Encounter, Event
+from redundant_envs.tracing.ways import branches
+
+RELEASE_SHARE = 1e-7
+"""Fraction of the step by which a release may be late: the pull of the stop until then is rounding."""
+PUSH_ON = 5e-8
+"""Fraction of the step added to a guess of a release, so that it is after the release in most cases."""
+MOST_GUESSES = 10
+"""Number of trial steps towards an event before its bracket is halved, so that every search ends."""
+MOST_TURN_GUESSES = 60
+"""Number of trial steps towards a turn; by then its bracket is smaller than rounding."""
+TOGETHER_SHARE = 1e-13
+"""Fraction of the control interval: impacts of two coordinates that are no farther apart count as one impact
+of both. So the result does not depend on the number of steps in an interval."""
+
+
+def picked(chosen: Sequence[Any], values: Sequence[Any]) -> Any:
+    """The number, or record, of the chosen coordinate; that of the first one if none of the others is."""
+    value = values[0]
+    if isinstance(value, tuple):
+        return type(value)(*(picked(chosen, field) for field in zip(*values, strict=True)))
+    for is_chosen, other in zip(chosen[1:], values[1:], strict=True):
+        value = value if other is value else where(is_chosen, other, value)
+    return value
+
+
+class Trial(NamedTuple):
+    """A trial step of a lane."""
+
+    h: Any  # its length, s
+    left: Any  # the time left of the planned step at its start, s
+    interval: Any  # the control interval that it belongs to, s
+    encounters: list[Encounter]  # coordinates at their boundaries in it
+    events: list[Event]  # the first of each
+
+    def of(self, chosen: Sequence[Any]) -> tuple[Encounter, Event]:
+        """The encounter and the event of a coordinate."""
+        return picked(chosen, self.encounters), picked(chosen, self.events)
+
+
+class Aim(NamedTuple):
+    """An event that may be sought from now on."""
+
+    exists: Any
+    chosen: list[Any]  # for each boundary, whether the event is there; by default it is the first
+    target: Any  # number of the boundary
+    side: Any  # of the limit
+    turns: Any  # whether it is a turn
+    h: Any  # length of the first trial step towards it, s
+
+
+class Search(NamedTuple):
+    """The search for an event or a turn: two times between which it is, and the values there."""
+
+    target: Any  # number of the boundary
+    side: Any  # of the limit; of a release, the side of it on which the last trial step ended
+    low: Any  # lengths of trial steps, s
+    high: Any
+    gap_low: Any  # values at both that have different signs: of a pull, or of the speed of a turn
+    gap_high: Any
+    tries: Any  # trial steps of this search
+
+    def is_narrow(self, left: Any) -> Any:
+        """Whether the ends of the bracket count as equal in the time left."""
+        return self.high - self.low <= ROUNDING * left
+
+
+class Sought(NamedTuple):
+    """The coordinate whose event is sought, at the end of the trial step."""
+
+    chosen: list[Any]  # for each boundary, whether it is this one
+    free: Any  # whether the coordinate rests at no stop
+    closeness: Any  # positions nearer than this to the limit are at it, m
+    limit: Any  # its position, m
+    gap: Any  # distance beyond it, m; while it rests, the force with which its stop must pull, N
+    speed: Any  # outward, m/s
+    acceleration: Any  # outward, m/s^2
+    time: Any  # of the first event that it has in the step, s
+    bounces: Any  # whether its limit is a stop
+
+    @property
+    def over(self) -> Any:
+        """Whether the step ends after the event."""
+        return self.gap > 0.0
+
+
+class TaylorStep(NamedTuple):
+    """The remaining distance to a stop, covered by a Taylor step."""
+
+    possible: Any  # whether its time is negligible
+    time: Any  # its duration, s; shorter if another coordinate reaches its stop before
+    arrives: list[Any]  # for each boundary, whether its coordinate is the one that reaches its stop
+
+
+# ---- what to seek --------------------------------------------------------------------------------------
+
+
+@branches
+def may_hide_event(h: Any, e: Encounter, overshoot: Overshoot) -> Any:
+    """Whether a step may hide an event of a coordinate that is larger than rounding.
+
+    A free coordinate may reach its limit and leave it; the stop of a resting one may have to pull before the
+    end, though not at the end. In either case a step of half the length follows.
+    """
+    if e.motion.free:
+        return e.crossing == Crossing.UNCLEAR
+    moves = most_pull(e.motion, overshoot) * e.mobility * (h * h)
+    return logical_not(e.pull > 0.0) & (moves > e.motion.closeness)
+
+
+def earliest_event(trial: Trial) -> Aim:
+    """The first event of all boundaries in a step to the end of the planned one."""
+    time, chosen = trial.events[0].time, [True]
+    for event in trial.events[1:]:
+        sooner = event.time < time
+        chosen = [*(other & logical_not(sooner) for other in chosen), sooner]
+        time = where(sooner, event.time, time)
+    e, event = trial.of(chosen)
+    h = minimum(maximum(time, 0.0), trial.h)
+    return Aim(time <= trial.h, chosen, e.number, event.side, event.turns & e.motion.free, h)
+
+
+@branches
+def came_before(trial: Trial, low: Any, e: Encounter, event: Event) -> Any:
+    """Whether an event came before the end of a trial step, and after ``low``, s."""
+    s, side = e.motion, e.motion.side_beyond
+    passed = event.turns | ((side != 0.0) & (side * (s.position - s.limit(side)) > s.closeness))
+    pulled = (e.pull > 0.0) & (trial.h - low > ROUNDING * trial.left)
+    return passed if s.free else pulled
+
+
+@branches
+def other_event(trial: Trial, search: Search, sought: Sought) -> Aim:
+    """An event at another boundary than the sought one, before the end of a trial step."""
+    late = [
+        came_before(trial, search.low, e, event) & logical_not(is_sought)
+        for e, event, is_sought in zip(trial.encounters, trial.events, sought.chosen, strict=True)
+    ]
+    chosen = [is_late & logical_not(any_of(late[:k])) for k, is_late in enumerate(late)]
+    e, event = trial.of(chosen)
+    side = event.side if event.turns else e.motion.side_beyond
+    # The same step is never repeated.
+    h = event.time if e.motion.free and event.time < trial.h else 0.5 * trial.h
+    return Aim(any_of(late), chosen, e.number, side, event.turns, h)
+
+
+# ---- a bracket -----------------------------------------------------------------------------------------
+
+
+def sought_boundary(search: Search, trial: Trial) -> Sought:
+    """The coordinate whose event is sought, at the end of the trial step."""
+    chosen = [search.target == e.number for e in trial.encounters]
+    (e, event), side = trial.of(chosen), search.side
+    s, limit = e.motion, e.motion.limit(side)
+    gap = where(s.free, side * (s.position - limit), e.pull)
+    speed, acceleration = side * s.velocity, side * s.watched.last
+    return Sought(chosen, s.free, s.closeness, limit, gap, speed, acceleration, event.time, s.bounces)
+
+
+@branches
+def begun(trial: Trial, aim: Aim) -> Search:
+    """A search whose bracket is the whole step."""
+    e, _ = trial.of(aim.chosen)
+    speeds = abs(e.motion.start_velocity), abs(e.motion.velocity)
+    gaps = speeds if aim.turns else (minimum(e.start_pull, 0.0), e.pull)
+    return Search(aim.target, aim.side, 0.0, trial.h, *gaps, 0.0)
+
+
+@branches
+def towards_event(search: Search, h: Any, sought: Sought) -> Search:
+    """The search after a trial step of length ``h`` towards an event.
+
+    An end that stays for the second time gets a smaller weight (Anderson and Bjorck 1973).
+    """
+    weight = 1.0 - sought.gap / where(sought.over, search.gap_high, search.gap_low)
+    weight = weight if weight > 0.0 else 0.5
+    after = search._replace(tries=search.tries + 1.0)
+    if not sought.free:
+        after = after._replace(side=direction(sought.gap))
+    if sought.over:
+        weight_low = weight * search.gap_low if search.side > 0.0 else search.gap_low
+        return after._replace(high=h, gap_low=weight_low, gap_high=sought.gap)
+    weight_high = search.gap_high if search.side > 0.0 else weight * search.gap_high
+    return after._replace(low=h, gap_low=sought.gap, gap_high=weight_high)
+
+
+@branches
+def towards_turn(search: Search, h: Any, sought: Sought) -> Search:
+    """The search after a trial step of length ``h`` towards a turn; the gaps are speeds."""
+    after = search._replace(tries=search.tries + 1.0)
+    if sought.speed > 0.0:
+        return after._replace(low=h, gap_low=sought.speed)
+    return after._replace(high=h, gap_high=-sought.speed)
+
+
+# ---- the next trial step -------------------------------------------------------------------------------
+
+
+@branches
+def correction(sought: Sought, search: Search) -> tuple[Any, Any]:
+    """Numerator and denominator of the correction that leads to the next guess of an event.
+
+    For a resting coordinate it is a chord of holding forces, as a fraction of the bracket; towards an impact
+    it is Halley's step, s, or Newton's where the denominator would be too small.
+    """
+    if not sought.free:
+        return search.gap_low, search.gap_low - search.gap_high
+    gap, speed = sought.gap, sought.speed
+    curved = 2.0 * speed * speed - gap * sought.acceleration
+    return -2.0 * gap * speed, curved if curved > speed * speed else 2.0 * speed * speed
+
+
+def next_towards_event(trial: Trial, search: Search, sought: Sought) -> Any:
+    """Length of the next trial step towards an event, s, from the search after the last one."""
+    numerator, denominator = correction(sought, search)
+    return guess_in_bracket(trial, search, sought, numerator / denominator)  # one division for both formulas
+
+
+@branches
+def guess_in_bracket(trial: Trial, search: Search, sought: Sought, step: Any) -> Any:
+    """The guess to which a correction leads; after many trial steps the middle of the bracket."""
+    low, high = search.low, search.high
+    guess = middle = 0.5 * (low + high)
+    if not sought.free and search.is_narrow(trial.left):
+        return high
+    if search.tries <= MOST_GUESSES:
+        if not sought.free:
+            guess = low + (high - low) * step + PUSH_ON * trial.left
+        elif sought.speed > 0.0:
+            guess = trial.h + step
+    return inside(guess, low, high, middle)
+
+
+@branches
+def next_towards_turn(search: Search) -> Any:
+    """Length of the next trial step towards a turn, s, by a chord of speeds.
+
+    The lower end of the bracket takes the place of a guess beyond the upper one.
+    """
+    low, high = search.low, search.high
+    guess = low + (high - low) * (search.gap_low / (search.gap_low + search.gap_high))
+    if not guess > low:
+        return 0.5 * (low + high)
+    return guess if guess < high else low
+
+
+def taylor_step(trial: Trial, sought: Sought) -> TaylorStep:
+    """The remaining distance of the sought coordinate to its stop, or of another one that reaches its own
+    before."""
+    time = time_of_way(sought)
+    possible = (abs(time) <= TAYLOR_SHARE * trial.left) & (time <= trial.left - trial.h) & sought.bounces
+    arrives = list(sought.chosen)
+    for k, s in enumerate(e.motion for e in trial.encounters):
+        if not s.bounces:
+            continue
+        way = direction(s.velocity) * (s.limit(s.velocity) - s.position)
+        own = maximum(way, 0.0) / abs(s.velocity)
+        sooner = possible & s.free & (abs(s.velocity) > 0.0) & (own < time)
+        time = where(sooner, own, time)
+        arrives = [x | sooner if j == k else x & logical_not(sooner) for j, x in enumerate(arrives)]
+    return TaylorStep(possible, time, arrives)
+
+
+@branches
+def time_of_way(sought: Sought) -> Any:
+    """Time in which the sought coordinate covers its remaining distance, s; 1 s if it moves away."""
+    return -sought.gap / sought.speed if sought.speed > 0.0 else 1.0
+
+
+# ---- the end -------------------------------------------------------------------------------------------
+
+
+def ends_at_event(trial: Trial, before: Search, after: Search, sought: Sought, possible: Any) -> Any:
+    """Whether a trial step ends at the event: at the limit, or just after the stop would begin to pull.
+
+    The search is given before and after it, and whether a Taylor step to the stop is ``possible``.
+    """
+    gap, narrow = sought.gap, after.is_narrow(trial.left)
+    late = gap * (trial.h - before.low) <= RELEASE_SHARE * trial.left * (gap - before.gap_low)
+    # A coordinate that is distinguishable from its limit at the end of the bracket has not arrived.
+    rounding = sought.closeness + 4.0 * ROUNDING * trial.left * abs(sought.speed)
+    at_limit = (abs(gap) <= sought.closeness) | possible | (narrow & (gap >= -rounding))
+    return where(sought.free, at_limit, (narrow | late) & sought.over)
+
+
+@branches
+def position_at_event(s: BoundedCoordinate, position: Any, arrives: Any, stop: Any, interval: Any) -> Any:
+    """Position of a coordinate at an event, m: ``position``, or exactly its stop.
+
+    If it is free, it is at ``stop`` if it ``arrives`` there, and at one of its stops if it would reach it
+    within a negligible part of the control ``interval``, or is beyond it.
+    """
+    if not s.free:
+        return position
+    if arrives:
+        return stop
+    near = s.closeness + TOGETHER_SHARE * interval * abs(s.velocity)
+    if position > s.upper or (position >= s.upper - near and s.velocity > 0.0):
+        return s.upper
+    if position < s.lower or (position <= s.lower + near and -s.velocity > 0.0):
+        return s.lower
+    return position
+
+
+def positions_after(trial: Trial, sought: Sought, arrives: Sequence[Any], slide: Any) -> list[Any]:
+    """Positions at an event: after a trial step and a Taylor step of ``slide``, in which some arrive."""
+    positions = []
+    for s, is_sought, arrived in zip(
+        (e.motion for e in trial.encounters), sought.chosen, arrives, strict=True
+    ):
+        position = s.position + slide * s.velocity
+        if s.bounces:
+            stop = where(is_sought, sought.limit, s.limit(s.velocity))
+            position = position_at_event(s, position, arrived, stop, trial.interval)
+        positions.append(position)
+    return positions

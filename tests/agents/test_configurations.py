@@ -1,0 +1,195 @@
+"""Configurations of a training: what is read and what is refused; mistakes on the command line."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from run_folders import REFUSALS, small_config
+
+from redundant_envs import __main__ as library
+from redundant_envs_train.__main__ import main
+from redundant_envs_train.config import ALGORITHMS, MOST_EPISODES, MOST_SEEDS, Config, load
+from redundant_envs_train.config.fields import limits
+from redundant_envs_train.config.files import complete, help_of_keys, keys
+from redundant_envs_train.config.run import KEPT_FOR_GOALS, SEEDS_PER_RUN, first_environment_seed
+from redundant_envs_train.presets import presets
+from redundant_envs_train.rollout import EVALUATION_SEED, SELECTION_SEED, STUDY_SEED
+
+CONFIG = "configs/training/rprp_reach_ppo.yaml"
+
+
+@pytest.mark.parametrize("case", REFUSALS["configuration"], ids=lambda case: " ".join(case["given"])[:60])
+def test_bad_overrides_name_the_key_and_the_valid_ones(case):
+    with pytest.raises(ValueError) as error:
+        load(CONFIG, case["given"])
+    for word in case["says"]:
+        assert word in str(error.value)
+
+
+LEARNERS = [(algo, key) for algo, settings in REFUSALS["learners"].items() for key in settings]
+
+
+@pytest.mark.parametrize(("algo", "key"), LEARNERS)
+def test_bad_settings_of_a_learner_are_refused_by_name(algo, key):
+    with pytest.raises(ValueError, match=rf"^{algo}\.{key}"):
+        small_config(algo, **{algo: {key: REFUSALS["learners"][algo][key]}})
+
+
+def test_every_number_of_a_configuration_has_a_range_and_every_key_a_help():
+    for name, field in keys():
+        assert field.description, name
+        if str(field.annotation) in ("<class 'int'>", "<class 'float'>"):
+            low, high = limits(field)
+            assert None not in (low, high), name
+            assert low < high, name
+    words = help_of_keys()
+    assert "ppo.gamma: discount per control step (default 0.97, 0 to 1)" in words
+    assert "sac.schedule: learning rate: constant, or linear to 0 at total_steps" in words
+
+
+def test_keys_are_completed_and_so_are_their_choices():
+    assert complete("ppo.ga") == ["ppo.gamma=", "ppo.gae_lambda="]
+    assert complete("ppo.activation=") == [f"ppo.activation={name}" for name in ("silu", "tanh", "relu")]
+    assert complete("nothing=") == []
+
+
+def test_the_schema_describes_what_is_read(capsys):
+    assert main(["schema"]) == 0
+    schema = json.loads(capsys.readouterr().out)
+    gamma = schema["$defs"]["PPOSettings"]["properties"]["gamma"]
+    assert (gamma["minimum"], gamma["maximum"]) == (0, 1)
+    assert set(schema["properties"]) == set(Config.model_fields)
+
+
+def test_a_configuration_of_an_older_version_says_what_changed(tmp_path):
+    path = tmp_path / "old.yaml"
+    path.write_text("env: redundant_envs/RPRPReach-v0\nalgo: ppo\n")
+    with pytest.raises(ValueError, match=r"config_version is missing.*average of the last weights.*tanh"):
+        load(path)
+
+
+def test_overrides_reach_their_place():
+    config = load(CONFIG, ["seed=3", "ppo.learning_rate=1e-3", "ppo.net_arch=[32, 32]"])
+    assert (config.seed, config.ppo.learning_rate, config.ppo.net_arch) == (3, 1e-3, (32, 32))
+
+
+@pytest.mark.parametrize("name", presets())
+def test_shipped_configurations_load_and_are_named_by_what_they_are(name):
+    config = load(name)
+    arm = "rprp" if "RPRP" in config.env else "four_r"
+    task = "goal_reach" if "Goal" in config.env else "reach"
+    if "scene" in config.env_kwargs:
+        assert config.env_kwargs == {"scene": f"{arm}_weak"}
+        task = "weak"
+    assert name.split("/")[-1] == f"{arm}_{task}_{config.algo}"
+    assert config.algo in ALGORITHMS
+    if "/" in name:  # baselines are given the same seconds; a linear rate would be cut off before its end
+        assert (config.max_seconds, config.settings.schedule) == (90.0, "constant")
+    else:
+        assert config.max_seconds is None
+
+
+@pytest.mark.parametrize(
+    ("overrides", "weights"),
+    [
+        ([], (0.05, 0.6)), (["her.smoothness=0.3"], (0.3, 0.3)),
+        (["her.smoothness_at_goal=0.3"], (0.05, 0.3)),
+        (["her.smoothness=0.2", "her.smoothness_at_goal=1"], (0.2, 1.0)),
+    ],
+)  # fmt: skip
+def test_one_weight_of_smooth_actions_counts_at_the_goal_too(overrides, weights):
+    """As in configurations of before there were two."""
+    her = load("four_r_goal_reach_her", overrides).settings
+    assert (her.smoothness, her.smoothness_at_goal) == weights
+
+
+def test_a_missing_configuration_lists_what_there_is():
+    with pytest.raises(ValueError, match="rprp_reach_ppo"):
+        load("configs/training/nothing.yaml")
+
+
+def test_no_two_runs_share_a_seed_of_an_environment_and_none_has_one_of_the_evaluations():
+    first = [first_environment_seed(seed) for seed in range(MOST_SEEDS + 1)]
+    assert (np.diff(first) >= SEEDS_PER_RUN).all()
+    taken = {(at, at + MOST_EPISODES) for at in (EVALUATION_SEED, SELECTION_SEED, STUDY_SEED)}
+    assert EVALUATION_SEED + MOST_EPISODES <= SELECTION_SEED <= STUDY_SEED - MOST_EPISODES
+    low, high = KEPT_FOR_GOALS
+    assert all(low <= begin and end <= high for begin, end in taken)
+    assert not any(low - SEEDS_PER_RUN < seed < high for seed in first)
+
+
+# ---- the command line ----------------------------------------------------------------------------
+
+CALLS = """
+import contextlib, io, json, sys
+from redundant_envs_train.__main__ import main
+found = {}
+for words in json.loads(sys.argv[1]):
+    said, out = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stderr(said), contextlib.redirect_stdout(out):
+        try:
+            code = main(words.split())
+        except BaseException as error:
+            code = repr(error)
+    large = [name for name in ("torch", "stable_baselines3", "onnx") if name in sys.modules]
+    found[words] = [code, out.getvalue(), said.getvalue(), large]
+print(json.dumps(found))
+"""
+
+
+@pytest.fixture(scope="module")
+def answers():
+    """Results of every command: status, stdout, stderr and the large packages imported so far."""
+    command = [sys.executable, "-c", CALLS, json.dumps(list(REFUSALS["commands"]))]
+    return json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+
+
+@pytest.mark.parametrize("words", REFUSALS["commands"])
+def test_a_mistake_is_one_line_and_status_2_before_anything_large_is_imported(words, answers):
+    code, out, err, large = answers[words]
+    assert (code, out, large) == (2, "", []), err
+    assert err.startswith("error: ")
+    assert err.count("\n") == 1
+    assert REFUSALS["commands"][words] in err
+
+
+def test_a_wrong_name_is_refused_before_the_parser_is_imported():
+    """Its packages alone take longer than the rest."""
+    program = (
+        "import sys; from redundant_envs_train.__main__ import main; assert main(['train', 'nope']) == 2; "
+        "assert not {'torch', 'pydantic', 'typer', 'stable_baselines3'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", program], capture_output=True, check=True)
+
+
+def test_help_is_shown_without_words_and_that_of_train_has_all_keys(capsys):
+    for words in ([], ["study"]):
+        assert main(words) == 2
+        assert "Commands:" in capsys.readouterr().err
+    assert main(["train", "--help"]) == 0
+    assert "ppo.gamma: discount per control step" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "nope", "", "simulate --seconds x", "simulate --nope", "simulate --scene", "simulate --scene nope",
+        "simulate --clip a.txt --scene rprp_reach", "simulate --seconds nan --scene rprp_reach",
+        "simulate --scene rprp_reach --q 1", "verify nope", "verify --quick --full", "verify --states x",
+        "verify rprp_reach --states 0", "verify --bits rprp_reach", "verify --bits short --quick", "study",
+        "study nope", "study throughput --config nope.yaml", "study impacts --intervals 0",
+        "study intervals --processes 0", "study stops --lanes 1", "study environments --rounds 0",
+        "scene rprp_reach --drawing a.gif", "study accuracy --config nope.yaml", "scene", "scene nope",
+        "scene rprp_reach --listing x", "list x", "--import", "--import nope list",
+    ],
+)  # fmt: skip
+def test_a_mistake_in_a_command_of_the_library_is_one_line_and_status_2(words, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert library.main(words.split()) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("redundant_envs: ")
+    assert err.count("\n") == 1
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,523 @@
+"""Run folders: made by one command, read in their own scene from anywhere, named if they are damaged."""
+
+import json
+import os
+import queue
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from published_runs import published_run
+from rich.progress import Progress
+from run_folders import (
+    POLICIES,
+    REFUSALS,
+    ROOT,
+    SMALL,
+    TINY,
+    assert_same_policy,
+    change,
+    write_run,
+    write_scene_file,
+)  # fmt: skip
+
+from redundant_envs import __main__ as library
+from redundant_envs_train.__main__ import main
+from redundant_envs_train.config import load
+from redundant_envs_train.evidence import table as tables
+from redundant_envs_train.evidence.runs import read_groups
+from redundant_envs_train.report import evaluate, summary
+from redundant_envs_train.run_folder import CHECKPOINT, difference, find_checkpoint, own_config
+from redundant_envs_train.training import many
+from redundant_envs_train.training.many import FILES, finish, is_finished
+from redundant_envs_train.training.pool import follow, seeds_of, stop_request
+from redundant_envs_train.training.train import train
+from redundant_envs_train.training.watch import Watch
+
+
+def call(words):
+    return main([str(word) for word in words])
+
+
+def data(folder, name="evaluation.json"):
+    return json.loads((Path(folder) / name).read_text())
+
+
+def kept(folder):
+    """Contents and times of all files in a folder, and the folder's own time."""
+    return {
+        path: (path.read_bytes() if path.is_file() else b"", path.stat().st_mtime_ns)
+        for path in sorted((folder, *folder.rglob("*")))
+    }
+
+
+def readers(folder, out):
+    """Commands that read a run, and write only into ``out``."""
+    return {
+        "evaluate": ["evaluate", folder], "evaluate out": ["evaluate", folder, "--out", out / "a"],
+        "report": ["report", folder, "--out", out / "b"],
+        "play": ["play", folder, "--clip", out / "a.gif", "--episodes", 1],
+        "export": ["export", folder, "--out", out / "policies"], "table": ["table", folder],
+        "table out": ["table", folder, "--out", out / "a.csv"],
+        "curves": ["curves", folder, "--out", out / "a.png"],
+        "stops": ["study", "stops", folder, "--lanes", 8, "--out", out / "stops.csv"],
+    }  # fmt: skip
+
+
+# ---- one run, from YAML to report ----------------------------------------------------------------
+
+
+def test_a_run_explains_itself(home, capsys):
+    folder = home / "run"
+    result = data(folder)
+    promised = {
+        "env", "algo", "seed", "episodes", "hold_success", "interval", "touch_success",
+        "expert_hold_success", "env_steps", "train_seconds", "versions", "machine", "date",
+        "time_to_hold", "effort", "smoothness", "expert_time_to_hold", "expert_effort", "expert_smoothness",
+    }  # fmt: skip
+    assert promised <= set(result)
+    assert (result["episodes"], result["env_steps"]) == (5, 1024)
+    assert data(folder, "training.json")["stopped"] is False
+    for name in ("config.yaml", "scene.yaml", "policy.zip", "monitor.csv", "clip.gif", "report.md"):
+        assert (folder / name).stat().st_size > 0
+    assert {p.name for p in (folder / "plots").glob("*.png")} == {"final_distance.png", "learning_curve.png"}
+    assert f"{100 * result['hold_success']:.1f} % of 5 episodes" in (folder / "report.md").read_text()
+    again = load(folder / "config.yaml")
+    assert yaml.safe_load((folder / "config.yaml").read_text()) == again.to_dict()
+    assert main(["train", "rprp_reach_ppo", "--out", str(folder)]) == 2
+    assert "is not empty" in capsys.readouterr().err
+    assert difference(folder) == ""  # its mine.yaml cannot be found from here
+
+
+def test_restless_are_the_goals_at_which_the_tip_ended_without_holding_them(tmp_path):
+    folder = Path(shutil.copytree(POLICIES / "RPRPReach-v0-td3", tmp_path / "run"))
+    result, episodes = evaluate(change(folder / "config.yaml", evaluation_episodes=100))
+    _, hold, _, distance, *_ = episodes.T
+    missed_there = ((hold == 0) & (distance <= 0.02)).sum()
+    assert 0 < missed_there < (hold == 0).sum() < 100
+    assert result["restless"] == missed_there
+    assert f"at {missed_there} of them the tip was there at the end" in summary(result)
+    assert "The learner loses to computed torque." in summary(result)
+
+
+@pytest.mark.parametrize("actions", ["zero", "random", "expert"])
+def test_play_works_without_a_policy(actions, tmp_path):
+    clip = tmp_path / "play.gif"
+    command = ["play", "FourRReach-v0", "--actions", actions, "--episodes", 1, "--clip", clip]
+    assert call(command) == 0
+    assert clip.stat().st_size > 10_000
+
+
+# ---- the scene -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("changed", [False, True])
+def test_an_evaluation_is_of_the_scene_of_the_run_whatever_became_of_the_file(changed, run, capsys):
+    if changed:
+        write_scene_file(Path(), 8.0)
+    own = data(run)
+    capsys.readouterr()
+    assert call(["evaluate", run, "--out", "again"]) == 0
+    assert data("again") == own
+    err = capsys.readouterr().err
+    assert err.count("\n") == changed
+    assert ("ViscousFriction.coefficients [0.3, 0.3, 0.3, 0.3], not [8.0, 8.0, 8.0, 8.0]" in err) == changed
+    for name in ("evaluation.json", "episodes.csv", "report.md"):
+        (run / name).unlink()
+    assert call(["report", run]) == 0  # it evaluates a run that has no evaluation
+    assert data(run) == own
+    assert ("Simulated in the run's own scene" in (run / "report.md").read_text()) == changed
+
+
+def test_the_own_scene_decides_if_it_is_another_one(run):
+    """Shows that the test above can fail: friction changes the evaluation."""
+    write_scene_file(Path(), 8.0)
+    Path("mine.yaml").rename(run / "scene.yaml")
+    assert call(["evaluate", run, "--out", "again"]) == 0
+    assert data("again")["expert_mean_return"] != data(run)["expert_mean_return"]
+
+
+def test_every_command_reads_a_run_whose_file_changed_and_says_so(run, tmp_path, capsys):
+    write_scene_file(Path(), 8.0)
+    for name, words in readers(run, tmp_path).items():
+        if name in ("export", "report", "stops"):
+            continue  # of registered environments alone; seen above; slow
+        assert call(words) == 0, name
+        assert "moved/scene.yaml differs from the scene 'mine.yaml'" in capsys.readouterr().err, name
+
+
+@pytest.mark.parametrize("damage", [None, "robot: {type: RPRP}", "[1, 2]", "robot: [", "- \x00"])
+def test_a_missing_or_damaged_scene_is_one_line(damage, run, tmp_path, refused):
+    (run / "scene.yaml").unlink()
+    if damage is not None:
+        (run / "scene.yaml").write_text(damage)
+    for words in (*readers(run, tmp_path).values(), ["resume", run]):
+        refused(words, "scene.yaml")
+
+
+def test_runs_of_one_name_in_two_scenes_are_no_seeds_of_each_other(run):
+    other = Path(shutil.copytree(run, "other"))
+    write_scene_file(Path(), 8.0)
+    Path("mine.yaml").rename(other / "scene.yaml")
+    for name in ("config.yaml", "evaluation.json"):
+        change(other / name, seed=1)
+    groups = read_groups([run, other])
+    assert [len(same.runs) for same in groups] == [1, 1]
+    assert all("scene=" in same.learner for same in groups)
+
+
+def test_a_training_goes_on_in_its_own_scene(home, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_scene_file(tmp_path, 0.3)
+    points, point = [], Watch.point
+
+    def stop_at_first(self):
+        points.append(self.num_timesteps)
+        assert not (tmp_path / "run" / "evaluation.json").exists()  # an old one is of another policy
+        write_scene_file(tmp_path, 8.0)  # while it runs
+        if len(points) == 1:
+            self.stop.set()
+        return point(self)
+
+    monkeypatch.setattr(Watch, "point", stop_at_first)
+    assert main(["train", "rprp_reach_ppo", *SMALL, "env_kwargs.scene=mine.yaml", "--out", "run"]) == 130
+    (tmp_path / "mine.yaml").unlink()
+    assert call(["report", "run"]) == 0  # of the policy so far
+    assert main(["resume", "run"]) == 0
+    assert_same_policy(tmp_path / "run", home / "run")
+    curves = [np.loadtxt(f / "run" / "selection.csv", delimiter=",", skiprows=1) for f in (tmp_path, home)]
+    np.testing.assert_array_equal(*(np.delete(curve, 1, axis=1) for curve in curves))  # but for the seconds
+    again, own = (data(f / "run") for f in (tmp_path, home))
+    assert (again["hold_success"], again["mean_return"]) == (own["hold_success"], own["mean_return"])
+
+
+def test_many_seeds_do_not_go_on_in_another_scene_or_with_other_settings(run, refused):
+    shutil.copytree(run, "many/seed0")
+    words = ["train", "rprp_reach_ppo", *SMALL, "env_kwargs.scene=mine.yaml", "--seeds", 0, "--out", "many"]
+    write_scene_file(Path(), 8.0)
+    refused(words, "many/seed0 holds a run in another scene (many/seed0/scene.yaml differs")
+    refused([*words, "ppo.gamma=0.5"], "many/seed0 holds a run of another configuration")
+
+
+# ---- nothing is written --------------------------------------------------------------------------
+
+
+def test_reading_changes_nothing_in_a_run(run, tmp_path):
+    change(run / "config.yaml", env_kwargs={})  # of a registered environment, so that it can be exported
+    before = kept(run)
+    for name, words in readers(run, tmp_path).items():
+        assert call(words) == 0, name
+        assert kept(run) == before, name
+    assert (tmp_path / "b" / "plots" / "learning_curve.png").is_file()
+
+
+def test_reading_changes_nothing_in_an_exported_policy(tmp_path, capsys, refused):
+    exported = Path(shutil.copytree(POLICIES / "RPRPReach-v0-ppo", tmp_path / "shipped"))
+    change(exported / "config.yaml", evaluation_episodes=20)
+    before = kept(exported)
+    for name, words in readers(exported, tmp_path).items():
+        if name in {"export", "table", "table out", "curves"}:
+            refused(words, "is an exported policy")
+        else:
+            assert call(words) == 0, name
+        if name.startswith("evaluate"):
+            assert "hold success 100.0 % of 20" in capsys.readouterr().out
+        assert kept(exported) == before, name
+    refused(["report", exported], "is an exported policy; give --out FOLDER")
+    assert kept(exported) == before
+    assert "![learning_curve]" not in (tmp_path / "b" / "report.md").read_text()
+
+
+def test_what_is_there_is_replaced_only_when_asked(run, refused):
+    before = kept(run)
+    for words in (["report", run], ["evaluate", run, "--out", run], ["report", run, "--out", run]):
+        refused(words, "--overwrite")
+    assert kept(run) == before
+    assert call(["evaluate", run, "--overwrite"]) == 0
+    assert call(["report", run, "--overwrite"]) == 0
+    after = kept(run)
+    changed = {path.name for path in after if after[path][1] != before[path][1] and path.is_file()}
+    assert {"evaluation.json", "episodes.csv", "report.md", "clip.gif"} <= changed
+    assert not changed & {"policy.zip", "config.yaml", "scene.yaml", "training.json", "selection.csv"}
+    for name in ("evaluation.json", "episodes.csv"):
+        assert after[run / name][0] == before[run / name][0]  # to the same numbers
+
+
+# ---- a training that is stopped ------------------------------------------------------------------
+
+
+def wait_for(holds, process):
+    """Poll until a condition holds; the process must not end before."""
+    end = time.monotonic() + 120.0
+    while not holds():
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < end, "it took too long"
+        time.sleep(0.05)
+
+
+def lines(path):
+    return path.read_text().splitlines() if path.is_file() else []
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGINT for one process")
+@pytest.mark.parametrize(
+    ("number", "every"), [(signal.SIGTERM, 512), pytest.param(signal.SIGINT, 10**9, marks=pytest.mark.long)]
+)
+def test_a_stopped_training_leaves_a_run(number, every, tmp_path, refused):
+    folder, curve = tmp_path / "run", every == 512
+    command = [sys.executable, "-m", "agents", "train", "rprp_reach_ppo", "--out", str(folder), *SMALL]
+    command += ["total_steps=1000000000", f"curve_every={every}"]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(command, cwd=ROOT, text=True, **pipes) as process:
+        try:
+            # Once episodes are over, the training has begun.
+            wait_for(lambda: len(lines(folder / "monitor.csv")) > 10, process)
+            if curve:
+                wait_for((folder / "policy.zip").is_file, process)
+            process.send_signal(number)
+            _, error = process.communicate(timeout=60)
+        finally:
+            process.kill()
+    assert process.returncode == 130
+    (message,) = error.splitlines()
+    assert "stopped after" in message
+    assert f"Go on with: python -m agents resume {folder}" in message
+    assert data(folder, "training.json")["stopped"] is True
+    head, *rows = lines(folder / "selection.csv")
+    assert head == "env_steps,seconds,hold_success,touch_success,return"
+    assert bool(rows) == curve
+    assert len({line.count(",") for line in lines(folder / "monitor.csv")[1:]}) == 1
+    assert not list(folder.glob("*.part"))
+    assert call(["report", folder]) == 0
+    assert call(["play", folder, "--clip", tmp_path / "a.gif", "--episodes", 1]) == 0
+    assert data(folder)["env_steps"] == data(folder, "training.json")["env_steps"] > 0
+    assert ("![learning_curve]" in (folder / "report.md").read_text()) == curve
+    refused(["table", folder], "was stopped")  # half a training is no result
+
+
+def test_a_second_request_interrupts_at_once(interrupts):
+    with stop_request() as stop:
+        interrupts()
+        assert stop.is_set()
+        with pytest.raises(KeyboardInterrupt):
+            interrupts()
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_ctrl_c_elsewhere_is_one_line(monkeypatch, capsys):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(tables, "table", interrupted)
+    assert main(["table", "anything"]) == 130
+    monkeypatch.setattr(library, "list_names", interrupted)
+    assert library.main(["list"]) == 130
+    assert capsys.readouterr().err.splitlines() == ["stopped", "redundant_envs: stopped"]
+
+
+# ---- incomplete run folders ----------------------------------------------------------------------
+
+POLICY_READERS = ("evaluate", "report", "play", "study stops")
+
+
+def reading(command, folder):
+    """The words of a command that reads a run."""
+    more = {"play": ["--clip", "a.gif"], "report": ["--overwrite"]}.get(command, [])
+    return [*command.split(), folder, *more]
+
+
+@pytest.mark.parametrize("command", [*POLICY_READERS, "table"])
+@pytest.mark.parametrize("kind", ["nothing", "empty", "file"])
+def test_what_is_no_run_folder_is_named(command, kind, tmp_path, refused):
+    place = tmp_path / "place"
+    if kind == "empty":
+        place.mkdir()
+    if kind == "file":
+        place.write_text("text")
+    refused(reading(command, place), str(place), "run folder")
+
+
+CUT = "half of it"
+DAMAGES = {
+    # file, what is done to it, commands that read it, command that the message names
+    "no policy": ("policy.zip", None, POLICY_READERS, "train"),
+    "half a policy": ("policy.zip", CUT, POLICY_READERS, ""),
+    "no configuration": ("config.yaml", None, POLICY_READERS, "train"),
+    "no evaluation": ("evaluation.json", None, ("table",), "evaluate"),
+    "half an evaluation": ("evaluation.json", CUT, ("table", "report"), "evaluate"),
+    "a list for an evaluation": ("evaluation.json", "[1, 2]", ("table", "report"), "evaluate"),
+    "an evaluation of texts": ("evaluation.json", '{"env": 3}', ("table", "report"), "evaluate"),
+    "nested evaluation": ("evaluation.json", "[" * 100_000, ("table", "report"), "evaluate"),
+    "half of the episodes": ("episodes.csv", CUT, ("report",), "evaluate"),
+    "no selections": ("selection.csv", None, ("report",), "train"),
+    "half a selection": ("selection.csv", "env_steps,seconds\n1,2,3,4\n1,2", ("report", "table"), "train"),
+    "selections of another kind": ("selection.csv", "a,b\n1,2\n", ("report", "table"), "train"),
+    "half of the facts": ("training.json", CUT, ("evaluate",), "train"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_missing_or_damaged_file_is_named_with_the_command_that_makes_it(damage, run, refused):
+    name, change_, commands, remedy = DAMAGES[damage]
+    path = run / name
+    if change_ is None:
+        path.unlink()
+    elif change_ is CUT:
+        content = path.read_bytes()
+        path.write_bytes(content[: content.rindex(b",") if name.endswith("csv") else len(content) // 2 - 1])
+    else:
+        path.write_text(change_)
+    for command in commands:
+        refused(reading(command, run), name, f"python -m agents {remedy}" if remedy else "")
+
+
+LONG = {"x": "x" * 100_000, "h": 10**400}
+VALUES = [(field, value) for field, values in REFUSALS["evaluation"].items() for value in values]
+
+
+@pytest.mark.parametrize(("field", "value"), VALUES)
+def test_a_value_that_no_evaluation_has_is_refused_by_file_and_field(field, value, tmp_path, refused):
+    folder = write_run(tmp_path / "run")
+    assert call(["table", folder]) == 0
+    if isinstance(value, list):
+        value = [LONG.get(v, v) for v in value]
+    elif isinstance(value, dict):
+        value = {k: LONG.get(v, v) for k, v in value.items()}
+    else:
+        value = LONG.get(value, value)
+    change(folder / "evaluation.json", **{field: value})
+    error = refused(["table", folder], f"{folder}/evaluation.json has ", f"as {field!r}; make it again")
+    assert len(error) < 1000
+
+
+def test_the_table_takes_runs_whose_training_is_unknown(run, capsys):
+    (run / "training.json").unlink()
+    assert call(["evaluate", run, "--overwrite"]) == 0
+    capsys.readouterr()
+    assert call(["table", run]) == 0
+    assert "| - | - | - |" in capsys.readouterr().out  # steps, seconds, steps per second
+
+
+def test_a_place_for_results_that_cannot_be_is_told_before_anything_begins(tmp_path, refused):
+    (tmp_path / "file").write_text("mine")
+    for out, word in ((tmp_path / "file", "is a file"), (tmp_path / "file" / "x", "is below the file")):
+        for command in (
+            ["train", "rprp_reach_ppo"], ["train", "rprp_reach_ppo", "--seeds", "0..1"],
+            ["study", "strength", "--seeds", "none"],
+        ):  # fmt: skip
+            assert refused([*command, "--out", out]).startswith(f"error: out is {out}, which {word}")
+    assert (tmp_path / "file").read_text() == "mine"
+
+
+def test_a_command_can_be_pasted_although_its_folder_has_a_space(tmp_path, refused):
+    folder = write_run(tmp_path / "my run")
+    (folder / "evaluation.json").unlink()
+    refused(["table", folder], f"python -m agents evaluate '{folder}' --overwrite")
+
+
+# ---- several runs --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "seeds"),
+    [
+        ("0..3", [0, 1, 2, 3]), ("5", [5]), ("1, 4,7", [1, 4, 7]), ("0..1,9", [0, 1, 9]), ("9999", [9999]),
+        ("98..101", [98, 99, 100, 101]),
+        ("", None), ("a", None), ("3..1", None), ("9..3,3", None), ("1,1", None), ("0..2,1", None),
+        ("10000", None), ("-1", None), ("1..", None), ("0..999999999", None), ("1;2", None),
+    ],
+)  # fmt: skip
+def test_seeds_are_read_as_they_are_written(text, seeds):
+    if seeds is None:
+        with pytest.raises(ValueError, match="seeds is"):
+            seeds_of(text)
+    else:
+        assert seeds_of(text) == seeds
+
+
+def test_seeds_in_processes_are_the_runs_they_are_alone(tmp_path, capsys):
+    out = tmp_path / "runs"
+    (out / "seed5").mkdir(parents=True)
+    (out / "seed5" / "mine").touch()
+    command = ["train", "rprp_reach_ppo", *SMALL, "--processes", "2", "--out", str(out)]
+    assert main([*command, "--seeds", "4,5"]) == 2
+    assert "1 of 2 runs failed; the same command goes on: seed5: run folder" in capsys.readouterr().err
+    assert main([*command, "--seeds", "4"]) == 0  # it is finished, and stays
+    assert "| RPRPReach-v0 | PPO | 1 |" in capsys.readouterr().out
+    train(load("rprp_reach_ppo", [*SMALL, "seed=4"]), tmp_path / "alone")
+    assert_same_policy(tmp_path / "alone", out / "seed4")
+
+
+@pytest.mark.long
+def test_what_is_finished_stays_and_what_was_stopped_or_killed_early_does_not(tmp_path):
+    folder, config, silent = (
+        tmp_path / "seed3",
+        load("rprp_reach_ppo", [*TINY, "seed=3"]),
+        Progress(disable=True),
+    )
+    finish(config, folder, silent)
+    before = kept(folder)
+    finish(config, folder, silent)
+    assert kept(folder) == before
+    change(folder / "training.json", stopped=True, env_steps=5)
+    finish(config, folder, silent)
+    assert data(folder, "training.json")["env_steps"] == 1024
+    (folder / "training.json").unlink()  # killed before its first checkpoint
+    (folder / "report.md").unlink()
+    finish(config, folder, silent)
+    assert data(folder, "training.json")["stopped"] is False
+    assert (folder / "report.md").is_file()
+
+
+def test_a_checkpoint_means_that_a_run_is_not_finished(tmp_path):
+    folder = published_run("rprp_reach_ppo/seed130", tmp_path / "run")
+    assert is_finished(folder) is False  # no report
+    for name in FILES:
+        (folder / name).touch()
+    assert is_finished(folder)
+    (folder / CHECKPOINT).mkdir()
+    (folder / CHECKPOINT / "state.pt").touch()
+    assert find_checkpoint(folder)
+    assert not is_finished(folder)
+    assert own_config(folder).env_kwargs["scene"]["control_dt"] == 0.02
+
+
+class Ended:
+    """A process that ended by itself."""
+
+    exitcode = -9
+
+    def is_alive(self):
+        return False
+
+
+def test_a_run_whose_process_was_killed_is_named():
+    news = queue.Queue()
+    for report in (
+        ("seed0", 1.0, "holds 99.0 %", False),
+        ("seed1", 0.3, "", False),
+        ("seed2", 1.0, "no room", True),
+    ):
+        news.put(report)
+    names = ["seed0", "seed1", "seed2"]
+    with pytest.raises(
+        ValueError, match=r"^2 of 3 runs .*: seed2: no room; seed1: its process ended \(-9\)$"
+    ):
+        follow(names, lambda stop: many._reports(names, [Ended()], news, stop))
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="the system has no affinity of cores")
+@pytest.mark.parametrize("core", [None, 0])
+def test_a_worker_stays_on_its_core(core, monkeypatch):
+    pinned, jobs = [], queue.Queue()
+    monkeypatch.setattr(os, "sched_setaffinity", lambda pid, cores: pinned.append(cores))
+    monkeypatch.setattr(signal, "signal", lambda *args: None)
+    jobs.put(None)
+    many._work(jobs, queue.Queue(), core)
+    assert pinned == ([] if core is None else [{core}])

@@ -1,0 +1,385 @@
+"""Hard stops: impacts where and when they happen, sliders that rest and leave, and endless searches."""
+
+import itertools
+import json
+import math
+
+import numpy as np
+import pytest
+from catalogue import EQUAL, assert_same_bits
+
+import redundant_envs as rde
+from redundant_envs import effects as e
+from redundant_envs.numerics.tableaus import METHODS
+from tests.oracles.independent_stops import StoppedArm
+
+ARM = EQUAL["RPRP"]
+REACH = rde.load_scene("rprp_reach")
+OVER = rde.Numerics.EVENT_BUDGET
+
+
+def scene(arm=ARM, restitution=1.0, lower=(0.0, 0.0), upper=(0.3, 0.3), gravity=9.81, **kwargs):
+    return rde.Scene(arm, (e.Gravity(gravity), e.PrismaticStop(lower, upper, restitution)), **kwargs)
+
+
+def advanced(made, q, qd, efforts=None, **kwargs):
+    """A simulator after an interval, and its status."""
+    q = np.atleast_2d(q)
+    batch = rde.BatchSimulator(made, len(q), **kwargs)
+    batch.set_state(q, qd)
+    return batch, batch.advance(efforts)
+
+
+def tips(made, *states):
+    """Where the tips are after an interval, and which lanes have a flag."""
+    batch, status = advanced(made, *states)
+    return made.robot.forward_kinematics(batch.q), status.numerics != 0
+
+
+# ---- impacts --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("substeps", [1, 2, 3, 4])
+@pytest.mark.parametrize("integrator", ["euler", "rk4", "rk8"])
+def test_the_time_of_an_impact_does_not_depend_on_the_substep_it_falls_in(integrator, substeps):
+    made = scene(upper=(0.4, 0.4), gravity=0.0, integrator=integrator, substeps=substeps)
+    speed = 1.003  # the arm lies still and straight: slider 2 glides alone
+    events = rde.simulate(made, [0.0, 0.2, 0.0, 0.2], [0.0, 0.0, 0.0, speed], [0.3]).events
+    assert events[0].joint == "r2"
+    assert events[0].time == pytest.approx(0.2 / speed, abs=1e-12)
+
+
+def test_a_near_miss_of_one_slider_does_not_hide_the_graze_of_the_other():
+    arm = rde.RPRP((1e6, 1.0, 1e-6, 1e-6), (1.0, 1.0))
+    made = scene(arm, lower=(-0.9, -0.9), gravity=0.0, tolerance=1e-6)
+    q = [[0, 0.3 - 0.0025 * 1.02, np.pi / 2, 0.297], [0, 0.1, np.pi / 2, 0.297]]
+    batch, status = advanced(made, q, [0, 1.0, 0, 1.2], [[0, -200 * (1 + 2e-6), 0, -200e-6]] * 2)
+    assert status.events.tolist() == [1, 1]
+    assert batch.q[0, 3] == pytest.approx(batch.q[1, 3], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "how", [{"tolerance": 1e-9}, {"tolerance": None, "integrator": "rk4", "substeps": 3}], ids=str
+)
+@pytest.mark.parametrize("doublings", [-24, -6, 10])
+def test_the_unit_of_time_changes_no_bit_of_a_motion_with_impacts(how, doublings):
+    """Found by fuzzing: a nanosecond was neglected, so fast sliders missed tolerances in short intervals."""
+    arm, stop = rde.RPRP((0.33, 0.25, 0.28, 0.33), (0.14, 0.14)), e.PrismaticStop((0, 0), (0.02, 0.02), 0.9)
+    rng, n = np.random.default_rng(0), 512
+    q = rng.uniform((-3.0, 0.0, -3.0, 0.0), (3.0, 0.02, 3.0, 0.02), (n, 4))
+    qd, efforts = rng.normal(0.0, (5.0, 0.5, 5.0, 0.5), (n, 4)), rng.normal(0.0, 1.0, (n, 4))
+    found = []
+    for unit in (1.0, 2.0**doublings):
+        made = rde.Scene(arm, (stop,), control_dt=0.02 * unit, **how)
+        batch, status = advanced(made, q, qd / unit, efforts / unit**2)
+        assert not status.numerics.any()
+        assert status.events.sum() > 400
+        found.append((batch.q, batch.qd * unit, status.evaluations))
+    assert_same_bits(*found)
+
+
+def test_a_scene_without_stops_has_no_trace_of_them():
+    """No operation and no field, even if lanes take local steps."""
+    bare = rde.Scene(ARM, (e.Gravity(),), tolerance=1e-6)
+    without, with_stops = rde.listing(bare), rde.listing(scene(tolerance=1e-6))
+    for word in ("prismatic_stop", "active_stop", "touching", "impacts", "released_r1", "contacts.py"):
+        assert word in with_stops, word
+        assert word not in without, word
+
+
+def test_a_hard_stop_decides_the_travel_also_from_its_file():
+    springs = (e.LimitSpring("r1", -0.1, 0.5), e.LimitSpring("r2", -0.1, 0.5))
+    stop = e.PrismaticStop((0.0, 0.0), (0.25, 0.25))
+    for effects in ((stop,), (stop, *springs), (*springs, stop)):
+        ends = rde.Scene(ARM, effects).travel()[1]
+        assert ends == ("prismatic_stop.lower[0]", "prismatic_stop.upper[0]")
+    made = rde.Scene(ARM, (e.PrismaticStop((None, 0.0), (0.3, None), 0.5),))
+    assert rde.Scene.from_dict(json.loads(json.dumps(made.to_dict()))) == made
+    assert made.travel() == {}
+
+
+# ---- two sliders at their stops almost at once: neither order nor rest depends on the steps ---------------
+
+NARROW = rde.RPRP((0.5,) * 4, (0.25, 0.25))
+TRAVEL = 0.001
+
+
+def at_ends(rng, n, share):
+    """Which of two sliders are near their upper ends, and the way out, (n, 2)."""
+    upper = rng.random((n, 2)) < share
+    return upper, np.where(upper, 1.0, -1.0)
+
+
+def with_sliders(rng, at, speed, spread=1.0):
+    """q and qd, (n, 4), with sliders somewhere at a speed."""
+    q, qd = rng.uniform(-3.0, 3.0, (len(at), 4)), rng.normal(0.0, spread, (len(at), 4))
+    q[:, 1::2], qd[:, 1::2] = at, speed
+    return q, qd
+
+
+def mostly(rng, n, share):
+    """1 for a share of some numbers, -1 for the others."""
+    return np.where(rng.random((n, 2)) < share, 1.0, -1.0)
+
+
+def judged(found, coarser, finer, most):
+    """Distances of tips from those of the finest steps, where these are sure."""
+    sure = np.linalg.norm(coarser - finer, axis=1) <= most
+    assert sure.mean() > 0.999
+    return np.linalg.norm(found - finer, axis=1)[sure], sure
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("control_dt", [0.02, 1e-4])
+@pytest.mark.parametrize("smallest", [-18.0, -13.0], ids=["digits before", "picometres before"])
+def test_the_order_of_two_impacts_does_not_depend_on_the_steps(restitution, control_dt, smallest):
+    arm, n, rng = rde.RPRP((0.5,) * 4, (0.5, 0.5)), 8000, np.random.default_rng(0)
+    lower, upper = np.array([-0.39, -0.39]), np.array([-0.2156, -0.2757])
+    gaps = 10.0 ** rng.uniform(smallest, smallest + 5.0, (n, 2))
+    gaps[::3, 1] = gaps[::3, 0]
+    high, side = at_ends(rng, n, 0.5)
+    speed = side * 10.0 ** rng.uniform(-2.0, 1.7, (n, 2)) * mostly(rng, n, 0.85)
+    at = np.clip(np.where(high, upper, lower) - side * gaps, lower, upper)
+    states = with_sliders(rng, at, speed, 4.0)
+    (coarser, _), (finer, _), (found, flagged) = (
+        tips(scene(arm, restitution, tuple(lower), tuple(upper), control_dt=control_dt, **how), *states)
+        for how in ({"substeps": 96}, {"substeps": 160}, {"tolerance": 1e-6})
+    )
+    off, sure = judged(found, coarser, finer, 1e-7)
+    assert (off <= 1e-6)[~flagged[sure]].all()
+    assert flagged.mean() < 1e-3
+
+
+@pytest.mark.parametrize("travel", [0.001, 0.25])
+@pytest.mark.parametrize("restitution", [0.0, 0.7])
+def test_sliders_that_turn_right_before_their_stops_do_not_arrive_there(travel, restitution):
+    """They start a few digits before them, are slow, and some are pulled away: no impact is made up."""
+    n, rng = 20_000, np.random.default_rng(1)
+    upper, side = at_ends(rng, n, 0.7)
+    digits = rng.integers(0, 8, (n, 2)) * np.where(upper, np.spacing(travel), 1e-19)
+    at = np.where(
+        rng.random((n, 2)) < 0.3, travel * rng.random((n, 2)), np.where(upper, travel, 0.0) - side * digits
+    )
+    speed = side * 10.0 ** rng.uniform(-12.0, -2.0, (n, 2)) * mostly(rng, n, 0.8)
+    states = *with_sliders(rng, np.clip(at, 0.0, travel), speed), rng.normal(size=(n, 4)) * (1, 5, 1, 5)
+    (coarser, a), (finer, b), (found, c) = (
+        tips(scene(NARROW, restitution, upper=(travel,) * 2, **how), *states)
+        for how in ({"substeps": 96}, {"substeps": 160}, {"tolerance": 1e-6})
+    )
+    assert not (a | b | c).any()
+    assert judged(found, coarser, finer, 1e-7)[0].max() <= 1e-6
+
+
+def slow_leavers(n):
+    """States and efforts, (n, 4) each: a slider leaves its stop slowly, the other one is about to strike."""
+    rng = np.random.default_rng(2)
+    upper, side = at_ends(rng, n, 0.7)
+    strikes = (rng.random(n) < 0.5)[:, None] ^ np.array([False, True])
+    digits = rng.integers(1, 8, (n, 2)) * np.where(upper, np.spacing(TRAVEL), 1e-19)
+    speed = 10.0 ** np.where(strikes, rng.uniform(-6.0, -2.0, (n, 2)), rng.uniform(-12.0, -8.0, (n, 2)))
+    at = np.where(upper, TRAVEL, 0.0) - side * digits * strikes
+    q, qd = with_sliders(rng, at, side * np.where(strikes, speed, -speed))
+    return q, qd, rng.normal(size=(n, 4)) * (1.0, 5.0, 1.0, 5.0)
+
+
+@pytest.mark.parametrize("control_dt", [0.02, 0.1])
+@pytest.mark.parametrize("restitution", [0.0, 0.7])
+def test_a_slider_that_leaves_its_stop_slowly_does_not_rest_there_when_the_other_one_strikes(
+    control_dt, restitution
+):
+    """When it strikes, the slow one has not yet moved by a digit of its position."""
+    states, ends = slow_leavers(4000), []
+    for how in ({"integrator": "dop853"}, {"tolerance": 1e-9}, {"substeps": 160}, {"substeps": 1536}):
+        made = scene(NARROW, restitution, upper=(TRAVEL,) * 2, control_dt=control_dt, **how)
+        end, flagged = tips(made, *states)
+        assert not flagged.any()
+        ends.append(end)
+    *found, coarser, finer = ends
+    for end, limit in zip(found, (2e-9, 1e-9), strict=True):
+        assert judged(end, coarser, finer, 1e-10)[0].max() <= limit
+
+
+def test_an_account_that_shares_no_code_lets_slow_sliders_leave_their_stops():
+    """If these rested, they would be off by 6e-6."""
+    pytest.importorskip("scipy", reason="scipy is in the extra 'verify'")
+    states = [x[[3, 23, 67, 266]] for x in slow_leavers(4000)]
+    batch, _ = advanced(scene(NARROW, 0.0, upper=(TRAVEL,) * 2, integrator="dop853"), *states)
+    account = StoppedArm(NARROW.masses, NARROW.lengths, 9.81, 0.0, TRAVEL, 0.0)
+    expected = [account.after(*start, 0.02) for start in zip(*states, strict=True)]
+    assert np.abs(np.concatenate([batch.q, batch.qd], axis=1) - expected).max() < 1e-11
+
+
+# ---- rest -----------------------------------------------------------------------------------------------
+
+HANGING = [-math.pi / 2, 0.3, -math.pi / 2, 0.3]
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
+def test_every_start_at_both_stops_goes_on(restitution):
+    """All signs of speed and force, down to rounding: no lane bounces without end."""
+    choices = itertools.product(
+        (0.0, 0.3), (0.0, 0.3), (-1.0, -1e-12, -1e-15, 0.0, 1e-15, 1e-12, 1.0), (-1.0, 0.0, 1e-14, 1.0),
+        (-30.0, 0.0, 30.0), (-30.0, 0.0, 30.0),
+    )  # fmt: skip
+    a, b, va, vb, fa, fb = np.array(list(choices)).T
+    zero, efforts = np.zeros_like(a), np.column_stack([0.0 * a, fa, 0.0 * a, fb])
+    q, qd = np.column_stack([zero + 0.7, a, zero - 0.4, b]), np.column_stack([zero, va, zero, vb])
+    batch, status = advanced(scene(restitution=restitution, tolerance=1e-6), q, qd, efforts)
+    for _ in range(3):
+        assert not status.numerics.any()
+        assert (np.abs(batch.q[:, [1, 3]] - 0.15) <= 0.15).all()
+        status = batch.advance(efforts)
+
+
+def test_sliders_that_meet_their_stops_together_and_turn_back_are_found():
+    """Both are beyond their stops at the end of the step and began inwards: no piece is repeated."""
+    _, status = advanced(
+        REACH,
+        [-1.5713146444638297, 0.0, -1.2969997173756138, 0.0],
+        [0.23692911649314546, 2.1348563896103114e-05, -0.9254754272155492, 4.398584186074587e-06],
+        [[14.570766490420826, -4.643575696458498, -6.314069605314101, -1.105005150928406]],
+    )
+    assert not status.numerics[0]
+    assert status.evaluations[0] < 1000
+
+
+@pytest.mark.parametrize("speed", [1e-15, 1e-12, 1e-8, 1e-5, 1e-3])
+def test_slow_sliders_at_both_stops_come_to_rest(speed):
+    rng, n = np.random.default_rng(0), 5000
+    q, qd = with_sliders(rng, rng.choice([0, 0.25], (n, 2)), speed * rng.normal(size=(n, 2)))
+    q[:, 2] = q[:, 0]  # in line
+    _, status = advanced(REACH, q, qd, rng.uniform(-1, 1, (n, 4)) * (20, 32, 8, 16))
+    assert not status.numerics.any()
+    assert status.evaluations.max() < 2000
+
+
+def test_a_stop_that_is_moved_away_lets_go():
+    batch, _ = advanced(scene(restitution=0.0, tolerance=1e-6), HANGING, [0.0] * 4)
+    batch.set_parameters({"prismatic_stop.upper": [0.5, 0.5]})
+    for _ in range(5):
+        batch.advance()
+    assert batch.q[0, 1] == pytest.approx(0.3 + 0.5 * 9.81 * 0.1**2, abs=1e-9)
+
+
+def test_an_elastic_slider_rests_only_where_it_does_not_bounce():
+    made = scene(restitution=1.0, tolerance=1e-9)
+    trajectory = rde.simulate(made, HANGING, [0.0] * 4, [1.0])
+    assert {x.kind for x in trajectory.events} == {"rest"}
+    np.testing.assert_allclose(trajectory.q[0], HANGING, atol=1e-15)
+    dropped = rde.simulate(made, [-math.pi / 2, 0.29, -math.pi / 2, 0.3], [0.0] * 4, [1.0])
+    assert sum("impact" in x.kind and x.joint == "r1" for x in dropped.events) > 5
+
+
+def test_a_slider_thrown_off_its_stop_by_the_other_is_let_go_in_the_log():
+    """Slider 1 rests at its upper stop until the impact of slider 2 throws it off."""
+    made = scene(gravity=0.0, tolerance=1e-9, actuation="generalized")
+    times = np.linspace(0.02, 0.2, 10)
+    motion = rde.simulate(made, [0.0, 0.3, 0.0, 0.1], [0.0, 0.0, 0.0, -1.0], times, [0.0, 1.0, 0.0, 0.0])
+    kinds = [(x.kind, x.joint) for x in motion.events]
+    hit = kinds.index(("lower impact", "r2"))
+    assert ("rest", "r1") in kinds[:hit]
+    assert ("release", "r1") in kinds[hit - 1 : hit + 2]  # at the same time
+    assert all(str(x.speed) != "-0.0" for x in motion.events)
+
+
+# ---- too many impacts, or endless searches: given up, flagged, and the state restored ---------------------
+
+FAST = [0.3, 0.1, 0.3, 0.1], [0.0, 1e5, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("kwargs", [{"tolerance": 1e-6}, {"integrator": "rk4", "substeps": 4}], ids=str)
+def test_a_lane_whose_events_are_given_up_has_not_moved_and_its_neighbours_go_on(kwargs):
+    q, qd = [FAST[0]] * 3, [[0.1, 0.5, 0.0, 0.0], FAST[1], [0.1, 0.5, 0.0, 0.0]]
+    batch, status = advanced(scene(gravity=0.0, **kwargs), q, qd, track_work=True)
+    assert status.numerics.tolist() == [0, OVER, 0]
+    assert_same_bits([batch.q[1], batch.qd[1], batch.q[0]], [q[1], qd[1], batch.q[2]])
+    assert batch.work[1] == 0.0
+    assert status.events[1] == 0
+    assert not [x for x in batch.events() if x.lane == 1]
+
+
+def test_simulate_refuses_a_motion_with_too_many_impacts():
+    with pytest.raises(ValueError, match=r"more than 256 impacts, or 65536 pieces, in .* at t = 0 s"):
+        rde.simulate(scene(gravity=0.0, tolerance=1e-6), *FAST, [0.02, 0.04])
+
+
+@pytest.mark.parametrize("kwargs", [{"integrator": "rk4"}, {}, {"tolerance": 1e-6}], ids=str)
+@pytest.mark.parametrize("speed", [50.0, 1e3, 1e8])
+def test_steps_far_too_long_end_lanes_but_never_hang(kwargs, speed):
+    """Radians per step, impacts that no search finds: flagged, between the stops, and over."""
+    rng, n = np.random.default_rng(0), 512
+    q = np.column_stack([rng.uniform(-3, 3, n), rng.uniform(0, 0.3, n)] * 2)
+    qd, efforts = rng.normal(0, speed, (n, 4)), rng.normal(0, 20, (n, 4))
+    batch, status = advanced(scene(restitution=0.5, **kwargs), q, qd, efforts)
+    finite = np.isfinite(np.column_stack([batch.q, batch.qd])).all(axis=1)
+    np.testing.assert_array_equal(finite, status.numerics & rde.Numerics.NON_FINITE == 0)
+    np.testing.assert_array_equal(finite, status.finite)
+    assert (np.abs(batch.q[status.finite][:, [1, 3]] - 0.15) <= 0.15).all()
+
+
+def test_the_budget_of_impacts_is_that_of_the_interval_not_of_a_substep():
+    qd = [0.0, 1.5e4, 0.0, 0.0]  # some thirteen impacts in each substep
+    made = scene(gravity=0.0, integrator="rk4", substeps=64)
+    batch, status = advanced(made, FAST[0], qd, track_work=True)
+    assert status.numerics.tolist() == [OVER]
+    np.testing.assert_array_equal(batch.q[0], FAST[0])
+    assert batch.events() == []
+
+
+def damped(**how):
+    """Fixed steps that a damper makes unstable: found by fuzzing."""
+    arm = rde.RPRP((5e-7, 1.3e-5, 5e5, 1.3e-3), (0.14, 0.65))
+    stop = e.PrismaticStop((0.0, -0.08), (0.04, 0.42), 0.5)
+    return rde.Scene(arm, [stop, e.ViscousFriction((1.8e5, 1e5, 1.6e5, 1.4e5))], **how)
+
+
+BETWEEN = [0.755, 0.0, 0.702, 0.42]
+
+
+@pytest.mark.parametrize("substeps", [1, 50])
+@pytest.mark.parametrize("integrator", ["euler", pytest.param("rk4", marks=pytest.mark.long), "rk8"])
+def test_fixed_steps_that_a_damper_makes_unstable_are_given_up_before_long(integrator, substeps):
+    """Every trial step ended beyond a stop, 1e7 times in an interval."""
+    made = damped(integrator=integrator, substeps=substeps, control_dt=0.002)
+    batch, status = advanced(made, [BETWEEN, [0.7, 0.02, 0.7, 0.3]], [[1.0, 0.0, -3.6, 0.07], [0.0] * 4])
+    assert (status.evaluations <= METHODS[integrator].stages * (65536 + 18 * substeps)).all()
+    assert status.numerics[0] & ~(OVER | rde.Numerics.NON_FINITE) == 0
+    if status.numerics[0] == OVER:
+        np.testing.assert_array_equal(batch.q[0], BETWEEN)
+
+
+def test_a_tolerance_is_not_sought_without_end():
+    """16384 steps, too, are unstable here, and each may end beyond a stop many times."""
+    rng = np.random.default_rng(0)
+    q, qd = np.tile(BETWEEN, (64, 1)), rng.normal(0.0, 3.0, (64, 4))
+    batch, status = advanced(damped(tolerance=1e-6), q, qd, rng.normal(0.0, 1e6, (64, 4)))
+    given_up = status.numerics == OVER
+    assert given_up.sum() > 5
+    assert (status.numerics != 0).all()
+    assert (status.evaluations <= 12 * 65536).all()
+    assert_same_bits([batch.q[given_up], batch.qd[given_up]], [q[given_up], qd[given_up]])
+
+
+@pytest.mark.parametrize(
+    ("substeps", "q", "qd", "efforts", "impacts"),
+    [
+        # a slider that is near its stop in each substep
+        (20_000, [0.0, 0.3 - 1e-9, 0.0, 0.3 - 1e-9], [0.0] * 4, [[0.0, 1e-7, 0.0, -1e-7]], 0),
+        # more pieces of motion than an interval usually may have; the last ones have an impact
+        (70_000, [0.0, 0.1, 0.0, 0.1], [0.0, 10.4, 0.0, 0.0], None, 1),
+    ],
+)
+def test_a_budget_of_trial_steps_grows_with_the_substeps(substeps, q, qd, efforts, impacts):
+    made = scene(gravity=0.0, integrator="rk4", substeps=substeps)
+    _, status = advanced(made, q, qd, efforts)
+    assert status.numerics.tolist() == [0]
+    assert status.events[0] >= impacts
+    assert status.evaluations[0] >= 4 * substeps
+
+
+def test_a_log_of_events_that_is_full_says_so():
+    made = scene(gravity=0.0, tolerance=1e-6)
+    batch, _ = advanced(made, [FAST[0]] * 2, np.zeros((2, 4)), track_work=True)
+    batch._memory.write(("logged",), 256.0, np.array([1]))
+    with pytest.raises(ValueError, match="environment 1 had 256 events or more"):
+        batch.events()

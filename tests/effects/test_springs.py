@@ -1,0 +1,285 @@
+"""Springs at limits: the change of law is located in time, and steps are short enough for dampers."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from catalogue import FOUR_R, RPRP
+from lanes_of_numbers import constants
+
+import redundant_envs as rde
+from redundant_envs import effects as e
+from redundant_envs.algebra import physics
+from redundant_envs.events.boundary import MARGIN, law_behind, limits_of_law
+from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.lane.interval import Interval
+from redundant_envs.lane.memory import Lane
+from redundant_envs.model.energy import kinetic_energy, potential_energy
+from redundant_envs.verify.states import random_states
+
+FINE = {"tolerance": None, "integrator": "rk4", "substeps": 200_000}
+
+
+def springs(arm, stiffness, damping=0.0):
+    """Springs at the limits of two joints; of 4R a tenth as stiff, with lever arms of half a metre."""
+    travel = (0.0, 0.3) if arm.prismatic[1] else (-1.5, 1.5)
+    k = stiffness if arm.prismatic[1] else 0.1 * stiffness
+    return tuple(e.LimitSpring(arm.joints[n], *travel, k, damping) for n in (1, 3))
+
+
+def scene(arm, *effects, **kwargs):
+    return rde.Scene(arm, (e.Gravity(), *effects), **kwargs)
+
+
+def advance(made, q, qd, efforts=None):
+    q, qd = np.atleast_2d(q, qd)
+    batch = rde.BatchSimulator(made, len(q))
+    batch.set_state(q, qd)
+    status = batch.advance(efforts)
+    return batch.q, batch.qd, status
+
+
+def tips(made, *states):
+    """Where the tips are after an interval, no lane with a flag."""
+    q, _, status = advance(made, *states)
+    assert (status.numerics == 0).all()
+    return made.robot.forward_kinematics(q), status
+
+
+def near_limits(arm, count):
+    q, qd, _ = random_states(scene(arm, *springs(arm, 1.0), tolerance=1e-6), count, 0, beyond=0.05)
+    return q, qd, np.random.default_rng(0).uniform(-10.0, 10.0, q.shape)
+
+
+def energy_of(made, q, qd):
+    return kinetic_energy(made, q, qd) + potential_energy(made, q)
+
+
+# ---- the tolerance is kept ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("arm", [RPRP, FOUR_R])
+@pytest.mark.parametrize(("stiffness", "damping"), [(5e3, 0.0), (1e5, 0.0), (2e3, 500.0)])
+def test_a_tolerance_is_kept_where_springs_begin(arm, stiffness, damping):
+    """Against steps of 1 us: with k = 1e5 one interval in six hundred was off by up to fifteen tolerances."""
+    states, made = near_limits(arm, 192), scene(arm, *springs(arm, stiffness, damping))
+    reference, _ = tips(dataclasses.replace(made, integrator="rk4", substeps=20000), *states)
+    for tolerance, most in ((1e-6, 400), (1e-8, 800)):
+        found, status = tips(dataclasses.replace(made, tolerance=tolerance), *states)
+        assert np.linalg.norm(found - reference, axis=1).max() <= tolerance
+        if damping == 0.0:  # up to 15000 before changes of law were located
+            assert status.evaluations.mean() <= most
+
+
+class Silent(e.LimitSpring):
+    """A spring that declares neither the kink at which its force ends, nor its damping."""
+
+    def hooks(self, arm):
+        return tuple(dataclasses.replace(hook, kink=None, damping=None) for hook in super().hooks(arm))
+
+
+LIGHT = rde.RPRP((0.2, 0.2, 0.2, 0.1), (0.3, 0.3))
+QUICK = rde.FourR((0.2072, 0.1558, 0.1156, 0.0924), (0.1086, 0.1842, 0.1824, 0.1086))
+DEEP = [-0.37828245, 0.15684442, 0.323228, 0.02206704], [-0.60305308, 0.12256787, -0.0091403, 0.18936389]
+THROWN = (
+    [0.96212575, -1.90753381, 1.17023602, 1.57205221],
+    [-49.85733691, -26.58927628, 14.30634982, -32.90301643],
+)
+HARD = {
+    # an interval of four time constants of a damper
+    "deep in a strong damper": (
+        lambda kind: scene(LIGHT, kind("r2", -100.0, 0.0, 20.8, 375.0), control_dt=0.05), (e.LimitSpring,),
+        lambda n: [np.array(x) * (1.0 + 1e-2 * n()) for x in DEEP], (0.0,) * 4, (1e-5, 1e-6, 1e-8),
+    ),
+    # thrown back at k / c the force ends with a kink
+    "a damper lets go": (
+        lambda kind: rde.Scene(
+            QUICK,
+            (kind("joint1", -0.2341, 0.6795, 1730.7, 34.615),
+             kind("joint4", -1.1935, 0.6622, 44.757, 0.89514)),
+            actuation="generalized",
+        ),
+        (e.LimitSpring, Silent),
+        lambda n: [THROWN[0] + 1e-2 * n(), THROWN[1] + 0.0 * n()], (-3.3, -3.3, 3.3, 3.3), (1e-6,),
+    ),
+}  # fmt: skip
+"""Scene, kinds of springs, states, efforts, and tolerances [m]."""
+
+
+@pytest.mark.parametrize("what", HARD)
+def test_the_tolerance_is_kept(what):
+    made, kinds, states, efforts, tolerances = HARD[what]
+    rng, count = np.random.default_rng(0), 2048
+    given = *states(lambda: rng.normal(size=(count, 4))), np.tile(efforts, (count, 1))
+    reference, _ = tips(dataclasses.replace(made(kinds[0]), integrator="rk8", substeps=3000), *given)
+    for kind in kinds:
+        for tolerance in tolerances:
+            found, _ = tips(dataclasses.replace(made(kind), tolerance=tolerance), *given)
+            assert np.linalg.norm(found - reference, axis=1).max() <= tolerance
+
+
+@pytest.mark.parametrize("how", [{"tolerance": 1e-9}, {"integrator": "dop853"}], ids=str)
+def test_a_motion_that_touches_its_spring_between_all_stages_is_seen(how):
+    """0.4 mm before its limit, thrown up at 0.2 m/s against 40 m/s^2: it is 0.1 mm beyond for 4.5 ms."""
+    arm = rde.RPRP((1.0, 1.0, 1.0, 1e-9), (0.5, 0.5))
+    given = [0.0, 0.2996, 0.0, 0.0], [0.0, 0.2, 0.0, 0.0], np.array([[0.0, -80.0, 0.0, 0.0]])
+    push = (e.LimitSpring("r1", -1.0, 0.3, 1e4),)
+    found, expected, without = (
+        advance(rde.Scene(arm, effects, **more), *given)[0][0, 1]
+        for effects, more in ((push, how), (push, FINE), ((), how))
+    )
+    assert abs(found - expected) <= 1e-10
+    assert abs(without - expected) >= 1e-6
+
+
+@pytest.mark.parametrize("travel", [1e-3, 1e-9, 1e-12])
+def test_limits_close_together_are_passed_both(travel):
+    """In a step the joint goes through its travel and into the spring behind it."""
+    made = scene(RPRP, e.LimitSpring("r1", 0.0, travel, 5e3), tolerance=1e-8)
+    given = [0.3, -1e-3, -0.2, 0.1], [0.0, 1.0, 0.0, 0.0]
+    found, _, status = advance(made, *given)
+    expected, _, _ = advance(dataclasses.replace(made, **FINE), *given)
+    assert status.numerics[0] == 0
+    assert np.abs(found - expected).max() <= 1e-8
+    assert status.evaluations[0] <= 12 * 60
+
+
+# ---- what it costs --------------------------------------------------------------------------------------
+
+
+def test_a_joint_that_rests_on_its_spring_costs_what_a_free_one_costs():
+    """It settles to rounding; no noise switches it from one law to the other and back."""
+    friction = e.ViscousFriction((1.0, 20.0, 1.0, 20.0))
+    batch = rde.BatchSimulator(scene(RPRP, friction, *springs(RPRP, 5e3), tolerance=1e-6), 3)
+    down = -math.pi / 2
+    batch.set_state([[down, 0.2, down, 0.2], [down, 0.3, down, 0.3], [-down, 0.0, -down, 0.0]], np.zeros(4))
+    for _ in range(1000):
+        status = batch.advance()
+    assert (status.numerics == 0).all()
+    assert (status.evaluations <= 48).all()
+    assert batch.q[0, 1] == pytest.approx(0.3 + 3.0 * 9.81 / 5e3, abs=1e-9)
+
+
+def test_at_rest_exactly_at_a_limit_nothing_happens():
+    made = rde.Scene(RPRP, springs(RPRP, 5e3), tolerance=1e-9)
+    q = np.array([[0.3, 0.3, -0.2, 0.0], [0.3, 0.0, -0.2, 0.3]])
+    found, rates, status = advance(made, q, np.zeros((2, 4)))
+    assert (found == q).all()
+    assert (rates == 0.0).all()
+    assert (status.evaluations == 24).all()  # two steps are what a spring of 5 kN/m needs
+
+
+def test_a_damper_asks_for_steps_where_its_joint_is_deep_in_it():
+    dynamics = Dynamics(scene(RPRP, e.LimitSpring("r2", -100.0, 0.0, 20.8, 375.0), tolerance=1e-6))
+    known = constants(dynamics, float) | {"interval": 0.05} | dict.fromkeys(dynamics.states, 0.0)
+
+    def steps(depth):
+        lane = Lane(Interval(dynamics).layout(), {**known, "r2": depth}.__getitem__)
+        return Interval(dynamics).step.least_steps(lane)
+
+    assert steps(-0.1) < 1.0
+    assert steps(0.1) > 0.05 * 0.5 * 375.0 * 0.1 * known["most_mobility4"] > 1.0
+
+
+def test_a_spring_without_damping_costs_what_it_did():
+    rng = np.random.default_rng(1)
+    states = rng.uniform(-0.1, 0.2, (512, 4)), rng.normal(size=(512, 4))
+    ends = []
+    for spring in (e.LimitSpring, Silent):
+        q, qd, status = advance(scene(LIGHT, spring("r2", -100.0, 0.0, 1000.0), tolerance=1e-6), *states)
+        ends.append(np.column_stack([q, qd, status.evaluations]))
+    np.testing.assert_array_equal(*ends)
+
+
+@physics
+def drag(rate, drag):
+    return -drag * rate * abs(rate)
+
+
+@physics
+def slope(rate, drag):
+    return 2.0 * drag * abs(rate)
+
+
+@dataclasses.dataclass(frozen=True)
+class Drag(e.Effect):
+    """A user's, quadratic in the rate of a joint."""
+
+    drag: float
+
+    def hooks(self, arm):
+        return (e.Force(0, drag, {"rate": "phid1", "drag": ".drag"}, damping=slope),)
+
+
+def test_a_damping_that_depends_on_a_rate_needs_steps_from_the_first_interval_on():
+    made = rde.Scene(LIGHT, (Drag(5.0),), tolerance=1e-3)
+    mobility = Dynamics(made).prepare(Dynamics(made).parameters)["most_mobility1"]
+    _, _, status = advance(made, np.zeros((2, 4)), [[0.01, 0.0, 0.0, 0.0], [4.0, 0.0, 0.0, 0.0]])
+    calm, fast = status.evaluations / 12
+    assert calm == 1
+    least = 2.0 * 5.0 * 4.0 * mobility * 0.02
+    assert fast == 2.0 ** math.ceil(math.log2(least)) > 2  # none was tried in vain
+
+
+# ---- beside others --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("lower", "upper"), [(0.02, 0.28), (0.0, 0.3), (-1e-12, 0.3 + 1e-12)])
+def test_springs_and_stops_of_one_slider_serve_together(lower, upper):
+    """The spring begins before the stop, at it, and behind it, where it never acts."""
+    effects = (e.LimitSpring("r1", lower, upper, 5e3), e.PrismaticStop((0.0, 0.0), (0.3, 0.3), 1.0))
+    made = scene(RPRP, *effects, tolerance=1e-9)
+    batch = rde.BatchSimulator(made, 64, track_work=True)
+    rng = np.random.default_rng(0)
+    q = np.column_stack([rng.uniform(-3, 3, 64), rng.uniform(0, 0.3, 64)] * 2)
+    qd = rng.normal(0.0, 3.0, (64, 4))
+    batch.set_state(q, qd)
+    for _ in range(25):
+        assert (batch.advance().numerics == 0).all()
+        assert (np.abs(batch.q[:, 1] - 0.15) <= 0.15).all()
+    change = energy_of(made, batch.q, batch.qd) - energy_of(made, q, qd)
+    assert np.abs(change - batch.work).max() <= 1e-6
+
+
+def test_lanes_with_limits_of_their_own_have_them():
+    near, far = springs(RPRP, 5e3)
+    q, qd, efforts = near_limits(RPRP, 16)
+    uppers = np.linspace(0.1, 0.4, 16)
+    batch = rde.BatchSimulator(scene(RPRP, near, far, tolerance=1e-9), 16)
+    batch.set_parameters({"limit_spring.r1.upper": uppers})
+    batch.set_state(q, qd)
+    batch.advance(efforts)
+    for k in (0, 6, 11, 15):
+        own = scene(RPRP, dataclasses.replace(near, upper=uppers[k]), far, tolerance=1e-9)
+        alone, _, _ = advance(own, q[k], qd[k], efforts[k : k + 1])
+        assert (alone[0] == batch.q[k]).all()
+
+
+@pytest.mark.parametrize("damping", [0.0, 35.0])
+@pytest.mark.parametrize("how", [{"tolerance": 1e-6}, {"integrator": "dop853"}], ids=str)
+def test_fast_lanes_near_springs_do_not_know_of_calm_ones_beside_them(how, damping):
+    """Found by fuzzing: a step for a slow lane, too long for fast ones beside it, reported a kink for
+    these."""
+    own = [e.LimitSpring(f"joint{k}", -0.2, 0.7, 1730.7, damping) for k in (1, 2)]
+    made = rde.Scene(FOUR_R, own, control_dt=0.005, **how)
+    rng, count = np.random.default_rng(8), 128
+    states = rng.uniform(-1.5, 1.5, (count, 4)), rng.normal(0.0, 200.0, (count, 4))
+    given = np.stack([*states, rng.uniform(-20.0, 20.0, (count, 4))])
+    places = rng.permutation(2 * count)[:count]
+    mixed = np.zeros((3, 2 * count, 4))
+    mixed[:, places] = given
+    fast, beside = advance(made, *given), advance(made, *mixed)
+    for one, other in zip(
+        (*fast[:2], fast[2].evaluations), (*beside[:2], beside[2].evaluations), strict=True
+    ):
+        np.testing.assert_array_equal(one, other[places])
+
+
+def test_laws_overlap_by_a_margin_so_that_rounding_changes_none():
+    lower, upper = -0.2, 3.0
+    assert limits_of_law(0.0, lower, upper) == (lower - MARGIN, upper + 3.0 * MARGIN)
+    assert limits_of_law(1.0, lower, upper) == (upper - 3.0 * MARGIN, math.inf)
+    assert limits_of_law(-1.0, lower, upper) == (-math.inf, lower + MARGIN)
+    assert [law_behind(0.0, s) for s in (1.0, -1.0)] == [1.0, -1.0]
+    assert law_behind(1.0, -1.0) == law_behind(-1.0, 1.0) == 0.0

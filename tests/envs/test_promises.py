@@ -1,0 +1,275 @@
+"""What every kind of environment promises: copies, seeds, resets and states go on to the same bits."""
+
+import copy
+import multiprocessing
+
+import cloudpickle
+import gymnasium as gym
+import numpy as np
+import pytest
+from catalogue import COPIES
+from faces import COUNT, FOUR_R, ID, KINDS, MODES, STEPS, actions, begin, flat, made, motion, plain, running
+from gymnasium.error import ResetNeeded
+from gymnasium.vector import AutoresetMode
+from gymnasium.wrappers import FlattenObservation, TransformReward
+from stable_baselines3.common.callbacks import EvalCallback
+from stable_baselines3.common.vec_env import VecNormalize
+
+from redundant_envs.envs.face import observation_of
+
+# ---- copies --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("steps", [0, 2, STEPS], ids=["after reset", "within an episode", "after its end"])
+def test_a_copy_continues_to_the_same_bits(kind, env_id, way, steps):
+    env = made(kind, env_id, COUNT, max_episode_steps=STEPS)
+    begin(env, {"parameters": {"masses": (1.0, 0.5, 0.4, 0.3)}}, seed=5)
+    for k, action in enumerate(actions(env, steps)):
+        if kind in MODES and k == 1:  # some end earlier than others
+            env.reset(options={"reset_mask": np.arange(COUNT) % 2 == 0, "parameters": {"masses": 0.4}})
+        result = env.step(action)
+    twin = way(env)
+    if kind == "single" and steps == STEPS:
+        assert result[3]
+        assert flat(twin.reset()) == flat(env.reset())
+    expected = motion(env)
+    assert motion(twin) == expected
+    assert len({row[0] for row in expected}) > STEPS
+    assert twin.spec == env.spec
+
+
+def test_a_copy_has_a_memory_and_generators_of_its_own(face, way):
+    env = running(face)
+    state = env.get_state()
+    for twin in (way(env), copy.copy(env)):
+        assert twin.core.memory is not env.core.memory
+        begin(twin, {"parameters": {"masses": 1.0, "prismatic_stop.upper": 0.1}}, seed=7)
+        twin.step(actions(twin, 1)[0])
+        assert plain(env.get_state()) == plain(state)
+        twin.set_state(state)
+        if face == "single":
+            assert twin.core.generators[0] is twin.np_random is not env.np_random
+            assert twin.np_random_seed == 7
+    assert motion(twin) == motion(env)
+    assert (begin(twin, seed=8) == begin(env, seed=8)).all()
+    assert copy.copy(env.core).memory is not env.core.memory
+
+
+def test_a_copy_before_the_first_reset(face, way):
+    env = made(face)
+    twin = way(env)
+    with pytest.raises(ResetNeeded, match="before reset"):
+        twin.step(actions(env, 1)[0])
+    np.testing.assert_array_equal(begin(twin, seed=1), begin(env, seed=1))
+
+
+def test_a_copy_between_the_two_halves_of_an_sb3_step_and_with_seeds_waiting(way):
+    env = made("sb3")
+    env.seed(1)
+    env.set_options([{"goal": (0.1, 0.2)}, {}, {}])
+    twin = way(env)
+    np.testing.assert_array_equal(twin.reset(), env.reset())
+    env.step_async(np.full((3, 4), 0.5, np.float32))
+    twin = way(env)
+    assert flat([*twin.step_wait()]) == flat([*env.step_wait()])
+
+
+def test_a_copy_draws_pictures_of_its_own(face, way):
+    env = running(face, render_mode="rgb_array")
+
+    def draw(env):
+        return env.get_images()[0] if face == "sb3" else np.array(env.render())
+
+    before = draw(env)
+    twin = way(env)
+    twin.step(actions(twin, 1)[0])
+    assert (draw(twin) != before).any()
+    np.testing.assert_array_equal(draw(env), before)
+
+
+@pytest.mark.parametrize("way", [copy.deepcopy, COPIES["cloudpickle"]])
+def test_copies_of_wrapped_environments(way):
+    """Wrappers that hold lambdas have no pickle, whatever they wrap; VecMonitor has no copy."""
+    goal = made("single", "redundant_envs/RPRPGoalReach-v0", max_episode_steps=STEPS)
+    env = TransformReward(FlattenObservation(goal), lambda r: 2.0 * r)
+    sync = gym.vector.SyncVectorEnv([lambda: made("single", FOUR_R, max_episode_steps=STEPS)] * 2)
+    for one in (env, sync):
+        one.reset(seed=1)
+        assert motion(way(one)) == motion(one)
+
+
+def test_copies_within_what_stable_baselines3_copies():
+    """VecNormalize leaves its environment out of pickles."""
+    env = VecNormalize(made("sb3", FOUR_R, max_episode_steps=STEPS))
+    env.seed(0)
+    env.reset()
+    twin = copy.deepcopy(env)
+    twin.set_venv(copy.deepcopy(env.venv))
+    assert motion(twin) == motion(env)
+    callback = EvalCallback(made("sb3", FOUR_R, 2), verbose=0)
+    twin = copy.deepcopy(callback).eval_env
+    assert flat(twin.reset()) != flat(callback.eval_env.reset())  # each draws seeds of its own
+
+
+def child(connection, data):
+    env = cloudpickle.loads(data)
+    rows = motion(env)
+    try:
+        env.reset(seed=1, options={"goal": (9.0, 9.0)})
+    except ValueError as error:
+        connection.send((rows, error))
+
+
+@pytest.mark.parametrize("mode", [MODES[0], *(pytest.param(m, marks=pytest.mark.long) for m in MODES[1:])])
+def test_a_copy_in_a_spawned_process_continues_to_the_same_bits(mode):
+    env = running(mode, count=COUNT, max_episode_steps=STEPS)
+    context = multiprocessing.get_context("spawn")
+    receiver, sender = context.Pipe(duplex=False)
+    process = context.Process(target=child, args=(sender, cloudpickle.dumps(env)))
+    process.start()
+    sender.close()
+    assert receiver.poll(120)
+    rows, error = receiver.recv()
+    process.join(60)
+    assert rows == motion(env)
+    assert "options['goal']" in str(error)
+
+
+def test_environments_in_spawned_workers_equal_those_here():
+    def make():
+        import redundant_envs  # noqa: F401  # a worker knows the ids only then
+
+        return gym.make("redundant_envs/FourRReach-v0", max_episode_steps=6)
+
+    worker = gym.vector.AsyncVectorEnv([make] * 2, context="spawn")
+    here = gym.vector.SyncVectorEnv([make] * 2)
+    try:
+        assert flat(worker.reset(seed=2)) == flat(here.reset(seed=2))
+        assert motion(worker, actions(worker, STEPS + 2)) == motion(here, actions(here, STEPS + 2))
+    finally:
+        worker.close()
+
+
+# ---- the same bits in every kind -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mode", MODES[:2])
+def test_a_vector_equals_gymnasiums_bitwise_with_infos_and_partial_resets(env_id, mode):
+    native = made(mode, env_id, max_episode_steps=7)
+    sync = gym.vector.SyncVectorEnv(
+        [lambda: gym.make(env_id, max_episode_steps=7)] * 3, autoreset_mode=AutoresetMode[mode.upper()]
+    )
+    assert flat(native.reset(seed=3)) == flat(sync.reset(seed=3))
+    rng, partial = np.random.default_rng(0), False
+    for action in actions(native, 60):
+        a, b = native.step(action), sync.step(action)
+        assert flat(a[:4]) == flat(b[:4])
+        if not partial and mode == "next_step":  # after partial resets Gymnasium's infos lack what was kept
+            assert set(a[4]) == set(b[4])
+            assert flat(a[4]) == flat(b[4])
+        mask = rng.uniform(size=3) < 0.1
+        partial |= mask.any()
+        if mask.any():
+            a, b = (env.reset(options={"reset_mask": mask.copy()})[0] for env in (native, sync))
+            for lane in np.flatnonzero(mask):  # Gymnasium keeps its last row of others
+                one, other = (x if isinstance(x, dict) else {"": x} for x in (a, b))
+                assert all((one[k][lane] == other[k][lane]).all() for k in one)
+    assert partial
+
+
+def test_autoreset_modes_follow_the_same_episodes(env_id):
+    envs = [made(mode, env_id, max_episode_steps=20) for mode in MODES]
+    table = actions(envs[0], 20)
+    for env in envs:
+        env.reset(seed=7)
+    for action in table:
+        ends = [env.step(action) for env in envs]
+        shown = [flat(end[0]) for end in ends]
+        assert [flat(end[1:4]) for end in ends[1:]] == [flat(ends[0][1:4])] * 2
+        if not ends[0][3].any():
+            assert shown[0] == shown[1] == shown[2]
+    assert all(end[3].all() for end in ends)
+    assert flat(ends[1][4]["final_obs"][1]) == flat(observation_of(ends[0][0], 1))
+    assert flat(envs[0].step(table[0])[0]) == shown[1]
+    assert flat(envs[2].reset(options={"reset_mask": np.ones(3, bool)})[0]) == shown[1]
+
+
+def test_sb3_equals_a_vector_in_the_same_step(plain_id):
+    native, sb3 = (made(kind, plain_id, 4, max_episode_steps=50) for kind in ("same_step", "sb3"))
+    np.testing.assert_array_equal(begin(native, seed=11), begin(sb3, seed=11))
+    for action in np.clip(actions(native, 110), -1, 1):
+        obs, reward, _, truncated, infos = native.step(action)
+        obs3, reward3, dones, infos3 = sb3.step(action)
+        np.testing.assert_array_equal(obs, obs3)
+        np.testing.assert_array_equal(reward.astype(np.float32), reward3)
+        np.testing.assert_array_equal(truncated, dones)
+        for n in np.flatnonzero(dones):
+            np.testing.assert_array_equal(infos["final_obs"][n], infos3[n]["terminal_observation"])
+            assert infos3[n]["TimeLimit.truncated"] is True
+            assert infos3[n]["is_success"] == infos["final_info"]["is_success"][n]
+
+
+def test_final_info_of_lanes_that_did_not_end_is_zero(env_id):
+    env = made("same_step", env_id, 16, max_episode_steps=6)
+    env.reset(seed=0)
+    for k, action in enumerate(actions(env, 6)):
+        if k == 3:
+            env.reset(options={"reset_mask": np.arange(16) % 2 == 0})
+        *_, infos = env.step(action)
+    assert infos["_final_info"].sum() == 8
+    assert (infos["final_info"]["distance"][::2] == 0.0).all()
+    assert (infos["final_info"]["distance"][1::2] > 0.0).all()
+
+
+def test_masks_of_infos_are_their_own():
+    env = running("next_step")
+    *_, infos = env.step(actions(env, 1)[0])
+    masks = [name for name in infos if name.startswith("_")]
+    infos[masks[0]][:] = False
+    assert all(infos[name].all() for name in masks[1:])
+    assert env.step(actions(env, 1)[0])[4][masks[0]].all()
+
+
+# ---- seeds, options, states ----------------------------------------------------------------------------
+
+
+def test_equal_seed_and_options_give_equal_episodes(face, env_id):
+    env, fresh = made(face, env_id), made(face, env_id)
+    options = {"parameters": {"masses": (1, 2, 3, 4), "gravity.g": 1.6}}
+    table = actions(env, 5)
+
+    def episode(env, options=None):
+        return [flat(begin(env, options, 0)), *(flat(env.step(action)[0]) for action in table)]
+
+    first, given = episode(fresh), episode(env, options)
+    assert given != first
+    assert flat(begin(env)) != given[0]  # without a seed the generators go on
+    assert episode(env, options) == given
+    assert episode(env) == given  # parameters stay ...
+    assert episode(env, {"parameters": {}}) == first  # ... until given again
+
+
+def test_a_state_continues_to_the_same_bits_through_resets(face, env_id):
+    env = running(face, env_id)
+    state = env.get_state()
+    first = motion(env)
+    env.set_state(state)
+    assert motion(env) == first
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_whole_numbers_of_any_kind_are_seeds(kind):
+    env = made(kind)
+    expected = begin(env, seed=5)
+    lists = ([5, 6, 7], (5, np.int32(6), 7), np.array([5, 6, 7]), range(5, 8)) if kind in MODES else ()
+    for seed in (np.int64(5), np.uint8(5), *lists):
+        np.testing.assert_array_equal(begin(env, seed=seed), expected)
+    if kind == "sb3":
+        assert len(env.seed()) == 3
+        env.reset()
+
+
+def test_an_environment_of_stable_baselines3_may_begin_with_a_state():
+    env, fresh = running("sb3", ID), made("sb3", ID)
+    fresh.set_state(env.get_state())
+    assert motion(fresh) == motion(env)

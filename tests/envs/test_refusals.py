@@ -1,0 +1,514 @@
+"""What users may not give: refused by one short message, in every kind of environment; nothing changes."""
+
+import copy
+import re
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from faces import (
+    FACES,
+    FOUR_R,
+    ID,
+    KINDS,
+    MODES,
+    actions,
+    begin,
+    flat,
+    made,
+    motion,
+    parts,
+    plain,
+    refused,
+    running,
+)
+from gymnasium.error import ResetNeeded
+
+import redundant_envs as rde
+from redundant_envs.lane.memory import PARAMETER
+
+GOAL_ID = "redundant_envs/RPRPGoalReach-v0"
+SCENE = rde.load_scene("rprp_reach").to_dict()
+NAN, HUGE = float("nan"), 10**400
+
+
+def changed(**changes):
+    return {"scene": {**SCENE, **changes}}
+
+
+def with_effect(kind, **numbers):
+    return changed(effects=[{**x, **numbers} if x["type"] == kind else x for x in SCENE["effects"]])
+
+
+def free_sliders():
+    return changed(effects=[x for x in SCENE["effects"] if x["type"] != "PrismaticStop"])
+
+
+# ---- arguments of make ---------------------------------------------------------------------------------
+
+BARE = {k: v for k, v in SCENE.items() if k not in ("integrator", "substeps", "tolerance")}
+ARGUMENTS = {
+    "scene is 'nowhere'; .*rprp_reach": {"scene": "nowhere"},
+    "scene is .*int": {"scene": 5},
+    r"robot.type is 'Delta'.*RPRP": {"scene": {"robot": {"type": "Delta"}}},
+    "'robt'.*robot": {"scene": {"robt": {}}},
+    "no EffortLimits": {"scene": {"robot": SCENE["robot"]}},
+    "'r1'; add a PrismaticStop": free_sliders(),
+    r"effects\[0\].type is 'Gravitas'; valid: .*Gravity": changed(effects=[{"type": "Gravitas"}]),
+    "unknown key 'gee'; valid: g, down": changed(effects=[{"type": "Gravity", "gee": 1}]),
+    "render_mode is 'ansi'": {"render_mode": "ansi"},
+    "on_bad_action is 'ignore'.*terminate": {"on_bad_action": "ignore"},
+    "'goal_tolerence'.*goal_tolerance": {"task": {"goal_tolerence": 1}},
+    "ReachTask.goal_tolerance is -1.0; it must be positive": {"task": {"goal_tolerance": -1}},
+    "accuracy is 'fine'.*standard.*exact.*metres": {"accuracy": "fine"},
+    "tolerance is 0.0.*1e-13": {"accuracy": 0.0},
+    "accuracy is True": {"accuracy": True},
+    "accuracy is 'exact'.*integrator.*one or the other": {
+        "accuracy": "exact", "scene": {**BARE, "integrator": "rk4"},
+    },
+    "accuracy .*tolerance": {"accuracy": "exact", "scene": {**BARE, "tolerance": 1e-6}},
+}  # fmt: skip
+ONLY = {
+    "scene is a Scene.*to_dict": ({"scene": rde.load_scene("rprp_reach")}, ("single", "next_step")),
+    "num_envs is 0": ({"count": 0}, ("next_step", "sb3")),
+    "num_envs is 2.0": ({"count": 2.0}, ("next_step", "sb3")),
+    "autoreset_mode is 'sometimes'": ({}, ("sometimes",)),
+    "make_sb3 has no argument 'efects'; valid: scene": ({"efects": 1}, ("sb3",)),
+    "monitor is 'yes'; give True or False": ({"monitor": "yes"}, ("sb3",)),
+    "env_id is 'Nope-v0'; valid: redundant_envs/": ({"env_id": "Nope-v0"}, ("sb3",)),
+}
+CASES = [*((w, k, FACES) for w, k in ARGUMENTS.items()), *((w, *rest) for w, rest in ONLY.items())]
+
+
+@pytest.mark.filterwarnings("ignore:.*render_mode")  # Gymnasium warns before our error
+@pytest.mark.parametrize(("words", "kwargs", "kinds"), CASES, ids=[words for words, *_ in CASES])
+def test_arguments_of_make(words, kwargs, kinds):
+    for kind in kinds:
+        with pytest.raises(ValueError, match=words) as error:
+            made(kind, **kwargs)
+        assert "\n" not in str(error.value)
+
+
+def test_an_unknown_keyword():
+    with pytest.raises(TypeError, match="efect"):
+        gym.make(ID, efects=1)
+
+
+LIMITS = [float("inf"), NAN, [1], (3,), "100", 1.5, 2.5, 0, -2, True, HUGE, {}, np.array([3]), 1j]
+
+
+@pytest.mark.parametrize("kind", ["next_step", "sb3"])
+@pytest.mark.parametrize("limit", LIMITS, ids=lambda limit: type(limit).__name__)
+def test_a_limit_of_steps_is_a_whole_number(kind, limit):
+    with pytest.raises(ValueError, match=r"^max_episode_steps is .*; give a whole number") as error:
+        made(kind, max_episode_steps=limit)
+    assert len(str(error.value)) < 300
+
+
+@pytest.mark.parametrize("limit", [None, -1, 1, 5.0, np.int64(7), 2**53])
+def test_a_limit_of_steps_may_be_any_whole_number_or_none(limit):
+    made("sb3", max_episode_steps=limit).reset()
+
+
+@pytest.mark.parametrize("as_data", [False, True])
+@pytest.mark.parametrize("task", ["Reach", "GoalReach"])
+@pytest.mark.parametrize(("arm", "other"), [("RPRP", "FourR"), ("FourR", "RPRP")])
+def test_an_id_refuses_a_scene_of_another_arm(arm, other, task, as_data):
+    name = "four_r_reach" if other == "FourR" else "rprp_reach"
+    env_id, fitting = (f"redundant_envs/{kind}{task}-v0" for kind in (arm, other))
+    scene = rde.load_scene(name).to_dict() if as_data else name
+    makes = [lambda kind=kind: made(kind, env_id, scene=scene) for kind in FACES]
+    makes.append(lambda: gym.make_vec(env_id, num_envs=2, scene=scene, vectorization_mode="sync"))
+    makes.append(lambda: rde.make_sb3(f"{arm}{task}-v0", 2, scene=scene))
+    for make in makes:
+        with pytest.raises(ValueError, match=f"scene has the arm {other}; {env_id} .* {fitting} ") as error:
+            make()
+        assert "\n" not in str(error.value)
+
+
+# ---- options, seeds and actions ------------------------------------------------------------------------
+
+
+def number(**parameters):
+    return {"parameters": {name.replace("__", "."): value for name, value in parameters.items()}}
+
+
+ROUGH = (1, 1, 1, 1e-13)
+OPTIONS = [
+    (5, "options is 5; give a mapping"), ("q", "options is 'q'"),
+    ({5: 1}, "options has the unknown key 5"), ({"pose": 1}, "'pose'; valid: q, qd, goal"),
+    ({"q": object()}, r"options\['q'\] is <object"),
+    ({"q": "abc"}, r"options\['q'\] is 'abc'; give real numbers"),
+    ({"q": [[1], [1, 2]]}, r"options\['q'\] is"), ({"q": (0, 0.1, 0)}, r"q.*\(3,\).*\(4,\)"),
+    ({"q": (0, NAN, 0, 0)}, "q.* non-finite"), ({"q": (1e30, 0.1, 0, 0.1)}, r"'q'.* 1e\+30.* 1e\+06"),
+    ({"q": (0, 0.3, 0, 0)}, r"options\['q'\]: r1 is 0.3 m; its stops are at 0 and 0.25 m"),
+    ({"q": (0, 0.1, 0, -1e-9)}, r"options\['q'\]: r2 is -1e-09 m"),
+    ({"q": (0, 0.24, 0, 0), "parameters": {"prismatic_stop.upper": (0.05, 0.2)}}, "r1 is 0.24 m.* 0.05 m"),
+    ({"qd": {}}, r"options\['qd'\] is \{\}"), ({"qd": (0, NAN, 0, 0)}, "qd.* non-finite"),
+    ({"qd": (0, 1e200, 0, 0)}, r"'qd'.* 1e\+200.* 1e\+100"),
+    ({"goal": 1j}, r"options\['goal'\] is 1j; give real numbers"),
+    ({"goal": np.array([1j, 0])}, r"options\['goal'\] is"), ({"goal": [HUGE, 0]}, r"options\['goal'\] is"),
+    ({"goal": (3.0, 0.0)}, "goal.* 3 m from the base; the arm reaches 1 m"),
+    ({"parameters": {"masses": (1, 1, 1, 1)}, "goal": (9.0, 9.0)}, "goal"),
+    ({"parameters": 5}, "parameters is 5; give a mapping"),
+    ({"parameters": {5: 1}}, "parameter is 5; this scene has masses"),
+    (number(mass=1), "'mass'.*masses"), (number(m1=-5.0), "'m1'.*masses"),
+    (number(gravity__h=1), "'gravity.h'.*gravity.g"),
+    (number(masses={}), r"masses is \{\}; give real numbers"),
+    (number(masses=None), "masses is None; give real numbers"),
+    (number(masses=(1, 1, 0, 1)), "masses has the entry 0.0; it must be positive"),
+    (number(masses=(1, 1)), r"masses.*\(2,\)"), (number(masses=ROUGH), "masses spans a ratio"),
+    (number(masses=1e-31), "masses.* 1e-31.* 1e-30"),
+    (number(effort_limits__limits=(1, 1, -1, 1)), r"EffortLimits.limits\[2\] is -1"),
+    (number(prismatic_stop__upper=(-3, 1)), "PrismaticStop.*upper.* -3"),
+    (number(prismatic_stop__restitution=2), "restitution.* 0 to 1"),
+    (number(gravity__down=(1, 1)), "Gravity.down.*length"),
+    (number(goal_tolerance=-0.1), "ReachTask.goal_tolerance is -0.1; it must be positive"),
+    (number(hold_steps=2.5), "ReachTask.hold_steps is 2.5; give a whole number"),
+    (number(inner=0.96), "inner must be below outer"),
+    (number(speed_bound=np.inf), "speed_bound has non-finite entries"),
+    (number(hold_speed="fast"), "hold_speed is 'fast'; give real numbers"),
+    (number(goal_tolerence=1), "'goal_tolerence'; .*masses, lengths, .*goal_tolerance, .*hold_steps"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("options", "words"), OPTIONS, ids=[words for _, words in OPTIONS])
+def test_options_of_a_reset(face, options, words):
+    env = running(face)
+    refused(env, lambda env: begin(env, options, seed=8), words)
+    if face == "next_step" and isinstance(options, dict):
+        masked = {**options, "reset_mask": np.array([True, False, True])}
+        refused(env, lambda env: env.reset(seed=[5, 6, 7], options=masked), words)
+
+
+def test_goal_environments_keep_what_their_reward_depends_on(face):
+    env = running(face, GOAL_ID)
+    for name, value, words in (
+        ("lengths", (0.4, 0.4), "lengths and travel"), ("prismatic_stop.upper", 0.2, "lengths and travel"),
+        ("goal_tolerance", 0.1, "goal_tolerance.*make one with task="),
+    ):  # fmt: skip
+        options = {"parameters": {name: value}}
+        refused(env, lambda env, options=options: begin(env, options), f"goal environments keep {words}")
+
+
+def test_options_that_some_kinds_have_not():
+    for kind, options, words in (
+        ("single", {"reset_mask": [True]}, "reset_mask.* belongs to vector"),
+        ("next_step", {"reset_mask": np.zeros(3, bool)}, "give .3,. bool with at least one True"),
+        ("next_step", {"reset_mask": [1, 0, 1]}, "reset_mask.* dtype int64"),
+        ("next_step", number(hold_steps=[3, 0, 5]), "ReachTask.hold_steps is 0.0; it must be positive"),
+        ("sb3", {"reset_mask": 5}, "unknown key 'reset_mask'"),
+        ("sb3", [{}, {}], "options has 2 entries; give one per environment, 3"),
+        ("sb3", [{}, {"parameters": {"masses": 1.0}}, {"goal": (9, 9)}], "goal"),
+        ("sb3", number(masses=np.ones((2, 4))), r"masses has shape \(2, 4\); give \(4,\) or \(3, 4\)"),
+    ):
+        refused(running(kind), lambda env, options=options: begin(env, options), words)
+
+
+def test_refused_options_of_stable_baselines3_are_forgotten_and_seeds_wait_on():
+    env, twin = running("sb3"), running("sb3")
+    with pytest.raises(ValueError, match="goal"):
+        begin(env, {"goal": (9.0, 9.0)}, seed=8)
+    np.testing.assert_array_equal(env.reset(), begin(twin, seed=8))
+
+
+def test_a_refused_first_reset_leaves_no_seed():
+    env = made("single")
+    with pytest.raises(ValueError, match="goal"):
+        env.reset(seed=4, options={"goal": (9.0, 9.0)})
+    assert env._np_random is None
+    assert env.core.generators == [None]
+    with pytest.raises(ResetNeeded):
+        env.step(np.zeros(4, np.float32))
+    vector = made("next_step")
+    with pytest.raises(ValueError, match="leaves environments out of the first reset"):
+        vector.reset(options={"reset_mask": np.array([True, False, True])})
+
+
+@pytest.mark.parametrize("seed", [1.5, True, np.True_, -1, np.int64(-3), "7", np.float64(2.0), 1j, b"1"])
+def test_seeds(face, seed):
+    env = running(face)
+    refused(env, lambda env: begin(env, seed=seed), r"seed is .*whole number of at least 0")
+    if face == "sb3":
+        assert env._seeds == [None] * 3
+
+
+@pytest.mark.parametrize(
+    ("seeds", "words"),
+    [
+        ([1.7, 2, 3], r"seed\[0\] is 1.7"), ([1, True, 3], r"seed\[1\] is True"),
+        ([1, 2, -3], r"seed\[2\] is -3"), ([1, None, "3"], r"seed\[2\] is '3'"),
+        ((1, 2), "one per environment, 3"), ("123", "seed is '123'"),
+        (np.array([1.0, 2.0, 3.0]), r"seed\[0\] is"), (np.array([[1, 2, 3]]), "seed has 1 entries"),
+        (np.zeros((3, 1), int), r"seed\[0\] is"), ({1, 2, 3}, "seed is"), ({"a": 1}, "seed is"),
+    ],
+    ids=str,
+)  # fmt: skip
+def test_seeds_of_a_vector_by_their_place(seeds, words):
+    refused(running("next_step"), lambda env: env.reset(seed=seeds), words)
+
+
+def test_actions(face):
+    env = running(face, on_bad_action="raise")
+    shape = (4,) if face == "single" else (3, 4)
+    for action, words in (
+        (np.zeros(3), r"\(3,\)"), (np.zeros((2, 4)), r"\(2, 4\)"), (np.zeros((1, *shape)), "shape"),
+        (np.full(shape, NAN), "non-finite"), (np.full(shape, -np.inf), "non-finite"),
+        (np.full(shape, "a"), "dtype"), (None, "dtype"), (np.zeros(shape, bool), "dtype"),
+    ):  # fmt: skip
+        refused(env, lambda env, action=action: env.step(action), words)
+    one, other = running(face), running(face)
+    with pytest.raises(ValueError, match="shape"):
+        one.step(np.zeros(5))
+    assert motion(one) == motion(other)
+
+
+def test_actions_are_not_kept_for_the_second_half_of_a_step():
+    env = running("sb3", on_bad_action="raise")
+    twin = copy.deepcopy(env)
+    for one in (env, twin):
+        one.step_async(np.full((3, 4), 0.2, np.float32))
+    with pytest.raises(ValueError, match="non-finite"):
+        env.step_async(np.full((3, 4), NAN, np.float32))
+    assert flat(env.step_wait()) == flat(twin.step_wait())
+
+
+def test_the_action_of_a_lane_that_begins_anew_is_ignored():
+    env = running("next_step", on_bad_action="raise", max_episode_steps=3)
+    bad = np.full((3, 4), NAN, np.float32)
+    for action in actions(env, 2):
+        env.step(action)
+    env.step(bad)
+    refused(env, lambda env: env.step(bad), "non-finite")
+
+
+@pytest.mark.parametrize("size", [1.5, 1e300, np.longdouble("1e300")])
+def test_large_finite_actions_saturate(size):
+    rows = [running("single").step(np.full(4, x))[0] for x in (1.0, size)]
+    np.testing.assert_array_equal(*rows)
+
+
+@pytest.mark.parametrize(
+    ("achieved", "desired"),
+    [(np.zeros((5, 2)), np.zeros((4, 2))), (np.zeros((5, 3)), np.zeros((5, 3))), (np.zeros(3), np.zeros(2))],
+)
+def test_goals_of_compute_reward(achieved, desired):
+    env = made("single", "redundant_envs/FourRGoalReach-v0")
+    with pytest.raises(ValueError, match="goals have shapes"):
+        env.compute_reward(achieved, desired, {})
+    assert (env.compute_reward(np.zeros((50_000, 2)), np.zeros(2), {}) == 1.0).all()
+    with pytest.raises(ValueError, match="compute_reward belongs to the goal environments"):
+        made("sb3").compute_reward(np.zeros(2), np.zeros(2), {})
+
+
+# ---- the order of calls --------------------------------------------------------------------------------
+
+
+def test_a_step_needs_an_episode(kind):
+    """Neither an environment without a reset, nor the state of one, has an episode."""
+    env = made(kind, on_bad_action="terminate")
+    table = actions(env, 2)
+    for _ in range(2):
+        with pytest.raises(ResetNeeded, match="step was called before reset"):
+            env.step(table[0])
+        unbegun = env.get_state()
+        begin(env)
+        env.step(table[0])
+        env.set_state(unbegun)
+    begin(env, seed=0)
+    if kind == "single":
+        env.step(np.full(4, NAN))
+        with pytest.raises(ResetNeeded, match="after the end of the episode"):
+            env.step(table[0])
+
+
+def test_a_vector_that_begins_nothing_itself_wants_a_reset_of_ended_lanes():
+    env = running("disabled", max_episode_steps=3)
+    for action in actions(env, 2):
+        env.step(action)
+    refused(env, lambda env: env.step(np.zeros((3, 4))), r"environments \[0, 1, 2\] have ended.*reset_mask")
+    assert np.isfinite(env.reset(options={"reset_mask": np.ones(3, bool)})[0]).all()
+
+
+@pytest.mark.parametrize("kind", ["single", "next_step"])
+def test_pictures_need_a_reset_and_a_mode(kind):
+    env = made(kind, render_mode="rgb_array")
+    if kind == "single":
+        with pytest.raises(ResetNeeded, match="before reset"):
+            env.render()
+    begin(env)
+    assert np.ndim(env.render()) == 3 + (kind != "single")
+    if kind == "next_step":
+        with pytest.raises(ValueError, match="render needs render_mode"):
+            made(kind).render()
+
+
+# ---- states --------------------------------------------------------------------------------------------
+
+OTHERS = {
+    "tolerance is 1e-12 there and 1e-06 here": {"accuracy": "exact"},
+    "tolerance is 0.0001 there": {"accuracy": 1e-4},
+    "control_dt is 0.01 there and 0.02 here": changed(control_dt=0.01),
+    "masses": changed(robot={**SCENE["robot"], "masses": [1.0, 0.5, 0.3, 0.1]}),
+    "effects": with_effect("Gravity", g=1.6),
+    "restitution is 0.5 there": with_effect("PrismaticStop", restitution=0.5),
+    "tolerance is None there": changed(tolerance=None, substeps=2),
+    "task.goal_tolerance is 0.05 there and 0.02 here": {"task": {"goal_tolerance": 0.05}},
+    "task.speed_bound is 20": {"task": {"speed_bound": 20.0}},
+    "max_episode_steps is 50.0 there": {"max_episode_steps": 50},
+    "of another scene": {"env_id": FOUR_R},
+    "goal_conditioned|another scene": {"env_id": GOAL_ID},
+}
+
+
+@pytest.mark.parametrize(("words", "kwargs"), OTHERS.items(), ids=OTHERS)
+def test_states_of_another_scene(face, words, kwargs):
+    if face == "single" and "max_episode_steps" in kwargs:
+        return  # there the limit is a wrapper's
+    env, other = running(face), running(face, **kwargs)
+    refused(env, lambda env: env.set_state(other.get_state()), words)
+    refused(other, lambda other: other.set_state(env.get_state()), "another scene")
+
+
+def test_states_of_another_kind_or_number_of_environments():
+    envs = [running("single"), running("next_step", count=1), running("sb3", count=1)]
+    envs += [running(mode, count=3) for mode in MODES] + [running("next_step", count=9)]
+    for a in envs:
+        for b in envs:
+            if a is not b:
+                refused(a, lambda a, b=b: a.set_state(b.get_state()), "state")
+    assert "state lacks ended" in message(envs[1], envs[0])
+    assert re.search("1 environments.* 9", message(envs[-1], envs[1]))
+    assert "autoreset_mode 'same_step' and this one 'next_step'" in message(envs[3], envs[4])
+
+
+def message(env, other):
+    with pytest.raises(ValueError) as error:
+        env.set_state(other.get_state())
+    return str(error.value)
+
+
+def without(state, *keys):
+    return {k: v for k, v in state.items() if k not in keys}
+
+
+def tampered(env, name, value):
+    """A state of an environment in which the first lane has another number."""
+    state, memory = env.get_state(), env.core.memory
+    space, row = memory.layout.row_of(name)
+    key = "parameters" if space == str(PARAMETER) else "states"
+    numbers = state[key].copy()
+    block = numbers[: memory.arrays[space].size].reshape(memory.arrays[space].shape)
+    block[0, row, 0] = value
+    return {**state, key: numbers}
+
+
+CHANGES = {
+    r"a float": lambda s: 0.5,
+    r"a NoneType": lambda s: None,
+    r"unknown keys more": lambda s: {**s, "more": 1},
+    r"\['simulator'\] is": lambda s: {**s, "simulator": "0123"},
+    r"of a version before": lambda s: {**without(s, "states", "parameters"), "numbers": s["states"]},
+    r"\['states'\] is 0.5": lambda s: {**s, "states": 0.5},
+    r"\['states'\] has shape \(5,\)": lambda s: {**s, "states": s["states"][:5]},
+    r"\['states'\] has shape .* float32": lambda s: {**s, "states": s["states"].astype(np.float32)},
+    r"\['states'\] has a .* not finite": lambda s: {**s, "states": s["states"] + np.nan},
+    r"\['parameters'\] is 0.5": lambda s: {**s, "parameters": 0.5},
+    r"\['parameters'\] is an array of shape \(5,\)": lambda s: {**s, "parameters": s["parameters"][:5]},
+    r"\['parameters'\] has a .* not finite": lambda s: {**s, "parameters": s["parameters"] + np.nan},
+    r"belongs to the scene": lambda s: {**s, "parameters": 2.0 * s["parameters"]},
+    r"\['keys'\] has shape \(4,\)": lambda s: {**s, "keys": s["keys"][0]},
+    r"\['keys'\] is 7": lambda s: {**s, "keys": 7},
+    r"\['keys'\] .*int64": lambda s: {**s, "keys": s["keys"].astype(np.int64)},
+    r"\['mask'\] is False": lambda s: {**s, "mask": False},
+    r"\['mask'\] has shape": lambda s: {**s, "mask": np.zeros(9, np.uint32)},
+    r"\['waiting'\] .*float64": lambda s: {**s, "waiting": s["waiting"].astype(float)},
+    r"\['generators'\] must": lambda s: {**s, "generators": []},
+    r"\['generators'\] has 5": lambda s: {**s, "generators": [5] * len(s["generators"])},
+    r"\['generators'\] must be": lambda s: {**s, "generators": None},
+}
+IMPOSSIBLE = {
+    "r1": (0.3, "r1 is 0.3 m; its stops are at"),
+    "r2": (-1e-9, "r2 is -1e-09 m; its stops are at"),
+    "m1": (-1.0, "masses has the entry -1.0; it must be positive"),
+    "l1": (0.0, "lengths has the entry 0.0; it must be positive"),
+    "viscous_friction.coefficients[0]": (-0.1, "must not be negative"),
+    "steps": (np.nan, "has a steps that is not finite"),
+    "theta1": (np.inf, "has a theta1 that is not finite"),
+    "hold_steps": (-1.0, "ReachTask.hold_steps is -1.0; it must be positive"),
+    "goal_tolerance": (np.nan, "goal_tolerance that is not finite"),
+}
+
+
+@pytest.mark.parametrize(("words", "change"), CHANGES.items(), ids=CHANGES)
+def test_what_is_no_state(face, words, change):
+    refused(running(face), lambda env: env.set_state(change(env.get_state())), f"state.*{words}")
+
+
+@pytest.mark.parametrize("name", IMPOSSIBLE)
+def test_states_with_numbers_that_no_motion_has(face, name):
+    value, words = IMPOSSIBLE[name]
+    refused(running(face), lambda env: env.set_state(tampered(env, name, value)), words)
+
+
+def test_every_part_of_a_state_is_needed(kind):
+    env = running(kind)
+    for key in env.get_state():
+        refused(env, lambda env, key=key: env.set_state(without(env.get_state(), key)), f"lacks {key}")
+
+
+@pytest.mark.parametrize("ended", [True, np.zeros(2, bool), np.zeros((3, 1), bool), np.zeros(3), [False] * 3])
+def test_ended_of_a_vector(ended):
+    env = running("next_step")
+    refused(env, lambda env: env.set_state({**env.get_state(), "ended": ended}), r"state\['ended'\]")
+
+
+def test_an_ended_episode_does_not_go_on_where_episodes_begin_anew():
+    ended = made("single", on_bad_action="terminate", max_episode_steps=-1).unwrapped
+    ended.reset(seed=0)
+    assert ended.step(np.full(4, NAN))[2]
+    other = running("sb3", count=1, max_episode_steps=-1)
+    refused(other, lambda other: other.set_state(ended.get_state()), r"episodes have ended, \[0\]")
+
+
+def test_parameters_of_lanes_are_part_of_a_state():
+    for kind in KINDS:
+        env, twin = running(kind), running(kind)
+        begin(env, {"parameters": {"masses": (1.0, 0.5, 0.4, 0.3), "prismatic_stop.upper": 0.2}})
+        twin.set_state(env.get_state())
+        assert plain(twin.get_state()) == plain(env.get_state())
+        assert twin.core.memory.read(("m2",))[0, 0] == 0.5
+        assert parts(twin)["parameters"] != parts(running(kind))["parameters"]
+
+
+# ---- simulators ----------------------------------------------------------------------------------------
+
+
+def test_numbers_of_simulators():
+    scene = rde.load_scene("four_r_free")
+    batch = rde.BatchSimulator(scene, 2)
+    for duration in ("a", None, [1], 1j, 0, -1.0, np.inf, NAN, HUGE):
+        with pytest.raises(ValueError, match=r"^duration is .* finite and positive"):
+            batch.advance_partly(None, duration)
+    for efforts in ("a", 1j, {}, [[1], [1, 2]], np.array([1j] * 4), [HUGE] * 4):
+        with pytest.raises(ValueError, match=r"^efforts is .*; give real numbers"):
+            batch.advance(efforts)
+    for name, value in (("q", (0, NAN, 0, 0)), ("efforts", (np.inf, 0, 0, 0))):
+        with pytest.raises(ValueError, match=f"{name}.* has non-finite"):
+            rde.simulate(scene, **{"q": (0,) * 4, "qd": (0,) * 4, "times": [1.0], name: value})
+    with pytest.raises(ValueError, match="parameter is 'hold_steps'"):
+        batch.set_parameters({"hold_steps": 3})
+
+
+@pytest.mark.parametrize("kind", [float, np.float32, np.float64, np.longdouble])
+@pytest.mark.filterwarnings("error")
+def test_a_duration_may_be_a_number_of_any_kind(kind):
+    batch = rde.BatchSimulator(rde.load_scene("four_r_free"), 2)
+    assert not batch.advance_partly(None, kind(0.25)).numerics.any()
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, NAN, np.inf])
+def test_masses_and_lengths_of_a_scene(value):
+    for name, numbers, place in (("masses", [1, value, 1, 1], 1), ("lengths", [value, 1], 0)):
+        with pytest.raises(ValueError, match=rf"{name}\[{place}\] is"):
+            rde.Scene.from_dict({**SCENE, "robot": {**SCENE["robot"], name: numbers}})

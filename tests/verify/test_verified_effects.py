@@ -1,0 +1,365 @@
+"""verify: potentials, declarations and laws of effects against their forces; a wrong one fails by name."""
+
+import dataclasses
+import re
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import pytest
+
+import redundant_envs as rde
+from redundant_envs.__main__ import main
+from redundant_envs.algebra import maximum, minimum, physics, where
+from redundant_envs.effects import REGISTRY, centring_spring, limit_spring
+from redundant_envs.effects.hooks import Actuation, Effect, Force, Point, State
+from redundant_envs.scene import LONGEST_INTERVAL, SHORTEST_INTERVAL, scene_names
+from redundant_envs.studies.kinked_effects import SmoothFriction
+from redundant_envs.verify import Mode, conservation, evaluators, hints, impacts, rest, symmetries, verify
+from redundant_envs.verify.accuracy import flagged, order
+from redundant_envs.verify.checks import Verdict, checks_of
+from redundant_envs.verify.conservation import energy_book
+from redundant_envs.verify.forces import forces_at_switches, potentials
+
+e = rde.effects
+FOUR_R = rde.FourR((2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35))
+RPRP = rde.RPRP((2.3, 0.7, 1.9, 0.4), (1.1, 0.6))
+STATES = 64
+ENERGIES, DECLARED = (potentials, energy_book), checks_of(hints, rest)
+
+
+def misses(scene, checks=DECLARED, states=STATES):
+    return {miss.partition(": ")[0] for miss in verify(scene, states, checks=checks).misses}
+
+
+def effect_with(hooks):
+    """An effect with these hooks, and a number k."""
+
+    @dataclass(frozen=True)
+    class Own(Effect):
+        k: float = 8.0
+
+        def hooks(self, arm):
+            return hooks
+
+    return Own
+
+
+def times(factor):
+    """A function that declares a share of k."""
+    return physics(lambda k: factor * k)
+
+
+law = SimpleNamespace(
+    spring=physics(lambda x, k: -k * x),
+    energy=physics(lambda x, k: 0.5 * k * x**2),
+    wrong_sign=physics(lambda x, k: -0.5 * k * x**2),
+    wrong_factor=physics(lambda x, k: k * x**2),
+    slightly_wrong=physics(lambda x, k: 0.50001 * k * x**2),
+    clamped=physics(lambda x, k: 0.5 * k * minimum(x * x, 16.0)),
+    coupled=physics(lambda x, y, k: -k * (x - y)),
+    coupled_energy=physics(lambda x, y, k: 0.5 * k * (x - y) ** 2),
+    damped=physics(lambda x, rate, k: -k * (x + 0.1 * rate)),
+    one_sided=physics(lambda x, k: -k * maximum(x, 0.0)),
+    one_sided_energy=physics(lambda x, k: 0.5 * k * maximum(x, 0.0) ** 2),
+    brake=physics(lambda rate, k: -k * rate),
+    push=physics(lambda rate, k: k * rate),
+    in_wind=physics(lambda rate, k: -k * (rate - 3.0) * abs(rate - 3.0)),
+    steepness_in_wind=physics(lambda rate, k: 2.0 * k * abs(rate - 3.0)),
+    between=physics(lambda rate, other, k: -k * (rate - other)),
+    brake_at_point=physics(lambda vx, vy, k: (-k * vx + 3.0 * k * vy, -k * vy - 3.0 * k * vx)),
+    push_at_point=physics(lambda vx, vy, k: (-k * vx, k * vy)),
+    dry=physics(lambda rate, k: -k * rate / abs(rate)),
+    by_sign=physics(lambda rate, k: where(rate > 0.0, -k, where(rate < 0.0, k, 0.0))),
+    share_of=physics(lambda command: command * command / abs(command)),
+)
+X, RATE = {"x": "phi2", "k": ".k"}, {"rate": "phid2", "k": ".k"}
+BOTH, AT_TIP = {**X, "rate": "phid2"}, {"vx": "tip_vx", "vy": "vy4", "k": ".k"}
+TO_3, TO_2 = {**X, "y": "phi3"}, {"x": "phi3", "y": "phi2", "k": ".k"}
+RIGHT = {
+    "nothing else said": (ENERGIES, Force(1, law.spring, X, potential=law.energy)),
+    "said twice": (ENERGIES, Force(1, law.spring, X, potential=law.energy, conservative=law.spring)),
+    "with a damper": (ENERGIES, Force(1, law.damped, BOTH, potential=law.energy, conservative=law.spring)),
+    "between two joints": (
+        ENERGIES,
+        Force(1, law.coupled, TO_3, potential=law.coupled_energy),
+        Force(2, law.coupled, TO_2, conservative=law.coupled),
+    ),
+    "of an angle": (ENERGIES, Force(0, law.spring, {"x": "theta1", "k": ".k"}, potential=law.energy)),
+    "one-sided": (ENERGIES, Force(1, law.one_sided, X, potential=law.one_sided_energy)),
+    "spring": (DECLARED, Force(1, law.spring, X, stiffness=times(1.0))),
+    "spring, a little more": (DECLARED, Force(1, law.spring, X, stiffness=times(1 / 1.4))),
+    "brake": (DECLARED, Force(1, law.brake, RATE, damping=times(1.0))),
+    "drag in the wind": (DECLARED, Force(1, law.in_wind, RATE, damping=law.steepness_in_wind)),
+    "dampers between two joints": (
+        DECLARED, Force(1, law.between, {**RATE, "other": "phid3"}, damping=times(1.0)),
+    ),
+    "at the tip": (DECLARED, Force(Point(3), law.brake_at_point, AT_TIP, damping=times(4.0))),
+    "a force that drives and declares nothing": (DECLARED, Force(1, law.push, RATE)),
+}  # fmt: skip
+AT_2, AT_3, AT_EITHER = (
+    f"potentials against forces: own: at joint{k} the conservative force is" for k in ("2", "3", "[23]")
+)
+STIFF, DAMPED, DRIVES = "declared stiffness: own", "declared damping: own", "dampers brake: own"
+AT_REST = "numbers at rest: .*own"
+WRONG = {
+    "sign": (AT_2, Force(1, law.spring, X, potential=law.wrong_sign)),
+    "factor": (AT_2, Force(1, law.spring, X, potential=law.wrong_factor)),
+    "beyond a turn": (AT_2, Force(1, law.spring, X, potential=law.clamped)),
+    "small factor": (AT_2, Force(1, law.spring, X, potential=law.slightly_wrong)),
+    "joint": (AT_EITHER, Force(2, law.spring, X, potential=law.energy)),
+    "uncounted damper": (
+        AT_2, Force(1, law.damped, BOTH, potential=law.energy, conservative=law.one_sided),
+    ),
+    "half of a coupling": (AT_3, Force(1, law.coupled, TO_3, potential=law.coupled_energy)),
+    "stiffness": (STIFF, Force(1, law.spring, X, stiffness=times(1e-9))),
+    "stiffness by more than a half": (STIFF, Force(1, law.spring, X, stiffness=times(1 / 1.6))),
+    "damping": (DAMPED, Force(1, law.brake, RATE, damping=times(1e-9))),
+    "sign of a damper": (DRIVES, Force(1, law.push, RATE, damping=times(1.0))),
+    "sign at the tip": (DRIVES, Force(Point(3), law.push_at_point, AT_TIP, damping=times(1.0))),
+    "damping at the tip": (DAMPED, Force(Point(3), law.brake_at_point, AT_TIP, damping=times(1.0))),
+    "force at rest": (AT_REST, Force(1, law.dry, RATE)),
+    "link at rest": (AT_REST, Actuation(1, law.share_of, {"command": "command2"})),
+}  # fmt: skip
+
+
+def scene_with(*hooks, k=8.0, arm=FOUR_R):
+    return rde.Scene(arm, (e.Gravity(), effect_with(hooks)(k)))
+
+
+@pytest.mark.parametrize("case", RIGHT.values(), ids=RIGHT)
+def test_what_effects_declare_rightly_is_green(case):
+    checks, *hooks = case
+    result = verify(scene_with(*hooks), STATES, checks=checks)
+    assert result.good
+    if checks is ENERGIES:
+        assert result.of("energy book").finding.found < 1e-10
+
+
+@pytest.mark.parametrize(("words", "hook"), WRONG.values(), ids=WRONG)
+def test_what_effects_declare_wrongly_is_red_and_named(words, hook):
+    checks = ENERGIES if words.startswith("potentials") else DECLARED
+    first, *others = verify(scene_with(hook), STATES, checks=checks).misses
+    assert re.match(words, first)
+    assert all(miss.startswith("energy book") for miss in others)
+
+
+def test_energies_of_every_scale_are_judged_in_their_own_units():
+    """Neither a light arm nor a potential far from zero makes a fault, or hides one."""
+    for mass in (1e-6, 1e6):
+        arm = rde.FourR((mass,) * 4, (1.0, 1.0, 1.0, 1.0))
+        for hook, right in ((RIGHT["nothing else said"][1], True), (WRONG["factor"][1], False)):
+            assert verify(scene_with(hook, k=8.0 * mass, arm=arm), STATES, checks=ENERGIES).good is right
+
+
+def test_intervals_that_are_flagged_are_told():
+    """Friction that jumps where a joint turns: no number of steps reaches a tolerance."""
+    hooks = [Force(k, law.by_sign, {"rate": f"phid{k + 1}", "k": ".k"}) for k in range(4)]
+    scene = dataclasses.replace(scene_with(*hooks), tolerance=1e-6)
+    outcome = verify(scene, STATES, checks=(flagged,)).outcomes[0]
+    assert outcome.finding.found > 0.5
+    assert outcome.verdict is Verdict.MISSED
+    assert "% of the intervals end with a flag (TOLERANCE_NOT_REACHED)" in outcome.finding.words
+    assert not misses(rde.Scene(FOUR_R, (e.Gravity(),), tolerance=1e-6), (flagged,))
+
+
+def test_impacts_without_an_end_and_of_an_arm_of_a_micrometre_are_good():
+    tiny = rde.RPRP((1e-6,) * 4, (1e-6, 1e-6))
+    scene = rde.Scene(tiny, (e.Gravity(), e.PrismaticStop((0.0, 0.0), (1e-6, 1e-6), 1.0)), control_dt=1e-3)
+    assert not misses(scene, checks_of(impacts))
+    scene = rde.Scene(RPRP, (e.Gravity(), e.PrismaticStop((None, None), (None, None))), tolerance=1e-6)
+    result = verify(scene, STATES, checks=checks_of(impacts))
+    assert result.good
+    assert {o.finding.words for o in result.outcomes} == {"no stop has an end"}
+
+
+@pytest.mark.parametrize(("control_dt", "substeps"), [(SHORTEST_INTERVAL, 8), (LONGEST_INTERVAL, 1)])
+def test_intervals_of_every_allowed_length_can_be_measured(control_dt, substeps):
+    effects = (e.Gravity(), e.PrismaticStop((0.0, 0.0), (0.25, 0.25), 0.3))
+    scene = rde.Scene(RPRP, effects, "rk4", control_dt, substeps=substeps)
+    result = verify(scene, STATES, checks=checks_of(conservation, evaluators, symmetries))
+    assert [o.finding.words for o in result.outcomes if "control_dt" in o.finding.words] == []
+
+
+def test_a_book_that_does_not_close_is_red(monkeypatch):
+    """Even where every potential is right: here the work of a damper is forgotten."""
+    scene = rde.Scene(FOUR_R, (effect_with((Force(1, law.spring, {"x": "phid2", "k": ".k"}),))(),))
+    assert not misses(scene, ENERGIES)
+    work = rde.BatchSimulator.work.fget
+    monkeypatch.setattr(rde.BatchSimulator, "work", property(lambda batch: 0.99 * work(batch)))
+    (miss,) = verify(scene, STATES, checks=ENERGIES).misses
+    assert miss.startswith("energy book: energy: kinetic + potential - work changes by up to")
+
+
+LIMIT, CENTRING = e.LimitSpring("r1", 0.0, 0.3), e.CentringSpring((9.0, 8.0), (0.0, 0.0), (0.3, 0.3))
+RAISED = physics(lambda position, lower, upper, stiffness: 0.0 * position)
+HALF = physics(
+    lambda position, lower, upper, stiffness: (
+        0.25 * stiffness * ((upper - position) ** 2 + (lower - position) ** 2)
+    )
+)
+
+
+@pytest.mark.parametrize(
+    ("module", "effect", "field", "wrong"),
+    [
+        (limit_spring, LIMIT, "spring_energy", RAISED),
+        (limit_spring, LIMIT, "spring", RAISED),
+        (centring_spring, CENTRING, "energy", HALF),
+        (centring_spring, CENTRING, "force", RAISED),
+    ],
+)
+def test_a_mutation_of_an_effect_of_the_package_is_red(module, effect, field, wrong, monkeypatch):
+    """Springs at the ends of the travel act only beyond it: potentials are checked there, too."""
+    assert not misses(rde.Scene(RPRP, (e.Gravity(), effect)), ENERGIES)
+    monkeypatch.setattr(module, field, wrong)
+    found = verify(rde.Scene(RPRP, (e.Gravity(), effect)), STATES, checks=ENERGIES).misses
+    assert found[0].startswith(f"potentials against forces: {effect.key}: at r")
+
+
+WEAK = physics(lambda stiffness: 1e-9 * stiffness)
+CALM = physics(lambda position, lower, upper, damping: 1e-9 * damping * abs(position - upper))
+SPRING = e.LimitSpring("r1", 0.0, 0.3, 50.0, 900.0)
+
+
+@pytest.mark.parametrize(
+    ("effect", "change", "red"),
+    [
+        (SPRING, {}, set()),
+        (SPRING, {"stiffness": WEAK}, {"declared stiffness"}),
+        (e.LimitSpring("joint2", -4.0, 5.0, 50.0, 9.0), {"stiffness": WEAK}, {"declared stiffness"}),
+        (e.LimitSpring("r2", 0.0, 0.3, 50.0, 9.0), {"damping": CALM}, {"declared damping"}),
+        (CENTRING, {}, set()),
+        (CENTRING, {"stiffness": WEAK}, {"declared stiffness"}),
+    ],
+)
+def test_springs_of_the_package_are_looked_at_where_they_act(effect, change, red):
+    class Changed(type(effect)):
+        def hooks(self, arm):
+            return tuple(dataclasses.replace(hook, **change) for hook in super().hooks(arm))
+
+    assert misses(rde.Scene(RPRP, (Changed(**dataclasses.asdict(effect)),))) == red
+
+
+@pytest.mark.parametrize("width", [1e-9, 1e-6, 1e-4, 1.0, 1e3, 1e6])
+@pytest.mark.parametrize("joint", ["r1", "joint2"])
+def test_springs_at_any_distance_from_each_other_make_no_fault(width, joint):
+    """Differences do not straddle both limits, and rounding of an angle of many turns is no error."""
+    spring = e.LimitSpring(joint, -0.5 * width, 0.5 * width, 5000.0, 10.0)
+    for arm in (RPRP, rde.FourR((1.0,) * 4, (0.3,) * 4)) if joint == "joint2" else (RPRP,):
+        scene = rde.Scene(arm, (e.Gravity(), spring), tolerance=1e-6)
+        assert misses(scene, (potentials, energy_book, forces_at_switches, order)) == set()
+
+
+FORGETS = physics(lambda memory: -memory)
+JUMPS = {
+    "everywhere": (lambda x, lower, upper, k, side: -k * x - 1e-6 * k * (upper - lower) * side, ".lower"),
+    "at the top, with the rate": (
+        lambda x, rate, lower, upper, k, side: -k * x - 1e-8 * k * maximum(side, 0.0) * rate, ".upper",
+    ),
+    "nowhere": (
+        lambda x, lower, upper, k, side: (
+            -k * x - 9.0 * k * (maximum(side, 0.0) * (x - upper) - maximum(-side, 0.0) * (x - lower))
+        ),
+        None,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("remembers", [False, True], ids=["", "with a state"])
+@pytest.mark.parametrize(("function", "limit"), JUMPS.values(), ids=JUMPS)
+def test_a_force_that_jumps_where_its_law_changes_is_red(function, limit, remembers):
+    @dataclass(frozen=True)
+    class Switching(Effect):
+        lower: float = -0.3
+        upper: float = 0.7
+        k: float = 8.0
+
+        def hooks(self, arm):
+            bind = {**BOTH, "lower": ".lower", "upper": ".upper"}
+            used = {n: s for n, s in bind.items() if n in function.__code__.co_varnames}
+            memory = (State("memory", "1", derivative=FORGETS, bind={"memory": ".memory"}),)
+            states = memory if remembers else ()
+            return (Force(1, physics(function), used, switch=(".lower", ".upper"), states=states),)
+
+    for arm in (FOUR_R, RPRP):
+        found = verify(rde.Scene(arm, (Switching(),)), STATES, checks=(forces_at_switches,)).misses
+        assert len(found) == (limit is not None)
+        assert all(f"switching: at ('.lower', '.upper'), {limit} = " in miss for miss in found)
+
+
+def test_friction_that_is_smooth_at_zero_is_seen_where_it_is_steepest():
+    half_of_it = physics(lambda level, scale: 0.5 * level / scale)
+
+    class Understated(SmoothFriction):
+        def hooks(self, arm):
+            return tuple(dataclasses.replace(h, damping=half_of_it) for h in super().hooks(arm))
+
+    right, wrong = (rde.Scene(FOUR_R, (kind(0.5, 1e-3),)) for kind in (SmoothFriction, Understated))
+    assert misses(right, states=256) == set()
+    assert misses(wrong, states=256) == {"declared damping"}
+
+
+STATE, FOLLOW = physics(lambda z: z), physics(lambda command, z, k: k * (command - z))
+TURN, BACK = physics(lambda other, k: k * other), physics(lambda other, k: -k * other)
+
+
+def lagging(rate):
+    bind = {"command": "command2", "z": ".z", "k": ".k"}
+    return Actuation(1, STATE, bind, states=(State("z", "N m", FOLLOW, bind=bind, rate=rate),))
+
+
+def swinging(rate):
+    """Two states, of which neither changes with itself."""
+    pairs = (("a", TURN, ".b"), ("b", BACK, ".a"))
+    states = [State(n, "1", f, bind={"other": other, "k": ".k"}, rate=rate) for n, f, other in pairs]
+    return Force(1, STATE, {"z": ".a"}, states=tuple(states))
+
+
+@pytest.mark.parametrize("hook", [lagging, swinging])
+@pytest.mark.parametrize(("share", "red"), [(1.0, False), (1.6, False), (1 / 1.6, True), (1e-9, True)])
+def test_rates_of_states_are_compared_with_how_they_change(hook, share, red):
+    assert misses(scene_with(hook(times(share)))) == ({"declared rates of states"} if red else set())
+
+
+def test_a_quantity_of_an_arm_that_is_no_number_at_rest_is_red():
+    class Divided(rde.Arm):
+        joint_types = "R"
+        functions = (physics(lambda m1, l1, w1: m1 * l1 * l1 * w1 * w1 / w1, gives="Lz"),)
+
+    (miss,) = verify(rde.Scene(Divided((1.0,), (1.0,))), STATES, checks=DECLARED).misses
+    assert miss.startswith("numbers at rest: at rest, without efforts, Lz is not finite")
+
+
+def test_verify_exits_with_1_on_a_miss(tmp_path, monkeypatch, capsys):
+    """A registered effect is found by name in a file; the line names scene, effect and joint."""
+    path = tmp_path / "mine.yaml"
+    for name, hook, status in (("Right", RIGHT["nothing else said"][1], 0), ("Wrong", WRONG["sign"][1], 1)):
+        kind = effect_with((hook,))
+        kind.__name__ = name
+        monkeypatch.setitem(REGISTRY, name, kind)
+        path.write_text(
+            "robot: {type: FourR, masses: [1, 1, 1, 1], lengths: [0.2, 0.2, 0.2, 0.2]}\n"
+            f"effects: [{{type: Gravity}}, {{type: {name}}}]\n"
+        )
+        assert main(["verify", "--quick", "--states", "64", "four_r_free", str(path)]) == status
+        out, err = capsys.readouterr()
+        assert ("MISSED" in out) == bool(status)
+    assert f"{path}: MISSED: potentials against forces: wrong: at joint2 the conservative force is" in out
+    assert "verify found" in err
+    assert "redundant_envs: 1 " not in err
+
+
+@pytest.mark.parametrize("name", scene_names())
+def test_scenes_of_the_package_are_good(name):
+    result = verify(rde.load_scene(name), 256, Mode.QUICK)
+    assert result.misses == ()
+    assert result.of("potentials against forces").finding.found < 1e-8
+    assert result.of("energy book").finding.found < 1e-10
+
+
+def test_coarse_steps_do_not_open_the_book():
+    """The balance is that of the scene, not of its step."""
+    coarse = {"integrator": "euler", "control_dt": 0.1, "tolerance": None}
+    result = verify(dataclasses.replace(rde.load_scene("four_r_free"), **coarse), STATES, Mode.QUICK)
+    assert result.good
+    assert "take more substeps" in result.of("tip error of the own step").finding.words
