@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from redundant_envs.effects.attached import identifier
 from redundant_envs.effects.attaching import check_numbers
 from redundant_envs.loaded_arm import carried_masses, check_inertias
 from redundant_envs.model.memory import Memory
@@ -160,7 +159,7 @@ def check_stops(
     ``values`` are all parameters of the lanes, or None for the present ones; ``where`` begins a message.
     """
     for joint, *names in hard_stops(scene):
-        present = memory.read(tuple(identifier(n) for n in names), lanes).T
+        present = memory.read(names, lanes).T
         low, high = present if values is None else (values[n] for n in names)
         x = q[:, joint]
         for lane in np.flatnonzero((x < low) | (x > high)).tolist():
