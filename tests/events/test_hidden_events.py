@@ -179,7 +179,7 @@ def test_nearly_no_interval_of_random_actions_hides_an_event():
     env = gym.make_vec("redundant_envs/RPRPReach-v0", num_envs=count)
     env.reset(seed=3)
     memory = env.unwrapped.core.memory
-    limits = memory.read(tuple(f"effort_limits_limits_{k}" for k in range(4)))
+    limits = memory.read(tuple(f"effort_limits.limits[{k}]" for k in range(4)))
     arm = env.unwrapped.core.scene.robot
     rng = np.random.default_rng(3)
     off = 0
