@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 from redundant_envs.batch.advance import advance_kernel
 from redundant_envs.batch.blocks import Blocks
-from redundant_envs.effects.attached import identifier
 from redundant_envs.effects.hooks import Field, Inertia
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.memory import LOG
@@ -134,7 +133,7 @@ def _part(file: str) -> str:
 def _owner_of_field(scene: Scene, name: str) -> str:
     arm = scene.robot
     for effect in scene.effects:
-        if name in {identifier(f"{effect.key}.{k}") for k in (*effect.parameters(), *effect.states(arm))}:
+        if name in {f"{effect.key}.{k}" for k in (*effect.parameters(), *effect.states(arm))}:
             return effect.key
     of_arm = (*arm.coordinates, *arm.rates, *arm.parameter_values())
     return "arm" if name in of_arm else "interval"

@@ -6,12 +6,15 @@ import math
 import numpy as np
 import pytest
 from catalogue import FOUR_R, RPRP
+from lanes_of_numbers import constants
 
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.algebra import physics
 from redundant_envs.events.boundary import MARGIN, law_behind, limits_of_law
 from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.lane.interval import Interval
+from redundant_envs.lane.memory import Lane
 from redundant_envs.model.energy import kinetic_energy, potential_energy
 from redundant_envs.verify.states import random_states
 
@@ -165,6 +168,18 @@ def test_at_rest_exactly_at_a_limit_nothing_happens():
     assert (found == q).all()
     assert (rates == 0.0).all()
     assert (status.evaluations == 24).all()  # two steps are what a spring of 5 kN/m needs
+
+
+def test_a_damper_asks_for_steps_where_its_joint_is_deep_in_it():
+    dynamics = Dynamics(scene(RPRP, e.LimitSpring("r2", -100.0, 0.0, 20.8, 375.0), tolerance=1e-6))
+    known = constants(dynamics, float) | {"interval": 0.05} | dict.fromkeys(dynamics.states, 0.0)
+
+    def steps(depth):
+        lane = Lane(Interval(dynamics).layout(), {**known, "r2": depth}.__getitem__)
+        return Interval(dynamics).step.least_steps(lane)
+
+    assert steps(-0.1) < 1.0
+    assert steps(0.1) > 0.05 * 0.5 * 375.0 * 0.1 * known["most_mobility4"] > 1.0
 
 
 def test_a_spring_without_damping_costs_what_it_did():
