@@ -16,11 +16,17 @@ from redundant_envs.extras import needs
 from redundant_envs.files import exists
 from redundant_envs.values import shown
 
-from .rollout import Act, expert_act, policy_act, random_act, zero_act
+from .rollout import Act, expert_act, policy_act, random_act
 from .run_folder import own_config, tell_differences
 
+
+def no_effort(obs: Any, core: Any, step: int) -> NDArray[np.float32]:
+    """Zero actions."""
+    return np.zeros((core.num_envs, len(core.actions)), dtype=np.float32)
+
+
 ACTIONS: dict[str, Callable[[int], Act]] = {
-    "zero": lambda seed: zero_act(), "random": random_act, "expert": lambda seed: expert_act(),
+    "zero": lambda seed: no_effort, "random": random_act, "expert": lambda seed: expert_act(),
 }  # fmt: skip
 """Sources of actions without a policy, from a seed."""
 MOST_EPISODES = 1_000_000

@@ -221,7 +221,12 @@ def start_from(model: Any, config: Config, env: Any) -> None:
         for aspect in ASPECTS:
             what = f"another {name.replace('_', ' ')}:"
             _check(what, _entry(about, name, aspect), _entry(own, name, aspect), file)
-    _check_meaning(file, env)
+    if all((file.parent / name).is_file() for name in ("config.yaml", SCENE)):
+        # observations of the same shape may have another meaning, if a folder records it
+        other = own_config(file.parent)
+        there: Any = make_sb3(other.env, 1, **other.env_kwargs)
+        theirs, ours = (", ".join(e.core.simulator.episode.observed) for e in (there, env))
+        _check("the observations", theirs, ours, file)
     networks = str(policy_kwargs(config)["net_arch"])
     _check("the network widths", str(_entry(about, "policy_kwargs", "net_arch")), networks, file)
     weights, _ = read_weights(file, config.settings.activation)
@@ -241,13 +246,3 @@ def _check(what: str, found: Any, wanted: Any, file: Path) -> None:
             f"start_from does not fit: {file} has {what} {shown(found)}, and this training {shown(wanted)}; "
             "give a policy of the same algorithm, spaces and networks"
         )
-
-
-def _check_meaning(file: Path, env: Any) -> None:
-    """Refuse observations of the same shape with another meaning, if a folder records the meaning."""
-    if not all((file.parent / name).is_file() for name in ("config.yaml", SCENE)):
-        return
-    other = own_config(file.parent)
-    there: Any = make_sb3(other.env, 1, **other.env_kwargs)
-    theirs, own = (", ".join(e.core.simulator.episode.observed) for e in (there, env))
-    _check("the observations", theirs, own, file)

@@ -8,20 +8,15 @@ from redundant_envs.files import config_folder, exists
 from redundant_envs.values import shown
 
 
-def preset_folder() -> Path:
-    """The folder of the presets: package data in a wheel, configs/training in a checkout."""
-    return config_folder("training")
-
-
 def presets() -> list[str]:
     """Names of all presets; baselines are named with their folder."""
-    folder = preset_folder()
+    folder = config_folder("training")  # package data in a wheel, configs/training in a checkout
     return sorted(p.relative_to(folder).with_suffix("").as_posix() for p in folder.rglob("*.yaml"))
 
 
 def preset_path(path: str | Path) -> Path:
     """The file of a configuration: the path itself, or a preset's by its name."""
-    file, preset = Path(path), preset_folder() / f"{path}.yaml"
+    file, preset = Path(path), config_folder("training") / f"{path}.yaml"
     if exists(file) and not (file.is_dir() and exists(preset)):
         return file
     if not exists(preset):

@@ -107,14 +107,7 @@ def expert_act(pose: Callable[..., Any] = pose_at) -> Act:
     return act
 
 
-def zero_act() -> Act:
-    """No effort."""
-    return lambda obs, core, step: np.zeros((core.num_envs, len(core.actions)), dtype=np.float32)
-
-
 def random_act(seed: int = 0) -> Act:
     """Uniform random actions."""
-    generator = np.random.default_rng(seed)
-    return lambda obs, core, step: generator.uniform(-1, 1, (core.num_envs, len(core.actions))).astype(
-        np.float32
-    )
+    draw = np.random.default_rng(seed).uniform
+    return lambda obs, core, step: draw(-1, 1, (core.num_envs, len(core.actions))).astype(np.float32)

@@ -42,14 +42,10 @@ def with_start(config: Config) -> Config:
             f"start_from is {shown(config.start_from)}, whose policy.zip has the SHA-256 {digest}, and "
             f"start_from_sha256 is {config.start_from_sha256}; give that file, or leave the hash out"
         )
-    if (file.parent / "config.yaml").is_file():
-        _check_configuration(config, file.parent)
-    return config.model_copy(update={"start_from_sha256": digest})
-
-
-def _check_configuration(config: Config, folder: Path) -> None:
-    """Refuse early, before long imports, policies that would be refused later."""
-    other = read_config(folder)
+    chosen = config.model_copy(update={"start_from_sha256": digest})
+    if not (file.parent / "config.yaml").is_file():
+        return chosen
+    other = read_config(file.parent)  # refuse early, before long imports, what would be refused later
     if KINDS.get(other.algo, other.algo) != KINDS.get(config.algo, config.algo):
         raise ValueError(f"start_from is a policy of {other.algo}, and algo is {config.algo}; give one of it")
     for name in ("net_arch", "activation"):
@@ -60,3 +56,4 @@ def _check_configuration(config: Config, folder: Path) -> None:
                 f"start_from has {name} {theirs}, and {config.algo}.{name} is {own}; give "
                 f"{config.algo}.{name}={str(theirs).replace(' ', '')}"
             )
+    return chosen

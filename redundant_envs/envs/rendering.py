@@ -28,19 +28,15 @@ BAR_PLUS = (70, 120, 190)
 BAR_MINUS = (205, 92, 92)
 INK = (74, 84, 104)
 SOFT = (160, 166, 178)
-MARGIN = 16
-"""Distance of texts from the border of the picture, px."""
-LETTERS, SMALL_LETTERS = 13.0, 9.0
-"""Heights of digits, px."""
+MARGIN = 16  # distance of texts from the border of the picture, px
+LETTERS, SMALL_LETTERS = 13.0, 9.0  # heights of digits, px
 BAR_WIDTH, BAR_HEIGHT, BAR_GAP = 96, 9, 6
-BARS = "effort / limit"
-"""Heading of the bars: each motor's effort as a fraction of its limit, from -1 to 1."""
+BARS = "effort / limit"  # heading of the bars: each motor's effort as a fraction of its limit, from -1 to 1
 HOLDING = {"hold", "is_success"}
 """Memory of a task that counts the steps in which the goal is held: the picture shows the time, green from
 success on."""
 TRAIL_LENGTH = 100
-CENTRES = np.arange(SIZE, dtype=np.float32) + np.float32(0.5)
-"""Middles of the pixels of a row or a column."""
+CENTRES = np.arange(SIZE, dtype=np.float32) + np.float32(0.5)  # middles of the pixels of a row or a column
 
 
 class Canvas:
@@ -270,7 +266,7 @@ class Renderer:
     def record(self, steps: NDArray[np.float64], tips: NDArray[np.float64]) -> None:
         """Record the positions of all tips, (n, 2), and the steps of their episodes so far, (n,).
 
-        A trail starts again with each episode, and whenever a state was set.
+        A trail starts again with each episode.
         """
         newest = self._tips[np.arange(len(tips)), (self._count - 1) % TRAIL_LENGTH]
         stepped = (steps == self._last + 1.0) & (steps > 0.0)
@@ -299,8 +295,6 @@ class Renderer:
         steps, *efforts = core.memory.read(("steps", *core.actions), index)[0]
         own_arm = lane_arm(core, index)
         tip = own_arm.forward_kinematics(q)
-        self._catch_up(lane, float(steps), tip)
-
         canvas = Canvas(self.half_width, self._background)
         base = np.zeros(2)
         canvas.trail(self.trail(lane), 3.0, TRAIL, faint=0.15, strong=0.9)
@@ -327,14 +321,6 @@ class Renderer:
             if hold > 0:
                 held = f"held {hold * dt:.2f} s"
                 canvas.text(held, SIZE - MARGIN, MARGIN, GOAL if success else SOFT, from_right=True)
-
-    def _catch_up(self, lane: int, steps: float, tip: NDArray[np.float64]) -> None:
-        """Start the trail of one lane again if its state was set since it was last recorded."""
-        all_steps = self._last.copy()
-        all_steps[lane] = steps
-        tips = self._tips[np.arange(len(self._count)), (self._count - 1) % TRAIL_LENGTH]
-        tips[lane] = tip
-        self.record(all_steps, tips)
 
     def show(self, lane: int) -> None:
         """Show a lane in a window, in real time: one picture per control step."""

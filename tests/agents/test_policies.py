@@ -30,7 +30,10 @@ from redundant_envs_train.__main__ import main
 from redundant_envs_train.config import load
 from redundant_envs_train.learners.build import ALGORITHM_CLASSES, make_model
 from redundant_envs_train.policies import load_policy, read_weights, save_policy, start_from
+from redundant_envs_train.report import evaluate
 from redundant_envs_train.run_folder import read_config
+from redundant_envs_train.training.pool import Stopped
+from redundant_envs_train.training.train import resume, train
 from redundant_envs_train.training.watch import Watch
 
 SMALL = {"batch_size": 64, "n_steps": 4, "net_arch": [16, 8]}
@@ -308,18 +311,19 @@ def test_a_learner_its_average_and_its_targets_begin_at_the_policy(preset, polic
 def test_a_training_records_what_it_started_from_and_goes_on(tmp_path, monkeypatch, refused):
     monkeypatch.chdir(tmp_path)
     start = Path(shutil.copytree(POLICIES / "RPRPReach-v0-ppo", "start"))
-    words = ["train", "rprp_reach_ppo", *TINY, "ppo.learning_rate=1e-9", "start_from=start"]
-    assert main([*words, "--out", "whole"]) == 0
+    config = load("rprp_reach_ppo", [*TINY, "ppo.learning_rate=1e-9", "start_from=start"])
+    train(config, Path("whole"))
     recorded = yaml.safe_load(Path("whole/config.yaml").read_text())
     digest = hashlib.sha256((start / "policy.zip").read_bytes()).hexdigest()
     assert (recorded["start_from"], recorded["start_from_sha256"]) == ("start", digest)
-    assert json.loads(Path("whole/evaluation.json").read_text())["hold_success"] == 1.0
+    assert evaluate(Path("whole")).result["hold_success"] == 1.0
     point = Watch.point
     with monkeypatch.context() as patch:
         patch.setattr(Watch, "point", lambda self: (self.stop.set(), point(self))[1])
-        assert main([*words, "--out", "stopped"]) == 130
+        with pytest.raises(Stopped):
+            train(config, Path("stopped"))
     shutil.rmtree(start)  # the checkpoint has all
-    assert main(["resume", "stopped"]) == 0
+    resume(Path("stopped"))
     assert_same_policy(Path("whole"), Path("stopped"))
     shutil.copytree(POLICIES / "RPRPReach-v0-plain_ppo", "start")
     words = ["train", "whole/config.yaml", "--out", "again"]

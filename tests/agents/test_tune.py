@@ -21,7 +21,7 @@ import optuna
 from optuna.distributions import FloatDistribution, IntDistribution
 
 from redundant_envs_train.tuning import study as studies
-from redundant_envs_train.tuning.search import own_parameters, space_of, with_parameters
+from redundant_envs_train.tuning.search import check_arguments, own_parameters, space_of, with_parameters
 from redundant_envs_train.tuning.study import LEAST_AHEAD, tune
 from redundant_envs_train.tuning.trials import STARTUP_TRIALS, Judge, score
 from redundant_envs_train.tuning.workers import Worker
@@ -90,9 +90,18 @@ def test_a_setting_is_searched_once_and_not_where_it_has_a_value():
         space_of(CONFIG, GAMMA, ["ppo.gamma=0.9"])
     with pytest.raises(ValueError, match="twice"):
         space_of(CONFIG, GAMMA * 2)
+    with pytest.raises(
+        ValueError, match=r"max_seconds is 90; trials are compared at equal steps: give max_s"
+    ):
+        check_arguments(load("baselines/rprp_reach_td3"), 2, 0, 1)
     tqc = load("baselines/rprp_reach_tqc", ["tqc.top_quantiles_to_drop_per_net=2"])
     with pytest.raises(ValueError, match=r"no value of tqc.n_quantiles .* give at most"):
         space_of(tqc, ["tqc.n_quantiles=1..2"])
+
+
+def test_trials_are_not_compared_at_equal_seconds():
+    with pytest.raises(ValueError, match=r"max_seconds is 90; .* give max_seconds=null and total_steps"):
+        check_arguments(load("baselines/rprp_reach_td3"), 2, 0, 1)
 
 
 @pytest.mark.parametrize("name", presets())

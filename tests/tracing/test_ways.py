@@ -64,17 +64,6 @@ def in_order(a, b):
 
 
 @branches
-def middle(a, b, c):
-    if a < b:
-        if b < c:
-            return b
-        return c if a < c else a
-    if a < c:
-        return a
-    return c if b < c else b
-
-
-@branches
 def within(a, b, c):
     """A condition and numbers, by ``and``, ``or`` and ``not``."""
     inside = a <= b and b <= c
@@ -99,10 +88,10 @@ def spread(a, b, c):
     low, high = in_order(a, b)
     if c < low:
         return high - c
-    return in_order(high, c).high - low if middle(a, b, c) > 0.0 else 0.0
+    return in_order(high, c).high - low if in_order(b, c).low > 0.0 else 0.0
 
 
-FUNCTIONS = (in_order, middle, within, first_below, spread)
+FUNCTIONS = (in_order, within, first_below, spread)
 
 
 @pytest.mark.parametrize("function", FUNCTIONS, ids=lambda f: f.__name__)

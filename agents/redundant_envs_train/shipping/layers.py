@@ -8,7 +8,7 @@ precision every library agrees far below 1e-6.
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -146,11 +146,3 @@ def exact_actions(policy: Any, inputs: Mapping[str, int], observations: Any) -> 
     """Actions of a policy's own modules in double precision, (n, actions)."""
     actions: NDArray[np.float64] = Exact(policy)(torch.from_numpy(joined(inputs, observations))).numpy()
     return actions
-
-
-def sampled(env: Any, policy: Any, steps: int) -> Iterator[Any]:
-    """Observations of a VecEnv's lanes under a policy."""
-    observations = env.reset()
-    for _ in range(steps):
-        yield observations
-        observations = env.step(policy.predict(observations, deterministic=True)[0])[0]
