@@ -104,8 +104,8 @@ def test_a_bare_arm_has_none_of_them(arm):
         for word in (*words_of(effect), "redundant_envs/effects/"):
             assert not re.search(word, text), word
     assert set(rde.bill(scene(arm))) == {"arm", "integrator", "interval"}
-    assert "_differences" in text  # of the efforts: Q = B t
-    assert "_differences" not in rde.listing(scene(arm, actuation="generalized"))
+    assert "_differences.<locals>" in text  # of the efforts: Q = B t
+    assert "_differences.<locals>" not in rde.listing(scene(arm, actuation="generalized"))
 
 
 # ---- every operation is listed under its source --------------------------------------------------
