@@ -155,10 +155,3 @@ def episode_limit(max_episode_steps: Any) -> float:
             f"max_episode_steps is {shown(given)}; give a whole number of at least 1, or -1 for no limit"
         )
     return float(given)
-
-
-def plain_scene(scene: Any) -> Any:
-    """A scene in the form that the spec of an environment can hold."""
-    if isinstance(scene, Scene):
-        raise ValueError("scene is a Scene, which a spec cannot hold; pass scene.to_dict()")
-    return scene

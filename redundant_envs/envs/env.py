@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -11,16 +11,8 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from redundant_envs.batch.environment import Operation
-from redundant_envs.envs.arguments import (
-    check_action,
-    checked_options,
-    checked_seed,
-    plain_scene,
-    refuse_bad_action,
-)
-from redundant_envs.envs.core import Core
+from redundant_envs.envs.arguments import check_action, checked_options, checked_seed, refuse_bad_action
 from redundant_envs.envs.face import Face
-from redundant_envs.tasks import make_task
 
 
 class ArmEnv(Face, gym.Env[Any, Any]):
@@ -28,9 +20,6 @@ class ArmEnv(Face, gym.Env[Any, Any]):
 
     metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 50}
     _lanes = 0
-    task_name: ClassVar[str] = "Reach"
-    env_id: ClassVar[str | None] = None
-    """The id that belongs to the class; its scenes have the arm of that id."""
 
     def __init__(
         self,
@@ -45,8 +34,7 @@ class ArmEnv(Face, gym.Env[Any, Any]):
             from redundant_envs.envs.rendering import load_pygame
 
             load_pygame()  # a missing package is reported at once, not at the first step
-        task_made = make_task(task, self.task_name)
-        core = Core(plain_scene(scene), 1, task_made, accuracy=accuracy, env_id=self.env_id)
+        core = self._core_of(scene, 1, task, accuracy)
         self.observation_space, self.action_space = self._take(core)
         self._shape = (len(core.actions),)
         self._names = self.core.columns.names
@@ -117,10 +105,6 @@ class ArmEnv(Face, gym.Env[Any, Any]):
 
     def _observation(self, obs: NDArray[np.float32]) -> Any:
         return obs
-
-    def get_state(self) -> dict[str, Any]:
-        """Snapshot of the environment, generator included; wrappers (TimeLimit) count for themselves."""
-        return self.core.get_state()
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Return to a snapshot; the continuation is the same to the last bit."""

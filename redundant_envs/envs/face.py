@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Mapping
 from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
@@ -15,6 +16,7 @@ from redundant_envs.envs.outputs import Outputs
 from redundant_envs.envs.parameters import Parameters, parameters_of
 from redundant_envs.lane.episode import TIP
 from redundant_envs.scene import Scene
+from redundant_envs.tasks import make_task
 from redundant_envs.tasks.limits import is_confined
 
 LANE_VALUES = ("q", "qd", "tip", "goal", "parameters")
@@ -30,6 +32,8 @@ class Face:
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}
+    task_name: ClassVar[str] = "Reach"
+    env_id: ClassVar[str | None] = None  # that of the class; its scenes have the arm of that id
     _lanes: ClassVar[Any] = slice(None)  # of a single environment 0: its values have no first axis
     core: Core
 
@@ -41,6 +45,16 @@ class Face:
             modes = " or ".join(map(repr, self.metadata["render_modes"]))
             raise ValueError(f"render_mode is {render_mode!r}; choose None or {modes}")
         self.on_bad_action, self.render_mode = on_bad_action, render_mode
+
+    def _core_of(
+        self, scene: Any, num_envs: int, task: Mapping[str, Any] | None, accuracy: str | float | None,
+        max_episode_steps: int | None = None, threads: int = 1,
+    ) -> Core:  # fmt: skip
+        """The core of the class's task, for a scene in the form that the spec of an environment can hold."""
+        if isinstance(scene, Scene):
+            raise ValueError("scene is a Scene, which a spec cannot hold; pass scene.to_dict()")
+        made = make_task(task, self.task_name)
+        return Core(scene, num_envs, made, max_episode_steps, accuracy, self.env_id, threads)
 
     def _take(self, core: Core) -> tuple[spaces.Space[Any], spaces.Box]:
         """Take the core; gives the spaces of one environment's observation and action."""
@@ -90,6 +104,10 @@ class Face:
     def goal(self) -> NDArray[np.float64]:
         """Position of the goal, (num_envs, 2), or (2,) of a single environment; m."""
         return self.core.goals()[self._lanes]  # type: ignore[no-any-return]
+
+    def get_state(self) -> dict[str, Any]:
+        """Snapshot of all environments, generators included; wrappers (TimeLimit) count for themselves."""
+        return self.core.get_state()
 
     def _pictures(self) -> Any:
         """The renderer, made when it is first used."""

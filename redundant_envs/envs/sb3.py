@@ -139,10 +139,6 @@ class SB3VecEnv(VectorFace, VecEnv):
     def close(self) -> None:
         """Nothing to release."""
 
-    def get_state(self) -> dict[str, Any]:
-        """Snapshot of all environments, generators included."""
-        return self.core.get_state()
-
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Return to a snapshot; the continuation is the same to the last bit."""
         self.core.check_state(state)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from gymnasium.error import ResetNeeded
@@ -12,18 +12,11 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from redundant_envs.batch.environment import Autoreset
-from redundant_envs.envs.arguments import (
-    check_action,
-    checked_options,
-    checked_seed,
-    plain_scene,
-    refuse_bad_action,
-)
-from redundant_envs.envs.core import STATE_KEYS, Core
+from redundant_envs.envs.arguments import check_action, checked_options, checked_seed, refuse_bad_action
+from redundant_envs.envs.core import STATE_KEYS
 from redundant_envs.envs.face import VectorFace, observation_of
 from redundant_envs.envs.outputs import Outputs
 from redundant_envs.model import snapshot
-from redundant_envs.tasks import make_task
 from redundant_envs.values import whole_number
 
 KERNEL_MODE = {mode: Autoreset[mode.name] for mode in AutoresetMode}
@@ -53,10 +46,6 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
         Threads over blocks of 8 environments; they change no bit.
     """
 
-    task_name: ClassVar[str] = "Reach"
-    env_id: ClassVar[str | None] = None
-    """The id that belongs to the class; its scenes have the arm of that id."""
-
     def __init__(
         self,
         scene: str | Mapping[str, Any],
@@ -72,10 +61,7 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
         num_envs = whole_number("num_envs", num_envs)
         self.autoreset_mode = autoreset(autoreset_mode)
         self._check_choices(on_bad_action, render_mode)
-        task_made = make_task(task, self.task_name)
-        core = Core(
-            plain_scene(scene), num_envs, task_made, max_episode_steps, accuracy, self.env_id, threads
-        )
+        core = self._core_of(scene, num_envs, task, accuracy, max_episode_steps, threads)
         self.num_envs = num_envs
         self.single_observation_space, self.single_action_space = self._take(core)
         self.metadata["autoreset_mode"] = self.autoreset_mode
@@ -160,7 +146,7 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
     def get_state(self) -> dict[str, Any]:
         """Snapshot of all environments, generators included."""
         own = {"ended": self._ended.copy(), "autoreset_mode": self.autoreset_mode.name.lower()}
-        return {**self.core.get_state(), **own}
+        return {**super().get_state(), **own}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Return to a snapshot; the continuation is the same to the last bit."""
