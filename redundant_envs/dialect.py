@@ -69,18 +69,8 @@ TRACES = 8
 
 
 def check(function: Any) -> int:
-    """Refuse a function that is outside the dialect, or that computes something else when it is run again.
-
-    Returns
-    -------
-    int
-        How many values it returns.
-
-    Raises
-    ------
-    ValueError
-        The message says what to write.
-    """
+    """How many values a function returns; a ValueError that says what to write if it is outside the dialect,
+    or computes something else when it is run again."""
     first = _traced(function)
     if is_own(function):
         return first[0]

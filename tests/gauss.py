@@ -1,19 +1,16 @@
 """Gauss-Legendre collocation of 8 stages (order 16) in mpmath: motions by another family of methods.
 
 In each step the velocity is the polynomial of degree 8 whose derivative at the 8 Gauss points is the
-acceleration there. Accelerations come from the dynamics that are compiled, run on mpmath's numbers, or
-from M, h and G solved densely.
+acceleration there. Accelerations come from the dynamics that are compiled, run on mpmath's numbers.
 """
 
 import functools
 
+import exact_numbers  # noqa: F401 - lets mpmath's numbers be numbers
 import mpmath
-from exact_numbers import exactly
 from lanes_of_numbers import constants
 
-from redundant_envs.effects import Gravity, ViscousFriction
 from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.quantities import Quantities
 
 STAGES = 8
 GUARD = 6  # decimal digits carried beyond those asked for
@@ -39,40 +36,14 @@ def tableau(digits, n=STAGES):
         return [(1 + z) / 2 for z in x], b, a, ahead
 
 
-def eliminated(scene, efforts):
+def accelerations(scene, efforts):
     """qdd(q, qd) by the equations of motion that each stage of a compiled step has."""
     dynamics = Dynamics(scene)
     numbers = constants(dynamics, mpmath.mpf) | dict(zip(dynamics.commands, efforts, strict=True))
     return lambda q, qd: dynamics.accelerations(dynamics.quantities([*q, *qd], numbers))
 
 
-def dense(scene, efforts):
-    """qdd(q, qd) from M qdd = Q - h - G, for scenes of gravity and viscous friction."""
-    arm, field, friction = scene.robot, {"ax": mpmath.mpf(0), "ay": mpmath.mpf(0)}, mpmath.zeros(4)
-    B = mpmath.matrix(arm.motor_map.tolist())  # +-1: joint efforts to generalized forces
-    Q = (B if scene.actuation == "joint" else 1) * mpmath.matrix(efforts)
-    for effect in scene.effects:
-        if isinstance(effect, Gravity):
-            field = {k: -mpmath.mpf(effect.g) * x for k, x in zip(field, effect.down, strict=True)}
-        elif isinstance(effect, ViscousFriction):
-            friction = B * mpmath.diag(effect.coefficients) * B.T
-        else:
-            raise ValueError(f"scene has {effect}; give gravity and viscous friction only")
-    states = (*arm.coordinates, *arm.rates)
-    numbers = exactly(arm.parameter_values()) | field
-    rows = range(1, 5)
-
-    def acceleration(q, qd):
-        known = dict(zip(states, (*q, *qd), strict=True)) | numbers
-        values = Quantities(known, arm.functions, arm.sincos)
-        mass = mpmath.matrix([[values[f"M{i}{j}"] for j in rows] for i in rows])
-        bias = mpmath.matrix([values[f"h{i}"] + values[f"G{i}"] for i in rows])
-        return list(mpmath.lu_solve(mass, Q - friction * mpmath.matrix(qd) - bias))
-
-    return acceleration
-
-
-def solve(scene, q, qd, duration, steps, efforts=None, digits=34, dynamics=eliminated):
+def solve(scene, q, qd, duration, steps, efforts=None, digits=34):
     """q and qd after ``duration`` [s] of constant efforts in equal steps, solved to ``digits``."""
 
     def advanced(x, weights, rates):
@@ -82,7 +53,7 @@ def solve(scene, q, qd, duration, steps, efforts=None, digits=34, dynamics=elimi
     with mpmath.workdps(digits + GUARD):
         given = q, qd, (0,) * 4 if efforts is None else efforts
         q, qd, efforts = ([mpmath.mpf(x) for x in vector] for vector in given)
-        acceleration, step = dynamics(scene, efforts), mpmath.mpf(duration) / steps
+        acceleration, step = accelerations(scene, efforts), mpmath.mpf(duration) / steps
         forces = [acceleration(q, qd)] * STAGES
         for _ in range(steps):
             for tries in range(61):  # fixed-point iteration: one or two digits each

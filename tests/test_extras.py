@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from published_runs import published_run
 
+import redundant_envs as rde
 from redundant_envs.extras import MissingPackage, needs
 
 ROOT = Path(__file__).parents[1]
@@ -81,6 +82,7 @@ CALLS = {
     "make_sb3, torch": ("import redundant_envs as rde; rde.make_sb3('RPRPReach-v0')", "torch", "train"),
     "the module of make_sb3": ("import redundant_envs.envs.sb3", "stable_baselines3", "train"),
     "redundant_envs_train.zoo": ("import redundant_envs_train.zoo.experiment", "rl_zoo3", "zoo"),
+    "its command": ("from redundant_envs_train.zoo.__main__ import main; sys.exit(main())", "rl_zoo3", "zoo"),
     "MuJoCo": (f"{SCENE} peers.mujoco_interval(s, 'RK4', .01, (z, z, z), .02)", "mujoco", "verify"),
     "SciPy": (f"{SCENE} peers.scipy_interval(s, 'RK45', .01, .01, (z, z, z), .02)", "scipy", "verify"),
 }
@@ -94,6 +96,10 @@ def run(program: str, package: str, folder: Path) -> subprocess.CompletedProcess
     return subprocess.run(command, check=False, capture_output=True, text=True, timeout=120)
 
 
+def words(package, extra):
+    return f"{package} is not installed; install it with: pip install 'redundant-envs[{extra}]'"
+
+
 PACKAGES = list(dict.fromkeys(package for _, _, package, _ in COMMANDS.values()))
 
 
@@ -102,19 +108,14 @@ PACKAGES = list(dict.fromkeys(package for _, _, package, _ in COMMANDS.values())
 )
 def test_commands_name_the_extra_in_one_line(package, tmp_path):
     of_package = {name: command for name, command in COMMANDS.items() if command[2] == package}
-    folder = published_run("rprp_reach_ppo/seed130", tmp_path / "run")
-    calls = [
-        (main, [str(folder) if w == RUN else w for w in words]) for main, words, *_ in of_package.values()
-    ]
+    folder = str(published_run("rprp_reach_ppo/seed130", tmp_path / "run"))
+    calls = [(main, [folder if a == RUN else a for a in given]) for main, given, *_ in of_package.values()]
     done = run(EACH.format(calls=calls), package, tmp_path)
     assert done.returncode == 0, done.stderr
-    results = json.loads(done.stdout)
-    for (name, (_, _, _, extra)), (code, err) in zip(of_package.items(), results, strict=True):
+    for (name, (*_, extra)), (code, err) in zip(of_package.items(), json.loads(done.stdout), strict=True):
         assert code == 2, (name, err)
         (line,) = (line for line in err.splitlines() if "pip install" in line)
-        assert (
-            f"{package} is not installed; install it with: pip install 'redundant-envs[{extra}]'" in line
-        ), name
+        assert words(package, extra) in line, name
         assert "Traceback" not in err, name
 
 
@@ -122,20 +123,9 @@ def test_commands_name_the_extra_in_one_line(package, tmp_path):
 def test_calls_name_the_extra(name, tmp_path):
     program, package, extra = CALLS[name]
     done = run(program, package, tmp_path)
-    assert done.returncode == 1
-    last = done.stderr.splitlines()[-1]
-    assert last == (
-        f"redundant_envs.extras.MissingPackage: {package} is not installed; install it with: "
-        f"pip install 'redundant-envs[{extra}]'"
-    )
-
-
-def test_the_command_for_rl_zoo3_names_the_extra_in_one_line(tmp_path):
-    done = run("from redundant_envs_train.zoo.__main__ import main; sys.exit(main())", "rl_zoo3", tmp_path)
-    assert done.returncode == 2
-    assert (
-        done.stderr == "error: rl_zoo3 is not installed; install it with: pip install 'redundant-envs[zoo]'\n"
-    )
+    assert done.returncode == (2 if "sys.exit" in program else 1)
+    before = "error: " if "sys.exit" in program else "redundant_envs.extras.MissingPackage: "
+    assert done.stderr.splitlines()[-1] == before + words(package, extra)
 
 
 def test_simulate_keeps_its_numbers_without_matplotlib(tmp_path):
@@ -163,18 +153,14 @@ def test_a_package_that_is_there_but_broken_tells_why():
 def test_the_extras_have_what_they_are_named_for():
     data = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     extras = data["project"]["optional-dependencies"]
-    named = {(package, extra) for _, _, package, extra in COMMANDS.values()}
-    named |= {(package, extra) for _, package, extra in CALLS.values()}
     pypi = {"PIL": "pillow", "imageio_ffmpeg": "imageio-ffmpeg", "stable_baselines3": "stable-baselines3"}
-    for package, extra in named:
+    for *_, package, extra in (*COMMANDS.values(), *CALLS.values()):
         assert any(d.startswith(f"{pypi.get(package, package)}>=") for d in extras[extra]), (package, extra)
 
 
 @pytest.mark.filterwarnings("ignore:rich is experimental")
 def test_progress_bars_of_stable_baselines3_work_with_the_extra_train():
     """They need tqdm and rich, which stable-baselines3 itself does not install."""
-    import redundant_envs as rde
-
     ppo = importlib.import_module("stable_baselines3").PPO
     model = ppo("MlpPolicy", rde.make_sb3("RPRPReach-v0", 4), n_steps=8, batch_size=8, device="cpu")
     assert model.learn(64, progress_bar=True).num_timesteps == 64

@@ -77,33 +77,23 @@ BAD = {
 }  # fmt: skip
 
 
+READERS = {"scene": rde.load_scene, "training": load, "throughput": load_config, "accuracy": load_study}
+
+
 @pytest.mark.parametrize(("content", "words"), BAD.values(), ids=BAD)
 def test_a_bad_file_is_one_error_with_file_and_line(content, words, tmp_path, capsys):
     path = tmp_path / "mine.yaml"
     path.write_bytes(content)
-    start = time.process_time()
-    with pytest.raises(ValueError) as error:
-        rde.load_scene(path)
-    assert time.process_time() - start < 1.0
-    assert str(path) in str(error.value)
-    assert words in str(error.value)
-    assert short(str(error.value))
+    for name, reader in READERS.items():
+        start = time.process_time()
+        message = refusal(reader, path)
+        assert time.process_time() - start < 1.0
+        assert str(path) in message
+        assert short(message)
+        assert name != "scene" or words in message
     for command in (["scene", str(path)], ["verify", str(path)], ["simulate", "--scene", str(path)]):
         assert main(command) == 2
         assert words in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("content", [c for c, _ in BAD.values()], ids=BAD)
-@pytest.mark.parametrize(
-    "reader", [load, load_config, load_study], ids=["training", "throughput", "accuracy"]
-)
-def test_other_files_have_the_same_bounds(reader, content, tmp_path):
-    path = tmp_path / "mine.yaml"
-    path.write_bytes(content)
-    with pytest.raises(ValueError) as error:
-        reader(path)
-    assert str(path) in str(error.value)
-    assert len(str(error.value).splitlines()) <= 10
 
 
 def test_a_bad_training_file_exits_with_2(tmp_path, capsys):
@@ -111,25 +101,13 @@ def test_a_bad_training_file_exits_with_2(tmp_path, capsys):
     path.write_text("config_version: 2\nenv: redundant_envs/RPRPReach-v0\nppo:\n  gamma: [1]\n")
     assert agents_main(["train", str(path)]) == 2
     assert f"{path}, line 4: ppo.gamma is [1]" in capsys.readouterr().err
-    path.write_text(BOMB)
-    assert agents_main(["train", str(path)]) == 2
-    assert "line 1: it has an anchor" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
     "value",
-    [
-        "*a",
-        "&a 1",
-        "!!python/name:os.system",
-        "[" * 5000,
-        "9" * 400,
-        "{a: 1, a: 2}",
-        "\x00",
-        r'"\UFFFFFFFF"',
-        r'"\U00110000"',
-    ],
-)
+    ["*a", "&a 1", "!!python/name:os.system", "[" * 5000, "9" * 400, "{a: 1, a: 2}", "\x00", r'"\UFFFFFFFF"',
+     r'"\U00110000"'],
+)  # fmt: skip
 def test_a_bad_override_is_refused(value):
     with pytest.raises(ValueError, match=r"^the value .*, line 1: ") as error:
         load("configs/training/rprp_reach_ppo.yaml", [f"seed={value}"])
@@ -137,25 +115,19 @@ def test_a_bad_override_is_refused(value):
 
 
 def test_what_is_no_file_is_refused_at_once(tmp_path, capsys):
-    fifo = tmp_path / "pipe.yaml"
-    os.mkfifo(fifo)
+    os.mkfifo(tmp_path / "pipe.yaml")
     (tmp_path / "folder.yaml").mkdir()
-    device = tmp_path / "zero.yaml"
-    device.symlink_to("/dev/zero")
-    lost = tmp_path / "lost.yaml"
-    lost.symlink_to(tmp_path / "nothing")
-    for path, words in (
-        (fifo, "a device or a pipe"),
-        (device, "a device or a pipe"),
-        (tmp_path / "folder.yaml", "a folder; give a YAML file in it"),
-        (lost, "no such file"),
-        (tmp_path / ("x" * 5000 + ".yaml"), "no such file"),
-        (tmp_path / "a\0b.yaml", "no such file"),
-    ):
-        for reader in (rde.load_scene, load, load_config, load_study):
-            with pytest.raises(ValueError, match=words) as error:
-                reader(path)
-            assert short(str(error.value))
+    (tmp_path / "zero.yaml").symlink_to("/dev/zero")
+    (tmp_path / "lost.yaml").symlink_to(tmp_path / "nothing")
+    for name, words in (
+        ("pipe", "a device or a pipe"), ("zero", "a device or a pipe"), ("lost", "no such file"),
+        ("folder", "a folder; give a YAML file"), ("x" * 5000, "no such file"), ("a\0b", "no such file"),
+    ):  # fmt: skip
+        path = tmp_path / f"{name}.yaml"
+        for reader in READERS.values():
+            message = refusal(reader, path)
+            assert words in message
+            assert short(message)
         assert main(["scene", str(path)]) == 2
         capsys.readouterr()
 
@@ -185,12 +157,6 @@ def test_values_are_read_as_yaml_1_2_reads_them(text, value):
     assert type(read) is type(value)
 
 
-def test_numbers_with_exponents_are_numbers_in_a_file(tmp_path):
-    path = tmp_path / "mine.yaml"
-    path.write_text(ROBOT + "tolerance: 1e-6\n")
-    assert rde.load_scene(path).tolerance == 1e-6
-
-
 @pytest.mark.parametrize("name", scene_names())
 def test_files_of_the_package_and_what_scenes_print_are_read_as_before(name, tmp_path):
     path = config_folder("scenes") / f"{name}.yaml"
@@ -200,9 +166,9 @@ def test_files_of_the_package_and_what_scenes_print_are_read_as_before(name, tmp
     assert rde.load_scene(printed) == rde.load_scene(name)
 
 
-def test_the_longest_file_is_read_or_refused_within_a_second():
-    """Bytes, not values, decide how long the reader takes."""
-    for unit in (
+@pytest.mark.parametrize(
+    "unit",
+    [
         "a: 1\n",
         "- 1\n",
         "[",
@@ -220,19 +186,20 @@ def test_the_longest_file_is_read_or_refused_within_a_second():
         "&a ",
         "1,",
         "-",
-    ):
-        text = unit * (LARGEST_FILE // len(unit))
-        start = time.process_time()
-        assert short(refusal(parse_yaml, text, "text") or "")
-        assert time.process_time() - start < 1.0, unit
+    ],
+)
+def test_the_longest_file_is_read_or_refused_within_a_second(unit):
+    """Bytes, not values, decide how long the reader takes."""
+    start = time.process_time()
+    assert short(refusal(parse_yaml, unit * (LARGEST_FILE // len(unit)), "text") or "")
+    assert time.process_time() - start < 1.0
+
+
+SYNTAX = "ab:-[]{}&*!|>'\"%@`#,? \n\t019.e<\x00\ufeff"
 
 
 @ANYTHING
-@given(
-    st.one_of(
-        st.text(alphabet="ab:-[]{}&*!|>'\"%@`#,? \n\t019.e<\x00\ufeff", max_size=60), st.text(max_size=30)
-    )
-)
+@given(st.text(alphabet=SYNTAX, max_size=60) | st.text(max_size=30))
 def test_text_is_plain_data_or_a_value_error(text):
     message = refusal(parse_yaml, text, "text")
     assert message is None or (message.startswith("text, line ") and short(message))

@@ -11,6 +11,7 @@ from contextlib import AbstractContextManager
 from contextvars import ContextVar
 from typing import Any, NamedTuple
 
+import llvmlite
 import llvmlite.binding as llvm
 
 from redundant_envs.tracing.flow import Program
@@ -28,11 +29,6 @@ WIDE = "avx512f"
 _lock = threading.Lock()
 _loaded: list[Any] = []
 """Engines own the machine code, so they are kept."""
-
-
-def initialise() -> None:
-    llvm.initialize_native_target()
-    llvm.initialize_native_asmprinter()
 
 
 class Processor(NamedTuple):
@@ -77,14 +73,14 @@ def processor() -> Processor:
 
 def facts() -> tuple[str, ...]:
     """Everything that machine code depends on beside the program."""
-    import llvmlite
-
     version = ".".join(map(str, llvm.llvm_version_info))
     return llvmlite.__version__, version, *processor()
 
 
 def machine() -> Any:
     """The processor, in LLVM's terms."""
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
     cpu, features, triple = processor()
     return llvm.Target.from_triple(triple).create_target_machine(
         cpu=cpu, features=features, opt=3, codemodel="jitdefault", jit=True
@@ -104,7 +100,6 @@ def assembly(program: Program) -> str:
 def _emitted(program: Program, emit: Callable[[Any, Any], Any]) -> Any:
     from redundant_envs.backends.llvm_kernels import module_of  # not needed to load compiled code
 
-    initialise()
     ordered = processor().wide
     if not processor().joins:
         warnings.warn(
@@ -143,7 +138,6 @@ def _tidy(module: Any, target: Any) -> None:
 
 def load(code: bytes, names: Sequence[str]) -> dict[str, Entry]:
     """Kernels of machine code by their names."""
-    initialise()
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine())
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()

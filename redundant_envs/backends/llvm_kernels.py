@@ -14,9 +14,22 @@ from redundant_envs.tracing.flow import ELEMENTS, Instruction, Kernel, Program
 Method = Callable[[Any], Any]
 INTEGERS = {**ARITHMETIC, "+": "add", "-": "sub", "*": "mul", "<<": "shl", ">>": "lshr"}
 
+SIMPLE: dict[str, Callable[..., Any]] = {
+    "offset": lambda b, base, k: b.gep(base, [k]),
+    "not": lambda b, x: b.not_(x),
+    "select": lambda b, condition, x, y: b.select(condition, x, y),
+    "float": lambda b, x: (b.uitofp if x.type == lanes.BIT else b.sitofp)(x, DOUBLE),
+    "int": lambda b, x: (b.fptosi if x.type == DOUBLE else b.zext)(x, INT64),
+    "get": lambda b, place: b.load(place),
+    "set": lambda b, place, x: b.store(x, place),
+    "leave": lambda b: b.ret_void(),
+}
+"""Instructions of one operation on their operands."""
+
 
 class KernelEmitter:
-    """Emits the tree of a kernel: each instruction by the method of its name, or as arithmetic."""
+    """Emits the tree of a kernel: each instruction as :data:`SIMPLE` says, by the method of its name, or as
+    arithmetic."""
 
     def __init__(
         self, module: ir.Module, kernel: Kernel, functions: dict[str, tuple[ir.Function, Any]]
@@ -42,7 +55,10 @@ class KernelEmitter:
 
     def run(self, body: Sequence[Instruction]) -> None:
         for i in body:
-            self.values[i.result] = getattr(self, f"_{i.name}", self._arithmetic)(i)
+            if i.name in SIMPLE:
+                self.values[i.result] = SIMPLE[i.name](self.builder, *self.operands(i, i.kind))
+            elif i.name != "counter":  # its loop has set it
+                self.values[i.result] = getattr(self, f"_{i.name}", self._arithmetic)(i)
 
     def _arithmetic(self, i: Instruction) -> Any:
         b = self.builder
@@ -56,24 +72,6 @@ class KernelEmitter:
         type_ = ELEMENT[i.kind].as_pointer() if i.kind in ELEMENT else INT64
         return self.builder.load(address(self.builder, self.function.args[0], i.extra, type_))
 
-    def _offset(self, i: Instruction) -> Any:
-        base, offset = self.operands(i)
-        return self.builder.gep(base, [offset])
-
-    def _not(self, i: Instruction) -> Any:
-        return self.builder.not_(*self.operands(i))
-
-    def _select(self, i: Instruction) -> Any:
-        return self.builder.select(*self.operands(i, i.kind))
-
-    def _float(self, i: Instruction) -> Any:
-        truth = i.arguments[0].kind == "truth"
-        return (self.builder.uitofp if truth else self.builder.sitofp)(*self.operands(i), DOUBLE)
-
-    def _int(self, i: Instruction) -> Any:
-        (value,) = self.operands(i)
-        return (self.builder.fptosi if value.type == DOUBLE else self.builder.zext)(value, INT64)
-
     def _space(self, i: Instruction) -> Any:
         memory = self.entry.alloca(ELEMENT[i.kind], ir.Constant(INT32, i.extra))
         memory.align = 64
@@ -81,13 +79,6 @@ class KernelEmitter:
 
     def _variable(self, i: Instruction) -> Any:
         return self.entry.alloca(DOUBLE if i.kind == "float" else INT64)
-
-    def _get(self, i: Instruction) -> Any:
-        return self.builder.load(*self.operands(i))
-
-    def _set(self, i: Instruction) -> None:
-        place, value = self.operands(i, i.kind)
-        self.builder.store(value, place)
 
     def _load(self, i: Instruction) -> Any:
         b, (base, index) = self.builder, self.operands(i)
@@ -111,9 +102,6 @@ class KernelEmitter:
         values = lanes.load_block(b, self.value(i.arguments[0]), i.extra)
         bits = lanes.compared(b, "!=", values, ir.Constant(lanes.BLOCK, [0.0] * lanes.LANES))
         return b.zext(b.bitcast(bits, lanes.INT8), INT64)
-
-    def _counter(self, i: Instruction) -> Any:
-        return self.values[i.result]  # set by the loop
 
     def _blocks(self, *names: str) -> list[ir.Block]:
         return [self.function.append_basic_block(name) for name in names]
@@ -168,9 +156,6 @@ class KernelEmitter:
         if not b.block.is_terminated:
             b.branch(after)
         b.position_at_end(after)
-
-    def _leave(self, i: Instruction) -> None:
-        self.builder.ret_void()
 
     def _call(self, i: Instruction) -> None:
         name, places = i.extra

@@ -9,15 +9,11 @@ with needs("verify"):
     import sympy as sp
     from sympy.logic.boolalg import Boolean
 
+
+def _where(condition: sp.Basic, a: sp.Basic, b: sp.Basic) -> sp.Basic:
+    return sp.Piecewise((a, condition), (b, True))
+
+
 register_numbers(
-    Primitives(
-        sp.sqrt,
-        sp.exp,
-        sp.floor,
-        lambda x: (sp.sin(x), sp.cos(x)),
-        lambda condition, a, b: sp.Piecewise((a, condition), (b, True)),
-        sp.Not,
-    ),
-    sp.Basic,
-    Boolean,
+    Primitives(sp.sqrt, sp.exp, sp.floor, lambda x: (sp.sin(x), sp.cos(x)), _where, sp.Not), sp.Basic, Boolean
 )

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import functools
 import itertools
 import math
 import operator
@@ -18,7 +19,7 @@ from typing import Any, NamedTuple
 
 from redundant_envs import dialect
 from redundant_envs.algebra import name_of
-from redundant_envs.effects.hooks import Effect, State
+from redundant_envs.effects.hooks import Effect, states_of
 from redundant_envs.robots.arm import Arm
 
 Described = dict[str, tuple[str, str]]
@@ -285,37 +286,29 @@ def of_the_arm(place: Place) -> str:
 def hooks_described(effect: Effect, arm: Arm) -> Described:
     """Everything that a scene takes from an effect, but for its numbers."""
     hooks = effect.hooks(arm)
-    names = ", ".join(effect.parameters())
     found: Described = {
         "the number of hooks": (str(len(hooks)), ""),
         "key": (effect.key, ""),
-        "parameters": (names, ""),
+        "parameters": (", ".join(effect.parameters()), ""),
         "action_units": (repr(effect.action_units(arm)), ""),
     }
     if type(effect).travel is not Effect.travel:  # which has those of its impacts that are finite
         found["travel"] = (repr(sorted(effect.travel(arm).items())), "")
-    known: dict[int, tuple[str, str]] = {}
+    parts: dict[str, Any] = {}
     for n, hook in enumerate(hooks):
-        part = f"hook {n} ({type(hook).__name__})"
-        found |= _described(part, hook, known)
-        for state in getattr(hook, "states", ()):
-            found |= _described(f"{part}, state {getattr(state, 'name', state)!r}", state, known)
-    return found
-
-
-def _described(part: str, hook: Any, known: dict[int, tuple[str, str]]) -> Described:
-    found: Described = {}
-    for f in dataclasses.fields(hook):
-        value = getattr(hook, f.name)
-        if f.name == "states":
-            shown = str([state.name for state in value if isinstance(state, State)]), ""
-        elif callable(value):
-            if id(value) not in known:
-                known[id(value)] = function_described(value)
-            shown = known[id(value)]
-        else:
-            shown = repr(sorted(value.items()) if isinstance(value, Mapping) else value), ""
-        found[f"{part}, {f.name}"] = shown
+        name = f"hook {n} ({type(hook).__name__})"
+        parts |= {name: hook, **{f"{name}, state {s.name!r}": s for s in states_of(hook)}}
+    described = functools.cache(function_described)
+    for name, part in parts.items():
+        for f in dataclasses.fields(part):
+            value = getattr(part, f.name)
+            if f.name == "states":
+                shown = str([state.name for state in value]), ""
+            elif callable(value):
+                shown = described(value)
+            else:
+                shown = repr(sorted(value.items()) if isinstance(value, Mapping) else value), ""
+            found[f"{name}, {f.name}"] = shown
     return found
 
 

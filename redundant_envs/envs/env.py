@@ -125,6 +125,7 @@ class ArmEnv(Face, gym.Env[Any, Any]):
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Return to a snapshot; the continuation is the same to the last bit."""
         self.core.set_state(state)
+        self._begin_trails()
         self._begin()
         self._begun = self.core.begun_all
         if not self._begun or self.core.memory.read(("terminated",)).any():

@@ -104,6 +104,12 @@ class Face:
         columns = self.core.columns
         self._pictures().record(columns.of(out, "steps"), columns.points(out, TIP))
 
+    def _begin_trails(self) -> None:
+        """Let trails begin where the tips are, as after a state was set."""
+        if self._renderer is not None:
+            self._renderer.clear()
+            self._see(self.core.observe()[1])
+
 
 class Stepped(NamedTuple):
     """A control step of all lanes; ``last`` observations and outputs are those before an autoreset."""

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.lettering import cover, from_segment
 from redundant_envs.robots.arm import Arm
-from redundant_envs.scene import identifier
 
 SIZE = 480
 BACKGROUND = (250, 250, 248)
@@ -28,19 +27,15 @@ BAR_PLUS = (70, 120, 190)
 BAR_MINUS = (205, 92, 92)
 INK = (74, 84, 104)
 SOFT = (160, 166, 178)
-MARGIN = 16
-"""Distance of texts from the border of the picture, px."""
-LETTERS, SMALL_LETTERS = 13.0, 9.0
-"""Heights of digits, px."""
+MARGIN = 16  # distance of texts from the border of the picture, px
+LETTERS, SMALL_LETTERS = 13.0, 9.0  # heights of digits, px
 BAR_WIDTH, BAR_HEIGHT, BAR_GAP = 96, 9, 6
-BARS = "effort / limit"
-"""Heading of the bars: each motor's effort as a fraction of its limit, from -1 to 1."""
+BARS = "effort / limit"  # heading of the bars: each motor's effort as a fraction of its limit, from -1 to 1
 HOLDING = {"hold", "is_success"}
 """Memory of a task that counts the steps in which the goal is held: the picture shows the time, green from
 success on."""
 TRAIL_LENGTH = 100
-CENTRES = np.arange(SIZE, dtype=np.float32) + np.float32(0.5)
-"""Middles of the pixels of a row or a column."""
+CENTRES = np.arange(SIZE, dtype=np.float32) + np.float32(0.5)  # middles of the pixels of a row or a column
 
 
 class Canvas:
@@ -270,7 +265,7 @@ class Renderer:
     def record(self, steps: NDArray[np.float64], tips: NDArray[np.float64]) -> None:
         """Record the positions of all tips, (n, 2), and the steps of their episodes so far, (n,).
 
-        A trail starts again with each episode, and whenever a state was set.
+        A trail starts again with each episode.
         """
         newest = self._tips[np.arange(len(tips)), (self._count - 1) % TRAIL_LENGTH]
         stepped = (steps == self._last + 1.0) & (steps > 0.0)
@@ -299,8 +294,6 @@ class Renderer:
         steps, *efforts = core.memory.read(("steps", *core.actions), index)[0]
         own_arm = lane_arm(core, index)
         tip = own_arm.forward_kinematics(q)
-        self._catch_up(lane, float(steps), tip)
-
         canvas = Canvas(self.half_width, self._background)
         base = np.zeros(2)
         canvas.trail(self.trail(lane), 3.0, TRAIL, faint=0.15, strong=0.9)
@@ -328,14 +321,6 @@ class Renderer:
                 held = f"held {hold * dt:.2f} s"
                 canvas.text(held, SIZE - MARGIN, MARGIN, GOAL if success else SOFT, from_right=True)
 
-    def _catch_up(self, lane: int, steps: float, tip: NDArray[np.float64]) -> None:
-        """Start the trail of one lane again if its state was set since it was last recorded."""
-        all_steps = self._last.copy()
-        all_steps[lane] = steps
-        tips = self._tips[np.arange(len(self._count)), (self._count - 1) % TRAIL_LENGTH]
-        tips[lane] = tip
-        self.record(all_steps, tips)
-
     def show(self, lane: int) -> None:
         """Show a lane in a window, in real time: one picture per control step."""
         if self._window is None:
@@ -358,6 +343,6 @@ class Renderer:
         arm, travel = self.core.scene.robot, {}
         for joint, ends in self.core.scene.travel().items():
             if arm.prismatic[joint]:
-                low, high = self.core.memory.read(tuple(identifier(n) for n in ends), lane)[0].tolist()
+                low, high = self.core.memory.read(ends, lane)[0].tolist()
                 travel[joint] = (low, high)
         return travel

@@ -85,10 +85,7 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
         self._ready = False
 
     def reset(
-        self,
-        *,
-        seed: int | Sequence[int | None] | None = None,
-        options: dict[str, Any] | None = None,
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         """Begin new episodes.
 
@@ -179,6 +176,7 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
                 "that waits for its reset in one does not in the other: make the environment with the same"
             )
         self.core.set_state(of_core)
+        self._begin_trails()
         self._ended = state["ended"].copy()
         self._ready = self.core.begun_all
 

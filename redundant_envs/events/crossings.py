@@ -8,7 +8,7 @@ from __future__ import annotations
 import enum
 from typing import Any, NamedTuple
 
-from redundant_envs.algebra import floor, logical_not, maximum, minimum, sqrt, where
+from redundant_envs.algebra import floor, logical_not, maximum, minimum, sqrt
 from redundant_envs.events.boundary import BoundedCoordinate, direction
 from redundant_envs.numerics.methods import Watched
 from redundant_envs.tracing.ways import branches
@@ -68,12 +68,19 @@ def acceleration_bounds(s: BoundedCoordinate, overshoot: Overshoot) -> tuple[Any
     )
 
 
+@branches
+def overshoot_at_extremes(w: Watched, overshoot: Overshoot) -> tuple[Any, Any]:
+    """The overshoot beyond the least value at the stages, and beyond the greatest: larger between stages."""
+    return (
+        overshoot.between if w.least < minimum(w.first, w.last) else overshoot.at_ends,
+        overshoot.between if w.most > maximum(w.first, w.last) else overshoot.at_ends,
+    )
+
+
 def margins(w: Watched, overshoot: Overshoot) -> tuple[Any, Any]:
-    """Distances by which a parabola may leave the range of its values at the stages, down and up: larger ones
-    if its extreme value is between stages."""
-    hidden = w.least < minimum(w.first, w.last), w.most > maximum(w.first, w.last)
-    down, up = (where(h, overshoot.between, overshoot.at_ends) * (w.most - w.least) for h in hidden)
-    return down, up
+    """Distances by which a parabola may leave the range of its values at the stages, down and up."""
+    down, up = overshoot_at_extremes(w, overshoot)
+    return down * (w.most - w.least), up * (w.most - w.least)
 
 
 def meets_kink(w: Watched, levels: bool, overshoot: Overshoot) -> tuple[Any, Any]:

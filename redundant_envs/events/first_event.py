@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from functools import reduce
 from typing import Any, NamedTuple
 
-from redundant_envs.algebra import logical_not, maximum, minimum, sqrt
+from redundant_envs.algebra import logical_not, maximum, minimum, sqrt, where
 from redundant_envs.events.boundary import BoundedCoordinate, direction, inside
 from redundant_envs.events.crossings import Crossing
 from redundant_envs.tracing.ways import branches
@@ -79,10 +79,8 @@ def nearer_root(g: Any, slope: Any, low: Any, high: Any, s: Any, new: Any) -> tu
 
     ``g`` and ``slope`` are of the function at ``s``, from where the Newton step leads to ``new``.
     """
-    low, high = (low, s) if g > 0.0 else (s, high)
-    if slope > 0.0 and new >= low and new <= high:
-        return low, high, new
-    return low, high, 0.5 * (low + high)
+    low, high = where(g > 0.0, low, s), where(g > 0.0, s, high)
+    return low, high, new if slope > 0.0 and new >= low and new <= high else 0.5 * (low + high)
 
 
 @branches

@@ -95,10 +95,8 @@ class Arm:
         ``W1 .. Wn`` of the parameters: upper bounds of diag(B^T M^-1 B) in every pose, from which error
         control knows how fast springs and dampers may make the arm. None, where the point masses do not show
         them, allows neither with a tolerance.
-    held_dynamics : function or None
-        Dynamics with sliders at rest; None of an arm without sliders.
-    slider_mobility : function or None
-        Columns of M^-1, of the sliders; None of an arm without sliders.
+    held_dynamics, slider_mobility : function or None
+        Dynamics with sliders at rest, and columns of M^-1, of the sliders; None of an arm without sliders.
     coordinates_of_joints : function
         The coordinates from the positions of the joints, ``phi1 ..``.
     extent : tuple of str

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -47,7 +48,8 @@ class Chain(Arm):
     maker: ClassVar[type[Arm]]
 
     def __new__(cls, joint_types: Any = None, *args: Any, **kwargs: Any) -> Chain:
-        return object.__new__(class_of(joint_types) if cls is Chain else cls)
+        own = _class_of(check_joint_types("joint_types", joint_types)) if cls is Chain else cls
+        return object.__new__(own)
 
     def __init__(self, joint_types: str, masses: Any, lengths: Any = ()) -> None:
         kind: Any = type(self)
@@ -71,17 +73,12 @@ class Chain(Arm):
         return Chain, (self.joint_types, self.masses, self.lengths)
 
 
-_classes: dict[str, type[Chain]] = {}
-
-
-def class_of(joint_types: Any) -> type[Chain]:
+@functools.cache
+def _class_of(types: str) -> type[Chain]:
     """The class of all chains of such joints; there are at most 2046."""
-    types = check_joint_types("joint_types", joint_types)
-    if types not in _classes:
-        own = {"joint_types": types, "kind": Chain.kind, "__module__": Chain.__module__}
-        own["description"] = f"A planar arm of the joints {types} in a vertical plane"
-        _classes[types] = type(Chain.__name__, (Chain,), {**own, "__doc__": Chain.__doc__})
-    return _classes[types]
+    own = {"joint_types": types, "kind": Chain.kind, "__module__": Chain.__module__, "__doc__": Chain.__doc__}
+    own["description"] = f"A planar arm of the joints {types} in a vertical plane"
+    return type(Chain.__name__, (Chain,), own)
 
 
 Chain.maker = Chain

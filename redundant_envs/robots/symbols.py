@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from redundant_envs.algebra import entries, gives_of, numbered
@@ -15,13 +15,10 @@ def symbols_of(arm: Any) -> dict[str, Any]:
         import sympy as sp
     import redundant_envs.backends.sympy  # noqa: F401 - lets expressions be numbers
 
-    def make(names: Iterable[str], **assumed: bool) -> dict[str, Any]:
-        return {n: sp.Symbol(n, **assumed) for n in names}
-
     n = len(arm.coordinates)
-    parameters = make(arm.parameter_values(), positive=True)
-    q, qd = make(arm.coordinates, real=True), make(arm.rates, real=True)
-    forces = make(numbered("Q{}", n), real=True)
+    parameters = {name: sp.Symbol(name, positive=True) for name in arm.parameter_values()}
+    of_motion = (arm.coordinates, arm.rates, numbered("Q{}", n))
+    q, qd, forces = ({name: sp.Symbol(name, real=True) for name in names} for names in of_motion)
     field = {"ax": sp.Integer(0), "ay": sp.Symbol("g", real=True)}
     state = {**parameters, **q, **qd, **field}
     given = {name for f in arm.functions for name in gives_of(f)}

@@ -22,8 +22,7 @@ def function_lines(f: LaneFunction, name_of: Namer = plain_name) -> Iterator[str
     for subroutine in {n.extra for n in nodes if n.name == "stage"}:
 
         def given(space: str, k: int, names: Sequence[str] = subroutine.names) -> str:
-            shown = space == "given" and names and name_of is not plain_name
-            return names[k] if shown else name_of(space, k)
+            return names[k] if names and space == "given" else name_of(space, k)
 
         results, inner = subroutine.traced()
         numbers = {n: k for k, n in enumerate(inner)}

@@ -14,7 +14,9 @@ from redundant_envs.tracing.graph import CONDITIONS, Graph, Value
 EXPONENTS = (2, 3, 4)
 deciding: ContextVar[Callable[[Any], bool] | None] = ContextVar("deciding", default=None)
 """Answers conditions while a stretch is run for one of its ways; without it a condition is no bool."""
-OPERATORS = ("add", "sub", "mul", "truediv")
+OPERATORS = {
+    "add": operator.add, "subtract": operator.sub, "multiply": operator.mul, "divide": operator.truediv,
+}  # fmt: skip
 PLAIN = (float, int)
 Method = Callable[..., Any]
 
@@ -122,16 +124,12 @@ class Number(Traced):
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **_: Any) -> Any:
         """Let a NumPy scalar be an operand on either side."""
-        name = {"divide": "truediv", "subtract": "sub", "multiply": "mul"}.get(ufunc.__name__, ufunc.__name__)
+        name = ufunc.__name__
         if name in OPERATORS and method == "__call__":
             if any(getattr(x, "ndim", 0) for x in inputs):
                 _refuse("it meets an array of NumPy; write a[0] * x, a[1] * x, ... for its entries")
-            a, b = (x if isinstance(x, Number) else float(x) for x in inputs)
-            return getattr(operator, name)(a, b)
-        _refuse(
-            f"NumPy's {ufunc.__name__} does not know it; use the functions of redundant_envs.algebra",
-            ufunc.__name__,
-        )
+            return OPERATORS[name](*(x if isinstance(x, Number) else float(x) for x in inputs))
+        _refuse(f"NumPy's {name} does not know it; use the functions of redundant_envs.algebra", name)
 
 
 class Condition(Traced):

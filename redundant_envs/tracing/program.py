@@ -10,7 +10,7 @@ from __future__ import annotations
 import enum
 import functools
 import itertools
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Callable, Generator
 from typing import Any, NamedTuple
 
 from redundant_envs.algebra import any_of, logical_not, where
@@ -20,6 +20,8 @@ from redundant_envs.tracing.ways import Exclusive, Fork, Tree, Way, Ways, every_
 
 ENDED = -1.0
 """The number of a state in which a program has ended."""
+PLAIN = (int, float, str, enum.Enum)
+"""Types of local variables that hold no numbers of lanes: a way may depend on them."""
 
 Program = Callable[[Any], Generator[enum.Enum, None, None]]
 Writes = dict[str, Any]
@@ -79,7 +81,8 @@ class Machine:
         while running is not None and getattr(running, "gi_frame", None) is not None:
             frame = running.gi_frame
             place.append(_place(frame))
-            values |= {(frame.f_code.co_qualname, n): v for n, v in _plain(frame.f_locals)}
+            plain = {n: v for n, v in frame.f_locals.items() if v is None or isinstance(v, PLAIN)}
+            values |= {(frame.f_code.co_qualname, n): v for n, v in plain.items()}
             running = running.gi_yieldfrom
         key = tuple(place)
         if key not in self._found:
@@ -146,10 +149,3 @@ def _place(frame: Any) -> tuple[Any, ...]:
     """Function, line and column of the yield at which a generator waits: not its place in the bytecode."""
     line, _, column, _ = next(itertools.islice(frame.f_code.co_positions(), frame.f_lasti // 2, None))
     return frame.f_code.co_qualname, line, column
-
-
-def _plain(variables: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Local variables that hold no numbers of lanes: a way may depend on them."""
-    for name, value in variables.items():
-        if value is None or isinstance(value, bool | int | float | str | enum.Enum):
-            yield name, value

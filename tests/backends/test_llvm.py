@@ -1,9 +1,7 @@
-"""Machine code of lane functions: sines, choices, draws, tables, stages, the order of instructions."""
+"""Machine code of lane functions: sines, choices, draws, tables, forms of a step, LLVM's order."""
 
-import dataclasses
 import hashlib
 import itertools
-from collections import OrderedDict
 
 import llvmlite.binding as binding
 import mpmath
@@ -13,19 +11,15 @@ from catalogue import FOUR_R, RPRP, e
 from compiled import compiled, on_columns
 
 import redundant_envs as rde
-import redundant_envs.lane.step as steps
 from redundant_envs import algebra
-from redundant_envs.algebra import physics
 from redundant_envs.backends import llvm, llvm_kernels
 from redundant_envs.batch.blocks import LANES
 from redundant_envs.batch.environment import philox, uniform
-from redundant_envs.effects.hooks import Effect, Force
 from redundant_envs.lane.memory import SCRATCH, STATE, Field, Layout, Lifetime, traced
 from redundant_envs.model import programs
 from redundant_envs.model.programs import batch_simulator
 from redundant_envs.tracing.flow import Kernel, LaneFunction, Program
 from redundant_envs.tracing.graph import Graph
-from redundant_envs.verify import recorded_bits
 
 # ---- primitives ------------------------------------------------------------------------------------
 
@@ -97,36 +91,27 @@ def test_comparisons_and_choices_agree_with_plain_ones():
 
 
 @pytest.mark.parametrize(
-    ("key", "counter", "words"),
-    [  # Random123's known-answer vectors of philox4x32-10
-        ((0, 0), (0, 0, 0, 0), (0x6627E8D5, 0xE169C58D, 0xBC57AC4C, 0x9B00DBD8)),
-        ((2**32 - 1,) * 2, (2**32 - 1,) * 4, (0x408F276D, 0x41C83B0E, 0xA20BC7C6, 0x6D5451FD)),
+    ("given", "words"),
+    [  # Random123's known-answer vectors of philox4x32-10: key and counter
+        ([0] * 6, (0x6627E8D5, 0xE169C58D, 0xBC57AC4C, 0x9B00DBD8)),
+        ([2**32 - 1] * 6, (0x408F276D, 0x41C83B0E, 0xA20BC7C6, 0x6D5451FD)),
         (
-            (0xA4093822, 0x299F31D0),
-            (0x243F6A88, 0x85A308D3, 0x13198A2E, 0x03707344),
+            [0xA4093822, 0x299F31D0, 0x243F6A88, 0x85A308D3, 0x13198A2E, 0x03707344],
             (0xD16CFE09, 0x94FDCCEB, 0x5001E420, 0x24126EA1),
         ),
     ],
 )
-def test_philox_known_answers(key, counter, words):
+def test_draws_are_those_of_philox_and_neither_zero_nor_one(given, words):
     p = Kernel("draw", {"given": "u32", "words": "u32", "numbers": "f64"})
-    given = [p.load(p["given"], k) for k in range(6)]
-    for k, word in enumerate(philox(given[:2], given[2:])):
+    loaded = [p.load(p["given"], k) for k in range(6)]
+    for k, word in enumerate([*philox(loaded[:2], loaded[2:]), loaded[0]]):
         p.store(p["words"], k, word)
         p.store(p["numbers"], k, uniform(p, word))
-    got, numbers = np.zeros(4, np.uint32), np.zeros(4)
-    compiled(p)(given=np.array([*key, *counter], np.uint32), words=got, numbers=numbers)
-    assert tuple(got) == words
-    np.testing.assert_array_equal(numbers, (np.array(words) + 0.5) / 2**32)
-
-
-@pytest.mark.parametrize("word", [0, 2**32 - 1])
-def test_a_draw_is_neither_zero_nor_one(word):
-    p = Kernel("draw", {"words": "u32", "numbers": "f64"})
-    p.store(p["numbers"], 0, uniform(p, p.load(p["words"])))
-    numbers = np.zeros(1)
-    compiled(p)(words=np.array([word], np.uint32), numbers=numbers)
-    assert 0.0 < numbers[0] < 1.0
+    got, numbers = np.zeros(5, np.uint32), np.zeros(5)
+    compiled(p)(given=np.array(given, np.uint32), words=got, numbers=numbers)
+    assert tuple(got) == (*words, given[0])
+    np.testing.assert_array_equal(numbers, (got + 0.5) / 2**32)
+    assert ((numbers > 0.0) & (numbers < 1.0)).all()
 
 
 # ---- tables ----------------------------------------------------------------------------------------
@@ -186,60 +171,13 @@ def test_numbers_and_conditions_go_to_arrays_of_every_type():
     np.testing.assert_array_equal(out["single"], np.float32([np.zeros(8), rows[0]]))
 
 
-# ---- a long step as calls --------------------------------------------------------------------------
-
-
-@physics
-def braking(coordinate, rate, level):
-    return -level * (coordinate * rate)
-
-
-@dataclasses.dataclass(frozen=True)
-class Brake(Effect):
-    """A force of a position times a rate: the later part of a stage needs its own position."""
-
-    level: float = 0.5
-
-    def hooks(self, arm):
-        bind = {"coordinate": arm.coordinates[1], "rate": arm.rates[1], "level": ".level"}
-        return (Force(1, braking, bind=bind),)
-
-
-STEPPED = {
-    "4R": rde.Scene(FOUR_R, (e.Gravity(), e.ViscousFriction(0.1)), "rk8"),
-    "RPRP held": rde.Scene(RPRP, (e.Gravity(), e.PrismaticStop((0.0, 0.0), (0.3, 0.3))), "rk8"),
-    "RPRP, springs in positions alone": recorded_bits.SCENES["RPRP centring spring rk8"],
-    "RPRP, a force of position times rate": rde.Scene(RPRP, (Brake(),), "rk8"),
-}
-LONG = ("RPRP held", "RPRP, springs in positions alone")
-
-
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=pytest.mark.long) if n in LONG else n for n in STEPPED]
-)
-def test_a_step_by_calls_is_the_step_of_copies(name, monkeypatch):
-    """One function for all stages or a copy in each: the same to rounding."""
-    scene = dataclasses.replace(STEPPED[name], control_dt=0.02)
-    rng = np.random.default_rng(0)
-    q, qd = rng.uniform(0.0, 0.3, (40, 4)), rng.normal(0.0, 1.0, (40, 4))
-    states, keys = [], set()
-    for most in (4, 12):
-        monkeypatch.setattr(steps, "MOST_INLINED", most)
-        monkeypatch.setattr(programs, "_kept", OrderedDict())
-        batch = rde.BatchSimulator(scene, 40)
-        batch.set_state(q, qd)
-        for _ in range(3):
-            assert batch.advance().finite.all()
-        states.append(np.hstack([batch.q, batch.qd]))
-        keys.add(batch.simulator.key)
-    np.testing.assert_allclose(states[0], states[1], rtol=1e-12, atol=1e-13)
-    assert len(keys) == 2
+# ---- forms of a step -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("integrator", ["euler", "rk4", "rk8"])
 def test_free_sliders_have_the_same_bits_beside_others_that_rest_at_stops(integrator):
     """A block takes another form of the step if a slider rests in one of its lanes."""
-    scene = dataclasses.replace(STEPPED["RPRP held"], integrator=integrator)
+    scene = rde.Scene(RPRP, (e.Gravity(), e.PrismaticStop((0.0, 0.0), (0.3, 0.3))), integrator)
     rng = np.random.default_rng(0)
     resting = np.arange(64) % 8 == 3
     q, qd, efforts = rng.uniform(0.1, 0.2, (64, 4)), rng.normal(0.0, 0.3, (64, 4)), rng.normal(size=(64, 4))
@@ -273,7 +211,6 @@ def probe():
 
 def test_llvm_has_its_own_order_again_afterwards():
     """The switch is global to LLVM: code that others compile must be the same as without us."""
-    llvm.initialise()
     text = str(llvm_kernels.module_of(probe(), False, llvm.host().triple))
 
     def by_others():
@@ -295,7 +232,8 @@ def test_llvm_has_its_own_order_again_afterwards():
 
 def test_a_program_is_compiled_to_the_same_code_every_time():
     """Another process requests the same program, even for one whose graphs were changed."""
-    program = batch_simulator(STEPPED["4R"], False).program
+    scene = rde.Scene(FOUR_R, (e.Gravity(), e.ViscousFriction(0.1)), "rk8")
+    program = batch_simulator(scene, False).program
     code = llvm.object_code(program)
     assert llvm.object_code(program) == code
-    assert llvm.object_code(batch_simulator(STEPPED["4R"], False).program) == code
+    assert llvm.object_code(programs.traced_batch(scene, False).program) == code

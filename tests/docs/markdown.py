@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-README = ROOT / "README.md"
-PAGES = [
-    README, ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md")),
-    *sorted((ROOT / "policies").glob("*/README.md")),
-]  # fmt: skip
+README, RESULTS = ROOT / "README.md", ROOT / "docs" / "results"
 MANUAL = [README, *sorted((ROOT / "docs").glob("*.md"))]
 """Pages for users: without tutorials, decisions and results."""
+PAGES = [README, ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES += sorted((ROOT / "policies").glob("*/README.md"))
 
 
 def text(page: Path) -> str:
     return page.read_text(encoding="utf-8")
+
+
+def rows(name: str) -> list[dict[str, str]]:
+    """A table of the results."""
+    with (RESULTS / name).open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
 
 
 def prose(page: Path) -> str:
@@ -24,13 +29,11 @@ def prose(page: Path) -> str:
     return re.sub(r"^```.*?^```", "", text(page), flags=re.S | re.M)
 
 
-def blocks(page: Path, language: str) -> list[tuple[int, str]]:
-    """Fenced blocks of a language ("" for none): the line at which each begins, and its text."""
-    found, whole = [], text(page)
-    for match in re.finditer(r"^```(\w*)\n(.*?)^```", whole, re.S | re.M):
-        if match[1] == language:
-            found.append((whole[: match.start()].count("\n") + 2, match[2]))
-    return found
+def blocks(page: Path, of: str | None = None) -> list[tuple[int, str, str]]:
+    """Fenced blocks, of one language: the line at which each begins, its language ("" for none) and text."""
+    whole = text(page)
+    found = re.finditer(r"^```(\w*)[^\n]*\n(.*?)^```$", whole, re.S | re.M)
+    return [(whole.count("\n", 0, m.start(2)) + 1, m[1], m[2]) for m in found if of in (None, m[1])]
 
 
 def anchors(page: Path) -> set[str]:
@@ -39,21 +42,17 @@ def anchors(page: Path) -> set[str]:
     for heading in re.findall(r"^#+ +(.*)$", prose(page), re.M):
         plain = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", heading).replace("`", "").strip().lower()
         slug = re.sub(r"[^\w\- ]", "", plain).replace(" ", "-")
-        name, k = slug, 0
-        while name in found:
-            k += 1
-            name = f"{slug}-{k}"
-        found.add(name)
+        names = (slug, *(f"{slug}-{k}" for k in range(1, len(found) + 1)))
+        found.add(next(name for name in names if name not in found))
     return found
 
 
 def commands(page: Path) -> dict[str, bool]:
     """Commands of this project on a page, without their comments, and whether each is in a block."""
-    in_blocks = [line for _, block in blocks(page, "") for line in re.sub(r"\\\n", " ", block).splitlines()]
+    in_blocks = [line for *_, block in blocks(page, "") for line in re.sub(r"\\\n", " ", block).splitlines()]
     found = dict.fromkeys(re.findall(r"`([^`\n]+)`", prose(page)), False)
     found |= {re.sub(r"\s+#.*", "", line).strip(): True for line in in_blocks}
-    return {
-        line: whole
-        for line, whole in found.items()
-        if line.startswith(("python -m ", "python docs/examples"))
-    }
+    return {line: whole for line, whole in found.items() if line.startswith(COMMANDS)}
+
+
+COMMANDS = "python -m ", "python docs/examples"

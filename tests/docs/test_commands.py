@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import re
+import runpy
 import shlex
 import shutil
 import sys
@@ -50,12 +52,8 @@ def words_of(command):
     found = []
     for word in shlex.split(re.sub(r"\$\(.*\)", "", command)):
         word = PLACEHOLDERS.get(word, word)
-        paths = (
-            sorted(str(p.relative_to(ROOT)) for p in ROOT.glob(word))
-            if "*" in word and "{" not in word
-            else []
-        )
-        found += paths or [word]
+        paths = ROOT.glob(word) if "*" in word and "{" not in word else ()
+        found += sorted(str(path.relative_to(ROOT)) for path in paths) or [word]
     return found
 
 
@@ -97,16 +95,19 @@ def test_every_command_is_one_and_takes_its_arguments():
             pytest.fail(f"{page}: {command}: {error!r}")
 
 
-def test_a_command_with_a_wrong_option_or_name_would_be_seen():
-    for command in ("python -m agents play FourRReach-v0 --nothing", "python -m agents nothing",
-                    "python -m agents train rprp_reach_sac sac.nothing=1", "python -m agents train nothing",
-                    "python -m redundant_envs verify --nothing", "python -m nothing"):  # fmt: skip
-        with pytest.raises((SystemExit, Exception)):
-            parse(command, True)
+@pytest.mark.parametrize(
+    "wrong",
+    ["agents play FourRReach-v0 --nothing", "agents nothing", "agents train rprp_reach_sac sac.nothing=1",
+     "agents train nothing", "redundant_envs verify --nothing", "nothing"],
+)  # fmt: skip
+def test_a_command_with_a_wrong_option_or_name_would_be_seen(wrong):
+    with pytest.raises((SystemExit, Exception)):
+        parse(f"python -m {wrong}", True)
 
 
-def run(command, tmp_path, monkeypatch):
-    """Run a documented command in a separate folder, with copies of the files that it may write to."""
+@pytest.mark.parametrize("command", [*QUICK, *(pytest.param(c, marks=pytest.mark.long) for c in SLOWER)])
+def test_commands_run(command, tmp_path, monkeypatch, capsys):
+    """In a separate folder, with copies of the files that they may write to."""
     assert command in FOUND, f"{command} is on no page any more"
     for name in ("policies", "configs"):
         (tmp_path / name).symlink_to(ROOT / name)
@@ -124,24 +125,8 @@ def run(command, tmp_path, monkeypatch):
     words = words_of(command)
     monkeypatch.chdir(tmp_path)
     if words[1] == "-m":
-        from importlib import import_module
-
-        assert import_module(f"{words[2]}.__main__").main(words[3:]) == 0
+        assert importlib.import_module(f"{words[2]}.__main__").main(words[3:]) == 0
     else:
-        import runpy
-
         monkeypatch.setattr(sys, "argv", words[1:])
         runpy.run_path(words[1], run_name="__main__")
-
-
-@pytest.mark.parametrize("command", QUICK)
-def test_quick_commands_run(command, tmp_path, monkeypatch, capsys):
-    run(command, tmp_path, monkeypatch)
-    assert capsys.readouterr().out
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("command", SLOWER)
-def test_slower_commands_run(command, tmp_path, monkeypatch, capsys):
-    run(command, tmp_path, monkeypatch)
     assert capsys.readouterr().out

@@ -1,148 +1,217 @@
-"""Numbers on several pages agree with each other, with the code and with the measurements."""
+"""Numbers and tables on pages agree with each other, with the code and with the measurements."""
 
 import contextlib
-import csv
 import io
 import re
+import shlex
 
 import gymnasium as gym
 import numpy as np
 import pytest
-from markdown import MANUAL, PAGES, ROOT, blocks, prose, text
+from catalogue import IDS
+from markdown import MANUAL, PAGES, README, RESULTS, ROOT, blocks, prose, rows, text
 
-from redundant_envs.envs.registration import id_of
 from redundant_envs.events import contacts
 from redundant_envs.lane import step_control
 from redundant_envs.numerics import error_control
 from redundant_envs.scene import ACCURACIES
+from redundant_envs_train.config import WITHOUT_EFFECT
+from redundant_envs_train.evidence.runs import read_groups, read_runs
+from redundant_envs_train.evidence.table import brief_table, table
+from redundant_envs_train.run_folder import read_config, read_scene
+from redundant_envs_train.studies import strength as strength_run
+from redundant_envs_train.studies.strength import ARMS, FACTORS, learner_rows, read_rows
 
-SHIPPED = [id_of(arm, task) for arm in ("RPRP", "FourR") for task in ("Reach", "GoalReach")]
-"""Ids of the package itself; other tests may have registered more."""
-RESULTS = ROOT / "docs" / "results"
-ACCURACY, SPEED = (text(ROOT / "docs" / f"{name}.md") for name in ("accuracy", "speed"))
 
-
-def rows(name):
-    with (RESULTS / name).open(encoding="utf-8") as file:
-        return list(csv.DictReader(file))
+def page(name):
+    return text(ROOT / "docs" / f"{name}.md")
 
 
 def test_evaluations_of_a_control_step_are_those_that_the_page_measures():
-    ((_, program),) = blocks(ROOT / "docs" / "accuracy.md", "python")
+    ((*_, program),) = blocks(ROOT / "docs" / "accuracy.md", "python")
     with contextlib.redirect_stdout(io.StringIO()) as out:
         exec(program, {})
     measured = re.findall(r": ([\d.]+) evaluations per control step", out.getvalue())
-    stated = re.search(r"^\| random, .*? \| ([\d.]+) \| ([\d.]+) \|$", ACCURACY, re.M)
-    assert stated.groups() == tuple(measured)
-    found = {
-        row["arm"]: float(row["evaluations_per_step"])
-        for row in rows("policy/physics.csv")
-        if row["physics"] == "standard"
-    }
-    assert re.search(r"^\| a trained policy .*? \| ([\d.]+) \| ([\d.]+) \|$", ACCURACY, re.M).groups() == (
-        f"{found['RPRP']:.1f}", f"{found['4R']:.1f}"
-    )  # fmt: skip
+    learned = {r["arm"]: r for r in rows("policy/physics.csv") if r["physics"] == "standard"}
+    trained = [f"{float(learned[arm]['evaluations_per_step']):.1f}" for arm in ("RPRP", "4R")]
+    for start, expected in (("random, ", measured), ("a trained policy ", trained)):
+        stated = re.search(rf"^\| {start}.*? \| ([\d.]+) \| ([\d.]+) \|$", page("accuracy"), re.M)
+        assert [*stated.groups()] == expected
 
 
 def test_an_rk8_step_costs_as_many_rk4_steps_on_every_page():
-    ratios = []
+    costs = []
     for name in ("throughput.csv", "throughput_zen4.csv"):
-        cost = {
-            (r["arm"], r["integrator"]): float(r["ns_per_step_best"])
-            for r in rows(name)
-            if not r["tolerance"]
-        }
-        ratios += [cost[arm, "rk8"] / cost[arm, "rk4"] for arm in ("RPRP", "FourR")]
-    cost = {(r["panel"], r["method"]): float(r["ns_best"]) for r in rows("accuracy/accuracy.csv")
-            if r["setting"] == "1 x 20 ms"}  # fmt: skip
-    smooth = {panel for panel, _ in cost if "impacts" not in panel}
+        found = {(r["arm"], r["integrator"]): r["ns_per_step_best"] for r in rows(name) if not r["tolerance"]}
+        costs += [(found[arm, "rk8"], found[arm, "rk4"]) for arm in ("RPRP", "FourR")]
+    measured = [r for r in rows("accuracy/accuracy.csv") if r["setting"] == "1 x 20 ms"]
+    found = {(r["panel"], r["method"]): r["ns_best"] for r in measured}
+    smooth = {panel for panel, _ in found if "impacts" not in panel}
     assert len(smooth) == 3
-    ratios += [cost[panel, "rk8"] / cost[panel, "rk4"] for panel in smooth]
-    stated = [
-        m
-        for page in MANUAL
-        for m in re.findall(r"rk8 step costs ([\w.]+(?: to [\w.]+)?) rk4 steps", text(page))
-    ]
-    assert len(stated) == 2
-    assert set(stated) == {f"{min(ratios):.1f} to {max(ratios):.1f}"}
+    costs += [(found[panel, "rk8"], found[panel, "rk4"]) for panel in smooth]
+    ratios = [float(rk8) / float(rk4) for rk8, rk4 in costs]
+    stated = [m for p in MANUAL for m in re.findall(r"rk8 step costs (\S+(?: to \S+)?) rk4 steps", text(p))]
+    assert stated == 2 * [f"{min(ratios):.1f} to {max(ratios):.1f}"]
 
 
 def test_speeds_are_those_of_the_tables():
-    stated = re.findall(r"^\| ([^|]+) \| ([^|]+) \|[^|]*\|$", SPEED, re.M)
-    steps = rows("throughput.csv")
-    expected = [
-        f"{float(r['ns_per_step_best']):.{1 if float(r['ns_per_step_best']) < 100 else 0}f} ns" for r in steps
-    ]
-    assert [value for _, value in stated if value.endswith(" ns")] == expected
+    stated = re.findall(r"^\| ([^|]+) \| ([^|]+) \|[^|]*\|$", page("speed"), re.M)
+    steps, speeds = rows("throughput.csv"), rows("environments.csv")
+    times = [float(r["ns_per_step_best"]) for r in steps]
+    assert [v for _, v in stated if v.endswith(" ns")] == [f"{t:.{1 if t < 100 else 0}f} ns" for t in times]
     columns = ("vector_steps_per_s_best", "vector_one_rk8_step_best", "vector_renewed_actions_best")
-    speeds = rows("environments.csv")
     assert [r["env"].rpartition("/")[2] for r in speeds] == ["RPRPReach-v0", "FourRReach-v0"]
     expected = [f"{float(r[c]) / 1e6:.1f} million steps/s" for c in columns for r in speeds]
     assert [value for _, value in stated if value.endswith("steps/s")] == expected
     for row, (what, value) in zip(speeds, [x for x in stated if x[1].endswith("us per step")], strict=True):
         assert value == f"{float(row['single_us_per_step']):.1f} us per step"
         assert f"{float(row['cartpole_us_per_step']):.1f} us" in what
-    machines = {
-        (r["machine"], r["date"]) for name in ("throughput.csv", "environments.csv") for r in rows(name)
-    }
-    assert len(machines) == 1
-    assert all(word in SPEED for word in machines.pop())
+    (machine,) = {(r["machine"], r["date"]) for r in (*steps, *speeds)}
+    assert all(word in page("speed") for word in machine)
+
+
+def test_figures_of_derived_equations_are_those_of_the_study():
+    measured = {row["arm"]: row for row in rows("throughput_chains.csv")}
+    said = re.findall(r"^\| `(.+?)` \| .+? \| (\d+) \| ([\d.]+) s \|$", page("extending"), re.M)
+    assert len(said) == len(measured) == 4
+    for arm, nanoseconds, seconds in said:
+        row = measured[re.sub(r'\("(\w+)"\)', r" \1", arm)]
+        assert row["integrator"] == "rk8"
+        assert int(nanoseconds) == round(float(row["ns_per_step_best"]))
+        assert seconds == row["compile_seconds"]
 
 
 def test_the_default_accuracy_is_what_every_id_has():
-    stated = float(re.search(r"for the scenes of all four ids it is (\S+) m", ACCURACY)[1])
-    for env_id in SHIPPED:
+    stated = float(re.search(r"for the scenes of all four ids it is (\S+) m", page("accuracy"))[1])
+    for env_id in IDS:
         scene = gym.make(env_id).unwrapped.core.scene
         assert (scene.integrator, scene.substeps, scene.tolerance) == ("rk8", 1, stated)
     for name, tolerance in ACCURACIES.items():
-        assert f'"{name}"' in ACCURACY
-        assert f"at most {tolerance:g} m".replace("1e-0", "1e-") in ACCURACY
+        assert f'"{name}"' in page("accuracy")
+        assert f"at most {tolerance:g} m".replace("1e-0", "1e-") in page("accuracy")
 
 
-def test_budgets_are_those_of_the_code():
-    budgets = {
-        r"(\d+) impacts or more has to give the same result": error_control.CHECKED_IMPACTS,
-        r"more than (\d+) impacts": contacts.MOST_IMPACTS,
-        r"(\d\d [\d]{3}) pieces of motion": step_control.MOST_TRIALS,
-    }
-    for pattern, number in budgets.items():
-        found = [m for page in MANUAL for m in re.findall(pattern, prose(page))]
-        assert found, pattern
-        assert {int(m.replace(" ", "")) for m in found} == {int(number)}, pattern
+@pytest.mark.parametrize(
+    ("pattern", "number"),
+    [
+        (r"(\d+) impacts or more has to give the same result", error_control.CHECKED_IMPACTS),
+        (r"more than (\d+) impacts", contacts.MOST_IMPACTS),
+        (r"(\d\d [\d]{3}) pieces of motion", step_control.MOST_TRIALS),
+    ],
+)
+def test_budgets_are_those_of_the_code(pattern, number):
+    found = {m.replace(" ", "") for one in MANUAL for m in re.findall(pattern, prose(one))}
+    assert found == {str(int(number))}
 
 
 def test_stock_learners_are_described_with_their_own_figures():
     held = {}
     for row in rows("baselines.csv"):
         if found := re.match(r"(four_r|rprp)_reach_plain_(\w+)/", row["run"]):
-            arm, learner = found.groups()
-            held.setdefault((learner, arm), []).append(float(row["evaluation.hold_success"]))
-    page = text(ROOT / "docs" / "learners.md")
+            held.setdefault(found.groups(), []).append(float(row["evaluation.hold_success"]))
     for learner in ("ppo", "sac"):
-        four_r, rprp = (100.0 * np.median(held[learner, arm]) for arm in ("four_r", "rprp"))
+        four_r, rprp = (100.0 * np.median(held[arm, learner]) for arm in ("four_r", "rprp"))
         sentence = f"stock {learner.upper()} holds {four_r:.1f} % (4R) and {rprp:.1f} % (RPRP)"
-        assert sentence in re.sub(r"\s+", " ", page), sentence
+        assert sentence in re.sub(r"\s+", " ", page("learners")), sentence
 
 
 @pytest.mark.parametrize("word", ["numba", "no other environment"])
 def test_pages_do_not_say_what_is_not_so(word):
-    pages = [page for page in PAGES if "decisions" not in page.parts and "results" not in page.parts]
-    assert not [page for page in pages if word in text(page)]
+    pages = [one for one in PAGES if "decisions" not in one.parts and "results" not in one.parts]
+    assert not [one for one in pages if word in text(one)]
 
 
 def test_the_readme_says_of_the_environments_what_they_are():
-    page = text(ROOT / "README.md")
-    shown = re.findall(r"^\| <img [^|]*\| `(redundant_envs/\S+)` \| ([^|]+) \| ([^|]+) \|$", page, re.M)
-    assert {env_id for env_id, _, _ in shown} == set(SHIPPED)
+    said = text(README)
+    shown = re.findall(r"^\| <img [^|]*\| `(redundant_envs/\S+)` \| ([^|]+) \| ([^|]+) \|$", said, re.M)
+    assert {env_id for env_id, _, _ in shown} == set(IDS)
     for env_id, observation, reward in shown:
         env = gym.make(env_id)
         core, space = env.unwrapped.core, env.observation_space
+        task, arm = core.task, core.scene.robot
         assert observation == ("dictionary with goals" if "Goal" in env_id else f"{space.shape[0]} numbers")
         assert reward == ("1 at the goal, else 0" if "Goal" in env_id else "dense, 0 to 1")
-        assert f"every {1e3 * core.scene.control_dt:g} ms" in page
-        assert f"an episode has {env.spec.max_episode_steps} steps" in page
-        task, arm = core.task, core.scene.robot
-        assert f"The arms reach {core.reach:g} m, weigh {sum(arm.masses):g} kg" in page
         held = f"within {100 * task.goal_tolerance:g} % of the reach from the goal and slower than "
-        assert f"for the last {task.hold_steps} steps the tip was {held}{task.hold_speed:g} reach/s" in page
+        for sentence in (
+            f"every {1e3 * core.scene.control_dt:g} ms",
+            f"an episode has {env.spec.max_episode_steps} steps",
+            f"The arms reach {core.reach:g} m, weigh {sum(arm.masses):g} kg",
+            f"for the last {task.hold_steps} steps the tip was {held}{task.hold_speed:g} reach/s",
+        ):
+            assert sentence in said
         assert "The arm has 4 joints for a 2-D tip position, so it is redundant." in env.unwrapped.__doc__
+
+
+# ---- tables ----------------------------------------------------------------------------------------------
+
+
+def test_what_an_error_costs_is_what_the_study_wrote():
+    lines = page("accuracy").splitlines()
+    start = next(i for i, line in enumerate(lines) if line.startswith("| arm | 99 %"))
+    copied = lines[start : lines.index("", start)]
+    assert len(copied) >= 10
+    written = text(RESULTS / "accuracy" / "accuracy.md")
+    assert [row for row in copied if row not in written] == []
+
+
+@pytest.mark.parametrize(
+    ("name", "source"), [("learners", "runs"), ("learners", "baselines"), ("strength", "weak")]
+)
+def test_the_table_of_learners_is_made_from_the_table_of_runs(name, source):
+    made = [line for line in table([RESULTS / f"{source}.csv"]).splitlines() if line.startswith("| ")]
+    assert len(made) >= 8
+    assert [row for row in made if row not in page(name)] == []
+
+
+def test_the_results_of_the_readme_are_those_of_the_table_of_runs():
+    brief = brief_table([RESULTS / "runs.csv"])
+    assert brief.count("\n") >= 7
+    again = "the table of results is not that of docs/results/runs.csv; run python docs/figures/remake.py"
+    assert f"-->\n{brief}\n<!--" in text(README), again
+
+
+def test_the_table_of_strengths_is_what_the_study_wrote():
+    found = read_rows(RESULTS / "strength" / "strength.csv")
+    assert {(row.arm, row.factor) for row in found} >= {(a, f) for a in ARMS for f in FACTORS}
+    assert strength_run.table(found) in page("strength")
+    (command,) = re.findall("^python -m agents study strength --seeds none --runs .*", page("strength"), re.M)
+    kept = [ROOT / place for place in shlex.split(command) if "docs/results" in place]
+    assert sorted(map(str, learner_rows(kept))) == sorted(str(row) for row in found if row.seeds)
+
+
+@pytest.mark.parametrize(
+    ("setting", "name"),
+    [
+        ("", "all parts"), (".average=0", "without the average"),
+        (".smoothness=0", "without the smoothness term"),
+        (".policy_delay=1", "with an actor step for every critic step (`sac.policy_delay=1`)"),
+        (".activation=tanh", "with tanh instead of SiLU"),
+    ],
+)  # fmt: skip
+def test_the_ablations_are_those_of_the_table_of_runs(setting, name):
+    cells = []
+    for arm in ("four_r", "rprp"):
+        (run,) = read_runs([RESULTS / "ablations.csv" / f"{arm}_sac{setting}" / "seed0"])
+        missed = round((1 - run.evaluation["hold_success"]) * run.evaluation["episodes"])
+        restless = f"{run.evaluation['restless']} of {missed}" if missed else "-"
+        cells += [f"{100 * run.evaluation['hold_success']:.1f} %", restless]
+    assert f"| {name} | {' | '.join(cells)} |" in page("learners")
+
+
+@pytest.mark.parametrize(("name", "runs", "policies"), [("ablations", 10, 10), ("strength/runs", 48, 16)])
+def test_a_row_of_a_study_has_the_policy_of_its_lowest_seed(name, runs, policies):
+    groups = read_groups([RESULTS / f"{name}.csv"])
+    assert sum(len(same.runs) for same in groups) == runs
+    first = [same.runs[0] for same in groups if len(same.runs) < 10]  # PPO of full strength has none
+    lowest = {RESULTS / name / run.folder.relative_to(RESULTS / f"{name}.csv"): run for run in first}
+    assert {path.parent for path in (RESULTS / name).rglob("policy.zip")} == lowest.keys()
+    assert len(lowest) == policies
+    for folder, run in lowest.items():
+        config = {k: v for k, v in read_config(folder).to_dict().items() if k not in WITHOUT_EFFECT}
+        assert config == {**run.settings, "seed": run.seed}
+        assert read_scene(folder).to_dict() == run.scene
+
+
+def test_results_stay_small():
+    sizes = [path.stat().st_size for path in RESULTS.rglob("*") if path.is_file()]
+    assert (len(sizes) <= 150, sum(sizes) <= 6_000_000) == (True, True)

@@ -16,11 +16,8 @@ Q0 = np.array([-1.2, 0.4, -0.4, 0.9])
 QD0 = np.array([0.5, -0.6, 0.9, 0.8])
 KNOWN = {"__name__": "__main__", "physics": physics, "Effect": Effect, "Force": Force, "dataclass": dataclass}
 
-CELL = """
-@physics
-def {helper}(x, k):
-    return {factor} * k * x
-
+HELPER = "@physics\ndef {helper}(x, k):\n    return {factor} * k * x\n"
+SPRING = """
 @physics
 def {force}(position, k):
     return -{helper}(position, k)
@@ -50,7 +47,7 @@ def run_cell(name, text, names):
 def cell(number, kind, joint, factor, apart=""):
     """A spring of a user: functions of equal names in every cell, or with a difference between them."""
     names = {n: f"{n}{apart}" for n in ("helper", "force", "energy")}
-    text = CELL.format(kind=kind, joint=joint, factor=factor, **names)
+    text = (HELPER + SPRING).format(kind=kind, joint=joint, factor=factor, **names)
     return run_cell(f"<cell {number}>", text, {**KNOWN})[kind]()
 
 

@@ -1,14 +1,13 @@
-"""Functions of users that are allowed act as their code says; ``test_refused.py`` has those that are not."""
+"""Functions of users that are allowed act as their code says; ``test_refused_effects.py`` has the others."""
 
 import functools
 
 import numpy as np
 import pytest
-from notebooks import ARM, Q0, QD0, acts_as, cell, end_of, notebook, user_module
+from notebooks import ARM, HELPER, Q0, QD0, SPRING, acts_as, notebook, user_module
 
 import redundant_envs as rde
 from redundant_envs.algebra import exp, physics, sincos, where
-from redundant_envs.effects.hooks import Effect, Force
 from redundant_envs.model.energy import kinetic_energy, potential_energy
 
 PHI2 = Q0[1] - Q0[0]
@@ -113,38 +112,29 @@ def test_a_file_changed_after_its_import_is_what_was_imported(tmp_path):
 
 # ---- functions that are defined again ------------------------------------------------------------
 
-HELPER = "@physics\ndef shape(x):\n    return {} * x"
-EFFECT = """
-    @physics
-    def force(position, k):
-        return -k * shape(position)
 
-    @physics
-    def energy(position, k):
-        return 0.5 * k * shape(position) * position
+def redone(factor):
+    """A notebook with a spring of a user on joint 2, whose helper is in a cell of its own."""
+    names, run = notebook()
+    run(1, shape_of(factor))
+    run(2, SPRING.format(helper="shape", force="force", energy="energy", kind="Redone", joint=2))
+    return names, run
 
-    @dataclass(frozen=True)
-    class Redone(Effect):
-        k: float = 1.5
 
-        def hooks(self, arm):
-            return (Force(1, force, {"position": "phi2", "k": ".k"}, potential=energy),)
-    """
+def shape_of(factor):
+    return HELPER.format(helper="shape", factor=factor)
 
 
 def test_a_helper_that_is_defined_again_is_the_same_for_motion_and_energy():
-    names, run = notebook()
-    run(1, HELPER.format("1.0"))
-    run(2, EFFECT)
+    names, run = redone(1.0)
     energies = []
-    for number, factor in ((3, "100.0"), (4, "1.0"), (5, None)):
+    for number, factor in ((3, 100.0), (4, 1.0), (5, 1.0)):
         scene = rde.Scene(ARM, (names["Redone"](),), "dop853")
         motion = rde.simulate(scene, Q0, QD0, times=[0.0, 0.1, 0.2])
         total = kinetic_energy(scene, motion.q, motion.qd) + potential_energy(scene, motion.q)
         np.testing.assert_allclose(total, total[0], rtol=1e-9)
         energies.append(potential_energy(scene, Q0))
-        if factor:
-            run(number, HELPER.format(factor))
+        run(number, shape_of(factor))
     plain = potential_energy(rde.Scene(ARM), Q0)
     np.testing.assert_allclose(energies[1] - plain, 100.0 * (energies[0] - plain), rtol=1e-12)
     assert energies[2] == energies[0]
@@ -153,15 +143,16 @@ def test_a_helper_that_is_defined_again_is_the_same_for_motion_and_energy():
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("def shape(x):\n    if x > 0.0:\n        x = 2.0 * x\n    return x", "where\\(condition, a, b\\)"),
-        ("def shape(x):\n    return force(x, x)", "calls itself"),
+        (
+            "def shape(x, k):\n    if x > 0.0:\n        x = 2.0 * x\n    return x",
+            "where\\(condition, a, b\\)",
+        ),
+        ("def shape(x, k):\n    return force(x, x)", "calls itself"),
         ("shape = 3.0", "'float' object is not callable"),
     ],
 )
 def test_a_helper_that_is_defined_again_outside_the_dialect_is_refused(text, words):
-    names, run = notebook()
-    run(6, HELPER.format("1.0"))
-    run(7, EFFECT)
+    names, run = redone(1.0)
     rde.Scene(ARM, (names["Redone"](),))
     run(8, text)
     with pytest.raises(ValueError, match=words):
@@ -171,24 +162,13 @@ def test_a_helper_that_is_defined_again_outside_the_dialect_is_refused(text, wor
 def test_a_function_whose_code_is_replaced_is_the_new_one():
     """Tools that reload modules keep the function and replace its code, and its arguments."""
     names, run = notebook()
-    run(9, HELPER.format("1.0"))
-    shape = names["shape"]
+    shape = physics(lambda x: x)
     assert acts_as(shape, PHI2)
     for number, text, force in (
-        (10, HELPER.format("7.0"), 7.0 * PHI2),
-        (11, "@physics\ndef shape(rate, x):\n    return rate - x", QD0[1] - QD0[0] - PHI2),
+        (10, "shape = lambda x: 7.0 * x", 7.0 * PHI2),
+        (11, "shape = lambda rate, x: rate - x", QD0[1] - QD0[0] - PHI2),
     ):
         run(number, text)
         shape.__code__ = names["shape"].__code__
         bind = {"x": "phi2"} if number == 10 else {"x": "phi2", "rate": "phid2"}
         assert acts_as(shape, force, **bind)
-
-
-def test_an_effect_may_be_all_of_a_users_own():
-    """Its force is that of another one of the same numbers, written in another way."""
-
-    class Inner(Effect):
-        def hooks(self, arm):
-            return (Force(1, physics(lambda position: -2.0 * position), {"position": "phi2"}),)
-
-    np.testing.assert_array_equal(end_of(Inner()), end_of(cell(50, "Spring", 2, 2.0 / 1.5)))

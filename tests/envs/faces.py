@@ -12,9 +12,6 @@ GOAL_IDS, PLAIN_IDS = [i for i in IDS if "Goal" in i], [i for i in IDS if "Goal"
 MODES = ("next_step", "same_step", "disabled")
 STEPS, COUNT = 6, 11
 """Control steps of a short episode, and environments of a vector: more than one block of lanes."""
-every_id = pytest.mark.parametrize("env_id", IDS)
-goal_ids = pytest.mark.parametrize("env_id", GOAL_IDS)
-plain_ids = pytest.mark.parametrize("env_id", PLAIN_IDS)
 
 
 def made(kind, env_id=ID, count=3, **kwargs):
@@ -31,9 +28,7 @@ def made(kind, env_id=ID, count=3, **kwargs):
 
 
 KINDS = ("single", *MODES, "sb3")
-every_kind = pytest.mark.parametrize("kind", KINDS)
 FACES = ("single", "next_step", "sb3")
-every_face = pytest.mark.parametrize("kind", FACES)
 
 
 def begin(env, options=None, seed=None):

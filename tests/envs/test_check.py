@@ -5,6 +5,7 @@ import copy
 import gymnasium as gym
 import numpy as np
 import pytest
+from faces import FOUR_R, MODES, made
 from gymnasium import spaces
 
 import redundant_envs as rde
@@ -12,227 +13,152 @@ from redundant_envs.envs.check import SB3_RULES, VECTOR_RULES, BrokenRule
 from redundant_envs.envs.sb3 import SB3VecEnv
 from redundant_envs.envs.vector_env import ArmVectorEnv
 
-KWARGS = {"scene": "four_r_reach", "num_envs": 3, "max_episode_steps": 6}
-
-
-class Broken(ArmVectorEnv):
-    """A vector environment whose results pass through ``spoil`` functions."""
-
-    def __init__(self, mode="next_step", spoil_reset=None, spoil_step=None):
-        super().__init__(**KWARGS, autoreset_mode=mode)
-        self.spoil_reset, self.spoil_step = spoil_reset, spoil_step
-        self.calls = 0
-        self.kept = None
-
-    def reset(self, *, seed=None, options=None):
-        self.calls += 1
-        if self.spoil_reset:
-            return self.spoil_reset(self, super().reset, seed, options)
-        return super().reset(seed=seed, options=options)
-
-    def step(self, actions):
-        self.calls += 1
-        result = super().step(actions)
-        return self.spoil_step(self, list(result)) if self.spoil_step else result
-
 
 def changed(index, change):
+    """Steps with another entry in their results."""
+
     def spoil(env, result):
-        result[index] = change(result[index])
-        return tuple(result)
+        return (*result[:index], change(result[index]), *result[index + 1 :])
 
     return spoil
 
 
-def reward_after_the_end(env, result):
-    begun = env.core.begun
-    if begun is not None:
-        result[1] = result[1] + begun
-    return tuple(result)
+class Spoiled:
+    """Results pass through functions: of resets (env, reset, seed, options), of steps (env, results)."""
+
+    spoil_reset = spoil_step = None
+    calls, kept = 0, None
+
+    def reset(self, *, seed=None, options=None):
+        self.calls += 1
+        plain = super().reset
+        if self.spoil_reset:
+            return self.spoil_reset(plain, seed, options)
+        return plain(seed=seed, options=options) if isinstance(self, ArmVectorEnv) else plain()
+
+
+class Broken(Spoiled, ArmVectorEnv):
+    def step(self, actions):
+        self.calls += 1
+        result = super().step(actions)
+        return self.spoil_step(result) if self.spoil_step else result
+
+
+class BrokenSB3(Spoiled, SB3VecEnv):
+    def step_wait(self):
+        result = super().step_wait()
+        return self.spoil_step(result) if self.spoil_step else result
+
+
+def broken(mode="next_step", reset=None, step=None, **values):
+    """A vector environment, or one of stable-baselines3, that is spoiled."""
+    kind = type("Kind", (BrokenSB3 if mode == "sb3" else Broken,), {"spoil_reset": reset, "spoil_step": step})
+    if mode == "sb3":
+        env = kind(made("sb3", FOUR_R, max_episode_steps=6).core)
+    else:
+        env = kind("four_r_reach", 3, 6, mode)
+    vars(env).update(values)
+    return env
 
 
 def same_buffer(env, result):
     if env.kept is None:
         env.kept = result[0].copy()
     env.kept[:] = result[0]
-    result[0] = env.kept
-    return tuple(result)
+    return (env.kept, *result[1:])
 
 
-def noisy_later(env, result):
-    result[1] = result[1] + 1e-9 * env.calls
-    return tuple(result)
+def outside_final(infos):
+    for n in np.flatnonzero(infos.get("_final_obs", False)):
+        infos["final_obs"][n] = infos["final_obs"][n] + 9
+    return infos
 
 
-def without_final(env, result):
-    result[4] = {k: v for k, v in result[4].items() if "final" not in k}
-    return tuple(result)
-
-
-def outside_final(env, result):
-    if "final_obs" in result[4]:
-        for n in np.flatnonzero(result[4]["_final_obs"]):
-            result[4]["final_obs"][n] = result[4]["final_obs"][n] + 9
-    return tuple(result)
-
-
-def ignores_mask(env, reset, seed, options):
-    return reset(seed=seed)
-
-
-def ignores_lists(env, reset, seed, options):
-    return reset(seed=7 if isinstance(seed, list) else seed, options=options)
-
-
-def ignores_seeds(env, reset, seed, options):
-    return reset(seed=env.calls, options=options)
-
-
-def wrong_mode():
-    env = Broken()
-    env.metadata = {**env.metadata, "autoreset_mode": "next_step"}
-    return env
-
-
-def wrong_spaces():
-    env = Broken()
-    env.action_space = spaces.Box(-2.0, 2.0, (3, 4), np.float32)
-    return env
-
-
-VECTOR_CASES = {
-    "spaces": [wrong_spaces],
-    "autoreset_mode": [wrong_mode],
-    "reset": [
-        lambda: Broken(spoil_reset=lambda e, r, s, o: r(seed=s, options=o)[0]),
-        lambda: Broken(spoil_reset=lambda e, r, s, o: (r(seed=s, options=o)[0] + 5, {})),
-    ],
-    "seed": [lambda: Broken(spoil_reset=ignores_seeds)],
-    "seed_list": [lambda: Broken(spoil_reset=ignores_lists)],
-    "step": [
-        lambda: Broken(spoil_step=lambda e, r: tuple(r[:4])),
-        lambda: Broken(spoil_step=changed(0, lambda o: o.astype(np.float64) + 3)),
-    ],
-    "reward": [
-        lambda: Broken(spoil_step=changed(1, lambda r: r[:, None])),
-        lambda: Broken(spoil_step=changed(1, lambda r: r * np.nan)),
-    ],
-    "flags": [lambda: Broken(spoil_step=changed(2, lambda t: t.astype(int)))],
-    "infos": [
-        lambda: Broken(spoil_step=changed(4, lambda i: [i])),
-        lambda: Broken(spoil_step=changed(4, lambda i: {"x": 1})),
-    ],
-    "fresh": [lambda: Broken(spoil_step=same_buffer)],
-    "determinism": [lambda: Broken(spoil_step=noisy_later)],
-    "next_step": [lambda: Broken(spoil_step=reward_after_the_end)],
-    "same_step": [
-        lambda: Broken("same_step", spoil_step=without_final),
-        lambda: Broken("same_step", spoil_step=outside_final),
-    ],
-    "reset_mask": [lambda: Broken("disabled", spoil_reset=ignores_mask)],
-}
-
-
-def test_every_vector_rule_has_a_case():
-    assert set(VECTOR_CASES) == set(VECTOR_RULES)
-
-
-@pytest.mark.parametrize(("rule", "make"), [(r, m) for r, ms in VECTOR_CASES.items() for m in ms])
-def test_a_broken_vector_environment_is_caught(rule, make):
-    with pytest.raises(BrokenRule) as error:
-        rde.check_vec_env(make())
-    assert error.value.rule == rule
-    assert VECTOR_RULES[rule] in str(error.value)
-
-
-def core():
-    return rde.make_sb3("FourRReach-v0", **KWARGS).core
-
-
-class BrokenSB3(SB3VecEnv):
-    """An SB3 environment whose results pass through ``spoil`` functions."""
-
-    def __init__(self, spoil_reset=None, spoil_step=None):
-        self.spoil_reset, self.spoil_step = spoil_reset, spoil_step
-        self.calls = 0
-        self.kept = None
-        super().__init__(core())
-
-    def reset(self):
-        self.calls += 1
-        if self.spoil_reset:
-            return self.spoil_reset(self, super().reset)
-        return super().reset()
-
-    def step_wait(self):
-        result = list(super().step_wait())
-        return self.spoil_step(self, result) if self.spoil_step else tuple(result)
-
-
-def forget_seeds(env, reset):
-    env.seed(env.calls)
-    return reset()
-
-
-def no_reset_infos(env, reset):
+def without_reset_infos(env, reset, seed, options):
     obs = reset()
     env.reset_infos = None
     return obs
 
 
-def spoil_info(change):
+def forget_seeds(env, reset, seed, options):
+    env.seed(env.calls)
+    return reset()
+
+
+def of_ends(change):
+    """Steps whose infos are changed where an episode ended."""
+
     def spoil(env, result):
         infos = copy.deepcopy(result[3])
-        for info, done in zip(infos, result[2], strict=True):
-            if done:
-                change(info)
-        result[3] = infos
-        return tuple(result)
+        for n in np.flatnonzero(result[2]):
+            change(infos[n])
+        return (*result[:3], infos)
 
     return spoil
 
 
-class ShortAttributes(SB3VecEnv):
-    def env_is_wrapped(self, wrapper_class, indices=None):
-        return [False]
+WIDE = spaces.Box(-2.0, 2.0, (3, 4), np.float32)
+VECTOR = [
+    ("spaces", {"action_space": WIDE}),
+    ("autoreset_mode", {"metadata": {"autoreset_mode": "next_step"}}),
+    ("reset", {"reset": lambda e, reset, s, o: reset(seed=s, options=o)[0]}),
+    ("reset", {"reset": lambda e, reset, s, o: (reset(seed=s, options=o)[0] + 5, {})}),
+    ("seed", {"reset": lambda e, reset, s, o: reset(seed=e.calls, options=o)}),
+    ("seed_list", {"reset": lambda e, reset, s, o: reset(seed=7 if isinstance(s, list) else s, options=o)}),
+    ("step", {"step": lambda e, result: result[:4]}),
+    ("step", {"step": changed(0, lambda obs: obs.astype(np.float64) + 3)}),
+    ("reward", {"step": changed(1, lambda reward: reward[:, None])}),
+    ("reward", {"step": changed(1, lambda reward: reward * np.nan)}),
+    ("flags", {"step": changed(2, lambda terminated: terminated.astype(int))}),
+    ("infos", {"step": changed(4, lambda infos: [infos])}),
+    ("infos", {"step": changed(4, lambda infos: {"x": 1})}),
+    ("fresh", {"step": same_buffer}),
+    ("determinism", {"step": lambda e, result: (result[0], result[1] + 1e-9 * e.calls, *result[2:])}),
+    ("next_step", {"step": lambda e, r: r if e.core.begun is None else (r[0], r[1] + e.core.begun, *r[2:])}),
+    ("same_step", {"step": changed(4, lambda infos: {k: v for k, v in infos.items() if "final" not in k})}),
+    ("same_step", {"step": changed(4, outside_final)}),
+    ("reset_mask", {"reset": lambda e, reset, s, o: reset(seed=s)}),
+]
+MODE_OF = {"same_step": "same_step", "reset_mask": "disabled"}
+SB3 = [
+    ("reset", {"reset": lambda e, reset, s, o: (reset(), {})}),
+    ("reset_infos", {"reset": without_reset_infos}),
+    ("seed", {"reset": forget_seeds}),
+    ("step", {"step": lambda e, result: (*result, {})}),
+    ("step", {"step": changed(0, lambda obs: obs + 3)}),
+    ("reward", {"step": changed(1, lambda reward: reward.astype(np.float64))}),
+    ("dones", {"step": changed(2, lambda dones: dones.astype(float))}),
+    ("infos", {"step": changed(3, lambda infos: {})}),
+    ("fresh", {"step": same_buffer}),
+    ("terminal", {"step": of_ends(lambda info: info.pop("terminal_observation"))}),
+    ("terminal", {"step": of_ends(lambda info: info.update(terminal_observation=np.full(20, 9.0)))}),
+    ("truncated", {"step": of_ends(lambda info: info.update({"TimeLimit.truncated": 1}))}),
+    ("attributes", {"env_is_wrapped": lambda wrapper, indices=None: [False]}),
+]
 
 
-SB3_CASES = {
-    "reset": [lambda: BrokenSB3(spoil_reset=lambda e, r: (r(), {}))],
-    "reset_infos": [lambda: BrokenSB3(spoil_reset=no_reset_infos)],
-    "seed": [lambda: BrokenSB3(spoil_reset=forget_seeds)],
-    "step": [
-        lambda: BrokenSB3(spoil_step=lambda e, r: (*r, {})),
-        lambda: BrokenSB3(spoil_step=changed(0, lambda o: o + 3)),
+@pytest.mark.parametrize(
+    ("rules", "rule", "mode", "spoils"),
+    [
+        *((VECTOR_RULES, rule, MODE_OF.get(rule, "next_step"), spoils) for rule, spoils in VECTOR),
+        *((SB3_RULES, rule, "sb3", spoils) for rule, spoils in SB3),
     ],
-    "reward": [lambda: BrokenSB3(spoil_step=changed(1, lambda r: r.astype(np.float64)))],
-    "dones": [lambda: BrokenSB3(spoil_step=changed(2, lambda d: d.astype(float)))],
-    "infos": [lambda: BrokenSB3(spoil_step=changed(3, lambda i: {}))],
-    "fresh": [lambda: BrokenSB3(spoil_step=same_buffer)],
-    "terminal": [
-        lambda: BrokenSB3(spoil_step=spoil_info(lambda i: i.pop("terminal_observation"))),
-        lambda: BrokenSB3(spoil_step=spoil_info(lambda i: i.update(terminal_observation=np.full(20, 9.0)))),
-    ],
-    "truncated": [lambda: BrokenSB3(spoil_step=spoil_info(lambda i: i.update({"TimeLimit.truncated": 1})))],
-    "attributes": [lambda: ShortAttributes(core())],
-}
-
-
-def test_every_sb3_rule_has_a_case():
-    assert set(SB3_CASES) == set(SB3_RULES)
-
-
-@pytest.mark.parametrize(("rule", "make"), [(r, m) for r, ms in SB3_CASES.items() for m in ms])
-def test_a_broken_sb3_environment_is_caught(rule, make):
+)
+def test_a_broken_environment_is_caught(rules, rule, mode, spoils):
     with pytest.raises(BrokenRule) as error:
-        rde.check_vec_env(make())
+        rde.check_vec_env(broken(mode, **spoils))
     assert error.value.rule == rule
+    assert rules[rule] in str(error.value)
 
 
-@pytest.mark.parametrize("mode", ["next_step", "same_step", "disabled"])
+def test_every_rule_has_a_case():
+    assert {rule for rule, _ in VECTOR} == set(VECTOR_RULES)
+    assert {rule for rule, _ in SB3} == set(SB3_RULES)
+
+
+@pytest.mark.parametrize("mode", [*MODES, "sb3"])
 def test_the_unbroken_ones_pass(mode):
-    rde.check_vec_env(Broken(mode))
-    rde.check_vec_env(BrokenSB3())
+    rde.check_vec_env(broken(mode))
 
 
 def test_something_else_is_refused():

@@ -8,25 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from catalogue import COPIES
-from faces import (
-    COUNT,
-    FOUR_R,
-    ID,
-    KINDS,
-    MODES,
-    STEPS,
-    actions,
-    begin,
-    every_face,
-    every_id,
-    every_kind,
-    flat,
-    made,
-    motion,
-    plain,
-    plain_ids,
-    running,
-)
+from faces import COUNT, FOUR_R, ID, KINDS, MODES, STEPS, actions, begin, flat, made, motion, plain, running
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import FlattenObservation, TransformReward
@@ -35,15 +17,9 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 from redundant_envs.envs.face import observation_of
 
-WAYS = {name: COPIES[name] for name in ("deepcopy", "pickle", "cloudpickle")}
-every_way = pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
-
 # ---- copies --------------------------------------------------------------------------------------------
 
 
-@every_way
-@every_id
-@every_kind
 @pytest.mark.parametrize("steps", [0, 2, STEPS], ids=["after reset", "within an episode", "after its end"])
 def test_a_copy_continues_to_the_same_bits(kind, env_id, way, steps):
     env = made(kind, env_id, COUNT, max_episode_steps=STEPS)
@@ -62,10 +38,8 @@ def test_a_copy_continues_to_the_same_bits(kind, env_id, way, steps):
     assert twin.spec == env.spec
 
 
-@every_way
-@every_face
-def test_a_copy_has_a_memory_and_generators_of_its_own(kind, way):
-    env = running(kind)
+def test_a_copy_has_a_memory_and_generators_of_its_own(face, way):
+    env = running(face)
     state = env.get_state()
     for twin in (way(env), copy.copy(env)):
         assert twin.core.memory is not env.core.memory
@@ -73,7 +47,7 @@ def test_a_copy_has_a_memory_and_generators_of_its_own(kind, way):
         twin.step(actions(twin, 1)[0])
         assert plain(env.get_state()) == plain(state)
         twin.set_state(state)
-        if kind == "single":
+        if face == "single":
             assert twin.core.generators[0] is twin.np_random is not env.np_random
             assert twin.np_random_seed == 7
     assert motion(twin) == motion(env)
@@ -81,17 +55,14 @@ def test_a_copy_has_a_memory_and_generators_of_its_own(kind, way):
     assert copy.copy(env.core).memory is not env.core.memory
 
 
-@every_way
-@every_face
-def test_a_copy_before_the_first_reset(kind, way):
-    env = made(kind)
+def test_a_copy_before_the_first_reset(face, way):
+    env = made(face)
     twin = way(env)
     with pytest.raises(ResetNeeded, match="before reset"):
         twin.step(actions(env, 1)[0])
     np.testing.assert_array_equal(begin(twin, seed=1), begin(env, seed=1))
 
 
-@every_way
 def test_a_copy_between_the_two_halves_of_an_sb3_step_and_with_seeds_waiting(way):
     env = made("sb3")
     env.seed(1)
@@ -103,13 +74,11 @@ def test_a_copy_between_the_two_halves_of_an_sb3_step_and_with_seeds_waiting(way
     assert flat([*twin.step_wait()]) == flat([*env.step_wait()])
 
 
-@every_way
-@every_face
-def test_a_copy_draws_pictures_of_its_own(kind, way):
-    env = running(kind, render_mode="rgb_array")
+def test_a_copy_draws_pictures_of_its_own(face, way):
+    env = running(face, render_mode="rgb_array")
 
     def draw(env):
-        return env.get_images()[0] if kind == "sb3" else np.array(env.render())
+        return env.get_images()[0] if face == "sb3" else np.array(env.render())
 
     before = draw(env)
     twin = way(env)
@@ -118,7 +87,7 @@ def test_a_copy_draws_pictures_of_its_own(kind, way):
     np.testing.assert_array_equal(draw(env), before)
 
 
-@pytest.mark.parametrize("way", [copy.deepcopy, WAYS["cloudpickle"]])
+@pytest.mark.parametrize("way", [copy.deepcopy, COPIES["cloudpickle"]])
 def test_copies_of_wrapped_environments(way):
     """Wrappers that hold lambdas have no pickle, whatever they wrap; VecMonitor has no copy."""
     goal = made("single", "redundant_envs/RPRPGoalReach-v0", max_episode_steps=STEPS)
@@ -184,7 +153,6 @@ def test_environments_in_spawned_workers_equal_those_here():
 # ---- the same bits in every kind -----------------------------------------------------------------------
 
 
-@every_id
 @pytest.mark.parametrize("mode", MODES[:2])
 def test_a_vector_equals_gymnasiums_bitwise_with_infos_and_partial_resets(env_id, mode):
     native = made(mode, env_id, max_episode_steps=7)
@@ -209,7 +177,6 @@ def test_a_vector_equals_gymnasiums_bitwise_with_infos_and_partial_resets(env_id
     assert partial
 
 
-@every_id
 def test_autoreset_modes_follow_the_same_episodes(env_id):
     envs = [made(mode, env_id, max_episode_steps=20) for mode in MODES]
     table = actions(envs[0], 20)
@@ -227,9 +194,8 @@ def test_autoreset_modes_follow_the_same_episodes(env_id):
     assert flat(envs[2].reset(options={"reset_mask": np.ones(3, bool)})[0]) == shown[1]
 
 
-@plain_ids
-def test_sb3_equals_a_vector_in_the_same_step(env_id):
-    native, sb3 = (made(kind, env_id, 4, max_episode_steps=50) for kind in ("same_step", "sb3"))
+def test_sb3_equals_a_vector_in_the_same_step(plain_id):
+    native, sb3 = (made(kind, plain_id, 4, max_episode_steps=50) for kind in ("same_step", "sb3"))
     np.testing.assert_array_equal(begin(native, seed=11), begin(sb3, seed=11))
     for action in np.clip(actions(native, 110), -1, 1):
         obs, reward, _, truncated, infos = native.step(action)
@@ -243,7 +209,6 @@ def test_sb3_equals_a_vector_in_the_same_step(env_id):
             assert infos3[n]["is_success"] == infos["final_info"]["is_success"][n]
 
 
-@every_id
 def test_final_info_of_lanes_that_did_not_end_is_zero(env_id):
     env = made("same_step", env_id, 16, max_episode_steps=6)
     env.reset(seed=0)
@@ -268,10 +233,8 @@ def test_masks_of_infos_are_their_own():
 # ---- seeds, options, states ----------------------------------------------------------------------------
 
 
-@every_id
-@every_face
-def test_equal_seed_and_options_give_equal_episodes(kind, env_id):
-    env, fresh = made(kind, env_id), made(kind, env_id)
+def test_equal_seed_and_options_give_equal_episodes(face, env_id):
+    env, fresh = made(face, env_id), made(face, env_id)
     options = {"parameters": {"masses": (1, 2, 3, 4), "gravity.g": 1.6}}
     table = actions(env, 5)
 
@@ -286,10 +249,8 @@ def test_equal_seed_and_options_give_equal_episodes(kind, env_id):
     assert episode(env, {"parameters": {}}) == first  # ... until given again
 
 
-@every_id
-@every_face
-def test_a_state_continues_to_the_same_bits_through_resets(kind, env_id):
-    env = running(kind, env_id)
+def test_a_state_continues_to_the_same_bits_through_resets(face, env_id):
+    env = running(face, env_id)
     state = env.get_state()
     first = motion(env)
     env.set_state(state)

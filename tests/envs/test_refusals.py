@@ -14,8 +14,6 @@ from faces import (
     MODES,
     actions,
     begin,
-    every_face,
-    every_kind,
     flat,
     made,
     motion,
@@ -174,19 +172,17 @@ OPTIONS = [
 ]  # fmt: skip
 
 
-@every_face
 @pytest.mark.parametrize(("options", "words"), OPTIONS, ids=[words for _, words in OPTIONS])
-def test_options_of_a_reset(kind, options, words):
-    env = running(kind)
+def test_options_of_a_reset(face, options, words):
+    env = running(face)
     refused(env, lambda env: begin(env, options, seed=8), words)
-    if kind == "next_step" and isinstance(options, dict):
+    if face == "next_step" and isinstance(options, dict):
         masked = {**options, "reset_mask": np.array([True, False, True])}
         refused(env, lambda env: env.reset(seed=[5, 6, 7], options=masked), words)
 
 
-@every_face
-def test_goal_environments_keep_what_their_reward_depends_on(kind):
-    env = running(kind, GOAL_ID)
+def test_goal_environments_keep_what_their_reward_depends_on(face):
+    env = running(face, GOAL_ID)
     for name, value, words in (
         ("lengths", (0.4, 0.4), "lengths and travel"), ("prismatic_stop.upper", 0.2, "lengths and travel"),
         ("goal_tolerance", 0.1, "goal_tolerance.*make one with task="),
@@ -229,12 +225,11 @@ def test_a_refused_first_reset_leaves_no_seed():
         vector.reset(options={"reset_mask": np.array([True, False, True])})
 
 
-@every_face
 @pytest.mark.parametrize("seed", [1.5, True, np.True_, -1, np.int64(-3), "7", np.float64(2.0), 1j, b"1"])
-def test_seeds(kind, seed):
-    env = running(kind)
+def test_seeds(face, seed):
+    env = running(face)
     refused(env, lambda env: begin(env, seed=seed), r"seed is .*whole number of at least 0")
-    if kind == "sb3":
+    if face == "sb3":
         assert env._seeds == [None] * 3
 
 
@@ -253,17 +248,16 @@ def test_seeds_of_a_vector_by_their_place(seeds, words):
     refused(running("next_step"), lambda env: env.reset(seed=seeds), words)
 
 
-@every_face
-def test_actions(kind):
-    env = running(kind, on_bad_action="raise")
-    shape = (4,) if kind == "single" else (3, 4)
+def test_actions(face):
+    env = running(face, on_bad_action="raise")
+    shape = (4,) if face == "single" else (3, 4)
     for action, words in (
         (np.zeros(3), r"\(3,\)"), (np.zeros((2, 4)), r"\(2, 4\)"), (np.zeros((1, *shape)), "shape"),
         (np.full(shape, NAN), "non-finite"), (np.full(shape, -np.inf), "non-finite"),
         (np.full(shape, "a"), "dtype"), (None, "dtype"), (np.zeros(shape, bool), "dtype"),
     ):  # fmt: skip
         refused(env, lambda env, action=action: env.step(action), words)
-    one, other = running(kind), running(kind)
+    one, other = running(face), running(face)
     with pytest.raises(ValueError, match="shape"):
         one.step(np.zeros(5))
     assert motion(one) == motion(other)
@@ -310,7 +304,6 @@ def test_goals_of_compute_reward(achieved, desired):
 # ---- the order of calls --------------------------------------------------------------------------------
 
 
-@every_kind
 def test_a_step_needs_an_episode(kind):
     """Neither an environment without a reset, nor the state of one, has an episode."""
     env = made(kind, on_bad_action="terminate")
@@ -368,12 +361,11 @@ OTHERS = {
 }
 
 
-@every_face
 @pytest.mark.parametrize(("words", "kwargs"), OTHERS.items(), ids=OTHERS)
-def test_states_of_another_scene(kind, words, kwargs):
-    if kind == "single" and "max_episode_steps" in kwargs:
+def test_states_of_another_scene(face, words, kwargs):
+    if face == "single" and "max_episode_steps" in kwargs:
         return  # there the limit is a wrapper's
-    env, other = running(kind), running(kind, **kwargs)
+    env, other = running(face), running(face, **kwargs)
     refused(env, lambda env: env.set_state(other.get_state()), words)
     refused(other, lambda other: other.set_state(env.get_state()), "another scene")
 
@@ -440,7 +432,7 @@ IMPOSSIBLE = {
     "r2": (-1e-9, "r2 is -1e-09 m; its stops are at"),
     "m1": (-1.0, "masses has the entry -1.0; it must be positive"),
     "l1": (0.0, "lengths has the entry 0.0; it must be positive"),
-    "viscous_friction_coefficients_0": (-0.1, "must not be negative"),
+    "viscous_friction.coefficients[0]": (-0.1, "must not be negative"),
     "steps": (np.nan, "has a steps that is not finite"),
     "theta1": (np.inf, "has a theta1 that is not finite"),
     "hold_steps": (-1.0, "ReachTask.hold_steps is -1.0; it must be positive"),
@@ -448,20 +440,17 @@ IMPOSSIBLE = {
 }
 
 
-@every_face
 @pytest.mark.parametrize(("words", "change"), CHANGES.items(), ids=CHANGES)
-def test_what_is_no_state(kind, words, change):
-    refused(running(kind), lambda env: env.set_state(change(env.get_state())), f"state.*{words}")
+def test_what_is_no_state(face, words, change):
+    refused(running(face), lambda env: env.set_state(change(env.get_state())), f"state.*{words}")
 
 
-@every_face
 @pytest.mark.parametrize("name", IMPOSSIBLE)
-def test_states_with_numbers_that_no_motion_has(kind, name):
+def test_states_with_numbers_that_no_motion_has(face, name):
     value, words = IMPOSSIBLE[name]
-    refused(running(kind), lambda env: env.set_state(tampered(env, name, value)), words)
+    refused(running(face), lambda env: env.set_state(tampered(env, name, value)), words)
 
 
-@every_kind
 def test_every_part_of_a_state_is_needed(kind):
     env = running(kind)
     for key in env.get_state():

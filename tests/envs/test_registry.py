@@ -10,7 +10,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from catalogue import IDS
-from faces import FOUR_R, ID, KINDS, actions, begin, every_id, every_kind, goal_ids, made, running
+from faces import FOUR_R, ID, KINDS, actions, begin, made, running
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
@@ -30,7 +30,6 @@ def test_the_ids_are_those_promised():
     assert set(told.split()) == set(IDS)
 
 
-@every_id
 def test_checkers_pass_without_a_warning(env_id):
     """Those of vectors are a promise of ``verify``, which test_properties.py holds every id to."""
     with warnings.catch_warnings():
@@ -44,7 +43,6 @@ def test_checkers_pass_without_a_warning(env_id):
     assert env.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
 
 
-@every_id
 def test_specs_are_json_and_make_the_same_environment(env_id):
     env = gym.make(
         env_id, scene=rde.load_scene("rprp_reach" if "RPRP" in env_id else "four_r_reach").to_dict()
@@ -74,7 +72,6 @@ def test_importing_the_package_and_drawing_import_nothing_heavy(code, heavy):
 # ---- values --------------------------------------------------------------------------------------------
 
 
-@every_id
 def test_values_are_those_of_the_simulation_in_every_kind(env_id):
     envs = {kind: made(kind, env_id) for kind in KINDS}
     table = actions(envs["sb3"], 7)
@@ -93,8 +90,6 @@ def test_values_are_those_of_the_simulation_in_every_kind(env_id):
     assert (env.qd != 0.0).any(axis=0).all()
 
 
-@every_id
-@every_kind
 def test_values_are_copies(kind, env_id):
     env = running(kind, env_id)
     before = env.core.memory.save()
@@ -105,9 +100,8 @@ def test_values_are_copies(kind, env_id):
     np.testing.assert_equal(env.core.memory.save(), before)
 
 
-@goal_ids
-def test_tip_and_goal_are_the_goals_of_a_goal_environment(env_id):
-    env = made("single", env_id)
+def test_tip_and_goal_are_the_goals_of_a_goal_environment(goal_id):
+    env = made("single", goal_id)
     obs = begin(env, seed=1)
     for action in actions(env, 3):
         np.testing.assert_array_equal(env.tip, obs["achieved_goal"])
@@ -138,7 +132,6 @@ def rows(text):
     return [[cell.strip(" `") for cell in line.split("|")[1:-1]] for line in lines]
 
 
-@every_id
 def test_pages_agree_with_the_code(env_id):
     env, text = made("single", env_id), page(env_id)
     task, scene = env.core.task, env.scene
@@ -168,7 +161,6 @@ def explained(env_id):
     return {key for key, *_ in found} - {"return_*"}
 
 
-@every_id
 def test_the_page_explains_every_key_of_info_and_no_other(env_id):
     sums = {f"return_{row[0]}" for row in rows(section(page(env_id), "Rewards"))}
     found = set()
@@ -204,7 +196,6 @@ METHODS = ("reset(*, seed=None, options=None)", "step(action", "render()", "set_
 
 
 @pytest.mark.parametrize("kind", ["single", "next_step"])
-@every_id
 def test_help_shows_page_methods_and_values_and_nothing_of_the_classes_below(kind, env_id):
     env = made(kind, env_id)
     text = pydoc.render_doc(env, renderer=pydoc.plaintext)

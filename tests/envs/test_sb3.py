@@ -1,64 +1,72 @@
-"""The SB3 environment: attributes, seeds, options, learners."""
+"""Environments of stable-baselines3: attributes, options, episodes that a monitor counts, learners."""
 
 import time
 
 import numpy as np
 import pytest
+from faces import FOUR_R, ID, STEPS, actions, begin, made, running
 from stable_baselines3 import PPO, SAC, HerReplayBuffer
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecMonitor
 
-import redundant_envs as rde
 
-
-def test_attributes_and_methods():
-    env = rde.make_sb3("RPRPReach-v0", 3)
-    assert env.get_attr("render_mode") == [None] * 3
-    assert env.env_is_wrapped(VecMonitor) == [False] * 3
-    assert len(env.env_method("get_state", indices=[0, 2])) == 2
+def test_attributes_are_given_per_environment(env_id):
+    env = running("sb3", env_id, 4)
+    begin(env, {"parameters": {"gravity.g": [1.0, 2.0, 3.0, 4.0]}})
+    for name in ("q", "qd", "tip", "goal"):
+        for chosen in (None, [2, 0], 1):
+            rows = np.arange(4)[slice(None) if chosen is None else np.atleast_1d(chosen)]
+            np.testing.assert_array_equal(env.get_attr(name, indices=chosen), getattr(env, name)[rows])
+    found = env.get_attr("parameters", indices=[0, 2])
+    assert [p["gravity.g"].value for p in found] == [1.0, 3.0]
+    assert found[0]["masses"].value.shape == (4,)
+    assert env.get_attr("scene") == [env.scene] * 4
+    for name in ("q", "qd", "tip", "goal", "parameters"):
+        with pytest.raises(ValueError, match="set_options"):
+            env.set_attr(name, 0.0)
     with pytest.raises(ValueError, match="set_options"):
-        env.set_attr("goal", True, indices=[0])
-    with pytest.raises(ValueError, match=r"env_id is 'Nope-v0'; valid: redundant_envs/"):
-        rde.make_sb3("Nope-v0")
+        env.set_attr("on_bad_action", "raise", indices=[0])
+    env.set_attr("on_bad_action", "raise")
+    assert env.get_attr("on_bad_action") == ["raise"] * 4
+    assert env.get_attr("render_mode") == [None] * 4
+    assert env.env_is_wrapped(VecMonitor) == [False] * 4
+    assert len(env.env_method("get_state", indices=[0, 2])) == 2
+    assert not env.has_attr("nothing_of_that_name")
+    with pytest.raises(AttributeError):
+        env.get_attr("nothing_of_that_name")
 
 
-def test_seeds_and_options_are_used_up_by_the_next_reset():
-    env = rde.make_sb3("FourRReach-v0", 3)
-    env.seed(5)
-    first = env.reset()
-    env.set_options([{"goal": (0.1, 0.2)}, {}, {"parameters": {"masses": (1, 1, 1, 1)}}])
-    env.seed(5)
-    second = env.reset()
-    np.testing.assert_array_equal(env.core.goals()[0], (0.1, 0.2))
+def test_seeds_and_options_are_used_up_by_the_next_reset_and_replace_each_other():
+    env = made("sb3", FOUR_R)
+    first = begin(env, seed=5)
+    second = begin(env, [{"goal": (0.1, 0.2)}, {}, {"parameters": {"masses": (1, 1, 1, 1)}}], seed=5)
+    np.testing.assert_array_equal(env.goal[0], (0.1, 0.2))
     assert (second[0] != first[0]).any()
     np.testing.assert_array_equal(second[1], first[1])
-    third = env.reset()
-    assert (third != second).any(axis=1).all()
-    assert (env.core.goals()[0] != (0.1, 0.2)).any()
+    assert (env.reset() != second).any(axis=1).all()
+    assert (env.goal[0] != (0.1, 0.2)).any()
+    env.set_options({"goal": (0.1, 0.2)})
+    begin(env, [{"goal": (0.2, 0.1)}, {}, {}])
+    assert (env.goal[0] == (0.2, 0.1)).all()
+    assert (env.goal[1:] != (0.1, 0.2)).all()
+    env.set_options({"goal": (0.1, 0.2)})
+    begin(env, None)
+    assert (env.goal != (0.1, 0.2)).all()
 
 
-def test_images():
-    env = rde.make_sb3("FourRReach-v0", 2, render_mode="rgb_array")
-    env.reset()
-    assert env.render().size == 2 * 480 * 480 * 3
-    assert rde.make_sb3("FourRReach-v0", 2).get_images() == [None, None]
-
-
-@pytest.mark.parametrize("env_id", ["RPRPReach-v0", "RPRPGoalReach-v0"])
+@pytest.mark.parametrize("env_id", [ID, "redundant_envs/RPRPGoalReach-v0"])
 def test_episodes_are_those_that_vec_monitor_counts(env_id):
-    own = rde.make_sb3(env_id, 5, max_episode_steps=7)
-    other = VecMonitor(rde.make_sb3(env_id, 5, monitor=False, max_episode_steps=7))
+    own = made("sb3", env_id, 5, max_episode_steps=7)
+    other = VecMonitor(made("sb3", env_id, 5, monitor=False, max_episode_steps=7))
     for env in (own, other):
         env.seed(3)
         env.reset()
-    rng, ended = np.random.default_rng(0), 0
-    begun = time.time()
-    for step in range(20):
-        actions = rng.uniform(-1, 1, (5, 4)).astype(np.float32)
+    ended, begun = 0, time.time()
+    for step, action in enumerate(actions(own, 20)):
         if step == 10:
-            actions[2] = np.nan  # ends that episode
-        (*_, dones, infos), (*_, expected) = own.step(actions), other.step(actions)
+            action[2] = np.nan  # ends that episode
+        (*_, dones, infos), (*_, expected) = own.step(action), other.step(action)
         for done, info, theirs in zip(dones, infos, expected, strict=True):
             assert ("episode" in info) == bool(done)
             if done:
@@ -71,32 +79,29 @@ def test_episodes_are_those_that_vec_monitor_counts(env_id):
 
 
 def test_returns_of_episodes_survive_a_state():
-    first, second = (rde.make_sb3("RPRPReach-v0", 2, max_episode_steps=6) for _ in range(2))
+    first, second = (made("sb3", max_episode_steps=STEPS) for _ in range(2))
     first.reset()
-    actions = np.full((2, 4), 0.5, np.float32)
-    for _ in range(4):
-        first.step(actions)
+    table = actions(first, STEPS)
+    for action in table[:4]:
+        first.step(action)
     second.set_state(first.get_state())
-    for _ in range(2):
-        ends = [env.step(actions)[3] for env in (first, second)]
-    assert [info["episode"]["r"] for info in ends[0]] == [info["episode"]["r"] for info in ends[1]]
-    assert [info["episode"]["l"] for info in ends[1]] == [6, 6]
+    for action in table[4:]:
+        ends = [[info.get("episode") for info in env.step(action)[3]] for env in (first, second)]
+    assert [e["r"] for e in ends[0]] == [e["r"] for e in ends[1]]
+    assert [e["l"] for e in ends[1]] == [STEPS] * 3
 
 
 def test_monitoring_can_be_left_out():
-    env = rde.make_sb3("RPRPReach-v0", 2, monitor=False, max_episode_steps=1)
+    env = made("sb3", monitor=False, max_episode_steps=1)
     env.reset()
-    *_, dones, infos = env.step(np.zeros((2, 4), np.float32))
+    *_, dones, infos = env.step(actions(env, 1)[0])
     assert dones.all()
     assert not any("episode" in info for info in infos)
-    assert env.env_is_wrapped(Monitor) == [False, False]
-    with pytest.raises(ValueError, match="monitor is 'yes'; give True or False"):
-        rde.make_sb3("RPRPReach-v0", 2, monitor="yes")
+    assert env.env_is_wrapped(Monitor) == [False] * 3
 
 
-@pytest.mark.parametrize("env_id", ["RPRPReach-v0", "FourRReach-v0"])
-def test_ppo_and_evaluate_policy_run_without_a_warning(env_id):
-    env = rde.make_sb3(env_id, 64)
+def test_ppo_and_evaluate_policy_run_without_a_warning(plain_id):
+    env = made("sb3", plain_id, 64)
     assert env.env_is_wrapped(Monitor) == [True] * 64
     model = PPO("MlpPolicy", env, n_steps=16, batch_size=256, n_epochs=1, device="cpu", seed=0)
     model.learn(64 * 112)
@@ -107,7 +112,7 @@ def test_ppo_and_evaluate_policy_run_without_a_warning(env_id):
 
 
 def test_sac_with_hindsight_replay_on_a_goal_environment():
-    env = rde.make_sb3("FourRGoalReach-v0", 4, max_episode_steps=20)
+    env = made("sb3", "redundant_envs/FourRGoalReach-v0", 4, max_episode_steps=20)
     model = SAC(
         "MultiInputPolicy", env, replay_buffer_class=HerReplayBuffer, learning_starts=100, device="cpu"
     )

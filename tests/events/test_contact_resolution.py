@@ -33,30 +33,6 @@ def test_impulses_solve_the_complementarity_problem(count):
 
 
 @SLIDERS
-def test_halting_stops_those_that_must_stand_still_and_pushes_no_other(count):
-    rng = np.random.default_rng(3)
-    for _ in range(500):
-        w, v = mobility(rng, count), rng.normal(size=count)
-        still = rng.random(count) < 0.5
-        push = np.array(complementarity.halting(v.tolist(), still.tolist(), w))
-        assert (push[~still] == 0.0).all()
-        scale = np.abs(w).max() * np.abs(push).max(initial=1.0)
-        np.testing.assert_allclose((v + w @ push)[still], 0.0, atol=1e-12 * scale)
-
-
-@SLIDERS
-def test_pressed_is_the_one_set_in_which_no_stop_pulls_and_none_is_entered(count):
-    rng = np.random.default_rng(4)
-    seen = set()
-    for _ in range(2000):
-        w, free = mobility(rng, count), rng.normal(size=count)
-        expected = complementary(w, free) > 0.0
-        assert complementarity.pressed(free.tolist(), w) == expected.tolist()
-        seen.add(tuple(expected))
-    assert len(seen) == 2**count
-
-
-@SLIDERS
 def test_struck_sliders_have_the_speeds_of_the_impulses(count):
     """Those that rest or move onto their stops are struck; one that moves away has no support."""
     rng = np.random.default_rng(6)
@@ -123,7 +99,7 @@ def test_a_slider_that_comes_to_rest_beside_others_that_rest(count):
     released."""
     rng = np.random.default_rng(8)
     seen = set()
-    for _ in range(1500):
+    for _ in range(700):
         w, sides = mobility(rng, count), rng.choice([-1.0, 1.0], count)
         force, slow = rng.normal(size=count), -1e-7 * rng.random() * sides[0]
         pairs = zip(*as_lists(sides[1:], force[1:]), strict=True)

@@ -31,6 +31,9 @@ CAUGHT = [
      (17.582, 10.158, -4.776, -2.638)),
     ((-1.6278209, 0.25, -1.7529868, 0.25), (-1.880525, 0.0, -7.751988, 0.0),
      (-15.794, -23.825, 7.618, -4.32)),
+    # its stop would have to pull within the interval, and pushes again at the end
+    ((-1.0224088, 0.25, -1.0772343, 0.25), (-3.407263, 0.0, -6.062711, 0.0),
+     (-14.191, 8.495, 3.026, -13.389)),
     # it comes to its stop, rests and leaves
     ((0.0036055, 4.6e-06, -1.5152495, 0.249904), (-9.811306, 0.006935, -4.038644, -0.062324),
      (-10.427, -28.042, -2.813, -12.636)),
@@ -179,7 +182,7 @@ def test_nearly_no_interval_of_random_actions_hides_an_event():
     env = gym.make_vec("redundant_envs/RPRPReach-v0", num_envs=count)
     env.reset(seed=3)
     memory = env.unwrapped.core.memory
-    limits = memory.read(tuple(f"effort_limits_limits_{k}" for k in range(4)))
+    limits = memory.read(tuple(f"effort_limits.limits[{k}]" for k in range(4)))
     arm = env.unwrapped.core.scene.robot
     rng = np.random.default_rng(3)
     off = 0
@@ -197,10 +200,10 @@ def test_nearly_no_interval_of_random_actions_hides_an_event():
 def test_what_is_not_near_a_stop_does_not_meet_one():
     rng = np.random.default_rng(6)
     overshoot = crossings.Overshoot(between=0.1, at_ends=0.01)
-    q0, q1 = rng.uniform(-0.2, 0.2, (2, 20000))
-    v0, v1 = rng.normal(0.0, 3.0, (2, 20000))
-    least, most = np.sort(rng.normal(0.0, 2000.0, (2, 20000)), axis=0)
-    first, last = rng.uniform(least, most, (2, 20000))
+    q0, q1 = rng.uniform(-0.2, 0.2, (2, 8000))
+    v0, v1 = rng.normal(0.0, 3.0, (2, 8000))
+    least, most = np.sort(rng.normal(0.0, 2000.0, (2, 8000)), axis=0)
+    first, last = rng.uniform(least, most, (2, 8000))
     met, far = 0, 0
     for q, v, q_start, v_start, *seen in zip(q1, v1, q0, v0, first, last, least, most, strict=True):
         slider = BoundedCoordinate(q, v, q_start, v_start, Watched(*seen), 0.0, -0.2, 0.2)
@@ -208,7 +211,7 @@ def test_what_is_not_near_a_stop_does_not_meet_one():
         near = crossings.may_meet(slider, 0.02, overshoot)
         assert near or not meets
         met, far = met + meets, far + (not near)
-    assert min(met, far) > 500
+    assert min(met, far) > 200
 
 
 def test_a_release_near_the_end_of_an_euler_step_is_found_in_it():

@@ -1,4 +1,4 @@
-"""The catalogue of hard cases: descriptions, promises, and the mistakes that each case finds.
+"""Hard cases: descriptions (``cases.yaml``), promises, and the mistakes that each case finds.
 
 A case is a function of the implementation under test that returns figures. As a test it measures this
 package, and every figure must keep its bound; measured on a naive variant, a figure must miss its bound.
@@ -10,8 +10,12 @@ import importlib
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
+import naive
 import numpy as np
+import yaml
 from subject import Subject
 
 THEMES = {
@@ -70,46 +74,22 @@ class Figure:
 
 
 Measure = Callable[[Subject], Iterable[Figure]]
+ROWS = yaml.safe_load(Path(__file__).with_name("cases.yaml").read_text(encoding="utf-8"))
+NAIVE = {variant.__name__: variant for variant in naive.VARIANTS}
 
 
-@dataclass(frozen=True)
 class Case:
-    """A hard case.
+    """A hard case: its row of ``cases.yaml``, and the function that measures a subject."""
 
-    Parameters
-    ----------
-    number : str
-        "3", "27b".
-    title : str
-    hard : str
-        What is hard about it.
-    naive : str
-        What a naive implementation does.
-    measure : callable
-        Figures of a subject.
-    caught : tuple of classes
-        Naive variants that fail it.
-    module, function : str
-        Of its test.
-    mujoco : str
-        What MuJoCo does, if that is known and not measured.
-    compared : bool
-        Whether the same measurement can be made of MuJoCo.
-    waiting_for : str
-        The effect that does not exist yet; empty of a case that is measured.
-    """
-
-    number: str
-    title: str
-    hard: str
-    naive: str
-    measure: Measure
-    caught: tuple[type[Subject], ...]
-    module: str
-    function: str
-    mujoco: str = ""
-    compared: bool = False
-    waiting_for: str = ""
+    def __init__(
+        self, number: str, row: dict[str, Any], measure: Callable[[Subject], Iterable[Figure]]
+    ) -> None:
+        self.number, self.measure = number, measure
+        self.title, self.hard, self.naive = row["title"], row["hard"], row["naive"]
+        self.caught: tuple[type[Subject], ...] = tuple(NAIVE[name] for name in row.get("caught", ()))
+        self.mujoco, self.waiting_for = row.get("mujoco", ""), row.get("waiting_for", "")
+        self.compared = row.get("compared", False)
+        self.module, self.function = measure.__module__.rpartition(".")[2], measure.__name__
 
     @property
     def name(self) -> str:
@@ -131,19 +111,12 @@ def check(case: Case, figures: Iterable[Figure]) -> None:
     assert not missed, "\n".join(missed)
 
 
-def hard_case(
-    number: str, title: str, *, hard: str, naive: str, caught: tuple[type[Subject], ...] = (),
-    mujoco: str = "", compared: bool = False, waiting_for: str = "",
-) -> Callable[[Measure], Callable[[], None]]:  # fmt: skip
+def hard_case(number: str) -> Callable[[Measure], Callable[[], None]]:
     """Register a function of a subject as a case, and make it a test of this package."""
 
     def register(measure: Measure) -> Callable[[], None]:
         assert number not in CASES, f"there is a case {number} already"
-        module = measure.__module__.rpartition(".")[2]
-        case = CASES[number] = Case(
-            number, title, hard, naive, measure, caught, module, measure.__name__, mujoco, compared,
-            waiting_for,
-        )  # fmt: skip
+        case = CASES[number] = Case(number, ROWS[number], measure)
 
         def test() -> None:
             figures = case.figures(Subject())

@@ -15,6 +15,10 @@ from redundant_envs.quantities import Quantities
 
 LAB = rde.FourR((1.0,) * 4, (0.5,) * 4)
 """The 4R arm of 1 kg and 0.5 m each."""
+SLIDING = rde.RPRP((1.0,) * 4, (0.5, 0.5))
+UNEQUAL = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
+HEAVY = rde.RPRP((1e6, 1.0, 1e-6, 1e-6), (1.0, 1.0))
+"""Slider 1 carries 1 kg and nothing else moves."""
 GRAVITY = rde.effects.Gravity(9.81)
 STATE_A = (0.0,) * 4, (0.0,) * 4
 STATE_B = (0.2, 1.0, -0.5, 2.0), (6.0, -4.0, 8.0, -10.0)
@@ -66,3 +70,16 @@ def tip_error(arm, q, reference):
 def orders(errors, ratios):
     """Measured orders of successive errors."""
     return [math.log(a / b) / math.log(r) for a, b, r in zip(errors, errors[1:], ratios, strict=False)]
+
+
+def stopped(arm=SLIDING, restitution=1.0, gravity=9.81, **kwargs):
+    """A scene of sliders between hard stops at 0 and 0.3 m."""
+    stop = rde.effects.PrismaticStop((0.0, 0.0), (0.3, 0.3), restitution)
+    field = (rde.effects.Gravity(gravity),) if gravity else ()
+    return rde.Scene(arm, (*field, stop), **{"control_dt": 0.02, **kwargs})
+
+
+def penetration(motion):
+    """Largest penetration of a stop at the end of an interval, m."""
+    sliders = motion.q[..., [1, 3]]
+    return float(np.maximum(np.maximum(sliders - 0.3, 0.0 - sliders).max(), 0.0))

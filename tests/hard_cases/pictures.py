@@ -6,10 +6,9 @@ from pathlib import Path
 
 import numpy as np
 from engine import STEP, MuJoCo
-from measured import GRAVITY, LAB, STATE_B, acceleration_error, energy, tip_error
+from measured import GRAVITY, LAB, SLIDING, STATE_B, acceleration_error, energy, stopped, tip_error
 from naive import CubicGuess, DenseSolve, ExplicitEuler, FixedSteps, FlippedVelocity, ImpulseAtStepEnd
 from page import PICTURES
-from sliders import ARM, stopped
 from subject import Subject
 from test_stops_and_impacts import START
 
@@ -75,7 +74,7 @@ def five_impacts(axes, with_mujoco):
         for h in steps:
             subject.longest = h
             motion = subject.motion(stopped(integrator="rk4", control_dt=h), *START, round(0.5 / h))
-            errors.append(1e3 * tip_error(ARM, motion.q[-1, 0], reference))
+            errors.append(1e3 * tip_error(SLIDING, motion.q[-1, 0], reference))
         label = "this package, RK4" if type(subject) is Subject else subject.name
         axes.loglog(1e3 * steps, errors, marker="o", label=label)
     axes.set(xlabel="step, ms (log)", ylabel="tip error after 0.5 s, mm (log)")

@@ -8,7 +8,6 @@ import places  # noqa: F401
 from hard_case import Figure, hard_case
 from held_command import HeldCommand
 from measured import GRAVITY, LAB, orders, tip_error
-from naive import EstimateWithoutFloor, ExplicitEuler, ImpulseAtStepEnd, SavedPositions, WrappedAngles
 
 import redundant_envs as rde
 from redundant_envs import effects as e
@@ -25,14 +24,7 @@ def random_states(count, seed):
     return q, rng.normal(0, 2, (count, 4)), rng.uniform(-20, 20, (count, 4))
 
 
-@hard_case(
-    "36", "the step and the control interval",
-    hard="Efforts change every 20 ms; steps within must converge with the order of the method, across "
-    "impacts, too.",
-    naive="Order 1, because of the method or of an impulse at the end of the step.",
-    caught=(ExplicitEuler, ImpulseAtStepEnd),
-    mujoco="Its limits are springs: across them the order is that of a jump in the force.",
-)  # fmt: skip
+@hard_case("36")
 def test_36_steps_converge_within_the_interval(subject):
     elastic = e.PrismaticStop((0.0, 0.0), (0.3, 0.3), 1.0)
     smooth = (0.2, 1.0, -0.5, 2.0), (3.0, -2.0, 4.0, -5.0)
@@ -57,12 +49,7 @@ def test_36_steps_converge_within_the_interval(subject):
             yield Figure(f"{name}, the order of {integrator}", found, at_least=order - 0.1)
 
 
-@hard_case(
-    "37", "two halves of an interval",
-    hard="One interval of two steps equals two intervals of one, to the last bit, with or without events.",
-    naive="The second half does not begin with the final state of the first.",
-    caught=(WrappedAngles,),
-)  # fmt: skip
+@hard_case("37")
 def test_37_two_substeps_are_two_intervals(subject):
     q, qd, efforts = random_states(64, 6)
     for name, arm, effects in (("stops", ARM, (GRAVITY, STOP)), ("a smooth scene", LAB, (GRAVITY,))):
@@ -81,13 +68,7 @@ def test_37_two_substeps_are_two_intervals(subject):
         yield Figure(f"with {name} the count of differing numbers, of 512,", differing, at_most=0)
 
 
-@hard_case(
-    "38", "a position in a batch",
-    hard="The size of the batch, the position in it, threads and a NaN neighbour must not change a bit.",
-    naive="The remainder of a vector loop joins products and sums differently; a batch shares its steps.",
-    caught=(EstimateWithoutFloor,),
-    mujoco="Each state is simulated alone.",
-)  # fmt: skip
+@hard_case("38")
 def test_38_a_lane_does_not_know_its_neighbours(subject):
     for name, scene in (
         ("stops", rde.Scene(ARM, (GRAVITY, STOP), tolerance=1e-9)),
@@ -118,13 +99,7 @@ def test_38_a_lane_does_not_know_its_neighbours(subject):
         yield figure("neighbours that are NaN", end(all_lanes, broken=(5, 40))[sound], whole[sound])
 
 
-@hard_case(
-    "42", "saved and restored",
-    hard="Sliders at rest, commands in a delay, keys of random numbers: all of these are state.",
-    naive="Positions and velocities are saved; the rest is initialised again.",
-    caught=(SavedPositions,),
-    mujoco="mj_getState with mjSTATE_INTEGRATION saves the full state; qpos and qvel alone do not.",
-)  # fmt: skip
+@hard_case("42")
 def test_42_a_restored_state_continues_to_the_same_bits(subject):
     scene = rde.Scene(
         ARM, (GRAVITY, dataclasses.replace(STOP, restitution=0.0), HeldCommand()), tolerance=1e-6

@@ -43,7 +43,7 @@ def test_a_missed_promise_says_which_case_and_by_how_much():
     def nothing(subject):
         return []
 
-    case = Case("3", "three links", "hard", "naive", nothing, (), "module", "test_03")
+    case = Case("3", {"title": "three links", "hard": "hard", "naive": "naive"}, nothing)
     check(case, [Figure("the error", 1e-14, at_most=1e-13), Figure("impacts", 3, at_least=3)])
     with pytest.raises(AssertionError) as error:
         check(case, [Figure("the error of qdd", 3e-5, at_most=1e-13, unit="m"), Figure("n", 1, at_least=2)])

@@ -6,21 +6,13 @@ import numpy as np
 import places  # noqa: F401
 from actuator_lag import ActuatorLag
 from hard_case import Figure, hard_case
-from measured import GRAVITY, energy_error, tip_error
-from naive import ExplicitEuler, FixedSteps, FlippedVelocity, ImpulseAtStepEnd
-from sliders import ARM, HEAVY
+from measured import GRAVITY, HEAVY, SLIDING, energy_error, tip_error
 
 import redundant_envs as rde
 from redundant_envs import effects as e
 
 
-@hard_case(
-    "25", "bounces that come to rest",
-    hard="Infinitely many bounces end at sqrt(2 h / g) (1 + e) / (1 - e); then the slider rests at its stop.",
-    naive="A search for every bounce never ends, a threshold on the speed ends early, a step penetrates.",
-    caught=(ImpulseAtStepEnd,),
-    mujoco="It has no coefficient of restitution.",
-)  # fmt: skip
+@hard_case("25")
 def test_25_bounces_come_to_rest_on_time(subject):
     arm = rde.RPRP((1.0, 1.0, 1.0, 1e-12), (0.5, 0.5))
     subject.longest = 0.02
@@ -40,18 +32,11 @@ def test_25_bounces_come_to_rest_on_time(subject):
                      moved, at_most=0)  # fmt: skip
 
 
-@hard_case(
-    "26", "pressed, and released within an interval",
-    hard="A force that presses for 5 s changes its sign within an interval, because the motor lags: "
-    "release at T ln 2.",
-    naive="The slider creeps while it is pressed, and is released only at the next step.",
-    caught=(ImpulseAtStepEnd, FlippedVelocity),
-    mujoco="A soft stop yields to the force, and springs back.",
-)  # fmt: skip
+@hard_case("26")
 def test_26_a_pressed_slider_is_let_go_on_time(subject):
     stop, lag = e.PrismaticStop((0.0, 0.0), (0.3, 0.3), 0.3), 7.3e-3
     for tolerance in (1e-6, 1e-12):
-        scene = rde.Scene(ARM, (stop, ActuatorLag(lag)), control_dt=0.02, tolerance=tolerance)
+        scene = rde.Scene(SLIDING, (stop, ActuatorLag(lag)), control_dt=0.02, tolerance=tolerance)
         force = np.array([0.0, 10.0, 0.0, 0.0])
         motion = subject.motion(
             scene, [0.0, 0.0, 0.0, 0.1], 0.0, 251, lambda k, u=force: u if k == 250 else -u
@@ -66,25 +51,19 @@ def test_26_a_pressed_slider_is_let_go_on_time(subject):
         yield Figure(f"at {tolerance:g} m the time of release", off, at_most=bound, unit="s off")
 
 
-@hard_case(
-    "31", "a stiff spring that has not been touched yet",
-    hard="A spring of 1e6 N/m is struck and left again within 3 ms, in a step of 20 ms.",
-    naive="A fixed step into the spring flings the arm far away.",
-    caught=(FixedSteps, ExplicitEuler),
-    mujoco="Its limits are springs themselves.",
-)  # fmt: skip
+@hard_case("31")
 def test_31_a_stiff_spring_is_seen_before_it_is_touched(subject):
     springs = [e.LimitSpring(joint, 0.0, 0.3, 1e6) for joint in ("r1", "r2")]
-    scene = rde.Scene(ARM, springs, control_dt=0.02, tolerance=1e-6)
+    scene = rde.Scene(SLIDING, springs, control_dt=0.02, tolerance=1e-6)
     # Straight, and at rest but for the last slider: nothing turns.
     motion = subject.motion(scene, [0.0, 0.1, 0.0, 0.2925], [0.0, 0.0, 0.0, 1.0], 5)
     yield Figure("the energy over the bounce", energy_error(scene, motion), at_most=1e-6, unit="J off")
-    fine = rde.BatchSimulator(rde.Scene(ARM, springs, substeps=20000))
+    fine = rde.BatchSimulator(rde.Scene(SLIDING, springs, substeps=20000))
     fine.set_state([0.0, 0.1, 0.0, 0.2925], [0.0, 0.0, 0.0, 1.0])
     for _ in range(5):
         fine.advance()
     yield Figure(
-        "the tip after 5 intervals", tip_error(ARM, motion.q[-1], fine.q), at_most=1e-6, unit="m off"
+        "the tip after 5 intervals", tip_error(SLIDING, motion.q[-1], fine.q), at_most=1e-6, unit="m off"
     )
     # Turned back by a force, it is in the spring for 2 ms around 7.5 ms. The tip is light, and stays behind.
     scene = rde.Scene(HEAVY, springs[:1], control_dt=0.02, tolerance=1e-6)
@@ -97,12 +76,7 @@ def test_31_a_stiff_spring_is_seen_before_it_is_touched(subject):
     yield Figure("struck within an interval the slider after it", off, at_most=1e-7, unit="m off")
 
 
-@hard_case(
-    "32", "the spring that the report prints",
-    hard="It acts everywhere, with twice its stiffness, and couples the sliders: two frequencies.",
-    naive="A drift of the phase shows in no energy balance.",
-    caught=(FixedSteps,), compared=True,
-)  # fmt: skip
+@hard_case("32")
 def test_32_the_printed_spring_has_its_two_frequencies(subject):
     arm = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
     spring = e.CentringSpring((400.0, 200.0), (0.0, 0.0), (0.5, 0.4))
@@ -122,13 +96,7 @@ def test_32_the_printed_spring_has_its_two_frequencies(subject):
                      unit="of itself off")  # fmt: skip
 
 
-@hard_case(
-    "49", "deep in a strong damper",
-    hard="A damper grows with depth: within the first step the motion decays by four time constants.",
-    naive="Estimates of the orders 5 and 3 cancel in that step: with these two alone a third of such starts "
-    "passed unflagged, up to 104 tolerances off.",
-    caught=(FixedSteps, ExplicitEuler),
-)  # fmt: skip
+@hard_case("49")
 def test_49_a_step_follows_a_damper_that_it_is_deep_in(subject):
     arm = rde.RPRP((0.2, 0.2, 0.2, 0.1), (0.3, 0.3))
     effects = (GRAVITY, e.LimitSpring("r2", -100.0, 0.0, 20.8, 375.0))
@@ -142,23 +110,12 @@ def test_49_a_step_follows_a_damper_that_it_is_deep_in(subject):
     yield Figure("the tip of 256 starts after an interval", off, at_most=1e-6, unit="m off")
 
 
-@hard_case(
-    "33", "true stiction",
-    hard="Under 0.9 of its friction an arm must stay at rest for ever, and under 1.01 of it slip at once.",
-    naive="A smoothed friction creeps; sign(v) chatters.",
-    waiting_for="CoulombFriction",
-    mujoco="Its friction loss is soft, and creeps.",
-)  # fmt: skip
+@hard_case("33")
 def test_33_stiction_waits_for_its_effect(subject):
     return waiting("CoulombFriction")
 
 
-@hard_case(
-    "34", "LuGre friction of 1e5 N m/rad",
-    hard="A bristle relaxes within a microsecond, but steps take 10 ms.",
-    naive="An explicit step gives NaN.",
-    waiting_for="LuGreFriction",
-)  # fmt: skip
+@hard_case("34")
 def test_34_lugre_friction_waits_for_its_effect(subject):
     return waiting("LuGreFriction")
 

@@ -201,7 +201,7 @@ def test_a_tolerance_that_cannot_be_is_refused(changes, said):
 def test_tolerance_is_kept_with_nearly_vanishing_links(arm, tolerance):
     """A link of a micrometre turns over within the interval, and the error of its angle grows with it."""
     scene = rde.Scene(arm, (e.Gravity(),), tolerance=tolerance)
-    q, qd, _ = random_states(scene, 2048, 0)
+    q, qd, _ = random_states(scene, 1024, 0)
     got, status = advance(scene, q, qd)
     # Which way such a link points may be chance, and two references agree by chance now and then.
     *others, finer = (
@@ -209,7 +209,7 @@ def test_tolerance_is_kept_with_nearly_vanishing_links(arm, tolerance):
     )
     judged = np.max([tip_errors(arm, x, finer) for x in others], axis=0) <= 0.1 * tolerance
     error, flagged = tip_errors(arm, got, finer), status.numerics != 0
-    assert judged.sum() > 1200
+    assert judged.sum() > 600
     assert (error <= tolerance)[judged & ~flagged].all()
     assert np.mean(flagged[judged]) <= 1e-3
 

@@ -28,22 +28,13 @@ MOST_IMPACTS = 10_000
 
 @dataclass(frozen=True)
 class StoppedArm:
-    """Numbers of an RPRP arm with upright gravity, viscous joint friction and stops.
+    """An RPRP arm with upright gravity, viscous joint friction and stops."""
 
-    Attributes
-    ----------
-    masses, lengths : kg, m
-    g : m/s^2
-    friction : N m s/rad and N s/m, in every joint
-    upper : travel of both sliders from 0, m
-    restitution : float
-    """
-
-    masses: tuple[float, ...]
-    lengths: tuple[float, ...]
-    g: float
-    friction: float
-    upper: float
+    masses: tuple[float, ...]  # kg
+    lengths: tuple[float, ...]  # m
+    g: float  # m/s^2
+    friction: float  # N m s/rad and N s/m, in every joint
+    upper: float  # travel of both sliders from 0, m
     restitution: float
 
     def equations(self, y: Array, efforts: Array) -> tuple[Array, Array]:
@@ -54,34 +45,21 @@ class StoppedArm:
         a, b = l1 + r1, l2 + r2
         c, s = math.cos(theta1 - theta2), math.sin(theta1 - theta2)
         mu, sigma = m2 + m3 + m4, m3 * l2 + m4 * b
-        M = np.array(
-            [
-                [m1 * l1**2 + mu * a**2, 0.0, a * sigma * c, -m4 * a * s],
-                [0.0, mu, sigma * s, m4 * c],
-                [a * sigma * c, sigma * s, m3 * l2**2 + m4 * b**2, 0.0],
-                [-m4 * a * s, m4 * c, 0.0, m4],
-            ]
-        )
-        bias = np.array(
-            [
-                a * (2 * mu * v1 * w1 + sigma * s * w2**2 + 2 * m4 * v2 * w2 * c),
-                -mu * a * w1**2 - sigma * c * w2**2 + 2 * m4 * v2 * w2 * s,
-                sigma * (2 * v1 * w1 * c - a * w1**2 * s) + 2 * m4 * b * v2 * w2,
-                -m4 * (a * w1**2 * c + 2 * v1 * w1 * s + b * w2**2),
-            ]
-        )
-        weight = self.g * np.array(
-            [
-                (m1 * l1 + mu * a) * math.cos(theta1),
-                mu * math.sin(theta1),
-                sigma * math.cos(theta2),
-                m4 * math.sin(theta2),
-            ]
-        )
+        M = np.diag([m1 * l1**2 + mu * a**2, mu, m3 * l2**2 + m4 * b**2, m4])
+        M[0, 2] = M[2, 0] = a * sigma * c
+        M[0, 3] = M[3, 0] = -m4 * a * s
+        M[1, 2] = M[2, 1] = sigma * s
+        M[1, 3] = M[3, 1] = m4 * c
+        h1 = a * (2 * mu * v1 * w1 + sigma * s * w2**2 + 2 * m4 * v2 * w2 * c)
+        h2 = -mu * a * w1**2 - sigma * c * w2**2 + 2 * m4 * v2 * w2 * s
+        h3 = sigma * (2 * v1 * w1 * c - a * w1**2 * s) + 2 * m4 * b * v2 * w2
+        h4 = -m4 * (a * w1**2 * c + 2 * v1 * w1 * s + b * w2**2)
+        G1, G2 = (m1 * l1 + mu * a) * math.cos(theta1), mu * math.sin(theta1)
+        weight = self.g * np.array([G1, G2, sigma * math.cos(theta2), m4 * math.sin(theta2)])
         t1, f1, t2, f2 = efforts
         t1, f1 = t1 - self.friction * w1, f1 - self.friction * v1
         t2, f2 = t2 - self.friction * (w2 - w1), f2 - self.friction * v2
-        return M, np.array([t1 - t2, f1, t2, f2]) - bias - weight
+        return M, np.array([t1 - t2 - h1, f1 - h2, t2 - h3, f2 - h4]) - weight
 
     def motion(self, y: Array, efforts: Array, held: Sequence[int]) -> tuple[Array, Array]:
         """Accelerations (4,), and the forces (4,) that hold some sliders in position."""

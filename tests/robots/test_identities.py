@@ -28,52 +28,12 @@ def relative(value, reference, axes=-1):
     return (np.abs(value - reference).max(axes) / np.abs(reference).max(axes)).max()
 
 
-@EVERY
-def test_mass_matrix_is_symmetric_positive_definite(robot):
-    """Exactly symmetric; det M at or above the bound for parallel links (4R)."""
-    M = robot.mass_matrix(states(robot)[0])
-    assert (np.swapaxes(M, -1, -2) == M).all()
-    assert np.linalg.eigvalsh(M).min() > 0.0
-    if robot.kind == "FourR":
-        bound = np.prod(robot.lengths) ** 2 * np.prod(robot.masses)
-        assert (np.linalg.det(M) >= bound * (1.0 - 1e-12)).all()
-
-
-@EVERY
-def test_gravity_forces_in_a_field_of_any_direction(robot):
-    """G is the slope of U with both components of the field, as the simulator's equations have it."""
-    q = states(robot)[0]
-    field = {**robot.parameter_values(), "ax": 3.1, "ay": -2.3}
-    names = robot.coordinates
-    forces = robot.evaluate(["G1", "G2", "G3", "G4"], {**field, **dict(zip(names, q.T, strict=True))})
-    scale = np.abs(forces).max(0)
-    for k in range(4):
-        shifted = dict(zip(names, (q + 1e-30j * np.eye(4)[k]).T, strict=True))
-        slope = np.imag(robot.evaluate(["U"], {**field, **shifted})[0]) / 1e-30
-        assert (np.abs(slope - forces[k]) <= 1e-14 * scale).all()
-
-
 def test_motor_map():
     """Motor i acts between link i-1 and link i; RPRP's second motor reacts on the first angle."""
     four_r = [[1, -1, 0, 0], [0, 1, -1, 0], [0, 0, 1, -1], [0, 0, 0, 1]]
     rprp = [[1, 0, -1, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
     assert (ROBOTS["FourR"].motor_map == four_r).all()
     assert (ROBOTS["RPRP"].motor_map == rprp).all()
-
-
-@EVERY
-def test_joint_coordinates(robot):
-    """phi = B^T q, phi' = B^T qd, and back: motor power is t phi'."""
-    q, qd, _ = states(robot)
-    values = {n: q[..., k] for k, n in enumerate(robot.coordinates)}
-    values.update({n: qd[..., k] for k, n in enumerate(robot.rates)})
-    names = [f"phi{k}" for k in range(1, 5)] + [f"phid{k}" for k in range(1, 5)]
-    phi = np.stack(robot.evaluate(names, values), axis=-1)
-    B = robot.motor_map
-    assert np.abs(phi[..., :4] - q @ B).max() <= 1e-15 * np.abs(q).max()
-    assert np.abs(phi[..., 4:] - qd @ B).max() <= 1e-15 * np.abs(qd).max()
-    back = np.stack(robot.coordinates_of_joints(*np.moveaxis(phi[..., :4], -1, 0)), axis=-1)
-    assert np.abs(back - q).max() <= 1e-14 * np.abs(q).max()
 
 
 def test_manipulability_vanishes_only_in_line():

@@ -31,13 +31,13 @@ STOPS = rde.Scene(
 )
 
 
-def quick() -> dict:
-    return yaml.safe_load((STUDIES / "accuracy_quick.yaml").read_text(encoding="utf-8"))
+QUICK = yaml.safe_load((STUDIES / "accuracy_quick.yaml").read_text(encoding="utf-8"))
+PANEL = QUICK["panels"][0]
 
 
 def smallest() -> Study:
     """The part of the quick study that is short enough for a test."""
-    return build(Study, "config", quick() | {"ours": {"rk4": [1, 4], "rk8": [2]}})
+    return build(Study, "config", QUICK | {"ours": {"rk4": [1, 4], "rk8": [2]}})
 
 
 # ---- metrics -------------------------------------------------------------------------------------
@@ -52,32 +52,27 @@ def test_tip_error_is_a_distance_and_infinite_where_lost():
     assert list(metrics.largest_error(turned, q)) == [0.0, 0.01, np.inf]
 
 
-def test_quantile_is_one_of_the_errors():
+def test_quantiles_digits_and_penetrations_are_infinite_where_lost():
     errors = np.arange(1.0, 101.0)
     assert [metrics.quantile(errors, x) for x in (0.5, 0.99, 1.0)] == [50.0, 99.0, 100.0]
     errors[98:] = np.inf
-    assert metrics.quantile(errors, 0.98) == 98.0
-    assert metrics.quantile(errors, 0.99) == np.inf
+    assert [metrics.quantile(errors, x) for x in (0.98, 0.99)] == [98.0, np.inf]
+    assert [metrics.digits(x, 2.0) for x in (2e-12, 0.0)] == pytest.approx([12.0, 15.65], abs=0.01)
+    path = np.zeros((2, 2, 4))
+    path[:, :, 1] = 0.1
+    path[1, 0, 3], path[0, 0, 3], path[0, 1, 1] = -0.02, 0.5, np.nan
+    assert list(metrics.penetration(path, {1: (0.0, 0.4), 3: (0.0, 0.4)})) == pytest.approx([0.1, np.inf])
 
 
 def test_energy_and_momentum():
     assert metrics.energy_scale(HANGING, np.zeros(4)) == pytest.approx(9.81 * 0.5 * (1 + 2 + 3 + 4))
     q, qd = np.zeros((3, 4)), np.array([[1.0] * 4, [2.0] * 4, [3.0] * 4])
-    start = (q, qd, 0.0 * q)
     scale = 0.25 * (1 + 4 + 9 + 16)  # sum m r^2 of the stretched arm
     np.testing.assert_allclose(metrics.energy(HANGING, q, qd), 0.5 * scale * qd[:, 0] ** 2)
     faster = qd + np.array([[0.5], [0.0], [np.inf]])
-    error = metrics.momentum_error(HANGING, start, (q, faster))
+    error = metrics.momentum_error(HANGING, (q, qd, 0.0 * q), (q, faster))
     np.testing.assert_allclose(error, [0.25, 0.0, np.inf], atol=1e-14)
-    floating = metrics.weightless(HANGING)
-    assert floating.effects == (e.Gravity(0.0),)
-
-
-def test_penetration():
-    path = np.zeros((2, 2, 4))
-    path[:, :, 1] = 0.1
-    path[1, 0, 3], path[0, 0, 3], path[0, 1, 1] = -0.02, 0.5, np.nan
-    assert list(metrics.penetration(path, {1: (0.0, 0.4), 3: (0.0, 0.4)})) == pytest.approx([0.1, np.inf])
+    assert metrics.weightless(HANGING).effects == (e.Gravity(0.0),)
 
 
 def test_exponent_of_the_upright_arm():
@@ -86,11 +81,6 @@ def test_exponent_of_the_upright_arm():
     start = q, 0.0 * q, 0.0 * q
     growth = [s * metrics.lyapunov(HANGING, start, s) for s in (1.0, 1.5)]
     np.testing.assert_allclose((growth[1] - growth[0]) / 0.5, np.sqrt(9.395070912301 * 9.81 / 0.5), rtol=1e-3)
-
-
-def test_digits():
-    assert metrics.digits(2e-12, 2.0) == pytest.approx(12.0)
-    assert metrics.digits(0.0, 2.0) == pytest.approx(15.65, abs=0.01)
 
 
 # ---- stops ---------------------------------------------------------------------------------------
@@ -120,13 +110,10 @@ def test_impacts_of_a_straight_arm():
 
 def test_stop_metrics_of_ours():
     start = np.array([[0.3, 0.2, 0.1, 0.3]]), np.array([[0.5, 0.0, -0.5, 2.0]]), np.zeros((1, 4))
-    ours = Ours("rk8", 0.02, substeps=2)
-    path, found = ours.path(STOPS, start, 0.1, 10)
+    path, ((motion, time),) = Ours("rk8", 0.02, substeps=2).path(STOPS, start, 0.1, 10)
     assert path.shape == (10, 1, 4)
     assert metrics.penetration(path, metrics.stops(STOPS)) == [0.0]
-    assert [motion for motion, _ in found] == [0]
-    known = long.first_impacts(STOPS, start)
-    assert found[0][1] == pytest.approx(known[0], abs=1e-11)
+    assert (motion, time) == (0, pytest.approx(long.first_impacts(STOPS, start)[0], abs=1e-11))
 
 
 def test_mujoco_goes_a_little_beyond_its_stops():
@@ -158,25 +145,17 @@ ROWS = [
 ]  # fmt: skip
 
 
-def test_answers():
+def test_answers_and_their_words():
     first, second, third = accuracy.answers(ROWS, [1.0, 1e-4, 1e-8])
     assert (first.ours["method"], first.mujoco["method"], first.ratio) == ("rk4", "MuJoCo RK4", 90.0)
-    assert second.ours["method"] == "rk8"
-    assert second.mujoco is None
-    assert third.ours is None
-    assert math.isnan(second.ratio)
-    assert math.isnan(third.ratio)
+    assert (second.ours["method"], second.mujoco, third.ours) == ("rk8", None, None)
+    assert np.isnan([second.ratio, third.ratio]).all()
     assert accuracy.cheapest(ROWS, "", 0.5) is ROWS[1]  # below, not at
-
-
-def test_answers_in_words():
-    answers = accuracy.answers(ROWS, [1.0, 1e-4])
-    assert accuracy_report.who(answers[0].mujoco) == ["MuJoCo RK4, 1 x 20 ms", "3.6 us", "4"]
-    assert accuracy_report.who(answers[1].mujoco)[0] == "not reached"
-    assert accuracy_report.advantage(answers[0], None) == "90 x"
-    assert accuracy_report.advantage(answers[0], 80.0) == "90 x (above 80)"
-    assert accuracy_report.advantage(answers[0], 100.0) == "90 x (**below** 100)"
-    assert accuracy_report.advantage(answers[1], 80.0) == ""
+    assert accuracy_report.who(first.mujoco) == ["MuJoCo RK4, 1 x 20 ms", "3.6 us", "4"]
+    assert accuracy_report.who(second.mujoco)[0] == "not reached"
+    for bar, words in ((None, "90 x"), (80.0, "90 x (above 80)"), (100.0, "90 x (**below** 100)")):
+        assert accuracy_report.advantage(first, bar) == words
+    assert accuracy_report.advantage(second, 80.0) == ""
     assert [accuracy_report.duration(x) for x in (35.17, 999.7, 1.4e6)] == ["35.2 ns", "1 us", "1.4 ms"]
     assert accuracy_report.after("1_s") == "tip after 1 s, mm"
     assert accuracy_report.after("2_lyapunov") == "tip after 2 Lyapunov times, mm"
@@ -185,22 +164,16 @@ def test_answers_in_words():
 # ---- config --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["accuracy", "accuracy_quick"])
-def test_shipped_configs(name):
-    study = load_study(STUDIES / f"{name}.yaml")
-    for panel in study.panels:
-        assert panel.scene(study.control_dt).control_dt == 0.02
-
-
-def test_the_full_study_asks_what_was_promised():
-    study = load_study(STUDIES / "accuracy.yaml")
-    assert study.states >= 4096
-    assert study.thresholds_mm == (1.0, 1e-2, 1e-4, 1e-8)
-    assert [p.bar for p in study.panels if p.robot["type"] == "FourR"] == [80.0, 80.0]
+def test_shipped_configs_ask_what_was_promised():
+    studies = [load_study(STUDIES / f"{name}.yaml") for name in ("accuracy", "accuracy_quick")]
+    assert {p.scene(s.control_dt).control_dt for s in studies for p in s.panels} == {0.02}
+    assert studies[0].states >= 4096
+    assert studies[0].thresholds_mm == (1.0, 1e-2, 1e-4, 1e-8)
+    assert [p.bar for p in studies[0].panels if p.robot["type"] == "FourR"] == [80.0, 80.0]
 
 
 def test_states_are_drawn_as_told():
-    panel = build(Panel, "panel", quick()["panels"][0] | {"low": [0, 1, 2, 3], "high": [1, 2, 3, 4]})
+    panel = build(Panel, "panel", PANEL | {"low": [0, 1, 2, 3], "high": [1, 2, 3, 4]})
     q, qd, efforts = panel.states(4000, 3)
     assert (np.floor(q) == np.arange(4)).all()
     np.testing.assert_allclose(qd.std(axis=0), panel.rate_sd, rtol=0.05)
@@ -208,9 +181,6 @@ def test_states_are_drawn_as_told():
     assert abs(moved.mean() - 0.5) < 0.05
     np.testing.assert_allclose(efforts[moved].std(axis=0), panel.effort_sd, rtol=0.06)
     assert (panel.states(4000, 3)[0] == q).all()
-
-
-PANEL = quick()["panels"][0]
 
 
 @pytest.mark.parametrize(
@@ -227,8 +197,8 @@ PANEL = quick()["panels"][0]
         ({"control_dt": -1.0}, "control_dt is -1.0; it must be positive"),
         ({"timing": {"rounds": 1}}, "timing lacks 'scipy_rounds'; give all of rounds"),
         ({"timing": 3}, "timing is 3; give a mapping with rounds"),
-        ({"long_runs": quick()["long_runs"] | {"mujoco": {"RK4": [5]}}}, "RK4 has 5, which mujoco.RK4 lacks"),
-        ({"reference": quick()["reference"] | {"scene": {"integrator": "rk5"}}}, "integrator is 'rk5'"),
+        ({"long_runs": QUICK["long_runs"] | {"mujoco": {"RK4": [5]}}}, "RK4 has 5, which mujoco.RK4 lacks"),
+        ({"reference": QUICK["reference"] | {"scene": {"integrator": "rk5"}}}, "integrator is 'rk5'"),
         ({"panels": [PANEL | {"peers": ["drake"]}]}, "4R.peers has 'drake'; choose mujoco, scipy"),
         ({"panels": [PANEL | {"rate_sd": [1.0]}]}, "4R.rate_sd has 1 entries; give 4"),
         ({"panels": [PANEL | {"effort_share": 2.0}]}, "effort_share is 2.0; it must lie in 0 to 1"),
@@ -237,12 +207,7 @@ PANEL = quick()["panels"][0]
 )  # fmt: skip
 def test_config_errors(change, said):
     with pytest.raises(ValueError, match=said):
-        build(Study, "config", quick() | change)
-
-
-def test_missing_config(tmp_path, capsys):
-    assert main(["study", "accuracy", "--config", str(tmp_path / "no.yaml")]) == 2
-    assert "there is no such file" in capsys.readouterr().err
+        build(Study, "config", QUICK | change)
 
 
 # ---- the study -----------------------------------------------------------------------------------
@@ -284,7 +249,9 @@ def test_the_study_writes_its_files(tmp_path, capsys):
     assert all(path.read_bytes() == old for path, old in before.items())
 
 
-def test_figures_are_drawn_again_only_from_tables_of_the_study(tmp_path, capsys):
+def test_configs_are_there_and_figures_are_drawn_again_only_from_tables_of_the_study(tmp_path, capsys):
+    assert main(["study", "accuracy", "--config", str(tmp_path / "no.yaml")]) == 2
+    assert "there is no such file" in capsys.readouterr().err
     assert main(["study", "accuracy", "--redraw", str(tmp_path)]) == 2
     assert "has no accuracy.csv" in capsys.readouterr().err
     for name in accuracy_plots.TABLES:
@@ -296,9 +263,8 @@ def test_figures_are_drawn_again_only_from_tables_of_the_study(tmp_path, capsys)
 def test_axes_that_are_not_linear_say_so():
     study = load_study(STUDIES / "accuracy.yaml")
     drawn = accuracy_plots.read(study, Path(__file__).parents[2] / "docs" / "results" / "accuracy")
-    for figure in (
-        accuracy_plots.work_precision_figure(drawn, 0.02), accuracy_plots.energy_figure(drawn, 0.02, 64),
-    ):  # fmt: skip
+    precision, energy = accuracy_plots.work_precision_figure, accuracy_plots.energy_figure
+    for figure in (precision(drawn, 0.02), energy(drawn, 0.02, 64)):
         assert {axes.get_yscale() for axes in figure.axes} == {"log"}
         assert "logarithmic" in figure.get_supylabel()
         assert "logarithmic" in figure.get_supxlabel()
@@ -310,11 +276,10 @@ def test_the_study_without_peers(tmp_path, monkeypatch):
         accuracy_methods.importlib.util, "find_spec", lambda n: None if n in ("mujoco", "scipy") else find(n)
     )
     study = smallest()
-    results = accuracy.run(study)
-    (result,) = results
+    (result,) = accuracy.run(study)
     assert {r["peer"] for r in result.rows} == {""}
     assert [a.by for a in result.agreements] == ["rk8, 64 steps"]
-    text = accuracy_report.page_text(study, results, "a command", [])
+    text = accuracy_report.page_text(study, [result], "a command", [])
     assert "mujoco is not installed" in text
     assert "| not run |" in text
 

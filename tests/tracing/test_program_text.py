@@ -4,10 +4,16 @@ import re
 
 from redundant_envs.lane.memory import SCRATCH, STATE, Field, Layout, traced
 from redundant_envs.tracing.flow import Kernel, Program
-from redundant_envs.tracing.listing import function_lines, lines
+from redundant_envs.tracing.listing import fingerprints, function_lines, lines
 from redundant_envs.tracing.passes.stages import Subroutine
 
 LAYOUT = Layout([Field(n, "", "", STATE) for n in ("x", "v")] + [Field("f", "", "", SCRATCH)])
+
+
+def printed(function):
+    p = Kernel("probe", {"x": "f64"})
+    p.call(traced("work", LAYOUT, function), x=p["x"])
+    return list(fingerprints(Program([p])))
 
 
 def listed(function, *name_of, **more):
@@ -66,10 +72,13 @@ def test_a_subroutine_is_listed_once_and_its_calls_where_they_are():
 
 
 def test_programs_are_told_apart_by_the_places_of_arguments_whatever_they_are_called():
-    """The text is the key of the machine code: one that shows names alone takes these two for one."""
+    """Machine code is kept by fingerprints: those of names alone take these two for one."""
     doubled = (
         Subroutine(lambda k, g: (2.0 * k,), 1, 1, ("k", "g")),
-        Subroutine(lambda g, k: (2.0 * k,), 1, 1, ("g", "k")),
+        Subroutine(lambda g, k: (2.0 * g,), 1, 1, ("k", "g")),
+        Subroutine(lambda k, g: (2.0 * g,), 1, 1, ("g", "k")),
     )
-    first, second = (listed(lambda lane, f=f: lane.set(["v"], f(lane.x, lane.v))) for f in doubled)
-    assert first != second
+    one, same, other = (lambda lane, f=f: lane.set(["v"], f(lane.x, lane.v)) for f in doubled)
+    assert listed(one)[1:4] == ["%0 = k", "%1 = * 2.0, %0", "gives %1"]
+    assert listed(one) == listed(same) == listed(other)
+    assert printed(one) == printed(same) != printed(other)

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from refusals import ANYTHING
 
 from redundant_envs.backends.interpreter import evaluate
-from redundant_envs.lane.memory import SCRATCH, STATE, Field, Lane, Layout, ProgramLane
+from redundant_envs.lane.memory import SCRATCH, STATE, Field, Lane, Layout, TracedLane
 from redundant_envs.tracing.flow import Kernel, LaneFunction, Program
+from redundant_envs.tracing.graph import Graph
 from redundant_envs.tracing.listing import fingerprints
 from redundant_envs.tracing.number import value_of
 from redundant_envs.tracing.program import ENDED, Machine
@@ -40,7 +41,7 @@ class Traced:
 
     def __init__(self, program):
         self.layout = layout()
-        self.machine = Machine(program, ProgramLane(self.layout), Ask, whole=True)
+        self.machine = Machine(program, TracedLane(self.layout, Graph(), {}, declares=True), Ask, whole=True)
         self.functions = {
             ask: self.machine.after(ask, "answered") for ask in (None, *Ask) if ask in self.machine.graphs
         }
@@ -93,13 +94,6 @@ def no_request(lane):
     yield
 
 
-def one_after_the_other(lane):
-    yield Ask.ADD
-    lane.count = lane.x
-    yield Ask.HALVE
-    lane.count = lane.count + lane.y
-
-
 def halves(lane):
     """Asks until y is small; whether it was large before."""
     lane.large = lane.y > 4.0
@@ -137,7 +131,13 @@ def two_places(lane):
         yield Ask.HALVE
 
 
-PROGRAMS = (no_request, one_after_the_other, nested, two_places)
+def requests_of_one_line(lane):
+    """They are different states."""
+    _ = (yield Ask.ADD), (yield Ask.ADD), (yield Ask.HALVE)
+    lane.count = lane.x
+
+
+PROGRAMS = (no_request, nested, two_places, requests_of_one_line)
 TRACED = {program.__name__: Traced(program) for program in PROGRAMS}
 NUMBERS = st.lists(st.tuples(*[st.sampled_from([-4.0, -0.5, 0.0, 1.0, 3.0, 7.0, 20.0])] * 3), min_size=1,
                    max_size=9)  # fmt: skip
@@ -268,17 +268,3 @@ def test_states_and_the_fingerprint_of_a_program_do_not_depend_on_its_bytecode()
     assert fingerprint(traced[0]) == fingerprint(traced[1]) == fingerprint(traced[2])
     other = Traced(program_of(BODY.replace("2.0", "2.5"), 0))
     assert fingerprint(other) != fingerprint(traced[0])
-
-
-def two_in_a_line(lane):
-    yield Ask.ADD
-    yield Ask.ADD
-    yield Ask.HALVE
-    lane.count = lane.x
-
-
-def test_requests_of_one_line_are_different_states():
-    found = Traced(two_in_a_line).run(x=[1.0], y=[3.0], d=[0.5])
-    lane, asked = on_floats(two_in_a_line, x=1.0, y=3.0, d=0.5)
-    assert asked == [Ask.ADD, Ask.ADD, Ask.HALVE]
-    assert (found["x"][0], found["y"][0], found["count"][0]) == (lane.x, lane.y, lane.count)

@@ -162,7 +162,10 @@ def test_intervals_that_are_flagged_are_told():
     assert not misses(rde.Scene(FOUR_R, (e.Gravity(),), tolerance=1e-6), (flagged,))
 
 
-def test_stops_without_an_end_are_no_fault():
+def test_impacts_without_an_end_and_of_an_arm_of_a_micrometre_are_good():
+    tiny = rde.RPRP((1e-6,) * 4, (1e-6, 1e-6))
+    scene = rde.Scene(tiny, (e.Gravity(), e.PrismaticStop((0.0, 0.0), (1e-6, 1e-6), 1.0)), control_dt=1e-3)
+    assert not misses(scene, checks_of(impacts))
     scene = rde.Scene(RPRP, (e.Gravity(), e.PrismaticStop((None, None), (None, None))), tolerance=1e-6)
     result = verify(scene, STATES, checks=checks_of(impacts))
     assert result.good
@@ -175,12 +178,6 @@ def test_intervals_of_every_allowed_length_can_be_measured(control_dt, substeps)
     scene = rde.Scene(RPRP, effects, "rk4", control_dt, substeps=substeps)
     result = verify(scene, STATES, checks=checks_of(conservation, evaluators, symmetries))
     assert [o.finding.words for o in result.outcomes if "control_dt" in o.finding.words] == []
-
-
-def test_impacts_of_an_arm_of_a_micrometre_are_good():
-    tiny = rde.RPRP((1e-6,) * 4, (1e-6, 1e-6))
-    scene = rde.Scene(tiny, (e.Gravity(), e.PrismaticStop((0.0, 0.0), (1e-6, 1e-6), 1.0)), control_dt=1e-3)
-    assert not misses(scene, checks_of(impacts))
 
 
 def test_a_book_that_does_not_close_is_red(monkeypatch):
@@ -243,7 +240,7 @@ def test_springs_of_the_package_are_looked_at_where_they_act(effect, change, red
     assert misses(rde.Scene(RPRP, (Changed(**dataclasses.asdict(effect)),))) == red
 
 
-@pytest.mark.parametrize("width", [1e-9, 1e-6, 1e-4, 1.0, 1e3, 1e5])
+@pytest.mark.parametrize("width", [1e-9, 1e-6, 1e-4, 1.0, 1e3, 1e6])
 @pytest.mark.parametrize("joint", ["r1", "joint2"])
 def test_springs_at_any_distance_from_each_other_make_no_fault(width, joint):
     """Differences do not straddle both limits, and rounding of an angle of many turns is no error."""

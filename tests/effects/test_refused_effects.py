@@ -73,10 +73,10 @@ def a_condition(x):
     return x > 0.0
 
 
-LINE = f"test_refused.py:{with_branch.__code__.co_firstlineno + 2}"
+LINE = f"test_refused_effects.py:{with_branch.__code__.co_firstlineno + 2}"
 TANH = "it calls tanh; write 1.0 - 2.0 / (exp(2.0 * x) + 1.0)"
 FUNCTIONS = {
-    tanh_of_math: ("tanh_of_math (", "test_refused.py:", "sqrt, exp", "of redundant_envs.algebra", TANH),
+    tanh_of_math: ("tanh_of_math (", "effects.py:", "sqrt, exp", "of redundant_envs.algebra", TANH),
     bare_tanh: ("bare_tanh (", TANH),
     tanh_of_numpy: ("tanh_of_numpy (", TANH, "of redundant_envs.algebra"),
     with_default: ("'k'", "bind a number of the effect"),
@@ -118,24 +118,10 @@ def second(x):
 # ---- hooks --------------------------------------------------------------------------------------------
 
 
-@physics
-def spring(x, k):
-    return -k * x
-
-
-@physics
-def energy(x, k):
-    return 0.5 * k * x**2
-
-
-@physics
-def damped(x, rate, k):
-    return -k * (x + rate)
-
-
-@physics
-def slope(rate, k):
-    return 2.0 * k * abs(rate)
+spring = physics(lambda x, k: -k * x)
+energy = physics(lambda x, k: 0.5 * k * x**2)
+damped = physics(lambda x, rate, k: -k * (x + rate))
+slope = physics(lambda rate, k: 2.0 * k * abs(rate))
 
 
 @physics
@@ -196,7 +182,37 @@ def named(key, field):
 
 # ---- the table ----------------------------------------------------------------------------------------
 
-TWO = "CentringSpring acts on prismatic joints, and FourR has none"
+SCENES = {
+    "alike identifiers": (
+        FOUR_R, (named("a", "b__c"), named("a.b", "c")), "'a.b__c' and 'a.b.c'", "rename a field",
+    ),
+    "two classes of one name": (
+        FOUR_R, (e.Gravity(), type("Gravity", (StiffeningSpring,), {})()),
+        "second 'gravity'; two classes share", "'key' of its own",
+    ),
+    "two gravities": (
+        FOUR_R, (e.Gravity(), e.Gravity(1.62)), "effects[1] is a second 'gravity'; combine the two",
+    ),
+    "two springs": (
+        RPRP, (e.LimitSpring("r1", 0, 1), e.LimitSpring("r1", 0, 2)), "[1] is a second 'limit_spring.r1'",
+    ),
+    "a word": (RPRP, ("gravity",), "effects[0] is 'gravity'"),
+    "no hooks": (RPRP, (e.Effect(),), "does not say where it attaches"),
+    "no slider r1": (FOUR_R, (e.LimitSpring("r1", 0.0, 0.3),), "coordinate is 'r1'"),
+    "no sliders": (
+        FOUR_R, (e.CentringSpring((1, 1), (0, 0), (1, 1)),),
+        "CentringSpring acts on prismatic joints, and FourR has none",
+    ),
+    "no sliders to stop": (FOUR_R, (e.PrismaticStop((0, 0), (1, 1)),), "FourR has none"),
+    "one of two sliders": (
+        RPRP, (e.CentringSpring((1,), (0,), (1,)),), "for 1 prismatic joints and RPRP has 2: give as many",
+    ),
+    "one of two stops": (RPRP, (e.PrismaticStop((0,), (1,)),), "RPRP has 2: give as many"),
+    "two of four joints": (
+        RPRP, (e.ViscousFriction((0.1, 0.1)),),
+        "ViscousFriction.coefficients has 2 entries; RPRP has 4 joints",
+    ),
+}  # fmt: skip
 REFUSED = {
     **{f"function {f.__name__}": (lambda f=f: with_force(physics(f)), AT, *w) for f, w in FUNCTIONS.items()},
     "an unmarked function": (lambda: with_force(unmarked), AT, "not marked", "@physics"),
@@ -212,36 +228,7 @@ REFUSED = {
     **{f"hook: {n}": (lambda h=h: attached((h,)), *words) for n, (h, *words) in HOOKS.items()},
     "one hook": (lambda: attached(e.Force(1, spring, X)), "hooks gives", "tuple"),
     **{f"key {key!r}": (lambda key=key: attached((), key=key), "has the key") for key in KEYS},
-    "alike identifiers": (
-        lambda: rde.Scene(FOUR_R, (named("a", "b__c"), named("a.b", "c"))),
-        "'a.b__c' and 'a.b.c'", "rename a field",
-    ),
-    "two classes of one name": (
-        lambda: rde.Scene(FOUR_R, (e.Gravity(), type("Gravity", (StiffeningSpring,), {})())),
-        "second 'gravity'; two classes share", "'key' of its own",
-    ),
-    "two gravities": (
-        lambda: rde.Scene(FOUR_R, (e.Gravity(), e.Gravity(1.62))),
-        "effects[1] is a second 'gravity'; combine the two",
-    ),
-    "two springs": (
-        lambda: rde.Scene(RPRP, (e.LimitSpring("r1", 0, 1), e.LimitSpring("r1", 0, 2))),
-        "effects[1] is a second 'limit_spring.r1'",
-    ),
-    "a word": (lambda: rde.Scene(RPRP, ("gravity",)), "effects[0] is 'gravity'"),
-    "no hooks": (lambda: rde.Scene(RPRP, (e.Effect(),)), "does not say where it attaches"),
-    "no slider r1": (lambda: rde.Scene(FOUR_R, (e.LimitSpring("r1", 0.0, 0.3),)), "coordinate is 'r1'"),
-    "no sliders": (lambda: rde.Scene(FOUR_R, (e.CentringSpring((1, 1), (0, 0), (1, 1)),)), TWO),
-    "no sliders to stop": (lambda: rde.Scene(FOUR_R, (e.PrismaticStop((0, 0), (1, 1)),)), "FourR has none"),
-    "one of two sliders": (
-        lambda: rde.Scene(RPRP, (e.CentringSpring((1,), (0,), (1,)),)),
-        "for 1 prismatic joints and RPRP has 2: give as many",
-    ),
-    "one of two stops": (lambda: rde.Scene(RPRP, (e.PrismaticStop((0,), (1,)),)), "RPRP has 2: give as many"),
-    "two of four joints": (
-        lambda: rde.Scene(RPRP, (e.ViscousFriction((0.1, 0.1)),)),
-        "ViscousFriction.coefficients has 2 entries; RPRP has 4 joints",
-    ),
+    **{f"scene: {n}": (lambda a=arm, x=x: rde.Scene(a, x), *w) for n, (arm, x, *w) in SCENES.items()},
     **{
         f"number: {words[0]}": (lambda kind=kind, given=given: kind(*given), *words)
         for kind, given, *words in (
@@ -286,15 +273,3 @@ def test_what_cannot_act_is_refused(what):
     for word in words:
         assert word in str(error.value)
     assert short(str(error.value))
-
-
-def test_a_slider_beyond_its_stop_is_refused():
-    batch = rde.BatchSimulator(rde.Scene(RPRP, (e.PrismaticStop((0.0, 0.0), (0.3, 0.3)),)), 3)
-    q = np.tile([0.0, 0.1, 0.0, 0.1], (3, 1))
-    batch.set_state(q, np.zeros(4))
-    q[1, 3] = 0.31
-    with pytest.raises(ValueError, match=r"r2 is 0.31 m; its stops are at 0 and 0.3 m"):
-        batch.set_state(q, np.zeros(4))
-    with pytest.raises(ValueError, match=r"r1 is 0.1 m; its stops are at 0 and 0.05"):
-        batch.set_parameters({"prismatic_stop.upper": [0.05, 0.3]}, index=[2])
-    np.testing.assert_array_equal(batch.q[:, [1, 3]], 0.1)

@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 from catalogue import EQUAL, assert_same_bits
-from catalogue import RPRP as UNEQUAL
 
 import redundant_envs as rde
 from redundant_envs import effects as e
@@ -16,8 +15,6 @@ from tests.oracles.independent_stops import StoppedArm
 
 ARM = EQUAL["RPRP"]
 REACH = rde.load_scene("rprp_reach")
-START = ((0.3, 0.1, -0.4, 0.2), (1.0, 0.8, -2.0, -0.6))
-"""Five impacts in half a second."""
 OVER = rde.Numerics.EVENT_BUDGET
 
 
@@ -40,18 +37,6 @@ def tips(made, *states):
 
 
 # ---- impacts --------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("tolerance", [1e-6, 1e-9])
-def test_impact_times_are_those_of_exact(tolerance):
-    ways = {"tolerance": 1e-12}, {"tolerance": tolerance}, {"integrator": "dop853"}
-    exact, got, finest = (rde.simulate(scene(**how), *START, [0.5]).events for how in ways)
-    assert [x.kind for x in got] == [x.kind for x in exact] == [x.kind for x in finest]
-    for a, b, c in zip(got, exact, finest, strict=True):
-        assert a.joint == b.joint
-        if b.speed > 0.1:
-            assert abs(a.time - b.time) <= 1e-10
-            assert abs(b.time - c.time) <= 1e-12
 
 
 @pytest.mark.parametrize("substeps", [1, 2, 3, 4])
@@ -283,33 +268,6 @@ def test_an_elastic_slider_rests_only_where_it_does_not_bounce():
     np.testing.assert_allclose(trajectory.q[0], HANGING, atol=1e-15)
     dropped = rde.simulate(made, [-math.pi / 2, 0.29, -math.pi / 2, 0.3], [0.0] * 4, [1.0])
     assert sum("impact" in x.kind and x.joint == "r1" for x in dropped.events) > 5
-
-
-def test_pressed_held_and_let_go_within_an_interval():
-    """The arm turns and gravity pulls them back: they are released when the holding force vanishes."""
-    times = []
-    for tolerance in (1e-6, 1e-12):
-        made = scene(UNEQUAL, 0.0, tolerance=tolerance)
-        motion = rde.simulate(
-            made, [-1.2, 0.3, -1.2, 0.3], [0.0] * 4, np.linspace(0.02, 0.6, 30), [30.0, -20.0, 8.0, -3.0]
-        )
-        times.append([x.time for x in motion.events if x.kind == "release" and x.time > 0.0])
-        assert (motion.q[motion.t < times[-1][0], 1] <= 0.3).all()
-    assert len(times[0]) == len(times[1])
-    assert abs(times[0][0] - times[1][0]) <= 1e-7
-
-
-def test_a_force_reversed_at_an_instant_lets_go_at_once():
-    push = np.array([[0.0, 10.0, 0.0, 0.0]])
-    made = scene(restitution=0.3, gravity=0.0, tolerance=1e-9)
-    batch, _ = advanced(made, [0.0, 0.0, 0.0, 0.1], np.zeros(4), -push, track_work=True)
-    for _ in range(249):
-        batch.advance(-push)
-    assert (batch.q[0, 1], batch.qd[0, 1]) == (0.0, 0.0)
-    batch.advance(push)
-    (event,) = batch.events(5.0)
-    assert (event.kind, event.time) == ("release", 5.0)
-    assert batch.q[0, 1] > 0.0
 
 
 def test_a_slider_thrown_off_its_stop_by_the_other_is_let_go_in_the_log():

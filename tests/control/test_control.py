@@ -1,0 +1,346 @@
+"""Poses at goals, efforts at rest, goals that can be held, and the expert that reaches nearly all of them."""
+
+import dataclasses
+import itertools
+
+import numpy as np
+import pytest
+
+import redundant_envs as rde
+from redundant_envs.control.computed_torque import ComputedTorque, lightest_pose, pose_at
+from redundant_envs.control.holding import goal_poses, holding_load, holding_poses, num_sheets
+from redundant_envs.control.statics import effort_limits, motor_efforts, slider_travel, static_efforts
+from redundant_envs_train.rollout import expert_act, run_episodes
+
+e = rde.effects
+SCENES = {name: rde.load_scene(name) for name in ("four_r_reach", "rprp_reach")}
+FOUR_R, RPRP = SCENES.values()
+UNEQUAL = {
+    "four_r_reach": rde.FourR((0.7, 0.2, 0.4, 0.9), (0.3, 0.5, 0.1, 0.25)),
+    "rprp_reach": rde.RPRP((0.7, 0.2, 0.4, 0.9), (0.3, 0.15)),
+}
+every_scene = pytest.mark.parametrize("name", SCENES)
+one_short = pytest.mark.parametrize(
+    "name", [pytest.param("four_r_reach", marks=pytest.mark.long), "rprp_reach"]
+)
+"""For tests in which both arms run the same code, and 4R takes ten times as long."""
+
+
+def changed(name, *effects, robot=None):
+    """A reach scene in which effects replace those of the same class, or are added."""
+    scene = SCENES[name]
+    kept = tuple(x for x in scene.effects if not isinstance(x, tuple(map(type, effects))))
+    return dataclasses.replace(scene, effects=(*kept, *effects), robot=robot or scene.robot)
+
+
+def drawn_goals(count, seed, most=0.95):
+    rng = np.random.default_rng(seed)
+    angle, radius = rng.uniform(-np.pi, np.pi, count), np.sqrt(rng.uniform(0.01, most**2, count))
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+
+
+# ---- poses at a goal: each has its tip there, and the set is complete ----------------------------------
+
+
+@every_scene
+@pytest.mark.parametrize("unequal", [False, True])
+def test_every_parameter_gives_a_pose_at_the_goal_and_every_pose_is_near_one(name, unequal):
+    arm, travel = UNEQUAL[name] if unequal else SCENES[name].robot, slider_travel(SCENES[name])
+    rng = np.random.default_rng(1)
+    psi = rng.uniform(0.0, np.pi, (400, 2))
+    psi[::7, 0], psi[1::7, 1], psi[2::7, 0], psi[3::7, 1] = 0.0, 0.0, np.pi, np.pi
+    goals = np.concatenate([drawn_goals(397, 2, 0.8), [[0.0, 0.0], [0.25, 0.0], [0.0, -0.25]]])
+    for sheet in range(num_sheets(arm)):
+        q = goal_poses(arm, travel, goals, psi, np.full(400, sheet))
+        reached = np.isfinite(q).all(axis=1)
+        assert reached.mean() > 0.9
+        np.testing.assert_allclose(arm.forward_kinematics(q[reached]), goals[reached], atol=1e-14)
+        for joint, (low, high) in travel.items():
+            assert ((q[reached, joint] >= low) & (q[reached, joint] <= high)).all()
+    q = rng.uniform(-np.pi, np.pi, (40, 4))
+    for joint, (low, high) in travel.items():
+        q[:, joint] = rng.uniform(low, high, 40)
+        q[joint::5, joint], q[joint + 1 :: 5, joint] = low, high  # stops are met exactly
+    x = np.linspace(0.0, np.pi, 121)
+    psi = np.stack(np.meshgrid(x, x, indexing="ij"), axis=-1)
+    sheets = np.arange(num_sheets(arm))[:, None, None]
+    turning = [k for k in range(4) if k not in travel]
+    for pose, goal in zip(q, arm.forward_kinematics(q), strict=True):
+        gap = np.abs(goal_poses(arm, travel, goal, psi, sheets) - pose)
+        for joint in travel:
+            gap[..., joint][(pose[joint] in travel[joint]) & (gap[..., joint] > 0.0)] = np.inf
+        gap[..., turning] = np.abs((gap[..., turning] + np.pi) % (2.0 * np.pi) - np.pi)
+        assert gap.max(axis=-1).min() < 0.15
+
+
+@every_scene
+def test_an_arm_with_its_tip_at_its_base_points_anywhere(name):
+    arm, x = SCENES[name].robot, np.linspace(0.0, np.pi, 41)
+    psi = np.stack(np.meshgrid(x, x, indexing="ij"), axis=-1)
+    sheets = np.arange(num_sheets(arm))[:, None, None]
+    q = goal_poses(arm, slider_travel(SCENES[name]), np.zeros(2), psi, sheets)
+    np.testing.assert_allclose(arm.forward_kinematics(q), 0.0, atol=1e-14)
+    assert np.diff(np.sort(q[..., 0].ravel())).max() < 0.1
+    assert [q[..., 0].min(), q[..., 0].max()] == pytest.approx([-np.pi, np.pi])
+
+
+# ---- efforts at rest -----------------------------------------------------------------------------------
+
+
+def test_static_efforts_are_inverse_dynamics_at_rest():
+    q = np.random.default_rng(4).normal(size=(50, 4))
+    for name, arm in UNEQUAL.items():
+        scene = changed(name, e.Gravity(9.0), robot=arm)
+        forces = arm.inverse_dynamics(q, 0 * q, 0 * q, g=9.0)
+        np.testing.assert_allclose(static_efforts(scene, q) @ arm.motor_map.T, forces, atol=1e-12)
+        np.testing.assert_allclose(static_efforts(scene, q[3]), static_efforts(scene, q)[3], rtol=1e-15)
+
+
+def test_springs_and_tilted_gravity_are_part_of_the_efforts():
+    spring = e.CentringSpring((30.0, 50.0), (0.0, 0.0), (0.25, 0.25))
+    q = np.array([[0.0, 0.2, np.pi / 2, 0.1]])
+    scene = changed("rprp_reach", spring, e.Gravity(10.0, (-1.0, 0.0)))
+    # Gravity along -x: 1.5 kg pull slider 1 in, and link 2 turns back by 10 (0.5 0.25 + 0.5 0.35) N m.
+    # The springs pull to 0.125 m: 60 N/m over 0.075 m inwards, 100 N/m over 0.025 m outwards.
+    np.testing.assert_allclose(static_efforts(scene, q), [[-3.0, 15.0 + 4.5, -3.0, -2.5]], atol=1e-12)
+
+
+def test_a_stop_pushes_and_never_pulls():
+    up, down, weight, tip = np.pi / 2, -np.pi / 2, 1.5 * 9.81, 0.5 * 9.81
+    q = [[up, 0.0, up, 0.0], [up, 0.25, up, 0.25], [down, 0.0, down, 0.0], [down, 0.25, down, 0.25],
+         [up, 0.1, down, 0.1], [up, 0.0, down, 0.0]]  # fmt: skip
+    expected = [[0, 0], [weight, tip], [-weight, -tip], [0, 0], [weight, -tip], [0, -tip]]
+    np.testing.assert_allclose(motor_efforts(RPRP, np.array(q))[:, [1, 3]], expected, atol=1e-12)
+
+
+# ---- goals that can be held: loads by hand, the simulator, an optimiser --------------------------------
+
+
+def test_goals_out_of_reach_have_no_pose_and_no_load():
+    goals = np.array([[1.0001, 0.0], [0.0, 1.0], [0.0, -0.3]])
+    for scene in SCENES.values():
+        q, load = holding_poses(scene, goals)
+        assert np.isnan(q[0]).all()
+        assert load[0] == np.inf
+        assert np.isfinite(q[1:]).all()
+        assert holding_load(scene, goals[:1], tolerance=0.001)[0] < 1.0
+        assert holding_load(scene, np.zeros((0, 2))).shape == (0,)
+    folding = changed("four_r_reach", robot=rde.FourR((0.5,) * 4, (0.8, 0.1, 0.1, 0.1)))  # to 0.5 m
+    assert holding_load(folding, [[0.3, 0.0], [0.0, -0.55]]).tolist() == [np.inf, pytest.approx(0.0, abs=0.9)]
+
+
+def test_loads_by_hand():
+    for scene in SCENES.values():
+        assert holding_load(scene, [[0.0, -1.0]]) == pytest.approx([0.0], abs=1e-6)  # it hangs straight
+    # Stretched along x, 0.5 kg at every quarter of a metre: the base has the largest load.
+    assert holding_load(FOUR_R, [[1.0, 0.0]]) == pytest.approx([0.5 * 9.81 * 2.5 / 20.0], abs=1e-6)
+    assert holding_load(RPRP, [[0.0, 1.0]]) == pytest.approx([1.5 * 9.81 / 32.0], abs=1e-6)
+    # Upright at both lower stops, hanging at both upper ones, and upright at both upper ones.
+    weak = changed("rprp_reach", e.EffortLimits((20.0, 30.0, 8.0, 1e-3)))
+    load = holding_load(weak, [[0.0, 0.5], [0.0, -1.0], [0.0, 1.0]])
+    assert load == pytest.approx([0.0, 0.0, 0.5 * 9.81 / 1e-3], abs=1e-6)
+
+
+@every_scene
+def test_an_arm_rests_in_the_simulator_where_the_account_says_so(name):
+    scene = SCENES[name]
+    q, load = holding_poses(scene, drawn_goals(24, 5))
+    motors = motor_efforts(scene, q)
+    np.testing.assert_allclose((np.abs(motors) / effort_limits(scene)).max(axis=1), load, rtol=1e-12)
+    if name == "rprp_reach":  # some lean on stops, and would fall without
+        assert (np.abs(motors - static_efforts(scene, q)).max(axis=1) > 1.0).sum() >= 3
+    batch = rde.BatchSimulator(scene, 24)
+    batch.set_state(q, np.zeros((24, 4)))
+    for _ in range(10):
+        batch.advance(motors)
+    np.testing.assert_allclose(batch.q, q, atol=1e-9)
+    assert holding_load(changed(name, e.Gravity(0.0)), drawn_goals(20, 6)).tolist() == [0.0] * 20
+
+
+@one_short
+def test_weaker_motors_hold_fewer_goals(name):
+    goals, limits = drawn_goals(16, 7), effort_limits(SCENES[name])
+    load = holding_load(SCENES[name], goals)
+    for factor in (1.0, 0.25, 0.125):
+        weak = changed(name, e.EffortLimits(factor * limits))
+        np.testing.assert_array_equal(holding_load(weak, goals), load / factor)
+    assert (load <= 1.0).sum() > (load <= 0.25).sum() > (load <= 0.125).sum()
+
+
+@one_short
+def test_loads_do_not_depend_on_the_grid(name):
+    goals = drawn_goals(60, 8)
+    finer = holding_poses(SCENES[name], goals, grid=49)[1]
+    np.testing.assert_allclose(holding_load(SCENES[name], goals), finer, rtol=0.0, atol=1e-3)
+
+
+@one_short
+def test_a_tolerance_finds_the_best_point_near_the_goal(name):
+    scene, goals = SCENES[name], drawn_goals(12, 9)
+    q, load = holding_poses(scene, goals, tolerance=0.05)
+    assert (np.linalg.norm(scene.robot.forward_kinematics(q) - goals, axis=1) <= 0.05 + 1e-12).all()
+    assert (load < holding_load(scene, goals) - 1e-3).mean() > 0.7
+    rng = np.random.default_rng(10)
+    for turn in rng.uniform(-np.pi, np.pi, 8):
+        step = 0.05 * np.sqrt(rng.random()) * np.array([np.cos(turn), np.sin(turn)])
+        assert (load <= holding_load(scene, goals + step) + 1e-3).all()
+
+
+def four_r_efforts(x, g=9.81):
+    """Moments of the masses beyond each joint, 0.5 kg and 0.25 m each."""
+    points = 0.25 * np.cumsum(np.cos(x))
+    joints = np.concatenate([[0.0], points[:3]])
+    return np.array([0.5 * g * (points[k:] - joints[k]).sum() for k in range(4)])
+
+
+def rprp_efforts(x, g=9.81):
+    theta1, r1, theta2, r2 = x
+    elbow = (0.25 + r1) * np.cos(theta1)
+    beyond = 0.5 * g * (0.5 + r2) * np.cos(theta2)  # masses 3 and 4 about the second joint
+    base = 0.5 * g * (0.25 * np.cos(theta1) + 3.0 * elbow) + beyond
+    return np.array([base, 1.5 * g * np.sin(theta1), beyond, 0.5 * g * np.sin(theta2)])
+
+
+def four_r_tip(x):
+    return 0.25 * np.array([np.cos(x).sum(), np.sin(x).sum()])
+
+
+def rprp_tip(x):
+    a, b = 0.25 + x[1], 0.25 + x[3]
+    return np.array([a * np.cos(x[0]) + b * np.cos(x[2]), a * np.sin(x[0]) + b * np.sin(x[2])])
+
+
+STOPS = {"free": (None, (1, -1)), "lower": (0.0, (-1,)), "upper": (0.25, (1,))}
+"""For a slider: its position, and the signs of the motor efforts that the stop does not take over."""
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("scene", "efforts", "tip", "cases", "starts"),
+    [
+        (FOUR_R, four_r_efforts, four_r_tip, [("free", "free")], 40),
+        (RPRP, rprp_efforts, rprp_tip, list(itertools.product(STOPS, repeat=2)), 6),
+    ],
+)
+def test_an_optimiser_does_not_beat_the_search(scene, efforts, tip, cases, starts):
+    """SLSQP from random poses minimises the load at the goal, each slider free or at one of its stops."""
+    from scipy.optimize import minimize
+
+    rng = np.random.default_rng(11)
+    limits, goals = effort_limits(scene), drawn_goals(6, 12)
+    found = np.full(6, np.inf)
+    for (i, goal), (first, second) in itertools.product(enumerate(goals), cases):
+        place = [None, STOPS[first][0], None, STOPS[second][0]]
+        signs = [(1, -1), STOPS[first][1], (1, -1), STOPS[second][1]]
+        rows = [(k, sign / limits[k]) for k in range(4) for sign in signs[k]]
+        joints, scales = [k for k, _ in rows], np.array([scale for _, scale in rows])
+        free = [k for k in range(4) if place[k] is None]
+        pose = np.array([0.0 if x is None else x for x in place])
+        ends = [(0.0, 0.25) if scene.robot.prismatic[k] else (-7.0, 7.0) for k in free]
+
+        def full(v, pose=pose, free=free):
+            x = pose.copy()
+            x[free] = v[:-1]
+            return x
+
+        def loads(v, full=full, joints=joints, scales=scales):
+            return efforts(full(v))[joints] * scales
+
+        constraints = [
+            {"type": "eq", "fun": lambda v, full=full, goal=goal: tip(full(v)) - goal},
+            {"type": "ineq", "fun": lambda v, loads=loads: v[-1] - loads(v)},
+        ]
+        for _ in range(starts):
+            start = np.append([rng.uniform(max(low, -3.0), min(high, 3.0)) for low, high in ends], 1.0)
+            bounds = [*ends, (0.0, 9.0)]
+            v = minimize(lambda v: v[-1], start, bounds=bounds, constraints=constraints, method="SLSQP").x
+            inside = all(low <= x <= high for x, (low, high) in zip(v[:-1], ends, strict=True))
+            if inside and np.abs(tip(full(v)) - goal).max() < 1e-8:
+                found[i] = min(found[i], max(loads(v).max(), 0.0))
+    least = holding_load(scene, goals)
+    assert (least <= found + 1e-3).all()
+    assert (found <= least + 1e-3).sum() >= 5  # the optimiser is a serious one
+
+
+# ---- the expert ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("env_id", ["RPRPReach-v0", "FourRReach-v0"])
+def test_the_expert_holds_the_goals(env_id):
+    outcome = run_episodes(env_id, expert_act(), 1000, seed=3_000_000)
+    assert outcome.hold.mean() >= 0.995
+    assert np.median(outcome.distance) < 1e-4
+
+
+@every_scene
+def test_poses_are_at_the_goal_inside_the_travel_and_the_lightest_loads_no_motor_more(name):
+    scene, arm, limits = SCENES[name], SCENES[name].robot, effort_limits(SCENES[name])
+    rng, turning = np.random.default_rng(1), ~np.array(arm.prismatic)
+    start, goal = rng.uniform(-1, 1, (500, 4)), drawn_goals(500, 0)
+    start[:, ~turning] = 0.1
+    pose = pose_at(scene, start, goal)
+    np.testing.assert_allclose(arm.forward_kinematics(pose), goal, atol=1e-6)
+    for joint, (low, high) in slider_travel(scene).items():
+        assert ((pose[:, joint] >= low) & (pose[:, joint] <= high)).all()
+    start, goal = rng.uniform(-9, 9, (60, 4)), drawn_goals(60, 1, 0.9)
+    start[:, ~turning] = 0.1
+    pose, other = lightest_pose(scene, start, goal), pose_at(scene, start, goal)
+    np.testing.assert_allclose(arm.forward_kinematics(pose), goal, atol=1e-9)
+    assert np.abs(((pose - start) @ arm.motor_map)[:, turning]).max() <= np.pi + 1e-9
+    light, heavy = ((np.abs(motor_efforts(scene, q)) / limits).max(axis=1) for q in (pose, other))
+    assert (light <= heavy + 1e-6).all()
+    assert np.median(light) < 0.8 * np.median(heavy)
+    beyond = np.tile((5.0, 0.0), (60, 1))  # the arm stretches towards it, some by more than half a turn
+    stretched = pose_at(scene, start, beyond)
+    assert np.abs((stretched - start) @ arm.motor_map).max() > np.pi
+    np.testing.assert_array_equal(lightest_pose(scene, start, beyond), stretched)
+
+
+def test_the_plan_ends_in_the_pose_that_is_chosen():
+    """Of two ways to a goal, elbow up and elbow down, it takes the requested one."""
+    start, end = np.array([[0.3, -0.2, 0.1, 0.4]]), np.array([[0.5, 0.1, -0.3, 0.2]])
+    controller = ComputedTorque(FOUR_R, pose=lambda scene, q, goal: end)
+    controller.begin(start, np.array([[0.6, 0.1]]))
+    batch = rde.BatchSimulator(FOUR_R, 1)
+    batch.set_state(start, np.zeros((1, 4)))
+    for k in range(120):
+        batch.advance(effort_limits(FOUR_R) * controller.action(k * FOUR_R.control_dt, batch.q, batch.qd))
+    np.testing.assert_allclose(batch.q, end, atol=1e-3)
+
+
+# ---- refusals ------------------------------------------------------------------------------------------
+
+BARE = rde.Scene(UNEQUAL["four_r_reach"])
+TILTED = rde.Scene(BARE.robot, (e.EffortLimits(1.0), e.Gravity(9.81, (0.5, -0.5))))
+
+
+@pytest.mark.parametrize(
+    ("scene", "words"),
+    [
+        (BARE, "EffortLimits.limits .*None.* positive"),
+        (changed("four_r_reach", e.EffortLimits((1, 0, 1, 1))), "EffortLimits.limits .*0.0.* positive"),
+        (changed("four_r_reach", e.LimitSpring("joint2", -2, 2)), r"effects\[3\].*LimitSpring.* leave"),
+        (changed("rprp_reach", e.PrismaticStop((0, 0), (None, 1))), "PrismaticStop.*'r1'.* both ends"),
+        (changed("rprp_reach", e.PrismaticStop((0, -0.3), (1, 1))), "'r2'.* -0.3.* -0.25"),
+        (dataclasses.replace(RPRP, actuation="generalized"), "actuation.* joint"),
+    ],
+)
+def test_scenes_it_cannot_account_for_are_refused(scene, words):
+    with pytest.raises(ValueError, match=words):
+        (effort_limits(scene), slider_travel(scene), static_efforts(scene, np.zeros(4)))
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: holding_poses(RPRP, [0.5, 0.0]), r"goals .*\(2,\).* \(n, 2\)"),
+        (lambda: holding_poses(RPRP, [[0.5, np.nan]]), "goals .*finite"),
+        (lambda: holding_poses(RPRP, [[0.5, 0.0]], -0.1), "tolerance is -0.1"),
+        (lambda: holding_poses(RPRP, [[0.5, 0.0]], 0.0, 2), "grid is 2.* 3"),
+        (lambda: ComputedTorque(BARE), "EffortLimits"),
+        (lambda: ComputedTorque(TILTED), "along x"),
+    ],
+)
+def test_arguments_that_say_nothing_are_refused(call, words):
+    with pytest.raises(ValueError, match=words):
+        call()

@@ -1,0 +1,117 @@
+"""Pages: their Python blocks run alone, links lead somewhere, and the citation is that of the package."""
+
+import datetime
+import importlib.util
+import re
+import tomllib
+
+import pytest
+import yaml
+from markdown import MANUAL, PAGES, README, ROOT, anchors, blocks, prose, text
+
+import redundant_envs as rde
+
+SLOW = ("torch.optim.Adam", "model.learn(")
+"""In blocks that take seconds; beside them shorter ones use the same functions."""
+BLOCKS = [
+    pytest.param(
+        page, line, block, id=f"{page.stem}-{line}",
+        marks=pytest.mark.long if any(word in block for word in SLOW) else (),
+    )
+    for page in MANUAL for line, _, block in blocks(page, "python")
+]  # fmt: skip
+OTHERS = ("torch", "torchrl", "stable_baselines3", "sympy", "mujoco")
+BEHIND = {"RecordVideo": "moviepy", "animate(": "imageio"}
+"""Packages that are not imported by a block, but needed by what it calls."""
+
+
+@pytest.mark.parametrize(("page", "line", "block"), BLOCKS)
+def test_block_runs_alone(page, line, block, tmp_path, monkeypatch, capsys):
+    for name in OTHERS:
+        if re.search(rf"^(import|from) {name}\b", block, re.M) and not importlib.util.find_spec(name):
+            pytest.skip(f"{name} is not installed")
+    for call, name in BEHIND.items():
+        if call in block:
+            pytest.importorskip(name)
+    monkeypatch.chdir(tmp_path)
+    # Then line numbers of an error are those of the page.
+    code = compile("\n" * (line - 1) + block, str(page.relative_to(ROOT)), "exec")
+    exec(code, {"__name__": "__main__"})
+    shown = capsys.readouterr().out.splitlines()
+    assert len(shown) <= 30  # an example must not flood the screen
+    assert ("print(" in block) == bool(shown)
+
+
+def test_the_scene_file_of_the_page_is_a_scene(tmp_path):
+    ((*_, block),) = blocks(ROOT / "docs" / "scenes.md", "yaml")
+    (tmp_path / "my_scene.yaml").write_text(block, encoding="utf-8")
+    scene = rde.load_scene(tmp_path / "my_scene.yaml")
+    assert [type(e).__name__ for e in scene.effects] == ["Gravity", "ViscousFriction", "EffortLimits"]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=[str(page.relative_to(ROOT)) for page in PAGES])
+def test_links_lead_to_files_and_headings(page):
+    for link in re.findall(r"\]\(([^)\s]+)\)", prose(page)) + re.findall(r'src="([^"]+)"', prose(page)):
+        if link.startswith(("http:", "https:", "mailto:")):
+            continue
+        target, _, anchor = link.partition("#")
+        file = page.parent / target if target else page
+        assert file.exists(), link
+        assert not anchor or anchor in anchors(file), f"{link}: {sorted(anchors(file))}"
+
+
+def test_anchors_are_those_of_github(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("# A `b`, c?\n\n```\n# none\n```\n## rl_zoo3\n## I want to ...\n## A b c\n", "utf-8")
+    assert anchors(page) == {"a-b-c", "rl_zoo3", "i-want-to-", "a-b-c-1"}
+
+
+def test_every_page_of_the_manual_can_be_reached_from_the_readme():
+    seen, new = set(), {README}
+    while new:
+        page = new.pop()
+        seen.add(page)
+        links = re.findall(r"\]\(([^)#\s]+\.md)", prose(page))
+        new |= {(page.parent / link).resolve() for link in links if "://" not in link} - seen
+    assert set(MANUAL) <= seen
+
+
+def test_the_readme_is_short_and_its_pages_are_not_long():
+    assert len(text(README).split()) <= 1100
+    for name in ("models", "scenes", "accuracy", "speed", "gradients", "command_line"):
+        assert text(ROOT / "docs" / f"{name}.md").count("\n") < 250, name
+
+
+KEYS = {
+    "abstract", "authors", "cff-version", "commit", "contact", "date-released", "doi", "identifiers",
+    "keywords", "license", "license-url", "message", "preferred-citation", "references", "repository",
+    "repository-artifact", "repository-code", "title", "type", "url", "version",
+}  # fmt: skip
+"""Of https://github.com/citation-file-format/citation-file-format, schema 1.2.0."""
+EACH = {
+    "address", "alias", "city", "country", "email", "fax", "orcid", "post-code", "region", "tel", "website",
+}  # fmt: skip
+PERSON = {*EACH, "affiliation", "family-names", "given-names", "name-particle", "name-suffix"}
+ENTITY = {*EACH, "date-end", "date-start", "location", "name"}
+
+
+def test_the_citation_file_is_valid_and_agrees_with_the_package():
+    cited = yaml.safe_load(text(ROOT / "CITATION.cff"))
+    project = tomllib.loads(text(ROOT / "pyproject.toml"))["project"]
+    assert {"authors", "cff-version", "message", "title"} <= set(cited) <= KEYS
+    assert cited["cff-version"] == "1.2.0"
+    assert cited.get("type", "software") in ("software", "dataset")
+    for value in (*(cited[name] for name in ("abstract", "message")), *cited["keywords"]):
+        assert isinstance(value, str)
+        assert value
+    assert cited["license"] == project["license"]
+    assert "version" in project["dynamic"]  # it is that of the package
+    assert cited["version"] == rde.__version__
+    assert cited["title"].startswith(f"{project['name']}:")
+    assert cited["authors"]
+    for author in cited["authors"]:
+        assert set(author) <= (ENTITY if "name" in author else PERSON)
+        assert all(isinstance(value, str) for value in author.values())
+    assert len(set(cited["keywords"])) == len(cited["keywords"]) > 0
+    assert isinstance(cited.get("date-released", datetime.date.today()), datetime.date)
+    assert re.fullmatch(r"10\.\d{4,9}(\.\d+)?/\S+", cited.get("doi", "10.0000/none"))

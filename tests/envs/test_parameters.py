@@ -1,0 +1,259 @@
+"""An environment says what it simulates: its scene, all numbers with their units; numbers of every size."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from catalogue import GRAVITY
+from faces import FOUR_R, ID, actions, begin, made, running
+
+import redundant_envs as rde
+from redundant_envs.algebra import physics
+from redundant_envs.envs.core import Core
+from redundant_envs.envs.parameters import parameters_of
+from redundant_envs.tasks.checks import check_task
+
+e = rde.effects
+SCENE = rde.load_scene("rprp_reach")
+UNITS = {
+    "masses": "kg",
+    "lengths": "m",
+    "gravity.g": "m/s^2",
+    "gravity.down": "",
+    "viscous_friction.coefficients": ("N m s/rad", "N s/m", "N m s/rad", "N s/m"),
+    "effort_limits.limits": ("N m", "N", "N m", "N"),
+    "prismatic_stop.lower": "m",
+    "prismatic_stop.upper": "m",
+    "prismatic_stop.restitution": "",
+    "start_angle": "rad",
+    "speed_bound": "rad/s or m/s",
+    "goal_tolerance": "reaches",
+    "hold_speed": "reaches/s",
+    "hold_steps": "control steps",
+    "inner": "reaches",
+    "outer": "reaches",
+    "rate_scale": "rad/s or m/s",
+}
+
+
+@pytest.mark.parametrize("env_id", [ID, "redundant_envs/RPRPGoalReach-v0"])
+def test_every_number_is_there_with_its_unit_as_a_copy(face, env_id):
+    env = running(face, env_id)
+    assert env.scene == SCENE
+    assert {name: parameter.unit for name, parameter in env.parameters.items()} == UNITS
+    lanes = () if face == "single" else (3,)
+    assert env.parameters["masses"].value.shape == (*lanes, 4)
+    np.testing.assert_array_equal(env.parameters["gravity.g"].value, np.full(lanes, 9.81))
+    assert (env.parameters["goal_tolerance"].value == 0.02).all()
+    env.parameters["masses"].value[:] = 7.0
+    assert (env.parameters["masses"].value == SCENE.robot.masses).all()
+    with pytest.raises(KeyError):
+        env.parameters["mass"]
+
+
+def test_they_follow_the_options_of_a_reset_and_are_options_of_the_next(face):
+    env = running(face)
+    given = {"masses": (1, 2, 3, 4), "viscous_friction.coefficients": 0.3, "hold_steps": 4, "gravity.g": 1.6}
+    begin(env, {"parameters": given})
+    for name, value in given.items():
+        assert (env.parameters[name].value == value).all()
+    before = {name: parameter.value for name, parameter in env.parameters.items()}
+    begin(env, {"parameters": {}})
+    assert (env.parameters["masses"].value == SCENE.robot.masses).all()
+    begin(env, {"parameters": before})
+    for name, parameter in env.parameters.items():
+        np.testing.assert_array_equal(parameter.value, before[name])
+
+
+@pytest.mark.parametrize("kind", ["next_step", "sb3"])
+@pytest.mark.parametrize("count", [1, 3, 4])
+def test_arrays_of_options_have_one_row_for_each_environment(kind, count):
+    rng = np.random.default_rng(0)
+    given = {
+        "masses": rng.uniform(0.3, 0.8, (count, 4)),
+        "gravity.g": rng.uniform(9, 10, count),
+        "viscous_friction.coefficients": rng.uniform(0.1, 0.2, (1, 4)),  # one for all
+        "hold_steps": np.arange(count) + 3,
+    }
+    env = running(kind, count=count)
+    first = begin(env, {"parameters": given, "goal": np.full((count, 2), 0.1)}, seed=5)
+    for name, value in given.items():
+        found = env.parameters[name].value
+        np.testing.assert_array_equal(found, np.broadcast_to(value, found.shape))
+    np.testing.assert_array_equal(env.goal, np.full((count, 2), 0.1))
+    if kind == "sb3":  # a list of options for each gives the same bits
+        rows = [{k: v[min(lane, len(v) - 1)] for k, v in given.items()} for lane in range(count)]
+        again = begin(env, [{"parameters": row, "goal": (0.1, 0.1)} for row in rows], seed=5)
+        np.testing.assert_array_equal(again, first)
+
+
+def test_the_table_is_for_reading():
+    lines = repr(running("single").parameters).splitlines()
+    assert lines[0].split() == ["name", "value", "unit"]
+    assert ["gravity.g", "9.81", "m/s^2"] in [line.split() for line in lines]
+    (masses,) = (line for line in lines if line.startswith("masses  "))
+    assert "  0.5, 0.5, 0.5, 0.5  " in masses
+    assert masses.endswith(" kg")
+    env = running("next_step")
+    begin(env, {"parameters": {"gravity.g": [1.0, 2.0, 3.0]}})
+    text = repr(env.parameters)
+    assert "value in 3 environments" in text.splitlines()[0]
+    assert "1 to 3" in text
+    assert max(map(len, text.splitlines())) < 110
+
+
+# ---- units from outside --------------------------------------------------------------------------------
+
+
+@physics
+def blown(strength):
+    return strength
+
+
+@dataclass(frozen=True)
+class Wind(e.Effect):
+    strength: float = 0.0
+    carried: float = 0.1
+
+    def hooks(self, arm):
+        tip = e.Point(arm.num_masses - 1)
+        push = e.Force(0, blown, {"strength": ".strength"})
+        return (push, e.PointMass(tip, ".carried"))
+
+
+class Draught(Wind):
+    def units(self, arm):
+        return {"strenght": "N"}
+
+
+@dataclass(frozen=True)
+class PatientTask(rde.ReachTask):
+    patience: float = 8.0
+
+
+def with_effect(effect):
+    return rde.Scene(SCENE.robot, (*SCENE.effects, effect), tolerance=1e-6)
+
+
+def test_numbers_from_outside_have_the_units_that_are_given_or_that_hooks_show():
+    found = parameters_of(Core(with_effect(Wind()), 2, PatientTask()))
+    assert found["wind.strength"].unit == found["patience"].unit == ""
+    assert found["wind.carried"].unit == "kg"
+    np.testing.assert_array_equal(found["patience"].value, [8.0, 8.0])
+    assert (found["masses"].value == SCENE.robot.masses).all()  # the arm's own, without what it carries
+    with pytest.raises(ValueError, match=r"\(Draught\).units has 'strenght'.*strength, carried"):
+        with_effect(Draught())
+
+
+def test_springs_have_the_units_of_their_joints():
+    angle, slider = e.LimitSpring("joint1", -2, 2, 10.0, 1.0), e.LimitSpring("r1", 0, 0.1)
+    units = angle.units(SCENE.robot)
+    assert (units["stiffness"], units["damping"]) == ("N m/rad", "N m s/rad^2")
+    of_length = {"lower": "m", "upper": "m", "stiffness": "N/m"}
+    assert slider.units(SCENE.robot) == {**of_length, "damping": "N s/m^2"}
+    assert e.CentringSpring((1, 1), (0, 0), (1, 1)).units(SCENE.robot) == of_length
+
+
+def test_names_of_a_tasks_numbers_and_units():
+    class Misspelt(rde.ReachTask):
+        units = {"goal_tolerence": "m"}
+
+    @dataclass(frozen=True)
+    class HeavyTask(rde.ReachTask):
+        masses: float = 1.0
+
+    for task, words in ((Misspelt, "units has 'goal_tolerence'"), (HeavyTask, "parameters has 'masses'")):
+        with pytest.raises(ValueError, match=f"{task.__name__}.{words}"):
+            check_task(task(), SCENE)
+
+
+# ---- numbers of every size: refused by name, or finite numbers are observed ----------------------------
+
+IDS = (ID, FOUR_R, "redundant_envs/FourRGoalReach-v0")
+SIZES = [s * x for x in (5e-324, 1e-200, 1e-100, 1e-30, 1e30, 1e100, 1e200, 1.7e308) for s in (1.0, -1.0)]
+quiet = pytest.mark.filterwarnings("ignore::RuntimeWarning")  # NumPy warns of overflows of masses
+
+
+def check_episode(env, options):
+    """A refusal by name, or a few steps with finite observations and rewards, in bounded time."""
+    try:
+        obs, info = env.reset(seed=0, options=options)
+    except ValueError:
+        return
+    reward, terminated = 0.0, False
+    for k, action in enumerate([None, *np.clip(actions(env, 3), -1, 1)]):
+        if action is not None and not terminated:
+            obs, reward, terminated, _, info = env.step(action)
+        assert info["evaluations"] <= max(k, 1) * 12 * 65537, options
+        arrays = obs.values() if isinstance(obs, dict) else [obs]
+        assert all(np.isfinite(a).all() for a in (*arrays, reward, info["distance"])), options
+
+
+@quiet
+@pytest.mark.parametrize("env_id", IDS)
+def test_parameters_and_starts_of_every_size(env_id):
+    env = made("single", env_id)
+    nominal = env.scene.parameters()
+    for size in SIZES:
+        for name in ("masses", "lengths"):
+            check_episode(env, {"parameters": {name: size}})
+        for name in (n for n in nominal if "." in n):
+            root = name.split("[")[0]
+            entries = [size if n == name else v for n, v in nominal.items() if n.split("[")[0] == root]
+            check_episode(env, {"parameters": {root: entries if "[" in name else size}})
+        for name, width in (("q", 4), ("qd", 4), ("goal", 2)):
+            for k in range(width):
+                check_episode(env, {name: [size if i == k else 0.05 for i in range(width)]})
+
+
+@quiet
+@pytest.mark.parametrize("env_id", IDS[:2])
+@pytest.mark.parametrize("name", rde.ReachTask().parameters())
+def test_task_numbers_of_every_size(env_id, name):
+    for size in SIZES:
+        try:
+            env = made("single", env_id, task={name: size})
+        except ValueError as error:
+            assert f"ReachTask.{name} is" in str(error) or "outer is" in str(error)  # noqa: PT017
+            continue
+        check_episode(env, None)
+
+
+@quiet
+@pytest.mark.parametrize(("env_id", "lengths"), [(ID, 2), (FOUR_R, 4)])
+def test_masses_and_lengths_of_every_allowed_size_together(env_id, lengths):
+    """Products of several large or small numbers are finite in every observation."""
+    env, rng = made("single", env_id), np.random.default_rng(0)
+    for _ in range(100):
+        exponents = rng.uniform(-30.0, 30.0, 3)
+        options = {
+            "masses": np.clip(10.0 ** (exponents[0] + rng.uniform(-6.0, 6.0, 4)), 1e-30, 1e30),
+            "lengths": np.clip(10.0 ** (exponents[1] + rng.uniform(-6.0, 6.0, lengths)), 1e-30, 1e30),
+            "gravity.g": 10.0 ** exponents[2],
+        }
+        check_episode(env, {"parameters": options})
+
+
+RPRP = rde.RPRP((1,) * 4, (0.5, 0.5))
+TOO_LARGE = {
+    "Gravity.g is 1e+300|-1e+100 to 1e+100": lambda: e.Gravity(1e300),
+    "ViscousFriction.coefficients is 1e+300|1e+100": lambda: e.ViscousFriction(1e300),
+    "EffortLimits.limits[2] is 1e+300|1e+100": lambda: e.EffortLimits((1, 1, 1e300, 1)),
+    "LimitSpring.stiffness is 1e+300|1e+100": lambda: e.LimitSpring("r1", 0, 1, 1e300),
+    "LimitSpring.damping is 1e+300|1e+100": lambda: e.LimitSpring("r1", 0, 1, 1, 1e300),
+    "LimitSpring.lower is -1e+308|-1e+30 to 1e+30": lambda: e.LimitSpring("r1", -1e308, 1e308),
+    "lower is 0.0, upper is 1e-200|1e-30 apart": lambda: e.LimitSpring("r1", 0.0, 1e-200),
+    "PrismaticStop.upper[1] is 1e+308|-1e+30 to 1e+30": lambda: e.PrismaticStop((0, 0), (1, 1e308)),
+    "PrismaticStop.lower[1] is 0.0|1e-30 apart": lambda: e.PrismaticStop((0, 0), (1, 5e-324)),
+    "CentringSpring.stiffness[1] is 1e+300": lambda: e.CentringSpring((1, 1e300), (0, 0), (1, 1)),
+    "CentringSpring.lower[1] is -1e+308": lambda: e.CentringSpring((1, 1), (0, -1e308), (1, 1)),
+    "control_dt is 1e+300 s|1e-09 to 1000 s": lambda: rde.Scene(RPRP, (GRAVITY,), control_dt=1e300),
+    "control_dt is 1e-300 s|1e-09 to 1000 s": lambda: rde.Scene(RPRP, (GRAVITY,), control_dt=1e-300),
+}
+
+
+@pytest.mark.parametrize(("words", "make"), TOO_LARGE.items(), ids=TOO_LARGE)
+def test_the_refusal_names_field_value_and_range(words, make):
+    with pytest.raises(ValueError) as error:
+        make()
+    assert all(word in str(error.value) for word in words.split("|"))

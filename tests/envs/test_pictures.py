@@ -1,0 +1,390 @@
+"""Pictures of environments: trails, letters, the window; moving pictures and figures of trajectories."""
+
+import base64
+import dataclasses
+import itertools
+import sys
+import tomllib
+import warnings
+from pathlib import Path
+
+import gymnasium as gym
+import imageio.v2 as imageio
+import imageio_ffmpeg
+import numpy as np
+import pytest
+from catalogue import EQUAL
+from faces import FOUR_R, ID, STEPS, actions, begin, made
+from gymnasium.error import DependencyNotInstalled
+
+import redundant_envs as rde
+from redundant_envs.algebra import physics
+from redundant_envs.envs import energy_plots
+from redundant_envs.envs.animation import stated_limits
+from redundant_envs.envs.lettering import GLYPHS, cover, from_segment
+from redundant_envs.envs.rendering import BARS, GOAL, TRAIL, TRAIL_LENGTH, Canvas, Window
+from redundant_envs.model import energy_run as energy
+from redundant_envs.model.trajectory import Trajectory
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "outside"))
+from arms import ARMS
+
+ROOT = Path(__file__).parents[2]
+HANGING = np.full(4, -np.pi / 2)
+
+
+def drawn(env_id=FOUR_R, kind="single", options=None, **kwargs):
+    """An environment with pictures, after a reset."""
+    env = made(kind, env_id, render_mode="rgb_array", **kwargs)
+    begin(env, options, seed=0)
+    return env
+
+
+def is_picture(picture, colours=10):
+    assert (picture.shape, picture.dtype) == ((480, 480, 3), np.uint8)
+    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > colours
+
+
+# ---- the window ----------------------------------------------------------------------------------------
+
+
+def test_a_window_opens_without_a_warning_and_shows_every_step(env_id, monkeypatch):
+    pygame = pytest.importorskip("pygame", reason="a window needs the extra 'human'")
+    shown, show = [], Window.show
+    monkeypatch.setattr(Window, "show", lambda self, picture: (shown.append(picture), show(self, picture)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        env = gym.make(env_id, render_mode="human")
+        env.reset(seed=0)
+        for action in actions(env, 5):
+            env.step(action)
+    assert len(shown) == 6
+    assert all((a != b).any() for a, b in itertools.pairwise(shown))
+    surface = pygame.display.get_surface()
+    np.testing.assert_array_equal(pygame.surfarray.array3d(surface).swapaxes(0, 1), shown[-1])
+    assert env.unwrapped.render_mode == "human"
+    assert env.render() is None
+    for _ in range(2):
+        env.close()
+        assert pygame.display.get_surface() is None
+    env.reset()  # opens again
+    env.close()
+
+
+def test_a_missing_pygame_is_told_with_the_extra_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pygame", None)
+    with pytest.raises(DependencyNotInstalled, match=r"pip install redundant-envs\[human\]"):
+        gym.make(ID, render_mode="human")
+    drawn(ID)
+
+
+# ---- trails --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("every", [1, 2, 30])
+def test_the_trail_has_the_tip_of_every_step_however_seldom_it_is_rendered(env_id, every):
+    env = drawn(env_id)
+    begin(env, seed=1)
+    tips = [env.tip]
+    for step, action in enumerate(actions(env, 30)):
+        env.step(action)
+        tips.append(env.tip)
+        picture = env.render() if (step + 1) % every == 0 else None
+    np.testing.assert_array_equal(env._renderer.trail(0), tips)
+    is_picture(env.render(), 20)
+    if picture is not None:
+        kept = picture.copy()
+        picture[:] = 0  # it is one's own
+        np.testing.assert_array_equal(env.render(), kept)
+    other = drawn(env_id)
+    begin(other, seed=1)
+    for action in actions(env, 30):
+        other.step(action)
+    np.testing.assert_array_equal(other.render(), env.render())
+
+
+@pytest.mark.parametrize("kind", ["next_step", "same_step", "sb3"])
+def test_trails_of_a_vector_begin_anew_with_an_episode(env_id, kind):
+    env = drawn(env_id, kind, max_episode_steps=4)
+    tips = [env.tip]
+    for step, action in enumerate(actions(env, 11)):
+        env.step(action)
+        begun = (step + 1) % (5 if kind == "next_step" else 4) == 0
+        tips = [env.tip] if begun else [*tips, env.tip]
+        for lane in range(3):
+            np.testing.assert_array_equal(env._renderer.trail(lane), np.array(tips)[:, lane])
+    pictures = env.get_images() if kind == "sb3" else env.render()
+    assert len(pictures) == 3
+    if kind == "sb3":
+        assert env.render().shape == (960, 960, 3)
+        assert made("sb3").get_images() == [None] * 3
+
+
+def test_partial_resets_and_states_begin_trails_anew_and_the_last_steps_are_kept():
+    env = drawn(kind="next_step")
+    table = actions(env, 7)
+
+    def lengths():
+        return [len(env._renderer.trail(lane)) for lane in range(3)]
+
+    for action in table[1:]:
+        env.step(action)
+    env.reset(options={"reset_mask": np.array([False, True, False])})
+    assert lengths() == [7, 1, 7]
+    env.step(table[0])
+    assert lengths() == [8, 2, 8]
+    state = env.get_state()
+    begin(env, seed=1)
+    env.set_state(state)
+    env.render()
+    for lane in range(3):
+        np.testing.assert_allclose(env._renderer.trail(lane), [env.tip[lane]], atol=1e-12)
+    env = drawn()
+    tips = [env.tip]
+    for action in np.tile(actions(env, 50), (5, 1)):
+        env.step(action * 0.2)
+        tips.append(env.tip)
+    np.testing.assert_array_equal(env._renderer.trail(0), tips[-TRAIL_LENGTH:])
+
+
+def test_an_environment_that_does_not_render_remembers_nothing():
+    env = made("single")
+    begin(env)
+    env.step(np.zeros(4, np.float32))
+    assert env._renderer is None
+
+
+def test_a_trail_is_drawn_like_its_segments_one_by_one():
+    rng = np.random.default_rng(0)
+    for points in (
+        np.cumsum(rng.uniform(-0.1, 0.1, (40, 2)), axis=0),
+        np.array([[-0.5, 0.0], [0.5, 0.0], [0.5, 0.5], [0.5, 0.5], [0.0, 0.0]]),
+        np.array([[-5.0, -4.0], [0.3, 0.2], [0.3, 9.0]]),  # beyond the picture
+    ):
+        canvas, n = Canvas(1.0), len(points)
+        canvas.trail(points, 3.0, TRAIL, faint=0.2, strong=0.9)
+        y, x = (np.mgrid[0:480, 0:480] + 0.5).astype(np.float32)
+        weight = np.zeros((480, 480))
+        places = 240.0 + 240.0 * points * (1.0, -1.0)
+        for k, (a, b) in enumerate(itertools.pairwise(places)):
+            distance = from_segment(x - a[0], y - a[1], *(b - a))
+            strength = 0.2 + 0.7 * (k + 1) / (n - 1)
+            weight = np.maximum(weight, np.clip(2.0 - distance, 0.0, 1.0) * strength)
+        expected = Canvas(1.0).pixels * (1.0 - weight[..., None]) + np.array(TRAIL) * weight[..., None]
+        assert np.abs(canvas.pixels - expected).max() <= 2.0
+
+
+# ---- what a picture shows ------------------------------------------------------------------------------
+
+
+def test_pictures_show_numbers_of_the_lane_and_the_goal_above_the_arm():
+    q, pictures = (0.3, 0.6, 0.2, -0.3), []
+    for parameters in ({}, {"goal_tolerance": 0.2}, {"lengths": 0.1}):
+        pictures.append(drawn(options={"q": q, "goal": (0.1, 0.2), "parameters": parameters}).render())
+    for other in pictures[1:]:
+        assert (other != pictures[0]).any(axis=2).sum() > 1000
+    q = np.array([0.4, 0.4, 0.4, 2.0])
+    goal = 0.5 * rde.load_scene("four_r_reach").robot.points(q)[2]  # on a link
+    column, row = (240.0 + 480.0 / 2.24 * goal * (1.0, -1.0)).astype(int)
+    assert tuple(drawn(options={"q": q, "goal": goal}).render()[row, column]) == GOAL
+
+
+def test_a_picture_says_the_time_what_the_bars_are_and_how_long_the_goal_was_held(monkeypatch):
+    texts, write = [], Canvas.text
+
+    def text(self, text, x, y, color, *others, **named):
+        texts.append((text, color))
+        write(self, text, x, y, color, *others, **named)
+
+    monkeypatch.setattr(Canvas, "text", text)
+    at_rest = {"q": HANGING, "qd": np.zeros(4)}
+    env = drawn(options={**at_rest, "goal": (0.0, -0.95)}, task={"hold_steps": 3})
+    env.render()
+    assert [text for text, _ in texts] == [BARS, "1", "2", "3", "4", "time 0.00 s"]
+    begin(env, {**at_rest, "goal": (0.0, -0.99)}, seed=0)
+    seen = []
+    for _ in range(4):
+        env.step(np.zeros(4, np.float32))
+        texts.clear()
+        env.render()
+        seen.append(texts[-1])
+    assert [text for text, _ in seen] == ["held 0.02 s", "held 0.04 s", "held 0.06 s", "held 0.08 s"]
+    assert [color == GOAL for _, color in seen] == [False, False, True, True]
+    assert "time 0.08 s" in [text for text, _ in texts]
+
+
+def test_letters_are_as_high_as_asked_and_differ():
+    shapes = {c: cover(c, 12.0) for c in GLYPHS if c != " "}
+    for digit in "0123456789":
+        rows = np.flatnonzero(shapes[digit].max(axis=1) > 0.5)
+        assert 12 <= rows[-1] - rows[0] + 1 <= 15
+    assert len({(shape.shape, shape.tobytes()) for shape in shapes.values()}) == len(shapes)
+    with pytest.raises(ValueError, match="no glyph for '~'"):
+        cover("1 ~", 12.0)
+
+
+def test_record_video_of_gymnasium_writes_an_mp4(tmp_path):
+    pytest.importorskip("moviepy", reason="RecordVideo needs the extra 'plot'")
+    env = gym.make(FOUR_R, render_mode="rgb_array", max_episode_steps=STEPS)
+    env = gym.wrappers.RecordVideo(env, str(tmp_path / "videos"), episode_trigger=lambda n: n == 0)
+    env.reset(seed=0)
+    for action in actions(env, STEPS):
+        *_, truncated, _ = env.step(action)
+    assert truncated
+    env.close()
+    (video,) = tmp_path.glob("videos/*.mp4")
+    frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(video))
+    assert frames in (STEPS, STEPS + 1)  # moviepy rounds the time of the last one
+    assert seconds == pytest.approx(frames * 0.02, abs=0.03)
+
+
+def test_the_extra_plot_has_what_record_video_needs():
+    data = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    assert any(d.startswith("moviepy") for d in data["project"]["optional-dependencies"]["plot"])
+    pinned = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    versions = dict(line.split("==") for line in pinned if "==" in line)
+    assert int(versions["pillow"].partition(".")[0]) < 12  # moviepy takes no later one
+    assert "moviepy" in versions
+
+
+# ---- moving pictures -----------------------------------------------------------------------------------
+
+
+@physics
+def hanging(l1, l2, s1, c1, s2, c2):
+    return l1 * c1 + l2 * c2, l1 * s1 + l2 * s2
+
+
+class Hoist(rde.Arm):
+    joint_types = "RR"
+    num_masses = 1
+    functions = (physics(gives="x1 y1")(hanging),)
+
+
+@pytest.fixture(scope="module")
+def motion():
+    scene = rde.Scene(ARMS["4R"], control_dt=0.02)
+    return rde.simulate(scene, np.full(4, 0.3), np.ones(4), np.linspace(0.0, 0.4, 21))
+
+
+def still(arm, shape=(), effects=()):
+    """A trajectory of an arm that does not move, without a simulation."""
+    q, zero = np.full((3, *shape, len(arm.joints)), 0.2), np.zeros((3, *shape))
+    t = np.array([0.0, 0.1, 0.2])
+    return Trajectory(t, q, 0 * q, zero, zero, zero, 0 * q, rde.Scene(arm, effects))
+
+
+def test_files_and_notebooks_show_the_motion_in_real_time(motion, tmp_path):
+    moving = rde.animate(motion)
+    path = moving.save(str(tmp_path / "sub" / "clip.gif"))
+    assert path == tmp_path / "sub" / "clip.gif"
+    frames = [np.asarray(frame)[..., :3].astype(int) for frame in imageio.mimread(path)]
+    assert len(frames) == 11  # 0.4 s and the end, 25 a second
+    assert frames[0].shape == (480, 480, 3)
+    assert np.abs(frames[0] - frames[-1]).mean() > 1.0
+    assert path.stat().st_size < 500_000
+    path = moving.save(tmp_path / "clip.mp4")
+    assert imageio_ffmpeg.count_frames_and_secs(str(path)) == (11, pytest.approx(0.44))
+    assert path.stat().st_size < 100_000
+    html = moving._repr_html_()
+    assert html.startswith("<video controls")
+    assert b"ftyp" in base64.b64decode(html.partition("base64,")[2].partition('"')[0])[:16]
+    assert len(html) < 300_000
+    assert repr(moving) == "<Animation of FourR, 0.4 s; save('file.gif') or save('file.mp4') writes it>"
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_arms_from_outside_are_drawn_too(name):
+    is_picture(rde.animate(still(ARMS[name])).frame(-1))
+
+
+def test_frames_show_time_way_and_efforts(motion):
+    moving = rde.animate(motion)
+    assert (moving.frame(0) != moving.frame(-1)).any(axis=2)[:40].any()  # the time, at the top
+    limited = still(EQUAL["RPRP"], effects=(rde.effects.EffortLimits(2.0),))
+    none = rde.animate(limited).frame(0)
+    limited.efforts[0, 1] = -2.0
+    (rows, columns) = (none != rde.animate(limited).frame(0)).any(axis=2).nonzero()
+    assert rows.min() > 380
+    assert columns.max() < 140  # the second bar, in the lower left corner
+
+
+def test_one_motion_of_a_batch_is_chosen():
+    trajectory = still(ARMS["3R"], (2, 3))
+    trajectory.q[:, 1, 2] = 1.0
+    one, other, same = (rde.animate(trajectory, index=k).frame(0) for k in ((0, 0), (1, 2), (-1, -1)))
+    assert (one != other).any()
+    np.testing.assert_array_equal(other, same)
+    is_picture(rde.animate(still(ARMS["3R"], (2,)), index=np.int64(1)).frame(0))
+
+
+WRONG_INDEX = [((), 0), ((2,), None), ((2,), 2), ((2,), (0, 0)), ((2, 3), 1), ((2,), True), ((2,), "last")]
+NOT_DRAWN = [
+    *(
+        (still(ARMS["3R"], shape), i, "index is .*trajectory has .*; (give index|leave)")
+        for shape, i in WRONG_INDEX
+    ),
+    (3, None, r"trajectory is 3; give what redundant_envs\.simulate returns"),
+    (still(Hoist((1.0,), (1.0, 1.0))), None, "Hoist has 1 point masses and 2 joints; arms are drawn with"),
+]
+
+
+@pytest.mark.parametrize(("trajectory", "index", "words"), NOT_DRAWN)
+def test_what_cannot_be_drawn_is_refused(trajectory, index, words):
+    with pytest.raises(ValueError, match=f"^{words}") as error:
+        rde.animate(trajectory, index=index)
+    assert "\n" not in str(error.value)
+
+
+def test_motions_without_times_and_unknown_endings_are_refused(motion, tmp_path):
+    with pytest.raises(ValueError, match="trajectory has no times"):
+        rde.animate(dataclasses.replace(motion, t=motion.t[:0], q=motion.q[:0]))
+    for name in ("clip.avi", "clip", "clip.gif.txt"):
+        with pytest.raises(ValueError, match=r"end its name in \.gif or \.mp4"):
+            rde.animate(motion).save(tmp_path / name)
+    assert not list(tmp_path.iterdir())
+
+
+# ---- energies of a motion ------------------------------------------------------------------------------
+
+
+def run_of(name, seconds):
+    return energy.energy_run(name, rde.load_scene(name), seconds, energy.STARTS[name])
+
+
+@pytest.mark.parametrize("name", sorted(energy.STARTS))
+def test_energies_of_a_run_and_their_figures(name, tmp_path):
+    run = run_of(name, 1.5)
+    assert run.drift < 1e-6
+    assert np.abs(run.trajectory.work).max() < 1e-12 * run.scale
+    if name == "rprp_limit_springs":  # sliders reach them
+        for joint, (low, high) in stated_limits(run.scene).items():
+            assert run.trajectory.q[:, joint].min() < low
+            assert run.trajectory.q[:, joint].max() > high
+    if name == "rprp_report_spring":  # without its spring the energy is not constant
+        assert np.ptp(run.without_springs) > 0.1 * run.scale
+    assert (run.without_springs is None) == (name == "four_r_free") or "rprp" in name
+    for path in energy_plots.save_figures(run, tmp_path):
+        assert path.read_bytes().startswith(b"\x89PNG")
+    for figure in (energy_plots.energies_figure(run), energy_plots.total_figure(run)):
+        assert all("[" in axes.get_ylabel() for axes in figure.axes)
+        assert figure.axes[-1].get_xlabel() == "time [s]"
+    assert "relative drift" in figure.axes[0].get_title(loc="left")
+    is_picture(rde.animate(run.trajectory).frame(-1))
+
+
+def test_balance_closes_where_energy_is_lost():
+    scene = dataclasses.replace(rde.load_scene("rprp_reach"), substeps=100, tolerance=None)
+    run = energy.energy_run("reach", scene, 0.5, (0.5, 0.1, 0.0, 0.1))
+    assert run.total[-1] < run.total[0] - 0.01
+    assert run.drift < 1e-5
+
+
+def test_starts_of_runs():
+    assert energy.default_start("mine", rde.load_scene("rprp_reach")) == (0.0, 0.125, 0.0, 0.125)
+    assert energy.default_start("mine", rde.load_scene("four_r_reach")) == (0.0,) * 4
+    zero = (0.0,) * 4
+    for seconds, q, field in ((0.0, zero, "seconds"), (np.nan, zero, "seconds"), (1.0, zero[:3], "q"),
+                              (1.0, (0.0, np.inf, 0.0, 0.0), "q")):  # fmt: skip
+        with pytest.raises(ValueError, match=f"^{field} is"):
+            energy.energy_run("free", rde.load_scene("four_r_free"), seconds, q)
