@@ -73,7 +73,7 @@ CHAIN = "robot: {type: Chain, joint_types: RR, masses: [1, 1], lengths: [0.2, 0.
         ("simulate --scene nowhere", ", ".join(scene_names())),
     ],
 )
-def test_mistakes_exit_with_2_and_print_nothing_else(words, message, capsys, tmp_path, monkeypatch):
+def test_mistakes_exit_with_2(words, message, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "chain.yaml").write_text(CHAIN)
     assert main(words.split()) == 2

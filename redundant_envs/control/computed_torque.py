@@ -19,10 +19,8 @@ from redundant_envs.scene import Scene
 
 Array = NDArray[np.float64]
 
-MARGIN = 0.02
-"""Share of the travel kept free at its ends by the plan."""
-ITERATIONS, DAMPING = 60, 1e-4
-"""Of the search for a pose."""
+MARGIN = 0.02  # share of the travel kept free at its ends by the plan
+ITERATIONS, DAMPING = 60, 1e-4  # of the search for a pose
 
 
 def pose_at(scene: Scene, start: Array, goal: Array) -> Array:

@@ -18,10 +18,8 @@ from redundant_envs.scene import Scene
 from redundant_envs.values import shown
 
 FRAMES_PER_SECOND = 25
-TRAIL_SECONDS, TRAIL_POINTS = 2.0, 50
-"""How long the tip's way is shown, and by how many points at most."""
-BORDER = 1.08
-"""Half of a picture's width, in units of the farthest distance of a point from the base."""
+TRAIL_SECONDS, TRAIL_POINTS = 2.0, 50  # how long the tip's way is shown, and by how many points at most
+BORDER = 1.08  # half of a picture's width, in units of the farthest distance of a point from the base
 
 
 def animate(trajectory: Trajectory, index: int | tuple[int, ...] | None = None) -> Animation:
@@ -85,10 +83,8 @@ class Animation:
         self._limits = np.array([values[name] for name in scene.action_units()])
 
     def __repr__(self) -> str:
-        return (
-            f"<Animation of {self._scene.robot.kind}, {self._t[-1] - self._t[0]:g} s; save('file.gif') or "
-            "save('file.mp4') writes it>"
-        )
+        what = f"{self._scene.robot.kind}, {self._t[-1] - self._t[0]:g} s"
+        return f"<Animation of {what}; save('file.gif') or save('file.mp4') writes it>"
 
     def _repr_html_(self) -> str:
         """A video that a notebook shows."""
@@ -99,12 +95,7 @@ class Animation:
     def save(self, path: str | Path) -> Path:
         """Write it as a GIF or an MP4, by the ending of the file's name; gives the path.
 
-        Raises
-        ------
-        ValueError
-            If the name ends in neither.
-        MissingPackage
-            If the extra ``plot`` is not installed.
+        A ValueError if the name ends in neither; a MissingPackage if the extra ``plot`` is not installed.
         """
         path = Path(path)
         check_clip(path)

@@ -18,8 +18,7 @@ from redundant_envs.tasks.limits import hard_stops
 from redundant_envs.values import shown
 
 OPTION_KEYS = ("q", "qd", "goal", "parameters")
-LARGEST_WHOLE = 2**53
-"""Largest number of control steps: floats count exactly up to it."""
+LARGEST_WHOLE = 2**53  # largest number of control steps: floats count exactly up to it
 FLOAT32 = np.dtype(np.float32)  # a singleton: comparing by identity is quicker
 Checked = tuple[parameters.Table | None, list[tuple[tuple[str, ...], NDArray[np.float64]]]]
 """The validated content of reset options: parameters, and rows with their numbers."""

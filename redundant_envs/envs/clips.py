@@ -15,15 +15,8 @@ ENDINGS = (".gif", ".mp4")
 
 
 def check_clip(path: Path) -> None:
-    """Refuse a clip that cannot be written, before the simulation begins.
-
-    Raises
-    ------
-    ValueError
-        The ending is not one of ``ENDINGS``.
-    MissingPackage
-        imageio, or imageio-ffmpeg for an MP4, is not installed.
-    """
+    """Refuse a clip that cannot be written, before the simulation begins: by its ending, or for lack of
+    imageio, or of imageio-ffmpeg for an MP4."""
     if path.suffix.lower() not in ENDINGS:
         raise ValueError(f"clip is {str(path)!r}; end its name in {' or '.join(ENDINGS)}")
     with needs("plot"):

@@ -13,13 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.batch.blocks import LANES
 from redundant_envs.batch.environment import BEGUN, DUE, EPISODE_KEY, GOAL_FIELDS, Autoreset, Operation
-from redundant_envs.envs.arguments import (
-    Checked,
-    checked_reset,
-    episode_limit,
-    numbers_of_reward,
-    reach_of,
-)
+from redundant_envs.envs.arguments import Checked, checked_reset, episode_limit, numbers_of_reward, reach_of
 from redundant_envs.envs.episode_keys import EpisodeKeys
 from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.envs.registration import check_arm, check_motors

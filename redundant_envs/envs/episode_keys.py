@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from redundant_envs.batch.environment import KEY_WORDS
 
-AHEAD = 8
-"""Keys that one call draws for each lane if there are several: 16 words take hardly longer than 2."""
+AHEAD = 8  # keys that one call draws for each lane if there are several: 16 words take hardly longer than 2
 
 
 class EpisodeKeys:

@@ -9,12 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-CAPITAL = 6.0
-"""Height of a digit on the grid; the base line is at y = 6, and y points down."""
-GAP = 1.5
-"""Between two letters, in units of the grid."""
-STROKE = 0.85
-"""Width of a stroke, in units of the grid."""
+CAPITAL = 6.0  # height of a digit on the grid; the base line is at y = 6, and y points down
+GAP = 1.5  # between two letters, in units of the grid
+STROKE = 0.85  # width of a stroke, in units of the grid
 GLYPHS = {
     " ": (1.4, ""),
     ".": (0.2, "0,5.8 0,6"),
@@ -57,19 +54,9 @@ def from_segment(x: Any, y: Any, dx: Any, dy: Any) -> Any:
 
 @lru_cache(maxsize=512)
 def cover(text: str, height: float) -> NDArray[np.float32]:
-    """How much of each pixel a line of text covers, (rows, columns), 0 to 1.
+    """How much of each pixel a line of text covers, (rows, columns), 0 to 1; two are free around the text.
 
-    Parameters
-    ----------
-    text : str
-        Of the characters in ``GLYPHS``.
-    height : float
-        Of a digit, in pixels. Two pixels are free around the text.
-
-    Raises
-    ------
-    ValueError
-        A character has no glyph.
+    ``height`` is that of a digit, px. ValueError if a character has no glyph.
     """
     lacking = sorted(set(text) - GLYPHS.keys())
     if lacking:

@@ -50,8 +50,7 @@ class Columns:
         self.places_shown = [(name, *place) for name, place in self._places.items() if name not in hidden]
         """Quantities in ``info``: quantity, table, row."""
         labels = {**INFO_NAMES, **episode.task.labels}
-        self.names = [info_name(name, labels) for name, *_ in self.places_shown]
-        """Names of these in ``info``."""
+        self.names = [info_name(name, labels) for name, *_ in self.places_shown]  # names of these in ``info``
 
     def of(self, out: Outputs, name: str) -> Any:
         """A quantity of all lanes."""

@@ -91,11 +91,9 @@ def info_table(scene: Scene, task: Task) -> str:
 
 def argument_table(kind: type[Any]) -> str:
     """Keyword arguments of the constructor with their defaults."""
-    rows = []
-    for name, parameter in inspect.signature(kind.__init__).parameters.items():
-        if name != "self":
-            default = "of the id" if name == "scene" else f"`{parameter.default!r}`"
-            rows.append((f"`{name}`", default, ARGUMENTS[name]))
+    given = {name: f"`{p.default!r}`" for name, p in inspect.signature(kind.__init__).parameters.items()}
+    given["scene"] = "of the id"
+    rows = [(f"`{name}`", default, ARGUMENTS[name]) for name, default in given.items() if name != "self"]
     return markdown(("Parameter", "Default", "Description"), rows)
 
 
@@ -169,17 +167,16 @@ def page(kind: type[Any], scene_name: Any) -> str:
     """The docstring of an environment under Gymnasium's headings."""
     scene, task = load_scene(scene_name), TASKS[kind.task_name]()
     arm, joints = scene.robot, len(scene.robot.joints)
-    masses = ", ".join(f"{m:g}" for m in arm.masses)
-    lengths = ", ".join(f"{length:g}" for length in arm.lengths)
+    masses, lengths = (", ".join(f"{x:g}" for x in numbers) for numbers in (arm.masses, arm.lengths))
     effects = ", ".join(type(effect).__name__ for effect in scene.effects)
     dt, rate = f"{scene.control_dt:g}", f"{1 / scene.control_dt:g}"
     accuracy = f"\nto a tip error of {scene.tolerance:g} m" if scene.tolerance else f" by {scene.integrator}"
-    observation = (
-        "A dictionary: `observation` below, `achieved_goal` the tip and `desired_goal` the goal "
-        "(2 numbers each, m, float64).\n\n"
-        if task.goal_conditioned
-        else ""
-    )
+    observation = ""
+    if task.goal_conditioned:
+        observation = (
+            "A dictionary: `observation` below, `achieved_goal` the tip and `desired_goal` the goal "
+            "(2 numbers each, m, float64).\n\n"
+        )
     reward = f"{task.reward_note()}\n\n{reward_table(scene, task)}"
     fast = f"4 a velocity beyond {task.speed_bound:g} rad/s or m/s"
     ends, flags = (f"{fast}, ", "") if task.speed_bound_ends else ("", f"{fast}, ")

@@ -34,8 +34,7 @@ class Made(NamedTuple):
 SCENES: dict[str, Any] = {"RPRP": "rprp_reach", "FourR": "four_r_reach"}
 """Scene of each arm in its environments."""
 TASKS = ["Reach", "GoalReach"]
-IDS: dict[str, Made] = {}
-"""All ids."""
+IDS: dict[str, Made] = {}  # all ids
 HOMES: dict[tuple[str, str], str] = {}
 """("arm" or "task", its name) -> the module of its class, for those registered from outside."""
 
@@ -104,10 +103,11 @@ def register() -> None:
             if name in gym.registry and gym.registry[name].kwargs.get("scene") == scene:
                 continue
             gym.registry.pop(name, None)
+            entry = f"redundant_envs.envs.named:{homes(arm, task)}{arm}{task}"
             gym.register(
                 id=name,
-                entry_point=f"redundant_envs.envs.named:{homes(arm, task)}{arm}{task}Env",
-                vector_entry_point=f"redundant_envs.envs.named:{homes(arm, task)}{arm}{task}VectorEnv",
+                entry_point=f"{entry}Env",
+                vector_entry_point=f"{entry}VectorEnv",
                 max_episode_steps=MAX_EPISODE_STEPS,
                 # Both wrappers take time at every step; the environments check their arguments themselves.
                 order_enforce=False,
@@ -121,13 +121,9 @@ def register() -> None:
 
 def _add(what: str, registry: dict[str, Any], name: str, value: Any) -> None:
     """Add to a registry, unless the name belongs to something else; the same class may be reloaded."""
-    there = registry.get(name)
-    home = getattr(value, "__module__", None), getattr(value, "__qualname__", None)
-    if (
-        there is not None
-        and there != value
-        and home != (there.__module__, getattr(there, "__qualname__", ""))
-    ):
+    there = registry.get(name, value)
+    homes = {(getattr(x, "__module__", None), getattr(x, "__qualname__", None)) for x in (value, there)}
+    if there != value and (len(homes) > 1 or not isinstance(value, type)):
         raise ValueError(f"{what} {name!r} is taken by {there!r}; give yours another name")
     registry[name] = value
 
@@ -170,16 +166,15 @@ def register_arm(arm: type[Arm], scene: Mapping[str, Any] | str | Path | None = 
     _check_name("the arm", getattr(arm, "kind", None))
     if scene is not None:
         _check_ids([arm.kind], TASKS)
-    before = robots.REGISTRY.get(arm.kind)
+    before = dict(robots.REGISTRY)
     _add("the arm", robots.REGISTRY, arm.kind, arm)
     if scene is None:
         return
     try:
         _check_scene(load_scene(scene), arm.kind)
     except Exception:
-        del robots.REGISTRY[arm.kind]
-        if before is not None:
-            robots.REGISTRY[arm.kind] = before
+        robots.REGISTRY.clear()
+        robots.REGISTRY.update(before)
         raise
     _remember_home("arm", arm.kind, arm)
     SCENES[arm.kind] = str(scene) if isinstance(scene, Path) else copy.deepcopy(scene)

@@ -27,19 +27,15 @@ BAR_PLUS = (70, 120, 190)
 BAR_MINUS = (205, 92, 92)
 INK = (74, 84, 104)
 SOFT = (160, 166, 178)
-MARGIN = 16
-"""Distance of texts from the border of the picture, px."""
-LETTERS, SMALL_LETTERS = 13.0, 9.0
-"""Heights of digits, px."""
+MARGIN = 16  # distance of texts from the border of the picture, px
+LETTERS, SMALL_LETTERS = 13.0, 9.0  # heights of digits, px
 BAR_WIDTH, BAR_HEIGHT, BAR_GAP = 96, 9, 6
-BARS = "effort / limit"
-"""Heading of the bars: each motor's effort as a fraction of its limit, from -1 to 1."""
+BARS = "effort / limit"  # heading of the bars: each motor's effort as a fraction of its limit, from -1 to 1
 HOLDING = {"hold", "is_success"}
 """Memory of a task that counts the steps in which the goal is held: the picture shows the time, green from
 success on."""
 TRAIL_LENGTH = 100
-CENTRES = np.arange(SIZE, dtype=np.float32) + np.float32(0.5)
-"""Middles of the pixels of a row or a column."""
+CENTRES = np.arange(SIZE, dtype=np.float32) + np.float32(0.5)  # middles of the pixels of a row or a column
 
 
 class Canvas:

@@ -107,9 +107,7 @@ class SB3VecEnv(VectorFace, VecEnv):
             refuse_bad_action(actions)
         self._actions = actions
 
-    def step_wait(
-        self,
-    ) -> tuple[Any, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+    def step_wait(self) -> tuple[Any, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """One control step of all environments."""
         core = self.core
         step = self._stepped(self._actions, Autoreset.SAME_STEP)

@@ -17,11 +17,9 @@ Point = NDArray[np.float64]
 Color = tuple[float, float, float]
 
 INK, SOFT = "#1c2434", "#8a93a3"
-SLIDER_POSE = np.array([0.82, 0.36, -0.6, 0.32])
-"""theta1, r1, theta2, r2 of the drawn RPRP arm; rad, m."""
+SLIDER_POSE = np.array([0.82, 0.36, -0.6, 0.32])  # theta1, r1, theta2, r2 of the drawn RPRP arm; rad, m
 SLIDER_TRAVEL = 0.7
-FOUR_POSE = np.array([1.2, 0.62, -0.62, 0.72])
-"""theta1 to theta4 of the drawn 4R arm, rad."""
+FOUR_POSE = np.array([1.2, 0.62, -0.62, 0.72])  # theta1 to theta4 of the drawn 4R arm, rad
 LENGTH = 0.68
 LEGEND = ("Angles are absolute, from the direction of +x.", "A motor acts at every joint.")
 OF_SLIDERS = "Grey rails are the travel of the sliders between their stops."
@@ -47,13 +45,21 @@ def joint(axes: Any, place: Point) -> None:
     axes.plot(*place, "o", ms=9, mfc=shade(BACKGROUND), mec=shade(JOINT), mew=2.2, zorder=6)
 
 
-def mass(axes: Any, place: Point, number: int, offset: tuple[float, float], tip: bool = False) -> None:
-    """A point mass with its name, ``offset`` points away."""
-    if tip:
-        axes.plot(*place, "o", ms=11, color=shade(TRAIL), zorder=7)
-    name = rf"$m_{number}$" + ("  (tip)" if tip else "")
-    axes.annotate(name, place, offset, textcoords="offset points", ha="center", va="center",
-                  fontsize=12, color=INK, zorder=8)  # fmt: skip
+def masses(axes: Any, points: Point, offsets: Sequence[tuple[float, float]]) -> None:
+    """Point masses with their names, some printer's points away; the last is the tip."""
+    axes.plot(*points[-1], "o", ms=11, color=shade(TRAIL), zorder=7)
+    for k, (place, offset) in enumerate(zip(points, offsets, strict=True)):
+        name = rf"$m_{k + 1}$" + ("  (tip)" if k == len(points) - 1 else "")
+        axes.annotate(name, place, offset, textcoords="offset points", ha="center", va="center",
+                      fontsize=12, color=INK, zorder=8)  # fmt: skip
+
+
+def arrow(
+    axes: Any, to: Any, start: Any, style: str, color: str, width: float, size: int, **options: Any
+) -> None:
+    """An arrow without a text."""
+    shape = {"arrowstyle": style, "lw": width, "mutation_scale": size, "shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", to, start, arrowprops={**shape, "color": color}, **options)
 
 
 def angle_mark(axes: Any, place: Point, angle: float, number: int, radius: float = 0.27) -> None:
@@ -62,9 +68,7 @@ def angle_mark(axes: Any, place: Point, angle: float, number: int, radius: float
     axes.plot(*zip(place, reach, strict=True), color=SOFT, lw=0.9, ls=(0, (4, 3)), zorder=1)
     arc = np.array([place + radius * toward(t) for t in np.linspace(0.0, angle, 40)])
     axes.plot(*arc[:-3].T, color=INK, lw=1.1, zorder=4)
-    axes.annotate("", arc[-1], arc[-5], zorder=4, arrowprops={
-        "arrowstyle": "-|>", "color": INK, "lw": 1.1, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 9,
-    })  # fmt: skip
+    arrow(axes, arc[-1], arc[-5], "-|>", INK, 1.1, 9, zorder=4)
     name = place + (radius + 0.1) * toward(0.5 * angle)
     axes.text(*name, rf"$\theta_{number}$", ha="center", va="center", fontsize=13, color=INK, zorder=8)
 
@@ -76,9 +80,7 @@ def dimension(axes: Any, a: Point, b: Point, name: str, side: float) -> None:
     for end in (a, b):
         near, far = end + 0.55 * across, end + 1.12 * across
         axes.plot(*zip(near, far, strict=True), color=SOFT, lw=0.8, zorder=2)
-    axes.annotate("", a + across, b + across, zorder=2, arrowprops={
-        "arrowstyle": "<|-|>", "color": SOFT, "lw": 0.9, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 8,
-    })  # fmt: skip
+    arrow(axes, a + across, b + across, "<|-|>", SOFT, 0.9, 8, zorder=2)
     axes.text(*(0.5 * (a + b) + 1.62 * across), name, ha="center", va="center", fontsize=13, color=INK)
 
 
@@ -93,9 +95,7 @@ def ground(axes: Any) -> None:
 def gravity(axes: Any, place: tuple[float, float]) -> None:
     """The arrow of gravity."""
     x, y = place
-    axes.annotate("", (x, y - 0.3), (x, y), arrowprops={
-        "arrowstyle": "-|>", "color": SOFT, "lw": 1.6, "mutation_scale": 13, "shrinkA": 0, "shrinkB": 0,
-    })  # fmt: skip
+    arrow(axes, (x, y - 0.3), (x, y), "-|>", SOFT, 1.6, 13)
     axes.text(x + 0.06, y - 0.15, "$g$", fontsize=13, color=INK, va="center")
 
 
@@ -121,11 +121,7 @@ def draw_rprp(axes: Any) -> None:
         dimension(axes, fixed, end, rf"$r_{k + 1}$", side)
         angle_mark(axes, root, SLIDER_POSE[2 * k], k + 1)
         joint(axes, root)
-    mass(axes, points[0], 1, (16, -12))
-    mass(axes, points[1], 2, (29, 12))
-    mass(axes, points[2], 3, (10, 18))
-    mass(axes, points[3], 4, (34, 14), tip=True)
-    axes.set_title("RPRP", fontsize=14, color=INK, loc="left", fontweight="bold")
+    masses(axes, points, ((16, -12), (29, 12), (10, 18), (34, 14)))
 
 
 def draw_four_r(axes: Any) -> None:
@@ -139,32 +135,27 @@ def draw_four_r(axes: Any) -> None:
         angle_mark(axes, joints[k], FOUR_POSE[k], k + 1)
     for k in range(4):
         joint(axes, joints[k])
-    for k, offset in enumerate(((17, -12), (2, 18), (8, -18), (36, -6))):
-        mass(axes, points[k], k + 1, offset, tip=k == 3)
-    axes.set_title("4R", fontsize=14, color=INK, loc="left", fontweight="bold")
+    masses(axes, points, ((17, -12), (2, 18), (8, -18), (36, -6)))
 
 
-DRAWN = {"RPRP": (draw_rprp, (-0.3, 2.35, -0.2, 1.35)), "FourR": (draw_four_r, (-0.3, 2.65, -0.2, 1.5))}
-"""Kind of an arm -> the function that draws it, and the ends of the axes, m."""
+DRAWN = {
+    "RPRP": ("RPRP", draw_rprp, (-0.3, 2.35, -0.2, 1.35)),
+    "FourR": ("4R", draw_four_r, (-0.3, 2.65, -0.2, 1.5)),
+}
+"""Kind of an arm -> its title, the function that draws it, and the ends of the axes, m."""
 
 
 def save_schematic(path: Path, kinds: Sequence[str] = tuple(DRAWN)) -> Path:
-    """Draw arms side by side, as SVG or PNG by the ending of the name.
-
-    Parameters
-    ----------
-    path : Path
-    kinds : sequence of str
-        Of ``DRAWN``; by default all.
-    """
+    """Draw arms of ``DRAWN`` side by side, by default all, as SVG or PNG by the ending of the name."""
     for kind in kinds:
         if kind not in DRAWN:
             raise ValueError(f"the arm is a {kind}; only {' and '.join(DRAWN)} have a drawing")
     figure = new_figure(5.5 * len(kinds), 4.3)
     figure.set_facecolor(shade(BACKGROUND))
     for axes, kind in zip(figure.subplots(1, len(kinds), squeeze=False)[0], kinds, strict=True):
-        draw, view = DRAWN[kind]
+        title, draw, view = DRAWN[kind]
         draw(axes)
+        axes.set_title(title, fontsize=14, color=INK, loc="left", fontweight="bold")
         gravity(axes, (view[0] + 0.12, view[3] - 0.05))
         axes.set(xlim=view[:2], ylim=view[2:], aspect="equal")
         axes.set_axis_off()

@@ -85,10 +85,7 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
         self._ready = False
 
     def reset(
-        self,
-        *,
-        seed: int | Sequence[int | None] | None = None,
-        options: dict[str, Any] | None = None,
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         """Begin new episodes.
 

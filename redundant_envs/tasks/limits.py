@@ -10,8 +10,7 @@ from redundant_envs.algebra import clamp, maximum, minimum, physics, where
 from redundant_envs.effects.hooks import Impact
 from redundant_envs.scene import Scene
 
-Limit = tuple[int, str, str]
-"""A joint, and the names of the parameters that limit it below and above."""
+Limit = tuple[int, str, str]  # a joint, and the names of the parameters that limit it below and above
 
 
 def spring_limits(scene: Scene) -> list[Limit]:
