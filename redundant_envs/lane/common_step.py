@@ -8,7 +8,7 @@ from typing import Any
 
 from redundant_envs.algebra import any_of, cases, logical_not, maximum, sqrt, total, where
 from redundant_envs.events import crossings
-from redundant_envs.events.boundary import side_beyond
+from redundant_envs.events.boundary import Boundary, side_beyond
 from redundant_envs.lane import coordinates, required_steps
 from redundant_envs.lane.boundaries import Boundaries
 from redundant_envs.lane.dynamics import Dynamics
@@ -17,6 +17,7 @@ from redundant_envs.lane.kinks import kink_values, levels_of
 from redundant_envs.lane.memory import Lane
 from redundant_envs.numerics import error_control, estimates
 from redundant_envs.numerics.methods import Step, explicit_step
+from redundant_envs.quantities import Quantities
 from redundant_envs.tracing.passes.stages import Subroutine
 
 MOST_INLINED = 4
@@ -39,7 +40,7 @@ def lane_step(dynamics: Dynamics, lane: Lane, h: Any) -> Step:
         quantities = coordinates.contact_quantities if held else Dynamics.quantities
         x = quantities(dynamics, values[:width], dict(zip(numbers, values[width:], strict=True)))
         results = dynamics.accelerations(x)
-        results += [coordinates.watched_acceleration(dynamics, b, x) for b in dynamics.boundaries]
+        results += [watched_acceleration(dynamics, b, x) for b in dynamics.boundaries]
         results += kink_values(dynamics.scene.attached, dynamics.kinks, x)
         return [*results, *(values[count + k] for k in sliders)]
 
@@ -58,6 +59,20 @@ def lane_step(dynamics: Dynamics, lane: Lane, h: Any) -> Step:
         lambda q, v, z: right_hand_side(*q, *v, *z, *inputs),
         states[:count], states[count : 2 * count], states[2 * count :], h,
     )  # fmt: skip
+
+
+def watched_acceleration(dynamics: Dynamics, b: Boundary, x: Quantities) -> Any:
+    """Acceleration of the coordinate of a boundary; for a slider that rests, the pull of its stop."""
+    if b.joint is None:
+        return coordinates.acceleration(dynamics, b, x)
+    if b.bounces:
+        return where(
+            x[coordinates.held_of(b)] > 0.0, coordinates.pull(x, b, x[b.active]), x[f"qdd{b.number}"]
+        )
+    shares = enumerate(dynamics.arm.motor_map[:, b.joint].tolist(), start=1)
+    return total(
+        x[f"qdd{k}"] if share == 1.0 else share * x[f"qdd{k}"] for k, share in shares if share != 0.0
+    )
 
 
 def step_error(dynamics: Dynamics, lane: Lane, step: Step) -> Any:

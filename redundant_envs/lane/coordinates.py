@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from redundant_envs.algebra import ABSENT, total, where
+from redundant_envs.algebra import ABSENT, where
 from redundant_envs.dual import Dual, dual
 from redundant_envs.events.boundary import Boundary
 from redundant_envs.lane.dynamics import Dynamics
@@ -103,15 +103,3 @@ def held_of(b: Boundary) -> str:
 def pull(x: Quantities, b: Boundary, side: Any) -> Any:
     """Force with which its stop has to pull a resting slider; 0 for a free one."""
     return where(x[held_of(b)] > 0.0, side * x[f"hold{b.number}"], 0.0)
-
-
-def watched_acceleration(dynamics: Dynamics, b: Boundary, x: Quantities) -> Any:
-    """Acceleration of the coordinate of a boundary; for a slider that rests, the pull of its stop."""
-    if b.joint is None:
-        return acceleration(dynamics, b, x)
-    if b.bounces:
-        return where(x[held_of(b)] > 0.0, pull(x, b, x[b.active]), x[f"qdd{b.number}"])
-    shares = enumerate(dynamics.arm.motor_map[:, b.joint].tolist(), start=1)
-    return total(
-        x[f"qdd{k}"] if share == 1.0 else share * x[f"qdd{k}"] for k, share in shares if share != 0.0
-    )

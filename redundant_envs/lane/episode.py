@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from functools import cached_property, reduce
 from typing import Any
 
@@ -19,7 +18,6 @@ from redundant_envs.algebra import (
     where,
 )
 from redundant_envs.effects.hooks import Sensing
-from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import GIVEN_UP, OBSERVED_ANGLE, OBSERVED_RATE, Fault
 from redundant_envs.lane.interval import Interval, copies
 from redundant_envs.lane.memory import ENGINE, PARAMETER, SCRATCH, STATE, Field, Lane, Layout
@@ -49,73 +47,27 @@ TABLES = {"flags": "i8", "counts": "i64", "values": "f64"}
 """Tables that a step of an environment fills, and the types of their numbers."""
 
 
-@dataclass(frozen=True)
 class Episode:
     """Episodes of the lanes of an environment, around their motion."""
 
-    interval: Interval
-    task: Task
-
-    @property
-    def dynamics(self) -> Dynamics:
-        return self.interval.dynamics
-
-    @property
-    def arm(self) -> Any:
-        return self.dynamics.arm
-
-    @cached_property
-    def actions(self) -> tuple[str, ...]:
-        return tuple(numbered("action{}", self.dynamics.count))
-
-    @cached_property
-    def sensors(self) -> bool:
-        """Whether observations follow from readings of sensors."""
-        return bool(self.dynamics.scene.attached.of(Sensing))
-
-    @cached_property
-    def draws(self) -> tuple[str, ...]:
+    def __init__(self, interval: Interval, task: Task) -> None:
+        dynamics, scene = interval.dynamics, interval.dynamics.scene
+        self.interval, self.task, self.dynamics, self.arm = interval, task, dynamics, dynamics.arm
+        self.actions = tuple(numbered("action{}", dynamics.count))
+        self.draws = (*numbered("u{}", dynamics.count), *numbered("draw{}", task.draws))
         """Uniform draws of an episode: of the start of each joint, then those of the task."""
-        return (*numbered("u{}", self.dynamics.count), *numbered("draw{}", self.task.draws))
-
-    @cached_property
-    def terms(self) -> tuple[str, ...]:
-        """Terms of the reward."""
-        return self.task.reward_terms(self.dynamics.scene)
-
-    @cached_property
-    def goal(self) -> tuple[str, ...]:
-        """Coordinates of the goal, if the task has one."""
-        return GOAL if set(GOAL) <= set(self.task.memory) else ()
-
-    @cached_property
-    def held_outputs(self) -> tuple[str, ...]:
-        """Metrics that are known only after a step, and kept until the next one."""
-        return (*ENDS, *self.task.held_outputs)
-
-    @cached_property
-    def counts(self) -> dict[str, str]:
+        self.terms: tuple[str, ...] = task.reward_terms(scene)
+        self.returns = tuple(f"{t}_sum" for t in self.terms)
+        self.goal = GOAL if set(GOAL) <= set(task.memory) else ()
+        self.held_outputs = (*ENDS, *task.held_outputs)
+        self.observed = tuple(task.observation(scene))
+        self.sensors = bool(scene.attached.of(Sensing))
+        """Whether observations follow from readings of sensors."""
+        has = {"events_sum": bool(dynamics.stops), "error_most": scene.tolerance is not None}
+        spent = {name: doc for name, doc in SPENT.items() if dynamics.local and has.get(name, True)}
+        sums = dict.fromkeys(self.returns, "sum of a reward term over the episode")
+        self.counts: dict[str, str] = {**sums, **spent, **COUNTS}
         """What a lane remembers of its episode beside its state and the task's memory, and what it means."""
-        found, local = (
-            dict.fromkeys(self.returns, "sum of a reward term over the episode"),
-            self.dynamics.local,
-        )
-        has = {
-            "events_sum": bool(self.dynamics.stops),
-            "error_most": self.dynamics.scene.tolerance is not None,
-        }
-        found |= {name: doc for name, doc in SPENT.items() if local and has.get(name, True)}
-        return found | COUNTS
-
-    @cached_property
-    def returns(self) -> tuple[str, ...]:
-        """Sums of the reward terms."""
-        return tuple(f"{t}_sum" for t in self.terms)
-
-    @cached_property
-    def observed(self) -> tuple[str, ...]:
-        """Observed quantities in order."""
-        return tuple(self.task.observation(self.dynamics.scene))
 
     @cached_property
     def tables(self) -> dict[str, tuple[str, ...]]:
