@@ -83,8 +83,8 @@ def test_a_bare_arm_has_none_of_them(arm):
         for word in (*words_of(effect), "redundant_envs/effects/"):
             assert not re.search(word, text), word
     assert set(rde.bill(scene(arm))) == {"arm", "integrator", "interval"}
-    assert "# _differences." in text  # the map of the motors
-    assert "# _differences." not in rde.listing(scene(arm, actuation="generalized"))
+    assert "motor_map" in text
+    assert "motor_map" not in rde.listing(scene(arm, actuation="generalized"))
 
 
 # ---- every operation is listed under its source --------------------------------------------------
