@@ -182,6 +182,11 @@ def any_of(conditions: Iterable[Any]) -> Any:
     return functools.reduce(operator.or_, conditions, False)
 
 
+def total(terms: Iterable[Any]) -> Any:
+    """The sum of some terms, from left to right."""
+    return functools.reduce(operator.add, terms)
+
+
 def all_of(conditions: Iterable[Any]) -> Any:
     """Whether all of some conditions hold."""
     return functools.reduce(operator.and_, conditions, True)

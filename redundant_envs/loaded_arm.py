@@ -46,7 +46,7 @@ def check_inertias(arm: Arm, attached: Attachments, values: Mapping[str, Any]) -
 
 def added_inertias(attached: Attachments) -> Added:
     """Inertias that effects add to the arm: the joints of each, and the field with its number."""
-    return tuple((a.hook.joints, a.field(a.hook.inertia)) for a in attached.of(Inertia))
+    return tuple((a.hook.joints, a.parameter(a.hook.inertia)) for a in attached.of(Inertia))
 
 
 def loaded_arm(arm: Arm, attached: Attachments, values: Mapping[str, float]) -> Arm:
@@ -63,5 +63,5 @@ def loaded_arm(arm: Arm, attached: Attachments, values: Mapping[str, float]) -> 
         )
     check_inertias(arm, attached, values)
     found = attached.of(Inertia)
-    fields = {a.field(a.hook.inertia): values[a.parameter(a.hook.inertia)] for a in found}
+    fields = {a.parameter(a.hook.inertia): values[a.parameter(a.hook.inertia)] for a in found}
     return with_inertias(arm, added_inertias(attached), fields) if fields else arm

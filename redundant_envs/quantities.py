@@ -27,55 +27,37 @@ def givers_of(functions: tuple[Function, ...]) -> dict[str, Function]:
 
 
 def check_names(field: str, names: Iterable[str], owners: Mapping[str, str]) -> None:
-    """ValueError if a name of a field has an owner already.
+    """ValueError if a name that a field such as "TrackTask.memory" gives has an owner already.
 
-    Parameters
-    ----------
-    field : str
-        Where the names are given, such as "TrackTask.memory".
-    names : iterable of str
-    owners : mapping
-        Name -> whose it is, such as "of the arm FourR".
+    ``owners`` are names, and whose they are, such as "of the arm FourR".
     """
     for name in sorted(set(names) & owners.keys()):
         raise ValueError(f"{field} has {name!r}, a name {owners[name]}; rename it")
 
 
 class Quantities(dict[str, Any]):
-    """Values by name; a missing value is computed from the others once, and then kept.
-
-    Parameters
-    ----------
-    known : mapping
-        Values to begin with.
-    functions : sequence of functions
-        They compute further values, from the values with the names of their arguments.
-    sincos : mapping
-        Angle -> names of its sine and cosine.
-    source : mapping or Lane, optional
-        Further values, by name, which are looked up before anything is computed.
-    rename : mapping, optional
-        Names of arguments -> names of the quantities that they refer to.
-    """
+    """Values by name; a missing value is computed from the others once, and then kept."""
 
     def __init__(
         self,
-        known: Mapping[str, Any],
-        functions: Sequence[Function],
-        sincos: Mapping[str, tuple[str, str]],
-        source: Any = (),
-        rename: Mapping[str, str] | None = None,
+        known: Mapping[str, Any],  # values to begin with
+        functions: Sequence[Function],  # they compute further values from those that their arguments name
+        sincos: Mapping[str, tuple[str, str]],  # angle -> names of its sine and cosine
+        source: Any = (),  # a mapping of values that are looked up before anything is computed
+        aliases: Mapping[str, str] | None = None,  # further names -> the values that they refer to
     ) -> None:
         super().__init__(known)
         self._givers = givers_of(tuple(functions))
         self._angles = {name: angle for angle, pair in sincos.items() for name in pair}
         self._sincos = sincos
         self._source = source
-        self._rename = rename or {}
+        self._aliases = aliases or {}
         self._asked = ["the scene"]
 
     def __missing__(self, name: str) -> Any:
-        if name in self._source:
+        if name in self._aliases:
+            self[name] = self[self._aliases[name]]
+        elif name in self._source:
             self[name] = self._source[name]
         elif name in self._angles:
             angle = self._angles[name]
@@ -83,16 +65,15 @@ class Quantities(dict[str, Any]):
         elif name in self._givers:
             function = self._givers[name]
             self._asked.append(function.__qualname__)
-            arguments = [self[self._rename.get(a, a)] for a in arguments_of(function)]
+            arguments = self.each(arguments_of(function))
             self._asked.pop()
             results = function(*arguments)
             names = gives_of(function)
             self.update(zip(names, results if isinstance(results, tuple) else (results,), strict=True))
         else:
-            known = sorted({*self, *self._givers, *self._angles})
+            known = ", ".join(sorted({*self, *self._givers, *self._angles, *self._aliases}))
             raise ValueError(
-                f"{self._asked[-1]} needs the quantity {name!r}, which nothing gives; known: "
-                f"{', '.join(known)}"
+                f"{self._asked[-1]} needs the quantity {name!r}, which nothing gives; known: {known}"
             )
         return self[name]
 

@@ -13,15 +13,19 @@ from redundant_envs.tracing.graph import Graph
 from redundant_envs.tracing.number import Condition, Number, value_of
 
 
-def recorded(function, space="row"):
-    """The results of a function on numbers 0, 1, ... of a space, as values of a graph."""
-    graph = Graph()
-    count = len(inspect.signature(function).parameters)
-    results = function(*(Number(graph, graph.load(space, k)) for k in range(count)))
-    return [
-        value_of(where(r, 1.0, 0.0) if isinstance(r, Condition) else r)
-        for r in (results if isinstance(results, tuple | list) else (results,))
-    ]
+def flat(result):
+    """Numbers of a result, conditions as 1 or 0."""
+    if isinstance(result, tuple | list):
+        return [x for part in result for x in flat(part)]
+    return [where(result, 1.0, 0.0) if isinstance(result, Condition | bool | np.bool_) else result]
+
+
+def recorded(function, count=None, graph=None):
+    """The results of a function of rows 0, 1, ... as values of a graph."""
+    graph = graph or Graph()
+    count = count or len(inspect.signature(function).parameters)
+    results = function(*(Number(graph, graph.load("row", k)) for k in range(count)))
+    return [value_of(r) for r in flat(results)]
 
 
 def compiled(kernel):
@@ -47,8 +51,8 @@ def kernel_of(results, count, known=None):
 
 def on_columns(function, *columns, known=None):
     """Results of a function, compiled, where its arguments are columns of numbers; (results, lanes)."""
-    results = recorded(function)
     lanes, count = len(columns[0]), len(columns)
+    results = recorded(function, count)
     blocks = -(-lanes // LANES)
     table = np.zeros((count + len(results), blocks * LANES))
     table[:count, :lanes] = columns

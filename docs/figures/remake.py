@@ -20,8 +20,7 @@ from redundant_envs_train.play import batched, play
 from redundant_envs_train.policies import load_policy
 from redundant_envs_train.rollout import policy_act
 from redundant_envs_train.run_folder import own_config
-from redundant_envs_train.studies.strength import read_rows
-from redundant_envs_train.studies.strength import figure
+from redundant_envs_train.studies.strength import figure, read_rows
 
 ROOT = Path(__file__).resolve().parents[2]
 FIGURES, RESULTS, POLICIES = ROOT / "docs" / "figures", ROOT / "docs" / "results", ROOT / "policies"

@@ -31,6 +31,9 @@ DIGEST = 32
 
 _kept: dict[str, dict[str, llvm.Entry]] = {}
 _lock = threading.RLock()
+if hasattr(os, "register_at_fork"):
+    # A fork waits until no thread compiles: its child would never see that thread's locks released.
+    os.register_at_fork(before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release)
 _warned: set[str] = set()
 
 
@@ -41,7 +44,6 @@ def kernels(key: str, program: Program, what: str) -> dict[str, llvm.Entry]:
     """
     with _lock:
         if key not in _kept:
-            _forks_wait()
             _kept[key] = llvm.load(_code(key, program, what), [k.name for k in program.kernels])
         return _kept[key]
 
@@ -198,10 +200,3 @@ def _file_lock(path: Path) -> Iterator[None]:
         finally:
             if sys.platform != "win32":  # a process forked in the meantime has the file open, too
                 fcntl.flock(file, fcntl.LOCK_UN)
-
-
-@functools.cache
-def _forks_wait() -> None:
-    """A fork waits until no thread compiles: its child would never see that thread's locks released."""
-    if hasattr(os, "register_at_fork"):
-        os.register_at_fork(before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release)

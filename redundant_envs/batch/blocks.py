@@ -28,7 +28,6 @@ Procedure = Callable[[Lane], Any]
 class Block:
     """A block of lanes."""
 
-    number: Scalar
     first: Scalar  # its first lane
     lanes: Scalar  # the number of its lanes
     pointers: dict[str, Array]  # the addresses of its memories
@@ -83,7 +82,7 @@ class Blocks:
             str(SCRATCH): p["scratch"] + in_group * self.width(SCRATCH),
             str(LOG): p["log"] + number * self.width(LOG),
         }
-        return Block(number, first, lanes, pointers)
+        return Block(first, lanes, pointers)
 
     def function(self, name: str, *procedures: Procedure, **more: Any) -> LaneFunction:
         """Procedures of a lane, one after the other, as one compiled function."""

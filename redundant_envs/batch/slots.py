@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property
 from typing import Any
 
-from redundant_envs.batch.blocks import GROUP, LANES, Block, Blocks, Ends
+from redundant_envs.batch.blocks import GROUP, LANES, Block, Blocks, Ends, Procedure
 from redundant_envs.events.contacts import Happening
 from redundant_envs.lane.features import MOST_LOGGED, Control
 from redundant_envs.lane.memory import LOG, PARAMETER, SCRATCH, STATE
@@ -73,7 +73,8 @@ class Slots:
     def trace(self) -> None:
         """The functions of blocks, and those of slots."""
         make, step, boundaries = self.blocks.function, self.interval.step, self.interval.boundaries
-        i, begin, inputs = self.dynamics, (self.ends.begin, step.clear), self.ends.inputs
+        i, inputs = self.dynamics, self.ends.inputs
+        begin: tuple[Procedure, ...] = (self.ends.begin, step.clear)
         self.goes_on = self.blocks.program()
         if i.repeated:
             self.cleared = make("clear", *begin, inputs=inputs)

@@ -28,7 +28,7 @@ Kind = TypeVar("Kind", covariant=True)
 
 
 def identifier(parameter: str) -> str:
-    """A parameter name as the name of a field of a lane: "gravity.down[0]" -> gravity_down_0.
+    """A parameter of an effect as the argument of a task's function: "gravity.down[0]" -> gravity_down_0.
 
     Effects of users get two underscores, "my_spring.k" -> my_spring__k, which no generated name has.
     """
@@ -79,12 +79,8 @@ class Attached(Generic[Kind]):
         return f"side_{self.law}"
 
     def parameter(self, own: str) -> str:
-        """Name of a parameter of its effect, which the hook names ".lower"."""
+        """Name of a parameter of its effect, which the hook names ".lower", and of its field."""
         return f"{self.key}{own}"
-
-    def field(self, own: str) -> str:
-        """The field of such a parameter."""
-        return identifier(self.parameter(own))
 
     def number(self, own: str) -> float:
         """Nominal value of such a parameter."""
@@ -171,7 +167,7 @@ def _attached(effect: Effect, hook: Any, law: str) -> Attached[Any]:
     def name_of(source: str) -> str:
         if source == SIDE and law:
             return f"side_{law}"
-        return identifier(f"{key}{source}") if source.startswith(".") else source
+        return f"{key}{source}" if source.startswith(".") else source
 
     def bound(part: Any) -> Functions:
         values = {f.name: getattr(part, f.name) for f in dataclasses.fields(part)}

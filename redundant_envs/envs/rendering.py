@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.lettering import cover, from_segment
 from redundant_envs.robots.arm import Arm
-from redundant_envs.scene import identifier
 
 SIZE = 480
 BACKGROUND = (250, 250, 248)
@@ -344,6 +343,6 @@ class Renderer:
         arm, travel = self.core.scene.robot, {}
         for joint, ends in self.core.scene.travel().items():
             if arm.prismatic[joint]:
-                low, high = self.core.memory.read(tuple(identifier(n) for n in ends), lane)[0].tolist()
+                low, high = self.core.memory.read(ends, lane)[0].tolist()
                 travel[joint] = (low, high)
         return travel

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from redundant_envs.algebra import any_of, maximum, minimum, where
+from redundant_envs.algebra import any_of, maximum, minimum, total, where
 from redundant_envs.events import contacts, crossings
 from redundant_envs.events.boundary import (
     Boundary,
@@ -17,10 +17,10 @@ from redundant_envs.events.boundary import (
 )
 from redundant_envs.events.contacts import Resolved
 from redundant_envs.lane import coordinates
+from redundant_envs.lane.coordinates import contact_quantities, held_of, known_numbers, pull
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import WATCHED, Reason
 from redundant_envs.lane.memory import Lane
-from redundant_envs.lane.step import contact_quantities, held_of, known_numbers, pull
 from redundant_envs.numerics.methods import Watched
 from redundant_envs.quantities import Quantities
 from redundant_envs.tracing.ways import branches
@@ -61,9 +61,8 @@ class Boundaries:
         if b.joint is not None:
             return 0.0
         arm = self.dynamics.arm
-        sizes = [lane[f"l{k + 1}"] for k in range(arm.num_lengths)]
-        sizes += [abs(lane[arm.coordinates[k]]) for k in arm.sliders()]
-        return sum(sizes[1:], sizes[0])
+        lengths = (lane[f"l{k + 1}"] for k in range(arm.num_lengths))
+        return total([*lengths, *(abs(lane[arm.coordinates[k]]) for k in arm.sliders())])
 
     def record_crossings(self, lane: Lane, origin: str, h: Any) -> None:
         """How a step of length ``h`` meets the boundaries."""
@@ -166,8 +165,7 @@ class Boundaries:
         rates = self.dynamics.arm.rates
         if of.joint is not None:
             return lane[f"mobility_{rates[of.joint]}_{by.name}"]
-        terms = [lane[f"normal_{v}_{of.name}"] * lane[f"mobility_{v}_{by.name}"] for v in rates]
-        return sum(terms[1:], terms[0])
+        return total(lane[f"normal_{v}_{of.name}"] * lane[f"mobility_{v}_{by.name}"] for v in rates)
 
     def resolve(self, lane: Lane) -> Any:
         """Resolve the contacts of a lane once, by impulses, rest and release; whether the motion goes on."""
@@ -207,11 +205,11 @@ class Boundaries:
         exact = {rates[b.joint]: v for b, v in zip(stops, r.velocities, strict=True) if b.joint is not None}
         struck = {}
         for v in rates:
-            pushes = [j * lane[f"mobility_{v}_{b.name}"] for j, b in zip(r.impulses, stops, strict=True)]
-            struck[v] = exact[v] if v in exact else now[v] + sum(pushes[1:], pushes[0])
+            pushes = (j * lane[f"mobility_{v}_{b.name}"] for j, b in zip(r.impulses, stops, strict=True))
+            struck[v] = exact[v] if v in exact else now[v] + total(pushes)
         if "work" in now:
-            done = [j * (c.velocity + v) for j, c, v in zip(r.impulses, touching, r.velocities, strict=True)]
-            struck["work"] = now["work"] + 0.5 * sum(done[1:], done[0])
+            impulses = zip(r.impulses, touching, r.velocities, strict=True)
+            struck["work"] = now["work"] + 0.5 * total(j * (c.velocity + v) for j, c, v in impulses)
         return struck
 
 

@@ -1,22 +1,142 @@
-"""The step that all lanes take together, and the reasons for which a lane leaves it."""
+"""A step of a lane and its error; the step that all lanes take together, and why a lane leaves it."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import reduce
 from typing import Any
 
-from redundant_envs.algebra import any_of, cases, logical_not, maximum, where
+from redundant_envs.algebra import any_of, cases, logical_not, maximum, sqrt, total, where
 from redundant_envs.events import crossings
-from redundant_envs.events.boundary import side_beyond
+from redundant_envs.events.boundary import Boundary, side_beyond
 from redundant_envs.lane import coordinates, required_steps
 from redundant_envs.lane.boundaries import Boundaries
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import WATCHED, Control, Reason
-from redundant_envs.lane.kinks import levels_of
+from redundant_envs.lane.kinks import kink_values, levels_of
 from redundant_envs.lane.memory import Lane
-from redundant_envs.lane.step import lane_step, others_error, step_error, tip_norms
 from redundant_envs.numerics import error_control, estimates
-from redundant_envs.numerics.methods import Step
+from redundant_envs.numerics.methods import Step, explicit_step
+from redundant_envs.quantities import Quantities
+from redundant_envs.tracing.passes.stages import Subroutine
+
+MOST_INLINED = 4
+"""Stages of a step up to which each has its own copy of the right-hand side."""
+SMALLEST_STATE = 1e-300
+"""Smallest number by which an error is divided."""
+
+
+def lane_step(dynamics: Dynamics, lane: Lane, h: Any) -> Step:
+    """A step of length ``h``.
+
+    It watches, in this order: the coordinates of boundaries, values that change their signs at kinks, and
+    speeds of :attr:`Dynamics.watched_sliders`.
+    """
+    held = bool(dynamics.holding)
+    numbers = coordinates.known_numbers(dynamics, lane, held)
+    count, width = dynamics.count, len(dynamics.states)
+
+    def derivatives(*values: Any) -> list[Any]:
+        quantities = coordinates.contact_quantities if held else Dynamics.quantities
+        x = quantities(dynamics, values[:width], dict(zip(numbers, values[width:], strict=True)))
+        results = dynamics.accelerations(x)
+        results += [watched_acceleration(dynamics, b, x) for b in dynamics.boundaries]
+        results += kink_values(dynamics.scene.attached, dynamics.kinks, x)
+        return [*results, *(values[count + k] for k in sliders)]
+
+    kinks, sliders = levels_of(dynamics.kinks), dynamics.watched_sliders
+    more = len(dynamics.boundaries) + len(kinks) + len(sliders)
+    right_hand_side: Any = derivatives
+    if dynamics.method.stages > MOST_INLINED:
+        right_hand_side = Subroutine(
+            derivatives, count, width - count + more, (*dynamics.states, *numbers),
+            [k - count for k, name in enumerate(dynamics.states) if name == "work"],
+        )  # fmt: skip
+    inputs = list(numbers.values())
+    states = lane.get(dynamics.states)
+    return explicit_step(
+        dynamics.method,
+        lambda q, v, z: right_hand_side(*q, *v, *z, *inputs),
+        states[:count], states[count : 2 * count], states[2 * count :], h,
+    )  # fmt: skip
+
+
+def watched_acceleration(dynamics: Dynamics, b: Boundary, x: Quantities) -> Any:
+    """Acceleration of the coordinate of a boundary; for a slider that rests, the pull of its stop."""
+    if b.joint is None:
+        return coordinates.acceleration(dynamics, b, x)
+    if b.bounces:
+        return where(
+            x[coordinates.held_of(b)] > 0.0, coordinates.pull(x, b, x[b.active]), x[f"qdd{b.number}"]
+        )
+    shares = enumerate(dynamics.arm.motor_map[:, b.joint].tolist(), start=1)
+    return total(
+        x[f"qdd{k}"] if share == 1.0 else share * x[f"qdd{k}"] for k, share in shares if share != 0.0
+    )
+
+
+def step_error(dynamics: Dynamics, lane: Lane, step: Step) -> Any:
+    """The error of a step: in metres at the tip, or for dop853 in units of its tolerance."""
+    if dynamics.scene.integrator == "dop853":
+        names = tuple(name for name in dynamics.states if name != "work")
+        after = [*step.positions, *step.velocities, *step.others]
+        strikes = bool(dynamics.stops)
+        states = zip(lane.get(names), after, strict=False)
+        scales = [estimates.rounding_scale(a, b, strikes) for a, b in states]
+
+        def size(errors: Sequence[Any], h: Any) -> Any:
+            squares = ((e * s) ** 2 for e, s in zip(errors, scales, strict=False))
+            return h * sqrt(total(squares) * (1.0 / len(names)))
+
+        return estimates.blended_error(size(step.error5, step.h5), size(step.error3, step.h3))
+    weights = tip_weights(dynamics, lane)
+
+    def tip_size(errors: Sequence[Any], h: Any) -> Any:
+        n = dynamics.count
+        parts = zip(weights, errors[:n], errors[n : 2 * n], strict=True)
+        return h * total(w * (abs(q) + lane.interval * abs(v)) for w, q, v in parts)
+
+    return estimates.tip_error(*(tip_size(*error) for error in errors_of(step)))
+
+
+def errors_of(step: Step) -> tuple[tuple[list[Any], Any], ...]:
+    """The estimates of three orders, and their factors."""
+    return (step.error6, step.h6), (step.error5, step.h5), (step.error3, step.h3)
+
+
+def others_error(dynamics: Dynamics, lane: Lane, step: Step, h: Any) -> Any:
+    """Estimated tip error from errors of effects' states, m. No other estimate contains an error that does
+    not act yet. Each error is related to the size of its state, now or at the end of the interval at the pace
+    of the step; the same share of the tip's motion by the step's change of velocity is the estimate."""
+    rates = zip(tip_norms(dynamics, lane), step.velocities, lane.get(dynamics.arm.rates), strict=True)
+    gained = total(norm * abs(after - before) for norm, after, before in rates)
+    shares = []
+    for k, name in enumerate(dynamics.effect_states.integrated):
+        before, after = lane[name], step.others[k]
+        sizes = [abs(error[2 * dynamics.count + k]) * factor for error, factor in errors_of(step)]
+        pace = abs(after - before) * (lane.interval / h)
+        size = maximum(maximum(abs(before), pace), SMALLEST_STATE)
+        shares.append(estimates.tip_error(*sizes) / size)
+    return lane.interval * gained * total(shares)
+
+
+def tip_norms(dynamics: Dynamics, lane: Lane, form: str = "{}") -> list[Any]:
+    """Metres at the tip per unit of each coordinate, from the fields of a form."""
+    x = coordinates.quantities_of_arm(dynamics, lane, form, dynamics.arm.column_norms)
+    return x.each(f"n{k + 1}" for k in range(dynamics.count))
+
+
+def tip_weights(dynamics: Dynamics, lane: Lane) -> list[Any]:
+    """Metres at the tip per unit of the error of each coordinate."""
+    norms, arm = tip_norms(dynamics, lane), dynamics.arm
+    if dynamics.scene.tolerance is None:
+        return norms
+    lengths = lane.get(f"l{k + 1}" for k in range(arm.num_lengths))
+    reach = total(lengths or [0.0])  # an arm of sliders alone has none
+    return [
+        n if slides else estimates.tip_weight(n, reach, lane.tip_tolerance)
+        for n, slides in zip(norms, arm.prismatic, strict=True)
+    ]
 
 
 class CommonStep:
@@ -65,7 +185,8 @@ class CommonStep:
         turning = [abs(lane[v]) for v, slides in zip(arm.rates, arm.prismatic, strict=True) if not slides]
         rates = [lane.least_step_rate] if "least_step_rate" in self.dynamics.prepared else []
         here = coordinates.quantities_of_arm(self.dynamics, lane)
-        rates += required_steps.rates_of_motion(self.dynamics.scene, lane, here)
+        numbers = coordinates.numbers_of(self.dynamics, lane)
+        rates += required_steps.rates_of_motion(self.dynamics.scene, lane, here, numbers)
         fastest, most = (reduce(maximum, found or [0.0]) for found in (turning, rates))
         return estimates.least_steps(fastest, most, lane.interval)
 
@@ -117,8 +238,7 @@ class CommonStep:
             limit = error_control.DOUBTFUL * lane.tip_tolerance
             doubts.append(others_error(dynamics, lane, step, h) > limit)
         if dynamics.watched_sliders:
-            ways = [h * maximum(w.most, -w.least) for w in watched[len(levels) :]]
-            far = sum(ways[1:], ways[0])
+            far = total(h * maximum(w.most, -w.least) for w in watched[len(levels) :])
             doubts += [far > error_control.FAR * distance for distance in self._distances(lane, "{}")]
         if moving is not None and dynamics.pose_tells_distances:
             doubts += self._farther(lane, "{}", "{}_start")
@@ -167,7 +287,7 @@ class CommonStep:
             lane.error = where(single, lane.error, 0.0)
         self._leave(lane, reason)
 
-    def doubts(self, lane: Lane) -> tuple[Any, Any, Any]:
+    def doubts(self, lane: Lane) -> tuple[Any, ...]:
         """Whether the error of an interval may exceed its estimate: near a kink, which estimates do not
         capture well, or though the motion is smooth.
 

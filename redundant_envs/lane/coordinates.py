@@ -7,23 +7,26 @@ without a joint has a gap, any function of the motion; dual numbers give its der
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from redundant_envs.algebra import ABSENT
+from redundant_envs.algebra import ABSENT, where
 from redundant_envs.dual import Dual, dual
 from redundant_envs.events.boundary import Boundary
+from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.lane.memory import Lane
 from redundant_envs.quantities import Quantities
-
-if TYPE_CHECKING:
-    from redundant_envs.lane.dynamics import Dynamics
-    from redundant_envs.lane.memory import Lane
 
 
 def quantities_of_arm(dynamics: Dynamics, lane: Lane, form: str = "{}", *more: Any) -> Quantities:
     """Quantities of the arm from the fields of a form, by its functions and ``more``."""
     arm, states = dynamics.arm, lane.get(dynamics.states, of=form)
     known = dict(zip(dynamics.states, states, strict=True))
-    return Quantities(known, (*arm.functions, *more), arm.sincos, lane)
+    return Quantities(known, (*arm.functions, *more), arm.sincos, numbers_of(dynamics, lane))
+
+
+def numbers_of(dynamics: Dynamics, x: Any) -> dict[str, Any]:
+    """The numbers that are constant in a step, from quantities or a lane."""
+    return {name: x[name] for name in dynamics.numbers}
 
 
 def motion(dynamics: Dynamics, b: Boundary, lane: Lane, form: str = "{}") -> tuple[Any, Any]:
@@ -31,7 +34,7 @@ def motion(dynamics: Dynamics, b: Boundary, lane: Lane, form: str = "{}") -> tup
     arm = dynamics.arm
     if b.joint is None:
         q, v = (lane.get(names, of=form) for names in (arm.coordinates, arm.rates))
-        gap = _gap(dynamics, b, [Dual(x, y) for x, y in zip(q, v, strict=True)], lane)
+        gap = _gap(dynamics, b, [Dual(x, y) for x, y in zip(q, v, strict=True)], numbers_of(dynamics, lane))
         return gap.value, gap.slope
     if b.bounces:
         return lane[form.format(arm.coordinates[b.joint])], lane[form.format(arm.rates[b.joint])]
@@ -44,7 +47,7 @@ def acceleration(dynamics: Dynamics, b: Boundary, x: Quantities) -> Any:
     q, v = x.each(dynamics.arm.coordinates), x.each(dynamics.arm.rates)
     a = [x.get(f"qdd{k + 1}", 0.0) for k in range(dynamics.count)]
     moving = [Dual(Dual(x0, x1), Dual(x1, x2)) for x0, x1, x2 in zip(q, v, a, strict=True)]
-    return dual(_gap(dynamics, b, moving, _numbers(dynamics, x)).slope).slope
+    return dual(_gap(dynamics, b, moving, numbers_of(dynamics, x)).slope).slope
 
 
 def normal(dynamics: Dynamics, b: Boundary, x: Quantities) -> list[Any]:
@@ -52,7 +55,7 @@ def normal(dynamics: Dynamics, b: Boundary, x: Quantities) -> list[Any]:
     q, n = x.each(dynamics.arm.coordinates), range(dynamics.count)
     if b.joint is not None:
         return [1.0 if k == b.joint else 0.0 for k in n]
-    numbers = _numbers(dynamics, x)
+    numbers = numbers_of(dynamics, x)
     return [_gap(dynamics, b, [Dual(q[j], float(j == k)) for j in n], numbers).slope for k in n]
 
 
@@ -62,12 +65,8 @@ def response(dynamics: Dynamics, impulse: Sequence[Any], x: Quantities) -> list[
     arm = dynamics.arm
     still = {q: x[q] for q in arm.coordinates} | dict.fromkeys(arm.rates, 0.0) | {"ax": ABSENT, "ay": ABSENT}
     still |= {f"Q{k + 1}": push for k, push in enumerate(impulse)}
-    made = Quantities({**_numbers(dynamics, x), **still}, dynamics.functions, arm.sincos)
+    made = Quantities({**numbers_of(dynamics, x), **still}, dynamics.functions, arm.sincos)
     return made.each(f"qdd{k + 1}" for k in range(dynamics.count))
-
-
-def _numbers(dynamics: Dynamics, x: Quantities) -> dict[str, Any]:
-    return {name: x[name] for name in dynamics.numbers}
 
 
 def _gap(dynamics: Dynamics, b: Boundary, coordinates: Sequence[Dual], numbers: Any) -> Dual:
@@ -76,3 +75,31 @@ def _gap(dynamics: Dynamics, b: Boundary, coordinates: Sequence[Dual], numbers: 
     assert b.gap is not None
     known = dict(zip(arm.coordinates, coordinates, strict=True))
     return dual(b.gap(Quantities(known, tuple(arm.functions), arm.sincos, numbers)))
+
+
+# ---- quantities of the motion at stops ------------------------------------------------------------
+
+
+def known_numbers(dynamics: Dynamics, lane: Lane, held: bool) -> dict[str, Any]:
+    """Inputs of the equations beside the state: efforts, parameters, and the stops at which sliders rest."""
+    stops, sides = dynamics.active if held else (), (b.side for b in dynamics.laws)
+    names = (*dynamics.commands, *dynamics.numbers, *dynamics.effect_states.updated, *stops, *sides)
+    return dict(zip(names, lane.get(names), strict=True))
+
+
+def contact_quantities(dynamics: Dynamics, states: Sequence[Any], numbers: dict[str, Any]) -> Quantities:
+    """Quantities while sliders rest at their stops, accelerations among them."""
+    x = dynamics.quantities(states, numbers, held=bool(dynamics.holding))
+    x.update({f"held{k + 1}": 0.0 for k in dynamics.arm.sliders()})
+    x.update({held_of(b): abs(numbers[b.active]) for b in dynamics.holding})
+    return x
+
+
+def held_of(b: Boundary) -> str:
+    """The quantity that is 1 while a slider rests at its stop."""
+    return f"held{b.number}"
+
+
+def pull(x: Quantities, b: Boundary, side: Any) -> Any:
+    """Force with which its stop has to pull a resting slider; 0 for a free one."""
+    return where(x[held_of(b)] > 0.0, side * x[f"hold{b.number}"], 0.0)

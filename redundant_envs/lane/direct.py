@@ -85,30 +85,21 @@ def trial_procedures(interval: Interval) -> list[Procedure]:
     return [interval.step.trial_step, interval.step.record_step, *forces]
 
 
-class Traced:
-    """Procedures and the program of an interval as graphs with whole functions."""
-
-    def __init__(self, interval: Interval) -> None:
-        self.layout = interval.layout()
-        self.program = interval.traced_program(self.layout, whole=True) if interval.dynamics.local else {}
-        self.names = {self.layout.row_of(name): name for name in self.layout.fields}
-        self._known: dict[Any, LaneFunction] = {}
-
-    def procedure(self, procedure: Procedure) -> LaneFunction:
-        """A procedure of a lane as a function."""
-        if procedure not in self._known:
-            self._known[procedure] = traced("procedure", self.layout, procedure, whole=True)
-        return self._known[procedure]
-
-
-_traced = functools.lru_cache(maxsize=16)(Traced)
+@functools.lru_cache(maxsize=16)
+def graphs_of(interval: Interval) -> tuple[Any, ...]:
+    """Procedures and the program of an interval as graphs with whole functions; and the names of all rows."""
+    layout = interval.layout()
+    program = interval.traced_program(layout, whole=True) if interval.dynamics.local else {}
+    procedure = functools.cache(lambda procedure: traced("procedure", layout, procedure, whole=True))
+    return procedure, program, {layout.row_of(name): name for name in layout.fields}
 
 
 class Lanes:
     """Many lanes: traced procedures and the traced program, by an interpreter."""
 
     def __init__(self, interval: Interval, fields: Mapping[str, Any]) -> None:
-        self.interval, self.traced, self.fields = interval, _traced(interval), dict(fields)
+        self.interval, self.fields = interval, dict(fields)
+        self.procedure, self.program, self.names = graphs_of(interval)
 
     def cross(self) -> dict[str, Any]:
         """The lanes after a control interval."""
@@ -124,10 +115,10 @@ class Lanes:
     def _call(self, *procedures: Procedure) -> None:
         """Apply procedures to all lanes, one after the other."""
         for procedure in procedures:
-            self._apply(self.traced.procedure(procedure))
+            self._apply(self.procedure(procedure))
 
     def _apply(self, function: LaneFunction) -> None:
-        names = self.traced.names
+        names = self.names
         found = evaluate((v for _, _, v in function.stores), lambda place: self.fields.get(names[place], 0.0))
         for (space, row, _), value in zip(function.stores, found, strict=True):
             self.fields[names[space, row]] = value
@@ -138,7 +129,7 @@ class Lanes:
 
     def _cross_alone(self) -> None:
         """Let programs cross the interval where the common step does not serve."""
-        interval, program = self.interval, self.traced.program
+        interval, program = self.interval, self.program
         served = dict(self.fields)
         leaves = self.fields["reason"] != float(Reason.NONE)
         self.fields |= {"entered": where(leaves, 1.0, 0.0), "state": -2.0, "complete": 0.0}

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import operator
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
 from typing import Any
 
-from redundant_envs.algebra import ABSENT, arguments_of, gives_of, maximum, where
-from redundant_envs.effects.attached import Attached, EffectStates, identifier
+from redundant_envs.algebra import ABSENT, arguments_of, gives_of, maximum, total, where
+from redundant_envs.effects.attached import Attached, EffectStates
 from redundant_envs.effects.hooks import Field, Force, Gap, Impact, Point
 from redundant_envs.events.boundary import Boundary, side_beyond
 from redundant_envs.events.crossings import Overshoot
@@ -21,6 +21,8 @@ from redundant_envs.quantities import Quantities
 from redundant_envs.robots.added_inertia import Added, functions_with, held_functions
 from redundant_envs.scene import Scene
 from redundant_envs.tracing.graph import owned
+
+OF_ERROR_CONTROL = re.compile("tip_tolerance|least_step_rate|most_mobility")
 
 
 @dataclass(frozen=True)
@@ -73,11 +75,11 @@ class Dynamics:
         """Boundaries that bounce: stops of sliders, and walls, whose coordinates are any functions."""
         found = []
         for a in self.scene.attached.of(Impact):
-            lower, upper, bounce = map(a.field, (a.hook.lower, a.hook.upper, a.hook.restitution))
+            lower, upper, bounce = map(a.parameter, (a.hook.lower, a.hook.upper, a.hook.restitution))
             name = self.arm.joints[a.hook.joint]
             found.append(Boundary(name, lower, upper, a.key, a.hook.joint, restitution=bounce))
         for k, w in enumerate(self.scene.attached.of(Gap)):
-            gap, bounce = w.functions["function"], w.field(w.hook.restitution)
+            gap, bounce = w.functions["function"], w.parameter(w.hook.restitution)
             found.append(Boundary(f"gap{k + 1}", "", "", w.key, gap=gap, restitution=bounce))
         return tuple(found)
 
@@ -97,7 +99,7 @@ class Dynamics:
         found = {}
         for a in self.scene.attached.of(Force):
             if a.hook.switch is not None and isinstance(a.hook.joint, int):
-                lower, upper = map(a.field, a.hook.switch)
+                lower, upper = map(a.parameter, a.hook.switch)
                 found[a] = Boundary(a.law, lower, upper, a.key, a.hook.joint, bounces=False)
         return found
 
@@ -210,8 +212,7 @@ class Dynamics:
     @cached_property
     def carried(self) -> dict[str, list[str]]:
         """Masses of the arm that carry others -> the fields of these."""
-        carried = carried_masses(self.scene.attached)
-        return {m: [identifier(name) for name in loads] for m, loads in carried.items()}
+        return carried_masses(self.scene.attached)
 
     @cached_property
     def inertias(self) -> Added:
@@ -220,7 +221,7 @@ class Dynamics:
 
     def field_of(self, parameter: str) -> str:
         """The field of a parameter of the scene; "m4" is the total moving mass, with all that it carries."""
-        return f"own_{parameter}" if parameter in self.carried else identifier(parameter)
+        return f"own_{parameter}" if parameter in self.carried else parameter
 
     @cached_property
     def parameters(self) -> dict[str, float]:
@@ -235,7 +236,7 @@ class Dynamics:
         bounds = self.arm.mobility_bounds
         functions = self.arm.prepared if bounds is None else (*self.arm.prepared, bounds)
         made: dict[str, Any] = {
-            mass: reduce(operator.add, (parameters[name] for name in loads), parameters[self.field_of(mass)])
+            mass: total(parameters[name] for name in (self.field_of(mass), *loads))
             for mass, loads in self.carried.items()
         }
         x = Quantities({**parameters, **made}, functions, {})
@@ -256,8 +257,9 @@ class Dynamics:
 
     @cached_property
     def numbers(self) -> tuple[str, ...]:
-        """Everything that is constant in a step: parameters and quantities prepared from them."""
-        return (*self.parameters, *self.prepared)
+        """Quantities that are constant in a step: parameters, and what is prepared from them; without the
+        numbers of error control, which no function takes."""
+        return tuple(n for n in (*self.parameters, *self.prepared) if not OF_ERROR_CONTROL.match(n))
 
     # ---- effects -----------------------------------------------------------------------------------
 
@@ -312,8 +314,8 @@ class Dynamics:
                 x["ax"], x["ay"] = field.functions["function"](x)
         effort, changes = self.efforts(x, "derivative")
         at_joints = self.scene.actuation == "joint"
-        total: dict[str, Any] = {f"phid{k + 1}": effort[k] if at_joints else None for k in joints}
-        working, at_points = dict(total), dict[str, Any]()
+        acting: dict[str, Any] = {f"phid{k + 1}": effort[k] if at_joints else None for k in joints}
+        working, at_points = dict(acting), dict[str, Any]()
         for a in self.scene.attached.of(Force):
             if a.law and not self.laws:
                 law = self.law_of[a]
@@ -321,7 +323,7 @@ class Dynamics:
             force = _components(a, "function", x)
             changes |= a.changes("derivative", x)
             for rate, component in force.items():
-                total[rate] = _plus(total.get(rate), component)
+                acting[rate] = _plus(acting.get(rate), component)
             if isinstance(a.hook.joint, Point):
                 self._add_at_coordinates(a, a.hook.joint, force, x, at_points)
             if a.hook.conservative is a.hook.function:
@@ -331,8 +333,8 @@ class Dynamics:
             if a.hook.conservative is not None and self.track_work:
                 for rate, component in _components(a, "conservative", x).items():
                     working[rate] = working[rate] + (-component)
-        if any(total[f"phid{k + 1}"] is not None for k in joints):
-            torques = (total[f"phid{k + 1}"] for k in joints)
+        torques = [acting[f"phid{k + 1}"] for k in joints]
+        if any(t is not None for t in torques):
             x.update({f"t{k + 1}": 0.0 if t is None else t for k, t in enumerate(torques)})
             forces = x.each(f"Q{k + 1}" for k in joints)
             if not at_joints:
@@ -346,11 +348,11 @@ class Dynamics:
             power = [force * x[rate] for rate, force in working.items() if force is not None]
             if not at_joints:
                 power += [e * x[v] for e, v in zip(effort, self.arm.rates, strict=True)]
-            results.append(sum(power[1:], power[0]) if power else 0.0)
+            results.append(total(power or [0.0]))
         return results
 
     def _add_at_coordinates(
-        self, a: Attached[Force], at: Point, force: Mapping[str, Any], x: Quantities, total: dict[str, Any]
+        self, a: Attached[Force], at: Point, force: Mapping[str, Any], x: Quantities, forces: dict[str, Any]
     ) -> None:
         """Add the generalized force of a force at a point, J^T f of that point."""
         with owned(a.key):
@@ -358,8 +360,7 @@ class Dynamics:
                 for axis, component in zip("XY", force.values(), strict=True):
                     slope = x[f"{axis}{at.number + 1}{j + 1}"]
                     if not (isinstance(slope, float) and slope == 0.0):  # links beyond the point
-                        name = f"Q{j + 1}"
-                        total[name] = _plus(total.get(name), slope * component)
+                        forces[f"Q{j + 1}"] = _plus(forces.get(f"Q{j + 1}"), slope * component)
 
 
 def _components(a: Attached[Force], field: str, x: Quantities) -> dict[str, Any]:

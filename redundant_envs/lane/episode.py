@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from functools import cached_property, reduce
 from typing import Any
 
@@ -15,15 +14,13 @@ from redundant_envs.algebra import (
     maximum,
     minimum,
     numbered,
+    total,
     where,
 )
 from redundant_envs.effects.hooks import Sensing
-from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import GIVEN_UP, OBSERVED_ANGLE, OBSERVED_RATE, Fault
-from redundant_envs.lane.fields import copies
-from redundant_envs.lane.interval import Interval
+from redundant_envs.lane.interval import Interval, copies
 from redundant_envs.lane.memory import ENGINE, PARAMETER, SCRATCH, STATE, Field, Lane, Layout
-from redundant_envs.lane.names import OF_REWARDS, OF_THE_FIELD, names_of_arm, names_of_task, owners
 from redundant_envs.lane.sensing import measured, reads_nonsense
 from redundant_envs.quantities import Quantities, check_names
 from redundant_envs.scene import identifier
@@ -50,125 +47,65 @@ TABLES = {"flags": "i8", "counts": "i64", "values": "f64"}
 """Tables that a step of an environment fills, and the types of their numbers."""
 
 
-@dataclass(frozen=True)
 class Episode:
-    """Episodes of the lanes of an environment, around their motion.
+    """Episodes of the lanes of an environment, around their motion."""
 
-    Parameters
-    ----------
-    interval : Interval
-    task : Task
-    """
-
-    interval: Interval
-    task: Task
-
-    @property
-    def dynamics(self) -> Dynamics:
-        return self.interval.dynamics
-
-    @property
-    def arm(self) -> Any:
-        return self.dynamics.arm
-
-    @property
-    def _owner(self) -> str:
-        return f"the task {type(self.task).__name__}"
-
-    @cached_property
-    def actions(self) -> tuple[str, ...]:
-        return tuple(numbered("action{}", self.dynamics.count))
-
-    @cached_property
-    def sensors(self) -> bool:
-        """Whether observations follow from readings of sensors."""
-        return bool(self.dynamics.scene.attached.of(Sensing))
-
-    @cached_property
-    def draws(self) -> tuple[str, ...]:
+    def __init__(self, interval: Interval, task: Task) -> None:
+        dynamics, scene = interval.dynamics, interval.dynamics.scene
+        self.interval, self.task, self.dynamics, self.arm = interval, task, dynamics, dynamics.arm
+        self.actions = tuple(numbered("action{}", dynamics.count))
+        self.draws = (*numbered("u{}", dynamics.count), *numbered("draw{}", task.draws))
         """Uniform draws of an episode: of the start of each joint, then those of the task."""
-        return (*numbered("u{}", self.dynamics.count), *numbered("draw{}", self.task.draws))
-
-    @cached_property
-    def terms(self) -> tuple[str, ...]:
-        """Terms of the reward."""
-        return self.task.reward_terms(self.dynamics.scene)
-
-    @cached_property
-    def goal(self) -> tuple[str, ...]:
-        """Coordinates of the goal, if the task has one."""
-        return GOAL if set(GOAL) <= set(self.task.memory) else ()
-
-    @cached_property
-    def held_outputs(self) -> tuple[str, ...]:
-        """Metrics that are known only after a step, and kept until the next one."""
-        return (*ENDS, *self.task.held_outputs)
-
-    @cached_property
-    def returns(self) -> tuple[str, ...]:
-        """Sums of the reward terms."""
-        return tuple(f"{t}_sum" for t in self.terms)
-
-    @cached_property
-    def spent(self) -> tuple[str, ...]:
-        """Totals of an episode so far: evaluations, located events, and the largest error of an interval."""
-        interval = self.interval
-        if not self.dynamics.local:
-            return ()
-        found = {
-            "events_sum": bool(self.dynamics.stops),
-            "error_most": self.dynamics.scene.tolerance is not None,
-        }
-        return tuple(name for name in SPENT if found.get(name, True))
-
-    @cached_property
-    def counts(self) -> tuple[str, ...]:
-        """What a lane remembers of its episode beside its state and the task's memory."""
-        return (*self.returns, *self.spent, *COUNTS)
-
-    @cached_property
-    def observed(self) -> tuple[str, ...]:
-        """Observed quantities in order."""
-        return tuple(self.task.observation(self.dynamics.scene))
+        self.terms: tuple[str, ...] = task.reward_terms(scene)
+        self.returns = tuple(f"{t}_sum" for t in self.terms)
+        self.goal = GOAL if set(GOAL) <= set(task.memory) else ()
+        self.held_outputs = (*ENDS, *task.held_outputs)
+        self.observed = tuple(task.observation(scene))
+        self.sensors = bool(scene.attached.of(Sensing))
+        """Whether observations follow from readings of sensors."""
+        has = {"events_sum": bool(dynamics.stops), "error_most": scene.tolerance is not None}
+        spent = {name: doc for name, doc in SPENT.items() if dynamics.local and has.get(name, True)}
+        sums = dict.fromkeys(self.returns, "sum of a reward term over the episode")
+        self.counts: dict[str, str] = {**sums, **spent, **COUNTS}
+        """What a lane remembers of its episode beside its state and the task's memory, and what it means."""
 
     @cached_property
     def tables(self) -> dict[str, tuple[str, ...]]:
         """Quantities in the rows of the tables."""
+        flags, metrics = self.task.flags, self.task.metrics
         beyond = ("beyond_limit",) if spring_limits(self.dynamics.scene) else ()
-        whole = ("numerics", "saturated", "steps", *(n for n in self.spent if n != "error_most"))
-        most = tuple(n for n in self.spent if n == "error_most")
-        measured = tuple(m for m in self.task.metrics if m not in self.task.flags)
+        totals = [n for n in SPENT if n in self.counts and n != "error_most"]
+        most = ("error_most",) if "error_most" in self.counts else ()
+        measured = (m for m in metrics if m not in flags)
         return {
-            "flags": ("terminated", "truncated", *(m for m in self.task.metrics if m in self.task.flags)),
-            "counts": whole,
+            "flags": ("terminated", "truncated", *(m for m in metrics if m in flags)),
+            "counts": ("numerics", "saturated", "steps", *totals),
             "values": ("reward", *measured, *beyond, *most, *self.returns, *TIP, *self.goal),
         }
 
     @cached_property
     def aliases(self) -> dict[str, str]:
-        """Quantities with one name in the task and another in the scene."""
-        return {k: identifier(v) for k, v in self.task.aliases(self.dynamics.scene).items()}
+        """What functions of the task call numbers and states of effects -> their fields."""
+        scene = self.dynamics.scene
+        of_effects = [name for name in (*scene.parameters(), *scene.states()) if "." in name]
+        return {**{identifier(name): name for name in of_effects}, **self.task.aliases(scene)}
 
     def fields(self) -> Iterator[Field]:
         """Fields of the lanes, those of the interval included."""
-        interval = self.interval
-        yield from interval.fields()
+        task, owner = self.task, f"the task {type(self.task).__name__}"
+        yield from self.interval.fields()
         if not self.dynamics.local:
             kept = [Field(name, "", name, STATE) for name in self.dynamics.kept]
             yield from copies(kept, "{}_start", "when the interval began")
-        for name in self.task.parameters():
-            yield Field(name, "", "number", PARAMETER, owner=self._owner)
+        for name in task.parameters():
+            yield Field(name, "", "number", PARAMETER, owner=owner)
         yield Field("limit", "", "control steps of an episode", PARAMETER)
-        for name in self.task.memory:
-            yield Field(name, "", "memory", STATE, owner=self._owner)
-        for name in self.returns:
-            yield Field(name, "", "sum of a reward term over the episode", STATE)
-        for name in (*self.spent, *COUNTS):
-            yield Field(name, "", (SPENT | COUNTS)[name], STATE)
-        for name in ENDS:
-            yield Field(name, "", "of the last step", STATE)
-        for name in self.task.held_outputs:
-            yield Field(name, "", "held output", STATE, owner=self._owner)
+        for name in task.memory:
+            yield Field(name, "", "memory", STATE, owner=owner)
+        for name, doc in (self.counts | dict.fromkeys(ENDS, "of the last step")).items():
+            yield Field(name, "", doc, STATE)
+        for name in task.held_outputs:
+            yield Field(name, "", "held output", STATE, owner=owner)
         for name in self.actions:
             yield Field(name, "", "action in [-1, 1] of the last step, which pictures show", STATE)
         for name in self.draws:
@@ -176,40 +113,26 @@ class Episode:
         yield Field("resetting", "", "a new episode begins", SCRATCH, truth=True)
 
     def layout(self) -> Layout:
-        fields, kind = list(self.fields()), type(self.task).__name__
-        ends = dict.fromkeys(self.aliases, "an end of the travel of a slider")
-        arguments = OF_THE_FIELD | OF_REWARDS | ends
-        check_names(f"{self.arm.kind}.functions", names_of_arm(self.arm), owners(fields, arguments))
-        others = owners((f for f in fields if f.owner != self._owner), arguments)
-        for attribute, names in names_of_task(self.task, self.dynamics.scene).items():
-            check_names(f"{kind}.{attribute}", names, others)
+        """The fields of the lanes, and the rows that hold them."""
+        self.interval.layout()  # refuses an arm whose quantities are not its own
+        layout = Layout(self.fields())
         shown = dict.fromkeys((*TIP, *GOAL), f"of {ENGINE}: every step has it beside info")
-        of_engine = owners((f for f in fields if f.owner == ENGINE), arguments)
-        check_names(f"{kind}.metrics", self.task.metrics, shown | of_engine)
-        layout = Layout(fields)
-        layout.taken |= dict.fromkeys(names_of_arm(self.arm), f"{self.arm.kind}.functions")
-        for attribute, names in names_of_task(self.task, self.dynamics.scene).items():
-            layout.taken |= dict.fromkeys(names, f"{kind}.{attribute}")
+        shown |= {name: layout.fields[name].whose for name in (*self.counts, *ENDS)}
+        check_names(f"{type(self.task).__name__}.metrics", self.task.metrics, shown)
         return layout
 
     def quantities(self, lane: Lane, known: Mapping[str, Any], functions: Any = None) -> Quantities:
         """Quantities of the arm and the task."""
         if functions is None:
             functions = (*self.dynamics.functions, *self.task.functions(self.dynamics.scene))
-        names = self._numbers
-        source = {n: lane[self.aliases.get(n, n)] for n in (*names, "interval", "steps")}
-        return Quantities(
-            {**source, **known}, functions, {**self.arm.sincos, **self.task.angles}, (), self.aliases
-        )
+        names = (*self.dynamics.numbers, *self.task.parameters(), "interval", "steps")
+        numbers, angles = {n: lane[n] for n in names}, {**self.arm.sincos, **self.task.angles}
+        return Quantities({**numbers, **known}, functions, angles, (), self.aliases)
 
-    @cached_property
-    def units(self) -> tuple[str, ...]:
-        """Fields with the units of the actions."""
-        return tuple(identifier(name) for name in self.dynamics.scene.action_units())
-
-    @cached_property
-    def _numbers(self) -> tuple[str, ...]:
-        return (*self.dynamics.numbers, *self.task.parameters())
+    def quantities_now(self, lane: Lane) -> Quantities:
+        """The same after an interval."""
+        names = (*self.dynamics.states, *self.task.memory, *self.actions)
+        return self.quantities(lane, {n: lane[n] for n in names})
 
     # ---- a control step --------------------------------------------------------------------------------
 
@@ -220,6 +143,7 @@ class Episode:
             lane.copy(self.dynamics.kept, to="{}_start")
         count: Any = 0.0
         defect: Any = 0.0
+        units = tuple(self.dynamics.scene.action_units())
         for k, name in enumerate(self.actions):
             action = lane[name]
             clipped = minimum(maximum(action, -1.0), 1.0)
@@ -227,7 +151,7 @@ class Episode:
             defect = defect + (action - action)
             used = where(action - action == 0.0, clipped, 0.0)
             lane[name] = used
-            lane[self.dynamics.commands[k]] = used * lane[self.units[k]]
+            lane[self.dynamics.commands[k]] = used * lane[units[k]]
         lane.numerics = where(defect == 0.0, 0.0, float(Fault.BAD_ACTION))
         lane.saturated = lane.saturated + where(defect == 0.0, count, 0.0)
 
@@ -240,7 +164,7 @@ class Episode:
         interval.update_effect_states(lane)
         defect = interval.step.defect(lane.get((*states, *self.dynamics.effect_states.updated)))
         if self.sensors:
-            x = self.quantities(lane, {n: lane[n] for n in (*states, *task.memory, *self.actions)})
+            x = self.quantities_now(lane)
             defect = defect + where(reads_nonsense(self.dynamics, x), math.nan, 0.0)
             lane.next_part()
         fastest = reduce(maximum, (abs(lane[v]) for v in self.arm.rates))
@@ -255,17 +179,17 @@ class Episode:
         faulty = code > 0.0
         interval.undo(lane, faulty)
         if task.moves:
-            x = self.quantities(lane, {n: lane[n] for n in (*states, *task.memory, *self.actions)})
+            x = self.quantities_now(lane)
             for name, source in task.moves.items():
                 lane[name] = where(faulty, lane[name], x[source])
-        x = self.quantities(lane, {n: lane[n] for n in (*states, *task.memory, *self.actions)})
+        x = self.quantities_now(lane)
         terms = self.terms
         taking = [f for f in task.reward_functions(self.dynamics.scene) if "paid" in arguments_of(f)]
         earned = [t for t in terms if not any(t in gives_of(f) for f in taking)]
         if taking:
             x["ended"] = code
-            x["paid"] = _sum([lane[f"{t}_sum"] + x[t] for t in earned])
-        lane.reward = _sum(x.each(terms))
+            x["paid"] = total(lane[f"{t}_sum"] + x[t] for t in earned)
+        lane.reward = total(x.each(terms))
         new = {name: x[source] for name, source in task.updates.items()}
         for t in terms:
             lane[f"{t}_sum"] = lane[f"{t}_sum"] + x[t]
@@ -280,20 +204,18 @@ class Episode:
         lane.truncated = where(lane.steps >= lane.limit, 1.0, 0.0)
         for name in task.held_outputs:
             lane[name] = x[name]
-        for name in self.spent:
-            lane[name] = self._spent(lane, name)
-
-    @staticmethod
-    def _spent(lane: Lane, name: str) -> Any:
-        if name == "error_most":
-            return maximum(lane.error_most, lane.error)
-        return lane[name] + (lane.evaluations if name == "evaluations_sum" else lane.impacts)
+        if "evaluations_sum" in lane:
+            lane.evaluations_sum = lane.evaluations_sum + lane.evaluations
+        if "events_sum" in lane:
+            lane.events_sum = lane.events_sum + lane.impacts
+        if "error_most" in lane:
+            lane.error_most = maximum(lane.error_most, lane.error)
 
     # ---- observation -----------------------------------------------------------------------------------
 
     def observe(self, lane: Lane) -> dict[Any, Any]:
         """Observations, from readings of sensors, and outputs: functions of the state and the goal alone."""
-        scene, memory = self.dynamics.scene, (*self.task.memory, *self.counts, *self.held_outputs)
+        memory = (*self.task.memory, *self.counts, *self.held_outputs)
         known = {n: lane[n] for n in (*self.dynamics.states, *self.task.memory)}
         x = self.quantities(lane, known)
         read = measured(self.dynamics, x)
@@ -303,10 +225,10 @@ class Episode:
         for table, element in TABLES.items():
             for k, name in enumerate(self.tables[table]):
                 if name == "beyond_limit":
-                    depths = [
-                        depth_beyond(x[f"phi{joint + 1}"], lane[identifier(low)], lane[identifier(high)])
-                        for joint, low, high in spring_limits(scene)
-                    ]
+                    limits = spring_limits(self.dynamics.scene)
+                    depths = (
+                        depth_beyond(x[f"phi{k + 1}"], lane[low], lane[high]) for k, low, high in limits
+                    )
                     value = reduce(maximum, depths)
                 elif name == "numerics" and self.sensors:  # also for a start whose readings are not finite
                     bad = reads_nonsense(self.dynamics, x) & (lane.numerics == 0.0)
@@ -320,13 +242,13 @@ class Episode:
 
     def reset(self, lane: Lane) -> None:
         """A new episode in the lanes that are ``resetting``, from their draws."""
-        task, arm, interval = self.task, self.arm, self.interval
+        task, arm = self.task, self.arm
         functions = (
             *(f for f in self.dynamics.functions if "phi1" not in gives_of(f)),
             *task.functions(self.dynamics.scene), *task.begin_functions, arm.coordinates_of_joints,
         )  # fmt: skip
         drawn = [m for m in task.memory if m not in task.updates]
-        draws = {name: lane[name] for name in self.draws}
+        draws = {name: lane[name] for name in self.draws[self.dynamics.count :]}
         x = self.quantities(lane, {**draws, **self.start(lane)}, functions)
         values = {name: x[name] for name in (*arm.coordinates, *drawn)}
         remembered = [m for m in (*task.memory, *self.counts) if m not in drawn]
@@ -340,12 +262,6 @@ class Episode:
         """Joint positions, uniform in each joint's range of starts inside the lane's own limits."""
         positions = {}
         for joint in range(self.dynamics.count):
-            low, high = range_of_starts(
-                self.task, self.dynamics.scene, joint, lambda name: lane[identifier(name)]
-            )
+            low, high = range_of_starts(self.task, self.dynamics.scene, joint, lane.__getitem__)
             positions[f"phi{joint + 1}"] = start_position(lane[f"u{joint + 1}"], low, high)
         return positions
-
-
-def _sum(terms: list[Any]) -> Any:
-    return sum(terms[1:], terms[0])

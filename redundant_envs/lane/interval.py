@@ -6,26 +6,27 @@ the integrator dop853, whose steps are always local.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
-from redundant_envs.algebra import where
+from redundant_envs.algebra import gives_of, where
 from redundant_envs.lane.boundaries import Boundaries
 from redundant_envs.lane.common_step import CommonStep
+from redundant_envs.lane.coordinates import known_numbers
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import GIVEN_UP, MOST_LOGGED, WATCHED, Control
-from redundant_envs.lane.fields import copies, motion_fields
-from redundant_envs.lane.memory import LOG, PARAMETER, SCRATCH, STATE, Field, Lane, Layout, ProgramLane
-from redundant_envs.lane.names import OF_THE_FIELD, names_of_arm, owners
+from redundant_envs.lane.memory import ENGINE, LOG, PARAMETER, SCRATCH, STATE, Field, Lane, Layout, TracedLane
 from redundant_envs.lane.program import LaneProgram, Request
-from redundant_envs.lane.step import known_numbers
 from redundant_envs.lane.step_control import CLASSES
 from redundant_envs.quantities import check_names
 from redundant_envs.tracing.flow import LaneFunction
+from redundant_envs.tracing.graph import Graph
 from redundant_envs.tracing.program import Machine
 
 ANSWERED = {None: "entered", Request.STEP: "due", Request.FORCES: "touching"}
 """The field that is true when the program of a lane may go on after a request."""
+ARGUMENTS = dict.fromkeys(("ax", "ay"), f"of {ENGINE}: minus the gravity vector, m/s^2")
+"""Quantities that are no fields in every scene, and whose names they are."""
 CONDITIONS = {
     "entered": "has just left the common step",
     "due": "has made the trial step that it asked for",
@@ -135,7 +136,8 @@ class Interval:
 
         The layout gets the fields that only the program sets; ``whole`` is for :class:`Graph`.
         """
-        machine, made = Machine(self.program.cross, ProgramLane(layout), Request, whole), {}
+        lane, made = TracedLane(layout, Graph(), {}, declares=True), {}
+        machine = Machine(self.program.cross, lane, Request, whole)
         for request, answered in ANSWERED.items():
             if request not in machine.graphs:
                 continue
@@ -148,8 +150,49 @@ class Interval:
 
     def layout(self) -> Layout:
         """The fields of the lanes, and the rows that hold them."""
-        fields, arm = list(self.fields()), self.dynamics.arm
-        check_names(f"{arm.kind}.functions", names_of_arm(arm), owners(fields, OF_THE_FIELD))
-        layout = Layout(fields)
-        layout.taken |= dict.fromkeys(names_of_arm(arm), f"{arm.kind}.functions")
+        dynamics, layout = self.dynamics, Layout(self.fields())
+        known = (*dynamics.states, *dynamics.numbers, *dynamics.commands)
+        owners = ARGUMENTS | {name: layout.fields[name].whose for name in known}
+        check_names(f"{dynamics.arm.kind}.functions", names_of_arm(dynamics.arm), owners)
         return layout
+
+
+def motion_fields(dynamics: Dynamics) -> Iterator[Field]:
+    """State, parameters and what every interval has."""
+    arm, of_arm = dynamics.arm, f"the arm {dynamics.arm.kind}"
+    owners = dict.fromkeys(dynamics.numbers, of_arm) | dict.fromkeys(ARGUMENTS, ENGINE)
+    for effect in dynamics.scene.effects:
+        names = (*effect.parameters(), *effect.states(arm))
+        owners |= {f"{effect.key}.{name}": f"the effect {type(effect).__name__}" for name in names}
+    units = ["m" if slides else "rad" for slides in arm.prismatic]
+    for name, unit in zip(arm.coordinates, units, strict=True):
+        yield Field(name, unit, "generalized coordinate", STATE, owner=of_arm)
+    for name, unit in zip(arm.rates, units, strict=True):
+        yield Field(name, f"{unit}/s", "generalized velocity", STATE, owner=of_arm)
+    for name, state in dynamics.effect_states.items():
+        yield Field(name, state.unit, f"state {state.name}", STATE, owner=owners[name])
+    if dynamics.track_work:
+        yield Field("work", "J", "work of motors and of forces without a potential", STATE, book=True)
+    yield Field("h", "s", "length of the common step", PARAMETER)
+    yield Field("interval", "s", "control interval", PARAMETER)
+    for name in (*dynamics.parameters, *dynamics.prepared):
+        doc = "parameter of the scene" if name in dynamics.parameters else "follows from parameters alone"
+        yield Field(name, "SI", doc, PARAMETER, owner=owners.get(name, ENGINE))
+    for k, name in enumerate(dynamics.commands):
+        yield Field(name, "N" if arm.prismatic[k] else "N m", "commanded effort of a motor", SCRATCH)
+    yield Field("error", "m", "estimated tip error of the interval so far", SCRATCH)
+    yield Field("fault", "", "faults of the interval", SCRATCH)
+
+
+def copies(fields: Iterable[Field], form: str, doc: str) -> Iterator[Field]:
+    """Scratch fields that hold earlier values of others."""
+    for f in fields:
+        yield Field(form.format(f.name), f.unit, f"{f.name} {doc}", SCRATCH, book=f.book)
+
+
+def names_of_arm(arm: Any) -> set[str]:
+    """Quantities that an arm computes, except those that lanes keep under the same names."""
+    more = (arm.held_dynamics, arm.slider_mobility, arm.column_norms, arm.mobility_bounds)
+    given = {name for f in (*arm.functions, *filter(None, more)) for name in gives_of(f)}
+    angles = {name for pair in arm.sincos.values() for name in pair}
+    return (given | angles) - {name for f in arm.prepared for name in gives_of(f)}

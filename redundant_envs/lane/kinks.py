@@ -23,29 +23,16 @@ from redundant_envs.tracing.number import Loads, value_of
 
 @dataclass(frozen=True)
 class Watch:
-    """A function of an effect with kinks.
-
-    Attributes
-    ----------
-    function : Bound
-    moving : whether each argument moves; empty for a declared kink, whose value changes its sign
-    kept : indices of those of its kinks that are watched
-    levels : for each of these, whether there is a kink at each whole number
-    """
+    """A function of an effect with kinks."""
 
     function: Bound
-    moving: tuple[bool, ...] = ()
-    kept: tuple[int, ...] = (0,)
-    levels: tuple[bool, ...] = (False,)
-
-    @property
-    def declared(self) -> bool:
-        """Whether the effect declares it."""
-        return not self.moving
+    moving: tuple[bool, ...] = ()  # whether each argument moves; empty for a kink that the effect declares
+    kept: tuple[int, ...] = (0,)  # indices of those of its kinks that are watched
+    levels: tuple[bool, ...] = (False,)  # for each of these, whether there is a kink at each whole number
 
     def values(self, x: Quantities) -> list[Any]:
         """Values that change their signs at the kinks, from quantities."""
-        if self.declared:
+        if not self.moving:  # its own value does
             return [self.function(x)]
         kinks = kinks_in(self.run(x))
         return [kinks[k].value for k in self.kept]
@@ -82,7 +69,7 @@ def kinks_of(attached: Attachments, moves: Moves) -> Watches:
     """
     x = Quantities({}, (), {}, Loads())
     found: list[tuple[Attached[Any], Watch, list[Key]]] = []
-    seen: set[Key] = set()
+    seen: set[Key] = {None}
     for a in attached.along(x):
         command = attached.commands[a.hook.joint] if isinstance(a.hook, Actuation) else ""
         stands_for: set[Key] = set()
@@ -104,26 +91,22 @@ def kinks_of(attached: Attachments, moves: Moves) -> Watches:
                 found.append((a, watch, [None if key in stands_for else key for key in keys]))
     watches: Watches = {}
     for a, watch, keys in found:
-        kept = [k for k, key in enumerate(keys) if _is_new(key, seen)]
+        kept = [k for k, key in enumerate(keys) if key not in seen and key not in keys[:k]]
+        seen.update(keys)
         if kept:
             levels = tuple(isinstance(keys[k], Level) for k in kept)
             watch = dataclasses.replace(watch, kept=tuple(kept), levels=levels)
-        if kept or watch.declared:
+        if kept or not watch.moving:
             watches.setdefault(a, []).append(watch)
     return watches
 
 
 class Moves:
-    """Which quantities change with the motion within an interval.
-
-    Attributes
-    ----------
-    leaves : command -> whether the output of the last examined link of its motor moves
-    """
+    """Which quantities change with the motion within an interval."""
 
     def __init__(self, arm: Arm, constant: Iterable[str], moving: Iterable[str]) -> None:
         self.arm = arm
-        self.leaves: dict[str, bool] = {}
+        self.leaves: dict[str, bool] = {}  # whether the last examined link of a command's motor moves
         self.known = dict.fromkeys(constant, False) | dict.fromkeys(moving, True)
 
     def of(self, function: Bound, command: str) -> tuple[bool, ...]:
@@ -171,10 +154,3 @@ def _keys_declared(value: Value) -> Iterator[Key]:
     if isinstance(value, Operation) and value.name == "select":
         for chosen in value.arguments[1:]:
             yield from _keys_declared(chosen)
-
-
-def _is_new(key: Key, seen: set[Key]) -> bool:
-    if key is None or key in seen:
-        return False
-    seen.add(key)
-    return True

@@ -53,15 +53,11 @@ class Layout:
     def __init__(self, fields: Iterable[Field]) -> None:
         self.fields: dict[str, Field] = {}
         self.rows: dict[Lifetime, dict[str, int]] = {lifetime: {} for lifetime in Lifetime}
-        self.taken: dict[str, str] = {}
-        """Names that no further field may have, and where they are given."""
         for f in fields:
             self.add(f)
 
     def add(self, f: Field) -> None:
         """Declare one more field."""
-        if f.name in self.taken:
-            raise ValueError(f"{self.taken[f.name]} has {f.name!r}, a name {f.whose}; rename it")
         if f.name in self.fields:
             raise ValueError(
                 f"{f.name!r} is a name {self.fields[f.name].whose}, and {f.whose}; rename one of them"
@@ -100,9 +96,9 @@ class Lane:
 
     def __init__(self, layout: Layout, load: Callable[[str], Any], declares: bool = False) -> None:
         """With ``declares`` a field that is set and not declared becomes a scratch field."""
-        own = {"_layout": layout, "_load": load, "_declares": declares, "_now": {}, "_written": {}}
-        for name, value in own.items():
-            object.__setattr__(self, name, value)
+        self._layout, self._load, self._declares = layout, load, declares
+        self._now: dict[str, Any] = {}
+        self._written: dict[str, Any] = {}
 
     def __getitem__(self, name: str) -> Any:
         if name not in self._now:
@@ -122,7 +118,13 @@ class Lane:
         return self[name]
 
     def __setattr__(self, name: str, value: Any) -> None:
+        if name.startswith("_"):
+            return object.__setattr__(self, name, value)
+        known = self._layout.fields.get(name)
+        if known and known.owner != ENGINE:
+            raise ValueError(f"{name!r} is a name {known.whose}, and of {ENGINE}; rename it")
         self[name] = value
+        return None
 
     @property
     def layout(self) -> Layout:
@@ -159,38 +161,30 @@ class Lane:
 
 
 class TracedLane(Lane):
-    """A lane whose numbers are recorded in a graph."""
+    """A lane whose numbers are recorded in a graph; of a program, in one graph after the other."""
 
     __slots__ = ("_columns", "_graph")
 
     def __init__(
         self, layout: Layout, graph: Graph, columns: Mapping[str, tuple[str, int]], declares: bool = False
     ) -> None:
+        """``columns`` are the places in tables of fields that do not come from the memory."""
         super().__init__(layout, self.loaded, declares)
-        object.__setattr__(self, "_graph", graph)
-        object.__setattr__(self, "_columns", columns)
+        self._graph, self._columns = graph, columns
 
     def next_part(self) -> None:
         self._graph.part += 1
 
-    def loaded(self, name: str) -> Number:
-        """A field as it is in memory."""
-        return Number(self._graph, self._graph.load(*self._columns.get(name) or self._layout.row_of(name)))
-
-
-class ProgramLane(TracedLane):
-    """A lane of a program that is traced, stretch by stretch."""
-
-    __slots__ = ()
-
-    def __init__(self, layout: Layout) -> None:
-        super().__init__(layout, Graph(), {}, declares=True)
-
     def begin(self, graph: Graph) -> None:
         """Read all fields anew, as numbers of a graph."""
-        object.__setattr__(self, "_graph", graph)
+        self._graph = graph
         self._now.clear()
         self._written.clear()
+
+    def loaded(self, name: str) -> Number:
+        """A field as it is in memory."""
+        place = self._columns.get(name) or self._layout.row_of(name)
+        return Number(self._graph, self._graph.load(*place))
 
 
 def traced(

@@ -173,21 +173,18 @@ class LaneProgram:
         """The trial step, and the first event of each coordinate in it."""
         h = lane.step
         moved = self.boundaries.in_step(lane, "{}_trial")
-        encounters = [
-            self._encounter(lane, float(k), b, s)
-            for k, (b, s) in enumerate(zip(self.dynamics.boundaries, moved, strict=True))
-        ]
+        boundaries = enumerate(zip(self.dynamics.boundaries, moved, strict=True))
+        encounters = [self._encounter(lane, float(k), b, s) for k, (b, s) in boundaries]
         events = [first_event(e, h, 1.0 / h, self.dynamics.method.stages > 1) for e in encounters]
         return Trial(h, lane.left, lane.interval, encounters, events)
 
     def _encounter(self, lane: Lane, number: float, b: Boundary, motion: BoundedCoordinate) -> Encounter:
-        names = (f"crossing_{b.name}", f"turning_{b.name}", f"cleared_{b.name}")
-        crossing, turning_time, cleared = lane.get(names)
+        known = lane.get(("crossing", "turning", "cleared"), of=f"{{}}_{b.name}")
         forces, mobility = [0.0, 0.0], 0.0
         if b in self.dynamics.holding:
-            forces = lane.get((f"force_{b.name}", f"force_trial_{b.name}"))
+            forces = lane.get(("force", "force_trial"), of=f"{{}}_{b.name}")
             mobility = self.boundaries.mobility(lane, b, b)
-        return Encounter(number, motion, *forces, crossing, turning_time, cleared, mobility)  # type: ignore[call-arg]
+        return Encounter(number, motion, *forces, *known, mobility)  # type: ignore[call-arg]
 
     def seek(self, lane: Lane, trial: Trial, aim: Aim) -> None:
         """Begin a search for an event."""
@@ -252,16 +249,11 @@ class LaneProgram:
     def arrive(self, lane: Lane, trial: Trial, sought: Sought, rest_of_way: TaylorStep) -> None:
         """End a trial step at its event: sliders that are at their stops are there exactly."""
         arm, slide = self.dynamics.arm, where(sought.free & rest_of_way.possible, rest_of_way.time, 0.0)
-        crossed = [
-            where(sought_here, lane.side, e.motion.side_beyond)
-            for e, sought_here in zip(trial.encounters, sought.chosen, strict=True)
-        ]
+        met = zip(trial.encounters, sought.chosen, strict=True)
+        crossed = [where(is_sought, lane.side, e.motion.side_beyond) for e, is_sought in met]
         positions = search.positions_after(trial, sought, rest_of_way.arrives, slide)
-        exact = {
-            arm.coordinates[b.joint]: position
-            for b, position in zip(self.dynamics.boundaries, positions, strict=True)
-            if b in self.dynamics.holding and b.joint is not None
-        }
+        at_end = zip(self.dynamics.boundaries, positions, strict=True)
+        exact = {arm.coordinates[b.number - 1]: p for b, p in at_end if b in self.dynamics.holding}
         for q, v in zip(arm.coordinates, arm.rates, strict=True):
             lane[q] = exact[q] if q in exact else lane[q] + slide * lane[v]
         self.spend(lane, lane.step + slide)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from redundant_envs.effects.attached import Attached
@@ -48,15 +49,15 @@ def field_of(a: Attached[Force]) -> str:
     return f"most_mobility{a.hook.joint + 1}"
 
 
-def rates_of_motion(scene: Scene, lane: Any, x: Quantities) -> list[Any]:
+def rates_of_motion(scene: Scene, lane: Any, x: Quantities, numbers: Mapping[str, Any]) -> list[Any]:
     """Steps per second that dampers require now, if their damping depends on positions and rates ``x``."""
     rates = []
     for a in dampers(scene):
         position, rate = a.hook.motion
         known = {position: x[position] + lane.interval * x[rate], rate: x[rate]}
-        ahead = Quantities(known, tuple(scene.robot.functions), scene.robot.sincos, lane)
-        dampings = (a.functions["damping"](quantities) for quantities in (x, ahead))
-        rates.append(estimates.steps_towards_damper(*dampings, lane[field_of(a)], lane.interval))
+        ahead = Quantities(known, tuple(scene.robot.functions), scene.robot.sincos, numbers)
+        here, there = (a.functions["damping"](quantities) for quantities in (x, ahead))
+        rates.append(estimates.steps_towards_damper(here, there, lane[field_of(a)], lane.interval))
     return rates
 
 

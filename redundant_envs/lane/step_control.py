@@ -6,11 +6,10 @@ import enum
 from abc import ABC, abstractmethod
 from typing import Any
 
-from redundant_envs.algebra import logical_not, maximum
-from redundant_envs.lane.common_step import CommonStep
+from redundant_envs.algebra import logical_not, maximum, total
+from redundant_envs.lane.common_step import CommonStep, tip_norms
 from redundant_envs.lane.features import Control, Fault, Reason
 from redundant_envs.lane.memory import Lane
-from redundant_envs.lane.step import tip_norms
 from redundant_envs.numerics import error_control
 from redundant_envs.numerics.error_control import FirstStep, Verdict
 
@@ -86,10 +85,8 @@ class EqualSteps(StepControl):
     repeats = True
 
     def begin(self, lane: Lane) -> FirstStep:
-        failed = lane.reason == Reason.ACCURACY
-        first = error_control.first_of_equal(
-            failed, lane.error, lane.min_steps, lane.tip_tolerance, lane.interval
-        )
+        known = lane.get(("error", "min_steps", "tip_tolerance", "interval"))
+        first = error_control.first_of_equal(lane.reason == Reason.ACCURACY, *known)
         lane.divisions = lane.steps_left = first.steps
         for q in self.dynamics.arm.coordinates:
             lane[f"{q}_seen"] = error_control.NEVER_SEEN
@@ -128,9 +125,9 @@ class EqualSteps(StepControl):
 
     def _crossed(self, lane: Lane) -> error_control.Crossed:
         norms = zip(tip_norms(self.dynamics, lane), self.dynamics.arm.coordinates, strict=True)
-        terms = [n * abs(lane[q] - lane[f"{q}_seen"]) for n, q in norms]
+        change = total(n * abs(lane[q] - lane[f"{q}_seen"]) for n, q in norms)
         return error_control.Crossed(
-            lane.divisions, lane.error, lane.tip_tolerance, sum(terms[1:], terms[0]), self._impacts(lane),
+            lane.divisions, lane.error, lane.tip_tolerance, change, self._impacts(lane),
             *self.step.doubts(lane),
         )  # fmt: skip
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.effects.attached import Attached, identifier
+from redundant_envs.effects.attached import Attached
 from redundant_envs.effects.hooks import Field, Force, Point
 from redundant_envs.events.boundary import side_beyond
 from redundant_envs.quantities import Quantities
@@ -41,14 +41,14 @@ def scene_quantities(
     arm = scene.loaded_robot
     own = {name: value for name, value in scene.parameters().items() if "." in name}
     known: dict[str, Any] = {**arm.parameter_values(), "ax": 0.0, "ay": 0.0, **dict.fromkeys(arm.rates, 0.0)}
-    known |= {identifier(name): value for name, value in {**own, **parameters}.items()}
+    known |= {**own, **parameters}
     known |= scene.attached.states.initial
     for names, numbers in ((arm.coordinates, q), (arm.rates, qd)):
         known |= {} if numbers is None else {name: numbers[..., k] for k, name in enumerate(names)}
     x = Quantities(known, arm.functions, arm.sincos)
     for a in scene.attached.of(Force):
         if a.hook.switch is not None:
-            x[a.side] = side_beyond(*x.each((a.hook.motion[0], *map(a.field, a.hook.switch))))
+            x[a.side] = side_beyond(*x.each((a.hook.motion[0], *map(a.parameter, a.hook.switch))))
     for field in scene.attached.of(Field):
         x["ax"], x["ay"] = field.functions["function"](x)
     return x

@@ -9,12 +9,11 @@ from typing import NamedTuple
 
 from redundant_envs.batch.advance import advance_kernel
 from redundant_envs.batch.blocks import Blocks
-from redundant_envs.effects.attached import identifier
 from redundant_envs.effects.hooks import Field, Inertia
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.memory import LOG
 from redundant_envs.scene import Scene, check_scene
-from redundant_envs.tracing.flow import LaneFunction, Program
+from redundant_envs.tracing.flow import Program
 from redundant_envs.tracing.graph import Operation, located, reached
 from redundant_envs.tracing.listing import lines
 
@@ -86,30 +85,18 @@ def bill(scene: Scene, track_work: bool = False) -> dict[str, Operations]:
 
 def _counts(scene: Scene, track_work: bool) -> tuple[dict[str, Counter[str]], Blocks]:
     """Operations by owner and kind, and the blocks of the program."""
-    dynamics = Dynamics(scene, track_work)
     with located():
-        _, blocks = advance_kernel(dynamics)
-        total = _counted(_step_of(blocks), dynamics)
+        _, blocks = advance_kernel(Dynamics(scene, track_work))
+        functions = blocks.functions
+        step = next(functions[n] for n in ("interval", "step", "common") if n in functions)
+        nodes = reached(step.results)
+        total, stages = _count(nodes), [n for n in nodes if n.name == "stage"]
+        for key, number in (_count(stages[0].extra.traced()[1]) if stages else {}).items():
+            total[key] += number * len(stages)
     counts: dict[str, Counter[str]] = {"arm": Counter()}
     for (owner, what), number in total.items():
         counts.setdefault(owner, Counter())[what] += number
     return counts, blocks
-
-
-def _step_of(blocks: Blocks) -> LaneFunction:
-    functions = blocks.functions
-    return next(functions[n] for n in ("interval", "step", "common") if n in functions)
-
-
-def _counted(step: LaneFunction, dynamics: Dynamics) -> Counter[tuple[str, str]]:
-    nodes = reached(step.results)
-    total = _count(nodes)
-    calls = [n for n in nodes if n.name == "stage"]
-    if calls:
-        _, inner = calls[0].extra.traced()
-        for key, number in _count(inner).items():
-            total[key] += number * len(calls)
-    return total
 
 
 def _count(nodes: list[Operation]) -> Counter[tuple[str, str]]:
@@ -117,7 +104,9 @@ def _count(nodes: list[Operation]) -> Counter[tuple[str, str]]:
     for n in nodes:
         if n.origin is None or n.name == "load":
             continue
-        owner = n.origin.owner or _part(n.origin.file)
+        path = Path(n.origin.file)
+        folder = path.relative_to(PACKAGE).parts[0] if path.is_relative_to(PACKAGE) else "robots"
+        owner = n.origin.owner or PARTS.get(folder, "arm")
         if n.origin.function == "sincos":
             counts[owner, "sine_pairs"] += n.name == "bit" and n.extra == 1
         elif n.name in COUNTED:
@@ -125,16 +114,10 @@ def _count(nodes: list[Operation]) -> Counter[tuple[str, str]]:
     return counts
 
 
-def _part(file: str) -> str:
-    path = Path(file)
-    folder = path.relative_to(PACKAGE).parts[0] if path.is_relative_to(PACKAGE) else "robots"
-    return PARTS.get(folder, "arm")
-
-
 def _owner_of_field(scene: Scene, name: str) -> str:
     arm = scene.robot
     for effect in scene.effects:
-        if name in {identifier(f"{effect.key}.{k}") for k in (*effect.parameters(), *effect.states(arm))}:
+        if name in {f"{effect.key}.{k}" for k in (*effect.parameters(), *effect.states(arm))}:
             return effect.key
     of_arm = (*arm.coordinates, *arm.rates, *arm.parameter_values())
     return "arm" if name in of_arm else "interval"

@@ -112,10 +112,9 @@ class Memory:
     def part(self) -> None:
         """Give each lane parameters of its own."""
         if self.shared:
-            array = self.arrays[str(PARAMETER)]
-            own = aligned(self.blocks, *array.shape[1:])
-            own[:] = array
-            self.arrays[str(PARAMETER)] = own
+            shared = self.arrays[str(PARAMETER)]
+            own = np.broadcast_to(shared, (self.blocks, *shared.shape[1:]))
+            self.arrays[str(PARAMETER)] = _aligned_copy(own)
             self.shared = False
             self.version += 1
 
@@ -146,11 +145,8 @@ class Memory:
 
     def save(self) -> dict[str, Array]:
         """Copies of all numbers, in one dimension."""
-        states = [self.arrays[str(life)].reshape(-1) for life in (STATE, LOG)]
-        return {
-            "states": np.concatenate(states),
-            "parameters": self.arrays[str(PARAMETER)].reshape(-1).copy(),
-        }
+        states, log, parameters = (self.arrays[str(life)].reshape(-1) for life in KEPT)
+        return {"states": np.concatenate([states, log]), "parameters": parameters.copy()}
 
     def restore(self, states: Array, parameters: Array) -> None:
         """Restore numbers of :meth:`save`, of as many lanes."""

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from redundant_envs.effects.attached import identifier
 from redundant_envs.effects.attaching import check_numbers
 from redundant_envs.loaded_arm import carried_masses, check_inertias
 from redundant_envs.model.memory import Memory
@@ -160,16 +159,13 @@ def check_stops(
     ``values`` are all parameters of the lanes, or None for the present ones; ``where`` begins a message.
     """
     for joint, *names in hard_stops(scene):
-        ends = memory.read(tuple(identifier(n) for n in names), lanes).T
-        if values is not None:
-            ends = np.array([values[n] for n in names])
+        present = memory.read(names, lanes).T
+        low, high = present if values is None else (values[n] for n in names)
         x = q[:, joint]
-        outside = (x < ends[0]) | (x > ends[1])
-        if outside.any():
-            lane = int(np.flatnonzero(outside)[0])
+        for lane in np.flatnonzero((x < low) | (x > high)).tolist():
             raise ValueError(
                 f"{where}{scene.robot.joints[joint]} is {x[lane]:.6g} m; its stops are at "
-                f"{ends[0][lane]:.6g} and {ends[1][lane]:.6g} m: put it between them"
+                f"{low[lane]:.6g} and {high[lane]:.6g} m: put it between them"
             )
 
 
@@ -190,9 +186,7 @@ def _check_positive(name: str, columns: NDArray[np.float64]) -> None:
 
 def _check_effect(scene: Scene, effect: Any, values: Table) -> None:
     """Build the effect with each lane's numbers, so that its own checks apply."""
-    names = [p for p in values if p.startswith(f"{effect.key}.")]
-    for row in np.unique(np.stack([values[p] for p in names], axis=1), axis=0):
-        numbers = {p[len(effect.key) + 1 :]: float(v) for p, v in zip(names, row, strict=True)}
+    for numbers in _distinct(values, f"{effect.key}.", [p for p in values if p.startswith(f"{effect.key}.")]):
         fields: dict[str, Any] = {}
         for f in dataclasses.fields(effect):
             parts = [v for p, v in numbers.items() if p.split("[")[0] == f.name]
@@ -206,10 +200,15 @@ def _check_effect(scene: Scene, effect: Any, values: Table) -> None:
 
 def _check_task(task: Task, values: Table) -> None:
     """Build the task with each lane's numbers: its own checks decide."""
-    names = tuple(task.parameters())
-    for row in np.unique(np.stack([values[p] for p in names], axis=1), axis=0):
-        numbers = dict(zip(names, row.tolist(), strict=True))
+    for numbers in _distinct(values, "", task.parameters()):
         _check_kept("", dataclasses.replace(task, **numbers), numbers)
+
+
+def _distinct(values: Table, before: str, names: Iterable[str]) -> list[dict[str, float]]:
+    """The different numbers of lanes by their names, without what these begin with."""
+    own = [name.removeprefix(before) for name in names]
+    rows = np.unique(np.stack([values[before + name] for name in own], axis=1), axis=0)
+    return [dict(zip(own, row, strict=True)) for row in rows.tolist()]
 
 
 def _check_kept(before: str, made: Any, numbers: Mapping[str, float]) -> None:

@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from redundant_envs.backends.torch import number, torch
+from redundant_envs.lane.common_step import lane_step
 from redundant_envs.lane.direct import cross_interval, fields_of
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import Control
 from redundant_envs.lane.interval import Interval
 from redundant_envs.lane.memory import Lane
-from redundant_envs.lane.step import lane_step
 from redundant_envs.model.parameters import names_of
 from redundant_envs.scene import Scene, check_scene
 

@@ -8,7 +8,7 @@ and has a mass at its end. Revolute joints and sliders are counted each on their
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 from redundant_envs.algebra import arguments_of, gives_of, numbered, physics
@@ -89,19 +89,21 @@ def _joint_maps(types: str) -> list[Function]:
     link of its joint and the part before it."""
     n, revolute = len(types), [k for k, kind in enumerate(types) if kind == "R"]
     before = dict(zip(revolute[1:], revolute, strict=False))
-    return [
-        _differences(numbered("phi{}", n), _counted(types, "theta{}", "r{}"), before),
-        _differences(numbered("phid{}", n), _counted(types, "w{}", "v{}"), before),
-        _differences(numbered("Q{}", n), numbered("t{}", n), {k: j for j, k in before.items()}),
-    ]
+    behind = {k: j for j, k in before.items()}
 
+    @physics(gives=numbered("phi{}", n), takes=_counted(types, "theta{}", "r{}"))
+    def joint_positions(*q):
+        return tuple(x - q[before[k]] if k in before else x for k, x in enumerate(q))
 
-def _differences(gives: Sequence[str], takes: Sequence[str], minus: Mapping[int, int]) -> Function:
-    @physics(gives=gives, takes=takes)
-    def differences(*values):
-        return tuple(x - values[minus[k]] if k in minus else x for k, x in enumerate(values))
+    @physics(gives=numbered("phid{}", n), takes=_counted(types, "w{}", "v{}"))
+    def joint_rates(*qd):
+        return tuple(x - qd[before[k]] if k in before else x for k, x in enumerate(qd))
 
-    return differences
+    @physics(gives=numbered("Q{}", n), takes=numbered("t{}", n))
+    def motor_map(*t):
+        return tuple(x - t[behind[k]] if k in behind else x for k, x in enumerate(t))
+
+    return [joint_positions, joint_rates, motor_map]
 
 
 def _points(types: str) -> Function:

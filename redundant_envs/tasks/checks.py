@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 from redundant_envs import dialect
-from redundant_envs.algebra import arguments_of, gives_of
+from redundant_envs.algebra import arguments_of, gives_of, numbered
 from redundant_envs.effects.attached import identifier
 from redundant_envs.effects.captured import (
     Described,
@@ -45,7 +45,21 @@ def check_task(task: Task, scene: Scene) -> None:
     equations = (*arm.functions, *(f for f in (arm.held_dynamics, arm.slider_mobility) if f is not None))
     known = {name for f in equations for name in (*gives_of(f), *arguments_of(f))}
     known |= {*arm.coordinates, *arm.rates, *arm.parameter_values()}
-    taken = dict.fromkeys(known, f"of the arm {arm.kind}")
+    of_engine = {
+        **dict.fromkeys(numbered("action{}", len(arm.joints)), "the action"),
+        **dict.fromkeys(numbered("draw{}", task.draws), "a draw of the episode"),
+        **dict.fromkeys(task.aliases(scene), "an end of the travel of a slider"),
+        "interval": "the control interval",
+        "steps": "control steps of the episode before this one",
+        "ended": "whether a fault ends the episode",
+        "paid": "what the other terms of the reward have paid in the episode",
+    }
+    reserved = {name: f"of the engine: {doc}" for name, doc in of_engine.items()}
+    for effect in scene.effects:
+        own = (f"{effect.key}.{name}" for name in (*effect.parameters(), *effect.states(arm)))
+        reserved |= dict.fromkeys(map(identifier, own), f"of the effect {type(effect).__name__}")
+    check_names(f"{arm.kind}.functions", (name for f in equations for name in gives_of(f)), reserved)
+    taken = dict.fromkeys(known, f"of the arm {arm.kind}") | reserved
     given = givers_of(functions)
     check_names(f"{kind}.functions", given, taken)
     begun = {name for f in task.begin_functions for name in gives_of(f)}

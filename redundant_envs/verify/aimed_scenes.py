@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import redundant_envs as rde
@@ -66,18 +67,11 @@ class Aimed:
     )  # others than the scene's: it shares machine code
 
 
-def fixed(arm: Any, *effects: e.Effect, integrator: str = "rk8", **more: Any) -> rde.Scene:
-    return rde.Scene(arm, effects, integrator, **more)
+def fixed(arm: Any, *effects: e.Effect, **more: Any) -> rde.Scene:
+    return rde.Scene(arm, effects, **more)
 
 
-def doubling(arm: Any, *effects: e.Effect, tolerance: float = 1e-6, **more: Any) -> rde.Scene:
-    return rde.Scene(arm, effects, tolerance=tolerance, **more)
-
-
-def adaptive(arm: Any, *effects: e.Effect, **more: Any) -> rde.Scene:
-    return rde.Scene(arm, effects, "dop853", **more)
-
-
+doubling, adaptive = partial(fixed, tolerance=1e-6), partial(fixed, integrator="dop853")
 WEIGHTLESS: dict[str, Any] = {
     "kinds": ("nearly together", "one strikes"),
     "efforts": -8.0,

@@ -77,8 +77,8 @@ def at_most(bound: float, unit: str = "") -> Promise:
     return Promise(bound, unit, "at most")
 
 
-def at_least(bound: float, unit: str = "") -> Promise:
-    return Promise(bound, unit, "at least")
+def at_least(bound: float) -> Promise:
+    return Promise(bound, "", "at least")
 
 
 EQUAL_BITS = Promise(0.0, "lanes differ", "equal bits")

@@ -77,16 +77,6 @@ def exact_whole(trial: Trial) -> Crossing:
     return crossed(trial.scene, *trial.states)
 
 
-def calm_whole(trial: Trial) -> Crossing:
-    if trial.calm_scene == trial.scene:
-        return trial.shared(exact_whole)  # type: ignore[no-any-return]
-    return crossed(trial.calm_scene, *trial.states)
-
-
-def calm_in_parts(trial: Trial) -> Crossing:
-    return crossed(trial.calm_scene, *trial.states, PARTS)
-
-
 def exact_in_parts(trial: Trial) -> Crossing:
     """The same interval with other steps, different from the scene's own.
 
@@ -118,7 +108,7 @@ def energy_book(trial: Trial) -> Finding:
     If half of the motions are too fast for an interval, a shorter one is used.
     """
     q, qd, _ = trial.states
-    whole, parts = trial.shared(calm_whole), trial.shared(calm_in_parts)
+    whole, parts = (crossed(trial.calm_scene, *trial.states, n) for n in (1, PARTS))
     change, scale, stored = energy_changes(trial.scene, q, qd, *whole[:3])
     other = energy_changes(trial.scene, q, qd, *parts[:3])[0]
     noise = ROUNDING * stored

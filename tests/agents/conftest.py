@@ -67,7 +67,7 @@ def begun(tmp_path_factory):
 
     folder = tmp_path_factory.mktemp("begun") / "run"
     with pytest.MonkeyPatch.context() as patch:
-        kill_at(1600, patch)
+        kill_at(1900, patch)
         with pytest.raises(SystemExit):
             train(small_config("sac", checkpoint_seconds=1e-9), folder)
     return folder

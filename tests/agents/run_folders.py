@@ -32,7 +32,7 @@ SMALL = [*TINY, "env_kwargs.max_episode_steps=20"]
 REPLAY = {"learning_starts": 400, "buffer_size": 1200, "gradient_steps": 1, "batch_size": 32}
 """A replay buffer that is smaller than a run, so that its oldest rows are overwritten."""
 CASES: dict[str, dict[str, Any]] = {
-    "ppo": {"num_envs": 32, "total_steps": 2048, "ppo": {"n_steps": 16, "batch_size": 256}},
+    "ppo": {"total_steps": 2048, "ppo": {"n_steps": 16, "batch_size": 256}},
     "plain_ppo": {"plain_ppo": {"n_steps": 16, "batch_size": 64}},
     "auto": {"algo": "sac", "sac": {**REPLAY, "ent_coef": "auto", "schedule": "linear"}},
     "her": {
@@ -47,7 +47,7 @@ CASES: dict[str, dict[str, Any]] = {
 def small_config(case: str, **more: Any) -> Config:
     """The configuration of a short training."""
     return checked(Config, {
-        "config_version": 2, "env": RPRP, "algo": case, "seed": 4, "num_envs": 16, "total_steps": 2400,
+        "config_version": 2, "env": RPRP, "algo": case, "seed": 4, "num_envs": 16, "total_steps": 3600,
         "curve_every": 1000, "curve_episodes": 5, "evaluation_episodes": 5, "telemetry": [],
         "checkpoint_seconds": 0, **CASES[case], **more,
     })  # fmt: skip

@@ -1,5 +1,6 @@
 """A training that is killed at any moment continues to the same bits."""
 
+import contextlib
 import itertools
 import json
 import os
@@ -16,6 +17,7 @@ from run_folders import CASES, assert_same_policy, kill_at, members, small_confi
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs_train.run_folder import find_checkpoint
 from redundant_envs_train.training import checkpoint
+from redundant_envs_train.training.pool import Stopped
 from redundant_envs_train.training.train import resume, train
 from redundant_envs_train.training.watch import Watch
 
@@ -40,10 +42,9 @@ def test_a_killed_training_goes_on_to_the_same_bits(case, begun, tmp_path, monke
         shutil.copytree(begun, killed)
     else:
         with monkeypatch.context() as patch:
-            kill_at({"ppo": 700, "her": 3800}.get(case, 1600), patch)
+            kill_at({"her": 3800}.get(case, 1900), patch)
             with pytest.raises(SystemExit):
                 train(small_config(case, checkpoint_seconds=1e-9), killed)
-    before = table(killed, "monitor.csv", None)
     np.random.rand()  # what happened in between does not matter
     torch.rand(3)
     assert resume(killed)["env_steps"] >= small_config(case).total_steps
@@ -51,17 +52,36 @@ def test_a_killed_training_goes_on_to_the_same_bits(case, begun, tmp_path, monke
     assert table(whole, "selection.csv", 1) == table(killed, "selection.csv", 1)
     assert table(whole, "monitor.csv", 2) == table(killed, "monitor.csv", 2)
     assert not find_checkpoint(killed)
+
+
+def test_times_of_episodes_go_on_after_a_break(killed):
+    path = killed / "checkpoint" / "state.pt"
+    state = checkpoint.unplain(torch.load(path, weights_only=True))
+    state["elapsed"] += 1000.0
+    torch.save(checkpoint.plain(state), path)
+    count = len(table(killed, "monitor.csv", None))
+    resume(killed)
     times = [float(row[2]) for row in table(killed, "monitor.csv", None)[1:]]
-    assert len(times) >= len(before) - 1
-    assert times == sorted(times)  # they go on after the break
+    assert len(times) >= count
+    assert times == sorted(times)
+    assert times[-1] > 1000.0
 
 
-def test_a_kill_while_a_checkpoint_is_written_leaves_the_one_before(killed, refused):
-    (killed / "checkpoint.part").mkdir()
-    (killed / "checkpoint.part" / "state.pt").write_bytes(b"half")
-    (killed / "checkpoint").rename(killed / "checkpoint.old")  # between two renamings
+def test_a_kill_while_a_checkpoint_is_written_leaves_the_one_before(killed, monkeypatch, refused):
+    replace = os.replace
+
+    def replace_or_die(source, target):
+        if source.name == checkpoint.PART:
+            raise SystemExit  # between two renamings
+        replace(source, target)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", replace_or_die)
+        with pytest.raises(SystemExit):
+            resume(killed)
+    assert find_checkpoint(killed).name == "checkpoint.old"
     refused(["train", killed / "config.yaml", "--out", killed], f"resume {killed}")
-    assert resume(killed)["env_steps"] == 2400
+    assert resume(killed)["env_steps"] == 3600
 
 
 def test_a_damaged_checkpoint_is_refused_and_runs_no_code(killed, refused):
@@ -87,7 +107,7 @@ def test_a_damaged_checkpoint_is_refused_and_runs_no_code(killed, refused):
     [
         ({"seed": 7}, "seed: 4, and config.yaml has 7"),
         ({"sac": {"gamma": 0.5}}, "sac.gamma: 0.9, and config.yaml has 0.5"),
-        ({"total_steps": 9000}, "total_steps: 2400"),
+        ({"total_steps": 9000}, "total_steps: 3600"),
         ({"sac": {"activation": "relu"}}, "sac.activation"),
     ],
 )
@@ -142,7 +162,7 @@ def test_seeds_of_runs_have_goals_of_their_own(tmp_path, monkeypatch):
     monkeypatch.setattr(Watch, "_on_training_start", lambda self: goals.append(self.monitor.venv.goal.copy()))
     for seed, first in ((0, 0), (1, 10_000), (100, 10_000_000)):
         train(small_config("ppo", seed=seed, total_steps=512), tmp_path / f"{seed}")
-        env = make_sb3("RPRPReach-v0", 32)
+        env = make_sb3("RPRPReach-v0", 16)
         env.seed(first)
         env.reset()
         np.testing.assert_array_equal(goals[-1], env.goal)
@@ -154,11 +174,13 @@ def test_a_request_in_the_last_rollout_comes_too_late(tmp_path, monkeypatch, ref
     plain, folder = Watch.point, tmp_path / "run"
 
     def point(self):
-        if self.num_timesteps >= 2048:
+        if self.num_timesteps >= 2048 and not self.stop.is_set():
             os.kill(os.getpid(), signal.SIGTERM)
         plain(self)
 
     monkeypatch.setattr(Watch, "point", point)
-    assert train(small_config("ppo"), folder)["env_steps"] == 2048
-    assert json.loads((folder / "training.json").read_text())["stopped"] is False
+    with contextlib.suppress(Stopped):
+        train(small_config("ppo", curve_every=1024), folder)
+    facts = json.loads((folder / "training.json").read_text())
+    assert (facts["env_steps"], facts["stopped"]) == (2048, False)
     refused(["resume", folder], "is finished and has no checkpoint; look at it")

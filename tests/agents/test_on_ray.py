@@ -5,7 +5,6 @@ import io
 import json
 import os
 import shutil
-import signal
 import sys
 import tarfile
 import tempfile
@@ -109,7 +108,7 @@ def test_seeds_on_a_cluster_are_the_runs_they_are_alone(cluster, disk, tmp_path,
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGINT for one process")
 @pytest.mark.long
-def test_ctrl_c_brings_the_runs_home_with_a_checkpoint(cluster, disk, tmp_path, capsys):
+def test_ctrl_c_brings_the_runs_home_with_a_checkpoint(cluster, disk, tmp_path, capsys, interrupts):
     def begun():
         files = list(disk.glob("redundant-envs-*/seed*/monitor.csv"))
         return len(files) == 2 and all(file.stat().st_size > 500 for file in files)
@@ -118,7 +117,7 @@ def test_ctrl_c_brings_the_runs_home_with_a_checkpoint(cluster, disk, tmp_path, 
         end = time.monotonic() + 120.0
         while not begun() and time.monotonic() < end:
             time.sleep(0.05)
-        os.kill(os.getpid(), signal.SIGINT)
+        interrupts()
 
     out = tmp_path / "runs"
     long = ["total_steps=1000000000", "curve_every=1000000000"]

@@ -38,19 +38,19 @@ SCENE = rde.Scene(FOUR_R, (GRAVITY, Slow(), SPRING))
 def test_functions_take_quantities_and_fields_of_lanes():
     bound = SCENE.attached
     (force,), (link,) = bound.of(e.Force), bound.of(e.Actuation)
-    own = (f"limit_spring_joint2_{name}" for name in ("lower", "upper", "stiffness", "damping"))
+    own = (f"limit_spring.joint2.{name}" for name in ("lower", "upper", "stiffness", "damping"))
     assert force.functions["function"].names == ("phi2", "phid2", *own, "side_switch1")
-    assert link.functions["function"].names == ("slow__effort",)
-    assert link.states["slow__effort"]["derivative"].names == ("command2", "slow__effort", "slow__pace")
+    assert link.functions["function"].names == ("slow.effort",)
+    assert link.states["slow.effort"]["derivative"].names == ("command2", "slow.effort", "slow.pace")
     assert bound.of(e.Impact, e.PointMass) == ()
     assert bound.chains["command2"] == [link]
 
 
 def test_states_are_integrated_or_updated():
     states = SCENE.attached.states
-    assert list(states) == ["slow__effort", "slow__held__0"]
-    assert (states.integrated, states.updated) == (("slow__effort",), ("slow__held__0",))
-    assert states.initial == {"slow__effort": 0.0, "slow__held__0": 0.5}
+    assert list(states) == ["slow.effort", "slow.held[0]"]
+    assert (states.integrated, states.updated) == (("slow.effort",), ("slow.held[0]",))
+    assert states.initial == {"slow.effort": 0.0, "slow.held[0]": 0.5}
 
 
 def test_hooks_are_bound_once_and_not_pickled():

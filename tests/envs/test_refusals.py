@@ -432,7 +432,7 @@ IMPOSSIBLE = {
     "r2": (-1e-9, "r2 is -1e-09 m; its stops are at"),
     "m1": (-1.0, "masses has the entry -1.0; it must be positive"),
     "l1": (0.0, "lengths has the entry 0.0; it must be positive"),
-    "viscous_friction_coefficients_0": (-0.1, "must not be negative"),
+    "viscous_friction.coefficients[0]": (-0.1, "must not be negative"),
     "steps": (np.nan, "has a steps that is not finite"),
     "theta1": (np.inf, "has a theta1 that is not finite"),
     "hold_steps": (-1.0, "ReachTask.hold_steps is -1.0; it must be positive"),

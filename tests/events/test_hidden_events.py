@@ -31,6 +31,9 @@ CAUGHT = [
      (17.582, 10.158, -4.776, -2.638)),
     ((-1.6278209, 0.25, -1.7529868, 0.25), (-1.880525, 0.0, -7.751988, 0.0),
      (-15.794, -23.825, 7.618, -4.32)),
+    # its stop would have to pull within the interval, and pushes again at the end
+    ((-1.0224088, 0.25, -1.0772343, 0.25), (-3.407263, 0.0, -6.062711, 0.0),
+     (-14.191, 8.495, 3.026, -13.389)),
     # it comes to its stop, rests and leaves
     ((0.0036055, 4.6e-06, -1.5152495, 0.249904), (-9.811306, 0.006935, -4.038644, -0.062324),
      (-10.427, -28.042, -2.813, -12.636)),
@@ -179,7 +182,7 @@ def test_nearly_no_interval_of_random_actions_hides_an_event():
     env = gym.make_vec("redundant_envs/RPRPReach-v0", num_envs=count)
     env.reset(seed=3)
     memory = env.unwrapped.core.memory
-    limits = memory.read(tuple(f"effort_limits_limits_{k}" for k in range(4)))
+    limits = memory.read(tuple(f"effort_limits.limits[{k}]" for k in range(4)))
     arm = env.unwrapped.core.scene.robot
     rng = np.random.default_rng(3)
     off = 0

@@ -7,91 +7,20 @@ import os
 import pickle
 import subprocess
 import sys
-import threading
 
 import cloudpickle
 import numpy as np
 import pytest
+from catalogue import COPIES, SCENES, assert_same_bits, motion, started
 
 import redundant_envs as rde
-from redundant_envs.model.memory import Memory
-from redundant_envs.model.programs import batch_simulator, environment_simulator
-from redundant_envs.tasks.reach import ReachTask
 
-e = rde.effects
-WAYS = {
-    "deepcopy": copy.deepcopy,
-    "copy": copy.copy,
-    "pickle": lambda x: pickle.loads(pickle.dumps(x)),
-    "oldest pickle": lambda x: pickle.loads(pickle.dumps(x, protocol=2)),
-    "cloudpickle": lambda x: cloudpickle.loads(cloudpickle.dumps(x)),
-    "copy of a copy": lambda x: copy.deepcopy(pickle.loads(pickle.dumps(x))),
-}
-every_way = pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
-SCENES = {
-    "stops": rde.Scene(
-        rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5)),
-        (e.Gravity(), e.PrismaticStop((0.0, 0.0), (0.3, 0.2), 0.4)),
-        tolerance=1e-6,
-    ),
-    "fixed": rde.Scene(rde.FourR((1.0,) * 4, (0.3,) * 4), (e.Gravity(),), "rk4", substeps=2),
-    "dop853": rde.Scene(rde.FourR((1.0,) * 4, (0.3,) * 4), (e.Gravity(),), "dop853"),
-}
-every_scene = pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
+FIXED, STOPS = SCENES["4R all rk8"], SCENES["stops 1e-6, inelastic"]
 
 
-def started(scene, count=21, **kwargs):
-    """A simulator in the middle of a motion, with lanes of different masses."""
-    rng = np.random.default_rng(0)
-    batch = rde.BatchSimulator(scene, count, **kwargs)
-    q = rng.uniform(-1.0, 1.0, (count, 4))
-    if scene.robot.kind == "RPRP":
-        q[:, [1, 3]] = rng.uniform(0.0, 0.2, (count, 2))
-    batch.set_state(q, rng.normal(0.0, 1.0, (count, 4)))
-    batch.set_parameters({"masses": rng.uniform(0.5, 2.0, (count, 4))})
-    batch.advance(efforts(count))
-    return batch
-
-
-def efforts(count):
-    return np.random.default_rng(1).uniform(-3.0, 3.0, (count, 4))
-
-
-def motion(batch, steps=5):
-    """States, and the whole status of some intervals."""
-    rows = []
-    for _ in range(steps):
-        status = batch.advance(efforts(batch.num_envs))
-        rows.append([batch.q, batch.qd, *(np.asarray(x, float) for x in status)])
-    return rows
-
-
-def same(a, b):
-    for x, y in zip(a, b, strict=True):
-        for one, other in zip(x, y, strict=True):
-            np.testing.assert_array_equal(one, other)
-
-
-@every_way
-@every_scene
-@pytest.mark.parametrize("kwargs", [{}, {"threads": 2}, {"track_work": True}], ids=str)
-def test_a_copy_continues_to_the_same_bits(scene, way, kwargs):
-    batch = started(scene, **kwargs)
-    here = batch.q
-    twin = way(batch)
-    assert (twin.threads, twin.num_envs, twin.scene) == (batch.threads, batch.num_envs, scene)
-    expected = motion(batch)
-    np.testing.assert_array_equal(twin.q, here)  # the original's motion has not moved it
-    same(motion(twin), expected)
-    assert (batch.q != here).any()
-    if kwargs.get("track_work"):
-        np.testing.assert_array_equal(twin.work, batch.work)
-        assert twin.events() == batch.events()
-
-
-@every_way
+@pytest.mark.parametrize("way", COPIES.values(), ids=COPIES)
 def test_a_copy_is_independent(way):
-    batch = started(SCENES["stops"])
+    batch = started(STOPS, varied=True)
     twin = way(batch)
     snapshot, before = batch.save(), batch.q
     twin.set_parameters({"masses": 3.0, "prismatic_stop.upper": (0.4, 0.4)})
@@ -100,43 +29,19 @@ def test_a_copy_is_independent(way):
     np.testing.assert_array_equal(batch.q, before)
     expected = motion(batch)
     batch.restore(snapshot)
-    same(motion(batch), expected)
+    assert_same_bits(motion(batch), expected)
     twin.restore(snapshot)
-    same(motion(twin), expected)
-
-
-@pytest.mark.parametrize("task", [None, ReachTask()])
-@pytest.mark.parametrize("apart", [False, True], ids=["shared parameters", "own parameters"])
-@every_way
-def test_a_copy_of_a_memory_has_aligned_arrays_of_its_own(way, apart, task):
-    scene = rde.load_scene("rprp_reach")
-    simulator = environment_simulator(scene, task) if task else batch_simulator(scene, True)
-    more = {**task.parameters(), "limit": 9.0} if task else {}
-    for _ in range(5):
-        memory = Memory(simulator.dynamics, simulator.blocks.layout, 11, more)
-        memory.write(("m1", "v1"), 3.0)
-        if apart:
-            memory.write(("m2",), 5.0, [10])
-        twin = way(memory)
-        assert twin.shared is memory.shared is not apart
-        np.testing.assert_array_equal(twin.read(("m1", "m2", "v1")), memory.read(("m1", "m2", "v1")))
-        for name, array in twin.arrays.items():
-            assert array.ctypes.data % 64 == 0 or not array.size
-            assert array.shape == memory.arrays[name].shape
-            assert not np.shares_memory(array, memory.arrays[name])
-        twin.write(("m1", "v1"), 7.0, [10])
-        assert (memory.read(("m1", "v1")) == 3.0).all()
-        assert (twin.read(("m1", "v1"))[10] == 7.0).all()
+    assert_same_bits(motion(twin), expected)
 
 
 def test_shown_numbers_of_a_copy_are_read_only_too():
-    twin = copy.deepcopy(started(SCENES["fixed"]))
+    twin = copy.deepcopy(started(FIXED))
     with pytest.raises(ValueError, match="read-only"):
         twin.advance().evaluations[0] = 1
 
 
 def test_attributes_that_a_user_adds_are_copied():
-    batch = started(SCENES["fixed"])
+    batch = started(FIXED)
     batch.remark = ["a"]
     twin = copy.deepcopy(batch)
     twin.remark.append("b")
@@ -144,10 +49,10 @@ def test_attributes_that_a_user_adds_are_copied():
 
 
 def test_records_are_copied_and_pickled():
-    scene = SCENES["stops"]
-    trajectory = rde.simulate(scene, (0.1, 0.25, 0.2, 0.1), (1.0, 1.0, 0.0, -1.0), [0.1, 0.5])
+    scene = STOPS
+    trajectory = rde.simulate(scene, (0.1, 0.15, 0.2, 0.1), (1.0, 1.0, 0.0, -1.0), [0.1, 0.5])
     assert trajectory.events
-    for way in WAYS.values():
+    for way in COPIES.values():
         twin = way(trajectory)
         np.testing.assert_array_equal(twin.q, trajectory.q)
         assert twin.events == trajectory.events
@@ -167,7 +72,7 @@ def child(connection, data):
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_a_copy_in_a_spawned_process_continues_to_the_same_bits(threads):
-    batch = started(SCENES["stops"], threads=threads)
+    batch = started(STOPS, varied=True, threads=threads)
     context = multiprocessing.get_context("spawn")
     receiver, sender = context.Pipe(duplex=False)
     process = context.Process(target=child, args=(sender, pickle.dumps(batch)))
@@ -176,7 +81,7 @@ def test_a_copy_in_a_spawned_process_continues_to_the_same_bits(threads):
     assert receiver.poll(120)
     rows, error = receiver.recv()
     process.join(60)
-    same(rows, motion(batch))
+    assert_same_bits(rows, motion(batch))
     assert "q has shape (3,)" in str(error)
 
 
@@ -220,22 +125,8 @@ def test_a_simulator_with_an_effect_of_a_users_program_is_taken_elsewhere_by_clo
     assert [float(x).hex() for x in batch.q.ravel()] == numbers
 
 
-def test_threads_of_simulators_end_with_them():
-    before = threading.active_count()
-    for _ in range(20):
-        batch = rde.BatchSimulator(SCENES["fixed"], 64, threads=3)
-        batch.advance()
-        copy.deepcopy(batch).advance()
-    del batch
-    for _ in range(100):
-        if threading.active_count() <= before:
-            break
-        threading.Event().wait(0.05)
-    assert threading.active_count() <= before
-
-
 def test_a_pickle_is_not_much_larger_than_the_numbers():
-    small, large = (rde.BatchSimulator(SCENES["fixed"], n) for n in (8, 80_008))
+    small, large = (rde.BatchSimulator(FIXED, n) for n in (8, 80_008))
     of_a_lane = (len(pickle.dumps(large)) - len(pickle.dumps(small))) / 80_000
     assert of_a_lane < 1.01 * 8 * (8 + 1)  # eight states and its number; the parameters are shared
-    assert io.BytesIO(pickle.dumps(SCENES["fixed"])).getbuffer().nbytes < 4000
+    assert io.BytesIO(pickle.dumps(FIXED)).getbuffer().nbytes < 4000

@@ -1,5 +1,6 @@
 """Threads of a simulator finish every call that they begin, and end with it."""
 
+import copy
 import gc
 import signal
 import threading
@@ -34,13 +35,15 @@ def test_a_worker_does_one_thing_after_another_and_raises_what_went_wrong():
     assert done[-1] == 3
 
 
-def test_threads_end_with_their_simulator():
+def test_threads_end_with_their_simulator_and_its_copies():
     before = workers()
     batch = rde.BatchSimulator(rde.load_scene("four_r_reach"), 64, threads=3)
-    batch.advance()
+    twin = copy.deepcopy(batch)
+    for one in (batch, twin):
+        one.advance()
     own = workers() - before
-    assert len(own) == 2
-    del batch
+    assert len(own) == 4
+    del batch, twin, one
     gc.collect()
     for thread in own:
         thread.join(10.0)

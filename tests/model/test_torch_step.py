@@ -2,15 +2,12 @@
 
 import numpy as np
 import pytest
+from catalogue import FOUR_R, RPRP, e
 
 import redundant_envs as rde
 from redundant_envs.backends.torch import torch
 
-e = rde.effects
-ARMS = {
-    "4R": rde.FourR(masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3, 0.5, 0.4, 0.6)),
-    "RPRP": rde.RPRP(masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3, 0.5)),
-}
+ARMS = {"4R": FOUR_R, "RPRP": RPRP}
 STEPS = {
     "euler": {"integrator": "euler"},
     "three rk4": {"integrator": "rk4", "substeps": 3},

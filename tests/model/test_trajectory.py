@@ -92,26 +92,6 @@ SCENE = rde.Scene(ARM, (Gravity(9.81), ViscousFriction(0.1)), "rk8", 0.02, subst
 Q0, QD0 = np.array([-1.2, -0.9, -1.8, -0.4]), np.array([0.5, -0.3, 0.2, 0.4])
 
 
-def feedback(t, q, qd):
-    """Efforts that depend on everything, and not smoothly."""
-    return np.sign(np.sin(40.0 * t)) - 0.5 * q - 0.2 * qd
-
-
-@pytest.mark.parametrize(
-    "efforts", [None, (1.0, -0.5, 0.2, 0.1), feedback], ids=["none", "constant", "called"]
-)
-def test_more_times_do_not_change_the_motion(efforts):
-    """Common times have the same bits, whether on the grid of control intervals or between."""
-    few = np.array([0.1, 0.2035, 0.5])
-    many = np.unique(np.concatenate([few, [0.0], np.arange(1, 60) * 0.0091, [0.203, 0.2039, 0.499999]]))
-    a = rde.simulate(SCENE, Q0, QD0, few, efforts)
-    b = rde.simulate(SCENE, Q0, QD0, many, efforts)
-    at = np.searchsorted(many, few)
-    assert (many[at] == few).all()
-    for name in ("q", "qd", "work", "kinetic_energy", "potential_energy"):
-        assert (getattr(a, name) == getattr(b, name)[at]).all()
-
-
 def test_times_are_hit_exactly():
     """A time inside an interval is reached by a part of the interval, not by rounding to its ends."""
     times = [0.0, 0.013, 0.02, 0.033, 0.0601]
@@ -130,59 +110,43 @@ def test_grid_is_the_batch_simulator():
     """On the grid of control intervals the states are those of BatchSimulator, bitwise."""
     batch = rde.BatchSimulator(SCENE, 1, track_work=True)
     batch.set_state(Q0, QD0)
-    times = np.arange(1, 31) * 0.02
-    trajectory = rde.simulate(SCENE, Q0, QD0, times, (1.0, -0.5, 0.2, 0.1))
+    trajectory = rde.simulate(SCENE, Q0, QD0, np.arange(1, 31) * 0.02, (1.0, -0.5, 0.2, 0.1))
     for k in range(30):
         batch.advance((1.0, -0.5, 0.2, 0.1))
-        assert (batch.q[0] == trajectory.q[k]).all()
-        assert (batch.qd[0] == trajectory.qd[k]).all()
-        assert batch.work[0] == trajectory.work[k]
+        for name in ("q", "qd", "work"):
+            assert (getattr(batch, name)[0] == getattr(trajectory, name)[k]).all()
 
 
 def test_efforts_are_asked_once_per_control_instant():
     """At 0, dt, 2 dt, ...; however many times are wanted, with the state of that instant."""
     asked = []
-
-    def efforts(t, q, qd):
-        asked.append((t, q.copy(), qd.copy()))
-        return (0.3, 0.2, 0.1, 0.0)
-
     times = [0.001, 0.002, 0.0199, 0.02, 0.021, 0.05, 0.0599, 0.1]
-    trajectory = rde.simulate(SCENE, Q0, QD0, times, efforts)
+    trajectory = rde.simulate(SCENE, Q0, QD0, times, lambda *now: asked.append(now) or (0.3, 0.2, 0.1, 0.0))
     assert [t for t, _, _ in asked] == pytest.approx([0.0, 0.02, 0.04, 0.06, 0.08], abs=1e-15)
-    assert (asked[0][1] == Q0).all()
-    assert (asked[0][2] == QD0).all()
-    assert (asked[1][1] == trajectory.q[3]).all()
-    assert (asked[1][2] == trajectory.qd[3]).all()
+    np.testing.assert_array_equal(asked[0][1:], (Q0, QD0))
+    np.testing.assert_array_equal(asked[1][1:], (trajectory.q[3], trajectory.qd[3]))
 
 
 @pytest.mark.parametrize("shape", [(), (1,), (3,), (2, 5), (17,)])
 def test_batch_shapes(shape):
-    """(T, ..., 4) from (..., 4); every copy moves like the single one, bitwise."""
+    """(T, ..., 4) from (..., 4), for a function of the time, too; each moves as it does alone, bitwise."""
     rng = np.random.default_rng(3)
     q = Q0 + rng.uniform(-0.1, 0.1, (*shape, 4))
     efforts = rng.uniform(-1.0, 1.0, (*shape, 4))
     trajectory = rde.simulate(SCENE, q, QD0, [0.05, 0.1], efforts)
+    seen = []
+    called = rde.simulate(
+        SCENE, q, QD0, [0.05, 0.1], lambda t, *x: seen.extend(a.shape for a in x) or efforts
+    )
+    assert set(seen) == {(*shape, 4)}
+    assert (called.q == trajectory.q).all()
     assert trajectory.q.shape == trajectory.qd.shape == (2, *shape, 4)
     for name in ("kinetic_energy", "potential_energy", "work"):
         assert getattr(trajectory, name).shape == (2, *shape)
     for i in list(np.ndindex(*shape))[:6]:
         one = rde.simulate(SCENE, q[i], QD0, [0.05, 0.1], efforts[i])
-        assert (one.q == trajectory.q[(slice(None), *i)]).all()
-        assert (one.qd == trajectory.qd[(slice(None), *i)]).all()
-        assert (one.work == trajectory.work[(slice(None), *i)]).all()
-
-
-def test_callable_gets_the_batch_shape():
-    """q, qd and the answer have the leading axes of the state."""
-    seen = []
-
-    def efforts(t, q, qd):
-        seen.append((q.shape, qd.shape))
-        return -q
-
-    rde.simulate(SCENE, np.broadcast_to(Q0, (2, 3, 4)), QD0, [0.05], efforts)
-    assert set(seen) == {((2, 3, 4), (2, 3, 4))}
+        for name in ("q", "qd", "work"):
+            assert (getattr(one, name) == getattr(trajectory, name)[(slice(None), *i)]).all()
 
 
 def test_joint_and_generalized_actuation():
@@ -197,27 +161,22 @@ def test_joint_and_generalized_actuation():
     assert np.abs(joint.q - plain.q).max() > 1e-3
 
 
-@pytest.mark.parametrize(
-    "times", [[-0.1, 0.1], [0.1, 0.1], [0.2, 0.1], [np.nan], [np.inf], [1e308], [[0.1, 0.2]]], ids=str
-)
-def test_bad_times(times):
-    """Negative, not increasing, not finite, not a list."""
-    with pytest.raises(ValueError, match="times must be"):
-        rde.simulate(SCENE, Q0, QD0, times)
+Z = np.zeros
+BAD = {
+    **{f"times {t}": (Q0, QD0, t, None, "times must be")
+       for t in ([-0.1, 0.1], [0.1, 0.1], [0.2, 0.1], [np.nan], [np.inf], [1e308], [[0.1, 0.2]])},
+    "short": (Z(3), Z(3), [0.1], None, r"q has shape \(3,\).*4 entries"),
+    "two and three": (Z((2, 4)), Z((3, 4)), [0.1], None, "broadcast"),
+    "none": (Z((0, 4)), Z((0, 4)), [0.1], None, r"q and qd have the shape \(0, 4\).*at least one"),
+    "short efforts": (Q0, QD0, [0.1], Z(3), r"efforts has shape \(3,\)"),
+    "short answer": (Z((3, 4)), QD0, [0.1], lambda t, q, qd: Z(2), r"efforts has shape \(2,\).*\(3, 4\)"),
+}  # fmt: skip
 
 
-def test_bad_states_and_efforts():
-    """The message names the wrong argument and its shape."""
-    with pytest.raises(ValueError, match=r"q has shape \(3,\).*4 entries"):
-        rde.simulate(SCENE, np.zeros(3), np.zeros(3), [0.1])
-    with pytest.raises(ValueError, match="broadcast"):
-        rde.simulate(SCENE, np.zeros((2, 4)), np.zeros((3, 4)), [0.1])
-    with pytest.raises(ValueError, match=r"q and qd have the shape \(0, 4\).*at least one"):
-        rde.simulate(SCENE, np.zeros((0, 4)), np.zeros((0, 4)), [0.1])
-    with pytest.raises(ValueError, match=r"efforts has shape \(3,\)"):
-        rde.simulate(SCENE, Q0, QD0, [0.1], np.zeros(3))
-    with pytest.raises(ValueError, match=r"efforts has shape \(2,\).*\(3, 4\)"):
-        rde.simulate(SCENE, np.zeros((3, 4)), QD0, [0.1], lambda t, q, qd: np.zeros(2))
+@pytest.mark.parametrize(("q", "qd", "times", "efforts", "said"), BAD.values(), ids=BAD)
+def test_bad_arguments_are_named(q, qd, times, efforts, said):
+    with pytest.raises(ValueError, match=said):
+        rde.simulate(SCENE, q, qd, times, efforts)
 
 
 # ---- every time is hit -----------------------------------------------------------------------------
@@ -249,22 +208,12 @@ def test_times_around_a_control_instant_give_states_of_their_own(kwargs):
 
 
 def test_the_floats_beside_a_control_instant_are_not_it():
-    dt, k = 0.02, 7
+    dt, k, asked = 0.02, 7, []
     times = [np.nextafter(k * dt, 0.0), k * dt, np.nextafter(k * dt, 1.0)]
-    asked = []
-
-    def efforts(t, q, qd):
-        asked.append(t)
-        return np.zeros(4)
-
-    rde.simulate(SCENE, Q0, QD0, times[:1], efforts)
-    assert asked == [j * dt for j in range(k)]
-    asked.clear()
-    rde.simulate(SCENE, Q0, QD0, times[:2], efforts)
-    assert asked == [j * dt for j in range(k)]  # no call for an interval that is not entered
-    asked.clear()
-    rde.simulate(SCENE, Q0, QD0, times, efforts)
-    assert asked == [j * dt for j in range(k + 1)]
+    for count, calls in ((1, k), (2, k), (3, k + 1)):  # no call for an interval that is not entered
+        asked.clear()
+        rde.simulate(SCENE, Q0, QD0, times[:count], lambda t, q, qd: asked.append(t) or np.zeros(4))
+        assert asked == [j * dt for j in range(calls)]
 
 
 @pytest.mark.parametrize("dt", [0.02, 0.01, 0.1, 0.03, 1 / 3, 0.007, 1e-3, 0.0123456789])
@@ -307,21 +256,26 @@ def test_tiny_times_are_well_defined(kwargs, rest):
         assert (motion.q[..., k] >= 0.0).all()
 
 
+def feedback(t, q, qd):
+    """Efforts that depend on everything, and not smoothly."""
+    return np.array([3.0 * np.sign(np.sin(9.0 * t)), 20.0, -1.0, -10.0]) - 0.5 * q - 0.1 * qd
+
+
 @every_step
-def test_asking_for_more_times_does_not_change_a_motion_with_stops(kwargs):
+@pytest.mark.parametrize(
+    "efforts", [None, (1.0, 20.0, -0.5, -9.0), feedback], ids=["none", "constant", "called"]
+)
+def test_asking_for_more_times_does_not_change_a_motion_with_stops(kwargs, efforts):
     scene = rde.Scene(SLIDING, STOPPED, **kwargs)
-
-    def efforts(t, q, qd):
-        return np.array([3.0 * np.sin(9.0 * t), 20.0, -1.0, -10.0]) - 0.1 * qd
-
-    few = np.array([0.05, 0.2, 0.31])
+    few = np.array([0.05, 0.2, 0.2035, 0.31])
     rng = np.random.default_rng(0)
     near = np.add.outer(np.arange(1, 15) * 0.02, [-3e-11, -1e-17, 0.0, 1e-17, 2e-13, 1e-9]).ravel()
     many = np.unique(np.concatenate([few, near, rng.uniform(0.0, 0.31, 50), [1e-18]]))
     a = rde.simulate(scene, (0.2, 0.1, 0.4, 0.1), (1.0, 0.2, -0.5, 0.1), few, efforts)
     b = rde.simulate(scene, (0.2, 0.1, 0.4, 0.1), (1.0, 0.2, -0.5, 0.1), many, efforts)
     at = np.searchsorted(many, few)
-    for name in ("q", "qd", "work"):
+    assert (many[at] == few).all()
+    for name in ("q", "qd", "work", "kinetic_energy", "potential_energy"):
         assert (getattr(a, name) == getattr(b, name)[at]).all()
     assert a.events == b.events
 

@@ -30,7 +30,7 @@ PACKAGE = "redundant_envs"
 EQUATIONS = ("robots/rprp", "robots/four_r", "robots/derived", "robots/added_inertia")
 NUMERICS = ("methods", "tableaus", "error_control", "estimates")
 EVENTS = ("boundary", "crossings", "first_event", "search", "contacts", "complementarity")
-LANE = ("dynamics", "kinks", "required_steps", "step", "common_step", "step_control", "coordinates",
+LANE = ("dynamics", "kinks", "required_steps", "common_step", "step_control", "coordinates",
         "boundaries", "features", "program", "interval")  # fmt: skip
 MODULES = (
     *EQUATIONS,

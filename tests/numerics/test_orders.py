@@ -7,8 +7,8 @@ from lanes_of_numbers import lane_of
 
 import redundant_envs as rde
 from redundant_envs.effects import Gravity, ViscousFriction
+from redundant_envs.lane.common_step import lane_step
 from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.step import lane_step
 from redundant_envs.numerics.methods import explicit_step
 from redundant_envs.numerics.tableaus import METHODS
 

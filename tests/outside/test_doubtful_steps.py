@@ -16,11 +16,11 @@ from rrp import RRP
 
 import redundant_envs as rde
 from redundant_envs import effects as e
+from redundant_envs.lane.common_step import others_error
 from redundant_envs.lane.direct import fields_of
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.interval import Interval
 from redundant_envs.lane.memory import Lane
-from redundant_envs.lane.step import others_error
 from redundant_envs.numerics.methods import Step
 from redundant_envs.scene import Scene
 from redundant_envs.studies.interval_families import kinked

@@ -11,44 +11,131 @@ import three_r
 
 import redundant_envs as rde
 from redundant_envs.algebra import physics
+from redundant_envs.lane.direct import fields_of
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.episode import Episode
 from redundant_envs.lane.interval import Interval
+from redundant_envs.lane.memory import Lane
 from redundant_envs.model.programs import environment_simulator
 from redundant_envs.scene import load_scene
 from redundant_envs.tasks import ReachTask
 from redundant_envs.tasks.checks import check_task
 
 e = rde.effects
-SCENES = {name: load_scene(name) for name in ("four_r_reach", "rprp_reach")}
 
 
 def helper(name, takes):
-    return physics(gives=name, takes=takes)(lambda x: 0.1 * x)
+    @physics(gives=name, takes=takes)
+    def helper(x):
+        return 0.1 * x
+
+    return helper
+
+
+def scene_of(name):
+    functions = (*three_r.ThreeR.functions, helper(name, "l1"))
+    arm = type("Odd", (three_r.ThreeR,), {"functions": functions})((1.0,) * 3, (0.5,) * 3)
+    friction = e.LimitSpring("joint2", -1.0, 1.0, 500.0, 1.0)
+    return rde.Scene(arm, (e.Gravity(), friction, e.EffortLimits((3.0,) * 3)), tolerance=1e-6)
+
+
+@pytest.mark.parametrize("name", ["command1", "ax", "ay", "m1"])
+def test_an_arm_may_not_call_a_quantity_by_the_name_of_one_that_it_takes(name):
+    with pytest.raises(ValueError, match=f"'{name}', a name of the|given by both"):
+        rde.BatchSimulator(scene_of(name), 1)
+
+
+@pytest.mark.parametrize("name", ["speed_bound", "paid", "hold", "interval", "gravity_g", "action2"])
+def test_an_arm_may_not_call_a_quantity_by_the_name_of_one_of_its_task(name):
+    scene = scene_of(name)
+    rde.BatchSimulator(scene, 1)
+    with pytest.raises(ValueError, match=f"has '{name}', a name of the (engine: |effect Gravity|arm Odd)"):
+        made(ReachTask(), scene)
+
+
+def task_of(**body):
+    return type("OddTask", (ReachTask,), {"name": "OddTask", **body})
+
+
+def made(task, scene):
+    check_task(task, scene)
+    return environment_simulator(scene, task)
+
+
+@pytest.mark.parametrize("name", ["error", "h", "step", "left", "state", "fault", "u1", "command2", "limit"])
+def test_a_quantity_of_a_task_may_have_the_name_of_a_number_that_only_the_engine_has(name):
+    task = task_of(
+        metrics=(*ReachTask.metrics, name),
+        functions=lambda self, scene: (*ReachTask.functions(self, scene), helper(name, "distance")),
+    )()
+    shown = observed(load_scene("rprp_reach"), task)
+    assert shown[name] == 0.1 * shown["distance"] > 0.0
+
+
+@pytest.mark.parametrize("name", ["error", "h", "step", "theta1_start", "tip_tolerance", "least_step_rate"])
+def test_a_quantity_of_an_arm_may_have_the_name_of_a_number_that_only_the_engine_has(name):
+    assert observed(scene_of(name), task_of(metrics=(*ReachTask.metrics, name))())[name] == 0.05
+
+
+def observed(scene, task):
+    """What an environment shows, from fields of 0.3 beside the numbers of the scene."""
+    check_task(task, scene)
+    episode = Episode(Interval(Dynamics(scene)), task)
+    numbers = fields_of(episode.dynamics) | dict.fromkeys(("h", "tip_tolerance", "least_step_rate"), 0.3)
+    shown = episode.observe(Lane(episode.layout(), lambda name: numbers.get(name, 0.3)))
+    return {name: shown["values", "f64", k, 0] for k, name in enumerate(episode.tables["values"])}
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["steps", "interval", "ax", "ay", "effort_limits_limits_0", "action1", "ended", "paid", "low2", "draw1",
+     "gravity_g", "tip_x", "t1", "held2", "hold2", "Q1", "qdd1", "high4"],
+)  # fmt: skip
+@pytest.mark.parametrize("role", ["function", "angle", "term", "number", "memory"])
+def test_a_name_that_functions_take_is_given_once_and_the_message_says_whose_it_is(role, name):
+    whose = "engine: [a-z]|arm RPRP|effect EffortLimits|effect Gravity"
+    with pytest.raises(ValueError, match=rf"'{name}', a name of (the ({whose})|OddTask\.)|is given by both"):
+        check_task(ROLES[role](name), load_scene("rprp_reach"))
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [("error_estimate", "info has already"), ("evaluations", "info has already"),
+     ("events", "info has already"), ("saturated_actions", "info has already"),
+     ("episode_steps", "info has already"), ("numerics", "info has already"),
+     ("return_far", "info has already"), ("truncated", "of the engine: of the last step"),
+     ("saturated", "of the engine: entries of actions"), ("steps", "of the engine: control steps"),
+     ("reward", "of the engine"), ("far_term_sum", "of the engine: sum of a reward term")],
+)  # fmt: skip
+def test_a_metric_has_a_name_that_info_has_not(name, said):
+    body = {"metrics": (*ReachTask.metrics, name)}
+    if name != "far_term_sum":
+        body["functions"] = lambda self, scene: (
+            *ReachTask.functions(self, scene),
+            helper(name, "distance"),
+        )
+    with pytest.raises(ValueError, match=said):
+        made(task_of(**body)(), load_scene("four_r_reach"))
+
+
+# ---- every name that the lanes of an environment have ----------------------------------------------------
 
 
 def full_scene():
     """With stops, a spring's end, states of an effect and error control: it has fields of all kinds."""
+    scene = load_scene("rprp_reach")
     more = (e.LimitSpring("joint2", -1.0, 1.0, 500.0, 1.0), actuator_lag.ActuatorLag(0.04))
-    return rde.Scene(SCENES["rprp_reach"].robot, (*SCENES["rprp_reach"].effects, *more), tolerance=1e-6)
+    return rde.Scene(scene.robot, (*scene.effects, *more), tolerance=1e-6)
+
+
+def some(names):
+    """A sample of names, as the search over all of them takes a minute."""
+    return random.Random(3).sample(sorted(names), 60)
 
 
 def laid_out(task, scene):
     check_task(task, scene)
     return Episode(Interval(Dynamics(scene)), task).layout()
-
-
-def some(names, count=60):
-    """A sample of names, as the search over all of them takes a minute."""
-    names = sorted(names)
-    return random.Random(3).sample(names, min(count, len(names)))
-
-
-# ---- tasks ---------------------------------------------------------------------------------------------
-
-
-def task_of(base=ReachTask, **body):
-    return type("OddTask", (base,), {"name": "OddTask", **body})()
 
 
 def with_number(name):
@@ -58,61 +145,77 @@ def with_number(name):
 
 
 def with_memory(name):
-    return task_of(memory=(*ReachTask.memory, name), updates={**ReachTask.updates, name: "distance"})
+    updates = {**ReachTask.updates, name: "distance"}
+    return task_of(memory=(*ReachTask.memory, name), updates=updates)()
 
 
 def with_function(name):
-    return task_of(functions=lambda self, scene: (*ReachTask.functions(self, scene), helper(name, "speed")))
+    return task_of(functions=lambda self, scene: (*ReachTask.functions(self, scene), helper(name, "speed")))()
 
 
 def with_term(name):
     def reward_functions(self, scene):
         return (*ReachTask.reward_functions(self, scene), helper(name, "speed"))
 
-    return task_of(reward_functions=reward_functions)
+    return task_of(reward_functions=reward_functions)()
 
 
 def with_angle(name):
-    return task_of(angles={**ReachTask.angles, "speed": (name, "odd_c")})
+    return task_of(angles={**ReachTask.angles, "speed": (name, "odd_c")})()
 
 
-OF_EQUATIONS = ("ax", "ay", "ended", "paid", "low2", "high4", "t1", "held2", "hold2", "Q1", "qdd1", "tip_x")
-OWNERS = r"a name of (the (engine: .|arm RPRP|effect [A-Z]\w+: .)|(OddTask|ReachTask)\.)"
-OF_THE_ENGINE = (
-    "steps", "interval", "ax", "ay", "effort_limits_limits_0", "action1", "command2", "ended", "paid", "h",
-    "draw1", "u1", "truncated", "far_term_sum", "error", "gravity_g",
-)  # fmt: skip
+ROLES = {
+    "number": with_number, "memory": with_memory, "function": with_function, "term": with_term,
+    "angle": with_angle,
+}  # fmt: skip
 
 
-@pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
-@pytest.mark.parametrize("name", OF_THE_ENGINE)
-def test_a_task_may_not_call_a_quantity_by_the_name_of_something_else(name, scene):
-    said = f"OddTask.functions has '{name}', a name of the (engine|arm|effect)"
-    with pytest.raises(ValueError, match=said):
-        laid_out(with_function(name), scene)
-
-
-@pytest.mark.parametrize("role", [with_number, with_memory, with_function, with_term, with_angle])
-def test_no_name_of_a_lane_is_given_twice_and_the_message_says_whose_it_is(role):
-    scene = full_scene()
-    own = set(ReachTask().parameters()) if role is with_number else set()
-    fields = laid_out(ReachTask(), scene).fields
+@pytest.mark.parametrize("role", [with_number, with_memory])
+def test_no_field_has_the_name_of_another_and_the_message_says_whose_they_are(role):
+    scene, task = full_scene(), ReachTask()
+    fields = laid_out(task, scene).fields
     assert len(fields) > 180
-    for name in (*some(set(fields) - own), *OF_EQUATIONS):
-        with pytest.raises(ValueError, match=rf"'{name}'.*({OWNERS}|is given by both|task OddTask)"):
+    of_effects = {name for name in fields if "." in name}
+    assert {"actuator_lag.time_constant", "gravity.g", "effort_limits.limits[3]"} <= of_effects
+    for name in some(set(fields) - of_effects - {*task.parameters(), *task.memory}):
+        with pytest.raises(ValueError, match=rf"'{name}'.*of (the (engine: .|arm RPRP)|OddTask\.)"):
             laid_out(role(name), scene)
 
 
-@pytest.mark.parametrize(
-    ("task", "said"),
-    [
-        (with_memory("steps"), "OddTask.memory has 'steps', a name of the engine: control steps of the epis"),
-        (with_function("low2"), "'low2', a name of the engine: an end of the travel"),
-    ],
-)
-def test_the_message_says_what_a_name_means(task, said):
+def test_a_metric_has_no_name_of_what_every_step_shows():
+    scene = full_scene()
+    columns = Episode(Interval(Dynamics(scene)), ReachTask()).tables.values()
+    names = {name for table in columns for name in table} - {*ReachTask.metrics}
+    assert len(names) > 12
+    for name in {*names, "goal_x"}:
+        said = rf"'{name}', (a name of the engine: |which info has already)"
+        with pytest.raises(ValueError, match=said):
+            laid_out(task_of(metrics=(*ReachTask.metrics, name))(), scene)
+
+
+def test_a_metric_may_be_a_quantity_of_the_arm_an_effect_or_the_task():
+    shown = ("theta1", "m1", "gravity_g", "actuator_lag__effort__2", "hold", "start_angle", "phid2")
+    kind = task_of(metrics=(*ReachTask.metrics, *shown))
+    kind = type("ShownTask", (kind,), {"name": "Shown"})
+    rde.register_task(kind)
+    scene = dataclasses.replace(full_scene(), tolerance=None)
+    env = gym.make("redundant_envs/RPRPShown-v0", scene=scene.to_dict()).unwrapped
+    env.reset(seed=0)
+    *_, info = env.step(np.full(4, 0.5, np.float32))
+    memory = env.core.memory
+    fields = {"gravity_g": "gravity.g", "actuator_lag__effort__2": "actuator_lag.effort[2]"}
+    expected = {name: memory.read((fields.get(name, name),))[0, 0] for name in shown[:-1]}
+    assert {name: info[name] for name in expected} == expected
+    assert info["phid2"] == env.qd[1]
+    assert info["actuator_lag__effort__2"] > 0.1
+
+
+def test_the_message_says_what_a_name_means():
+    said = (
+        "'error' is a name of the engine: estimated tip error .*, and of the task OddTask: memory; rename one"
+    )
     with pytest.raises(ValueError, match=said):
-        laid_out(task, full_scene())
+        laid_out(with_memory("error"), full_scene())
 
 
 @pytest.mark.parametrize("name", ["unused", "achieved_x", "desired_y", "work", "logged"])
@@ -120,71 +223,10 @@ def test_a_number_may_have_a_name_that_only_another_program_uses(name):
     environment_simulator(full_scene(), with_number(name))
 
 
-INFO = (
-    "error_estimate",
-    "evaluations",
-    "events",
-    "saturated_actions",
-    "episode_steps",
-    "numerics",
-    "return_far",
-)
-
-
-@pytest.mark.parametrize(
-    ("name", "said"),
-    [
-        *((name, "info has already") for name in INFO),
-        ("truncated", "of the engine: of the last step"),
-        ("saturated", "of the engine: entries of actions"),
-        ("steps", "of the engine: control steps of"),
-        ("reward", "of the engine"),
-        ("far_term_sum", "of the engine: sum of a reward term"),
-    ],
-)
-def test_a_metric_has_a_name_that_info_has_not(name, said):
-    base = ReachTask if name == "far_term_sum" else type(with_function(name))
-    with pytest.raises(ValueError, match=said):
-        laid_out(task_of(base, metrics=(*ReachTask.metrics, name)), SCENES["four_r_reach"])
-
-
-def test_a_metric_is_no_name_of_the_engine():
-    scene = full_scene()
-    fields = laid_out(ReachTask(), scene).fields
-    names = [name for name, field in fields.items() if field.owner == "the engine"]
-    assert len(names) > 120
-    for name in (*some(names), "ended", "low2", "tip_x", "goal_x"):
-        with pytest.raises(ValueError, match=rf"'{name}', (a name of the engine: |which info has already)"):
-            laid_out(task_of(metrics=(*ReachTask.metrics, name)), scene)
-
-
-def test_a_metric_may_be_a_quantity_of_the_arm_an_effect_or_the_task():
-    shown = ("theta1", "m1", "gravity_g", "actuator_lag__effort__2", "hold", "start_angle", "phid2")
-    rde.register_task(type(task_of(metrics=(*ReachTask.metrics, *shown), name="Shown")))
-    scene = dataclasses.replace(full_scene(), tolerance=None)
-    env = gym.make("redundant_envs/RPRPShown-v0", scene=scene.to_dict()).unwrapped
-    env.reset(seed=0)
-    *_, info = env.step(np.full(4, 0.5, np.float32))
-    expected = {name: env.core.memory.read((name,))[0, 0] for name in shown[:-1]}
-    assert {name: info[name] for name in expected} == expected
-    assert info["phid2"] == env.qd[1]
-    assert info["actuator_lag__effort__2"] > 0.1
-
-
-# ---- arms ----------------------------------------------------------------------------------------------
-
-
 @physics(gives="x1 y1 x2 y2")
 def points(l1, l2, s1, c1, s2, c2):
     x1, y1 = l1 * c1, l1 * s1
     return x1, y1, x1 + l2 * c2, y1 + l2 * s2
-
-
-def scene_with_quantity(name):
-    functions = (*three_r.ThreeR.functions, helper(name, "l1"))
-    arm = type("Odd", (three_r.ThreeR,), {"functions": functions})((1.0,) * 3, (0.5,) * 3)
-    spring = e.LimitSpring("joint2", -1.0, 1.0, 500.0, 1.0)
-    return rde.Scene(arm, (e.Gravity(), spring, e.EffortLimits((3.0,) * 3)), tolerance=1e-6)
 
 
 def scene_with_coordinate(name):
@@ -195,55 +237,9 @@ def scene_with_coordinate(name):
     return rde.Scene(arm, (e.Gravity(), e.EffortLimits(3.0), actuator_lag.ActuatorLag(0.04)), tolerance=1e-6)
 
 
-OF_LANES = (
-    "error", "h", "interval", "least_step_rate", "command1", "gravity_g", "tip_tolerance", "step", "left",
-    "state", "elapsed", "fault", "theta1_start", "effort_limits_limits_0", "ax", "evaluations",
-)  # fmt: skip
-
-
-@pytest.mark.parametrize("name", OF_LANES)
-def test_an_arm_may_not_call_a_quantity_by_the_name_of_a_number_of_lanes(name):
-    with pytest.raises(ValueError, match=f"'{name}', a name of the|given by both"):
-        rde.BatchSimulator(scene_with_quantity(name), 1)
-
-
-@pytest.mark.parametrize("name", ["limit", "resetting", "speed_bound", "saturated", "paid", "hold"])
-def test_an_arm_may_not_call_a_quantity_by_the_name_of_a_number_of_episodes(name):
-    scene = scene_with_quantity(name)
-    rde.BatchSimulator(scene, 1)
-    with pytest.raises(ValueError, match=f"has '{name}', a name of the (engine: |arm Odd)"):
-        laid_out(ReachTask(), scene)
-
-
-@pytest.mark.parametrize("made", [scene_with_quantity, scene_with_coordinate])
-def test_names_of_an_arm_are_no_names_of_a_lane(made):
-    fields = laid_out(ReachTask(), made("span")).fields.values()
-    names = [f.name for f in fields if f.owner != "the arm Odd" and not f.name.startswith("span_")]
-    for name in some(names):
-        with pytest.raises(ValueError, match=rf"'{name}'.*(a name of|is given by both)"):
-            laid_out(ReachTask(), made(name))
-
-
-# ---- effects -------------------------------------------------------------------------------------------
-
-
-def test_fields_of_effects_from_outside_have_two_underscores_whatever_was_imported_first():
-    assert "actuator_lag__time_constant" in laid_out(ReachTask(), full_scene()).fields
-
-
-@pytest.mark.parametrize("form", ["effort__0_start", "effort__0_trial", "effort__0_slope"])
-def test_a_number_of_an_effect_has_no_name_that_the_engine_gives_to_its_states(form):
-    shifted = physics(gives="effort", takes=f"effort {form}")(lambda effort, shift: effort + shift)
-
-    def link(self, k, unit):
-        hook = actuator_lag.ActuatorLag.link(self, k, unit)
-        return dataclasses.replace(hook, function=shifted, bind={**hook.bind, form: f".{form}"})
-
-    bases = (actuator_lag.ActuatorLag,)
-    kind = dataclasses.make_dataclass(
-        "Odd", [(form, float)], bases=bases, frozen=True, namespace={"link": link}
-    )
-    scene = SCENES["rprp_reach"]
-    odd = rde.Scene(scene.robot, (*scene.effects, kind(0.1, 0.0)), tolerance=1e-6)
-    with pytest.raises(ValueError, match=f"'odd__{form}' is a name of the effect Odd: .*, and of the engine"):
-        laid_out(ReachTask(), odd)
+def test_a_coordinate_of_an_arm_has_no_name_of_a_lane():
+    fields = laid_out(ReachTask(), scene_with_coordinate("turn")).fields.values()
+    names = [f.name for f in fields if f.owner != "the arm Odd" and f.name.isidentifier()]
+    for name in some({name for name in names if not name.startswith("turn_")}):
+        with pytest.raises(ValueError, match=rf"'{name}'.*a name of"):
+            laid_out(ReachTask(), scene_with_coordinate(name))

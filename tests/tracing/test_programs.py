@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from refusals import ANYTHING
 
 from redundant_envs.backends.interpreter import evaluate
-from redundant_envs.lane.memory import SCRATCH, STATE, Field, Lane, Layout, ProgramLane
+from redundant_envs.lane.memory import SCRATCH, STATE, Field, Lane, Layout, TracedLane
 from redundant_envs.tracing.flow import Kernel, LaneFunction, Program
+from redundant_envs.tracing.graph import Graph
 from redundant_envs.tracing.listing import fingerprints
 from redundant_envs.tracing.number import value_of
 from redundant_envs.tracing.program import ENDED, Machine
@@ -40,7 +41,7 @@ class Traced:
 
     def __init__(self, program):
         self.layout = layout()
-        self.machine = Machine(program, ProgramLane(self.layout), Ask, whole=True)
+        self.machine = Machine(program, TracedLane(self.layout, Graph(), {}, declares=True), Ask, whole=True)
         self.functions = {
             ask: self.machine.after(ask, "answered") for ask in (None, *Ask) if ask in self.machine.graphs
         }

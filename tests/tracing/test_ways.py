@@ -1,17 +1,15 @@
 """Functions with branches: the same on floats, by the interpreter and compiled; ways that are refused."""
 
-import functools
 import itertools
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from compiled import on_columns
+from compiled import flat, on_columns, recorded
 from hypothesis import given
 from hypothesis import strategies as st
 from refusals import ANYTHING
 
-from redundant_envs.algebra import where
 from redundant_envs.backends.interpreter import evaluate
 from redundant_envs.tracing.graph import Graph, reached
 from redundant_envs.tracing.number import Condition, Number, value_of
@@ -22,19 +20,11 @@ def numbers_of(graph, count):
     return [Number(graph, graph.load("row", k)) for k in range(count)]
 
 
-def flat(result):
-    """Numbers of a result, conditions as 1 or 0."""
-    if isinstance(result, tuple | list):
-        return [x for part in result for x in flat(part)]
-    return [where(result, 1.0, 0.0) if isinstance(result, Condition | bool | np.bool_) else result]
-
-
 def interpreted(function, *columns):
     """Results of a traced function by the interpreter, a row for each number."""
-    graph = Graph(True)
-    results = flat(function(*numbers_of(graph, len(columns))))
+    results = recorded(function, len(columns), Graph(whole=True))
     with np.errstate(invalid="ignore"):  # both sides of a selection are computed
-        found = evaluate([value_of(x) for x in results], lambda place: columns[place[1]])
+        found = evaluate(results, lambda place: columns[place[1]])
     return np.array([np.broadcast_to(x, columns[0].shape) for x in found], dtype=float)
 
 
@@ -99,9 +89,7 @@ def test_a_function_with_branches_is_the_same_on_floats_by_the_interpreter_and_c
     columns = columns_of(function.__wrapped__.__code__.co_argcount)
     expected = one_by_one(function, *columns)
     np.testing.assert_array_equal(interpreted(function, *columns), expected)
-
-    numbers = functools.wraps(function)(lambda *x: flat(function(*x)))
-    np.testing.assert_array_equal(on_columns(numbers, *columns), expected)
+    np.testing.assert_array_equal(on_columns(function, *columns), expected)
 
 
 LEAVES = st.sampled_from(["a", "b", "c", "-a", 0.0, -0.0, 1.0])
@@ -174,9 +162,9 @@ def test_a_condition_and_its_opposite_are_one_decision():
             return a
         return b if not a < b else 9.0
 
-    (result,) = flat(function(*numbers_of(Graph(), 2)))
+    nodes = reached(recorded(function, 2))
     assert len(runs) == 2
-    assert [n.name for n in reached([result.value]) if n.name != "load"] == ["<", "select"]
+    assert [n.name for n in nodes if n.name != "load"] == ["<", "select"]
 
 
 def test_ways_with_one_result_need_no_selection():

@@ -202,7 +202,7 @@ def test_a_measured_number_is_no_promise():
 
 
 def test_a_check_is_one_function():
-    @check("short links", at_least(0.1, "m"), Mode.QUICK)
+    @check("short links", at_least(0.1))
     def short_links(trial):
         shortest = int(np.argmin(trial.arm.lengths))
         return Finding(trial.arm.lengths[shortest], f"link {shortest + 1}", "a link is too short")

@@ -40,12 +40,10 @@ class Schedule:
         """Cycles from the beginning of an operation to the end of all that follow from it."""
         for n in reversed(nodes):
             self.chain[n] = n.latency + max((self.chain[u] for u in self.users[n]), default=0)
-        real = [n for n in nodes if n.name not in FREE]
-        self.inputs = {
-            n: dict.fromkeys(s for s in map(source_of, n.operands) if s.name not in FREE) for n in real
-        }
-        uses: dict[Operation, list[int]] = {n: [] for n in real}
-        for n in real:
+        self.inputs: dict[Operation, dict[Operation, None]] = {}
+        uses: dict[Operation, list[int]] = {n: [] for n in nodes if n.name not in FREE}
+        for n in uses:
+            self.inputs[n] = dict.fromkeys(s for s in map(source_of, n.operands) if s in uses)
             for a in self.inputs[n]:
                 uses[a].append(self.chain[n])
         self.far = {a for a, chains in uses.items() if chains and max(chains) - min(chains) > FAR}
