@@ -10,7 +10,7 @@ from redundant_envs.effects import CentringSpring, Gravity, ViscousFriction
 
 mpmath = pytest.importorskip("mpmath", reason="mpmath is in the extra 'verify'")
 
-from gauss import STAGES, solve, tableau  # noqa: E402
+from gauss import solve  # noqa: E402
 
 FOLDER = Path(__file__).parents[1] / "oracles"
 ARMS = {"rprp": rde.RPRP, "four_r": rde.FourR}
@@ -25,43 +25,6 @@ def difference(found, other):
     with mpmath.workdps(50):
         pairs = [xy for vectors in zip(found, other, strict=True) for xy in zip(*vectors, strict=True)]
         return max(abs(mpmath.mpf(x) - mpmath.mpf(y)) for x, y in pairs)
-
-
-def test_tableau():
-    """B(16) and not B(17), C(8) and not C(9), nodes and weights symmetric: order 16 follows."""
-    c, b, a, ahead = tableau(34)
-    nodes = range(STAGES)
-    with mpmath.workdps(40):
-
-        def misses(k):
-            quadrature = mpmath.fdot(b, [x ** (k - 1) for x in c]) - mpmath.mpf(1) / k
-            stages = [mpmath.fdot(row, [x ** (k - 1) for x in c]) - c[i] ** k / k for i, row in enumerate(a)]
-            return abs(quadrature), max(abs(s) for s in stages)
-
-        assert max(misses(k)[0] for k in range(1, 17)) <= 1e-38
-        assert max(misses(k)[1] for k in range(1, 9)) <= 1e-38
-        assert misses(17)[0] > 1e-11
-        assert misses(9)[1] > 1e-7
-        assert all(x < y for x, y in zip([0, *c], [*c, 1], strict=True))
-        assert max(abs(c[i] + c[-1 - i] - 1) + abs(b[i] - b[-1 - i]) for i in nodes) <= 1e-38
-        assert max(abs(a[i][j] + a[-1 - i][-1 - j] - b[j]) for i in nodes for j in nodes) <= 1e-38
-        continued = [mpmath.fdot(row, [x**7 for x in c]) - (c[i] + 1) ** 7 for i, row in enumerate(ahead)]
-        assert max(abs(x) for x in continued) <= 1e-32
-
-
-@pytest.mark.parametrize("arm", ARMS)
-def test_order_16(arm):
-    """Halving the step divides the error by 2^16; in the end two step counts agree to 28 decimals."""
-    scene = rde.Scene(ROBOTS[arm], SMOOTH)
-    *states, exact = (solve(scene, Q0, QD0, 0.05, n, EFFORTS) for n in (2, 4, 8))
-    errors = [difference(state, exact) for state in states]
-    assert float(mpmath.log(errors[0] / errors[1], 2)) == pytest.approx(16.0, abs=0.25)
-    assert errors[1] <= 1e-28
-
-
-def test_too_long_steps_are_refused():
-    with pytest.raises(ArithmeticError, match="steps is 2;"):
-        solve(rde.Scene(ROBOTS["four_r"], SMOOTH), Q0, [20.0 * v for v in QD0], 1.0, 2, digits=20)
 
 
 # Steps in [0.1, 0.5] s where 16 do not give every digit.
