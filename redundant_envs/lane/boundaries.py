@@ -105,7 +105,7 @@ class Boundaries:
 
     def quantities(self, lane: Lane) -> Quantities:
         """Quantities of the present state, with the present sliders at rest."""
-        numbers = known_numbers(self.dynamics, lane, held=True)
+        numbers = known_numbers(self.dynamics, lane)
         x = contact_quantities(self.dynamics, lane.get(self.dynamics.states), numbers)
         x["derivatives"] = self.dynamics.accelerations(x)
         return x

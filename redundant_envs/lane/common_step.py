@@ -32,13 +32,12 @@ def lane_step(dynamics: Dynamics, lane: Lane, h: Any) -> Step:
     It watches, in this order: the coordinates of boundaries, values that change their signs at kinks, and
     speeds of :attr:`Dynamics.watched_sliders`.
     """
-    held = bool(dynamics.holding)
-    numbers = coordinates.known_numbers(dynamics, lane, held)
+    numbers = coordinates.known_numbers(dynamics, lane)
     count, width = dynamics.count, len(dynamics.states)
 
     def derivatives(*values: Any) -> list[Any]:
-        quantities = coordinates.contact_quantities if held else Dynamics.quantities
-        x = quantities(dynamics, values[:width], dict(zip(numbers, values[width:], strict=True)))
+        known = dict(zip(numbers, values[width:], strict=True))
+        x = coordinates.contact_quantities(dynamics, values[:width], known)
         results = dynamics.accelerations(x)
         results += [watched_acceleration(dynamics, b, x) for b in dynamics.boundaries]
         results += kink_values(dynamics.scene.attached, dynamics.kinks, x)

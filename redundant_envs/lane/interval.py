@@ -115,7 +115,7 @@ class Interval:
         """At the end of an interval: update the states of effects that were constant in it."""
         dynamics = self.dynamics
         if dynamics.effect_states.updated:
-            numbers = known_numbers(dynamics, lane, held=False)
+            numbers = known_numbers(dynamics, lane)
             x = dynamics.quantities(lane.get(dynamics.states), numbers)
             for name, value in dynamics.updates(x).items():
                 lane[name] = value
