@@ -65,11 +65,6 @@ class EnvironmentKernel:
         self.blocks = Blocks(p, episode.interval, episode.layout())
         self.observed = self.blocks.function("observe", episode.observe)
         self.reset = self.blocks.function("reset", episode.reset)
-        self._record()
-        self.blocks.prune()
-
-    def _record(self) -> None:
-        p = self.p
         operation = p["operation"]
         checked, count = operation == Operation.CHECKED_STEP, p["count"] * len(self.episode.actions)
         with p.when(checked), p.each(count) as k:
@@ -88,6 +83,7 @@ class EnvironmentKernel:
             with p.when(operation == Operation.RESET):
                 self.begin_due(block)
             p.call(self.observed, **block.pointers, **self.outputs(block))
+        self.blocks.prune()
 
     def end(self, lane: Lane) -> Any:
         self.episode.finish_control_step(lane)
@@ -104,9 +100,6 @@ class EnvironmentKernel:
 
     def _flag(self, lane: Scalar) -> Scalar:
         return lane * EPISODE_KEY + KEY_WORDS
-
-    def _is_due(self, lane: Scalar) -> Scalar:
-        return self.p.load(self.p["episode_keys"], self._flag(lane)) == DUE
 
     def begin_due(self, block: Block, then: int = DUE) -> Scalar:
         """Start new episodes in the lanes of a block whose keys request one; returns whether any did."""
@@ -146,8 +139,10 @@ class EnvironmentKernel:
         with p.when(p["autoreset"] == Autoreset.NEXT_STEP):
             begun = p.variable(0)
             with p.when(p["any_due"] != 0):
-                with p.each(block.lanes) as k, p.when(self._is_due(block.first + k)):
-                    begun.value = begun.value | p.record("<<", 1, k)
+                with p.each(block.lanes) as k:
+                    flag = p.load(p["episode_keys"], self._flag(block.first + k))
+                    with p.when(flag == DUE):
+                        begun.value = begun.value | p.record("<<", 1, k)
                 with p.when(begun.value != 0):
                     self.begin_due(block, BEGUN)
                     p.call(self.observed, **pointers, **self.outputs(block))

@@ -115,7 +115,7 @@ class Interval:
         """At the end of an interval: update the states of effects that were constant in it."""
         dynamics = self.dynamics
         if dynamics.effect_states.updated:
-            numbers = known_numbers(dynamics, lane, held=False)
+            numbers = known_numbers(dynamics, lane)
             x = dynamics.quantities(lane.get(dynamics.states), numbers)
             for name, value in dynamics.updates(x).items():
                 lane[name] = value
@@ -153,7 +153,12 @@ class Interval:
         dynamics, layout = self.dynamics, Layout(self.fields())
         known = (*dynamics.states, *dynamics.numbers, *dynamics.commands)
         owners = ARGUMENTS | {name: layout.fields[name].whose for name in known}
-        check_names(f"{dynamics.arm.kind}.functions", names_of_arm(dynamics.arm), owners)
+        arm = dynamics.arm
+        more = (arm.held_dynamics, arm.slider_mobility, arm.column_norms, arm.mobility_bounds)
+        given = {name for f in (*arm.functions, *filter(None, more)) for name in gives_of(f)}
+        angles = {name for pair in arm.sincos.values() for name in pair}
+        kept_alike = {name for f in arm.prepared for name in gives_of(f)}  # under the same names
+        check_names(f"{arm.kind}.functions", (given | angles) - kept_alike, owners)
         return layout
 
 
@@ -188,11 +193,3 @@ def copies(fields: Iterable[Field], form: str, doc: str) -> Iterator[Field]:
     """Scratch fields that hold earlier values of others."""
     for f in fields:
         yield Field(form.format(f.name), f.unit, f"{f.name} {doc}", SCRATCH, book=f.book)
-
-
-def names_of_arm(arm: Any) -> set[str]:
-    """Quantities that an arm computes, except those that lanes keep under the same names."""
-    more = (arm.held_dynamics, arm.slider_mobility, arm.column_norms, arm.mobility_bounds)
-    given = {name for f in (*arm.functions, *filter(None, more)) for name in gives_of(f)}
-    angles = {name for pair in arm.sincos.values() for name in pair}
-    return (given | angles) - {name for f in arm.prepared for name in gives_of(f)}

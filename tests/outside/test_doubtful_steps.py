@@ -146,7 +146,7 @@ def test_what_errors_of_effects_states_move_at_the_tip_is_in_proportion_to_the_e
     n, h = dynamics.count, 0.02
 
     def moved(errors, steps):
-        step = Step(after[:n], after[n : 2 * n], after[2 * n :], [], *errors, *steps)
+        step = Step(after[:n], after[n : 2 * n], after[2 * n :], [], list(zip(errors, steps, strict=True)))
         return others_error(dynamics, lane, step, h)
 
     errors = np.array([six, five, three])
