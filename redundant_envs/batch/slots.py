@@ -32,7 +32,7 @@ class Slots:
         self.slots = {
             str(STATE): slots,
             str(SCRATCH): slots + blocks.width(STATE),
-            str(PARAMETER): p.choose(self.shared, p["parameter"], own_parameters),
+            str(PARAMETER): p.select(self.shared, p["parameter"], own_parameters, kind="f64"),
             str(LOG): p["log"] + 0,
         }
         self.waiting, self.homes = p["queue"] + 0, p["queue"] + GROUP * LANES
