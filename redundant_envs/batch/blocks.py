@@ -142,24 +142,22 @@ class Blocks:
             whole = self.function("interval", *parts, inputs=ends.inputs)
             with p.each(self.count) as number:
                 block = self.block(number, 0)
-                self.call_with_tables(whole, block, ends.inputs, ends.outputs(block))
+                self.call(whole, block, ends.outputs(block))
                 ends.finish(block)
             return
         first = self.function("begin", *parts[:2], inputs=ends.inputs)
         step, last = self.function("step", parts[2]), self.function("end", parts[3])
         with p.each(self.count) as number:
             block = self.block(number, 0)
-            self.call_with_tables(first, block, ends.inputs)
+            self.call(first, block)
             with p.each(p["substeps"]):
                 p.call(step, **block.pointers)
             p.call(last, **block.pointers, **ends.outputs(block))
             ends.finish(block)
 
-    def call_with_tables(
-        self, function: LaneFunction, block: Block, inputs: Mapping[str, Any], outputs: Any = None
-    ) -> None:
-        """Call a function that reads rows of tables."""
-        tables = {t: self.whole_lines(block, t, len(fields)) for t, (_, fields) in inputs.items()}
+    def call(self, function: LaneFunction, block: Block, outputs: Mapping[str, Any] | None = None) -> None:
+        """Call a function, which may read rows of tables, on a block."""
+        tables = {table: self.whole_lines(block, table, n) for table, (_, n) in function.inputs.items()}
         self.p.call(function, **tables, **block.pointers, **(outputs or {}))
 
     def prune(self) -> None:

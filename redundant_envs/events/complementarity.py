@@ -2,7 +2,7 @@
 
 The mobility w of the coordinates is symmetric and positive definite: w[i][j] is the velocity of coordinate i
 by a unit impulse along coordinate j, so each problem has one solution. One or two coordinates are solved by
-formulas; for more, the set of stops that act is searched. Sides are those of :mod:`boundary`.
+formulas; for more, the set of stops that act is searched.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """Coordinates at their stops: which are struck, which come to rest, and which are released.
 
-Accelerations, forces of stops and mobilities are given; time does not advance. Sides are 1 at the upper stop,
--1 at the lower one, 0 at none.
+Accelerations, forces of stops and mobilities are given; time does not advance.
 """
 
 from __future__ import annotations
