@@ -19,7 +19,7 @@ from redundant_envs.algebra import PRIMITIVES, arguments_of, gives_of, is_physic
 from redundant_envs.robots import derived
 from redundant_envs.tasks.reach import ReachTask
 
-PLACES = ("algebra", "robots", "effects", "tasks", "studies.kinked_effects", "verify.aimed_effects")
+PLACES = ("algebra", "robots", "effects", "tasks", "studies.kinked_effects", "verify.aimed")
 PACKAGE = Path(redundant_envs.__file__).parent
 
 

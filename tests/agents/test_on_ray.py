@@ -62,7 +62,7 @@ def cluster(disk):
         sys.path.insert(0, root)  # Ray would add it later
         from redundant_envs_train import report
 
-        def short(folder):
+        def short(folder, overwrite):
             (folder / "report.md").write_text(f"again: train {folder}/config.yaml")
 
         report.report = short
