@@ -32,7 +32,7 @@ class Slots:
         self.slots = {
             str(STATE): slots,
             str(SCRATCH): slots + blocks.width(STATE),
-            str(PARAMETER): p.choose(self.shared, p["parameter"], own_parameters),
+            str(PARAMETER): p.select(self.shared, p["parameter"], own_parameters, kind="f64"),
             str(LOG): p["log"] + 0,
         }
         self.waiting, self.homes = p["queue"] + 0, p["queue"] + GROUP * LANES
@@ -54,7 +54,7 @@ class Slots:
             end = p.select(first + GROUP < count, first + GROUP, count)
             if repeated:
                 with p.each(end, start=first) as number:
-                    self.blocks.call_with_tables(self.cleared, self.block(number), self.ends.inputs)
+                    self.blocks.call(self.cleared, self.block(number))
                 with p.each(p["substeps"]):
                     self.group(first, end)
                     self.run(first, lambda: self.busy.value > 0)
@@ -81,7 +81,7 @@ class Slots:
             begin, inputs = (), {}
         # Under error control it is known before the common step which lanes it may serve, and with stops,
         # which sliders rest.
-        self.started, self.inputs = make("start", *begin, step.start, inputs=inputs), inputs
+        self.started = make("start", *begin, step.start, inputs=inputs)
         self.common = make("common", step.common_step, step.judge, known=dict.fromkeys(i.active, 0.0))
         if i.holding:
             forces = boundaries.update_constraint_forces
@@ -106,7 +106,7 @@ class Slots:
         self.head.value = self.tail.value = 0
         with p.each(end, start=first) as number:
             block = self.block(number)
-            blocks.call_with_tables(self.started, block, self.inputs)
+            blocks.call(self.started, block)
             self.common_step(block)
             leaving = blocks.mask(block.pointers, "reason") & blocks.valid(block)
             with p.each_set(leaving) as lane:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.batch.blocks import LANES
-from redundant_envs.batch.environment import BEGUN, DUE, EPISODE_KEY, GOAL_FIELDS, Autoreset, Operation
+from redundant_envs.batch.environment import BEGUN, DUE, EPISODE_KEY, Autoreset, Operation
 from redundant_envs.envs.arguments import Checked, checked_reset, episode_limit, numbers_of_reward, reach_of
 from redundant_envs.envs.episode_keys import EpisodeKeys
 from redundant_envs.envs.outputs import Columns, Outputs
@@ -241,7 +241,7 @@ class Core(Copied):
             )
         a, d = np.broadcast_arrays(a, d)
         blocks = -(-len(a) // LANES)
-        pairs, reward = np.zeros((blocks * LANES, len(GOAL_FIELDS))), np.empty(blocks * LANES)
+        pairs, reward = np.zeros((blocks * LANES, 4)), np.empty(blocks * LANES)
         pairs[: len(a), :2], pairs[: len(a), 2:] = a, d
         assert self._goal_reward is not None
         task = self.task.parameters()

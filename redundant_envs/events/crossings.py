@@ -1,6 +1,6 @@
 """Whether a trial step meets a boundary, and how: bounds from the accelerations at its stages.
 
-Sides are 1 at the upper limit, -1 at the lower one, 0 at none. The decision record 0003 explains the bounds.
+The decision record 0003 explains the bounds.
 """
 
 from __future__ import annotations

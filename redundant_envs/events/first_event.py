@@ -1,7 +1,7 @@
 """Time of the first event of a coordinate in a trial step: an estimate, from which a search begins.
 
 An event is an impact at a stop, a release from it, a limit that is passed, or a turn that may lie beyond a
-limit. Sides are 1 at the upper limit, -1 at the lower one, 0 at none.
+limit.
 """
 
 from __future__ import annotations

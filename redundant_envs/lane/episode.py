@@ -102,8 +102,7 @@ class Episode:
         task, owner = self.task, f"the task {type(self.task).__name__}"
         yield from self.interval.fields()
         if not self.dynamics.local:
-            kept = [Field(name, "", name, STATE) for name in self.dynamics.kept]
-            yield from copies(kept, "{}_start", "when the interval began")
+            yield from copies(self.dynamics.kept, "{}_start", "when the interval began")
         for name in task.parameters():
             yield Field(name, "", "number", PARAMETER, owner=owner)
         yield Field("limit", "", "control steps of an episode", PARAMETER)

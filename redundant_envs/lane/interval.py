@@ -56,11 +56,10 @@ class Interval:
             yield Field(name, "", "side of the stop a slider rests at: 1 upper, -1 lower, 0 none", STATE)
         if dynamics.control is Control.ADAPTIVE:
             yield Field("next_step", "s", "length of the next step", STATE)
-        kept = [Field(name, "", name, STATE, book=name == "work") for name in dynamics.kept]
-        yield from copies(kept, "{}_start", "before the common step")
+        yield from copies(dynamics.kept, "{}_start", "before the common step")
         if dynamics.origin != "{}_start":
-            yield from copies(kept, dynamics.origin, "when the interval began")
-        yield from copies(kept[: len(dynamics.states)], "{}_trial", "at the start of the trial step")
+            yield from copies(dynamics.kept, dynamics.origin, "when the interval began")
+        yield from copies(dynamics.states, "{}_trial", "at the start of the trial step")
         yield Field("evaluations", "", "evaluations of the right-hand side", SCRATCH)
         yield Field("reason", "", "why the lane leaves the common step (Reason)", SCRATCH)
         yield Field("error_start", "m", "error before the common step", SCRATCH)
@@ -136,7 +135,7 @@ class Interval:
 
         The layout gets the fields that only the program sets; ``whole`` is for :class:`Graph`.
         """
-        lane, made = TracedLane(layout, Graph(), {}, declares=True), {}
+        lane, made = TracedLane(layout, Graph(), declares=True), {}
         machine = Machine(self.program.cross, lane, Request, whole)
         for request, answered in ANSWERED.items():
             if request not in machine.graphs:
@@ -189,7 +188,7 @@ def motion_fields(dynamics: Dynamics) -> Iterator[Field]:
     yield Field("fault", "", "faults of the interval", SCRATCH)
 
 
-def copies(fields: Iterable[Field], form: str, doc: str) -> Iterator[Field]:
+def copies(names: Iterable[str], form: str, doc: str) -> Iterator[Field]:
     """Scratch fields that hold earlier values of others."""
-    for f in fields:
-        yield Field(form.format(f.name), f.unit, f"{f.name} {doc}", SCRATCH, book=f.book)
+    for name in names:
+        yield Field(form.format(name), "", f"{name} {doc}", SCRATCH, book=name == "work")

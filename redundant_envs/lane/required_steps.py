@@ -51,32 +51,28 @@ def depends_on_motion(a: Attached[Any]) -> bool:
     return not {*a.hook.motion}.isdisjoint(a.functions["damping"].names)
 
 
-def dampers(scene: Scene) -> list[Attached[Force]]:
-    """Forces whose damping depends on their joint's motion, under a tolerance. Estimates of dop853, which
-    are held near rounding, see such dampers."""
-    return [] if scene.tolerance is None else [a for a in scene.attached.of(Force) if depends_on_motion(a)]
+def dampers(scene: Scene) -> list[tuple[str, Attached[Force]]]:
+    """Forces whose damping depends on their joint's motion, under a tolerance, with the fields of the
+    largest mobilities of their joints. Estimates of dop853, which are held near rounding, see such
+    dampers."""
+    found = [a for a in scene.attached.of(Force) if scene.tolerance is not None and depends_on_motion(a)]
+    return [(f"most_mobility{a.hook.joint + 1}", a) for a in found if isinstance(a.hook.joint, int)]
 
 
 def mobilities(scene: Scene, x: Quantities) -> dict[str, Any]:
     """Largest mobilities of the joints of :func:`dampers`, by their fields."""
-    return {field_of(a): most_mobility(scene, a, x) for a in dampers(scene)}
-
-
-def field_of(a: Attached[Force]) -> str:
-    """The field of the largest mobility of a force's joint."""
-    assert isinstance(a.hook.joint, int)
-    return f"most_mobility{a.hook.joint + 1}"
+    return {field: most_mobility(scene, a, x) for field, a in dampers(scene)}
 
 
 def rates_of_motion(scene: Scene, lane: Any, x: Quantities, numbers: Mapping[str, Any]) -> list[Any]:
     """Steps per second that dampers require now, if their damping depends on positions and rates ``x``."""
     rates = []
-    for a in dampers(scene):
+    for field, a in dampers(scene):
         position, rate = a.hook.motion
         known = {position: x[position] + lane.interval * x[rate], rate: x[rate]}
         ahead = Quantities(known, tuple(scene.robot.functions), scene.robot.sincos, numbers)
         here, there = (a.functions["damping"](quantities) for quantities in (x, ahead))
-        rates.append(steps_towards_damper(here, there, lane[field_of(a)], lane.interval))
+        rates.append(steps_towards_damper(here, there, lane[field], lane.interval))
     return rates
 
 
