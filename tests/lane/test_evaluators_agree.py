@@ -11,7 +11,7 @@ from redundant_envs.backends.torch import torch
 from redundant_envs.lane.direct import cross_interval, fields_of
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.interval import Interval
-from redundant_envs.verify.states import random_states
+from redundant_envs.verify.checks import random_states
 
 LANES, SINGLES = 40, 6
 SHORT = ("stops rk8, half elastic", "stops 1e-6, inelastic", "RP every effect 1e-6", "RPRP users' play 1e-6")

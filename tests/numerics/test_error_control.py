@@ -18,7 +18,7 @@ from redundant_envs.numerics.error_control import Crossed, blended_error, tip_er
 from redundant_envs.studies.interval_families import FAMILIES
 from redundant_envs.studies.intervals import tips_after
 from redundant_envs.studies.kinked_effects import TorqueSpeed, VelocityController
-from redundant_envs.verify.states import random_states
+from redundant_envs.verify.checks import random_states
 
 e = rde.effects
 LAB = rde.FourR((1.0,) * 4, (0.5,) * 4)
