@@ -14,12 +14,11 @@ import pytest
 import rrp
 import three_r
 import track
-from actuator_lag import ActuatorLag
+from actuator_lag import ActuatorLag, LagChain
 from arms import ARMS, STEPS, e, effects_from_outside, inertias, stops
 from catalogue import assert_same_bits, motion, started
 from held_command import HeldCommand
 from humming_stop import HummingStop
-from lag_chain import LagChain
 from relative_two_r import RelativeTwoR
 from tether import Tether
 from three_r_by_hand import ThreeRByHand
