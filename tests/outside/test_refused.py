@@ -498,10 +498,7 @@ def numbered(name):
         (task_of(reward_functions=lambda self, scene: ()), "gives no term of its own"),
         (task_of(goal_conditioned=True), "one reward term must be goal_reward"),
         (task_of(goal_conditioned=True, goal_functions=()), "goal_functions is empty"),
-        (
-            task_of(units={"perod": "s"}),
-            r"Held\.units has 'perod'; choose start_angle, speed_bound",
-        ),
+        (task_of(units={"perod": "s"}), r"Held\.units has 'perod'; choose start_angle, speed_bound"),
         (task_of(static=("speed_bound",)), r"Held.static has 'speed_bound'; choose"),
     ],
 )
@@ -545,15 +542,13 @@ HELD = {
         pays(lambda task, scene: scene.parameters()["effort_limits.limits[1]"]),
     ),
     "a start": (
-        "start_angle",
-        {"start_range": lambda self, scene, joint: (f"-{self.start_angle}", f"{self.start_angle}")},
+        "start_angle", {"start_range": lambda self, *_: (f"-{self.start_angle}", f"{self.start_angle}")},
     ),
     "a metric": (
-        "width",
-        {"metrics": property(lambda self: rde.ReachTask.metrics[: 4 if self.width > 0.7 else 3])},
+        "width", {"metrics": property(lambda self: rde.ReachTask.metrics[: 4 if self.width > 0.7 else 3])},
     ),
     "an observation": ("width", {"observation": fewer}),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("what", HELD)
@@ -642,28 +637,38 @@ def test_sb3_environments_need_no_success():
 # ---- registration --------------------------------------------------------------------------------------
 
 
-def test_ids_that_clash_and_scenes_that_make_no_environment():
+GOAL = rde.load_scene("four_r_reach").to_dict()
+GOAL["robot"]["type"] = "RPRPGoal"
+BARE = {"robot": {"type": "OddArm", "masses": [1, 1, 1], "lengths": [1, 1, 1]}}
+
+
+def four_r(kind):
+    return dataclass(frozen=True)(type(kind, (rde.FourR,), {"kind": kind}))
+
+
+@pytest.mark.parametrize(
+    ("said", "register", "arguments"),
+    [
+        ("RPRPGoalReach-v0 is the id of", rde.register_arm, (four_r("RPRPGoal"), GOAL)),
+        ("no EffortLimits", rde.register_arm, (arm_of(kind="OddArm"), BARE)),
+        ("'ThreeR' is taken", rde.register_arm, (four_r("ThreeR"),)),
+        ("one with a robot of type ThreeR", rde.register_arm, (three_r.ThreeR, "rprp_reach")),
+        (
+            "does not end with Vector or Env",
+            rde.register_task, (type("T", (rde.ReachTask,), {"name": "ReachVector"}),),
+        ),
+        (r"derived from redundant_envs\.Task", rde.register_task, (three_r.ThreeR,)),
+        ("base of all effects", rde.register_effect, (Effect,)),
+    ],
+)  # fmt: skip
+def test_ids_that_clash_and_scenes_that_make_no_environment(said, register, arguments):
     before = dict(IDS), dict(rde.robots.REGISTRY), dict(rde.tasks.REGISTRY)
-    scene = rde.load_scene("four_r_reach").to_dict()
-    clashing = dataclass(frozen=True)(type("RPRPGoal", (rde.FourR,), {"kind": "RPRPGoal"}))
-    goal = {**scene, "robot": {**scene["robot"], "type": "RPRPGoal"}}
-    refused("RPRPGoalReach-v0 is the id of", rde.register_arm, clashing, goal)
-    bare = {"robot": {"type": "OddArm", "masses": [1, 1, 1], "lengths": [1, 1, 1]}}
-    refused("no EffortLimits", rde.register_arm, arm_of(kind="OddArm"), bare)
-    vector = type("T", (rde.ReachTask,), {"name": "ReachVector"})
-    refused("does not end with Vector or Env", rde.register_task, vector)
-    refused("base of all effects", rde.register_effect, Effect)
-    refused(r"derived from redundant_envs\.Task", rde.register_task, three_r.ThreeR)
-    taken = type("ThreeR", (rde.FourR,), {"kind": "ThreeR"})
-    refused("'ThreeR' is taken", rde.register_arm, taken)
-    refused("one with a robot of type ThreeR", rde.register_arm, three_r.ThreeR, "rprp_reach")
+    refused(said, register, *arguments)
     assert (dict(IDS), dict(rde.robots.REGISTRY), dict(rde.tasks.REGISTRY)) == before
 
 
 def test_a_task_whose_ids_clash_is_refused_and_the_next_one_is_registered():
-    scene = rde.load_scene("four_r_reach").to_dict()
-    arm = type("FourRNew", (rde.FourR,), {"kind": "FourRNew"})
-    rde.register_arm(arm, {**scene, "robot": {**scene["robot"], "type": "FourRNew"}})
+    rde.register_arm(four_r("FourRNew"), {**GOAL, "robot": {**GOAL["robot"], "type": "FourRNew"}})
     before = dict(IDS), dict(rde.tasks.REGISTRY)
     clashing, free = (type(name, (rde.ReachTask,), {"name": name}) for name in ("NewReach", "NextReach"))
     said = "FourRNewReach-v0 is the id of the arm FourRNew with the task Reach"

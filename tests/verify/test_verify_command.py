@@ -8,7 +8,7 @@ import sys
 
 import numpy as np
 import pytest
-from small_scenes import OWN_IDS
+from catalogue import IDS
 
 import redundant_envs as rde
 from redundant_envs.__main__ import main
@@ -83,7 +83,7 @@ def test_words_name_scenes_arms_environments_tasks_and_effects():
     assert subject_of("FourR").scene.robot == rde.FourR(MASSES, LENGTHS)  # all numbers differ
     assert subject_of("RPRP").scene.robot == rde.RPRP(MASSES, LENGTHS[:2])
     assert effects_of(subject_of("FourR")) == effects_of(subject_of("Gravity")) == ["Gravity"]
-    for word in OWN_IDS:
+    for word in IDS:
         for name in (word, word.partition("/")[2]):
             subject = subject_of(name)
             assert subject.env_id == word
