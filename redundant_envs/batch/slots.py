@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterable, Sequence
-from functools import cached_property
 from typing import Any
 
 from redundant_envs.batch.blocks import GROUP, LANES, Block, Blocks, Ends, Procedure
@@ -180,20 +179,6 @@ class Slots:
                 p.call(self.contact, **slots)
         p.call(self.goes_on[Request.STEP], **slots)
 
-    @cached_property
-    def carried_in(self) -> list[str]:
-        """Fields of blocks that slots read."""
-        read = set().union(*(self.blocks.reads[f.name] for f in self.of_slots))
-        if self.dynamics.logs:
-            read.add(self.layout.row_of("span_start"))  # read by the log of events, and by no function
-        return self._fields(read, written_by(self.of_blocks))
-
-    @cached_property
-    def carried_out(self) -> list[str]:
-        """Fields that slots return: states, and fields that are read at the end of the interval."""
-        read = self.blocks.reads[self.ended.name] | {self.layout.row_of("fault")}
-        return self._fields(written_by(self.of_slots), read)
-
     def _fields(self, rows: set[tuple[str, int]], and_these: set[tuple[str, int]]) -> list[str]:
         """Fields in some rows: states, and those that are in other rows, too."""
         at = {name: self.layout.row_of(name) for name in self.layout.fields}
@@ -215,7 +200,10 @@ class Slots:
         self.free.value = self.free.value & ~p.record("<<", 1, slot)
         p.store(self.homes, slot, lane)
         home, k = self._home(lane)
-        self._copy(self.carried_in, self.slots, slot, home.pointers, k)
+        read = set().union(*(self.blocks.reads[f.name] for f in self.of_slots))
+        if self.dynamics.logs:
+            read.add(self.layout.row_of("span_start"))  # read by the log of events, and by no function
+        self._copy(self._fields(read, written_by(self.of_blocks)), self.slots, slot, home.pointers, k)
         with p.when(~self.shared):
             numbers = [n for n, f in self.layout.fields.items() if f.lifetime is PARAMETER]
             self._copy(numbers, self.slots, slot, home.pointers, k)
@@ -230,7 +218,8 @@ class Slots:
         self.before.value = self.before.value - p.select((lane >> 3) < first, 1, 0)
         self.free.value = self.free.value | p.record("<<", 1, slot)
         home, k = self._home(lane)
-        self._copy(self.carried_out, home.pointers, k, self.slots, slot)
+        read = self.blocks.reads[self.ended.name] | {self.layout.row_of("fault")}
+        self._copy(self._fields(written_by(self.of_slots), read), home.pointers, k, self.slots, slot)
         self.blocks.store(self.slots, slot, "complete", 0.0)
         self.blocks.store(self.slots, slot, "state", IDLE)
 

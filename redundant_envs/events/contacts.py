@@ -88,11 +88,6 @@ class Contact(NamedTuple):
         """Whether the stop at which it rests would have to pull it."""
         return self.active_stop * self.force > 0.0
 
-    @property
-    def holding_force(self) -> Any:
-        """Force with which a stop holds it, N."""
-        return where(self.free, 0.0, self.force) if self.holds else 0.0
-
 
 class Resolved(NamedTuple):
     """The contacts of a lane, resolved once; lists have an entry for each coordinate."""
@@ -260,7 +255,7 @@ def resolve_contacts(impacts: Any, contacts: Sequence[Contact], w: Matrix) -> Re
     rounding = [(c.speed > 0.0) & (c.speed <= NEGLIGIBLE_SPEED) for c in contacts]
     cleaned = [where(r, 0.0, c.velocity) for r, c in zip(rounding, contacts, strict=True)]
     contacts = [c._replace(velocity=v) for c, v in zip(contacts, cleaned, strict=True)]
-    held = [c.holding_force for c in contacts]
+    held = [where(c.free, 0.0, c.force) if c.holds else 0.0 for c in contacts]
     unheld = [c.side * less_products(c.acceleration, row, held) for c, row in zip(contacts, w, strict=True)]
     rests, released = support_of(contacts, unheld, w)
     settling = any_of(released) | any_of(rests)

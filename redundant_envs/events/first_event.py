@@ -37,11 +37,6 @@ class Encounter(NamedTuple):
         """Force with which its stop would have to pull it at the end of the step, N."""
         return self.motion.active_stop * self.force
 
-    @property
-    def start_pull(self) -> Any:
-        """Force with which its stop would have to pull it at the start of the step, N."""
-        return self.motion.active_stop * self.start_force
-
 
 class Event(NamedTuple):
     """The first event of a coordinate in a trial step."""

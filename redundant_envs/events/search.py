@@ -178,7 +178,7 @@ def begun(trial: Trial, aim: Aim) -> Search:
     """A search whose bracket is the whole step."""
     e, _ = trial.of(aim.chosen)
     speeds = abs(e.motion.start_velocity), abs(e.motion.velocity)
-    gaps = speeds if aim.turns else (minimum(e.start_pull, 0.0), e.pull)
+    gaps = speeds if aim.turns else (minimum(e.motion.active_stop * e.start_force, 0.0), e.pull)
     return Search(aim.target, aim.side, 0.0, trial.h, *gaps, 0.0)
 
 

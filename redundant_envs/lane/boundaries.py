@@ -17,7 +17,7 @@ from redundant_envs.events.boundary import (
 )
 from redundant_envs.events.contacts import Resolved
 from redundant_envs.lane import coordinates
-from redundant_envs.lane.coordinates import contact_quantities, held_of, known_numbers, pull
+from redundant_envs.lane.coordinates import contact_quantities, known_numbers, pull
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import WATCHED, Reason
 from redundant_envs.lane.memory import Lane
@@ -114,7 +114,7 @@ class Boundaries:
         """After a step with sliders at rest: also the force with which a stop would have to pull one now."""
         x = self.quantities(lane)
         for b in self.dynamics.holding:
-            held, now = x[held_of(b)] > 0.0, pull(x, b, lane[b.active])
+            held, now = x[f"held{b.number}"] > 0.0, pull(x, b, lane[b.active])
             for name, of in (("least", minimum), ("most", maximum), ("last", lambda _, now: now)):
                 before = lane[f"{name}_{b.name}"]
                 lane[f"{name}_{b.name}"] = where(held, of(before, now), before)

@@ -65,9 +65,7 @@ def watched_acceleration(dynamics: Dynamics, b: Boundary, x: Quantities) -> Any:
     if b.joint is None:
         return coordinates.acceleration(dynamics, b, x)
     if b.bounces:
-        return where(
-            x[coordinates.held_of(b)] > 0.0, coordinates.pull(x, b, x[b.active]), x[f"qdd{b.number}"]
-        )
+        return where(x[f"held{b.number}"] > 0.0, coordinates.pull(x, b, x[b.active]), x[f"qdd{b.number}"])
     shares = enumerate(dynamics.arm.motor_map[:, b.joint].tolist(), start=1)
     return total(
         x[f"qdd{k}"] if share == 1.0 else share * x[f"qdd{k}"] for k, share in shares if share != 0.0

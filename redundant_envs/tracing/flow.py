@@ -72,7 +72,6 @@ class Scalar:
     """
 
     __slots__ = ("index", "kernel", "kind")
-    __hash__ = None  # type: ignore[assignment]
 
     def __init__(self, kernel: Kernel, index: int, kind: str) -> None:
         self.kernel, self.index, self.kind = kernel, index, kind
