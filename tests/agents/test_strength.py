@@ -17,17 +17,7 @@ from redundant_envs_train.commands import factors_of
 from redundant_envs_train.config import load
 from redundant_envs_train.rollout import EVALUATION_SEED
 from redundant_envs_train.studies import strength
-from redundant_envs_train.studies.strength import (
-    ARMS,
-    COLORS,
-    EXPERT,
-    FACTORS,
-    HOLDABLE,
-    LIGHTEST,
-    Row,
-    learner_rows,
-    weakened,
-)  # fmt: skip
+from redundant_envs_train.studies.strength import ARMS, EXPERT, HOLDABLE, LIGHTEST, learner_rows, weakened
 
 PRESETS = {"4R": "configs/training/four_r_reach_ppo.yaml", "RPRP": "configs/training/rprp_reach_sac.yaml"}
 
@@ -195,10 +185,12 @@ def test_only_different_finished_runs_of_one_setting_and_of_the_reach_task_are_j
 def made_up_rows():
     rows = []
     for arm in ARMS:
-        for i, factor in enumerate(FACTORS):
+        for i, factor in enumerate(strength.FACTORS):
             for who, touch, seeds in ((HOLDABLE, None, 0), (EXPERT, 0.95, 0), ("PPO", 0.9, 3)):
                 hold = 0.9 - 0.1 * i - (0.1 if who == EXPERT else 0.0)
-                rows.append(Row(arm, factor, who, hold, hold - 0.02, hold + 0.03, touch, seeds, 1000))
+                rows.append(
+                    strength.Row(arm, factor, who, hold, hold - 0.02, hold + 0.03, touch, seeds, 1000)
+                )
     return rows
 
 
@@ -239,8 +231,14 @@ def test_the_figure_shows_every_row(tmp_path):
         assert [band.get_paths()[0].vertices[:, 1].max() for band in bands] == pytest.approx([83.0, 93.0])
     (legend,) = drawn.legends
     assert [text.get_text() for text in legend.get_texts()] == [HOLDABLE, EXPERT, "PPO"]
-    assert [line.get_color() for line in legend.get_lines()] == [COLORS[EXPERT], COLORS["PPO"]]
-    assert [line.get_color() for line in drawn.axes[0].lines] == [COLORS[EXPERT], COLORS["PPO"]]
+    assert [line.get_color() for line in legend.get_lines()] == [
+        strength.COLORS[EXPERT],
+        strength.COLORS["PPO"],
+    ]
+    assert [line.get_color() for line in drawn.axes[0].lines] == [
+        strength.COLORS[EXPERT],
+        strength.COLORS["PPO"],
+    ]
     drawn.savefig(tmp_path / "strength.png")
     bottom = min(panel.get_tightbbox().y0 for panel in drawn.axes)
     assert legend.get_window_extent().y1 <= bottom + 1.0  # it covers no curve
