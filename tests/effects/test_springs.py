@@ -242,20 +242,6 @@ def test_springs_and_stops_of_one_slider_serve_together(lower, upper):
     assert np.abs(change - batch.work).max() <= 1e-6
 
 
-def test_lanes_with_limits_of_their_own_have_them():
-    near, far = springs(RPRP, 5e3)
-    q, qd, efforts = near_limits(RPRP, 16)
-    uppers = np.linspace(0.1, 0.4, 16)
-    batch = rde.BatchSimulator(scene(RPRP, near, far, tolerance=1e-9), 16)
-    batch.set_parameters({"limit_spring.r1.upper": uppers})
-    batch.set_state(q, qd)
-    batch.advance(efforts)
-    for k in (0, 6, 11, 15):
-        own = scene(RPRP, dataclasses.replace(near, upper=uppers[k]), far, tolerance=1e-9)
-        alone, _, _ = advance(own, q[k], qd[k], efforts[k : k + 1])
-        assert (alone[0] == batch.q[k]).all()
-
-
 @pytest.mark.parametrize("damping", [0.0, 35.0])
 @pytest.mark.parametrize("how", [{"tolerance": 1e-6}, {"integrator": "dop853"}], ids=str)
 def test_fast_lanes_near_springs_do_not_know_of_calm_ones_beside_them(how, damping):
