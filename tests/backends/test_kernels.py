@@ -145,7 +145,7 @@ def test_one_of_two_arrays_of_a_kernels_own_is_chosen(n, expected):
         for k, space in enumerate(spaces):
             with p.each(3) as i:
                 p.store(space, i, p.number(i) + 10.0 * k)
-        chosen = p.choose(p["n"] == 0, first + 1, second)
+        chosen = p.select(p["n"] == 0, first + 1, second, kind=first.kind)
         return [p.load(chosen, 0), p.load(chosen, 1)]
 
     assert numbers(record, 2, np.float64, n=n) == expected

@@ -63,7 +63,7 @@ def test_a_program_is_kept_from_process_to_process_and_wherever_its_folder_goes(
 CHANGES = {
     "effects/viscous_friction.py": ("return -coefficient * rate", "return -2.0 * coefficient * rate", True),
     "numerics/methods.py": ("p + h * v for p, v", "p - h * v for p, v", True),
-    "tracing/passes/join.py": ("uses[a] == 1", "uses[a] == -1", False),
+    "tracing/passes/simplify.py": ("uses[a] == 1", "uses[a] == -1", False),
     "backends/llvm_lanes.py": ('"prefer-vector-width"="512"', '"prefer-vector-width"="256"', False),
 }
 """A change of a file, and whether the motion changes with it."""

@@ -7,7 +7,7 @@ from catalogue import GRAVITY, RPRP, assert_same_bits, stops
 
 import redundant_envs as rde
 from redundant_envs.batch import blocks
-from redundant_envs.verify.states import random_states
+from redundant_envs.verify.checks import random_states
 
 GROUP = blocks.LANES * blocks.GROUP
 """Lanes that go through a step together."""

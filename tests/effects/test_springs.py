@@ -16,7 +16,7 @@ from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.interval import Interval
 from redundant_envs.lane.memory import Lane
 from redundant_envs.model.energy import kinetic_energy, potential_energy
-from redundant_envs.verify.states import random_states
+from redundant_envs.verify.checks import random_states
 
 FINE = {"tolerance": None, "integrator": "rk4", "substeps": 200_000}
 

@@ -10,7 +10,7 @@ import redundant_envs as rde
 from redundant_envs import algebra
 from redundant_envs.algebra import sqrt, where
 from redundant_envs.effects.hooks import Effect, Field
-from redundant_envs.verify.states import random_states
+from redundant_envs.verify.checks import random_states
 
 FIXED = on(
     "4R free euler", "4R limits, 3 substeps, rk4", "4R all rk8", "RPRP gravity euler", "RPRP generalized rk8"

@@ -14,12 +14,11 @@ from redundant_envs.lane.features import Fault
 from redundant_envs.lane.memory import Lane, Layout
 from redundant_envs.lane.step_control import End, EqualSteps
 from redundant_envs.model.programs import batch_simulator
-from redundant_envs.numerics.error_control import Crossed
-from redundant_envs.numerics.estimates import blended_error, tip_error
+from redundant_envs.numerics.error_control import Crossed, blended_error, tip_error
 from redundant_envs.studies.interval_families import FAMILIES
 from redundant_envs.studies.intervals import tips_after
 from redundant_envs.studies.kinked_effects import TorqueSpeed, VelocityController
-from redundant_envs.verify.states import random_states
+from redundant_envs.verify.checks import random_states
 
 e = rde.effects
 LAB = rde.FourR((1.0,) * 4, (0.5,) * 4)

@@ -11,9 +11,8 @@ from redundant_envs.algebra import logical_not, minimum, sqrt, where
 from redundant_envs.backends.interpreter import OPERATIONS
 from redundant_envs.tracing.graph import FREE, Graph, Operation, reached
 from redundant_envs.tracing.number import Number
-from redundant_envs.tracing.passes.join import join_products
 from redundant_envs.tracing.passes.order import in_order
-from redundant_envs.tracing.passes.specialise import specialise
+from redundant_envs.tracing.passes.simplify import join_products, specialise
 from redundant_envs.tracing.passes.stages import Stages, Subroutine
 
 MEANINGS = {**OPERATIONS, "fma": lambda a, b, c: a * b + c}

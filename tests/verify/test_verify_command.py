@@ -17,7 +17,6 @@ from redundant_envs.verify import (
     Mode,
     Subject,
     Verdict,
-    command,
     engines,
     report,
     subject_from,
@@ -237,8 +236,7 @@ def test_modes_run_what_those_before_them_run():
 def few(monkeypatch):
     """Two checks instead of all, one of which is missed."""
     monkeypatch.setattr(report, "CHECKS", checks(FOUND["kept"], FOUND["missed"]))
-    for module in (report, command):
-        monkeypatch.setattr(module, "OF_THE_MACHINE", ())
+    monkeypatch.setattr(report, "OF_THE_MACHINE", ())
 
 
 def test_a_miss_exits_with_1_in_words_and_files(few, tmp_path, capsys):
