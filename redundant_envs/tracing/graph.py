@@ -81,7 +81,8 @@ def _origin() -> Origin:
         if name == "sincos" or not (file.startswith(here) or file in _TRANSPARENT):
             break
         frame = frame.f_back
-    return Origin(_owner.get(), frame.f_code.co_qualname, frame.f_code.co_filename, frame.f_lineno)
+    functions = [name for name in frame.f_code.co_qualname.split(".<locals>.") if not name.startswith("<")]
+    return Origin(_owner.get(), functions[-1], frame.f_code.co_filename, frame.f_lineno)
 
 
 class Operation:

@@ -194,6 +194,12 @@ def test_autoreset_modes_follow_the_same_episodes(env_id):
     assert flat(envs[2].reset(options={"reset_mask": np.ones(3, bool)})[0]) == shown[1]
 
 
+def test_the_step_that_begins_an_episode_pays_nothing(goal_id):
+    env = made("next_step", goal_id, 1, task={"goal_tolerance": 2.0}, max_episode_steps=2)
+    env.reset(seed=0)
+    assert [float(env.step(action)[1][0]) for action in actions(env, 4)] == [1.0, 1.0, 0.0, 1.0]
+
+
 def test_sb3_equals_a_vector_in_the_same_step(plain_id):
     native, sb3 = (made(kind, plain_id, 4, max_episode_steps=50) for kind in ("same_step", "sb3"))
     np.testing.assert_array_equal(begin(native, seed=11), begin(sb3, seed=11))

@@ -15,7 +15,7 @@ from measured import (
 )
 
 import redundant_envs as rde
-from redundant_envs.verify.states import random_states
+from redundant_envs.verify.checks import random_states
 
 RELATIVE = "of the largest acceleration"
 

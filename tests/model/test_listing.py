@@ -114,7 +114,8 @@ def lines_of_functions(path):
     found, waiting = {}, [compile(path.read_text(encoding="utf-8"), str(path), "exec")]
     while waiting:
         code = waiting.pop()
-        found.setdefault(code.co_qualname, set()).update(line for *_, line in code.co_lines())
+        names = [n for n in code.co_qualname.split(".<locals>.") if not n.startswith("<")]
+        found.setdefault(names[-1] if names else "", set()).update(line for *_, line in code.co_lines())
         waiting += [c for c in code.co_consts if hasattr(c, "co_qualname")]
     return found
 
