@@ -20,7 +20,7 @@ from redundant_envs.algebra import physics
 from redundant_envs.effects.hooks import Effect, Force
 from redundant_envs.verify import aimed, recorded_bits
 from redundant_envs.verify.aimed import Lag, Play
-from redundant_envs.verify.states import random_states
+from redundant_envs.verify.checks import random_states
 
 e = rde.effects
 FOUR_R, RPRP = recorded_bits.FOUR_R, recorded_bits.RPRP

@@ -341,7 +341,7 @@ def test_a_policy_that_does_not_fit_is_one_line(lonely, policy, settings, words,
 def test_a_damaged_policy_to_start_from_is_one_line(lonely, damage, tmp_path, refused):
     start = tmp_path / "start"
     shutil.copytree(POLICIES / "RPRPReach-v0-ppo", start)
-    path = shutil.copy(start / "policy.zip", tmp_path) if lonely else start / "policy.zip"
+    path = Path(shutil.copy(start / "policy.zip", tmp_path)) if lonely else start / "policy.zip"
     path.write_bytes(damage(path.read_bytes()))
     command = ["train", "rprp_reach_ppo", *TINY, f"start_from={path if lonely else start}"]
     refused([*command, "--out", tmp_path / "new"], f"{path} is damaged", "not a complete zip file")

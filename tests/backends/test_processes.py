@@ -87,23 +87,6 @@ def test_stale_machine_code_is_impossible(copied, tmp_path, file):
     assert program(PROGRAM, tmp_path / "cache", copied) == (first, "")
 
 
-def test_without_a_folder_or_any_environment_it_is_told_once_and_memory_serves():
-    """This process has no home, and its user is unknown to the system."""
-    homeless = f"""
-import sys, pwd
-def unknown(user):
-    raise KeyError(user)
-pwd.getpwuid = unknown
-sys.path.insert(0, {str(ROOT)!r})
-"""
-    text = homeless + PROGRAM + PROGRAM.replace('"euler"', '"rk4"')
-    done = subprocess.run([sys.executable, "-c", text], env={}, capture_output=True, text=True, timeout=90)
-    assert done.returncode == 0, done.stderr
-    assert done.stderr.count("kept in memory only") == 1
-    assert done.stderr.count("compiling") == 2
-    assert len(done.stdout.splitlines()) == 2
-
-
 def test_of_processes_that_start_at_once_one_compiles(tmp_path):
     processes = [started(PROGRAM, tmp_path) for _ in range(5)]
     results = [p.communicate(timeout=120) for p in processes]

@@ -7,10 +7,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from actuator_lag import ActuatorLag
+from actuator_lag import ActuatorLag, LagChain
 from arms import ARMS
 from humming_stop import HummingStop
-from lag_chain import LagChain
 from relative_two_r import RelativeTwoR
 from rrp import RRP
 
