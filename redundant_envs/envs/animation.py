@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.effects import CentringSpring
-from redundant_envs.envs.clips import check_clip, write_clip
 from redundant_envs.envs.rendering import BACKGROUND, INK, JOINT, MARGIN, REACH, TRAIL, Canvas, draw_links
+from redundant_envs.figures import check_clip, write_clip
 from redundant_envs.model.trajectory import Trajectory
 from redundant_envs.scene import Scene
 from redundant_envs.values import shown

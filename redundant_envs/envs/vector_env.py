@@ -25,25 +25,9 @@ KERNEL_MODE = {mode: Autoreset[mode.name] for mode in AutoresetMode}
 class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
     """Native vector environment of an arm with a task; made by ``gymnasium.make_vec``.
 
-    Parameters
-    ----------
-    scene : str or mapping
-        Scene by name, path of a YAML file, or plain data.
-    num_envs : int
-    max_episode_steps : int
-        Truncate after so many control steps; -1 never does.
-    autoreset_mode : AutoresetMode or str
-        "next_step", "same_step" or "disabled".
-    on_bad_action : {"terminate", "raise"}
-        Effect of a non-finite action on its lane.
-    task : mapping
-        Numbers of the task other than the defaults.
-    render_mode : {None, "rgb_array"}
-    accuracy : {"standard", "exact"} or float, optional
-        Tip error per control interval [m] of the simulation: 1e-6, 1e-12 or the number given. None
-        keeps the scene's own; "standard" if the scene has none.
-    threads : int
-        Threads over blocks of 8 environments; they change no bit.
+    Arguments are those of a single environment, on the page of its id, and: ``max_episode_steps``, -1 for no
+    limit; ``autoreset_mode``, "next_step", "same_step" or "disabled"; ``threads`` over blocks of 8
+    environments, which change no bit.
     """
 
     def __init__(
@@ -186,9 +170,7 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
 def autoreset(mode: AutoresetMode | str) -> AutoresetMode:
     """An autoreset mode from itself or its name."""
     names = {m.name.lower(): m for m in AutoresetMode}
-    if isinstance(mode, AutoresetMode):
-        return mode
-    key = str(mode).lower().replace("-", "_")
+    key = (mode.name if isinstance(mode, AutoresetMode) else str(mode)).lower().replace("-", "_")
     if key not in names:
         raise ValueError(f"autoreset_mode is {mode!r}; choose {', '.join(names)}")
     return names[key]

@@ -56,11 +56,10 @@ class Interval:
             yield Field(name, "", "side of the stop a slider rests at: 1 upper, -1 lower, 0 none", STATE)
         if dynamics.control is Control.ADAPTIVE:
             yield Field("next_step", "s", "length of the next step", STATE)
-        kept = [Field(name, "", name, STATE, book=name == "work") for name in dynamics.kept]
-        yield from copies(kept, "{}_start", "before the common step")
+        yield from copies(dynamics.kept, "{}_start", "before the common step")
         if dynamics.origin != "{}_start":
-            yield from copies(kept, dynamics.origin, "when the interval began")
-        yield from copies(kept[: len(dynamics.states)], "{}_trial", "at the start of the trial step")
+            yield from copies(dynamics.kept, dynamics.origin, "when the interval began")
+        yield from copies(dynamics.states, "{}_trial", "at the start of the trial step")
         yield Field("evaluations", "", "evaluations of the right-hand side", SCRATCH)
         yield Field("reason", "", "why the lane leaves the common step (Reason)", SCRATCH)
         yield Field("error_start", "m", "error before the common step", SCRATCH)
@@ -115,7 +114,7 @@ class Interval:
         """At the end of an interval: update the states of effects that were constant in it."""
         dynamics = self.dynamics
         if dynamics.effect_states.updated:
-            numbers = known_numbers(dynamics, lane, held=False)
+            numbers = known_numbers(dynamics, lane)
             x = dynamics.quantities(lane.get(dynamics.states), numbers)
             for name, value in dynamics.updates(x).items():
                 lane[name] = value
@@ -136,7 +135,7 @@ class Interval:
 
         The layout gets the fields that only the program sets; ``whole`` is for :class:`Graph`.
         """
-        lane, made = TracedLane(layout, Graph(), {}, declares=True), {}
+        lane, made = TracedLane(layout, Graph(), declares=True), {}
         machine = Machine(self.program.cross, lane, Request, whole)
         for request, answered in ANSWERED.items():
             if request not in machine.graphs:
@@ -153,7 +152,12 @@ class Interval:
         dynamics, layout = self.dynamics, Layout(self.fields())
         known = (*dynamics.states, *dynamics.numbers, *dynamics.commands)
         owners = ARGUMENTS | {name: layout.fields[name].whose for name in known}
-        check_names(f"{dynamics.arm.kind}.functions", names_of_arm(dynamics.arm), owners)
+        arm = dynamics.arm
+        more = (arm.held_dynamics, arm.slider_mobility, arm.column_norms, arm.mobility_bounds)
+        given = {name for f in (*arm.functions, *filter(None, more)) for name in gives_of(f)}
+        angles = {name for pair in arm.sincos.values() for name in pair}
+        kept_alike = {name for f in arm.prepared for name in gives_of(f)}  # under the same names
+        check_names(f"{arm.kind}.functions", (given | angles) - kept_alike, owners)
         return layout
 
 
@@ -184,15 +188,7 @@ def motion_fields(dynamics: Dynamics) -> Iterator[Field]:
     yield Field("fault", "", "faults of the interval", SCRATCH)
 
 
-def copies(fields: Iterable[Field], form: str, doc: str) -> Iterator[Field]:
+def copies(names: Iterable[str], form: str, doc: str) -> Iterator[Field]:
     """Scratch fields that hold earlier values of others."""
-    for f in fields:
-        yield Field(form.format(f.name), f.unit, f"{f.name} {doc}", SCRATCH, book=f.book)
-
-
-def names_of_arm(arm: Any) -> set[str]:
-    """Quantities that an arm computes, except those that lanes keep under the same names."""
-    more = (arm.held_dynamics, arm.slider_mobility, arm.column_norms, arm.mobility_bounds)
-    given = {name for f in (*arm.functions, *filter(None, more)) for name in gives_of(f)}
-    angles = {name for pair in arm.sincos.values() for name in pair}
-    return (given | angles) - {name for f in arm.prepared for name in gives_of(f)}
+    for name in names:
+        yield Field(form.format(name), "", f"{name} {doc}", SCRATCH, book=name == "work")

@@ -10,7 +10,7 @@ from faces import FOUR_R, ID, actions, begin, made, running
 import redundant_envs as rde
 from redundant_envs.algebra import physics
 from redundant_envs.envs.core import Core
-from redundant_envs.envs.parameters import parameters_of
+from redundant_envs.envs.face import parameters_of
 from redundant_envs.tasks.checks import check_task
 
 e = rde.effects

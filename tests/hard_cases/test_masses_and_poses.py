@@ -7,7 +7,7 @@ from hard_case import Figure, hard_case
 from measured import GRAVITY, LAB, SLIDING, STATE_A, acceleration_error, energy_error, tip_error
 
 import redundant_envs as rde
-from redundant_envs.verify.states import random_states
+from redundant_envs.verify.checks import random_states
 
 RELATIVE = "of the largest acceleration"
 
