@@ -47,22 +47,13 @@ COLUMNS = ("module", "line", "function", "operator", "outcome", "seconds", "befo
 
 
 class Place(NamedTuple):
-    """Where a mutant could be.
+    """Where a mutant could be."""
 
-    Attributes
-    ----------
-    module : path from the root of the repository
-    line : where it is
-    function : in which it is
-    operator : cosmic-ray's name of the change
-    occurrence : index among the occurrences in the module that this operator can change
-    """
-
-    module: str
+    module: str  # path from the root of the repository
     line: int
-    function: str
-    operator: str
-    occurrence: int
+    function: str  # in which it is
+    operator: str  # cosmic-ray's name of the change
+    occurrence: int  # index among those in the module that this operator can change
 
 
 def unseen_spans(tree: ast.AST) -> Iterator[tuple[int, int, int, int]]:
