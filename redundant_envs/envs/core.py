@@ -235,11 +235,6 @@ class Core(Copied):
         self._goal_reward()
         return reward[: len(a)]
 
-    def tips(self) -> NDArray[np.float64]:
-        """Tip positions, (num_envs, 2), m: the bits that goal environments call achieved_goal."""
-        _, out = self.observe()
-        return self.columns.points(out, TIP)
-
     def goals(self) -> NDArray[np.float64]:
         """Goals, (num_envs, 2), m."""
         if not self.goal_fields:

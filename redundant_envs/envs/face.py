@@ -10,9 +10,11 @@ from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from gymnasium import spaces
+from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from redundant_envs.batch.environment import Autoreset
+from redundant_envs.envs.arguments import check_action, refuse_bad_action
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.outputs import Outputs
 from redundant_envs.lane.episode import TIP
@@ -174,7 +176,8 @@ class Face:
     @property
     def tip(self) -> NDArray[np.float64]:
         """Position of the tip, (num_envs, 2), or (2,) of a single environment; m."""
-        return self.core.tips()[self._lanes]  # type: ignore[no-any-return]
+        _, out = self.core.observe()
+        return self.core.columns.points(out, TIP)[self._lanes]
 
     @property
     def goal(self) -> NDArray[np.float64]:
@@ -219,6 +222,25 @@ class Stepped(NamedTuple):
 
 class VectorFace(Face):
     """The same for many lanes."""
+
+    _ready = False
+
+    def _checked_actions(self, actions: Any) -> NDArray[np.float32]:
+        """Actions of a step as float32, or an error that says what to do first or what to give."""
+        if not self._ready:
+            raise ResetNeeded("step was called before reset; call reset() first")
+        actions = check_action(actions, (self.core.num_envs, len(self.core.actions)))
+        if self.on_bad_action == "raise" and not np.isfinite(actions).all():
+            refuse_bad_action(actions[self.core.mask == 0])  # the others are reset and ignore theirs
+        return actions
+
+    def _observed(self) -> tuple[Any, Outputs]:
+        """Observations and outputs after a reset."""
+        obs, out = self.core.observe()
+        self._ready = True
+        if self.render_mode is not None:
+            self._see(out)
+        return self.core.observation(obs, out), out
 
     def _stepped(self, actions: NDArray[np.float32], autoreset: Autoreset) -> Stepped:
         """A control step; where it ended an episode, the reward belongs to the last observation."""

@@ -6,13 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from redundant_envs.batch.environment import Autoreset
-from redundant_envs.envs.arguments import check_action, checked_options, checked_seed, refuse_bad_action
+from redundant_envs.envs.arguments import checked_options, checked_seed
 from redundant_envs.envs.core import STATE_KEYS
 from redundant_envs.envs.face import VectorFace, observation_of
 from redundant_envs.envs.outputs import Outputs
@@ -52,7 +51,6 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._ended = np.zeros(num_envs, dtype=np.bool_)
-        self._ready = False
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -89,23 +87,15 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
             if value is not None and mask[lane]:
                 self.core.seed(lane, value)
         self.core.begin(mask, checked)
-        obs, out = self.core.observe()
         self._ended[mask] = False
-        self._ready = True
-        if self.render_mode is not None:
-            self._see(out)
-        infos = self._infos(out, mask)
-        return self.core.observation(obs, out), infos
+        observation, out = self._observed()
+        return observation, self._infos(out, mask)
 
     def step(
         self, actions: Any
     ) -> tuple[Any, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """One control step of all environments; actions are (num_envs, joints) in [-1, 1]."""
-        if not self._ready:
-            raise ResetNeeded("step was called before reset; call reset() first")
-        actions = check_action(actions, (self.num_envs, len(self.core.actions)))
-        if self.on_bad_action == "raise" and not np.isfinite(actions).all():
-            refuse_bad_action(actions[self.core.mask == 0])  # the others are reset and ignore theirs
+        actions = self._checked_actions(actions)
         core, mode = self.core, self.autoreset_mode
         if mode is AutoresetMode.DISABLED and self._ended.any():
             raise ValueError(

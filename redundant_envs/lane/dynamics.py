@@ -270,13 +270,6 @@ class Dynamics:
             x[command] = given
         return efforts, changes
 
-    def updates(self, x: Quantities) -> dict[str, Any]:
-        """New values of states that are constant within an interval, from quantities at its end."""
-        _, changes = self.efforts(x, "update")
-        for a in self.scene.attached.of(Force):
-            changes |= a.changes("update", x)
-        return changes
-
     # ---- equations of motion -----------------------------------------------------------------------
 
     def quantities(self, states: Sequence[Any], numbers: Any, held: bool = False) -> Quantities:

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from redundant_envs.algebra import gives_of, where
+from redundant_envs.effects.hooks import Force
 from redundant_envs.lane.boundaries import Boundaries
 from redundant_envs.lane.common_step import CommonStep
 from redundant_envs.lane.coordinates import known_numbers
@@ -114,10 +115,11 @@ class Interval:
         """At the end of an interval: update the states of effects that were constant in it."""
         dynamics = self.dynamics
         if dynamics.effect_states.updated:
-            numbers = known_numbers(dynamics, lane)
-            x = dynamics.quantities(lane.get(dynamics.states), numbers)
-            for name, value in dynamics.updates(x).items():
-                lane[name] = value
+            x = dynamics.quantities(lane.get(dynamics.states), known_numbers(dynamics, lane))
+            _, changes = dynamics.efforts(x, "update")
+            for a in dynamics.scene.attached.of(Force):
+                changes |= a.changes("update", x)
+            lane.set(changes, changes.values())
 
     def undo(self, lane: Lane, failed: Any) -> None:
         """Return lanes that failed to their states at the start of the interval."""

@@ -96,6 +96,11 @@ def test_one_weight_of_smooth_actions_counts_at_the_goal_too(overrides, weights)
     assert (her.smoothness, her.smoothness_at_goal) == weights
 
 
+def test_a_missing_configuration_lists_what_there_is():
+    with says("there is no such file", "rprp_reach_ppo"):
+        load("configs/training/nothing.yaml")
+
+
 def test_no_two_runs_share_a_seed_of_an_environment_and_none_has_one_of_the_evaluations():
     first = [first_environment_seed(seed) for seed in range(MOST_SEEDS + 1)]
     assert (np.diff(first) >= SEEDS_PER_RUN).all()

@@ -155,17 +155,32 @@ def test_a_study_is_reproducible_and_leaves_the_evaluation_goals_alone(tmp_path,
     assert (tmp_path / "a" / "best.yaml").read_bytes() == (tmp_path / "b" / "best.yaml").read_bytes()
 
 
-def test_the_best_of_a_study_is_a_configuration_of_its_own(by_gamma, tmp_path):
-    page = tune(CONFIG, tmp_path / "study", 16, GAMMA).read_text()
-    found = rows(tmp_path / "study")
-    assert not list((tmp_path / "study").glob(f"*/{CHECKPOINT}"))  # nothing goes on with them
-    best = load(tmp_path / "study" / "best.yaml")
-    assert best.ppo.gamma == max(float(row["ppo.gamma"]) for row in found)
+@pytest.fixture(scope="module")
+def one_by_one(tmp_path_factory):
+    """A study of 24 trials, one at a time."""
+    folder = tmp_path_factory.mktemp("one")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(studies, "train", fake_train(lambda ppo: (ppo.gamma, 1.0)))
+        tune(CONFIG, folder, 24, GAMMA)
+    return folder
+
+
+def test_the_best_of_a_study_is_a_configuration_of_its_own(one_by_one, by_gamma, tmp_path):
+    assert not list(one_by_one.glob(f"*/{CHECKPOINT}"))  # nothing goes on with them
+    best, page = load(one_by_one / "best.yaml"), (one_by_one / "tune.md").read_text()
+    assert best.ppo.gamma == max(float(row["ppo.gamma"]) for row in rows(one_by_one))
     assert best.model_copy(update={"ppo": CONFIG.ppo}) == CONFIG
     assert "| ppo.gamma | 100 % |" in page
     assert f" | {100 * best.ppo.gamma:.1f} % | 1.0 | {best.ppo.gamma:.4g} |" in page
-    few = tune(CONFIG, tmp_path / "few", 5, GAMMA).read_text()
+    few = tune(CONFIG, tmp_path, 5, GAMMA).read_text()
     assert "Importance" not in few  # with so few trials there is none to report
+
+
+def test_a_trial_below_the_median_is_pruned(one_by_one):
+    found = rows(one_by_one)
+    assert all(row["state"] == "complete" for row in found[: STARTUP_TRIALS + LEAST_AHEAD])
+    ends = {(row["state"], row["env_steps"]) for row in found}
+    assert ends == {("complete", "2048"), ("pruned", "1024")}
 
 
 @pytest.mark.usefixtures("by_gamma")
@@ -187,26 +202,6 @@ def test_a_training_without_end_is_named_and_the_study_goes_on(monkeypatch, tmp_
     assert own == [True, False, False, False]
     assert load(tmp_path / "best.yaml").ppo.gamma == CONFIG.ppo.gamma
     assert yaml.safe_load((tmp_path / "best.yaml").read_text())["algo"] == "ppo"
-
-
-def test_a_trial_below_the_median_is_pruned(monkeypatch, tmp_path):
-    steps, train = [], fake_train(lambda ppo: (ppo.gamma, 1.0))
-
-    def recorded(config, folder, progress, on_point):
-        def point(step, hold, returned):
-            steps.append((folder.name, step))
-            on_point(step, hold, returned)
-
-        train(config, folder, progress, point)
-
-    monkeypatch.setattr(studies, "train", recorded)
-    tune(CONFIG, tmp_path, 20, GAMMA)
-    found = rows(tmp_path)
-    assert {"complete", "pruned"} == {row["state"] for row in found}
-    assert all(row["state"] == "complete" for row in found[: STARTUP_TRIALS + LEAST_AHEAD])
-    for row in found:
-        expected = [1024] if row["state"] == "pruned" else [1024, 2048, 2048]
-        assert [step for name, step in steps if name == f"trial{row['trial']}"] == expected
 
 
 def test_a_pruned_training_ends_at_its_point(tmp_path):
@@ -245,11 +240,8 @@ def test_a_killed_study_goes_on_as_if_it_had_not_been(by_gamma, monkeypatch, tmp
     tune(CONFIG, killed, 6, GAMMA)
     found = rows(killed)
     assert [row["trial"] for row in found if row["state"] == "stopped"] == ["0", "4"]
-    others = [row for row in found if row["state"] != "stopped"]
-    expected = rows(tmp_path / "whole")
-    assert [{**row, "trial": k} for k, row in enumerate(others)] == [
-        {**row, "trial": k} for k, row in enumerate(expected)
-    ]
+    others = (row for row in found if row["state"] != "stopped")
+    assert [{**row, "trial": f"{k}"} for k, row in enumerate(others)] == rows(tmp_path / "whole")
     assert (killed / "best.yaml").read_bytes() == (tmp_path / "whole" / "best.yaml").read_bytes()
     tune(CONFIG, killed, 7, GAMMA)  # more of them
     assert len(rows(killed)) == 9
@@ -374,17 +366,6 @@ class Team:
         monkeypatch.setattr(studies, "workers", self.workers)
         monkeypatch.setattr(studies, "news", self.news)
         return self
-
-
-@pytest.fixture(scope="module")
-def one_by_one(tmp_path_factory):
-    """A study of 24 trials, one at a time."""
-    folder = tmp_path_factory.mktemp("one")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(studies, "train", fake_train(lambda ppo: (ppo.gamma, 1.0)))
-        tune(CONFIG, folder, 24, GAMMA)
-    assert "pruned" in {row["state"] for row in rows(folder)}
-    return folder
 
 
 @pytest.mark.parametrize("processes", [2, 4])

@@ -192,14 +192,8 @@ def test_a_spring_without_damping_costs_what_it_did():
     np.testing.assert_array_equal(*ends)
 
 
-@physics
-def drag(rate, drag):
-    return -drag * rate * abs(rate)
-
-
-@physics
-def slope(rate, drag):
-    return 2.0 * drag * abs(rate)
+drag = physics(lambda rate, drag: -drag * rate * abs(rate))
+slope = physics(lambda rate, drag: 2.0 * drag * abs(rate))
 
 
 @dataclasses.dataclass(frozen=True)

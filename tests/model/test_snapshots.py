@@ -243,6 +243,7 @@ def test_an_index_may_be_one_number_unsigned_empty_or_a_mask():
 
 
 Z, STOPS_AT = np.zeros, "prismatic_stop.upper"
+BAD_TIMES = np.nan, -0.01, np.inf, 0.0, "a", None, [1], 1j, 10**400
 REFUSED = [
     (lambda b: b.set_state(Z(3), Z(4)), r"q has shape \(3,\)"),
     (lambda b: b.set_state(Z(4), Z(3)), r"qd has shape \(3,\)"),
@@ -256,11 +257,12 @@ REFUSED = [
     (lambda b: b.set_parameters({"masses": 2.0, STOPS_AT: (0.0, 0.0)}), "PrismaticStop|prismatic_stop"),
     (lambda b: b.set_parameters({"masses": 2.0, STOPS_AT: (-1.0, 0.2)}, [1]), "PrismaticStop|prismatic_stop"),
     (lambda b: b.set_parameters(3), "parameters is 3; give a mapping"),
+    (lambda b: b.set_parameters({"hold_steps": 3}), "parameter is 'hold_steps'"),
     (lambda b: b.advance(Z((COUNT, 3))), rf"efforts has shape \({COUNT}, 3\)"),
     (lambda b: b.advance(Z((COUNT + 1, 4))), rf"efforts has shape \({COUNT + 1}, 4\)"),
     (lambda b: b.advance([["x"] * 4] * COUNT), "efforts is .*give real numbers"),
     (lambda b: b.advance_partly(Z((COUNT, 3)), 0.01), rf"efforts has shape \({COUNT}, 3\)"),
-    *((lambda b, t=t: b.advance_partly(None, t), "duration") for t in (np.nan, -0.01, np.inf, 0.0)),
+    *((lambda b, t=t: b.advance_partly(None, t), "^duration is .* finite and positive") for t in BAD_TIMES),
     (lambda b: b.restore(Z(5)), r"snapshot .*\(5,\)"),
     (lambda b: b.restore(started(count=5).save()), "snapshot .*num_envs 11"),
     (lambda b: b.restore(started(track_work=True).save()), "track_work"),
