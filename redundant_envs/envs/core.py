@@ -21,8 +21,14 @@ from redundant_envs.envs.single_lane import SingleLane
 from redundant_envs.lane.episode import TABLES, TIP, Episode
 from redundant_envs.model import parameters
 from redundant_envs.model.memory import Memory, aligned
+from redundant_envs.model.parameters import (
+    check_array,
+    check_facts,
+    check_keys,
+    check_numbers,
+    simulator_facts,
+)
 from redundant_envs.model.programs import Call, Copied, Part, Simulator, Team, address, environment_simulator
-from redundant_envs.model.snapshot import check_array, check_facts, check_keys, check_numbers, simulator_facts
 from redundant_envs.quantities import Quantities
 from redundant_envs.scene import Scene, scene_at
 from redundant_envs.tasks import Task

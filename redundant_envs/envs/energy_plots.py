@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from redundant_envs.envs.animation import stated_limits
 from redundant_envs.figures import bare, new_figure, save_figure
-from redundant_envs.model.energy_run import EnergyRun
+from redundant_envs.model.trajectory import EnergyRun
 
 KINETIC, POTENTIAL, TOTAL, ERROR, LEFT_OUT = "#34496e", "#d9822b", "#2e8b66", "#8c3b3b", "#a9adb5"
 SLIDERS = ("#34496e", "#7c9dcd")

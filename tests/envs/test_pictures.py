@@ -23,7 +23,7 @@ from redundant_envs.envs import energy_plots
 from redundant_envs.envs.animation import stated_limits
 from redundant_envs.envs.lettering import GLYPHS, cover, from_segment
 from redundant_envs.envs.rendering import BARS, GOAL, TRAIL, TRAIL_LENGTH, Canvas, Window
-from redundant_envs.model import energy_run as energy
+from redundant_envs.model import trajectory as energy
 from redundant_envs.model.trajectory import Trajectory
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "outside"))
