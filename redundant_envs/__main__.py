@@ -121,7 +121,7 @@ def parser() -> argparse.ArgumentParser:
 def simulate(options: argparse.Namespace) -> None:
     """Write CSV and figures of one or more scenes."""
     from redundant_envs import load_scene
-    from redundant_envs.envs.clips import check_clip
+    from redundant_envs.figures import check_clip
     from redundant_envs.model import trajectory as energy
 
     asked: list[str] = options.scene or list(energy.STARTS)
@@ -147,11 +147,10 @@ def simulate(options: argparse.Namespace) -> None:
             f"{run.drift:.1e}"
         )
         # After the numbers, so that these are written even if matplotlib is missing.
-        from redundant_envs.envs import energy_plots as plots
-        from redundant_envs.envs.animation import animate
+        from redundant_envs.envs.animation import animate, save_figures
 
         try:
-            pictures = plots.save_figures(run, options.out)
+            pictures = save_figures(run, options.out)
             if options.clip is not None:
                 animate(run.trajectory).save(options.clip)
                 pictures.append(options.clip)

@@ -26,6 +26,6 @@ def table(head: Sequence[Any], rows: Iterable[Iterable[Any]], align: str = ">") 
 
 
 def markdown(head: Sequence[Any], rows: Iterable[Iterable[Any]]) -> str:
-    """A Markdown table; a bar in a cell becomes a slash."""
-    lines = ([str(cell).replace("|", "/") for cell in line] for line in (head, ["---"] * len(head), *rows))
+    """A Markdown table; a bar in a cell is escaped."""
+    lines = ([str(cell).replace("|", r"\|") for cell in line] for line in (head, ["---"] * len(head), *rows))
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)

@@ -39,18 +39,8 @@ def test_simulate_takes_a_file_and_a_state_and_draws_a_clip(tmp_path):
     imageio = pytest.importorskip("imageio.v3")
     path, clip = tmp_path / "mine.yaml", tmp_path / "arm.gif"
     path.write_text(yaml.safe_dump(load_scene("four_r_free").to_dict()), encoding="utf-8")
-    words = [
-        "simulate",
-        "--scene",
-        str(path),
-        "--seconds",
-        "0.2",
-        "--out",
-        str(tmp_path),
-        "--clip",
-        str(clip),
-    ]
-    assert main([*words, "--q", "1", "-0.5", "0", "0.25", "--qd", "0", "0", "-1", "0"]) == 0
+    words = f"simulate --scene {path} --out {tmp_path} --clip {clip} --seconds 0.2"
+    assert main(f"{words} --q 1 -0.5 0 0.25 --qd 0 0 -1 0".split()) == 0
     first = [float(x) for x in rows(tmp_path / "mine.csv")[0].values()]
     assert first[:9] == [0.0, 1.0, -0.5, 0.0, 0.25, 0.0, 0.0, -1.0, 0.0]
     assert imageio.imread(clip, index=None).shape[:3] == (6, 480, 480)

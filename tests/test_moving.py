@@ -16,7 +16,7 @@ from redundant_envs.algebra import (
     sincos,
     sqrt,
     where,
-)  # fmt: skip
+)
 from redundant_envs.backends.torch import torch
 from redundant_envs.moving import Moving, kinks_in, moving
 
@@ -73,16 +73,13 @@ def test_results_are_those_of_plain_numbers():
 
 
 def test_a_kink_of_a_branch_that_is_not_taken_is_none():
-    """A force that pushes only beyond a position, and never pulls there."""
+    """A force that pushes only beyond a position, and never pulls; floor has one at each whole number."""
 
     def push(x, p):
         return where(p > 0.0, maximum(1.0 + x, 0.0), 0.0)
 
     assert values(push, -1.5, 1.0) == [-0.5]
     assert values(push, -1.5, -1.0) == [1.0]
-
-
-def test_floor_has_a_kink_at_each_whole_number():
     (kink,) = kinks_in(floor(Moving(1.9, True)) * abs(Moving(-2.0)))
     assert (kink.value, kink.levels) == (1.9, True)
 

@@ -14,7 +14,7 @@ def test_a_table_of_text_is_aligned_without_blanks_at_the_end():
 
 def test_a_bar_does_not_open_another_column_of_markdown():
     lines = markdown(HEAD, ROWS).splitlines()
-    assert lines == ["| name | x |", "| --- | --- |", "| a | 1.5 |", "| a/b | None |"]
+    assert lines == ["| name | x |", "| --- | --- |", "| a | 1.5 |", r"| a\|b | None |"]
 
 
 def test_rows_become_a_file_in_a_new_folder(tmp_path):

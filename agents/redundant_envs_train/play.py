@@ -10,9 +10,9 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.envs.clips import check_clip, write_clip
 from redundant_envs.envs.registration import NAMESPACE, ids
 from redundant_envs.extras import needs
+from redundant_envs.figures import check_clip, write_clip
 from redundant_envs.files import exists
 from redundant_envs.values import shown
 

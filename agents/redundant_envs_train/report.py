@@ -12,10 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.envs.clips import check_clip
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import MissingPackage
-from redundant_envs.figures import bare, new_figure, save_figure
+from redundant_envs.figures import bare, check_clip, new_figure, save_figure
 from redundant_envs.machine import machine_name
 
 from . import command, run_folder

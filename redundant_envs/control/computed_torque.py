@@ -33,7 +33,10 @@ def pose_at(scene: Scene, start: Array, goal: Array) -> Array:
     inverse = np.linalg.inv(b)  # q = B^-T phi
     phi = start @ b
     best, best_error = phi.copy(), np.full(len(phi), np.inf)
-    travel = _travel(scene)
+    values, travel = scene.parameters(), {}
+    for joint, (lower, upper) in scene.travel().items():
+        margin = MARGIN * (values[upper] - values[lower])
+        travel[joint] = (values[lower] + margin, values[upper] - margin)
     for _ in range(ITERATIONS):
         q = phi @ inverse
         error = goal - robot.forward_kinematics(q)
@@ -77,15 +80,6 @@ def _damped(jacobian: Array, error: Array) -> Array:
     transposed = jacobian.transpose(0, 2, 1)
     gram = jacobian @ transposed + DAMPING * np.eye(2)
     return (transposed @ np.linalg.solve(gram, error[..., None]))[..., 0]  # type: ignore[no-any-return]
-
-
-def _travel(scene: Scene) -> dict[int, tuple[float, float]]:
-    values = scene.parameters()
-    ranges = {}
-    for joint, (low, high) in scene.travel().items():
-        margin = MARGIN * (values[high] - values[low])
-        ranges[joint] = (values[low] + margin, values[high] - margin)
-    return ranges
 
 
 class ComputedTorque:

@@ -86,7 +86,11 @@ def holding_poses(
             f"surface, those of {PARAMETERS + 2}"
         )
     limits, travel = effort_limits(scene), slider_travel(scene)
-    points = _goals(goals)
+    points = np.asarray(goals, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] != 2:
+        raise ValueError(f"goals has the shape {points.shape}; give (n, 2), x and y of each in metres")
+    if not np.isfinite(points).all():
+        raise ValueError("goals has entries that are not finite; give metres")
     margin = number("tolerance", tolerance)
     if margin < 0.0:
         raise ValueError(f"tolerance is {margin} m; it must not be negative")
@@ -171,15 +175,6 @@ def _local_minima(load: Array) -> Array:
     return np.where(load <= least, load, np.inf)
 
 
-def _goals(goals: ArrayLike) -> Array:
-    points = np.asarray(goals, dtype=np.float64)
-    if points.ndim != 2 or points.shape[1] != 2:
-        raise ValueError(f"goals has the shape {points.shape}; give (n, 2), x and y of each in metres")
-    if not np.isfinite(points).all():
-        raise ValueError("goals has entries that are not finite; give metres")
-    return points
-
-
 # ---- all poses of an arm with its tip at a goal, as a function of parameters and a sheet -----------------
 #
 # A pose is built from the base outwards. Each step chooses the distance of the arm's next point from the
@@ -209,18 +204,11 @@ def _links(arm: Arm) -> int:
 def goal_poses(
     arm: Arm, travel: Mapping[int, tuple[float, float]], goals: Array, psi: Array, sheet: NDArray[np.int64]
 ) -> Array:
-    """Poses (..., joints) with the tip at goals, NaN where these are out of reach; the shapes broadcast.
+    """Poses (..., joints) with the tip at goals (..., 2) [m], NaN where these are out of reach.
 
-    Parameters
-    ----------
-    arm, travel
-        An arm of revolute joints, or of two links that both extend; the ends of its sliders [m].
-    goals : (..., 2) m
-    psi : (..., joints - 2)
-        Parameters from 0 to pi. At 0 a slider is at the lower end of the range that the goal allows, at pi
-        at the upper end; if that is an end of its travel, exactly. For fixed links they choose distances.
-    sheet : (...)
-        0 to :func:`num_sheets` - 1: to which side each turn goes, one bit each.
+    psi (..., joints - 2) is from 0 to pi: at 0 a slider is at the lower end of the range that the goal allows,
+    at pi at the upper end; if that is an end of its travel, m, exactly. For fixed links it chooses distances.
+    Bits of the sheet (...), below :func:`num_sheets`, say to which side each turn goes. All shapes broadcast.
     """
     shape = np.broadcast_shapes(goals.shape[:-1], psi.shape[:-1], sheet.shape)
     sides = [1.0 - 2.0 * ((sheet >> k) & 1) for k in range(_links(arm) - 1)]

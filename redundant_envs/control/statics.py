@@ -18,15 +18,10 @@ Travel = dict[int, tuple[float, float]]
 
 
 def static_efforts(scene: Scene, q: ArrayLike) -> Array:
-    """Joint efforts that balance gravity and springs at rest, without the help of stops; N m and N.
+    """Joint efforts t, (..., joints), that balance gravity and springs at rest, without the help of stops.
 
-    Parameters
-    ----------
-    scene : Scene
-        Efforts act at its joints: Q = B t; ValueError with ``actuation="generalized"``.
-    q : (..., joints)
-        Generalized coordinates; the result t has the same shape: B (t + f) = G(q), where f are the forces of
-        the other effects on the joints at rest.
+    In N m and N; B (t + f) = G(q), where f are the forces of the other effects on the joints at rest.
+    ValueError unless the scene's efforts act at joints, or for another shape of q, (..., joints).
     """
     arm = scene.robot
     place = np.asarray(q, dtype=np.float64)

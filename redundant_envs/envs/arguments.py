@@ -15,9 +15,9 @@ from redundant_envs.model.memory import Memory
 from redundant_envs.scene import Scene
 from redundant_envs.tasks.base import Task, full_reach
 from redundant_envs.tasks.limits import hard_stops
-from redundant_envs.values import shown
+from redundant_envs.values import check_keys, shown
 
-OPTION_KEYS = ("q", "qd", "goal", "parameters")
+OPTION_KEYS = ["q", "qd", "goal", "parameters"]
 LARGEST_WHOLE = 2**53  # largest number of control steps: floats count exactly up to it
 FLOAT32 = np.dtype(np.float32)  # a singleton: comparing by identity is quicker
 Checked = tuple[parameters.Table | None, list[tuple[tuple[str, ...], NDArray[np.float64]]]]
@@ -46,9 +46,7 @@ def checked_reset(
     if not options:
         return None, []
     scene, task = episode.dynamics.scene, episode.task
-    for key in options:
-        if key not in OPTION_KEYS:
-            raise ValueError(f"options has the unknown key {shown(key)}; valid: {', '.join(OPTION_KEYS)}")
+    check_keys("options", options, OPTION_KEYS)
     given, goal = options.get("parameters"), options.get("goal")
     if task.goal_conditioned and isinstance(given, Mapping):
         _check_of_reward(scene, task, given)

@@ -12,23 +12,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.batch.blocks import LANES
-from redundant_envs.batch.environment import BEGUN, DUE, EPISODE_KEY, GOAL_FIELDS, Autoreset, Operation
+from redundant_envs.batch.environment import BEGUN, DUE, EPISODE_KEY, Autoreset, Operation
 from redundant_envs.envs.arguments import Checked, checked_reset, episode_limit, numbers_of_reward, reach_of
 from redundant_envs.envs.episode_keys import EpisodeKeys
 from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.envs.registration import check_arm, check_motors
-from redundant_envs.envs.single_lane import SingleLane
 from redundant_envs.lane.episode import TABLES, TIP, Episode
 from redundant_envs.model import parameters
 from redundant_envs.model.memory import Memory, aligned
-from redundant_envs.model.parameters import (
-    check_array,
-    check_facts,
-    check_keys,
-    check_numbers,
-    simulator_facts,
-)
-from redundant_envs.model.programs import Call, Copied, Part, Simulator, Team, address, environment_simulator
+from redundant_envs.model.programs import Call, Copied, Simulator, Team, address, environment_simulator
 from redundant_envs.quantities import Quantities
 from redundant_envs.scene import Scene, scene_at
 from redundant_envs.tasks import Task
@@ -38,6 +30,10 @@ from redundant_envs.values import whole_number
 
 STATE_KEYS = ("states", "parameters", "keys", "mask", "waiting", "generators", "simulator")
 LAST_TABLES = tuple(f"last_{name}" for name in TABLES)
+
+
+Tables = tuple[NDArray[np.float32], Outputs, NDArray[np.float32], Outputs]
+"""Observations, with a row for each lane, and outputs, with a column; those before an autoreset."""
 
 
 class Core(Copied):
@@ -82,7 +78,7 @@ class Core(Copied):
         self.columns = Columns(episode)
         self.goal_fields = episode.goal
         self._episode_keys = EpisodeKeys(num_envs)
-        self._key_table = np.zeros((num_envs, EPISODE_KEY), dtype=np.uint32)
+        self.key_table = np.zeros((num_envs, EPISODE_KEY), dtype=np.uint32)
         self.waiting = np.zeros(num_envs, dtype=np.bool_)  # keys drawn and not yet used
         self.obs_size = len(episode.observed)
         self.reach = reach_of(self.scene, self.scene.parameters())
@@ -94,12 +90,7 @@ class Core(Copied):
         self._goal_reward = None
         if self.task.goal_functions:
             self._goal_reward = Call(simulator.program.kernels[1], simulator.kernels["goal_reward"])
-        self.keys, self.mask = self._key_table[:, :-1], self._key_table[:, -1]
-
-    def single_lane(self) -> SingleLane:
-        """The only lane of a core with one lane, to be stepped without the loop over blocks."""
-        part = Part(self.simulator, "environment", self.memory, 0, 1)
-        return SingleLane(part, self.columns, self.obs_size, len(self.actions), self._key_table)
+        self.keys, self.mask = self.key_table[:, :-1], self.key_table[:, -1]
 
     @property
     def episode(self) -> Episode:
@@ -142,14 +133,9 @@ class Core(Copied):
 
     # ---- stepping --------------------------------------------------------------------------------
 
-    def step(
-        self, actions: NDArray[np.float32], autoreset: int
-    ) -> tuple[NDArray[np.float32], Outputs, NDArray[np.float32], Outputs]:
-        """One control step of all lanes: observations, outputs, and those before an autoreset.
-
-        Observations have a row for each lane, outputs a column. With autoreset NEXT_STEP the
-        columns of lanes that were reset have no reward and no flags.
-        """
+    def step(self, actions: NDArray[np.float32], autoreset: int) -> Tables:
+        """One control step of all lanes; with autoreset NEXT_STEP those that were reset have no reward and no
+        flags."""
         if autoreset == Autoreset.SAME_STEP and not self.waiting.all():
             self.provide_keys(np.flatnonzero(~self.waiting))
         tables = self._run(Operation.STEP, actions, autoreset)
@@ -162,16 +148,18 @@ class Core(Copied):
         return tables
 
     def _run(
-        self, operation: int, actions: NDArray[np.float32], autoreset: int
-    ) -> tuple[NDArray[np.float32], Outputs, NDArray[np.float32], Outputs]:
-        """Observations and outputs of an operation on all lanes, and those before its autoresets."""
+        self, operation: int, actions: NDArray[np.float32] | None = None, autoreset: int = Autoreset.DISABLED
+    ) -> Tables:
+        """An operation on all lanes."""
         n, count = self.num_envs, self.memory.blocks * LANES
+        if actions is None:
+            actions = np.zeros((n, len(self.actions)), dtype=np.float32)
         obs, out = np.empty((count, self.obs_size), np.float32), Outputs.made(self.columns, count)
         last_obs, last_out = obs, out
         if autoreset == Autoreset.SAME_STEP:
             last_obs, last_out = np.zeros_like(obs), Outputs.made(self.columns, count, np.zeros)
         any_due = int(self.mask.any())
-        lines = {"actions": actions, "obs": obs, "last_obs": last_obs, "episode_keys": self._key_table}
+        lines = {"actions": actions, "obs": obs, "last_obs": last_obs, "episode_keys": self.key_table}
         columns = {**dict(zip(TABLES, out, strict=True)), **dict(zip(LAST_TABLES, last_out, strict=True))}
         places = {name: (address(table), table.strides[0]) for name, table in lines.items()}
         places |= {name: (address(table), table.itemsize) for name, table in columns.items()}
@@ -189,8 +177,7 @@ class Core(Copied):
     def begin(
         self, lanes: NDArray[np.bool_], checked: Checked, run: Callable[[int], Any] | None = None
     ) -> None:
-        """Begin new episodes in the lanes of a mask, with their options as :meth:`checked` returned them.
-
+        """Begin new episodes in the lanes of a mask, with their options as :meth:`checked` returned them;
         ``run`` replaces the default way of running the kernel for all lanes.
 
         Options are checked before a generator is seeded or a number is set, so a refused reset
@@ -204,10 +191,7 @@ class Core(Copied):
         self.provide_keys(index)
         due = self.mask.copy()
         self.mask[:] = lanes
-        if run is not None:
-            run(Operation.RESET)
-        else:
-            self._run(Operation.RESET, self._no_actions, Autoreset.DISABLED)
+        (run or self._run)(Operation.RESET)
         self.mask[:] = np.where(lanes, 0, due)
         self.waiting[lanes] = False
         for rows, numbers in writes:
@@ -215,13 +199,8 @@ class Core(Copied):
 
     def observe(self) -> tuple[NDArray[np.float32], Outputs]:
         """Observations and outputs of the present states."""
-        obs, out, *_ = self._run(Operation.OBSERVE, self._no_actions, Autoreset.DISABLED)
+        obs, out, *_ = self._run(Operation.OBSERVE)
         return obs, out
-
-    @property
-    def _no_actions(self) -> NDArray[np.float32]:
-        """Placeholder actions for an operation that takes none."""
-        return np.zeros((self.num_envs, len(self.actions)), dtype=np.float32)
 
     def checked(self, options: Mapping[str, Any], lanes: NDArray[np.intp]) -> Checked:
         """Validated parameters and rows that options of a reset set."""
@@ -245,7 +224,7 @@ class Core(Copied):
             )
         a, d = np.broadcast_arrays(a, d)
         blocks = -(-len(a) // LANES)
-        pairs, reward = np.zeros((blocks * LANES, len(GOAL_FIELDS))), np.empty(blocks * LANES)
+        pairs, reward = np.zeros((blocks * LANES, 4)), np.empty(blocks * LANES)
         pairs[: len(a), :2], pairs[: len(a), 2:] = a, d
         assert self._goal_reward is not None
         task = self.task.parameters()
@@ -254,11 +233,6 @@ class Core(Copied):
         self._goal_reward.set(pairs=pairs, numbers=numbers, reward=reward, blocks=blocks)
         self._goal_reward()
         return reward[: len(a)]
-
-    def tips(self) -> NDArray[np.float64]:
-        """Tip positions, (num_envs, 2), m: the bits that goal environments call achieved_goal."""
-        _, out = self.observe()
-        return self.columns.points(out, TIP)
 
     def goals(self) -> NDArray[np.float64]:
         """Goals, (num_envs, 2), m."""
@@ -292,14 +266,14 @@ class Core(Copied):
 
     def check_state(self, state: Mapping[str, Any]) -> None:
         """ValueError if :meth:`set_state` cannot take a state."""
-        check_keys("state", state, STATE_KEYS, "get_state")
-        check_facts("state", state["simulator"], self._facts)
+        parameters.check_keys("state", state, STATE_KEYS, "get_state")
+        parameters.check_facts("state", state["simulator"], self._facts)
         dynamics = self.simulator.dynamics
         finite = (*dynamics.states, *dynamics.effect_states.updated, *self.task.memory, "steps")
         kept = numbers_of_reward(self.task)
-        check_numbers("state", state, self.memory, kept, finite, self.task)
+        parameters.check_numbers("state", state, self.memory, kept, finite, self.task)
         for key, own in (("keys", self.keys), ("mask", self.mask), ("waiting", self.waiting)):
-            check_array("state", key, state[key], own)
+            parameters.check_array("state", key, state[key], own)
         generators = state["generators"]
         if not isinstance(generators, list) or len(generators) != self.num_envs:
             raise ValueError(f"state['generators'] must be a list of {self.num_envs} generators or None")
@@ -310,7 +284,7 @@ class Core(Copied):
     @cached_property
     def _facts(self) -> str:
         """The settings that must be equal in all states of these environments."""
-        return simulator_facts(
+        return parameters.simulator_facts(
             self.simulator, self.num_envs, task=dataclasses.asdict(self.task),
             max_episode_steps=float(self.memory.column("limit")[0, 0]),
             goal_conditioned=self.task.goal_conditioned,

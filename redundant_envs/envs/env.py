@@ -1,7 +1,8 @@
-"""One environment: the one-lane view of the same core."""
+"""One environment: the view of a core with one lane, and its steps without the loop over blocks."""
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Mapping
 from typing import Any
 
@@ -10,9 +11,17 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
-from redundant_envs.batch.environment import Operation
+from redundant_envs.batch.blocks import LANES
+from redundant_envs.batch.environment import Autoreset, Operation
 from redundant_envs.envs.arguments import check_action, checked_options, checked_seed, refuse_bad_action
+from redundant_envs.envs.core import Core
 from redundant_envs.envs.face import Face
+from redundant_envs.envs.outputs import Columns, Outputs
+from redundant_envs.lane.episode import TABLES, TIP
+from redundant_envs.model.programs import Part
+
+FORMATS = {"flags": "?", "counts": "q", "values": "d"}
+"""Numbers of the tables as :mod:`struct` reads them; a row has one for each lane of a block."""
 
 
 class ArmEnv(Face, gym.Env[Any, Any]):
@@ -38,7 +47,7 @@ class ArmEnv(Face, gym.Env[Any, Any]):
         self.observation_space, self.action_space = self._take(core)
         self._shape = (len(core.actions),)
         self._names = self.core.columns.names
-        self._lane = self.core.single_lane()
+        self._lane = SingleLane(self.core)
         self._begun = False
         self._operation: Operation | None = None  # kind of step; None if the next call has to be a reset
 
@@ -47,7 +56,7 @@ class ArmEnv(Face, gym.Env[Any, Any]):
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._lane = self.core.single_lane()
+        self._lane = SingleLane(self.core)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -164,3 +173,79 @@ class GoalArmEnv(ArmEnv):
         """The compiled reward of one pair (2,) or of many (n, 2) of achieved and desired goals."""
         reward = self.core.goal_reward(achieved_goal, desired_goal)
         return float(reward[0]) if np.ndim(achieved_goal) == 1 else reward
+
+
+class SingleLane:
+    """The one lane of a core: calls of the same kernel, with buffers that are reused from step to step."""
+
+    def __init__(self, core: Core) -> None:
+        columns = core.columns
+        self._part = part = Part(core.simulator, "environment", core.memory, 0, 1)
+        action = np.zeros(len(core.actions), dtype=np.float32)
+        self._action: Any = action.data  # faster to write than the array itself
+        obs = np.zeros((LANES, core.obs_size), dtype=np.float32)
+        self._obs = obs[0]
+        self._buffer, self.outputs = _in_one_buffer(columns)
+        self._ends = _reader(columns, ("terminated", "reward"))
+        self._shown = _reader(columns, [column for column, *_ in columns.places_shown])
+        self._points = _reader(columns, (*TIP, *columns.goal))
+        self._operation = -1
+        self._entry, self._address = part.entry, part.address
+        tables = dict(zip(TABLES, self.outputs, strict=True))
+        part.set(
+            actions=action, obs=obs, stride=LANES, last_obs=obs, episode_keys=core.key_table, any_due=0,
+            autoreset=Autoreset.DISABLED, **tables, **{f"last_{name}": t for name, t in tables.items()},
+        )  # fmt: skip
+
+    def run(self, operation: int) -> NDArray[np.float32]:
+        """Run an operation of the kernel; returns the observation."""
+        if operation != self._operation:
+            self._part.set(operation=operation)
+            self._operation = operation
+        self._part.set_pointers()
+        self._part()
+        return self._obs.copy()
+
+    def step(self, action: NDArray[np.float32], operation: int) -> NDArray[np.float32]:
+        """One control step, by the operation STEP or CHECKED_STEP; returns the observation."""
+        self._action[:] = action
+        if operation != self._operation or self._part.moved:
+            return self.run(operation)
+        self._entry(self._address)
+        return self._obs.copy()
+
+    def ends(self) -> tuple[bool, float]:
+        """Whether the episode was terminated, and the reward, of the last step."""
+        return self._ends.unpack_from(self._buffer)  # type: ignore[return-value]
+
+    def shown(self) -> tuple[Any, ...]:
+        """Values for ``info``, in its order."""
+        return self._shown.unpack_from(self._buffer)
+
+    def points(self) -> tuple[float, ...]:
+        """Tip and goal, m."""
+        return self._points.unpack_from(self._buffer)  # type: ignore[return-value]
+
+
+def _in_one_buffer(columns: Columns) -> tuple[bytearray, Outputs]:
+    """Tables for the lanes of a block side by side in memory, so that one call reads all of them."""
+    sizes = [len(names) * LANES * struct.calcsize(FORMATS[t]) for t, names in columns.tables.items()]
+    buffer = bytearray(sum(sizes))
+    arrays, start = [], 0
+    kinds = (np.bool_, np.int64, np.float64)
+    for names, size, kind in zip(columns.tables.values(), sizes, kinds, strict=True):
+        part: Any = np.frombuffer(memoryview(buffer)[start : start + size], dtype=kind)
+        arrays.append(part.reshape(len(names), LANES))
+        start += size
+    return buffer, Outputs(*arrays)
+
+
+def _reader(columns: Columns, names: Any) -> struct.Struct:
+    """Reads some quantities of the first lane; they must be in the order of the tables."""
+    form = ["="]
+    for table, present in columns.tables.items():
+        letter = FORMATS[table]
+        rest = (LANES - 1) * struct.calcsize(letter)
+        for name in present:
+            form.append(f"{letter}{rest}x" if name in names else f"{rest + struct.calcsize(letter)}x")
+    return struct.Struct("".join(form))

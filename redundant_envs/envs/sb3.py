@@ -11,11 +11,10 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
-from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from redundant_envs.batch.environment import Autoreset
-from redundant_envs.envs.arguments import check_action, checked_options, checked_seed, refuse_bad_action
+from redundant_envs.envs.arguments import checked_options, checked_seed
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.face import LANE_VALUES, VectorFace, observation_of
 from redundant_envs.envs.registration import ARGUMENTS, IDS, ids
@@ -46,7 +45,6 @@ class SB3VecEnv(VectorFace, VecEnv):
             raise ValueError(f"monitor is {shown(monitor)}; give True or False")
         self.monitor = monitor
         self._made = time.time()
-        self._ready = False
         self.spec: EnvSpec | None = None
         self._options_of_all: dict[str, Any] = {}
         super().__init__(core.num_envs, *self._take(core))
@@ -70,12 +68,9 @@ class SB3VecEnv(VectorFace, VecEnv):
         rest = np.array([not options for options in pending])
         if rest.any():
             self.core.begin(rest, checked_of_all)
-        obs, out = self.core.observe()
-        if self.render_mode is not None:
-            self._see(out)
-        self._ready = True
+        observation, out = self._observed()
         self.reset_infos = [self.core.columns.info(out, lane) for lane in range(self.num_envs)]
-        return self.core.observation(obs, out)
+        return observation
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """Seeds of the next reset: ``seed + i`` for environment i, or random ones with None."""
@@ -100,12 +95,7 @@ class SB3VecEnv(VectorFace, VecEnv):
 
     def step_async(self, actions: NDArray[Any]) -> None:
         """Keep the actions for :meth:`step_wait`."""
-        if not self._ready:
-            raise ResetNeeded("step was called before reset; call reset() first")
-        actions = check_action(actions, (self.num_envs, len(self.core.actions)))
-        if self.on_bad_action == "raise":
-            refuse_bad_action(actions)
-        self._actions = actions
+        self._actions = self._checked_actions(actions)
 
     def step_wait(self) -> tuple[Any, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """One control step of all environments."""

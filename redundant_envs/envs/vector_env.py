@@ -6,13 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from redundant_envs.batch.environment import Autoreset
-from redundant_envs.envs.arguments import check_action, checked_options, checked_seed, refuse_bad_action
+from redundant_envs.envs.arguments import checked_options, checked_seed
 from redundant_envs.envs.core import STATE_KEYS
 from redundant_envs.envs.face import VectorFace, observation_of
 from redundant_envs.envs.outputs import Outputs
@@ -25,25 +24,9 @@ KERNEL_MODE = {mode: Autoreset[mode.name] for mode in AutoresetMode}
 class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
     """Native vector environment of an arm with a task; made by ``gymnasium.make_vec``.
 
-    Parameters
-    ----------
-    scene : str or mapping
-        Scene by name, path of a YAML file, or plain data.
-    num_envs : int
-    max_episode_steps : int
-        Truncate after so many control steps; -1 never does.
-    autoreset_mode : AutoresetMode or str
-        "next_step", "same_step" or "disabled".
-    on_bad_action : {"terminate", "raise"}
-        Effect of a non-finite action on its lane.
-    task : mapping
-        Numbers of the task other than the defaults.
-    render_mode : {None, "rgb_array"}
-    accuracy : {"standard", "exact"} or float, optional
-        Tip error per control interval [m] of the simulation: 1e-6, 1e-12 or the number given. None
-        keeps the scene's own; "standard" if the scene has none.
-    threads : int
-        Threads over blocks of 8 environments; they change no bit.
+    Arguments are those of a single environment, on the page of its id, and: ``max_episode_steps``, -1 for no
+    limit; ``autoreset_mode``, "next_step", "same_step" or "disabled"; ``threads`` over blocks of 8
+    environments, which change no bit.
     """
 
     def __init__(
@@ -68,7 +51,6 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._ended = np.zeros(num_envs, dtype=np.bool_)
-        self._ready = False
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -105,23 +87,15 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
             if value is not None and mask[lane]:
                 self.core.seed(lane, value)
         self.core.begin(mask, checked)
-        obs, out = self.core.observe()
         self._ended[mask] = False
-        self._ready = True
-        if self.render_mode is not None:
-            self._see(out)
-        infos = self._infos(out, mask)
-        return self.core.observation(obs, out), infos
+        observation, out = self._observed()
+        return observation, self._infos(out, mask)
 
     def step(
         self, actions: Any
     ) -> tuple[Any, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """One control step of all environments; actions are (num_envs, joints) in [-1, 1]."""
-        if not self._ready:
-            raise ResetNeeded("step was called before reset; call reset() first")
-        actions = check_action(actions, (self.num_envs, len(self.core.actions)))
-        if self.on_bad_action == "raise" and not np.isfinite(actions).all():
-            refuse_bad_action(actions[self.core.mask == 0])  # the others are reset and ignore theirs
+        actions = self._checked_actions(actions)
         core, mode = self.core, self.autoreset_mode
         if mode is AutoresetMode.DISABLED and self._ended.any():
             raise ValueError(
@@ -186,9 +160,7 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
 def autoreset(mode: AutoresetMode | str) -> AutoresetMode:
     """An autoreset mode from itself or its name."""
     names = {m.name.lower(): m for m in AutoresetMode}
-    if isinstance(mode, AutoresetMode):
-        return mode
-    key = str(mode).lower().replace("-", "_")
+    key = (mode.name if isinstance(mode, AutoresetMode) else str(mode)).lower().replace("-", "_")
     if key not in names:
         raise ValueError(f"autoreset_mode is {mode!r}; choose {', '.join(names)}")
     return names[key]

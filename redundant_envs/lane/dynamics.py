@@ -113,7 +113,7 @@ class Dynamics:
         if self.scene.tolerance is None or not self.located:
             return {}
         constant = (*self.numbers, *self.effect_states.updated, *(b.side for b in self.laws))
-        return kinks.kinks_of(self.scene.attached, kinks.Moves(self.arm, constant, self.states))
+        return kinks.kinks_of(self.scene.attached, self.arm, constant, self.states)
 
     # ---- steps ---------------------------------------------------------------------------------------
 
@@ -147,6 +147,11 @@ class Dynamics:
     def logs(self) -> bool:
         """Whether events are kept."""
         return bool(self.stops) and self.track_work
+
+    @property
+    def counted(self) -> tuple[str, ...]:
+        """Fields with counts of an interval, which are restored when it is crossed again or given up."""
+        return (*(["impacts"] if self.stops else []), *(["logged"] if self.logs else []))
 
     @property
     def spans(self) -> bool:
@@ -264,13 +269,6 @@ class Dynamics:
                 efforts[k] = link.functions["function"](x)
             x[command] = given
         return efforts, changes
-
-    def updates(self, x: Quantities) -> dict[str, Any]:
-        """New values of states that are constant within an interval, from quantities at its end."""
-        _, changes = self.efforts(x, "update")
-        for a in self.scene.attached.of(Force):
-            changes |= a.changes("update", x)
-        return changes
 
     # ---- equations of motion -----------------------------------------------------------------------
 

@@ -291,6 +291,12 @@ class FourR(Arm):
         "theta1": ("s1", "c1"), "theta21": ("s21", "c21"),
         "theta32": ("s32", "c32"), "theta43": ("s43", "c43"),
     }  # fmt: skip
+    posture = {
+        "s1": "sine of joint angle 1", "c1": "cosine of joint angle 1",
+        "s21": "sine of joint angle 2", "c21": "cosine of joint angle 2",
+        "s32": "sine of joint angle 3", "c32": "cosine of joint angle 3",
+        "s43": "sine of joint angle 4", "c43": "cosine of joint angle 4",
+    }  # fmt: skip
     functions = (
         angle_differences, directions, wider_differences, points, jacobian, jacobian_dot_qd,
         inertia_products, mass_matrix, products_of_masses, bias_forces, coriolis_matrix, gravity_forces,

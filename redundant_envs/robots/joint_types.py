@@ -48,10 +48,7 @@ def facts_of(types: str, functions: Sequence[Function]) -> dict[str, Any]:
         lengths = max((int(number.group(1)) for number in found if number), default=0)
         made["num_masses"] = sum(re.fullmatch(r"x\d+", name) is not None for name in given)
     made["num_lengths"] = lengths
-    posture = {"s1": "sine of joint angle 1", "c1": "cosine of joint angle 1"} if angles else {}
-    for k in range(2, len(angles) + 1):
-        posture |= {f"s{k}{k - 1}": f"sine of joint angle {k}", f"c{k}{k - 1}": f"cosine of joint angle {k}"}
-    return {**made, "posture": posture}
+    return made
 
 
 def functions_of(types: str, angles: Collection[str], given: set[str]) -> list[Function]:

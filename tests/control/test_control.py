@@ -57,9 +57,9 @@ def test_every_parameter_gives_a_pose_at_the_goal_and_every_pose_is_near_one(nam
         np.testing.assert_allclose(arm.forward_kinematics(q[reached]), goals[reached], atol=1e-14)
         for joint, (low, high) in travel.items():
             assert ((q[reached, joint] >= low) & (q[reached, joint] <= high)).all()
-    q = rng.uniform(-np.pi, np.pi, (40, 4))
+    q = rng.uniform(-np.pi, np.pi, (15, 4))
     for joint, (low, high) in travel.items():
-        q[:, joint] = rng.uniform(low, high, 40)
+        q[:, joint] = rng.uniform(low, high, 15)
         q[joint::5, joint], q[joint + 1 :: 5, joint] = low, high  # stops are met exactly
     x = np.linspace(0.0, np.pi, 121)
     psi = np.stack(np.meshgrid(x, x, indexing="ij"), axis=-1)
@@ -169,45 +169,21 @@ def test_weaker_motors_hold_fewer_goals(name):
 
 @one_short
 def test_loads_do_not_depend_on_the_grid(name):
-    goals = drawn_goals(60, 8)
+    goals = drawn_goals(24, 8)
     finer = holding_poses(SCENES[name], goals, grid=49)[1]
     np.testing.assert_allclose(holding_load(SCENES[name], goals), finer, rtol=0.0, atol=1e-3)
 
 
 @one_short
 def test_a_tolerance_finds_the_best_point_near_the_goal(name):
-    scene, goals = SCENES[name], drawn_goals(12, 9)
+    scene, goals = SCENES[name], drawn_goals(8, 9)
     q, load = holding_poses(scene, goals, tolerance=0.05)
     assert (np.linalg.norm(scene.robot.forward_kinematics(q) - goals, axis=1) <= 0.05 + 1e-12).all()
     assert (load < holding_load(scene, goals) - 1e-3).mean() > 0.7
     rng = np.random.default_rng(10)
-    for turn in rng.uniform(-np.pi, np.pi, 8):
+    for turn in rng.uniform(-np.pi, np.pi, 4):
         step = 0.05 * np.sqrt(rng.random()) * np.array([np.cos(turn), np.sin(turn)])
         assert (load <= holding_load(scene, goals + step) + 1e-3).all()
-
-
-def four_r_efforts(x, g=9.81):
-    """Moments of the masses beyond each joint, 0.5 kg and 0.25 m each."""
-    points = 0.25 * np.cumsum(np.cos(x))
-    joints = np.concatenate([[0.0], points[:3]])
-    return np.array([0.5 * g * (points[k:] - joints[k]).sum() for k in range(4)])
-
-
-def rprp_efforts(x, g=9.81):
-    theta1, r1, theta2, r2 = x
-    elbow = (0.25 + r1) * np.cos(theta1)
-    beyond = 0.5 * g * (0.5 + r2) * np.cos(theta2)  # masses 3 and 4 about the second joint
-    base = 0.5 * g * (0.25 * np.cos(theta1) + 3.0 * elbow) + beyond
-    return np.array([base, 1.5 * g * np.sin(theta1), beyond, 0.5 * g * np.sin(theta2)])
-
-
-def four_r_tip(x):
-    return 0.25 * np.array([np.cos(x).sum(), np.sin(x).sum()])
-
-
-def rprp_tip(x):
-    a, b = 0.25 + x[1], 0.25 + x[3]
-    return np.array([a * np.cos(x[0]) + b * np.cos(x[2]), a * np.sin(x[0]) + b * np.sin(x[2])])
 
 
 STOPS = {"free": (None, (1, -1)), "lower": (0.0, (-1,)), "upper": (0.25, (1,))}
@@ -216,17 +192,14 @@ STOPS = {"free": (None, (1, -1)), "lower": (0.0, (-1,)), "upper": (0.25, (1,))}
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("scene", "efforts", "tip", "cases", "starts"),
-    [
-        (FOUR_R, four_r_efforts, four_r_tip, [("free", "free")], 40),
-        (RPRP, rprp_efforts, rprp_tip, list(itertools.product(STOPS, repeat=2)), 6),
-    ],
+    ("scene", "cases", "starts"),
+    [(FOUR_R, [("free", "free")], 40), (RPRP, list(itertools.product(STOPS, repeat=2)), 6)],
 )
-def test_an_optimiser_does_not_beat_the_search(scene, efforts, tip, cases, starts):
+def test_an_optimiser_does_not_beat_the_search(scene, cases, starts):
     """SLSQP from random poses minimises the load at the goal, each slider free or at one of its stops."""
     from scipy.optimize import minimize
 
-    rng = np.random.default_rng(11)
+    rng, arm, inverse = np.random.default_rng(11), scene.robot, np.linalg.inv(scene.robot.motor_map)
     limits, goals = effort_limits(scene), drawn_goals(6, 12)
     found = np.full(6, np.inf)
     for (i, goal), (first, second) in itertools.product(enumerate(goals), cases):
@@ -236,7 +209,7 @@ def test_an_optimiser_does_not_beat_the_search(scene, efforts, tip, cases, start
         joints, scales = [k for k, _ in rows], np.array([scale for _, scale in rows])
         free = [k for k in range(4) if place[k] is None]
         pose = np.array([0.0 if x is None else x for x in place])
-        ends = [(0.0, 0.25) if scene.robot.prismatic[k] else (-7.0, 7.0) for k in free]
+        ends = [(0.0, 0.25) if arm.prismatic[k] else (-7.0, 7.0) for k in free]
 
         def full(v, pose=pose, free=free):
             x = pose.copy()
@@ -244,10 +217,10 @@ def test_an_optimiser_does_not_beat_the_search(scene, efforts, tip, cases, start
             return x
 
         def loads(v, full=full, joints=joints, scales=scales):
-            return efforts(full(v))[joints] * scales
+            return (inverse @ arm.gravity_forces(full(v)))[joints] * scales
 
         constraints = [
-            {"type": "eq", "fun": lambda v, full=full, goal=goal: tip(full(v)) - goal},
+            {"type": "eq", "fun": lambda v, full=full, goal=goal: arm.forward_kinematics(full(v)) - goal},
             {"type": "ineq", "fun": lambda v, loads=loads: v[-1] - loads(v)},
         ]
         for _ in range(starts):
@@ -255,7 +228,7 @@ def test_an_optimiser_does_not_beat_the_search(scene, efforts, tip, cases, start
             bounds = [*ends, (0.0, 9.0)]
             v = minimize(lambda v: v[-1], start, bounds=bounds, constraints=constraints, method="SLSQP").x
             inside = all(low <= x <= high for x, (low, high) in zip(v[:-1], ends, strict=True))
-            if inside and np.abs(tip(full(v)) - goal).max() < 1e-8:
+            if inside and np.abs(arm.forward_kinematics(full(v)) - goal).max() < 1e-8:
                 found[i] = min(found[i], max(loads(v).max(), 0.0))
     least = holding_load(scene, goals)
     assert (least <= found + 1e-3).all()
@@ -282,7 +255,7 @@ def test_poses_are_at_the_goal_inside_the_travel_and_the_lightest_loads_no_motor
     np.testing.assert_allclose(arm.forward_kinematics(pose), goal, atol=1e-6)
     for joint, (low, high) in slider_travel(scene).items():
         assert ((pose[:, joint] >= low) & (pose[:, joint] <= high)).all()
-    start, goal = rng.uniform(-9, 9, (60, 4)), drawn_goals(60, 1, 0.9)
+    start, goal = rng.uniform(-9, 9, (24, 4)), drawn_goals(24, 1, 0.9)
     start[:, ~turning] = 0.1
     pose, other = lightest_pose(scene, start, goal), pose_at(scene, start, goal)
     np.testing.assert_allclose(arm.forward_kinematics(pose), goal, atol=1e-9)
@@ -290,7 +263,7 @@ def test_poses_are_at_the_goal_inside_the_travel_and_the_lightest_loads_no_motor
     light, heavy = ((np.abs(motor_efforts(scene, q)) / limits).max(axis=1) for q in (pose, other))
     assert (light <= heavy + 1e-6).all()
     assert np.median(light) < 0.8 * np.median(heavy)
-    beyond = np.tile((5.0, 0.0), (60, 1))  # the arm stretches towards it, some by more than half a turn
+    beyond = np.tile((5.0, 0.0), (24, 1))  # the arm stretches towards it, some by more than half a turn
     stretched = pose_at(scene, start, beyond)
     assert np.abs((stretched - start) @ arm.motor_map).max() > np.pi
     np.testing.assert_array_equal(lightest_pose(scene, start, beyond), stretched)
@@ -315,7 +288,7 @@ TILTED = rde.Scene(BARE.robot, (e.EffortLimits(1.0), e.Gravity(9.81, (0.5, -0.5)
 
 
 @pytest.mark.parametrize(
-    ("scene", "words"),
+    ("given", "words"),
     [
         (BARE, "EffortLimits.limits .*None.* positive"),
         (changed("four_r_reach", e.EffortLimits((1, 0, 1, 1))), "EffortLimits.limits .*0.0.* positive"),
@@ -323,16 +296,6 @@ TILTED = rde.Scene(BARE.robot, (e.EffortLimits(1.0), e.Gravity(9.81, (0.5, -0.5)
         (changed("rprp_reach", e.PrismaticStop((0, 0), (None, 1))), "PrismaticStop.*'r1'.* both ends"),
         (changed("rprp_reach", e.PrismaticStop((0, -0.3), (1, 1))), "'r2'.* -0.3.* -0.25"),
         (dataclasses.replace(RPRP, actuation="generalized"), "actuation.* joint"),
-    ],
-)
-def test_scenes_it_cannot_account_for_are_refused(scene, words):
-    with pytest.raises(ValueError, match=words):
-        (effort_limits(scene), slider_travel(scene), static_efforts(scene, np.zeros(4)))
-
-
-@pytest.mark.parametrize(
-    ("call", "words"),
-    [
         (lambda: holding_poses(RPRP, [0.5, 0.0]), r"goals .*\(2,\).* \(n, 2\)"),
         (lambda: holding_poses(RPRP, [[0.5, np.nan]]), "goals .*finite"),
         (lambda: holding_poses(RPRP, [[0.5, 0.0]], -0.1), "tolerance is -0.1"),
@@ -341,6 +304,9 @@ def test_scenes_it_cannot_account_for_are_refused(scene, words):
         (lambda: ComputedTorque(TILTED), "along x"),
     ],
 )
-def test_arguments_that_say_nothing_are_refused(call, words):
+def test_scenes_it_cannot_account_for_and_other_arguments_are_refused(given, words):
+    def accounted(scene):
+        return effort_limits(scene), slider_travel(scene), static_efforts(scene, np.zeros(4))
+
     with pytest.raises(ValueError, match=words):
-        call()
+        accounted(given) if isinstance(given, rde.Scene) else given()

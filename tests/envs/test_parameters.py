@@ -4,13 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from catalogue import GRAVITY
 from faces import FOUR_R, ID, actions, begin, made, running
 
 import redundant_envs as rde
 from redundant_envs.algebra import physics
 from redundant_envs.envs.core import Core
-from redundant_envs.envs.parameters import parameters_of
+from redundant_envs.envs.face import parameters_of
 from redundant_envs.tasks.checks import check_task
 
 e = rde.effects
@@ -232,28 +231,3 @@ def test_masses_and_lengths_of_every_allowed_size_together(env_id, lengths):
             "gravity.g": 10.0 ** exponents[2],
         }
         check_episode(env, {"parameters": options})
-
-
-RPRP = rde.RPRP((1,) * 4, (0.5, 0.5))
-TOO_LARGE = {
-    "Gravity.g is 1e+300|-1e+100 to 1e+100": lambda: e.Gravity(1e300),
-    "ViscousFriction.coefficients is 1e+300|1e+100": lambda: e.ViscousFriction(1e300),
-    "EffortLimits.limits[2] is 1e+300|1e+100": lambda: e.EffortLimits((1, 1, 1e300, 1)),
-    "LimitSpring.stiffness is 1e+300|1e+100": lambda: e.LimitSpring("r1", 0, 1, 1e300),
-    "LimitSpring.damping is 1e+300|1e+100": lambda: e.LimitSpring("r1", 0, 1, 1, 1e300),
-    "LimitSpring.lower is -1e+308|-1e+30 to 1e+30": lambda: e.LimitSpring("r1", -1e308, 1e308),
-    "lower is 0.0, upper is 1e-200|1e-30 apart": lambda: e.LimitSpring("r1", 0.0, 1e-200),
-    "PrismaticStop.upper[1] is 1e+308|-1e+30 to 1e+30": lambda: e.PrismaticStop((0, 0), (1, 1e308)),
-    "PrismaticStop.lower[1] is 0.0|1e-30 apart": lambda: e.PrismaticStop((0, 0), (1, 5e-324)),
-    "CentringSpring.stiffness[1] is 1e+300": lambda: e.CentringSpring((1, 1e300), (0, 0), (1, 1)),
-    "CentringSpring.lower[1] is -1e+308": lambda: e.CentringSpring((1, 1), (0, -1e308), (1, 1)),
-    "control_dt is 1e+300 s|1e-09 to 1000 s": lambda: rde.Scene(RPRP, (GRAVITY,), control_dt=1e300),
-    "control_dt is 1e-300 s|1e-09 to 1000 s": lambda: rde.Scene(RPRP, (GRAVITY,), control_dt=1e-300),
-}
-
-
-@pytest.mark.parametrize(("words", "make"), TOO_LARGE.items(), ids=TOO_LARGE)
-def test_the_refusal_names_field_value_and_range(words, make):
-    with pytest.raises(ValueError) as error:
-        make()
-    assert all(word in str(error.value) for word in words.split("|"))

@@ -14,13 +14,12 @@ import imageio_ffmpeg
 import numpy as np
 import pytest
 from catalogue import EQUAL
-from faces import FOUR_R, ID, STEPS, actions, begin, made
+from faces import FOUR_R, ID, STEPS, actions, begin, made, running
 from gymnasium.error import DependencyNotInstalled
 
 import redundant_envs as rde
 from redundant_envs.algebra import physics
-from redundant_envs.envs import energy_plots
-from redundant_envs.envs.animation import stated_limits
+from redundant_envs.envs.animation import energies_figure, save_figures, stated_limits, total_figure
 from redundant_envs.envs.lettering import GLYPHS, cover, from_segment
 from redundant_envs.envs.rendering import BARS, GOAL, TRAIL, TRAIL_LENGTH, Canvas, Window
 from redundant_envs.model import trajectory as energy
@@ -118,6 +117,7 @@ def test_trails_of_a_vector_begin_anew_with_an_episode(env_id, kind):
     if kind == "sb3":
         assert env.render().shape == (960, 960, 3)
         assert made("sb3").get_images() == [None] * 3
+    assert running(kind)._renderer is None  # one that does not render remembers nothing
 
 
 def test_partial_resets_and_states_begin_trails_anew_and_the_last_steps_are_kept():
@@ -145,13 +145,6 @@ def test_partial_resets_and_states_begin_trails_anew_and_the_last_steps_are_kept
         env.step(action * 0.2)
         tips.append(env.tip)
     np.testing.assert_array_equal(env._renderer.trail(0), tips[-TRAIL_LENGTH:])
-
-
-def test_an_environment_that_does_not_render_remembers_nothing():
-    env = made("single")
-    begin(env)
-    env.step(np.zeros(4, np.float32))
-    assert env._renderer is None
 
 
 def test_a_trail_is_drawn_like_its_segments_one_by_one():
@@ -324,6 +317,7 @@ NOT_DRAWN = [
         (still(ARMS["3R"], shape), i, "index is .*trajectory has .*; (give index|leave)")
         for shape, i in WRONG_INDEX
     ),
+    (dataclasses.replace(still(ARMS["3R"]), t=np.zeros(0)), None, "trajectory has no times"),
     (3, None, r"trajectory is 3; give what redundant_envs\.simulate returns"),
     (still(Hoist((1.0,), (1.0, 1.0))), None, "Hoist has 1 point masses and 2 joints; arms are drawn with"),
 ]
@@ -336,12 +330,10 @@ def test_what_cannot_be_drawn_is_refused(trajectory, index, words):
     assert "\n" not in str(error.value)
 
 
-def test_motions_without_times_and_unknown_endings_are_refused(motion, tmp_path):
-    with pytest.raises(ValueError, match="trajectory has no times"):
-        rde.animate(dataclasses.replace(motion, t=motion.t[:0], q=motion.q[:0]))
-    for name in ("clip.avi", "clip", "clip.gif.txt"):
-        with pytest.raises(ValueError, match=r"end its name in \.gif or \.mp4"):
-            rde.animate(motion).save(tmp_path / name)
+@pytest.mark.parametrize("name", ["clip.avi", "clip", "clip.gif.txt"])
+def test_unknown_endings_are_refused(motion, name, tmp_path):
+    with pytest.raises(ValueError, match=r"end its name in \.gif or \.mp4"):
+        rde.animate(motion).save(tmp_path / name)
     assert not list(tmp_path.iterdir())
 
 
@@ -364,9 +356,9 @@ def test_energies_of_a_run_and_their_figures(name, tmp_path):
     if name == "rprp_report_spring":  # without its spring the energy is not constant
         assert np.ptp(run.without_springs) > 0.1 * run.scale
     assert (run.without_springs is None) == (name == "four_r_free") or "rprp" in name
-    for path in energy_plots.save_figures(run, tmp_path):
+    for path in save_figures(run, tmp_path):
         assert path.read_bytes().startswith(b"\x89PNG")
-    for figure in (energy_plots.energies_figure(run), energy_plots.total_figure(run)):
+    for figure in (energies_figure(run), total_figure(run)):
         assert all("[" in axes.get_ylabel() for axes in figure.axes)
         assert figure.axes[-1].get_xlabel() == "time [s]"
     assert "relative drift" in figure.axes[0].get_title(loc="left")

@@ -8,14 +8,12 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from catalogue import COPIES
-from faces import COUNT, FOUR_R, ID, KINDS, MODES, STEPS, actions, begin, flat, made, motion, plain, running
+from faces import COUNT, FOUR_R, KINDS, MODES, STEPS, actions, begin, flat, made, motion, plain, running
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import FlattenObservation, TransformReward
 from stable_baselines3.common.callbacks import EvalCallback
 from stable_baselines3.common.vec_env import VecNormalize
-
-from redundant_envs.envs.face import observation_of
 
 # ---- copies --------------------------------------------------------------------------------------------
 
@@ -23,7 +21,7 @@ from redundant_envs.envs.face import observation_of
 @pytest.mark.parametrize("steps", [0, 2, STEPS], ids=["after reset", "within an episode", "after its end"])
 def test_a_copy_continues_to_the_same_bits(kind, env_id, way, steps):
     env = made(kind, env_id, COUNT, max_episode_steps=STEPS)
-    begin(env, {"parameters": {"masses": (1.0, 0.5, 0.4, 0.3)}}, seed=5)
+    begin(env, {"parameters": {"masses": (1.0, 0.5, 0.4, 0.3), "hold_steps": 3, "rate_scale": 2.0}}, seed=5)
     for k, action in enumerate(actions(env, steps)):
         if kind in MODES and k == 1:  # some end earlier than others
             env.reset(options={"reset_mask": np.arange(COUNT) % 2 == 0, "parameters": {"masses": 0.4}})
@@ -153,7 +151,7 @@ def test_environments_in_spawned_workers_equal_those_here():
 # ---- the same bits in every kind -----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("mode", MODES[:2])
+@pytest.mark.parametrize("mode", MODES)
 def test_a_vector_equals_gymnasiums_bitwise_with_infos_and_partial_resets(env_id, mode):
     native = made(mode, env_id, max_episode_steps=7)
     sync = gym.vector.SyncVectorEnv(
@@ -164,10 +162,10 @@ def test_a_vector_equals_gymnasiums_bitwise_with_infos_and_partial_resets(env_id
     for action in actions(native, 60):
         a, b = native.step(action), sync.step(action)
         assert flat(a[:4]) == flat(b[:4])
-        if not partial and mode == "next_step":  # after partial resets Gymnasium's infos lack what was kept
+        if not partial and mode != "same_step":  # after partial resets Gymnasium's infos lack what was kept
             assert set(a[4]) == set(b[4])
             assert flat(a[4]) == flat(b[4])
-        mask = rng.uniform(size=3) < 0.1
+        mask = (rng.uniform(size=3) < 0.1) | ((a[2] | a[3]) & (mode == "disabled"))
         partial |= mask.any()
         if mask.any():
             a, b = (env.reset(options={"reset_mask": mask.copy()})[0] for env in (native, sync))
@@ -175,23 +173,6 @@ def test_a_vector_equals_gymnasiums_bitwise_with_infos_and_partial_resets(env_id
                 one, other = (x if isinstance(x, dict) else {"": x} for x in (a, b))
                 assert all((one[k][lane] == other[k][lane]).all() for k in one)
     assert partial
-
-
-def test_autoreset_modes_follow_the_same_episodes(env_id):
-    envs = [made(mode, env_id, max_episode_steps=20) for mode in MODES]
-    table = actions(envs[0], 20)
-    for env in envs:
-        env.reset(seed=7)
-    for action in table:
-        ends = [env.step(action) for env in envs]
-        shown = [flat(end[0]) for end in ends]
-        assert [flat(end[1:4]) for end in ends[1:]] == [flat(ends[0][1:4])] * 2
-        if not ends[0][3].any():
-            assert shown[0] == shown[1] == shown[2]
-    assert all(end[3].all() for end in ends)
-    assert flat(ends[1][4]["final_obs"][1]) == flat(observation_of(ends[0][0], 1))
-    assert flat(envs[0].step(table[0])[0]) == shown[1]
-    assert flat(envs[2].reset(options={"reset_mask": np.ones(3, bool)})[0]) == shown[1]
 
 
 def test_the_step_that_begins_an_episode_pays_nothing(goal_id):
@@ -273,9 +254,3 @@ def test_whole_numbers_of_any_kind_are_seeds(kind):
     if kind == "sb3":
         assert len(env.seed()) == 3
         env.reset()
-
-
-def test_an_environment_of_stable_baselines3_may_begin_with_a_state():
-    env, fresh = running("sb3", ID), made("sb3", ID)
-    fresh.set_state(env.get_state())
-    assert motion(fresh) == motion(env)

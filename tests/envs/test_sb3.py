@@ -4,7 +4,7 @@ import time
 
 import numpy as np
 import pytest
-from faces import FOUR_R, ID, STEPS, actions, begin, made, running
+from faces import FOUR_R, ID, STEPS, actions, begin, made, motion, running
 from stable_baselines3 import PPO, SAC, HerReplayBuffer
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.monitor import Monitor
@@ -89,6 +89,7 @@ def test_returns_of_episodes_survive_a_state():
         ends = [[info.get("episode") for info in env.step(action)[3]] for env in (first, second)]
     assert [e["r"] for e in ends[0]] == [e["r"] for e in ends[1]]
     assert [e["l"] for e in ends[1]] == [STEPS] * 3
+    assert motion(second) == motion(first)
 
 
 def test_monitoring_can_be_left_out():

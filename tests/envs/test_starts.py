@@ -114,10 +114,6 @@ def test_a_start_beyond_a_spring_is_allowed_and_shown(env_id):
     assert info["beyond_limit"] == pytest.approx(0.75, abs=1e-12)
 
 
-def test_scenes_without_limit_springs_have_no_depth_to_show():
-    assert "beyond_limit" not in made("single").reset(seed=0)[1]
-
-
 @pytest.mark.long
 def test_a_slider_with_one_stop_needs_a_spring_at_its_other_end_and_reach_counts_no_angles():
     data = limited(ID)

@@ -1,13 +1,10 @@
 """The task: starts and goals, observation, reward, success, early ends, and its numbers."""
 
-import copy
-import pickle
-
 import gymnasium as gym
 import numpy as np
 import pytest
 from catalogue import IDS
-from faces import FOUR_R, ID, actions, begin, made, motion, running
+from faces import FOUR_R, actions, begin, made, motion, running
 
 import redundant_envs as rde
 
@@ -96,12 +93,6 @@ def test_observation_and_reward_are_continuous_across_half_turns(plain_id):
     assert rows[0][-1] == pytest.approx(rows[1][-1], abs=1e-9)
 
 
-def test_observations_stay_in_their_box_at_any_speed(plain_id):
-    env = made("single", plain_id)
-    for rates in 40.0 * np.eye(4):
-        assert env.observation_space.contains(begin(env, {"qd": rates}, seed=0))
-
-
 def test_the_observation_of_a_goal_environment_holds_nothing_of_the_goal(goal_id):
     env, rows = made("single", goal_id), []
     for goal in ((0.3, 0.2), (-0.5, 0.1)):
@@ -179,16 +170,6 @@ def test_goal_environments_pay_one_at_the_goal_and_nothing_elsewhere(goal_id):
     (many,) = sb3.env_method("compute_reward", *goals, [{}] * 8, indices=[0])
     np.testing.assert_array_equal(many, reward)
     assert len(sb3.env_method("compute_reward", *goals, [{}] * 8)) == 3
-
-
-def test_saturated_actions_act_like_the_bounds_and_are_counted(plain_id):
-    rows = []
-    for action in ([1.0, -1.0, 1.0, 0.5], [7.0, -3.0, 1.5, 0.5]):
-        env = made("single", plain_id)
-        begin(env, seed=0)
-        rows.append(env.step(np.array(action, np.float32)))
-    np.testing.assert_array_equal(rows[0][0], rows[1][0])
-    assert [row[4]["saturated_actions"] for row in rows] == [0, 3]
 
 
 # ---- early ends ----------------------------------------------------------------------------------------
@@ -274,19 +255,6 @@ def test_every_lane_of_a_vector_has_numbers_of_its_own():
     np.testing.assert_array_equal(of_task(env, "inner")[:, 0], [0.2, 0.1, 0.6])
 
 
-@pytest.mark.parametrize("env_id", [ID, "redundant_envs/RPRPGoalReach-v0"])
-def test_states_copies_and_pickles_keep_them(face, env_id):
-    numbers = {"hold_steps": 3, "inner": 0.3, "outer": 0.5}
-    env, fresh = running(face, env_id), running(face, env_id)
-    begin(env, {"parameters": numbers}, seed=2)
-    fresh.set_state(env.get_state())
-    for other in (fresh, copy.deepcopy(env), pickle.loads(pickle.dumps(env))):
-        begin(other, {}, seed=9)
-        assert (of_task(other, *numbers) == tuple(numbers.values())).all()
-    begin(env, {}, seed=9)
-    np.testing.assert_array_equal(fresh.goal, env.goal)
-
-
 def test_a_reset_with_them_gives_the_bits_of_an_environment_made_with_them():
     numbers = {"goal_tolerance": 0.1, "hold_speed": 0.5, "rate_scale": 2.0, "outer": 0.6}
     one, other = made("single", task=numbers), made("single")
@@ -325,15 +293,3 @@ def test_a_scene_that_says_nothing_is_standard_and_one_that_does_is_kept(face):
         assert env.scene.tolerance == tolerance
         assert ("error_estimate" in env.core.columns.names) == (tolerance is not None)
     assert all(gym.make(env_id).unwrapped.scene.tolerance == 1e-6 for env_id in IDS)
-
-
-def test_a_lane_beyond_the_tolerance_is_flagged_and_goes_on():
-    data = rde.load_scene("four_r_reach").to_dict()
-    spring = {"type": "LimitSpring", "coordinate": "joint2", "lower": -3.0, "upper": 3.0, "stiffness": 1e12}
-    data["effects"].append(spring)
-    env = made("single", FOUR_R, scene=data)
-    begin(env, seed=0)
-    _, _, terminated, truncated, info = env.step(ZERO)
-    assert info["numerics"] == rde.Numerics.TOLERANCE_NOT_REACHED
-    assert not terminated
-    assert not truncated
