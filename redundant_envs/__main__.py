@@ -122,7 +122,7 @@ def simulate(options: argparse.Namespace) -> None:
     """Write CSV and figures of one or more scenes."""
     from redundant_envs import load_scene
     from redundant_envs.figures import check_clip
-    from redundant_envs.model import energy_run as energy
+    from redundant_envs.model import trajectory as energy
 
     asked: list[str] = options.scene or list(energy.STARTS)
     if options.clip is not None:

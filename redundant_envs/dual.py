@@ -25,7 +25,7 @@ def times(a: Any, b: Any) -> Any:
 
 
 def _comparison(of: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-    return lambda self, other: Decision(of(self.value, dual(other).value))
+    return lambda self, other: of(self.value, dual(other).value)
 
 
 class Dual:
@@ -83,36 +83,14 @@ class Dual:
     __eq__, __ne__ = _comparison(operator.eq), _comparison(operator.ne)
 
 
-class Decision:
-    """A condition on numbers with derivatives."""
-
-    __slots__ = ("condition",)
-    __array_ufunc__ = None
-
-    def __init__(self, condition: Any) -> None:
-        self.condition = condition
-
-    def __and__(self, other: Any) -> Decision:
-        return Decision(self.condition & _condition(other))
-
-    def __or__(self, other: Any) -> Decision:
-        return Decision(self.condition | _condition(other))
-
-    __rand__, __ror__ = __and__, __or__
-
-
 def dual(x: Any) -> Dual:
     """A number with a derivative unchanged, any other number with the derivative 0.0."""
     return x if isinstance(x, Dual) else Dual(x)
 
 
-def _condition(x: Any) -> Any:
-    return x.condition if isinstance(x, Decision) else x
-
-
 def where(condition: Any, a: Any, b: Any) -> Dual:
-    chosen, a, b = _condition(condition), dual(a), dual(b)
-    return Dual(algebra.where(chosen, a.value, b.value), algebra.where(chosen, a.slope, b.slope))
+    a, b = dual(a), dual(b)
+    return Dual(algebra.where(condition, a.value, b.value), algebra.where(condition, a.slope, b.slope))
 
 
 def _derived(function: Callable[[Any], Any], slope: Callable[[Any, Any], Any]) -> Callable[[Dual], Dual]:
@@ -132,14 +110,8 @@ def _sincos(x: Dual) -> tuple[Dual, Dual]:
 
 register_numbers(
     Primitives(
-        _derived(algebra.sqrt, lambda x, y: 0.5 / y),
-        _derived(algebra.exp, lambda x, y: y),
-        _derived(algebra.floor, lambda x, y: 0.0),
-        _sincos,
-        where,
-        lambda x: Decision(algebra.logical_not(_condition(x))),
+        _derived(algebra.sqrt, lambda x, y: 0.5 / y), _derived(algebra.exp, lambda x, y: y),
+        _derived(algebra.floor, lambda x, y: 0.0), _sincos, where, algebra.logical_not,
     ),
-    Dual,
-    Decision,
-    wrap=True,
-)
+    Dual, wrap=True,
+)  # fmt: skip

@@ -96,14 +96,10 @@ class Scene:
             allowed = f"lie in {SHORTEST_INTERVAL:g} to {LONGEST_INTERVAL:g} s" if dt > 0.0 else "be positive"
             raise ValueError(f"control_dt is {dt} s; it must {allowed}")
         object.__setattr__(self, "control_dt", dt)
-        if isinstance(self.substeps, bool) or not isinstance(self.substeps, Integral):
-            raise ValueError(f"substeps is {shown(self.substeps)}; give a whole number")
-        if self.substeps < 1:
-            raise ValueError(f"substeps is {shown(self.substeps)}; it must be at least 1")
-        if self.substeps > MOST_SUBSTEPS:
-            raise ValueError(
-                f"substeps is {shown(self.substeps)}; give at most {MOST_SUBSTEPS}, or a tolerance instead"
-            )
+        whole = isinstance(self.substeps, Integral) and not isinstance(self.substeps, bool)
+        if not whole or not 1 <= self.substeps <= MOST_SUBSTEPS:
+            fix = f"give a whole number from 1 to {MOST_SUBSTEPS}, or a tolerance instead"
+            raise ValueError(f"substeps is {shown(self.substeps)}; {fix}")
         object.__setattr__(self, "substeps", int(self.substeps))
         if self.integrator == "dop853" and self.substeps != 1:
             raise ValueError(f"substeps is {self.substeps}; dop853 chooses its steps itself: leave it at 1")

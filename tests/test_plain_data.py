@@ -47,7 +47,7 @@ def with_scene(**changes):
         (with_scene(integrator=["rk8"]), "integrator is ['rk8']"),
         (with_scene(integrator=None), "integrator is None"),
         (with_scene(actuation=np.zeros(3)), "actuation is array"),
-        (with_scene(substeps=2**70), "substeps is 1180591620717411303424; give at most"),
+        (with_scene(substeps=2**70), "substeps is 1180591620717411303424; give a whole number from 1 to"),
         (with_scene(substeps=10**5000), "substeps is an integer of 16610 bits"),
         (with_scene(substeps=True), "substeps is True; give a whole number"),
         (with_scene(substeps=1.5), "substeps is 1.5; give a whole number"),

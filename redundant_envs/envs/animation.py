@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from redundant_envs.effects import CentringSpring
 from redundant_envs.envs.rendering import BACKGROUND, INK, JOINT, MARGIN, REACH, TRAIL, Canvas, draw_links
 from redundant_envs.figures import bare, check_clip, new_figure, save_figure, write_clip
-from redundant_envs.model.energy_run import EnergyRun
-from redundant_envs.model.trajectory import Trajectory
+from redundant_envs.model.trajectory import EnergyRun, Trajectory
 from redundant_envs.scene import Scene
 from redundant_envs.values import shown
 

@@ -21,7 +21,6 @@ from redundant_envs.lane.episode import TABLES, TIP, Episode
 from redundant_envs.model import parameters
 from redundant_envs.model.memory import Memory, aligned
 from redundant_envs.model.programs import Call, Copied, Simulator, Team, address, environment_simulator
-from redundant_envs.model.snapshot import check_array, check_facts, check_keys, check_numbers, simulator_facts
 from redundant_envs.quantities import Quantities
 from redundant_envs.scene import Scene, scene_at
 from redundant_envs.tasks import Task
@@ -267,14 +266,14 @@ class Core(Copied):
 
     def check_state(self, state: Mapping[str, Any]) -> None:
         """ValueError if :meth:`set_state` cannot take a state."""
-        check_keys("state", state, STATE_KEYS, "get_state")
-        check_facts("state", state["simulator"], self._facts)
+        parameters.check_keys("state", state, STATE_KEYS, "get_state")
+        parameters.check_facts("state", state["simulator"], self._facts)
         dynamics = self.simulator.dynamics
         finite = (*dynamics.states, *dynamics.effect_states.updated, *self.task.memory, "steps")
         kept = numbers_of_reward(self.task)
-        check_numbers("state", state, self.memory, kept, finite, self.task)
+        parameters.check_numbers("state", state, self.memory, kept, finite, self.task)
         for key, own in (("keys", self.keys), ("mask", self.mask), ("waiting", self.waiting)):
-            check_array("state", key, state[key], own)
+            parameters.check_array("state", key, state[key], own)
         generators = state["generators"]
         if not isinstance(generators, list) or len(generators) != self.num_envs:
             raise ValueError(f"state['generators'] must be a list of {self.num_envs} generators or None")
@@ -285,7 +284,7 @@ class Core(Copied):
     @cached_property
     def _facts(self) -> str:
         """The settings that must be equal in all states of these environments."""
-        return simulator_facts(
+        return parameters.simulator_facts(
             self.simulator, self.num_envs, task=dataclasses.asdict(self.task),
             max_episode_steps=float(self.memory.column("limit")[0, 0]),
             goal_conditioned=self.task.goal_conditioned,

@@ -15,7 +15,7 @@ from redundant_envs.envs.arguments import checked_options, checked_seed
 from redundant_envs.envs.core import STATE_KEYS
 from redundant_envs.envs.face import VectorFace, observation_of
 from redundant_envs.envs.outputs import Outputs
-from redundant_envs.model import snapshot
+from redundant_envs.model.parameters import check_array, check_keys
 from redundant_envs.values import whole_number
 
 KERNEL_MODE = {mode: Autoreset[mode.name] for mode in AutoresetMode}
@@ -125,10 +125,10 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Return to a snapshot; the continuation is the same to the last bit."""
         own = ("ended", "autoreset_mode")
-        snapshot.check_keys("state", state, (*own, *STATE_KEYS), "get_state of a vector environment")
+        check_keys("state", state, (*own, *STATE_KEYS), "get_state of a vector environment")
         of_core = {key: value for key, value in state.items() if key not in own}
         self.core.check_state(of_core)
-        snapshot.check_array("state", "ended", state["ended"], self._ended)
+        check_array("state", "ended", state["ended"], self._ended)
         mode = self.autoreset_mode.name.lower()
         if state["autoreset_mode"] != mode:
             raise ValueError(

@@ -282,14 +282,14 @@ class Dynamics:
     def functions(self) -> tuple[Callable[..., Any], ...]:
         """Equations of the arm with the inertias that effects add."""
         added = self.scene.attached.inertias
-        return functions_with(self.arm, added) if added else tuple(self.arm.functions)
+        return functions_with(self.arm.__class__, added) if added else tuple(self.arm.functions)
 
     @property
     def functions_held(self) -> tuple[Callable[..., Any], ...]:
         """The same with the dynamics of sliders that may rest at their stops."""
         arm = self.arm
         added = self.scene.attached.inertias
-        held = held_functions(arm) if added else (arm.held_dynamics, arm.slider_mobility)
+        held = held_functions(arm.__class__) if added else (arm.held_dynamics, arm.slider_mobility)
         return (*(f for f in self.functions if "qdd1" not in gives_of(f)), *held)
 
     def accelerations(self, x: Quantities) -> list[Any]:

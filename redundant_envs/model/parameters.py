@@ -1,17 +1,22 @@
-"""Physical parameters of lanes: names, shapes and validity, for batches and environments alike."""
+"""Physical parameters of lanes: names, shapes and validity, for batches and environments alike; snapshots,
+in which values that belong to a scene must be equal, and a difference is named."""
 
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from redundant_envs.effects.attaching import check_numbers
+from redundant_envs.batch.blocks import LANES
+from redundant_envs.effects import attaching
+from redundant_envs.lane.memory import PARAMETER, STATE
 from redundant_envs.model.memory import Memory
+from redundant_envs.model.programs import Simulator
 from redundant_envs.robots.parameters import LARGEST, LARGEST_RATIO, SMALLEST
 from redundant_envs.scene import Scene
 from redundant_envs.tasks.base import Task
@@ -194,7 +199,7 @@ def _check_effect(scene: Scene, effect: Any, values: Table) -> None:
         made = dataclasses.replace(effect, **fields)
         _check_kept(f"{effect.key}.", made, numbers)
         hooks = [a.hook for a in scene.attached if a.key == effect.key]
-        check_numbers(effect.key, made, scene.robot, hooks)
+        attaching.check_numbers(effect.key, made, scene.robot, hooks)
 
 
 def _check_task(task: Task, values: Table) -> None:
@@ -227,3 +232,149 @@ def write(scene: Scene, memory: Memory, lanes: NDArray[np.intp], values: Table) 
     columns = np.stack([values[p] for p in values], axis=1)
     memory.write(tuple(memory.dynamics.field_of(p) for p in values), columns, lanes)
     memory.prepare()
+
+
+# ---- snapshots -----------------------------------------------------------------------------------------
+
+KEPT_FIELDS = ("h", "interval", "tip_tolerance", "limit")
+"""Parameters that belong to a simulator and to none of its states."""
+OF_THE_FIRST_CORE = "numbers"
+"""Keys of snapshots, instead of states and parameters, before the core was traced."""
+
+
+def simulator_facts(simulator: Simulator, num_envs: int, **more: Any) -> str:
+    """Data that must be equal for a state and the simulator that takes it, as JSON text."""
+    dynamics = simulator.dynamics
+    facts = {"num_envs": num_envs, **dynamics.scene.facts(), **more, "track_work": dynamics.track_work}
+    return json.dumps({**facts, "program": simulator.identity[:16]}, default=_in_json, skipkeys=True)
+
+
+def _in_json(value: Any) -> Any:
+    """An array as a list, and the class of any other object: the program says what it does."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    return f"{type(value).__module__}.{type(value).__qualname__}"
+
+
+def check_keys(name: str, state: Any, keys: Iterable[str], source: str) -> None:
+    """ValueError unless a state is a mapping with these keys and no other."""
+    if not isinstance(state, Mapping):
+        shape = f" of shape {state.shape} and dtype {state.dtype}" if isinstance(state, np.ndarray) else ""
+        raise ValueError(f"{name} is a {type(state).__name__}{shape}; use the mapping that {source} returned")
+    if OF_THE_FIRST_CORE in state:
+        raise ValueError(
+            f"{name} is of a version before lanes kept states and parameters apart, and cannot be continued "
+            f"to the same bits; take a new one from {source}"
+        )
+    missing = [k for k in keys if k not in state]
+    if missing:
+        raise ValueError(f"{name} lacks {', '.join(missing)}; use what {source} returned")
+    extra = [str(k) for k in state if k not in keys]
+    if extra:
+        raise ValueError(
+            f"{name} has the unknown keys {', '.join(extra)}, as states of another kind of environment "
+            f"have; use what {source} returned"
+        )
+
+
+def check_facts(name: str, theirs: Any, own: str) -> None:
+    """ValueError that names the difference, if a state belongs to another simulator."""
+    text = str(theirs)  # np.savez makes an array of a text
+    if text == own:
+        return
+    here = json.loads(own)
+    try:
+        there = json.loads(text)
+        if not isinstance(there, dict):
+            raise ValueError
+        count = _short(there.get("num_envs"))
+        found = list(_differences("", there, here))
+    except (ValueError, RecursionError):  # the latter comes from deeply nested brackets
+        raise ValueError(f"{name}['simulator'] is {text[:40]!r}; it must be the text of a snapshot") from None
+    if there.get("num_envs") != here["num_envs"]:
+        raise ValueError(
+            f"{name} is of {count} environments; this one has num_envs {here['num_envs']}: "
+            "use a state of as many"
+        )
+    if found == ["program"]:
+        raise ValueError(f"{name} is of another scene or version: its equations are not those of this one")
+    told = [f for f in found if f != "program"]
+    more = f", and {len(told) - 4} more differences" if len(told) > 4 else ""
+    raise ValueError(
+        f"{name} is of another scene: {'; '.join(told[:4])}{more}; build an equal one for this state"
+    )
+
+
+def _differences(name: str, there: Any, here: Any) -> Iterator[str]:
+    """Differences between plain data: names, with both values."""
+    if isinstance(there, dict) and isinstance(here, dict):
+        for key in [*here, *(k for k in there if k not in here)]:
+            inner = f"{name}.{key}" if name else key
+            yield from _differences(inner, there.get(key), here.get(key))
+    elif isinstance(there, list) and isinstance(here, list) and len(there) == len(here):
+        for k, pair in enumerate(zip(there, here, strict=True)):
+            yield from _differences(f"{name}[{k}]", *pair)
+    elif there != here:
+        yield name if name == "program" else f"{name} is {_short(there)} there and {_short(here)} here"
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, list):  # of effects their names are enough
+        value = [v["type"] if isinstance(v, dict) and "type" in v else v for v in value]
+    text = str(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def check_array(name: str, key: str, value: Any, like: NDArray[Any]) -> None:
+    """ValueError unless a value is an array of the same shape and dtype as another."""
+    if not isinstance(value, np.ndarray):
+        raise ValueError(f"{name}[{key!r}] is {_short(value)}; give an array of shape {like.shape}")
+    if value.shape != like.shape or value.dtype != like.dtype:
+        raise ValueError(
+            f"{name}[{key!r}] has shape {value.shape} and dtype {value.dtype}; this one's have "
+            f"{like.shape} and {like.dtype}"
+        )
+
+
+def check_numbers(
+    name: str, state: Mapping[str, Any], memory: Memory, kept: Iterable[str] = (),
+    finite: Iterable[str] = (), task: Task | None = None,
+) -> None:  # fmt: skip
+    """ValueError unless the "states" and "parameters" of a state may replace those of a memory.
+
+    The parameters ``kept`` are equal in all states, as are :data:`KEPT_FIELDS`; the states ``finite`` are
+    never without a number; the numbers of a task are parameters, too.
+    """
+    own, layout = memory.save(), memory.layout
+    check_array(name, "states", state["states"], own["states"])
+    given, width = state["parameters"], layout.size(PARAMETER) * LANES
+    shape, sizes = getattr(given, "shape", None), (width, memory.blocks * width)
+    if type(given) is not np.ndarray or given.dtype != np.float64 or shape not in [(n,) for n in sizes]:
+        found = _short(given) if shape is None else f"an array of shape {shape}"
+        raise ValueError(
+            f"{name}['parameters'] is {found}; give an array of {sizes[0]} or {sizes[1]} float64"
+        )
+    blocks = given.reshape(-1, layout.size(PARAMETER), LANES)
+    states = state["states"][: memory.arrays[str(STATE)].size].reshape(memory.arrays[str(STATE)].shape)
+    for row in (*memory.dynamics.parameters, *(() if task is None else task.parameters())):
+        numbers, here = blocks[:, layout.row_of(row)[1]], memory.column(row)
+        if not (np.isfinite(numbers) | (numbers == here[:1, :1])).all():  # a side without a stop is infinite
+            raise ValueError(f"{name}['parameters'] has a {row} that is not finite; give finite ones")
+    for row in finite:
+        if not np.isfinite(states[:, layout.row_of(row)[1]]).all():
+            raise ValueError(f"{name}['states'] has a {row} that is not finite; give finite numbers")
+    for row in (n for n in (*KEPT_FIELDS, *kept) if n in layout):
+        there, here = blocks[:, layout.row_of(row)[1]], memory.column(row)
+        if not (there == here[0, 0]).all():
+            raise ValueError(
+                f"{name}['parameters'] has the {row} {there.flat[0]:.6g}, this one {here.flat[0]:.6g}: "
+                "it belongs to the scene and not to a state"
+            )
+    taken, scene = memory.holding(state["states"], given), memory.dynamics.scene
+    try:
+        if not np.array_equal(given, own["parameters"]):
+            check_lanes(scene, taken, taken.index, task)
+        q = taken.read(scene.robot.coordinates)
+        check_stops(scene, taken, taken.index, q, None)
+    except ValueError as error:
+        raise ValueError(f"{name} holds an impossible state: {error}") from None

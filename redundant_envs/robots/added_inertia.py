@@ -11,13 +11,13 @@ from __future__ import annotations
 import dataclasses
 import functools
 import itertools
-from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from redundant_envs.algebra import arguments_of, entries, gives_of, physics
 from redundant_envs.robots import derived
 from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.mobility import joint_rates
 
 Function = Callable[..., Any]
 Added = tuple[tuple[tuple[int, ...], str], ...]
@@ -26,11 +26,10 @@ BARE = "bare_{}"
 """Names of quantities of the point masses alone; an arm's own functions take these."""
 LARGEST_RATIO = 1e6
 """Largest ratio of an inertia to the lightest mass on the shortest link: L D L^T loses its digits."""
-KEPT_CLASSES = 64
 
 
 @functools.lru_cache(maxsize=64)
-def functions_with(arm: Arm, added: Added) -> tuple[Function, ...]:
+def functions_with(arm: type[Arm], added: Added) -> tuple[Function, ...]:
     """The functions of an arm with inertias: those of the mass matrix and its consequences are replaced."""
     n = len(arm.coordinates)
     kept = [f for f in arm.functions if "qdd1" not in gives_of(f)]
@@ -48,7 +47,7 @@ def functions_with(arm: Arm, added: Added) -> tuple[Function, ...]:
 
 
 @functools.lru_cache(maxsize=64)
-def held_functions(arm: Arm) -> tuple[Function, Function]:
+def held_functions(arm: type[Arm]) -> tuple[Function, Function]:
     """Dynamics with sliders at rest, and mobilities of the sliders, from any mass matrix."""
     n, sliders = len(arm.coordinates), arm.sliders()
     return derived.held_dynamics(n, sliders), derived.slider_mobility(n, sliders)
@@ -58,26 +57,19 @@ class Loaded:
     """Base of arms with inertias of effects, which cannot be the arm of a scene."""
 
 
-_classes: OrderedDict[Any, type[Arm]] = OrderedDict()
-
-
 def with_inertias(arm: Arm, added: Added, values: Mapping[str, float]) -> Arm:
     """An arm that includes inertias, whose values are given by name."""
-    kind, own = type(arm), tuple((name, values[name]) for _, name in added)
-    key = kind, added, own
-    if key not in _classes:
-        _classes[key] = _loaded_class(arm, added, dict(own))
-        if len(_classes) > KEPT_CLASSES:
-            _classes.popitem(last=False)
-    return _classes[key](**_fields(arm))
+    kind: Any = type(arm)
+    return _loaded_class(kind, added, tuple(values[name] for _, name in added))(**_fields(arm))  # type: ignore[no-any-return]
 
 
 def _fields(arm: Any) -> dict[str, Any]:
     return {f.name: getattr(arm, f.name) for f in dataclasses.fields(arm) if f.init}
 
 
-def _loaded_class(arm: Arm, added: Added, values: dict[str, float]) -> type[Arm]:
-    kind = type(arm)
+@functools.lru_cache(maxsize=64)
+def _loaded_class(kind: Any, added: Added, inertias: tuple[float, ...]) -> type[Any]:
+    values = {name: value for (_, name), value in zip(added, inertias, strict=True)}
 
     def parameter_values(self: Any) -> dict[str, float]:
         return {**kind.parameter_values(self), **values}
@@ -86,7 +78,7 @@ def _loaded_class(arm: Arm, added: Added, values: dict[str, float]) -> type[Arm]
         return with_inertias, (kind(**_fields(self)), added, values)
 
     more = {
-        "functions": functions_with(arm, added), "kind": arm.kind, "parameter_values": parameter_values,
+        "functions": functions_with(kind, added), "kind": kind.kind, "parameter_values": parameter_values,
         "__reduce__": reduced, "__module__": kind.__module__, "__doc__": kind.__doc__,
     }  # fmt: skip
     return type(kind.__name__, (kind, Loaded), more)
@@ -108,8 +100,8 @@ def _of_point_masses(function: Function, bare: set[str]) -> Function:
     return renamed
 
 
-def _mass_matrix(arm: Arm, added: Added) -> Function:
-    n, rates = len(arm.coordinates), arm.motor_map.T  # joint rates are B^T qd
+def _mass_matrix(arm: type[Arm], added: Added) -> Function:
+    n, rates = len(arm.coordinates), joint_rates(arm)
     shares = [[sum(rates[k, j] for k in joints) for j in range(n)] for joints, _ in added]
     names, inertias = entries("M", n, n), [name for _, name in added]
 

@@ -50,7 +50,7 @@ def mobility_bounds(arm: Any) -> Function | None:
         lines = [*_lines(where, slopes)]
     choices = [
         [*(_along(slopes, j, row) if arm.prismatic[j] else _between(lines, row))]
-        for j, row in enumerate(_joint_rates(arm))
+        for j, row in enumerate(joint_rates(arm))
     ]
     if not all(choices):
         return None
@@ -81,7 +81,7 @@ def _in_poses(points: Points) -> tuple[Array, Array]:
     return where, np.stack([stacked(points.column(known, j)) for j in range(points.joints)], axis=-1)
 
 
-def _joint_rates(arm: Any) -> Array:
+def joint_rates(arm: Any) -> Array:
     """Rates of the joints as sums of those of the coordinates, (joints, coordinates)."""
     n = len(arm.rates)
     rates = dict(zip(arm.rates, np.eye(n), strict=True))

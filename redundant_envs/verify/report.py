@@ -200,8 +200,6 @@ def run(
     """Verify the subjects of some words and write tables, on standard output and in files; returns 1 if a
     promise is broken."""
     chosen, subjects = Mode[mode.upper()], subjects_of(words)
-    if states is not None and states < 1:
-        raise ValueError(f"states is {states}; give at least 1")
     for file in (json_file, markdown_file):
         if file is not None and file.is_dir():
             raise ValueError(f"{file} is a folder; give a file to be written")

@@ -27,7 +27,6 @@ EXCUSED = {
     "asks which quantities move; the damping does not": "lane/kinks moving",
     "looks quantities up by name": "quantities",
     "decides on times": "lane/program lane/step_control numerics/error_control tracing/program tracing/ways",
-    "no simulator is copied, and no state saved": "model/snapshot",
     "weights of the method": "numerics/tableaus",
     "a line for the user": "progress",
     "the arm, which knows no effect": "robots/arm robots/checks robots/four_r robots/joint_types",

@@ -22,7 +22,7 @@ from redundant_envs.algebra import physics
 from redundant_envs.envs.animation import energies_figure, save_figures, stated_limits, total_figure
 from redundant_envs.envs.lettering import GLYPHS, cover, from_segment
 from redundant_envs.envs.rendering import BARS, GOAL, TRAIL, TRAIL_LENGTH, Canvas, Window
-from redundant_envs.model import energy_run as energy
+from redundant_envs.model import trajectory as energy
 from redundant_envs.model.trajectory import Trajectory
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "outside"))
