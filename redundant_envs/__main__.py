@@ -41,15 +41,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def verify(options: argparse.Namespace) -> int:
     """Check the promises about arms, scenes, effects and environments, and print the values; 1 on a miss."""
-    from redundant_envs.verify import command
+    from redundant_envs.verify import report
 
     if options.bits:
         others = ("subject", "states", "mode", "json", "markdown")
         given = [name for name in others if getattr(options, name)]
         if given:
             raise ValueError(f"--bits looks at the record alone; leave out {', '.join(given)}")
-        return command.compare_bits(options.bits == "all")
-    return command.run(
+        return report.compare_bits(options.bits == "all")
+    return report.run(
         options.subject, options.states, options.mode or "standard", options.json, options.markdown
     )
 

@@ -15,15 +15,13 @@ from redundant_envs.effects.attached import Attachments, identifier
 from redundant_envs.effects.attaching import check_attached
 from redundant_envs.effects.hooks import Effect, Field, Impact, State, states_of
 from redundant_envs.files import config_folder, exists, explained, read_yaml
-from redundant_envs.loaded_arm import loaded_arm
 from redundant_envs.numerics.tableaus import METHODS
-from redundant_envs.plain_data import check_keys, check_registered, plain, typed
 from redundant_envs.robots import REGISTRY as ARMS
 from redundant_envs.robots.added_inertia import Loaded
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.checks import check_own
 from redundant_envs.robots.parameters import number
-from redundant_envs.values import check_bounds, shown
+from redundant_envs.values import check_bounds, check_keys, check_registered, plain, shown, typed
 
 MOST_SUBSTEPS = 1_000_000
 """Steps per control interval: with more a single interval takes a second or longer."""
@@ -189,7 +187,7 @@ class Scene:
     @functools.cached_property
     def loaded_robot(self) -> Arm:
         """The arm with the masses and inertias that effects add to its own."""
-        return loaded_arm(self.robot, self.attached, self._parameters)
+        return self.attached.loaded(self.robot, self._parameters)
 
     @functools.cached_property
     def attached(self) -> Attachments:

@@ -18,9 +18,9 @@ import pytest
 import redundant_envs as rde
 from redundant_envs.algebra import physics
 from redundant_envs.effects.hooks import Effect, Force
-from redundant_envs.verify import aimed_scenes, recorded_bits
-from redundant_envs.verify.aimed_effects import Lag, Play
-from redundant_envs.verify.states import random_states
+from redundant_envs.verify import aimed, recorded_bits
+from redundant_envs.verify.aimed import Lag, Play
+from redundant_envs.verify.checks import random_states
 
 e = rde.effects
 FOUR_R, RPRP = recorded_bits.FOUR_R, recorded_bits.RPRP
@@ -30,10 +30,10 @@ ARMS = {
     "4R": FOUR_R,
     "RPRP": RPRP,
     "RRR": rde.Chain("RRR", (2.0, 1.5, 1.0), (0.3, 0.5, 0.4)),
-    "RP": aimed_scenes.ONE,
-    "PPR": aimed_scenes.TWO,
-    "RPPP": aimed_scenes.THREE,
-    "PRPRP": aimed_scenes.BENT,
+    "RP": aimed.ONE,
+    "PPR": aimed.TWO,
+    "RPPP": aimed.THREE,
+    "PRPRP": aimed.BENT,
 }
 GRAVITY, FRICTION, LIMITS = recorded_bits.GRAVITY, recorded_bits.FRICTION, recorded_bits.LIMITS
 METHODS = ("euler", "rk4", "rk8", "dop853")

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import ast
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -28,14 +27,20 @@ EVENTS replaces."""
 SHARES = {"core": 0.84, "wheel": 0.75, "agents": 0.82, "tests": 0.63}
 
 
-def python_files(*folders: Path) -> Iterator[Path]:
-    for folder in folders:
-        yield from sorted(folder.rglob("*.py"))
+def python_files(*folders: Path) -> list[Path]:
+    return [path for folder in folders for path in sorted(folder.rglob("*.py"))]
 
 
 def lines(*folders: Path) -> int:
     """Lines of all Python files of some folders."""
     return sum(len(path.read_text(encoding="utf-8").splitlines()) for path in python_files(*folders))
+
+
+def calls(*paths: Path) -> int:
+    """Calls of ``where`` and ``cases``."""
+    nodes = (n for path in paths for n in ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    called = [n.func.id for n in nodes if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)]
+    return called.count("where") + called.count("cases")
 
 
 def counts() -> dict[str, int]:
@@ -45,18 +50,8 @@ def counts() -> dict[str, int]:
         "wheel": lines(package) - lines(package / "studies"),
         "agents": lines(ROOT / "agents"),
         "tests": lines(ROOT / "tests"),
-        "selections": selections(),
+        "selections": calls(*(package / name for name in EVENTS)),
     }
-
-
-def selections() -> int:
-    """Calls of ``where`` and ``cases`` in program, boundaries, searches and contacts."""
-    found = 0
-    for name in EVENTS:
-        tree = ast.parse((ROOT / "redundant_envs" / name).read_text(encoding="utf-8"))
-        calls = (n for n in ast.walk(tree) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name))
-        found += sum(n.func.id in ("where", "cases") for n in calls)
-    return found
 
 
 class Long(NamedTuple):

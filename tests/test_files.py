@@ -168,26 +168,9 @@ def test_files_of_the_package_and_what_scenes_print_are_read_as_before(name, tmp
 
 @pytest.mark.parametrize(
     "unit",
-    [
-        "a: 1\n",
-        "- 1\n",
-        "[",
-        "{",
-        "'",
-        '"',
-        "x ",
-        "- - ",
-        "? ",
-        ": ",
-        "#\n",
-        "\n",
-        "|\n",
-        "!",
-        "&a ",
-        "1,",
-        "-",
-    ],
-)
+    ["a: 1\n", "- 1\n", "[", "{", "'", '"', "x ", "- - ", "? ", ": ", "#\n", "\n", "|\n", "!", "&a ", "1,",
+     "-"],
+)  # fmt: skip
 def test_the_longest_file_is_read_or_refused_within_a_second(unit):
     """Bytes, not values, decide how long the reader takes."""
     start = time.process_time()

@@ -72,8 +72,11 @@ def _code(key: str, program: Program, what: str) -> bytes:
 
     @functools.cache  # called again if the code cannot be kept on disk
     def compiled() -> bytes:
-        with _announced(what):
-            return llvm.object_code(program)
+        start, told = time.perf_counter(), f"redundant-envs: compiling {what} (once on this machine) ..."
+        print(told, file=sys.stderr, end="", flush=True)
+        code = llvm.object_code(program)
+        print(f" {time.perf_counter() - start:.1f} s", file=sys.stderr, flush=True)
+        return code
 
     if folder is not None:
         try:
@@ -173,14 +176,6 @@ def _warn_of_memory_only(folder: Path, error: Exception) -> None:
         f"({error}); set {CACHE_VARIABLE} to a folder of yours to keep them",
         stacklevel=3,
     )
-
-
-@contextlib.contextmanager
-def _announced(what: str) -> Iterator[None]:
-    print(f"redundant-envs: compiling {what} (once on this machine) ...", file=sys.stderr, end="", flush=True)
-    start = time.perf_counter()
-    yield
-    print(f" {time.perf_counter() - start:.1f} s", file=sys.stderr, flush=True)
 
 
 @contextlib.contextmanager

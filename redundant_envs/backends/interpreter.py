@@ -8,13 +8,13 @@ from typing import Any
 
 from redundant_envs import algebra
 from redundant_envs.tracing.graph import Operation, Value, reached
+from redundant_envs.tracing.passes.simplify import COMPARISONS
 
 OPERATIONS: dict[str, Callable[..., Any]] = {
     "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv, "neg": operator.neg,
     "abs": abs, "sqrt": algebra.sqrt, "floor": algebra.floor, "exp": algebra.exp,
     "sin": lambda x: algebra.sincos(x)[0], "cos": lambda x: algebra.sincos(x)[1],
-    "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq,
-    "!=": operator.ne, "and": operator.and_, "or": operator.or_, "xor": operator.xor,
+    **COMPARISONS, "and": operator.and_, "or": operator.or_, "xor": operator.xor,
     "not": algebra.logical_not, "select": algebra.where,
 }  # fmt: skip
 """Operations of a graph that is recorded with whole functions (:class:`Graph`)."""

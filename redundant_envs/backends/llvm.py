@@ -22,9 +22,6 @@ Entry = Callable[[int], None]
 
 ORDER_OPTION = "-enable-misched={}"
 """LLVM's option for its own scheduler. It is global to the process, so it is set under a lock."""
-JOINED = "fma"
-WIDE = "avx512f"
-"""A feature of processors with 32 vector registers, for which our order of instructions is made."""
 
 _lock = threading.Lock()
 _loaded: list[Any] = []
@@ -40,13 +37,13 @@ class Processor(NamedTuple):
 
     @property
     def wide(self) -> bool:
-        """Whether it has 32 vector registers."""
-        return f"+{WIDE}" in self.features.split(",")
+        """Whether it has 32 vector registers, for which our order of instructions is made."""
+        return "+avx512f" in self.features.split(",")
 
     @property
     def joins(self) -> bool:
         """Whether it multiplies and adds with one rounding; processors other than x86 all do."""
-        return not self.triple.startswith("x86_64") or f"+{JOINED}" in self.features.split(",")
+        return not self.triple.startswith("x86_64") or "+fma" in self.features.split(",")
 
 
 AVX2 = Processor("haswell", "+fma,+avx2")

@@ -9,9 +9,8 @@ from llvmlite import ir
 
 from redundant_envs.tracing.flow import LaneFunction, Output
 from redundant_envs.tracing.graph import Operation, Value, reached
-from redundant_envs.tracing.passes.join import join_products
 from redundant_envs.tracing.passes.order import in_order
-from redundant_envs.tracing.passes.specialise import specialise
+from redundant_envs.tracing.passes.simplify import join_products, specialise
 from redundant_envs.tracing.passes.stages import Part, Stages
 
 LANES = 8
@@ -101,7 +100,9 @@ class Emitter:
         b = self.builder
         arguments = [self.value(a) for a in node.arguments]
         if node.name in INTRINSICS:
-            return b.call(_intrinsic(b.module, INTRINSICS[node.name], len(arguments)), arguments)
+            name = f"{INTRINSICS[node.name]}.v{LANES}f64"
+            kind = ir.FunctionType(BLOCK, [BLOCK] * len(arguments))
+            return b.call(b.module.globals.get(name) or ir.Function(b.module, kind, name), arguments)
         if node.name in ARITHMETIC:
             return getattr(b, ARITHMETIC[node.name])(*arguments)
         if node.name == "neg":
@@ -117,11 +118,6 @@ class Emitter:
             biased = b.add(b.bitcast(arguments[0], WHOLE), ir.Constant(WHOLE, [EXPONENT_BIAS] * LANES))
             return b.bitcast(b.shl(biased, ir.Constant(WHOLE, [MANTISSA_BITS] * LANES)), BLOCK)
         return compared(b, node.name, *arguments)
-
-
-def _intrinsic(module: ir.Module, name: str, count: int) -> ir.Function:
-    full = f"{name}.v{LANES}f64"
-    return module.globals.get(full) or ir.Function(module, ir.FunctionType(BLOCK, [BLOCK] * count), full)
 
 
 class EmittedStages:

@@ -8,7 +8,7 @@ from typing import Any
 
 from redundant_envs.lane.interval import Interval
 from redundant_envs.lane.memory import LOG, PARAMETER, SCRATCH, STATE, Lane, Layout, Lifetime, traced
-from redundant_envs.tracing.flow import Array, Kernel, LaneFunction, Scalar
+from redundant_envs.tracing.flow import Kernel, LaneFunction, Scalar
 from redundant_envs.tracing.graph import reached
 
 LANES = 8
@@ -30,7 +30,7 @@ class Block:
 
     first: Scalar  # its first lane
     lanes: Scalar  # the number of its lanes
-    pointers: dict[str, Array]  # the addresses of its memories
+    pointers: dict[str, Scalar]  # the addresses of its memories
 
 
 @dataclass
@@ -51,6 +51,7 @@ class Blocks:
         self.p, self.interval, self.layout = p, interval, layout
         self.functions: dict[str, LaneFunction] = {}
         self.reads: dict[str, set[tuple[str, int]]] = {}  # memory rows that each function loads
+        self.read: set[tuple[str, int]] = set()  # those that the kernel itself reads
         self.count = (p["count"] + (LANES - 1)) >> 3  # number of blocks
 
     def width(self, lifetime: Lifetime) -> int:
@@ -86,11 +87,7 @@ class Blocks:
 
     def function(self, name: str, *procedures: Procedure, **more: Any) -> LaneFunction:
         """Procedures of a lane, one after the other, as one compiled function."""
-
-        def run(lane: Lane) -> Any:
-            return [procedure(lane) for procedure in procedures][-1]
-
-        return self._keep(traced(name, self.layout, run, **more))
+        return self._keep(traced(name, self.layout, *procedures, **more))
 
     def _keep(self, made: LaneFunction) -> LaneFunction:
         self.functions[made.name] = made
@@ -102,19 +99,19 @@ class Blocks:
         made = self.interval.traced_program(self.layout)
         return {request: self._keep(function) for request, function in made.items()}
 
-    def mask(self, pointers: Mapping[str, Array], name: str) -> Scalar:
+    def mask(self, pointers: Mapping[str, Scalar], name: str) -> Scalar:
         """Lanes of a block whose field is not 0."""
         space, row = self.layout.row_of(name)
-        self.p.masked.add((space, row))
+        self.read.add((space, row))
         return self.p.mask(pointers[space], row)
 
-    def load(self, pointers: Mapping[str, Array], lane: Any, name: str) -> Scalar:
+    def load(self, pointers: Mapping[str, Scalar], lane: Any, name: str) -> Scalar:
         """A field of a lane of a block."""
         space, row = self.layout.row_of(name)
-        self.p.masked.add((space, row))
+        self.read.add((space, row))
         return self.p.load(pointers[space], lane + row * LANES)
 
-    def store(self, pointers: Mapping[str, Array], lane: Any, name: str, value: Any) -> None:
+    def store(self, pointers: Mapping[str, Scalar], lane: Any, name: str, value: Any) -> None:
         """Set a field of a lane of a block."""
         space, row = self.layout.row_of(name)
         self.p.store(pointers[space], lane + row * LANES, value)
@@ -123,17 +120,17 @@ class Blocks:
         """The lanes of a block, as the bits of a whole number."""
         return self.p.record("<<", 1, block.lanes) - 1
 
-    def whole_lines(self, block: Block, table: str, columns: int) -> Array:
+    def whole_lines(self, block: Block, table: str, columns: int) -> Scalar:
         """The rows of a table for a block; for a block that is not full, a copy padded with 0."""
         p, array = self.p, self.p[table]
         there = array + block.first * columns
-        tile = p.space(LANES * columns, array.element)
+        tile = p.space(LANES * columns, array.kind)
         with p.when(block.lanes < LANES):
             with p.each(LANES * columns) as i:
-                p.store(tile, i, p.number(i) * 0.0 if array.element in ("f32", "f64") else 0)
+                p.store(tile, i, p.number(i) * 0.0 if array.kind in ("f32", "f64") else 0)
             with p.each(block.lanes * columns) as i:
                 p.store(tile, i, p.load(there, i))
-        return p.choose(block.lanes == LANES, there, tile)
+        return p.select(block.lanes == LANES, there, tile, kind=array.kind)
 
     # ---- all lanes -----------------------------------------------------------------------------------
 
@@ -145,28 +142,26 @@ class Blocks:
             whole = self.function("interval", *parts, inputs=ends.inputs)
             with p.each(self.count) as number:
                 block = self.block(number, 0)
-                self.call_with_tables(whole, block, ends.inputs, ends.outputs(block))
+                self.call(whole, block, ends.outputs(block))
                 ends.finish(block)
             return
         first = self.function("begin", *parts[:2], inputs=ends.inputs)
         step, last = self.function("step", parts[2]), self.function("end", parts[3])
         with p.each(self.count) as number:
             block = self.block(number, 0)
-            self.call_with_tables(first, block, ends.inputs)
+            self.call(first, block)
             with p.each(p["substeps"]):
                 p.call(step, **block.pointers)
             p.call(last, **block.pointers, **ends.outputs(block))
             ends.finish(block)
 
-    def call_with_tables(
-        self, function: LaneFunction, block: Block, inputs: Mapping[str, Any], outputs: Any = None
-    ) -> None:
-        """Call a function that reads rows of tables."""
-        tables = {t: self.whole_lines(block, t, len(fields)) for t, (_, fields) in inputs.items()}
+    def call(self, function: LaneFunction, block: Block, outputs: Mapping[str, Any] | None = None) -> None:
+        """Call a function, which may read rows of tables, on a block."""
+        tables = {table: self.whole_lines(block, table, n) for table, (_, n) in function.inputs.items()}
         self.p.call(function, **tables, **block.pointers, **(outputs or {}))
 
     def prune(self) -> None:
         """Drop stores within an interval to rows that no function and no loop reads."""
-        read = self.p.masked.union(*self.reads.values())
+        read = self.read.union(*self.reads.values())
         for f in self.functions.values():
             f.stores[:] = [s for s in f.stores if s[0] != SCRATCH or (s[0], s[1]) in read]

@@ -8,11 +8,13 @@ from typing import Any
 
 from redundant_envs.batch.blocks import LANES, MEMORY, Block, Blocks, Ends
 from redundant_envs.batch.slots import advance
-from redundant_envs.lane.episode import ENDS, TABLES, Episode
-from redundant_envs.lane.memory import PARAMETER, SCRATCH, STATE, Field, Lane, Layout, Lifetime, traced
+from redundant_envs.lane.episode import ENDS, GOAL, TABLES, TIP, Episode
+from redundant_envs.lane.memory import Lane
 from redundant_envs.quantities import Quantities
 from redundant_envs.tasks.base import Task
-from redundant_envs.tracing.flow import Kernel, Scalar
+from redundant_envs.tracing.flow import Kernel, LaneFunction, Output, Scalar
+from redundant_envs.tracing.graph import Graph
+from redundant_envs.tracing.number import Number, value_of
 
 
 class Operation(enum.IntEnum):
@@ -65,11 +67,6 @@ class EnvironmentKernel:
         self.blocks = Blocks(p, episode.interval, episode.layout())
         self.observed = self.blocks.function("observe", episode.observe)
         self.reset = self.blocks.function("reset", episode.reset)
-        self._record()
-        self.blocks.prune()
-
-    def _record(self) -> None:
-        p = self.p
         operation = p["operation"]
         checked, count = operation == Operation.CHECKED_STEP, p["count"] * len(self.episode.actions)
         with p.when(checked), p.each(count) as k:
@@ -88,6 +85,7 @@ class EnvironmentKernel:
             with p.when(operation == Operation.RESET):
                 self.begin_due(block)
             p.call(self.observed, **block.pointers, **self.outputs(block))
+        self.blocks.prune()
 
     def end(self, lane: Lane) -> Any:
         self.episode.finish_control_step(lane)
@@ -104,9 +102,6 @@ class EnvironmentKernel:
 
     def _flag(self, lane: Scalar) -> Scalar:
         return lane * EPISODE_KEY + KEY_WORDS
-
-    def _is_due(self, lane: Scalar) -> Scalar:
-        return self.p.load(self.p["episode_keys"], self._flag(lane)) == DUE
 
     def begin_due(self, block: Block, then: int = DUE) -> Scalar:
         """Start new episodes in the lanes of a block whose keys request one; returns whether any did."""
@@ -146,8 +141,10 @@ class EnvironmentKernel:
         with p.when(p["autoreset"] == Autoreset.NEXT_STEP):
             begun = p.variable(0)
             with p.when(p["any_due"] != 0):
-                with p.each(block.lanes) as k, p.when(self._is_due(block.first + k)):
-                    begun.value = begun.value | p.record("<<", 1, k)
+                with p.each(block.lanes) as k:
+                    flag = p.load(p["episode_keys"], self._flag(block.first + k))
+                    with p.when(flag == DUE):
+                        begun.value = begun.value | p.record("<<", 1, k)
                 with p.when(begun.value != 0):
                     self.begin_due(block, BEGUN)
                     p.call(self.observed, **pointers, **self.outputs(block))
@@ -200,29 +197,16 @@ def uniform(p: Kernel, word: Scalar) -> Scalar:
     return (p.number(word) + 0.5) * 2.3283064365386963e-10
 
 
-GOAL_FIELDS = {name: f"{name} of a pair" for name in ("tip_x", "tip_y", "goal_x", "goal_y")}
-"""Quantities of a pair of goals, and their fields: no number of a task can have such a name."""
-
-
 def goal_reward_kernel(task: Task) -> Kernel:
     """A kernel for the reward of goal environments, from both goals alone, in whole blocks."""
     p = Kernel("goal_reward", {"pairs": "f64", "numbers": "f64", "reward": "f64", "blocks": "int"})
-    numbers = ("reach", *task.parameters())
-    layout = Layout(Field(name, "m", "of a pair of goals", SCRATCH) for name in GOAL_FIELDS.values())
-    for name in numbers:
-        layout.add(Field(name, "", "number of the arm or the task", PARAMETER))
-    layout.add(Field("no state", "", "a state that lanes must have", STATE))
-
-    def reward(lane: Lane) -> dict[Any, Any]:
-        known = {name: lane[field] for name, field in GOAL_FIELDS.items()}
-        known |= {name: lane[name] for name in numbers}
-        x = Quantities(known, task.goal_functions, {})
-        return {("reward", "f64", 0, 0): x["goal_reward"]}
-
-    function = traced("goal_reward", layout, reward, inputs={"pairs": ("f64", tuple(GOAL_FIELDS.values()))})
-    function.stores.clear()  # these lanes have no memory
-    memory = {str(lifetime): p["numbers"] for lifetime in Lifetime}
+    graph, goals, numbers = Graph(), (*TIP, *GOAL), ("reach", *task.parameters())
+    known = {name: Number(graph, graph.load("numbers", k)) for k, name in enumerate(numbers)}
+    known |= {name: Number(graph, graph.load("pairs", k)) for k, name in enumerate(goals)}
+    reward = Quantities(known, task.goal_functions, {})["goal_reward"]
+    output, inputs = Output("reward", "f64", 0, 0, value_of(reward)), {"pairs": ("f64", len(goals))}
+    function = LaneFunction("goal_reward", ("numbers",), [], [output], inputs)
     with p.each(p["blocks"]) as block:
-        pairs = p["pairs"] + block * (LANES * len(GOAL_FIELDS))
-        p.call(function, pairs=pairs, reward=p["reward"] + block * LANES, **memory)
+        pairs, told = p["pairs"] + block * (LANES * len(goals)), p["reward"] + block * LANES
+        p.call(function, pairs=pairs, reward=told, numbers=p["numbers"])
     return p

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterable, Sequence
-from functools import cached_property
 from typing import Any
 
 from redundant_envs.batch.blocks import GROUP, LANES, Block, Blocks, Ends, Procedure
@@ -32,7 +31,7 @@ class Slots:
         self.slots = {
             str(STATE): slots,
             str(SCRATCH): slots + blocks.width(STATE),
-            str(PARAMETER): p.choose(self.shared, p["parameter"], own_parameters),
+            str(PARAMETER): p.select(self.shared, p["parameter"], own_parameters, kind="f64"),
             str(LOG): p["log"] + 0,
         }
         self.waiting, self.homes = p["queue"] + 0, p["queue"] + GROUP * LANES
@@ -54,7 +53,7 @@ class Slots:
             end = p.select(first + GROUP < count, first + GROUP, count)
             if repeated:
                 with p.each(end, start=first) as number:
-                    self.blocks.call_with_tables(self.cleared, self.block(number), self.ends.inputs)
+                    self.blocks.call(self.cleared, self.block(number))
                 with p.each(p["substeps"]):
                     self.group(first, end)
                     self.run(first, lambda: self.busy.value > 0)
@@ -81,7 +80,7 @@ class Slots:
             begin, inputs = (), {}
         # Under error control it is known before the common step which lanes it may serve, and with stops,
         # which sliders rest.
-        self.started, self.inputs = make("start", *begin, step.start, inputs=inputs), inputs
+        self.started = make("start", *begin, step.start, inputs=inputs)
         self.common = make("common", step.common_step, step.judge, known=dict.fromkeys(i.active, 0.0))
         if i.holding:
             forces = boundaries.update_constraint_forces
@@ -106,7 +105,7 @@ class Slots:
         self.head.value = self.tail.value = 0
         with p.each(end, start=first) as number:
             block = self.block(number)
-            blocks.call_with_tables(self.started, block, self.inputs)
+            blocks.call(self.started, block)
             self.common_step(block)
             leaving = blocks.mask(block.pointers, "reason") & blocks.valid(block)
             with p.each_set(leaving) as lane:
@@ -180,20 +179,6 @@ class Slots:
                 p.call(self.contact, **slots)
         p.call(self.goes_on[Request.STEP], **slots)
 
-    @cached_property
-    def carried_in(self) -> list[str]:
-        """Fields of blocks that slots read."""
-        read = set().union(*(self.blocks.reads[f.name] for f in self.of_slots))
-        if self.dynamics.logs:
-            read.add(self.layout.row_of("span_start"))  # read by the log of events, and by no function
-        return self._fields(read, written_by(self.of_blocks))
-
-    @cached_property
-    def carried_out(self) -> list[str]:
-        """Fields that slots return: states, and fields that are read at the end of the interval."""
-        read = self.blocks.reads[self.ended.name] | {self.layout.row_of("fault")}
-        return self._fields(written_by(self.of_slots), read)
-
     def _fields(self, rows: set[tuple[str, int]], and_these: set[tuple[str, int]]) -> list[str]:
         """Fields in some rows: states, and those that are in other rows, too."""
         at = {name: self.layout.row_of(name) for name in self.layout.fields}
@@ -215,7 +200,10 @@ class Slots:
         self.free.value = self.free.value & ~p.record("<<", 1, slot)
         p.store(self.homes, slot, lane)
         home, k = self._home(lane)
-        self._copy(self.carried_in, self.slots, slot, home.pointers, k)
+        read = set().union(*(self.blocks.reads[f.name] for f in self.of_slots))
+        if self.dynamics.logs:
+            read.add(self.layout.row_of("span_start"))  # read by the log of events, and by no function
+        self._copy(self._fields(read, written_by(self.of_blocks)), self.slots, slot, home.pointers, k)
         with p.when(~self.shared):
             numbers = [n for n, f in self.layout.fields.items() if f.lifetime is PARAMETER]
             self._copy(numbers, self.slots, slot, home.pointers, k)
@@ -230,7 +218,8 @@ class Slots:
         self.before.value = self.before.value - p.select((lane >> 3) < first, 1, 0)
         self.free.value = self.free.value | p.record("<<", 1, slot)
         home, k = self._home(lane)
-        self._copy(self.carried_out, home.pointers, k, self.slots, slot)
+        read = self.blocks.reads[self.ended.name] | {self.layout.row_of("fault")}
+        self._copy(self._fields(written_by(self.of_slots), read), home.pointers, k, self.slots, slot)
         self.blocks.store(self.slots, slot, "complete", 0.0)
         self.blocks.store(self.slots, slot, "state", IDLE)
 

@@ -13,15 +13,19 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Generic, TypeVar
 
+import numpy as np
+
 from redundant_envs.algebra import arguments_of, numbered
-from redundant_envs.effects import REGISTRY
-from redundant_envs.effects.hooks import SIDE, Actuation, Effect, Force, Hook, State, snake_case, states_of
+from redundant_envs.effects import REGISTRY, hooks
+from redundant_envs.effects.hooks import Actuation, Effect, Force, Hook, Inertia, State, states_of
 from redundant_envs.quantities import Quantities
+from redundant_envs.robots.added_inertia import LARGEST_RATIO, Added, with_inertias
 from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.parameters import positive_numbers
 from redundant_envs.tracing.graph import owned
 
 OWN_KEYS = frozenset(
-    snake_case(name) for name, kind in REGISTRY.items() if kind.__module__.startswith("redundant_envs.")
+    hooks.snake_case(name) for name, kind in REGISTRY.items() if kind.__module__.startswith("redundant_envs.")
 )
 """First parts of the parameter names of this package's effects; none is like a name of a field."""
 Kind = TypeVar("Kind", covariant=True)
@@ -160,12 +164,61 @@ class Attachments(tuple[Attached[Hook], ...]):
                 x[command] = link.functions["function"](x)
             x[command] = given
 
+    # ---- masses and inertias that effects add to those of the arm ----
+
+    @cached_property
+    def carried(self) -> dict[str, list[str]]:
+        """Masses of the arm to which effects add others: the parameters of those."""
+        loads: dict[str, list[str]] = {}
+        for a in self.of(hooks.PointMass):
+            loads.setdefault(f"m{a.hook.point.number + 1}", []).append(a.parameter(a.hook.mass))
+        return loads
+
+    def check_inertias(self, arm: Arm, values: Mapping[str, Any]) -> None:
+        """ValueError unless inertias are not negative, and not so large that rounding hides the arm.
+
+        ``values`` are all parameters, numbers or arrays of lanes.
+        """
+        for a in self.of(Inertia):
+            name, slides = a.parameter(a.hook.inertia), arm.prismatic[a.hook.joints[0]]
+            least = np.min([values[f"m{k + 1}"] for k in range(arm.num_masses)], axis=0)
+            if not slides and arm.num_lengths:
+                least = least * np.min([values[f"l{k + 1}"] for k in range(arm.num_lengths)], axis=0) ** 2
+            found, most = np.broadcast_arrays(values[name], LARGEST_RATIO * least)
+            wrong = np.flatnonzero(~((found >= 0.0) & (found <= most)))
+            if wrong.size:
+                inertia, allowed = found.flat[wrong[0]], most.flat[wrong[0]]
+                raise ValueError(
+                    f"{name} is {inertia:g}; give 0 to {allowed:g} {'kg' if slides else 'kg m^2'}, a million "
+                    f"times the lightest mass{'' if slides else ' on the shortest link'}: rounding would "
+                    "hide the arm behind more"
+                )
+
+    @cached_property
+    def inertias(self) -> Added:
+        """Inertias that effects add to the arm: the joints of each, and the field with its number."""
+        return tuple((a.hook.joints, a.parameter(a.hook.inertia)) for a in self.of(Inertia))
+
+    def loaded(self, arm: Arm, values: Mapping[str, float]) -> Arm:
+        """The arm with the masses and inertias that effects add to its own, from all parameters.
+
+        ValueError if a mass is not positive then, or an inertia negative.
+        """
+        if self.carried:
+            own = {f"m{k + 1}": mass for k, mass in enumerate(arm.masses)}
+            masses = tuple(sum((values[n] for n in self.carried.get(m, ())), mass) for m, mass in own.items())
+            checked = positive_numbers("masses with what effects add", masses, arm.num_masses, "kg")
+            arm = dataclasses.replace(arm, masses=checked)
+        self.check_inertias(arm, values)
+        found = {name: values[name] for _, name in self.inertias}
+        return with_inertias(arm, self.inertias, found) if found else arm
+
 
 def _attached(effect: Effect, hook: Any, law: str) -> Attached[Any]:
     key = effect.key
 
     def name_of(source: str) -> str:
-        if source == SIDE and law:
+        if source == hooks.SIDE and law:
             return f"side_{law}"
         return f"{key}{source}" if source.startswith(".") else source
 

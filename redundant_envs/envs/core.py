@@ -12,18 +12,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.batch.blocks import LANES
-from redundant_envs.batch.environment import BEGUN, DUE, EPISODE_KEY, GOAL_FIELDS, Autoreset, Operation
+from redundant_envs.batch.environment import BEGUN, DUE, EPISODE_KEY, Autoreset, Operation
 from redundant_envs.envs.arguments import Checked, checked_reset, episode_limit, numbers_of_reward, reach_of
 from redundant_envs.envs.episode_keys import EpisodeKeys
 from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.envs.registration import check_arm, check_motors
 from redundant_envs.lane.episode import TABLES, TIP, Episode
 from redundant_envs.model import parameters
-from redundant_envs.model.copies import Copied
 from redundant_envs.model.memory import Memory, aligned
-from redundant_envs.model.programs import Call, Simulator, address, environment_simulator
+from redundant_envs.model.programs import Call, Copied, Simulator, Team, address, environment_simulator
 from redundant_envs.model.snapshot import check_array, check_facts, check_keys, check_numbers, simulator_facts
-from redundant_envs.model.team import Team
 from redundant_envs.quantities import Quantities
 from redundant_envs.scene import Scene, scene_at
 from redundant_envs.tasks import Task
@@ -227,7 +225,7 @@ class Core(Copied):
             )
         a, d = np.broadcast_arrays(a, d)
         blocks = -(-len(a) // LANES)
-        pairs, reward = np.zeros((blocks * LANES, len(GOAL_FIELDS))), np.empty(blocks * LANES)
+        pairs, reward = np.zeros((blocks * LANES, 4)), np.empty(blocks * LANES)
         pairs[: len(a), :2], pairs[: len(a), 2:] = a, d
         assert self._goal_reward is not None
         task = self.task.parameters()

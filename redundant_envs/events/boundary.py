@@ -1,7 +1,7 @@
 """Boundaries of a motion: a coordinate between two limits, and what happens where it reaches one of them.
 
-The coordinate is the travel of a joint, or any other function of the motion. Sides are 1 at the upper limit,
--1 at the lower one, 0 at none.
+The coordinate is the travel of a joint, or any other function of the motion. In all modules of events, sides
+are 1 at the upper limit, -1 at the lower one, 0 at none.
 """
 
 from __future__ import annotations

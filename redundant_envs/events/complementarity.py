@@ -2,8 +2,7 @@
 
 The mobility w of the coordinates is symmetric and positive definite: w[i][j] is the velocity of coordinate i
 by a unit impulse along coordinate j, so each problem has one solution. One or two coordinates are solved by
-formulas; for more, the set of stops that act is searched. Sides are 1 at the upper stop, -1 at the lower one,
-0 at none.
+formulas; for more, the set of stops that act is searched.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """Coordinates at their stops: which are struck, which come to rest, and which are released.
 
-Accelerations, forces of stops and mobilities are given; time does not advance. Sides are 1 at the upper stop,
--1 at the lower one, 0 at none.
+Accelerations, forces of stops and mobilities are given; time does not advance.
 """
 
 from __future__ import annotations
@@ -89,23 +88,6 @@ class Contact(NamedTuple):
         """Whether the stop at which it rests would have to pull it."""
         return self.active_stop * self.force > 0.0
 
-    @property
-    def holding_force(self) -> Any:
-        """Force with which a stop holds it, N."""
-        return where(self.free, 0.0, self.force) if self.holds else 0.0
-
-
-class Support(NamedTuple):
-    """Which coordinates their stops begin or cease to support."""
-
-    rests: list[Any]  # whether a coordinate comes to rest
-    released: list[Any]  # whether it is released, since its stop would have to pull it
-
-    @property
-    def changes(self) -> Any:
-        """Whether a coordinate comes to rest or is released."""
-        return any_of(self.released) | any_of(self.rests)
-
 
 class Resolved(NamedTuple):
     """The contacts of a lane, resolved once; lists have an entry for each coordinate."""
@@ -185,8 +167,8 @@ def would_rest(c: Contact, press: Any) -> Any:
     return (press > 0.0) & low & c.free & (c.side != 0.0) & logical_not(c.released)
 
 
-def support_of(contacts: Sequence[Contact], unheld: Sequence[Any], w: Matrix) -> Support:
-    """Which coordinates come to rest and which are released.
+def support_of(contacts: Sequence[Contact], unheld: Sequence[Any], w: Matrix) -> list[list[Any]]:
+    """Which coordinates come to rest, and which are released, since their stops would have to pull them.
 
     If one strikes its stop, only those without velocity come to rest, and they do so before it strikes:
     whether a stop supports a coordinate follows from the motion alone, not from its earlier state. The
@@ -199,9 +181,8 @@ def support_of(contacts: Sequence[Contact], unheld: Sequence[Any], w: Matrix) ->
     strikes = any_of(c.speed > 0.0 for c in contacts)
     now = [logical_not(strikes) | (c.speed >= -NEGLIGIBLE_SPEED) for c in contacts]
     rests = [calm & s & would_rest(c, a) for c, a, s in zip(contacts, pressing, now, strict=True)]
-    support = Support(rests, released)
     if len(contacts) == 1:
-        return support
+        return [rests, released]
     may_rest = [
         c.resting | (settled & would_rest(c, maximum(free, a)))
         for c, free, a, settled in zip(contacts, unheld, pressing, now, strict=True)
@@ -209,14 +190,14 @@ def support_of(contacts: Sequence[Contact], unheld: Sequence[Any], w: Matrix) ->
     if len(contacts) > 2:
         unheld = [where(may, a, AWAY) for may, a in zip(may_rest, unheld, strict=True)]
     stay = pressed(unheld, outward_mobilities(w, [c.side for c in contacts]))
-    several = any_of(a & b for a, b in itertools.combinations(may_rest, 2)) & support.changes
+    changes = any_of(released) | any_of(rests)
+    several = any_of(a & b for a, b in itertools.combinations(may_rest, 2)) & changes
     new_rests = [c.free & stays for c, stays in zip(contacts, stay, strict=True)]
     new_released = [logical_not(c.free | stays) for c, stays in zip(contacts, stay, strict=True)]
-    together = [
+    return [
         [where(several & may, a, b) for may, a, b in zip(may_rest, new, alone, strict=True)]
         for new, alone in ((new_rests, rests), (new_released, released))
     ]
-    return Support(*together)
 
 
 def velocities_after(
@@ -274,11 +255,12 @@ def resolve_contacts(impacts: Any, contacts: Sequence[Contact], w: Matrix) -> Re
     rounding = [(c.speed > 0.0) & (c.speed <= NEGLIGIBLE_SPEED) for c in contacts]
     cleaned = [where(r, 0.0, c.velocity) for r, c in zip(rounding, contacts, strict=True)]
     contacts = [c._replace(velocity=v) for c, v in zip(contacts, cleaned, strict=True)]
-    held = [c.holding_force for c in contacts]
+    held = [where(c.free, 0.0, c.force) if c.holds else 0.0 for c in contacts]
     unheld = [c.side * less_products(c.acceleration, row, held) for c, row in zip(contacts, w, strict=True)]
-    rests, released = support = support_of(contacts, unheld, w)
+    rests, released = support_of(contacts, unheld, w)
+    settling = any_of(released) | any_of(rests)
     approach = any_of(c.speed > 0.0 for c in contacts)
-    strikes = approach & logical_not(support.changes)
+    strikes = approach & logical_not(settling)
     struck, by_turns = impulses_of_impacts(contacts, w)
     pushed = [strikes & (p > 0.0) for p in struck]
     hits = [push & (c.speed > 0.0) for push, c in zip(pushed, contacts, strict=True)]
@@ -302,7 +284,7 @@ def resolve_contacts(impacts: Any, contacts: Sequence[Contact], w: Matrix) -> Re
     )
     return Resolved(
         strikes=strikes | any_of(rests) | any_of(rounding),
-        going_on=logical_not(strikes) & logical_not(support.changes & (approach | moved | waits)),
+        going_on=logical_not(strikes) & logical_not(settling & (approach | moved | waits)),
         impulses=pushes,
         velocities=velocities,
         active_stops=active,

@@ -1,6 +1,6 @@
 """Whether a trial step meets a boundary, and how: bounds from the accelerations at its stages.
 
-Sides are 1 at the upper limit, -1 at the lower one, 0 at none. The decision record 0003 explains the bounds.
+The decision record 0003 explains the bounds.
 """
 
 from __future__ import annotations
@@ -98,6 +98,7 @@ def meets_kink(w: Watched, levels: bool, overshoot: Overshoot) -> tuple[Any, Any
     return seen, hidden & logical_not(seen)
 
 
+@branches  # traced once for all ways of crossing_of
 def excursions(s: BoundedCoordinate, h: Any, lo: Any, hi: Any) -> tuple[Any, Any]:
     """Whether a coordinate may turn beyond its upper and its lower limit between the ends of a step.
 
@@ -137,6 +138,7 @@ def turning_time(s: BoundedCoordinate, h: Any) -> Any:
     return h * (s0 / (direction(v0) * root - c2))
 
 
+@branches
 def keeps_direction(s: BoundedCoordinate, h: Any, lo: Any, hi: Any) -> Any:
     """Indicator that a velocity keeps its sign in a step: it does if the result is 0 or more.
 

@@ -1,7 +1,7 @@
 """Time of the first event of a coordinate in a trial step: an estimate, from which a search begins.
 
 An event is an impact at a stop, a release from it, a limit that is passed, or a turn that may lie beyond a
-limit. Sides are 1 at the upper limit, -1 at the lower one, 0 at none.
+limit.
 """
 
 from __future__ import annotations
@@ -36,11 +36,6 @@ class Encounter(NamedTuple):
     def pull(self) -> Any:
         """Force with which its stop would have to pull it at the end of the step, N."""
         return self.motion.active_stop * self.force
-
-    @property
-    def start_pull(self) -> Any:
-        """Force with which its stop would have to pull it at the start of the step, N."""
-        return self.motion.active_stop * self.start_force
 
 
 class Event(NamedTuple):

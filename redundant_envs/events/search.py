@@ -3,7 +3,7 @@
 A trial step goes to the end of the planned step. If it has an event, trial steps from the same start end ever
 nearer to it: this keeps the method's own order, and nothing is interpolated. The last 2e-8 of the planned
 step to a stop are a Taylor step, exact to rounding: positions here, velocities when the accelerations there
-are known. Sides are 1 at the upper limit, -1 at the lower one, 0 at none.
+are known.
 """
 
 from __future__ import annotations
@@ -178,7 +178,7 @@ def begun(trial: Trial, aim: Aim) -> Search:
     """A search whose bracket is the whole step."""
     e, _ = trial.of(aim.chosen)
     speeds = abs(e.motion.start_velocity), abs(e.motion.velocity)
-    gaps = speeds if aim.turns else (minimum(e.start_pull, 0.0), e.pull)
+    gaps = speeds if aim.turns else (minimum(e.motion.active_stop * e.start_force, 0.0), e.pull)
     return Search(aim.target, aim.side, 0.0, trial.h, *gaps, 0.0)
 
 

@@ -17,7 +17,7 @@ from redundant_envs.events.boundary import (
 )
 from redundant_envs.events.contacts import Resolved
 from redundant_envs.lane import coordinates
-from redundant_envs.lane.coordinates import contact_quantities, held_of, known_numbers, pull
+from redundant_envs.lane.coordinates import contact_quantities, known_numbers, pull
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import WATCHED, Reason
 from redundant_envs.lane.memory import Lane
@@ -46,23 +46,19 @@ class Boundaries:
 
     def in_step(self, lane: Lane, origin: str) -> list[BoundedCoordinate]:
         """The coordinates in a step, whose initial values are in fields of this form."""
+        arm = self.dynamics.arm
+        lengths = (lane[f"l{k + 1}"] for k in range(arm.num_lengths))
+        # The size of the numbers from which a gap is computed, m.
+        size = total([*lengths, *(abs(lane[arm.coordinates[k]]) for k in arm.sliders())])
         return [
             BoundedCoordinate(
                 *coordinates.motion(self.dynamics, b, lane),
                 *coordinates.motion(self.dynamics, b, lane, origin),
                 Watched(*lane.get(WATCHED, of=f"{{}}_{b.name}")), self.active(lane, b),
-                *self.limits(lane, b), b.bounces, self._scale(lane, b),
+                *self.limits(lane, b), b.bounces, size if b.joint is None else 0.0,
             )
             for b in self.dynamics.boundaries
         ]  # fmt: skip
-
-    def _scale(self, lane: Lane, b: Boundary) -> Any:
-        """Size of the numbers from which a coordinate is computed, m: the lengths of the arm."""
-        if b.joint is not None:
-            return 0.0
-        arm = self.dynamics.arm
-        lengths = (lane[f"l{k + 1}"] for k in range(arm.num_lengths))
-        return total([*lengths, *(abs(lane[arm.coordinates[k]]) for k in arm.sliders())])
 
     def record_crossings(self, lane: Lane, origin: str, h: Any) -> None:
         """How a step of length ``h`` meets the boundaries."""
@@ -109,7 +105,7 @@ class Boundaries:
 
     def quantities(self, lane: Lane) -> Quantities:
         """Quantities of the present state, with the present sliders at rest."""
-        numbers = known_numbers(self.dynamics, lane, held=True)
+        numbers = known_numbers(self.dynamics, lane)
         x = contact_quantities(self.dynamics, lane.get(self.dynamics.states), numbers)
         x["derivatives"] = self.dynamics.accelerations(x)
         return x
@@ -118,7 +114,7 @@ class Boundaries:
         """After a step with sliders at rest: also the force with which a stop would have to pull one now."""
         x = self.quantities(lane)
         for b in self.dynamics.holding:
-            held, now = x[held_of(b)] > 0.0, pull(x, b, lane[b.active])
+            held, now = x[f"held{b.number}"] > 0.0, pull(x, b, lane[b.active])
             for name, of in (("least", minimum), ("most", maximum), ("last", lambda _, now: now)):
                 before = lane[f"{name}_{b.name}"]
                 lane[f"{name}_{b.name}"] = where(held, of(before, now), before)

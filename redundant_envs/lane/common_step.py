@@ -15,7 +15,7 @@ from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import WATCHED, Control, Reason
 from redundant_envs.lane.kinks import kink_values, levels_of
 from redundant_envs.lane.memory import Lane
-from redundant_envs.numerics import error_control, estimates
+from redundant_envs.numerics import error_control
 from redundant_envs.numerics.methods import Step, explicit_step
 from redundant_envs.quantities import Quantities
 from redundant_envs.tracing.passes.stages import Subroutine
@@ -32,13 +32,12 @@ def lane_step(dynamics: Dynamics, lane: Lane, h: Any) -> Step:
     It watches, in this order: the coordinates of boundaries, values that change their signs at kinks, and
     speeds of :attr:`Dynamics.watched_sliders`.
     """
-    held = bool(dynamics.holding)
-    numbers = coordinates.known_numbers(dynamics, lane, held)
+    numbers = coordinates.known_numbers(dynamics, lane)
     count, width = dynamics.count, len(dynamics.states)
 
     def derivatives(*values: Any) -> list[Any]:
-        quantities = coordinates.contact_quantities if held else Dynamics.quantities
-        x = quantities(dynamics, values[:width], dict(zip(numbers, values[width:], strict=True)))
+        known = dict(zip(numbers, values[width:], strict=True))
+        x = coordinates.contact_quantities(dynamics, values[:width], known)
         results = dynamics.accelerations(x)
         results += [watched_acceleration(dynamics, b, x) for b in dynamics.boundaries]
         results += kink_values(dynamics.scene.attached, dynamics.kinks, x)
@@ -66,9 +65,7 @@ def watched_acceleration(dynamics: Dynamics, b: Boundary, x: Quantities) -> Any:
     if b.joint is None:
         return coordinates.acceleration(dynamics, b, x)
     if b.bounces:
-        return where(
-            x[coordinates.held_of(b)] > 0.0, coordinates.pull(x, b, x[b.active]), x[f"qdd{b.number}"]
-        )
+        return where(x[f"held{b.number}"] > 0.0, coordinates.pull(x, b, x[b.active]), x[f"qdd{b.number}"])
     shares = enumerate(dynamics.arm.motor_map[:, b.joint].tolist(), start=1)
     return total(
         x[f"qdd{k}"] if share == 1.0 else share * x[f"qdd{k}"] for k, share in shares if share != 0.0
@@ -82,13 +79,13 @@ def step_error(dynamics: Dynamics, lane: Lane, step: Step) -> Any:
         after = [*step.positions, *step.velocities, *step.others]
         strikes = bool(dynamics.stops)
         states = zip(lane.get(names), after, strict=False)
-        scales = [estimates.rounding_scale(a, b, strikes) for a, b in states]
+        scales = [error_control.rounding_scale(a, b, strikes) for a, b in states]
 
         def size(errors: Sequence[Any], h: Any) -> Any:
             squares = ((e * s) ** 2 for e, s in zip(errors, scales, strict=False))
             return h * sqrt(total(squares) * (1.0 / len(names)))
 
-        return estimates.blended_error(size(step.error5, step.h5), size(step.error3, step.h3))
+        return error_control.blended_error(*(size(*error) for error in step.errors[1:]))
     weights = tip_weights(dynamics, lane)
 
     def tip_size(errors: Sequence[Any], h: Any) -> Any:
@@ -96,12 +93,7 @@ def step_error(dynamics: Dynamics, lane: Lane, step: Step) -> Any:
         parts = zip(weights, errors[:n], errors[n : 2 * n], strict=True)
         return h * total(w * (abs(q) + lane.interval * abs(v)) for w, q, v in parts)
 
-    return estimates.tip_error(*(tip_size(*error) for error in errors_of(step)))
-
-
-def errors_of(step: Step) -> tuple[tuple[list[Any], Any], ...]:
-    """The estimates of three orders, and their factors."""
-    return (step.error6, step.h6), (step.error5, step.h5), (step.error3, step.h3)
+    return error_control.tip_error(*(tip_size(*error) for error in step.errors))
 
 
 def others_error(dynamics: Dynamics, lane: Lane, step: Step, h: Any) -> Any:
@@ -113,10 +105,10 @@ def others_error(dynamics: Dynamics, lane: Lane, step: Step, h: Any) -> Any:
     shares = []
     for k, name in enumerate(dynamics.effect_states.integrated):
         before, after = lane[name], step.others[k]
-        sizes = [abs(error[2 * dynamics.count + k]) * factor for error, factor in errors_of(step)]
+        sizes = [abs(error[2 * dynamics.count + k]) * factor for error, factor in step.errors]
         pace = abs(after - before) * (lane.interval / h)
         size = maximum(maximum(abs(before), pace), SMALLEST_STATE)
-        shares.append(estimates.tip_error(*sizes) / size)
+        shares.append(error_control.tip_error(*sizes) / size)
     return lane.interval * gained * total(shares)
 
 
@@ -134,7 +126,7 @@ def tip_weights(dynamics: Dynamics, lane: Lane) -> list[Any]:
     lengths = lane.get(f"l{k + 1}" for k in range(arm.num_lengths))
     reach = total(lengths or [0.0])  # an arm of sliders alone has none
     return [
-        n if slides else estimates.tip_weight(n, reach, lane.tip_tolerance)
+        n if slides else error_control.tip_weight(n, reach, lane.tip_tolerance)
         for n, slides in zip(norms, arm.prismatic, strict=True)
     ]
 
@@ -153,10 +145,8 @@ class CommonStep:
         lane.evaluations = lane.fault = 0.0
         for name in self.dynamics.doubts:
             lane[name] = False
-        if self.dynamics.stops:
-            lane.impacts = 0.0
-        if self.dynamics.logs:
-            lane.logged = 0.0
+        for name in self.dynamics.counted:
+            lane[name] = 0.0
         if self.dynamics.spans:
             lane.span_start = 0.0 if self.dynamics.controlled else -lane.h
         if self.dynamics.origin != "{}_start":
@@ -166,13 +156,10 @@ class CommonStep:
         """Before a common step: keep the state, and determine which lanes the step may serve."""
         lane.copy(self.dynamics.kept, to="{}_start")
         lane.error_start = lane.error
-        if self.dynamics.stops:
-            lane.impacts_start = lane.impacts
+        lane.copy(self.dynamics.counted, to="{}_start")
         for b in self.dynamics.laws:
             position, _ = coordinates.motion(self.dynamics, b, lane)
             lane[b.side] = lane[f"{b.side}_start"] = side_beyond(position, lane[b.lower], lane[b.upper])
-        if self.dynamics.logs:
-            lane.logged_start = lane.logged
         if self.dynamics.controlled:
             steps = self.least_steps(lane)
             lane.min_steps = where(steps <= 1.0, 0.0, steps)
@@ -188,7 +175,7 @@ class CommonStep:
         numbers = coordinates.numbers_of(self.dynamics, lane)
         rates += required_steps.rates_of_motion(self.dynamics.scene, lane, here, numbers)
         fastest, most = (reduce(maximum, found or [0.0]) for found in (turning, rates))
-        return estimates.least_steps(fastest, most, lane.interval)
+        return error_control.least_steps(fastest, most, lane.interval)
 
     def common_step(self, lane: Lane) -> None:
         """The step of all lanes."""

@@ -80,26 +80,21 @@ def _gap(dynamics: Dynamics, b: Boundary, coordinates: Sequence[Dual], numbers: 
 # ---- quantities of the motion at stops ------------------------------------------------------------
 
 
-def known_numbers(dynamics: Dynamics, lane: Lane, held: bool) -> dict[str, Any]:
+def known_numbers(dynamics: Dynamics, lane: Lane) -> dict[str, Any]:
     """Inputs of the equations beside the state: efforts, parameters, and the stops at which sliders rest."""
-    stops, sides = dynamics.active if held else (), (b.side for b in dynamics.laws)
-    names = (*dynamics.commands, *dynamics.numbers, *dynamics.effect_states.updated, *stops, *sides)
-    return dict(zip(names, lane.get(names), strict=True))
+    names = (*dynamics.commands, *dynamics.numbers, *dynamics.effect_states.updated, *dynamics.active)
+    return {name: lane[name] for name in (*names, *(b.side for b in dynamics.laws))}
 
 
 def contact_quantities(dynamics: Dynamics, states: Sequence[Any], numbers: dict[str, Any]) -> Quantities:
-    """Quantities while sliders rest at their stops, accelerations among them."""
+    """Quantities in a step, in which sliders may rest at their stops: "held1", ... are 1 while they do."""
     x = dynamics.quantities(states, numbers, held=bool(dynamics.holding))
-    x.update({f"held{k + 1}": 0.0 for k in dynamics.arm.sliders()})
-    x.update({held_of(b): abs(numbers[b.active]) for b in dynamics.holding})
+    if dynamics.holding:
+        x.update({f"held{k + 1}": 0.0 for k in dynamics.arm.sliders()})
+        x.update({f"held{b.number}": abs(numbers[b.active]) for b in dynamics.holding})
     return x
-
-
-def held_of(b: Boundary) -> str:
-    """The quantity that is 1 while a slider rests at its stop."""
-    return f"held{b.number}"
 
 
 def pull(x: Quantities, b: Boundary, side: Any) -> Any:
     """Force with which its stop has to pull a resting slider; 0 for a free one."""
-    return where(x[held_of(b)] > 0.0, side * x[f"hold{b.number}"], 0.0)
+    return where(x[f"held{b.number}"] > 0.0, side * x[f"hold{b.number}"], 0.0)

@@ -112,16 +112,14 @@ class Lanes:
         self._call(interval.end)
         return self.fields
 
-    def _call(self, *procedures: Procedure) -> None:
-        """Apply procedures to all lanes, one after the other."""
-        for procedure in procedures:
-            self._apply(self.procedure(procedure))
-
-    def _apply(self, function: LaneFunction) -> None:
-        names = self.names
-        found = evaluate((v for _, _, v in function.stores), lambda place: self.fields.get(names[place], 0.0))
-        for (space, row, _), value in zip(function.stores, found, strict=True):
-            self.fields[names[space, row]] = value
+    def _call(self, *parts: Procedure | LaneFunction) -> None:
+        """Apply procedures, or functions of the program, to all lanes, one after the other."""
+        fields, names = self.fields, self.names
+        for part in parts:
+            stores = (part if isinstance(part, LaneFunction) else self.procedure(part)).stores
+            found = evaluate((v for _, _, v in stores), lambda place: fields.get(names[place], 0.0))
+            for (space, row, _), value in zip(stores, found, strict=True):
+                fields[names[space, row]] = value
 
     def _some(self, name: str) -> bool:
         value = self.fields[name] > 0.0
@@ -134,15 +132,13 @@ class Lanes:
         leaves = self.fields["reason"] != float(Reason.NONE)
         self.fields |= {"entered": where(leaves, 1.0, 0.0), "state": -2.0, "complete": 0.0}
         self.fields |= {"moving": 0.0, "touching": 0.0}
-        self._apply(program[None])
+        self._call(program[None])
         if interval.dynamics.boundaries:
-            self._apply(program[Request.STEP])
+            self._call(program[Request.STEP])
         while self._some("moving") or self._some("touching"):
             while self._some("touching"):
-                self._call(interval.boundaries.find_contact_forces)
-                self._apply(program[Request.FORCES])
-            self._call(*trial_procedures(interval))
-            self._apply(program[Request.STEP])
+                self._call(interval.boundaries.find_contact_forces, program[Request.FORCES])
+            self._call(*trial_procedures(interval), program[Request.STEP])
         for name, before in served.items():
             if self.fields[name] is not before:
                 self.fields[name] = where(leaves, self.fields[name], before)

@@ -15,10 +15,9 @@ from redundant_envs.events.boundary import Boundary, side_beyond
 from redundant_envs.events.crossings import Overshoot
 from redundant_envs.lane import kinks, required_steps
 from redundant_envs.lane.features import LARGEST_ANGLE, Control, Fault
-from redundant_envs.loaded_arm import added_inertias, carried_masses
 from redundant_envs.numerics.tableaus import METHODS, Tableau
 from redundant_envs.quantities import Quantities
-from redundant_envs.robots.added_inertia import Added, functions_with, held_functions
+from redundant_envs.robots.added_inertia import functions_with, held_functions
 from redundant_envs.scene import Scene
 from redundant_envs.tracing.graph import owned
 
@@ -114,7 +113,7 @@ class Dynamics:
         if self.scene.tolerance is None or not self.located:
             return {}
         constant = (*self.numbers, *self.effect_states.updated, *(b.side for b in self.laws))
-        return kinks.kinks_of(self.scene.attached, kinks.Moves(self.arm, constant, self.states))
+        return kinks.kinks_of(self.scene.attached, self.arm, constant, self.states)
 
     # ---- steps ---------------------------------------------------------------------------------------
 
@@ -148,6 +147,11 @@ class Dynamics:
     def logs(self) -> bool:
         """Whether events are kept."""
         return bool(self.stops) and self.track_work
+
+    @property
+    def counted(self) -> tuple[str, ...]:
+        """Fields with counts of an interval, which are restored when it is crossed again or given up."""
+        return (*(["impacts"] if self.stops else []), *(["logged"] if self.logs else []))
 
     @property
     def spans(self) -> bool:
@@ -209,19 +213,9 @@ class Dynamics:
 
     # ---- parameters, and fields that follow from them alone ---------------------------------------
 
-    @cached_property
-    def carried(self) -> dict[str, list[str]]:
-        """Masses of the arm that carry others -> the fields of these."""
-        return carried_masses(self.scene.attached)
-
-    @cached_property
-    def inertias(self) -> Added:
-        """Inertias that effects add to the arm, by their fields."""
-        return added_inertias(self.scene.attached)
-
     def field_of(self, parameter: str) -> str:
         """The field of a parameter of the scene; "m4" is the total moving mass, with all that it carries."""
-        return f"own_{parameter}" if parameter in self.carried else parameter
+        return f"own_{parameter}" if parameter in self.scene.attached.carried else parameter
 
     @cached_property
     def parameters(self) -> dict[str, float]:
@@ -237,12 +231,12 @@ class Dynamics:
         functions = self.arm.prepared if bounds is None else (*self.arm.prepared, bounds)
         made: dict[str, Any] = {
             mass: total(parameters[name] for name in (self.field_of(mass), *loads))
-            for mass, loads in self.carried.items()
+            for mass, loads in self.scene.attached.carried.items()
         }
         x = Quantities({**parameters, **made}, functions, {})
         made |= {name: x[name] for f in self.arm.prepared for name in gives_of(f)}
         for a in self.scene.attached.of(Field):
-            if {*a.functions["function"].names} <= {*parameters, *self.carried}:
+            if {*a.functions["function"].names} <= {*parameters, *self.scene.attached.carried}:
                 made["ax"], made["ay"] = a.functions["function"](x)
         if not self.controlled:
             return made
@@ -276,13 +270,6 @@ class Dynamics:
             x[command] = given
         return efforts, changes
 
-    def updates(self, x: Quantities) -> dict[str, Any]:
-        """New values of states that are constant within an interval, from quantities at its end."""
-        _, changes = self.efforts(x, "update")
-        for a in self.scene.attached.of(Force):
-            changes |= a.changes("update", x)
-        return changes
-
     # ---- equations of motion -----------------------------------------------------------------------
 
     def quantities(self, states: Sequence[Any], numbers: Any, held: bool = False) -> Quantities:
@@ -294,13 +281,15 @@ class Dynamics:
     @property
     def functions(self) -> tuple[Callable[..., Any], ...]:
         """Equations of the arm with the inertias that effects add."""
-        return functions_with(self.arm, self.inertias) if self.inertias else tuple(self.arm.functions)
+        added = self.scene.attached.inertias
+        return functions_with(self.arm, added) if added else tuple(self.arm.functions)
 
     @property
     def functions_held(self) -> tuple[Callable[..., Any], ...]:
         """The same with the dynamics of sliders that may rest at their stops."""
         arm = self.arm
-        held = held_functions(arm) if self.inertias else (arm.held_dynamics, arm.slider_mobility)
+        added = self.scene.attached.inertias
+        held = held_functions(arm) if added else (arm.held_dynamics, arm.slider_mobility)
         return (*(f for f in self.functions if "qdd1" not in gives_of(f)), *held)
 
     def accelerations(self, x: Quantities) -> list[Any]:

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Iterator, Mapping
 from functools import cached_property, reduce
 from typing import Any
 
+import numpy as np
+
 from redundant_envs.algebra import (
+    any_of,
     arguments_of,
     gives_of,
     logical_not,
@@ -17,11 +21,11 @@ from redundant_envs.algebra import (
     total,
     where,
 )
-from redundant_envs.effects.hooks import Sensing
+from redundant_envs.effects.hooks import Reading, Sensing
+from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import GIVEN_UP, OBSERVED_ANGLE, OBSERVED_RATE, Fault
 from redundant_envs.lane.interval import Interval, copies
 from redundant_envs.lane.memory import ENGINE, PARAMETER, SCRATCH, STATE, Field, Lane, Layout
-from redundant_envs.lane.sensing import measured, reads_nonsense
 from redundant_envs.quantities import Quantities, check_names
 from redundant_envs.scene import identifier
 from redundant_envs.tasks.base import Task
@@ -45,6 +49,9 @@ SPENT = {
 """What lanes with steps of their own remember beside it."""
 TABLES = {"flags": "i8", "counts": "i64", "values": "f64"}
 """Tables that a step of an environment fills, and the types of their numbers."""
+
+LARGEST = {Reading.POSITION: 1e6, Reading.RATE: 1e100}
+"""Largest readings: sines are exact up to 1e6 rad, and squares of rates are finite."""
 
 
 class Episode:
@@ -95,8 +102,7 @@ class Episode:
         task, owner = self.task, f"the task {type(self.task).__name__}"
         yield from self.interval.fields()
         if not self.dynamics.local:
-            kept = [Field(name, "", name, STATE) for name in self.dynamics.kept]
-            yield from copies(kept, "{}_start", "when the interval began")
+            yield from copies(self.dynamics.kept, "{}_start", "when the interval began")
         for name in task.parameters():
             yield Field(name, "", "number", PARAMETER, owner=owner)
         yield Field("limit", "", "control steps of an episode", PARAMETER)
@@ -265,3 +271,39 @@ class Episode:
             low, high = range_of_starts(self.task, self.dynamics.scene, joint, lane.__getitem__)
             positions[f"phi{joint + 1}"] = start_position(lane[f"u{joint + 1}"], low, high)
         return positions
+
+
+# ---- sensors -----------------------------------------------------------------------------------------
+
+
+def readings(dynamics: Dynamics, x: Quantities) -> dict[tuple[Reading, int], Any]:
+    """Readings of the scene's sensors, from true quantities."""
+    read: dict[tuple[Reading, int], Any] = {}
+    for a in dynamics.scene.attached.of(Sensing):
+        key, name = (a.hook.reading, a.hook.joint), a.hook.reading.value.format(a.hook.joint + 1)
+        reaching, function = read.get(key, x[name]), a.functions["function"]
+        read[key] = function.on(reaching if n == name else x[n] for n in function.names)
+    return read
+
+
+def measured(dynamics: Dynamics, x: Quantities) -> dict[str, Any]:
+    """Coordinates and rates as the sensors read them, from true quantities; {} without sensors."""
+    read = readings(dynamics, x)
+    if not read:
+        return {}
+    arm, kinds = dynamics.arm, [(r, k) for r in Reading for k in range(dynamics.count)]
+    names = {(r, k): r.value.format(k + 1) for r, k in kinds}
+    joints = {name: read[key] if key in read else x[name] for key, name in names.items()}
+    place = arm.coordinates_of_joints
+    results = place(*(joints[name] for name in arguments_of(place)))
+    motion = dict(zip(gives_of(place), results if isinstance(results, tuple) else (results,), strict=True))
+    for rate, row in zip(arm.rates, np.linalg.inv(arm.motor_map.T), strict=True):
+        shares = [(float(b), joints[f"phid{k + 1}"]) for k, b in enumerate(row) if b != 0.0]
+        motion[rate] = reduce(operator.add, (v if b == 1.0 else b * v for b, v in shares))
+    return motion
+
+
+def reads_nonsense(dynamics: Dynamics, x: Quantities) -> Any:
+    """Whether a reading is NaN, or too large for an observation."""
+    read = readings(dynamics, x)
+    return any_of(logical_not(abs(value) <= LARGEST[kind]) for (kind, _), value in read.items())

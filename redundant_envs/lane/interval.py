@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from redundant_envs.algebra import gives_of, where
+from redundant_envs.effects.hooks import Force
 from redundant_envs.lane.boundaries import Boundaries
 from redundant_envs.lane.common_step import CommonStep
 from redundant_envs.lane.coordinates import known_numbers
@@ -56,11 +57,10 @@ class Interval:
             yield Field(name, "", "side of the stop a slider rests at: 1 upper, -1 lower, 0 none", STATE)
         if dynamics.control is Control.ADAPTIVE:
             yield Field("next_step", "s", "length of the next step", STATE)
-        kept = [Field(name, "", name, STATE, book=name == "work") for name in dynamics.kept]
-        yield from copies(kept, "{}_start", "before the common step")
+        yield from copies(dynamics.kept, "{}_start", "before the common step")
         if dynamics.origin != "{}_start":
-            yield from copies(kept, dynamics.origin, "when the interval began")
-        yield from copies(kept[: len(dynamics.states)], "{}_trial", "at the start of the trial step")
+            yield from copies(dynamics.kept, dynamics.origin, "when the interval began")
+        yield from copies(dynamics.states, "{}_trial", "at the start of the trial step")
         yield Field("evaluations", "", "evaluations of the right-hand side", SCRATCH)
         yield Field("reason", "", "why the lane leaves the common step (Reason)", SCRATCH)
         yield Field("error_start", "m", "error before the common step", SCRATCH)
@@ -115,10 +115,11 @@ class Interval:
         """At the end of an interval: update the states of effects that were constant in it."""
         dynamics = self.dynamics
         if dynamics.effect_states.updated:
-            numbers = known_numbers(dynamics, lane, held=False)
-            x = dynamics.quantities(lane.get(dynamics.states), numbers)
-            for name, value in dynamics.updates(x).items():
-                lane[name] = value
+            x = dynamics.quantities(lane.get(dynamics.states), known_numbers(dynamics, lane))
+            _, changes = dynamics.efforts(x, "update")
+            for a in dynamics.scene.attached.of(Force):
+                changes |= a.changes("update", x)
+            lane.set(changes, changes.values())
 
     def undo(self, lane: Lane, failed: Any) -> None:
         """Return lanes that failed to their states at the start of the interval."""
@@ -136,7 +137,7 @@ class Interval:
 
         The layout gets the fields that only the program sets; ``whole`` is for :class:`Graph`.
         """
-        lane, made = TracedLane(layout, Graph(), {}, declares=True), {}
+        lane, made = TracedLane(layout, Graph(), declares=True), {}
         machine = Machine(self.program.cross, lane, Request, whole)
         for request, answered in ANSWERED.items():
             if request not in machine.graphs:
@@ -153,7 +154,12 @@ class Interval:
         dynamics, layout = self.dynamics, Layout(self.fields())
         known = (*dynamics.states, *dynamics.numbers, *dynamics.commands)
         owners = ARGUMENTS | {name: layout.fields[name].whose for name in known}
-        check_names(f"{dynamics.arm.kind}.functions", names_of_arm(dynamics.arm), owners)
+        arm = dynamics.arm
+        more = (arm.held_dynamics, arm.slider_mobility, arm.column_norms, arm.mobility_bounds)
+        given = {name for f in (*arm.functions, *filter(None, more)) for name in gives_of(f)}
+        angles = {name for pair in arm.sincos.values() for name in pair}
+        kept_alike = {name for f in arm.prepared for name in gives_of(f)}  # under the same names
+        check_names(f"{arm.kind}.functions", (given | angles) - kept_alike, owners)
         return layout
 
 
@@ -184,15 +190,7 @@ def motion_fields(dynamics: Dynamics) -> Iterator[Field]:
     yield Field("fault", "", "faults of the interval", SCRATCH)
 
 
-def copies(fields: Iterable[Field], form: str, doc: str) -> Iterator[Field]:
+def copies(names: Iterable[str], form: str, doc: str) -> Iterator[Field]:
     """Scratch fields that hold earlier values of others."""
-    for f in fields:
-        yield Field(form.format(f.name), f.unit, f"{f.name} {doc}", SCRATCH, book=f.book)
-
-
-def names_of_arm(arm: Any) -> set[str]:
-    """Quantities that an arm computes, except those that lanes keep under the same names."""
-    more = (arm.held_dynamics, arm.slider_mobility, arm.column_norms, arm.mobility_bounds)
-    given = {name for f in (*arm.functions, *filter(None, more)) for name in gives_of(f)}
-    angles = {name for pair in arm.sincos.values() for name in pair}
-    return (given | angles) - {name for f in arm.prepared for name in gives_of(f)}
+    for name in names:
+        yield Field(form.format(name), "", f"{name} {doc}", SCRATCH, book=name == "work")

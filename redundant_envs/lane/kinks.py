@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 from redundant_envs.effects.attached import Attached, Attachments, Bound
 from redundant_envs.effects.attaching import roots_of
@@ -62,18 +62,29 @@ def kink_values(attached: Attachments, watches: Watches, x: Quantities) -> list[
 # ---- finding kinks --------------------------------------------------------------------------------
 
 
-def kinks_of(attached: Attachments, moves: Moves) -> Watches:
-    """Functions of effects whose kinks are watched, by their hooks.
+def kinks_of(attached: Attachments, arm: Arm, constant: Iterable[str], states: Iterable[str]) -> Watches:
+    """Functions of effects whose kinks are watched, by their hooks: quantities are ``constant`` within an
+    interval, or follow from ``states``.
 
     A kink that is found in two functions, or found and declared, is watched once.
     """
     x = Quantities({}, (), {}, Loads())
+    known = dict.fromkeys(constant, False) | dict.fromkeys(states, True)
+    leaves: dict[str, bool] = {}  # whether the last examined link of a command's motor moves
+
+    def moves(function: Bound, command: str) -> tuple[bool, ...]:
+        """For each argument of a function, whether it changes with the motion within an interval."""
+        for name in function.names:
+            if name != command and name not in known:
+                known[name] = not roots_of(name, arm).isdisjoint((*arm.coordinates, *arm.rates))
+        return tuple(leaves.get(n, False) if n == command else known[n] for n in function.names)
+
     found: list[tuple[Attached[Any], Watch, list[Key]]] = []
     seen: set[Key] = {None}
     for a in attached.along(x):
         command = attached.commands[a.hook.joint] if isinstance(a.hook, Actuation) else ""
         stands_for: set[Key] = set()
-        if "kink" in a.functions and any(moves.of(a.functions["kink"], command)):
+        if "kink" in a.functions and any(moves(a.functions["kink"], command)):
             watch = Watch(a.functions["kink"])
             found.append((a, watch, []))
             own, *chosen = _keys_declared(value_of(watch.values(x)[0]))
@@ -82,10 +93,10 @@ def kinks_of(attached: Attachments, moves: Moves) -> Watches:
         # Functions that determine the motion within an interval.
         rates = [own["derivative"] for own in a.states.values() if "derivative" in own]
         for function in (a.functions["function"], *rates):
-            watch = Watch(function, moves.of(function, command))
+            watch = Watch(function, moves(function, command))
             result = watch.run(x)
             if function is a.functions["function"]:
-                moves.leaves[command] = moving(result).moves
+                leaves[command] = moving(result).moves
             keys = [_key(value_of(kink.value), kink.levels) for kink in kinks_in(result)]
             if any(watch.moving):
                 found.append((a, watch, [None if key in stands_for else key for key in keys]))
@@ -94,38 +105,11 @@ def kinks_of(attached: Attachments, moves: Moves) -> Watches:
         kept = [k for k, key in enumerate(keys) if key not in seen and key not in keys[:k]]
         seen.update(keys)
         if kept:
-            levels = tuple(isinstance(keys[k], Level) for k in kept)
+            levels = tuple(isinstance(keys[k], tuple) for k in kept)
             watch = dataclasses.replace(watch, kept=tuple(kept), levels=levels)
         if kept or not watch.moving:
             watches.setdefault(a, []).append(watch)
     return watches
-
-
-class Moves:
-    """Which quantities change with the motion within an interval."""
-
-    def __init__(self, arm: Arm, constant: Iterable[str], moving: Iterable[str]) -> None:
-        self.arm = arm
-        self.leaves: dict[str, bool] = {}  # whether the last examined link of a command's motor moves
-        self.known = dict.fromkeys(constant, False) | dict.fromkeys(moving, True)
-
-    def of(self, function: Bound, command: str) -> tuple[bool, ...]:
-        """For each argument of a function, whether it moves; ``command`` is that of its own motor."""
-        return tuple(
-            self.leaves.get(name, False) if name == command else self._moves(name) for name in function.names
-        )
-
-    def _moves(self, name: str) -> bool:
-        if name not in self.known:
-            states = (*self.arm.coordinates, *self.arm.rates)
-            self.known[name] = not roots_of(name, self.arm).isdisjoint(states)
-        return self.known[name]
-
-
-class Level(NamedTuple):
-    """A value with a kink at each whole number."""
-
-    key: Any
 
 
 Key = Any
@@ -133,11 +117,11 @@ Key = Any
 
 def _key(value: Value, levels: bool = False) -> Key:
     """A key that is equal for values with the same zeros: x, -x and 0 - x; a - b and b - a. None for a
-    constant."""
+    constant, a tuple for a value with a kink at each whole number."""
     if not isinstance(value, Operation):
         return None
     if levels:
-        return Level(value)
+        return ("levels", value)
     if value.name == "neg":
         return _key(value.arguments[0])
     if value.name == "-":

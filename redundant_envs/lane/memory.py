@@ -163,14 +163,11 @@ class Lane:
 class TracedLane(Lane):
     """A lane whose numbers are recorded in a graph; of a program, in one graph after the other."""
 
-    __slots__ = ("_columns", "_graph")
+    __slots__ = ("_graph",)
 
-    def __init__(
-        self, layout: Layout, graph: Graph, columns: Mapping[str, tuple[str, int]], declares: bool = False
-    ) -> None:
-        """``columns`` are the places in tables of fields that do not come from the memory."""
+    def __init__(self, layout: Layout, graph: Graph, declares: bool = False) -> None:
         super().__init__(layout, self.loaded, declares)
-        self._graph, self._columns = graph, columns
+        self._graph = graph
 
     def next_part(self) -> None:
         self._graph.part += 1
@@ -183,34 +180,31 @@ class TracedLane(Lane):
 
     def loaded(self, name: str) -> Number:
         """A field as it is in memory."""
-        place = self._columns.get(name) or self._layout.row_of(name)
-        return Number(self._graph, self._graph.load(*place))
+        return Number(self._graph, self._graph.load(*self._layout.row_of(name)))
 
 
 def traced(
     name: str,
     layout: Layout,
-    function: Callable[[Lane], Mapping[tuple[str, str, int, int], Any] | None],
+    *procedures: Callable[[Lane], Mapping[tuple[str, str, int, int], Any] | None],
     inputs: Mapping[str, tuple[str, tuple[str, ...]]] | None = None,
     known: Mapping[str, float] | None = None,
     whole: bool = False,
 ) -> LaneFunction:
-    """Record the effect of a function on a lane, which may return values for arrays, by (array, type of its
-    elements, column, columns).
+    """Record the effect of procedures on a lane, the last of which may return values for arrays, by (array,
+    type of its elements, column, columns).
 
     ``inputs`` are arrays with the type of their elements and the fields that their columns hold, ``known``
     fields that hold certain numbers; ``whole`` is for :class:`Graph`.
     """
     graph = Graph(whole)
-    columns = {f: (array, k) for array, (_, fields) in (inputs or {}).items() for k, f in enumerate(fields)}
-    lane = TracedLane(layout, graph, columns)
-    for field in columns:
-        lane[field] = lane[field]
-    outputs = function(lane) or {}
+    lane = TracedLane(layout, graph)
+    for array, (_, fields) in (inputs or {}).items():
+        lane.set(fields, [Number(graph, graph.load(array, k)) for k in range(len(fields))])
+    *_, outputs = [procedure(lane) for procedure in procedures]
     made = layout.function(name, lane.written())
-    made.outputs += [
-        Output(*place, v.value if isinstance(v, Condition) else value_of(v)) for place, v in outputs.items()
-    ]
+    for place, v in (outputs or {}).items():
+        made.outputs.append(Output(*place, v.value if isinstance(v, Condition) else value_of(v)))
     made.inputs |= {array: (element, len(fields)) for array, (element, fields) in (inputs or {}).items()}
     made.known = {layout.row_of(n): x for n, x in (known or {}).items()}
     return made

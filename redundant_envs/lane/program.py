@@ -13,14 +13,7 @@ from typing import Any
 
 from redundant_envs.algebra import any_of, logical_not, where
 from redundant_envs.events import contacts, search
-from redundant_envs.events.boundary import (
-    ROUNDING,
-    Boundary,
-    BoundedCoordinate,
-    law_behind,
-    leaves_stop,
-    starts_at_stop,
-)
+from redundant_envs.events.boundary import ROUNDING, law_behind, leaves_stop, starts_at_stop
 from redundant_envs.events.first_event import Encounter, first_event
 from redundant_envs.events.search import Aim, Search, Sought, TaylorStep, Trial
 from redundant_envs.lane.boundaries import Boundaries
@@ -174,17 +167,16 @@ class LaneProgram:
         h = lane.step
         moved = self.boundaries.in_step(lane, "{}_trial")
         boundaries = enumerate(zip(self.dynamics.boundaries, moved, strict=True))
-        encounters = [self._encounter(lane, float(k), b, s) for k, (b, s) in boundaries]
+        encounters = []
+        for k, (b, motion) in boundaries:
+            known = lane.get(("crossing", "turning", "cleared"), of=f"{{}}_{b.name}")
+            forces, mobility = [0.0, 0.0], 0.0
+            if b in self.dynamics.holding:
+                forces = lane.get(("force", "force_trial"), of=f"{{}}_{b.name}")
+                mobility = self.boundaries.mobility(lane, b, b)
+            encounters.append(Encounter(float(k), motion, *forces, *known, mobility))  # type: ignore[call-arg]
         events = [first_event(e, h, 1.0 / h, self.dynamics.method.stages > 1) for e in encounters]
         return Trial(h, lane.left, lane.interval, encounters, events)
-
-    def _encounter(self, lane: Lane, number: float, b: Boundary, motion: BoundedCoordinate) -> Encounter:
-        known = lane.get(("crossing", "turning", "cleared"), of=f"{{}}_{b.name}")
-        forces, mobility = [0.0, 0.0], 0.0
-        if b in self.dynamics.holding:
-            forces = lane.get(("force", "force_trial"), of=f"{{}}_{b.name}")
-            mobility = self.boundaries.mobility(lane, b, b)
-        return Encounter(number, motion, *forces, *known, mobility)  # type: ignore[call-arg]
 
     def seek(self, lane: Lane, trial: Trial, aim: Aim) -> None:
         """Begin a search for an event."""
@@ -282,8 +274,7 @@ class LaneProgram:
 
     def begin(self, lane: Lane) -> None:
         """Plan the first step; the common step is its first trial step, if it is of use."""
-        first = self.control.begin(lane)
-        lane.left = first.length
+        useless = self.control.begin(lane)
         self.at_start(lane)
         self.cut(lane)
         lane.due, lane.at_stop = False, False
@@ -292,7 +283,7 @@ class LaneProgram:
         if self.dynamics.boundaries:
             begun = any_of(self.boundaries.at_start(lane, starts_at_stop))
             rested = any_of(a != 0.0 for a in lane.get(self.dynamics.active, of="{}_start"))
-            lane.due = logical_not(first.retried | begun | rested | self.boundaries.is_cut(lane))
+            lane.due = logical_not(useless | begun | rested | self.boundaries.is_cut(lane))
         if lane.due:
             lane.step = lane.h
         else:
@@ -307,11 +298,9 @@ class LaneProgram:
         for b in self.dynamics.laws:
             lane[b.side] = lane[f"{b.side}_start"]
         if self.dynamics.stops:
-            lane.changes, lane.impacts = 0.0, lane.impacts_start
-            lane.copy(self.dynamics.active, of="{}_start")
+            lane.changes = 0.0
+        lane.copy((*self.dynamics.active, *self.dynamics.counted), of="{}_start")
         self.note_released(lane, "{}_start")
-        if self.dynamics.logs:
-            lane.logged = lane.logged_start
 
     def back_to(self, lane: Lane, form: str) -> None:
         """Return to the state in the fields of a form."""
@@ -332,9 +321,5 @@ class LaneProgram:
 
     def give_up(self, lane: Lane) -> None:
         """Leave the lane as it was at the start of the interval, but for its estimate."""
-        lane.copy((*self.dynamics.states, *self.dynamics.active), of="{}_start")
-        if self.dynamics.stops:
-            lane.impacts = lane.impacts_start
-        if self.dynamics.logs:
-            lane.logged = lane.logged_start
+        lane.copy((*self.dynamics.states, *self.dynamics.active, *self.dynamics.counted), of="{}_start")
         lane.fault = float(Fault.EVENT_BUDGET)

@@ -5,21 +5,40 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from redundant_envs.algebra import maximum, sqrt
 from redundant_envs.effects.attached import Attached
 from redundant_envs.effects.hooks import Force, Point
-from redundant_envs.numerics import estimates
 from redundant_envs.quantities import Quantities
 from redundant_envs.scene import Scene
+
+
+def steps_of_spring(stiffness: Any, mobility: Any) -> Any:
+    """Steps per second that resolve an oscillation: 2 rad of its phase in each."""
+    return 0.5 * sqrt(stiffness * mobility)
+
+
+def steps_of_damper(damping: Any, mobility: Any) -> Any:
+    """Steps per second that resolve a decay: two of its time constants in each."""
+    return 0.5 * damping * mobility
+
+
+def steps_towards_damper(here: Any, there: Any, mobility: Any, interval: Any) -> Any:
+    """Steps per second that resolve a decay whose damping changes from its value ``here`` to its value
+    ``there``, the position that the joint reaches in the interval at the present rate: one of the time
+    constants at the end of a step."""
+    here, there = 2.0 * steps_of_damper(here, mobility), 2.0 * steps_of_damper(there, mobility)
+    return maximum(here, sqrt(maximum(here, 1.0 / interval) * there))
 
 
 def rates_of_parameters(scene: Scene, x: Quantities) -> list[Any]:
     """Steps per second that follow from the parameters alone."""
     rates = []
     for a in scene.attached:
-        rates += [estimates.steps_of_state(own["rate"](x)) for own in a.states.values() if "rate" in own]
+        # A state, too, has two of its time constants in each step.
+        rates += [0.5 * own["rate"](x) for own in a.states.values() if "rate" in own]
         if not isinstance(a.hook, Force):
             continue
-        for field, rule in (("stiffness", estimates.steps_of_spring), ("damping", estimates.steps_of_damper)):
+        for field, rule in (("stiffness", steps_of_spring), ("damping", steps_of_damper)):
             if field in a.functions and not (field == "damping" and depends_on_motion(a)):
                 rates.append(rule(a.functions[field](x), most_mobility(scene, a, x)))
     return rates
@@ -32,32 +51,28 @@ def depends_on_motion(a: Attached[Any]) -> bool:
     return not {*a.hook.motion}.isdisjoint(a.functions["damping"].names)
 
 
-def dampers(scene: Scene) -> list[Attached[Force]]:
-    """Forces whose damping depends on their joint's motion, under a tolerance. Estimates of dop853, which
-    are held near rounding, see such dampers."""
-    return [] if scene.tolerance is None else [a for a in scene.attached.of(Force) if depends_on_motion(a)]
+def dampers(scene: Scene) -> list[tuple[str, Attached[Force]]]:
+    """Forces whose damping depends on their joint's motion, under a tolerance, with the fields of the
+    largest mobilities of their joints. Estimates of dop853, which are held near rounding, see such
+    dampers."""
+    found = [a for a in scene.attached.of(Force) if scene.tolerance is not None and depends_on_motion(a)]
+    return [(f"most_mobility{a.hook.joint + 1}", a) for a in found if isinstance(a.hook.joint, int)]
 
 
 def mobilities(scene: Scene, x: Quantities) -> dict[str, Any]:
     """Largest mobilities of the joints of :func:`dampers`, by their fields."""
-    return {field_of(a): most_mobility(scene, a, x) for a in dampers(scene)}
-
-
-def field_of(a: Attached[Force]) -> str:
-    """The field of the largest mobility of a force's joint."""
-    assert isinstance(a.hook.joint, int)
-    return f"most_mobility{a.hook.joint + 1}"
+    return {field: most_mobility(scene, a, x) for field, a in dampers(scene)}
 
 
 def rates_of_motion(scene: Scene, lane: Any, x: Quantities, numbers: Mapping[str, Any]) -> list[Any]:
     """Steps per second that dampers require now, if their damping depends on positions and rates ``x``."""
     rates = []
-    for a in dampers(scene):
+    for field, a in dampers(scene):
         position, rate = a.hook.motion
         known = {position: x[position] + lane.interval * x[rate], rate: x[rate]}
         ahead = Quantities(known, tuple(scene.robot.functions), scene.robot.sincos, numbers)
         here, there = (a.functions["damping"](quantities) for quantities in (x, ahead))
-        rates.append(estimates.steps_towards_damper(here, there, lane[field_of(a)], lane.interval))
+        rates.append(steps_towards_damper(here, there, lane[field], lane.interval))
     return rates
 
 

@@ -11,7 +11,7 @@ from redundant_envs.lane.common_step import CommonStep, tip_norms
 from redundant_envs.lane.features import Control, Fault, Reason
 from redundant_envs.lane.memory import Lane
 from redundant_envs.numerics import error_control
-from redundant_envs.numerics.error_control import FirstStep, Verdict
+from redundant_envs.numerics.error_control import Crossed, Verdict
 
 MOST_TRIALS = 65536
 """Most trial steps of an interval that is crossed with 1, 2, 4, ... 16384 steps: twice as many as without
@@ -38,8 +38,8 @@ class StepControl(ABC):
         self.stages = float(step.dynamics.method.stages)
 
     @abstractmethod
-    def begin(self, lane: Lane) -> FirstStep:
-        """Plan the first step of an interval."""
+    def begin(self, lane: Lane) -> Any:
+        """Plan the first step of an interval; whether the common step is useless for the lane."""
 
     @abstractmethod
     def accurate(self, lane: Lane) -> Any:
@@ -61,8 +61,9 @@ class StepControl(ABC):
 class FixedSteps(StepControl):
     """Each common step is one step."""
 
-    def begin(self, lane: Lane) -> FirstStep:
-        return FirstStep(lane.h, False)
+    def begin(self, lane: Lane) -> Any:
+        lane.left = lane.h
+        return False
 
     def accurate(self, lane: Lane) -> Any:
         return True
@@ -84,13 +85,15 @@ class EqualSteps(StepControl):
 
     repeats = True
 
-    def begin(self, lane: Lane) -> FirstStep:
-        known = lane.get(("error", "min_steps", "tip_tolerance", "interval"))
-        first = error_control.first_of_equal(lane.reason == Reason.ACCURACY, *known)
-        lane.divisions = lane.steps_left = first.steps
+    def begin(self, lane: Lane) -> Any:
+        inaccurate = lane.reason == Reason.ACCURACY
+        for_error = error_control.steps_for_error(inaccurate, lane.error, lane.tip_tolerance)
+        steps = maximum(for_error, error_control.steps_allowed(lane.min_steps))
+        lane.divisions = lane.steps_left = steps
         for q in self.dynamics.arm.coordinates:
             lane[f"{q}_seen"] = error_control.NEVER_SEEN
-        return first
+        lane.left = lane.interval / steps
+        return inaccurate
 
     def accurate(self, lane: Lane) -> Any:
         return (lane.error <= lane.tip_tolerance) | (lane.divisions >= error_control.MOST_STEPS)
@@ -103,9 +106,9 @@ class EqualSteps(StepControl):
     def end(self, lane: Lane) -> End:
         ended, last = logical_not(lane.left > 0.0), logical_not(lane.steps_left - 1.0 > 0.0)
         lane.min_steps = maximum(lane.min_steps, self.step.least_steps(lane))
-        agrees = error_control.agrees(self._crossed(lane))
+        crossed = self._crossed(lane)
+        agrees, most = error_control.agrees(crossed), error_control.most_steps(crossed.impacts)
         too_fast = lane.min_steps > error_control.TOO_FAST * lane.divisions
-        most = error_control.most_steps(self._impacts(lane))
         if (lane.divisions < most) & (too_fast | (ended & last & logical_not(agrees))):
             if last:
                 lane.copy(self.dynamics.arm.coordinates, to="{}_seen")
@@ -120,16 +123,12 @@ class EqualSteps(StepControl):
             lane.fault = float(Fault.TOLERANCE_NOT_REACHED)
         return End.CROSSED
 
-    def _impacts(self, lane: Lane) -> Any:
-        return lane.impacts if self.dynamics.stops else 0.0
-
-    def _crossed(self, lane: Lane) -> error_control.Crossed:
+    def _crossed(self, lane: Lane) -> Crossed:
         norms = zip(tip_norms(self.dynamics, lane), self.dynamics.arm.coordinates, strict=True)
         change = total(n * abs(lane[q] - lane[f"{q}_seen"]) for n, q in norms)
-        return error_control.Crossed(
-            lane.divisions, lane.error, lane.tip_tolerance, change, self._impacts(lane),
-            *self.step.doubts(lane),
-        )  # fmt: skip
+        impacts = lane.impacts if self.dynamics.stops else 0.0
+        known = lane.divisions, lane.error, lane.tip_tolerance, change, impacts
+        return Crossed(*known, *self.step.doubts(lane))
 
     def within_budget(self, lane: Lane) -> Any:
         return lane.evaluations < MOST_TRIALS * self.stages
@@ -138,10 +137,10 @@ class EqualSteps(StepControl):
 class AdaptiveSteps(StepControl):
     """Each step is as long as its error allows (dop853)."""
 
-    def begin(self, lane: Lane) -> FirstStep:
-        lane.next_step = error_control.first_adaptive(lane.next_step, lane.min_steps, lane.interval)
-        lane.steps_left = 0.0
-        return FirstStep(lane.next_step, True)
+    def begin(self, lane: Lane) -> Any:
+        first = error_control.first_adaptive(lane.next_step, lane.min_steps, lane.interval)
+        lane.next_step, lane.steps_left, lane.left = first, 0.0, first
+        return True
 
     def _verdict(self, lane: Lane) -> Verdict:
         return error_control.judge_adaptive(

@@ -16,11 +16,9 @@ from redundant_envs.effects.hooks import Impact
 from redundant_envs.lane.features import MOST_LOGGED, Fault
 from redundant_envs.lane.memory import LOG
 from redundant_envs.model import parameters
-from redundant_envs.model.copies import Copied
 from redundant_envs.model.memory import Memory
-from redundant_envs.model.programs import Simulator, batch_simulator
+from redundant_envs.model.programs import Copied, Simulator, Team, batch_simulator
 from redundant_envs.model.snapshot import check_facts, check_keys, check_numbers, simulator_facts
-from redundant_envs.model.team import Team
 from redundant_envs.scene import Scene, check_scene
 from redundant_envs.values import shown, whole_number
 

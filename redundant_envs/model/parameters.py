@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.effects.attaching import check_numbers
-from redundant_envs.loaded_arm import carried_masses, check_inertias
 from redundant_envs.model.memory import Memory
 from redundant_envs.robots.parameters import LARGEST, LARGEST_RATIO, SMALLEST
 from redundant_envs.scene import Scene
@@ -144,10 +143,10 @@ def _check_fitting(scene: Scene, values: Table, changed: Iterable[str]) -> None:
     for effect in scene.effects:
         if any(p.startswith(f"{effect.key}.") for p in changed):
             _check_effect(scene, effect, values)
-    for mass, loads in carried_masses(scene.attached).items():
+    for mass, loads in scene.attached.carried.items():
         total = sum((values[name] for name in loads), values[mass])
         _check_positive(f"{mass} with {', '.join(loads)}", total[:, None])
-    check_inertias(scene.robot, scene.attached, values)
+    scene.attached.check_inertias(scene.robot, values)
 
 
 def check_stops(

@@ -1,19 +1,49 @@
-"""Step control: which steps a lane takes, and whether they are accurate enough."""
+"""Step control: error estimates, which steps a lane takes, and whether they are accurate enough."""
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from redundant_envs.algebra import logical_not, maximum, minimum, sqrt
+from redundant_envs.algebra import logical_not, maximum, minimum, sqrt, where
 from redundant_envs.tracing.ways import branches
 
 
-class FirstStep(NamedTuple):
-    """The first step of a lane that the common step does not serve."""
+def blended_error(higher: Any, lower: Any) -> Any:
+    """Hairer's blend of two embedded estimates, of which ``higher`` has the higher order."""
+    blend = higher * higher / sqrt(higher * higher + 0.01 * lower * lower + 1e-300)  # 1e-300: no 0 / 0
+    return where(lower < 1e150, blend, lower)  # the square of a larger one is infinite, and the blend 0
 
-    length: Any  # of the planned step, s
-    retried: Any  # whether the common step is useless for the lane
-    steps: Any = None  # number of steps into which the interval is divided
+
+def tip_error(e6: Any, e5: Any, e3: Any) -> Any:
+    """Twice the larger of two blends, m: where e5 is small by chance, its blend with e3 is a hundred times
+    too small (decision record 0017)."""
+    return 2.0 * maximum(blended_error(e6, e5), blended_error(e5, e3))  # a NaN of the first is passed on
+
+
+def tip_weight(norm: Any, reach: Any, tip_tolerance: Any) -> Any:
+    """Metres at the tip per radian of a link, for the error of its angle in a step.
+
+    The norm is that of the Jacobian's column, except for links shorter than a hundredth of the reach: they
+    fall over within milliseconds, so their errors grow. Their errors count ten times, and stay below
+    1/400 rad.
+    """
+    return maximum(norm, minimum(0.01 * reach, maximum(10.0 * norm, 400.0 * tip_tolerance)))
+
+
+def rounding_scale(before: Any, after: Any, strikes: bool) -> Any:
+    """Reciprocal of the error that dop853 allows for a coordinate or velocity in a step: near rounding.
+
+    If sliders may strike their stops it allows a hundredth of that: a hundred elastic impacts in an interval
+    multiply an error by thousands.
+    """
+    scale = 1.0 / (1e-14 + 1e-13 * maximum(abs(before), abs(after)))
+    return 100.0 * scale if strikes else scale
+
+
+def least_steps(fastest: Any, least_step_rate: Any, interval: Any) -> Any:
+    """Number of steps of an interval before any estimate is used: half a radian of the fastest link in each,
+    and as many as springs and dampers require, since an estimate cannot see a spring before it is touched."""
+    return interval * maximum(2.0 * fastest, least_step_rate)
 
 
 # ---- a tolerance: 1, 2, 4, ... 16384 equal steps, until the sum of their errors passes ----------------
@@ -53,12 +83,6 @@ DOUBTFUL = 0.1
 """Fraction of the tolerance from which on the error of an effect's state may be too large."""
 NEVER_SEEN = 1e300
 """Positions, before an interval is crossed for the first time, that are near no real ones."""
-
-
-def first_of_equal(failed: Any, error: Any, min_steps: Any, tip_tolerance: Any, interval: Any) -> FirstStep:
-    """The first of equal steps, after the common single step has ``failed`` or did not matter."""
-    steps = maximum(steps_for_error(failed, error, tip_tolerance), steps_allowed(min_steps))
-    return FirstStep(interval / steps, failed, steps)
 
 
 @branches

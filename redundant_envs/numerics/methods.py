@@ -33,12 +33,7 @@ class Step(NamedTuple):
     velocities: list[Any]
     others: list[Any]
     watched: list[Watched]  # further results of the derivative function, beside derivatives
-    error6: list[Any]  # estimates of each state, up to the factors h6, h5 and h3, if the method has them
-    error5: list[Any]
-    error3: list[Any]
-    h6: Any
-    h5: Any
-    h3: Any
+    errors: Sequence[tuple[list[Any], Any]]  # estimates 6, 5 and 3 of each state, if any, and their factors
 
 
 def weighted(weights: Sequence[float], terms: Numbers) -> tuple[float, Any]:
@@ -70,7 +65,7 @@ def explicit_step(
         new = [s + h * k for s, k in zip((*velocities, *others), results, strict=False)]
         moved = [p + h * v for p, v in zip(positions, new, strict=False)]
         seen = [watch([w]) for w in results[n + m :]]
-        return Step(moved, new[:n], new[n:], seen, [], [], [], None, None, None)
+        return Step(moved, new[:n], new[n:], seen, ())
     for row in method.a:
         stage = state
         if any(row):
@@ -85,7 +80,7 @@ def explicit_step(
     seen = [watch(values) for values in zip(*watched, strict=True)]
     parts = new[:n], new[n : 2 * n], new[2 * n :], seen
     if not method.error5:
-        return Step(*parts, [], [], [], None, None, None)
+        return Step(*parts, ())
     # The lower of the two embedded methods differs from the method itself in three weights only.
     first = method.b[0]
     lower = [(e - b) / first for e, b in zip(method.error3, method.b, strict=True)]
@@ -93,4 +88,5 @@ def explicit_step(
     (factor5, *_), error5 = zip(*(weighted(method.error5, slope) for slope in slopes), strict=True)
     lows = [weighted(lower, slope) for slope in slopes]
     error3 = [whole + f * total for (_, whole), (f, total) in zip(totals, lows, strict=True)]
-    return Step(*parts, list(error6), list(error5), error3, h * abs(factor6), h * abs(factor5), h * first)
+    factors = h * abs(factor6), h * abs(factor5), h * first
+    return Step(*parts, list(zip(map(list, (error6, error5, error3)), factors, strict=True)))

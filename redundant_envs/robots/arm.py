@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.algebra import entries, gives_of, numbered
+from redundant_envs.extras import needs
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots import checks, derived, from_points, joint_types
 from redundant_envs.robots.mobility import mobility_bounds
 from redundant_envs.robots.parameters import positive_numbers
-from redundant_envs.robots.symbols import symbols_of
 from redundant_envs.values import shown
 
 Array = NDArray[np.float64]
@@ -306,9 +306,28 @@ class Arm:
 
     def symbols(self) -> dict[str, Any]:
         """sympy expressions of the same text: "q", "qd", "Q", "parameters" (symbols); "M", "C", "J" (Matrix);
-        "h", "G", "qdd", "tip", "Jdot_qd" (column Matrix); "T", "U", "Lz", "manipulability" (expressions);
-        only those that the arm has."""
-        return symbols_of(self)
+        "h", "G", "qdd", "tip", "Jdot_qd" (column Matrix); "T", "U", "Lz", "manipulability" (expressions)."""
+        with needs("verify"):
+            import sympy as sp
+        import redundant_envs.backends.sympy  # noqa: F401 - lets expressions be numbers
+
+        n = len(self.coordinates)
+        parameters = {name: sp.Symbol(name, positive=True) for name in self.parameter_values()}
+        of_motion = (self.coordinates, self.rates, numbered("Q{}", n))
+        q, qd, forces = ({name: sp.Symbol(name, real=True) for name in names} for names in of_motion)
+        field = {"ax": sp.Integer(0), "ay": sp.Symbol("g", real=True)}
+        state = {**parameters, **q, **qd, **field, **forces}
+
+        def matrix(letter: str, rows: int) -> Any:
+            return sp.Matrix(rows, n, self.evaluate(entries(letter, rows, n), state))
+
+        made: dict[str, Any] = {"q": [*q.values()], "qd": [*qd.values()], "Q": [*forces.values()]}
+        made |= {"parameters": {**parameters, "g": field["ay"]}, "J": matrix("J", 2)}
+        made |= {letter: matrix(letter, n) for letter in "MC"}
+        columns = {letter: numbered(f"{letter}{{}}", n) for letter in ("h", "G", "qdd")}
+        columns |= {"tip": ["tip_x", "tip_y"], "Jdot_qd": ["Jdqd1", "Jdqd2"]}
+        made |= {name: sp.Matrix(self.evaluate(names, state)) for name, names in columns.items()}
+        return made | {name: self.evaluate((name,), state)[0] for name in ("T", "U", "Lz", "manipulability")}
 
 
 def _defaults(arm: type[Arm]) -> dict[str, Any]:

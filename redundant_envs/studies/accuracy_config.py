@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 
 from redundant_envs.files import exists, explained, read_yaml
 from redundant_envs.numerics.tableaus import METHODS
-from redundant_envs.plain_data import check_keys
 from redundant_envs.robots.parameters import number, numbers
 from redundant_envs.scene import Scene
 from redundant_envs.studies.peers import MUJOCO_INTEGRATORS
-from redundant_envs.values import shown
+from redundant_envs.values import check_keys, shown
 
 Array = NDArray[np.float64]
 States = tuple[Array, Array, Array]

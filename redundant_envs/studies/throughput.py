@@ -20,12 +20,11 @@ from redundant_envs.files import exists, explained, read_yaml
 from redundant_envs.machine import versions
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.model.programs import batch_simulator, traced_batch
-from redundant_envs.plain_data import check_keys
 from redundant_envs.progress import counted
 from redundant_envs.robots import RPRP, Arm, Chain, FourR
 from redundant_envs.scene import Scene
 from redundant_envs.studies.timing import dgemm_rate, one_core
-from redundant_envs.values import shown
+from redundant_envs.values import check_keys, shown
 
 COLUMNS = (
     "machine", "date", "python", "llvmlite", "numpy", "commit", "dgemm_gflops", "arm", "integrator",

@@ -66,21 +66,28 @@ def _operator(name: str, kind: str | None = None, swapped: bool = False) -> Call
 
 
 class Scalar:
-    """A value of a kernel: the result of one of its instructions."""
+    """A value of a kernel: the result of one of its instructions.
+
+    Its kind is that of a number, or the type of elements of memory whose address it is.
+    """
 
     __slots__ = ("index", "kernel", "kind")
-    __hash__ = None  # type: ignore[assignment]
 
     def __init__(self, kernel: Kernel, index: int, kind: str) -> None:
         self.kernel, self.index, self.kind = kernel, index, kind
 
-    __add__, __radd__ = _operator("+"), _operator("+", swapped=True)
+    __radd__ = _operator("+", swapped=True)
     __sub__, __rsub__ = _operator("-"), _operator("-", swapped=True)
     __mul__, __rmul__ = _operator("*"), _operator("*")
     __and__, __or__, __xor__ = _operator("and"), _operator("or"), _operator("xor")
     __rshift__, __lshift__ = _operator(">>"), _operator("<<")
     __lt__, __le__, __gt__ = _operator("<", TRUTH), _operator("<=", TRUTH), _operator(">", TRUTH)
     __ge__, __eq__, __ne__ = _operator(">=", TRUTH), _operator("==", TRUTH), _operator("!=", TRUTH)  # type: ignore[assignment]
+
+    def __add__(self, other: Any) -> Scalar:
+        """A sum; of an address, that of the element so many elements on."""
+        name = "offset" if self.kind in ELEMENTS else "+"
+        return self.kernel.record(name, self, other, kind=self.kind)
 
     def __invert__(self) -> Scalar:
         return self.kernel.record("not", self, kind=self.kind)
@@ -90,33 +97,18 @@ class Scalar:
 
 
 @dataclass
-class Array:
-    """Elements of memory from an address on: an argument of a kernel, or a part of one."""
-
-    element: str
-    start: Scalar
-
-    def __add__(self, offset: Any) -> Array:
-        """The same from ``offset`` elements on."""
-        kernel = self.start.kernel
-        return Array(self.element, kernel.record("offset", self.start, offset, kind=self.element))
-
-
-@dataclass
 class Variable:
     """A scalar that changes."""
 
-    kernel: Kernel
     place: Scalar
-    kind: str
 
     @property
     def value(self) -> Scalar:
-        return self.kernel.record("get", self.place, kind=self.kind)
+        return self.place.kernel.record("get", self.place, kind=self.place.kind)
 
     @value.setter
     def value(self, new: Any) -> None:
-        self.kernel.record("set", self.place, new, kind=self.kind)
+        self.place.kernel.record("set", self.place, new, kind=self.place.kind)
 
 
 class Instruction(NamedTuple):
@@ -137,8 +129,6 @@ class Kernel:
         self.name = name
         self.arguments = dict(arguments)
         self.functions: dict[str, LaneFunction] = {}
-        self.masked: set[tuple[str, int]] = set()
-        """Memory locations that the kernel itself reads."""
         self.body: list[Instruction] = []
         self._open = [self.body]
         self._count = 0
@@ -146,10 +136,9 @@ class Kernel:
             n: self.record("argument", kind=t, extra=k) for k, (n, t) in enumerate(arguments.items())
         }
 
-    def __getitem__(self, name: str) -> Any:
-        """An argument: a whole number, or an array."""
-        kind = self.arguments[name]
-        return Array(kind, self._given[name]) if kind in ELEMENTS else self._given[name]
+    def __getitem__(self, name: str) -> Scalar:
+        """An argument: a whole number, or the address of an array."""
+        return self._given[name]
 
     def record(
         self, name: str, *arguments: Any, kind: str = INT, extra: Any = None,
@@ -162,15 +151,15 @@ class Kernel:
     # ---- scalars ---------------------------------------------------------------------------------
 
     def variable(self, initial: Any, kind: str = INT) -> Variable:
-        variable = Variable(self, self.record("variable", kind=kind), kind)
+        variable = Variable(self.record("variable", kind=kind))
         variable.value = initial
         return variable
 
-    def load(self, array: Array, index: Any = 0) -> Scalar:
-        return self.record("load", array.start, index, kind=ELEMENTS[array.element], extra=array.element)
+    def load(self, array: Scalar, index: Any = 0) -> Scalar:
+        return self.record("load", array, index, kind=ELEMENTS[array.kind], extra=array.kind)
 
-    def store(self, array: Array, index: Any, value: Any) -> None:
-        self.record("store", array.start, index, value, extra=array.element)
+    def store(self, array: Scalar, index: Any, value: Any) -> None:
+        self.record("store", array, index, value, extra=array.kind)
 
     def select(self, condition: Scalar, a: Any, b: Any, kind: str = INT) -> Scalar:
         return self.record("select", condition, a, b, kind=kind)
@@ -183,17 +172,13 @@ class Kernel:
         """A float, or a truth, as a whole number."""
         return self.record("int", value, kind=INT)
 
-    def space(self, count: int, element: str = "f64") -> Array:
+    def space(self, count: int, element: str = "f64") -> Scalar:
         """Local memory of the kernel for some elements, at the beginning of a cache line."""
-        return Array(element, self.record("space", kind=element, extra=count))
+        return self.record("space", kind=element, extra=count)
 
-    def choose(self, condition: Scalar, a: Array, b: Array) -> Array:
-        """One of two arrays."""
-        return Array(a.element, self.record("select", condition, a.start, b.start, kind=a.element))
-
-    def mask(self, block: Array, row: int) -> Scalar:
+    def mask(self, block: Scalar, row: int) -> Scalar:
         """Lanes of a block whose number in a row is not 0, as the bits of a whole number."""
-        return self.record("mask", block.start, extra=row)
+        return self.record("mask", block, extra=row)
 
     # ---- loops, branches and calls ---------------------------------------------------------------
 
@@ -241,12 +226,11 @@ class Kernel:
         """Return from the kernel."""
         self.record("leave")
 
-    def call(self, function: LaneFunction, **pointers: Array | Scalar) -> None:
+    def call(self, function: LaneFunction, **pointers: Scalar) -> None:
         """Run a function on a block; ``pointers`` are the addresses of its spaces and arrays for that block,
         and the strides of columns."""
         self.functions[function.name] = function
-        starts = (x.start if isinstance(x, Array) else x for x in pointers.values())
-        self.record("call", *starts, extra=(function.name, tuple(pointers)))
+        self.record("call", *pointers.values(), extra=(function.name, tuple(pointers)))
 
 
 @dataclass

@@ -82,7 +82,6 @@ class Traced:
     """A value of a graph."""
 
     __slots__ = ("graph", "value")
-    __hash__ = None  # type: ignore[assignment]
 
     def __init__(self, graph: Graph, value: Value) -> None:
         self.graph, self.value = graph, value
@@ -92,7 +91,6 @@ class Number(Traced):
     """A float64 per lane."""
 
     __slots__ = ()
-    __hash__ = None  # type: ignore[assignment]
     __add__, __radd__ = _binary("+"), _binary("+", swapped=True)
     __sub__, __rsub__ = _binary("-"), _binary("-", swapped=True)
     __mul__, __rmul__ = _binary("*"), _binary("*", swapped=True)
@@ -136,7 +134,6 @@ class Condition(Traced):
     """A truth value per lane."""
 
     __slots__ = ()
-    __hash__ = None  # type: ignore[assignment]
     __and__ = __rand__ = _joining("and", decisive=False)
     __or__ = __ror__ = _joining("or", decisive=True)
 

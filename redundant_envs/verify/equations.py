@@ -168,10 +168,8 @@ def passivity(trial: Trial) -> Finding:
 
 @check("Coriolis matrix", AGREE, Mode.STANDARD)
 def coriolis(trial: Trial) -> Finding:
-    """C follows from Christoffel's symbols of M, so C + C^T = M', and C qd = h, if the arm has C."""
+    """C follows from Christoffel's symbols of M, so C + C^T = M', and C qd = h."""
     arm, (q, qd), e = trial.arm, trial.poses, trial.shared(at_poses)
-    if not any("C11" in getattr(f, "physics_gives", ()) for f in arm.functions):
-        raise NotApplicable("the arm gives no C")
     C = arm.coriolis_matrix(q, qd)
     scale = e.scale[:, :, None] * e.scale[:, None, :]
     size = (np.einsum("nijk,nk->nij", np.abs(e.change), np.abs(qd)) / scale).max(axis=(1, 2))

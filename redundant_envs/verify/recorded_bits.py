@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.verify.aimed_motions import aimed_motion
-from redundant_envs.verify.aimed_scenes import AIMED, FOUR_R, GRAVITY, RPRP
+from redundant_envs.verify.aimed import AIMED, FOUR_R, GRAVITY, RPRP, aimed_motion
 
 RECORD = Path(__file__).with_name("recorded_bits.json")
 LANES, INTERVALS = 256, 50

@@ -1,17 +1,20 @@
-"""All checks of some subjects, and their table as text, Markdown and JSON."""
+"""All checks of some subjects, and their table as text, Markdown and JSON; the command."""
 
 from __future__ import annotations
 
 import json
 import math
+import sys
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from redundant_envs import tables
 from redundant_envs.machine import versions
+from redundant_envs.progress import counted
+from redundant_envs.scene import load_scene, scene_names
 from redundant_envs.verify import (
     accuracy,
     bits,
@@ -24,11 +27,12 @@ from redundant_envs.verify import (
     hints,
     impacts,
     kinematics,
+    recorded_bits,
     rest,
     symmetries,
 )
 from redundant_envs.verify.checks import STATES, Check, Mode, Outcome, Trial, Verdict, checks_of
-from redundant_envs.verify.subjects import Subject, subject_from
+from redundant_envs.verify.subjects import Subject, subject_from, subjects_of
 
 CHECKS: tuple[Check, ...] = checks_of(
     equations, kinematics, forces, hints, rest, conservation, accuracy, impacts, symmetries, bits, evaluators,
@@ -185,3 +189,56 @@ def write(path: Path, text: str) -> None:
         path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise ValueError(f"{path} cannot be written: {error}") from None
+
+
+# ---- the command -----------------------------------------------------------------------------------
+
+
+def run(
+    words: Sequence[str], states: int | None, mode: str, json_file: Path | None, markdown_file: Path | None
+) -> int:
+    """Verify the subjects of some words and write tables, on standard output and in files; returns 1 if a
+    promise is broken."""
+    chosen, subjects = Mode[mode.upper()], subjects_of(words)
+    if states is not None and states < 1:
+        raise ValueError(f"states is {states}; give at least 1")
+    for file in (json_file, markdown_file):
+        if file is not None and file.is_dir():
+            raise ValueError(f"{file} is a folder; give a file to be written")
+    reports: list[tuple[str, Report]] = []
+    each = len(checks_in(chosen))
+    machine = Subject(MACHINE, load_scene(scene_names()[0]))  # its checks do not look at the scene
+    with counted("verify", len(subjects) * each + len(OF_THE_MACHINE), each) as done:
+        for subject in (*subjects, machine):
+            checks, title = (OF_THE_MACHINE, MACHINE) if subject is machine else (None, about(subject))
+            found = verify(subject, states, chosen, done, checks)
+            reports.append((title, found))
+            print(f"{title}\n{text_table(found.outcomes)}")
+            for note in notes(found.outcomes):
+                print(f"  {title.partition(': ')[0]}: {note}")
+            print(flush=True)
+    if json_file is not None:
+        write(json_file, as_json(reports))
+    if markdown_file is not None:
+        write(markdown_file, markdown(reports))
+    missed = sum(len(r.misses) for _, r in reports)
+    kept = sum(o.verdict is Verdict.KEPT for _, r in reports for o in r.outcomes)
+    print(f"{kept} promises kept, {missed} missed")
+    if missed:
+        print(f"redundant_envs: verify found {missed} broken promise{'s'[: missed > 1]}", file=sys.stderr)
+    return int(missed > 0)
+
+
+def compare_bits(everything: bool) -> int:
+    """Print whether recorded motions have the same bits on this machine; returns 1 if one differs."""
+    names = list(recorded_bits.RECORDED if everything else recorded_bits.SHORT)
+    expected, same = recorded_bits.recorded(), 0
+    with counted("recorded bits", len(names)) as done:
+        for name in names:
+            if recorded_bits.found(name) == expected[name]:
+                same += 1
+            else:
+                print(f"{name}: other bits")
+            done(name)
+    print(f"{same} of {len(names)} recorded motions have the same bits on this machine")
+    return int(same < len(names))

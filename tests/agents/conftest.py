@@ -1,4 +1,4 @@
-"""Fixtures of the application: runs that all tests of one process share, and refused commands.
+"""Fixtures of the application: runs that all tests of one process share, commands, and refused ones.
 
 A test that changes a run takes a copy.
 """
@@ -11,25 +11,37 @@ from pathlib import Path
 import pytest
 from run_folders import SMALL, kill_at, small_config, write_scene_file
 
+from redundant_envs_train import report
 from redundant_envs_train.__main__ import main
+from redundant_envs_train.training.train import train
 
 
 @pytest.fixture(autouse=True)
 def short_clips(monkeypatch):
     """Reports of tests show one episode, not four: the clips take most of their time."""
-    from redundant_envs_train import report
-
     monkeypatch.setattr(report, "CLIP_EPISODES", 1)
 
 
 @pytest.fixture
-def refused(capsys):
+def call(capsys):
+    """Run a command, of texts, numbers and paths, that ends with a status; returns its (out, err)."""
+
+    def answer(*words, status=0):
+        capsys.readouterr()
+        found = main([str(word) for word in words])
+        out, err = capsys.readouterr()
+        assert found == status, err
+        return out, err
+
+    return answer
+
+
+@pytest.fixture
+def refused(call):
     """Run a command that ends with status 2 and one line on stderr; all parts are in it."""
 
     def check(words, *parts):
-        capsys.readouterr()
-        assert main([str(word) for word in words]) == 2
-        error = capsys.readouterr().err
+        _, error = call(*words, status=2)
         assert error.count("\n") == 1, error
         for part in parts:
             assert part in error
@@ -41,8 +53,6 @@ def refused(capsys):
 @pytest.fixture(scope="session")
 def home(tmp_path_factory):
     """A folder with the scene mine.yaml, and a PPO run that was trained in it, evaluated and reported."""
-    from redundant_envs_train import report
-
     folder = tmp_path_factory.mktemp("home")
     write_scene_file(folder, 0.3)
     with pytest.MonkeyPatch.context() as patch:
@@ -63,8 +73,6 @@ def run(home, tmp_path, monkeypatch):
 @pytest.fixture(scope="session")
 def begun(tmp_path_factory):
     """A SAC training that was killed after its replay buffer was full."""
-    from redundant_envs_train.training.train import train
-
     folder = tmp_path_factory.mktemp("begun") / "run"
     with pytest.MonkeyPatch.context() as patch:
         kill_at(1900, patch)

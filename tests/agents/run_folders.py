@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import json
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import pytest
 import torch
 import yaml
 
@@ -51,6 +54,16 @@ def small_config(case: str, **more: Any) -> Config:
         "curve_every": 1000, "curve_episodes": 5, "evaluation_episodes": 5, "telemetry": [],
         "checkpoint_seconds": 0, **CASES[case], **more,
     })  # fmt: skip
+
+
+@contextlib.contextmanager
+def says(*words: str) -> Iterator[None]:
+    """What raises a ValueError with these words in its short message."""
+    with pytest.raises(ValueError, match=r".") as error:
+        yield
+    for word in words:
+        assert word in str(error.value)
+    assert len(str(error.value)) < 1000
 
 
 def kill_at(steps: int, monkeypatch: Any) -> None:

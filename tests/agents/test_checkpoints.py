@@ -11,8 +11,16 @@ import sys
 import numpy as np
 import pytest
 import torch
-import yaml
-from run_folders import CASES, assert_same_policy, kill_at, members, small_config, write_members
+from run_folders import (
+    CASES,
+    REPLAY,
+    assert_same_policy,
+    change,
+    kill_at,
+    members,
+    small_config,
+    write_members,
+)
 
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs_train.run_folder import find_checkpoint
@@ -55,10 +63,8 @@ def test_a_killed_training_goes_on_to_the_same_bits(case, begun, tmp_path, monke
 
 
 def test_times_of_episodes_go_on_after_a_break(killed):
-    path = killed / "checkpoint" / "state.pt"
-    state = checkpoint.unplain(torch.load(path, weights_only=True))
-    state["elapsed"] += 1000.0
-    torch.save(checkpoint.plain(state), path)
+    with changed_state(killed) as state:
+        state["elapsed"] += 1000.0
     count = len(table(killed, "monitor.csv", None))
     resume(killed)
     times = [float(row[2]) for row in table(killed, "monitor.csv", None)[1:]]
@@ -103,21 +109,24 @@ def test_a_damaged_checkpoint_is_refused_and_runs_no_code(killed, refused):
 
 
 @pytest.mark.parametrize(
-    ("change", "word"),
+    ("entries", "word"),
     [
-        ({"seed": 7}, "seed: 4, and config.yaml has 7"),
-        ({"sac": {"gamma": 0.5}}, "sac.gamma: 0.9, and config.yaml has 0.5"),
-        ({"total_steps": 9000}, "total_steps: 3600"),
-        ({"sac": {"activation": "relu"}}, "sac.activation"),
+        ({"seed": 7}, "seed: 4, and config.yaml has 7"), ({"total_steps": 9000}, "total_steps: 3600"),
+        ({"sac": {**REPLAY, "gamma": 0.5}}, "sac.gamma: 0.9, and config.yaml has 0.5"),
+        ({"sac": {**REPLAY, "activation": "relu"}}, "sac.activation"),
     ],
-)
-def test_a_checkpoint_of_another_configuration_is_refused(change, word, killed, refused):
-    path = killed / "config.yaml"
-    data = yaml.safe_load(path.read_text())
-    for name, value in change.items():
-        data[name] = {**data[name], **value} if isinstance(value, dict) else value
-    path.write_text(yaml.safe_dump(data))
-    refused(["resume", killed], word)
+)  # fmt: skip
+def test_a_checkpoint_of_another_configuration_is_refused(entries, word, killed, refused):
+    refused(["resume", change(killed / "config.yaml", **entries)], word)
+
+
+@contextlib.contextmanager
+def changed_state(folder):
+    """The state of a checkpoint, which is written again."""
+    path = folder / "checkpoint" / "state.pt"
+    state = checkpoint.unplain(torch.load(path, weights_only=True))
+    yield state
+    torch.save(checkpoint.plain(state), path)
 
 
 @pytest.mark.parametrize(
@@ -126,22 +135,16 @@ def test_a_checkpoint_of_another_configuration_is_refused(change, word, killed, 
         (("counters", "num_timesteps"), "x", ""), (("counters", "num_timesteps"), -5, ""),
         (("monitor", "episode_returns"), "x", ""), (("last", "_last_obs"), [1, 2], ""),
         (("learner", "adams", "actor", "steps"), -1, ""), (("learner", "networks"), {}, ""),
-        (("learner", "networks", "actor"), np.nan, "not finite"),
+        (("learner", "networks", "actor", 0), np.nan, "not finite"),
         (("progress", "seconds"), "x", ""), (("tables", "monitor.csv"), 10**9, ""),
         (("tables", "monitor.csv"), -1, ""), (("run", "simulator"), "another", ""),
     ],
 )  # fmt: skip
 def test_a_checkpoint_with_other_values_is_refused_in_one_line(place, value, word, killed, refused):
-    path = killed / "checkpoint" / "state.pt"
-    state = checkpoint.unplain(torch.load(path, weights_only=True))
-    inner = state
-    for name in place[:-1]:
-        inner = inner[name]
-    if value is np.nan:
-        inner[place[-1]][0] = value
-    else:
+    with changed_state(killed) as inner:
+        for name in place[:-1]:
+            inner = inner[name]
         inner[place[-1]] = value
-    torch.save(checkpoint.plain(state), path)
     sizes = [(killed / name).stat().st_size for name in checkpoint.TABLES]
     refused(["resume", killed], word)
     assert [(killed / name).stat().st_size for name in checkpoint.TABLES] == sizes
@@ -168,6 +171,15 @@ def test_seeds_of_runs_have_goals_of_their_own(tmp_path, monkeypatch):
         np.testing.assert_array_equal(goals[-1], env.goal)
     seeds = [{tuple(goal) for goal in one.tolist()} for one in goals]
     assert all(not one & other for one, other in itertools.combinations(seeds, 2))
+
+
+def test_the_same_seed_repeats_a_run_to_the_bit_and_another_does_not(tmp_path):
+    early = {**REPLAY, "learning_starts": 16}
+    for name, seed in (("a", 4), ("b", 4), ("c", 5)):
+        train(small_config("sac", seed=seed, total_steps=64, sac=early), tmp_path / name)
+    assert_same_policy(tmp_path / "a", tmp_path / "b")
+    with pytest.raises(AssertionError, match="weight"):
+        assert_same_policy(tmp_path / "a", tmp_path / "c")
 
 
 def test_a_request_in_the_last_rollout_comes_too_late(tmp_path, monkeypatch, refused):

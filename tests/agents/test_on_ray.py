@@ -4,18 +4,15 @@ import contextlib
 import io
 import json
 import os
-import shutil
 import sys
 import tarfile
 import tempfile
 import threading
 import time
-from pathlib import Path
 
 import pytest
-from run_folders import ROOT, TINY, assert_same_policy, write_run
+from run_folders import ROOT, TINY, assert_same_policy, says, write_run
 
-from redundant_envs_train.__main__ import main
 from redundant_envs_train.config import load
 from redundant_envs_train.training.train import train
 
@@ -45,17 +42,14 @@ def test_the_place_of_the_runs_is_checked_before_anything_begins(more, word, tmp
 
 
 @pytest.fixture(scope="module")
-def disk():
+def disk(tmp_path_factory):
     """The disk of the workers; this program's is another folder."""
-    folder = Path(tempfile.mkdtemp())
-    yield folder
-    shutil.rmtree(folder)
+    return tmp_path_factory.mktemp("disk")
 
 
 @pytest.fixture(scope="module")
 def cluster(disk):
     """A connection to a cluster of two machines with a core each, whose reports have no pictures."""
-
     root = str(ROOT)
 
     def prepare():
@@ -81,13 +75,12 @@ def cluster(disk):
 
 
 @pytest.mark.long
-def test_seeds_on_a_cluster_are_the_runs_they_are_alone(cluster, disk, tmp_path, capsys):
+def test_seeds_on_a_cluster_are_the_runs_they_are_alone(cluster, disk, tmp_path, call, refused):
     out = tmp_path / "runs"
     (out / "seed5").mkdir(parents=True)
     (out / "seed5" / "mine").touch()
-    command = [*COMMAND, "--out", str(out)]
-    assert main([*command, "--seeds", "3..5"]) == 2
-    assert "1 of 3 runs failed; the same command goes on: seed5: run folder" in capsys.readouterr().err
+    command = [*COMMAND, "--out", out, "--seeds"]
+    refused([*command, "3..5"], "1 of 3 runs failed; the same command goes on: seed5: run folder")
     train(load("rprp_reach_ppo", [*TINY, "seed=4"]), tmp_path / "alone")
     assert_same_policy(tmp_path / "alone", out / "seed4")
     assert (out / "seed4" / "report.md").read_text() == f"again: train {out}/seed4/config.yaml"
@@ -97,35 +90,30 @@ def test_seeds_on_a_cluster_are_the_runs_they_are_alone(cluster, disk, tmp_path,
     before = {path: path.stat().st_mtime_ns for path in (out / "seed4").rglob("*")}
     facts = (out / "seed3" / "training.json").read_bytes()
     (out / "seed3" / "report.md").unlink()
-    assert main([*command, "--seeds", "3,4"]) == 0
-    assert "| RPRPReach-v0 | PPO | 2 |" in capsys.readouterr().out
+    assert "| RPRPReach-v0 | PPO | 2 |" in call(*command, "3,4")[0]
     assert {path: path.stat().st_mtime_ns for path in (out / "seed4").rglob("*")} == before
     assert (out / "seed3" / "training.json").read_bytes() == facts
     assert (out / "seed3" / "report.md").is_file()
-    assert main([*command, "--seeds", "3", "ppo.gamma=0.5"]) == 2
-    assert "another configuration" in capsys.readouterr().err
+    refused([*command, "3", "ppo.gamma=0.5"], "another configuration")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGINT for one process")
 @pytest.mark.long
-def test_ctrl_c_brings_the_runs_home_with_a_checkpoint(cluster, disk, tmp_path, capsys, interrupts):
-    def begun():
-        files = list(disk.glob("redundant-envs-*/seed*/monitor.csv"))
-        return len(files) == 2 and all(file.stat().st_size > 500 for file in files)
-
+def test_ctrl_c_brings_the_runs_home_with_a_checkpoint(cluster, disk, tmp_path, call, interrupts):
     def interrupt():
         end = time.monotonic() + 120.0
-        while not begun() and time.monotonic() < end:
+        files = []
+        while [f.stat().st_size > 500 for f in files] != [True, True] and time.monotonic() < end:
             time.sleep(0.05)
+            files = list(disk.glob("redundant-envs-*/seed*/monitor.csv"))
         interrupts()
 
-    out = tmp_path / "runs"
-    long = ["total_steps=1000000000", "curve_every=1000000000"]
+    out, long = tmp_path / "runs", ["total_steps=1000000000", "curve_every=1000000000"]
     user = threading.Thread(target=interrupt)
     user.start()
-    assert main([*COMMAND, *long, "--seeds", "3..5", "--out", str(out)]) == 130
+    _, err = call(*COMMAND, *long, "--seeds", "3..5", "--out", out, status=130)
     user.join()
-    assert capsys.readouterr().err.splitlines() == ["stopped; the same command with the same --out goes on"]
+    assert err.splitlines() == ["stopped; the same command with the same --out goes on"]
     assert sorted(path.name for path in out.iterdir()) == ["seed3", "seed4"]  # seed5 waited for a core
     for folder in out.iterdir():
         assert json.loads((folder / "training.json").read_text())["stopped"] is True
@@ -179,7 +167,7 @@ def test_threads_that_no_machine_of_the_cluster_has_are_refused(tmp_path, monkey
     nodes = [{"Alive": True, "Resources": {"CPU": 2.0}}, {"Alive": False, "Resources": {"CPU": 64.0}}]
     monkeypatch.setattr(ray, "nodes", lambda: nodes)
     config = load("rprp_reach_ppo", [*TINY, "torch_threads=3"])
-    with pytest.raises(ValueError, match="torch_threads is 3; the largest machine of the cluster has 2 CPUs"):
+    with says("torch_threads is 3; the largest machine of the cluster has 2 CPUs"):
         on_ray.train_on_ray({"seed1": config}, tmp_path)
 
 

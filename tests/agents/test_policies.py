@@ -19,6 +19,7 @@ from run_folders import (
     POLICIES,
     TINY,
     assert_same_policy,
+    change,
     members,
     small_config,
     write_members,
@@ -86,9 +87,8 @@ def runs(tmp_path_factory):
 
 @pytest.fixture
 def damaged(runs, tmp_path):
-    """A copy of the PPO run to damage, and its configuration."""
-    folder, config, _ = runs("ppo")
-    return Path(shutil.copytree(folder, tmp_path / "run")), config
+    """A copy of the PPO run to damage."""
+    return Path(shutil.copytree(runs("ppo")[0], tmp_path / "run"))
 
 
 def observations(config):
@@ -149,9 +149,9 @@ class Evil:
         return Path.touch, (Path(self.path),)
 
 
-def replace(path, **changed):
-    """Replace the bytes of members of a zip file; None removes a member."""
-    write_members(path, members(path) | {k.replace("_pth", ".pth"): v for k, v in changed.items()})
+def replaced(path, name, data):
+    """Replace the bytes of one member of a zip file; None removes it."""
+    write_members(path, members(path) | {name: data})
 
 
 def saved(weights):
@@ -170,16 +170,14 @@ def inner(data, table, compression=zipfile.ZIP_STORED):
 
 
 def test_objects_beside_the_weights_are_not_unpickled_without_trust(damaged, tmp_path):
-    folder, config = damaged
     made = tmp_path / "made"
-    data = json.loads(members(folder / "policy.zip")["data"])
+    data = json.loads(members(damaged / "policy.zip")["data"])
     data["policy_kwargs"][":serialized:"] = base64.b64encode(pickle.dumps(Evil(made))).decode()
-    replace(folder / "policy.zip", data=json.dumps(data).encode())
-    load_policy(folder, config)
+    replaced(damaged / "policy.zip", "data", json.dumps(data).encode())
     for command in (["evaluate"], ["play", "--clip", str(tmp_path / "a.gif"), "--episodes", "1"]):
-        assert main([command[0], str(folder), *command[1:]]) == 0
+        assert main([command[0], str(damaged), *command[1:]]) == 0
     assert not made.exists()
-    assert main(["evaluate", str(folder), "--trust"]) == 2  # it is no policy, but its code has run
+    assert main(["evaluate", str(damaged), "--trust"]) == 2  # it is no policy, but its code has run
     assert made.exists()
 
 
@@ -188,87 +186,71 @@ BYTEARRAY = b"\x80\x02}X\x01\x00\x00\x00ac__builtin__\nbytearray\nJ\xff\xff\xff\
 """A pickle that allocates 2 GiB."""
 LARGER = (b"M\x20\x01tq", b"J\x00\x00\x00\x40tq")
 """The size of the first storage, 16 x 18 numbers, and 2**30."""
-DAMAGES = {
-    "is not a plain table": lambda w: b"nothing",
-    "is not a plain table of float32": lambda w: saved(w)[:-100],
-    "lacks weights 'log_std'": lambda w: saved({k: v for k, v in w.items() if k != "log_std"}),
-    "has weights 'more'": lambda w: saved({**w, "more": torch.zeros(1)}),
-    "of shape (3, 16), config.yaml asks for (16, 18)": lambda w: saved({**w, LAYER: torch.zeros(3, 16)}),
-    "that are not finite": lambda w: saved({**w, LAYER: w[LAYER] * float("nan")}),
-    "of torch.int64; give torch.float32": lambda w: saved({**w, LAYER: w[LAYER].long()}),
-    "claims 100000000 numbers": lambda w: saved({**w, "x": torch.zeros(1, dtype=torch.int64).expand(10**8)}),
-    "torch DoubleStorage": lambda w: saved({**w, LAYER: w[LAYER].double()}),
-    "no names of tensors": lambda w: saved([w[LAYER]]),
-    "'deep' is not a float32": lambda w: saved({**w, "deep": {"a": w[LAYER]}}),
-    "claims 1000000000000 numbers": lambda w: saved({**w, "x": torch.zeros(1).expand(10**6, 10**6)}),
-    "__builtin__ bytearray": lambda w: inner(saved(w), lambda _: BYTEARRAY),
-    "compressed": lambda w: inner(saved(w), lambda data: data, zipfile.ZIP_DEFLATED),
-    "record size": lambda w: inner(saved(w), lambda data: data.replace(*LARGER)),
-}  # fmt: skip
+WEIGHTS = [  # of policy.pth: words of the message, and the bytes instead of those of weights w
+    ("is not a plain table", lambda w: b"nothing"),
+    ("is not a plain table of float32", lambda w: saved(w)[:-100]),
+    ("lacks weights 'log_std'", lambda w: saved({k: v for k, v in w.items() if k != "log_std"})),
+    ("has weights 'more'", lambda w: saved({**w, "more": torch.zeros(1)})),
+    ("shape (3, 16), config.yaml asks for (16, 18)", lambda w: saved({**w, LAYER: torch.zeros(3, 16)})),
+    ("that are not finite", lambda w: saved({**w, LAYER: w[LAYER] * float("nan")})),
+    ("of torch.int64; give torch.float32", lambda w: saved({**w, LAYER: w[LAYER].long()})),
+    ("claims 100000000 numbers", lambda w: saved({"x": torch.zeros(1, dtype=torch.int64).expand(10**8)})),
+    ("torch DoubleStorage", lambda w: saved({**w, LAYER: w[LAYER].double()})),
+    ("no names of tensors", lambda w: saved([w[LAYER]])),
+    ("'deep' is not a float32", lambda w: saved({**w, "deep": {"a": w[LAYER]}})),
+    ("claims 1000000000000 numbers", lambda w: saved({**w, "x": torch.zeros(1).expand(10**6, 10**6)})),
+    ("__builtin__ bytearray", lambda w: inner(saved(w), lambda _: BYTEARRAY)),
+    ("compressed", lambda w: inner(saved(w), lambda data: data, zipfile.ZIP_DEFLATED)),
+    ("record size", lambda w: inner(saved(w), lambda data: data.replace(*LARGER))),
+    ("has no 'policy.pth'", lambda w: None),
+    ("more than 67108864 bytes", lambda w: bytes(70 * 2**20)),
+]
+ABOUT = [  # the same of its member data
+    ("has no 'data'", lambda data: None), ("damaged member 'data'", lambda data: b"{"),
+    ("damaged member 'data'", lambda data: b"[" * 100_000), ("damaged member 'data'", lambda data: b"{}"),
+    ("more than 67108864 bytes", lambda data: bytes(70 * 2**20)),
+    ("ReLU", lambda data: data.replace(b"activation.SiLU", b"activation.ReLU")),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize("damage", DAMAGES)
-def test_other_bytes_than_fitting_weights_are_one_error(damage, damaged, refused):
-    folder, _ = damaged
-    weights, _ = read_weights(folder / "policy.zip", "silu")
-    replace(folder / "policy.zip", policy_pth=DAMAGES[damage](weights))
-    refused(["evaluate", folder], str(folder / "policy.zip"), damage)
+@pytest.mark.parametrize(("words", "change"), WEIGHTS)
+def test_other_bytes_than_fitting_weights_are_one_error(words, change, damaged, refused):
+    path = damaged / "policy.zip"
+    replaced(path, "policy.pth", change(read_weights(path, "silu")[0]))
+    refused(["evaluate", damaged], str(path), words)
+
+
+@pytest.mark.parametrize(("words", "change"), ABOUT)
+def test_a_damaged_description_and_other_activations_are_refused(words, change, damaged, refused):
+    path = damaged / "policy.zip"
+    replaced(path, "data", change(members(path)["data"]))
+    refused(["evaluate", damaged], str(path), words)
 
 
 def test_weights_with_code_in_them_are_not_unpickled(damaged, tmp_path, refused):
-    folder, _ = damaged
     made = tmp_path / "made"
     in_table = inner(saved({}), lambda _: pickle.dumps(Evil(made), 2))
+    start = ["train", "rprp_reach_ppo", *TINY, f"start_from={damaged}", "ppo.net_arch=[16, 8]"]
+    readers = [["evaluate"], ["report"], ["play", "--clip", tmp_path / "a.gif"], ["study", "stops"]]
     for data in (pickle.dumps(Evil(made)), saved(Evil(made)), in_table, b"cos\nsystem\n(S'touch made'\ntR."):
-        replace(folder / "policy.zip", policy_pth=data)
-        clip = ["--clip", tmp_path / "a.gif"]
-        for words in (["evaluate"], ["report"], ["play", *clip], ["study", "stops"]):
-            refused([*words, folder], "add --trust")
-        start = ["train", "rprp_reach_ppo", *TINY, f"start_from={folder}", "ppo.net_arch=[16, 8]"]
-        refused([*start, "--out", tmp_path / "new"], "add --trust")
+        replaced(damaged / "policy.zip", "policy.pth", data)
+        for words in (*([*reader, damaged] for reader in readers), [*start, "--out", tmp_path / "new"]):
+            refused(words, "add --trust")
         assert not made.exists()
 
 
-@pytest.mark.parametrize(
-    ("changed", "word"),
-    [
-        ({"policy_pth": None}, "has no 'policy.pth'"), ({"data": None}, "has no 'data'"),
-        ({"data": b"{"}, "damaged member 'data'"), ({"data": b"[" * 100_000}, "damaged member 'data'"),
-        ({"data": b"{}"}, "damaged member 'data'"),
-        ({"policy_pth": bytes(70 * 2**20)}, "more than 67108864 bytes"),
-        ({"data": bytes(70 * 2**20)}, "more than 67108864 bytes"),
-    ],
-)  # fmt: skip
-def test_members_that_are_missing_or_too_large_are_named(changed, word, damaged):
-    folder, config = damaged
-    replace(folder / "policy.zip", **changed)
-    with pytest.raises(ValueError, match=word):
-        load_policy(folder, config)
-
-
-def test_other_activations_are_refused(damaged):
-    folder, config = damaged
-    data = members(folder / "policy.zip")["data"]
-    replace(folder / "policy.zip", data=data.replace(b"activation.SiLU", b"activation.ReLU"))
-    with pytest.raises(ValueError, match="ReLU"):
-        load_policy(folder, config)
-
-
-@pytest.mark.parametrize("trust", [False, True])
-def test_a_file_cut_short_is_one_error(trust, damaged):
-    folder, config = damaged
-    data = (folder / "policy.zip").read_bytes()
+@pytest.mark.parametrize("more", [[], ["--trust"]])
+def test_a_file_cut_short_is_one_error(more, damaged, refused):
+    data = (damaged / "policy.zip").read_bytes()
     for end in (0, 10, len(data) // 2, len(data) - 1):
-        (folder / "policy.zip").write_bytes(data[:end])
-        with pytest.raises(ValueError, match=r"policy\.zip"):
-            load_policy(folder, config, trust)
+        (damaged / "policy.zip").write_bytes(data[:end])
+        refused(["evaluate", damaged, *more], "policy.zip")
 
 
-def test_a_configuration_that_asks_for_all_memory_is_refused(damaged):
-    folder, config = damaged
-    large = config.ppo.model_copy(update={"net_arch": (2048, 2048)})
-    with pytest.raises(ValueError, match="net_arch"):
-        load_policy(folder, config.model_copy(update={"ppo": large}))
+def test_a_configuration_that_asks_for_all_memory_is_refused(damaged, refused):
+    config = yaml.safe_load((damaged / "config.yaml").read_text())
+    change(damaged / "config.yaml", ppo=config["ppo"] | {"net_arch": [2048, 2048]})
+    refused(["evaluate", damaged], "net_arch")
 
 
 # ---- trainings that start from a policy ----------------------------------------------------------
@@ -352,3 +334,15 @@ def test_a_policy_that_does_not_fit_is_one_line(lonely, policy, settings, words,
     for word in words:
         assert word in error.lower()
     assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("damage", [lambda data: data[:1000], lambda data: data[:-1], lambda data: b"text"])
+@pytest.mark.parametrize("lonely", [False, True])
+def test_a_damaged_policy_to_start_from_is_one_line(lonely, damage, tmp_path, refused):
+    start = tmp_path / "start"
+    shutil.copytree(POLICIES / "RPRPReach-v0-ppo", start)
+    path = Path(shutil.copy(start / "policy.zip", tmp_path)) if lonely else start / "policy.zip"
+    path.write_bytes(damage(path.read_bytes()))
+    command = ["train", "rprp_reach_ppo", *TINY, f"start_from={path if lonely else start}"]
+    refused([*command, "--out", tmp_path / "new"], f"{path} is damaged", "not a complete zip file")
+    assert not (tmp_path / "new").exists()

@@ -7,8 +7,10 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -41,10 +43,6 @@ from redundant_envs_train.training.train import train
 from redundant_envs_train.training.watch import Watch
 
 
-def call(words):
-    return main([str(word) for word in words])
-
-
 def data(folder, name="evaluation.json"):
     return json.loads((Path(folder) / name).read_text())
 
@@ -73,7 +71,7 @@ def readers(folder, out):
 # ---- one run, from YAML to report ----------------------------------------------------------------
 
 
-def test_a_run_explains_itself(home, capsys):
+def test_a_run_explains_itself(home, refused):
     folder = home / "run"
     result = data(folder)
     promised = {
@@ -90,8 +88,7 @@ def test_a_run_explains_itself(home, capsys):
     assert f"{100 * result['hold_success']:.1f} % of 5 episodes" in (folder / "report.md").read_text()
     again = load(folder / "config.yaml")
     assert yaml.safe_load((folder / "config.yaml").read_text()) == again.to_dict()
-    assert main(["train", "rprp_reach_ppo", "--out", str(folder)]) == 2
-    assert "is not empty" in capsys.readouterr().err
+    refused(["train", "rprp_reach_ppo", "--out", folder], "is not empty")
     assert difference(folder) == ""  # its mine.yaml cannot be found from here
 
 
@@ -107,49 +104,44 @@ def test_restless_are_the_goals_at_which_the_tip_ended_without_holding_them(tmp_
 
 
 @pytest.mark.parametrize("actions", ["zero", "random", "expert"])
-def test_play_works_without_a_policy(actions, tmp_path):
-    clip = tmp_path / "play.gif"
-    command = ["play", "FourRReach-v0", "--actions", actions, "--episodes", 1, "--clip", clip]
-    assert call(command) == 0
-    assert clip.stat().st_size > 10_000
+def test_play_works_without_a_policy(actions, tmp_path, call):
+    call("play", "FourRReach-v0", "--actions", actions, "--episodes", 1, "--clip", tmp_path / "play.gif")
+    assert (tmp_path / "play.gif").stat().st_size > 10_000
 
 
 # ---- the scene -----------------------------------------------------------------------------------
 
 
+def in_another_scene(folder):
+    """Give a run folder the scene of another friction."""
+    write_scene_file(Path(), 8.0)
+    Path("mine.yaml").rename(folder / "scene.yaml")
+
+
 @pytest.mark.parametrize("changed", [False, True])
-def test_an_evaluation_is_of_the_scene_of_the_run_whatever_became_of_the_file(changed, run, capsys):
+def test_an_evaluation_is_of_the_scene_of_the_run_whatever_became_of_the_file(changed, run, call):
     if changed:
         write_scene_file(Path(), 8.0)
     own = data(run)
-    capsys.readouterr()
-    assert call(["evaluate", run, "--out", "again"]) == 0
+    _, err = call("evaluate", run, "--out", "again")
     assert data("again") == own
-    err = capsys.readouterr().err
     assert err.count("\n") == changed
     assert ("ViscousFriction.coefficients [0.3, 0.3, 0.3, 0.3], not [8.0, 8.0, 8.0, 8.0]" in err) == changed
     for name in ("evaluation.json", "episodes.csv", "report.md"):
         (run / name).unlink()
-    assert call(["report", run]) == 0  # it evaluates a run that has no evaluation
+    call("report", run)  # it evaluates a run that has no evaluation
     assert data(run) == own
     assert ("Simulated in the run's own scene" in (run / "report.md").read_text()) == changed
+    in_another_scene(run)  # shows that the test can fail: friction changes the evaluation
+    call("evaluate", run, "--out", "other")
+    assert data("other")["expert_mean_return"] != own["expert_mean_return"]
 
 
-def test_the_own_scene_decides_if_it_is_another_one(run):
-    """Shows that the test above can fail: friction changes the evaluation."""
-    write_scene_file(Path(), 8.0)
-    Path("mine.yaml").rename(run / "scene.yaml")
-    assert call(["evaluate", run, "--out", "again"]) == 0
-    assert data("again")["expert_mean_return"] != data(run)["expert_mean_return"]
-
-
-def test_every_command_reads_a_run_whose_file_changed_and_says_so(run, tmp_path, capsys):
+def test_every_command_reads_a_run_whose_file_changed_and_says_so(run, tmp_path, call):
     write_scene_file(Path(), 8.0)
     for name, words in readers(run, tmp_path).items():
-        if name in ("export", "report", "stops"):
-            continue  # of registered environments alone; seen above; slow
-        assert call(words) == 0, name
-        assert "moved/scene.yaml differs from the scene 'mine.yaml'" in capsys.readouterr().err, name
+        if name not in ("export", "report", "stops"):  # of registered environments; seen above; slow
+            assert "moved/scene.yaml differs from the scene 'mine.yaml'" in call(*words)[1], name
 
 
 @pytest.mark.parametrize("damage", [None, "robot: {type: RPRP}", "[1, 2]", "robot: [", "- \x00"])
@@ -163,8 +155,7 @@ def test_a_missing_or_damaged_scene_is_one_line(damage, run, tmp_path, refused):
 
 def test_runs_of_one_name_in_two_scenes_are_no_seeds_of_each_other(run):
     other = Path(shutil.copytree(run, "other"))
-    write_scene_file(Path(), 8.0)
-    Path("mine.yaml").rename(other / "scene.yaml")
+    in_another_scene(other)
     for name in ("config.yaml", "evaluation.json"):
         change(other / name, seed=1)
     groups = read_groups([run, other])
@@ -172,7 +163,7 @@ def test_runs_of_one_name_in_two_scenes_are_no_seeds_of_each_other(run):
     assert all("scene=" in same.learner for same in groups)
 
 
-def test_a_training_goes_on_in_its_own_scene(home, tmp_path, monkeypatch):
+def test_a_training_goes_on_in_its_own_scene(home, tmp_path, monkeypatch, call):
     monkeypatch.chdir(tmp_path)
     write_scene_file(tmp_path, 0.3)
     points, point = [], Watch.point
@@ -186,10 +177,10 @@ def test_a_training_goes_on_in_its_own_scene(home, tmp_path, monkeypatch):
         return point(self)
 
     monkeypatch.setattr(Watch, "point", stop_at_first)
-    assert main(["train", "rprp_reach_ppo", *SMALL, "env_kwargs.scene=mine.yaml", "--out", "run"]) == 130
+    call("train", "rprp_reach_ppo", *SMALL, "env_kwargs.scene=mine.yaml", "--out", "run", status=130)
     (tmp_path / "mine.yaml").unlink()
-    assert call(["report", "run"]) == 0  # of the policy so far
-    assert main(["resume", "run"]) == 0
+    call("report", "run")  # of the policy so far
+    call("resume", "run")
     assert_same_policy(tmp_path / "run", home / "run")
     curves = [np.loadtxt(f / "run" / "selection.csv", delimiter=",", skiprows=1) for f in (tmp_path, home)]
     np.testing.assert_array_equal(*(np.delete(curve, 1, axis=1) for curve in curves))  # but for the seconds
@@ -208,16 +199,16 @@ def test_many_seeds_do_not_go_on_in_another_scene_or_with_other_settings(run, re
 # ---- nothing is written --------------------------------------------------------------------------
 
 
-def test_reading_changes_nothing_in_a_run(run, tmp_path):
+def test_reading_changes_nothing_in_a_run(run, tmp_path, call):
     change(run / "config.yaml", env_kwargs={})  # of a registered environment, so that it can be exported
     before = kept(run)
     for name, words in readers(run, tmp_path).items():
-        assert call(words) == 0, name
+        call(*words)
         assert kept(run) == before, name
     assert (tmp_path / "b" / "plots" / "learning_curve.png").is_file()
 
 
-def test_reading_changes_nothing_in_an_exported_policy(tmp_path, capsys, refused):
+def test_reading_changes_nothing_in_an_exported_policy(tmp_path, call, refused):
     exported = Path(shutil.copytree(POLICIES / "RPRPReach-v0-ppo", tmp_path / "shipped"))
     change(exported / "config.yaml", evaluation_episodes=20)
     before = kept(exported)
@@ -225,22 +216,20 @@ def test_reading_changes_nothing_in_an_exported_policy(tmp_path, capsys, refused
         if name in {"export", "table", "table out", "curves"}:
             refused(words, "is an exported policy")
         else:
-            assert call(words) == 0, name
-        if name.startswith("evaluate"):
-            assert "hold success 100.0 % of 20" in capsys.readouterr().out
-        assert kept(exported) == before, name
+            out, _ = call(*words)
+            assert "hold success 100.0 % of 20" in out or not name.startswith("evaluate")
     refused(["report", exported], "is an exported policy; give --out FOLDER")
     assert kept(exported) == before
     assert "![learning_curve]" not in (tmp_path / "b" / "report.md").read_text()
 
 
-def test_what_is_there_is_replaced_only_when_asked(run, refused):
+def test_what_is_there_is_replaced_only_when_asked(run, call, refused):
     before = kept(run)
     for words in (["report", run], ["evaluate", run, "--out", run], ["report", run, "--out", run]):
         refused(words, "--overwrite")
     assert kept(run) == before
-    assert call(["evaluate", run, "--overwrite"]) == 0
-    assert call(["report", run, "--overwrite"]) == 0
+    for command in ("evaluate", "report"):
+        call(command, run, "--overwrite")
     after = kept(run)
     changed = {path.name for path in after if after[path][1] != before[path][1] and path.is_file()}
     assert {"evaluation.json", "episodes.csv", "report.md", "clip.gif"} <= changed
@@ -252,40 +241,23 @@ def test_what_is_there_is_replaced_only_when_asked(run, refused):
 # ---- a training that is stopped ------------------------------------------------------------------
 
 
-def wait_for(holds, process):
-    """Poll until a condition holds; the process must not end before."""
-    end = time.monotonic() + 120.0
-    while not holds():
-        assert process.poll() is None, process.communicate()
-        assert time.monotonic() < end, "it took too long"
-        time.sleep(0.05)
-
-
 def lines(path):
     return path.read_text().splitlines() if path.is_file() else []
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGINT for one process")
-@pytest.mark.parametrize(
-    ("number", "every"), [(signal.SIGTERM, 512), pytest.param(signal.SIGINT, 10**9, marks=pytest.mark.long)]
-)
-def test_a_stopped_training_leaves_a_run(number, every, tmp_path, refused):
-    folder, curve = tmp_path / "run", every == 512
-    command = [sys.executable, "-m", "agents", "train", "rprp_reach_ppo", "--out", str(folder), *SMALL]
-    command += ["total_steps=1000000000", f"curve_every={every}"]
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    with subprocess.Popen(command, cwd=ROOT, text=True, **pipes) as process:
-        try:
-            # Once episodes are over, the training has begun.
-            wait_for(lambda: len(lines(folder / "monitor.csv")) > 10, process)
-            if curve:
-                wait_for((folder / "policy.zip").is_file, process)
-            process.send_signal(number)
-            _, error = process.communicate(timeout=60)
-        finally:
-            process.kill()
-    assert process.returncode == 130
-    (message,) = error.splitlines()
+@pytest.mark.parametrize(("number", "every"), [(signal.SIGTERM, 512), (signal.SIGINT, 10**9)])
+def test_a_stopped_training_leaves_a_run(number, every, tmp_path, monkeypatch, call, refused, interrupts):
+    folder, curve, plain = tmp_path / "run", every == 512, Watch._on_step
+
+    def on_step(self):
+        if self.num_timesteps == 768 and not self.stop.is_set():
+            signal.raise_signal(number)
+        return plain(self)
+
+    monkeypatch.setattr(Watch, "_on_step", on_step)
+    more = ["total_steps=1000000000", f"curve_every={every}"]
+    _, message = call("train", "rprp_reach_ppo", *SMALL, *more, "--out", folder, status=130)
+    assert message.count("\n") == 1
     assert "stopped after" in message
     assert f"Go on with: python -m agents resume {folder}" in message
     assert data(folder, "training.json")["stopped"] is True
@@ -294,11 +266,31 @@ def test_a_stopped_training_leaves_a_run(number, every, tmp_path, refused):
     assert bool(rows) == curve
     assert len({line.count(",") for line in lines(folder / "monitor.csv")[1:]}) == 1
     assert not list(folder.glob("*.part"))
-    assert call(["report", folder]) == 0
-    assert call(["play", folder, "--clip", tmp_path / "a.gif", "--episodes", 1]) == 0
+    call("report", folder)
+    call("play", folder, "--clip", tmp_path / "a.gif", "--episodes", 1)
     assert data(folder)["env_steps"] == data(folder, "training.json")["env_steps"] > 0
     assert ("![learning_curve]" in (folder / "report.md").read_text()) == curve
     refused(["table", folder], "was stopped")  # half a training is no result
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGINT for one process")
+@pytest.mark.long  # a process of torch takes seconds to begin
+def test_a_process_that_trains_ends_in_order_on_ctrl_c(tmp_path):
+    command = [sys.executable, "-m", "agents", "train", "rprp_reach_ppo", "--out", str(tmp_path / "run")]
+    command += [*SMALL, "total_steps=1000000000"]
+    with subprocess.Popen(command, cwd=ROOT, text=True, stderr=subprocess.PIPE) as process:
+        try:
+            end = time.monotonic() + 120.0
+            while len(lines(tmp_path / "run" / "monitor.csv")) <= 10:  # then the training has begun
+                assert process.poll() is None, process.communicate()
+                assert time.monotonic() < end, "it took too long"
+                time.sleep(0.05)
+            process.send_signal(signal.SIGINT)
+            (message,) = process.communicate(timeout=60)[1].splitlines()
+        finally:
+            process.kill()
+    assert process.returncode == 130
+    assert "stopped after" in message
 
 
 def test_a_second_request_interrupts_at_once(interrupts):
@@ -333,14 +325,11 @@ def reading(command, folder):
 
 
 @pytest.mark.parametrize("command", [*POLICY_READERS, "table"])
-@pytest.mark.parametrize("kind", ["nothing", "empty", "file"])
-def test_what_is_no_run_folder_is_named(command, kind, tmp_path, refused):
-    place = tmp_path / "place"
-    if kind == "empty":
-        place.mkdir()
-    if kind == "file":
-        place.write_text("text")
-    refused(reading(command, place), str(place), "run folder")
+def test_what_is_no_run_folder_is_named(command, tmp_path, refused):
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "file").write_text("text")
+    for name in ("nothing", "empty", "file"):
+        refused(reading(command, tmp_path / name), str(tmp_path / name), "run folder")
 
 
 CUT = "half of it"
@@ -381,36 +370,35 @@ LONG = {"x": "x" * 100_000, "h": 10**400}
 VALUES = [(field, value) for field, values in REFUSALS["evaluation"].items() for value in values]
 
 
-@pytest.mark.parametrize(("field", "value"), VALUES)
-def test_a_value_that_no_evaluation_has_is_refused_by_file_and_field(field, value, tmp_path, refused):
-    folder = write_run(tmp_path / "run")
-    assert call(["table", folder]) == 0
+def lengthened(value):
+    """A value of the table, with what is too long for a table instead of its names."""
     if isinstance(value, list):
-        value = [LONG.get(v, v) for v in value]
-    elif isinstance(value, dict):
-        value = {k: LONG.get(v, v) for k, v in value.items()}
-    else:
-        value = LONG.get(value, value)
-    change(folder / "evaluation.json", **{field: value})
+        return [lengthened(v) for v in value]
+    if isinstance(value, dict):
+        return {k: lengthened(v) for k, v in value.items()}
+    return LONG.get(value, value)
+
+
+@pytest.mark.parametrize(("field", "value"), VALUES)
+def test_a_value_that_no_evaluation_has_is_refused_by_file_and_field(field, value, tmp_path, call, refused):
+    folder = write_run(tmp_path / "run")
+    call("table", folder)
+    change(folder / "evaluation.json", **{field: lengthened(value)})
     error = refused(["table", folder], f"{folder}/evaluation.json has ", f"as {field!r}; make it again")
     assert len(error) < 1000
 
 
-def test_the_table_takes_runs_whose_training_is_unknown(run, capsys):
+def test_the_table_takes_runs_whose_training_is_unknown(run, call):
     (run / "training.json").unlink()
-    assert call(["evaluate", run, "--overwrite"]) == 0
-    capsys.readouterr()
-    assert call(["table", run]) == 0
-    assert "| - | - | - |" in capsys.readouterr().out  # steps, seconds, steps per second
+    call("evaluate", run, "--overwrite")
+    assert "| - | - | - |" in call("table", run)[0]  # steps, seconds, steps per second
 
 
 def test_a_place_for_results_that_cannot_be_is_told_before_anything_begins(tmp_path, refused):
     (tmp_path / "file").write_text("mine")
+    preset, alone = ["train", "rprp_reach_ppo"], ["study", "strength", "--seeds", "none"]
     for out, word in ((tmp_path / "file", "is a file"), (tmp_path / "file" / "x", "is below the file")):
-        for command in (
-            ["train", "rprp_reach_ppo"], ["train", "rprp_reach_ppo", "--seeds", "0..1"],
-            ["study", "strength", "--seeds", "none"],
-        ):  # fmt: skip
+        for command in (preset, [*preset, "--seeds", "0..1"], alone):
             assert refused([*command, "--out", out]).startswith(f"error: out is {out}, which {word}")
     assert (tmp_path / "file").read_text() == "mine"
 
@@ -441,26 +429,31 @@ def test_seeds_are_read_as_they_are_written(text, seeds):
         assert seeds_of(text) == seeds
 
 
-def test_seeds_in_processes_are_the_runs_they_are_alone(tmp_path, capsys):
+def test_seeds_in_processes_are_the_runs_they_are_alone(tmp_path, monkeypatch, call, refused):
     out = tmp_path / "runs"
     (out / "seed5").mkdir(parents=True)
     (out / "seed5" / "mine").touch()
-    command = ["train", "rprp_reach_ppo", *SMALL, "--processes", "2", "--out", str(out)]
-    assert main([*command, "--seeds", "4,5"]) == 2
-    assert "1 of 2 runs failed; the same command goes on: seed5: run folder" in capsys.readouterr().err
-    assert main([*command, "--seeds", "4"]) == 0  # it is finished, and stays
-    assert "| RPRPReach-v0 | PPO | 1 |" in capsys.readouterr().out
+    command = ["train", "rprp_reach_ppo", *SMALL, "--processes", "1", "--out", out]
+    refused([*command, "--seeds", "4,5"], "1 of 2 runs failed; the same command goes on: seed5: run folder")
+    before = kept(out / "seed4")
     train(load("rprp_reach_ppo", [*SMALL, "seed=4"]), tmp_path / "alone")
     assert_same_policy(tmp_path / "alone", out / "seed4")
+
+    def in_thread(context, work, *given):  # another process would take seconds to begin
+        thread = threading.Thread(target=work, args=given)
+        thread.start()
+        return thread
+
+    monkeypatch.setattr(many, "start", in_thread)
+    monkeypatch.setattr(many, "settle", lambda core, modules: None)
+    assert "| RPRPReach-v0 | PPO | 1 |" in call(*command, "--seeds", "4")[0]
+    assert kept(out / "seed4") == before  # it is finished, and stays
 
 
 @pytest.mark.long
 def test_what_is_finished_stays_and_what_was_stopped_or_killed_early_does_not(tmp_path):
-    folder, config, silent = (
-        tmp_path / "seed3",
-        load("rprp_reach_ppo", [*TINY, "seed=3"]),
-        Progress(disable=True),
-    )
+    folder, silent = tmp_path / "seed3", Progress(disable=True)
+    config = load("rprp_reach_ppo", [*TINY, "seed=3"])
     finish(config, folder, silent)
     before = kept(folder)
     finish(config, folder, silent)
@@ -488,28 +481,15 @@ def test_a_checkpoint_means_that_a_run_is_not_finished(tmp_path):
     assert own_config(folder).env_kwargs["scene"]["control_dt"] == 0.02
 
 
-class Ended:
-    """A process that ended by itself."""
-
-    exitcode = -9
-
-    def is_alive(self):
-        return False
-
-
 def test_a_run_whose_process_was_killed_is_named():
-    news = queue.Queue()
-    for report in (
-        ("seed0", 1.0, "holds 99.0 %", False),
-        ("seed1", 0.3, "", False),
-        ("seed2", 1.0, "no room", True),
-    ):
-        news.put(report)
-    names = ["seed0", "seed1", "seed2"]
-    with pytest.raises(
-        ValueError, match=r"^2 of 3 runs .*: seed2: no room; seed1: its process ended \(-9\)$"
-    ):
-        follow(names, lambda stop: many._reports(names, [Ended()], news, stop))
+    news, names = queue.Queue(), ["seed0", "seed1", "seed2"]
+    news.put(("seed0", 1.0, "holds 99.0 %", False))
+    news.put(("seed1", 0.3, "", False))
+    news.put(("seed2", 1.0, "no room", True))
+    ended = SimpleNamespace(exitcode=-9, is_alive=lambda: False)
+    words = r"^2 of 3 runs .*: seed2: no room; seed1: its process ended \(-9\)$"
+    with pytest.raises(ValueError, match=words):
+        follow(names, lambda stop: many._reports(names, [ended], news, stop))
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="the system has no affinity of cores")

@@ -15,10 +15,9 @@ import numpy as np
 import pytest
 import torch
 from published_runs import RESULTS, ROOT, published_run
-from run_folders import assert_same_policy, change, members, write_members
+from run_folders import assert_same_policy, change, members, says, write_members
 
 from redundant_envs.envs.sb3 import make_sb3
-from redundant_envs_train.__main__ import main
 from redundant_envs_train.config import Config, checked, config_of
 from redundant_envs_train.evidence.runs import read_groups
 from redundant_envs_train.learners.build import make_model
@@ -134,7 +133,7 @@ def test_a_policy_zip_of_other_weights_is_refused(run, tmp_path, monkeypatch):
         return policy
 
     monkeypatch.setattr("redundant_envs_train.shipping.export.load_policy", load)
-    with pytest.raises(ValueError, match=r"policy.zip acts otherwise .* at most 0.0001"):
+    with says("policy.zip acts otherwise ", " at most 0.0001"):
         export(run, tmp_path)
     assert [p.name for p in tmp_path.iterdir()] == ["runs"]
 
@@ -142,22 +141,22 @@ def test_a_policy_zip_of_other_weights_is_refused(run, tmp_path, monkeypatch):
 @pytest.mark.parametrize("file", ["policy.onnx", "policy.npz"])
 @pytest.mark.parametrize("value", [1e-3, np.nan])
 def test_a_file_that_acts_otherwise_is_refused_and_leaves_nothing(run, file, value, tmp_path, monkeypatch):
-    def wrong(layers):
-        first, *rest = layers.biases
-        return dataclasses.replace(layers, biases=(first + value, *rest))
+    write, save = shipping.write_onnx, Layers.save
 
-    def wrong_policy(policy):
+    def write_wrong(policy, *more):
         policy = copy.deepcopy(policy)
         modules_of(policy)[0].bias.data += value
-        return policy
+        write(policy, *more)
+
+    def save_wrong(layers, path):
+        first, *rest = layers.biases
+        save(dataclasses.replace(layers, biases=(first + value, *rest)), path)
 
     if file == "policy.onnx":
-        write = shipping.write_onnx
-        monkeypatch.setattr(shipping, "write_onnx", lambda policy, *more: write(wrong_policy(policy), *more))
+        monkeypatch.setattr(shipping, "write_onnx", write_wrong)
     else:
-        save = Layers.save
-        monkeypatch.setattr(Layers, "save", lambda self, path: save(wrong(self), path))
-    with pytest.raises(ValueError, match=rf"{file} acts otherwise .* at most 1e-06"):
+        monkeypatch.setattr(Layers, "save", save_wrong)
+    with says(f"{file} acts otherwise ", " at most 1e-06"):
         export(run, tmp_path)
     assert [p.name for p in tmp_path.iterdir()] == ["runs"]
 
@@ -171,13 +170,11 @@ def test_nothing_of_a_strangers_pickles_is_passed_on(run, tmp_path):
     assert "note" not in json.loads(members(folder / "policy.zip")["data"])
 
 
-def test_one_command_exports_and_numpy_alone_acts(run, tmp_path, capsys):
-    assert main(["export", str(run), "--out", str(tmp_path)]) == 0
+def test_one_command_exports_and_numpy_alone_acts(run, tmp_path, call):
     folder = tmp_path / "RPRPReach-v0-sac"
-    assert capsys.readouterr().out.strip() == str(folder)
-    assert {p.name for p in folder.iterdir()} == {
-        "README.md", "config.yaml", "policy.npz", "policy.onnx", "policy.zip", "scene.yaml",
-    }  # fmt: skip
+    assert call("export", run, "--out", tmp_path)[0].strip() == str(folder)
+    files = {"README.md", "config.yaml", "policy.npz", "policy.onnx", "policy.zip", "scene.yaml"}
+    assert {p.name for p in folder.iterdir()} == files
     missing = "torch=None, stable_baselines3=None, onnxruntime=None, scipy=None"
     alone = f"import sys; sys.modules.update({missing})\n"
     program = alone + (ROOT / "docs" / "examples" / "play_with_numpy.py").read_text()
@@ -210,13 +207,13 @@ def test_an_export_of_a_shipped_run_is_what_is_shipped(name, tmp_path):
     assert_same_policy(run, folder)
 
 
-def test_runs_of_one_policy_are_exported_once_or_not_at_all(run, tmp_path, capsys, refused):
+def test_runs_of_one_policy_are_exported_once_or_not_at_all(run, tmp_path, call, refused):
     shutil.copytree(run, tmp_path / "run")
     words = ["export", run, tmp_path / "run", "--out", tmp_path / "out"]
     refused(words, "policies of one id and algorithm")
     assert not (tmp_path / "out").exists()
-    assert main(["export", str(run), f"{run}/", "--out", str(tmp_path)]) == 0  # given twice
-    assert len(capsys.readouterr().out.splitlines()) == 1
+    out, _ = call("export", run, f"{run}/", "--out", tmp_path)  # given twice
+    assert len(out.splitlines()) == 1
     refused(["export", run, "--out", tmp_path], "exists; delete it or choose another --out")
     (tmp_path / "file").write_text("")
     refused(["export", run, "--out", tmp_path / "file"], "which is a file")

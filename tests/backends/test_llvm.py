@@ -1,4 +1,4 @@
-"""Machine code of lane functions: sines, choices, draws, tables, forms of a step, LLVM's order."""
+"""Machine code of lane functions: sines, choices, draws, tables, LLVM's order."""
 
 import hashlib
 import itertools
@@ -7,10 +7,9 @@ import llvmlite.binding as binding
 import mpmath
 import numpy as np
 import pytest
-from catalogue import FOUR_R, RPRP, e
+from catalogue import SCENES
 from compiled import compiled, on_columns
 
-import redundant_envs as rde
 from redundant_envs import algebra
 from redundant_envs.backends import llvm, llvm_kernels
 from redundant_envs.batch.blocks import LANES
@@ -35,12 +34,10 @@ def test_sines_and_cosines_to_the_last_places():
     assert np.isnan(on_columns(algebra.sincos, np.array([np.nan, np.inf, -np.inf]))).all()
 
 
-def compiled_exp(x):
-    return on_columns(algebra.exp, x)[0]
-
-
 @pytest.mark.filterwarnings("ignore:overflow")
-@pytest.mark.parametrize("exp", [compiled_exp, algebra.exp], ids=["compiled", "arrays"])
+@pytest.mark.parametrize(
+    "exp", [lambda x: on_columns(algebra.exp, x)[0], algebra.exp], ids=["compiled", "arrays"]
+)
 def test_exponentials_to_the_last_place_and_at_both_ends(exp):
     rng = np.random.default_rng(0)
     x = np.concatenate([rng.uniform(-745.2, 709.78, 4000), rng.uniform(-1, 1, 4000), [709.782712893384]])
@@ -171,29 +168,6 @@ def test_numbers_and_conditions_go_to_arrays_of_every_type():
     np.testing.assert_array_equal(out["single"], np.float32([np.zeros(8), rows[0]]))
 
 
-# ---- forms of a step -------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("integrator", ["euler", "rk4", "rk8"])
-def test_free_sliders_have_the_same_bits_beside_others_that_rest_at_stops(integrator):
-    """A block takes another form of the step if a slider rests in one of its lanes."""
-    scene = rde.Scene(RPRP, (e.Gravity(), e.PrismaticStop((0.0, 0.0), (0.3, 0.3))), integrator)
-    rng = np.random.default_rng(0)
-    resting = np.arange(64) % 8 == 3
-    q, qd, efforts = rng.uniform(0.1, 0.2, (64, 4)), rng.normal(0.0, 0.3, (64, 4)), rng.normal(size=(64, 4))
-    moving = []
-    for rest in (resting, resting & False):
-        batch = rde.BatchSimulator(scene, 64)
-        batch.set_state(*(np.where(rest[:, None], 0.0, x) for x in (q, qd)))
-        for _ in range(3):
-            batch.advance(np.where(rest[:, None], (0.0, -50.0, 0.0, -50.0), efforts))
-            moving.append(np.hstack([batch.q, batch.qd])[~resting])
-        assert (batch.q[rest][:, [1, 3]] == 0.0).all()
-        assert (batch.qd[rest][:, [1, 3]] == 0.0).all()
-    np.testing.assert_array_equal(moving[:3], moving[3:])
-    assert (moving[2] != moving[0]).all()
-
-
 # ---- the compiler ----------------------------------------------------------------------------------
 
 
@@ -232,7 +206,7 @@ def test_llvm_has_its_own_order_again_afterwards():
 
 def test_a_program_is_compiled_to_the_same_code_every_time():
     """Another process requests the same program, even for one whose graphs were changed."""
-    scene = rde.Scene(FOUR_R, (e.Gravity(), e.ViscousFriction(0.1)), "rk8")
+    scene = SCENES["4R friction rk8"]
     program = batch_simulator(scene, False).program
     code = llvm.object_code(program)
     assert llvm.object_code(program) == code

@@ -46,16 +46,9 @@ def made_for(monkeypatch, tmp_path):
 
 
 @pytest.mark.parametrize("processor", ["AVX2", "128 bits"])
-@pytest.mark.parametrize("name", SOME)
-def test_another_processors_code_gives_the_same_bits(name, processor, made_for):
-    here = bits(name)
-    made_for(processor)
-    assert bits(name) == here
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("processor", ["AVX2", "128 bits"])
-@pytest.mark.parametrize("name", RECORDED)
+@pytest.mark.parametrize(
+    "name", [n if n in SOME else pytest.param(n, marks=pytest.mark.long) for n in RECORDED]
+)
 def test_the_recorded_bits_are_those_of_another_processors_code(name, processor, made_for):
     made_for(processor)
     assert recorded_bits.found(name) == recorded_bits.recorded()[name]
@@ -79,10 +72,7 @@ def test_without_fused_multiply_add_the_bits_are_the_same_and_one_warning_says_t
 
 
 def test_code_of_one_processor_is_not_another_ones(made_for):
-    keys = set()
-    for processor in PROCESSORS:
-        made_for(processor)
-        keys.add(key())
+    keys = {(made_for(processor), key())[1] for processor in PROCESSORS}
     assert len(keys) == len(PROCESSORS)
 
 

@@ -20,19 +20,17 @@ EXCUSED = {
     "no environment is made here": "batch/environment",
     "checks the text of functions, not their numbers": "dialect",
     "derivatives": "dual",
-    "other effects": "effects/captured effects/effort_limits effects/gravity loaded_arm",
+    "other effects": "effects/captured effects/effort_limits effects/gravity",
     "the scene has no boundary": "lane/boundaries",
     "what the scene has": "lane/features",
     "puts the parts of an interval together": "lane/interval",
     "asks which quantities move; the damping does not": "lane/kinks moving",
     "looks quantities up by name": "quantities",
     "decides on times": "lane/program lane/step_control numerics/error_control tracing/program tracing/ways",
-    "no simulator is copied, and no state saved": "model/copies model/snapshot",
-    "threads": "model/team",
+    "no simulator is copied, and no state saved": "model/snapshot",
     "weights of the method": "numerics/tableaus",
     "a line for the user": "progress",
     "the arm, which knows no effect": "robots/arm robots/checks robots/four_r robots/joint_types",
-    "checks of other numbers": "values",
 }
 """Modules that are not on the way, by the reason."""
 WALK = """

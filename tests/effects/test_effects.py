@@ -1,16 +1,18 @@
 """Effects of the package and of a user in motions: accelerations, potentials, and what is booked as work."""
 
 import math
+import pickle
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from catalogue import FOUR_R, RPRP, StiffeningSpring, every_effect
+from catalogue import FOUR_R, RPRP, SCENES, StiffeningSpring, every_effect
 
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.algebra import physics
 from redundant_envs.effects import limit_spring
+from redundant_envs.effects.attaching import RULES, roots_of
 from redundant_envs.events.boundary import side_beyond
 from redundant_envs.model.energy import kinetic_energy, potential_energy
 
@@ -31,6 +33,26 @@ def test_every_effect_is_tested():
     used = {type(effect).__name__ for effect in (*every_effect(RPRP), *every_effect(FOUR_R))}
     assert used == {n for n, x in e.REGISTRY.items() if x.__module__.startswith("redundant_envs.")}
     assert used <= set(e.__all__)
+
+
+def test_hooks_are_bound_once_and_not_pickled():
+    scene = SCENES["RPRP users' all 1e-6"]
+    again = pickle.loads(pickle.dumps(scene))
+    assert scene.attached is scene.attached
+    assert "attached" not in scene.__getstate__()
+    assert (again, [a.key for a in again.attached]) == (scene, [a.key for a in scene.attached])
+
+
+def test_every_function_of_a_hook_has_a_rule():
+    for kind, rules in RULES.items():
+        assert {n for n, text in kind.__annotations__.items() if "Callable" in text} == rules.keys()
+
+
+def test_what_a_quantity_depends_on():
+    assert roots_of("phi2", FOUR_R) == {*FOUR_R.coordinates}
+    assert [roots_of(name, FOUR_R) for name in ("m4", "command1", "s1")] == [{"m4"}, {"command1"}, {"theta1"}]
+    with pytest.raises(ValueError, match="Q1"):
+        roots_of("qdd1", FOUR_R)  # it follows from forces
 
 
 # ---- the accelerations that a motion begins with --------------------------------------------------------

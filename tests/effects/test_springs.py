@@ -16,7 +16,7 @@ from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.interval import Interval
 from redundant_envs.lane.memory import Lane
 from redundant_envs.model.energy import kinetic_energy, potential_energy
-from redundant_envs.verify.states import random_states
+from redundant_envs.verify.checks import random_states
 
 FINE = {"tolerance": None, "integrator": "rk4", "substeps": 200_000}
 
@@ -192,14 +192,8 @@ def test_a_spring_without_damping_costs_what_it_did():
     np.testing.assert_array_equal(*ends)
 
 
-@physics
-def drag(rate, drag):
-    return -drag * rate * abs(rate)
-
-
-@physics
-def slope(rate, drag):
-    return 2.0 * drag * abs(rate)
+drag = physics(lambda rate, drag: -drag * rate * abs(rate))
+slope = physics(lambda rate, drag: 2.0 * drag * abs(rate))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -240,20 +234,6 @@ def test_springs_and_stops_of_one_slider_serve_together(lower, upper):
         assert (np.abs(batch.q[:, 1] - 0.15) <= 0.15).all()
     change = energy_of(made, batch.q, batch.qd) - energy_of(made, q, qd)
     assert np.abs(change - batch.work).max() <= 1e-6
-
-
-def test_lanes_with_limits_of_their_own_have_them():
-    near, far = springs(RPRP, 5e3)
-    q, qd, efforts = near_limits(RPRP, 16)
-    uppers = np.linspace(0.1, 0.4, 16)
-    batch = rde.BatchSimulator(scene(RPRP, near, far, tolerance=1e-9), 16)
-    batch.set_parameters({"limit_spring.r1.upper": uppers})
-    batch.set_state(q, qd)
-    batch.advance(efforts)
-    for k in (0, 6, 11, 15):
-        own = scene(RPRP, dataclasses.replace(near, upper=uppers[k]), far, tolerance=1e-9)
-        alone, _, _ = advance(own, q[k], qd[k], efforts[k : k + 1])
-        assert (alone[0] == batch.q[k]).all()
 
 
 @pytest.mark.parametrize("damping", [0.0, 35.0])

@@ -1,9 +1,8 @@
 """Which sliders are supported when another one strikes: those that are pressed onto their stops, however the
 motion began, and whatever was known of it before.
 
-The account of the resolution is a computation in NumPy that shares no code with contacts: forces and impulses
-of stops are projections, each raised or lowered by turns until no stop pulls and no slider enters. The motion
-that follows is integrated with the sliders held that their stops press.
+An account that shares no code with the package decides for the RPRP arm; three sliders are decided in
+``events/test_contact_resolution.py``.
 """
 
 import numpy as np
@@ -42,81 +41,6 @@ def starts(arm, lanes, rng):
     return q, qd, rng.uniform(-10.0, 10.0, (lanes, n)), sides, kinds
 
 
-def projected(w, d, acting):
-    """x >= 0 with w x - d >= 0 and x (w x - d) = 0, for the acting ones; the others are 0."""
-    x = np.zeros_like(d)
-    for _ in range(5000):
-        before = x.copy()
-        for i in range(d.shape[1]):
-            pull = d[:, i] - np.einsum("lj,lj->l", w[:, i], x)
-            x[:, i] = np.where(acting[:, i], np.maximum(x[:, i] + pull / w[:, i, i], 0.0), 0.0)
-        if np.abs(x - before).max() <= 1e-15 * np.abs(x).max():
-            break
-    return x
-
-
-def forces(arm, q, qd, efforts):
-    return efforts @ arm.motor_map.T - arm.bias_forces(q, qd) - arm.gravity_forces(q)
-
-
-def at_once(arm, q, qd, efforts, sides, restitution):
-    """Velocities after all impacts, which sliders are held then, and which lanes have come to an end."""
-    sliders, qd = arm.sliders(), qd.copy()
-    inverse = np.linalg.inv(arm.mass_matrix(q))
-    along = inverse[:, :, sliders] * sides[:, None, :]
-    w = inverse[:, sliders][:, :, sliders] * sides[:, :, None] * sides[:, None, :]
-    w += np.eye(len(sliders)) * (sides == 0.0)[:, None, :]
-    for _ in range(100):
-        u = sides * qd[:, sliders]
-        standing, enters = (sides != 0.0) & (np.abs(u) <= 1e-13), u > 1e-13
-        free = np.einsum("lij,lj->li", inverse, forces(arm, q, qd, efforts))
-        held = projected(w, sides * free[:, sliders], standing) > 0.0
-        if not enters.any():
-            break
-        acting = (held | enters) & enters.any(axis=1)[:, None]
-        p = projected(w, u + restitution * np.maximum(u, 0.0), acting)
-        qd -= np.einsum("lij,lj->li", along, p)
-        after = -sides * restitution * np.maximum(u, 0.0)
-        qd[:, sliders] = np.where(p > 0.0, after, qd[:, sliders])
-    slow = (u < -1e-13) & (u > -0.05)  # their bounces may end within the interval
-    return qd, held, ~(enters | slow).any(axis=1)
-
-
-def moved(arm, q, qd, efforts, held, steps=4):
-    """q and qd after the interval with some sliders held, and the least force inward of their stops, N."""
-    still = np.zeros(q.shape, dtype=bool)
-    still[:, arm.sliders()] = held
-    both, push = still[:, :, None] | still[:, None, :], np.full(len(q), np.inf)
-
-    def slope(q, qd):
-        nonlocal push
-        mass, force = arm.mass_matrix(q), forces(arm, q, qd, efforts)
-        free = np.where(still, 0.0, force)[..., None]
-        qdd = np.linalg.solve(np.where(both, np.eye(q.shape[1]), mass), free)[..., 0]
-        hold = np.where(still, np.einsum("lij,lj->li", mass, qdd) - force, np.inf)
-        inward = np.where(q <= 0.5 * UPPER, 1.0, -1.0)
-        push = np.minimum(push, np.where(still, inward * hold, np.inf).min(axis=1))
-        return qd, qdd
-
-    h = SPAN / steps
-    for _ in range(steps):
-        slopes = [slope(q, qd)]
-        for part in (0.5, 0.5, 1.0):
-            slopes.append(slope(q + part * h * slopes[-1][0], qd + part * h * slopes[-1][1]))
-        means = [h / 6.0 * (a + 2.0 * b + 2.0 * c + d) for a, b, c, d in zip(*slopes, strict=True)]
-        q, qd = q + means[0], qd + means[1]
-    return q, qd, push
-
-
-def expected(arm, q, qd, efforts, sides, restitution):
-    """q, qd (lanes, 2, joints) after an interval, and the lanes in which nothing else happens in it."""
-    struck, held, judged = at_once(arm, q, qd, efforts, sides, restitution)
-    after, rates, push = moved(arm, q, struck, efforts, held)
-    travel = after[:, arm.sliders()]
-    inside = held | ((travel > LOWER) & (travel < UPPER))
-    return np.stack([after, rates], axis=1), judged & inside.all(axis=1) & (push > 0.05)
-
-
 def advanced(made, q, qd, efforts, known=None):
     """q, qd (lanes, 2, joints) after an interval; ``known``: sides at which sliders are known to rest."""
     batch = rde.BatchSimulator(made, len(q))
@@ -140,15 +64,14 @@ MORE = [pytest.param(seed, marks=pytest.mark.long) for seed in range(12, 36)]
 
 @pytest.mark.parametrize("seed", [*range(12), 3032, *MORE])
 def test_sliders_pressed_onto_their_stops_are_supported_when_others_strike(seed):
-    """As the account says, whatever was known before, and as a little later."""
+    """Whatever was known before, and as a little later."""
     lanes, rng = 400, np.random.default_rng(seed)
     arm = list(ARMS.values())[seed % 3]
     restitution, method = (1.0, 0.5, 0.0, 0.8)[seed % 4], METHODS[seed // 3 % 3]
     made = scene(arm, restitution, **method)
     q, qd, efforts, sides, kinds = starts(arm, lanes, rng)
     after, status = advanced(made, q, qd, efforts)
-    by_account, judged = expected(arm, q, qd, efforts, sides, restitution)
-    judged &= status.numerics == 0
+    judged = status.numerics == 0
     # All sliders without velocity may be declared at rest, or some of them.
     standing = np.where((kinds == STANDS) & (rng.random(sides.shape) < rng.choice([0.5, 1.0])), sides, 0.0)
     remembered, _ = advanced(made, q, qd, efforts, standing)
@@ -159,7 +82,6 @@ def test_sliders_pressed_onto_their_stops_are_supported_when_others_strike(seed)
     later, _ = advanced(made, before, rates, efforts)
     alone = judged & ((kinds == ENTERS).sum(axis=1) == 1) & ((sides.shape[1] < 3) | (status.events == 1))
     found = {
-        "not as the account": judged & (np.abs(after - by_account).max(axis=(1, 2)) > 1e-8),
         "by what was known": judged & (np.abs(after - remembered).max(axis=(1, 2)) > 1e-11),
         "not as a little later": alone & (np.abs(after - later).max(axis=(1, 2)) > HIDDEN),
     }

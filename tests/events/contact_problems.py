@@ -1,11 +1,10 @@
-"""Problems of sliders at their stops, and their solutions by trying every set of stops that may act."""
-
-import itertools
+"""Problems of sliders at their stops; ``complementary`` solves them by trying every set that may act."""
 
 import numpy as np
 import pytest
 
 from redundant_envs.events.contacts import Contact, resolve_contacts
+from tests.oracles.independent_stops import complementary as complementary
 
 SLIDERS = pytest.mark.parametrize("count", [1, 2, 3], ids=["one slider", "two", "three"])
 
@@ -14,25 +13,6 @@ def mobility(rng, count):
     """A symmetric and positive definite matrix."""
     a = rng.normal(size=(count, count))
     return a @ a.T + 0.01 * np.eye(count)
-
-
-def sets(count):
-    for size in range(count + 1):
-        yield from (list(s) for s in itertools.combinations(range(count), size))
-
-
-def complementary(w, d):
-    """The one x >= 0 with w x - d >= 0 and x (w x - d) = 0."""
-    fitting = []
-    for acting in sets(len(d)):
-        x = np.zeros(len(d))
-        if acting:
-            x[acting] = np.linalg.solve(w[np.ix_(acting, acting)], d[acting])
-        idle = [k for k in range(len(d)) if k not in acting]
-        if (x >= 0.0).all() and ((w @ x - d)[idle] >= 0.0).all():
-            fitting.append(x)
-    assert len(fitting) == 1
-    return fitting[0]
 
 
 def as_lists(*arrays):

@@ -2,7 +2,6 @@
 
 import dataclasses
 
-import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -174,27 +173,6 @@ def test_hidden_events_are_found_again_after_many_others(case):
     )
     assert found.tolist() == counted.tolist() == [events]
     np.testing.assert_allclose(coarse, fine, rtol=0, atol=1e-8)
-
-
-@pytest.mark.long
-def test_nearly_no_interval_of_random_actions_hides_an_event():
-    count = 1024
-    env = gym.make_vec("redundant_envs/RPRPReach-v0", num_envs=count)
-    env.reset(seed=3)
-    memory = env.unwrapped.core.memory
-    limits = memory.read(tuple(f"effort_limits.limits[{k}]" for k in range(4)))
-    arm = env.unwrapped.core.scene.robot
-    rng = np.random.default_rng(3)
-    off = 0
-    for _ in range(40):
-        q, qd = memory.read(arm.coordinates), memory.read(arm.rates)
-        actions = rng.uniform(-1.0, 1.0, (count, 4)).astype(np.float32)
-        env.step(actions)
-        states = list(zip(q, qd, actions * limits, strict=True))
-        fine, _ = after(REACH, states, tolerance=None, substeps=64)
-        coarse, _ = after(REACH, states, tolerance=1e-6)
-        off += np.count_nonzero(np.abs(coarse - fine).max(axis=1) > 1e-5)
-    assert off == 0  # of 40960
 
 
 def test_what_is_not_near_a_stop_does_not_meet_one():

@@ -1,23 +1,15 @@
 """Scenes, states and efforts, drawn from one generator: from calm ones to the limits of float64."""
 
-from __future__ import annotations
-
 import dataclasses
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from redundant_envs.effects import REGISTRY
-from redundant_envs.effects.hooks import Effect
-from redundant_envs.robots import RPRP, Arm, FourR
+from redundant_envs.robots import RPRP, FourR
 from redundant_envs.scene import Scene
 from redundant_envs.tasks.limits import hard_stops, spring_limits
 
-Array = NDArray[np.float64]
-Generator = np.random.Generator
-
-ARMS: tuple[tuple[type[Arm], int], ...] = ((RPRP, 2), (FourR, 4))
+ARMS = ((RPRP, 2), (FourR, 4))
 """Arms and their numbers of lengths."""
 TRIES = 50
 """Most draws of numbers until a scene accepts them."""
@@ -25,12 +17,12 @@ MOTORS = "EffortLimits"
 """Environments need it."""
 
 
-def decades(rng: Generator, low: float, high: float) -> float:
+def decades(rng, low, high):
     """Uniform in the logarithm."""
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
-def spread(rng: Generator, count: int, ratio: float) -> tuple[float, ...]:
+def spread(rng, count, ratio):
     """Positive numbers whose ratios reach ``ratio`` at most; one in four is at an end."""
     places = rng.uniform(-0.5, 0.5, count)
     ends = rng.random(count) < 0.25
@@ -38,53 +30,52 @@ def spread(rng: Generator, count: int, ratio: float) -> tuple[float, ...]:
     return tuple(float(x) for x in 0.99 * ratio ** (0.999 * places))
 
 
-def drawn_arm(rng: Generator, calm: bool = False) -> Arm:
+def drawn_arm(rng, calm=False):
     kind, lengths = ARMS[rng.integers(len(ARMS))]
     wild = 0.0 if calm else rng.random()
     masses = spread(rng, 4, rng.choice([4.0, 30.0]) if wild < 0.7 else float(rng.choice([1e4, 1e8, 1e12])))
     longs = spread(rng, lengths, rng.choice([2.0, 8.0]) if wild < 0.85 else float(rng.choice([1e3, 1e6])))
     scale = decades(rng, 0.1, 2.0) if rng.random() < 0.9 else decades(rng, 1e-6, 1e6)
-    robot: Any = kind
-    return robot(tuple(0.5 * m for m in masses), tuple(scale * x for x in longs))
+    return kind(tuple(0.5 * m for m in masses), tuple(scale * x for x in longs))
 
 
 # ---- effects -----------------------------------------------------------------------------------------
 
 
-def own_effects() -> dict[str, type[Effect]]:
+def own_effects():
     """Effects of the package by their names; tests register more in the same process."""
     return {n: c for n, c in sorted(REGISTRY.items()) if c.__module__.startswith("redundant_envs.")}
 
 
-def weight_of(arm: Any) -> float:
+def weight_of(arm):
     """Moment of the stretched arm's weight about its base, N m: the scale of efforts."""
     return 9.81 * sum(arm.masses) * sum(arm.lengths)
 
 
-def travel(rng: Generator, arm: Any) -> tuple[float, float]:
+def travel(rng, arm):
     """Ends of the travel of a slider, from a hundredth of the arm to as long as it is."""
     low = float(rng.choice([0.0, 0.0, -0.1, 0.05])) * sum(arm.lengths)
     return low, low + sum(arm.lengths) * decades(rng, 0.01, 1.0)
 
 
-def draw_gravity(rng: Generator, arm: Any) -> dict[str, Any]:
+def draw_gravity(rng, arm):
     angle, length = rng.uniform(-np.pi, np.pi), float(rng.choice([1.0, 1.0, 0.5, 0.0]))
     down = (0.0, -1.0) if rng.random() < 0.7 else (length * np.cos(angle), length * np.sin(angle))
     return {"g": float(rng.choice([9.81, 9.81, 1.6, 0.0, -9.81, 1e3])), "down": down}
 
 
-def draw_friction(rng: Generator, arm: Any) -> dict[str, Any]:
+def draw_friction(rng, arm):
     scale = 0.02 * weight_of(arm) * rng.choice([0.0, 0.2, 0.2, 3.0])
     return {"coefficients": tuple(float(x) for x in scale * rng.uniform(0.0, 1.0, len(arm.joints)))}
 
 
-def draw_limits(rng: Generator, arm: Any) -> dict[str, Any]:
+def draw_limits(rng, arm):
     strong = weight_of(arm) * decades(rng, 0.05, 5.0)
     sliding = [1.0 / sum(arm.lengths) if s else 1.0 for s in arm.prismatic]
     return {"limits": tuple(float(strong * s * rng.uniform(0.2, 1.0)) for s in sliding)}
 
 
-def draw_stop(rng: Generator, arm: Any) -> dict[str, Any]:
+def draw_stop(rng, arm):
     ends = [travel(rng, arm) for _ in arm.sliders()]
     return {
         "lower": tuple(low for low, _ in ends),
@@ -93,7 +84,7 @@ def draw_stop(rng: Generator, arm: Any) -> dict[str, Any]:
     }
 
 
-def draw_limit_spring(rng: Generator, arm: Any) -> dict[str, Any]:
+def draw_limit_spring(rng, arm):
     joint = int(rng.integers(len(arm.joints)))
     low, high = (
         travel(rng, arm) if arm.prismatic[joint] else (-decades(rng, 0.1, 2.0), decades(rng, 0.1, 2.0))
@@ -104,7 +95,7 @@ def draw_limit_spring(rng: Generator, arm: Any) -> dict[str, Any]:
             "damping": damping}  # fmt: skip
 
 
-def draw_centring_spring(rng: Generator, arm: Any) -> dict[str, Any]:
+def draw_centring_spring(rng, arm):
     ends = [travel(rng, arm) for _ in arm.sliders()]
     stiffness = tuple(weight_of(arm) * decades(rng, 0.1, 1e3) for _ in ends)
     return {"stiffness": stiffness, "lower": tuple(e[0] for e in ends), "upper": tuple(e[1] for e in ends)}
@@ -116,10 +107,10 @@ DRAWERS = {
 }  # fmt: skip
 
 
-def draw_unknown(rng: Generator, kind: type[Effect], arm: Any) -> dict[str, Any]:
+def draw_unknown(rng, kind, arm):
     """Numbers for the fields of an effect that has no drawer: one for each joint, or one."""
-    values: dict[str, Any] = {}
-    for field in dataclasses.fields(kind):  # type: ignore[arg-type]
+    values = {}
+    for field in dataclasses.fields(kind):
         if field.default is not dataclasses.MISSING and rng.random() < 0.5:
             continue
         several = field.name in getattr(kind, "of_joints", ()) or "tuple" in str(field.type)
@@ -129,37 +120,31 @@ def draw_unknown(rng: Generator, kind: type[Effect], arm: Any) -> dict[str, Any]
     return values
 
 
-def drawn_effect(rng: Generator, name: str, arm: Any) -> Effect:
-    """An effect by its name; ValueError if the arm cannot have it."""
-    kind: Any = own_effects()[name]
-    draw = DRAWERS.get(name)
-    return kind(**(draw(rng, arm) if draw else draw_unknown(rng, kind, arm)))
-
-
-def drawn_effects(rng: Generator, arm: Any, needed: tuple[str, ...] = ()) -> tuple[Effect, ...]:
+def drawn_effects(rng, arm, needed=()):
     """Any subset of the registered effects; limit springs at a random number of joints."""
     share = rng.choice([0.3, 0.6, 1.0])
-    chosen: list[Effect] = []
-    for name in own_effects():
+    chosen = []
+    for name, kind in own_effects().items():
         if name not in needed and not rng.random() < share:
             continue
         for _ in range(int(rng.integers(1, 4)) if name == "LimitSpring" else 1):
             for _ in range(TRIES):
                 try:
-                    effect = drawn_effect(rng, name, arm)
+                    draw = DRAWERS.get(name)
+                    effect = kind(**(draw(rng, arm) if draw else draw_unknown(rng, kind, arm)))
                     Scene(arm, (*chosen, effect))
                 except ValueError:
                     continue
                 chosen.append(effect)
                 break
-    rng.shuffle(chosen)  # type: ignore[arg-type]
+    rng.shuffle(chosen)
     return tuple(chosen)
 
 
 # ---- scenes ------------------------------------------------------------------------------------------
 
 
-def drawn_stepping(rng: Generator) -> dict[str, Any]:
+def drawn_stepping(rng):
     """Integrator, substeps and tolerance: error control in two of three."""
     kind = rng.random()
     if kind < 0.65:
@@ -169,9 +154,7 @@ def drawn_stepping(rng: Generator) -> dict[str, Any]:
     return {"integrator": str(rng.choice(["euler", "rk4", "rk8"])), "substeps": int(rng.choice([1, 1, 2, 5]))}
 
 
-def drawn_scene(
-    rng: Generator, needed: tuple[str, ...] = (), actuation: str | None = None, calm: bool = False
-) -> Scene:
+def drawn_scene(rng, needed=(), actuation=None, calm=False):
     """A scene of any registered effects, with ``needed`` among them; a calm one has similar links."""
     arm = drawn_arm(rng, calm)
     dt = float(rng.choice([0.02, 0.02, 0.005, 0.01, 0.05, 1e-6, 0.2]))
@@ -180,48 +163,34 @@ def drawn_scene(
     return Scene(arm, effects, control_dt=dt, actuation=actuation, **drawn_stepping(rng))
 
 
-def ends_of(scene: Scene) -> dict[int, tuple[float, float]]:
-    """Joint -> limits of its travel, of stops and else of springs; infinite where there is none."""
-    values = scene.parameters()
-    limits = (*spring_limits(scene), *hard_stops(scene))
-    return {joint: (values[low], values[high]) for joint, low, high in limits}
-
-
 # ---- states and efforts ------------------------------------------------------------------------------
 
 STATES = (
-    "plain",
-    "plain",
-    "fast",
-    "folded",
-    "at rest",
-    "at stop",
-    "at stop",
-    "near stop",
-    "near stop",
-    "huge",
-)
+    "plain", "plain", "fast", "folded", "at rest", "at stop", "at stop", "near stop", "near stop", "huge"
+)  # fmt: skip
 RARE_STATES = ("denormal", "far", "overflowing", "nan")
 EFFORTS = ("plain", "plain", "bang-bang", "bang-bang", "none", "strong")
-RARE_EFFORTS = ("1e300", "nan", "inf", "denormal")
+RARE_EFFORTS = {"1e300": 1e300, "nan": np.nan, "inf": -np.inf, "denormal": 5e-324}
 RARE = 0.03
 """Share of lanes with numbers that no motion survives."""
 
 
-def drawn_kinds(rng: Generator, count: int, usual: tuple[str, ...], rare: tuple[str, ...]) -> list[str]:
+def drawn_kinds(rng, count, usual, rare):
     return [str(rng.choice(rare if rng.random() < RARE else usual)) for _ in range(count)]
 
 
-def drawn_states(scene: Scene, count: int, rng: Generator) -> tuple[Array, Array]:
+def drawn_states(scene, count, rng):
     """Coordinates and velocities, (count, joints) each, of all kinds."""
     made = [drawn_state(scene, kind, rng) for kind in drawn_kinds(rng, count, STATES, RARE_STATES)]
-    return np.array([q for q, _ in made]), np.array([qd for _, qd in made])
+    return tuple(np.array(x) for x in zip(*made, strict=True))
 
 
-def drawn_state(scene: Scene, kind: str, rng: Generator) -> tuple[Array, Array]:
+def drawn_state(scene, kind, rng):
     """Coordinates and velocities of one lane; sliders are between their stops."""
-    arm: Any = scene.robot
-    n, size, ends = len(arm.joints), sum(arm.lengths), ends_of(scene)
+    arm, values = scene.robot, scene.parameters()
+    n, size = len(arm.joints), sum(arm.lengths)
+    limits = (*spring_limits(scene), *hard_stops(scene))
+    ends = {joint: (values[low], values[high]) for joint, low, high in limits}
     q, qd = rng.uniform(-np.pi, np.pi, n), rng.normal(0.0, decades(rng, 0.3, 8.0), n)
     if kind == "folded":  # singular poses, exactly and nearly
         q = rng.choice([0.0, 0.5 * np.pi, np.pi, -np.pi], n) + rng.choice([0.0, 1e-15, 1e-9, 1e-4])
@@ -257,12 +226,12 @@ def drawn_state(scene: Scene, kind: str, rng: Generator) -> tuple[Array, Array]:
     return q, qd
 
 
-def drawn_efforts(scene: Scene, count: int, rng: Generator) -> Array:
+def drawn_efforts(scene, count, rng):
     """Efforts, (count, joints), from none to ones that no motion survives."""
-    arm: Any = scene.robot
+    arm = scene.robot
     unit = weight_of(arm) * np.array([1.0 / sum(arm.lengths) if s else 1.0 for s in arm.prismatic])
     rows = []
-    for kind in drawn_kinds(rng, count, EFFORTS, RARE_EFFORTS):
+    for kind in drawn_kinds(rng, count, EFFORTS, tuple(RARE_EFFORTS)):
         row = rng.uniform(-1.0, 1.0, len(unit)) * unit
         if kind == "bang-bang":
             row = np.sign(row) * unit
@@ -271,8 +240,6 @@ def drawn_efforts(scene: Scene, count: int, rng: Generator) -> Array:
         elif kind == "strong":
             row *= 30.0
         elif kind != "plain":
-            row[rng.integers(len(unit))] = {
-                "1e300": 1e300, "nan": np.nan, "inf": -np.inf, "denormal": 5e-324
-            }[kind]  # fmt: skip
+            row[rng.integers(len(unit))] = RARE_EFFORTS[kind]
         rows.append(row)
     return np.array(rows)

@@ -1,103 +1,211 @@
-"""Cases of the batch simulator: a drawn scene, and calls in any order."""
-
-from __future__ import annotations
-
-from typing import Any
+"""Cases: a drawn scene, a simulator or a kind of environment, and calls in any order."""
 
 import numpy as np
 
 from redundant_envs.robots.parameters import LARGEST_RATIO
-from redundant_envs.scene import Scene
 
-from .cases import Case, plain
-from .drawing import Generator, drawn_efforts, drawn_scene, drawn_states
+from .cases import ENVIRONMENTS, plain
+from .drawing import MOTORS, RARE_EFFORTS, TRIES, drawn_efforts, drawn_scene, drawn_state, drawn_states
 
+LANES, FEW, MANY = 48, 12, 128
+"""Most lanes of a simulator and of environments."""
+LIMIT = 7
+"""Control steps of an episode, in most cases: few, so that episodes end often."""
+ACTIONS = ("plain", "bang-bang", "bang-bang", "none", "too large")
 CALLS = ("advance",) * 10 + (
     "set_state", "set_parameters", "refused_parameters", "refused_state", "advance_partly", "save", "restore",
-    "copy", "pickle", "npz",
+    "copy", "pickle", "anew",
 )  # fmt: skip
+CALLS_OF_ENVIRONMENTS = ("step",) * 14 + (
+    "reset", "reset", "partial_reset", "reset_with", "save", "restore", "copy", "pickle", "bad_step",
+    "refused_reset", "refused_step", "observe",
+)  # fmt: skip
+PLAIN = ("save", "restore", "copy", "pickle", "anew", "observe")
+"""Calls without arguments."""
+AUTORESETS = ("next_step", "same_step", "disabled")
 
 
-def case_generator(seed: int, number: int) -> Generator:
-    """The generator of a case: it depends only on the two numbers."""
-    return np.random.default_rng([seed, number])
+def drawn(seed, number, scene=None, calls=None, **fixed):
+    """A case of a seed and a number: environments in two of five, one of them with many lanes.
+
+    A scene and entries of the case may be given.
+    """
+    rng = np.random.default_rng([seed, number])
+    face = fixed.get("face", "environment" if number % 5 in (1, 3) else "simulator")
+    made = {"seed": seed, "number": number, "threads": int(rng.choice([1, 1, 2]))}
+    if face == "simulator":
+        scene = scene or drawn_scene(rng)
+        made |= {"face": face, "num_envs": int(rng.choice([1, 7, 8, 9, LANES, LANES, LANES]))} | fixed
+        of_case, calls = calls_of_simulator, calls or 6
+    else:
+        scene = scene or limited_scene(rng)
+        made |= drawn_environment(rng, FEW if number % 5 == 1 else MANY) | fixed
+        of_case, calls = calls_of_environment, calls or 30
+    if made["face"] == "env":
+        made |= {"num_envs": 1, "threads": 1}
+    if scene.integrator == "dop853":  # takes as many steps as it needs, up to seconds for a wild lane
+        made["num_envs"], calls = min(made["num_envs"], 2 if face != "simulator" else 9), max(3, calls // 4)
+    return plain({**made, "scene": scene.to_dict(), "calls": of_case(rng, made, scene, calls)})
 
 
-def some_lanes(rng: Generator, count: int) -> list[int]:
+def some_lanes(rng, count):
     """A few lanes in any order."""
     return [int(k) for k in rng.permutation(count)[: rng.integers(1, max(2, count // 2))]]
 
 
-def drawn_parameters(rng: Generator, scene: Scene, lanes: int) -> tuple[dict[str, Any], list[str]]:
-    """New numbers near the scene's own, and the names of those that differ from lane to lane."""
-    robot: Any = scene.robot
-    values: dict[str, Any] = {}
+def drawn_parameters(rng, scene, lanes):
+    """New numbers near the scene's own, with a row for each lane."""
+    values = {}
     for name in ("masses", "lengths"):
         if rng.random() < 0.6:
-            own = np.array(getattr(robot, name))
+            own = np.array(getattr(scene.robot, name))
             near = own * rng.uniform(0.7, 1.4, (lanes, len(own)))
             too_far_apart = near.max(axis=1) > LARGEST_RATIO * near.min(axis=1)
             values[name] = np.where(too_far_apart[:, None], own, near).tolist()
-    strengths = ("gravity.g", "viscous_friction.coefficients", "effort_limits.limits",
-                 "prismatic_stop.restitution")  # fmt: skip
     parameters = scene.parameters()
-    for name in strengths:
+    for name in ("gravity.g", "viscous_friction.coefficients", "effort_limits.limits",
+                 "prismatic_stop.restitution"):  # fmt: skip
         own = np.array([v for p, v in parameters.items() if p.split("[")[0] == name])
         if len(own) and rng.random() < 0.6:
             values[name] = (own * rng.uniform(0.3, 1.0, (lanes, len(own)))).tolist()
-    return values, list(values)
+    return values
 
 
-def drawn_call(rng: Generator, scene: Scene, num_envs: int, kind: str) -> dict[str, Any]:
+# ---- simulators -----------------------------------------------------------------------------------------
+
+
+def calls_of_simulator(rng, case, scene, count):
+    q, qd = drawn_states(scene, case["num_envs"], rng)
+    kinds = [str(rng.choice(CALLS)) for _ in range(count)]
+    drawn = [call_of_simulator(rng, scene, case["num_envs"], kind) for kind in (*kinds, "advance")]
+    return [{"call": "set_state", "q": q, "qd": qd}, *drawn]
+
+
+def call_of_simulator(rng, scene, num_envs, kind):
     """A call with its arguments."""
-    robot: Any = scene.robot
-    if kind in ("save", "restore", "copy", "pickle", "npz"):
+    if kind in PLAIN:
         return {"call": kind}
     if kind in ("advance", "advance_partly"):
-        call: dict[str, Any] = {"call": kind, "efforts": drawn_efforts(scene, num_envs, rng)}
-        if kind == "advance_partly":
-            call["duration"] = scene.control_dt * float(rng.choice([1e-6, 0.3, 1.0, 1.7]))
-        return call
-    lanes = some_lanes(rng, num_envs)
-    if kind == "set_state":
-        # Parameters may have moved the stops since: then it is refused.
-        q, qd = drawn_states(scene, len(lanes), rng)
-        return {"call": kind, "lanes": lanes, "q": q, "qd": qd, "refusable": True}
+        duration = scene.control_dt * float(rng.choice([1e-6, 0.3, 1.0, 1.7]))
+        more = {"duration": duration} if kind == "advance_partly" else {}
+        return {"call": kind, "efforts": drawn_efforts(scene, num_envs, rng), **more}
+    lanes, count = some_lanes(rng, num_envs), len(scene.robot.masses)
     if kind == "set_parameters":
-        values, of_lanes = drawn_parameters(rng, scene, len(lanes))
-        return {"call": kind, "lanes": lanes, "parameters": values, "of_lanes": of_lanes}
-    if kind == "refused_state":
-        q, qd = drawn_states(scene, len(lanes), rng)
-        wrong = [{"q": q[:, :-1]}, {"q": [["1"] * q.shape[1]] * len(lanes), "text": True}][rng.integers(2)]
-        return {"call": "set_state", "lanes": lanes, "q": q, "qd": qd, **wrong, "refused": True}
-    wrong = [
-        {"masses": -1.0}, {"masses": [1.0] * (len(robot.masses) + 1)}, {"lengths": 0.0}, {"unknown": 1.0},
-        {"masses": float("nan")}, {"gravity.g": 1e200},
-        {"masses": [1e-29, *[1e29] * (len(robot.masses) - 1)]},
-    ][rng.integers(7)]  # fmt: skip
-    return {"call": "set_parameters", "lanes": lanes, "parameters": wrong, "refused": True}
+        values = drawn_parameters(rng, scene, len(lanes))
+        return {"call": kind, "lanes": lanes, "parameters": values, "of_lanes": True}
+    if kind == "refused_parameters":
+        wrong = [
+            {"masses": -1.0}, {"masses": [1.0] * (count + 1)}, {"lengths": 0.0}, {"unknown": 1.0},
+            {"masses": float("nan")}, {"gravity.g": 1e200}, {"masses": [1e-29, *[1e29] * (count - 1)]},
+        ][rng.integers(7)]  # fmt: skip
+        (name,) = wrong
+        return {"call": "set_parameters", "lanes": lanes, "parameters": wrong, "refused": f"(?i){name}"}
+    q, qd = drawn_states(scene, len(lanes), rng)
+    call = {"call": "set_state", "lanes": lanes, "q": q, "qd": qd}
+    if kind == "set_state":  # parameters may have moved the stops since: then it is refused
+        return {**call, "refusable": True}
+    texts = {"q": [["1"] * q.shape[1]] * len(lanes), "text": True, "refused": "real numbers"}
+    return {**call, **[{"q": q[:, :-1], "refused": "shape"}, texts][rng.integers(2)]}
 
 
-def drawn_case(seed: int, number: int, lanes: int = 48, calls: int = 6) -> Case:
-    """A case of the batch simulator."""
-    rng = case_generator(seed, number)
-    scene = drawn_scene(rng)
-    count = int(rng.choice([1, 7, 8, 9, lanes, lanes, lanes]))
-    if scene.integrator == "dop853":  # takes as many steps as it needs, up to seconds for a wild lane
-        count, calls = min(count, 9), min(calls, 3)
-    q, qd = drawn_states(scene, count, rng)
-    made = [{"call": "set_state", "q": q, "qd": qd}]
-    made += [drawn_call(rng, scene, count, str(rng.choice(CALLS))) for _ in range(calls)]
-    made.append(drawn_call(rng, scene, count, "advance"))
-    case: Case = plain(
-        {
-            "face": "simulator",
-            "seed": seed,
-            "number": number,
-            "scene": scene.to_dict(),
-            "num_envs": count,
-            "threads": int(rng.choice([1, 1, 2])),
-            "calls": made,
-        }
-    )
-    return case
+# ---- environments ---------------------------------------------------------------------------------------
+
+
+def limited_scene(rng):
+    """A scene that an environment accepts: motors, joint efforts, sliders of limited travel."""
+    for _ in range(TRIES):
+        scene = drawn_scene(rng, (MOTORS,), "joint", calm=bool(rng.random() < 0.6))
+        limited = all(k in scene.travel() for k in scene.robot.sliders())
+        if limited and any(type(e).__name__ == MOTORS for e in scene.effects):
+            return scene
+    raise AssertionError("no drawn scene has limited travel")
+
+
+def drawn_environment(rng, lanes):
+    face, mode = str(rng.choice(ENVIRONMENTS)), str(rng.choice(AUTORESETS))
+    made = {
+        "face": face, "goal": bool(rng.random() < 0.35), "num_envs": int(rng.choice([2, 8, 9, lanes])),
+        "autoreset_mode": mode, "on_bad_action": str(rng.choice(["raise", "terminate", "terminate"])),
+        "max_episode_steps": int(rng.choice([1, LIMIT, LIMIT, 100])),
+        "task": {"speed_bound": float(rng.choice([50.0, 50.0, 5.0]))},
+    }  # fmt: skip
+    if mode == "disabled" and face == "vector":
+        made["max_episode_steps"] = 100  # or most steps are refused, as other lanes wait for a reset
+    return made
+
+
+def calls_of_environment(rng, case, scene, count):
+    lanes, joints = case["num_envs"], len(scene.robot.joints)
+    made = [{"call": "step", "actions": drawn_actions(rng, lanes, joints), "refused": "before reset"}]
+    made = made if rng.random() < 0.2 else []
+    made.append({"call": "reset", "seed": [int(rng.integers(2**20)) + k for k in range(lanes)]})
+    waits = case["face"] == "env" or (case["face"] == "vector" and case["autoreset_mode"] == "disabled")
+    usual = CALLS_OF_ENVIRONMENTS + ("reset",) * 5 * waits  # else most steps come after an end
+    return made + [call_of_environment(rng, case, scene, str(rng.choice(usual))) for _ in range(count)]
+
+
+def call_of_environment(rng, case, scene, kind):
+    count, joints = case["num_envs"], len(scene.robot.joints)
+    if kind in PLAIN:
+        return {"call": kind}
+    if kind == "step":
+        return {"call": kind, "actions": drawn_actions(rng, count, joints)}
+    if kind == "bad_step":
+        actions = drawn_actions(rng, count, joints, (*ACTIONS, *RARE_EFFORTS))
+        return {"call": "step", "actions": actions, "float64": True}
+    if kind == "refused_step":
+        texts = {"actions": [["0"] * joints] * count, "text": True, "refused": "dtype"}
+        wrong = {"actions": [[0.0] * (joints + 1)] * count, "refused": "shape"}
+        return {"call": "step", **[wrong, texts][rng.integers(2)]}
+    if kind == "refused_reset":
+        name, wrong = [
+            ("unknown", {"unknown": 1.0}), ("masses", {"parameters": {"masses": -1.0}}),
+            ("parameters", {"parameters": 3.0}), ("goal", {"goal": [[1e9, 0.0]] * count}),
+            ("'q'", {"q": [[0.0]] * count}), ("'qd'", {"qd": [[1e200] * joints] * count}),
+        ][rng.integers(6)]  # fmt: skip
+        return {"call": "reset", "options": wrong, "refused": name}
+    lanes = sorted(some_lanes(rng, count)) if kind == "partial_reset" and case["face"] == "vector" else None
+    own = range(count) if lanes is None else lanes
+    seed = int(rng.integers(2**31)) if rng.random() < 0.5 else None
+    call = {"call": "reset", "lanes": lanes, "seed": None if seed is None else [seed + k for k in own]}
+    if kind == "reset_with" or rng.random() < 0.2:
+        options = drawn_options(rng, scene, len(own), case["goal"])
+        call |= {"options": options, "refusable": True, "of_lanes": True}
+    return call
+
+
+def drawn_actions(rng, count, joints, kinds=ACTIONS):
+    """Actions, (count, joints): inside [-1, 1], at its ends, and beyond."""
+    rows = rng.uniform(-1.0, 1.0, (count, joints))
+    for row in rows:
+        kind = str(rng.choice(kinds))
+        if kind == "bang-bang":
+            row[:] = np.sign(row)
+        elif kind in RARE_EFFORTS:
+            row[rng.integers(joints)] = RARE_EFFORTS[kind]
+        else:
+            row *= {"plain": 1.0, "none": 0.0, "too large": 5.0}[kind]
+    return rows.astype(np.float32) if "1e300" not in kinds else rows
+
+
+def drawn_options(rng, scene, lanes, goal):
+    """Options of a reset: positions, velocities and parameters; some are refused."""
+    options = {}
+
+    def states(*kinds):
+        found = [drawn_state(scene, str(rng.choice(kinds)), rng) for _ in range(lanes)]
+        return (np.array(x) for x in zip(*found, strict=True))
+
+    if rng.random() < 0.6:
+        usual = ("plain", "folded", "at rest", "at stop", "near stop", "denormal")
+        options["q"], options["qd"] = states(*usual)
+    if rng.random() < 0.3:
+        _, qd = states("fast", "huge", "overflowing")
+        options["qd"] = np.clip(qd, -1e100, 1e100)
+    if rng.random() < 0.4:
+        options["parameters"] = drawn_parameters(rng, scene, lanes)
+        if goal:
+            options["parameters"].pop("lengths", None)
+    if rng.random() < 0.3:
+        options["goal"] = rng.uniform(-0.4, 0.4, (lanes, 2)) * min(scene.robot.lengths)
+    return options

@@ -1,201 +1,293 @@
-"""Promises about the batch simulator: one function each, which returns the violations with numbers."""
+"""Promises: one function each, which yields call, lane (-1: none) and text of each violation.
 
-from __future__ import annotations
+The name of the function is the name of the promise.
+"""
 
-from collections.abc import Callable
-from typing import Any
+import re
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
+from gymnasium.error import ResetNeeded
 
 import redundant_envs as rde
 from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.tasks.limits import hard_stops
 
-from .cases import Case, with_lanes, without_calls
-from .invariants_motion import tolerance_and_energies
-from .played import Played, Tally, Violation, same
-from .playing import Lanes, Make, Player, play
-from .references import astuple, lane_parameters, of_lanes
+from .cases import ENVIRONMENTS, lanes_of, with_lanes, without_calls
+from .motions import the_energy_book_closes, tolerance_is_kept_or_flagged, values_of
+from .playing import EnvironmentPlayer, differing, play, same
 
 MOST_TRIALS, MOST_MORE, MOST_ADAPTIVE = 65536, 18, 1_000_002
 """Most steps of an interval, more for each substep, and the most for dop853."""
-STRUCTURES = ("save", "copy", "pickle", "npz")
+REPLACING = ("copy", "pickle", "anew")
+"""Calls after which another simulator or environment goes on."""
 NON_FINITE, GIVEN_UP = int(rde.Numerics.NON_FINITE), int(rde.Numerics.EVENT_BUDGET)
+ROUNDING, FLOAT32 = 1e-9, 1e-4
+"""Rounding of a sum of a hundred rewards of at most 1; in single precision, as in stable-baselines3."""
 
 
-Invariant = Callable[[Played], list[Violation]]
+class Violation(NamedTuple):
+    invariant: str
+    call: int
+    lane: int
+    found: str
 
 
-def differing(one: Lanes, other: Lanes) -> list[int]:
-    """Lanes that differ in any bit."""
-    agree = np.ones(len(one.q), np.bool_)
-    for a, b in zip(astuple(one), astuple(other), strict=True):
-        agree &= same(a, b).reshape(len(agree), -1).all(axis=1)
-    return np.flatnonzero(~agree).tolist()
+@dataclass
+class Tally:
+    """Counts of a run."""
+
+    scenes: int = 0
+    intervals: int = 0
+    events: int = 0
+    flagged: int = 0
+    judged: int = 0  # unflagged intervals with a tolerance where the references agree
+    books: int = 0  # intervals whose energies were compared
+    refused: int = 0
+    episodes: int = 0
+    early_ends: int = 0
+    failures: dict = field(default_factory=dict)
+
+    def add(self, other):
+        for name, value in vars(other).items():
+            if name != "failures":
+                setattr(self, name, getattr(self, name) + value)
+        for invariant, count in other.failures.items():
+            self.failures[invariant] = self.failures.get(invariant, 0) + count
 
 
-def only_documented_exceptions(played: Played) -> list[Violation]:
-    """A call raises no other exception than a ValueError, and only if its arguments are invalid."""
-    name, found = "only_documented_exceptions", []
+@dataclass
+class Played:
+    """A case, its results, and the class of its simulators (tests tamper with them)."""
+
+    case: dict
+    steps: list
+    make: type
+    tally: Tally
+    judgements: list | None = None
+
+    def __post_init__(self):
+        self.scene = rde.Scene.from_dict(self.case["scene"])
+
+    def intervals(self):
+        return ((k, s) for k, s in enumerate(self.steps) if s.told)
+
+    def observations(self):
+        """Call, lane, name and row of every observation: those of resets and last ones, too."""
+        for k, step in enumerate(self.steps):
+            for key, table in step.told.items():
+                when, _, name = key.partition(" ")
+                if when in ("now", "last"):
+                    for lane in np.flatnonzero(step.told["begun"]) if when == "last" else range(len(table)):
+                        yield k, lane, name, table[lane]
+
+
+# ---- simulators and environments ------------------------------------------------------------------------
+
+
+def only_documented_exceptions(played):
+    """A call raises no other exception than a ValueError or ResetNeeded; only if it is invalid, and then
+    always."""
     for k, step in enumerate(played.steps):
-        call, error = step.call, step.error
-        if error is not None and not isinstance(error, ValueError):
-            found.append(Violation(name, k, -1, f"{call['call']} raised {type(error).__name__}: {error}"))
-        elif error is not None and not (call.get("refusable") or call.get("refused")):
-            found.append(Violation(name, k, -1, f"{call['call']} was refused: {error}"))
-        elif error is None and call.get("refused"):
-            found.append(Violation(name, k, -1, f"{call['call']} was not refused"))
-    return found
+        what, error, must = step.call["call"], step.error, step.must_refuse
+        if error is None and must is not None:
+            yield k, -1, f"{what} was not refused"
+        elif error is not None and not isinstance(error, ValueError | ResetNeeded):
+            yield k, -1, f"{what} raised {type(error).__name__}: {error}"
+        elif error is not None and must is None and not step.may_refuse:
+            yield k, -1, f"{what} was refused: {error}"
+        elif error is not None and not re.search(must or "", str(error)):
+            yield k, -1, f"{what} was refused without a word of {must!r}: {error}"
 
 
-def a_refused_call_changes_nothing(played: Played) -> list[Violation]:
-    """A call that raises leaves all lanes unchanged, to the last bit."""
-    return [
-        Violation("a_refused_call_changes_nothing", k, lane, f"{step.call['call']} changed it, and raised")
-        for k, step in enumerate(played.steps)
-        if step.error is not None
-        for lane in differing(step.before, step.after)[:1]
-    ]
-
-
-def what_is_not_finite_is_flagged(played: Played) -> list[Violation]:
-    """``finite`` and the flag NON_FINITE say whether a lane's state is finite in every component."""
-    found = []
-    for k, step in played.intervals():
-        numeric = [np.isfinite(a).all(axis=1) for a in (step.after.q, step.after.qd, step.after.z)]
-        finite = np.logical_and.reduce(numeric)
-        flagged = (step.status["numerics"] & NON_FINITE) > 0
-        for lane in np.flatnonzero(
-            (finite != step.status["finite"]) | (flagged & finite) | ~(finite | flagged)
-        ):
-            told = {name: value[lane].item() for name, value in step.status.items()}
-            q, qd = step.after.q[lane].tolist(), step.after.qd[lane].tolist()
-            found.append(Violation("what_is_not_finite_is_flagged", k, int(lane), f"q {q}, qd {qd}: {told}"))
-    return found
-
-
-def a_given_up_interval_leaves_its_lane(played: Played) -> list[Violation]:
-    """A lane with more events than an interval may have returns to the start of the interval."""
-    found = []
-    for k, step in played.intervals():
-        given_up = (step.status["numerics"] & GIVEN_UP) > 0
-        moved = ~(same(step.before.q, step.after.q) & same(step.before.qd, step.after.qd)).all(axis=1)
-        for lane in np.flatnonzero(given_up & moved):
-            apart = np.abs(step.after.q[lane] - step.before.q[lane]).max()
-            found.append(Violation("a_given_up_interval_leaves_its_lane", k, int(lane), f"it moved {apart}"))
-    return found
-
-
-def the_work_of_an_interval_is_bounded(played: Played) -> list[Violation]:
-    """No interval takes more evaluations than the documented budgets allow, for any input."""
-    scene, found = played.scene, []
-    stages = METHODS[scene.integrator].stages
-    most = stages * (MOST_TRIALS + MOST_MORE * scene.substeps)
-    if scene.integrator == "dop853":
-        most = stages * (MOST_ADAPTIVE + MOST_TRIALS)
-    for k, step in played.intervals():
-        for lane in np.flatnonzero(step.status["evaluations"] > most):
-            text = f"{step.status['evaluations'][lane]} evaluations, more than {most}"
-            found.append(Violation("the_work_of_an_interval_is_bounded", k, int(lane), text))
-    return found
-
-
-def no_slider_is_beyond_its_stop(played: Played) -> list[Violation]:
-    """After every call the sliders of finite lanes are between their stops, to the last bit."""
-    scene, found = played.scene, []
+def a_refused_call_changes_nothing(played):
+    """A call that raises leaves everything that determines the continuation, to the last bit."""
     for k, step in enumerate(played.steps):
-        values = lane_parameters(scene, step.after)
+        for name, table in step.before.items() if step.error is not None else ():
+            if table.shape != step.after[name].shape or not np.all(same(table, step.after[name])):
+                yield k, -1, f"{step.call['call']} changed {name}, and raised"
+
+
+def no_slider_is_beyond_its_stop(played):
+    """After every call sliders are between their stops, to the last bit; a lost lane has no place."""
+    scene, lost = played.scene, played.case["face"] == "simulator"
+    for k, step in enumerate(played.steps):
+        values = values_of(scene, step.after) if "values" in step.after else scene.parameters()
         for joint, low, high in hard_stops(scene):
-            x = step.after.q[:, joint]
+            x = step.after["q"][:, joint]
             beyond = np.maximum(values[low] - x, x - values[high])
-            numeric = np.isfinite(step.after.q).all(axis=1)
-            for lane in np.flatnonzero(numeric & (beyond > 0.0)):
-                text = f"{scene.robot.joints[joint]} is {beyond[lane]:.3g} m beyond its stop"
-                found.append(Violation("no_slider_is_beyond_its_stop", k, int(lane), text))
-    return found
+            for lane in np.flatnonzero(~(beyond <= 0.0) & ~(lost & np.isnan(x))):
+                yield k, lane, f"{scene.robot.joints[joint]} is {beyond[lane]:.3g} m beyond its stop"
 
 
-def no_lane_depends_on_others(played: Played) -> list[Violation]:
-    """Lanes in another order, with other threads, and alone have the same bits.
+def compared(played, steps, other, order):
+    """The first of some steps, by their numbers, which has other bits in another case, and its lane in an
+    order; the same calls are made there."""
+    again = play(other, played.make)
+    broken = [step for step in again if step.call["call"] in REPLACING and step.error is not None]
+    if broken:
+        yield -1, -1, f"{broken[0].call['call']} raised {broken[0].error}"
+    twins = [step for step in again if step.call["call"] not in REPLACING]
+    for (k, step), twin in zip(steps.items(), twins, strict=True):
+        if type(step.error) is not type(twin.error):
+            yield k, -1, f"{step.call['call']}: {step.error}; {twin.error}"
+            return
+        apart = differing(step.rows(), twin.rows(), order)
+        if apart:
+            yield k, apart[0], f"{step.call['call']} gives other bits"
+            return
 
-    Of a lane that is not finite any more this is counted for itself.
-    """
-    count = played.case["num_envs"]
-    refused = [k for k, step in enumerate(played.steps) if step.error is not None]
-    kept = without_calls(played.case, refused)
-    steps = [step for step in played.steps if step.error is None]
+
+def no_lane_depends_on_others(played):
+    """Lanes in another order, with other threads, and alone have the same bits."""
+    case, count = played.case, played.case["num_envs"]
+    kept = without_calls(case, [k for k, step in enumerate(played.steps) if step.error is not None])
     rng = np.random.default_rng(count)
-    orders = [rng.permutation(count).tolist()]
-    orders += [[int(lane)] for lane in rng.choice(count, min(count, 2), replace=False)]
-    found: list[Violation] = []
-    for order in orders if count > 1 else []:
-        other = {**with_lanes(kept, order), "threads": 3 - played.case["threads"]}
-        # Calls for none of the lanes are not in the other case.
-        own = [
-            k for k, c in enumerate(kept["calls"]) if c.get("lanes") is None or set(c["lanes"]) & set(order)
-        ]
-        for k, again in zip(own, play(other, played.make), strict=True):
-            present = of_lanes(steps[k].after, np.array(order))
-            apart = differing(present, again.after)
-            apart += [
-                lane
-                for name, value in steps[k].status.items()
-                for lane in np.flatnonzero(~same(value[order], again.status[name])).tolist()
-            ]
-            if apart:
-                place = f"index {apart[0]} of {len(order)}, {other['threads']} threads"
-                text = f"after call {steps[k].call['call']} its bits differ at {place}"
-                found.append(Violation("no_lane_depends_on_others", k, order[apart[0]], text))
-                break
-    return found
+    orders = [
+        rng.permutation(count).tolist(),
+        *([k] for k in rng.choice(count, min(count, 2), replace=False)),
+    ]
+    for order in orders if count > 1 else ():
+        steps = {
+            k: step
+            for k, step in enumerate(played.steps)
+            if step.error is None and step.call["call"] not in REPLACING
+            if step.call.get("lanes") is None or set(step.call["lanes"]) & set(order)
+        }
+        other = {**with_lanes(kept, order), "threads": 3 - case["threads"]}
+        for k, lane, text in compared(played, steps, other, order):
+            yield k, lane, f"{text} in another order of {len(order)} with {other['threads']} threads"
 
 
-def what_is_saved_continues(played: Played) -> list[Violation]:
-    """A simulator restored from a snapshot, a copy and an unpickled one continue to the same bits."""
-    calls = played.case["calls"]
-    found: list[Violation] = []
-    for k in [k for k, c in enumerate(calls) if c["call"] in STRUCTURES][:2]:
-        first = Player(played.case, played.make)
-        for call in calls[: k + 1]:
-            first.play(call)
-        second, third = Player(played.case, played.make), Player(played.case, played.make)
-        try:
-            second.batch.restore(first.batch.save())
-        except ValueError as error:
-            text = f"the snapshot taken after call {k} is refused: {error}"
-            return [Violation("what_is_saved_continues", k, -1, text)]
-        second.saved = third.saved = first.saved
-        third.batch = first.batch
-        third._make({"call": "pickle"})
-        for n, call in enumerate(calls[k + 1 :], start=k + 1):
-            ends = [player.play(call) for player in (first, second, third)]
-            apart = [differing(ends[0].after, end.after) for end in ends[1:]]
-            wrong = next((w for w, lanes in zip(("snapshot", "pickle"), apart, strict=True) if lanes), None)
-            if wrong:
-                lane = (apart[0] or apart[1])[0]
-                text = f"the {wrong} taken after call {k} goes on differently"
-                found.append(Violation("what_is_saved_continues", n, lane, text))
-                break
-    return found
+def what_is_saved_continues(played):
+    """Copies, unpickled ones, and others restored from a snapshot continue to the same bits as what goes on
+    itself."""
+    case, lanes = played.case, list(range(played.case["num_envs"]))
+    steps = {k: step for k, step in enumerate(played.steps) if step.call["call"] not in REPLACING}
+    alone = [step.call for step in steps.values()]
+    anew = []
+    for call in case["calls"]:
+        anew += [call] * (call["call"] not in REPLACING)
+        anew += [{"call": "anew"}] * (call["call"] in ("save", *REPLACING))
+    for what, calls in (("that goes on itself", alone), ("with others in its place", anew)):
+        if calls != case["calls"]:
+            for k, lane, text in compared(played, steps, {**case, "calls": calls}, lanes):
+                yield k, lane, f"{text} in one {what}"
 
 
-INVARIANTS: tuple[Invariant, ...] = (
-    only_documented_exceptions, a_refused_call_changes_nothing, what_is_not_finite_is_flagged,
-    a_given_up_interval_leaves_its_lane, the_work_of_an_interval_is_bounded,
-    no_slider_is_beyond_its_stop, tolerance_and_energies, no_lane_depends_on_others, what_is_saved_continues,
+# ---- simulators -----------------------------------------------------------------------------------------
+
+
+def what_is_not_finite_is_flagged(played):
+    """``finite`` and the flag NON_FINITE say whether a lane's state is finite in every component."""
+    for k, step in played.intervals():
+        finite = np.logical_and.reduce([np.isfinite(step.after[n]).all(axis=1) for n in ("q", "qd", "z")])
+        flagged = (step.told["numerics"] & NON_FINITE) > 0
+        for lane in np.flatnonzero((finite != step.told["finite"]) | (flagged == finite)):
+            told = {name: value[lane].item() for name, value in step.told.items()}
+            q, qd = step.after["q"][lane].tolist(), step.after["qd"][lane].tolist()
+            yield k, lane, f"q {q}, qd {qd}: {told}"
+
+
+def a_given_up_interval_leaves_its_lane(played):
+    """A lane with more events than an interval may have returns to the start of the interval."""
+    for k, step in played.intervals():
+        given_up = (step.told["numerics"] & GIVEN_UP) > 0
+        kept = [same(step.before[name], step.after[name]).all(axis=1) for name in ("q", "qd")]
+        for lane in np.flatnonzero(given_up & ~np.logical_and.reduce(kept)):
+            apart = np.abs(step.after["q"][lane] - step.before["q"][lane]).max()
+            yield k, lane, f"it moved {apart}"
+
+
+def the_work_of_an_interval_is_bounded(played):
+    """No interval takes more evaluations than the documented budgets allow, for any input."""
+    scene = played.scene
+    adaptive = MOST_ADAPTIVE if scene.integrator == "dop853" else MOST_MORE * scene.substeps
+    most = METHODS[scene.integrator].stages * (MOST_TRIALS + adaptive)
+    for k, step in played.intervals():
+        for lane in np.flatnonzero(step.told["evaluations"] > most):
+            yield k, lane, f"{step.told['evaluations'][lane]} evaluations, more than {most}"
+
+
+# ---- environments ---------------------------------------------------------------------------------------
+
+
+def observations_are_finite(played):
+    """No observation has a NaN or an infinity."""
+    for k, lane, name, row in played.observations():
+        if not np.isfinite(row).all():
+            yield k, lane, f"{name or 'the observation'} is {row.tolist()}"
+
+
+def observations_lie_in_their_space(played):
+    """Every finite observation lies in its space."""
+    env = EnvironmentPlayer(played.case).inner
+    space = getattr(env, "single_observation_space", env.observation_space)
+    for k, lane, name, row in played.observations():
+        if np.isfinite(row).all() and not (space[name] if name else space).contains(row):
+            yield k, lane, f"{name or 'the observation'} is {row.tolist()}"
+
+
+def no_early_end_pays(played):
+    """Steps pay 0 to 1, goals 0 or 1; a dense episode that a fault ends returns nothing."""
+    case, goal = played.case, played.case["goal"]
+    mode = {"vector": case["autoreset_mode"], "sb3": "same_step"}.get(case["face"])
+    returns, over = np.zeros(case["num_envs"]), np.zeros(case["num_envs"], np.bool_)
+    saved, there = (returns.copy(), over.copy()), False
+    slack = FLOAT32 if case["face"] == "sb3" else ROUNDING
+    for k, step in enumerate(played.steps):
+        kind = step.call["call"]
+        if step.error is not None:
+            continue
+        if kind == "save":
+            saved, there = (returns.copy(), over.copy()), True
+        elif kind == "restore" and there:
+            returns, over = saved[0].copy(), saved[1].copy()
+        elif kind == "reset":
+            lanes = lanes_of(case, step.call)
+            returns[lanes], over[lanes] = 0.0, False
+        if kind != "step":
+            continue
+        reward, terminated = step.told["reward"], step.told["terminated"]
+        going = ~over
+        if mode == "next_step":  # this step began the next episode of those
+            returns[over], over[:] = 0.0, False
+        returns[going] += reward[going]
+        ended, early = terminated | step.told["truncated"], terminated & going
+        paid = reward if goal else np.where(early & np.isfinite(reward), 0.0, reward)
+        right = np.isin(paid, (0.0, 1.0)) if goal else (paid >= 0.0) & (paid <= 1.0 + ROUNDING)
+        for lane in np.flatnonzero(going & ~right):
+            yield k, lane, f"a step pays {reward[lane]}"
+        for lane in np.flatnonzero(early & (np.abs(returns) > slack) & (not goal)):
+            yield k, lane, f"an episode that a fault ended returns {returns[lane]}"
+        played.tally.episodes += int((ended & going).sum())
+        played.tally.early_ends += int(early.sum())
+        over = over | ended
+        if mode == "same_step":
+            returns[over], over[:] = 0.0, False
+
+
+COMMON = (only_documented_exceptions, a_refused_call_changes_nothing, no_slider_is_beyond_its_stop)
+COSTLY = (no_lane_depends_on_others, what_is_saved_continues)
+OF_SIMULATORS = (
+    *COMMON, what_is_not_finite_is_flagged, a_given_up_interval_leaves_its_lane,
+    the_work_of_an_interval_is_bounded, tolerance_is_kept_or_flagged, the_energy_book_closes, *COSTLY,
+)  # fmt: skip
+OF_ENVIRONMENTS = (
+    *COMMON, observations_are_finite, observations_lie_in_their_space, no_early_end_pays, *COSTLY
 )  # fmt: skip
 
 
-def violations(
-    case: Case, make: Make = rde.BatchSimulator, tally: Tally | None = None, chosen: Any = INVARIANTS
-) -> list[Violation]:
-    """All violations of a case of the batch simulator."""
+def violations(case, make=rde.BatchSimulator, tally=None):
+    """All violations of a case."""
     tally = Tally() if tally is None else tally
     played = Played(case, play(case, make), make, tally)
     tally.scenes += 1
     tally.refused += sum(step.error is not None for step in played.steps)
     for _, step in played.intervals():
-        tally.intervals += case["num_envs"]
-        tally.events += int(step.status["events"].sum())
-        tally.flagged += int((step.status["numerics"] != 0).sum())
-    return [violation for invariant in chosen for violation in invariant(played)]
+        tally.intervals += case["num_envs"] * ("reward" in step.told or "numerics" in step.told)
+        tally.events += int(np.sum(step.told.get("events", 0)))
+        tally.flagged += int(np.sum(step.told.get("numerics", 0) != 0))
+    chosen = OF_ENVIRONMENTS if case["face"] in ENVIRONMENTS else OF_SIMULATORS
+    return [Violation(one.__name__, *found) for one in chosen for found in one(played)]

@@ -1,27 +1,15 @@
 """Minimising a failing case: fewer lanes, calls, effects and digits, while the same promise is broken."""
 
-from __future__ import annotations
-
 import copy
 import time
-from collections.abc import Callable, Iterator
-from typing import Any
 
-from .cases import ENVIRONMENTS, Case, without_calls
-from .cases import with_lanes as lanes_of_calls
-from .invariants_episodes import of_lanes
+from .cases import with_lanes, without_calls
 
-Fails = Callable[[Case], bool]
 SECONDS = 60.0
 """Time after which a case is small enough."""
 
 
-def with_lanes(case: Case, order: list[int]) -> Case:
-    """The case with some lanes, including the options of resets."""
-    return of_lanes(case, order) if case["face"] in ENVIRONMENTS else lanes_of_calls(case, order)
-
-
-def fewer_lanes(case: Case) -> Iterator[Case]:
+def fewer_lanes(case):
     """Halves, quarters, ... of the lanes, and all but one of few."""
     count, size = case["num_envs"], case["num_envs"] // 2
     while size >= 1:
@@ -33,7 +21,7 @@ def fewer_lanes(case: Case) -> Iterator[Case]:
         size //= 2
 
 
-def fewer_calls(case: Case) -> Iterator[Case]:
+def fewer_calls(case):
     """Without the second half, and without each call, from the last on; the first begins the motion."""
     count = len(case["calls"])
     if count > 3:
@@ -42,74 +30,46 @@ def fewer_calls(case: Case) -> Iterator[Case]:
         yield without_calls(case, [k])
 
 
-def fewer_effects(case: Case) -> Iterator[Case]:
-    effects = case["scene"]["effects"]
-    for k in range(len(effects)):
-        scene = {**case["scene"], "effects": effects[:k] + effects[k + 1 :]}
-        yield {**copy.deepcopy(case), "scene": scene}
-
-
-def plainer(case: Case) -> Iterator[Case]:
-    """One thread, joint actuation, a usual control interval."""
-    for name, value in (("threads", 1),):
-        if case.get(name, value) != value:
-            yield {**copy.deepcopy(case), name: value}
+def plainer(case):
+    """Without an effect; one thread, joint actuation, a usual control interval, round masses and lengths."""
+    scene, robot = case["scene"], case["scene"]["robot"]
+    for k in range(len(scene["effects"])):
+        yield {**case, "scene": {**scene, "effects": scene["effects"][:k] + scene["effects"][k + 1 :]}}
+    yield {**case, "threads": 1}
     for name, value in (("actuation", "joint"), ("control_dt", 0.02), ("substeps", 1)):
-        if case["scene"].get(name, value) != value:
-            yield {**copy.deepcopy(case), "scene": {**case["scene"], name: value}}
+        yield {**case, "scene": {**scene, name: value}}
     for name in ("masses", "lengths"):
-        own = case["scene"]["robot"].get(name, [])
-        rounded = [float(f"{x:.1g}") for x in own]
-        for new in ([0.5] * len(own), rounded):
-            if own != new:
-                made = copy.deepcopy(case)
-                made["scene"]["robot"][name] = new
-                yield made
+        for new in ([0.5] * len(robot[name]), [float(f"{x:.1g}") for x in robot[name]]):
+            yield {**case, "scene": {**scene, "robot": {**robot, name: new}}}
 
 
-def fewer_digits(case: Case) -> Iterator[Case]:
-    """Numbers of all calls with two digits, and zeros, one table after another."""
+def fewer_digits(case):
+    """Zeros, and numbers with two digits, one table after another."""
     for k, call in enumerate(case["calls"]):
         for name in ("q", "qd", "efforts", "actions"):
-            table = call.get(name)
-            if not isinstance(table, list) or call.get("refused"):
-                continue
-            zeros = [[0.0] * len(row) for row in table if isinstance(row, list)]
-            short = [[_short(x) for x in row] for row in table if isinstance(row, list)]
-            for new in (zeros, short):
-                if len(new) == len(table) and new != table:
-                    made = copy.deepcopy(case)
-                    made["calls"][k][name] = new
+            table = [] if call.get("refused") else call.get(name, [])
+            for short in (lambda _: 0.0, lambda x: float(f"{x:.2g}") if isinstance(x, float) else x):
+                made = copy.deepcopy(case)
+                made["calls"][k] = {**call, name: [[short(x) for x in row] for row in table]}
+                if table:
                     yield made
 
 
-def _short(value: Any) -> Any:
-    return float(f"{value:.2g}") if isinstance(value, float) else value
-
-
-WAYS = (fewer_lanes, fewer_calls, fewer_effects, plainer, fewer_digits)
-
-
-def minimised(case: Case, fails: Fails, seconds: float = SECONDS) -> Case:
+def minimised(case, fails, seconds=SECONDS):
     """The smallest case found that fails as this one does; a case that cannot be played does not fail."""
-    end, again = time.monotonic() + seconds, True
-    while again:
-        again = False
-        for way in WAYS:
-            smaller = True
-            while smaller and time.monotonic() < end:
-                smaller = False
-                for candidate in way(case):
-                    if time.monotonic() > end:
-                        return case
-                    if candidate != case and _fails(candidate, fails):
-                        case, smaller, again = candidate, True, True
-                        break
+    end, found = time.monotonic() + seconds, True
+    while found:
+        found = None
+        for way in (fewer_lanes, fewer_calls, plainer, fewer_digits):
+            smaller = case
+            while smaller is not None and time.monotonic() < end:
+                case, found = smaller, found or smaller is not case
+                smaller = next((c for c in way(case) if c != case and fails_too(c, fails, end)), None)
     return case
 
 
-def _fails(candidate: Case, fails: Fails) -> bool:
+def fails_too(case, fails, end):
     try:
-        return fails(candidate)
+        return time.monotonic() < end and fails(case)
     except Exception:  # without a lane or an effect a scene or a call may be impossible
         return False

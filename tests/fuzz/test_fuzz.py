@@ -12,8 +12,9 @@ from redundant_envs.backends import cache
 
 from . import cases
 from .drawing import drawn_scene, own_effects
+from .drawing_calls import drawn
 from .minimising import minimised
-from .running import drawn, judged, run
+from .running import judged, run
 
 HERE = Path(__file__).parent
 OUT = HERE.parents[1] / "runs" / "fuzz"

@@ -49,7 +49,7 @@ class MuJoCo(Subject):
         """MuJoCo leaves inverse kinematics to its users."""
         return np.full(4, np.nan)
 
-    def motion(self, scene, q, qd, intervals, efforts=None, change=None):
+    def motion(self, scene, q, qd, intervals, efforts=None):
         import mujoco
 
         q, qd = started(q, qd)

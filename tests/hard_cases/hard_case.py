@@ -4,14 +4,10 @@ A case is a function of the implementation under test that returns figures. As a
 package, and every figure must keep its bound; measured on a naive variant, a figure must miss its bound.
 """
 
-from __future__ import annotations
-
 import importlib
 import math
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import naive
 import numpy as np
@@ -27,98 +23,81 @@ THEMES = {
     "test_batches_and_copies": "Steps, batches and copies",
 }
 """Modules with cases, in the order of the page, and their headings."""
+ROWS = yaml.safe_load(Path(__file__).with_name("cases.yaml").read_text(encoding="utf-8"))
+CASES = {}
+"""All cases by their numbers, once their modules are imported."""
 
 
 @dataclass(frozen=True)
 class Figure:
-    """One number that a case measures, and the promise about it.
+    """One number that a case measures, and the promise about it; NaN keeps no promise."""
 
-    Parameters
-    ----------
-    name : str
-        The measured quantity, to be read before "is 3e-5".
-    found : float
-        NaN keeps no promise.
-    at_most, at_least : float, optional
-        One of them is the bound.
-    unit : str
-        Empty where the name says it.
-    """
-
-    name: str
+    name: str  # the measured quantity, to be read before "is 3e-5"
     found: float
-    at_most: float | None = None
-    at_least: float | None = None
-    unit: str = ""
-
-    def __post_init__(self) -> None:
-        assert (self.at_most is None) != (self.at_least is None), "a figure has one bound"
-        object.__setattr__(self, "found", float(self.found))
+    relation: str  # "at most" or "at least"
+    bound: float
+    unit: str = ""  # empty where the name says it
 
     @property
-    def bound(self) -> float:
-        return self.at_least if self.at_most is None else self.at_most
+    def kept(self):
+        return self.found <= self.bound if self.relation == "at most" else self.found >= self.bound
 
-    @property
-    def kept(self) -> bool:
-        return self.found >= self.bound if self.at_most is None else self.found <= self.bound
-
-    @property
-    def relation(self) -> str:
-        return "at least" if self.at_most is None else "at most"
-
-    def __str__(self) -> str:
+    def __str__(self):
         unit = f" {self.unit}" if self.unit else ""
         promise = f"{self.relation} {shown(self.bound)}{unit} is promised"
         return f"{self.name} is {shown(self.found)}{unit}, {promise}"
 
 
-Measure = Callable[[Subject], Iterable[Figure]]
-ROWS = yaml.safe_load(Path(__file__).with_name("cases.yaml").read_text(encoding="utf-8"))
-NAIVE = {variant.__name__: variant for variant in naive.VARIANTS}
+def at_most(name, found, bound, unit=""):
+    return Figure(name, float(found), "at most", bound, unit)
 
 
+def at_least(name, found, bound, unit=""):
+    return Figure(name, float(found), "at least", bound, unit)
+
+
+@dataclass(frozen=True)
 class Case:
     """A hard case: its row of ``cases.yaml``, and the function that measures a subject."""
 
-    def __init__(
-        self, number: str, row: dict[str, Any], measure: Callable[[Subject], Iterable[Figure]]
-    ) -> None:
-        self.number, self.measure = number, measure
-        self.title, self.hard, self.naive = row["title"], row["hard"], row["naive"]
-        self.caught: tuple[type[Subject], ...] = tuple(NAIVE[name] for name in row.get("caught", ()))
-        self.mujoco, self.waiting_for = row.get("mujoco", ""), row.get("waiting_for", "")
-        self.compared = row.get("compared", False)
-        self.module, self.function = measure.__module__.rpartition(".")[2], measure.__name__
+    number: str
+    measure: object
+    title: str
+    hard: str
+    naive: str
+    caught: tuple = ()  # naive variants that fail it
+    mujoco: str = ""
+    compared: bool = False  # also measured of MuJoCo
+    waiting_for: str = ""  # an effect that does not exist
 
     @property
-    def name(self) -> str:
+    def name(self):
         return f"case {self.number}, {self.title}"
 
-    def figures(self, subject: Subject) -> list[Figure]:
+    @property
+    def variants(self):
+        return [getattr(naive, name) for name in self.caught]
+
+    def figures(self, subject):
         """Figures of a subject; variants overflow and divide by zero, which shows in their figures."""
         with np.errstate(all="ignore"):
             return list(self.measure(subject))
 
 
-CASES: dict[str, Case] = {}
-"""All cases by their numbers, once their modules are imported."""
-
-
-def check(case: Case, figures: Iterable[Figure]) -> None:
+def check(case, figures):
     """AssertionError that names the case, the missed promise, and by how much it is missed."""
     missed = [f"{case.name}: {figure}" for figure in figures if not figure.kept]
     assert not missed, "\n".join(missed)
 
 
-def hard_case(number: str) -> Callable[[Measure], Callable[[], None]]:
+def hard_case(number):
     """Register a function of a subject as a case, and make it a test of this package."""
 
-    def register(measure: Measure) -> Callable[[], None]:
+    def register(measure):
         assert number not in CASES, f"there is a case {number} already"
-        case = CASES[number] = Case(number, ROWS[number], measure)
+        case = CASES[number] = Case(number, measure, **ROWS[number])
 
-        def test() -> None:
+        def test():
             figures = case.figures(Subject())
             assert figures, f"{case.name} measures nothing"
             check(case, figures)
@@ -130,14 +109,22 @@ def hard_case(number: str) -> Callable[[Measure], Callable[[], None]]:
     return register
 
 
-def all_cases() -> list[Case]:
+def cases_by_theme():
+    """Heading -> the cases of its module."""
+    for module in THEMES:
+        importlib.import_module(module)
+    return {
+        heading: [case for case in CASES.values() if case.measure.__module__.rpartition(".")[2] == module]
+        for module, heading in THEMES.items()
+    }
+
+
+def all_cases():
     """Every case of every module, module by module."""
-    for theme in THEMES:
-        importlib.import_module(theme)
-    return [case for theme in THEMES for case in CASES.values() if case.module == theme]
+    return [case for cases in cases_by_theme().values() for case in cases]
 
 
-def shown(x: float) -> str:
+def shown(x):
     """A number with two digits, or all of a whole one."""
     if math.isnan(x):
         return "not a number"

@@ -1,7 +1,6 @@
 """Measurements of several cases: errors of accelerations, energies, orders."""
 
-from __future__ import annotations
-
+import dataclasses
 import math
 
 import mpmath
@@ -23,6 +22,8 @@ GRAVITY = rde.effects.Gravity(9.81)
 STATE_A = (0.0,) * 4, (0.0,) * 4
 STATE_B = (0.2, 1.0, -0.5, 2.0), (6.0, -4.0, 8.0, -10.0)
 """98 J: chaotic, a Lyapunov time of 0.16 s."""
+FIVE_IMPACTS = (0.3, 0.1, -0.4, 0.2), (1.0, 0.8, -2.0, -0.6)
+"""In half a second between stops."""
 
 
 def exact_accelerations(arm, q, qd, Q, g=0.0, digits=60):
@@ -77,6 +78,27 @@ def stopped(arm=SLIDING, restitution=1.0, gravity=9.81, **kwargs):
     stop = rde.effects.PrismaticStop((0.0, 0.0), (0.3, 0.3), restitution)
     field = (rde.effects.Gravity(gravity),) if gravity else ()
     return rde.Scene(arm, (*field, stop), **{"control_dt": 0.02, **kwargs})
+
+
+def fine_end(scene, q, qd, substeps, intervals=1, efforts=None):
+    """A simulator at the end of a motion in many equal steps."""
+    fine = dataclasses.replace(scene, tolerance=None, substeps=substeps)
+    batch = rde.BatchSimulator(fine, len(np.atleast_2d(q)))
+    batch.set_state(q, qd)
+    for _ in range(intervals):
+        batch.advance(efforts)
+    return batch
+
+
+def refusals(text, *attempts):
+    """How many attempts are refused with a ValueError that contains a text."""
+    count = 0
+    for attempt in attempts:
+        try:
+            attempt()
+        except ValueError as error:
+            count += text in str(error)
+    return count
 
 
 def penetration(motion):

@@ -1,33 +1,32 @@
-"""docs/hard_cases.md from the catalogue: each case, and the results of naive variants, MuJoCo and this
-package."""
-
-from __future__ import annotations
+"""docs/hard_cases.md and its pictures: each case, and results of naive variants, MuJoCo and this package."""
 
 import math
 import time
-from collections.abc import Sequence
 
 import numpy as np
 from engine import MuJoCo
-from hard_case import THEMES, Case, Figure, shown
+from hard_case import shown
+from measured import (
+    FIVE_IMPACTS,
+    GRAVITY,
+    LAB,
+    SLIDING,
+    STATE_B,
+    acceleration_error,
+    energy,
+    stopped,
+    tip_error,
+)
+from naive import CubicGuess, DenseSolve, ExplicitEuler, FixedSteps, FlippedVelocity, ImpulseAtStepEnd
 from subject import Subject
 
 import redundant_envs as rde
+from redundant_envs.figures import bare, new_figure, save_figure
 from redundant_envs.tables import markdown
 
-COMMAND = "python tests/hard_cases"
-PICTURES = {
-    "3": ("vanishing_masses", "Error of the accelerations over the mass of the first three links"),
-    "10": ("fly_by", "Paths of the particle that passes the base at 1 cm"),
-    "11": ("chaos", "Energy error of the chaotic motion over time"),
-    "23": ("five_impacts", "Tip error after five impacts over the step"),
-}
-"""Cases with a picture: its file, and its title."""
+INTRODUCTION = """# Hard cases
 
-
-INTRODUCTION = f"""# Hard cases
-
-    {COMMAND}
+    python tests/hard_cases
 
 writes this page and its figures from the tests in [tests/hard_cases](../tests/hard_cases). Each case is a
 test whose pass conditions are numbers. The same measurement is made of naive variants, each with one
@@ -40,26 +39,25 @@ Bold numbers miss their bound. A dash means that there is no finite number, or n
 """
 
 
-def heading(case: Case) -> str:
+def heading(case):
     return f"### {case.number}. {case.title[0].upper()}{case.title[1:]}"
 
 
-def measured_by(case: Case, with_mujoco: bool) -> dict[str, list[Figure]]:
+def measured_by(case, with_mujoco):
     """Figures of this package, of the variants that fail the case, and of MuJoCo if it can simulate it."""
-    subjects: list[Subject] = [Subject(), *(variant() for variant in case.caught)]
-    if case.compared and with_mujoco:
-        subjects.append(MuJoCo())
+    subjects = [Subject(), *(variant() for variant in case.variants)]
+    subjects += [MuJoCo()] * (case.compared and with_mujoco)
     return {subject.name: case.figures(subject) for subject in subjects}
 
 
-def cell(figure: Figure) -> str:
+def cell(figure):
     """A found number; bold where it misses its bound, a dash where there is none."""
     if math.isnan(figure.found):
         return "**–**"
     return shown(figure.found) if figure.kept else f"**{shown(figure.found)}**"
 
 
-def subnormal_time() -> str:
+def subnormal_time():
     """Time of an interval with subnormal rates relative to one with others; speeds are not tested."""
     lanes, seconds = 1024, []
     scene = rde.Scene(rde.FourR((1.0,) * 4, (0.5,) * 4), (), tolerance=1e-6)
@@ -83,7 +81,7 @@ TIMED = {"18": subnormal_time}
 """Sentences with a time, measured when the page is written."""
 
 
-def section(case: Case, found: dict[str, list[Figure]]) -> list[str]:
+def section(case, found):
     """The section of the page about one case."""
     lines = [heading(case), "", case.hard, "", f"*Naive:* {case.naive}"]
     if case.mujoco:
@@ -92,33 +90,34 @@ def section(case: Case, found: dict[str, list[Figure]]) -> list[str]:
         return [*lines, "", f"The case waits for the effect `{case.waiting_for}`.", ""]
     rows = []
     for k, figure in enumerate(found[Subject.name]):
-        sign = "≥" if figure.at_most is None else "≤"
+        sign = "≤" if figure.relation == "at most" else "≥"
         label = f"{figure.name.rstrip(',')}{', ' + figure.unit if figure.unit else ''}"
         rows.append([label, f"{sign} {shown(figure.bound)}", *(cell(each[k]) for each in found.values())])
     lines += ["", markdown(["", "promised", *found], rows), ""]
     if case.number in TIMED:
         lines += [TIMED[case.number](), ""]
     if case.number in PICTURES:
-        name, what = PICTURES[case.number]
-        lines += [f"![{what}](hard_cases/{name}.png)", ""]
+        draw, what = PICTURES[case.number]
+        lines += [f"![{what}](hard_cases/{draw.__name__}.png)", ""]
     return lines
 
 
-def summary(cases: Sequence[Case], results: dict[str, dict[str, list[Figure]]]) -> str:
+def summary(cases, results):
     """One row for each case."""
     head, rows = ["case", "", "figures that keep their bound", "naive variants that fail it", "test"], []
     for case in cases:
         own = results[case.number][Subject.name]
         kept = f"{sum(f.kept for f in own)} of {len(own)}"
-        names = ", ".join(variant.name for variant in case.caught)
+        names = ", ".join(variant.name for variant in case.variants)
         if case.waiting_for:
             kept, names = f"waits for `{case.waiting_for}`", ""
-        rows.append([case.number, case.title, kept, names, f"`{case.function}`"])
+        rows.append([case.number, case.title, kept, names, f"`{case.measure.__name__}`"])
     return markdown(head, rows)
 
 
-def text(cases: Sequence[Case], results: dict[str, dict[str, list[Figure]]], machine: str, date: str) -> str:
-    """The whole page."""
+def text(themes, results, machine, date):
+    """The whole page of cases by theme, with their results by number."""
+    cases = [case for some in themes.values() for case in some]
     waiting = [case for case in cases if case.waiting_for]
     waits = ", ".join(f"{case.number} for `{case.waiting_for}`" for case in waiting)
     counts = f"{len(cases) - len(waiting)} cases are measured, {len(waiting)} wait for effects"
@@ -130,10 +129,84 @@ def text(cases: Sequence[Case], results: dict[str, dict[str, list[Figure]]], mac
         "",
         summary(cases, results),
     ]
-    for module, title in THEMES.items():
+    for title, some in themes.items():
         lines += ["", f"## {title}", ""]
-        for case in cases:
-            if case.module == module:
-                lines += section(case, results[case.number])
+        for case in some:
+            lines += section(case, results[case.number])
         lines.pop()
     return "\n".join(lines) + "\n"
+
+
+# ---- pictures -------------------------------------------------------------------------------------------
+
+
+def vanishing_masses(axes, with_mujoco):
+    q, qd, Q = (0.3, 1.2, -2.0, 0.8), (1.0, -2.0, 3.0, -4.0), (0.1,) * 4
+    masses = 10.0 ** np.arange(-12.0, 0.5, 0.5)
+    for subject in (Subject(), DenseSolve(), *[MuJoCo()] * with_mujoco):
+        errors = [
+            acceleration_error(subject, rde.FourR((m, m, m, 1.0), (0.5,) * 4), q, qd, Q) for m in masses
+        ]
+        axes.loglog(masses, np.maximum(errors, 1e-17), marker=".", label=subject.name)
+    axes.set(xlabel="mass of the first three links, kg (log)", ylabel="error of qdd, relative (log)")
+
+
+def fly_by(axes, with_mujoco):
+    arm, b = rde.RPRP((1e-12, 1.0, 1e-12, 1e-12), (0.5, 0.5)), 0.01
+    radius = np.hypot(1.0, b)
+    start = (np.arctan2(b, -1.0), radius - 0.5, 0.0, 0.0), (-b / radius**2, -1.0 / radius, 0.0, 0.0)
+    scene = rde.Scene(arm, (), tolerance=1e-6)
+    for subject, style in ((FixedSteps(), "o-"), (Subject(), ".")):
+        points = arm.points(subject.motion(scene, *start, 100).q[:, 0])[:, 1]
+        axes.plot(points[:, 0], 1e3 * points[:, 1], style, label=subject.name, markersize=4)
+    axes.plot(0.0, 0.0, "k+", markersize=10, label="base")
+    axes.set(xlabel="x, m", ylabel="y, mm")
+
+
+def chaos(axes, with_mujoco):
+    times = 0.02 * np.arange(1001)
+    for name, tolerance, subject in (
+        ("explicit Euler of 5 ms", 1e-6, ExplicitEuler()),
+        *((x.name, 1e-6, x) for x in [MuJoCo()] * with_mujoco),
+        ("this package, standard", 1e-6, Subject()),
+        ("this package, exact", 1e-12, Subject()),
+    ):
+        scene = rde.Scene(LAB, (GRAVITY,), tolerance=tolerance)
+        motion = subject.motion(scene, *STATE_B, 1000)
+        total = energy(scene, motion.q[:, 0], motion.qd[:, 0])
+        axes.semilogy(times[1:], np.maximum(np.abs(total - total[0])[1:], 1e-16), label=name, linewidth=1)
+    axes.set(xlabel="time, s", ylabel="energy error, J (log)", ylim=(1e-15, 1e3))
+
+
+def five_impacts(axes, with_mujoco):
+    reference = rde.simulate(stopped(integrator="dop853"), *FIVE_IMPACTS, [0.5]).q[-1]
+    steps = np.array([1e-2, 5e-3, 2.5e-3, 1e-3, 5e-4])
+    for subject in (FlippedVelocity(), ImpulseAtStepEnd(), CubicGuess(), Subject()):
+        errors = []
+        for h in steps:
+            subject.longest = h
+            motion = subject.motion(stopped(integrator="rk4", control_dt=h), *FIVE_IMPACTS, round(0.5 / h))
+            errors.append(1e3 * tip_error(SLIDING, motion.q[-1, 0], reference))
+        label = "this package, RK4" if type(subject) is Subject else subject.name
+        axes.loglog(1e3 * steps, errors, marker="o", label=label)
+    axes.set(xlabel="step, ms (log)", ylabel="tip error after 0.5 s, mm (log)")
+
+
+PICTURES = {
+    "3": (vanishing_masses, "Error of the accelerations over the mass of the first three links"),
+    "10": (fly_by, "Paths of the particle that passes the base at 1 cm"),
+    "11": (chaos, "Energy error of the chaotic motion over time"),
+    "23": (five_impacts, "Tip error after five impacts over the step"),
+}
+"""Cases with a picture: what draws it, whose name is that of its file, and its title."""
+
+
+def draw_pictures(folder, with_mujoco):
+    folder.mkdir(exist_ok=True)
+    for draw, _ in PICTURES.values():
+        figure = new_figure(6.4, 3.6, 120)
+        axes = figure.subplots()
+        draw(axes, with_mujoco)
+        bare(axes)
+        axes.legend(frameon=False, fontsize=8, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
+        save_figure(figure, folder / f"{draw.__name__}.png")

@@ -3,9 +3,6 @@
 A naive variant derives from :class:`Subject` and answers one thing its own way.
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,23 +13,13 @@ from redundant_envs.control.computed_torque import pose_at
 
 @dataclass
 class Motion:
-    """States at the ends of control intervals, and the status of the intervals.
+    """States at the ends of control intervals, and the status of the intervals."""
 
-    Attributes
-    ----------
-    q, qd : (intervals + 1, lanes, joints)
-    numerics : (lanes,) int
-        Faults of all intervals.
-    evaluations : (intervals, lanes) int
-    events : list of Event
-        At stops, in the order in which they were reported.
-    """
-
-    q: np.ndarray
+    q: np.ndarray  # (intervals + 1, lanes, joints), as qd
     qd: np.ndarray
-    numerics: np.ndarray
-    evaluations: np.ndarray
-    events: list = field(default_factory=list)
+    numerics: np.ndarray  # (lanes,): faults of all intervals
+    evaluations: np.ndarray  # (intervals, lanes)
+    events: list = field(default_factory=list)  # at stops, in the order in which they were reported
 
     def impacts(self, joint=None, lane=0):
         return [x for x in self.events if "impact" in x.kind and x.lane == lane and joint in (None, x.joint)]
@@ -42,7 +29,7 @@ class Motion:
         return np.isfinite(self.q).all(axis=(0, 2)) & np.isfinite(self.qd).all(axis=(0, 2))
 
 
-def commands(efforts: object, lanes: int, joints: int) -> Callable[[int], np.ndarray]:
+def commands(efforts, lanes, joints):
     """Efforts of an interval by its number, from None, an array, or such a function."""
     if callable(efforts):
         return lambda k: np.broadcast_to(efforts(k), (lanes, joints))
@@ -50,18 +37,16 @@ def commands(efforts: object, lanes: int, joints: int) -> Callable[[int], np.nda
     return lambda k: table
 
 
-def started(q: object, qd: object) -> tuple[np.ndarray, np.ndarray]:
+def started(q, qd):
     """States of lanes, (lanes, joints) each, from numbers that broadcast to them."""
     q, qd = np.broadcast_arrays(np.atleast_2d(np.asarray(q, float)), np.asarray(qd, float))
     return q.copy(), qd.copy()
 
 
-def unfilled(q: np.ndarray, qd: np.ndarray, intervals: int) -> Motion:
+def unfilled(q, qd, intervals):
     """A motion that contains only its start."""
-    shape = (intervals + 1, *q.shape)
-    motion = Motion(
-        np.empty(shape), np.empty(shape), np.zeros(len(q), int), np.zeros((intervals, len(q)), int)
-    )
+    states = np.empty((2, intervals + 1, *q.shape))
+    motion = Motion(*states, np.zeros(len(q), int), np.zeros((intervals, len(q)), int))
     motion.q[0], motion.qd[0] = q, qd
     return motion
 
@@ -75,7 +60,7 @@ class Subject:
     threads = 1
     """Threads of its simulators; a case may use more."""
 
-    def arm(self, kind: str, masses: object, lengths: object) -> rde.Arm:
+    def arm(self, kind, masses, lengths):
         """An arm, or a refusal."""
         return getattr(rde, kind)(masses, lengths)
 
@@ -87,24 +72,25 @@ class Subject:
         """A pose with the tip at a goal, by iteration from a start."""
         return pose_at(scene, np.array([start]), np.array([goal]))[0]
 
-    def motion(self, scene, q, qd, intervals, efforts=None, change=None):
-        """A motion over control intervals; ``change(k, batch)`` may set parameters before the k-th."""
+    def motion(self, scene, q, qd, intervals, efforts=None):
+        """A motion over control intervals."""
         q, qd = started(q, qd)
         stops = any(type(x) is rde.effects.PrismaticStop for x in scene.effects)
         batch = rde.BatchSimulator(scene, len(q), threads=self.threads, track_work=stops)
         batch.set_state(q, qd)
-        command = commands(efforts, *q.shape)
-        motion = unfilled(q, qd, intervals)
+        self.keep(batch)
+        command, motion = commands(efforts, *q.shape), unfilled(batch.q, batch.qd, intervals)
         for k in range(intervals):
-            if change is not None:
-                change(k, batch)
             status = batch.advance(command(k))
+            motion.events += batch.events(k * scene.control_dt) if stops else []
+            self.keep(batch)
             motion.q[k + 1], motion.qd[k + 1] = batch.q, batch.qd
             motion.numerics |= status.numerics
             motion.evaluations[k] = status.evaluations
-            if stops:
-                motion.events += batch.events(k * scene.control_dt)
         return motion
+
+    def keep(self, batch):
+        """Set another state for the next interval: this package keeps its own."""
 
     def save(self, batch):
         """A snapshot of a simulator."""
@@ -116,8 +102,7 @@ class Subject:
 
     def instants(self, count, dt):
         """The times at which a controller is called, s: ``count`` of them."""
-        scene = rde.Scene(rde.FourR((1.0,) * 4, (0.5,) * 4), (), integrator="euler", control_dt=dt)
-        asked = []
+        scene, asked = rde.Scene(rde.FourR((1.0,) * 4, (0.5,) * 4), (), "euler", control_dt=dt), []
 
         def controller(t, q, qd):
             asked.append(t)

@@ -20,18 +20,18 @@ def test_the_page_has_every_case_in_order_and_no_other():
 def test_what_the_page_says_of_a_case_is_what_the_case_says():
     for case in CASES:
         part = TEXT.split(page.heading(case) + "\n")[1].split("\n### ")[0]
-        for said in (case.hard, case.naive, case.mujoco, *(variant.name for variant in case.caught)):
+        for said in (case.hard, case.naive, case.mujoco, *(variant.name for variant in case.variants)):
             assert said in part, case.name
         assert ("waits for the effect" in part) == bool(case.waiting_for)
-        assert f"`{case.function}`" in TEXT
+        assert f"`{case.measure.__name__}`" in TEXT
 
 
 def test_every_picture_is_of_a_case_and_is_there():
     numbers = {case.number for case in CASES}
-    for number, (name, _) in page.PICTURES.items():
+    for number, (draw, _) in page.PICTURES.items():
         assert number in numbers
-        assert f"hard_cases/{name}.png" in TEXT
-        assert (DOCS / "hard_cases" / f"{name}.png").stat().st_size > 1000
+        assert f"hard_cases/{draw.__name__}.png" in TEXT
+        assert (DOCS / "hard_cases" / f"{draw.__name__}.png").stat().st_size > 1000
     assert len(list((DOCS / "hard_cases").glob("*.png"))) == len(page.PICTURES)
 
 

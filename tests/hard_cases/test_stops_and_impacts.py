@@ -3,16 +3,19 @@
 import math
 
 import numpy as np
-from hard_case import Figure, hard_case
+from hard_case import at_least, at_most, hard_case
 from measured import (
+    FIVE_IMPACTS,
     GRAVITY,
     HEAVY,
     SLIDING,
     UNEQUAL,
     energy,
     energy_error,
+    fine_end,
     orders,
     penetration,
+    refusals,
     stopped,
     tip_error,
 )
@@ -21,64 +24,52 @@ from subject import Subject
 import redundant_envs as rde
 from redundant_envs import effects as e
 
-START = (0.3, 0.1, -0.4, 0.2), (1.0, 0.8, -2.0, -0.6)
-"""Five impacts in half a second."""
-
 
 @hard_case("23")
 def test_23_five_impacts_keep_the_order(subject):
-    reference = rde.simulate(stopped(integrator="dop853"), *START, [0.5]).q[-1]
+    reference = rde.simulate(stopped(integrator="dop853"), *FIVE_IMPACTS, [0.5]).q[-1]
     errors = []
     for h in (1e-2, 5e-3, 2.5e-3, 1e-3):
         subject.longest = h
         scene = stopped(integrator="rk4", control_dt=h)
-        motion = subject.motion(scene, *START, round(0.5 / h))
+        motion = subject.motion(scene, *FIVE_IMPACTS, round(0.5 / h))
         errors.append(tip_error(SLIDING, motion.q[-1, 0], reference))
-    yield Figure("the largest penetration", penetration(motion), at_most=0, unit="m")
-    yield Figure("the number of impacts less five", abs(len(motion.impacts()) - 5), at_most=0)
-    yield Figure("the tip at RK4 of 1 ms", 1e3 * errors[-1], at_most=1e-6, unit="mm off")
-    yield Figure("the order of RK4", min(orders(errors, (2.0, 2.0, 2.5))), at_least=3.9)
-    yield Figure("the energy at RK4 of 1 ms", energy_error(scene, motion), at_most=1e-8, unit="J off")
+    yield at_most("the largest penetration", penetration(motion), 0, "m")
+    yield at_most("the number of impacts less five", abs(len(motion.impacts()) - 5), 0)
+    yield at_most("the tip at RK4 of 1 ms", 1e3 * errors[-1], 1e-6, "mm off")
+    yield at_least("the order of RK4", min(orders(errors, (2.0, 2.0, 2.5))), 3.9)
+    yield at_most("the energy at RK4 of 1 ms", energy_error(scene, motion), 1e-8, "J off")
     cost = motion.evaluations.sum() / (4 * 500)
-    yield Figure("the evaluations at RK4 of 1 ms", cost, at_most=1.05, unit="of those without stops")
+    yield at_most("the evaluations at RK4 of 1 ms", cost, 1.05, "of those without stops")
     scene = stopped(tolerance=1e-12)
-    motion = subject.motion(scene, *START, 25)
-    yield Figure("at exact the energy", energy_error(scene, motion), at_most=1e-10, unit="J off")
+    motion = subject.motion(scene, *FIVE_IMPACTS, 25)
+    yield at_most("at exact the energy", energy_error(scene, motion), 1e-10, "J off")
 
 
 @hard_case("24")
 def test_24_an_impact_loses_what_restitution_says(subject):
     rng, count, dt = np.random.default_rng(3), 1000, 1e-9
-    q = np.column_stack(
-        [
-            rng.uniform(-3, 3, count),
-            np.full(count, 0.3),
-            rng.uniform(-3, 3, count),
-            rng.uniform(0.05, 0.25, count),
-        ]
-    )
+    angle, other = rng.uniform(-3, 3, count), rng.uniform(-3, 3, count)
+    q = np.column_stack([angle, np.full(count, 0.3), other, rng.uniform(0.05, 0.25, count)])
     qd = rng.normal(0, 2, (count, 4))
     qd[:, 1] = np.abs(qd[:, 1]) + 0.05
     M = UNEQUAL.mass_matrix(q)
     W = np.linalg.inv(M)[:, 1, 1]
     before = UNEQUAL.kinetic_energy(q, qd)
     for restitution in (0.0, 0.5, 1.0):
+        name = f"at restitution {restitution:g} the"
         scene = stopped(UNEQUAL, restitution, gravity=0.0, control_dt=dt, integrator="rk4")
         after = subject.motion(scene, q, qd, 1)
         # Without gravity and efforts the motion keeps the energy; what is left is rounding.
         left = UNEQUAL.kinetic_energy(after.q[-1], after.qd[-1])
         lost = (1.0 - restitution**2) * qd[:, 1] ** 2 / (2.0 * W)
         off = np.abs(before - left - lost) / before
-        yield Figure(f"at restitution {restitution:g} the energy lost", off.max(), at_most=1e-12,
-                     unit="of the kinetic energy off")  # fmt: skip
+        yield at_most(f"{name} energy lost", off.max(), 1e-12, "of the kinetic energy off")
         off = np.abs(after.qd[-1, :, 1] + restitution * qd[:, 1]).max()
-        yield Figure(
-            f"at restitution {restitution:g} the slider's velocity", off, at_most=1e-6, unit="m/s off"
-        )
+        yield at_most(f"{name} slider's velocity", off, 1e-6, "m/s off")
         jump = np.einsum("nij,nj->ni", M, after.qd[-1] - qd)[:, [0, 2, 3]]
         # Within the nanosecond forces change it by some 1e-7.
-        yield Figure(f"at restitution {restitution:g} the change of the other momenta", np.abs(jump).max(),
-                     at_most=1e-6, unit="kg m/s or kg m^2/s")  # fmt: skip
+        yield at_most(f"{name} change of the other momenta", np.abs(jump).max(), 1e-6, "kg m/s or kg m^2/s")
 
 
 @hard_case("27")
@@ -91,10 +82,8 @@ def test_27_grazing_within_one_step_is_found(subject):
         name = integrator if tolerance is None else "error control"
         scene = stopped(HEAVY, gravity=0.0, integrator=integrator, tolerance=tolerance)
         motion = subject.motion(scene, [0.0, 0.298, 0.0, 0.1], [0.0, 1.0, 0.0, 0.0], 1, [0, -200.0002, 0, 0])
-        yield Figure(
-            f"with {name} the number of impacts less one", abs(len(motion.impacts("r1")) - 1), at_most=0
-        )
-        yield Figure(f"with {name} the end", abs(motion.q[-1, 0, 1] - exact), at_most=1e-7, unit="m off")
+        yield at_most(f"with {name} the number of impacts less one", abs(len(motion.impacts("r1")) - 1), 0)
+        yield at_most(f"with {name} the end", abs(motion.q[-1, 0, 1] - exact), 1e-7, "m off")
 
 
 @hard_case("27b")
@@ -105,10 +94,10 @@ def test_27b_an_apex_at_the_stop_changes_no_energy(subject):
     q[:, 1] -= gaps
     motion = subject.motion(scene, q, [0.0, 1.0, 0.0, 0.0], 1, [0, -200.0002, 0, 0])
     most = max(len(motion.impacts("r1", lane)) for lane in range(len(gaps)))
-    yield Figure("the largest number of impacts", most, at_most=1)
+    yield at_most("the largest number of impacts", most, 1)
     x, v = motion.q[..., 1], motion.qd[..., 1]
     total = 0.5 * v**2 + 200.0 * x  # of the mass of 1 kg
-    yield Figure("the energy", np.abs(total[1] - total[0]).max(), at_most=1e-9, unit="J off")
+    yield at_most("the energy", np.abs(total[1] - total[0]).max(), 1e-9, "J off")
 
 
 @hard_case("28")
@@ -116,17 +105,14 @@ def test_28_both_sliders_at_once_do_not_know_their_order(subject):
     scene = stopped(restitution=0.7, gravity=0.0, tolerance=1e-9)
     q = np.array([[0.4, 0.299 + 1e-15, 0.4, 0.299], [0.4, 0.299, 0.4, 0.299 + 1e-15]])
     motion = subject.motion(scene, q, [0.0, 1.0, 0.0, 1.0], 1)
-    yield Figure("the largest penetration", penetration(motion), at_most=0, unit="m")
-    yield Figure(
-        "the fastest slider after it", motion.qd[-1][:, [1, 3]].max(), at_most=0, unit="m/s outwards"
-    )
+    yield at_most("the largest penetration", penetration(motion), 0, "m")
+    yield at_most("the fastest slider after it", motion.qd[-1][:, [1, 3]].max(), 0, "m/s outwards")
     gain = (energy(scene, motion.q[-1], motion.qd[-1]) - energy(scene, motion.q[0], motion.qd[0])).max()
-    yield Figure("the energy gained", gain, at_most=0, unit="J")
+    yield at_most("the energy gained", gain, 0, "J")
     differ = np.abs(motion.q[-1, 0] - motion.q[-1, 1]).max()
-    yield Figure("the difference that the order makes", differ, at_most=1e-12, unit="rad or m")
+    yield at_most("the difference that the order makes", differ, 1e-12, "rad or m")
     impulses = np.einsum("ij,nj->ni", SLIDING.mass_matrix(q[0]), motion.qd[-1] - motion.qd[0])
-    yield Figure("the momenta off the sliders", np.abs(impulses[:, [0, 2]]).max(), at_most=1e-9,
-                 unit="kg m^2/s changed")  # fmt: skip
+    yield at_most("the momenta off the sliders", np.abs(impulses[:, [0, 2]]).max(), 1e-9, "kg m^2/s changed")
 
 
 @hard_case("29")
@@ -137,11 +123,10 @@ def test_29_many_bounces_in_one_step(subject):
     ):  # fmt: skip
         scene = stopped(gravity=0.0, **more)
         motion = subject.motion(scene, [0.3, 0.1, 0.3, 0.1], [0.0, 50.0, 0.0, 0.0], 1)
-        yield Figure(f"with {name} the number of impacts", len(motion.impacts()), at_least=3)
+        yield at_least(f"with {name} the number of impacts", len(motion.impacts()), 3)
         before = energy(scene, motion.q[0], motion.qd[0])[0]
-        yield Figure(f"with {name} the energy", energy_error(scene, motion) / before, at_most=1e-9,
-                     unit="of itself off")  # fmt: skip
-        yield Figure(f"with {name} the penetration", penetration(motion), at_most=0, unit="m")
+        yield at_most(f"with {name} the energy", energy_error(scene, motion) / before, 1e-9, "of itself off")
+        yield at_most(f"with {name} the penetration", penetration(motion), 0, "m")
 
 
 @hard_case("30")
@@ -151,20 +136,15 @@ def test_30_stops_do_not_pass_their_sliders(subject):
     batch.set_state(inside, np.zeros(4))
     outside = inside.copy()
     outside[1, 3] = 0.3000001
-    attempts = [
+    refused = refusals(
+        "stops are at",
         lambda: batch.set_state(outside, np.zeros(4)),
         lambda: batch.set_parameters({"prismatic_stop.upper": [0.05, 0.3]}, index=[2]),
         lambda: batch.set_parameters({"prismatic_stop.lower": [0.0, 0.2]}, index=[0]),
         lambda: rde.simulate(stopped(), outside[1], np.zeros(4), [0.02]),
-    ]
-    refused = 0
-    for attempt in attempts:
-        try:
-            attempt()
-        except ValueError as error:
-            refused += "stops are at" in str(error)
-    yield Figure("the number of refusals that name slider and stops", refused, at_least=len(attempts))
-    yield Figure("the largest change of a state by them", np.abs(batch.q - inside).max(), at_most=0)
+    )
+    yield at_least("the number of refusals that name slider and stops", refused, 4)
+    yield at_most("the largest change of a state by them", np.abs(batch.q - inside).max(), 0)
 
 
 @hard_case("43")
@@ -172,17 +152,14 @@ def test_43_an_impact_before_another_event_is_found(subject):
     subject.longest = 0.02
     stop = e.PrismaticStop((0.0, 0.0), (0.3, 0.05), 0.5)
     state, efforts = ((0.0, 0.1, 0.0, 0.0497), (0.0, 0.0, 0.0, 1.0)), [0, 0, 0, -250.0]
-    fine = rde.BatchSimulator(rde.Scene(SLIDING, (stop,), substeps=160))
-    fine.set_state(*state)
-    fine.advance([efforts])
+    fine = fine_end(rde.Scene(SLIDING, (stop,)), *state, 160, efforts=[efforts])
     for tolerance in (1e-6, 1e-12, None):
         name = "one step" if tolerance is None else f"{tolerance:g} m"
         motion = subject.motion(rde.Scene(SLIDING, (stop,), tolerance=tolerance), *state, 1, efforts)
         kinds = [x.kind for x in motion.impacts("r2")]
         missed = kinds != ["upper impact", "lower impact"]
-        yield Figure(f"with {name} the number of wrong lists of impacts", missed, at_most=0)
-        yield Figure(f"with {name} the end", np.abs(motion.q[-1] - fine.q).max(), at_most=1e-12,
-                     unit="rad or m off")  # fmt: skip
+        yield at_most(f"with {name} the number of wrong lists of impacts", missed, 0)
+        yield at_most(f"with {name} the end", np.abs(motion.q[-1] - fine.q).max(), 1e-12, "rad or m off")
     rng, count = np.random.default_rng(43), 100
     stop = e.PrismaticStop((0.0, 0.0), (0.05, 0.05), 1.0)
     q = np.column_stack([rng.uniform(-3, 3, count), rng.uniform(0.005, 0.045, count)] * 2)
@@ -194,10 +171,13 @@ def test_43_an_impact_before_another_event_is_found(subject):
         scene = rde.Scene(SLIDING, (GRAVITY, stop), **more)
         told.append((subject if not told else Subject()).motion(scene, q, qd, 1, efforts))
     counts = [[len(motion.impacts(lane=i)) for i in range(count)] for motion in told]
-    yield Figure("the number of 100 random intervals with other impacts than fine steps find",
-                 np.count_nonzero(np.subtract(*counts)), at_most=0)  # fmt: skip
+    yield at_most(
+        "the number of 100 random intervals with other impacts than fine steps find",
+        np.count_nonzero(np.subtract(*counts)),
+        0,
+    )
     off = np.abs(told[0].q[-1] - told[1].q[-1]).max()
-    yield Figure("the largest error of their ends", off, at_most=1e-6, unit="rad or m")
+    yield at_most("the largest error of their ends", off, 1e-6, "rad or m")
 
 
 @hard_case("47")
@@ -212,13 +192,13 @@ def test_47_what_is_given_up_never_began(subject):
     efforts[1, 1] = -4e7
     status = batch.advance(efforts)
     wrong = int((status.numerics != [0, rde.Numerics.EVENT_BUDGET, 0]).sum())
-    yield Figure("the number of lanes with a wrong flag", wrong, at_most=0)
+    yield at_most("the number of lanes with a wrong flag", wrong, 0)
     moved = np.abs(np.r_[batch.q[1] - q[1], batch.qd[1] - qd[1]]).max()
-    yield Figure("the change of the state that was given up", moved, at_most=0)
+    yield at_most("the change of the state that was given up", moved, 0)
     alone = rde.BatchSimulator(scene)
     alone.set_state(q[0], qd[0])
     alone.advance()
     differing = np.count_nonzero(
         np.r_[batch.q[[0, 2]], batch.qd[[0, 2]]] != np.r_[alone.q, alone.q, alone.qd, alone.qd]
     )
-    yield Figure("the count of changed numbers of its neighbours", differing, at_most=0)
+    yield at_most("the count of changed numbers of its neighbours", differing, 0)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from catalogue import FOUR_R, RPRP
 
 import redundant_envs as rde
 from redundant_envs import effects as e
@@ -9,8 +10,6 @@ from redundant_envs.lane.direct import cross_interval, fields_of
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.interval import Interval
 
-FOUR_R = rde.FourR(masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3, 0.5, 0.4, 0.6))
-RPRP = rde.RPRP(masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3, 0.5))
 STOPS = e.PrismaticStop((-0.1, -0.1), (0.1, 0.15), 0.5)
 LENGTH, CUTS = 0.02, (0.007, 0.0155)
 

@@ -8,7 +8,6 @@ import redundant_envs as rde
 from redundant_envs.lane.memory import LOG, PARAMETER, SCRATCH, STATE, Field, Lane, Layout, traced
 from redundant_envs.model.programs import batch_simulator, environment_simulator
 from redundant_envs.tasks.reach import ReachTask
-from redundant_envs.tracing.graph import reached
 from redundant_envs.tracing.number import Condition
 
 LAYOUT = Layout(
@@ -28,11 +27,6 @@ NUMBERS = {"q": 1.0, "q_start": 2.0, "mass": 3.0, "resting": 1.0, "v": 5.0, "v_s
 @pytest.fixture
 def lane():
     return Lane(LAYOUT, NUMBERS.__getitem__)
-
-
-def names_read(function):
-    """Memory rows that a traced function loads."""
-    return [n.extra for n in reached(function.results) if n.name == "load"]
 
 
 # ---- fields ----------------------------------------------------------------------------------------
@@ -135,44 +129,6 @@ def test_truths_of_a_traced_lane_are_conditions():
     assert kinds == [Condition, Condition]
     ((space, row, value),) = function.stores
     assert (space, row, value.name, value.arguments[1:]) == ("scratch", 1, "select", [1.0, 0.0])
-
-
-# ---- traced functions ------------------------------------------------------------------------------
-
-
-def test_a_traced_function_loads_what_it_reads_and_stores_what_it_set():
-    def move(lane):
-        lane.v = lane.v * lane.mass
-        lane.q = lane.q + lane.v
-        lane.q_start = 4.0
-
-    function = traced("move", LAYOUT, move)
-    assert set(names_read(function)) == {("state", 0), ("state", 1), ("parameter", 0)}
-    assert [(space, row) for space, row, _ in function.stores] == [("state", 1), ("state", 0), ("scratch", 0)]
-    assert function.stores[2][2] == 4.0
-    assert function.stores[1][2].arguments[1] is function.stores[0][2]
-    assert set(function.spaces) == {"state", "parameter", "scratch", "log"}
-
-
-def test_what_a_table_gives_is_read_from_it_and_kept():
-    function = traced(
-        "given", LAYOUT, lambda lane: {("out", "f64", 0, 0): lane.v_start - lane.q_start},
-        inputs={"efforts": ("f32", ("q_start", "v_start"))},
-    )  # fmt: skip
-    assert function.inputs == {"efforts": ("f32", 2)}
-    assert sorted(names_read(function)) == [("efforts", 0), ("efforts", 1)]
-    assert {(space, row): value.extra for space, row, value in function.stores} == {
-        ("scratch", 0): ("efforts", 0), ("scratch", 2): ("efforts", 1),
-    }  # fmt: skip
-    (output,) = function.outputs
-    assert (output.array, output.value.name) == ("out", "-")
-
-
-def test_known_fields_are_told_by_their_places():
-    function = traced("known", LAYOUT, lambda lane: None, known={"v": 0.0, "mass": 1.0})
-    assert function.known == {("state", 1): 0.0, ("parameter", 0): 1.0}
-    assert not function.stores
-    assert not function.outputs
 
 
 def test_parts_of_a_traced_function_have_products_of_their_own_and_the_same_sums():

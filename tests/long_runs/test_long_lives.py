@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-HERE = Path(__file__).parent
 MEGABYTE = 1e6
 LINUX = pytest.mark.skipif(
     not Path("/proc/self/statm").exists(), reason="resident memory is read from Linux's /proc"
@@ -16,9 +15,9 @@ STARTING = 90.0
 """Time for imports and a first compilation, s; a process that takes longer than this and its run hangs."""
 
 
-def result(script, *arguments, seconds=0.0):
-    """The output of a script of this folder; a TimeoutExpired if it hangs."""
-    command = [sys.executable, str(HERE / script), *map(str, arguments)]
+def alone(*arguments, seconds=0.0):
+    """What a process of its own measures; a TimeoutExpired if it hangs."""
+    command = [sys.executable, str(Path(__file__).with_name("alone.py")), *map(str, arguments)]
     run = subprocess.run(command, capture_output=True, text=True, timeout=STARTING + seconds, check=False)
     assert run.returncode == 0, run.stderr
     return json.loads(run.stdout)
@@ -32,7 +31,7 @@ def result(script, *arguments, seconds=0.0):
 )
 def test_memory_does_not_grow_with_episodes(face, lanes, warm_up, measured, most):
     """``measured`` episodes of all environments in all, after ``warm_up``; at most so many megabytes."""
-    growth = result("memory_growth.py", "episodes", face, lanes, warm_up, measured, seconds=30.0)
+    growth = alone("episodes", face, lanes, warm_up, measured, seconds=30.0)
     assert growth < most * MEGABYTE
 
 
@@ -43,14 +42,14 @@ def test_memory_does_not_grow_with_episodes(face, lanes, warm_up, measured, most
 )
 def test_memory_does_not_grow_with_makes(warm_up, measured, windows, most):
     """A cache of data about functions reaches its 256 entries after 300 makes or so: 1 MB."""
-    growth = result("memory_growth.py", "makes", warm_up, measured, windows, seconds=60.0)
+    growth = alone("makes", warm_up, measured, windows, seconds=60.0)
     assert growth < most * MEGABYTE
 
 
 @pytest.mark.parametrize("seconds", [0.5, pytest.param(60.0, marks=pytest.mark.long)])
 def test_four_threads_on_two_busy_cores_give_the_same_bits(seconds):
     """A vector environment and a simulator of four threads against those of one; four simulators at once."""
-    found = result("threads_under_load.py", seconds, seconds=seconds)
+    found = alone("threads", seconds, seconds=seconds)
     for compared, different in found.values():
         assert compared > 2 * seconds
         assert different == 0

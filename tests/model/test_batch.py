@@ -4,82 +4,73 @@ import dataclasses
 
 import numpy as np
 import pytest
-from small_scenes import FOUR_R, SCENES, e, run, states
+from catalogue import EQUAL, FOUR_R, GRAVITY, RPRP, SCENES, assert_same_bits, e, on
 
 import redundant_envs as rde
 from redundant_envs import algebra
 from redundant_envs.algebra import sqrt, where
 from redundant_envs.effects.hooks import Effect, Field
+from redundant_envs.verify.checks import random_states
 
-every_scene = pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
+FIXED = on(
+    "4R free euler", "4R limits, 3 substeps, rk4", "4R all rk8", "RPRP gravity euler", "RPRP generalized rk8"
+)
+LOCAL = on(
+    "4R all 1e-6", "4R free 1e-12", "stops 1e-6, inelastic", "RPRP limit springs 1e-6", "*R* gravity dop853"
+)
 
 
-@every_scene
+def run(scene, q, qd, u, steps=1, parameters=None, **kwargs):
+    """States after some intervals, (lanes, 8), and the status of the last."""
+    batch = rde.BatchSimulator(scene, len(q), **kwargs)
+    batch.set_state(q, qd)
+    batch.set_parameters(parameters or {})
+    for _ in range(steps):
+        status = batch.advance(u)
+    return np.concatenate([batch.q, batch.qd], axis=1), status
+
+
+@FIXED
 def test_tracking_the_work_hardly_changes_the_motion(scene):
-    q, qd, u = states(20)
-    without, _ = run(scene, q, qd, u)
-    with_work, _ = run(scene, q, qd, u, track_work=True)
+    states = random_states(scene, 20, 0)
+    (without, _), (with_work, _) = run(scene, *states, 5), run(scene, *states, 5, track_work=True)
     np.testing.assert_allclose(with_work, without, rtol=1e-10, atol=1e-12)
 
 
 # ---- separate parameters of a lane -----------------------------------------------------------------
 
 
+def own_masses_are_those_of_own_scenes(scene, count):
+    """Of every second lane; the others are the scene's."""
+    states, arm = random_states(scene, count, 1), scene.robot
+    masses = arm.masses * np.random.default_rng(2).uniform(0.5, 2.0, (count, 4))
+    masses[::2] = arm.masses
+    whole, status = run(scene, *states, parameters={"masses": masses})
+    for k in range(count):
+        own = dataclasses.replace(scene, robot=dataclasses.replace(arm, masses=tuple(masses[k])))
+        assert_same_bits(run(own, *(x[[k]] for x in states))[0], whole[[k]])
+    return status.evaluations
+
+
 @pytest.mark.parametrize("count", [3, 11])
-@every_scene
+@FIXED
 def test_a_lanes_own_parameters_equal_those_of_its_own_scene(scene, count):
-    q, qd, u = states(count)
-    batch = rde.BatchSimulator(scene, count)
-    batch.set_state(q, qd)
-    batch.set_parameters({"masses": (1.0, 0.7, 0.6, 0.9), "gravity.g": 3.7}, index=[1])
-    batch.advance(u)
-    kind = type(scene.robot)
-    robot = kind((1.0, 0.7, 0.6, 0.9), scene.robot.lengths)
-    other = dataclasses.replace(scene, robot=robot, effects=(e.Gravity(3.7), *scene.effects[1:]))
-    expected, _ = run(other, q, qd, u, steps=1)
-    plain, _ = run(scene, q, qd, u, steps=1)
-    lanes = np.arange(count) != 1
-    np.testing.assert_array_equal(np.concatenate([batch.q, batch.qd], 1)[1], expected[1])
-    np.testing.assert_array_equal(np.concatenate([batch.q, batch.qd], 1)[lanes], plain[lanes])
+    own_masses_are_those_of_own_scenes(scene, count)
 
 
-@pytest.mark.parametrize("count", [8, 19])
-def test_lanes_with_steps_of_their_own_have_their_own_parameters(count):
+@LOCAL
+def test_lanes_with_steps_of_their_own_have_their_own_parameters(scene):
     """They go through slots, eight at a time, whose numbers are not those of their blocks."""
-    scene = rde.Scene(FOUR_R, (e.Gravity(),), tolerance=1e-10)
-    q, qd, u = states(count)
-    qd[::3] *= 0.001  # one step serves these
-    g = np.linspace(1.0, 12.0, count)
-
-    def final(lanes):
-        batch = rde.BatchSimulator(scene, len(lanes))
-        batch.set_state(q[lanes], 3.0 * qd[lanes])
-        batch.set_parameters({"gravity.g": g[lanes]})
-        evaluations = batch.advance(u[lanes]).evaluations
-        return np.concatenate([batch.q, batch.qd], axis=1), evaluations
-
-    whole, evaluations = final(np.arange(count))
-    assert len(np.unique(evaluations)) > 1
-    for lane in range(count):
-        alone, _ = final(np.array([lane]))
-        np.testing.assert_array_equal(alone[0], whole[lane])
+    assert own_masses_are_those_of_own_scenes(scene, 19).max() > 12
 
 
-@pytest.mark.parametrize(
-    ("value", "expected"),
-    [
-        (2.0, [[2, 2, 2, 2]] * 3),
-        ((1, 2, 3, 4), [[1, 2, 3, 4]] * 3),
-        (np.arange(1, 13).reshape(3, 4), np.arange(1, 13).reshape(3, 4)),
-    ],
-)
-def test_shapes_of_parameters(value, expected):
-    batch = rde.BatchSimulator(SCENES["FourR-rk4"], 3)
-    batch.set_parameters({"effort_limits.limits": value, "masses": value})
+@pytest.mark.parametrize("value", [2.0, (1, 2, 3, 4), np.arange(1, 13).reshape(3, 4)], ids=str)
+def test_shapes_of_parameters(value):
+    batch, expected = rde.BatchSimulator(SCENES["4R all rk8"], 3), np.broadcast_to(value, (3, 4))
+    batch.set_parameters({"effort_limits.limits": value, "masses": value, "gravity.g": (1.0, 2.0, 3.0)})
     names = tuple(f"effort_limits.limits[{k}]" for k in range(4))
-    np.testing.assert_array_equal(batch._memory.read(names), expected)
-    np.testing.assert_array_equal(batch._memory.read(("m1", "m2", "m3", "m4")), expected)
-    batch.set_parameters({"gravity.g": (1.0, 2.0, 3.0)})
+    for found in (batch._memory.read(names), batch._memory.read(("m1", "m2", "m3", "m4"))):
+        np.testing.assert_array_equal(found, expected)
     np.testing.assert_array_equal(batch._memory.read(("gravity.g",))[:, 0], (1, 2, 3))
 
 
@@ -99,8 +90,7 @@ class Weightless(Effect):
 
 
 def test_prepared_numbers_warn_no_more_than_compiled_ones(recwarn):
-    arm = rde.FourR((1.0,) * 4, (0.5,) * 4)
-    batch = rde.BatchSimulator(rde.Scene(arm, (Weightless(),), integrator="rk4"), 2)
+    batch = rde.BatchSimulator(rde.Scene(EQUAL["4R"], (Weightless(),), integrator="rk4"), 2)
     batch.set_parameters({"weightless.g": [0.0, -2.0]})
     assert batch.advance().finite.all()
     assert not recwarn.list
@@ -109,58 +99,40 @@ def test_prepared_numbers_warn_no_more_than_compiled_ones(recwarn):
 # ---- status ----------------------------------------------------------------------------------------
 
 
-@every_scene
+@FIXED
 @pytest.mark.parametrize(("count", "threads"), [(1, 1), (7, 1), (9, 2), (17, 3)])
 def test_status_of_a_partly_filled_block(scene, count, threads):
-    q, qd, u = states(24)
+    q, qd, u = random_states(scene, 24, 0)
     qd[count - 1, 2] = np.nan
-    _, whole = run(scene, q, qd, u, steps=1)
-    _, part = run(scene, q[:count], qd[:count], u[:count], steps=1, threads=threads)
-    for name in ("finite", "numerics", "error_estimate", "evaluations"):
-        assert getattr(part, name).shape == (count,)
-        np.testing.assert_array_equal(getattr(part, name), getattr(whole, name)[:count])
+    _, whole = run(scene, q, qd, u)
+    _, part = run(scene, q[:count], qd[:count], u[:count], threads=threads)
+    assert_same_bits(part, [column[:count] for column in whole])
     assert part.finite.tolist() == [True] * (count - 1) + [False]
     assert part.numerics[-1] == rde.Numerics.NON_FINITE
 
 
-@every_scene
+@FIXED
 def test_status_of_each_method(scene):
-    _, status = run(scene, *states(4), steps=1)
-    assert (status.evaluations == 2 * {"euler": 1, "rk4": 4, "rk8": 12}[scene.integrator]).all()
+    _, status = run(scene, *random_states(scene, 4, 0))
+    stages = {"euler": 1, "rk4": 4, "rk8": 12}[scene.integrator]
+    assert (status.evaluations == scene.substeps * stages).all()
     assert np.isnan(status.error_estimate).all() == (scene.integrator != "rk8")
     assert (status.events == 0).all()
 
 
-def test_error_estimate_follows_the_error():
-    scene = rde.Scene(FOUR_R, (e.Gravity(),), control_dt=0.05)
-    q, qd, u = states(200)
-    one, status = run(scene, q, 2 * qd, 0 * u, steps=1)
-    fine = rde.Scene(FOUR_R, (e.Gravity(),), control_dt=0.05, substeps=16)
-    exact, _ = run(fine, q, 2 * qd, 0 * u, steps=1)
-    error = np.linalg.norm(
-        FOUR_R.forward_kinematics(one[:, :4]) - FOUR_R.forward_kinematics(exact[:, :4]), axis=1
-    )
-    assert (status.error_estimate > error).mean() > 0.95
-    assert np.corrcoef(np.log(error + 1e-16), np.log(status.error_estimate))[0, 1] > 0.7
-
-
 def test_one_rk8_step_of_a_control_interval_is_far_below_a_micrometre():
     """The README's claim about calm, smooth motion: rates of 4 rad/s, 20 ms, one step."""
-    arm = rde.FourR((0.5,) * 4, (0.25,) * 4)
-    rng = np.random.default_rng(0)
+    arm, rng, ends = rde.FourR((0.5,) * 4, (0.25,) * 4), np.random.default_rng(0), []
     q, qd = rng.uniform(-np.pi, np.pi, (4096, 4)), rng.normal(0, 4, (4096, 4))
-    ends = []
     for substeps in (1, 16):
         scene = rde.Scene(arm, (e.Gravity(),), "rk8", 0.02, substeps)
-        ends.append(arm.forward_kinematics(run(scene, q, qd, np.zeros((4096, 4)), steps=1)[0][:, :4]))
-    error = np.linalg.norm(ends[0] - ends[1], axis=1)
-    assert np.quantile(error, 0.99) < 1e-7
+        ends.append(arm.forward_kinematics(run(scene, q, qd, None)[0][:, :4]))
+    assert np.quantile(np.linalg.norm(ends[0] - ends[1], axis=1), 0.99) < 1e-7
 
 
 @pytest.mark.parametrize("integrator", ["euler", "rk4", "rk8", "dop853"])
 def test_an_effort_that_is_no_number_is_reported(integrator):
-    batch = rde.BatchSimulator(rde.Scene(FOUR_R, (e.Gravity(),), integrator=integrator), 9)
-    efforts = np.zeros((9, 4))
+    batch, efforts = rde.BatchSimulator(rde.Scene(FOUR_R, (GRAVITY,), integrator), 9), np.zeros((9, 4))
     efforts[5, 1] = np.nan
     status = batch.advance(efforts)
     assert np.flatnonzero(~status.finite).tolist() == [5]
@@ -168,9 +140,8 @@ def test_an_effort_that_is_no_number_is_reported(integrator):
 
 
 def test_an_effort_that_is_no_number_is_reported_of_a_slider_at_rest_too():
-    arm = rde.RPRP((1.0, 0.8, 0.6, 0.4), (0.5, 0.4))
     stops = e.PrismaticStop((0.0, 0.0), (0.3, 0.3), restitution=0.0)
-    batch = rde.BatchSimulator(rde.Scene(arm, (e.Gravity(), stops), tolerance=1e-6), 1)
+    batch = rde.BatchSimulator(rde.Scene(RPRP, (e.Gravity(), stops), tolerance=1e-6), 1)
     batch.set_state([[-1.5, 0.3, -1.5, 0.3]], np.zeros((1, 4)))
     batch.advance()
     assert batch._memory.read(("active_stop_r1",))[0, 0] == 1.0

@@ -41,12 +41,8 @@ def faces():
     batch = rde.BatchSimulator(rde.load_scene(SCENE), 2)
     env, venv, sb3 = gym.make(ENV), gym.make_vec(ENV, num_envs=2), rde.make_sb3(ENV, num_envs=2)
 
-    def by_sb3(name, value):
-        sb3.set_options({"parameters": {name: value}})
-        sb3.reset()
-
-    def by_sb3_list(name, value):
-        sb3.set_options([{}, {"parameters": {name: value}}])
+    def by_sb3(options):
+        sb3.set_options(options)
         sb3.reset()
 
     def of_one(name, value):
@@ -59,8 +55,8 @@ def faces():
         "a lane": lambda name, value: batch.set_parameters({name: value}, index=[0]),
         "env": of_one,
         "vector env": lambda name, value: venv.reset(seed=0, options={"parameters": {name: value}}),
-        "sb3": by_sb3,
-        "sb3, one by one": by_sb3_list,
+        "sb3": lambda name, value: by_sb3({"parameters": {name: value}}),
+        "sb3, one by one": lambda name, value: by_sb3([{}, {"parameters": {name: value}}]),
     }
 
 

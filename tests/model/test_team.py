@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.model.team import Worker
+from redundant_envs.model.programs import Worker
 
 
 def workers():

@@ -28,7 +28,7 @@ from redundant_envs.progress import counted
 ROOT = Path(__file__).parents[2]
 PACKAGE = "redundant_envs"
 EQUATIONS = ("robots/rprp", "robots/four_r", "robots/derived", "robots/added_inertia")
-NUMERICS = ("methods", "tableaus", "error_control", "estimates")
+NUMERICS = ("methods", "tableaus", "error_control")
 EVENTS = ("boundary", "crossings", "first_event", "search", "contacts", "complementarity")
 LANE = ("dynamics", "kinks", "required_steps", "common_step", "step_control", "coordinates",
         "boundaries", "features", "program", "interval")  # fmt: skip
@@ -47,22 +47,13 @@ COLUMNS = ("module", "line", "function", "operator", "outcome", "seconds", "befo
 
 
 class Place(NamedTuple):
-    """Where a mutant could be.
+    """Where a mutant could be."""
 
-    Attributes
-    ----------
-    module : path from the root of the repository
-    line : where it is
-    function : in which it is
-    operator : cosmic-ray's name of the change
-    occurrence : index among the occurrences in the module that this operator can change
-    """
-
-    module: str
+    module: str  # path from the root of the repository
     line: int
-    function: str
-    operator: str
-    occurrence: int
+    function: str  # in which it is
+    operator: str  # cosmic-ray's name of the change
+    occurrence: int  # index among those in the module that this operator can change
 
 
 def unseen_spans(tree: ast.AST) -> Iterator[tuple[int, int, int, int]]:

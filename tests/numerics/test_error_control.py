@@ -14,12 +14,11 @@ from redundant_envs.lane.features import Fault
 from redundant_envs.lane.memory import Lane, Layout
 from redundant_envs.lane.step_control import End, EqualSteps
 from redundant_envs.model.programs import batch_simulator
-from redundant_envs.numerics.error_control import Crossed
-from redundant_envs.numerics.estimates import blended_error, tip_error
+from redundant_envs.numerics.error_control import Crossed, blended_error, tip_error
 from redundant_envs.studies.interval_families import FAMILIES
 from redundant_envs.studies.intervals import tips_after
 from redundant_envs.studies.kinked_effects import TorqueSpeed, VelocityController
-from redundant_envs.verify.states import random_states
+from redundant_envs.verify.checks import random_states
 
 e = rde.effects
 LAB = rde.FourR((1.0,) * 4, (0.5,) * 4)
@@ -190,16 +189,11 @@ def test_a_tolerance_that_cannot_be_is_refused(changes, said):
         dataclasses.replace(rde.Scene(LAB, FREE), **changes)
 
 
-@pytest.mark.parametrize("tolerance", [1e-6, pytest.param(1e-9, marks=pytest.mark.long)])
-@pytest.mark.parametrize(
-    "arm",
-    [
-        pytest.param(rde.FourR((1.0,) * 4, (1.0, 1e-6, 1.0, 1e-6)), marks=pytest.mark.long),
-        rde.FourR((1.0,) * 4, (1.0, 1e-5, 1.0, 1e-5)),
-    ],
-)
-def test_tolerance_is_kept_with_nearly_vanishing_links(arm, tolerance):
-    """A link of a micrometre turns over within the interval, and the error of its angle grows with it."""
+@pytest.mark.long
+@pytest.mark.parametrize(("short", "tolerance"), [(1e-6, 1e-6), (1e-6, 1e-9), (1e-5, 1e-9)])
+def test_tolerance_is_kept_with_nearly_vanishing_links(short, tolerance):
+    """Hard case 44 with others: the error of the angle of such a link grows with it."""
+    arm = rde.FourR((1.0,) * 4, (1.0, short, 1.0, short))
     scene = rde.Scene(arm, (e.Gravity(),), tolerance=tolerance)
     q, qd, _ = random_states(scene, 1024, 0)
     got, status = advance(scene, q, qd)
@@ -208,10 +202,9 @@ def test_tolerance_is_kept_with_nearly_vanishing_links(arm, tolerance):
         advance(rde.Scene(arm, scene.effects, substeps=n), q, qd)[0] for n in (2048, 4096, 5801, 8192)
     )
     judged = np.max([tip_errors(arm, x, finer) for x in others], axis=0) <= 0.1 * tolerance
-    error, flagged = tip_errors(arm, got, finer), status.numerics != 0
     assert judged.sum() > 600
-    assert (error <= tolerance)[judged & ~flagged].all()
-    assert np.mean(flagged[judged]) <= 1e-3
+    assert (tip_errors(arm, got, finer) <= tolerance)[judged & (status.numerics == 0)].all()
+    assert np.mean(status.numerics[judged] != 0) <= 1e-3
 
 
 def test_an_estimate_that_overflows_does_not_pass():

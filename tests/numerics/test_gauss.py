@@ -1,5 +1,11 @@
-"""Motions by Gauss-Legendre collocation in mpmath: against known ones, and against the compiled ones."""
+"""Motions by Gauss-Legendre collocation of 8 stages (order 16) in mpmath, another family of methods: against
+known ones, and against the compiled ones.
 
+In each step the velocity is the polynomial of degree 8 whose derivative at the 8 Gauss points is the
+acceleration there. Accelerations come from the dynamics that are compiled, run on mpmath's numbers.
+"""
+
+import functools
 import json
 from pathlib import Path
 
@@ -7,10 +13,70 @@ import pytest
 
 import redundant_envs as rde
 from redundant_envs.effects import CentringSpring, Gravity, ViscousFriction
+from redundant_envs.lane.dynamics import Dynamics
 
 mpmath = pytest.importorskip("mpmath", reason="mpmath is in the extra 'verify'")
 
-from gauss import STAGES, solve, tableau  # noqa: E402
+import exact_numbers  # noqa: E402, F401 - lets mpmath's numbers be numbers
+from lanes_of_numbers import constants  # noqa: E402
+
+STAGES = 8
+GUARD = 6  # decimal digits carried beyond those asked for
+
+
+@functools.cache
+def tableau(digits, n=STAGES):
+    """Nodes c, weights b, matrix a, and the matrix that continues stage values into the next step.
+
+    With p_k the Legendre polynomials on [0, 1], Lagrange's are l_j = b_j sum_k (2k + 1) p_k(c_j) p_k,
+    and the integral of (2k + 1) p_k from 0 is (p_{k+1} - p_{k-1}) / 2, with p_{-1} = -1.
+    """
+    with mpmath.workdps(digits + GUARD):
+        x = [-mpmath.cos(mpmath.pi * (i + 0.75) / (n + 0.5)) for i in range(n)]
+        for _ in range(digits.bit_length() + 2):  # Newton doubles the digits
+            p = [[mpmath.legendre(k, z) for k in range(n + 1)] for z in x]
+            slopes = [n * (y[n - 1] - z * y[n]) / (1 - z * z) for z, y in zip(x, p, strict=True)]
+            x = [z - y[n] / slope for z, y, slope in zip(x, p, slopes, strict=True)]
+        b = [1 / (1 - z * z) / slope**2 for z, slope in zip(x, slopes, strict=True)]
+        integrals = [[(y[k + 1] - (y[k - 1] if k else -1)) / 2 for k in range(n)] for y in p]
+        a = [[w * mpmath.fdot(y[:n], row) for w, y in zip(b, p, strict=True)] for row in integrals]
+        ahead = [[mpmath.fprod((y + 2 - w) / (z - w) for w in x if w != z) for z in x] for y in x]
+        return [(1 + z) / 2 for z in x], b, a, ahead
+
+
+def accelerations(scene, efforts):
+    """qdd(q, qd) by the equations of motion that each stage of a compiled step has."""
+    dynamics = Dynamics(scene)
+    numbers = constants(dynamics, mpmath.mpf) | dict(zip(dynamics.commands, efforts, strict=True))
+    return lambda q, qd: dynamics.accelerations(dynamics.quantities([*q, *qd], numbers))
+
+
+def solve(scene, q, qd, duration, steps, efforts=None, digits=34):
+    """q and qd after ``duration`` [s] of constant efforts in equal steps, solved to ``digits``."""
+
+    def advanced(x, weights, rates):
+        return [y + step * mpmath.fdot(weights, r) for y, r in zip(x, zip(*rates, strict=True), strict=True)]
+
+    _, b, a, ahead = tableau(digits)
+    with mpmath.workdps(digits + GUARD):
+        given = q, qd, (0,) * 4 if efforts is None else efforts
+        q, qd, efforts = ([mpmath.mpf(x) for x in vector] for vector in given)
+        acceleration, step = accelerations(scene, efforts), mpmath.mpf(duration) / steps
+        forces = [acceleration(q, qd)] * STAGES
+        for _ in range(steps):
+            for tries in range(61):  # fixed-point iteration: one or two digits each
+                before, rates = forces, [advanced(qd, row, forces) for row in a]
+                forces = [acceleration(advanced(q, row, rates), v) for row, v in zip(a, rates, strict=True)]
+                pairs = [xy for stage in zip(before, forces, strict=True) for xy in zip(*stage, strict=True)]
+                change = max(abs(x - y) for x, y in pairs)
+                if change <= max(abs(y) for _, y in pairs) / 10**digits:
+                    break
+                if tries == 60 or not change * step**2 < 1e6:
+                    raise ArithmeticError(f"steps is {steps}; the stages do not converge: take more")
+            q, qd = advanced(q, b, rates), advanced(qd, b, forces)
+            forces = [[mpmath.fdot(row, f) for f in zip(*forces, strict=True)] for row in ahead]
+        return q, qd
+
 
 FOLDER = Path(__file__).parents[1] / "oracles"
 ARMS = {"rprp": rde.RPRP, "four_r": rde.FourR}
@@ -25,43 +91,6 @@ def difference(found, other):
     with mpmath.workdps(50):
         pairs = [xy for vectors in zip(found, other, strict=True) for xy in zip(*vectors, strict=True)]
         return max(abs(mpmath.mpf(x) - mpmath.mpf(y)) for x, y in pairs)
-
-
-def test_tableau():
-    """B(16) and not B(17), C(8) and not C(9), nodes and weights symmetric: order 16 follows."""
-    c, b, a, ahead = tableau(34)
-    nodes = range(STAGES)
-    with mpmath.workdps(40):
-
-        def misses(k):
-            quadrature = mpmath.fdot(b, [x ** (k - 1) for x in c]) - mpmath.mpf(1) / k
-            stages = [mpmath.fdot(row, [x ** (k - 1) for x in c]) - c[i] ** k / k for i, row in enumerate(a)]
-            return abs(quadrature), max(abs(s) for s in stages)
-
-        assert max(misses(k)[0] for k in range(1, 17)) <= 1e-38
-        assert max(misses(k)[1] for k in range(1, 9)) <= 1e-38
-        assert misses(17)[0] > 1e-11
-        assert misses(9)[1] > 1e-7
-        assert all(x < y for x, y in zip([0, *c], [*c, 1], strict=True))
-        assert max(abs(c[i] + c[-1 - i] - 1) + abs(b[i] - b[-1 - i]) for i in nodes) <= 1e-38
-        assert max(abs(a[i][j] + a[-1 - i][-1 - j] - b[j]) for i in nodes for j in nodes) <= 1e-38
-        continued = [mpmath.fdot(row, [x**7 for x in c]) - (c[i] + 1) ** 7 for i, row in enumerate(ahead)]
-        assert max(abs(x) for x in continued) <= 1e-32
-
-
-@pytest.mark.parametrize("arm", ARMS)
-def test_order_16(arm):
-    """Halving the step divides the error by 2^16; in the end two step counts agree to 28 decimals."""
-    scene = rde.Scene(ROBOTS[arm], SMOOTH)
-    *states, exact = (solve(scene, Q0, QD0, 0.05, n, EFFORTS) for n in (2, 4, 8))
-    errors = [difference(state, exact) for state in states]
-    assert float(mpmath.log(errors[0] / errors[1], 2)) == pytest.approx(16.0, abs=0.25)
-    assert errors[1] <= 1e-28
-
-
-def test_too_long_steps_are_refused():
-    with pytest.raises(ArithmeticError, match="steps is 2;"):
-        solve(rde.Scene(ROBOTS["four_r"], SMOOTH), Q0, [20.0 * v for v in QD0], 1.0, 2, digits=20)
 
 
 # Steps in [0.1, 0.5] s where 16 do not give every digit.

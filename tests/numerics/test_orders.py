@@ -69,9 +69,8 @@ def test_a_step_and_its_estimates_have_the_orders_that_they_are_for(mpmath, meth
             step = explicit_step(METHODS[method], slope, [y], [v], [y], h)
             assert step.others[0] == step.positions[0]
             assert {*step.watched[0]} == {7.0}
-            factors = (step.h6, step.error6), (step.h5, step.error5), (step.h3, step.error3)
             wrong = step.positions[0] - (y * mpmath.cos(h) + v * mpmath.sin(h))
-            return [abs(wrong), *(abs(h * error[0]) for h, error in factors if error)]
+            return [abs(wrong), *(abs(h * error[0]) for error, h in step.errors)]
 
         pairs = zip(*(defects(mpmath.mpf(1) / n) for n in steps), orders, strict=False)
         measured = {p: float(mpmath.log(a / b, 2)) for a, b, p in pairs if p}

@@ -152,7 +152,7 @@ class StoppedArm:
             # A slider that moves away from its stop is struck when an impact of the other has sent it back.
             here = [n for n, j in enumerate(joints) if u[n] > ROUNDING or j in held]
             struck = (u + self.restitution * np.maximum(u, 0.0))[here]
-            impulse = _complementary(W[np.ix_(here, here)], struck)
+            impulse = complementary(W[np.ix_(here, here)], struck)
             y[4:] -= columns[:, here] @ impulse
             for n, p in zip(here, impulse, strict=True):
                 if p > 0.0 and u[n] > 0.0:
@@ -202,7 +202,7 @@ def _terminal(start: float, function: Any, *arguments: Any) -> Any:
     return event
 
 
-def _complementary(W: Array, d: Array) -> Array:
+def complementary(W: Array, d: Array) -> Array:
     """p >= 0 with W p - d >= 0 and p (W p - d) = 0, by trying every set."""
     n = len(d)
     for count in range(n + 1):

@@ -81,26 +81,3 @@ def advanced(scene, q, qd, efforts, change=None, intervals=1, **kwargs):
     for _ in range(intervals):
         status = batch.advance(efforts)
     return batch, status
-
-
-def mujoco_model(mujoco, arm, links=(), rotors=()):
-    """A chain of bodies with a mass point each and a motor on every joint; inertias of links, armatures."""
-    text, before, lengths = "", 0.0, iter(arm.lengths)
-    links, rotors = iter(links), iter(rotors)
-    for k, slides in enumerate(arm.prismatic):
-        kind = 'type="slide" axis="1 0 0"' if slides else 'type="hinge" axis="0 0 1"'
-        where = 0.0 if slides else next(lengths)
-        turning = 2e-14 if slides else next(links, 2e-14)
-        inertia = f"{0.5 * turning!r} {0.5 * turning!r} {turning!r}"
-        text += (
-            f'<body pos="{before!r} 0 0"><joint name="j{k}" {kind} armature="{next(rotors, 0.0)!r}"/>'
-            f'<inertial pos="{where!r} 0 0" mass="{arm.masses[k]!r}" diaginertia="{inertia}"/>'
-        )
-        before = where
-    text += f'<site name="tip" pos="{before!r} 0 0"/>' + "</body>" * len(arm.joints)
-    motors = "".join(f'<motor joint="j{k}"/>' for k in range(len(arm.joints)))
-    return mujoco.MjModel.from_xml_string(
-        '<mujoco><compiler angle="radian" inertiafromgeom="false" boundinertia="0"/>'
-        '<option gravity="0 -9.81 0"><flag contact="disable"/></option>'
-        f"<worldbody>{text}</worldbody><actuator>{motors}</actuator></mujoco>"
-    )

@@ -2,15 +2,16 @@
 
 from dataclasses import dataclass
 
+from two_stage_spring import beyond_knee
+
 import redundant_envs as rde
-from redundant_envs.algebra import physics, where
+from redundant_envs.algebra import physics
 from redundant_envs.effects import Effect, Force, State
 
 
 @physics
 def push_back(position, lower, upper, side, stiffness, hum):
-    beyond = position - where(side > 0.0, upper, where(side < 0.0, lower, position))
-    return -stiffness * (1.0 + 0.5 * hum) * beyond
+    return -stiffness * (1.0 + 0.5 * hum) * beyond_knee(position, lower, upper, side)
 
 
 @physics

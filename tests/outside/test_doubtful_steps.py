@@ -7,10 +7,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from actuator_lag import ActuatorLag
+from actuator_lag import ActuatorLag, LagChain
 from arms import ARMS
 from humming_stop import HummingStop
-from lag_chain import LagChain
 from relative_two_r import RelativeTwoR
 from rrp import RRP
 
@@ -146,7 +145,7 @@ def test_what_errors_of_effects_states_move_at_the_tip_is_in_proportion_to_the_e
     n, h = dynamics.count, 0.02
 
     def moved(errors, steps):
-        step = Step(after[:n], after[n : 2 * n], after[2 * n :], [], *errors, *steps)
+        step = Step(after[:n], after[n : 2 * n], after[2 * n :], [], list(zip(errors, steps, strict=True)))
         return others_error(dynamics, lane, step, h)
 
     errors = np.array([six, five, three])

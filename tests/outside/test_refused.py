@@ -12,13 +12,14 @@ import numpy as np
 import pytest
 import rrp
 import three_r
+from bumper import Bumper
 from three_r_by_hand import ThreeRByHand, points
 
 import redundant_envs as rde
 import redundant_envs.robots
 from redundant_envs.algebra import physics
 from redundant_envs.backends.torch import torch
-from redundant_envs.effects import Effect, Field, Force, Inertia, LimitSpring, State
+from redundant_envs.effects import Effect, Field, Force, Gap, Inertia, LimitSpring, Point, Sensing, State
 from redundant_envs.effects.captured import check_effect
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.registration import IDS
@@ -175,33 +176,6 @@ def branching(above):
     return effect_of(numbers=AB, hooks=lambda self, arm: bound(self, arm) * (2 if above(self) else 1))
 
 
-@pytest.mark.parametrize(
-    ("effect", "said"),
-    [
-        (effect_of(Field(upwards)), r"upwards depends on phid1; a uniform field .* parameters alone"),
-        (effect_of(numbers=(("a", None),)), "a is None"),
-        (effect_of(numbers=(("a", float("nan")),)), "a is nan"),
-        (effect_of(numbers=(("a", "1"),)), "a is '1'"),
-        (
-            effect_of(Force(0, nothing, {"phid_1": "phid2"})),
-            "bind has 'phid_1', which no function here takes; they take phi1",
-        ),
-        (
-            effect_of(Force(0, nothing, states=State("z", "", derivative=nothing))),
-            r"hook 0: states is State\(.*; give a tuple, such as \(State",
-        ),
-        (branching(lambda self: self.a / self.b > 100.0), "does not follow its number a"),
-        (branching(lambda self: self.a / self.b < 0.02), "does not follow its number a"),
-        (
-            effect_of(numbers=AB, decorated=False, hooks=bound),
-            r"Mine has a, b .* @dataclass\(frozen=True\) above",
-        ),
-    ],
-)
-def test_an_effect_that_contradicts_itself(effect, said):
-    refused(said, rde.Scene, FOUR_R, (effect,))
-
-
 def test_an_effect_without_hooks_says_what_to_write():
     said = r"does not say where it attaches; write a method hooks\(self, arm\)"
     effect = dataclass(frozen=True)(type("Mine", (Effect,), {"hook": lambda self, arm: ()}))()
@@ -229,15 +203,6 @@ class Follows(Effect):
 
     def hooks(self, arm):
         return ()
-
-
-def test_entries_that_no_hook_uses_and_numbers_that_follow_from_others():
-    rde.Scene(FOUR_R, (Rotor((0.1,) * 4),))
-    said = r"inertia has 5 entries, of which no hook uses inertia\[4\]; give 4"
-    refused(said, rde.Scene, FOUR_R, (Rotor((0.1,) * 5),))
-    said = r"inertia is \[0.1, 0.1\]; give a number or a tuple of them"
-    refused(said, rde.Scene, FOUR_R, (Rotor([0.1, 0.1]),))
-    refused(r"Follows\).twice is not an argument of its class", rde.Scene, FOUR_R, (Follows(),))
 
 
 @dataclass(frozen=True)
@@ -358,16 +323,96 @@ class Slack(Wall):
         return tuple(h for h in super().hooks(arm) if h.switch is None)
 
 
+@physics
+def of_place(place):
+    return 1.0 * place
+
+
+@physics
+def of_speed(tip_vx):
+    return 1.0 - tip_vx
+
+
+@physics
+def of_x4(x4):
+    return 1.0 * x4
+
+
+@physics
+def of_side(side):
+    return 0.0 * side
+
+
+@physics
+def of_command(command1):
+    return 1.0 * command1
+
+
+def walled(*ends):
+    return Wall("joint2", -1.0, 1.0, ends=ends)
+
+
 @pytest.mark.parametrize(
-    ("ends", "said"),
+    ("effects", "said"),
     [
-        (("upper", "lower"), r"of 'joint2' is .upper to .lower, which are 1.0 and -1.0; the first must"),
-        (("lower", "lower"), "which are -1.0 and -1.0; the first must be below the second"),
-        (("lower", "top"), "travel gives 'top', which is not a number of this effect; it has lower, upper"),
+        # numbers
+        (effect_of(numbers=(("a", None),)), "a is None"),
+        (effect_of(numbers=(("a", float("nan")),)), "a is nan"),
+        (effect_of(numbers=(("a", "1"),)), "a is '1'"),
+        (branching(lambda self: self.a / self.b > 100.0), "does not follow its number a"),
+        (branching(lambda self: self.a / self.b < 0.02), "does not follow its number a"),
+        (
+            effect_of(numbers=AB, decorated=False, hooks=bound),
+            r"Mine has a, b .* @dataclass\(frozen=True\) above",
+        ),
+        (Rotor((0.1,) * 5), r"inertia has 5 entries, of which no hook uses inertia\[4\]; give 4"),
+        (Rotor([0.1, 0.1]), r"inertia is \[0.1, 0.1\]; give a number or a tuple of them"),
+        (Follows(), r"Follows\).twice is not an argument of its class"),
+        (walled("upper", "lower"), "'joint2' is .upper to .lower, which are 1.0 and -1.0; the first must"),
+        (walled("lower", "lower"), "which are -1.0 and -1.0; the first must be below the second"),
+        (
+            walled("lower", "top"),
+            "travel gives 'top', which is not a number of this effect; it has lower, upper",
+        ),
+        # fields and forces
+        (effect_of(Field(upwards)), r"upwards depends on phid1; a uniform field .* parameters alone"),
+        (
+            effect_of(Force(0, nothing, {"phid_1": "phid2"})),
+            "bind has 'phid_1', which no function here takes; they take phi1",
+        ),
+        (
+            effect_of(Force(0, nothing, states=State("z", "", derivative=nothing))),
+            r"hook 0: states is State\(.*; give a tuple, such as \(State",
+        ),
+        (effect_of(Force(Point(4), of_x4)), r"Point is 4; give Point\(0\) to Point\(3\), the tip"),
+        (effect_of(Force(Point(True), of_x4)), "number of the Point is True"),
+        (effect_of(Force(Point(3), of_x4)), "returns 1 values; a Force at a point needs 2"),
+        (effect_of(Force(1, upwards)), "returns 2 values; a Force needs 1"),
+        (effect_of(Force("tip", of_x4)), "joint is 'tip'; give 0 to 3"),
+        (effect_of(Force(1, of_side, switch=(".a", ".b"))), r"switch: '\.a' is not a number of this effect"),
+        (effect_of(Force(1, of_side, switch=".a")), r"switch is '\.a'; give the names of two numbers"),
+        (effect_of(Force(1, of_side, switch=(".a",))), "give the names of two numbers"),
+        (effect_of(Force(Point(3), of_side, switch=(".a", ".b"))), "the force acts at a Point"),
+        (effect_of(Force(1, of_side)), "argument 'side': no quantity of RPRP is called 'side'"),
+        # stops and walls
+        ((Bumper(), Bumper(3, restitution=0.5)), "stops with several restitutions"),
+        ((Bumper(), e.PrismaticStop((0, 0), (1, 1))), "several restitutions"),
+        (Bumper(0), "'joint1' is not a slider"),
+        (effect_of(Gap(of_speed, ".a"), numbers=AB), "a gap may depend on the pose"),
+        (effect_of(Gap(of_place, ".a", {"place": ".b"}), numbers=AB), "a gap must move"),
+        # sensors
+        (effect_of(Sensing(9, nothing)), r"joint is 9; give 0 to 3"),
+        (effect_of(Sensing(0, of_command)), r"of_command depends on command1; a sensor may use the motion"),
+        (effect_of(Sensing(0, upwards)), r"returns 2 values; a Sensing needs 1"),
+        (
+            effect_of(Sensing(0, nothing, {}, "position")),
+            r"reading is 'position'; choose Reading.POSITION, Reading.RATE",
+        ),
+        (effect_of(Sensing(0, nothing, {"phi1": ".bias"})), r"'.bias' is not a number of this effect"),
     ],
 )
-def test_a_travel_in_the_wrong_order_or_of_unknown_numbers(ends, said):
-    refused(said, rde.Scene, FOUR_R, (Wall("joint2", -1.0, 1.0, ends=ends),))
+def test_an_effect_that_contradicts_itself(effects, said):
+    refused(said, rde.Scene, RPRP, effects if isinstance(effects, tuple) else (effects,))
 
 
 def test_a_travel_that_other_numbers_bring_into_the_wrong_order():
@@ -453,10 +498,7 @@ def numbered(name):
         (task_of(reward_functions=lambda self, scene: ()), "gives no term of its own"),
         (task_of(goal_conditioned=True), "one reward term must be goal_reward"),
         (task_of(goal_conditioned=True, goal_functions=()), "goal_functions is empty"),
-        (
-            task_of(units={"perod": "s"}),
-            r"Held\.units has 'perod'; choose start_angle, speed_bound",
-        ),
+        (task_of(units={"perod": "s"}), r"Held\.units has 'perod'; choose start_angle, speed_bound"),
         (task_of(static=("speed_bound",)), r"Held.static has 'speed_bound'; choose"),
     ],
 )
@@ -500,15 +542,13 @@ HELD = {
         pays(lambda task, scene: scene.parameters()["effort_limits.limits[1]"]),
     ),
     "a start": (
-        "start_angle",
-        {"start_range": lambda self, scene, joint: (f"-{self.start_angle}", f"{self.start_angle}")},
+        "start_angle", {"start_range": lambda self, *_: (f"-{self.start_angle}", f"{self.start_angle}")},
     ),
     "a metric": (
-        "width",
-        {"metrics": property(lambda self: rde.ReachTask.metrics[: 4 if self.width > 0.7 else 3])},
+        "width", {"metrics": property(lambda self: rde.ReachTask.metrics[: 4 if self.width > 0.7 else 3])},
     ),
     "an observation": ("width", {"observation": fewer}),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("what", HELD)
@@ -597,28 +637,38 @@ def test_sb3_environments_need_no_success():
 # ---- registration --------------------------------------------------------------------------------------
 
 
-def test_ids_that_clash_and_scenes_that_make_no_environment():
+GOAL = rde.load_scene("four_r_reach").to_dict()
+GOAL["robot"]["type"] = "RPRPGoal"
+BARE = {"robot": {"type": "OddArm", "masses": [1, 1, 1], "lengths": [1, 1, 1]}}
+
+
+def four_r(kind):
+    return dataclass(frozen=True)(type(kind, (rde.FourR,), {"kind": kind}))
+
+
+@pytest.mark.parametrize(
+    ("said", "register", "arguments"),
+    [
+        ("RPRPGoalReach-v0 is the id of", rde.register_arm, (four_r("RPRPGoal"), GOAL)),
+        ("no EffortLimits", rde.register_arm, (arm_of(kind="OddArm"), BARE)),
+        ("'ThreeR' is taken", rde.register_arm, (four_r("ThreeR"),)),
+        ("one with a robot of type ThreeR", rde.register_arm, (three_r.ThreeR, "rprp_reach")),
+        (
+            "does not end with Vector or Env",
+            rde.register_task, (type("T", (rde.ReachTask,), {"name": "ReachVector"}),),
+        ),
+        (r"derived from redundant_envs\.Task", rde.register_task, (three_r.ThreeR,)),
+        ("base of all effects", rde.register_effect, (Effect,)),
+    ],
+)  # fmt: skip
+def test_ids_that_clash_and_scenes_that_make_no_environment(said, register, arguments):
     before = dict(IDS), dict(rde.robots.REGISTRY), dict(rde.tasks.REGISTRY)
-    scene = rde.load_scene("four_r_reach").to_dict()
-    clashing = dataclass(frozen=True)(type("RPRPGoal", (rde.FourR,), {"kind": "RPRPGoal"}))
-    goal = {**scene, "robot": {**scene["robot"], "type": "RPRPGoal"}}
-    refused("RPRPGoalReach-v0 is the id of", rde.register_arm, clashing, goal)
-    bare = {"robot": {"type": "OddArm", "masses": [1, 1, 1], "lengths": [1, 1, 1]}}
-    refused("no EffortLimits", rde.register_arm, arm_of(kind="OddArm"), bare)
-    vector = type("T", (rde.ReachTask,), {"name": "ReachVector"})
-    refused("does not end with Vector or Env", rde.register_task, vector)
-    refused("base of all effects", rde.register_effect, Effect)
-    refused(r"derived from redundant_envs\.Task", rde.register_task, three_r.ThreeR)
-    taken = type("ThreeR", (rde.FourR,), {"kind": "ThreeR"})
-    refused("'ThreeR' is taken", rde.register_arm, taken)
-    refused("one with a robot of type ThreeR", rde.register_arm, three_r.ThreeR, "rprp_reach")
+    refused(said, register, *arguments)
     assert (dict(IDS), dict(rde.robots.REGISTRY), dict(rde.tasks.REGISTRY)) == before
 
 
 def test_a_task_whose_ids_clash_is_refused_and_the_next_one_is_registered():
-    scene = rde.load_scene("four_r_reach").to_dict()
-    arm = type("FourRNew", (rde.FourR,), {"kind": "FourRNew"})
-    rde.register_arm(arm, {**scene, "robot": {**scene["robot"], "type": "FourRNew"}})
+    rde.register_arm(four_r("FourRNew"), {**GOAL, "robot": {**GOAL["robot"], "type": "FourRNew"}})
     before = dict(IDS), dict(rde.tasks.REGISTRY)
     clashing, free = (type(name, (rde.ReachTask,), {"name": name}) for name in ("NewReach", "NextReach"))
     said = "FourRNewReach-v0 is the id of the arm FourRNew with the task Reach"

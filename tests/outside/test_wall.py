@@ -104,29 +104,3 @@ def test_walls_work_on_single_numbers_as_compiled():
         lane = cross_interval(Interval(dynamics), {**fields_of(dynamics), **known})
         found = [lane[name] for name in dynamics.arm.coordinates]
         np.testing.assert_allclose(found, q, atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("function", "message"),
-    [("speed", "a gap may depend on the pose"), ("constant", "a gap must move")],
-)
-def test_a_gap_that_is_no_function_of_the_pose_is_refused(function, message):
-    @physics
-    def speed(tip_vx, place):
-        return place - tip_vx
-
-    @physics
-    def constant(place):
-        return place * 1.0
-
-    chosen = {"speed": speed, "constant": constant}[function]
-
-    @dataclass(frozen=True)
-    class Wrong(e.Effect):
-        place: float
-
-        def hooks(self, arm):
-            return (e.Gap(chosen, ".place", {"place": ".place"}),)
-
-    with pytest.raises(ValueError, match=message):
-        rde.Scene(ARMS["4R"], (Wrong(0.5),))

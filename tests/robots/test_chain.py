@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
+from redundant_envs.robots.added_inertia import with_inertias
 from redundant_envs.verify import equations, kinematics, verify
 from redundant_envs.verify.checks import checks_of
+from redundant_envs.verify.subjects import subject_of
 
 e = rde.effects
 BY_HAND = {
@@ -32,23 +34,21 @@ def states(arm, count=50):
     return q, rng.normal(0.0, 3.0, q.shape), rng.normal(0.0, 5.0, q.shape)
 
 
+OF_Q = "mass_matrix gravity_forces points forward_kinematics jacobian potential_energy manipulability"
+OF_RATES = "bias_forces coriolis_matrix jacobian_dot_qd kinetic_energy angular_momentum"
+
+
 @pytest.mark.parametrize("types", BY_HAND)
 def test_a_chain_is_the_arm_written_by_hand_to_rounding(types):
     hand = BY_HAND[types]
     chain = rde.Chain(types, hand.masses, hand.lengths)
     q, qd, Q = states(hand, 500)
-    for names, known in (
-        (
-            "mass_matrix gravity_forces points forward_kinematics jacobian potential_energy manipulability",
-            (q,),
-        ),
-        ("bias_forces coriolis_matrix jacobian_dot_qd kinetic_energy angular_momentum", (q, qd)),
-    ):
+    for names, known, most in (
+        (OF_Q, (q,), 2e-15), (OF_RATES, (q, qd), 2e-15), ("forward_dynamics", (q, qd, Q), 1e-14),
+    ):  # fmt: skip
         for name in names.split():
             found, expected = getattr(chain, name)(*known), getattr(hand, name)(*known)
-            assert np.abs(found - expected).max() <= 2e-15 * np.abs(expected).max(), name
-    expected = hand.forward_dynamics(q, qd, Q)
-    assert np.abs(chain.forward_dynamics(q, qd, Q) - expected).max() <= 1e-14 * np.abs(expected).max()
+            assert np.abs(found - expected).max() <= most * np.abs(expected).max(), name
     assert np.array_equal(chain.motor_map, hand.motor_map)
     names = "coordinates", "rates", "joints", "prismatic", "num_masses", "num_lengths"
     assert [getattr(chain, name) for name in names] == [getattr(hand, name) for name in names]
@@ -129,29 +129,24 @@ def test_equal_chains_are_equal_after_copies_pickles_and_plain_data():
 def test_what_is_no_chain_is_refused(types, masses, lengths, said):
     with pytest.raises(ValueError, match=said):
         rde.Chain(types, masses, lengths)
+    for own, words in (({}, "lacks 'joint_types'"), ({"joint_types": "Q"}, "joint_types is 'Q'")):
+        with pytest.raises(ValueError, match=words):
+            rde.Scene.from_dict({"robot": {"type": "Chain", "masses": [1.0], "lengths": [1.0], **own}})
 
 
-@pytest.mark.parametrize(
-    ("types", "said"), [({}, "lacks 'joint_types'"), ({"joint_types": "Q"}, "joint_types is 'Q'")]
-)
-def test_scenes_say_what_a_chain_lacks(types, said):
-    with pytest.raises(ValueError, match=said):
-        rde.Scene.from_dict({"robot": {"type": "Chain", "masses": [1.0], "lengths": [1.0], **types}})
-
-
-def test_a_class_derived_from_chain_and_the_registration_of_one_say_what_to_write():
+def test_the_class_of_all_chains_is_no_base_no_kind_and_no_subject():
     mine = type("Mine", (rde.Chain,), {})
     with pytest.raises(ValueError, match=r"derive it from redundant_envs\.Arm, with joint_types"):
         mine("RPR", (1.0,) * 3, (1.0,) * 2)
     for kind in (rde.Chain, type(rde.Chain("RPR", (1.0,) * 3, (1.0,) * 2))):
         with pytest.raises(ValueError, match=r"class RPR\(rde\.Arm\): joint_types = 'RPR'"):
             rde.register_arm(kind)
+    with pytest.raises(ValueError, match=r"the arm Chain needs joint_types, too; name an arm that has them"):
+        subject_of("Chain")
 
 
 def test_effects_may_add_masses_and_inertias_to_a_chain():
     """A rotor at the first joint, and the momentum and the energy that it has."""
-    from redundant_envs.robots.added_inertia import with_inertias
-
     chain = rde.Chain("RPR", (1.0, 2.0, 3.0), (0.5, 0.4))
     loaded = with_inertias(chain, (((0,), "rotor"),), {"rotor": 0.7})
     q, qd, Q = states(chain)
@@ -170,10 +165,3 @@ def test_symbols_of_a_chain_are_those_of_its_equations():
     expected = sp.Matrix([[m1 + m2, -m2 * l1 * sp.sin(theta)], [-m2 * l1 * sp.sin(theta), m2 * l1**2]])
     assert sp.simplify(made["M"] - expected) == sp.zeros(2, 2)
     assert sp.simplify(made["h"][0] + m2 * l1 * sp.cos(theta) * made["qd"][1] ** 2) == 0
-
-
-def test_verify_of_the_class_of_all_chains_says_to_name_one():
-    from redundant_envs.verify.subjects import subject_of
-
-    with pytest.raises(ValueError, match=r"the arm Chain needs joint_types, too; name an arm that has them"):
-        subject_of("Chain")

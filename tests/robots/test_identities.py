@@ -1,4 +1,4 @@
-"""What the exact equations leave: shapes, batches, and states where elimination could lose digits."""
+"""What the exact equations leave: shapes, batches, the motor map, and poses without manipulability."""
 
 import itertools
 
@@ -21,11 +21,6 @@ def states(robot, shape=(50,), seed=7):
     q = rng.uniform(-10.0, 10.0, (*shape, 4))
     q[..., list(robot.prismatic)] /= 20.0
     return q, rng.uniform(-5.0, 5.0, (*shape, 4)), rng.uniform(-30.0, 30.0, (*shape, 4))
-
-
-def relative(value, reference, axes=-1):
-    """Largest difference over the entries, relative to the largest entry, worst of the batch."""
-    return (np.abs(value - reference).max(axes) / np.abs(reference).max(axes)).max()
 
 
 def test_motor_map():
@@ -81,80 +76,3 @@ def test_batches_broadcast(robot):
 def test_wrong_shapes_are_refused_with_the_name_of_the_argument(robot, name, shapes, said):
     with pytest.raises(ValueError, match=said):
         getattr(robot, name)(*map(np.zeros, shapes))
-
-
-# ---- states and masses where elimination could lose digits, against 50 digits ---------------------
-
-
-def reference(robot, q, qd, Q, g):
-    """qdd from the Jacobians of the four masses alone, by LU with 60 digits."""
-    mpmath = pytest.importorskip("mpmath", reason="mpmath is in the extra 'verify'")
-    with mpmath.workdps(60):
-        q, qd, Q = ([mpmath.mpf(float(x)) for x in v] for v in (q, qd, Q))
-        l = [mpmath.mpf(x) for x in robot.lengths]
-        # For each mass the links up to it: index of the angle, length, whether a slider ends it.
-        if robot.kind == "RPRP":
-            first, second = (0, l[0] + q[1], True), (2, l[1] + q[3], True)
-            links = [[(0, l[0], False)], [first], [first, (2, l[1], False)], [first, second]]
-        else:
-            links = [[(i, l[i], False) for i in range(k + 1)] for k in range(4)]
-        M, right = mpmath.zeros(4), mpmath.matrix(Q)
-        for mass, chain in zip(robot.masses, links, strict=True):
-            J, bias = mpmath.zeros(2, 4), mpmath.matrix([0, float(g)])
-            for i, span, slides in chain:
-                c, s = mpmath.cos(q[i]), mpmath.sin(q[i])
-                J[0, i], J[1, i] = -span * s, span * c
-                bias -= span * qd[i] ** 2 * mpmath.matrix([c, s])
-                if slides:
-                    J[0, i + 1], J[1, i + 1] = c, s
-                    bias += 2 * qd[i + 1] * qd[i] * mpmath.matrix([-s, c])
-            M += mpmath.mpf(mass) * J.T * J
-            right -= mpmath.mpf(mass) * J.T * bias
-        return np.array([float(x) for x in mpmath.lu_solve(M, right)])
-
-
-def hard_cases():
-    four, two = (1.1, 0.6, 0.9, 0.35), (1.1, 0.6)
-    masses = (2.3, 0.7, 1.9, 0.4)
-    rates, forces = (1.0, -2.0, 3.0, -4.0), (5.0, -3.0, 2.0, 0.7)
-    tenth = (0.1,) * 4
-    light = (1e-12, 1e-12, 1e-12, 1.0)
-    pi = np.pi
-    yield "4R light chain", rde.FourR(light, (1.0,) * 4), (0.3, 1.2, -2.0, 0.8), rates, tenth
-    yield "4R light chain, lengths", rde.FourR(light, four), (0.3, 1.2, -2.0, 0.8), rates, tenth
-    yield "4R light tip", rde.FourR(light[::-1], four), (0.3, 1.2, -2.0, 0.8), rates, (1.0, 1.0, 0.0, 0.0)
-    near = (0.3, 0.3 + 1e-6, 0.3 + 3e-6, 0.3 + 2e-6)
-    yield "4R light chain, nearly straight", rde.FourR(light, four), near, rates, tenth
-    yield "4R light chain, straight", rde.FourR(light, four), (0.3,) * 4, rates, tenth
-    yield "4R straight", rde.FourR(masses, four), (0.7,) * 4, rates, forces
-    yield "4R nearly straight", rde.FourR(masses, four), (0.7, 0.7 + 1e-9, 0.7, 0.7 - 1e-8), rates, forces
-    yield "4R folded", rde.FourR(masses, four), (0.7, 0.7 + pi, 0.7, 0.7 + pi), rates, forces
-    yield "4R folded once", rde.FourR(masses, four), (0.0, 0.0, pi, pi), rates, forces
-    yield "4R right angles", rde.FourR(masses, four), (0.0, pi / 2, pi, -pi / 2), rates, forces
-    yield "4R short link", rde.FourR(masses, (1.0, 1e-6, 1.0, 0.5)), (0.3, 1.2, -2.0, 0.8), rates, tenth
-    yield "4R wound up", rde.FourR(masses, four), (300.1, -512.7, 77.0, 903.3), rates, forces
-    yield "RPRP light chain", rde.RPRP(light, two), (0.3, 0.2, -2.0, 0.1), rates, tenth
-    yield "RPRP straight", rde.RPRP(masses, two), (0.7, 0.2, 0.7, 0.1), rates, forces
-    yield "RPRP folded", rde.RPRP(masses, two), (0.7, 0.2, 0.7 + pi, 0.1), rates, forces
-    yield "RPRP r2 = -l2", rde.RPRP(masses, two), (0.7, 0.2, -0.4, -0.6), rates, forces
-    yield "RPRP r2 near -l2", rde.RPRP(masses, two), (0.7, 0.2, -0.4, -0.6 + 1e-9), rates, forces
-    yield "RPRP r1 = -l1", rde.RPRP(masses, two), (0.7, -1.1, -0.4, 0.2), rates, forces
-    yield "RPRP both at the pivots", rde.RPRP(masses, two), (0.7, -1.1, 0.7, -0.6), rates, forces
-    yield "RPRP r2 = 0", rde.RPRP(masses, two), (0.7, 0.2, 0.7 + pi / 2, 0.0), rates, forces
-    yield "RPRP heavy slider", rde.RPRP((1.0, 1e6, 1e-6, 1.0), two), (0.7, 0.2, -0.4, 0.3), rates, forces
-
-
-@pytest.mark.parametrize(("robot", "q", "qd", "Q"), [pytest.param(*c[1:], id=c[0]) for c in hard_cases()])
-def test_hard_cases(robot, q, qd, Q):
-    """qdd to 1e-13 of its largest entry, whatever the pose and the masses."""
-    expected = reference(robot, q, qd, Q, G)
-    assert relative(robot.forward_dynamics(q, qd, Q, G), expected) <= 1e-13
-
-
-@EVERY
-def test_the_reference_is_independent_and_agrees(robot):
-    """On ordinary states too, so that the hard cases test the package and not the reference."""
-    q, qd, Q = states(robot, (5,))
-    for i in range(5):
-        expected = reference(robot, q[i], qd[i], Q[i], G)
-        assert relative(robot.forward_dynamics(q[i], qd[i], Q[i], G), expected) <= 1e-13

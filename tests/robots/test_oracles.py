@@ -88,29 +88,14 @@ def rprp_entries(m, l, q, qd, wrong):
     t1, r1, t2, r2 = q
     t1d, r1d, t2d, r2d = qd
     s, c = np.sin(t1 - t2), np.cos(t1 - t2)
-    h1 = (
-        2 * m2 * r1d * t1d
-        + 2 * m3 * r1d * t1d
-        + 2 * m4 * r1d * t1d
-        + m3 * l2 * s * t2d**2
-        + m4 * l2 * s * t2d**2
-        + 2 * m4 * r2d * t2d * c
-        + m4 * s * (r2d if 1 in wrong else r2) * t2d**2
-    ) * (l1 + r1)
-    h3 = (
-        2 * m4 * l2 * r2d * t2d
-        + 2 * m4 * r2 * r2d * t2d
-        - m3 * l2 * s * r1 * t1d**2
-        - m4 * l1 * s * r2 * t1d**2
-        - m4 * l2 * s * r1 * t1d**2
-        + 2 * m4 * r2 * r1d * t1d * c
-        - m4 * s * r1 * r2 * t1d**2
-        - m3 * l1 * l2 * s * t1d**2
-        - m4 * l1 * l2 * s * t1d**2
-        - (m4 * l1 * l2 * s * t1d**2 if 2 in wrong else 0.0)
-        + 2 * m3 * l2 * r1d * t1d * c
-        + (1 if 3 in wrong else 2) * m4 * l2 * r1d * t1d * c
-    )
+    h1 = 2 * m2 * r1d * t1d + 2 * m3 * r1d * t1d + 2 * m4 * r1d * t1d
+    h1 += m3 * l2 * s * t2d**2 + m4 * l2 * s * t2d**2 + 2 * m4 * r2d * t2d * c
+    h1 = (h1 + m4 * s * (r2d if 1 in wrong else r2) * t2d**2) * (l1 + r1)
+    h3 = 2 * m4 * l2 * r2d * t2d + 2 * m4 * r2 * r2d * t2d - m3 * l2 * s * r1 * t1d**2
+    h3 += -m4 * l1 * s * r2 * t1d**2 - m4 * l2 * s * r1 * t1d**2 + 2 * m4 * r2 * r1d * t1d * c
+    h3 += -m4 * s * r1 * r2 * t1d**2 - m3 * l1 * l2 * s * t1d**2 - m4 * l1 * l2 * s * t1d**2
+    h3 -= m4 * l1 * l2 * s * t1d**2 if 2 in wrong else 0.0
+    h3 += 2 * m3 * l2 * r1d * t1d * c + (1 if 3 in wrong else 2) * m4 * l2 * r1d * t1d * c
     return {"h1": h1, "h3": h3}
 
 
@@ -121,11 +106,8 @@ def four_r_entries(m, l, q, qd, wrong):
     t1, t2, t3, t4 = q
     w1, w2, w3, _w4 = qd
     m33 = (m3 + m4) * l2 * l3 * np.cos(t3 - t2) if 4 in wrong else (m3 + m4) * l3**2
-    h4 = (
-        m4 * l1 * l4 * np.sin(t4 - t1) * w1**2
-        + m4 * l2 * l4 * np.sin(t4 - t2) * w2**2
-        + m4 * l3 * l4 * (m4 if 5 in wrong else 1.0) * np.sin(t4 - t3) * w3**2
-    )
+    h4 = m4 * l1 * l4 * np.sin(t4 - t1) * w1**2 + m4 * l2 * l4 * np.sin(t4 - t2) * w2**2
+    h4 += m4 * l3 * l4 * (m4 if 5 in wrong else 1.0) * np.sin(t4 - t3) * w3**2
     return {"M33": m33, "h4": h4}
 
 
@@ -154,19 +136,11 @@ def oracle_entry(case, entry):
     return case[name][place], np.abs(case[name]).max()
 
 
-@pytest.mark.parametrize("arm", ARMS)
-def test_the_corrected_print_is_right(arm):
-    """With every misprint corrected the printed entries agree with the oracle."""
-    for case in CASES[arm]:
-        for entry, value in ENTRIES[arm](case["m"], case["l"], case["q"], case["qd"], ()).items():
-            reference, scale = oracle_entry(case, entry)
-            assert abs(value - reference) <= 2e-14 * scale
-
-
 @pytest.mark.parametrize(("number", "arm", "entry", "size"), WRONG)
 def test_each_printed_misprint_disagrees_with_the_oracle_and_the_package(number, arm, entry, size):
     """One misprint restored at a time: the states see it (one in 64 may be blind to it), the package does not
-    have it, and at the nominal state it has the size that the errata state."""
+    have it, all other entries as printed are right, and at the nominal state it has the size that the errata
+    state."""
     seen = own_differs = 0
     for case in CASES[arm]:
         printed = ENTRIES[arm](case["m"], case["l"], case["q"], case["qd"], (number,))

@@ -11,9 +11,8 @@ from redundant_envs.algebra import logical_not, minimum, sqrt, where
 from redundant_envs.backends.interpreter import OPERATIONS
 from redundant_envs.tracing.graph import FREE, Graph, Operation, reached
 from redundant_envs.tracing.number import Number
-from redundant_envs.tracing.passes.join import join_products
 from redundant_envs.tracing.passes.order import in_order
-from redundant_envs.tracing.passes.specialise import specialise
+from redundant_envs.tracing.passes.simplify import join_products, specialise
 from redundant_envs.tracing.passes.stages import Stages, Subroutine
 
 MEANINGS = {**OPERATIONS, "fma": lambda a, b, c: a * b + c}
@@ -278,13 +277,12 @@ RATES = {
 @pytest.mark.parametrize("steps", [1, 2, 5])
 def test_calls_of_a_subroutine_are_its_text_on_plain_numbers(name, steps):
     rate, positions, results = RATES[name]
+    step, subroutine = staged(rate, positions, results, steps), Subroutine(rate, positions, results)
     if name == "everything is a position":  # then none of them may follow from the stage before
-        subroutine = Subroutine(rate, positions, results)
 
         def step(x, v, k):
             return sum(subroutine(x + float(n), v, k)[0] for n in range(steps))
-    else:
-        step = staged(rate, positions, results, steps)
+
     rng = np.random.default_rng(1)
     columns = rng.uniform(0.2, 1.0, (3, 19))
     compiled = on_columns(step, *columns)

@@ -41,7 +41,7 @@ class Traced:
 
     def __init__(self, program):
         self.layout = layout()
-        self.machine = Machine(program, TracedLane(self.layout, Graph(), {}, declares=True), Ask, whole=True)
+        self.machine = Machine(program, TracedLane(self.layout, Graph(), declares=True), Ask, whole=True)
         self.functions = {
             ask: self.machine.after(ask, "answered") for ask in (None, *Ask) if ask in self.machine.graphs
         }

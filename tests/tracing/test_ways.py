@@ -1,7 +1,7 @@
 """Functions with branches: the same on floats, by the interpreter and compiled; ways that are refused."""
 
 import itertools
-from typing import Any, NamedTuple
+from collections import namedtuple
 
 import numpy as np
 import pytest
@@ -12,8 +12,8 @@ from refusals import ANYTHING
 
 from redundant_envs.backends.interpreter import evaluate
 from redundant_envs.tracing.graph import Graph, reached
-from redundant_envs.tracing.number import Condition, Number, value_of
-from redundant_envs.tracing.ways import Exclusive, Fork, Way, branches, merged_fields
+from redundant_envs.tracing.number import Number
+from redundant_envs.tracing.ways import branches
 
 
 def numbers_of(graph, count):
@@ -43,9 +43,7 @@ def columns_of(count, lanes=200, seed=0):
 # ---- the same on all kinds of numbers ------------------------------------------------------------------
 
 
-class Pair(NamedTuple):
-    low: Any
-    high: Any
+Pair = namedtuple("Pair", "low high")
 
 
 @branches
@@ -215,52 +213,3 @@ def test_what_is_the_same_in_every_way_may_be_anything_and_a_truth_is_a_number_t
     assert found[:2] == (kept, None)
     mixed = branches(lambda x: True if x < 0.0 else 1.5)
     assert interpreted(mixed, np.array([-1.0, 1.0])).tolist() == [[1.0, 1.5]]
-
-
-# ---- fields of programs --------------------------------------------------------------------------------
-
-
-@st.composite
-def trees_of_ways(draw, depth=4):
-    """A tree of ways as nested tuples of the numbers of conditions."""
-    if depth == 0 or draw(st.booleans()):
-        return None
-    return draw(st.integers(0, 4)), draw(trees_of_ways(depth - 1)), draw(trees_of_ways(depth - 1))
-
-
-def built(tree, conditions):
-    return Way({}) if tree is None else Fork(conditions[tree[0]], *(built(t, conditions) for t in tree[1:]))
-
-
-def taken(tree, held):
-    """The leaf of a tree that is taken."""
-    while isinstance(tree, Fork):
-        tree = tree.yes if held[tree.condition.value] else tree.no
-    return tree
-
-
-@ANYTHING
-@given(st.lists(trees_of_ways(), min_size=1, max_size=3), st.data())
-def test_fields_are_those_of_the_way_that_is_taken(shapes, data):
-    """Of the first of several exclusive trees whose condition holds, or of none."""
-    graph = Graph(True)
-    conditions = [Condition(graph, graph.record("<", graph.load("row", k), 0.0)) for k in range(5)]
-    heads = [Number(graph, graph.load("row", 5)) == float(k) for k in range(len(shapes))]
-    parts = [(head, built(shape, conditions)) for head, shape in zip(heads, shapes, strict=True)]
-    none = Way({})
-    tree = Exclusive(parts, none)
-    count = len(tree.leaves)
-    some = st.lists(st.sampled_from([0.0, 1.0, 2.0]), min_size=count, max_size=count)
-    fields = {name: data.draw(some) for name in "xyz"}
-    fields["w"] = [float(k) for k in range(count)]
-    merged = merged_fields(tree, fields)
-    columns = np.array(list(itertools.product([-1.0, 1.0], repeat=5))).T
-    for head in range(len(shapes) + 1):
-        rows = [*columns, np.full(columns.shape[1], float(head))]
-        found = evaluate([value_of(x) for x in merged.values()], lambda place, rows=rows: rows[place[1]])
-        for lane in range(columns.shape[1]):
-            held = {c.value: columns[k, lane] < 0.0 for k, c in enumerate(conditions)}
-            way = taken(parts[head][1], held) if head < len(shapes) else none
-            k = [leaf is way for leaf in tree.leaves].index(True)
-            got = {n: np.broadcast_to(x, columns.shape[1:])[lane] for n, x in zip(merged, found, strict=True)}
-            assert got == {n: values[k] for n, values in fields.items()}

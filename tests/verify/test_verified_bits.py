@@ -160,69 +160,61 @@ def test_a_slider_beyond_its_stop_is_red(monkeypatch):
 # ---- environments --------------------------------------------------------------------------------------
 
 
-def stepping(kind, change):
-    """``step`` of environments with results (obs, reward, terminated, truncated, infos) that are changed."""
+def stepping(kind, place, change):
+    """``step`` of environments with one of its results (obs, reward, terminated, truncated, infos) that is
+    changed by a function of the environment, actions and results."""
     right = kind.step
 
     def step(self, actions):
         results = list(right(self, actions))
-        change(self, actions, results)
+        with np.errstate(all="ignore"):
+            results[place] = change(self, actions, results)
         return tuple(results)
 
     return kind, "step", step
 
 
-def late(results, at=40):
-    """Lanes beyond the range of short episodes."""
-    return results[4]["episode_steps"] == at
+def late(results, wrong, right, at=40):
+    """Something wrong in lanes beyond the range of short episodes."""
+    steps = results[4]["episode_steps"] == at
+    return np.where(steps.reshape(-1, *[1] * (np.ndim(right) - 1)), wrong, right)
 
 
-def reward_of_one(env, actions, results):
-    results[1] += 1e-9
-
-
-def list_of_rewards(env, actions, results):
-    results[1] = results[1].tolist()
-
-
-def reward_of_threads(env, actions, results):
-    results[1] = results[1] + 1e-9 * (env.core.threads > 1)
-
-
-def reward_nan(env, actions, results):
-    results[1] = np.where(late(results), np.nan, results[1])
-
-
-def outside(env, actions, results):
-    results[0] = np.where(late(results)[:, None], np.float32(1.001), results[0])
-
-
-def distance_infinite(env, actions, results):
-    results[4] |= {"distance": np.where(late(results), np.inf, results[4]["distance"])}
+def with_distance(results, distance):
+    return results[4] | {"distance": distance}
 
 
 def share_of_actions(env, actions, results):
     """NaN without actions: a division that a task may contain."""
-    with np.errstate(all="ignore"):
-        share = np.abs(actions[:, 0]) / np.abs(actions).sum(axis=1)
-    results[4] |= {"distance": np.where(results[4]["episode_steps"] > 20, share, results[4]["distance"])}
+    share = np.abs(actions[:, 0]) / np.abs(actions).sum(axis=1)
+    return with_distance(results, np.where(results[4]["episode_steps"] > 20, share, results[4]["distance"]))
 
 
 def without_generators(self, state, right=Core.set_state):
     return right(self, {**state, "generators": copy.deepcopy(self.generators)})
 
 
+VECTOR = ArmVectorEnv
 BROKEN = {
-    "rewards of a vector": ("rules of vectors", *stepping(ArmVectorEnv, list_of_rewards)),
-    "reward of a single environment": ("single and vector", *stepping(ArmEnv, reward_of_one)),
-    "rewards without a number": ("ranges", *stepping(ArmVectorEnv, reward_nan)),
-    "observations outside their space": ("ranges", *stepping(ArmVectorEnv, outside)),
-    "metrics without a number": ("ranges", *stepping(ArmVectorEnv, distance_infinite)),
-    "metrics without an action": ("ranges", *stepping(ArmVectorEnv, share_of_actions)),
+    "rewards of a vector": ("rules of vectors", *stepping(VECTOR, 1, lambda env, a, r: r[1].tolist())),
+    "reward of a single environment": (
+        "single and vector", *stepping(ArmEnv, 1, lambda env, a, r: r[1] + 1e-9),
+    ),
+    "rewards without a number": ("ranges", *stepping(VECTOR, 1, lambda env, a, r: late(r, np.nan, r[1]))),
+    "observations outside their space": (
+        "ranges", *stepping(VECTOR, 0, lambda env, a, r: late(r, np.float32(1.001), r[0])),
+    ),
+    "metrics without a number": (
+        "ranges", *stepping(VECTOR, 4, lambda env, a, r: with_distance(r, late(r, np.inf, r[4]["distance"]))),
+    ),
+    "metrics without an action": ("ranges", *stepping(VECTOR, 4, share_of_actions)),
+    "threads": (
+        "seeds, threads and neighbours",
+        *stepping(VECTOR, 1, lambda env, a, r: r[1] + 1e-9 * (env.core.threads > 1)),
+    ),
     "a state without its generators": ("states", Core, "set_state", without_generators),
-    "a copy that is the original": ("copies", ArmVectorEnv, "__deepcopy__", itself),
-    "threads": ("seeds, threads and neighbours", *stepping(ArmVectorEnv, reward_of_threads)),
-}
+    "a copy that is the original": ("copies", VECTOR, "__deepcopy__", itself),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("word", ["FourRReach-v0", "RPRPGoalReach-v0"])

@@ -8,7 +8,7 @@ import sys
 
 import numpy as np
 import pytest
-from small_scenes import OWN_IDS
+from catalogue import IDS
 
 import redundant_envs as rde
 from redundant_envs.__main__ import main
@@ -17,7 +17,6 @@ from redundant_envs.verify import (
     Mode,
     Subject,
     Verdict,
-    command,
     engines,
     report,
     subject_from,
@@ -35,6 +34,7 @@ from redundant_envs.verify.checks import (
     at_most,
     check,
 )
+from redundant_envs.verify.judging import CONFIRMED, LIMIT, judge
 from redundant_envs.verify.subjects import LENGTHS, MASSES, subject_of
 
 e = rde.effects
@@ -84,7 +84,7 @@ def test_words_name_scenes_arms_environments_tasks_and_effects():
     assert subject_of("FourR").scene.robot == rde.FourR(MASSES, LENGTHS)  # all numbers differ
     assert subject_of("RPRP").scene.robot == rde.RPRP(MASSES, LENGTHS[:2])
     assert effects_of(subject_of("FourR")) == effects_of(subject_of("Gravity")) == ["Gravity"]
-    for word in OWN_IDS:
+    for word in IDS:
         for name in (word, word.partition("/")[2]):
             subject = subject_of(name)
             assert subject.env_id == word
@@ -143,6 +143,16 @@ def test_what_is_no_number_keeps_no_promise():
         assert not promise.holds(math.nan)
     assert not EQUAL_BITS.holds(1.0)
     assert str(at_most(1e-9, "m")) == "at most 1e-09 m"
+
+
+def test_a_miss_is_judged_by_references_that_agree_in_lanes_without_a_flag():
+    off = LIMIT * np.array([0.9, 1.1, 1.1, np.nan, 1.1, 1.1])  # of the tolerance
+    other = CONFIRMED * np.array([0.9, 0.9, 1.1, 0.9, np.nan, 0.9])
+    tips, *references = (np.outer(1e-6 * x, [1.0, 0.0]) for x in (off, 0.0 * np.ones(6), other))
+    judged, missed, error = judge(tips, references, 1e-6, np.arange(6) < 5)
+    assert judged.tolist() == [True, True, False, True, False, False]
+    assert missed.tolist() == [False, True, False, True, False, False]
+    np.testing.assert_allclose(error[:3], off[:3])
 
 
 METRE = at_most(1.0, "m")
@@ -226,8 +236,7 @@ def test_modes_run_what_those_before_them_run():
 def few(monkeypatch):
     """Two checks instead of all, one of which is missed."""
     monkeypatch.setattr(report, "CHECKS", checks(FOUND["kept"], FOUND["missed"]))
-    for module in (report, command):
-        monkeypatch.setattr(module, "OF_THE_MACHINE", ())
+    monkeypatch.setattr(report, "OF_THE_MACHINE", ())
 
 
 def test_a_miss_exits_with_1_in_words_and_files(few, tmp_path, capsys):

@@ -16,8 +16,7 @@ from typing import Any, NamedTuple
 
 from redundant_envs.tracing.graph import CONDITIONS, Graph, Operation, Value, bits_of, reached
 from redundant_envs.tracing.number import Number, value_of
-from redundant_envs.tracing.passes.join import join_products
-from redundant_envs.tracing.passes.specialise import specialise
+from redundant_envs.tracing.passes.simplify import join_products, specialise
 
 RETURNED = 4
 """Results of a call that processors return in registers."""

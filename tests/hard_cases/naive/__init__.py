@@ -1,9 +1,8 @@
 """Deliberately naive variants, each with one textbook mistake that the hard cases must find."""
 
 from naive.accelerations import DenseSolve, InvertedJacobian, RegularisedMass
-from naive.angles import SinglePrecision, SummedClock, WrappedAngles
+from naive.kept import SavedPositions, SinglePrecision, SummedClock, WrappedAngles
 from naive.printed import PrintedReport
-from naive.snapshots import SavedPositions
 from naive.steps import EstimateWithoutFloor, ExplicitEuler, FixedSteps
 from naive.stops import CubicGuess, FlippedVelocity, ImpulseAtStepEnd
 

@@ -18,7 +18,7 @@ class EqualSteps(Subject):
     """Of a step, s."""
     stages = 4
 
-    def motion(self, scene, q, qd, intervals, efforts=None, change=None):
+    def motion(self, scene, q, qd, intervals, efforts=None):
         q, qd = started(q, qd)
         command = commands(efforts, *q.shape)
         count = math.ceil(scene.control_dt / self.longest * (1.0 - 1e-12))

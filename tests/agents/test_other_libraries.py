@@ -1,0 +1,222 @@
+"""Programs of docs/examples/ and docs/other_libraries.md; configs/zoo/, and rl_zoo3 to the same bits."""
+
+import importlib.util
+import inspect
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import torch
+import yaml
+from run_folders import POLICIES, ROOT, RPRP, assert_same_policy
+from stable_baselines3 import PPO, SAC
+from torch import nn
+
+from redundant_envs_train.config import Config, checked, load
+from redundant_envs_train.learners.build import policy_kwargs, policy_name
+from redundant_envs_train.learners.ppo import AveragedPPO
+from redundant_envs_train.learners.sac import AveragedSAC
+from redundant_envs_train.presets import presets
+from redundant_envs_train.rollout import EVALUATION_SEED, run_episodes
+from redundant_envs_train.training.train import train
+
+EXAMPLE = ROOT / "docs" / "examples" / "cleanrl_ppo.py"
+PAGE = ROOT / "docs" / "other_libraries.md"
+
+
+def python(*words):
+    """Run Python with these arguments."""
+    command = [sys.executable, *map(str, words)]
+    return subprocess.run(command, check=False, capture_output=True, text=True, cwd=ROOT)
+
+
+def without(package):
+    """A mark for tests of a package that may not be installed."""
+    missing = importlib.util.find_spec(package) is None
+    return pytest.mark.skipif(missing, reason=f"{package} is not installed")
+
+
+# ---- the page and its example of PPO ---------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def ppo():
+    """The example as a module."""
+    spec = importlib.util.spec_from_file_location("cleanrl_ppo", EXAMPLE)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["cleanrl_ppo"] = module  # dataclasses look their module up there
+    spec.loader.exec_module(module)
+    yield module
+    del sys.modules["cleanrl_ppo"]
+
+
+@pytest.mark.long
+def test_the_ppo_example_trains_evaluates_and_saves(tmp_path):
+    small = ["--total-steps", 4096, "--num-envs", 32, "--batch-size", 256, "--evaluation-episodes", 10]
+    done = python("-W", "error", EXAMPLE, *small, "--save", tmp_path / "agent.pt")
+    assert done.returncode == 0, done.stderr
+    *progress, trained, holds = done.stdout.splitlines()
+    assert progress[-1].split()[:2] == ["4096", "steps"]
+    assert trained.startswith(f"trained {RPRP} with seed 0 in ")
+    assert holds.endswith(" % of 10 frozen goals")
+    weights = torch.load(tmp_path / "agent.pt", weights_only=True)
+    assert all(torch.isfinite(w).all() for w in weights.values())
+
+
+def test_the_ppo_example_counts_held_goals_as_the_evaluation_does(ppo):
+    model = SAC.load(POLICIES / "RPRPReach-v0-sac" / "policy.zip", device="cpu")
+
+    def act(obs):
+        # half of the effort: some goals are held, and some are not
+        return 0.5 * model.predict(obs, deterministic=True)[0]
+
+    class Agent:
+        def mean(self, obs):
+            return torch.from_numpy(act(obs.numpy()))
+
+    found = ppo.evaluate(Agent(), ppo.Args(evaluation_episodes=40))
+    assert 0.0 < found < 1.0
+    assert found == run_episodes(RPRP, lambda obs, core, step: act(obs), 40, EVALUATION_SEED).hold.mean()
+
+
+def test_advantages_of_the_ppo_example_are_discounted_returns_without_values(ppo):
+    """With gae_lambda 1: up to the end of an episode, where a time limit leaves the last value."""
+    args = ppo.Args(gamma=0.5, gae_lambda=1.0)
+    rewards = torch.tensor([[1.0] * 3, [2.0] * 3, [4.0] * 3])
+    values = torch.tensor([[10.0] * 3, [20.0] * 3, [40.0] * 3, [80.0] * 3])
+    ended, terminated = torch.zeros(3, 3, dtype=torch.bool), torch.zeros(3, 3, dtype=torch.bool)
+    ended[1, 1:] = terminated[1, 2] = True
+    returns = ppo.advantages_of(rewards, values, terminated, ended, args) + values[:-1]
+    last = 4.0 + 0.5 * 80.0
+    on, limit, end = 2.0 + 0.5 * last, 2.0 + 0.5 * 40.0, 2.0
+    expected = [[1.0 + 0.5 * on, 1.0 + 0.5 * limit, 1.0 + 0.5 * end], [on, limit, end], [last] * 3]
+    np.testing.assert_array_equal(returns.numpy(), np.array(expected, dtype=np.float32))
+
+
+@without("torchrl")
+def test_the_program_for_torchrl_prints_what_its_comments_say():
+    programs = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.S)
+    (program,) = (program for program in programs if "torchrl" in program)
+    done = python("-W", "error", "-c", program)
+    assert done.returncode == 0, done.stderr
+    shown = [line for line in done.stdout.splitlines() if line.startswith("torch.")]
+    assert shown == ["torch.Size([100])", "torch.Size([64, 250]) torch.Size([128])", "torch.float64"]
+
+
+def test_the_page_names_files_and_arguments_that_exist():
+    text = PAGE.read_text(encoding="utf-8")
+    for name in re.findall(r"(?:configs/zoo|docs/examples|agents/redundant_envs_train)/\w+\.\w+", text):
+        assert (ROOT / name).exists(), name
+    assert len(re.findall(r"configs/zoo/\w+\.yml", text)) >= 2
+
+
+# ---- rl_zoo3 ---------------------------------------------------------------------------------------
+
+CLASSES = {"averaged_ppo": AveragedPPO, "averaged_sac": AveragedSAC, "ppo": PPO, "sac": SAC}
+OF_ZOO = {"policy", "n_envs", "n_timesteps", "policy_kwargs", "replay_buffer_class", "replay_buffer_kwargs"}
+OF_POLICY = {"net_arch", "log_std_init", "schedule"}
+OF_GOALS = {"n_sampled_goal", "goal_selection_strategy"}
+PRESETS = [name for name in presets() if "/" not in name and "weak" not in name]
+"""Settings for the environments as registered."""
+
+
+def hyperparameters(name):
+    """A file of configs/zoo/, by environment."""
+    return yaml.safe_load((ROOT / "configs" / "zoo" / f"{name}.yml").read_text(encoding="utf-8"))
+
+
+def of_preset(config):
+    """The settings of a preset under the names of rl_zoo3."""
+    settings = config.settings.model_dump()
+    expected = {key: value for key, value in settings.items() if key not in OF_POLICY | OF_GOALS}
+    if settings["schedule"] == "linear":
+        expected["learning_rate"] = f"lin_{settings['learning_rate']}"
+    if config.algo == "her":
+        expected["replay_buffer_class"] = "HerReplayBuffer"
+        expected["replay_buffer_kwargs"] = {key: settings[key] for key in sorted(OF_GOALS)}
+    return expected | {
+        "policy": policy_name(config), "n_envs": config.num_envs, "n_timesteps": config.total_steps,
+        "policy_kwargs": policy_kwargs(config),
+    }  # fmt: skip
+
+
+def as_read(given):
+    """Settings of a file in the form of rl_zoo3: a schedule has a number, a policy's arguments are Python."""
+    read = {**given, "policy_kwargs": eval(given["policy_kwargs"], {"nn": nn, "dict": dict})}
+    if isinstance(given["learning_rate"], str):
+        kind, number = given["learning_rate"].split("_")
+        read["learning_rate"] = f"{kind}_{float(number)}"
+    return read
+
+
+def known(name):
+    """Names of the arguments of an algorithm, its base class's among them."""
+    kinds = CLASSES[name].__mro__
+    return {argument for kind in kinds for argument in inspect.signature(kind.__init__).parameters}
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("file", ["averaged", "plain"])
+def test_hyperparameters_are_those_of_the_presets(preset, file):
+    config = load(preset)
+    base = "ppo" if config.algo == "ppo" else "sac"
+    name = f"averaged_{base}" if file == "averaged" else base
+    own = known(f"averaged_{base}") - known(name)  # none, or what stable-baselines3 does not have
+    expected = {key: value for key, value in of_preset(config).items() if key not in own}
+    assert as_read(hyperparameters(name)[config.env]) == expected
+
+
+@pytest.mark.parametrize("name", CLASSES)
+def test_every_key_is_an_argument_of_the_algorithm_and_every_environment_has_a_preset(name):
+    for given in hyperparameters(name).values():
+        assert given.keys() - OF_ZOO - known(name) == set()
+    kinds = ("ppo",) if "ppo" in name else ("sac", "her")
+    assert hyperparameters(name).keys() == {c.env for c in map(load, PRESETS) if c.algo in kinds}
+
+
+def zoo(folder, name, *arguments):
+    """redundant_envs_train.zoo on configs/zoo/, with its logs in a folder."""
+    given = ["--num-threads", 1, "--conf-file", f"configs/zoo/{name}.yml", "--log-folder", folder]
+    return python("-m", "redundant_envs_train.zoo", "--algo", name, "--env", RPRP, *given, *arguments)
+
+
+@without("rl_zoo3")
+@pytest.mark.parametrize(
+    ("algo", "envs", "steps", "changed"), [("ppo", 64, 3000, {}), ("sac", 16, 1000, {"learning_starts": 200})]
+)
+def test_rl_zoo3_learns_what_agents_train_learns_to_the_same_bits(algo, envs, steps, changed, tmp_path):
+    """The evaluations of rl_zoo3 during training change nothing, and it saves the average."""
+    given = [f"{key}:{value}" for key, value in {**changed, "n_envs": envs, "n_timesteps": steps}.items()]
+    done = zoo(tmp_path, f"averaged_{algo}", "--seed", 3, "--eval-freq", 600, "--hyperparams", *given)
+    assert done.returncode == 0, done.stderr
+    (saved,) = tmp_path.glob("*/*/redundant_envs-*.zip")
+    config = checked(
+        Config,
+        {"config_version": 2, "env": RPRP, "algo": algo, "seed": 3, "num_envs": envs,
+         "total_steps": steps, "curve_episodes": 2, algo: changed},
+    )  # fmt: skip
+    train(config, tmp_path / "ours")
+    assert (saved.parent / "best_model.zip").exists()
+    CLASSES[algo].load(saved, device="cpu")  # stable-baselines3 alone takes it
+    saved.rename(saved.parent / "policy.zip")
+    assert_same_policy(saved.parent, tmp_path / "ours")
+
+
+@without("rl_zoo3")
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--seed", 10000], "error: --seed is 10000; give one from 0 to 9999"),
+        (
+            ["--seed", 0, "--optimize-hyperparameters"],
+            "error: --trained-agent and --optimize-hyperparameters",
+        ),
+    ],
+)
+def test_what_would_go_wrong_silently_is_refused(arguments, message, tmp_path):
+    done = zoo(tmp_path, "averaged_sac", *arguments)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert message in done.stderr
