@@ -12,11 +12,10 @@ from redundant_envs.algebra import arguments_of
 from redundant_envs.lane.episode import Episode
 from redundant_envs.model import parameters
 from redundant_envs.model.memory import Memory
-from redundant_envs.plain_data import check_keys
 from redundant_envs.scene import Scene
 from redundant_envs.tasks.base import Task, full_reach
 from redundant_envs.tasks.limits import hard_stops
-from redundant_envs.values import shown
+from redundant_envs.values import check_keys, shown
 
 OPTION_KEYS = ["q", "qd", "goal", "parameters"]
 LARGEST_WHOLE = 2**53  # largest number of control steps: floats count exactly up to it
