@@ -18,24 +18,21 @@ import pytest
 import redundant_envs as rde
 from redundant_envs.algebra import physics
 from redundant_envs.effects.hooks import Effect, Force
-from redundant_envs.verify import aimed, recorded_bits
+from redundant_envs.verify import aimed
 from redundant_envs.verify.aimed import Lag, Play
 from redundant_envs.verify.checks import random_states
 
 e = rde.effects
-FOUR_R, RPRP = recorded_bits.FOUR_R, recorded_bits.RPRP
+FOUR_R, RPRP = aimed.ARMS["4R"], aimed.ARMS["RPRP"]
 """Arms with unequal masses, kg, and lengths, m: an equation that confuses two of them is seen."""
 EQUAL = {"4R": rde.FourR((1.0,) * 4, (0.5,) * 4), "RPRP": rde.RPRP((1.0,) * 4, (0.5,) * 2)}
 ARMS = {
     "4R": FOUR_R,
     "RPRP": RPRP,
     "RRR": rde.Chain("RRR", (2.0, 1.5, 1.0), (0.3, 0.5, 0.4)),
-    "RP": aimed.ONE,
-    "PPR": aimed.TWO,
-    "RPPP": aimed.THREE,
-    "PRPRP": aimed.BENT,
+    **{kind: aimed.ARMS[kind] for kind in ("RP", "PPR", "RPPP", "PRPRP")},
 }
-GRAVITY, FRICTION, LIMITS = recorded_bits.GRAVITY, recorded_bits.FRICTION, recorded_bits.LIMITS
+GRAVITY, FRICTION, LIMITS = (aimed.EFFECTS[name] for name in ("gravity", "friction", "limits"))
 METHODS = ("euler", "rk4", "rk8", "dop853")
 IDS = [f"redundant_envs/{arm}{task}-v0" for arm in ("RPRP", "FourR") for task in ("Reach", "GoalReach")]
 """Ids of this package: tests may have registered more."""
@@ -151,7 +148,7 @@ def every_effect(arm):
 
 
 def _scenes():
-    yield from recorded_bits.SCENES.items()
+    yield from aimed.SCENES.items()
     for kind, arm in ARMS.items():
         yield f"{kind} every effect rk8", rde.Scene(arm, every_effect(arm), "rk8", 0.01)
         yield f"{kind} every effect 1e-6", rde.Scene(arm, every_effect(arm), tolerance=1e-6)

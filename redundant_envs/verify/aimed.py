@@ -8,8 +8,9 @@ many lanes and few intervals.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.algebra import clamp, maximum, physics, where
 from redundant_envs.effects.hooks import Actuation, Effect, Force, Hook, Link, State
+from redundant_envs.files import read_yaml
 
 Array = NDArray[Any]
 
@@ -99,28 +101,60 @@ class DryFriction(Effect):
 
 # ---- scenes ------------------------------------------------------------------------------------------
 
-RPRP = rde.RPRP(masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3, 0.5))
-ONE = rde.Chain("RP", masses=(1.0, 0.5), lengths=(0.4,))
-PAIR = rde.Chain("PP", masses=(1.0, 0.5))
-TWO = rde.Chain("PPR", masses=(1.0, 2.0, 0.5), lengths=(0.4,))
-THREE = rde.Chain("RPPP", masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3,))
-BENT = rde.Chain("PRPRP", masses=(2.0, 1.5, 1.0, 0.5, 0.7), lengths=(0.3, 0.5))
-FOUR = rde.Chain("PPPP", masses=(2.0, 0.5, 1.0, 0.3))
-FOUR_R = rde.FourR(masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3, 0.5, 0.4, 0.6))
-GRAVITY = e.Gravity(9.81, (0.6, -0.7))
+ARMS = {
+    "RPRP": rde.RPRP(masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3, 0.5)),
+    "RP": rde.Chain("RP", masses=(1.0, 0.5), lengths=(0.4,)),
+    "PP": rde.Chain("PP", masses=(1.0, 0.5)),
+    "PPR": rde.Chain("PPR", masses=(1.0, 2.0, 0.5), lengths=(0.4,)),
+    "RPPP": rde.Chain("RPPP", masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3,)),
+    "PRPRP": rde.Chain("PRPRP", masses=(2.0, 1.5, 1.0, 0.5, 0.7), lengths=(0.3, 0.5)),
+    "PPPP": rde.Chain("PPPP", masses=(2.0, 0.5, 1.0, 0.3)),
+    "4R": rde.FourR(masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3, 0.5, 0.4, 0.6)),
+}
 FALL = 5.886
 """Acceleration of a free slider along +x under this gravity, m/s^2."""
+EFFECTS: dict[str, Effect] = {
+    "gravity": e.Gravity(9.81, (0.6, -0.7)),
+    "friction": e.ViscousFriction((0.1, 0.2, 0.3, 0.05)),
+    "limits": e.EffortLimits((5.0, 4.0, 3.0, 2.0)),
+    "centring spring": e.CentringSpring((80.0, 40.0), (-0.2, -0.1), (0.2, 0.3)),
+    "narrow stops": e.PrismaticStop((-0.003, -0.002), (0.002, 0.004), 0.5),
+    "stop below": e.PrismaticStop((0.0,), (None,), 0.5),
+    "stops on one side": e.PrismaticStop((0.0, None), (None, 0.0), 0.5),
+    "crossed stops": e.PrismaticStop((0.0, None), (None, 0.3), 0.8),
+    "lag": Lag(0.01),
+    "play": Play(0.02, 3.0),
+    "dry friction": DryFriction(2.0),
+}
+SPRINGS = {
+    "spring": (-0.15, 0.1, 900.0, 20.0),
+    "switch": (-0.15, 0.1, 900.0, 300.0),
+    "wide spring": (-0.4, 0.4, 800.0, 100.0),
+}
+"""Limits, stiffness and damping of springs; the word after the name is a joint."""
 
 
-def stops(arm: Any) -> Effect:
-    """Stops of all sliders, each farther out than the one before."""
-    count = len(arm.sliders())
-    lower, upper = (-0.2 * (1.0 + 0.3 * k) for k in range(count)), (0.2 + 0.1 * k for k in range(count))
+def effect_of(words: str, arm: Any) -> Effect:
+    """The effect that some words name; "stops" are farther out for each slider than for the one before."""
+    name, _, last = words.rpartition(" ")
+    if name in SPRINGS:
+        return e.LimitSpring(last, *SPRINGS[name])
+    if name == "restitution":
+        return e.PrismaticStop((-0.2, -0.1), (0.2, 0.15), float(last))
+    if words != "stops":
+        return EFFECTS[words]
+    sliders = range(len(arm.sliders()))
+    lower, upper = (-0.2 * (1.0 + 0.3 * k) for k in sliders), (0.2 + 0.1 * k for k in sliders)
     return e.PrismaticStop(tuple(lower), tuple(upper), 0.5)
 
 
-def springs(*joints: str, damping: float = 20.0) -> tuple[Effect, ...]:
-    return tuple(e.LimitSpring(joint, -0.15, 0.1, 900.0, damping) for joint in joints)
+def scene_of(entry: dict[str, Any], **numbers: Any) -> rde.Scene:
+    """The scene of an entry of the file, from which its fields are taken."""
+    arm = ARMS[entry.pop("arm")]
+    effects = tuple(effect_of(words, arm) for words in entry.pop("effects"))
+    for name in {"integrator", "control_dt", "substeps", "tolerance", "actuation"} & entry.keys():
+        numbers[name] = entry.pop(name)
+    return rde.Scene(arm, effects, **numbers)
 
 
 AT = ("at rest", "slow, at stops")
@@ -141,126 +175,22 @@ class Aimed:
     fastest: float = 1e5  # speed of the first joint in one lane, rad/s or m/s
     lanes: int = 512
     intervals: int = 16
-    kinds: tuple[str, ...] = KINDS  # of starts, one after the other
+    kinds: Sequence[str] = KINDS  # of starts, one after the other
     efforts: float = 1.5  # the greatest is 10 to this power, N m or N
     numbers: Mapping[str, float] = field(default_factory=dict)  # instead of the scene's: for shared code
 
 
-def aimed(
-    name: str, arm: Any, *effects: Any, dt: float = 0.02, substeps: int = 1, actuation: str = "joint",
-    **more: Any,
-) -> tuple[str, Aimed]:  # fmt: skip
-    """A name, whose first word is the method or the tolerance and whose last may be "log", and its motion;
-    :func:`stops` among the effects are those of the arm."""
+def aimed(name: str, entry: dict[str, Any]) -> Aimed:
     method = name.partition(",")[0]
-    integrator, tolerance = ("rk8", float(method)) if method[0] == "1" else (method, None)
-    own = tuple(stops(arm) if x is stops else x for x in effects)
-    scene = rde.Scene(arm, own, integrator, dt, substeps, tolerance, actuation)
-    return f"events: {name}", Aimed(scene, name.endswith("log"), **more)
+    control = {"tolerance": float(method)} if method[0] == "1" else {"integrator": method}
+    return Aimed(scene_of(entry, **control), name.endswith("log"), **entry)
 
 
-WEIGHTLESS: dict[str, Any] = {"efforts": -8.0, "numbers": {"gravity.g": 0.0}}
-TOGETHER: dict[str, Any] = {**WEIGHTLESS, "kinds": ("nearly together", "one strikes")}
-FALLING = GRAVITY, stops(PAIR)
-THROWN: dict[str, Any] = {"kinds": ("thrown",), "efforts": -8.0, "intervals": 4}
-SWITCHES = springs("r1", "r2", "joint2", damping=300.0)
-LONG: dict[str, Any] = {
-    "kinds": ("near stops", "slow, near stops", "anywhere"),
-    "lanes": 1536,
-    "intervals": 10,
-}
-FOLDED: dict[str, Any] = {"kinds": ("folded",), "lanes": 16, "intervals": 2, "efforts": -8.0}
-STIFF = {"gravity.g": 0.0, "limit_spring.joint2.stiffness": 1e14}
-BUZZ = {"lower": -1e-6, "upper": 1e-6, "stiffness": 1e11, "damping": 0.0}
-BUZZING = {"gravity.g": 0.0, **{f"limit_spring.{r}.{n}": x for r in ("r1", "r2") for n, x in BUZZ.items()}}
-NARROW = e.PrismaticStop((-0.003, -0.002), (0.002, 0.004), 0.5)
-ABOVE, BESIDE = e.PrismaticStop((0.0,), (None,), 0.5), e.PrismaticStop((0.0, None), (None, 0.0), 0.5)
-LAG, PLAY, DRY = Lag(0.01), Play(0.02, 3.0), DryFriction(2.0)
-FREE = "generalized"
-AIMED: dict[str, Aimed] = dict((
-    # Equal steps: stops only; switches are not located.
-    aimed("euler, 2 sliders, 3 substeps, log", RPRP, GRAVITY, stops, dt=0.03, substeps=3),
-    aimed("rk4, 1 slider", ONE, GRAVITY, stops, varied=False),
-    aimed("rk4, 2 sliders, generalized, lag", TWO, stops, LAG, PLAY, actuation=FREE),
-    aimed("rk8, 2 sliders, 2 substeps, log", RPRP, GRAVITY, stops, *springs("joint2"), dt=0.04, substeps=2),
-    aimed("rk8, 3 sliders, log", THREE, GRAVITY, stops),
-    aimed("rk4, 3 bent sliders", BENT, GRAVITY, stops),
-    aimed("rk4, 4 sliders", FOUR, GRAVITY, stops),
-    aimed("rk8, 2 sliders, turns near stops", RPRP, GRAVITY, stops, LAG, dt=0.05, kinds=NEAR[:3]),
-    aimed("rk4, 4 sliders, nearly together", FOUR, GRAVITY, stops, **TOGETHER),
-    aimed("rk8, 1 slider, late turns", ONE, GRAVITY, ABOVE, dt=0.1, kinds=("spun",)),
-    aimed("rk4, 2 sliders, forces that jump", TWO, stops, DRY, dt=0.05, lanes=192),
-    aimed(
-        "rk8, 2 sliders, narrow stops, 2 substeps, log",
-        RPRP, GRAVITY, NARROW, *springs("joint2"), dt=0.04, substeps=2,
-    ),
-    aimed("rk4, 2 sliders of a pair, thrown", PAIR, *FALLING, **THROWN),
-    aimed(
-        "rk4, 2 sliders of a pair, creeping, log",
-        PAIR, *FALLING, kinds=("creeping", "slow, near stops"), **WEIGHTLESS,
-    ),
-    aimed(
-        "euler, 2 sliders, 3 substeps, long steps, log", RPRP, GRAVITY, stops, dt=0.1, substeps=3, **LONG
-    ),
-    aimed(
-        "rk4, 2 sliders, generalized, lag, long steps",
-        TWO, stops, LAG, PLAY, dt=0.1, actuation=FREE, **LONG,
-    ),
-    aimed("rk8, 2 sliders, turns near stops, long steps", RPRP, GRAVITY, stops, LAG, dt=0.1, **LONG),
-    # Doubling under a tolerance.
-    aimed("1e-6, 1 slider, log", ONE, GRAVITY, stops),
-    aimed("1e-6, 2 sliders, log", RPRP, GRAVITY, stops),
-    aimed("1e-12, 2 sliders", RPRP, GRAVITY, stops),
-    aimed("1e-6, 3 sliders", THREE, GRAVITY, stops),
-    aimed(
-        "1e-9, 2 sliders, switches, lag, kinks, log",
-        TWO, stops, *springs("joint1", "r2"), LAG, PLAY, lanes=64, intervals=12,
-    ),
-    aimed("1e-6, switches", RPRP, GRAVITY, *SWITCHES, lanes=192),
-    aimed(
-        "1e-6, 4R switches, kinks, generalized",
-        FOUR_R, *springs("joint2", "joint4"), PLAY, actuation=FREE, speeds=2.0, lanes=96, intervals=12,
-    ),
-    aimed(
-        "1e-6, no boundaries, lag, kinks", RPRP, GRAVITY, LAG, PLAY, speeds=3.0, kinds=(*KINDS, "at a kink")
-    ),
-    aimed("1e-6, 2 sliders, turns near stops", RPRP, GRAVITY, stops, LAG, dt=0.05, kinds=NEAR[:3]),
-    aimed("1e-6, 2 sliders, stops on one side at 0", RPRP, GRAVITY, BESIDE),
-    aimed("1e-6, 2 sliders, nearly together, log", RPRP, GRAVITY, stops, **TOGETHER),
-    aimed("1e-6, 2 sliders, narrow stops, log", RPRP, GRAVITY, NARROW),
-    aimed("1e-6, 2 sliders, thrown", TWO, *FALLING, **THROWN),
-    aimed(
-        "1e-2, 2 sliders, narrow stops, folded, log", RPRP, GRAVITY, NARROW, kinds=("folded",), **WEIGHTLESS
-    ),
-    aimed("1e-6, 2 sliders, narrow stops, kinks", RPRP, GRAVITY, NARROW, PLAY, lanes=256),
-    aimed("1e-13, 2 sliders", RPRP, GRAVITY, stops, intervals=8),
-    aimed(
-        "1e-6, switches passed together",
-        RPRP, GRAVITY, *SWITCHES, varied=False, kinds=("in step",), **WEIGHTLESS,
-    ),
-    aimed("1e-6, switches, too stiff", RPRP, GRAVITY, *SWITCHES, numbers=STIFF, **FOLDED),
-    aimed("1e-6, switches, too many trials", RPRP, GRAVITY, *SWITCHES, numbers=BUZZING, **FOLDED),
-    aimed(
-        "1e-6, no boundaries, steps a power of 2",
-        RPRP, GRAVITY, LAG, PLAY, dt=0.015625, kinds=("round",), lanes=96, intervals=2,
-    ),
-    # dop853.
-    aimed("dop853, 2 sliders, log", RPRP, GRAVITY, stops),
-    aimed("dop853, 2 sliders, narrow stops, log", RPRP, GRAVITY, NARROW),
-    aimed("dop853, 2 sliders, thrown", TWO, *FALLING, **THROWN),
-    aimed("dop853, 3 sliders", THREE, GRAVITY, stops),
-    aimed(
-        "dop853, stops, switches, lag, kinks", TWO, stops, *springs("joint1", "r2"), LAG, PLAY, lanes=192
-    ),
-    aimed("dop853, 2 sliders, turns near stops", RPRP, GRAVITY, stops, LAG, dt=0.05, kinds=NEAR[:3]),
-    aimed("dop853, switches", RPRP, GRAVITY, *springs("r1", "r2"), speeds=2.0),
-    aimed("dop853, no boundaries", FOUR_R, GRAVITY, LAG, speeds=2.5, lanes=96, intervals=8),
-    aimed(
-        "dop853, no boundaries, too many steps",
-        FOUR_R, GRAVITY, LAG, fastest=1e8, kinds=("broken",), lanes=1, intervals=1,
-    ),
-))  # fmt: skip
-"""Motions by their names."""
+ENTRIES = read_yaml(Path(__file__).with_name("recorded_motions.yaml"), "record")
+SCENES = {name: scene_of(entry) for name, entry in ENTRIES["scenes"].items()}
+"""Scenes, named by their special features."""
+AIMED = {f"events: {name}": aimed(name, entry) for name, entry in ENTRIES["aimed"].items()}
+"""Aimed motions by their names."""
 
 # ---- motions -----------------------------------------------------------------------------------------
 
@@ -324,7 +254,7 @@ def starts(aimed: Aimed, rng: np.random.Generator) -> tuple[Array, Array]:
         q[kinds == kind] = np.where(turns & (kind == "in step"), 0.0, sides + 0.0 * q)[kinds == kind]
         qd[kinds == kind] = np.where(turns, 0.0, speeds + 0.0 * qd)[kinds == kind]
     q[kinds == "at a kink"] = 0.0
-    q[kinds == "at a kink", -1] = PLAY.play
+    q[kinds == "at a kink", -1] = 0.02  # the play of "play"
     qd[kinds == "round", 0] = np.ldexp(1.0, rng.integers(4, 9, n))[kinds == "round"]
     qd[kinds == "round", 1:] *= 0.1
     _send_past(aimed, rng, kinds, q, qd)
@@ -379,14 +309,18 @@ def aimed_motion(name: str) -> Iterator[Array]:
         changing = rng.random(shape) < 0.5
         steady = np.where(changing, powers(rng, aimed.efforts - 4.5, aimed.efforts, shape), steady)
         steady[::4] = 0.0
-        status = batch.advance(steady)
-        yield from (batch.q, batch.qd, batch.z)
-        yield from (np.asarray(column, np.float64) for column in status)
+        yield from outcome(batch, batch.advance(steady), aimed.work)
         if aimed.work:
-            yield batch.work
-            happened = events(batch)
-            yield np.array([(x.lane, x.time, x.speed) for x in happened])
-            yield np.array([f"{x.kind} {x.joint}" for x in happened])
+            yield np.array([f"{x.kind} {x.joint}" for x in events(batch)])
+
+
+def outcome(batch: rde.BatchSimulator, status: Any, work: bool) -> Iterator[Array]:
+    """Tables of numbers after an interval."""
+    yield from (batch.q, batch.qd, batch.z)
+    yield from (np.asarray(column, np.float64) for column in status)
+    if work:
+        yield batch.work
+        yield np.array([(x.lane, x.time, x.speed) for x in events(batch)])
 
 
 def events(batch: rde.BatchSimulator) -> list[Any]:

@@ -19,54 +19,10 @@ from numpy.typing import NDArray
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.verify.aimed import AIMED, FOUR_R, GRAVITY, RPRP, aimed_motion
+from redundant_envs.verify.aimed import AIMED, SCENES, aimed_motion, outcome
 
 RECORD = Path(__file__).with_name("recorded_bits.json")
 LANES, INTERVALS = 256, 50
-LIMITS = e.EffortLimits((5.0, 4.0, 3.0, 2.0))
-FRICTION = e.ViscousFriction((0.1, 0.2, 0.3, 0.05))
-CENTRING = e.CentringSpring((80.0, 40.0), (-0.2, -0.1), (0.2, 0.3))
-
-
-def stop(restitution: float, lower: Any = (-0.2, -0.1), upper: Any = (0.2, 0.15)) -> e.Effect:
-    return e.PrismaticStop(lower, upper, restitution)
-
-
-def spring(joint: str) -> e.Effect:
-    return e.LimitSpring(joint, -0.4, 0.4, 800.0, 100.0)
-
-
-SCENES = {
-    "4R free euler": rde.Scene(FOUR_R, (), "euler", 0.01),
-    "4R gravity rk4": rde.Scene(FOUR_R, (GRAVITY,), "rk4", 0.02),
-    "4R friction rk8": rde.Scene(FOUR_R, (FRICTION,), "rk8", 0.02),
-    "4R limits, 3 substeps, rk4": rde.Scene(FOUR_R, (LIMITS,), "rk4", 0.03, 3),
-    "4R all rk8": rde.Scene(FOUR_R, (GRAVITY, FRICTION, spring("joint2"), LIMITS), "rk8", 0.01, 2),
-    "4R generalized rk4": rde.Scene(FOUR_R, (GRAVITY, FRICTION), "rk4", 0.02, actuation="generalized"),
-    "4R all 1e-6": rde.Scene(FOUR_R, (GRAVITY, FRICTION, spring("joint3"), LIMITS), tolerance=1e-6),
-    "4R free 1e-12": rde.Scene(FOUR_R, (), control_dt=0.05, tolerance=1e-12),
-    "4R gravity dop853": rde.Scene(FOUR_R, (GRAVITY, LIMITS), "dop853"),
-    "RPRP free rk4": rde.Scene(RPRP, (), "rk4", 0.01),
-    "RPRP gravity euler": rde.Scene(RPRP, (GRAVITY,), "euler", 0.002, 5),
-    "RPRP centring spring rk8": rde.Scene(RPRP, (CENTRING, GRAVITY), "rk8"),
-    "RPRP generalized rk8": rde.Scene(RPRP, (GRAVITY, FRICTION, LIMITS), "rk8", actuation="generalized"),
-    "RPRP limit springs 1e-6": rde.Scene(
-        RPRP, (GRAVITY, FRICTION, spring("r1"), spring("r2"), LIMITS), tolerance=1e-6
-    ),
-    "RPRP gravity dop853": rde.Scene(RPRP, (GRAVITY, spring("r1"), spring("r2")), "dop853"),
-    "stops euler": rde.Scene(RPRP, (GRAVITY, stop(0.5)), "euler", 0.005, 2),
-    "stops rk4, inelastic": rde.Scene(RPRP, (GRAVITY, FRICTION, stop(0.0), LIMITS), "rk4", 0.02, 2),
-    "stops rk8, elastic": rde.Scene(RPRP, (GRAVITY, stop(1.0)), "rk8", 0.02),
-    "stops rk8, half elastic": rde.Scene(RPRP, (GRAVITY, FRICTION, stop(0.5), LIMITS), "rk8", 0.02, 2),
-    "stops 1e-6, inelastic": rde.Scene(RPRP, (GRAVITY, FRICTION, stop(0.0), LIMITS), tolerance=1e-6),
-    "stops 1e-6, elastic": rde.Scene(RPRP, (stop(1.0),), tolerance=1e-6),
-    "stops 1e-12, 0.7": rde.Scene(RPRP, (GRAVITY, stop(0.7)), tolerance=1e-12),
-    "stops on one side 1e-6": rde.Scene(
-        RPRP, (GRAVITY, stop(0.8, (0.0, None), (None, 0.3)), spring("r2"), spring("joint2")), tolerance=1e-6
-    ),
-    "stops dop853": rde.Scene(RPRP, (GRAVITY, FRICTION, stop(0.5), LIMITS), "dop853"),
-}
-"""Scenes, named by their special features."""
 
 WORKED = ("4R all rk8", "stops 1e-6, elastic", "RPRP gravity dop853")
 """Scenes that are also recorded with the work and the log of events."""
@@ -110,13 +66,7 @@ def motion(scene: rde.Scene, work: bool = False, varied: bool = False) -> Iterat
         batch.set_parameters({**own, "viscous_friction.coefficients": rng.random((LANES, 4))})
     for _ in range(INTERVALS):
         efforts = 12.0 * rng.random((LANES, 4)) - 6.0
-        status = batch.advance(efforts)
-        yield batch.q
-        yield batch.qd
-        yield from (np.asarray(column, np.float64) for column in status)
-        if work:
-            yield batch.work
-            yield np.array([(x.lane, x.time, x.speed) for x in batch.events()])
+        yield from outcome(batch, batch.advance(efforts), work)
 
 
 def episodes(name: str) -> Iterator[NDArray[Any]]:
