@@ -182,7 +182,7 @@ def test_the_wheel_tells_what_it_is(wheel):
     assert not [name for name in names if "redundant_envs/studies" in name or "throughput" in name]
     assert {
         "redundant_envs/verify/recorded_bits.json", "redundant_envs/verify/recorded_motions.yaml",
-        "redundant_envs/envs/pages.yaml", "redundant_envs/py.typed",
+        "redundant_envs/envs/pages.yaml", "redundant_envs/envs/lettering.yaml", "redundant_envs/py.typed",
         "redundant_envs/configs/training/rprp_reach_ppo.yaml",
     } <= set(names)  # fmt: skip
     roots = {name.partition("/")[0].partition("-")[0] for name in names}
