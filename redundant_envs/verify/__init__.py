@@ -5,7 +5,7 @@ measures one number of a subject and compares it with a promise. A promise is a 
 in float64 for any reasonable arm, not the value that the arms of this package happen to have.
 """
 
-from redundant_envs.verify.checks import Mode, Verdict
+from redundant_envs.verify.promises import Mode, Verdict
 from redundant_envs.verify.report import Report, verify
 from redundant_envs.verify.subjects import Subject, subject_from, subjects_of
 

@@ -9,21 +9,10 @@ from redundant_envs.effects import Gravity
 from redundant_envs.model.batch import BatchSimulator, Numerics
 from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.scene import Scene
-from redundant_envs.verify.checks import (
-    Array,
-    Finding,
-    Mode,
-    NotApplicable,
-    Promise,
-    Trial,
-    at_least,
-    at_most,
-    check,
-    enough,
-    nothing,
-)
+from redundant_envs.verify.checks import Array, Trial, check, enough
 from redundant_envs.verify.conservation import energy_changes, exact_in_parts, exact_whole, own_interval
 from redundant_envs.verify.judging import judge
+from redundant_envs.verify.promises import Finding, Mode, NotApplicable, Promise, at_least, at_most, nothing
 
 ENOUGH = 1e-3
 """Tip error of a control interval [m] that is good enough for the 99th percentile."""

@@ -11,17 +11,8 @@ import numpy as np
 
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.verify import recorded_bits
-from redundant_envs.verify.checks import (
-    EQUAL_BITS,
-    Array,
-    Finding,
-    Mode,
-    NotApplicable,
-    NotRun,
-    Promise,
-    Trial,
-    check,
-)
+from redundant_envs.verify.checks import Array, Trial, check
+from redundant_envs.verify.promises import EQUAL_BITS, Finding, Mode, NotApplicable, NotRun, Promise
 
 LANES = 67
 """Eight full blocks of lanes, and one that is not full."""

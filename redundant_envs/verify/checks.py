@@ -1,9 +1,8 @@
-"""A check, its promise, its finding, and the table of all checks of a subject."""
+"""A check, and the subject and random states on which checks are run."""
 
 from __future__ import annotations
 
 import dataclasses
-import enum
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from redundant_envs.extras import MissingPackage
 from redundant_envs.robots.arm import Arm
 from redundant_envs.scene import Scene
 from redundant_envs.tasks.limits import hard_stops, narrowed
+from redundant_envs.verify.promises import Finding, Mode, NotApplicable, NotRun, Promise, Verdict, nothing
 from redundant_envs.verify.subjects import Subject
 
 Array = NDArray[Any]
@@ -25,79 +25,8 @@ ROUNDING = 32 * np.finfo(np.float64).eps
 """Rounding error of a quantity of which differences are taken, relative to the quantity."""
 ENOUGH_SMOOTH = 0.5
 """Share of the states that must be smooth, and of the intervals that must be judged."""
-
-
-class Mode(enum.IntEnum):
-    """Extent of the checks; each mode includes the ones before it."""
-
-    QUICK = 0
-    STANDARD = 1
-    FULL = 2
-
-
 STATES = {Mode.QUICK: 256, Mode.STANDARD: 1024, Mode.FULL: 8192}
 """Number of random states of each mode, unless the command gives one."""
-
-
-class Verdict(enum.Enum):
-    KEPT = "kept"
-    MISSED = "MISSED"
-    MEASURED = "measured"
-    NOT_APPLICABLE = "not applicable"
-    NOT_RUN = "not run"
-
-
-class NotApplicable(Exception):
-    """A check does not apply to a subject; the message is the reason."""
-
-
-class NotRun(Exception):
-    """A check could not be run here; the message is the reason."""
-
-
-@dataclass(frozen=True)
-class Promise:
-    """Condition on a number."""
-
-    bound: float  # NaN if nothing is promised
-    unit: str  # "" for a ratio
-    relation: str  # "at most", "at least", "" or "equal bits": of the lanes that differ it promises none
-
-    def holds(self, found: float) -> bool:
-        """Whether a number is as promised; NaN never is."""
-        return found >= self.bound if self.relation == "at least" else found <= self.bound
-
-    def __str__(self) -> str:
-        if self.relation in ("", "equal bits"):
-            return self.relation or "-"
-        return f"{self.relation} {self.bound:.3g} {self.unit}".rstrip()
-
-
-def at_most(bound: float, unit: str = "") -> Promise:
-    return Promise(bound, unit, "at most")
-
-
-def at_least(bound: float) -> Promise:
-    return Promise(bound, "", "at least")
-
-
-EQUAL_BITS = Promise(0.0, "lanes differ", "equal bits")
-
-
-def nothing(unit: str) -> Promise:
-    """Promise for a number that is only measured; its judgement is left to the reader."""
-    return Promise(math.nan, unit, "")
-
-
-@dataclass(frozen=True)
-class Finding:
-    """A number, and the state in which it was found."""
-
-    found: float
-    where: str = ""  # state and joint of the worst case
-    words: str = ""  # the fault, if the promise is missed, or advice for a reader of a measured number
-
-
 Promised = Promise | Callable[["Trial"], Promise]
 Measure = Callable[["Trial"], Finding]
 

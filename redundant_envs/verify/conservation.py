@@ -13,19 +13,9 @@ from redundant_envs.effects.hooks import Inertia, PointMass
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.model.energy import kinetic_energy, potential_energy
 from redundant_envs.scene import Scene
-from redundant_envs.verify.checks import (
-    ENOUGH_SMOOTH,
-    ROUNDING,
-    Array,
-    Finding,
-    NotApplicable,
-    Trial,
-    at_most,
-    check,
-    enough,
-    ratio,
-)
+from redundant_envs.verify.checks import ENOUGH_SMOOTH, ROUNDING, Array, Trial, check, enough, ratio
 from redundant_envs.verify.equations import added_inertia, equations_at, from_points, slopes
+from redundant_envs.verify.promises import Finding, NotApplicable, at_most
 
 # ---- the energy balance --------------------------------------------------------------------------
 

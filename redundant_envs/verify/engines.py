@@ -11,8 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from redundant_envs.extras import needs
-from redundant_envs.verify.checks import Array, Finding, Mode, NotApplicable, Trial, at_most, check, ratio
+from redundant_envs.verify.checks import Array, Trial, check, ratio
 from redundant_envs.verify.equations import added_inertia, from_points, residual
+from redundant_envs.verify.promises import Finding, Mode, NotApplicable, at_most
 
 AGREE = at_most(1e-9)
 """Residual of MuJoCo's equations of motion, in units of its terms, and the difference of mass matrices in

@@ -11,7 +11,8 @@ import gymnasium as gym
 import numpy as np
 
 from redundant_envs.envs.check import BrokenRule, check_vec_env
-from redundant_envs.verify.checks import EQUAL_BITS, Finding, Mode, NotApplicable, Promise, Trial, check
+from redundant_envs.verify.checks import Trial, check
+from redundant_envs.verify.promises import EQUAL_BITS, Finding, Mode, NotApplicable, Promise
 
 LANES, STEPS, SHORT_EPISODE = 9, 12, 5
 MANY, WHOLE = 64, 200

@@ -20,17 +20,8 @@ from redundant_envs.lane.direct import fields_of
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots.arm import Arm
-from redundant_envs.verify.checks import (
-    Array,
-    Finding,
-    Mode,
-    NotApplicable,
-    Trial,
-    at_least,
-    at_most,
-    check,
-    ratio,
-)
+from redundant_envs.verify.checks import Array, Trial, check, ratio
+from redundant_envs.verify.promises import Finding, Mode, NotApplicable, at_least, at_most
 
 AGREE = at_most(1e-10)
 """At least a thousand times the rounding errors, and a thousandth of the smallest mistake in a formula: a

@@ -13,7 +13,8 @@ from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.interval import Interval
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.scene import SHORTEST_INTERVAL, Scene
-from redundant_envs.verify.checks import Array, Finding, Mode, NotApplicable, Trial, at_most, check, ratio
+from redundant_envs.verify.checks import Array, Trial, check, ratio
+from redundant_envs.verify.promises import Finding, Mode, NotApplicable, at_most
 
 AGREE = at_most(1e-10)
 """Largest difference, relative to the largest number of a kind. Evaluators differ by the rounding of joined

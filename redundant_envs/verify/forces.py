@@ -12,19 +12,10 @@ from redundant_envs.effects.attached import Attached
 from redundant_envs.effects.hooks import Effect, Field, Force
 from redundant_envs.model.energy import at_joints, potential_energy, scene_quantities
 from redundant_envs.scene import Scene
-from redundant_envs.verify.checks import (
-    BEYOND,
-    ENOUGH_SMOOTH,
-    ROUNDING,
-    Array,
-    Finding,
-    Trial,
-    at_most,
-    check,
-    ratio,
-)
+from redundant_envs.verify.checks import BEYOND, ENOUGH_SMOOTH, ROUNDING, Array, Trial, check, ratio
 from redundant_envs.verify.equations import columns
 from redundant_envs.verify.hints import worst_of
+from redundant_envs.verify.promises import Finding, at_most
 
 STEP = 1e-5
 """Step of the differences, rad and m: far below the lengths over which a potential changes its shape (1e-2),

@@ -18,8 +18,9 @@ from redundant_envs.events.boundary import side_beyond
 from redundant_envs.lane.direct import fields_of
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.quantities import Quantities
-from redundant_envs.verify.checks import ROUNDING, Array, Finding, NotApplicable, Trial, at_most, check, ratio
+from redundant_envs.verify.checks import ROUNDING, Array, Trial, check, ratio
 from redundant_envs.verify.equations import TILTED, columns
+from redundant_envs.verify.promises import Finding, NotApplicable, at_most
 
 SHORT = at_most(1.5)
 """A step covers two radians of an oscillation, or two time constants of a decay. With half as much again it

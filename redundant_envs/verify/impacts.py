@@ -8,18 +8,9 @@ import numpy as np
 
 from redundant_envs.effects.hooks import Impact
 from redundant_envs.model.batch import BatchSimulator
-from redundant_envs.verify.checks import (
-    ENOUGH_SMOOTH,
-    EQUAL_BITS,
-    Array,
-    Finding,
-    NotApplicable,
-    Trial,
-    at_most,
-    check,
-    ratio,
-)
+from redundant_envs.verify.checks import ENOUGH_SMOOTH, Array, Trial, check, ratio
 from redundant_envs.verify.equations import from_points
+from redundant_envs.verify.promises import EQUAL_BITS, Finding, NotApplicable, at_most
 
 SHORT = 1e-10
 """Simulated time after an impact, s, for an arm of a metre and more, and shorter for shorter arms: forces

@@ -31,7 +31,8 @@ from redundant_envs.verify import (
     rest,
     symmetries,
 )
-from redundant_envs.verify.checks import STATES, Check, Mode, Outcome, Trial, Verdict, checks_of
+from redundant_envs.verify.checks import STATES, Check, Outcome, Trial, checks_of
+from redundant_envs.verify.promises import Mode, Verdict
 from redundant_envs.verify.subjects import Subject, subject_from, subjects_of
 
 CHECKS: tuple[Check, ...] = checks_of(

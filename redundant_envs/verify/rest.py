@@ -12,8 +12,9 @@ from redundant_envs.effects.attached import Functions
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots.checks import OF_LANES, OWN_NAMES
-from redundant_envs.verify.checks import Finding, Promise, Trial, check
+from redundant_envs.verify.checks import Trial, check
 from redundant_envs.verify.hints import Motion
+from redundant_envs.verify.promises import Finding, Promise
 
 FINITE = Promise(0.0, "quantities", "at most")
 

@@ -11,17 +11,8 @@ from redundant_envs.effects import Gravity
 from redundant_envs.effects.hooks import Field, Force, Hook, Inertia, PointMass
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.scene import LONGEST_INTERVAL, SHORTEST_INTERVAL, Scene
-from redundant_envs.verify.checks import (
-    EQUAL_BITS,
-    Array,
-    Finding,
-    Mode,
-    NotApplicable,
-    Trial,
-    at_most,
-    check,
-    enough,
-)
+from redundant_envs.verify.checks import Array, Trial, check, enough
+from redundant_envs.verify.promises import EQUAL_BITS, Finding, Mode, NotApplicable, at_most
 
 BACK = at_most(1e-9, "rad or reaches")
 """Largest distance from its start at which a calm motion may end, there and back by dop853: ten thousand

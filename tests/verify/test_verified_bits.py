@@ -15,7 +15,8 @@ from redundant_envs.events import contacts
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.model.memory import Memory
 from redundant_envs.verify import Subject, bits, environments, evaluators, impacts, recorded_bits, verify
-from redundant_envs.verify.checks import Mode, Trial, Verdict, checks_of
+from redundant_envs.verify.checks import Trial, checks_of
+from redundant_envs.verify.promises import Mode, Verdict
 from redundant_envs.verify.subjects import subject_of
 
 e = rde.effects

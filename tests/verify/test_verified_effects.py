@@ -16,9 +16,10 @@ from redundant_envs.scene import LONGEST_INTERVAL, SHORTEST_INTERVAL, scene_name
 from redundant_envs.studies.kinked_effects import SmoothFriction
 from redundant_envs.verify import Mode, conservation, evaluators, hints, impacts, rest, symmetries, verify
 from redundant_envs.verify.accuracy import flagged, order
-from redundant_envs.verify.checks import Verdict, checks_of
+from redundant_envs.verify.checks import checks_of
 from redundant_envs.verify.conservation import energy_book
 from redundant_envs.verify.forces import forces_at_switches, potentials
+from redundant_envs.verify.promises import Verdict
 
 e = rde.effects
 FOUR_R = rde.FourR((2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35))

@@ -23,18 +23,17 @@ from redundant_envs.verify import (
     subjects_of,
     verify,
 )
-from redundant_envs.verify.checks import (
+from redundant_envs.verify.checks import Check, check
+from redundant_envs.verify.judging import CONFIRMED, LIMIT, judge
+from redundant_envs.verify.promises import (
     EQUAL_BITS,
-    Check,
     Finding,
     NotApplicable,
     NotRun,
     Promise,
     at_least,
     at_most,
-    check,
 )
-from redundant_envs.verify.judging import CONFIRMED, LIMIT, judge
 from redundant_envs.verify.subjects import LENGTHS, MASSES, subject_of
 
 e = rde.effects
