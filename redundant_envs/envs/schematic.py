@@ -4,25 +4,47 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.envs.rendering import BACKGROUND, JOINT, LINKS, RAIL, TRAIL
 from redundant_envs.figures import new_figure, save_figure
-from redundant_envs.robots import RPRP, FourR
+from redundant_envs.robots import RPRP, Arm, FourR
 
 Point = NDArray[np.float64]
 Color = tuple[float, float, float]
 
 INK, SOFT = "#1c2434", "#8a93a3"
-SLIDER_POSE = np.array([0.82, 0.36, -0.6, 0.32])  # theta1, r1, theta2, r2 of the drawn RPRP arm; rad, m
-SLIDER_TRAVEL = 0.7
-FOUR_POSE = np.array([1.2, 0.62, -0.62, 0.72])  # theta1 to theta4 of the drawn 4R arm, rad
-LENGTH = 0.68
+SLIDER_TRAVEL, LENGTH = 0.7, 0.68  # m
 LEGEND = ("Angles are absolute, from the direction of +x.", "A motor acts at every joint.")
 OF_SLIDERS = "Grey rails are the travel of the sliders between their stops."
+
+
+class Drawing(NamedTuple):
+    """How an arm is drawn; widths and offsets are in printer's points."""
+
+    title: str
+    arm: Arm
+    pose: tuple[float, ...]  # rad and m
+    view: tuple[float, ...]  # ends of the axes, m
+    widths: tuple[float, ...]  # of the links
+    sides: tuple[float, ...]  # m by which the dimension of each link is to its left
+    offsets: tuple[tuple[float, float], ...]  # of the names of the point masses
+
+
+DRAWN = {
+    "RPRP": Drawing(
+        "RPRP", RPRP((1.0,) * 4, (LENGTH, 0.6)), (0.82, 0.36, -0.6, 0.32), (-0.3, 2.35, -0.2, 1.35),
+        (15, 6, 12, 6), (0.17, 0.17, -0.17, -0.17), ((16, -12), (29, 12), (10, 18), (34, 14)),
+    ),
+    "FourR": Drawing(
+        "4R", FourR((1.0,) * 4, (LENGTH,) * 4), (1.2, 0.62, -0.62, 0.72), (-0.3, 2.65, -0.2, 1.5),
+        (15, 12.5, 10.5, 9), (0.16, 0.16, -0.16, 0.16), ((17, -12), (2, 18), (8, -18), (36, -6)),
+    ),
+}  # fmt: skip
+"""Drawings by the kinds of the arms."""
 
 
 def shade(color: tuple[int, int, int]) -> Color:
@@ -33,25 +55,6 @@ def shade(color: tuple[int, int, int]) -> Color:
 def toward(angle: float) -> Point:
     """Unit vector at an angle from +x, rad."""
     return np.array([np.cos(angle), np.sin(angle)])
-
-
-def link(axes: Any, a: Point, b: Point, color: tuple[int, int, int], width: float) -> None:
-    """A thick line with round ends."""
-    axes.plot(*zip(a, b, strict=True), color=shade(color), lw=width, solid_capstyle="round", zorder=3)
-
-
-def joint(axes: Any, place: Point) -> None:
-    """A revolute joint."""
-    axes.plot(*place, "o", ms=9, mfc=shade(BACKGROUND), mec=shade(JOINT), mew=2.2, zorder=6)
-
-
-def masses(axes: Any, points: Point, offsets: Sequence[tuple[float, float]]) -> None:
-    """Point masses with their names, some printer's points away; the last is the tip."""
-    axes.plot(*points[-1], "o", ms=11, color=shade(TRAIL), zorder=7)
-    for k, (place, offset) in enumerate(zip(points, offsets, strict=True)):
-        name = rf"$m_{k + 1}$" + ("  (tip)" if k == len(points) - 1 else "")
-        axes.annotate(name, place, offset, textcoords="offset points", ha="center", va="center",
-                      fontsize=12, color=INK, zorder=8)  # fmt: skip
 
 
 def arrow(
@@ -92,50 +95,33 @@ def ground(axes: Any) -> None:
     axes.fill((-0.09, 0.09, 0.0), (-0.075, -0.075, 0.03), color=shade(RAIL), zorder=2)
 
 
-def draw_rprp(axes: Any) -> None:
-    """Two revolute joints, each followed by a slider."""
-    lengths = (LENGTH, 0.6)
-    points = RPRP((1.0,) * 4, lengths).points(SLIDER_POSE)
-    base = np.zeros(2)
+def draw(axes: Any, drawing: Drawing) -> None:
+    """An arm with its angles, lengths and masses."""
+    arm, pose, number = drawing.arm, drawing.pose, 0
+    points = arm.points(np.array(pose))
+    roots = [np.zeros(2), *points]
     ground(axes)
-    for k, root, fixed, end in ((0, base, points[0], points[1]), (1, points[1], points[2], points[3])):
-        along = toward(SLIDER_POSE[2 * k])
-        stops = [root + (lengths[k] + travel) * along for travel in (0.0, SLIDER_TRAVEL)]
-        axes.plot(*zip(*stops, strict=True), color=shade(RAIL), lw=7, solid_capstyle="butt", zorder=2)
-        across = 0.07 * np.array([-along[1], along[0]])
-        for stop in stops:
-            ends = zip(stop - across, stop + across, strict=True)
-            axes.plot(*ends, color=shade(JOINT), lw=2.0, zorder=2)
-        link(axes, root, fixed, LINKS[2 * k], 15 - 3 * k)
-        link(axes, fixed, end, LINKS[2 * k + 1], 6)
-        axes.plot(*fixed, "o", ms=6, color=shade(JOINT), zorder=6)
-        side = -0.17 if k else 0.17
-        dimension(axes, root, fixed, rf"$l_{k + 1}$", side)
-        dimension(axes, fixed, end, rf"$r_{k + 1}$", side)
-        angle_mark(axes, root, SLIDER_POSE[2 * k], k + 1)
-        joint(axes, root)
-    masses(axes, points, ((16, -12), (29, 12), (10, 18), (34, 14)))
-
-
-def draw_four_r(axes: Any) -> None:
-    """Four revolute joints."""
-    points = FourR((1.0,) * 4, (LENGTH,) * 4).points(FOUR_POSE)
-    joints = [np.zeros(2), *points]
-    ground(axes)
-    for k in range(4):
-        link(axes, joints[k], joints[k + 1], LINKS[k], (15, 12.5, 10.5, 9)[k])
-        dimension(axes, joints[k], joints[k + 1], rf"$l_{k + 1}$", -0.16 if k == 2 else 0.16)
-        angle_mark(axes, joints[k], FOUR_POSE[k], k + 1)
-    for k in range(4):
-        joint(axes, joints[k])
-    masses(axes, points, ((17, -12), (2, 18), (8, -18), (36, -6)))
-
-
-DRAWN = {
-    "RPRP": ("RPRP", draw_rprp, (-0.3, 2.35, -0.2, 1.35)),
-    "FourR": ("4R", draw_four_r, (-0.3, 2.65, -0.2, 1.5)),
-}
-"""Kind of an arm -> its title, the function that draws it, and the ends of the axes, m."""
+    for k, (root, end, slides) in enumerate(zip(roots, points, arm.prismatic, strict=False)):
+        if slides:
+            along = toward(pose[k - 1])
+            stops, across = (root, root + SLIDER_TRAVEL * along), 0.07 * np.array([-along[1], along[0]])
+            axes.plot(*zip(*stops, strict=True), color=shade(RAIL), lw=7, solid_capstyle="butt", zorder=2)
+            for stop in stops:
+                ends = zip(stop - across, stop + across, strict=True)
+                axes.plot(*ends, color=shade(JOINT), lw=2.0, zorder=2)
+            axes.plot(*root, "o", ms=6, color=shade(JOINT), zorder=6)
+        else:
+            number += 1
+            angle_mark(axes, root, pose[k], number)
+            axes.plot(*root, "o", ms=9, mfc=shade(BACKGROUND), mec=shade(JOINT), mew=2.2, zorder=6)
+        line = zip(root, end, strict=True)
+        color, width = shade(LINKS[k]), drawing.widths[k]
+        axes.plot(*line, color=color, lw=width, solid_capstyle="round", zorder=3)
+        dimension(axes, root, end, f"${'r' if slides else 'l'}_{number}$", drawing.sides[k])
+        name = rf"$m_{k + 1}$" + ("  (tip)" if k == len(points) - 1 else "")
+        axes.annotate(name, end, drawing.offsets[k], textcoords="offset points", ha="center", va="center",
+                      fontsize=12, color=INK, zorder=8)  # fmt: skip
+    axes.plot(*points[-1], "o", ms=11, color=shade(TRAIL), zorder=7)
 
 
 def save_schematic(path: Path, kinds: Sequence[str] = tuple(DRAWN)) -> Path:
@@ -146,9 +132,10 @@ def save_schematic(path: Path, kinds: Sequence[str] = tuple(DRAWN)) -> Path:
     figure = new_figure(5.5 * len(kinds), 4.3)
     figure.set_facecolor(shade(BACKGROUND))
     for axes, kind in zip(figure.subplots(1, len(kinds), squeeze=False)[0], kinds, strict=True):
-        title, draw, view = DRAWN[kind]
-        draw(axes)
-        axes.set_title(title, fontsize=14, color=INK, loc="left", fontweight="bold")
+        drawing = DRAWN[kind]
+        view = drawing.view
+        draw(axes, drawing)
+        axes.set_title(drawing.title, fontsize=14, color=INK, loc="left", fontweight="bold")
         x, y = view[0] + 0.12, view[3] - 0.05  # of the arrow of gravity
         arrow(axes, (x, y - 0.3), (x, y), "-|>", SOFT, 1.6, 13)
         axes.text(x + 0.06, y - 0.15, "$g$", fontsize=13, color=INK, va="center")
