@@ -4,7 +4,7 @@ by name with units, pictures."""
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Self
 
@@ -19,6 +19,7 @@ from redundant_envs.envs.core import Core
 from redundant_envs.envs.outputs import Outputs
 from redundant_envs.lane.episode import TIP
 from redundant_envs.scene import Scene
+from redundant_envs.tables import table
 from redundant_envs.tasks import make_task
 from redundant_envs.tasks.limits import is_confined
 
@@ -41,23 +42,11 @@ class Parameter:
     unit: str | tuple[str, ...]
 
 
-class Parameters(Mapping[str, Parameter]):
+class Parameters(dict[str, Parameter]):
     """Numbers by name, in the order of arm, effects and task; ``print`` shows a table.
 
     They are copies. Options of a reset take them by the same names.
     """
-
-    def __init__(self, found: Mapping[str, Parameter]) -> None:
-        self._found = dict(found)
-
-    def __getitem__(self, name: str) -> Parameter:
-        return self._found[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._found)
-
-    def __len__(self) -> int:
-        return len(self._found)
 
     def of_lane(self, lane: int) -> Parameters:
         """Those of one environment of a vector."""
@@ -66,20 +55,13 @@ class Parameters(Mapping[str, Parameter]):
     def __repr__(self) -> str:
         lanes = [len(p.value) for p in self.values() if np.ndim(p.value)]
         vector = len(lanes) == len(self)  # a single environment has numbers without an axis
-        heading = f"value in {lanes[0]} environments" if vector else "value"
-        rows = [("name", heading, "unit")]
+        rows = []
         for name, p in self.items():
-            unit = p.unit if isinstance(p.unit, str) else ", ".join(p.unit)
-            rows.append((name, _shown(p.value, vector), unit))
-        widths = [max(len(row[k]) for row in rows) for k in range(2)]
-        return "\n".join(f"{a:{widths[0]}}  {b:{widths[1]}}  {c}".rstrip() for a, b, c in rows)
-
-
-def _shown(value: NDArray[np.float64], vector: bool) -> str:
-    """Entries in a row; where environments differ, from the least to the largest."""
-    entries = np.atleast_2d(value.T if vector else np.atleast_1d(value)[:, None])
-    ends = [(f"{e.min():.5g}", f"{e.max():.5g}") for e in entries]
-    return ", ".join(low if low == high else f"{low} to {high}" for low, high in ends)
+            entries = np.atleast_2d(p.value.T if vector else np.atleast_1d(p.value)[:, None])
+            ends = [(f"{e.min():.5g}", f"{e.max():.5g}") for e in entries]  # where environments differ
+            value = ", ".join(low if low == high else f"{low} to {high}" for low, high in ends)
+            rows.append((name, value, p.unit if isinstance(p.unit, str) else ", ".join(p.unit)))
+        return table(("name", f"value in {lanes[0]} environments" if vector else "value", "unit"), rows, "<")
 
 
 def parameters_of(core: Core) -> Parameters:
