@@ -34,13 +34,11 @@ def numbers(batch: Any) -> Array:
     return np.ascontiguousarray(table).view(np.int64)
 
 
-def run(
-    trial: Trial, batch: Any, lanes: Array, first: int = 0, last: int = INTERVALS, without: Any = ()
-) -> Array:
+def run(trial: Trial, batch: Any, lanes: Array, steps: Any = range(INTERVALS), without: Any = ()) -> Array:
     """Every number of some intervals, each lane under the efforts of its state, (lanes, ...); those
     ``without`` have efforts that are no numbers."""
     tables = []
-    for step in range(first, last):
+    for step in steps:
         efforts = np.roll(trial.states[2], step, axis=0)[lanes % trial.count]
         efforts[np.asarray(without, int)] = np.nan
         batch.advance(efforts)
@@ -66,11 +64,9 @@ def differing(trial: Trial, found: Array, lanes: Array, what: str) -> Finding:
 def place(trial: Trial) -> Finding:
     """A lane has the same bits at another index, and in batches of 1, of 8 and of 9."""
     order = np.random.default_rng(trial.seed).permutation(LANES)
-    found, lanes = [run(trial, batch_of(trial, order), order)], [order]
-    for some in (order[:1], order[1:9], order[9:18]):
-        found.append(run(trial, batch_of(trial, some), some))
-        lanes.append(some)
-    return differing(trial, np.concatenate(found), np.concatenate(lanes), "at another index or batch size")
+    orders = order, order[:1], order[1:9], order[9:18]
+    found = [run(trial, batch_of(trial, some), some) for some in orders]
+    return differing(trial, np.concatenate(found), np.concatenate(orders), "at another index or batch size")
 
 
 @check("bits: neighbours", EQUAL_BITS)
@@ -104,11 +100,10 @@ def parameters(trial: Trial) -> Finding:
 
 
 def _continued(trial: Trial, remade: Callable[[BatchSimulator], Any], what: str) -> Finding:
-    lanes, width = np.arange(LANES), trial.shared(alone).shape[1] // INTERVALS
+    lanes = np.arange(LANES)
     batch = batch_of(trial, lanes)
-    run(trial, batch, lanes, 0, 1)
-    other = remade(batch)
-    found = np.concatenate([trial.shared(alone)[:, :width], run(trial, other, lanes, 1)], axis=1)
+    begun = run(trial, batch, lanes, [0])
+    found = np.concatenate([begun, run(trial, remade(batch), lanes, range(1, INTERVALS))], axis=1)
     return differing(trial, found, lanes, what)
 
 
@@ -172,7 +167,6 @@ def record(trial: Trial) -> Finding:
     names = RECORDED[trial.mode] or tuple(recorded_bits.RECORDED)
     if not recorded_bits.RECORD.exists():
         raise NotRun("the record is not installed")
-    expected = recorded_bits.recorded()
-    other = [name for name in names if recorded_bits.found(name) != expected[name]]
+    other = recorded_bits.differing(names)
     words = f"this machine has other bits: {', '.join(other)}"
     return Finding(len(other), f"of {len(names)}", words)

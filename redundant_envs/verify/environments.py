@@ -20,15 +20,17 @@ MANY, WHOLE = 64, 200
 RULES = Promise(0.0, "rules broken", "at most")
 
 
-def _arguments(trial: Trial) -> dict[str, Any]:
+def _made(trial: Trial, **arguments: Any) -> Any:
+    """The subject as a vector environment if ``num_envs`` is given, or as a single one."""
     if trial.subject.env_id is None:
         raise NotApplicable("this is not an environment")
-    return {} if trial.subject.task is None else {"task": dict(trial.subject.task)}
+    make: Any = gym.make_vec if "num_envs" in arguments else gym.make
+    own = {} if trial.subject.task is None else {"task": dict(trial.subject.task)}
+    return make(trial.subject.env_id, **own, **arguments)
 
 
 def _vector(trial: Trial, lanes: int = LANES, **arguments: Any) -> Any:
-    own = {**_arguments(trial), **arguments}
-    return gym.make_vec(str(trial.subject.env_id), num_envs=lanes, max_episode_steps=SHORT_EPISODE, **own)
+    return _made(trial, num_envs=lanes, max_episode_steps=SHORT_EPISODE, **arguments)
 
 
 def _actions(trial: Trial, env: Any) -> Any:
@@ -67,11 +69,10 @@ def rules(trial: Trial) -> Finding:
 def ranges(trial: Trial) -> Finding:
     """Under the largest actions and under none, observations stay in their space, and rewards and metrics are
     finite."""
-    _arguments(trial)
     outside = without = 0
     named: set[str] = set()
     for largest in (1.0, 0.0):
-        env: Any = gym.make_vec(str(trial.subject.env_id), num_envs=MANY, **_arguments(trial))
+        env = _made(trial, num_envs=MANY)
         shape = (MANY, *env.single_action_space.shape)
         actions = np.random.default_rng(trial.seed).choice([-largest, largest], shape).astype(np.float32)
         observation, infos = env.reset(seed=trial.seed)
@@ -104,7 +105,7 @@ def _without_number(infos: Any) -> Iterator[str]:
 @check("environment: single and vector", EQUAL_BITS)
 def single(trial: Trial) -> Finding:
     """Environment i of a vector has the bits of the single environment with seed s + i."""
-    own, lanes = _arguments(trial), 3
+    lanes = 3
     many = _vector(trial, lanes)
     actions = _actions(trial, many)[:SHORT_EPISODE]
     first = many.reset(seed=7)[0]
@@ -112,7 +113,7 @@ def single(trial: Trial) -> Finding:
     together = [_bits(*tables) for tables in vectors]
     alone = [list(step) for step in together]  # after its end a lane is no longer compared
     for i in range(lanes):
-        env = gym.make(str(trial.subject.env_id), max_episode_steps=SHORT_EPISODE, **own)
+        env = _made(trial, max_episode_steps=SHORT_EPISODE)
         alone[0][i] = _bits(*_wide(env.reset(seed=7 + i)[:1]))[0]
         for step, action in enumerate(actions):
             result = env.step(action[i])

@@ -65,6 +65,7 @@ def direct(trial: Trial, lanes: Array, convert: Callable[[Array], Any]) -> Array
 
 
 def agreement(trial: Trial, found: Array, other: str) -> Finding:
+    """The largest difference of an evaluator from compiled code."""
     expected = trial.shared(compiled).states[: len(found)]
     joints = len(trial.arm.joints)
     size = np.abs(expected).reshape(len(expected), 2, joints).max(axis=(0, 2))

@@ -71,15 +71,14 @@ def motion(scene: rde.Scene, work: bool = False, varied: bool = False) -> Iterat
 
 def episodes(name: str) -> Iterator[NDArray[Any]]:
     """Tables of numbers, step by step, of 256 environments."""
-    arguments = ENVIRONMENTS[name]
+    arguments = dict(ENVIRONMENTS[name])
     if "integrator" in arguments:
         scene = rde.load_scene(arguments["scene"])
         kept = tuple(x for x in scene.effects if not isinstance(x, e.EffortLimits))
         effects = (*kept, e.EffortLimits((20.0, 16.0, 8.0, 4.0)))
-        scene = dataclasses.replace(
-            scene, integrator=arguments["integrator"], tolerance=None, effects=effects
-        )
-        arguments = {"scene": scene.to_dict()}
+        method = arguments.pop("integrator")
+        own = dataclasses.replace(scene, integrator=method, tolerance=None, effects=effects)
+        arguments["scene"] = own.to_dict()
     for mode in ("same_step", "next_step"):
         env = gym.make_vec(
             f"redundant_envs/{name.split()[0]}", num_envs=LANES, max_episode_steps=20,
@@ -142,14 +141,18 @@ def found(name: str) -> str:
     return digest(function(*arguments))
 
 
-def record() -> None:
-    """Write a new record."""
+def differing(names: Iterable[str], done: Callable[[str], None] = lambda name: None) -> list[str]:
+    """The names of which this machine has other bits; ``done`` receives each name when it is done."""
+    expected, other = recorded(), []
+    for name in names:
+        other += [name] if found(name) != expected[name] else []
+        done(name)
+    return other
+
+
+if __name__ == "__main__":
     digests = {}
     for name in RECORDED:
         digests[name] = found(name)
         print(f"{digests[name]}  {name}", flush=True)
     RECORD.write_text(json.dumps(digests, indent=1) + "\n", encoding="utf-8")
-
-
-if __name__ == "__main__":
-    record()

@@ -33,7 +33,7 @@ from redundant_envs.verify import (
 )
 from redundant_envs.verify.checks import STATES, Check, Outcome, Trial, checks_of
 from redundant_envs.verify.promises import Mode, Verdict
-from redundant_envs.verify.subjects import Subject, subject_from, subjects_of
+from redundant_envs.verify.subjects import Subject, kind_of, subject_from, subjects_of
 
 CHECKS: tuple[Check, ...] = checks_of(
     equations, kinematics, forces, hints, rest, conservation, accuracy, impacts, symmetries, bits, evaluators,
@@ -92,8 +92,7 @@ def verify(
     checks : iterable of Check, optional
         By default those of the mode.
     """
-    kind = thing if isinstance(thing, type) else type(thing)
-    subject = subject_from(kind.__name__, thing)
+    subject = subject_from(kind_of(thing).__name__, thing)
     trial = Trial(subject, STATES[mode] if states is None else states, mode)
     outcomes = []
     for one in checks_in(mode) if checks is None else checks:
@@ -183,15 +182,6 @@ def as_json(reports: Iterable[tuple[str, Report]]) -> str:
     return json.dumps({**versions(), "good": good, "subjects": subjects}, indent=1) + "\n"
 
 
-def write(path: Path, text: str) -> None:
-    """Write a file; ValueError if it cannot be written."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise ValueError(f"{path} cannot be written: {error}") from None
-
-
 # ---- the command -----------------------------------------------------------------------------------
 
 
@@ -201,8 +191,9 @@ def run(
     """Verify the subjects of some words and write tables, on standard output and in files; returns 1 if a
     promise is broken."""
     chosen, subjects = Mode[mode.upper()], subjects_of(words)
-    for file in (json_file, markdown_file):
-        if file is not None and file.is_dir():
+    files = [(f, text) for f, text in ((json_file, as_json), (markdown_file, markdown)) if f is not None]
+    for file, _ in files:
+        if file.is_dir():
             raise ValueError(f"{file} is a folder; give a file to be written")
     reports: list[tuple[str, Report]] = []
     each = len(checks_in(chosen))
@@ -216,10 +207,12 @@ def run(
             for note in notes(found.outcomes):
                 print(f"  {title.partition(': ')[0]}: {note}")
             print(flush=True)
-    if json_file is not None:
-        write(json_file, as_json(reports))
-    if markdown_file is not None:
-        write(markdown_file, markdown(reports))
+    for file, text in files:
+        try:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_text(text(reports), encoding="utf-8")
+        except OSError as error:
+            raise ValueError(f"{file} cannot be written: {error}") from None
     missed = sum(len(r.misses) for _, r in reports)
     kept = sum(o.verdict is Verdict.KEPT for _, r in reports for o in r.outcomes)
     print(f"{kept} promises kept, {missed} missed")
@@ -231,13 +224,10 @@ def run(
 def compare_bits(everything: bool) -> int:
     """Print whether recorded motions have the same bits on this machine; returns 1 if one differs."""
     names = list(recorded_bits.RECORDED if everything else recorded_bits.SHORT)
-    expected, same = recorded_bits.recorded(), 0
     with counted("recorded bits", len(names)) as done:
-        for name in names:
-            if recorded_bits.found(name) == expected[name]:
-                same += 1
-            else:
-                print(f"{name}: other bits")
-            done(name)
+        other = recorded_bits.differing(names, done)
+    for name in other:
+        print(f"{name}: other bits")
+    same = len(names) - len(other)
     print(f"{same} of {len(names)} recorded motions have the same bits on this machine")
-    return int(same < len(names))
+    return int(bool(other))

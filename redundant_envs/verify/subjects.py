@@ -63,9 +63,14 @@ def subject_of(word: str) -> Subject:
     )
 
 
+def kind_of(thing: Any) -> type[Any]:
+    """A class itself, or the class of another thing."""
+    return thing if isinstance(thing, type) else type(thing)
+
+
 def subject_from(name: str, thing: Any) -> Subject:
     """The subject of an arm, scene, effect or task, or of a class of these, called ``name``."""
-    kind = thing if isinstance(thing, type) else type(thing)
+    kind = kind_of(thing)
     if isinstance(thing, Subject):
         return thing
     if isinstance(thing, Scene):
@@ -102,24 +107,18 @@ def _imported(word: str) -> Any:
     try:
         thing: Any = module_named(module)
     except ModuleNotFoundError as error:
-        fix = "give the name of a module that lies in this folder or is installed"
+        fix = f"{error}; give the name of a module that lies in this folder or is installed"
         if error.name is not None and not f"{module}.".startswith(f"{error.name}."):
-            raise ValueError(
-                f"{word}: {module} imports {error.name}, which is not there; install it"
-            ) from None
-        raise ValueError(f"{word}: {error}; {fix}") from None
+            fix = f"{module} imports {error.name}, which is not there; install it"
+        raise ValueError(f"{word}: {fix}") from None
     for part in path.split("."):
         if not hasattr(thing, part):
-            names = [n for n, v in vars(thing).items() if not n.startswith("_") and _is_subject(v)]
+            there = {n: kind_of(v) for n, v in vars(thing).items() if not n.startswith("_")}
+            names = [n for n, kind in there.items() if issubclass(kind, Arm | Scene | Effect | Task)]
             known = ", ".join(names) or "nothing"
             raise ValueError(f"{word}: {module} has no {part!r}; of what verify takes it has {known}")
         thing = getattr(thing, part)
     return thing
-
-
-def _is_subject(value: Any) -> bool:
-    kind = value if isinstance(value, type) else type(value)
-    return issubclass(kind, Arm | Scene | Effect | Task)
 
 
 def _arm(name: str, kind: type[Arm]) -> Arm:
